@@ -72,7 +72,8 @@ class Bus:
             socket.setsockopt(zmq.RCVHWM, 0)
         self._ours.bind(f"inproc://{id(self)}")
         self._theirs.connect(f"inproc://{id(self)}")
-        self._theirs.subscribe(TOPIC)
+        self._theirs.subscribe(TOPIC)  # and what begins with it
+        self._heard: dict[bytes, list[bytes]] = {}
         send = send_function()
         assert send is not None
         self.loop = _fast.Loop(-1, send, int(self._ours.underlying), IN_TIME, BEHIND)
@@ -80,13 +81,12 @@ class Bus:
             self._ours.send_multipart((TOPIC, b""))
         self.heard()
 
-    def heard(self) -> list[bytes]:
-        found = []
+    def heard(self, topic: bytes = TOPIC) -> list[bytes]:
+        """What came under this topic since it was asked for last."""
         while self._theirs.poll(0):
-            topic, payload = self._theirs.recv_multipart()
-            assert topic == TOPIC
-            found.append(payload)
-        return found
+            told, payload = self._theirs.recv_multipart()
+            self._heard.setdefault(told, []).append(payload)
+        return self._heard.pop(topic, [])
 
     def close(self) -> None:
         self._ours.close()
@@ -99,14 +99,17 @@ class Host:
     LINE = 3
     overdue_ns = 1 << 62  # its frames' times are not this computer's
 
-    def __init__(self, config: PadConfig, baseline: Baseline, bus: Bus, may_express: bool = True) -> None:
+    def __init__(
+        self, config: PadConfig, baseline: Baseline, bus: Bus, may_express: bool = True, line: int = LINE
+    ) -> None:
+        self.line, self._topic = line, TOPIC if line == self.LINE else TOPIC + bytes([line])
         self.link, self.clock = link_of(config)
         self.pipeline, self._bus, self._may_express = pipeline_of(config, baseline, LEAD), bus, may_express
         self.lane: Lane | None = None
         self.told = Told([], 0)
 
     def take(self, data: bytes, arrival_ns: int) -> None:
-        if self.lane is not None and self._bus.loop.take(self.LINE, data, arrival_ns):
+        if self.lane is not None and self._bus.loop.take(self.line, data, arrival_ns):
             return
         if self.lane is not None:
             data = self.end()
@@ -125,16 +128,16 @@ class Host:
     def begin(self) -> None:
         if not (self._may_express and self.link.accepts(0)):
             return
-        self.lane = self.pipeline.begin(self.clock.line, TOPIC, 0, self.overdue_ns)
+        self.lane = self.pipeline.begin(self.clock.line, self._topic, 0, self.overdue_ns)
         if self.lane is not None:
-            self._bus.loop.begin(self.LINE, self.link.give_back(), (self.lane.compiled,))
+            self._bus.loop.begin(self.line, self.link.give_back(), (self.lane.compiled,))
 
     def end(self) -> bytes:
         """What the loop has left unread."""
         assert self.lane is not None
-        left = self._bus.loop.end(self.LINE)
+        left = self._bus.loop.end(self.line)
         assert left is not None
-        ended, payloads = self.pipeline.end(self.lane), self._bus.heard()
+        ended, payloads = self.pipeline.end(self.lane), self._bus.heard(self._topic)
         self.lane = None
         if ended is not None:
             passed, last = ended

@@ -127,6 +127,26 @@ def test_what_friction_may_do_to_a_squeeze_is_the_same_in_c_and_in_python() -> N
     assert min(kinds[Kind.TOUCHED], kinds[Kind.OVER_RANGE]) > 50
 
 
+def test_a_warm_pad_is_known_less_well_by_what_the_offsets_of_its_chips_may_have_drifted() -> None:
+    """25 K by 400 nT/K are 10 µT on each axis: 50 times a sample's noise, and 70 times that of a mean of two."""
+    config, frames = config_of(11), warm_frames(config_of(11), 0.5)
+    assert both(config, frames)[None] < 10
+    tracking = tracking_model_for(config.scene, config.magnet).tracking
+    model, baseline = ContactModel.load("default", config.pad()), simulated_baseline(config)
+
+    def heights_m(offset_t_per_k: float) -> tuple[float, float]:
+        """How much they scatter, and their deviation."""
+        drifts = replace(tracking, offset_t_per_k=offset_t_per_k)
+        pipeline = PadPipeline(config.pad(), model, "boot", 220.0, drifts)
+        pipeline.use(baseline)
+        poses = [pose for pose in (pipeline.process(frame).pose for frame in frames) if pose is not None][20:]
+        return float(np.std([one.position_m[2] for one in poses])), poses[-1].position_sd_m[2]
+
+    noise_m, without_m = heights_m(0.0)
+    drifted_m = np.sqrt(heights_m(4e-7)[1] ** 2 - without_m**2)
+    assert 50.0 < drifted_m / noise_m < 70.0
+
+
 def with_faults(frames: Sequence[Frame]) -> Iterator[Frame]:
     """One fault after another, each for a while, and health in between."""
     stuck, before = None, frames[0]
@@ -175,15 +195,17 @@ def test_a_session_with_faults_says_the_same_and_comes_back(scene: str) -> None:
 
 
 class Warm(Simulated):
-    """25 K above its baseline, and nobody touches it."""
+    """Above the temperature of its baseline, and nobody touches it."""
+
+    kelvin = 25.0
 
     def _warming_k(self, now_s: float) -> float:
-        return 25.0
+        return self.kelvin
 
 
-def warm_frames(config: PadConfig, seconds: float) -> list[Frame]:
+def warm_frames(config: PadConfig, seconds: float, kelvin: float = 25.0) -> list[Frame]:
     source = Warm(config)
-    source.finger = no_finger
+    source.finger, source.kelvin = no_finger, kelvin
     return [frame for step in range(round(seconds * 220)) for frame in source.poll(step * PERIOD_NS)]
 
 

@@ -30,7 +30,8 @@ from fmfts.pose.hidden_gradient import (
     effect_of_gradient,
     reference_of,
 )
-from fmfts.pose.neighbour import NeighbourView, Sighting
+from fmfts.pose.neighbour import NeighbourView
+from fmfts.pose.sighting import Sighting
 from fmfts.pose.state import AMBIENT, State
 from fmfts.pose.track import Track
 from fmfts_lab.bench.tapped import tapping, without_baseline

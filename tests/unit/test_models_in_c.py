@@ -1,4 +1,4 @@
-"""A contact model that tells shear, and smoothing, in C: the same messages as by the stages in Python."""
+"""A contact model that tells shear, smoothing, and no model, in C: the same messages as by the stages in Python."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from test_pipeline import PERIOD_NS, config_of
 from fmfts.baseline import Baseline
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
+from fmfts.contact.no_model import no_model_for
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Kind
 from fmfts.pipeline.fast.compiled import AVAILABLE
@@ -29,6 +30,7 @@ MODELS = {
     "shear, refined": {"path": "shear", "refine": True},
     "smoothed": {"path": "default", "smoothing_s": 0.02},
     "shear, smoothed": {"path": "shear", "smoothing_s": 0.1},
+    "none": {"path": "none"},
 }
 
 
@@ -39,7 +41,7 @@ def pipelines(config: PadConfig, baseline: Baseline, model: str) -> tuple[PadPip
     path = str(options.pop("path"))
     found = []
     for _ in range(2):
-        loaded = ContactModel.load(path, pad, **options)  # type: ignore[arg-type]
+        loaded = no_model_for("none") if path == "none" else ContactModel.load(path, pad, **options)  # type: ignore[arg-type]
         found.append(PadPipeline(pad, loaded, "boot", 220.0, scene.tracking))
         found[-1].use(baseline)
     return found[0], python_only(found[1])
@@ -74,7 +76,7 @@ def test_a_session_says_the_same_in_c_and_in_python(model: str) -> None:
 
 
 @LONG
-@pytest.mark.parametrize("model", ["shear", "smoothed"])
+@pytest.mark.parametrize("model", ["shear", "smoothed", "none"])
 def test_a_session_with_faults_says_the_same_and_comes_back(model: str) -> None:
     config = config_of(32)
     source = Simulated(config)

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from fmfts.config import PadConfig, PlacementConfig, SimulatedSource
 from fmfts.pad import Pad, Placement, rotation_from_vector
 from fmfts.pose import PAPER, State, Tracker, dipole_field
-from fmfts.pose.neighbour import MOMENT_DEVIATION, REACH_M, REACH_RAD, NeighbourView, Sighting, with_rest
+from fmfts.pose.neighbour import MOMENT_DEVIATION, REACH_M, REACH_RAD, NeighbourView, with_rest
+from fmfts.pose.sighting import Sighting
 from fmfts.scene.neighbours import neighbours_around
 from fmfts_lab.bench.neighbours import pair, pressed_pair
 

@@ -122,7 +122,11 @@ class MessageWriter:
         over_range = kind == Kind.OVER_RANGE
         outputs, shear = (5, np.zeros(2)) if verdict.tells_shear else (3, None)
         covariance, force_min_n = np.zeros((outputs, outputs)), 0.0 if over_range else None
-        contact = ContactEstimate(0.0, 0.0, 0.0, covariance, over_range, force_min_n, 0.0, 0.0, shear)
+        contact, distance_m = None, None
+        if verdict.tells_force:
+            contact = ContactEstimate(0.0, 0.0, 0.0, covariance, over_range, force_min_n, 0.0, 0.0, shear)
+        else:
+            distance_m = 0.0, 0.0
         state = mounting.rest
         estimate = PoseEstimate(
             state, np.zeros((SIZE, SIZE)), 0.0, 0, 0, 0.0, 0, Status.CONVERGED, np.zeros(SIZE), remanence_t=0.0
@@ -132,7 +136,11 @@ class MessageWriter:
             none = np.zeros(outputs)
             now = ContactNow(0.0, none, none, none, none, kind != Kind.QUIET)
         used = np.repeat(np.array(verdict.whole)[:, None], 3, axis=1)
-        reading = Reading(verdict.health, verdict.reason, used, estimate, contact, kind != Kind.QUIET, now=now)
+        reading = Reading(
+            *(verdict.health, verdict.reason, used, estimate, contact, kind != Kind.QUIET),
+            now=now,
+            distance_m=distance_m,
+        )
         number, sampled_ns = self.number, self.sampled_ns
         message = self.message(reading, 0, frame.temperature_c, mounting, baseline, frame)
         self.number, self.sampled_ns = number, sampled_ns

@@ -23,9 +23,10 @@ from fmfts.pose.alignment import has_jumped
 from fmfts.pose.ambient_motion import AmbientMotionMemory
 from fmfts.pose.change import change_from, distance
 from fmfts.pose.hidden_gradient import HiddenGradientMemory
-from fmfts.pose.neighbour import NeighbourEstimate, placement_deviation, with_rest
+from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView, placement_deviation, with_rest
 from fmfts.pose.overlap import overlap
 from fmfts.pose.residual_monitor import FEWEST_SENSORS
+from fmfts.pose.sighting import Sighting
 from fmfts.pose.silicone import SiliconeFollower, SiliconeMemory
 from fmfts.pose.track import Track, TrackerMemory
 from fmfts.pose.tracker import NOTHING_SAID
@@ -98,10 +99,8 @@ class Estimator:
             self.memory.now = self._now.memory
         self.detection_limit_n = 0.0
         self._path: FastPath | None = None
-        if isinstance(model, NoContactModel):
-            return  # its frames are judged in Python
         resting = baselined.resting_covariance()
-        if resting is not None:
+        if resting is not None and isinstance(model, ContactModel):
             self.detection_limit_n = model.detection_limit_n(resting, self._touch.onset_chi2)
         if baselined.at_rest:
             self._path = FastPath.of(
@@ -120,10 +119,19 @@ class Estimator:
                 None if self._now is None else self._now.parameters,
             )
 
-    def hand_over(self, alignment: Alignment, reading: Reading, missing: Missing, gain_code: int) -> FastPath | None:
+    def hand_over(
+        self,
+        alignment: Alignment,
+        reading: Reading,
+        missing: Missing,
+        gain_code: int,
+        own: Sighting,
+        neighbours: Sequence[NeighbourView],
+    ) -> FastPath | None:
         """Give the memory to the compiled path, and return that path. None if only Python can judge the next frame.
 
-        reading, missing, gain_code: of the last frame. C goes on while the same is missing.
+        reading, missing, gain_code: of the last frame. C goes on while the same is missing. own: where C tells that the
+        magnet was seen; neighbours: the pads that are felt.
         """
         is_whole, blamed = reading.health == "ok", self._tracker.blamed
         if blamed is not None:
@@ -144,9 +152,10 @@ class Estimator:
             return None
         if self._model.smoothing_s > 0.0 and self.memory.smoother.pose is None:
             return None
-        if not self._tracker.can_be_handed_over or (is_whole and not (self._now is None or self._now.runs)):
+        begins_now = self._now is not None and not self._now.runs and not neighbours
+        if not self._tracker.can_be_handed_over or (is_whole and begins_now):
             return None
-        if alignment.memory.without_news:
+        if alignment.memory.without_news or not self._path.be_among(own, neighbours):
             return None
         self._path.take_over(missing, reading.health, reading.reason, alignment.memory, self.memory)
         return self._path
@@ -248,6 +257,9 @@ class Estimator:
         not_stuck = aligned.repeats <= self.baselined.repeats_allowed
         field = self.mounting.magnet_field(np.where(not_stuck, aligned.field_t, np.nan))
         lasting, elsewhere = self.mounting.lasting_deviation_t(field, self._tracker.ambient_t), aligned.bend_t
+        drift_t = self.baselined.offset_drift_t(temperature_c)
+        if drift_t > 0.0:
+            elsewhere = root_of_squares(elsewhere, drift_t)
         if neighbours:
             field = with_rest(field, self.baselined.pad.sensors, neighbours)
             elsewhere = root_of_squares(elsewhere, placement_deviation(self.baselined.pad.sensors, neighbours))
@@ -323,4 +335,5 @@ def _without_model(
 ) -> Reading:
     """Touch and displacement, but neither place nor force. Whether a press can lift this pad's magnet is not known."""
     reason = f"{track.reason}; {model.reason}" if track.reason else model.reason
-    return Reading(track.health, reason, track.used, track.estimate, touching=touching, distance_m=distance_m)
+    parts = track.health, reason, track.used, track.estimate
+    return Reading(*parts, touching=touching, distance_m=distance_m, is_steady=track.is_steady)

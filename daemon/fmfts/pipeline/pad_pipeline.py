@@ -18,7 +18,8 @@ from fmfts.pipeline.fast import FastPath, Lane, Missing, Passed
 from fmfts.pipeline.now import Early, Lead, Taken
 from fmfts.pose import Alignment, State, TrackingModel
 from fmfts.pose.alignment import AlignmentMemory
-from fmfts.pose.neighbour import NeighbourView, Sighting
+from fmfts.pose.neighbour import NeighbourView
+from fmfts.pose.sighting import Sighting
 from fmfts.pose.state import NEIGHBOUR_SIZE
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
@@ -65,7 +66,6 @@ class PadPipeline:
         self._compiled: FastPath | None = None  # not None while C holds the memory
         self._sighting = Sighting.unseen(pad)
         self._neighbours: list[NeighbourView] = []
-        self._among_others = False
         self._missing: dict[int, str] = {}
         self._sequence = 0  # of the last frame
         self._frame_times = 0, 0  # of the last frame: on the board's clock (µs), and on the host's (ns)
@@ -114,12 +114,11 @@ class PadPipeline:
 
     def feel(self, neighbour: Sighting, placement: Placement) -> None:
         """From the next frame on, model the magnets of another pad, too. placement: of that pad, in this one's axes."""
+        self.hand_back()
         self._neighbours.append(NeighbourView(neighbour, placement))
-        self._among_others = True
 
     def be_felt(self) -> Sighting:
         """Where this pad's magnet is, for another pad that feels it: kept up to date from the next frame on."""
-        self._among_others = True
         return self._sighting
 
     def refuse(self, reason: str) -> None:
@@ -138,7 +137,7 @@ class PadPipeline:
         self._sequence = frame.sequence
         self._frame_times = frame.device_time_us, frame.host_time_ns
         if self._compiled is not None and self._estimator is not None:
-            judged = self._compiled.judge(frame.packed, frame.sequence, frame.device_time_us, frame.temperature_c)
+            judged = self._compiled.judge(frame)
             if judged is not None:
                 estimator = self._estimator
                 return self._writer.packed(self._compiled, judged, frame, estimator.mounting, estimator.baseline)
@@ -197,8 +196,9 @@ class PadPipeline:
             if reading.estimate is not None and (reading.contact is not None or reading.distance_m is not None):
                 estimate = reading.estimate
                 self._sighting.saw((estimate.state,), estimate.covariance[:NEIGHBOUR_SIZE, :NEIGHBOUR_SIZE], sampled_ns)
-            if reading.is_steady and not self._among_others:
-                self._compiled = self._estimator.hand_over(self._alignment, reading, Missing.of(frame), frame.gain_code)
+            if reading.is_steady:
+                missing, around = Missing.of(frame), (self._sighting, self._neighbours)
+                self._compiled = self._estimator.hand_over(self._alignment, reading, missing, frame.gain_code, *around)
         return self._writer.message(reading, sampled_ns, frame.temperature_c, self.mounting, self.baseline, frame)
 
     @property
@@ -207,12 +207,12 @@ class PadPipeline:
         self.hand_back()
         estimator, sighting = self._estimator, self._sighting
         (last,) = sighting.last
-        assert isinstance(last, State)
+        seen = State(last.position_m, last.axis, last.log_moment, np.zeros(3)), sighting.covariance, sighting.time_ns
         return PipelineMemory(
             self._alignment.memory,
             None if estimator is None else estimator.memory,
             *(self._writer.number, self._writer.sampled_ns),
-            (last, sighting.covariance, sighting.time_ns),
+            seen,
             self._why_none,
         )
 

@@ -20,7 +20,8 @@ from fmfts.pipeline.fingers_message import FingersWriter
 from fmfts.pipeline.pad_pipeline import NO_BASELINE
 from fmfts.pose import Alignment, repeats_allowed
 from fmfts.pose.alignment import AlignmentMemory
-from fmfts.pose.neighbour import NeighbourView, Sighting, SightingMemory
+from fmfts.pose.neighbour import NeighbourView
+from fmfts.pose.sighting import Sighting, SightingMemory
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.missing import missing_sensors

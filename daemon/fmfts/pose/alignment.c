@@ -178,7 +178,7 @@ static void add_lasting(const fmfts_pose_parameters *parameters, const fmfts_pos
     }
     for (int axis = 3 * sensor; axis < 3 * sensor + 3; axis++) {
         field->unknown_t2[axis] = fmfts_lasting_variance(parameters, memory, axis, change);
-        field->variance_t2[axis] += field->unknown_t2[axis];
+        field->variance_t2[axis] += field->unknown_t2[axis] + field->other_t2[axis];
     }
 }
 
@@ -197,7 +197,9 @@ bool fmfts_align(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
         return false;
     }
     field->instant_us = instant;
+    double drift_t = parameters->offset_t_per_k[0] * (frame->temperature_c - parameters->rest_temperature_c[0]);
     for (int axis = 0; axis < 3 * sensors; axis++) {
+        field->other_t2[axis] = isfinite(drift_t) ? drift_t * drift_t : 0.0; /* BaselinedPad.offset_drift_t */
         if (is_there(memory, axis / 3)) {
             interpolate(parameters, memory, axis, instant, field);
         } else {

@@ -143,3 +143,16 @@ void fmfts_draw(const fmfts_pose_parameters *parameters, const double *state, co
     }
     carry(6, (const double(*)[5])spread, d->covariance, covariance);
 }
+
+void fmfts_distance(const fmfts_displacement *d, double *moved_m, double *deviation_m)
+{
+    double square = dot3(d->change, d->change), along = 0.0, largest = 0.0;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            along += d->change[i] * d->at_rest[5 * i + j] * d->change[j];
+        }
+        largest = fmax(largest, d->at_rest[6 * i]);
+    }
+    *moved_m = sqrt(square);
+    *deviation_m = sqrt(fmax(square > 0.0 ? along / square : largest, 0.0));
+}

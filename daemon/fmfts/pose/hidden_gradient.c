@@ -5,19 +5,19 @@
 #include "step.h"
 
 /* The variance of what turns along with the pad. */
-static double of_iron(const fmfts_pose_parameters *parameters, const double *direction)
+static double of_iron(const fmfts_pose_parameters *parameters, const fmfts_reference *reference, const double *direction)
 {
     double square = 0.0, iron_t = parameters->iron_t[0];
     for (int i = 0; iron_t > 0.0 && i < 3; i++) {
-        double turned = direction[i] - parameters->reference_t[i] / parameters->reference_strength_t[0];
+        double turned = direction[i] - reference->field_t[i] / reference->strength_t;
         square += turned * turned;
     }
     return iron_t * iron_t * square;
 }
 
 /* The variance of the strength along the unit vector `direction`. */
-static double variance_along(const fmfts_pose_parameters *parameters, const double change[FMFTS_CHANGE],
-                             const double *direction, const fmfts_pose *pose)
+static double variance_along(const fmfts_pose_parameters *parameters, const fmfts_reference *reference,
+                             const double change[FMFTS_CHANGE], const double *direction, const fmfts_pose *pose)
 {
     int errors = (int)parameters->ambient_errors[0];
     double along[3], of_frame = 0.0, of_baseline = 0.0;
@@ -39,16 +39,17 @@ static double variance_along(const fmfts_pose_parameters *parameters, const doub
         }
         of_baseline += error * error;
     }
-    return parameters->even_t[0] * parameters->even_t[0] + of_frame + of_baseline + of_iron(parameters, direction);
+    return parameters->even_t[0] * parameters->even_t[0] + of_frame + of_baseline + of_iron(parameters, reference, direction);
 }
 
-static double foreign_t(const fmfts_pose_parameters *parameters, const double *state, const fmfts_pose *pose)
+static double foreign_t(const fmfts_pose_parameters *parameters, const fmfts_reference *reference, const double *state,
+                        const fmfts_pose *pose)
 {
     double change[FMFTS_CHANGE], total[3], healthy = parameters->healthy_deviations[0];
     for (int i = 0; i < 3; i++) {
-        total[i] = parameters->reference_t[i] + state[AMBIENT_VALUE + i];
+        total[i] = reference->field_t[i] + state[AMBIENT_VALUE + i];
     }
-    double strength = sqrt(dot3(total, total)), strange = strength - parameters->reference_strength_t[0];
+    double strength = sqrt(dot3(total, total)), strange = strength - reference->strength_t;
     if (!(fabs(strange) > healthy * parameters->even_t[0])) {
         return 0.0; /* also where the reference is not known */
     }
@@ -57,14 +58,15 @@ static double foreign_t(const fmfts_pose_parameters *parameters, const double *s
         change[5 + i] = state[AMBIENT_VALUE + i];
         total[i] /= strength;
     }
-    double beyond = strange * strange - healthy * healthy * variance_along(parameters, change, total, pose);
+    double beyond = strange * strange - healthy * healthy * variance_along(parameters, reference, change, total, pose);
     return sqrt(fmax(beyond, 0.0));
 }
 
-bool fmfts_follow_foreign(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, fmfts_pose *pose)
+bool fmfts_follow_foreign(const fmfts_pose_parameters *parameters, const fmfts_reference *reference, fmfts_pose_memory *memory,
+                          fmfts_pose *pose)
 {
     double fades_s = parameters->fades_s[0], faded_t = memory->foreign_t[0] * fades_s / (fades_s + pose->elapsed_s);
-    memory->foreign_t[0] = fmax(foreign_t(parameters, memory->state, pose), faded_t);
+    memory->foreign_t[0] = fmax(foreign_t(parameters, reference, memory->state, pose), faded_t);
     if (memory->foreign_t[0] > parameters->strongest_foreign_t[0]) {
         return false;
     }

@@ -52,7 +52,7 @@ static void push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
             }
             *frames = fmin(*frames + 1.0, parameters->memory_frames[0]);
             memory->mean_t[axis] += (field->field_t[axis] - predicted - memory->mean_t[axis]) / *frames;
-            memory->lasting_t2[axis] += (field->lasting_t2[axis] - memory->lasting_t2[axis]) / *frames;
+            memory->lasting_t2[axis] += (field->lasting_t2[axis] + field->other_t2[axis] - memory->lasting_t2[axis]) / *frames;
         }
     }
 }

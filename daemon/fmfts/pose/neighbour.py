@@ -15,20 +15,12 @@ import numpy as np
 
 from fmfts.arithmetic.elementary import exp, square
 from fmfts.arithmetic.matrix import added, lengths, product
-from fmfts.pad import Array, Magnet, Pad, Placement, SensorArray
+from fmfts.pad import Array, Magnet, Placement, SensorArray
 from fmfts.pose.dipole import dipole_derivatives, dipole_field
 from fmfts.pose.problem import Part, Parts, Prior
+from fmfts.pose.sighting import COLUMNS, Sighting, Where
 from fmfts.pose.solver import PoseEstimate
-from fmfts.pose.state import (
-    AXIS,
-    NEIGHBOUR_SIZE,
-    NEIGHBOUR_VALUES,
-    POSITION,
-    SIZE,
-    Neighbour,
-    State,
-    tangent_basis,
-)
+from fmfts.pose.state import AXIS, POSITION, SIZE, Neighbour, State, tangent_basis
 
 # The largest speed of a magnet in a tap of 1 N in 50 ms: how far it may have moved since it was seen.
 SPEED_M_PER_S, TURN_RAD_PER_S = 0.02, 2.0
@@ -36,63 +28,6 @@ SPEED_M_PER_S, TURN_RAD_PER_S = 0.02, 2.0
 REACH_M, REACH_RAD = 1.2e-3, 0.2
 # A log moment is never known better: it warms between two temperatures, and a dipole stands for a cylinder.
 MOMENT_DEVIATION = 1e-3
-COLUMNS = NEIGHBOUR_SIZE
-
-Where = Sequence[Neighbour | State]  # one for each magnet
-
-
-@dataclass(slots=True)
-class SightingMemory:
-    """values (M, 7): position, axis and log moment of each magnet. covariance (6M, 6M), time_ns: as in `Sighting`."""
-
-    values: Array
-    covariance: Array
-    time_ns: int | None
-
-
-@dataclass(slots=True)
-class Sighting:
-    """Where a pad's M magnets were last seen, in the pad's own axes. covariance (6M, 6M): of a step from there.
-
-    time_ns: when, on the host's clock; None if never: the magnets are then assumed at rest. rest_error (M, 2): what the
-    baseline left open, which `covariance` does not contain: deviations of each magnet's place in m, and of its field
-    relative to that.
-    """
-
-    magnets: tuple[Magnet, ...]
-    rest: Where
-    last: Where
-    covariance: Array
-    rest_error: Array
-    time_ns: int | None = None
-
-    @classmethod
-    def unseen(cls, pad: Pad) -> Sighting:
-        """Of the pad as drawn."""
-        others = (Neighbour(one.rest_position_m, one.rest_axis, 0.0) for one in pad.other_magnets)
-        rest: Where = (State.at_rest(pad), *others)
-        count = len(pad.magnets)
-        covariance = np.zeros((COLUMNS * count, COLUMNS * count))
-        return cls(tuple(one.magnet for one in pad.magnets), rest, rest, covariance, np.zeros((count, 2)))
-
-    def rests(self, rest: Where, rest_error: Array | None = None) -> None:
-        """Begin again from the rest state of a new baseline."""
-        self.rest = self.last = rest
-        self.covariance, self.time_ns = np.zeros(self.covariance.shape), None
-        self.rest_error = np.zeros(self.rest_error.shape) if rest_error is None else rest_error
-
-    def saw(self, last: Where, covariance: Array, time_ns: int) -> None:
-        """covariance (6M, 6M): of a step from `last`."""
-        self.last, self.covariance, self.time_ns = last, covariance, time_ns
-
-    @property
-    def memory(self) -> SightingMemory:
-        values = [np.concatenate([one.position_m, one.axis, [one.log_moment]]) for one in self.last]
-        return SightingMemory(np.array(values), self.covariance, self.time_ns)
-
-    def recall(self, memory: SightingMemory) -> None:
-        last = tuple(Neighbour(one[:3], one[3:6], float(one[NEIGHBOUR_VALUES - 1])) for one in memory.values)
-        self.last, self.covariance, self.time_ns = last, memory.covariance, memory.time_ns
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,8 @@ enum {
     FMFTS_FIELD_ERRORS = 9 + 12 * FMFTS_SENSORS + 1, /* unknowns that a baseline may leave, and the cylinder: the same */
     FMFTS_DECADES = 4, /* of time, in which silicone creeps: silicone.py */
     FMFTS_CHANGE = 8, /* pose 5 and ambient field 3, since the baseline */
+    FMFTS_NEIGHBOURS = 4, /* pads with one magnet that are felt; of more, Python judges */
+    FMFTS_PLACED = 7, FMFTS_MOVES = 6, /* the values and the columns of a neighbour's magnet: state.py */
 };
 
 /* What these steps need of a pad, its baseline and its scene. */
@@ -44,6 +46,7 @@ enum {
     X(sensitivity_deviation, 3 * FMFTS_AXES)                                                                           \
     X(place_deviation, FMFTS_SENSORS)                                                                                  \
     X(systematic_t, 1)                                                                                                 \
+    X(offset_t_per_k, 1)                                                                                               \
     X(noise_t, FMFTS_AXES)                                                                                             \
     X(place_m, FMFTS_AXES)                                                                                             \
     X(direction, 3 * FMFTS_AXES)                                                                                       \
@@ -87,6 +90,16 @@ enum {
     X(ambient_errors, 1)                                                                                               \
     X(ambient_error, 3 * FMFTS_CHANGE * FMFTS_LEFTOVERS)                                                               \
     X(unit_gradient, 25)                                                                                               \
+    X(neighbours, 1)            /* neighbour.py: how many */                                                           \
+    X(neighbour_turn, 9 * FMFTS_NEIGHBOURS)   /* from their axes to the pad's */                                       \
+    X(neighbour_place_m, 3 * FMFTS_NEIGHBOURS)                                                                         \
+    X(neighbour_placement_m, FMFTS_NEIGHBOURS) /* the deviation of that */                                             \
+    X(neighbour_magnet, FMFTS_MAGNET * FMFTS_NEIGHBOURS)                                                               \
+    X(speed_m_per_s, 1)                                                                                                \
+    X(turn_rad_per_s, 1)                                                                                               \
+    X(farthest_m, 1)                                                                                                   \
+    X(farthest_rad, 1)                                                                                                 \
+    X(moment_deviation, 1)                                                                                             \
     X(drawn_rest_m, 3)          /* change.py */                                                                        \
     X(drawn_turn, 9)
 
@@ -124,12 +137,37 @@ enum {
 FMFTS_STRUCT(fmfts_pose_parameters, FMFTS_POSE_PARAMETERS)
 FMFTS_STRUCT(fmfts_pose_memory, FMFTS_POSE_MEMORY)
 
+/* Where a pad's magnet was last seen, in that pad's axes: Sighting of neighbour.py. time_ns: on the host's clock; NaN: never. */
+#define FMFTS_SIGHTING(X)                                                                                              \
+    X(last, FMFTS_PLACED)                                                                                              \
+    X(covariance, FMFTS_MOVES * FMFTS_MOVES)                                                                           \
+    X(time_ns, 1)                                                                                                      \
+    X(rest, FMFTS_PLACED)                                                                                              \
+    X(rest_error, 2)
+
+FMFTS_STRUCT(fmfts_sighting, FMFTS_SIGHTING)
+
+/* The neighbours at one instant, in this pad's axes: NeighbourEstimate of neighbour.py. */
+typedef struct {
+    size_t count;
+    double magnet[FMFTS_NEIGHBOURS][FMFTS_MAGNET];
+    double rest[FMFTS_NEIGHBOURS][FMFTS_PLACED], now[FMFTS_NEIGHBOURS][FMFTS_PLACED];
+    double covariance[FMFTS_NEIGHBOURS][FMFTS_MOVES][FMFTS_MOVES];
+    double rest_error[FMFTS_NEIGHBOURS][2], placement_m[FMFTS_NEIGHBOURS];
+} fmfts_felt;
+
+/* The Earth's field at the baseline, and its strength: Reference of hidden_gradient.py. */
+typedef struct {
+    double field_t[3], strength_t;
+} fmfts_reference;
+
 /* One raw frame. readings: per sensor x, y, z and age in µs, little-endian, as in docs/wire.md. */
 typedef struct {
     const uint8_t *readings;
     double time_us;
     double sequence;
     double temperature_c; /* NaN: unknown */
+    int64_t host_ns;      /* the host's time of time_us */
     unsigned gain_code, valid, fresh;
 } fmfts_frame;
 
@@ -139,6 +177,7 @@ typedef struct {
     double field_t[FMFTS_AXES];
     double lasting_t2[FMFTS_AXES]; /* part of variance_t2: from curvature, which averaging does not reduce */
     double unknown_t2[FMFTS_AXES]; /* part of variance_t2: from what the baseline leaves unknown */
+    double other_t2[FMFTS_AXES];   /* part of variance_t2: from warming and neighbours, which averaging does not reduce, either */
     double variance_t2[FMFTS_AXES];
 } fmfts_field;
 
@@ -170,8 +209,23 @@ bool fmfts_has_jumped(const fmfts_pose_parameters *parameters, const fmfts_field
 double fmfts_lasting_variance(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axis,
                               const double change[3]);
 
-/* tracker.c: solves for the magnet's state, from the field and the state before, into `memory`. */
-bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field,
+/* neighbour.c: the neighbours at `time_ns` (host's clock), from where they were last seen: NeighbourView.at. */
+void fmfts_feel(const fmfts_pose_parameters *parameters, const fmfts_sighting *const *seen, double time_ns, fmfts_felt *felt);
+
+/* neighbour.c: adds the field of the neighbours at rest, which the baseline has subtracted, and the variance of their places:
+ * with_rest and placement_deviation. */
+void fmfts_add_neighbours(const fmfts_pose_parameters *parameters, const fmfts_felt *felt, fmfts_field *field);
+
+/* neighbour.c: subtracts the field of the neighbours at `placed`, as they were solved: without_neighbours. */
+void fmfts_take_neighbours(const fmfts_pose_parameters *parameters, const fmfts_felt *felt, const double placed[][FMFTS_PLACED],
+                           fmfts_field *field);
+
+/* neighbour.c: HiddenGradient._reference_t. */
+fmfts_reference fmfts_reference_beside(const fmfts_pose_parameters *parameters, const fmfts_felt *felt);
+
+/* tracker.c: solves for the magnet's state, from the field and the state before, into `memory`; and takes the neighbours' field
+ * away. */
+bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_felt *felt, fmfts_field *field,
                  double temperature_c, fmfts_pose *pose);
 
 /* mean_residuals.c: adds the residuals to their mean. False if the mean is not that of healthy sensors. slopes [axes]:
@@ -192,6 +246,9 @@ void fmfts_change(const fmfts_pose_parameters *parameters, const double *state, 
 void fmfts_displace(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double *state,
                     const fmfts_pose *pose, const double overlap[5][5], fmfts_displacement *d);
 
+/* change.c: how far (m) the change moved the magnet's centre, and the deviation along that direction: distance of change.py. */
+void fmfts_distance(const fmfts_displacement *d, double *moved_m, double *deviation_m);
+
 /* silicone.c: notes in `memory` the load of its state. elapsed_s: since the last frame. */
 void fmfts_follow_creep(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, double elapsed_s);
 
@@ -204,7 +261,8 @@ void fmfts_widen(const fmfts_pose_parameters *parameters, const double *state, c
 
 /* hidden_gradient.c: notes in `memory` the foreign field that the ambient field shows, and adds to the pose's covariance
  * what it leaves uncertain. False if it is too strong. */
-bool fmfts_follow_foreign(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, fmfts_pose *pose);
+bool fmfts_follow_foreign(const fmfts_pose_parameters *parameters, const fmfts_reference *reference, fmfts_pose_memory *memory,
+                          fmfts_pose *pose);
 
 /* hidden_gradient.c: the same addition, to the covariance of another `state`. */
 void fmfts_widen_by_foreign(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double *state,

@@ -63,41 +63,79 @@ static bool fits(const fmfts_pose_parameters *parameters, const fmfts_summary *f
            freedom > 0 && found->chi2 < parameters->gate_chi2[freedom];
 }
 
-bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field, double temperature_c,
-                 fmfts_pose *pose)
+enum { MOST_MAGNETS = 1 + FMFTS_NEIGHBOURS };
+
+/* The pad's own magnet and its neighbours as one problem: `joined` of neighbour.py. */
+typedef struct {
+    double magnet[FMFTS_MAGNET * MOST_MAGNETS], state[FMFTS_VALUES(MOST_MAGNETS)];
+    double covariance[FMFTS_COLUMNS(MOST_MAGNETS) * FMFTS_COLUMNS(MOST_MAGNETS)];
+    uint8_t part[FMFTS_COLUMNS(MOST_MAGNETS)];
+} joined_problem;
+
+static void join(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const fmfts_felt *felt,
+                 joined_problem *joined)
 {
-    double rows[FMFTS_AXES * FMFTS_MEASUREMENT], work[FMFTS_WORK(FMFTS_AXES)], state[FMFTS_STATE],
-        direction[FMFTS_STEP], magnet[FMFTS_MAGNET] = {parameters->strength_t_m3[0], parameters->octupole_m2[0]};
-    uint8_t parts[FMFTS_STEP];
-    bool has_prior = false;
+    size_t columns = FMFTS_COLUMNS(1 + felt->count);
+    joined->magnet[0] = parameters->strength_t_m3[0];
+    joined->magnet[1] = parameters->octupole_m2[0];
+    memcpy(joined->magnet + FMFTS_MAGNET, felt->magnet, felt->count * sizeof felt->magnet[0]);
+    memcpy(joined->state, memory->state, sizeof memory->state);
+    memcpy(joined->state + FMFTS_STATE, felt->now, felt->count * sizeof felt->now[0]);
+    memset(joined->covariance, 0, columns * columns * sizeof joined->covariance[0]);
+    for (size_t c = 0; c < FMFTS_STEP; c++) {
+        joined->part[c] = (uint8_t)parameters->part[c];
+        memcpy(joined->covariance + columns * c, memory->covariance + FMFTS_STEP * c, FMFTS_STEP * sizeof(double));
+    }
+    for (size_t n = 0; n < felt->count; n++) {
+        for (size_t c = first_column(1 + n), i = 0; i < FMFTS_MOVES; i++) {
+            joined->part[c + i] = FMFTS_PRIOR;
+            memcpy(joined->covariance + columns * (c + i) + c, felt->covariance[n][i], sizeof felt->covariance[n][i]);
+        }
+    }
+}
+
+bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_felt *felt, fmfts_field *field,
+                 double temperature_c, fmfts_pose *pose)
+{
+    double rows[FMFTS_AXES * FMFTS_MEASUREMENT], work[FMFTS_WORK(FMFTS_AXES)], state[FMFTS_VALUES(MOST_MAGNETS)],
+        covariance[FMFTS_COLUMNS(MOST_MAGNETS) * FMFTS_COLUMNS(MOST_MAGNETS)], direction[FMFTS_COLUMNS(MOST_MAGNETS)],
+        placed[FMFTS_NEIGHBOURS][FMFTS_PLACED];
+    bool has_prior = felt->count > 0;
+    size_t columns = FMFTS_COLUMNS(1 + felt->count);
+    joined_problem joined;
     double elapsed = elapsed_s(memory, field);
     predict(parameters, memory, elapsed, temperature_c);
     write_measurements(parameters, memory, field, rows);
+    join(parameters, memory, felt, &joined);
     for (int c = 0; c < FMFTS_STEP; c++) {
-        parts[c] = (uint8_t)parameters->part[c];
-        has_prior |= parts[c] == FMFTS_PRIOR || parts[c] == FMFTS_CONSIDERED;
+        has_prior |= joined.part[c] == FMFTS_PRIOR || joined.part[c] == FMFTS_CONSIDERED;
     }
     const fmfts_problem problem = {
         .measurements = rows,
         .rows = 3 * (size_t)parameters->sensors[0],
-        .magnets = magnet,
-        .magnet_count = 1,
-        .parts = parts,
-        .start = memory->state,
-        .prior_mean = has_prior ? memory->state : NULL,
-        .prior_covariance = has_prior ? memory->covariance : NULL,
+        .magnets = joined.magnet,
+        .magnet_count = 1 + felt->count,
+        .parts = joined.part,
+        .start = joined.state,
+        .prior_mean = has_prior ? joined.state : NULL,
+        .prior_covariance = has_prior ? joined.covariance : NULL,
         .stop_chi2 = parameters->stop_chi2[0],
         .max_iterations = (int)parameters->max_iterations[0],
     };
-    fmfts_summary found = fmfts_solve(&problem, work, state, pose->covariance, direction);
+    fmfts_summary found = fmfts_solve(&problem, work, state, covariance, direction);
+    for (size_t c = 0; c < FMFTS_STEP; c++) {
+        memcpy(pose->covariance + FMFTS_STEP * c, covariance + columns * c, FMFTS_STEP * sizeof(double));
+    }
     if (!fits(parameters, &found, state, pose->covariance)) {
         return false;
     }
     pose->chi2 = found.chi2;
     pose->residual_t = found.residual_t;
     pose->elapsed_s = elapsed;
-    memcpy(memory->state, state, sizeof state);
+    memcpy(memory->state, state, sizeof memory->state);
     memcpy(memory->covariance, pose->covariance, sizeof memory->covariance);
+    memcpy(placed, state + FMFTS_STATE, felt->count * sizeof placed[0]);
+    fmfts_take_neighbours(parameters, felt, (const double(*)[FMFTS_PLACED])placed, field);
     memory->misfit[0] += (found.chi2 / freedom_of(parameters, &found) - memory->misfit[0]) / parameters->misfit_frames[0];
     double misfit = fmax(memory->misfit[0], memory->lasting_misfit[0]);
     for (int i = 0; i < FMFTS_STEP * FMFTS_STEP; i++) {

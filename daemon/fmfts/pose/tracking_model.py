@@ -20,6 +20,7 @@ class TrackingModel:
 
     parts (SIZE,). initial (SIZE,): variance of PRIOR and CONSIDERED parts right after the baseline. walk_per_s (SIZE,):
     growth of that variance per second. moment_per_k, moment_per_k_deviation: change of the log moment per kelvin.
+    offset_t_per_k: deviation of the drift of a chip's offset on each axis.
     unread_warming_k: deviation of the pad's warming since the baseline, until a temperature is read. ambient_turns: the
     ambient field may change by the robot's turning; else only by what is foreign.
     """
@@ -31,6 +32,7 @@ class TrackingModel:
     moment_per_k_deviation: float = 0.0
     unread_warming_k: float = 0.0
     ambient_turns: bool = True
+    offset_t_per_k: float = 0.0
 
     @property
     def has_prior(self) -> bool:

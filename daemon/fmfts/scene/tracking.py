@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,7 +68,7 @@ def tracking_model_for(scene: SceneConfig, magnet: MagnetConfig, chip: Chip = DE
     """
     if scene.ambient == "constant" and not scene.steel_nearby:
         why = "6 unknowns (pose, moment): the ambient field is constant, as the baseline saw it"
-        return SceneModel(PAPER, why)
+        return SceneModel(replace(PAPER, offset_t_per_k=chip.offset_t_per_k), why)
     initial, walk = np.zeros(SIZE), np.zeros(SIZE)
     initial[AMBIENT], walk[AMBIENT] = square(AMBIENT_DEVIATION_T), AMBIENT_WALK_T2_PER_S
     initial[LOG_MOMENT], walk[LOG_MOMENT] = square(MOMENT_DEVIATION), MOMENT_WALK_PER_S
@@ -83,7 +83,10 @@ def tracking_model_for(scene: SceneConfig, magnet: MagnetConfig, chip: Chip = DE
         why += f"; it drifts, which a drifting field hides: {abs(per_k) * HOTTER_K:.1%} of it count as unknown"
     unread_k = 0.0 if chip.thermometer is None else UNREAD_WARMING_K
     turns = scene.ambient == "drifting"
-    return SceneModel(TrackingModel(parts, initial, walk, per_k, abs(per_k) * COEFFICIENT_SHARE, unread_k, turns), why)
+    tracking = TrackingModel(
+        *(parts, initial, walk, per_k, abs(per_k) * COEFFICIENT_SHARE, unread_k, turns), chip.offset_t_per_k
+    )
+    return SceneModel(tracking, why)
 
 
 def scene_model_of(config: PadConfig) -> SceneModel:

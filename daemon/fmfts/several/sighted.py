@@ -9,7 +9,7 @@ from fmfts.arithmetic.elementary import log
 from fmfts.arithmetic.matrix import product, root_of_squares
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.pose.magnets import CHANGE, Magnets
-from fmfts.pose.neighbour import COLUMNS
+from fmfts.pose.sighting import COLUMNS
 from fmfts.pose.state import Neighbour, tangent_basis
 from fmfts.several.poses import Poses
 

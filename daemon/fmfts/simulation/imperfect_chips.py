@@ -14,8 +14,7 @@ from fmfts.pad import Array
 from fmfts.sensor.chips import Chip
 
 # Each sample is the half difference of a set and a reset pulse, which cancels a bridge's offset and its drift (900425,
-# "H-Bridge for Set/Reset Strap Drive"). What two pulses leave: assumed, a fifteenth of a count for each kelvin.
-OFFSET_T_PER_K = 1e-8
+# "H-Bridge for Set/Reset Strap Drive"). What two pulses leave is the chip's `offset_t_per_k`.
 # A field beyond the "disturbing field" of 20 G may leave a chip magnetised whose pulses are too weak: assumed, 10 mG.
 DISTURBED_T, DISTURBED_AT_S = 1e-6, 10.0
 # 1/f noise of a bare bridge equals its white noise at 10 Hz (900248, "Noise characteristics"). Set and reset pulses
@@ -37,7 +36,7 @@ class ImperfectChips:
     def __init__(self, kinds: Collection[str], sensors: int, chip: Chip, rate_hz: float, random: np.random.Generator):
         self._kinds, self._random, self._chip = kinds, random, chip
         shape = (sensors, 3)
-        self._offset_t_per_k = random.normal(0.0, OFFSET_T_PER_K, shape)
+        self._offset_t_per_k = random.normal(0.0, chip.offset_t_per_k, shape)
         self._disturbed_t = np.zeros(shape)
         self._disturbed_t[random.integers(sensors)] = random.normal(0.0, DISTURBED_T, 3)
         self._bend = NONLINEARITY * random.uniform(-1.0, 1.0, shape)

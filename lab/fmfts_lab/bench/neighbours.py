@@ -79,7 +79,7 @@ def pair(
 def pressed_pair(pads: tuple[PadConfig, PadConfig], told: bool, seconds: float) -> Outcome:
     """Run both pads in step. told: whether each takes the other's magnets into account."""
     fingers = {pads[0].name: _later(pads[0], 0.0), pads[1].name: _later(pads[1], LATER_S)}
-    sources = {pad.name: _source(pad, pads, fingers) for pad in pads}
+    sources = {pad.name: source_of(pad, pads, fingers) for pad in pads}
     pipelines = {pad.name: _pipeline(pad, pads) for pad in pads}
     if told:
         for pad in pads:
@@ -123,7 +123,8 @@ def _later(pad: PadConfig, later_s: float) -> Finger:
     return touch
 
 
-def _source(pad: PadConfig, pads: tuple[PadConfig, PadConfig], fingers: dict[str, Finger]) -> Simulated:
+def source_of(pad: PadConfig, pads: tuple[PadConfig, PadConfig], fingers: dict[str, Finger]) -> Simulated:
+    """The pad, and the magnets of its neighbours, each pressed by its finger."""
     others = neighbours_of(pad, pads)
     source = simulated_pad(pad, others)
     source.finger = fingers[pad.name]

@@ -3,7 +3,8 @@
 The stages in Python judge every other frame, and all frames where fmfts was built without a compiler.
 """
 
-from fmfts.pipeline.fast.path import FastPath, Judged, Kind, Lane, Missing, Passed, Verdict
+from fmfts.pipeline.fast.lane import Kind, Lane, Passed
+from fmfts.pipeline.fast.path import FastPath, Judged, Missing, Verdict
 from fmfts.pipeline.fast.template import Template
 
 __all__ = ["FastPath", "Judged", "Kind", "Lane", "Missing", "Passed", "Template", "Verdict"]

@@ -12,34 +12,34 @@ static void release(Py_buffer *buffers, int count)
     }
 }
 
-enum { PARAMETERS, MEMORY, OUTCOME, RESPONSE, NETWORK, READINGS, FRAME_BUFFERS };
+enum { READINGS = FMFTS_PAD_BUFFERS, FRAME_BUFFERS };
 
-/* judge(parameters, memory, outcome, response, network, (gain_code, valid, fresh, readings), sequence, time_us,
- * temperature_c) → (instant in µs, time of `now` in µs, kind of contact), or None if the frame is not healthy; `memory` is then unchanged. network: a vector as
- * in network.h. response: a buffer as in refine.h, or None. */
+/* judge(pad, (gain_code, valid, fresh, readings), sequence, time_us, host_ns, temperature_c) → (instant in µs, time of `now` in
+ * µs, kind of contact), or None if the frame is not healthy; its memory is then unchanged. pad: see _buffers.h. */
 static PyObject *judge(PyObject *module, PyObject *args)
 {
     Py_buffer b[FRAME_BUFFERS] = {{0}};
     fmfts_frame frame;
-    fmfts_network network;
+    fmfts_pad pad;
+    PyObject *given;
     unsigned long long sequence, time_us;
+    long long host_ns;
     PyObject *result = NULL;
     (void)module;
-    if (PyArg_ParseTuple(args, "y*w*w*z*y*(IIIy*)KKd", &b[0], &b[1], &b[2], &b[3], &b[4], &frame.gain_code, &frame.valid,
-                         &frame.fresh, &b[5], &sequence, &time_us, &frame.temperature_c) &&
-        has_size(&b[PARAMETERS], sizeof(fmfts_parameters), "parameters") &&
-        has_size(&b[MEMORY], sizeof(fmfts_memory), "memory") &&
-        has_size(&b[OUTCOME], sizeof(fmfts_outcome), "outcome") && view_network(&b[NETWORK], &network)) {
-        fmfts_outcome *outcome = b[OUTCOME].buf;
+    if (PyArg_ParseTuple(args, "O!(IIIy*)KKLd", &PyTuple_Type, &given, &frame.gain_code, &frame.valid, &frame.fresh, &b[READINGS],
+                         &sequence, &time_us, &host_ns, &frame.temperature_c) &&
+        fmfts_take_pad(given, b, &pad)) {
+        fmfts_outcome *outcome = b[FMFTS_OUTCOME_BUFFER].buf;
+        fmfts_memory *memory = b[FMFTS_MEMORY_BUFFER].buf;
         frame.readings = b[READINGS].buf;
         frame.time_us = (double)time_us;
+        frame.host_ns = host_ns;
         frame.sequence = (double)sequence;
-        fmfts_kind kind = fmfts_frame_step(b[PARAMETERS].buf, b[MEMORY].buf, &frame, (size_t)b[READINGS].len, &network,
-                                           b[RESPONSE].buf, (size_t)b[RESPONSE].len, outcome);
+        fmfts_kind kind = fmfts_frame_step(&pad, memory, &frame, (size_t)b[READINGS].len, outcome);
         if (kind == FMFTS_NO_NUMBER) {
             result = Py_NewRef(Py_None);
         } else {
-            *(fmfts_memory *)b[MEMORY].buf = outcome->next;
+            fmfts_go_on(&pad, outcome, fmfts_sampled_ns(host_ns, frame.time_us, outcome->instant_us), memory);
             result = Py_BuildValue("(Ldi)", (long long)outcome->instant_us, outcome->now_us, (int)kind);
         }
     }
@@ -47,32 +47,29 @@ static PyObject *judge(PyObject *module, PyObject *args)
     return result;
 }
 
-/* early(parameters, memory, outcome, response, network, sensor, gain_code, x, y, z, time_us) → time of `now` in µs, or None where
- * the sample tells nothing. To be called after judge() of a healthy frame, with its outcome. */
+/* early(pad, sensor, gain_code, x, y, z, time_us) → time of `now` in µs, or None where the sample tells nothing. To be called
+ * after judge() of a healthy frame. */
 static PyObject *early(PyObject *module, PyObject *args)
 {
-    Py_buffer b[READINGS] = {{0}};
-    fmfts_network network;
+    Py_buffer b[FMFTS_PAD_BUFFERS] = {{0}};
+    fmfts_pad pad;
+    PyObject *given;
     int sensor, count[3];
     unsigned gain_code;
     unsigned long long time_us;
     PyObject *result = NULL;
     (void)module;
-    if (PyArg_ParseTuple(args, "y*w*w*z*y*iIiiiK", &b[0], &b[1], &b[2], &b[3], &b[4], &sensor, &gain_code, &count[0],
-                         &count[1], &count[2], &time_us) &&
-        has_size(&b[PARAMETERS], sizeof(fmfts_parameters), "parameters") &&
-        has_size(&b[MEMORY], sizeof(fmfts_memory), "memory") &&
-        has_size(&b[OUTCOME], sizeof(fmfts_outcome), "outcome") && view_network(&b[NETWORK], &network)) {
-        const fmfts_parameters *parameters = b[PARAMETERS].buf;
-        const fmfts_pad pad = {parameters, &network, b[RESPONSE].buf, (size_t)b[RESPONSE].len};
+    if (PyArg_ParseTuple(args, "O!iIiiiK", &PyTuple_Type, &given, &sensor, &gain_code, &count[0], &count[1], &count[2],
+                         &time_us) &&
+        fmfts_take_pad(given, b, &pad)) {
         const int16_t counts[3] = {(int16_t)count[0], (int16_t)count[1], (int16_t)count[2]};
         fmfts_early sample = {.sensor = sensor, .time_us = (double)time_us};
-        fmfts_outcome *outcome = b[OUTCOME].buf;
-        fmfts_read_early(&parameters->pose, gain_code, counts, sample.field_t);
-        fmfts_news news = fmfts_early_step(&pad, b[MEMORY].buf, &sample, outcome);
+        fmfts_outcome *outcome = b[FMFTS_OUTCOME_BUFFER].buf;
+        fmfts_read_early(&pad.parameters->pose, gain_code, counts, sample.field_t);
+        fmfts_news news = fmfts_early_step(&pad, b[FMFTS_MEMORY_BUFFER].buf, &sample, outcome);
         result = news == FMFTS_TOLD ? PyFloat_FromDouble(outcome->now_us) : Py_NewRef(Py_None);
     }
-    release(b, READINGS);
+    release(b, FMFTS_PAD_BUFFERS);
     return result;
 }
 
@@ -116,6 +113,7 @@ typedef struct {
 static const fmfts_entry PARAMETER_TABLE[] = {FMFTS_PARAMETERS(FMFTS_ENTRY)};
 static const fmfts_entry MEMORY_TABLE[] = {FMFTS_MEMORY(FMFTS_ENTRY)};
 static const fmfts_entry NUMBERS[] = {FMFTS_NUMBERS(FMFTS_ENTRY)};
+static const fmfts_entry SIGHTING_TABLE[] = {FMFTS_SIGHTING(FMFTS_ENTRY)};
 
 static int add_layout(PyObject *module, const char *name, const fmfts_entry *entries, size_t count)
 {
@@ -152,6 +150,8 @@ static int set_up(PyObject *module)
     return !loop_type || add_layout(module, "PARAMETERS", PARAMETER_TABLE, FMFTS_COUNT(PARAMETER_TABLE)) < 0 ||
                    add_layout(module, "MEMORY", MEMORY_TABLE, FMFTS_COUNT(MEMORY_TABLE)) < 0 ||
                    add_layout(module, "NUMBERS", NUMBERS, FMFTS_COUNT(NUMBERS)) < 0 ||
+                   add_layout(module, "SIGHTING", SIGHTING_TABLE, FMFTS_COUNT(SIGHTING_TABLE)) < 0 ||
+                   PyModule_AddIntConstant(module, "NEIGHBOURS", FMFTS_NEIGHBOURS) < 0 ||
                    PyModule_AddIntConstant(module, "OUTCOME_BYTES", sizeof(fmfts_outcome)) < 0
                ? -1
                : 0;

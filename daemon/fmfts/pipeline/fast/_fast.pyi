@@ -3,26 +3,23 @@ from typing_extensions import Buffer
 PARAMETERS: dict[str, int]
 MEMORY: dict[str, int]
 NUMBERS: dict[str, int]
+SIGHTING: dict[str, int]
+NEIGHBOURS: int
 OUTCOME_BYTES: int
 
+Pad = tuple[Buffer | None, ...]
+
 def judge(
-    parameters: Buffer,
-    memory: Buffer,
-    outcome: Buffer,
-    response: Buffer | None,
-    network: Buffer,
+    pad: Pad,
     packed: tuple[int, int, int, bytes],
     sequence: int,
     time_us: int,
+    host_ns: int,
     temperature_c: float,
     /,
 ) -> tuple[int, float, int] | None: ...
 def early(
-    parameters: Buffer,
-    memory: Buffer,
-    outcome: Buffer,
-    response: Buffer | None,
-    network: Buffer,
+    pad: Pad,
     sensor: int,
     gain_code: int,
     x: int,
@@ -49,7 +46,7 @@ Passed = tuple[int, int, int, int, int, bytes, tuple[bytes, ...], int, int, int,
 class Lane:
     def __init__(
         self,
-        pad: tuple[Buffer, Buffer, Buffer, Buffer | None, Buffer],
+        pad: Pad,
         clock: bytearray,
         topic: bytes,
         pad_index: int,

@@ -5,42 +5,36 @@
 
 PyTypeObject *fmfts_lane_type;
 
-enum { PARAMETERS, MEMORY, OUTCOME, RESPONSE, NETWORK, CLOCK, TOPIC, PAD_BUFFERS };
+enum { CLOCK = FMFTS_PAD_BUFFERS, TOPIC, LANE_BUFFERS };
 
 typedef struct {
     PyObject_HEAD
     fmfts_published_lane published;
-    Py_buffer pad[PAD_BUFFERS];
+    Py_buffer buffer[LANE_BUFFERS];
     Py_buffer places[FMFTS_KINDS];
     int begun;
 } lane_object;
 
-/* Lane((parameters, memory, outcome, response, network), clock, topic, pad_index, overdue_ns) */
+/* Lane(pad, clock, topic, pad_index, overdue_ns). pad: see _buffers.h. */
 static int lane_init(PyObject *object, PyObject *args, PyObject *named)
 {
     lane_object *self = (lane_object *)object;
     fmfts_lane *lane = &self->published.lane;
-    Py_buffer *b = self->pad;
+    Py_buffer *b = self->buffer;
+    PyObject *pad;
     long long overdue_ns;
     (void)named;
-    if (b[PARAMETERS].obj) {
+    if (b[CLOCK].obj) {
         PyErr_SetString(PyExc_TypeError, "a Lane can be initialised only once");
         return -1;
     }
-    if (!PyArg_ParseTuple(args, "(y*w*w*z*y*)w*y*IL", &b[PARAMETERS], &b[MEMORY], &b[OUTCOME], &b[RESPONSE], &b[NETWORK],
-                          &b[CLOCK], &b[TOPIC], &lane->pad_index, &overdue_ns) ||
-        !has_size(&b[PARAMETERS], sizeof(fmfts_parameters), "parameters") ||
-        !has_size(&b[MEMORY], sizeof(fmfts_memory), "memory") ||
-        !has_size(&b[OUTCOME], sizeof(fmfts_outcome), "outcome") ||
-        !has_size(&b[CLOCK], sizeof(fmfts_clock_line), "clock") || !view_network(&b[NETWORK], &lane->network)) {
+    if (!PyArg_ParseTuple(args, "O!w*y*IL", &PyTuple_Type, &pad, &b[CLOCK], &b[TOPIC], &lane->pad_index, &overdue_ns) ||
+        !fmfts_take_pad(pad, b, &lane->pad) || !has_size(&b[CLOCK], sizeof(fmfts_clock_line), "clock")) {
         return -1;
     }
     lane->overdue_ns = overdue_ns;
-    lane->parameters = b[PARAMETERS].buf;
-    lane->memory = b[MEMORY].buf;
-    lane->outcome = b[OUTCOME].buf;
-    lane->response = b[RESPONSE].buf;
-    lane->response_bytes = (size_t)b[RESPONSE].len;
+    lane->memory = b[FMFTS_MEMORY_BUFFER].buf;
+    lane->outcome = b[FMFTS_OUTCOME_BUFFER].buf;
     lane->clock = b[CLOCK].buf;
     self->published.topic = b[TOPIC].buf;
     self->published.topic_bytes = (size_t)b[TOPIC].len;
@@ -51,8 +45,8 @@ static void lane_dealloc(PyObject *object)
 {
     lane_object *self = (lane_object *)object;
     PyTypeObject *type = Py_TYPE(object);
-    for (int i = 0; i < PAD_BUFFERS; i++) {
-        PyBuffer_Release(&self->pad[i]);
+    for (int i = 0; i < LANE_BUFFERS; i++) {
+        PyBuffer_Release(&self->buffer[i]);
     }
     for (int i = 0; i < FMFTS_KINDS; i++) {
         PyBuffer_Release(&self->places[i]);
@@ -95,7 +89,7 @@ static PyObject *lane_begin(PyObject *object, PyObject *args)
     unsigned long long number;
     long long t_sample_ns, frame_us, frame_ns;
     self->begun = 0;
-    if (!lane->parameters) {
+    if (!lane->clock) {
         PyErr_SetString(PyExc_ValueError, "this Lane failed to initialise");
         return NULL;
     }
@@ -206,9 +200,9 @@ fmfts_published_lane *fmfts_lane_of(PyObject *object)
 }
 
 static PyMethodDef methods[] = {
-    {"begin", lane_begin, METH_VARARGS, "Let C handle frames from now on; see path.py."},
-    {"end", lane_end, METH_NOARGS, "Stop, and tell what was handled; see path.py."},
-    {"last_ns", lane_last_ns, METH_NOARGS, "When the last handled frame arrived; see path.py."},
+    {"begin", lane_begin, METH_VARARGS, "Let C handle frames from now on; see lane.py."},
+    {"end", lane_end, METH_NOARGS, "Stop, and tell what was handled; see lane.py."},
+    {"last_ns", lane_last_ns, METH_NOARGS, "When the last handled frame arrived; see lane.py."},
     {NULL, NULL, 0, NULL},
 };
 

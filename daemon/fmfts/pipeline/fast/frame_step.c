@@ -91,32 +91,72 @@ static bool all_finite(const fmfts_numbers *numbers, bool with_temperature, bool
     return isfinite(sum);
 }
 
-fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memory *memory, const fmfts_frame *frame,
-                            size_t readings_bytes, const fmfts_network *network, const void *response,
-                            size_t response_bytes, fmfts_outcome *outcome)
+/* Solves the frame's field for the magnet's state, beside its neighbours. */
+static bool solve(const fmfts_pad *pad, const fmfts_frame *frame, fmfts_pose_memory *next, fmfts_field *field,
+                  double slopes[][FMFTS_STEP], fmfts_pose *pose)
 {
+    const fmfts_pose_parameters *parameters = &pad->parameters->pose;
+    fmfts_felt felt;
+    if (!fmfts_align(parameters, next, frame, field)) {
+        return false;
+    }
+    fmfts_feel(parameters, pad->neighbour, (double)fmfts_sampled_ns(frame->host_ns, frame->time_us, field->instant_us), &felt);
+    if (felt.count) {
+        fmfts_add_neighbours(parameters, &felt, field);
+    }
+    const fmfts_reference reference = fmfts_reference_beside(parameters, &felt);
+    return fmfts_track(parameters, next, &felt, field, frame->temperature_c, pose) &&
+           fmfts_judge_residuals(parameters, next, field, slopes) &&
+           fmfts_follow_foreign(parameters, &reference, next, pose);
+}
+
+/* The contact from a change of pose. False if only Python can say it. */
+static bool estimate_contact(const fmfts_pad *pad, fmfts_memory *next, const fmfts_pose *pose,
+                             const fmfts_displacement *displacement, fmfts_estimate *estimate)
+{
+    const fmfts_contact_parameters *contact = &pad->parameters->contact;
+    fmfts_question question;
+    fmfts_draw(&pad->parameters->pose, next->pose.state, displacement, MM_PER_M, question.pose, question.covariance);
+    return fmfts_smooth(contact, &next->contact, pose->elapsed_s, &question) && fmfts_keep_inside(contact, &question) &&
+           fmfts_estimate_contact(contact, &question, &pad->network, contact->refine_steps[0] > 0.0 ? pad->response : NULL,
+                                  pad->response_bytes, estimate) &&
+           !(estimate->refused && next->contact.touched[0] != 0.0); /* Python says that the place is not known */
+}
+
+int64_t fmfts_sampled_ns(int64_t host_ns, double time_us, double instant_us)
+{
+    return host_ns - 1000 * ((int64_t)time_us - (int64_t)instant_us);
+}
+
+void fmfts_go_on(const fmfts_pad *pad, const fmfts_outcome *outcome, int64_t sampled_ns, fmfts_memory *memory)
+{
+    *memory = outcome->next;
+    memcpy(pad->own->last, outcome->next.pose.state, sizeof pad->own->last);
+    memcpy(pad->own->covariance, outcome->seen, sizeof pad->own->covariance);
+    pad->own->time_ns[0] = (double)sampled_ns;
+}
+
+fmfts_kind fmfts_frame_step(const fmfts_pad *pad, const fmfts_memory *memory, const fmfts_frame *frame, size_t readings_bytes,
+                            fmfts_outcome *outcome)
+{
+    const fmfts_parameters *parameters = pad->parameters;
     fmfts_memory *next = &outcome->next;
     fmfts_numbers *numbers = &outcome->numbers;
     fmfts_field field;
     fmfts_pose pose;
     fmfts_displacement displacement;
-    fmfts_question question;
     fmfts_estimate estimate;
     double slopes[FMFTS_AXES][FMFTS_STEP], overlap[5][5];
-    const fmfts_pad pad = {parameters, network, response, response_bytes};
     memcpy(next, memory, sizeof *next);
     outcome->judged.known = 0;
     if (!has_all_readings(&parameters->pose, readings_bytes) ||
         misses_temperature(&parameters->pose, frame->temperature_c) ||
-        !fmfts_align(&parameters->pose, &next->pose, frame, &field) ||
-        !fmfts_track(&parameters->pose, &next->pose, &field, frame->temperature_c, &pose) ||
-        !fmfts_judge_residuals(&parameters->pose, &next->pose, &field, slopes) ||
-        !fmfts_follow_foreign(&parameters->pose, &next->pose, &pose)) {
+        !solve(pad, frame, &next->pose, &field, slopes, &pose)) {
         return FMFTS_NO_NUMBER;
     }
     const double *state = next->pose.state;
     fmfts_follow_creep(&parameters->pose, &next->pose, pose.elapsed_s);
-    bool overlaps = is_whole(&next->pose); /* as Estimator._counted has it */
+    bool is_alone = parameters->pose.neighbours[0] == 0.0, overlaps = is_whole(&next->pose) && is_alone; /* Estimator._counted */
     if (overlaps) {
         fmfts_overlap(&parameters->pose, &next->pose, &field, (const double(*)[FMFTS_STEP])slopes, overlap);
     }
@@ -126,20 +166,26 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
                      pose.elapsed_s)) {
         return FMFTS_NO_NUMBER;
     }
-    fmfts_draw(&parameters->pose, state, &displacement, MM_PER_M, question.pose, question.covariance);
-    if (!fmfts_smooth(&parameters->contact, &next->contact, pose.elapsed_s, &question) ||
-        !fmfts_keep_inside(&parameters->contact, &question) ||
-        !fmfts_estimate_contact(&parameters->contact, &question, network,
-                                parameters->contact.refine_steps[0] > 0.0 ? response : NULL, response_bytes, &estimate) ||
-        (estimate.refused && next->contact.touched[0] != 0.0) || /* Python says that the place is not known */
-        (parameters->now.tells_now[0] != 0.0 && is_whole(&next->pose) &&
-         !fmfts_tell_now(&pad, next, frame, &pose, &estimate, outcome))) {
+    bool has_model = parameters->message.has_model[0] != 0.0, touching = next->contact.touched[0] != 0.0;
+    if (has_model && !estimate_contact(pad, next, &pose, &displacement, &estimate)) {
+        return FMFTS_NO_NUMBER;
+    }
+    if (has_model && parameters->now.tells_now[0] != 0.0 && is_whole(&next->pose) && is_alone &&
+        !fmfts_tell_now(pad, next, frame, &pose, &estimate, outcome)) {
         return FMFTS_NO_NUMBER;
     }
     outcome->instant_us = field.instant_us;
     numbers->temperature_c[0] = frame->temperature_c;
     put_pose(&parameters->message, state, &pose, numbers);
-    fmfts_kind kind = put_contact(&parameters->message, &estimate, next->contact.touched[0] != 0.0, numbers);
+    for (int i = 0; i < FMFTS_MOVES; i++) {
+        memcpy(outcome->seen + FMFTS_MOVES * i, pose.covariance + FMFTS_STEP * i, FMFTS_MOVES * sizeof(double));
+    }
+    fmfts_kind kind = touching ? FMFTS_TOUCHED : FMFTS_QUIET;
+    if (has_model) {
+        kind = put_contact(&parameters->message, &estimate, touching, numbers);
+    } else {
+        fmfts_distance(&displacement, numbers->displacement_m, numbers->displacement_sd_m);
+    }
     bool is_healthy = all_finite(numbers, !isnan(frame->temperature_c), !isnan(parameters->message.ambient_t[0]));
     bool is_doubtful = kind == FMFTS_OVER_RANGE && fmfts_has_jumped(&parameters->pose, &field);
     return is_healthy && !is_doubtful ? kind : FMFTS_NO_NUMBER;

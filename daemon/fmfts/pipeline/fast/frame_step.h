@@ -15,6 +15,7 @@ typedef struct {
 
 typedef struct {
     fmfts_memory next; /* the memory for the next frame; valid if this frame is healthy */
+    double seen[FMFTS_MOVES * FMFTS_MOVES]; /* covariance of the magnet's pose, for pads that feel it */
     double instant_us; /* the board's time of the estimate */
     double now_us;     /* the board's time of `now` */
     fmfts_judged judged;
@@ -31,19 +32,27 @@ typedef struct {
  * filter has stopped); or `now` is told. */
 typedef enum { FMFTS_UNUSED, FMFTS_FOLLOWED, FMFTS_TOLD } fmfts_news;
 
-/* What both kinds of steps need of a pad besides its memory. response: as in refine.h, or NULL. */
+/* What both kinds of steps need of a pad besides its memory. response: as in refine.h, or NULL. own: where its magnet was last
+ * seen. neighbour: the same of the pads that it feels. */
 typedef struct {
     const fmfts_parameters *parameters;
-    const fmfts_network *network;
+    fmfts_network network;
     const void *response;
     size_t response_bytes;
+    fmfts_sighting *own;
+    const fmfts_sighting *neighbour[FMFTS_NEIGHBOURS];
 } fmfts_pad;
 
 /* Returns FMFTS_NO_NUMBER if the frame is not healthy. readings_bytes: size of frame->readings; must match the pad's number
- * of sensors. response: as in refine.h, or NULL. */
-fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memory *memory, const fmfts_frame *frame,
-                            size_t readings_bytes, const fmfts_network *network, const void *response,
-                            size_t response_bytes, fmfts_outcome *outcome);
+ * of sensors. */
+fmfts_kind fmfts_frame_step(const fmfts_pad *pad, const fmfts_memory *memory, const fmfts_frame *frame, size_t readings_bytes,
+                            fmfts_outcome *outcome);
+
+/* The host's time of the estimate, of a frame whose time is time_us on the board's clock and host_ns on the host's. */
+int64_t fmfts_sampled_ns(int64_t host_ns, double time_us, double instant_us);
+
+/* Goes on from a healthy frame, which was sampled at sampled_ns (host's clock): in `memory`, and for pads that feel this one. */
+void fmfts_go_on(const fmfts_pad *pad, const fmfts_outcome *outcome, int64_t sampled_ns, fmfts_memory *memory);
 
 /* frame_step.c: force_sd_n of contact_message.py. */
 double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate, bool touching);

@@ -12,7 +12,7 @@ enum { MOST_MISSING = 1000 }; /* frames; after more, or a repeated one, Python d
 
 static double temperature_c(const fmfts_lane *lane, const fmfts_sample *sample)
 {
-    const fmfts_pose_parameters *pose = &lane->parameters->pose;
+    const fmfts_pose_parameters *pose = &lane->pad.parameters->pose;
     return fmfts_temperature_c(sample, pose->at_zero_c[0], pose->c_per_count[0], pose->range_c);
 }
 
@@ -24,20 +24,20 @@ static bool is_expected(const fmfts_lane *lane, const fmfts_sample *sample)
            sample->sequence - lane->sequence - 1 < MOST_MISSING && lane->passed < FMFTS_TALLIED;
 }
 
-/* Solves the sample up to its contact, into the pad's outcome. */
-static fmfts_kind step(const fmfts_lane *lane, const fmfts_sample *sample)
+/* Solves the sample up to its contact, into the pad's outcome. host_ns: its time on the host's clock. */
+static fmfts_kind step(const fmfts_lane *lane, const fmfts_sample *sample, int64_t host_ns)
 {
     const fmfts_frame frame = {
         .readings = sample->readings,
         .time_us = (double)sample->time_us,
         .sequence = (double)sample->sequence,
         .temperature_c = temperature_c(lane, sample),
+        .host_ns = host_ns,
         .gain_code = sample->gain_code,
         .valid = sample->valid,
         .fresh = sample->fresh,
     };
-    return fmfts_frame_step(lane->parameters, lane->memory, &frame, FMFTS_READING_BYTES * (size_t)sample->sensors,
-                            &lane->network, lane->response, lane->response_bytes, lane->outcome);
+    return fmfts_frame_step(&lane->pad, lane->memory, &frame, FMFTS_READING_BYTES * (size_t)sample->sensors, lane->outcome);
 }
 
 static bool may_publish(const fmfts_lane *lane, fmfts_kind kind)
@@ -81,18 +81,17 @@ static void write_message(fmfts_lane *lane, fmfts_kind kind)
 /* A sample that came before its frame: the last message again, with another `now`. */
 static fmfts_verdict handle_early(fmfts_lane *lane, const fmfts_early_sample *sample, int64_t arrival_ns)
 {
-    const fmfts_pad pad = {lane->parameters, &lane->network, lane->response, lane->response_bytes};
     fmfts_early early = {.sensor = sample->sensor, .time_us = (double)sample->time_us};
     int64_t now_ns = fmfts_now_ns(CLOCK_MONOTONIC);
-    if (sample->pad_index != lane->pad_index || sample->sensor >= (unsigned)lane->parameters->pose.sensors[0] ||
+    if (sample->pad_index != lane->pad_index || sample->sensor >= (unsigned)lane->pad.parameters->pose.sensors[0] ||
         !fmfts_is_plausible(lane->clock, (int64_t)sample->time_us, arrival_ns)) {
         return FMFTS_FOR_PYTHON;
     }
     if (now_ns - lane->frame_ns - 1000 * ((int64_t)sample->time_us - lane->frame_us) > lane->overdue_ns) {
         return FMFTS_SILENT;
     }
-    fmfts_read_early(&lane->parameters->pose, sample->gain_code, sample->counts, early.field_t);
-    if (fmfts_early_step(&pad, lane->memory, &early, lane->outcome) != FMFTS_TOLD) {
+    fmfts_read_early(&lane->pad.parameters->pose, sample->gain_code, sample->counts, early.field_t);
+    if (fmfts_early_step(&lane->pad, lane->memory, &early, lane->outcome) != FMFTS_TOLD) {
         return FMFTS_SILENT;
     }
     lane->number++;
@@ -115,19 +114,21 @@ fmfts_verdict fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t si
     if (!fmfts_read_sample(line, size, &sample) || !is_expected(lane, &sample)) {
         return FMFTS_FOR_PYTHON;
     }
-    if (!may_publish(lane, kind = step(lane, &sample)) ||
-        !fmfts_host_time(lane->clock, (int64_t)sample.time_us, arrival_ns, &host_ns)) {
+    fmfts_clock_line clock = *lane->clock; /* of a frame that Python reads again, the clock must not have learned */
+    if (!fmfts_host_time(&clock, (int64_t)sample.time_us, arrival_ns, &host_ns) ||
+        !may_publish(lane, kind = step(lane, &sample, host_ns))) {
         lane->outcome->judged.known = 0; /* the outcome may be of a frame that Python refuses */
         return FMFTS_FOR_PYTHON;
     }
+    *lane->clock = clock;
     int64_t now_ns = fmfts_now_ns(CLOCK_MONOTONIC);
     if (now_ns - host_ns > lane->overdue_ns) {
         lane->outcome->judged.known = 0; /* the outcome is of a frame that the memory has not */
         return FMFTS_OVERDUE;
     }
-    *lane->memory = lane->outcome->next;
     lane->number++;
-    lane->t_sample_ns = host_ns - 1000 * ((int64_t)sample.time_us - (int64_t)lane->outcome->instant_us);
+    lane->t_sample_ns = fmfts_sampled_ns(host_ns, (double)sample.time_us, lane->outcome->instant_us);
+    fmfts_go_on(&lane->pad, lane->outcome, lane->t_sample_ns, lane->memory);
     lane->t_now_ns = host_ns + (int64_t)((lane->outcome->now_us - (double)sample.time_us) * 1000.0);
     lane->t_publish_ns = now_ns;
     lane->frame_ns = host_ns;

@@ -24,12 +24,9 @@ typedef struct {
 
 /* One pad. Python owns what the pointers refer to, and does not touch it while the lane is begun. */
 typedef struct {
-    const fmfts_parameters *parameters;
+    fmfts_pad pad;
     fmfts_memory *memory;
     fmfts_outcome *outcome;
-    const void *response; /* refine.h; NULL if it is not known */
-    size_t response_bytes;
-    fmfts_network network;
     fmfts_clock_line *clock;
     unsigned pad_index;
     int64_t overdue_ns; /* a frame that is older is not published */

@@ -128,7 +128,7 @@ static bool tell(const fmfts_pad *pad, fmfts_memory *memory, double time_us, fmf
     fmfts_draw(&parameters->pose, state, &displacement, MM_PER_M, question.pose, question.covariance);
     if (!fmfts_chi2_from_rest(displacement.change, displacement.at_rest, &chi2) ||
         !fmfts_keep_inside(&parameters->contact, &question) ||
-        !fmfts_estimate_contact(&parameters->contact, &question, pad->network,
+        !fmfts_estimate_contact(&parameters->contact, &question, &pad->network,
                                 parameters->contact.refine_steps[0] > 0.0 ? pad->response : NULL, pad->response_bytes,
                                 &estimate)) {
         return false;

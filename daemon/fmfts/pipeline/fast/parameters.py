@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,9 +26,10 @@ from fmfts.contact.refinement import STEPS
 from fmfts.contact.smoothing import COMPONENTS, JUMP_PROBABILITY
 from fmfts.contact.touch import RELEASE_FRAMES
 from fmfts.pad import Pad
-from fmfts.pose import alignment, gate, hidden_gradient, mean_residuals, tracker
+from fmfts.pose import alignment, gate, hidden_gradient, mean_residuals, neighbour, tracker
 from fmfts.pose.change import shortest_rotation
 from fmfts.pose.hidden_gradient import HiddenGradient
+from fmfts.pose.neighbour import NeighbourView
 from fmfts.pose.problem import MAX_ITERATIONS, Part
 from fmfts.pose.silicone import TIMES_S, SiliconeFollower
 from fmfts.pose.state import SIZE
@@ -77,6 +80,7 @@ def put_tracking(
     values = mounting.gain.size
     parameters.put("part", model.parts[:SIZE])
     parameters.put("walk_per_s", model.walk_per_s[:SIZE])
+    parameters.put("offset_t_per_k", model.offset_t_per_k)
     parameters.put("moment_per_k", model.moment_per_k)
     parameters.put("moment_per_k_deviation", model.moment_per_k_deviation)
     parameters.put("rest_temperature_c", np.nan if rest_temperature_c is None else rest_temperature_c)
@@ -126,16 +130,25 @@ def put_hidden_gradient(parameters: DoubleTable, hidden: HiddenGradient) -> None
     parameters.put("unit_gradient", hidden.unit)
 
 
-def put_contact(
-    parameters: DoubleTable,
-    mounting: Mounting,
-    drawing: Pad,
-    change_error: Array,
-    touch: TouchDetector,
-    model: ContactModel,
-    detection_limit_n: float,
+def put_neighbours(parameters: DoubleTable, neighbours: Sequence[NeighbourView]) -> None:
+    """Neighbours with one magnet each."""
+    placed, magnets = [each.placement for each in neighbours], [each.sighting.magnets[0] for each in neighbours]
+    parameters.put("neighbours", len(neighbours))
+    parameters.put("neighbour_turn", np.array([each.rotation for each in placed]))
+    parameters.put("neighbour_place_m", np.array([each.position_m for each in placed]))
+    parameters.put("neighbour_placement_m", np.array([each.tolerance_m for each in placed]))
+    parameters.put("neighbour_magnet", np.array([(each.strength_t_m3, each.modelled_octupole_m2) for each in magnets]))
+    parameters.put("speed_m_per_s", neighbour.SPEED_M_PER_S)
+    parameters.put("turn_rad_per_s", neighbour.TURN_RAD_PER_S)
+    parameters.put("farthest_m", neighbour.REACH_M)
+    parameters.put("farthest_rad", neighbour.REACH_RAD)
+    parameters.put("moment_deviation", neighbour.MOMENT_DEVIATION)
+
+
+def put_touch(
+    parameters: DoubleTable, mounting: Mounting, drawing: Pad, change_error: Array, touch: TouchDetector
 ) -> None:
-    """change_error (8, 5, M): see Leftover.change_error. detection_limit_n: see ContactModel.detection_limit_n."""
+    """change_error (8, 5, M): see Leftover.change_error."""
     parameters.put("leftovers", change_error.shape[-1])
     parameters.put("change_error", change_error)
     parameters.put("onset_chi2", touch.onset_chi2)
@@ -144,6 +157,13 @@ def put_contact(
     parameters.put("longest_gap_s", touch.longest_gap_s)
     parameters.put("drawn_rest_m", drawing.rest_position_m)
     parameters.put("drawn_turn", shortest_rotation(mounting.rest.axis, drawing.rest_axis))
+
+
+def put_contact(
+    parameters: DoubleTable, mounting: Mounting, drawing: Pad, model: ContactModel, detection_limit_n: float
+) -> None:
+    """detection_limit_n: see ContactModel.detection_limit_n."""
+    parameters.put("has_model", 1.0)
     parameters.put("refine_steps", STEPS if model.refines else 0)
     parameters.put("least_variance", TINY[0, 0])
     parameters.put("model_rest", model.rest_pose)

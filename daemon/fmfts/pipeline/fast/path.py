@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import IntEnum
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,38 +13,35 @@ from fmfts.baseline import Mounting
 from fmfts.bus.messages import Health
 from fmfts.common.double_table import DoubleTable
 from fmfts.common.memory import hand_over, resume
-from fmfts.contact import ContactModel, TouchDetector
+from fmfts.contact import ContactModel, NoContactModel, TouchDetector
 from fmfts.contact.inference import CompiledInference
 from fmfts.pad import Pad
 from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
+from fmfts.pipeline.fast.lane import KINDS, Kind, Lane
 from fmfts.pipeline.fast.now_parameters import NowParameters, put_now
 from fmfts.pipeline.fast.parameters import (
     put_contact,
     put_hidden_gradient,
     put_message,
+    put_neighbours,
     put_sensors,
     put_silicone,
+    put_touch,
     put_tracking,
 )
 from fmfts.pipeline.fast.template import Template
 from fmfts.pose.hidden_gradient import HiddenGradient
+from fmfts.pose.neighbour import NeighbourView
+from fmfts.pose.sighting import Sighting
 from fmfts.pose.silicone import SiliconeFollower
 from fmfts.pose.tracking_model import TrackingModel
 from fmfts.sensor.early import EarlySample
-from fmfts.sensor.frame import Frame, Packed
+from fmfts.sensor.frame import Frame
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer
 
 Array = NDArray[np.float64]
-
-
-class Kind(IntEnum):
-    """The kind of a healthy frame's message: fmfts_kind in tables.h."""
-
-    QUIET = 0
-    TOUCHED = 1
-    OVER_RANGE = 2
-
-
-KINDS = tuple(Kind)
 
 
 class Judged(NamedTuple):
@@ -63,6 +59,7 @@ class Verdict(NamedTuple):
     reason: str
     whole: tuple[bool, ...]
     tells_now: bool
+    tells_force: bool
     tells_shear: bool
 
 
@@ -98,65 +95,6 @@ class Missing:
         return replace(self, blamed=sensor, gain_code=gain_code, most=most)
 
 
-class Passed(NamedTuple):
-    """What C published since a lane was begun: `frames`, and samples that came before theirs.
-
-    first_sequence, sequence: of the first and the last frame; without any, of the one before. number, kind, payload,
-    t_sample_ns, t_publish_ns: of the last message. arrival_ns: of the last frame. frame_us, frame_ns: the last frame's
-    time on the board's clock, and on the host's. latencies_s: sample → publish, of each frame. changes: the messages
-    whose kind differs from the one before.
-    """
-
-    frames: int
-    first_sequence: int
-    sequence: int
-    number: int
-    kind_number: int
-    payload: bytes
-    changes: tuple[bytes, ...]
-    arrival_ns: int
-    t_sample_ns: int
-    t_publish_ns: int
-    frame_us: int
-    frame_ns: int
-    latencies_s: list[float]
-
-    @property
-    def kind(self) -> Kind:
-        return KINDS[self.kind_number]
-
-
-class Lane:
-    """Lets C handle a pad's frames while they are healthy: lane.h."""
-
-    def __init__(self, compiled: _fast.Lane) -> None:
-        self.compiled = compiled
-
-    def begin(
-        self,
-        templates: Sequence[Template],
-        kind: Kind,
-        number: int,
-        sequence: int,
-        t_sample_ns: int,
-        frame_times: tuple[int, int],
-    ) -> None:
-        """Let C handle frames until end(). templates: one for each Kind. The others: of the last message; frame_times:
-        its frame's time on the board's clock (µs), and on the host's (ns)."""
-        quiet, touched, over_range = [(template.text, template.places) for template in templates]
-        times = t_sample_ns, *frame_times
-        self.compiled.begin((quiet, touched, over_range), kind, number, sequence % 2**32, *times)
-
-    def last_ns(self) -> int:
-        """When the last frame since begin() arrived (host clock, ns); 0 if there was none."""
-        return self.compiled.last_ns()
-
-    def end(self) -> Passed | None:
-        """Stop, and return what C handled since begin(); None if it made no message."""
-        passed = self.compiled.end()
-        return None if passed is None else Passed(*passed)
-
-
 class FastPath:
     """Judges frames in C, with the same results as `Estimator.read`: healthy ones, and those that lack just what the
     last frame in Python lacked.
@@ -165,16 +103,23 @@ class FastPath:
     Python judges the next frame.
     """
 
-    def __init__(self, parameters: DoubleTable, model: ContactModel, response: bytes | None) -> None:
-        assert isinstance(model.inference, CompiledInference)
+    def __init__(
+        self,
+        parameters: DoubleTable,
+        model: ContactModel | NoContactModel,
+        network: bytes | None,
+        response: bytes | None,
+    ) -> None:
         self._parameters = parameters
         self._memory = DoubleTable(_fast.MEMORY)
         self._judged = np.zeros(_fast.OUTCOME_BYTES // 8)  # what the last frame left for the samples that follow
         self._outcome = self._judged.data
-        self._pad = parameters.buffer, self._memory.buffer, self._outcome, response, model.inference.network
+        self._alone = parameters.buffer, self._memory.buffer, self._outcome, response, network
+        self._pad: tuple[Buffer | None, ...] = self._alone
+        self._around: tuple[Sighting, Sequence[NeighbourView]] | None = None
         self._lane: Lane | None = None
-        self._tells_shear = model.has_shear
-        self.verdict = Verdict("ok", "", (), False, False)
+        self._tells = isinstance(model, ContactModel), isinstance(model, ContactModel) and model.has_shear
+        self.verdict = Verdict("ok", "", (), False, *self._tells)
 
     @classmethod
     def of(
@@ -183,7 +128,7 @@ class FastPath:
         mounting: Mounting,
         tracking: TrackingModel,
         rest_temperature_c: float | None,
-        model: ContactModel,
+        model: ContactModel | NoContactModel,
         touch: TouchDetector,
         silicone: SiliconeFollower,
         hidden_gradient: HiddenGradient,
@@ -198,32 +143,57 @@ class FastPath:
         C serves contact models of the compiled network, whose error tables fit into tables.h. change_error (8, 5, M),
         repeats_allowed (N, 3).
         """
-        if not (AVAILABLE and model.plain and isinstance(model.inference, CompiledInference)):
+        if not AVAILABLE:
             return None
+        network, refiner = None, None
+        if isinstance(model, ContactModel):
+            if not (model.plain and isinstance(model.inference, CompiledInference)):
+                return None
+            network, refiner = model.inference.network, model.refiner
         parameters = DoubleTable(_fast.PARAMETERS)
         try:
             put_sensors(parameters, mounting, mounting.mounted(drawing), repeats_allowed, stopped_us)
             put_tracking(parameters, mounting, tracking, rest_temperature_c)
             put_silicone(parameters, silicone)
             put_hidden_gradient(parameters, hidden_gradient)
-            put_contact(parameters, mounting, drawing, change_error, touch, model, detection_limit_n)
+            put_touch(parameters, mounting, drawing, change_error, touch)
+            if isinstance(model, ContactModel):
+                put_contact(parameters, mounting, drawing, model, detection_limit_n)
             put_message(parameters, mounting, drawing.magnet.remanence_t)
             put_now(parameters, now)
         except ValueError:
             return None
         response = None if now is None else now.response
-        return cls(parameters, model, response if model.refiner is None else model.refiner.packed)
+        return cls(parameters, model, network, response if refiner is None else refiner.packed)
 
-    def judge(self, packed: Packed, sequence: int, device_time_us: int, temperature_c: float | None) -> Judged | None:
+    def be_among(self, own: Sighting, neighbours: Sequence[NeighbourView]) -> bool:
+        """From now on, tell in `own` where the magnet is seen, and reckon with these neighbours. False if C cannot."""
+        if self._around is not None and self._around[0] is own and self._around[1] == neighbours:
+            return True
+        if len(neighbours) > _fast.NEIGHBOURS or any(len(each.sighting.magnets) > 1 for each in neighbours):
+            return False
+        put_neighbours(self._parameters, neighbours)
+        seen = (own, *(each.sighting for each in neighbours))
+        self._pad, self._lane = (*self._alone, *(each.table.buffer for each in seen)), None
+        self._around = own, tuple(neighbours)
+        return True
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether it feels no neighbour."""
+        return self._around is None or not self._around[1]
+
+    def judge(self, frame: Frame) -> Judged | None:
         """Judge one frame. None, and the memory is unchanged, if the frame is not healthy in every respect."""
-        temperature_c = np.nan if temperature_c is None else temperature_c
-        judged = _fast.judge(*self._pad, packed, sequence, device_time_us, temperature_c)
+        temperature_c = np.nan if frame.temperature_c is None else frame.temperature_c
+        times = frame.device_time_us, frame.host_time_ns
+        judged = _fast.judge(self._pad, frame.packed, frame.sequence, *times, temperature_c)
         return None if judged is None else Judged(judged[0], judged[1], KINDS[judged[2]])
 
     def early(self, early: EarlySample) -> float | None:
         """Follow a sample that came before its frame, after judge() of a healthy one. Returns the board's time of the
         `now` that it tells, None if it tells none."""
-        return _fast.early(*self._pad, early.sensor, early.gain_code, *early.counts, early.device_time_us)
+        return _fast.early(self._pad, early.sensor, early.gain_code, *early.counts, early.device_time_us)
 
     def message(
         self, template: Template, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int, now_ns: int
@@ -256,8 +226,8 @@ class FastPath:
         frame wait for it: what Python judged, C does not know.
         """
         whole = tuple(bool(sensor.all()) for sensor in missing.used)
-        tells_now = self.tells_now and missing.gain_code < 0
-        self.verdict = Verdict(health, reason, whole, tells_now, self._tells_shear)
+        tells_now = self.tells_now and missing.gain_code < 0 and self.is_alone
+        self.verdict = Verdict(health, reason, whole, tells_now, *self._tells)
         self._judged.fill(0.0)
         for memory in memories:
             hand_over(memory, self._memory)

@@ -7,6 +7,7 @@
 
 /* What contact_message.py needs of a pad. */
 #define FMFTS_MESSAGE_PARAMETERS(X)                                                                                    \
+    X(has_model, 1)             /* 0: no contact model, so that places and forces are not known */                     \
     X(detection_limit_n, 1)                                                                                            \
     X(rest_variance, 6)                                                                                                \
     X(remanence_t, 1)                                                                                                  \
@@ -48,6 +49,8 @@ typedef struct {
     X(shear_x_sd_n, 1)                                                                                                 \
     X(shear_y_n, 1)                                                                                                    \
     X(shear_y_sd_n, 1)                                                                                                 \
+    X(displacement_m, 1)                                                                                               \
+    X(displacement_sd_m, 1)                                                                                            \
     X(position_m, 3)                                                                                                   \
     X(position_sd_m, 3)                                                                                                \
     X(axis, 3)                                                                                                         \
