@@ -29,7 +29,7 @@ def sighting_layout(magnets: int) -> dict[str, int]:
     """The parts of a Sighting, and how many doubles each has. C knows that of one magnet: FMFTS_SIGHTING in step.h."""
     return {
         "last": NEIGHBOUR_VALUES * magnets,
-        "covariance": (COLUMNS * magnets) ** 2,
+        "covariance": COLUMNS * magnets * COLUMNS * magnets,
         "time_ns": 1,
         "rest": NEIGHBOUR_VALUES * magnets,
         "rest_error": 2 * magnets,
