@@ -75,6 +75,7 @@ class Chip:
     the slowest chip; a rate of 0: it takes no such word. clock_tolerance: relative, of the chip's own clock.
     noise_t: standard deviation of one sample at the rate that serves 220 Hz. noises_t: of each of output_rates_hz,
     empty where it is the same at all. single_noise_t: of a measurement at the host's word; None: noise_t.
+    zero_t: what an axis typically tells where there is no field; None: no source that we could read tells it.
     sensitivity_per_k: relative change of the counts with temperature.
     thermometer: None where the chip has none that can be used. bias_strap: None where it has no self-test of its gains.
     own_field: the self-test of others, on I2C only.
@@ -104,6 +105,7 @@ class Chip:
     noise_t: float
     noises_t: tuple[float, ...] = ()
     single_noise_t: float | None = None
+    zero_t: float | None = None
     sensitivity_per_k: float
     thermometer: Thermometer | None
     bias_strap: BiasStrap | None
