@@ -37,7 +37,8 @@ def page(text: str) -> str:
 
 def _abilities() -> str:
     columns = ("chip", "ranges, G", "step, mG", "noise, mG, at rates, Hz", "time of a triggered one",
-               "age of a free one, ms, at rates, Hz", "temperature", "self-test", "addresses", "supply, price of a board")  # fmt: skip
+               "age of a free one, ms, at rates, Hz", "temperature", "self-test", "addresses",
+               "supply, price of a board")  # fmt: skip
     rows = (
         (
             f"{chip.label}<br>`{chip.name}`",
