@@ -3,7 +3,7 @@
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board;
 #              HAND=1: five boards on a page in a browser, beside what a fixed baseline would say)
 # make chips-for-a-day   every driver on its emulated chips for a day of their time: 6 to 15 minutes for each chip
-# make mould   the mould of a pad for a printer, as STL: needs OpenSCAD
+# make mould   the mould of a pad of other sizes for a printer, as STL: needs OpenSCAD (hardware/ has the standard pad's)
 # make chips-page   write docs/chips.md anew from the chips' descriptions
 # make transcript   type the first use of README on the firmware's host build, and write what is said into README
 # make page-drills  the page under load: many pads, pages and strangers, an hour's run, the first use of a board
@@ -67,7 +67,8 @@ endif
 chips-for-a-day: $(VENV)/.installed-test
 	$(BIN)/python tests/drills/chips_for_a_day.py $(CHIPS_FOR_A_DAY)
 
-# The mould of docs/build-a-pad.md for a printer: build/mould-tray.stl and -lid.stl. Another pad: MOULD="-D pad_size=[30,30,4]".
+# The mould of docs/build-a-pad.md for a printer: build/mould-tray.stl and -lid.stl. hardware/ holds those of
+# the standard pad; after a change of the source copy them there. Another pad: MOULD="-D pad_size=[30,30,4]".
 MOULD ?=
 mould:
 	@$(call need,$(call missing_packages,openscad),exit 1)
@@ -102,6 +103,7 @@ processes clock slow: firmware-for-tests
 # Builds the firmware before the tests, so that several tests do not build it at once; the tests report what failed.
 firmware-for-tests: | test-packages
 	-@$(MAKE) --no-print-directory -s -k -C firmware host stm32 stm32-clang rp2040 >/dev/null
+	-@$(MAKE) --no-print-directory -s -C firmware rp2040 BOARD=qtpy >/dev/null
 
 test-firmware-long: test-packages $(VENV)/.installed-test
 	FMFTS_EMULATED_SECONDS=30 $(BIN)/python -m pytest tests/firmware/test_emulator_stream.py --durations=5

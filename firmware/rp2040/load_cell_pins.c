@@ -2,9 +2,10 @@
 
 #include <stddef.h>
 
+#include "pins.h"
 #include "registers.h"
 
-enum { DATA_PIN = 10, CLOCK_PIN = 11 };
+enum { DATA_PIN = PIN_LOAD_CELL_DATA, CLOCK_PIN = PIN_LOAD_CELL_CLOCK };
 
 static bool data_is_high(void *context)
 {

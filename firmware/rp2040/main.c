@@ -1,4 +1,4 @@
-// The firmware core on an RP2040 (Raspberry Pi Pico). Pins: docs/firmware.md.
+// The firmware core on an RP2040 (Raspberry Pi Pico, QT Py RP2040). Pins: docs/firmware.md.
 #include <string.h>
 
 #include "../core/device.h"
@@ -7,6 +7,7 @@
 #include "host_link.h"
 #include "i2c.h"
 #include "load_cell_pins.h"
+#include "pins.h"
 #include "registers.h"
 
 enum {
@@ -17,7 +18,6 @@ enum {
     SYS_DIVIDERS = 6 << 16 | 2 << 12,
     USB_MULTIPLIER = 100, // 1200 MHz, by 5 and by 5
     USB_DIVIDERS = 5 << 16 | 5 << 12,
-    CRYSTAL_STARTUP = 47, // times 256 cycles: 1 ms
     POWER_UP_US = 10000,  // muxes and sensors answer 0.2 ms after power-up, and the supply may rise slowly
     // The longest turn of the main loop, with a bus that stays stuck, takes a few ms. It counts two for each microsecond
     // (erratum RP2040-E1).
@@ -25,8 +25,8 @@ enum {
 };
 
 static struct i2c_port ports[PORTS] = {
-    {.registers = I2C0, .sda = 4, .scl = 5, .mux_reset = 8, .clock_hz = CORE_HZ},
-    {.registers = I2C1, .sda = 6, .scl = 7, .mux_reset = 9, .clock_hz = CORE_HZ},
+    {.registers = I2C0, .sda = PIN_SDA_1, .scl = PIN_SCL_1, .mux_reset = PIN_RESET_1, .clock_hz = CORE_HZ},
+    {.registers = I2C1, .sda = PIN_SDA_2, .scl = PIN_SCL_2, .mux_reset = PIN_RESET_2, .clock_hz = CORE_HZ},
 };
 static const uint8_t port_numbers[PORTS] = {1, 2};
 static struct bus buses[PORTS];

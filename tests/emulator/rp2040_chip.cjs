@@ -91,7 +91,8 @@ function start() {
     chip.clock.nanosCounter = nanos;
     chip.sram.set(flash.subarray(0, 256), BOOT2 - 0x20000000);
     chip.core.PC = BOOT2;
-    for (const pin of [4, 5, 6, 7, 8, 9]) chip.gpio[pin].setInputValue(true); // pull-ups
+    // pull-ups: of a Pico's pins, and of a QT Py's
+    for (const pin of [4, 5, 6, 7, 8, 9, 22, 23, 24, 25, 26, 27]) chip.gpio[pin].setInputValue(true);
 }
 
 addFlash(chip, FLASH_ID, (text) => say(`complaint ${text}`));

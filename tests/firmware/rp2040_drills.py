@@ -51,12 +51,11 @@ KINDS: dict[str, tuple[type[Any], int, int]] = {  # gain code and rate
 class Stream:
     """A board and what it has said."""
 
-    def __init__(self, kind: str = "hmc5983", channels: Sequence[int] = range(4)) -> None:
-        make("rp2040")
+    def __init__(self, kind: str = "hmc5983", channels: Sequence[int] = range(4), board: str = "pico") -> None:
+        make("rp2040", f"BOARD={board}")
+        image = FIRMWARE / f"build/fmfts-rp2040{'' if board == 'pico' else '-' + board}.bin"
         self.decoder, self.packets = Decoder(), list[Packet]()
-        self.board = Rp2040Board(
-            LIBRARY, FIRMWARE / "build/fmfts-rp2040.bin", lambda n, time_s: self._made(kind, n, time_s), channels
-        )
+        self.board = Rp2040Board(LIBRARY, image, lambda n, time_s: self._made(kind, n, time_s), channels)
 
     @staticmethod
     def _made(kind: str, channel: int, time_s: Callable[[], float]) -> Any:
@@ -101,8 +100,8 @@ class Stream:
 def opened() -> Iterator[Callable[[str], Stream]]:
     streams: list[Stream] = []
 
-    def open_stream(kind: str = "hmc5983", channels: Sequence[int] = range(4)) -> Stream:
-        streams.append(Stream(kind, channels))
+    def open_stream(kind: str = "hmc5983", channels: Sequence[int] = range(4), board: str = "pico") -> Stream:
+        streams.append(Stream(kind, channels, board))
         return streams[-1]
 
     yield open_stream
@@ -124,6 +123,25 @@ def test_it_boots_says_who_is_there_and_streams_every_frame(opened: Callable[...
     assert abs(stream.board.baud / 460_800 - 1) < 0.001
     assert (stream.decoder.crc_errors, stream.decoder.garbage_bytes, stream.board.mux.conflicts) == (0, 0, 0)
     assert stream.board.now_s == pytest.approx(samples[-1].time_us * 1e-6, abs=0.02)
+
+
+def test_a_qt_py_streams_every_frame_over_its_usb_and_lets_go_of_its_own_lines(opened: Callable[..., Stream]) -> None:
+    """Which pins the I2C has, the emulator does not see but when a line is held: SDA of port 1 is GPIO 24 there."""
+    stream = opened(board="qtpy")
+    stream.open_usb()
+    stream.run_over_usb(0.4)
+    samples = [packet for packet in stream.run_over_usb(1.0) if isinstance(packet, Sample)]
+    assert abs(len(samples) - 220) <= 1
+    assert all(sample.valid == 15 for sample in samples)
+    stream.board.hold(4, False)  # the Pico's SDA
+    samples = [packet for packet in stream.run_over_usb(0.2) if isinstance(packet, Sample)]
+    assert samples[-1].valid == 15
+    stream.board.hold(24, False)
+    samples = [packet for packet in stream.run_over_usb(0.2) if isinstance(packet, Sample)]
+    assert samples[-1].valid == 0
+    stream.board.hold(24, True)
+    samples = [packet for packet in stream.run_over_usb(0.5) if isinstance(packet, Sample)]
+    assert samples[-1].valid == 15
 
 
 def test_eight_sensors_become_one_pad_and_stay_one_when_the_watchdog_bites(opened: Callable[..., Stream]) -> None:

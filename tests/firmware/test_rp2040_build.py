@@ -50,6 +50,15 @@ def test_image_and_ram_fit_their_shares(image: bytes) -> None:
     assert f"flash {len(image)} of 24576 bytes, RAM " in line
 
 
+def test_a_qt_py_s_image_has_its_own_name_and_its_own_pins(image: bytes) -> None:
+    make("rp2040", "BOARD=qtpy")
+    other = (FIRMWARE / "build/fmfts-rp2040-qtpy.bin").read_bytes()
+    assert (FIRMWARE / "build/fmfts-rp2040-qtpy.uf2").stat().st_size == 512 * -(-len(other) // 256)
+    pico, qtpy = bytes([4, 5, 8]), bytes([24, 25, 26])  # SDA, SCL and RESET of port 1, as `struct i2c_port` has them
+    assert (pico in image, qtpy in image) == (True, False)
+    assert (pico in other, qtpy in other) == (False, True)
+
+
 def test_rom_accepts_the_boot_block(image: bytes) -> None:
     assert struct.unpack_from("<I", image, 252)[0] == crc32_of_the_rom(image[:252])
 

@@ -15,6 +15,7 @@ from fmfts.baseline.unknowns import Unknowns
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FREE_FIELD, FREE_PAPER, dipole_field, displacement, solve
 from fmfts.pose.field_errors import change_since
+from fmfts.sensor.chips.lis3mdl import LIS3MDL
 from fmfts.sensor.frame import Frame
 
 HAND_PLACED = replace(TOLERANCE, sensor_rotation_rad=np.radians(1.5), cross_axis=0.002)
@@ -131,6 +132,31 @@ def test_turned_robot_may_record_again(world: World, pad: Pad) -> None:
 def test_magnet_still_mounted_is_no_bare_field(world: World, pad: Pad) -> None:
     with pytest.raises(BaselineError, match=r"without the pad.*still mounted"):
         make_bare(pad, TOLERANCE, world.recorded(world.field()))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_chips_whose_zero_is_off_as_their_data_sheet_says_are_no_magnet(pad: Pad, seed: int) -> None:
+    """A zero of 1 G is typical of the LIS3MDL: such a bare recording is accepted, and what it says is taken away."""
+    world = World(replace(pad, chip=LIS3MDL), np.random.default_rng(seed))
+    zero_t = LIS3MDL.zero_t * world.random.choice([-1.0, 1.0], (4, 3))
+    before = make_bare(world.pad, TOLERANCE, world.recorded(world.bare() + zero_t))
+    _, mounting = make_rest(world.pad, TOLERANCE, world.recorded(world.field() + zero_t), before)
+    assert abs(mounting.remanence_t(pad) / world.remanence_t - 1.0) < 0.05
+
+
+@pytest.mark.parametrize("upside", [1.0, -1.0])
+def test_magnet_still_mounted_is_seen_by_its_pattern_where_zeros_are_as_large(pad: Pad, upside: float) -> None:
+    world = World(replace(pad, chip=LIS3MDL), np.random.default_rng(3))
+    turned = replace(world.rest, axis=upside * world.rest.axis)
+    zero_t = LIS3MDL.zero_t * world.random.uniform(-1.0, 1.0, (4, 3))
+    with pytest.raises(BaselineError, match=r"of the drawn magnet's field without the pad: is it still mounted"):
+        make_bare(world.pad, TOLERANCE, world.recorded(world.field(turned) + zero_t))
+
+
+def test_magnet_close_by_is_more_than_a_zero(pad: Pad) -> None:
+    world = World(replace(pad, chip=LIS3MDL), np.random.default_rng(3))
+    with pytest.raises(BaselineError, match=r"at most 500 µT are plausible.*zero of a LIS3MDL.*100 µT"):
+        make_bare(world.pad, TOLERANCE, world.recorded(world.bare() + np.array([0.0, 0.0, 6e-4])))
 
 
 class TestFile:

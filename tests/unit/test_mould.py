@@ -29,13 +29,30 @@ def triangles(folder: Path, part: str) -> np.ndarray:
     """(K, 3, 3) corners in millimetres, each triangle's in the order that makes it point outward."""
     ended = made(folder, f'part="{part}"')
     assert ended.returncode == 0, ended.stderr
-    numbers = re.findall(r"vertex (\S+) (\S+) (\S+)", (folder / "part.stl").read_text())
+    return read((folder / "part.stl").read_text())
+
+
+def read(stl: str) -> np.ndarray:
+    numbers = re.findall(r"vertex (\S+) (\S+) (\S+)", stl)
     return np.array(numbers, float).reshape(-1, 3, 3)
 
 
 def volume_mm3(body: np.ndarray) -> float:
     """Of a closed body; negative where it is inside out."""
     return float(np.einsum("ki,ki->", body[:, 0], np.cross(body[:, 1], body[:, 2])) / 6.0)
+
+
+@pytest.mark.parametrize("part", ["tray", "lid"])
+def test_the_file_that_is_printed_is_what_the_source_makes(part: str, tmp_path: Path) -> None:
+    """The same triangles in any order, each beginning anywhere: what versions of OpenSCAD may differ in."""
+    kept = (MOULD.parent / f"mould-{part}.stl").read_text()
+    made_now = triangles(tmp_path, part)
+    assert _turned(read(kept)) == _turned(made_now), "run `make mould`, and copy build/mould-*.stl to hardware/"
+
+
+def _turned(body: np.ndarray) -> list[list[tuple[float, ...]]]:
+    corners = [[tuple(corner) for corner in one] for one in (body.round(3) + 0.0).tolist()]
+    return sorted(min(one[i:] + one[:i] for i in range(3)) for one in corners)
 
 
 @pytest.mark.parametrize("part", ["tray", "lid"])

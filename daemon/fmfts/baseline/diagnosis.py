@@ -8,7 +8,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.elementary import log
+from fmfts.arithmetic.elementary import log, square
 from fmfts.arithmetic.matrix import lengths
 from fmfts.baseline.mounting import Mounting, estimate_mounting
 from fmfts.baseline.recording import BaselineError, Recording
@@ -16,6 +16,7 @@ from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.baseline.suspicions import Assumption, Fault, faults_alone, faults_in_company, no_magnet
 from fmfts.common.chi2 import quantile
 from fmfts.pad import Pad, Tolerance
+from fmfts.pose.magnets import Magnets, sum_of_fields
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,12 @@ FALSE_REFUSAL = 1e-5
 LARGEST_STRAIN = 5.0
 # The Earth's field plus that of a robot's own steel; more means a magnet or iron close by.
 LARGEST_AMBIENT_T = 2e-4
+# A chip's typical zero is taken as one deviation of each axis; of three axes together fewer than one in a thousand is
+# further than this beyond what the Earth's field leaves of LARGEST_AMBIENT_T.
+LARGEST_ZERO = 3.0
+# So much of the drawn magnet's field is a magnet. With zeros of the LIS3MDL the share errs by 0.23 (standard pad): one
+# bare pad in a thousand is refused; of mounted ones one in seven is not, and then `--rest` finds no magnet.
+MAGNET_SHARE = 0.75
 # Two causes are alike if one is not ten times as probable as the other: in units of −2 ln of the evidence.
 ALIKE = 2.0 * 2.303
 MOST_TOLD = 3
@@ -48,14 +55,31 @@ class MisfitError(BaselineError):
 
 
 def check_bare(pad: Pad, bare: Recording) -> None:
-    """BaselineError if the field without the pad is too strong for the robot's surroundings."""
+    """BaselineError if the field without the pad is too strong for the robot's surroundings and the chips' zeros."""
+    zero_t = pad.chip.zero_t or 0.0
+    limit_t = LARGEST_AMBIENT_T + LARGEST_ZERO * zero_t
     size = lengths(bare.mean_t)
-    if size.max() > LARGEST_AMBIENT_T:
+    if size.max() > limit_t:
         sensor = int(np.argmax(size))
+        own = f", and the zero of {pad.chip.named} is typically off by {zero_t * 1e6:.0f} µT an axis" if zero_t else ""
         raise BaselineError(
-            f"sensor {sensor + 1} sees {size[sensor] * 1e6:.0f} µT without the pad (the Earth's field has 25–65 µT): "
+            f"sensor {sensor + 1} sees {size[sensor] * 1e6:.0f} µT without the pad; at most {limit_t * 1e6:.0f} µT are "
+            f"plausible (the Earth's field has 25–65 µT{own}): "
             "is the magnet still mounted, or steel or another magnet nearby?"
         )
+    # Where zeros may be as large as the magnet's field, only its pattern over the sensors tells them apart.
+    if zero_t and pad.are_magnets_known and abs(share := _magnet_share(pad, bare)) > MAGNET_SHARE:
+        raise BaselineError(
+            f"the sensors see {share:+.0%} of the drawn magnet's field without the pad: is it still mounted? If not, "
+            "move the sensors away from other magnets, and record --bare again."
+        )
+
+
+def _magnet_share(pad: Pad, bare: Recording) -> float:
+    """How much of the drawn magnets' field at rest is in what differs between the sensors, by least squares."""
+    drawn = sum_of_fields(Magnets.drawn(pad), pad.sensors.position_m)
+    pattern = drawn - drawn.mean(axis=0)
+    return float((pattern * pad.sensors.to_pad(bare.mean_t)).sum() / square(pattern).sum())
 
 
 def estimate_and_judge(

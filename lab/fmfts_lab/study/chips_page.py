@@ -36,8 +36,9 @@ def page(text: str) -> str:
 
 
 def _abilities() -> str:
-    columns = ("chip", "ranges, G", "step, mG", "noise, mG, at rates, Hz", "time of a triggered one", "temperature",
-               "self-test", "addresses", "supply, price of a board")  # fmt: skip
+    columns = ("chip", "ranges, G", "step, mG", "noise, mG, at rates, Hz", "time of a triggered one",
+               "age of a free one, ms, at rates, Hz", "temperature", "self-test", "addresses",
+               "supply, price of a board")  # fmt: skip
     rows = (
         (
             f"{chip.label}<br>`{chip.name}`",
@@ -45,6 +46,7 @@ def _abilities() -> str:
             _steps(chip),
             _noises(chip),
             f"{chip.single_conversion_s * 1e3:.3g} ms" if chip.has_trigger else "no",
+            _ages(chip),
             "no" if chip.thermometer is None else f"{chip.thermometer.c_per_count:.2g} °C a step",
             _selftest(chip),
             ", ".join(f"0x{each:02X}" for each in chip.addresses),
@@ -77,6 +79,12 @@ def _noises(chip: Chip) -> str:
     if len(set(noises)) == 1:
         return f"{noises[0]} up to {rates[-1]:g}"
     return ", ".join(f"{noise} at {rate:g}" for noise, rate in zip(noises, rates, strict=True))
+
+
+def _ages(chip: Chip) -> str:
+    """The largest mean age: half a period until a frame takes the sample, and half a conversion, at most a period."""
+    rates = [rate for rate in chip.output_rates_hz if 70.0 <= rate <= chip.free_rate_hz]
+    return ", ".join(f"{1e3 / rate:.2g} at {rate:g}" for rate in rates)
 
 
 def _worth(rows: Sequence[Row]) -> str:

@@ -96,6 +96,7 @@ class Chip:
     the slowest chip; a rate of 0: it takes no such word. clock_tolerance: relative, of the chip's own clock.
     noise_t: standard deviation of one sample at the rate that serves 220 Hz. noises_t: of each of output_rates_hz,
     empty where it is the same at all. single_noise_t: of a measurement at the host's word; None: noise_t.
+    zero_t: what an axis typically tells where there is no field; None: no source that we could read tells it.
     sensitivity_per_k: relative change of the counts with temperature.
     offset_t_per_k: deviation of the drift of each axis's offset. No data sheet says what set and reset pulses leave:
     assumed, a fifteenth of the HMC5983's count.
@@ -127,6 +128,7 @@ class Chip:
     noise_t: float
     noises_t: tuple[float, ...] = ()
     single_noise_t: float | None = None
+    zero_t: float | None = None
     sensitivity_per_k: float
     offset_t_per_k: float = 1e-8
     thermometer: Thermometer | None

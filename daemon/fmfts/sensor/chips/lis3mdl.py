@@ -94,6 +94,7 @@ LIS3MDL = Chip(
     # number of measurements that each averages: no data sheet tells them.
     noises_t=tuple(mg * 1e-3 * TESLA_PER_GAUSS for mg in (3.2, 3.2, 4.6, 6.1, 8.1)),
     single_noise_t=3.2e-3 * TESLA_PER_GAUSS,
+    zero_t=1.0 * TESLA_PER_GAUSS,  # table 3: zero-gauss level, typical
     sensitivity_per_k=-0.0003,
     thermometer=Thermometer(at_zero_c=25.0, c_per_count=1 / 8, range_c=(-40.0, 85.0)),
     bias_strap=None,
