@@ -25,7 +25,7 @@ INTERRUPT_PIN, BURST_OF_ALL = 0x8000, ALL << 6  # of register 1; a burst rate of
 # Of register 2. OSR2 0, OSR 0, DIG_FILT in bits 4–2, RES_Z, RES_Y and RES_X in 10–5. RES picks 16 of 19 bits. With
 # RES 0 and 1 a field beyond the range wraps around, and reads as another field; with RES 2 the converter's own end
 # (±22000 counts) is reached first, so that it can be told (section 16.2.6).
-# OSR 0, because T = 67 + 64 2^OSR (2 + 2^DIG_FILT) µs an axis: of pairs that average as many samples it is the shortest.
+# OSR 0: T = 67 + 64 2^OSR (2 + 2^DIG_FILT) µs an axis; of pairs that average as many samples it is the shortest.
 RESOLUTION = 2
 RESOLUTIONS = RESOLUTION << 9 | RESOLUTION << 7 | RESOLUTION << 5
 FINEST_GAIN_SEL = 7
