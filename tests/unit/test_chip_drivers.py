@@ -287,4 +287,5 @@ def test_a_scan_names_the_mlx90393_of_every_order_code_at_each_of_its_pins(clock
     _, bus = emulated_pad(
         clock, "mlx90393", [chip_of(clock, "mlx90393", address=one) for one in addresses], muxed=False
     )
-    assert [(chip.name, where) for chip, where in chips_answering(bus)] == [("mlx90393", one) for one in addresses]  # type: ignore[arg-type]
+    found = [(chip.name, where) for chip, where in chips_answering(bus)]  # type: ignore[arg-type]
+    assert found == [("mlx90393", one) for one in addresses]
