@@ -16,6 +16,7 @@ from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.driver import Setup
 from fmfts.sensor.chips.recognised import why_not
 from fmfts.sensor.i2c.bus import ChipWires
+from fmfts.sensor.i2c.others import chips_answering
 from fmfts.sensor.wire.packets import SensorState
 
 __all__ = ["clock"]
@@ -278,3 +279,13 @@ def test_a_strong_magnet_leaves_nothing_in_the_mmc5983ma(clock: Clock) -> None:
         assert one.magnetised
         one.field_gauss = list(FIELD_GAUSS)
         assert (last_counts(run(pad, clock, 0.1, 100))[0] == good).all()
+
+
+@pytest.mark.parametrize("first", [0x0C, 0x10, 0x14, 0x18], ids=hex)
+def test_a_scan_names_the_mlx90393_of_every_order_code_at_each_of_its_pins(clock: Clock, first: int) -> None:
+    addresses = list(range(first, first + 4))
+    _, bus = emulated_pad(
+        clock, "mlx90393", [chip_of(clock, "mlx90393", address=one) for one in addresses], muxed=False
+    )
+    found = [(chip.name, where) for chip, where in chips_answering(bus)]  # type: ignore[arg-type]
+    assert found == [("mlx90393", one) for one in addresses]

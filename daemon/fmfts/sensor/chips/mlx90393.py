@@ -25,6 +25,7 @@ INTERRUPT_PIN, BURST_OF_ALL = 0x8000, ALL << 6  # of register 1; a burst rate of
 # Of register 2. OSR2 0, OSR 0, DIG_FILT in bits 4–2, RES_Z, RES_Y and RES_X in 10–5. RES picks 16 of 19 bits. With
 # RES 0 and 1 a field beyond the range wraps around, and reads as another field; with RES 2 the converter's own end
 # (±22000 counts) is reached first, so that it can be told (section 16.2.6).
+# OSR 0: T = 67 + 64 2^OSR (2 + 2^DIG_FILT) µs an axis; of pairs that average as many samples it is the shortest.
 RESOLUTION = 2
 RESOLUTIONS = RESOLUTION << 9 | RESOLUTION << 7 | RESOLUTION << 5
 FINEST_GAIN_SEL = 7
@@ -119,7 +120,9 @@ MLX90393 = Chip(
     label="MLX90393",
     driver=_Registers(),
     address=0x0C,
-    other_addresses=(0x0D, 0x0E, 0x0F, 0x10, 0x18, 0x19, 0x1A, 0x1B),  # pins A0, A1; two bits by the order code
+    # Pins A0 and A1 choose one of four. The order code chooses the first: ABA-011 0x0C, 012 0x10, 013 0x14, 014 0x18,
+    # and 0x10 of SLQ-ABA-011 and ABA-111 (RT-Thread's driver; the data sheet's ordering table could not be read).
+    other_addresses=tuple(range(0x0D, 0x1C)),
     identity=b"\x00\x00\x0c",  # status without mode and error; HALLCONF
     identity_mask=b"\xf0\x00\x0f",
     ranges_gauss=(132.0, 176.0, 220.0, 264.0, 331.0, 397.0),  # of x and y; z: 1.6 times as much
