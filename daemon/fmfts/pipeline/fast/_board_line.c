@@ -27,6 +27,25 @@ static int publish(const fmfts_bus *bus, const fmfts_published_lane *published)
            send(bus, last->text, last->size, DONT_WAIT);
 }
 
+bool fmfts_send_all(fmfts_bus *bus)
+{
+    bool sent = true;
+    for (int i = 0; i < bus->unsent_count; i++) {
+        bus->unsent[i]->is_unsent = false;
+        sent = sent && publish(bus, bus->unsent[i]);
+    }
+    bus->unsent_count = 0;
+    return sent;
+}
+
+/* Leaves the lane's last message to be sent together with others. */
+static bool publish_later(fmfts_bus *bus, fmfts_published_lane *published)
+{
+    published->is_unsent = true;
+    bus->unsent[bus->unsent_count++] = published;
+    return bus->unsent_count < FMFTS_TOGETHER || fmfts_send_all(bus);
+}
+
 /* Handles the frames in bus->bytes [0, size), as fmfts_pass does. */
 static bool pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t arrival_ns)
 {
@@ -39,7 +58,7 @@ static bool pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t ar
         unsigned pad_index = bytes > 2 ? text[2] & 15 : FMFTS_WIRE_PADS;
         PyObject *object = pad_index < FMFTS_WIRE_PADS ? line->lane[pad_index] : NULL;
         fmfts_published_lane *published = object ? fmfts_lane_of(object) : NULL;
-        if (object && !published) {
+        if ((object && !published) || (published && published->is_unsent && !fmfts_send_all(bus))) {
             return false;
         }
         fmfts_verdict verdict =
@@ -54,7 +73,7 @@ static bool pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t ar
             continue;
         }
         line->has_news |= published->lane.changes > 0;
-        if (!publish(bus, published)) {
+        if (!publish_later(bus, published)) {
             return false;
         }
     }

@@ -9,12 +9,18 @@
 enum {
     FMFTS_READ_BYTES = 4096, /* the most that Linux hands over of a serial line at once */
     FMFTS_ROOM = 3 * FMFTS_READ_BYTES,
+    /* So many messages are sent together: ZeroMQ's thread, once awake, writes all of them at once. To wake it for each takes a
+     * sixth of the processor time of 64 pads. The first one waits for the frames of seven others, 0.2 ms. */
+    FMFTS_TOGETHER = 8,
 };
 
-/* Publishes contacts. send: zmq_send of the libzmq that made `socket`. bytes: room for what is read. */
+/* Publishes contacts. send: zmq_send of the libzmq that made `socket`. unsent: lanes whose last message was not sent yet.
+ * bytes: room for what is read. */
 typedef struct {
     int (*send)(void *socket, const void *data, size_t size, int flags);
     void *socket;
+    fmfts_published_lane *unsent[FMFTS_TOGETHER];
+    int unsent_count;
     uint8_t bytes[FMFTS_ROOM];
 } fmfts_bus;
 
@@ -36,5 +42,8 @@ bool fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t
 
 /* Like fmfts_pass, with all bytes that wait at the descriptor. */
 bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, fmfts_patience patience);
+
+/* Sends what fmfts_pass and fmfts_serve left unsent. False and an exception if a contact could not be sent. */
+bool fmfts_send_all(fmfts_bus *bus);
 
 #endif

@@ -13,6 +13,7 @@ extern PyTypeObject *fmfts_lane_type;
 typedef struct {
     const void *topic;
     size_t topic_bytes;
+    bool is_unsent; /* its last message is one of the bus's unsent ones */
     fmfts_lane lane;
 } fmfts_published_lane;
 

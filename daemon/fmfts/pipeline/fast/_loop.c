@@ -189,7 +189,8 @@ static PyObject *loop_take(PyObject *object, PyObject *args)
         return NULL;
     }
     bool waited = waits(line);
-    if (!line->needs_python && !fmfts_pass(line, &self->bus, data, (size_t)size, (int64_t)arrival_ns, patience(self))) {
+    if (!line->needs_python && (!fmfts_pass(line, &self->bus, data, (size_t)size, (int64_t)arrival_ns, patience(self)) ||
+                                !fmfts_send_all(&self->bus))) {
         return NULL;
     }
     self->waiting += waits(line) - waited;
@@ -223,17 +224,19 @@ static int serve(loop_object *self, const struct epoll_event *events, int count,
         fmfts_board_line *line = line_of(self, events[i].data.fd);
         if (!line) {
             if (!add(wanted, events[i].data.fd)) {
+                fmfts_send_all(&self->bus);
                 return 0;
             }
         } else if (!line->needs_python) {
             bool waited = waits(line);
             if (!fmfts_serve(line, &self->bus, events[i].data.fd, patience(self))) {
+                fmfts_send_all(&self->bus);
                 return 0;
             }
             self->waiting += waits(line) - waited;
         }
     }
-    return 1;
+    return fmfts_send_all(&self->bus);
 }
 
 /* Adds one line that waits for Python to `wanted`, before others one that needs it. The lines take turns, so the lanes of
