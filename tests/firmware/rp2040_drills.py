@@ -173,7 +173,9 @@ def test_every_chip_arrives_as_its_field(opened: Callable[..., Stream], kind: st
     assert abs(len(samples) - rate_hz / 2) <= 1
     assert all(sample.valid == 15 for sample in samples)
     step_t = CHIPS[kind].step_t[gain_code]
-    assert samples[-1].counts * step_t == pytest.approx(np.array(FIELDS_GAUSS[:4]) * 1e-4, abs=float(np.abs(step_t).max()))
+    assert samples[-1].counts * step_t == pytest.approx(
+        np.array(FIELDS_GAUSS[:4]) * 1e-4, abs=float(np.abs(step_t).max())
+    )
     assert stream.ask(Verb.TRIGGER, 1) == 0
     if not CHIPS[kind].board_single_hz:  # it takes no trigger, and is there again when nobody asks for one
         stream.run(0.3)

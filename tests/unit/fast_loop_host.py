@@ -62,9 +62,9 @@ def link_of(config: PadConfig) -> tuple[Link, DeviceClock]:
 
 
 class Bus:
-    """A publisher's socket as the loop has it, and who hears all that goes out."""
+    """A publisher's socket as the loop has it, and who hears all that goes out. epoll: of a loop that waits."""
 
-    def __init__(self) -> None:
+    def __init__(self, epoll: int = -1) -> None:
         self._ours, self._theirs = (zmq.Context.instance().socket(kind) for kind in (zmq.PUB, zmq.SUB))
         for socket in (self._ours, self._theirs):
             socket.setsockopt(zmq.LINGER, 0)
@@ -76,7 +76,7 @@ class Bus:
         self._heard: dict[bytes, list[bytes]] = {}
         send = send_function()
         assert send is not None
-        self.loop = _fast.Loop(-1, send, int(self._ours.underlying), IN_TIME, BEHIND)
+        self.loop = _fast.Loop(epoll, send, int(self._ours.underlying), IN_TIME, BEHIND)
         while not self._theirs.poll(0):  # until the subscription has arrived
             self._ours.send_multipart((TOPIC, b""))
         self.heard()

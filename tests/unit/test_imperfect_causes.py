@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import replace
 from itertools import combinations
 
 import pytest
@@ -48,6 +49,19 @@ def test_pad_that_warms_by_15_k_after_a_turn_stays_ok(ambient: Ambient, seed: in
     by_name = {one.name: one for one in imperfections()}
     drifted = ImperfectPad(by_name["offset drift, 15 K"], ambient, seed, turned=True).said()
     assert (drifted.flagged, drifted.wrong) == (0, 0), drifted.text
+
+
+@pytest.mark.long
+def test_warm_pad_whose_thermometer_falls_silent_stays_ok() -> None:
+    """The last temperature is held: a sound sensor was blamed when what its offset had drifted no longer counted."""
+    by_name = {one.name: one for one in imperfections()}
+    pad = ImperfectPad(by_name["offset drift, 15 K"], "constant", 5, turned=True)
+    pipeline = pad.pipeline()
+    messages = [
+        pipeline.process(replace(frame, temperature_c=None) if number >= pad.begin else frame)
+        for number, frame in enumerate(pad.frames[: pad.end])
+    ]
+    assert {message.health for message in messages[pad.begin :]} == {"ok"}
 
 
 @pytest.mark.long

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -60,21 +61,29 @@ def pipelines_of(pads: tuple[PadConfig, PadConfig], baselines: dict[str, Baselin
     return pipelines
 
 
+def without_one(frame: Frame) -> Frame:
+    """As the firmware tells of a sensor that does not answer."""
+    there = np.array([True, False, True, True])
+    return replace(frame, valid=there, fresh=frame.fresh & there)
+
+
 @pytest.mark.parametrize("ambient", ["constant", "drifting"])
 @pytest.mark.parametrize("distance_mm", [25.0, 50.0])
 def test_two_pads_that_feel_each_other_say_the_same_in_c_and_in_python(distance_mm: float, ambient: Ambient) -> None:
+    """Also while one of them has lost a sensor."""
     pads = pair(distance_mm, ambient, seed=3)
     baselines = {pad.name: simulated_baseline(pad, neighbours_of(pad, pads)) for pad in pads}
     compiled, oracle = pipelines_of(pads, baselines), pipelines_of(pads, baselines)
     for pipeline in oracle.values():
         python_only(pipeline)
     kinds: Counter[Kind | None] = Counter()
-    for name, frame in frames_of(pads, 3.0):
+    for number, (name, whole) in enumerate(frames_of(pads, 3.0)):
+        frame = without_one(whole) if name == "first" and 400 < number < 800 else whole
         answer = compiled[name].answer(frame)
         packed = isinstance(answer, PackedMessage)
         kinds[answer.kind if packed else None] += 1
         assert_same(answer.message if packed else answer, oracle[name].process(frame))
-    assert kinds[None] < 20
+    assert kinds[None] < 40
     assert min(kinds[Kind.QUIET], kinds[Kind.TOUCHED]) > 300
     for pad in pads:  # what each remembers of the other, too
         ours, theirs = compiled[pad.name].be_felt(), oracle[pad.name].be_felt()

@@ -30,8 +30,8 @@ LARGEST_AMBIENT_T = 2e-4
 # A chip's typical zero is taken as one deviation of each axis; of three axes together fewer than one in a thousand is
 # further than this beyond what the Earth's field leaves of LARGEST_AMBIENT_T.
 LARGEST_ZERO = 3.0
-# So much of the drawn magnet's field is a magnet. With zeros of the LIS3MDL the share errs by 0.23 (standard pad): one
-# bare pad in a thousand is refused; of mounted ones one in seven is not, and then `--rest` finds no magnet.
+# So much of the drawn magnet's field is a magnet. With zeros of the LIS3MDL the share errs by 0.24 (standard pad): one
+# bare pad in four hundred is refused; of mounted ones one in seven is not, and then `--rest` finds no magnet.
 MAGNET_SHARE = 0.75
 # Two causes are alike if one is not ten times as probable as the other: in units of −2 ln of the evidence.
 ALIKE = 2.0 * 2.303
@@ -71,7 +71,8 @@ def check_bare(pad: Pad, bare: Recording) -> None:
     if zero_t and pad.are_magnets_known and abs(share := _magnet_share(pad, bare)) > MAGNET_SHARE:
         raise BaselineError(
             f"the sensors see {share:+.0%} of the drawn magnet's field without the pad: is it still mounted? If not, "
-            "move the sensors away from other magnets, and record --bare again."
+            "move the sensors away from other magnets, and record --bare again. Where that does not help, the chips' "
+            "own zeros happen to look like the magnet: exchange two of them."
         )
 
 

@@ -83,12 +83,6 @@ class BaselinedPad:
         turned_t = turn.turn().field_t / mounting.gain - mounting.rest_field_t
         return reference_of(self.pad, mounting.offset_t, turned_t)
 
-    def offset_drift_t(self, temperature_c: float | None) -> float:
-        """Deviation (T) of what the offset of each axis has drifted since rest; 0 where a temperature is not known."""
-        if temperature_c is None or self.temperature_c is None:
-            return 0.0
-        return abs(self.tracking.offset_t_per_k * (temperature_c - self.temperature_c))
-
     def with_calibration_uncertainty(
         self, estimate: PoseEstimate, of_silicone: Array, counted: Array | None = None
     ) -> PoseEstimate:

@@ -65,6 +65,7 @@ class EstimatorMemory:
     # Recordings of old versions lack these.
     silicone: SiliconeMemory = field(default_factory=SiliconeMemory)
     hidden_gradient: HiddenGradientMemory = field(default_factory=HiddenGradientMemory)
+    warmed_k: float = 0.0
 
 
 class Estimator:
@@ -198,6 +199,12 @@ class Estimator:
         matters = tracking.unread_warming_k > 0.0 and self.baselined.temperature_c is not None
         self.memory.unread_s = self.memory.unread_s + elapsed_s if temperature_c is None and matters and held else 0.0
 
+    def _drift_t(self, temperature_c: float | None) -> float:
+        """Deviation (T) of what the offset of each axis has drifted since rest, by the last temperature told."""
+        if temperature_c is not None and self.baselined.temperature_c is not None:
+            self.memory.warmed_k = temperature_c - self.baselined.temperature_c
+        return abs(self.baselined.tracking.offset_t_per_k * self.memory.warmed_k)
+
     def forget_touch(self) -> None:
         """Treat the pad as untouched until the next onset."""
         self._touch.forget()
@@ -257,7 +264,7 @@ class Estimator:
         not_stuck = aligned.repeats <= self.baselined.repeats_allowed
         field = self.mounting.magnet_field(np.where(not_stuck, aligned.field_t, np.nan))
         lasting, elsewhere = self.mounting.lasting_deviation_t(field, self._tracker.ambient_t), aligned.bend_t
-        drift_t = self.baselined.offset_drift_t(temperature_c)
+        drift_t = self._drift_t(temperature_c)
         if drift_t > 0.0:
             elsewhere = root_of_squares(elsewhere, drift_t)
         if neighbours:

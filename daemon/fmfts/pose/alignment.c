@@ -197,9 +197,11 @@ bool fmfts_align(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
         return false;
     }
     field->instant_us = instant;
-    double drift_t = parameters->offset_t_per_k[0] * (frame->temperature_c - parameters->rest_temperature_c[0]);
+    double warmed_k = frame->temperature_c - parameters->rest_temperature_c[0];
+    memory->warmed_k[0] = isnan(warmed_k) ? memory->warmed_k[0] : warmed_k;
+    double drift_t = parameters->offset_t_per_k[0] * memory->warmed_k[0];
     for (int axis = 0; axis < 3 * sensors; axis++) {
-        field->other_t2[axis] = isfinite(drift_t) ? drift_t * drift_t : 0.0; /* BaselinedPad.offset_drift_t */
+        field->other_t2[axis] = drift_t * drift_t;
         if (is_there(memory, axis / 3)) {
             interpolate(parameters, memory, axis, instant, field);
         } else {

@@ -112,6 +112,7 @@ enum {
     X(state, FMFTS_STATE)                                                                                              \
     X(covariance, FMFTS_STEP * FMFTS_STEP)                                                                             \
     X(warmth_variance, 1)                                                                                              \
+    X(warmed_k, 1)              /* Estimator: since rest, by the last temperature */                                   \
     X(misfit, 1)                                                                                                       \
     X(mean_t, FMFTS_AXES)       /* of the residuals */                                                                 \
     X(lasting_t2, FMFTS_AXES)                                                                                          \
@@ -137,7 +138,7 @@ enum {
 FMFTS_STRUCT(fmfts_pose_parameters, FMFTS_POSE_PARAMETERS)
 FMFTS_STRUCT(fmfts_pose_memory, FMFTS_POSE_MEMORY)
 
-/* Where a pad's magnet was last seen, in that pad's axes: Sighting of neighbour.py. time_ns: on the host's clock; NaN: never. */
+/* Where a pad's magnet was last seen, in that pad's axes: sighting.py. time_ns: on the host's clock; NaN: never. */
 #define FMFTS_SIGHTING(X)                                                                                              \
     X(last, FMFTS_PLACED)                                                                                              \
     X(covariance, FMFTS_MOVES * FMFTS_MOVES)                                                                           \

@@ -14,7 +14,7 @@ from fmfts.pad import Array
 from fmfts.sensor.chips import Chip
 
 # Each sample is the half difference of a set and a reset pulse, which cancels a bridge's offset and its drift (900425,
-# "H-Bridge for Set/Reset Strap Drive"). What two pulses leave is the chip's `offset_t_per_k`.
+# "H-Bridge for Set/Reset Strap Drive"). What is left is the chip's `offset_t_per_k`.
 # A field beyond the "disturbing field" of 20 G may leave a chip magnetised whose pulses are too weak: assumed, 10 mG.
 DISTURBED_T, DISTURBED_AT_S = 1e-6, 10.0
 # 1/f noise of a bare bridge equals its white noise at 10 Hz (900248, "Noise characteristics"). Set and reset pulses

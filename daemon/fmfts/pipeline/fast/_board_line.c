@@ -32,7 +32,7 @@ bool fmfts_send_all(fmfts_bus *bus)
     bool sent = true;
     for (int i = 0; i < bus->unsent_count; i++) {
         bus->unsent[i]->is_unsent = false;
-        sent = sent && publish(bus, bus->unsent[i]);
+        sent &= publish(bus, bus->unsent[i]);
     }
     bus->unsent_count = 0;
     return sent;

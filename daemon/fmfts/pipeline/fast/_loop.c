@@ -189,8 +189,9 @@ static PyObject *loop_take(PyObject *object, PyObject *args)
         return NULL;
     }
     bool waited = waits(line);
-    if (!line->needs_python && (!fmfts_pass(line, &self->bus, data, (size_t)size, (int64_t)arrival_ns, patience(self)) ||
-                                !fmfts_send_all(&self->bus))) {
+    bool passed = line->needs_python ||
+                  fmfts_pass(line, &self->bus, data, (size_t)size, (int64_t)arrival_ns, patience(self));
+    if (!fmfts_send_all(&self->bus) || !passed) { /* nothing unsent may outlive its lane */
         return NULL;
     }
     self->waiting += waits(line) - waited;
@@ -220,23 +221,18 @@ static int wait_once(loop_object *self, int64_t until_ns, struct epoll_event *ev
 /* Lets lanes handle what is readable; adds other descriptors to `wanted`. 0 and an exception if that failed. */
 static int serve(loop_object *self, const struct epoll_event *events, int count, PyObject *wanted)
 {
-    for (int i = 0; i < count; i++) {
+    bool served = true;
+    for (int i = 0; served && i < count; i++) {
         fmfts_board_line *line = line_of(self, events[i].data.fd);
         if (!line) {
-            if (!add(wanted, events[i].data.fd)) {
-                fmfts_send_all(&self->bus);
-                return 0;
-            }
+            served = add(wanted, events[i].data.fd);
         } else if (!line->needs_python) {
             bool waited = waits(line);
-            if (!fmfts_serve(line, &self->bus, events[i].data.fd, patience(self))) {
-                fmfts_send_all(&self->bus);
-                return 0;
-            }
+            served = fmfts_serve(line, &self->bus, events[i].data.fd, patience(self));
             self->waiting += waits(line) - waited;
         }
     }
-    return fmfts_send_all(&self->bus);
+    return fmfts_send_all(&self->bus) && served; /* nothing unsent may outlive its lane */
 }
 
 /* Adds one line that waits for Python to `wanted`, before others one that needs it. The lines take turns, so the lanes of

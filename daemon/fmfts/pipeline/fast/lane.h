@@ -22,7 +22,8 @@ typedef struct {
     const int32_t *place;
 } fmfts_template;
 
-/* One pad. Python owns what the pointers refer to, and does not touch it while the lane is begun. */
+/* One pad. Python owns what the pointers refer to, and does not touch it while the lane is begun, but for the sightings of
+ * other pads. All of it runs in one thread. */
 typedef struct {
     fmfts_pad pad;
     fmfts_memory *memory;

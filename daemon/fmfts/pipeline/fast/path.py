@@ -168,7 +168,7 @@ class FastPath:
 
     def be_among(self, own: Sighting, neighbours: Sequence[NeighbourView]) -> bool:
         """From now on, tell in `own` where the magnet is seen, and reckon with these neighbours. False if C cannot."""
-        if self._around is not None and self._around[0] is own and self._around[1] == neighbours:
+        if self._around is not None and self._around[0] is own and self._around[1] == tuple(neighbours):
             return True
         if len(neighbours) > _fast.NEIGHBOURS or any(len(each.sighting.magnets) > 1 for each in neighbours):
             return False

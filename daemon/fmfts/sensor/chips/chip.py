@@ -99,7 +99,7 @@ class Chip:
     zero_t: what an axis typically tells where there is no field; None: no source that we could read tells it.
     sensitivity_per_k: relative change of the counts with temperature.
     offset_t_per_k: deviation of the drift of each axis's offset. No data sheet says what set and reset pulses leave:
-    assumed, a fifteenth of the HMC5983's count.
+    assumed, a fifteenth of the HMC5983's count. For chips without such pulses it is a guess (unverified).
     thermometer: None where the chip has none that can be used. bias_strap: None where it has no self-test of its gains.
     own_field, set_reset: the self-tests of others, on I2C only.
     board_rates_hz: those of output_rates_hz that the firmware of boards uses; empty: it does not read this chip.
