@@ -173,7 +173,9 @@ def test_every_chip_arrives_as_its_field(opened: Callable[..., Stream], kind: st
     assert abs(len(samples) - rate_hz / 2) <= 1
     assert all(sample.valid == 15 for sample in samples)
     step_t = CHIPS[kind].step_t[gain_code]
-    assert samples[-1].counts * step_t == pytest.approx(np.array(FIELDS_GAUSS[:4]) * 1e-4, abs=float(np.abs(step_t).max()))
+    assert samples[-1].counts * step_t == pytest.approx(
+        np.array(FIELDS_GAUSS[:4]) * 1e-4, abs=float(np.abs(step_t).max())
+    )
     assert stream.ask(Verb.TRIGGER, 1) == 0
     if not CHIPS[kind].board_single_hz:  # it takes no trigger, and is there again when nobody asks for one
         stream.run(0.3)
@@ -323,11 +325,12 @@ def test_a_host_that_does_not_read_costs_whole_lines_and_nothing_after(opened: C
     assert (stream.decoder.crc_errors, stream.board.complaints) == (0, [])
 
 
-def test_a_reset_leaves_the_bus_and_comes_back(opened: Callable[..., Stream]) -> None:
+@pytest.mark.parametrize("in_handler", [False, True], ids=["program", "handler"])
+def test_a_reset_leaves_the_bus_and_comes_back(opened: Callable[..., Stream], in_handler: bool) -> None:
     stream = opened()
     stream.open_usb()
     stream.run_over_usb(0.2)
-    stream.board.hang()
+    stream.board.hang(in_handler)
     stream.board.run(0.3)  # the watchdog
     stream.board.over_usb.clear()
     stream.packets.clear()
