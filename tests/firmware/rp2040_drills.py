@@ -52,7 +52,7 @@ class Stream:
     """A board and what it has said."""
 
     def __init__(self, kind: str = "hmc5983", channels: Sequence[int] = range(4), board: str = "pico") -> None:
-        make("rp2040", f"BOARD={board}")
+        make("rp2040", f"RP2040_BOARD={board}")
         image = FIRMWARE / f"build/fmfts-rp2040{'' if board == 'pico' else '-' + board}.bin"
         self.decoder, self.packets = Decoder(), list[Packet]()
         self.board = Rp2040Board(LIBRARY, image, lambda n, time_s: self._made(kind, n, time_s), channels)
