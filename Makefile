@@ -103,7 +103,7 @@ processes clock slow: firmware-for-tests
 # Builds the firmware before the tests, so that several tests do not build it at once; the tests report what failed.
 firmware-for-tests: | test-packages
 	-@$(MAKE) --no-print-directory -s -k -C firmware host stm32 stm32-clang rp2040 >/dev/null
-	-@$(MAKE) --no-print-directory -s -C firmware rp2040 BOARD=qtpy >/dev/null
+	-@$(MAKE) --no-print-directory -s -C firmware rp2040 RP2040_BOARD=qtpy >/dev/null
 
 test-firmware-long: test-packages $(VENV)/.installed-test
 	FMFTS_EMULATED_SECONDS=30 $(BIN)/python -m pytest tests/firmware/test_emulator_stream.py --durations=5

@@ -1,5 +1,5 @@
-// Which pins this firmware takes on each board: `make rp2040` for a Raspberry Pi Pico, `make rp2040 BOARD=qtpy` for an
-// Adafruit QT Py RP2040.
+// Which pins this firmware takes on each board: `make rp2040` for a Raspberry Pi Pico, `make rp2040 RP2040_BOARD=qtpy`
+// for an Adafruit QT Py RP2040.
 #ifndef FMFTS_RP2040_PINS_H
 #define FMFTS_RP2040_PINS_H
 

@@ -64,9 +64,9 @@ class Rp2040Board:
     def hold(self, pin: int, level: bool) -> None:
         self._order(f"line {pin} {int(level)}")
 
-    def hang(self) -> None:
-        """The program runs into an endless loop."""
-        self._order("hang")
+    def hang(self, in_handler: bool = False) -> None:
+        """The main program runs into an endless loop, with interrupts going on; or an interrupt's handler does."""
+        self._order(f"hang {'handler' if in_handler else 'program'}")
 
     def _order(self, line: str) -> None:
         self._answer(line)

@@ -11,6 +11,7 @@ const { RP2040 } = require(library);
 const CYCLE_NS = 8; // 125 MHz
 const BYTE_NS = 22500; // eight bits and an acknowledgement at 400 kHz
 const BIT_NS = 2500;
+const HANG_PATIENCE_NS = 10e6;
 const BOOT2 = 0x20041f00; // where the ROM copies it
 const FLASH_ID = [0xe6, 0x61, 0x38, 0x52, 0x83, 0x0a, 0x5c, 0x21];
 
@@ -83,10 +84,18 @@ chip.peripherals[0x40058].onWatchdogTrigger = () => {
     resets = true;
 };
 
+// What a reset does to the core [ARMv6-M B1.5.5], but for the program's start; rp2040js leaves all of it as it was. A
+// handler that was running would keep every interrupt from the program that starts.
+function resetCore() {
+    const THREAD = 0;
+    Object.assign(chip.core, { currentMode: THREAD, IPSR: 0, PM: false, enabledInterrupts: 0, pendingInterrupts: 0, VTOR: 0 });
+}
+
 function start() {
     const nanos = chip.clock.nanos;
+    resetCore();
     chip.reset();
-    host.unplug();
+    host.resetController();
     chip.flash.set(flash);
     chip.clock.nanosCounter = nanos;
     chip.sram.set(flash.subarray(0, 256), BOOT2 - 0x20000000);
@@ -95,18 +104,34 @@ function start() {
     for (const pin of [4, 5, 6, 7, 8, 9, 22, 23, 24, 25, 26, 27]) chip.gpio[pin].setInputValue(true);
 }
 
+function step() {
+    chip.clock.tick(chip.core.executeInstruction() * CYCLE_NS);
+    if (resets) {
+        resets = false;
+        start();
+    }
+}
+
+// An endless loop in place of what runs next in an interrupt's handler, or outside of all.
+function hang(inHandler) {
+    const patience = chip.clock.nanos + HANG_PATIENCE_NS;
+    while ((chip.core.IPSR !== 0) !== inHandler && chip.clock.nanos < patience) step();
+    if ((chip.core.IPSR !== 0) !== inHandler) say(`complaint no ${inHandler ? "interrupt came" : "handler ended"}`);
+    chip.sram.set([0xfe, 0xe7], 0x41000); // b .
+    chip.core.PC = 0x20041000;
+}
+
 addFlash(chip, FLASH_ID, (text) => say(`complaint ${text}`));
 const host = new UsbHost(chip, say);
 start();
 watchData();
 for (;;) {
-    // `run SECONDS`, `line PIN LEVEL`, `hang`, `feed BYTE…` or `usb ORDER …`
+    // `run SECONDS`, `line PIN LEVEL`, `hang program` or `handler`, `feed BYTE…` or `usb ORDER …`
     const [verb, ...words] = ask(`ready ${seconds()} ${[...warnings].join("; ")}`).split(" ");
     if (verb === "line") {
         chip.gpio[Number(words[0])].setInputValue(words[1] === "1");
     } else if (verb === "hang") {
-        chip.sram.set([0xfe, 0xe7], 0x41000); // b .
-        chip.core.PC = 0x20041000;
+        hang(words[0] === "handler");
     } else if (verb === "usb") {
         const [order, ...numbers] = [words[0], ...words.slice(1).map(Number)];
         if (order === "plug") host.plug();
@@ -118,13 +143,6 @@ for (;;) {
         words.forEach((byte, place) => after(place * 21700, () => chip.uart[0].feedByte(Number(byte))));
     } else {
         const until = Number(words[0]) * 1e9;
-        while (chip.clock.nanos < until) {
-            const cycles = chip.core.executeInstruction();
-            chip.clock.tick(cycles * CYCLE_NS);
-            if (resets) {
-                resets = false;
-                start();
-            }
-        }
+        while (chip.clock.nanos < until) step();
     }
 }

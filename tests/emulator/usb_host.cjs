@@ -55,6 +55,13 @@ class UsbHost {
         this.usb.sieStatusUpdated();
     }
 
+    // With the chip: the pull-up goes, so the host takes the device for unplugged.
+    resetController() {
+        Object.assign(this.usb, { mainCtrl: 0, sieCtrl: 0, sieStatus: 0, buffStatus: 0, intRaw: 0, intEnable: 0, epStallArm: 0 });
+        this.usb.checkInterrupts();
+        this.unplug();
+    }
+
     unplug() {
         this.plugged = false;
         this.run = null;

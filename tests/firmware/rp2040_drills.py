@@ -52,7 +52,7 @@ class Stream:
     """A board and what it has said."""
 
     def __init__(self, kind: str = "hmc5983", channels: Sequence[int] = range(4), board: str = "pico") -> None:
-        make("rp2040", f"BOARD={board}")
+        make("rp2040", f"RP2040_BOARD={board}")
         image = FIRMWARE / f"build/fmfts-rp2040{'' if board == 'pico' else '-' + board}.bin"
         self.decoder, self.packets = Decoder(), list[Packet]()
         self.board = Rp2040Board(LIBRARY, image, lambda n, time_s: self._made(kind, n, time_s), channels)
@@ -325,11 +325,12 @@ def test_a_host_that_does_not_read_costs_whole_lines_and_nothing_after(opened: C
     assert (stream.decoder.crc_errors, stream.board.complaints) == (0, [])
 
 
-def test_a_reset_leaves_the_bus_and_comes_back(opened: Callable[..., Stream]) -> None:
+@pytest.mark.parametrize("in_handler", [False, True], ids=["program", "handler"])
+def test_a_reset_leaves_the_bus_and_comes_back(opened: Callable[..., Stream], in_handler: bool) -> None:
     stream = opened()
     stream.open_usb()
     stream.run_over_usb(0.2)
-    stream.board.hang()
+    stream.board.hang(in_handler)
     stream.board.run(0.3)  # the watchdog
     stream.board.over_usb.clear()
     stream.packets.clear()

@@ -51,12 +51,25 @@ def test_image_and_ram_fit_their_shares(image: bytes) -> None:
 
 
 def test_a_qt_py_s_image_has_its_own_name_and_its_own_pins(image: bytes) -> None:
-    make("rp2040", "BOARD=qtpy")
+    make("rp2040", "RP2040_BOARD=qtpy")
     other = (FIRMWARE / "build/fmfts-rp2040-qtpy.bin").read_bytes()
     assert (FIRMWARE / "build/fmfts-rp2040-qtpy.uf2").stat().st_size == 512 * -(-len(other) // 256)
     pico, qtpy = bytes([4, 5, 8]), bytes([24, 25, 26])  # SDA, SCL and RESET of port 1, as `struct i2c_port` has them
     assert (pico in image, qtpy in image) == (True, False)
     assert (pico in other, qtpy in other) == (False, True)
+
+
+def test_another_board_s_name_is_refused_where_the_rp2040_is_built_and_nowhere_else(
+    image: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("BOARD", "nucleo")  # Zephyr's shells have it
+    monkeypatch.setenv("RP2040_BOARD", "feather")
+    make("-n", "host")
+    with pytest.raises(AssertionError, match=r"RP2040_BOARD=feather is no board .* one of pico qtpy"):
+        make("rp2040")
+    monkeypatch.delenv("RP2040_BOARD")
+    make("rp2040")
+    assert (FIRMWARE / "build/fmfts-rp2040.bin").read_bytes() == image
 
 
 def test_rom_accepts_the_boot_block(image: bytes) -> None:

@@ -75,7 +75,7 @@ struct chip_place {
     uint8_t address;
 };
 
-enum { CHIP_PLACES = 14, CHIP_SATURATED = INT16_MIN };
+enum { CHIP_PLACES = 21, CHIP_SATURATED = INT16_MIN };
 
 extern const struct chip_place chip_places[CHIP_PLACES];
 extern const struct chip chip_hmc5983, chip_qmc5883l, chip_mmc5983ma, chip_mlx90393, chip_lis3mdl;
