@@ -113,6 +113,19 @@ def settled(bus: Bus) -> tuple[Host, bytes, int]:
     return host, reads[-1][0], reads[-1][1] + 100_000
 
 
+def test_a_pad_that_python_has_judged_goes_on_with_the_lane_that_it_had(bus: Bus) -> None:
+    """Here with a saturated axis, which Python judges in the first frames."""
+    host, _, _ = settled(bus)
+    before = host.lane
+    for frame in frames_of(config_of(4), 1.1)[-23:]:
+        saturated = frame.counts.copy()
+        saturated[2, 1] = -4096
+        sample = sample_of(replace(frame, counts=saturated))
+        host.take(encode(sample), frame.device_time_us * 1000 + 10**9)
+    assert host.told.messages[-1].health == "degraded"
+    assert host.lane is before is not None
+
+
 def test_a_frame_that_is_not_ordinary_changes_nothing(bus: Bus) -> None:
     host, data, arrival_ns = settled(bus)
     frame = frames_of(config_of(4), 1.0)[-1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -14,36 +13,17 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import square
 from fmfts.baseline import Baseline, Mounting
 from fmfts.bus.encoding import decode_contact
-from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, NowMessage, PoseMessage, Vector
+from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, NowMessage, PoseMessage, Vector
 from fmfts.contact import ContactEstimate
 from fmfts.contact.now import ContactNow
 from fmfts.pipeline.deviations import quiet_force_sd_n, touched_force_sd_n
 from fmfts.pipeline.fast import FastPath, Judged, Kind, Lane, Passed, Template, Verdict
+from fmfts.pipeline.reading import Reading
 from fmfts.pose import AMBIENT, SOLVER, PoseEstimate, Status
 from fmfts.pose.state import SIZE
 from fmfts.sensor import Frame
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """What one frame says. used (N, 3): the axes that it was solved from. None: no trustworthy value.
-
-    distance_m: how far the magnet is from rest, and the deviation of that; of a pad without a contact model only.
-    now: the contact at the time of publishing. is_steady: health and reason stay while the same axes are missing.
-    """
-
-    health: Health
-    reason: str
-    used: NDArray[np.bool_]
-    estimate: PoseEstimate | None = None
-    contact: ContactEstimate | None = None
-    touching: bool | None = None
-    detection_limit_n: float = 0.0
-    distance_m: tuple[float, float] | None = None
-    now: ContactNow | None = None
-    is_steady: bool = False
 
 
 class PackedMessage(msgspec.Struct, frozen=True, gc=False):

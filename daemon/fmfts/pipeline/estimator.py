@@ -15,9 +15,9 @@ from fmfts.contact.smoothing import SmootherMemory
 from fmfts.contact.touch import TouchMemory
 from fmfts.pad import Array
 from fmfts.pipeline.baselined_pad import BaselinedPad
-from fmfts.pipeline.contact_message import Reading
 from fmfts.pipeline.fast import FastPath, Missing
 from fmfts.pipeline.now import Early, Lead, NowEstimator, NowMemory, Taken
+from fmfts.pipeline.reading import JUMPED, Reading, degraded, held, without_model
 from fmfts.pose import Aligned, Alignment, displacement
 from fmfts.pose.alignment import has_jumped
 from fmfts.pose.ambient_motion import AmbientMotionMemory
@@ -38,10 +38,6 @@ LIFTED_S = 0.6
 # load that is put on again passes by that place, to within 20 mN, in less time.
 RESTED_S = 0.15
 PULLED = "the magnet is {:.2f} mm above its rest: something pulls at the pad, or its baseline was recorded under load"
-JUMPED = (
-    "beyond the range, as the field jumped by more than a finger changes it between two samples: a wire that was "
-    "moved, a blow, or a magnet"
-)
 # A board warms by 20 K in ten minutes. So within this time the last temperature is off by a fifth of a kelvin at most.
 HELD_S = 5.0
 
@@ -291,9 +287,9 @@ class Estimator:
         change, covariance = displacement(estimate, self.mounting.rest)
         touching = self._touch.update(change, covariance)
         if memory.unread_s > HELD_S:
-            track = _held(track, memory.unread_s)
+            track = held(track, memory.unread_s)
         if isinstance(self._model, NoContactModel):
-            return _without_model(self._model, track, touching, distance(change, covariance))
+            return without_model(self._model, track, touching, distance(change, covariance))
         # The contact model was trained on the pad as drawn.
         pose = self._smoother.update(*self.baselined.in_nominal_frame(estimate), elapsed_s)
         contact = self._model.estimate(*pose, self.baselined.magnet_off_m)
@@ -304,7 +300,7 @@ class Estimator:
             self._touch.forget()
             return Reading("disturbed", PULLED.format(contact.lifted_m * 1e3), track.used, track.estimate)
         if touching and contact.over_range and has_jumped(aligned):
-            track = _degraded(track, JUMPED)
+            track = degraded(track, JUMPED)
         return Reading(
             *(track.health, track.reason, track.used, track.estimate, contact, touching, self.detection_limit_n),
             is_steady=track.is_steady,
@@ -323,24 +319,3 @@ class Estimator:
         return overlap(
             baselined.pad, track.estimate.state, covariance, baselined.tracking.parts, deviation_t, lasting_t
         )
-
-
-def _held(track: Track, unread_s: float) -> Track:
-    return _degraded(
-        track,
-        f"no temperature that the chips can have for {unread_s:.0f} s: the last good one is held (thermometer, wiring)",
-    )
-
-
-def _degraded(track: Track, told: str) -> Track:
-    reason = f"{track.reason}; {told}" if track.reason else told
-    return replace(track, health="degraded", reason=reason, is_steady=False)
-
-
-def _without_model(
-    model: NoContactModel, track: Track, touching: bool | None, distance_m: tuple[float, float]
-) -> Reading:
-    """Touch and displacement, but neither place nor force. Whether a press can lift this pad's magnet is not known."""
-    reason = f"{track.reason}; {model.reason}" if track.reason else model.reason
-    parts = track.health, reason, track.used, track.estimate
-    return Reading(*parts, touching=touching, distance_m=distance_m, is_steady=track.is_steady)

@@ -12,10 +12,11 @@ from fmfts.common.memory import require_alike
 from fmfts.contact import ContactModel, NoContactModel
 from fmfts.pad import Array, Pad, Placement
 from fmfts.pipeline.baselined_pad import BaselinedPad
-from fmfts.pipeline.contact_message import MessageWriter, PackedMessage, Reading
+from fmfts.pipeline.contact_message import MessageWriter, PackedMessage
 from fmfts.pipeline.estimator import Estimator, EstimatorMemory
 from fmfts.pipeline.fast import FastPath, Lane, Missing, Passed
 from fmfts.pipeline.now import Early, Lead, Taken
+from fmfts.pipeline.reading import Reading
 from fmfts.pose import Alignment, State, TrackingModel
 from fmfts.pose.alignment import AlignmentMemory
 from fmfts.pose.neighbour import NeighbourView
