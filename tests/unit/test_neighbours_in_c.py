@@ -61,6 +61,14 @@ def pipelines_of(pads: tuple[PadConfig, PadConfig], baselines: dict[str, Baselin
     return pipelines
 
 
+def lasting_t2(pipeline: PadPipeline) -> np.ndarray:
+    """Of each axis, what the mean residuals take for lasting: curvature, and the neighbours' places."""
+    estimator = pipeline.memory.estimator
+    assert estimator is not None
+    assert estimator.tracker.watch is not None
+    return estimator.tracker.watch.residuals.lasting_t2
+
+
 def without_one(frame: Frame) -> Frame:
     """As the firmware tells of a sensor that does not answer."""
     there = np.array([True, False, True, True])
@@ -90,6 +98,8 @@ def test_two_pads_that_feel_each_other_say_the_same_in_c_and_in_python(distance_
         assert ours.time_ns == theirs.time_ns
         np.testing.assert_allclose(ours.table["last"], theirs.table["last"], rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(ours.covariance, theirs.covariance, rtol=1e-8, atol=1e-18)
+        ours_t2, theirs_t2 = (lasting_t2(each[pad.name]) for each in (compiled, oracle))
+        np.testing.assert_allclose(ours_t2, theirs_t2, rtol=1e-8)
 
 
 def test_where_a_magnet_was_seen_is_laid_out_in_c_as_in_python() -> None:
