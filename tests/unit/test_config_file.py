@@ -159,6 +159,7 @@ SIMULATED = "pad 'a' (first [[pad]]): "
         (PAD + "rate = 100", SIMULATED + "source.rate: there is no such key; did you mean rate_hz, in hertz?"),
         (PAD + "[pad.magnet]\ndiameter = 2", SIMULATED + "magnet.diameter: there is no such key; did you mean diameter_mm, in millimetres?"),
         (PAD + "[pad.scene]\nx = 2", SIMULATED + "scene.x: there is no such key (there are ambient, remanence, neighbours, steel_nearby)"),
+        ('[[pad]]\nname = "a"\nrate_hz = 100\n[pad.source]\ntype = "simulated"\n', SIMULATED + "rate_hz: there is no such key; did you mean source.rate_hz?"),
         (PAD + "[pads]", "pads: there is no such key; did you mean pad?"),
         (PAD + "[pad.magnets]", SIMULATED + "magnets: there is no such key; did you mean magnet?"),
         (PAD + 'trigger = "both"', SIMULATED + "source.trigger = 'both': must be one of \"free\", \"simultaneous\""),
@@ -350,6 +351,19 @@ def test_all_errors_are_told_at_once(tmp_path: Path) -> None:
         "source.range_gauss = 3: the chip has no range",
     )
     assert [number for number, part in enumerate(expected) if not any(part in line for line in lines)] == []
+
+
+def test_wrong_type_is_told_and_the_keys_beside_it_are_judged_as_what_they_fit(tmp_path: Path) -> None:
+    usb = '[[pad]]\nname = "a"\n[pad.source]\ntype = "usb"\n'
+    told = SIMULATED + 'source.type = \'usb\': must be one of "anyskin", "bridge", "i2c", "replay", "simulated"'
+    assert complaint(tmp_path, usb + 'port = "/dev/ttyUSB0"\n') == told
+    assert complaint(tmp_path, usb + "speed = 3\n") == told
+    port = complaint(tmp_path, usb + 'port = 3\nrate_hz = 100\nchip = "HMC5983"\n')
+    for part in (told, "source.port = 3: must be text", "source.chip = 'HMC5983': must be one of"):
+        assert part in port
+    gauge = complaint(tmp_path, PAD + '[collect.gauge]\ntype = "usb"\nport = "/dev/ttyUSB0"\n')
+    assert "collect.gauge.type = 'usb'" in gauge
+    assert "simulated" not in gauge
 
 
 def test_an_error_brings_no_further_ones_with_it(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     options, surplus = _parser(words[0] if words else None).parse_known_args(words)
     if surplus:
-        options.parser.error(_unexpected(surplus))
+        options.parser.error(_unexpected(surplus, takes_pad=hasattr(options, "pad")))
     command = f"fmfts-daemon {options.verb}"
     if options.verb == "run":
         configure()
@@ -71,9 +71,11 @@ def _handled(options: argparse.Namespace) -> int:
         raise lacking(error) from error  # installed with --no-deps
 
 
-def _unexpected(words: Sequence[str]) -> str:
+def _unexpected(words: Sequence[str], takes_pad: bool) -> str:
     file = next((word for word in words if word.endswith(".toml")), None)
-    return f"unexpected: {' '.join(words)}" + (f"; did you mean --config {file}?" if file else "")
+    name = words[0] if takes_pad and len(words) == 1 and not words[0].startswith("-") else None
+    meant = f"--config {file}" if file else f"--pad {name}" if name else None
+    return f"unexpected: {' '.join(words)}" + (f"; did you mean {meant}?" if meant else "")
 
 
 def command_line() -> argparse.ArgumentParser:

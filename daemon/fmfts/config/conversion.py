@@ -49,17 +49,13 @@ def convert(data: dict[str, Any]) -> Converted:
         except msgspec.ValidationError as error:
             text = str(error)
             keys = tuple(keys_in(text))
-            if missing := re.search(r"missing required field `([^`]*)`", text):
-                path = (*keys, missing[1])
-                told = path in mended
-                filled = _fill(left, path)
-            else:
-                unknown = re.search(r"unknown field `([^`]*)`", text)
-                path, told = (*keys, unknown[1]) if unknown else keys, False
-                filled = bool(path)
-            if not told:
-                wrong.append(explain(data, text))
-            if not filled:
+            missing = re.search(r"missing required field `([^`]*)`", text)
+            named = missing or re.search(r"unknown field `([^`]*)`", text)
+            path = (*keys, named[1]) if named else keys
+            # Which keys a table has depends on its type: of a type that is not the file's nobody asked for them.
+            if not (missing and path in mended) and not (named and (*keys, "type") in mended):
+                wrong.append(explain(data, text, left))
+            if not (_fill(left, path) if missing else path):
                 break
             mended.append(path if missing else _mend(left, path))
     return Converted(None, tuple(wrong), tuple(mended))
@@ -81,8 +77,10 @@ def _fill(data: dict[str, Any], keys: Sequence[Key]) -> bool:
     if not isinstance(table, dict) or name in table:
         return False
     kind = type_at(data, keys)
-    if name == "source" or name == "type":
-        table[name] = "simulated" if name == "type" else {"type": "simulated"}
+    if name == "source":
+        table[name] = {"type": "simulated"}
+    elif name == "type":
+        table[name] = _likely_type(type_at(data, keys[:-1]), table)
     elif name == "name":
         table[name] = f"unnamed{keys[1]}"
     elif isinstance(kind, inspect.StrType):
@@ -92,3 +90,13 @@ def _fill(data: dict[str, Any], keys: Sequence[Key]) -> bool:
     else:
         return False
     return True
+
+
+def _likely_type(union: inspect.Type, table: dict[str, Any]) -> str:
+    """Of the types that a table may have, the one with the most of its keys; among those the one that needs least."""
+    assert isinstance(union, inspect.UnionType)
+
+    def likelihood(kind: inspect.StructType) -> tuple[int, int]:
+        return sum(field.name in table for field in kind.fields), -sum(field.required for field in kind.fields)
+
+    return str(max((kind for kind in union.types if isinstance(kind, inspect.StructType)), key=likelihood).tag)

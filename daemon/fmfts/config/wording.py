@@ -46,24 +46,37 @@ def keys_in(error: str) -> list[Key]:
     return [int(index) if index else name for name, index in re.findall(r"\.(\w[\w-]*)|\[(\d+)\]", path)]
 
 
-def explain(data: dict[str, Any], error: str) -> str:
-    """Rewrites msgspec's text of an error for a person who edits the file."""
+def explain(data: dict[str, Any], error: str, mended: dict[str, Any]) -> str:
+    """Rewrites msgspec's text of an error for a person who edits the file.
+
+    mended: `data` with a known type in each table, which tells what may stand there.
+    """
     what, keys = error.partition(" - at ")[0], keys_in(error)
     if missing := re.search(r"missing required field `(.*)`", what):
-        table = type_at(data, keys)
+        table = type_at(mended, keys)
         return f"{place(data, [*keys, missing[1]])} is missing: give {_allowed(_field_type(table, missing[1]))}"
     if unknown := re.search(r"unknown field `(.*)`", what):
-        return f"{place(data, [*keys, unknown[1]])}: there is no such key{_nearest(data, keys, unknown[1])}"
-    return f"{place(data, keys)}{value_shown(data, keys)}: must be {_allowed(type_at(data, keys))}"
+        return f"{place(data, [*keys, unknown[1]])}: there is no such key{_nearest(mended, keys, unknown[1])}"
+    return f"{place(data, keys)}{value_shown(data, keys)}: must be {_allowed(type_at(mended, keys))}"
 
 
 def _nearest(data: dict[str, Any], keys: Sequence[Key], unknown: str) -> str:
-    known = [field.name for field in _fields(type_at(data, keys))]
+    fields = _fields(type_at(data, keys))
+    within = next((field.name for field in fields if _has(field.type, unknown)), None)
+    if within:
+        return f"; did you mean {within}.{unknown}?"
+    known = [field.name for field in fields]
     near = difflib.get_close_matches(unknown, known, n=1, cutoff=0.5)
     if not near:
         return f" (there are {', '.join(known)})"
     unit = UNITS.get(near[0].rpartition("_")[2])
     return f"; did you mean {near[0]}{f', in {unit}' if unit else ''}?"
+
+
+def _has(kind: inspect.Type, name: str) -> bool:
+    """Has a table of this kind, or one of those that it may be, a key of this name?"""
+    tables = kind.types if isinstance(kind, inspect.UnionType) else (kind,)
+    return any(field.name == name for table in tables for field in _fields(table))
 
 
 def place(data: dict[str, Any], keys: Sequence[Key]) -> str:
