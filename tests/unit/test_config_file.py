@@ -60,6 +60,25 @@ def test_shipped_file_is_the_demo_and_shows_the_defaults() -> None:
     assert config == minimal
 
 
+@pytest.mark.parametrize(
+    ("keys", "rate_hz", "range_gauss"),
+    [
+        ("", 220, 2.5),
+        ('chip = "qmc5883l"', 200, 8.0),
+        ('chip = "mmc5983ma"', 220, 8.0),
+        ('chip = "mlx90393"\nrange_gauss = 176', 220, 176.0),
+        ('trigger = "simultaneous"', 152, 2.5),
+        ('trigger = "simultaneous"\nrate_hz = 100', 100, 2.5),
+    ],
+)
+def test_rate_and_range_that_the_file_leaves_out_suit_the_chip(
+    tmp_path: Path, keys: str, rate_hz: int, range_gauss: float
+) -> None:
+    bridge = '[[pad]]\nname = "a"\n[pad.source]\ntype = "bridge"\nport = "/dev/ttyACM0"\n'
+    source = load(write(tmp_path, bridge + keys))[0].pad[0].source
+    assert (source.rate_hz, source.range_gauss) == (rate_hz, range_gauss)
+
+
 def test_examples_in_the_shipped_file_are_right_when_uncommented(tmp_path: Path) -> None:
     text = re.sub(r"^# (?=\[|\w+ = )", "", SHIPPED.read_text(), flags=re.MULTILINE)
     (tmp_path / "touch.mcap").touch()
@@ -192,8 +211,8 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
     ("text", "expected"),
     [
         (PAD + "range_gauss = 3", "source.range_gauss = 3: the chip has no range of ±3.0 G: one of 0.88, 1.3,"),
-        (PAD + 'trigger = "simultaneous"', 'source.rate_hz: at most 160 with trigger = "simultaneous"'),
-        (PAD + 'chip = "hmc5883l"', 'source.rate_hz: at most 75 with chip = "hmc5883l" running free'),
+        (PAD + 'rate_hz = 220\ntrigger = "simultaneous"', 'source.rate_hz = 220: at most 160 with trigger = "simultaneous"'),
+        (PAD + 'rate_hz = 220\nchip = "hmc5883l"', 'source.rate_hz = 220: at most 75 with chip = "hmc5883l" running free'),
         (BRIDGE + 'chip = "hmc5883l"\nrate_hz = 75', "source.chip = 'hmc5883l': no firmware of a board reads an HMC5883L: connect it to an I2C bus"),
         *((I2C + f"mux_address = {address}", f"source.mux_address = {address}: a TCA9548A is at 0x70 to 0x77") for address in (0x50, 0x6F, 0x78)),
         (I2C + "channels = [0, 1]", "source.channels = [0, 1]: one channel for each of the 4 sensors"),

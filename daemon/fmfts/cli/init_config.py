@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 DEFAULT_FILE = Path("pad.toml")
 PORTS = ("/dev/serial/by-id/*", "/dev/ttyACM*", "/dev/ttyUSB*")
 TURN_S = 0.01
-USUAL_RATE_HZ, USUAL_RANGE_GAUSS = 220, 2.5
 PAD_CHANNELS = 4  # a mux carries two pads
 
 
@@ -149,11 +148,11 @@ def _i2c_lines(bus: int, members: Sequence[Found]) -> list[str]:
 def _lines_for(chip: Chip, *, over_bridge: bool) -> list[str]:
     """The keys that every device has, with the rate and the range that suit this chip."""
     from fmfts.config.example import shared_lines
-    from fmfts.sensor.chips.rates import highest_rate_hz
+    from fmfts.sensor.chips.rates import usual_rate_hz
 
     suited = {
-        "rate_hz": str(min(USUAL_RATE_HZ, highest_rate_hz(chip, "free", over_bridge=over_bridge))),
-        "range_gauss": f"{next(each for each in sorted(chip.ranges_gauss) if each >= USUAL_RANGE_GAUSS):g}",
+        "rate_hz": str(usual_rate_hz(chip, "free", over_bridge=over_bridge)),
+        "range_gauss": f"{chip.usual_range_gauss:g}",
         "chip": f'"{chip.name}"',
     }
     return [_with_value(line, suited) for line in shared_lines()]

@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta, field
+from msgspec.structs import force_setattr
 
 from fmfts.arithmetic.matrix import length, lengths
 from fmfts.config.collect import CollectConfig
@@ -29,6 +30,7 @@ from fmfts.pad import (
     rotation_from_vector,
 )
 from fmfts.sensor.chips import CHIPS, ChipName
+from fmfts.sensor.chips.rates import usual_rate_hz
 from fmfts.sensor.wire.packets import MAX_PADS
 
 Vector = tuple[float, float, float]
@@ -58,11 +60,21 @@ FIELD_RESPONSE_SUFFIX = ".response"  # of a `[pad.contact] model` that goes from
 
 
 class _HardwareSource(_Section, frozen=True):
-    rate_hz: Annotated[int, Meta(ge=1, le=FASTEST_HZ)] = 220
-    range_gauss: float = 2.5
+    """rate_hz, range_gauss: where the file has none, those that suit the chip."""
+
+    rate_hz: Annotated[int, Meta(ge=1, le=FASTEST_HZ)] = None  # type: ignore[assignment]
+    range_gauss: float = None  # type: ignore[assignment]
     trigger: Literal["free", "simultaneous"] = "free"
     publish: Literal["frame", "sample"] = "frame"  # "sample": also each sample that comes before its frame
     chip: ChipName = "hmc5983"
+
+    def __post_init__(self) -> None:
+        chip = CHIPS[self.chip]
+        if self.rate_hz is None:
+            rate_hz = usual_rate_hz(chip, self.trigger, over_bridge=isinstance(self, BridgeSource))
+            force_setattr(self, "rate_hz", rate_hz)
+        if self.range_gauss is None:
+            force_setattr(self, "range_gauss", chip.usual_range_gauss)
 
 
 class BridgeSource(_HardwareSource, frozen=True, tag="bridge", tag_field="type", kw_only=True):
@@ -95,7 +107,6 @@ class AnyskinSource(_HardwareSource, frozen=True, tag="anyskin", tag_field="type
     port: str
     baud: Annotated[int, Meta(ge=9600)] = 115200
     form: Literal["binary", "text"] = "binary"
-    range_gauss: float = 52.0
     chip: ChipName = "mlx90393_streamed"
 
 

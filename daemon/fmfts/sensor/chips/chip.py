@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from fmfts.sensor.chips.driver import Driver
 
 TESLA_PER_GAUSS = 1e-4
+USUAL_RANGE_GAUSS = 2.5  # the standard pad's field under any load that it is made for
 GAIN_CODES = 8  # what the three bits of the wire can name (docs/wire.md); a chip may have fewer
 
 Axes = tuple[int, int, int]
@@ -178,6 +179,11 @@ class Chip:
     def has_trigger(self) -> bool:
         """It measures at the host's word."""
         return self.single_rate_hz > 0
+
+    @property
+    def usual_range_gauss(self) -> float:
+        """What a configuration without `range_gauss` means: the finest range that holds the standard pad's field."""
+        return min(each for each in self.ranges_gauss if each >= USUAL_RANGE_GAUSS)
 
     def gain_code_for_range(self, range_gauss: float) -> int:
         """The gain code whose range is `range_gauss`; ValueError names the ranges that exist."""

@@ -7,6 +7,7 @@ from typing import NamedTuple, Self
 
 from fmfts.sensor.chips.chip import Chip
 
+USUAL_RATE_HZ = 220
 BRIDGE_HZ = 220  # docs/wire.md, host → board: the most that the firmware accepts of any chip
 BOARD_READ_US = 680  # the firmware's time for one sensor between two triggers, and for how many board_single_hz is
 BOARD_READ_SENSORS = 4
@@ -21,6 +22,11 @@ def highest_rate_hz(chip: Chip, trigger: str, *, over_bridge: bool) -> int:
     if not over_bridge:
         return chip_hz
     return min(chip_hz, BRIDGE_HZ, chip.board_single_hz if trigger == "simultaneous" else BRIDGE_HZ)
+
+
+def usual_rate_hz(chip: Chip, trigger: str, *, over_bridge: bool) -> int:
+    """What a configuration without `rate_hz` means; where a chip has no such trigger, for which it is refused, any."""
+    return min(USUAL_RATE_HZ, highest_rate_hz(chip, trigger, over_bridge=over_bridge) or USUAL_RATE_HZ)
 
 
 def single_on_board_hz(chip: Chip, sensors: int) -> int:
