@@ -38,7 +38,7 @@ LEFT_OUT = {
     "contact_network.py::test_process_that_ends_without_an_answer_is_no_answer": ONNXRUNTIME,
     "contact_network.py::test_it_answers_as_onnxruntime_does_and_repeats_itself": ONNXRUNTIME,
     "contact_network.py::test_one_wrong_weight_is_found": ONNXRUNTIME,
-    "contact_network.py::test_healthy_frames_are_judged_the_same_with_onnxruntime": ONNXRUNTIME,
+    "contact_network.py::test_frames_of_a_model_that_onnxruntime_evaluates_are_judged_in_python": ONNXRUNTIME,
     "touch.py::test_false_contacts_of_noise_come_at_the_stated_rate": STATISTICS,
     "mean_residuals.py::test_healthy_noise_is_never_a_lasting_fault": STATISTICS,
     "clock.py::test_an_hour_of_a_crystal_that_warms_and_cools_is_followed": "minutes; a shorter drift is followed",

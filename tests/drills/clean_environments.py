@@ -25,7 +25,7 @@ from drills.versions import Project, uv  # noqa: E402
 DIST = ROOT / "dist"
 DEMO_S = 10
 # The summary that ends a demo: every frame arrived, at the pad's 220 Hz, and all was well.
-SEEN = re.compile(r"pad demo: (\d+) messages; .* ok ")
+SEEN = re.compile(r"pad (?:demo|array): (\d+) messages; .* ok ")
 LEAST_MESSAGES = 220  # a second of them: a busy computer starts the daemon late
 LARGEST_LISTED = 8
 
@@ -57,9 +57,13 @@ def clean_variables() -> dict[str, str]:
     }
 
 
-def demo_runs(folder: Path) -> int:
+def demos_run(folder: Path) -> str:
+    return " and ".join(f"{demo_runs(folder, pad)} messages of the {pad} pad" for pad in ("standard", "array"))
+
+
+def demo_runs(folder: Path, pad: str) -> int:
     """How many messages the demo showed in DEMO_S seconds; it must end with 0."""
-    command = [folder / "venv/bin/fmfts-daemon", "demo", "--seconds", str(DEMO_S)]
+    command = [folder / "venv/bin/fmfts-daemon", "demo", "--pad", pad, "--seconds", str(DEMO_S)]
     ended = subprocess.run(
         command,
         cwd=folder,
@@ -103,13 +107,13 @@ def tried_with(python: str) -> None:
     client, wheel = built("fmfts_client-*.whl"), built(f"fmfts-*_{os.uname().machine}.whl")
     with environment(python, client, wheel) as folder:
         require(is_compiled(folder), f"Python {python}: the wheel's compiled parts do not load")
-        print(f"Python {python}: wheel, demo, {demo_runs(folder)} messages", flush=True)
+        print(f"Python {python}: wheel, demo, {demos_run(folder)}", flush=True)
 
 
 def tried_from_source(python: str) -> None:
     with environment(python, built("fmfts_client-*.tar.gz"), built("fmfts-*.tar.gz")) as folder:
         require(is_compiled(folder), f"Python {python}: the source archive gave no compiled parts")
-        print(f"Python {python}: source archive, demo, {demo_runs(folder)} messages", flush=True)
+        print(f"Python {python}: source archive, demo, {demos_run(folder)}", flush=True)
 
 
 def client_alone(python: str) -> None:

@@ -81,4 +81,7 @@ def assert_runs(tree: Path) -> None:
     subprocess.run(words, env=environment, capture_output=True, check=True)
     assert (tree / "written.toml").read_text() == (ROOT / "config.toml").read_text(), "it ships in the package"
     (tree / "written.toml").unlink()
+    words = [sys.executable, "-sP", "-m", "fmfts", "check-config", "--config", str(library / "fmfts/config/array.toml")]
+    said = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+    assert said.returncode == 0, f"the second standard pad and its table of presses ship in the package: {said.stderr}"
     assert [part for part in compiled_parts() if not (library / part).exists()] == []

@@ -17,6 +17,7 @@ from release import NotReadyError, notes, the_version, versions  # noqa: E402
 
 # The packages that the project promises to whoever installs it.
 PROMISED = {"pyserial", "smbus2", "numpy", "scipy", "pyzmq", "msgpack", "onnxruntime"}
+SOURCES = {".py", ".pyi", ".c", ".h", ".so"}
 PROJECTS = [ROOT, ROOT / "clients/python", ROOT / "lab"]
 
 
@@ -61,6 +62,17 @@ def test_only_the_client_distribution_has_the_clients_files() -> None:
     packages = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]["find"]
     assert packages["where"] == ["daemon"]
     assert not (ROOT / "daemon/fmfts_client").exists()
+
+
+@pytest.mark.parametrize("folder", PROJECTS, ids=lambda folder: folder.name)
+def test_every_file_that_a_program_reads_is_packed(folder: Path) -> None:
+    """An installation without the sources has what `package-data` names, and nothing else."""
+    built_in = tomllib.loads((folder / "pyproject.toml").read_text())["tool"]["setuptools"]
+    where = folder / ("daemon" if folder == ROOT else ".")
+    for package, patterns in built_in["package-data"].items():
+        packed = {path for pattern in patterns for path in (where / package).glob(pattern)}
+        there = {path for path in (where / package).rglob("*.*") if "__pycache__" not in path.parts}
+        assert {str(path) for path in there - packed if path.is_file() and path.suffix not in SOURCES} == set()
 
 
 def test_notes_are_those_of_the_version_alone() -> None:
