@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 UNIT = ROOT / "tests/unit"
 DEBIAN = "python3,libpython3.11-dev,python3-numpy,python3-scipy"
 FROM_PYPI = ["msgspec", "msgpack", "pyzmq", "pyserial", "smbus2", "onnx", "protobuf", "typing_extensions"]
-FROM_PYPI += ["mcap", "zstandard", "lz4", "mpmath"]
+FROM_PYPI += ["mcap", "zstandard", "lz4", "mpmath", "threadpoolctl"]
 FROM_PYPI += ["ml_dtypes==0.5.1"]  # the next one wants numpy 1.25, and Debian 12 has 1.24
 FROM_PYPI += ["pytest", "hypothesis", "sortedcontainers", "iniconfig", "pluggy", "packaging", "pygments"]
 PLATFORMS = ("linux", "manylinux_2_28", "manylinux_2_27", "manylinux2014", "manylinux_2_17")
@@ -27,6 +27,8 @@ PLATFORMS = ("linux", "manylinux_2_28", "manylinux_2_27", "manylinux2014", "many
 TESTS = ["pose_kernel", "pose_solver", "pose_refusals", "chi2", "alignment", "tracker", "mean_residuals", "touch"]
 TESTS += ["smoothing", "contact_network", "refine", "near_magnet", "hmc5983", "wire*", "link", "clock"]
 TESTS += ["arithmetic", "bridge", "messages", "config_file", "schedule", "pipeline", "healthy_path", "express*"]
+TESTS += ["neighbours_in_c", "models_in_c"]
+NEIGHBOURS = "neighbours_in_c.py::test_two_pads_that_feel_each_other_say_the_same_in_c_and_in_python"
 ANOTHER_PYTHON = "starts another Python, and the host's kernel does not run an emulated one"
 ONNXRUNTIME = "asks onnxruntime"
 ONE_SEED = "half a minute, and another seed runs"
@@ -49,6 +51,7 @@ LEFT_OUT = {
     "healthy_path.py::test_a_session_with_faults_says_the_same_and_comes_back[drifting]": "a minute; [constant] runs",
     "healthy_path.py::test_a_warm_pad_whose_temperature_is_not_told_is_no_contact[later]": "[at first] runs",
     "healthy_path.py::test_a_warm_pad_whose_temperature_is_not_told_is_no_contact[throughout]": "[at first] runs",
+    **{f"{NEIGHBOURS}[{case}]": "[25.0-constant] runs" for case in ("50.0-constant", "50.0-drifting", "25.0-drifting")},
     "healthy_path.py::test_frames_leave_no_memory_behind": "a minute; objects are counted alike anywhere",
 }
 PIP = ["/usr/bin/python3", "-m", "pip", "--disable-pip-version-check", "-q"]
