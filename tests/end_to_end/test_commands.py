@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,6 +15,7 @@ import pytest
 
 from end_to_end.processes import (
     BRIDGE_CONFIG,
+    PATIENCE_S,
     FirmwareHost,
     RunningDaemon,
     resting_field,
@@ -119,6 +123,37 @@ def test_request_may_name_rest_and_is_told_the_arguments_that_there_are(tmp_path
             daemon.request("baseline", rest=True, bare=True)
         with pytest.raises(RefusedError, match="no argument 'mode'; it takes pad, rest, bare, "):
             daemon.request("baseline", mode="rest")
+
+
+def test_ctrl_c_ends_the_recording_in_the_daemon_too_and_no_configuration_is_needed(tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    with RunningDaemon(tmp_path, STILL_CONFIG) as daemon:
+        before = daemon.request("pads")["pads"][0]["baseline"]
+        command = [sys.executable, "-m", "fmfts", "baseline", "--rest", "--duration-s", "60"]
+        with subprocess.Popen(
+            command, cwd=elsewhere, env=daemon.environment, stderr=subprocess.PIPE, text=True
+        ) as recording:
+            patient_until_s = time.monotonic() + PATIENCE_S
+            while "being recorded already" not in refusal(daemon):
+                assert time.monotonic() < patient_until_s
+                time.sleep(0.05)
+            recording.send_signal(signal.SIGINT)
+            assert recording.communicate(timeout=PATIENCE_S)[1].endswith("stopped: nothing was recorded\n")
+        assert recording.returncode == 130
+        assert daemon.request("pads")["pads"][0]["baseline"] == before
+        with pytest.raises(RefusedError, match="no baseline is being recorded; if one was stored just now"):
+            daemon.request("baseline", stop=True)
+        assert daemon.request("baseline", duration_s=0.5)["kind"] == "rest"
+
+
+def refusal(daemon: RunningDaemon) -> str:
+    """What the daemon says to one more baseline, which is of no time at all."""
+    try:
+        daemon.request("baseline", duration_s=0.0)
+    except RefusedError as error:
+        return str(error)
+    return ""
 
 
 class TestDamagedBaseline:

@@ -53,7 +53,7 @@ def test_programs_are_told_facts_alone(config: str, capsys: pytest.CaptureFixtur
     [(["selftest: ±9 µm", "--turn: ±8 µm", "--refine: ±7 µm"], "--turn"), (["--refine: ±7 µm"], "--refine"), ([], "")],
 )
 def test_turning_and_pressing_are_offered_only_while_they_would_help(could_gain: list[str], offered: str) -> None:
-    told = next_step.after_baseline({"kind": "rest", "could_gain": could_gain}, "", "")
+    told = next_step.after_baseline({"kind": "rest", "could_gain": could_gain}, "", "", is_running=False)
     assert told.startswith("`fmfts-daemon run`")
     assert (f"baseline {offered}`" in told) if offered else ("baseline" not in told)
 

@@ -92,10 +92,16 @@ class BaselineJob:
         self._collection = Collection(source, request.seconds, 2 * MINIMUM_FRAMES)
         self._coverage = request.coverage
         self._result: Future[Recorded] | None = None
+        self._stopped = False
+
+    def stop(self) -> bool:
+        """Record nothing. False: too late, there are frames enough and a baseline is made of them."""
+        self._stopped = self._result is None
+        return self._stopped
 
     def take(self, frame: Frame) -> None:
         """The next frame of the pad; ignored once there are enough."""
-        if self._result is not None:
+        if self._result is not None or self._stopped:
             return
         if self._unsettled:
             self._unsettled -= 1
@@ -130,7 +136,7 @@ class BaselineJob:
     def problem(self, now_s: float) -> str:
         if self._result is not None:  # the computation always ends
             return ""
-        problem = self._collection.problem(now_s)
+        problem = "it was stopped" if self._stopped else self._collection.problem(now_s)
         return f"no baseline was recorded: {problem}" if problem else ""
 
 

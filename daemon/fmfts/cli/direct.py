@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -37,22 +38,38 @@ class AbsentError(Exception):
 ERRORS = AbsentError, BaselineError, BusError, ControlError, EndpointError, SourceError, StateError
 
 
-def ask_daemon(verb: str, config: Config, **arguments: Any) -> dict[str, Any] | None:
-    """The answer of the daemon that runs with `config`; None where none runs. Shows progress on a terminal.
+def ask_daemon(verb: str, base: str | None, pad: str | None = None, **arguments: Any) -> dict[str, Any] | None:
+    """The answer of the daemon that serves on the endpoint `base`; None where none does. Shows progress on a terminal.
 
+    base: as `[bus] endpoint`; None: the default. pad: None: the only one. Ctrl-C also ends a recording in the daemon.
     Raises ERRORS.
     """
-    try:
-        endpoints = for_client(named_base(config.bus.endpoint))
+    named: dict[str, Any] = {} if pad is None else {"pad": pad}
+    with _plainly(verb):
+        endpoints = for_client(named_base(base))
         if serving_pid(endpoints.control) is None:
             return None
-        with progress_bar(verb) as show:
-            return request(
-                verb,
-                endpoint=endpoints,
-                progress=lambda facts: show(facts.get("share", 0.0), facts.get("hint", "")),
-                **arguments,
-            )
+        try:
+            with progress_bar(verb) as show:
+                return request(
+                    verb,
+                    endpoint=endpoints,
+                    progress=lambda facts: show(facts.get("share", 0.0), facts.get("hint", "")),
+                    **named,
+                    **arguments,
+                )
+        except KeyboardInterrupt:
+            if verb == "baseline":
+                request(verb, endpoint=endpoints, stop=True, **named)
+                print("stopped: nothing was recorded", file=sys.stderr)
+            raise
+
+
+@contextmanager
+def _plainly(verb: str) -> Iterator[None]:
+    """Errors of a request, without the verb's name before them."""
+    try:
+        yield
     except RefusedError as error:
         raise RefusedError(str(error).removeprefix(f"{verb}: "), error.code) from error
     except (ControlError, EndpointError, BusError) as error:

@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fmfts import __version__
 from fmfts.cli import calibrate as calibration_verbs
@@ -20,10 +20,23 @@ from fmfts.cli import keys as keys_verb
 from fmfts.cli import pose as pose_verb
 from fmfts.cli import record as record_verbs
 from fmfts.cli import view as view_verb
-from fmfts.cli.verb import AddVerb, VerbError, configuration, ended_by, lacking, pad_named, seconds, serving_base
+from fmfts.cli.verb import (
+    AddVerb,
+    VerbError,
+    configuration,
+    configuration_if_any,
+    ended_by,
+    lacking,
+    pad_named,
+    seconds,
+    serving_base,
+)
 from fmfts.common import exit_codes
 
-DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or /etc/fmfts/config.toml, or ./config.toml"
+if TYPE_CHECKING:
+    from fmfts.config import Config
+
+DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or the first of /etc/fmfts/config.toml, ./config.toml or ./pad.toml"
 LISTENERS_CONFIG = "the daemon's file, if that sets [bus] endpoint; not needed otherwise"
 VERBS = "fmfts.verbs"  # entry points: functions that take an AddVerb
 LABORATORY = {"study": "compare methods on this pad", "pad-model": "make a simulated pad by finite elements"}
@@ -215,16 +228,25 @@ def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str,
     from fmfts.cli import direct
     from fmfts.view.facts import print_facts
 
-    config = configuration(options)
-    pad = pad_named(config, options.pad)
+    config = configuration_if_any(options)
+    pad = options.pad or (config.pad[0].name if config is not None and len(config.pad) == 1 else None)
     with ended_by(*direct.ERRORS):
-        facts = direct.ask_daemon(verb, config, pad=pad.name, **arguments)
+        facts = direct.ask_daemon(verb, _endpoint_in(config), pad, **arguments)
+        through_daemon = facts is not None
         if facts is None:
-            facts = directly(pad, config.pad, **arguments)
+            config = config or configuration(options)
+            facts = directly(pad_named(config, pad), config.pad, **arguments)
     print_facts(facts, as_json=options.json)
-    after = {"selftest": next_step.after_selftest, "baseline": next_step.after_baseline}[verb]
-    _say_next(options, after(facts, _config_words(options), f" --pad {options.pad}" if options.pad else ""))
+    words = _config_words(options), f" --pad {options.pad}" if options.pad else ""
+    if verb == "selftest":
+        _say_next(options, next_step.after_selftest(facts, *words))
+    else:
+        _say_next(options, next_step.after_baseline(facts, *words, is_running=through_daemon))
     return exit_codes.DONE if facts.get("passed", True) else exit_codes.FAULTY
+
+
+def _endpoint_in(config: Config | None) -> str | None:
+    return None if config is None else config.bus.endpoint
 
 
 def _config_words(options: argparse.Namespace) -> str:
@@ -240,9 +262,10 @@ def _probe(options: argparse.Namespace) -> int:
     from fmfts.cli import direct
     from fmfts.view.facts import print_facts
 
-    config = configuration(options)
     with ended_by(*direct.ERRORS):
-        facts = direct.ask_daemon("probe", config) or direct.probe(config)
+        config = configuration_if_any(options)
+        facts = direct.ask_daemon("probe", _endpoint_in(config))
+        facts = facts or direct.probe(config or configuration(options))
     print_facts(facts, as_json=options.json)
     _say_next(options, next_step.after_probe(facts, _config_words(options)))
     if not all(pad["connected"] for pad in facts["pads"]):

@@ -31,12 +31,15 @@ def after_selftest(facts: Mapping[str, Any], config: str, pad: str) -> str:
     )
 
 
-def after_baseline(facts: Mapping[str, Any], config: str, pad: str) -> str:
+def after_baseline(facts: Mapping[str, Any], config: str, pad: str, *, is_running: bool) -> str:
+    """is_running: a daemon recorded it, and uses it already."""
     kind = facts.get("kind")
     if kind == "bare":
         return f"mount the pad, then `fmfts-daemon baseline --rest{config}{pad}` while nothing touches it"
     if kind == "rest":
         run = f"`fmfts-daemon run{config}`, and `fmfts-daemon listen` in another terminal"
+        if is_running:
+            run = "`fmfts-daemon listen`: the running daemon uses this baseline"
         worth = next((step for step in ("--turn", "--refine") if _is_worth(step, facts)), "")
         return f"{run}; for better accuracy first `fmfts-daemon baseline {worth}{config}{pad}`" if worth else run
     return ""

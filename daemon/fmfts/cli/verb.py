@@ -72,6 +72,13 @@ def configuration(options: argparse.Namespace) -> Config:
     return config
 
 
+def configuration_if_any(options: argparse.Namespace) -> Config | None:
+    """The same; None where no file is named and none is where it is looked for. Raises VerbError."""
+    from fmfts.config.file import is_there_any
+
+    return configuration(options) if options.config is not None or is_there_any() else None
+
+
 def serving_base(options: argparse.Namespace) -> str | None:
     """The endpoint base in the file that `--config` names; None: the default. A listener needs no `--config`."""
     from fmfts_client.endpoints import named_base

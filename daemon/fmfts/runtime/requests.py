@@ -50,6 +50,7 @@ class _Baseline(_OfPad, forbid_unknown_fields=True):
     turn: bool = False
     refine: bool = False
     undo_drift: bool = False
+    stop: bool = False  # records nothing after all
     duration_s: float | None = None
 
 
@@ -134,6 +135,9 @@ class Verbs:
         if arguments.rest and any(others):
             raise BadRequestError("one of rest, bare, turn, refine, restore and undo_drift at a time")
         channel = self._named(arguments.pad)
+        if arguments.stop:
+            request.reply(**_stopped(channel))
+            return
         if channel.job is not None:
             raise BadRequestError(f"pad '{channel.name}': a baseline is being recorded already")
         pad = channel.pipeline.pad
@@ -221,6 +225,15 @@ def _origin(channel: Channel) -> Origin | None:
 def _recorded(channel: Channel) -> Baseline | None:
     baseline = channel.pipeline.baseline
     return None if baseline is None else baseline.as_recorded()
+
+
+def _stopped(channel: Channel) -> dict[str, object]:
+    if channel.job is None or not channel.job.stop():
+        raise BadRequestError(
+            f"pad '{channel.name}': no baseline is being recorded; if one was stored just now, "
+            f"`fmfts-daemon baseline --restore --pad {channel.name}` brings the one before it back"
+        )
+    return {"pad": channel.name, "stopped": True}
 
 
 def _without_drift(channel: Channel) -> dict[str, object]:
