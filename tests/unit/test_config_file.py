@@ -181,6 +181,7 @@ SIMULATED = "pad 'a' (first [[pad]]): "
         ('[[pad]]\nname = "a"\nrate_hz = 100\n[pad.source]\ntype = "simulated"\n', SIMULATED + "rate_hz: there is no such key; did you mean source.rate_hz?"),
         (PAD + "[pads]", "pads: there is no such key; did you mean pad?"),
         (PAD + "[pad.magnets]", SIMULATED + "magnets: there is no such key; did you mean magnet?"),
+        (PAD + 'trigger = "Free"', SIMULATED + "source.trigger = 'Free': must be one of \"free\", \"simultaneous\"; did you mean \"free\"?"),
         (PAD + 'trigger = "both"', SIMULATED + "source.trigger = 'both': must be one of \"free\", \"simultaneous\""),
         (PAD + "[pad.geometry]\nsensors_mm = [[1, 2]]", SIMULATED + "geometry.sensors_mm, sensor 1 = [1, 2]: must be a list of 3, each a number"),
         (PAD + '[pad.magnet]\nrest_mm = [1, 2, "z"]', SIMULATED + "magnet.rest_mm, value 3 = 'z': must be a number"),

@@ -48,6 +48,29 @@ def test_programs_are_told_facts_alone(config: str, capsys: pytest.CaptureFixtur
     assert "next" not in capsys.readouterr().out
 
 
+def test_probe_of_one_pad_is_of_that_pad_alone(config: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path(config).write_text(CONFIG + CONFIG.replace("left", "right"))
+    assert main(["probe", "--pad", "right", "--config", config]) == 0
+    said = capsys.readouterr().out
+    assert "pad: right" in said
+    assert "left" not in said
+    assert f"`fmfts-daemon selftest --config {config} --pad right`" in said
+    assert main(["probe", "--pad", "rigth", "--config", config]) == 2
+    assert "did you mean 'right'?" in capsys.readouterr().err
+
+
+def test_what_running_would_refuse_of_a_recording_is_said_before(
+    config: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = Path(__file__).parents[1] / "data/recordings/taps.mcap"
+    replayed = f'[[pad]]\nname = "left"\n[pad.source]\ntype = "replay"\nfile = "{recording}"\n'
+    Path(config).write_text(replayed)
+    assert main(["check-config", "--config", config]) == 0
+    Path(config).write_text(replayed + 'chip = "mmc5983ma"\n')
+    assert main(["check-config", "--config", config]) == 78
+    assert 'was recorded with chip = "hmc5983": set it in [pad.source]' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("could_gain", "offered"),
     [(["selftest: ±9 µm", "--turn: ±8 µm", "--refine: ±7 µm"], "--turn"), (["--refine: ±7 µm"], "--refine"), ([], "")],
@@ -55,6 +78,8 @@ def test_programs_are_told_facts_alone(config: str, capsys: pytest.CaptureFixtur
 def test_turning_and_pressing_are_offered_only_while_they_would_help(could_gain: list[str], offered: str) -> None:
     told = next_step.after_baseline({"kind": "rest", "could_gain": could_gain}, "", "", is_running=False)
     assert told.startswith("`fmfts-daemon run`")
+    running = next_step.after_baseline({"kind": "rest", "could_gain": could_gain}, "", "", is_running=True)
+    assert "fmfts-daemon run`" not in running
     assert (f"baseline {offered}`" in told) if offered else ("baseline" not in told)
 
 

@@ -265,7 +265,7 @@ def load(path: Path, pad: Pad, origin: Origin | None = None) -> Baseline | None:
     BaselineError if the file is damaged or belongs to another pad, ForeignError if it was recorded with other sensors
     than `origin`.
     """
-    again = "record it again (fmfts-daemon baseline)"
+    again = f"record it again: `fmfts-daemon baseline --bare --pad {pad.name}`, then `--rest`"
     try:
         text = read_regular(path, LARGEST_BYTES + 1)
     except FileNotFoundError:
@@ -275,9 +275,12 @@ def load(path: Path, pad: Pad, origin: Origin | None = None) -> Baseline | None:
     if len(text) > LARGEST_BYTES:
         larger = f"larger than {LARGEST_BYTES / 1e6:g} MB, and no baseline is"
         raise BaselineError(f"pad '{pad.name}': baseline {path} is {larger}: {again}")
-    with damage_told(BaselineError, f"pad '{pad.name}': baseline {path} is damaged: {again}"):
-        baseline = msgspec.json.decode(text, type=Baseline)
-        seal = baseline.sealed().id
+    try:
+        with damage_told(BaselineError, f"pad '{pad.name}': baseline {path} is damaged"):
+            baseline = msgspec.json.decode(text, type=Baseline)
+            seal = baseline.sealed().id
+    except BaselineError as error:
+        raise BaselineError(f"{error}: {again}") from error
     if baseline.format != FORMAT:
         raise BaselineError(f"pad '{pad.name}': baseline {path} has format {baseline.format}, not {FORMAT}: {again}")
     if seal != baseline.id:

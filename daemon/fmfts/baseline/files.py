@@ -51,7 +51,7 @@ def stored(pad: Pad, origin: Origin | None = None) -> Baseline | None:
         previous = previous_of(path)
         if not _is_good(previous, pad, origin):
             raise
-        restore = f"fmfts-daemon baseline --restore --pad {pad.name}"
+        restore = f"`fmfts-daemon baseline --restore --pad {pad.name}`"
         raise BaselineError(f"{error}; or bring the one before back, from {previous}: {restore}") from error
 
 

@@ -71,8 +71,8 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
 def foreign(pad: str, whose: Origin, mine: Origin) -> str:
     """The sentence that refuses a baseline. whose: it is; mine: the sensors that there are now."""
     return (
-        f"pad '{pad}': its baseline was recorded on {whose}, but the pad is on {mine}, whose sensors differ: "
-        f"record this one's: `fmfts-daemon baseline --bare --pad {pad}` without the pad, then `--rest` with it"
+        f"pad '{pad}': its baseline was recorded on {whose}, but the pad is on {mine}, which has other sensors: "
+        f"record a baseline here: `fmfts-daemon baseline --bare --pad {pad}` without the pad, then `--rest` with it"
     )
 
 

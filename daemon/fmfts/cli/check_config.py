@@ -5,9 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from typing import TYPE_CHECKING
 
 from fmfts.cli.verb import VerbError, configuration
 from fmfts.common import exit_codes
+
+if TYPE_CHECKING:
+    from fmfts.config import Config
 
 
 def run(options: argparse.Namespace) -> int:
@@ -15,11 +19,13 @@ def run(options: argparse.Namespace) -> int:
     from fmfts.contact import ContactModel, ModelError, NoContactModel
     from fmfts.contact.model import SHEAR_UNKNOWN
     from fmfts.runtime.opening import load_models
+    from fmfts.sensor import SourceError
 
     config = configuration(options)
     try:
         models = load_models(config)
-    except ModelError as error:
+        _require_recordings(config)
+    except (ModelError, SourceError) as error:
         raise VerbError(exit_codes.CONFIG, str(error)) from error
     if options.json:
         import msgspec
@@ -42,3 +48,12 @@ def run(options: argparse.Namespace) -> int:
             if model.shear_is_unknown:
                 print(f"{pad.name}: warning: {SHEAR_UNKNOWN.format(friction=pad.contact.friction)}", file=sys.stderr)
     return 0
+
+
+def _require_recordings(config: Config) -> None:
+    """Raise SourceError where a recording that the file names is none of its pads."""
+    from fmfts.config import ReplaySource
+    from fmfts.sources import open_sources
+
+    for source, _ in open_sources([pad for pad in config.pad if isinstance(pad.source, ReplaySource)]):
+        source.close()

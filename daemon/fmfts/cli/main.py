@@ -32,6 +32,7 @@ from fmfts.cli.verb import (
     serving_base,
 )
 from fmfts.common import exit_codes
+from fmfts.common.names import no_such_pad
 
 if TYPE_CHECKING:
     from fmfts.config import Config
@@ -135,7 +136,9 @@ def _parser(requested: str | None) -> argparse.ArgumentParser:
     for added in (baseline, selftest):
         added.add_argument("--pad", metavar="NAME", help="needed if there are several")
         facts(added)
-    facts(verb("probe", _probe, "say what is connected, and what is wrong with it"))
+    probe = verb("probe", _probe, "say what is connected, and what is wrong with it")
+    probe.add_argument("--pad", metavar="NAME", help="only this pad")
+    facts(probe)
     facts(verb("status", _status, "ask a running daemon how its pads are", LISTENERS_CONFIG))
     facts(verb("check-config", check_config.run, "read the configuration and say what is wrong with it"))
     listen = verb("listen", _listen, "show the contacts of a running daemon", LISTENERS_CONFIG)
@@ -266,8 +269,14 @@ def _probe(options: argparse.Namespace) -> int:
         config = configuration_if_any(options)
         facts = direct.ask_daemon("probe", _endpoint_in(config))
         facts = facts or direct.probe(config or configuration(options))
+    words = _config_words(options)
+    if options.pad is not None:
+        known = {pad["pad"]: pad for pad in facts["pads"]}
+        if options.pad not in known:
+            raise VerbError(exit_codes.USAGE, no_such_pad(options.pad, list(known), "this computer"))
+        facts, words = {"pads": [known[options.pad]]}, f"{words} --pad {options.pad}"
     print_facts(facts, as_json=options.json)
-    _say_next(options, next_step.after_probe(facts, _config_words(options)))
+    _say_next(options, next_step.after_probe(facts, words))
     if not all(pad["connected"] for pad in facts["pads"]):
         return exit_codes.UNAVAILABLE
     return exit_codes.DONE if all(pad["sound"] for pad in facts["pads"]) else exit_codes.FAULTY

@@ -57,7 +57,16 @@ def explain(data: dict[str, Any], error: str, mended: dict[str, Any]) -> str:
         return f"{place(data, [*keys, missing[1]])} is missing: give {_allowed(_field_type(table, missing[1]))}"
     if unknown := re.search(r"unknown field `(.*)`", what):
         return f"{place(data, [*keys, unknown[1]])}: there is no such key{_nearest(mended, keys, unknown[1])}"
-    return f"{place(data, keys)}{value_shown(data, keys)}: must be {_allowed(type_at(mended, keys))}"
+    kind = type_at(mended, keys)
+    return f"{place(data, keys)}{value_shown(data, keys)}: must be {_allowed(kind)}{_meant(kind, value_at(data, keys))}"
+
+
+def _meant(kind: inspect.Type, value: Any) -> str:
+    """The word of a list of words that was probably meant."""
+    if not isinstance(kind, inspect.LiteralType) or not isinstance(value, str):
+        return ""
+    near = difflib.get_close_matches(value.lower(), [str(word) for word in kind.values], n=1)
+    return f'; did you mean "{near[0]}"?' if near else ""
 
 
 def _nearest(data: dict[str, Any], keys: Sequence[Key], unknown: str) -> str:

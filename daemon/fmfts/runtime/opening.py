@@ -140,5 +140,5 @@ def _stored(config: PadConfig, pad: Pad) -> Baseline | None:
     except ForeignError as error:
         if not isinstance(config.source, SimulatedSource):
             raise
-        log.warning("%s; until then it simulates its own", error)
+        log.warning("%s; until then the pad uses a simulated baseline", error)
         return None

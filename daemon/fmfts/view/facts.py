@@ -40,7 +40,7 @@ LABELS = {
     "with_bare": "with a bare recording",
     "chi2": "χ² of the fit",
     "unreplayed": "contacts not replayed",
-    "without_their_other": "contacts at the ends, in only one of the two",
+    "without_their_other": "contacts at the ends, in the recording or the replay alone",
     "could_gain": "a press of 1 N could be known better",
 }
 HEXADECIMAL = ("address",)  # keys whose value is written as boards and data sheets do
@@ -57,7 +57,7 @@ def fact_lines(facts: dict[str, Any]) -> list[str]:
 
 def _lines(facts: dict[str, Any], indent: str = "") -> Iterator[str]:
     for key, value in facts.items():
-        if value in ("", {}) or key.startswith("was_"):
+        if value in ("", {}) or (key, value) == ("could_gain", []) or key.startswith("was_"):
             continue
         if key.startswith("now_"):
             yield indent + _gained(key.removeprefix("now_"), facts)
