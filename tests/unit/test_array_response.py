@@ -13,7 +13,8 @@ from fmfts.contact import ModelError, OtherPadError
 from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
 from fmfts.contact.array_response import ArrayResponse, ResponseError
 from fmfts.pad import Array
-from fmfts_lab.finite_elements.array_model import DATA, array_config, mirrored, read_presses, response_of
+from fmfts_lab.finite_elements.array_model import DATA, mirrored, read_presses, response_of
+from fmfts_lab.finite_elements.array_pad import array_config
 
 PAD = array_config().pad()
 SHIPPED = ArrayModel.load(ARRAY_PATH, PAD).response

@@ -22,7 +22,7 @@ from fmfts.contact.array_response import CHANGE, ArrayResponse
 from fmfts.pad import Array, Pad, Tolerance
 from fmfts.pose.magnets import field_of
 from fmfts_lab.bench.several_world import BUILT, EXACT, NOISE_T, Press, World, world
-from fmfts_lab.finite_elements.array_model import array_config
+from fmfts_lab.finite_elements.array_pad import array_config
 
 PAD = array_config().pad()
 START = starting_table(None, PAD)

@@ -20,7 +20,7 @@ from fmfts.config.conversion import convert
 from fmfts.config.example import ARRAY_PATH
 from fmfts.config.file import ConfigError, load
 from fmfts.pose import _kernel
-from fmfts_lab.finite_elements.array_model import array_config
+from fmfts_lab.finite_elements.array_pad import array_config
 
 SHIPPED = Path(__file__).parents[2] / "config.toml"
 PAD = '[[pad]]\nname = "a"\n[pad.source]\ntype = "simulated"\n'

@@ -15,7 +15,7 @@ from fmfts.pad import Array, SensorArray
 from fmfts.pose import dipole_field
 from fmfts.pose.magnets import CHANGE, Magnets, field_and_slope, field_of, rest_frames, sum_of_fields
 from fmfts_lab.bench.several_world import BUILT, BY_HAND, NOISE_T, world
-from fmfts_lab.finite_elements.array_model import array_config
+from fmfts_lab.finite_elements.array_pad import array_config
 
 PAD = array_config().pad()
 DRAWN = Magnets.drawn(PAD)

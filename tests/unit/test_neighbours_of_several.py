@@ -24,7 +24,7 @@ from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
 from fmfts.simulation.neighbour import SeveralMagnets
 from fmfts_lab.bench.neighbours import pair
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS
-from fmfts_lab.finite_elements.array_model import array_config
+from fmfts_lab.finite_elements.array_pad import array_config
 
 PERIOD_NS = round(1e9 / 220)
 FRAMES = 88

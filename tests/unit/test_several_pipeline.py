@@ -25,7 +25,7 @@ from fmfts.simulation.array import SimulatedArray
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
 from fmfts.simulation.source import TURNING_AXIS
-from fmfts_lab.finite_elements.array_model import array_config
+from fmfts_lab.finite_elements.array_pad import array_config
 
 CONFIG = array_config(seed=3)
 BASELINE = simulated_baseline(CONFIG)

@@ -20,7 +20,7 @@ from fmfts.several import compiled, field_model, fit, poses, scan, valley
 from fmfts.simulation.array import SimulatedArray
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch
-from fmfts_lab.finite_elements.array_model import array_config
+from fmfts_lab.finite_elements.array_pad import array_config
 
 RATE_HZ, FRAMES = 220, 58
 CONFIG = array_config(seed=4)

@@ -34,7 +34,7 @@ from fmfts.simulation.array import SimulatedArray
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import steady_finger
 from fmfts.simulation.source import Simulated
-from fmfts_lab.finite_elements.array_model import array_config
+from fmfts_lab.finite_elements.array_pad import array_config
 
 EIGHT = array_config(seed=3)
 SIXTEEN = with_sensors(EIGHT, 16)

@@ -19,7 +19,7 @@ from fmfts.simulation.finger import UNLOADED_AT_START_S, Finger, ScriptedFinger,
 from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.drills import AS_DRAWN, FRAME_NS, RATE_HZ, Ambient
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
-from fmfts_lab.finite_elements.array_model import array_config
+from fmfts_lab.finite_elements.array_pad import array_config
 
 # By the magnets in the pads of a pair: the distances that are tried. Pads of four magnets are 40 mm wide.
 DISTANCES_MM = {

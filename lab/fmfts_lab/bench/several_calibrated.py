@@ -16,7 +16,8 @@ from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Array, Tolerance
 from fmfts.simulation.mechanics import spline_collocation
 from fmfts_lab.bench.several_world import NOISE_T, RATE_HZ, SCENE, WITHIN_MM, Press, World, world
-from fmfts_lab.finite_elements.array_model import array_config, linear_normal
+from fmfts_lab.finite_elements.array_model import linear_normal
+from fmfts_lab.finite_elements.array_pad import array_config
 from fmfts_lab.finite_elements.array_presses import array_slab
 
 FORCE, THICKER_M, CAST_M = 1.2, 0.3e-3, 0.5e-3

@@ -19,7 +19,7 @@ from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
 from fmfts_lab.bench.drills import TURNING_DEG_PER_S, DrillSource, record, spoiled
 from fmfts_lab.bench.fault_kinds import Fault, FieldFault, field_faults, sensor_faults, weaker
 from fmfts_lab.bench.tool_ways import Tool, Way
-from fmfts_lab.finite_elements.array_model import array_config
+from fmfts_lab.finite_elements.array_pad import array_config
 
 RATE_HZ = 220
 WARM_S, FAULT_S, AFTER_S = 0.3, 1.0, 0.4

@@ -21,7 +21,7 @@ from fmfts.several.fit import Measured
 from fmfts.several.odd_sensor import FREE_FIELD, UNEXPLAINED
 from fmfts_lab.bench.several_world import BUILT, EXACT, NOISE_T, World, any_press, worlds
 from fmfts_lab.bench.workspace import standard_pad
-from fmfts_lab.finite_elements.array_model import array_config
+from fmfts_lab.finite_elements.array_pad import array_config
 
 FRAMES_OF_A_PAD = 20
 NOTHING = np.zeros(FREE_FIELD)

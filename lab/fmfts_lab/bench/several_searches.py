@@ -24,7 +24,7 @@ from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, no_finger, steady_finger
 from fmfts_lab.bench.several_faults import BesideTool
 from fmfts_lab.bench.tool_ways import Tool, Way
-from fmfts_lab.finite_elements.array_model import array_config
+from fmfts_lab.finite_elements.array_pad import array_config
 
 RATE_HZ, RUNS, SEEDS = 220, 3, 3
 FRAMES = 330  # a magnet is put down beside the pad meanwhile

@@ -24,7 +24,7 @@ from fmfts_lab.bench import several_searches
 from fmfts_lab.bench.several_faults import BesideTool
 from fmfts_lab.bench.several_world import BUILT, Press, world
 from fmfts_lab.bench.tool_ways import Tool, Way
-from fmfts_lab.finite_elements.array_model import array_config
+from fmfts_lab.finite_elements.array_pad import array_config
 
 NOTHING = np.zeros(3)
 PADS = 16

@@ -28,7 +28,8 @@ from fmfts_lab.bench.several_world import (
     world,
     worlds,
 )
-from fmfts_lab.finite_elements.array_model import DATA, array_config, read_presses
+from fmfts_lab.finite_elements.array_model import DATA, read_presses
+from fmfts_lab.finite_elements.array_pad import array_config
 
 FRAMES_OF_A_PAD, FRAMES_OF_A_PAIR = 200, 10
 WRONG = 5.0  # deviations

@@ -23,7 +23,7 @@ from fmfts.several.field_model import MM, FieldModel, Scene
 from fmfts.several.fit import Fitter, Measured
 from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
-from fmfts_lab.finite_elements.array_model import array_config
+from fmfts_lab.finite_elements.array_pad import array_config
 
 NOISE_T = HMC5983.noise_t
 RATE_HZ = 220.0

@@ -14,34 +14,18 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.config import GeometryConfig, MagnetConfig, PadConfig, SimulatedSource
-from fmfts.contact.array_model import ARRAY_PATH, STANDARD_SENSORS_MM
+from fmfts.contact.array_model import ARRAY_PATH
 from fmfts.contact.array_response import CHANGE, ArrayResponse
 from fmfts.pad import Array
 from fmfts.simulation.mechanics import spline_collocation
 from fmfts.simulation.slab import Slab
-from fmfts_lab.finite_elements.array_presses import PLACES_M, array_slab, columns_of
+from fmfts_lab.finite_elements.array_pad import PLACES_M, array_config
+from fmfts_lab.finite_elements.array_presses import array_slab, columns_of
 from fmfts_lab.finite_elements.reciprocity import Influence
 
 DATA = Path(__file__).with_name("array")
 UNITS = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])  # from the CSV's µm to mm
-HEIGHT_MM = 12.0
 Signs = tuple[float, float]
-
-
-def array_config(name: str = "array", seed: int = 1, fingers: int = 1) -> PadConfig:
-    """The second standard pad: magnets of alternating polarity at (±6, ±6) mm, eight sensors."""
-    magnets = [
-        MagnetConfig(rest_mm=(x * 1e3, y * 1e3, HEIGHT_MM), rest_axis=(0, 0, 1 if x * y > 0 else -1))
-        for x, y in PLACES_M
-    ]
-    return PadConfig(
-        name=name,
-        source=SimulatedSource(seed=seed, range_gauss=8.1, fingers=2 if fingers == 2 else 1),
-        geometry=GeometryConfig(sensors_mm=tuple((x, y, z) for x, y, z in STANDARD_SENSORS_MM.tolist())),
-        magnet=magnets[0],
-        other_magnets=tuple(magnets[1:]),
-    )
 
 
 def read_presses(path: Path, fingers: int = 1) -> tuple[Array, Array]:

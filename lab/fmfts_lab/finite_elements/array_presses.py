@@ -21,6 +21,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from fmfts.pad import Array
 from fmfts.simulation.slab import ELEMENT_M, Press, Slab
 from fmfts.view.progress import progress_bar
+from fmfts_lab.finite_elements.array_pad import PLACES_M
 from fmfts_lab.finite_elements.finite_element import PressedSlab
 from fmfts_lab.finite_elements.solved_presses import (
     drop_incomplete_line,
@@ -31,7 +32,6 @@ from fmfts_lab.finite_elements.solved_presses import (
     require_same,
 )
 
-PLACES_M = ((6e-3, 6e-3), (6e-3, -6e-3), (-6e-3, 6e-3), (-6e-3, -6e-3))
 FORCE_N = (0.4, 1.0, 1.8, 3.0)
 FINE_MM = 4  # half the side of the square round a magnet where the grid is finer
 SEED = 20261123
