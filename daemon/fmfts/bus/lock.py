@@ -79,7 +79,8 @@ def _take(path: Path, endpoint: str) -> int:
     try:
         descriptor = os.open(_lock_file(path), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o660)
     except OSError as error:
-        raise BusError(f"cannot serve {endpoint}: {_lock_file(path)}: {error.strerror}") from error
+        other = "; another place: FMFTS_BUS=ipc:///another/directory, or [bus] endpoint"
+        raise BusError(f"cannot serve {endpoint}: {_lock_file(path)}: {error.strerror}{other}") from error
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -41,7 +41,7 @@ def add_to(verb: AddVerb) -> None:
     evaluate.add_argument(
         "--model",
         metavar="MODEL.onnx",
-        help="(the pad's [pad.contact] model; its refine and friction hold in any case)",
+        help="model to judge (that of [pad.contact]); refine and friction are those of [pad.contact]",
     )
     evaluate.add_argument(
         "--as-recorded",

@@ -39,6 +39,7 @@ LABELS = {
     "press_1n_force_sd_n": "press of 1 N: force",
     "with_bare": "with a bare recording",
     "chi2": "χ² of the fit",
+    "missed_contacts": "missed contacts (this computer was too slow)",
     "unreplayed": "contacts not replayed",
     "without_their_other": "contacts at the ends, in the recording or the replay alone",
     "could_gain": "a press of 1 N could be known better",
