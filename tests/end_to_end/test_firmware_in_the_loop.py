@@ -23,6 +23,7 @@ def board(tmp_path: Path) -> Iterator[EmulatedBoard]:
         yield board
 
 
+@pytest.mark.slow
 def test_the_papers_readings_arrive_as_its_poses(tmp_path: Path, board: EmulatedBoard) -> None:
     """The same limits as with the host-built core: the counts that leave the board are the same."""
     with SlowedDaemon(tmp_path, EMULATED_CONFIG.format(port=board.port)) as daemon:

@@ -63,6 +63,7 @@ def prepared(folder: Path, environment: dict[str, str]) -> None:
         ran(command, folder, environment)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("prepared")
 def test_verbs_of_the_page_run_in_its_order_beside_the_daemon(folder: Path, environment: dict[str, str]) -> None:
     words = [sys.executable, "-m", "fmfts", *shlex.split(DAEMON)[1:]]

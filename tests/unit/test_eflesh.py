@@ -93,6 +93,7 @@ def test_the_benchmark_says_which_recordings_are_absent(tmp_path: Path, capsys: 
     assert float(row.split("|")[2]) < 1.0
 
 
+@pytest.mark.long
 def test_the_simulated_day_is_another_one(tmp_path: Path) -> None:
     from fmfts.calibrate.field_fit import make_response
 

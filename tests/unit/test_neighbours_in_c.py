@@ -76,7 +76,7 @@ def without_one(frame: Frame) -> Frame:
 
 
 @pytest.mark.parametrize("ambient", ["constant", "drifting"])
-@pytest.mark.parametrize("distance_mm", [25.0, 50.0])
+@pytest.mark.parametrize("distance_mm", [25.0, pytest.param(50.0, marks=pytest.mark.long)])
 def test_two_pads_that_feel_each_other_say_the_same_in_c_and_in_python(distance_mm: float, ambient: Ambient) -> None:
     """Also while one of them has lost a sensor."""
     pads = pair(distance_mm, ambient, seed=3)
