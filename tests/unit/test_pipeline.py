@@ -306,3 +306,18 @@ def test_source_that_is_being_opened_is_nothing_to_warn_of(caplog: pytest.LogCap
     assert [level for level, _ in told] == ["INFO", "WARNING", "WARNING"]
     assert "it is being opened" in told[0][1]
     assert [message.health for message in bench.sent] == ["disconnected", "stale", "disconnected"]
+
+
+def test_why_a_source_cannot_be_opened_is_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
+    with Bench(config_of()) as bench, caplog.at_level(logging.INFO):
+        state = bench.source.state
+        state.connected, state.since_ns, state.reason = False, 0, SourceState("").reason
+        for reason in ("", "/dev/i2c-1 does not exist: enable I2C", "/dev/i2c-1 is locked"):
+            if reason:
+                state.disconnect(reason, time.monotonic_ns())
+            for _ in range(2):
+                bench.channel.tick(time.monotonic_ns())
+    told = [(record.levelname, record.message) for record in caplog.records if "disconnected" in record.message]
+    assert [level for level, _ in told] == ["INFO", "WARNING"]
+    assert "it is being opened" in told[0][1]
+    assert "/dev/i2c-1 does not exist: enable I2C" in told[1][1]

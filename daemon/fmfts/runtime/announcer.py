@@ -28,6 +28,7 @@ class Announcer:
         self._touched_since_ns = started_ns
         self.health_since_ns = started_ns
         self.kind: Kind | None = None
+        self._told_opening = False  # the reason that was told last is that the source is being opened
 
     @property
     def last(self) -> ContactMessage | None:
@@ -73,11 +74,15 @@ class Announcer:
     def _tell(self, message: ContactMessage) -> None:
         """Publish an event for each thing that changed with a message that was sent."""
         before, self._last, self.kind = self.last, message, None
-        if before is None or before.health != message.health:
+        is_change = before is None or before.health != message.health
+        # A source that is being opened for the first time is nothing to warn of; why it cannot be opened, is.
+        is_opening = not self._state.since_ns
+        if is_change:
             self.health_since_ns = message.t_publish_ns
+        if is_change or (self._told_opening and not is_opening):
+            self._told_opening = is_opening
             text = f"{message.health}: {message.reason}" if message.reason else message.health
-            # A source that is being opened for the first time is nothing to warn of.
-            is_calm = message.health == "ok" or not self._state.since_ns
+            is_calm = message.health == "ok" or is_opening
             log.log(logging.INFO if is_calm else logging.WARNING, "pad '%s': %s", self._name, text)
             self.event("health", text)
         if message.contact is not None:
