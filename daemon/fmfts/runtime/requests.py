@@ -98,7 +98,8 @@ class Verbs:
 
     def _status(self, request: Request) -> None:
         request.arguments_as(_Nothing)
-        request.reply(pads=[msgspec.to_builtins(status) for status in self.last_status.values()])
+        now = [_renewed(self._channels[name], status) for name, status in self.last_status.items()]
+        request.reply(pads=[msgspec.to_builtins(status) for status in now])
 
     def _pads(self, request: Request) -> None:
         request.arguments_as(_Nothing)
@@ -230,6 +231,19 @@ def _without_drift(channel: Channel) -> dict[str, object]:
     channel.use(recorded)
     channel.announcer.event("baseline", f"{recorded.kind} {recorded.id}, its drift undone")
     return {"pad": channel.name, "baseline": recorded.id, "kind": recorded.kind}
+
+
+def _renewed(channel: Channel, status: StatusMessage) -> StatusMessage:
+    """The status of the last interval, with the health of now."""
+    health, reason = channel.told()
+    return msgspec.structs.replace(
+        status,
+        health=health,
+        reason=reason,
+        since_ns=channel.announcer.health_since_ns,
+        connected=channel.source.state.connected,
+        sensor_faults=channel.faults,
+    )
 
 
 def _silence(channel: Channel) -> str:
