@@ -247,7 +247,11 @@ def _renewed(channel: Channel, status: StatusMessage) -> StatusMessage:
 
 
 def _silence(channel: Channel) -> str:
-    return "connected, but it sends no frames" if channel.health in ("stale", "disconnected") else ""
+    """Why no frame of a pad is used whose source is open, "" where frames are used."""
+    health, reason = channel.told()
+    if health not in ("stale", "disconnected"):
+        return ""
+    return f"it is open, but no frame of it is used: {reason.removeprefix(f'{channel.source.state.description}: ')}"
 
 
 def _use(channel: Channel, recorded: Recorded) -> None:
