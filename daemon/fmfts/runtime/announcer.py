@@ -9,16 +9,18 @@ from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health
 from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Kind
+from fmfts.runtime.sparing_log import SparingLog
 from fmfts.sensor import SourceState
-
-log = logging.getLogger(__name__)
 
 
 class Announcer:
     """kind: of the last message, if the fast path made it. health_since_ns: when the health became what it is."""
 
-    def __init__(self, name: str, state: SourceState, publisher: Publisher, boot: str, started_ns: int) -> None:
+    def __init__(
+        self, name: str, state: SourceState, publisher: Publisher, boot: str, started_ns: int, log: SparingLog
+    ) -> None:
         self._name = name
+        self._log = log
         self._state = state
         self._publisher = publisher
         self._boot = boot
@@ -83,7 +85,8 @@ class Announcer:
             self._told_opening = is_opening
             text = f"{message.health}: {message.reason}" if message.reason else message.health
             is_calm = message.health == "ok" or is_opening
-            log.log(logging.INFO if is_calm else logging.WARNING, "pad '%s': %s", self._name, text)
+            is_urgent = message.health == "disconnected"
+            self._log.tell(logging.INFO if is_calm else logging.WARNING, text, time.monotonic_ns(), is_urgent=is_urgent)
             self.event("health", text)
         if message.contact is not None:
             self._follow_contact(message)

@@ -22,6 +22,7 @@ from fmfts.runtime.lateness import Lateness
 from fmfts.runtime.rebaselining import Rebaselining
 from fmfts.runtime.recorders import Recorders
 from fmfts.runtime.search_turns import SearchTurns
+from fmfts.runtime.sparing_log import SparingLog
 from fmfts.runtime.statistics import PadStatistics
 from fmfts.sensor import ByteSource, Frame, Source
 from fmfts.sensor.early import EarlySample
@@ -62,7 +63,8 @@ class Channel:
         self._failed = False
         self.is_recorded = False
         self.recorders = Recorders(pipeline, publisher, boot)
-        self.announcer = Announcer(self.name, source.state, publisher, boot, self._started_ns)
+        self._log = SparingLog(self.name, self._lateness)
+        self.announcer = Announcer(self.name, source.state, publisher, boot, self._started_ns, self._log)
         self._lane: Lane | None = None  # set while C handles the frames
 
     @property
@@ -249,8 +251,9 @@ class Channel:
         self._lateness.count_left_out()
         latency = self._statistics.interval(now_ns)
         if news := self._lateness.judge():
-            log.log(logging.WARNING if self._lateness.sentence else logging.INFO, "pad '%s': %s", self.name, news)
+            self._log.tell(logging.WARNING if self._lateness.sentence else logging.INFO, news, now_ns)
             self.announcer.event("health", f"{self.health}: {news}")
+        self._log.catch_up(now_ns)
         state, last, mounting = self.source.state, self.announcer.last, self.pipeline.mounting
         health, reason = self.told()
         return StatusMessage(
