@@ -59,7 +59,10 @@ def test_swapped_wires_make_no_ok_frame_that_is_wrong() -> None:
     wrong = drill.truth.all_deviations(messages) > WRONG_DEVIATIONS
     assert wrong.any()
     assert {message.health for message, is_wrong in zip(messages, wrong, strict=True) if is_wrong} == {"degraded"}
-    assert "the field jumped by more than a finger changes it" in messages[int(wrong.argmax())].reason
+    assert (
+        "the field jumped between two samples by more than a finger can change it"
+        in messages[int(wrong.argmax())].reason
+    )
 
 
 def test_taps_on_chips_that_run_free_are_no_alarm() -> None:

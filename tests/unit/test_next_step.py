@@ -89,6 +89,9 @@ def test_pad_that_is_absent_or_faulty_is_named_with_what_to_do() -> None:
     for connected in (True, False):  # a fault that is known is the thing to mend, also where it stops all frames
         pads[1] |= {"connected": connected, "faults": ["sensor 3: silent"]}
         assert "under faults of pad 'b'" in next_step.after_probe({"pads": pads}, "")
+    both = next_step.after_probe({"pads": [pads[0] | {"connected": False}, pads[1]]}, "")
+    assert "source of pad 'a' answer" in both
+    assert "under faults of pad 'b'" in both
     pads[1] |= {"connected": True}
     pads[1] |= {"faults": []}
     assert "selftest --config x.toml --pad a`" in next_step.after_probe({"pads": pads}, " --config x.toml")

@@ -299,4 +299,19 @@ def test_probe_calls_a_pad_connected_only_while_frames_come(daemon: Daemon) -> N
     daemon.channel.tick(time.monotonic_ns() + 1_000_000_000)
     daemon.ask("probe")
     (found,) = daemon.answer()["pads"]
-    assert (found["connected"], found["reason"]) == (False, "connected, but it sends no frames")
+    assert not found["connected"]
+    assert re.fullmatch(r"it is open, but no frame of it is used: silent for \d\.\d s", found["reason"])
+
+
+def test_status_tells_the_health_of_now_and_never_without_a_reason(daemon: Daemon) -> None:
+    channel = Channel(daemon.source, 0, daemon.channel.pipeline, daemon._publisher, "boot", 220.0)
+    daemon.source.state.connected, daemon.source.state.reason = False, "it is being opened"
+    fresh = channel.status(time.monotonic_ns())  # as it is published at start, before any message
+    assert (fresh.health, fresh.reason) == ("disconnected", "simulated pad, seed 1: it is being opened")
+    daemon.source.state.connected = True
+    daemon.verbs.last_status["left"] = fresh
+    daemon.ask("status")
+    (told,) = daemon.answer()["pads"]
+    assert (told["health"], told["connected"]) == (daemon.channel.health, True) == ("no_baseline", True)
+    assert told["reason"]
+    assert told["t_publish_ns"] == fresh.t_publish_ns

@@ -9,11 +9,14 @@ from typing import Any
 def after_probe(facts: Mapping[str, Any], config: str) -> str:
     """config: the words ` --config FILE` as they were given, or ""."""
     absent = [pad["pad"] for pad in facts["pads"] if not pad["connected"] and not pad["faults"]]
-    if absent:
-        return f"make the source of {_named(absent)} answer: docs/troubleshooting.md; then `fmfts-daemon probe{config}`"
     faulty = [pad["pad"] for pad in facts["pads"] if pad["faults"]]
+    mend = f"mend what is listed under faults of {_named(faulty)}"
+    if absent:
+        also = f"; {mend}" if faulty else ""
+        answer = f"make the source of {_named(absent)} answer: docs/troubleshooting.md"
+        return f"{answer}{also}; then `fmfts-daemon probe{config}`"
     if faulty:
-        return f"mend what is listed under faults of {_named(faulty)}, then `fmfts-daemon probe{config}` again"
+        return f"{mend}, then `fmfts-daemon probe{config}` again"
     if any(pad.get("board", {}).get("self_test") is False for pad in facts["pads"]):
         return f"`fmfts-daemon baseline --bare{config}{_pad_option(facts)}` while the pad is not mounted"
     return f"`fmfts-daemon selftest{config}{_pad_option(facts)}` measures every axis"

@@ -14,8 +14,8 @@ from fmfts.pose import PoseEstimate
 from fmfts.pose.track import Track
 
 JUMPED = (
-    "beyond the range, as the field jumped by more than a finger changes it between two samples: a wire that was "
-    "moved, a blow, or a magnet"
+    "the field jumped between two samples by more than a finger can change it: a wire that was moved, a blow, "
+    "a magnet, or frames that this computer left out"
 )
 
 

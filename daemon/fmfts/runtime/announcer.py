@@ -9,16 +9,18 @@ from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health
 from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Kind
+from fmfts.runtime.sparing_log import SparingLog
 from fmfts.sensor import SourceState
-
-log = logging.getLogger(__name__)
 
 
 class Announcer:
     """kind: of the last message, if the fast path made it. health_since_ns: when the health became what it is."""
 
-    def __init__(self, name: str, state: SourceState, publisher: Publisher, boot: str, started_ns: int) -> None:
+    def __init__(
+        self, name: str, state: SourceState, publisher: Publisher, boot: str, started_ns: int, log: SparingLog
+    ) -> None:
         self._name = name
+        self._log = log
         self._state = state
         self._publisher = publisher
         self._boot = boot
@@ -28,6 +30,7 @@ class Announcer:
         self._touched_since_ns = started_ns
         self.health_since_ns = started_ns
         self.kind: Kind | None = None
+        self._told_opening = False  # the reason that was told last is that the source is being opened
 
     @property
     def last(self) -> ContactMessage | None:
@@ -73,12 +76,17 @@ class Announcer:
     def _tell(self, message: ContactMessage) -> None:
         """Publish an event for each thing that changed with a message that was sent."""
         before, self._last, self.kind = self.last, message, None
-        if before is None or before.health != message.health:
+        is_change = before is None or before.health != message.health
+        # A source that is being opened for the first time is nothing to warn of; why it cannot be opened, is.
+        is_opening = not self._state.since_ns
+        if is_change:
             self.health_since_ns = message.t_publish_ns
+        if is_change or (self._told_opening and not is_opening):
+            self._told_opening = is_opening
             text = f"{message.health}: {message.reason}" if message.reason else message.health
-            # A source that is being opened for the first time is nothing to warn of.
-            is_calm = message.health == "ok" or not self._state.since_ns
-            log.log(logging.INFO if is_calm else logging.WARNING, "pad '%s': %s", self._name, text)
+            is_calm = message.health == "ok" or is_opening
+            is_urgent = message.health == "disconnected"
+            self._log.tell(logging.INFO if is_calm else logging.WARNING, text, time.monotonic_ns(), is_urgent=is_urgent)
             self.event("health", text)
         if message.contact is not None:
             self._follow_contact(message)

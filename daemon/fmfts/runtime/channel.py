@@ -22,6 +22,7 @@ from fmfts.runtime.lateness import Lateness
 from fmfts.runtime.rebaselining import Rebaselining
 from fmfts.runtime.recorders import Recorders
 from fmfts.runtime.search_turns import SearchTurns
+from fmfts.runtime.sparing_log import SparingLog
 from fmfts.runtime.statistics import PadStatistics
 from fmfts.sensor import ByteSource, Frame, Source
 from fmfts.sensor.early import EarlySample
@@ -30,6 +31,7 @@ from fmfts.sensor.probing import faults_of
 log = logging.getLogger(__name__)
 
 SHORTEST_SILENCE_NS = 150_000_000
+UNKNOWN_BOARD = "frames come, but the board has not said yet which one it is, and the baseline is one board's"
 
 
 class Channel:
@@ -61,7 +63,8 @@ class Channel:
         self._failed = False
         self.is_recorded = False
         self.recorders = Recorders(pipeline, publisher, boot)
-        self.announcer = Announcer(self.name, source.state, publisher, boot, self._started_ns)
+        self._log = SparingLog(self.name, self._lateness)
+        self.announcer = Announcer(self.name, source.state, publisher, boot, self._started_ns, self._log)
         self._lane: Lane | None = None  # set while C handles the frames
 
     @property
@@ -202,21 +205,30 @@ class Channel:
 
     def tick(self, now_ns: int) -> None:
         """Publish the health of a silent pad. The daemon calls this twenty times a second while a pad is silent."""
-        if not self.is_silent(now_ns):
-            return
+        if self.is_silent(now_ns):
+            health, why = self._silence(now_ns)
+            self.announcer.send(self.pipeline.absent(health, f"{self.source.state.description}: {why}"))
+
+    def _silence(self, now_ns: int) -> tuple[Health, str]:
+        """The health of a pad of which no frame is used, and why none is."""
         state, last = self.source.state, self._last_frame_ns
         if not state.connected:
-            self.announcer.send(self.pipeline.absent("disconnected", f"{state.description}: {state.reason}"))
-            return
+            return "disconnected", state.reason
         if last is None:
-            reason = "; ".join(self.faults) or "connected, but no frame yet"
-        elif not self._board_is_known():
-            reason = "frames come, but the board has not said yet which one it is, and the baseline is one board's"
-        elif now_ns - last < self._silent_ns:
-            reason = self._lateness.reason
-        else:
-            reason = f"silent for {(now_ns - last) * 1e-9:.1f} s"
-        self.announcer.send(self.pipeline.absent("stale", f"{state.description}: {reason}"))
+            return "stale", "; ".join(self.faults) or "no frame came yet"
+        if not self._board_is_known():
+            return "stale", UNKNOWN_BOARD
+        if now_ns - last < self._silent_ns:
+            return "stale", self._lateness.reason
+        return "stale", f"silent for {(now_ns - last) * 1e-9:.1f} s"
+
+    def told(self) -> tuple[Health, str]:
+        """Health and reason as they were published last. Where it is not "ok", there is a reason."""
+        last = self.announcer.last
+        if last is None:
+            health, why = self._silence(time.monotonic_ns())
+            return health, f"{self.source.state.description}: {why}"
+        return last.health, last.reason or self._lateness.sentence
 
     @overload
     def _answered(self, taken: Frame) -> ContactMessage | PackedMessage: ...
@@ -239,16 +251,18 @@ class Channel:
         self._lateness.count_left_out()
         latency = self._statistics.interval(now_ns)
         if news := self._lateness.judge():
-            log.log(logging.WARNING if self._lateness.sentence else logging.INFO, "pad '%s': %s", self.name, news)
+            self._log.tell(logging.WARNING if self._lateness.sentence else logging.INFO, news, now_ns)
             self.announcer.event("health", f"{self.health}: {news}")
+        self._log.catch_up(now_ns)
         state, last, mounting = self.source.state, self.announcer.last, self.pipeline.mounting
+        health, reason = self.told()
         return StatusMessage(
             pad=self.name,
             boot=self._boot,
             t_publish_ns=now_ns,
             utc_ns=time.time_ns(),
-            health=self.health,
-            reason=(last.reason if last is not None else "") or self._lateness.sentence,
+            health=health,
+            reason=reason,
             since_ns=self.announcer.health_since_ns,
             source=state.description,
             connected=state.connected,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 from fmfts.runtime.statistics import PadStatistics
 from fmfts.sensor import SourceState
 
@@ -22,6 +24,7 @@ class Lateness:
         self._statistics = statistics
         self._counted = 0  # of `state.left_out`
         self._late_s = 0.0
+        self._behind_ns: int | None = None  # when a frame was last found to be left out
 
     def is_to_be_left_out(self, taken_ns: int, now_ns: int, superseded: bool = False) -> bool:
         """Whether a frame of that time is too old, or superseded by another. If it is, it is counted."""
@@ -29,6 +32,7 @@ class Lateness:
         left_out = superseded or now_ns - taken_ns > self.overdue_ns
         if left_out:
             self._statistics.refuse()
+            self._behind_ns = now_ns
         return left_out
 
     def is_late(self, taken_ns: int, now_ns: int) -> bool:
@@ -41,7 +45,12 @@ class Lateness:
         new, self._counted = left_out - self._counted, left_out
         if new:
             self._statistics.leave_out(new)
+            self._behind_ns = time.monotonic_ns()
         return new > 0
+
+    def is_behind(self, now_ns: int, within_ns: int) -> bool:
+        """Whether frames were left out that recently."""
+        return self._behind_ns is not None and now_ns - self._behind_ns < within_ns
 
     def judge(self) -> str:
         """Judge the interval that the statistics just ended.
@@ -59,4 +68,5 @@ class Lateness:
     def reason(self) -> str:
         """Why frames come, and none is used."""
         late = f"{self._late_s:.2f} s late" if self._late_s * 1e9 > self.overdue_ns else "too late"
-        return f"frames come {late}: {self.sentence or 'this computer is overloaded, or the clock of the board stands'}"
+        clock = ", or the clock of the board stands" if self._state.has_clock else ""
+        return f"frames come {late}: {self.sentence or f'this computer is overloaded{clock}'}"

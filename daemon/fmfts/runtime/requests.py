@@ -99,7 +99,8 @@ class Verbs:
 
     def _status(self, request: Request) -> None:
         request.arguments_as(_Nothing)
-        request.reply(pads=[msgspec.to_builtins(status) for status in self.last_status.values()])
+        now = [_renewed(self._channels[name], status) for name, status in self.last_status.items()]
+        request.reply(pads=[msgspec.to_builtins(status) for status in now])
 
     def _pads(self, request: Request) -> None:
         request.arguments_as(_Nothing)
@@ -245,8 +246,25 @@ def _without_drift(channel: Channel) -> dict[str, object]:
     return {"pad": channel.name, "baseline": recorded.id, "kind": recorded.kind}
 
 
+def _renewed(channel: Channel, status: StatusMessage) -> StatusMessage:
+    """The status of the last interval, with the health of now."""
+    health, reason = channel.told()
+    return msgspec.structs.replace(
+        status,
+        health=health,
+        reason=reason,
+        since_ns=channel.announcer.health_since_ns,
+        connected=channel.source.state.connected,
+        sensor_faults=channel.faults,
+    )
+
+
 def _silence(channel: Channel) -> str:
-    return "connected, but it sends no frames" if channel.health in ("stale", "disconnected") else ""
+    """Why no frame of a pad is used whose source is open, "" where frames are used."""
+    health, reason = channel.told()
+    if health not in ("stale", "disconnected"):
+        return ""
+    return f"it is open, but no frame of it is used: {reason.removeprefix(f'{channel.source.state.description}: ')}"
 
 
 def _use(channel: Channel, recorded: Recorded) -> None:

@@ -29,6 +29,7 @@ class SourceState:
 
     description: str
     connected: bool = False
+    has_clock: bool = False  # a board's clock times its samples
     reason: str = "it is being opened"
     since_ns: int = 0
     crc_errors: int = 0

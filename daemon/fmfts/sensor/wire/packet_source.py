@@ -21,7 +21,7 @@ class PacketSource:
     def __init__(
         self, pads: Mapping[int, WiredPad], description: str, clock: DeviceClock | HostClock, uid: bytes | None = None
     ) -> None:
-        self.state = SourceState(description=description)
+        self.state = SourceState(description=description, has_clock=isinstance(clock, DeviceClock))
         self.patience: Patience | None = None
         self._pads = pads
         self._clock = clock
