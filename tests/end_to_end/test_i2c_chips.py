@@ -236,6 +236,18 @@ def test_a_selftest_of_lis3mdl_names_the_broken_axis_and_streaming_goes_on() -> 
         assert run(source, all_valid)[-1].gain_code == 0
 
 
+def test_a_selftest_judges_a_chip_that_was_lost_by_whether_it_answers_now() -> None:
+    with wired("mmc5983ma", trigger="simultaneous") as (kernel, source):
+        run(source, all_valid)
+        kernel.chip(1, absent=True)
+        kernel.chip(3, absent=True)
+        run(source, lambda frames: frames and not frames[-1].valid[[1, 3]].any())
+        kernel.chip(3, absent=False)
+        source.request_selftest(0)
+        run(source, lambda frames: source.selftest_result(0))
+        assert [sensor["passed"] for sensor in source.selftest_result(0)["sensors"]] == [True, False, True, True]
+
+
 def test_a_selftest_of_mmc5983ma_tells_zeros_and_the_one_that_is_too_large() -> None:
     with wired("mmc5983ma", trigger="simultaneous") as (kernel, source):
         run(source, all_valid)

@@ -67,6 +67,7 @@ class SetReset:
 
     stop: what to write to end a stream. set_pulse, reset_pulse: for either pulse; settle_s: the time after `stop`, and
     after a pulse. measure: for one measurement without a pulse of the chip's own; samples: that are averaged.
+    status, done: what to write to read a byte, and its bit that is set from a measurement's end until it is cleared.
     coil: for a current through its own coil one way, and the other, until it is set up; its field is hardly known.
     largest_zero_gauss: of a good axis, of either sign. least_coil_gauss: what turning the current over must do to it.
     """
@@ -76,6 +77,8 @@ class SetReset:
     reset_pulse: bytes
     settle_s: tuple[float, float]
     measure: bytes
+    status: bytes
+    done: int
     samples: int
     coil: tuple[bytes, bytes]
     largest_zero_gauss: float

@@ -75,6 +75,10 @@ class I2cPad:
         for sensor in self.sensors:
             self._guard(sensor, self._set_up)
 
+    def try_again(self, sensor: Sensor) -> None:
+        """Set a sensor up that was lost, however short ago that was."""
+        self._guard(sensor, self._set_up)
+
     def trigger(self) -> int:
         """Start a conversion in all working chips, those of one address behind one mux with one write.
 

@@ -42,6 +42,9 @@ def _gain_code(chip: Chip) -> int:
 
 def _measure_sensor(pad: I2cPad, sensor: Sensor, gain_code: int) -> SelftestSensor:
     if sensor.state != SensorState.OK:
+        # On a busy computer it may be lost for a moment: what counts is whether it answers now.
+        pad.try_again(sensor)
+    if sensor.state != SensorState.OK:
         return SelftestSensor(sensor.state, NOTHING, NOTHING)
     try:
         pad.select(sensor)
@@ -113,7 +116,7 @@ def _samples(
         for data in each:
             sensor.wires.write(data)
         if each:
-            time.sleep(pad.chip.single_conversion_s)
+            time.sleep(pad.chip.single_wait_s)
         block = _next(pad, sensor)
         if block is None:
             return None
@@ -140,7 +143,16 @@ def _next(pad: I2cPad, sensor: Sensor) -> bytes | None:
     end_s = time.monotonic() + CONVERSION_LIMIT_S
     while True:
         is_last = time.monotonic() >= end_s  # of a busy computer, which stood still meanwhile, as of any other
-        ready, block = pad.chip.driver.sample(sensor.wires)
+        ready, block = pad.chip.driver.sample(sensor.wires) if _may_be_read(pad, sensor) else (False, None)
         if ready or is_last:
             return block if ready else None
         time.sleep(POLL_S)
+
+
+def _may_be_read(pad: I2cPad, sensor: Sensor) -> bool:
+    """False while reading would hide a measurement that ends meanwhile: it clears what announces it."""
+    test = pad.chip.set_reset
+    if test is None:
+        return True
+    (status,) = sensor.wires.exchange(test.status, 1)
+    return bool(status[0] & test.done)
