@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from fmfts.sensor.chips.mmc5983ma import MMC5983MA
 from fmfts.sensor.i2c import selftest
 
 SAMPLE = b"\x01\x02\x03\x04\x05\x06"
@@ -34,7 +35,7 @@ def pad_that_is_ready_at(stopwatch: Stopwatch, ready_s: float, stands_still_s: f
         stopwatch.now_s += stands_still_s if len(looks) == 1 else 0.0
         return is_ready, SAMPLE if is_ready else None
 
-    return SimpleNamespace(chip=SimpleNamespace(driver=SimpleNamespace(sample=sample)))
+    return SimpleNamespace(chip=SimpleNamespace(driver=SimpleNamespace(sample=sample), set_reset=None))
 
 
 @pytest.mark.parametrize(
@@ -48,3 +49,36 @@ def test_a_sample_that_came_while_the_computer_stood_still_is_found(
     monkeypatch.setattr(selftest, "time", stopwatch)
     pad = pad_that_is_ready_at(stopwatch, stopwatch.now_s + ready_after_s, stands_still_s)
     assert selftest._next(pad, SimpleNamespace(wires=None)) == found  # type: ignore[arg-type]
+
+
+class Measuring:
+    """The wires of an MMC5983MA whose measurement ends after so long. Each message takes 0.1 ms."""
+
+    def __init__(self, stopwatch: Stopwatch, ends_after_s: float) -> None:
+        self._stopwatch = stopwatch
+        self._ends_s = stopwatch.now_s + ends_after_s
+        self._has_ended = self._is_announced = False
+
+    def exchange(self, *messages: bytes | int) -> list[bytes]:
+        """A number: so many bytes are read. Two bytes are written to clear what announces the measurement."""
+        read = []
+        for message in messages:
+            self._stopwatch.now_s += 1e-4
+            if self._stopwatch.now_s >= self._ends_s and not self._has_ended:
+                self._has_ended = self._is_announced = True
+            if isinstance(message, int):
+                read.append(bytes((self._is_announced,)) if message == 1 else SAMPLE)
+            elif len(message) == 2:
+                self._is_announced = False
+        return read
+
+
+@pytest.mark.parametrize("ends_after_s", [0.5e-4, 1.5e-4, 2.5e-4, 3.5e-4, 4.5e-4, 22.5e-4])
+def test_a_measurement_that_ends_while_the_chip_is_asked_for_it_is_found(
+    monkeypatch: pytest.MonkeyPatch, ends_after_s: float
+) -> None:
+    stopwatch = Stopwatch()
+    monkeypatch.setattr(selftest, "time", stopwatch)
+    wires = Measuring(stopwatch, ends_after_s)
+    pad = SimpleNamespace(chip=MMC5983MA)
+    assert selftest._next(pad, SimpleNamespace(wires=wires)) == SAMPLE  # type: ignore[arg-type]
