@@ -275,12 +275,9 @@ def load(path: Path, pad: Pad, origin: Origin | None = None) -> Baseline | None:
     if len(text) > LARGEST_BYTES:
         larger = f"larger than {LARGEST_BYTES / 1e6:g} MB, and no baseline is"
         raise BaselineError(f"pad '{pad.name}': baseline {path} is {larger}: {again}")
-    try:
-        with damage_told(BaselineError, f"pad '{pad.name}': baseline {path} is damaged"):
-            baseline = msgspec.json.decode(text, type=Baseline)
-            seal = baseline.sealed().id
-    except BaselineError as error:
-        raise BaselineError(f"{error}: {again}") from error
+    with damage_told(BaselineError, f"pad '{pad.name}': baseline {path} is damaged", again):
+        baseline = msgspec.json.decode(text, type=Baseline)
+        seal = baseline.sealed().id
     if baseline.format != FORMAT:
         raise BaselineError(f"pad '{pad.name}': baseline {path} has format {baseline.format}, not {FORMAT}: {again}")
     if seal != baseline.id:

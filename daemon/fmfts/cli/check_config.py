@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _require_recordings(config: Config) -> None:
-    """Raise SourceError where a recording that the file names is none of its pads."""
+    """Raise SourceError where a pad replays a recording that is damaged, or of another kind of pad."""
     from fmfts.config import ReplaySource
     from fmfts.sources import open_sources
 

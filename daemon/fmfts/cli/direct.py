@@ -59,7 +59,7 @@ def ask_daemon(verb: str, base: str | None, pad: str | None = None, **arguments:
                     **arguments,
                 )
         except KeyboardInterrupt:
-            if verb == "baseline":
+            if verb == "baseline" and not {"restore", "undo_drift"} & arguments.keys():
                 request(verb, endpoint=endpoints, stop=True, **named)
                 print("stopped: nothing was recorded", file=sys.stderr)
             raise

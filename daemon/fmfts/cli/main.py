@@ -8,11 +8,11 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fmfts import __version__
 from fmfts.cli import calibrate as calibration_verbs
-from fmfts.cli import check_config, next_step
+from fmfts.cli import check_config, on_device
 from fmfts.cli import collect as collect_verb
 from fmfts.cli import demo as demo_verb
 from fmfts.cli import init_config as init_verb
@@ -20,22 +20,8 @@ from fmfts.cli import keys as keys_verb
 from fmfts.cli import pose as pose_verb
 from fmfts.cli import record as record_verbs
 from fmfts.cli import view as view_verb
-from fmfts.cli.verb import (
-    AddVerb,
-    VerbError,
-    configuration,
-    configuration_if_any,
-    ended_by,
-    lacking,
-    pad_named,
-    seconds,
-    serving_base,
-)
+from fmfts.cli.verb import AddVerb, VerbError, configuration, ended_by, lacking, seconds, serving_base, with_json
 from fmfts.common import exit_codes
-from fmfts.common.names import no_such_pad
-
-if TYPE_CHECKING:
-    from fmfts.config import Config
 
 DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or the first of /etc/fmfts/config.toml, ./config.toml or ./pad.toml"
 LISTENERS_CONFIG = "the daemon's file, if that sets [bus] endpoint; not needed otherwise"
@@ -114,37 +100,14 @@ def _parser(requested: str | None) -> argparse.ArgumentParser:
         added.add_argument("--config", type=Path, metavar="FILE", help=default_config)
         return added
 
-    def facts(added: argparse.ArgumentParser) -> None:
-        added.add_argument("--json", action="store_true", help="print facts as JSON")
-
     verb("run", _run, "read the pads and publish contacts until stopped")
-    baseline = verb("baseline", _baseline, "record the baseline of a pad, before loading it")
-    kind = baseline.add_mutually_exclusive_group(required=True)
-    kind.add_argument("--bare", action="store_true", help="the pad is not mounted: record the ambient field alone")
-    kind.add_argument("--rest", action="store_true", help="the pad is mounted and nothing touches it")
-    kind.add_argument("--turn", action="store_true", help="turn the unloaded robot: learn the sensors' gains")
-    kind.add_argument("--refine", action="store_true", help="press some 30 times anywhere: learn places and gains")
-    kind.add_argument("--restore", action="store_true", help="record nothing: bring the last good baseline back")
-    kind.add_argument(
-        "--undo-drift", action="store_true", help="record nothing: forget the drift followed by [pad.rebaseline]"
-    )
-    baseline.add_argument("--replaced", action="store_true", help="the pad was replaced since the last baseline")
-    baseline.add_argument(
-        "--duration-s", type=seconds, help="duration of the recording: 0.5 to 60 (3; --turn 20; --refine 40)"
-    )
-    selftest = verb("selftest", _selftest, "measure every axis in a field that the chip makes itself")
-    for added in (baseline, selftest):
-        added.add_argument("--pad", metavar="NAME", help="needed if there are several")
-        facts(added)
-    probe = verb("probe", _probe, "say what is connected, and what is wrong with it")
-    probe.add_argument("--pad", metavar="NAME", help="only this pad")
-    facts(probe)
-    facts(verb("status", _status, "ask a running daemon how its pads are", LISTENERS_CONFIG))
-    facts(verb("check-config", check_config.run, "read the configuration and say what is wrong with it"))
+    on_device.add_to(verb)
+    with_json(verb("status", _status, "ask a running daemon how its pads are", LISTENERS_CONFIG))
+    with_json(verb("check-config", check_config.run, "read the configuration and say what is wrong with it"))
     listen = verb("listen", _listen, "show the contacts of a running daemon", LISTENERS_CONFIG)
     listen.add_argument("--pad", metavar="NAME", help="only this pad")
     listen.add_argument("--seconds", type=seconds, help="end after this time, with a summary")
-    facts(listen)
+    with_json(listen)
     view_verb.add_to(verb, LISTENERS_CONFIG)
     demo_verb.add_to(verb)
     init_verb.add_to(verb)
@@ -206,80 +169,6 @@ def _run(options: argparse.Namespace) -> int:
     with ended_by(*errors), Daemon(config) as daemon:
         daemon.run()
     return 0
-
-
-def _baseline(options: argparse.Namespace) -> int:
-    from fmfts.cli.direct import nothing_to_undo, record_baseline, restore_baseline
-
-    if options.undo_drift:
-        return _through_daemon(options, "baseline", {"undo_drift": True}, nothing_to_undo)
-    if options.restore:
-        return _through_daemon(options, "baseline", {"restore": True}, lambda pad, pads, restore: restore_baseline(pad))
-    names = ("bare", "replaced", "turn", "refine", "duration_s")
-    arguments = {name: getattr(options, name) for name in names}
-    return _through_daemon(options, "baseline", arguments, record_baseline)
-
-
-def _selftest(options: argparse.Namespace) -> int:
-    from fmfts.cli.direct import run_selftest
-
-    return _through_daemon(options, "selftest", {}, run_selftest)
-
-
-def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str, Any], directly: Any) -> int:
-    """Lets the running daemon carry out a verb, because it owns the device; without a daemon, calls `directly`."""
-    from fmfts.cli import direct
-    from fmfts.view.facts import print_facts
-
-    config = configuration_if_any(options)
-    pad = options.pad or (config.pad[0].name if config is not None and len(config.pad) == 1 else None)
-    with ended_by(*direct.ERRORS):
-        facts = direct.ask_daemon(verb, _endpoint_in(config), pad, **arguments)
-        through_daemon = facts is not None
-        if facts is None:
-            config = config or configuration(options)
-            facts = directly(pad_named(config, pad), config.pad, **arguments)
-    print_facts(facts, as_json=options.json)
-    words = _config_words(options), f" --pad {options.pad}" if options.pad else ""
-    if verb == "selftest":
-        _say_next(options, next_step.after_selftest(facts, *words))
-    else:
-        _say_next(options, next_step.after_baseline(facts, *words, is_running=through_daemon))
-    return exit_codes.DONE if facts.get("passed", True) else exit_codes.FAULTY
-
-
-def _endpoint_in(config: Config | None) -> str | None:
-    return None if config is None else config.bus.endpoint
-
-
-def _config_words(options: argparse.Namespace) -> str:
-    return "" if options.config is None else f" --config {options.config}"
-
-
-def _say_next(options: argparse.Namespace, sentence: str) -> None:
-    if sentence and not options.json:
-        print(f"next: {sentence}")
-
-
-def _probe(options: argparse.Namespace) -> int:
-    from fmfts.cli import direct
-    from fmfts.view.facts import print_facts
-
-    with ended_by(*direct.ERRORS):
-        config = configuration_if_any(options)
-        facts = direct.ask_daemon("probe", _endpoint_in(config))
-        facts = facts or direct.probe(config or configuration(options))
-    words = _config_words(options)
-    if options.pad is not None:
-        known = {pad["pad"]: pad for pad in facts["pads"]}
-        if options.pad not in known:
-            raise VerbError(exit_codes.USAGE, no_such_pad(options.pad, list(known), "this computer"))
-        facts, words = {"pads": [known[options.pad]]}, f"{words} --pad {options.pad}"
-    print_facts(facts, as_json=options.json)
-    _say_next(options, next_step.after_probe(facts, words))
-    if not all(pad["connected"] for pad in facts["pads"]):
-        return exit_codes.UNAVAILABLE
-    return exit_codes.DONE if all(pad["sound"] for pad in facts["pads"]) else exit_codes.FAULTY
 
 
 def _status(options: argparse.Namespace) -> int:

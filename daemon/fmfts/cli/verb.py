@@ -40,6 +40,11 @@ def seconds(text: str) -> float:
     return value
 
 
+def with_json(parser: argparse.ArgumentParser) -> None:
+    """For verbs that tell facts."""
+    parser.add_argument("--json", action="store_true", help="print facts as JSON")
+
+
 @contextmanager
 def ended_by(*errors: type[Exception]) -> Iterator[None]:
     """Turns these errors into VerbError, with the exit code of their cause (common/exit_codes.py)."""

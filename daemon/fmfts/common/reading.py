@@ -27,8 +27,8 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
 
 
 @contextmanager
-def damage_told(named: type[Exception], sentence: str) -> Iterator[None]:
-    """Every error inside becomes `named`, with `sentence` and what was wrong. `named` itself passes.
+def damage_told(named: type[Exception], sentence: str, remedy: str = "") -> Iterator[None]:
+    """Every error inside becomes `named`, with `sentence`, what was wrong, and what to do. `named` itself passes.
 
     What a decoder raises for damaged bytes is no part of its promises, so no list of its errors is ever complete.
     """
@@ -37,4 +37,5 @@ def damage_told(named: type[Exception], sentence: str) -> Iterator[None]:
     except named:
         raise
     except Exception as error:
-        raise named(f"{sentence} ({type(error).__name__}: {error})") from error
+        mend = f": {remedy}" if remedy else ""
+        raise named(f"{sentence} ({type(error).__name__}: {error}){mend}") from error
