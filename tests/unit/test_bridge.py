@@ -86,6 +86,7 @@ def test_a_line_is_empty_of_what_came_before_it_was_read_and_of_no_more(
     board.send(board.sample())
     run(bridge, board, until=lambda: at_ns[0] > 1_000_000_000)
     assert bridge._clock.unread_ns(at_ns[0]) >= 50_000_000
+    assert bridge.state.has_clock, "the board's, which may be what is late"
 
 
 def test_a_frame_that_came_since_the_caller_looked_at_the_clock_is_not_older_than_that(board: Board) -> None:

@@ -33,7 +33,7 @@ def test_figures_have_the_units_and_digits_of_a_workshop(
 
 def test_what_is_empty_is_left_out_and_pads_stand_apart(capsys: pytest.CaptureFixture[str]) -> None:
     pads = [{"pad": name, "reason": "", "board": {}, "faults": []} for name in ("left", "right")]
-    print_facts({"pads": pads}, as_json=False)
+    print_facts({"pads": pads, "could_gain": []}, as_json=False)
     assert capsys.readouterr().out.splitlines() == ["pad: left", "faults: none", "", "pad: right", "faults: none"]
 
 

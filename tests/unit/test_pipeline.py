@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import logging
-import re
 import tempfile
 import time
 from collections import Counter
@@ -200,14 +199,18 @@ def test_error_in_one_pads_work_is_lost_and_told_once(caplog: pytest.LogCaptureF
     assert sum("internal error" in record.message for record in caplog.records) == 1
 
 
-def test_frames_that_are_all_overdue_are_not_silence() -> None:
+@pytest.mark.parametrize(
+    ("has_clock", "why"),
+    [(False, "this computer is overloaded"), (True, "this computer is overloaded, or the clock of the board stands")],
+)
+def test_frames_that_are_all_overdue_are_not_silence(has_clock: bool, why: str) -> None:
     with Bench(config_of()) as bench:
-        bench.source.state.connected = True
+        bench.source.state.connected, bench.source.state.has_clock = True, has_clock
         for frame in frames_of(config_of(), no_finger, 0.1):
             bench.channel.frame(replace(frame, host_time_ns=time.monotonic_ns() - 2_000_000_000))
         bench.channel.tick(time.monotonic_ns())
     assert bench.sent[-1].health == "stale"
-    assert re.search("late: this computer is overloaded$", bench.sent[-1].reason)  # no board, whose clock might stand
+    assert bench.sent[-1].reason.endswith(f" late: {why}")
     assert bench.sent[-1].force_n is None
 
 
