@@ -3,38 +3,44 @@
 from __future__ import annotations
 
 import logging
+from collections import deque
 
 from fmfts.runtime.lateness import Lateness
 
 log = logging.getLogger(__name__)
 
 PERIOD_NS = 10_000_000_000
+MOST = 3  # a short stall makes as many changes, and each of them is worth a line
 
 
 class SparingLog:
-    """Logs lines of a pad. While frames are left out, at most one in PERIOD_NS; it says how many were not told."""
+    """Logs lines of a pad. While frames are left out, at most MOST in PERIOD_NS; the next tells how many were not."""
 
     def __init__(self, pad: str, lateness: Lateness) -> None:
         self._pad = pad
         self._lateness = lateness
-        self._told_ns: int | None = None
+        self._told_ns: deque[int] = deque(maxlen=MOST)
         self._held: tuple[int, str] | None = None  # the last line that was not told
         self._untold = 0
 
     def tell(self, level: int, text: str, now_ns: int, *, is_urgent: bool = False) -> None:
         """is_urgent: no overload causes it, so it is told at once."""
         is_behind = self._lateness.is_behind(now_ns, PERIOD_NS)
-        if is_behind and not is_urgent and self._told_ns is not None and now_ns - self._told_ns < PERIOD_NS:
+        if is_behind and not is_urgent and self._has_told_enough(now_ns):
             self._held, self._untold = (level, text), self._untold + 1
         else:
             self._write(level, text, self._untold, now_ns)
 
     def catch_up(self, now_ns: int) -> None:
         """Tell the last line that was held back, when its time has come. Call it about once a second."""
-        if self._held is not None and (self._told_ns is None or now_ns - self._told_ns >= PERIOD_NS):
+        if self._held is not None and not self._has_told_enough(now_ns):
             self._write(*self._held, self._untold - 1, now_ns)
+
+    def _has_told_enough(self, now_ns: int) -> bool:
+        return len(self._told_ns) == MOST and now_ns - self._told_ns[0] < PERIOD_NS
 
     def _write(self, level: int, text: str, untold: int, now_ns: int) -> None:
         before = f" ({untold} changes before it were not told: frames were left out)" if untold else ""
         log.log(level, "pad '%s': %s%s", self._pad, text, before)
-        self._told_ns, self._held, self._untold = now_ns, None, 0
+        self._told_ns.append(now_ns)
+        self._held, self._untold = None, 0
