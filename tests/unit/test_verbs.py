@@ -148,6 +148,23 @@ def test_recorded_baseline_is_in_use_before_it_is_reported(daemon: Daemon) -> No
     assert daemon.channel.job is None
 
 
+def test_a_recording_that_is_stopped_ends_at_once_and_frees_the_next(daemon: Daemon) -> None:
+    daemon.ask("baseline", duration_s=55.0)
+    daemon.frames(100)
+    daemon.ask("baseline", stop=True)
+    assert daemon.channel.job is None
+    assert daemon.result()["error"] == "pad 'left': no baseline was recorded: it was stopped"
+    assert daemon.result() == {"id": 1, "ok": True, "pad": "left", "stopped": True}
+    assert stored(CONFIG.pad()) is None
+    daemon.ask("baseline", stop=True)
+    assert "no baseline is being recorded; if one was stored just now" in daemon.result()["error"]
+    daemon.ask("baseline", duration_s=1.0)
+    daemon.frames(300)
+    daemon.ask("baseline", stop=True)
+    assert "no baseline is being recorded" in daemon.result()["error"], "it has frames enough: too late"
+    assert daemon.result()["ok"]
+
+
 @pytest.mark.parametrize("frames", [0, 100])
 def test_pad_without_frames_fails_the_baseline_and_frees_the_next(
     daemon: Daemon, clock: list[float], frames: int

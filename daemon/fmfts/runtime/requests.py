@@ -137,7 +137,9 @@ class Verbs:
             raise BadRequestError("one of rest, bare, turn, refine, restore and undo_drift at a time")
         channel = self._named(arguments.pad)
         if arguments.stop:
-            request.reply(**_stopped(channel))
+            facts = _stopped(channel)
+            self.finish_jobs()  # so that the next recording may begin at once
+            request.reply(**facts)
             return
         if channel.job is not None:
             raise BadRequestError(f"pad '{channel.name}': a baseline is being recorded already")
