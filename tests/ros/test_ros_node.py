@@ -32,6 +32,7 @@ PLACES = [Path(place) for place in os.environ["FMFTS_ROS"].split(os.pathsep)]
 PATIENCE_S = 30.0
 RATE_HZ = 220
 ERROR = 2
+NODE_OVER_ROS = 4.0  # 1.8 to 2.3 measured; a node that asks without waiting takes a whole core, 11 times as much
 
 
 TWO_PADS = """
@@ -170,10 +171,15 @@ def test_listener_hears_nearly_every_contact_with_the_time_of_its_sample(
             used_s = processor_time_s(ros.process.pid) - used_s
             time.sleep(0.5)
         heard = {each["stamp_ns"]: each for each in listener.on("/fmfts/left_finger/wrench")}
+    with RosProcess(place, HERE / "bare_publisher.py", log=tmp_path / "bare.log") as bare:
+        bare_share = bare.wait_for(lambda said: "of_a_core" in said)["of_a_core"]
     forces = [stamp for stamp, contact in sent.items() if contact.force_n is not None and not contact.over_range]
     both = [stamp for stamp in forces if stamp in heard]
-    share, of_a_core = len(both) / len(forces), used_s / seconds / 2
-    print(f"{place.name}: {len(both)} of {len(forces)} wrenches heard ({share:.3f}), {of_a_core:.1%} of a core a pad")
+    share, node_share = len(both) / len(forces), used_s / seconds
+    print(
+        f"{place.name}: {len(both)} of {len(forces)} wrenches heard ({share:.3f}); "
+        f"{node_share / 2:.1%} of a core a pad, {node_share / bare_share:.2f} times what ROS alone takes"
+    )
     assert share >= 0.95, "of what was sent with a force, by the time of its sample to the nanosecond"
     for stamp in both:
         contact, told = sent[stamp], heard[stamp]
@@ -187,7 +193,7 @@ def test_listener_hears_nearly_every_contact_with_the_time_of_its_sample(
     assert len([stamp for stamp in touched if stamp in points]) >= 0.95 * len(touched)
     assert all(points[stamp][:2] == [sent[stamp].x_m, sent[stamp].y_m] for stamp in touched if stamp in points)
     assert not [stamp for stamp in points if stamp in sent and not sent[stamp].contact], "only in contact"
-    assert of_a_core < 0.10
+    assert node_share < NODE_OVER_ROS * bare_share, "both on this computer: how fast it is does not count"
     assert len(both) >= 0.95 * RATE_HZ * seconds, "where the daemon itself is not held up"
 
 
