@@ -30,7 +30,9 @@ def changed(folder: Path, before: str, after: str) -> str:
 
 def test_check_config_says_what_each_pad_is(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check-config", "--config", str(SHIPPED)]) == 0
-    assert re.fullmatch(r"good: 1 pad\ndemo: simulated, 220 Hz, contact model [0-9a-f]{12}…\n", capsys.readouterr().out)
+    assert re.fullmatch(
+        rf"good: 1 pad in {SHIPPED}\ndemo: simulated, 220 Hz, contact model [0-9a-f]{{12}}…\n", capsys.readouterr().out
+    )
 
 
 def test_check_config_refuses_the_model_of_another_pad_as_run_would(

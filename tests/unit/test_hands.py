@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from fmfts.baseline import Baseline, accuracy
@@ -9,12 +10,13 @@ from fmfts.baseline.coverage import PressCoverage, TurnCoverage
 from fmfts.baseline.request import DURATION_S, REFINE_S, TURN_S, BaselineRequest
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.sensor import Frame
-from fmfts.simulation.finger import steady_finger
+from fmfts.simulation.finger import no_finger, steady_finger
 from fmfts.simulation.hands import UNSETTLED_FRAMES, Hands
 from fmfts.simulation.source import Simulated
 
 CONFIG = PadConfig(name="left", source=SimulatedSource())  # pressed by the script on a robot that turns
 PERIOD_NS = round(1e9 / 220)
+COUNT_T = 1e-4 / 660  # of the chip at 2.5 gauss
 
 
 def request(kind: str) -> BaselineRequest:
@@ -77,3 +79,21 @@ def test_the_pad_is_left_as_it_was(kind: str) -> None:
     hands.let_go()
     assert (source.mounted, source.tumbling, source.turning_rad_per_s) == (True, False, 0.3)
     assert source.finger is finger
+
+
+@pytest.mark.parametrize("kind", ["rest", "refine"])
+def test_the_robot_goes_on_turning_from_where_it_stood(kind: str) -> None:
+    """A jump of its field would be `disturbed` for a second after every baseline."""
+    source = Simulated(CONFIG, noise_t=0.0)
+    source.finger, source.turning_rad_per_s = no_finger, 0.3
+    source.poll(0)
+    frames(source, 5.0)
+    hands = Hands(source, bare=False, turn=False, refine=kind == "refine")
+    stood = frames(source, 0.5)[-1]
+    hands.let_go()
+    source.finger = no_finger
+    turning = frames(source, 0.5)
+    moved_t = np.abs(np.diff([each.field_t for each in (stood, *turning)], axis=0)).max(axis=(1, 2))
+    step_t = 0.3 / 220 * 60e-6  # in a frame, of the Earth's field: sixty microtesla at the most
+    assert moved_t.max() < step_t + COUNT_T
+    assert np.abs(turning[-1].field_t - stood.field_t).max() > 20 * step_t, "it does turn"

@@ -147,6 +147,14 @@ def test_pad_that_was_never_sampled_has_no_latency() -> None:
     assert "sampled" not in now_line(tally)
 
 
+@pytest.mark.parametrize(("health", "is_shown"), [("ok", True), ("stale", False), ("disconnected", False)])
+def test_messages_without_a_frame_have_no_rate(health: str, is_shown: bool) -> None:
+    tally, now_ns = Tally("demo"), time.monotonic_ns()
+    for seq in range(5):
+        tally.add(contact(seq=seq, t_publish_ns=now_ns - (4 - seq) * 10_000_000, health=health))
+    assert ("100.0 Hz" in now_line(tally)) is is_shown
+
+
 def test_old_news_are_shown_as_silence() -> None:
     tally = Tally("demo")
     tally.add(contact(t_publish_ns=time.monotonic_ns() - 1_000_000_000))

@@ -7,7 +7,7 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
-from fmfts.cli.verb import VerbError, configuration
+from fmfts.cli.verb import VerbError, configuration_and_path
 from fmfts.common import exit_codes
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def run(options: argparse.Namespace) -> int:
     from fmfts.runtime.opening import load_models
     from fmfts.sensor import SourceError
 
-    config = configuration(options)
+    config, path = configuration_and_path(options)
     try:
         models = load_models(config)
         _require_recordings(config)
@@ -32,7 +32,7 @@ def run(options: argparse.Namespace) -> int:
 
         print(json.dumps(msgspec.to_builtins(config), indent=1))
     else:
-        print(f"good: {len(config.pad)} pad{'s' if len(config.pad) > 1 else ''}")
+        print(f"good: {len(config.pad)} pad{'s' if len(config.pad) > 1 else ''} in {path}")
         for pad in config.pad:
             kind = pad.source.__struct_config__.tag
             model = models[pad.name]

@@ -16,6 +16,8 @@ from fmfts.common.names import no_such_pad
 from fmfts.common.writing import why_not_written
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from fmfts.config import Config, PadConfig
 
 # Makes a verb's parser from its name, its handler and a line of help.
@@ -67,14 +69,19 @@ def lacking(error: ImportError, extra: str = "") -> VerbError:
 
 def configuration(options: argparse.Namespace) -> Config:
     """The configuration that `--config` names, or the default one. Raises VerbError."""
+    config, path = configuration_and_path(options)
+    log.info("configuration: %s", path)
+    return config
+
+
+def configuration_and_path(options: argparse.Namespace) -> tuple[Config, Path]:
+    """The same, and its file."""
     from fmfts.config.file import ConfigError, load
 
     try:
-        config, path = load(options.config)
+        return load(options.config)
     except ConfigError as error:
         raise VerbError(exit_codes.CONFIG, str(error)) from error
-    log.info("configuration: %s", path)
-    return config
 
 
 def configuration_if_any(options: argparse.Namespace) -> Config | None:

@@ -48,5 +48,6 @@ class Hands:
         """The pad is as it was, and what the configuration says of it goes on."""
         source = self._source
         source.mounted, source.tumbling, source.turning_rad_per_s = self._before
+        source.turning_since_s = source.time_s  # from where it stands; it does not jump to where it would be by now
         for pad, fingers in zip(pressed_pads(source), self._fingers, strict=True):
             pad.finger, pad.second_finger = fingers

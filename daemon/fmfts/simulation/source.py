@@ -34,10 +34,10 @@ WARMEST_K = 15.0  # final warming of a board
 class Simulated:
     """A Source of one simulated pad; the same seed and start give the same frames.
 
-    `mounted = False` removes the magnet (for a bare baseline), `turning_rad_per_s = 0` stops the robot, `tumbling`
-    turns it through all directions in twenty seconds, `finger` may be replaced at any time; `second_finger` presses
-    besides it where the pad has several magnets, None: none does. The time is that given to
-    `poll`, so that a test or a baseline can run faster than real time. It starts at the first poll.
+    `mounted = False` removes the magnet (for a bare baseline), `turning_rad_per_s = 0` puts the robot where it is at
+    `turning_since_s`, `tumbling` turns it through all directions in twenty seconds, `finger` may be replaced at any
+    time; `second_finger` presses besides it where the pad has several magnets, None: none does. The time is that given
+    to `poll`, so that a test or a baseline can run faster than real time. It starts at the first poll.
     """
 
     def __init__(
@@ -60,6 +60,7 @@ class Simulated:
         self.mounted = True
         self.tumbling = False
         self.turning_rad_per_s = float(np.deg2rad(source.turning_deg_per_s))
+        self.turning_since_s = 0.0
         random = seeded(source, "pad")
         try:
             self._built = self._build(config, source, random, perfect)
@@ -236,7 +237,7 @@ class Simulated:
             return np.array([_tumbled(moment) @ self._built.ambient_t for moment in sampled_s])
         if self.turning_rad_per_s == 0.0:
             return np.tile(self._built.ambient_t, (len(sampled_s), 1))
-        angles = self.turning_rad_per_s * sampled_s
+        angles = self.turning_rad_per_s * (sampled_s - self.turning_since_s)
         return np.array([rotation_from_vector(TURNING_AXIS * angle) @ self._built.ambient_t for angle in angles])
 
     def _warming_k(self, now_s: float) -> float:

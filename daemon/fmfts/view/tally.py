@@ -63,8 +63,9 @@ class Tally:
 
     @property
     def rate_hz(self) -> float | None:
-        """Rate of the messages of the last second."""
-        if len(self._published_ns) < 2:
+        """Rate of the messages of the last second; None where they only say that no frame comes."""
+        without_frames = self.contact is None or self.contact.health in ("stale", "disconnected")
+        if without_frames or len(self._published_ns) < 2:
             return None
         return (len(self._published_ns) - 1) * 1e9 / (self._published_ns[-1] - self._published_ns[0])
 
