@@ -44,6 +44,7 @@ def test_init_writes_a_commented_configuration_for_the_board_that_it_finds(tmp_p
         assert (pad.source.uid, pad.source.pad_index) == (UID, index)
     text = file.read_text()
     assert "tesla; N35 is about 1.2" in text
+    assert text.count('publish = "frame"') == text.count("second more, with a newer `now`") == 2
     assert "[collect.gauge]" in text
 
 

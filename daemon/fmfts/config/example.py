@@ -12,7 +12,7 @@ FIRST_PAD = "# One [[pad]] table for each pad."
 GEOMETRY, OTHER_SOURCES = "[pad.geometry]", "# --- A pad behind an STM32 board"
 # Of a further pad; its other keys are explained with the first one.
 SHORT_GEOMETRY = "[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [-8, 8, 0], [-8, -8, 0]]"
-SHARED_KEYS = ("rate_hz", "range_gauss", "trigger", "chip")
+SHARED_KEYS = ("rate_hz", "range_gauss", "trigger", "publish", "chip")
 COLLECTING = "# --- The machine and the gauge"
 
 
@@ -65,7 +65,14 @@ def unusual(pad: FoundPad) -> str | None:
 def shared_lines() -> list[str]:
     """The keys that every device has, with their comments."""
     text = EXAMPLE_PATH.read_text(encoding="utf-8")
-    return [line for line in text[: text.index(GEOMETRY)].splitlines() if line.partition(" = ")[0] in SHARED_KEYS]
+    lines: list[str] = []
+    is_shared = False
+    for line in text[: text.index(GEOMETRY)].splitlines():
+        if not line.startswith(" "):  # else the comment of the line before goes on
+            is_shared = line.partition(" = ")[0] in SHARED_KEYS
+        if is_shared:
+            lines.append(line)
+    return lines
 
 
 def _pad(pad: FoundPad, sections: str) -> str:
