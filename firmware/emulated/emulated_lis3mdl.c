@@ -140,4 +140,5 @@ void emulated_lis3mdl_init(struct emulated_lis3mdl *chip, uint8_t address, uint3
     static const struct emulated_part_kind kind = {power_on, magnetometer_advance, magnetometer_start_write, put, get};
     memset(chip, 0, sizeof *chip);
     magnetometer_init(&chip->common, &kind, address, convert, seed);
+    chip->common.sensitivity_per_k = -3e-4;
 }

@@ -176,4 +176,5 @@ void emulated_mlx90393_init(struct emulated_mlx90393 *chip, uint8_t address, uin
     static const struct emulated_part_kind kind = {power_on, advance, start_write, put, get};
     memset(chip, 0, sizeof *chip);
     magnetometer_init(&chip->common, &kind, address, convert, seed);
+    chip->common.sensitivity_per_k = -3e-4;
 }

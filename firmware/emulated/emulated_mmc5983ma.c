@@ -133,4 +133,5 @@ void emulated_mmc5983ma_init(struct emulated_mmc5983ma *chip, uint32_t seed)
     static const struct emulated_part_kind kind = {power_on, magnetometer_advance, magnetometer_start_write, put, get};
     memset(chip, 0, sizeof *chip);
     magnetometer_init(&chip->common, &kind, 0x30, convert, seed);
+    chip->common.sensitivity_per_k = -2e-4;
 }

@@ -86,4 +86,5 @@ void emulated_qmc5883l_init(struct emulated_qmc5883l *chip, uint32_t seed)
     static const struct emulated_part_kind kind = {power_on, magnetometer_advance, magnetometer_start_write, put, get};
     memset(chip, 0, sizeof *chip);
     magnetometer_init(&chip->common, &kind, 0x0D, convert, seed);
+    chip->common.sensitivity_per_k = -5e-4;
 }

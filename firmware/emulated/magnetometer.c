@@ -67,7 +67,8 @@ double magnetometer_gauss(struct emulated_magnetometer *chip, int axis)
     double normal = -6.0; // twelve uniform numbers add up to a variance of one
     for (int i = 0; i < 12 && chip->noise_gauss > 0.0; i++)
         normal += uniform(chip);
-    return chip->field_gauss[axis] + (chip->noise_gauss > 0.0 ? normal * chip->noise_gauss : 0.0);
+    double felt = chip->field_gauss[axis] + (chip->noise_gauss > 0.0 ? normal * chip->noise_gauss : 0.0);
+    return felt * (1.0 + chip->sensitivity_per_k * (chip->temperature_c - 25.0));
 }
 
 int magnetometer_count(double counts, int least, int most)

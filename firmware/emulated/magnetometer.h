@@ -10,6 +10,7 @@ struct emulated_magnetometer {
     double field_gauss[3];
     double noise_gauss;
     double temperature_c;
+    double sensitivity_per_k; // relative, from that of 25 degrees
     double ppm; // how much faster than nominal the chip's clock runs
     bool clock_stopped;
     bool writes_lost;

@@ -36,7 +36,7 @@ class Promise:
     """What a data sheet says, written here once more. rate_hz: of conversions; frames_hz: what the pad is asked for.
 
     noise_gauss: at that rate; the emulated chip has it. beyond_gauss: more than its range, by axis. low_steps: what
-    dropping lower bits takes from the mean.
+    dropping lower bits takes from the mean. sensitivity_per_k: relative, from 25 °C; of the HMC5983 none is left.
     """
 
     frames_hz: int
@@ -46,18 +46,26 @@ class Promise:
     beyond_gauss: tuple[float, float, float]
     has_thermometer: bool = False
     low_steps: float = 0.0
+    sensitivity_per_k: float = 0.0
 
 
 MLX90393_PERIOD_S = (3 * (67 + 64 * (2 + 2**4)) + 67 + 192 + 490) * 1e-6  # its table 18 at DIG_FILT 4
 PROMISED = {
     "hmc5983": Promise(220, 220.0, 2e-3, (1370,) * 3, (1.6,) * 3, True),
-    "qmc5883l": Promise(200, 200.0, 2e-3, (12000,) * 3, (2.9,) * 3),
-    "lis3mdl": Promise(155, 155.0, 3.2e-3, (6842,) * 3, (4.3,) * 3, True),
+    "qmc5883l": Promise(200, 200.0, 2e-3, (12000,) * 3, (2.9,) * 3, sensitivity_per_k=-5e-4),
+    "lis3mdl": Promise(155, 155.0, 3.2e-3, (6842,) * 3, (4.3,) * 3, True, sensitivity_per_k=-3e-4),
     "mmc5983ma": Promise(
-        200, 200.0, 0.6e-3, (4096, 4096, -4096), (8.3,) * 3, low_steps=0.375
+        200, 200.0, 0.6e-3, (4096, 4096, -4096), (8.3,) * 3, low_steps=0.375, sensitivity_per_k=-2e-4
     ),  # 16 of 18 bits; left-handed
     "mlx90393": Promise(
-        226, 1.0 / MLX90393_PERIOD_S, 15e-3, (100 / 0.600, 100 / 0.600, 100 / 0.968), (140, 140, 224), True, 0.375
+        226,
+        1.0 / MLX90393_PERIOD_S,
+        15e-3,
+        (100 / 0.600, 100 / 0.600, 100 / 0.968),
+        (140, 140, 224),
+        True,
+        0.375,
+        -3e-4,
     ),  # 16 of 19 bits, the lower two dropped
 }
 
@@ -107,7 +115,8 @@ def check_stretch(promise: Promise, chips: list[Any], temperature_of: Any, kept:
     for number, chip in enumerate(chips):
         counts = np.array([sample.counts[number] for sample in kept if sample.fresh >> number & 1], float)
         lsb = np.array(promise.lsb_per_gauss)
-        due = np.array(chip.field_gauss) * lsb - promise.low_steps
+        warmth = 1.0 + promise.sensitivity_per_k * (chip.temperature_c - 25.0)
+        due = np.array(chip.field_gauss) * warmth * lsb - promise.low_steps
         # Rounding to whole steps adds a twelfth of a step's square, as long as the noise is of its size.
         sigma = np.sqrt((promise.noise_gauss * lsb) ** 2 + 1.0 / 12.0)
         # Small noise keeps a bias of rounding: half a step at the most, at none.

@@ -10,6 +10,7 @@ class Magnetometer:
     """`clock_error` is relative; `gain` multiplies what the data sheet calls nominal; noise is one deviation."""
 
     address = 0
+    sensitivity_per_k = 0.0  # relative, from that of 25 °C
 
     def __init__(
         self,
@@ -69,8 +70,9 @@ class Magnetometer:
         raise NotImplementedError
 
     def sensed_gauss(self) -> list[float]:
+        warmth = 1.0 + self.sensitivity_per_k * (self.temperature_c - 25.0)
         return [
-            (field + self.random.gauss(0.0, self.noise_gauss) if self.noise_gauss else field) * gain
+            (field + self.random.gauss(0.0, self.noise_gauss) if self.noise_gauss else field) * gain * warmth
             for field, gain in zip(self.field_gauss, self.gain, strict=True)
         ]
 

@@ -54,6 +54,7 @@ class RegisterChip(Magnetometer):
 
 class Qmc5883l(RegisterChip):
     address = 0x0D
+    sensitivity_per_k = -0.0005
 
     def power_on(self) -> None:
         self.reset({0x0D: 0xFF})
@@ -109,6 +110,7 @@ class Lis3mdl(RegisterChip):
     """ST in CTRL_REG1 adds `own_field_gauss`, which takes its time to be there (AN4602: 60 ms)."""
 
     address = 0x1C
+    sensitivity_per_k = -0.0003
     own_field_gauss = (2.0, 2.0, 0.5)
 
     def power_on(self) -> None:
@@ -182,6 +184,7 @@ class Mmc5983ma(RegisterChip):
     """
 
     address = 0x30
+    sensitivity_per_k = -0.0002
     remanence_gauss = 0.3
     zero_gauss = (0.0, 0.0, 0.0)
     coil_gauss = (0.125, 0.125, 0.125)

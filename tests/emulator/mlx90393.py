@@ -22,6 +22,7 @@ BURST, SINGLE, ERROR, RESET = 0x80, 0x20, 0x10, 0x04
 
 class Mlx90393(Magnetometer):
     address = 0x0C
+    sensitivity_per_k = -0.0003
 
     def power_on(self) -> None:
         self.values = [FACTORY | 0x7C, 0x0000, 0x0000] + [0] * 61

@@ -31,6 +31,7 @@ const struct promised qmc5883l = {
     .range_gauss = {2.73, 10.92},
     .beyond = 1.01,
     .speeds = {{50, 200}, {101, 200}, {200, 200}, {220, 200}},
+    .sensitivity_per_k = -5e-4,
 };
 
 const struct promised mmc5983ma = {
@@ -43,6 +44,7 @@ const struct promised mmc5983ma = {
     .beyond = 1.01,
     .speeds = {{50, 100}, {101, 200}, {200, 200}, {220, 1000}},
     .single_max_hz = 203,
+    .sensitivity_per_k = -2e-4,
 };
 
 // Boards of two makers have it at 0x0C and at 0x18; the third pin setting is for good measure.
@@ -69,6 +71,7 @@ const struct promised mlx90393 = {
     .single_max_hz = 171,
     .raw_at_25 = 46244 - 65536, // 16 bits without a sign, on a wire with one
     .raw_per_kelvin = 45.2,
+    .sensitivity_per_k = -3e-4,
 };
 
 static void init_lis3mdl(union any_chip *chip, uint32_t seed)
@@ -87,6 +90,7 @@ const struct promised lis3mdl = {
     .speeds = {{50, 80}, {81, 155}, {155, 155}, {220, 300}},
     .single_max_hz = 80,
     .raw_per_kelvin = 8,
+    .sensitivity_per_k = -3e-4,
 };
 
 static void put(const struct promised *kind, int p, int i)

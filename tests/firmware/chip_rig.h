@@ -32,6 +32,7 @@ struct promised {
     } speeds[SPEEDS_MAX];
     int single_max_hz; // that the board accepts, with one pad; 0: it takes no trigger
     double raw_at_25, raw_per_kelvin; // of its thermometer; 0: none
+    double sensitivity_per_k;            // relative, from that of 25 degrees
 };
 
 extern const struct promised qmc5883l, mmc5983ma, mlx90393, lis3mdl;

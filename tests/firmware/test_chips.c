@@ -179,6 +179,23 @@ static void has_its_thermometers_temperature(const struct promised *kind)
 }
 TEST_EACH_CHIP(has_its_thermometers_temperature)
 
+static void tells_what_a_warmer_chip_senses(const struct promised *kind)
+{
+    chip_rig_begin(kind, 1);
+    rig_run_ms(1000);
+    struct sample_view cold = chip_rig_newest();
+    for (int i = 0; i < 4; i++)
+        others[0][i].common.temperature_c = 65.0;
+    rig_run_ms(1000);
+    struct sample_view warm = chip_rig_newest();
+    for (int i = 0; i < 4; i++)
+        for (int axis = 0; axis < 3; axis++) {
+            double due = cold.counts[i][axis] * (1.0 + 40.0 * kind->sensitivity_per_k);
+            CHECK_BETWEEN(warm.counts[i][axis], due - 1.5, due + 1.5); // each is rounded, and the MMC5983MA's cut off
+        }
+}
+TEST_EACH_CHIP(tells_what_a_warmer_chip_senses)
+
 static void keeps_its_rate_beside_another_pad_of_hmc5983(const struct promised *kind)
 {
     int whole[2] = {0};

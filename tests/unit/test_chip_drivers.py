@@ -159,6 +159,20 @@ def test_temperature_is_the_data_sheets(clock: Clock, kind: str, temperature_c: 
     assert CHIPS[kind].temperature_c(sample.temperature_raw) == pytest.approx(temperature_c, abs=0.13)  # 1/8 °C a step
 
 
+@pytest.mark.parametrize(
+    ("kind", "per_k"), [("qmc5883l", -5e-4), ("lis3mdl", -3e-4), ("mmc5983ma", -2e-4), ("mlx90393", -3e-4)]
+)
+def test_a_warmer_chip_counts_less_of_the_same_field(clock: Clock, kind: str, per_k: float) -> None:
+    """Alike on all axes and chips it is as if the magnet were weaker, which no pose depends on."""
+    one = chip_of(clock, kind)
+    pad, _ = emulated_pad(clock, kind, [one], rate_hz=100)
+    cold = last_counts(run(pad, clock, 1.0, 100))[0]
+    one.temperature_c = 65.0
+    warm = last_counts(run(pad, clock, 1.0, 100))[0]
+    assert warm == pytest.approx(cold * (1.0 + 40.0 * per_k), abs=1.5), "each is rounded, or cut off"
+    assert (np.abs(warm) < np.abs(cold))[np.abs(cold) > 1.0 / (40.0 * -per_k)].any()
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_chip_that_was_reset_is_set_up_again_and_gives_no_wrong_number(clock: Clock, kind: str) -> None:
     one = chip_of(clock, kind)
