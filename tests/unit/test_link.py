@@ -168,6 +168,22 @@ def test_any_selftest_result_ends_the_selftest_and_only_a_possible_one_is_judged
         assert "cannot be" in str(result["error"])
 
 
+@pytest.mark.parametrize(("late_s", "is_taken"), [(15.0, True), (20.5, False)])
+def test_a_selftest_waits_for_a_busy_computer_and_not_for_ever(late_s: float, is_taken: bool) -> None:
+    line = Line()
+    line.feed(hello(4))
+    line.link.request_selftest(0, line.now_ns)
+    line.now_ns += round(late_s * SECOND_NS)
+    line.link.outgoing(line.now_ns)
+    line.feed(Selftest(7, 0, 5, (GOOD,) * 4))
+    result = line.link.selftest_result(0)
+    assert result is not None
+    if is_taken:
+        assert result["passed"] is True
+    else:
+        assert str(result["error"]).startswith("no result within 20 s: ")
+
+
 @pytest.mark.parametrize(
     ("sensors", "gain_code", "why"),
     [(5, 5, "it has 5 sensors, and the hello has 4"), (4, 8, "there is no gain code 8"), (4, 255, "no gain code 255")],

@@ -26,7 +26,7 @@ from fmfts.runtime.pending import PROGRESS_S
 from fmfts.runtime.requests import Verbs
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
-from fmfts.sensor.tasks import PATIENCE_S
+from fmfts.sensor.tasks import PATIENCE_S, SELFTEST_S
 from fmfts.simulation.finger import steady_finger
 from fmfts.simulation.hands import UNSETTLED_FRAMES
 from fmfts.simulation.source import Simulated
@@ -210,8 +210,8 @@ def test_selftest_without_a_result_is_given_up(
     monkeypatch.setattr(daemon.source, "selftest_result", lambda pad_index: None)
     daemon.ask("selftest")
     assert "progress" in daemon.answer()
-    clock[0] += 5.1
-    assert daemon.result()["error"] == "pad 'left': no self-test within 5 s"
+    clock[0] += SELFTEST_S + 0.1
+    assert daemon.result()["error"] == f"pad 'left': no self-test within {SELFTEST_S:g} s"
 
 
 def test_unforeseen_error_is_an_answer_and_a_traceback(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

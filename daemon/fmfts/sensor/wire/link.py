@@ -169,7 +169,7 @@ class Link:
         pad = self._pads[pad_index]
         if not pad.has_selftest:
             raise CannotError(f"pad {pad.name!r}: {no_selftest(pad.chip)}")
-        self._selftests.begin(pad_index, pad.name, pad.sensors, now_ns)
+        self._selftests.begin(pad_index, pad.name, now_ns)
         self.requests.ask(Verb.SELFTEST, pad_index)
 
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:
