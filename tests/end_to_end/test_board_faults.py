@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon, resting_field
+from end_to_end.processes import BRIDGE_CONFIG, PATIENCE_S, FirmwareHost, RunningDaemon, resting_field
 from fmfts.pad import Pad
 from fmfts_client import Status
 
@@ -89,6 +89,7 @@ class TestStream:
         host.tell("reset")
         daemon.wait_for(lambda contact: contact.health == "ok", patience_s=5.0)
 
+    @pytest.mark.real_time  # a board that a busy computer holds up is stale
     def test_wrap_of_a_32_bit_microsecond_counter_is_not_noticed(
         self, host: FirmwareHost, daemon: RunningDaemon
     ) -> None:
@@ -97,7 +98,7 @@ class TestStream:
         before = status_of(daemon)
         with daemon.subscribe() as messages:
             for _ in range(300):  # 1.4 s, across the wrap
-                message = messages.receive(1.0)
+                message = messages.receive(PATIENCE_S)
                 assert message is not None
                 assert (message.body["health"], message.body["reason"]) == ("ok", "")
         assert status_of(daemon).gaps == before.gaps
