@@ -32,7 +32,7 @@ PLACES = [Path(place) for place in os.environ["FMFTS_ROS"].split(os.pathsep)]
 PATIENCE_S = 30.0
 RATE_HZ = 220
 ERROR = 2
-NODE_OVER_ROS = 4.0  # 1.8 to 2.3 measured; a node that asks without waiting takes a whole core, 11 times as much
+NODE_OVER_ROS = 4.0  # 1.6 to 2.3 measured; a node that asks without waiting takes a whole core, 11 times as much
 
 
 TWO_PADS = """

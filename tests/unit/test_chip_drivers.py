@@ -170,7 +170,6 @@ def test_a_warmer_chip_counts_less_of_the_same_field(clock: Clock, kind: str, pe
     one.temperature_c = 65.0
     warm = last_counts(run(pad, clock, 1.0, 100))[0]
     assert warm == pytest.approx(cold * (1.0 + 40.0 * per_k), abs=1.5), "each is rounded, or cut off"
-    assert (np.abs(warm) < np.abs(cold))[np.abs(cold) > 1.0 / (40.0 * -per_k)].any()
 
 
 @pytest.mark.parametrize("kind", KINDS)

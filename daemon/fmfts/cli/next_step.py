@@ -13,7 +13,7 @@ def after_probe(facts: Mapping[str, Any], config: str) -> str:
     mend = f"mend what is listed under faults of {_named(faulty)}"
     if absent:
         also = f"; {mend}" if faulty else ""
-        answer = f"make the source of {_named(absent)} answer: its `reason` above says how"
+        answer = f"make the source of {_named(absent)} answer: the `reason` of each says how"
         return f"{answer}{also}; then `fmfts-daemon probe{config}`"
     if faulty:
         return f"{mend}, then `fmfts-daemon probe{config}` again"

@@ -34,10 +34,11 @@ WARMEST_K = 15.0  # final warming of a board
 class Simulated:
     """A Source of one simulated pad; the same seed and start give the same frames.
 
-    `mounted = False` removes the magnet (for a bare baseline), `turning_rad_per_s = 0` puts the robot where it is at
-    `turning_since_s`, `tumbling` turns it through all directions in twenty seconds, `finger` may be replaced at any
-    time; `second_finger` presses besides it where the pad has several magnets, None: none does. The time is that given
-    to `poll`, so that a test or a baseline can run faster than real time. It starts at the first poll.
+    `mounted = False` removes the magnet (for a bare baseline). `turning_rad_per_s = 0` lets the robot stand as at the
+    start; it turns on from there, as if it had begun at `turning_since_s`. `tumbling` turns it through all directions
+    in twenty seconds. `finger` may be replaced at any time; `second_finger` presses besides it where the pad has
+    several magnets, None: none does. The time is that given to `poll`, so that a test or a baseline can run faster than
+    real time. It starts at the first poll.
     """
 
     def __init__(

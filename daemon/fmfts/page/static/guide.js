@@ -1,6 +1,6 @@
 // First use as cards: each says what to do with one's hands, runs its verb, and shows what was found.
 
-import { shown } from "./numbers.js";
+import { shown, shownDeviation } from "./numbers.js";
 import { withCode } from "./words.js";
 
 const STEPS = [
@@ -18,9 +18,9 @@ const STEPS = [
     icon: [["M9 30h30v7H9z"], ["M24 8v15m-5-5 5 5 5-5", 1], ["M14 33.500h2M23 33.500h2M32 33.500h2"]] },
 ];
 
-// What a person gets from a step: fact, words, factor, unit, digits. The last two are what `turn` and `refine` measure.
-const PRESS = [["press_1n_sideways_sd_m", "place of a press of 1 N", 1e3, "mm", 3], ["press_1n_force_sd_n", "its force", 1, "N", 3]];
-const MEASURED = { turn: ["gain_sd", "gains of the sensors", 1e2, "%", 2], refine: ["sensor_place_sd_m", "places of the sensors", 1e3, "mm", 3] };
+// What a person gets from a step: fact, words, factor, unit. The last two are what `turn` and `refine` measure.
+const PRESS = [["press_1n_sideways_sd_m", "place of a press of 1 N", 1e3, "mm"], ["press_1n_force_sd_n", "its force", 1, "N"]];
+const MEASURED = { turn: ["gain_sd", "gains of the sensors", 1e2, "%"], refine: ["sensor_place_sd_m", "places of the sensors", 1e3, "mm"] };
 
 export class Guide {
   constructor(link, dialog) {
@@ -104,9 +104,9 @@ function found(step, facts, pad, lines) {
   if (now("press_1n_sideways_sd_m") !== undefined) {
     const box = document.createElement("div");
     box.className = "gains";
-    for (const [name, what, factor, unit, digits] of [...PRESS, ...(step.key in MEASURED ? [MEASURED[step.key]] : [])]) {
-      const tile = node("div", `${what}; was ± ${shown(was(name) * factor, digits)}`);
-      tile.prepend(node("b", `± ${shown(now(name) * factor, digits)} ${unit}`));
+    for (const [name, what, factor, unit] of [...PRESS, ...(step.key in MEASURED ? [MEASURED[step.key]] : [])]) {
+      const tile = node("div", `${what}; was ± ${shownDeviation(was(name) * factor)}`);
+      tile.prepend(node("b", `± ${shownDeviation(now(name) * factor)} ${unit}`));
       box.append(tile);
     }
     parts.push(box);

@@ -9,6 +9,11 @@ export function shown(value, digits) {
   return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "−");
 }
 
+// A deviation to its two leading digits, which are all that it is known to: 0.0048, 0.052, 21.
+export function shownDeviation(value) {
+  return shown(value, value > 0 ? Math.max(0, 1 - Math.floor(Math.log10(value))) : 0);
+}
+
 export function withDeviation(value, deviation, unit, digits, factor = 1) {
   if (!known(value)) return UNKNOWN;
   const spread = known(deviation) ? ` ± ${shown(deviation * factor, digits)}` : "";
