@@ -115,7 +115,8 @@ OTHER = "[[pad.magnet]]\nrest_mm = [-6, 0, 12]\n"
         (PAD + MAGNET + OTHER, "two fingers need 5 sensors at least"),
         (PAD + "fingers = 2\n", "one magnet tells one finger only"),
         (PAD + 'imperfections = ["silicone"]\n' + MAGNET + OTHER, "simulated with one magnet only"),
-        (PAD + MAGNET + OTHER + '[pad.contact]\nmodel = "none"\n', "a pad with several magnets needs"),
+        (PAD + MAGNET + OTHER + '[pad.contact]\nmodel = "shear"\n', "a pad with several magnets needs"),
+        (PAD + MAGNET + OTHER + '[pad.contact]\nmodel = "none"\n', "2 magnets need 7 sensors at least, not 4"),
         (PAD + MAGNET + OTHER + "[pad.rebaseline]\nenabled = true\n", "follows no drift"),
     ],
 )

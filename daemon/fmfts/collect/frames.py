@@ -26,6 +26,7 @@ from fmfts.pipeline.configured import load_array_model, load_contact_model, pipe
 from fmfts.pipeline.snapshot import state_message
 from fmfts.recording.file import RecordingError, RecordingWriter
 from fmfts.sensor import Frame
+from fmfts.several.observable import are_observable
 
 
 class Frames:
@@ -69,7 +70,7 @@ class Frames:
 def start_of_replay(pad: PadConfig, baseline: Baseline, boot: str) -> StateMessage | None:
     """The state from which a replay starts; without place and force where no contact model fits the pad.
 
-    None for a pad with several magnets that no table of presses fits: such a pad tells nothing without one.
+    None for a pad with several magnets that no table of presses fits, and whose sensors are too few to tell poses.
     """
     model = _fitting_array_model(pad) if pad.other_magnets else _fitting_model(pad)
     if model is None:
@@ -88,13 +89,15 @@ def _fitting_model(pad: PadConfig) -> ContactModel | NoContactModel:
     return no_model_for(pad.contact.model)
 
 
-def _fitting_array_model(pad: PadConfig) -> ArrayModel | None:
-    for path in (pad.contact.model, "default"):
+def _fitting_array_model(pad: PadConfig) -> ArrayModel | NoContactModel | None:
+    for path in () if pad.contact.model == NO_MODEL else (pad.contact.model, "default"):
         try:
             return load_array_model(pad, path)
         except ModelError:
             continue
-    return None
+    magnets = 1 + len(pad.other_magnets)
+    is_told = are_observable(magnets, len(pad.geometry.sensors_mm))
+    return no_model_for(pad.contact.model, magnets) if is_told else None
 
 
 def _next_path(table: Path) -> Path:

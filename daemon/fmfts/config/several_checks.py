@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.config.i2c_checks import Problem
 from fmfts.contact.no_model import NO_MODEL
+from fmfts.several.observable import are_observable, needed_values
 
 FEWEST_SENSORS = 5
 MAGNETS_APART_MM = 5.0  # nearer ones would be in each other's rubber
@@ -20,13 +21,20 @@ def several_problems(pad: PadConfig) -> Iterator[Problem]:
         if isinstance(source, SimulatedSource) and source.fingers == 2:
             yield ("source", "fingers"), "one magnet tells one finger only: the pad of docs/several.md has four"
         return
-    if len(pad.geometry.sensors_mm) < FEWEST_SENSORS:
+    if pad.contact.model != NO_MODEL and len(pad.geometry.sensors_mm) < FEWEST_SENSORS:
         yield ("geometry", "sensors_mm"), f"two fingers need {FEWEST_SENSORS} sensors at least, and six if one may fail"
     for second, place in enumerate(places[1:]):
         if min(math.dist(place, other) for other in places[: second + 1]) < MAGNETS_APART_MM:
             yield ("other_magnets", second, "rest_mm"), f"another magnet is within {MAGNETS_APART_MM:g} mm of it"
-    if pad.contact.model in (NO_MODEL, "shear"):
+    if pad.contact.model == "shear":
         yield ("contact", "model"), 'a pad with several magnets needs "default", or the file of a model made for it'
+    sensors = len(pad.geometry.sensors_mm)
+    if pad.contact.model == NO_MODEL and not are_observable(len(places), sensors):
+        yield (
+            ("contact", "model"),
+            f"without a model {len(places)} magnets need {-(-needed_values(len(places)) // 3)} sensors at least, not "
+            f'{sensors}: take more sensors, "default", or the file of a model made for it',
+        )
     if source.publish == "sample":
         yield ("source", "publish"), 'a pad with several magnets tells nothing between frames: set publish = "frame"'
     if isinstance(source, SimulatedSource) and (source.imperfections or source.finger_shape != "round"):

@@ -12,7 +12,7 @@ import numpy as np
 from fmfts.common.reading import read_regular
 from fmfts.contact.array_response import LARGEST_BYTES, ArrayResponse, ResponseError
 from fmfts.contact.contract import ModelError, OtherPadError
-from fmfts.pad import Pad, SensorArray
+from fmfts.pad import Pad, RestingMagnet, SensorArray
 
 ARRAY_PATH = Path(__file__).with_name("array.response")
 # Places (8, 3) in mm of the second standard pad's sensors. A table of presses is of magnets and silicone, but its hash
@@ -20,6 +20,8 @@ ARRAY_PATH = Path(__file__).with_name("array.response")
 STANDARD_SENSORS_MM = np.array(
     [(12, 0, 0), (-12, 0, 0), (0, 12, 0), (0, -12, 0), (12, 12, 0), (12, -12, 0), (-12, 12, 0), (-12, -12, 0)], float
 )
+# Where its magnets are, in mm, and which way up, in the order of the table.
+STANDARD_MAGNETS = ((6, 6, 12, 1), (6, -6, 12, -1), (-6, 6, 12, -1), (-6, -6, 12, 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +36,7 @@ class ArrayModel:
         """ModelError if the file cannot be used, OtherPadError if it is for other magnets.
 
         A file made for the pad's magnets over the standard sensors is for this pad too, whatever its own sensors are.
+        The second standard pad may name its magnets in any order.
         """
         try:
             content = read_regular(path, LARGEST_BYTES)
@@ -42,6 +45,8 @@ class ArrayModel:
             raise ModelError(f"contact model {path}: cannot be read: {error.strerror}") from error
         except ResponseError as error:
             raise ModelError(f"contact model {error}") from error
+        if (order := standard_magnets_of(pad, response)) is not None and len(order) == response.magnets:
+            return cls(response.only(order), hashlib.sha256(content).hexdigest()[:12])
         drawn = replace(pad, sensors=SensorArray.aligned(STANDARD_SENSORS_MM * 1e-3))
         if response.geometry_hash not in (pad.geometry_hash, drawn.geometry_hash):
             raise OtherPadError(
@@ -52,3 +57,22 @@ class ArrayModel:
         if response.magnets != len(pad.magnets):
             raise ModelError(f"contact model {path}: is of {response.magnets} magnets, the pad has {len(pad.magnets)}")
         return cls(response, hashlib.sha256(content).hexdigest()[:12])
+
+
+def standard_magnets_of(pad: Pad, response: ArrayResponse) -> list[int] | None:
+    """Which of the second standard pad's magnets a pad holds, in its order; None where it holds others, or where
+    `response` is of another pad than the standard one."""
+    places = [(*(1e3 * one.rest_position_m).tolist(), *one.rest_axis.tolist()) for one in pad.magnets]
+    standard = [(float(x), float(y), float(z), 0.0, 0.0, float(up)) for x, y, z, up in STANDARD_MAGNETS]
+    kind = pad.magnets[0].magnet
+    if not all(one in standard for one in places) or any(one.magnet != kind for one in pad.magnets):
+        return None
+    first, *others = (RestingMagnet(kind, np.array(one[:3]) * 1e-3, np.array(one[3:])) for one in standard)
+    drawn = replace(
+        pad,
+        sensors=SensorArray.aligned(STANDARD_SENSORS_MM * 1e-3),
+        rest_position_m=first.rest_position_m,
+        rest_axis=first.rest_axis,
+        other_magnets=tuple(others),
+    )
+    return [standard.index(one) for one in places] if drawn.geometry_hash == response.geometry_hash else None

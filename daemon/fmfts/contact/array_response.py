@@ -12,7 +12,8 @@ edge. Units are those of the contact models: mm, N, and components of the axis.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Self
 
@@ -109,6 +110,17 @@ class ArrayResponse:
         return Pressed(
             of_force[0], np.stack([of_force[1], of_force[2], by_force[0]], axis=1), table[0, terms:].T, of_force[3]
         )
+
+    @classmethod
+    def unknown(cls, magnets: int) -> Self:
+        """Of a pad whose presses nobody knows: none of them moves anything."""
+        nothing = np.zeros((5, 5, 1, CHANGE * magnets))
+        return cls(0.0, 1.0, 1.0, nothing, np.zeros((5, 5, 2, CHANGE * magnets)), "")
+
+    def only(self, magnets: Sequence[int]) -> Self:
+        """Of some of the magnets, in this order: each one moves as if the others were not there."""
+        numbers = [CHANGE * magnet + number for magnet in magnets for number in range(CHANGE)]
+        return replace(self, coefficient=self.coefficient[..., numbers], shear=self.shear[..., numbers])
 
     def _powers(self, force_n: float) -> tuple[Array, Array]:
         """F, F² …, and their derivatives; above scale_n the powers follow their tangents."""

@@ -19,11 +19,17 @@ class NoContactModel:
     response: Response | None = None
 
 
-def no_model_for(configured: str) -> NoContactModel:
-    """The stand-in of a pad whose `[pad.contact] model` is `configured`: "none", or a shipped one that does not fit."""
+def no_model_for(configured: str, magnets: int = 1) -> NoContactModel:
+    """The stand-in of a pad whose `[pad.contact] model` is `configured`: "none", or a shipped one that does not fit.
+
+    magnets: of the pad.
+    """
     why = (
         f'[pad.contact] model is "{NO_MODEL}"'
         if configured == NO_MODEL
         else f'"{configured}" is for the pad of the shipped config.toml, and the magnet here has another size or place'
+        if magnets == 1
+        else f'"{configured}" is for the four magnets of docs/several.md, and those here are others'
     )
-    return NoContactModel(f"no contact model for this pad: {why}; to get forces, calibrate it (docs/calibration.md)")
+    how = "calibrate it (docs/calibration.md)" if magnets == 1 else "make a table of its presses (docs/several.md)"
+    return NoContactModel(f"no contact model for this pad: {why}; to get forces, {how}")

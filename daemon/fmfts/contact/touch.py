@@ -9,7 +9,7 @@ from fmfts.arithmetic.matrix import SingularError, cholesky, product, solve_lowe
 from fmfts.common.chi2 import quantile
 from fmfts.pad import Array
 
-DEGREES_OF_FREEDOM = 5  # position, and the axis's two tangents
+DEGREES_OF_FREEDOM = 5  # position, and the axis's two tangents, of each magnet
 # A contact ends when RELEASE_FRAMES in a row are as close to rest as 99 % of unloaded frames.
 RELEASE_PROBABILITY = 0.01
 RELEASE_FRAMES = 5
@@ -27,13 +27,14 @@ class TouchDetector:
     """Contact or none, frame by frame.
 
     A contact begins with one frame whose χ² exceeds a threshold. At `rate_hz`, an unloaded pad exceeds that threshold
-    `false_contacts_per_hour` times in an hour, if frames are independent and the covariance is right.
+    `false_contacts_per_hour` times in an hour, if frames are independent and the covariance is right. magnets: of the
+    pad.
     """
 
-    def __init__(self, rate_hz: float, false_contacts_per_hour: float = 1.0) -> None:
+    def __init__(self, rate_hz: float, false_contacts_per_hour: float = 1.0, magnets: int = 1) -> None:
         per_frame = false_contacts_per_hour / (3600.0 * rate_hz)
-        self.onset_chi2 = quantile(min(per_frame, RELEASE_PROBABILITY), DEGREES_OF_FREEDOM)
-        self.release_chi2 = quantile(RELEASE_PROBABILITY, DEGREES_OF_FREEDOM)
+        self.onset_chi2 = quantile(min(per_frame, RELEASE_PROBABILITY), DEGREES_OF_FREEDOM * magnets)
+        self.release_chi2 = quantile(RELEASE_PROBABILITY, DEGREES_OF_FREEDOM * magnets)
         # After a longer gap, the finger may be gone. Half a period is for jitter.
         self.longest_gap_s = (RELEASE_FRAMES + 0.5) / rate_hz
         self.memory = TouchMemory()
@@ -41,7 +42,7 @@ class TouchDetector:
     def update(self, displacement: Array | None, covariance: Array | None) -> bool | None:
         """Whether the pad is touched after this frame; None, and nothing changes, if the frame has no usable pose.
 
-        displacement (5,): from rest, position in m and axis in rad; covariance (5, 5): includes that of rest.
+        displacement (5M,): from rest, position in m and axis in rad; covariance (5M, 5M): includes that of rest.
         """
         chi2 = chi2_from_rest(displacement, covariance)
         if chi2 is None:

@@ -215,7 +215,7 @@ class Replay:
     def _model(self, config: PadConfig, state: StateMessage) -> AnyModel:
         """The contact model with the recorded hash. Never opens a path that is written in the recording."""
         if state.model == NO_MODEL:
-            return no_model_for(config.contact.model)
+            return no_model_for(config.contact.model, 1 + len(config.other_magnets))
         model: AnyModel
         for path in self._model_paths:
             try:

@@ -27,6 +27,7 @@ from fmfts.scene.tracking import (
 )
 from fmfts.sensor.wire.packets import EARLY_BYTES, LINE_BITS_PER_BYTE, frame_bytes
 from fmfts.several.field_model import Scene
+from fmfts.several.observable import are_observable
 
 AnyModel = ContactModel | NoContactModel | ArrayModel | SkinModel
 Pipeline = PadPipeline | SeveralPipeline | SkinPipeline
@@ -72,25 +73,26 @@ def load_any_model(config: PadConfig, path: str) -> ContactModel | ArrayModel | 
 def contact_model_of(config: PadConfig) -> AnyModel:
     """The configured contact model. No model where the file asks for "none", or for a shipped one that does not fit.
 
-    ModelError if another file is configured and cannot serve this pad, or if a pad with several magnets has none.
+    ModelError if another file is configured and cannot serve this pad, or if a pad with several magnets has none, and
+    too few sensors to tell the poses without one.
     """
-    name = config.contact.model
-    if config.is_skin or config.other_magnets:
-        return load_any_model(config, name)
+    name, magnets = config.contact.model, 1 + len(config.other_magnets)
+    if config.is_skin:
+        return load_skin_model(config, name)
     if name == NO_MODEL:
-        return no_model_for(name)
+        return no_model_for(name, magnets)
     try:
-        return load_contact_model(config)
+        return load_any_model(config, name)
     except OtherPadError:
-        if name not in SHIPPED_PATHS:
+        if name not in SHIPPED_PATHS or (magnets > 1 and not are_observable(magnets, len(config.geometry.sensors_mm))):
             raise
-        return no_model_for(name)
+        return no_model_for(name, magnets)
 
 
 def pipeline_of(config: PadConfig, model: AnyModel, boot: str) -> Pipeline:
     """A pipeline, still without a baseline. boot: written into each of its messages."""
     rate_hz = float(config.source.rate_hz)
-    if isinstance(model, ArrayModel):
+    if isinstance(model, ArrayModel) or (config.other_magnets and isinstance(model, NoContactModel)):
         per_k = config.magnet.temperature_coefficient_per_k
         return SeveralPipeline(config.pad(), model, boot, rate_hz, several_scene_of(config), per_k)
     if isinstance(model, SkinModel):

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import product, root_of_squares
-from fmfts.baseline import Baseline
-from fmfts.bus.messages import NO_ESTIMATE_OF_SEVERAL, ContactMessage, FingerMessage, PoseMessage, Vector
-from fmfts.pipeline.contact_message import mask_of
-from fmfts.pose import SOLVER
+from fmfts.arithmetic.matrix import root_of_squares
+from fmfts.bus.messages import FingerMessage, PoseMessage
+from fmfts.pipeline.poses_message import magnets_told, residual_of
 from fmfts.pose.magnets import CHANGE
 from fmfts.several.count import resultant
 from fmfts.several.estimator import FingersEstimator
@@ -24,46 +21,27 @@ Array = NDArray[np.float64]
 SHEAR = ("shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n")
 
 
-class FingersWriter:
-    """Makes the messages of one pad with several magnets, and numbers them."""
+def fingers_told(reading: FingersReading, estimator: FingersEstimator) -> dict[str, Any]:
+    """The fields of a message that a reading tells; where no fingers explain the field, the poses alone."""
+    fit, free = reading.fit, reading.free
+    if fit is not None:
+        told = _estimates(reading, fit, estimator)
+        if not reading.over_range:  # what fingers beyond the table do to the magnets is not known
+            told["poses"] = _poses(reading, fit, estimator)
+        return told
+    if free is None:
+        return {}
+    residual_t = residual_of(free.misfit_t, reading.used)
+    variance = free.variance.reshape(-1, CHANGE)
+    return {"poses": magnets_told(estimator, free.magnets, variance, residual_t, free.chi2)}
 
-    def __init__(self, pad: str, boot: str, model: str) -> None:
-        self._pad, self._boot, self._model = pad, boot, model
-        self.number = 0
-        self.sampled_ns = 0
 
-    def message(
-        self,
-        reading: FingersReading,
-        sampled_ns: int | None,
-        temperature_c: float | None,
-        estimator: FingersEstimator | None,
-        baseline: Baseline | None,
-    ) -> ContactMessage:
-        """The message of a reading. sampled_ns: host time of the sample; None, without a frame, repeats the last."""
-        self.sampled_ns = self.sampled_ns if sampled_ns is None else sampled_ns
-        self.number += 1
-        estimates: dict[str, Any] = NO_ESTIMATE_OF_SEVERAL | {"over_range": False, "more": reading.more}
-        if reading.fit is not None and estimator is not None:
-            estimates |= _estimates(reading, reading.fit, estimator)
-            if not reading.over_range:  # what fingers beyond the table do to the magnets is not known
-                estimates["poses"] = _poses(reading, reading.fit, estimator)
-        return ContactMessage(
-            pad=self._pad,
-            boot=self._boot,
-            seq=self.number,
-            t_sample_ns=self.sampled_ns,
-            t_publish_ns=time.monotonic_ns(),
-            utc_ns=time.time_ns(),
-            temperature_c=temperature_c,
-            health=reading.health,
-            reason=reading.reason,
-            **estimates,
-            sensors_ok=mask_of(reading.used),
-            solver=SOLVER,
-            model=self._model,
-            baseline=None if baseline is None else baseline.id,
-        )
+def _poses(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -> list[PoseMessage]:
+    """The pose of each magnet: by the fingers and the table of presses, and by what the residual tells of shear."""
+    magnets, variance = estimator.poses(reading)
+    # Under a finger the ambient field is known to less than this, and how much less is not kept.
+    ambient = None if len(fit.fingers) else fit.ambient_t
+    return magnets_told(estimator, magnets, variance, residual_of(fit.misfit_t, reading.used), fit.chi2, ambient)
 
 
 def _estimates(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -> dict[str, Any]:
@@ -102,39 +80,3 @@ def _finger(share: float, finger: Array, deviation: Array, shear: Array, shear_d
         "force_n": max(force, 0.0),
         "force_sd_n": force_sd,
     }
-
-
-def _poses(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -> list[PoseMessage]:
-    """The pose of each magnet: by the fingers and the table of presses, and by what the residual tells of shear."""
-    mounting = estimator.mounting
-    magnets, variance = estimator.poses(reading)
-    ambient, ambient_deviation = None, None
-    # Under a finger the ambient field is known to less than this, and how much less is not kept.
-    if mounting.ambient_t is not None and mounting.ambient_deviation_t is not None and not len(fit.fingers):
-        deviation_t = root_of_squares(mounting.ambient_deviation_t, estimator.ambient_deviation_t(fit))
-        ambient, ambient_deviation = _vector(mounting.ambient_t + fit.ambient_t), _vector(deviation_t)
-    whole = np.sqrt(variance + estimator.rest_variance[:, :CHANGE]).tolist()
-    residual = fit.misfit_t[reading.used.ravel()]
-    residual_t = float(np.sqrt(product(residual, residual) / len(residual)))
-    return [
-        PoseMessage(
-            position_m=(x, y, z),
-            position_sd_m=(deviation[0], deviation[1], deviation[2]),
-            axis=(along_x, along_y, along_z),
-            axis_sd_rad=max(deviation[3], deviation[4]),
-            remanence_t=remanence_t,
-            remanence_sd_t=remanence_sd_t,
-            ambient_t=ambient,
-            ambient_sd_t=ambient_deviation,
-            residual_t=residual_t,
-            chi2=fit.chi2,
-        )
-        for (x, y, z), (along_x, along_y, along_z), deviation, (remanence_t, remanence_sd_t) in zip(
-            magnets.position_m.tolist(), magnets.axis.tolist(), whole, estimator.remanences, strict=True
-        )
-    ]
-
-
-def _vector(values: Array) -> Vector:
-    x, y, z = values.tolist()
-    return x, y, z

@@ -1,11 +1,14 @@
 """The whole job of one pad with several magnets: frame → field → fingers → message.
 
+Without a table of presses it is frame → field → poses → message (several/poses_estimator.py).
+
 It has the interface of `PadPipeline`, so that the daemon, a replay and a recorder do not know which of the two it is.
 Its frames are judged in Python, which calls the compiled fit; no lane hands them to C from a board's bytes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,21 +17,24 @@ from fmfts.baseline import Baseline
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.bus.messages import ContactMessage, Health
 from fmfts.common.memory import require_alike
+from fmfts.contact import NoContactModel
 from fmfts.contact.array_model import ArrayModel
-from fmfts.pad import Pad, Placement
-from fmfts.pipeline.fingers_message import FingersWriter
+from fmfts.pad import Array, Pad, Placement
 from fmfts.pipeline.pad_pipeline import NO_BASELINE
-from fmfts.pose import Alignment, repeats_allowed
+from fmfts.pipeline.several_message import SeveralWriter
+from fmfts.pose import Aligned, Alignment, repeats_allowed
 from fmfts.pose.alignment import AlignmentMemory
-from fmfts.pose.neighbour import NeighbourView
+from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView
 from fmfts.pose.sighting import Sighting, SightingMemory
+from fmfts.pose.state import Neighbour
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.missing import missing_sensors
 from fmfts.several.count import Search
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.field_model import Scene
-from fmfts.several.reading import FingersMemory, FingersReading
+from fmfts.several.poses_estimator import PosesEstimator
+from fmfts.several.reading import FingersMemory, FingersReading, PosesMemory, PosesReading
 from fmfts.several.sighted import rest_of
 
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
@@ -36,7 +42,8 @@ BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --res
 
 @dataclass(slots=True)
 class SeveralMemory:
-    """As PipelineMemory, of a pad with several magnets. sighting: None where no neighbour feels the pad."""
+    """As PipelineMemory, of a pad with several magnets. sighting: None where no neighbour feels the pad. fingers: with
+    a table of presses; poses: without one."""
 
     alignment: AlignmentMemory
     fingers: FingersMemory | None
@@ -44,6 +51,7 @@ class SeveralMemory:
     sampled_ns: int
     why_no_estimator: str
     sighting: SightingMemory | None = None
+    poses: PosesMemory | None = None
 
 
 class SeveralPipeline:
@@ -55,7 +63,7 @@ class SeveralPipeline:
     def __init__(
         self,
         pad: Pad,
-        model: ArrayModel,
+        model: ArrayModel | NoContactModel,
         boot: str,
         rate_hz: float,
         scene: Scene,
@@ -66,10 +74,10 @@ class SeveralPipeline:
         self._rate_hz = rate_hz
         self._scene, self._magnet_per_k = scene, magnet_per_k
         self._alignment = Alignment(len(pad.sensors), period_us=1e6 / rate_hz)
-        self._estimator: FingersEstimator | None = None
+        self._estimator: FingersEstimator | PosesEstimator | None = None
         self._why_none = NO_BASELINE
         self._baseline: Baseline | None = None
-        self._writer = FingersWriter(pad.name, boot, model.hash)
+        self._writer = SeveralWriter(pad.name, boot, model.hash)
         self._missing: dict[int, str] = {}
         self._frame_times = 0, 0
         self._sighting = Sighting.unseen(pad)
@@ -87,7 +95,7 @@ class SeveralPipeline:
         return self._writer.number
 
     @property
-    def model(self) -> ArrayModel:
+    def model(self) -> ArrayModel | NoContactModel:
         return self._model
 
     @property
@@ -117,18 +125,14 @@ class SeveralPipeline:
             return None
         rest, mounting = baseline.rest, mounting or baseline.array_mounting(self.pad)
         before, self._baseline = self._estimator, baseline
-        self._estimator = FingersEstimator(
-            self.pad,
-            mounting,
-            self._model.response,
-            self._scene,
-            self._rate_hz,
-            repeats_allowed(mounting.noise_t, self.pad.chip.coarseness_t(rest.gain_code)),
-            self._magnet_per_k,
-            rest.temperature_c,
-        )
-        if before is not None:  # a finger of before is another one
-            self._estimator.memory.counter.next_id = before.memory.counter.next_id
+        allowed = repeats_allowed(mounting.noise_t, self.pad.chip.coarseness_t(rest.gain_code))
+        others = self._scene, self._rate_hz, allowed, self._magnet_per_k, rest.temperature_c
+        if isinstance(self._model, NoContactModel):
+            self._estimator = PosesEstimator(self.pad, mounting, *others)
+        else:
+            self._estimator = FingersEstimator(self.pad, mounting, self._model.response, *others)
+            if isinstance(before, FingersEstimator):  # a finger of before is another one
+                self._estimator.memory.counter.next_id = before.memory.counter.next_id
         self._sighting.rests(*rest_of(mounting))
         return mounting
 
@@ -158,6 +162,7 @@ class SeveralPipeline:
         else:
             sampled_ns = self._writer.sampled_ns  # the frame holds no new sample, so the newest is still the last one
         estimator = self._estimator
+        reading: FingersReading | PosesReading
         if estimator is None:
             self._missing = missing_sensors(frame, None)
             reading = FingersReading("no_baseline", self._why_none, frame.usable)
@@ -167,11 +172,28 @@ class SeveralPipeline:
             is_whole = np.isfinite(field_t).all() and not stuck.any()
             self._missing = {} if is_whole else missing_sensors(frame, stuck)
             seen = [view.at(sampled_ns) for view in self._neighbours]
-            reading = estimator.read(aligned, frame.temperature_c, self._missing, seen, frame.may_search)
+            reading, sighted = self._read(estimator, aligned, frame, seen)
             self.search = reading.search
-            if self._is_felt and (sighted := estimator.sighted(reading)) is not None:
+            if self._is_felt and sighted is not None:
                 self._sighting.saw(*sighted, sampled_ns)
         return self._writer.message(reading, sampled_ns, frame.temperature_c, estimator, self._baseline)
+
+    def _read(
+        self,
+        estimator: FingersEstimator | PosesEstimator,
+        aligned: Aligned,
+        frame: Frame,
+        neighbours: Sequence[NeighbourEstimate],
+    ) -> tuple[FingersReading | PosesReading, tuple[tuple[Neighbour, ...], Array] | None]:
+        """What the frame says, and where the magnets are for pads that feel them."""
+        what = aligned, frame.temperature_c, self._missing, neighbours, frame.may_search
+        if isinstance(estimator, FingersEstimator):
+            fingers = estimator.read(*what)
+            return fingers, estimator.sighted(fingers) if self._is_felt else None
+        poses = estimator.read(*what)
+        if poses.tells and isinstance(self._model, NoContactModel):
+            poses = poses._replace(reason="; ".join(filter(None, (poses.reason, self._model.reason))))
+        return poses, estimator.sighted(poses) if self._is_felt else None
 
     def answer(self, frame: Frame) -> ContactMessage:
         return self.process(frame)
@@ -193,10 +215,11 @@ class SeveralPipeline:
         estimator = self._estimator
         return SeveralMemory(
             self._alignment.memory,
-            None if estimator is None else estimator.memory,
+            estimator.memory if isinstance(estimator, FingersEstimator) else None,
             *(self._writer.number, self._writer.sampled_ns),
             self._why_none,
             self._sighting.memory if self._is_felt else None,
+            estimator.memory if isinstance(estimator, PosesEstimator) else None,
         )
 
     def recall(self, memory: SeveralMemory) -> None:
@@ -206,8 +229,10 @@ class SeveralPipeline:
         """
         require_alike(memory, self.memory)
         self._alignment.memory = memory.alignment
-        if self._estimator is not None and memory.fingers is not None:
+        if isinstance(self._estimator, FingersEstimator) and memory.fingers is not None:
             self._estimator.recall(memory.fingers)
+        if isinstance(self._estimator, PosesEstimator) and memory.poses is not None:
+            self._estimator.recall(memory.poses)
         self._writer.number, self._writer.sampled_ns = memory.number, memory.sampled_ns
         self._why_none = memory.why_no_estimator
         if memory.sighting is not None:

@@ -67,21 +67,30 @@ static inline double *array(const call *c, int which)
     return c->buffer[which].buf;
 }
 
+/* The model and the work space. */
+static inline bool has_model(call *c)
+{
+    const Py_buffer *model = &c->buffer[MODEL];
+    c->work = c->buffer[WORK].buf;
+    if (!fmfts_view_several(model->buf, (size_t)model->len / sizeof(double), &c->model)) {
+        PyErr_SetString(PyExc_ValueError, "the model has another size than there is room for");
+        return false;
+    }
+    return has(c, WORK, sizeof(fmfts_several_work));
+}
+
 /* The model, the work space, and fingers in array `finger`. */
 static inline bool understood(call *c, int finger)
 {
-    const Py_buffer *model = &c->buffer[MODEL], *fingers = &c->buffer[finger];
-    c->work = c->buffer[WORK].buf;
-    c->fingers = (size_t)fingers->len / (FMFTS_FINGER * sizeof(double));
-    if (!fmfts_view_several(model->buf, (size_t)model->len / sizeof(double), &c->model)) {
-        PyErr_SetString(PyExc_ValueError, "the model has another size than there is room for");
+    c->fingers = (size_t)c->buffer[finger].len / (FMFTS_FINGER * sizeof(double));
+    if (!has_model(c)) {
         return false;
     }
     if (c->fingers > FMFTS_SEVERAL_FINGERS) {
         PyErr_Format(PyExc_ValueError, "%zu fingers, at most %d", c->fingers, FMFTS_SEVERAL_FINGERS);
         return false;
     }
-    return has(c, WORK, sizeof(fmfts_several_work)) && has_doubles(c, finger, FMFTS_FINGER * c->fingers);
+    return has_doubles(c, finger, FMFTS_FINGER * c->fingers);
 }
 
 /* How many values there are, by array `which`. */
@@ -124,6 +133,7 @@ PyObject *fmfts_py_covariance(PyObject *module, PyObject *args);
 
 /* _poses.c */
 PyObject *fmfts_py_poses(PyObject *module, PyObject *args);
+PyObject *fmfts_py_free_poses(PyObject *module, PyObject *args);
 
 /* _search.c */
 PyObject *fmfts_py_fit(PyObject *module, PyObject *args);

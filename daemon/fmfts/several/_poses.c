@@ -1,4 +1,4 @@
-/* The magnets of a frame for Python: poses.py calls it, and makes the arrays. */
+/* The magnets of a frame for Python: poses.py and free_poses.py call it, and make the arrays. */
 #include "_arrays.h"
 
 /* poses(model, work, unfelt, fingers, fingers_covariance, misfit, variance, foreign, used, ambient, change, position, axis,
@@ -37,6 +37,43 @@ PyObject *fmfts_py_poses(PyObject *module, PyObject *args)
             result = told(fmfts_poses_of(&c.model, array(&c, UNFELT), c.fingers, array(&c, FINGERS), array(&c, COVARIANCE),
                                          array(&c, MISFIT), &measured, array(&c, AMBIENT), c.work, &poses),
                           0.0);
+        }
+    }
+    release(&c);
+    return result;
+}
+
+/* free_poses(model, work, limits, start, field, variance, foreign, used, ambient, change, covariance, misfit, found_ambient,
+ * position, axis) */
+PyObject *fmfts_py_free_poses(PyObject *module, PyObject *args)
+{
+    enum { LIMITS = FIRST, START, FIELD, VARIANCE, FOREIGN, USED, AMBIENT, CHANGE, COVARIANCE, MISFIT, FOUND_AMBIENT, POSITION,
+           AXIS, ALL };
+    call c;
+    PyObject *result = NULL;
+    (void)module;
+    if (!take(&c, args, CHANGE, ALL)) {
+        return NULL;
+    }
+    if (has_model(&c)) {
+        size_t values = c.model.values, numbers = c.model.poses, places = 3 * c.model.magnets;
+        if (has(&c, LIMITS, sizeof(fmfts_free_limits)) && has_doubles(&c, START, numbers) && has_doubles(&c, FIELD, values) &&
+            has_doubles(&c, VARIANCE, values) && has_foreign(&c, FOREIGN) && has(&c, USED, values) &&
+            has_doubles(&c, AMBIENT, 3) && has_doubles(&c, CHANGE, numbers) &&
+            has_doubles(&c, COVARIANCE, numbers * numbers) && has_doubles(&c, MISFIT, values) &&
+            has_doubles(&c, FOUND_AMBIENT, 3) && has_doubles(&c, POSITION, places) && has_doubles(&c, AXIS, places)) {
+            fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf, foreign(&c, FOREIGN)};
+            fmfts_free_poses found = {
+                .change = array(&c, CHANGE),
+                .covariance = array(&c, COVARIANCE),
+                .misfit_t = array(&c, MISFIT),
+                .ambient_t = array(&c, FOUND_AMBIENT),
+                .position = array(&c, POSITION),
+                .axis = array(&c, AXIS),
+            };
+            fmfts_refusal refusal = fmfts_free_poses_of(&c.model, c.buffer[LIMITS].buf, array(&c, START), &measured,
+                                                        array(&c, AMBIENT), c.work, &found);
+            result = told(refusal, found.chi2);
         }
     }
     release(&c);

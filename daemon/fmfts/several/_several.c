@@ -6,6 +6,7 @@ static PyMethodDef methods[] = {
     {"predict", fmfts_py_predict, METH_VARARGS, "What fingers do to the field; see field_model.py."},
     {"covariance", fmfts_py_covariance, METH_VARARGS, "How wrong that may be; see field_model.py."},
     {"poses", fmfts_py_poses, METH_VARARGS, "Where the magnets of a frame are; see poses.py."},
+    {"free_poses", fmfts_py_free_poses, METH_VARARGS, "The same by the field alone; see free_poses.py."},
     {"fit", fmfts_py_fit, METH_VARARGS, "The most likely fingers; see fit.py."},
     {"whitener", fmfts_py_whitener, METH_VARARGS, "The root of a covariance; see fit.py."},
     {"chi2_with", fmfts_py_chi2_with, METH_VARARGS, "Chi-square under another covariance; see fit.py."},

@@ -54,6 +54,24 @@ def poses(
     by_finger: NDArray[Any],
     /,
 ) -> tuple[str | None, int, float]: ...
+def free_poses(
+    model: NDArray[Any],
+    work: NDArray[Any],
+    limits: NDArray[Any],
+    start: NDArray[Any],
+    field: NDArray[Any],
+    variance: NDArray[Any],
+    foreign: NDArray[Any],
+    used: NDArray[Any],
+    ambient: NDArray[Any],
+    change: NDArray[Any],
+    covariance: NDArray[Any],
+    misfit: NDArray[Any],
+    found_ambient: NDArray[Any],
+    position: NDArray[Any],
+    axis: NDArray[Any],
+    /,
+) -> tuple[str | None, int, float]: ...
 def fit(
     model: NDArray[Any],
     work: NDArray[Any],

@@ -24,14 +24,25 @@ static void add_rows(size_t rows, size_t count, const double *weight, const doub
     }
 }
 
-/* FieldErrors.at, by causes: [causes][stride]. Without fingers no pose has changed, and that part is zero. */
-static void lasting(const fmfts_several *model, bool moved, const double *change, const double ambient_t[3], double *out)
+/* Whether a magnet is elsewhere than at rest. */
+static bool has_moved(size_t poses, const double *change)
+{
+    for (size_t p = 0; p < poses; p++) {
+        if (change[p] != 0.0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* FieldErrors.at, by causes: [causes][stride]. Where no pose has changed, that part is zero. */
+static void lasting(const fmfts_several *model, const double *change, const double ambient_t[3], double *out)
 {
     double by_field[FMFTS_SEVERAL_CAUSES * FMFTS_SEVERAL_VALUES];
     size_t count = model->causes * model->stride;
     memset(out, 0, count * sizeof(double));
     memset(by_field, 0, count * sizeof(double));
-    if (moved) {
+    if (has_moved(model->poses, change)) {
         add_rows(model->poses, count, change, model->by_pose, out);
     }
     add_rows(3, count, ambient_t, model->by_field, by_field);
@@ -130,7 +141,7 @@ void fmfts_several_covariance(const fmfts_several *model, size_t fingers, const 
     for (size_t v = 0; v < stride; v++) {
         moment[v] = v < values ? model->head->moment[0] * (predicted->field[v] + model->at_rest[v]) : 0.0;
     }
-    lasting(model, fingers > 0, predicted->change, ambient_t, moment + stride);
+    lasting(model, predicted->change, ambient_t, moment + stride);
     if (fingers) {
         columns += through_poses(model, fingers, finger, predicted, work, work->factor + columns * stride);
     }

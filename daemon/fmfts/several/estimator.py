@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import square
-from fmfts.arithmetic.matrix import SingularError, product, root_of_squares
+from fmfts.arithmetic.matrix import SingularError
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.common.chi2 import quantile
 from fmfts.contact.array_response import ArrayResponse
@@ -18,13 +18,16 @@ from fmfts.pad import Pad
 from fmfts.pose import Aligned
 from fmfts.pose.alignment import has_jumped
 from fmfts.pose.magnets import CHANGE, Magnets
-from fmfts.pose.neighbour import NeighbourEstimate, change_of
+from fmfts.pose.neighbour import NeighbourEstimate
 from fmfts.pose.state import Neighbour
 from fmfts.several import reasons, searches
+from fmfts.several.at_rest import AtRest
 from fmfts.several.count import MOST_FINGERS, RELEASE_FRAMES, CounterMemory, FingerCounter, Search
 from fmfts.several.field_model import FINGER, FieldModel, Scene
 from fmfts.several.fit import Fit, Fitter, Measured
+from fmfts.several.free_poses import FreePoses, free_poses, is_explained
 from fmfts.several.hidden import hidden_variance
+from fmfts.several.observable import needed_values
 from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, is_odd, limit, odd_sensor
 from fmfts.several.over_range import is_over_range
 from fmfts.several.poses import UNFELT, Poses, poses_of
@@ -32,6 +35,7 @@ from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.scan import Another
 from fmfts.several.sighted import sighted
+from fmfts.several.since_rest import SinceRest
 from fmfts.several.trust import trusted
 from fmfts.several.valley import valley_variance
 
@@ -52,7 +56,6 @@ GONE_FRAMES = 10
 AGREES_FRAMES = 20
 # A sensor that was left out agrees when its values fit as well as those of one in a thousand healthy frames do.
 AGREES = 1e-3
-REST = 6  # numbers of a magnet at rest: position, tilt and log moment
 # A gap after which fingers are searched anew.
 LONGEST_GAP_S = 0.05
 
@@ -60,9 +63,8 @@ LONGEST_GAP_S = 0.05
 class FingersEstimator:
     """Field → fingers of a pad that has a baseline.
 
-    silicone: by which share of its force it may have crept. rest_variance (M, 6): of position, tilt and log moment at
-    rest. remanences: of each magnet, and its deviation, in T. repeats_allowed (N, 3): of an axis that is not stuck.
-    magnet_per_k: temperature coefficient of the remanence; temperature_c: at the baseline, None if it is not known.
+    repeats_allowed (N, 3): of an axis that is not stuck. magnet_per_k: temperature coefficient of the remanence;
+    temperature_c: at the baseline, None if it is not known.
     """
 
     def __init__(
@@ -78,39 +80,27 @@ class FingersEstimator:
     ) -> None:
         self.pad, self.mounting, self.response, self.scene = pad, mounting, response, scene
         self.repeats_allowed = repeats_allowed
-        self._magnet_per_k, self._temperature_c = magnet_per_k, temperature_c
-        self.silicone = float(root_of_squares(pad.silicone.creep_per_decade, pad.silicone.hysteresis))
+        self._since_rest = SinceRest(pad, mounting, magnet_per_k, temperature_c)
         self._longest_gap_s = max(LONGEST_GAP_S, (RELEASE_FRAMES + 0.5) / rate_hz)
         self.fitter = Fitter(FieldModel(pad, mounting, response, scene))
         self._counter = FingerCounter(self.fitter, rate_hz)
         self._cold = FingerCounter(self.fitter, rate_hz)
         self.memory = FingersMemory(self._counter.memory, Recovery(np.zeros(mounting.gain.size)), last_c=temperature_c)
-        self.rest_variance = np.maximum(np.diagonal(mounting.rest_covariance), 0.0).reshape(-1, REST)
-        remanences_t = np.array(mounting.remanences_t(pad))
-        self.remanences = np.stack([remanences_t, remanences_t * np.sqrt(self.rest_variance[:, -1])], axis=1).tolist()
-        # Of the last frame: the change of the field around, and the factor on the magnets' moments.
-        self._around_t, self._moment = self.memory.ambient_t, 1.0
+        self.at_rest = AtRest(pad, mounting)
         self._unfelt_variance = np.tile(square(UNFELT), (len(mounting.magnets), 1))
-        # The mean over the sensors: of their noise, and of what the baseline left of their gains and rotations.
-        by_ambient = self.fitter.model.by_ambient
-        own = mounting.errors.by_field.reshape(len(by_ambient), -1)
-        mean_error = product(by_ambient.T, own).reshape(3, 3, -1) / len(pad.sensors)
-        self._ambient_error = mean_error.swapaxes(1, 2)
-        noise = square(mounting.noise_t / mounting.gain).ravel()
-        self._ambient_noise_t2 = product(square(by_ambient).T, noise) / square(float(len(pad.sensors)))
         self._poses: tuple[FingersReading, Poses] | None = None  # of the last reading that was asked for
+        self._values_for_poses = needed_values(len(pad.magnets))
         self._quiet_force_sd_n = self._counter.detection_limit_n(mounting.noise_t / mounting.gain) / sqrt(3.0)
+
+    @property
+    def silicone(self) -> float:
+        """By which share of its force the silicone may have crept."""
+        return self._since_rest.silicone
 
     @property
     def quiet_force_sd_n(self) -> float:
         """Deviation (N) of no force: what may press and not be felt, where it is felt least."""
         return self._quiet_force_sd_n
-
-    def ambient_deviation_t(self, fit: Fit) -> Array:
-        """(3,) of the change of the ambient field since the baseline, on an untouched pad."""
-        errors = product(self._ambient_error, fit.ambient_t)
-        deviation: Array = np.sqrt(self._ambient_noise_t2 + (errors * errors).sum(axis=1))
-        return deviation
 
     def poses(self, reading: FingersReading) -> tuple[Magnets, Array]:
         """The magnets of the last frame, and the variances (M, 5) of their changes since rest: by what is not known of
@@ -131,15 +121,17 @@ class FingersEstimator:
 
     def sighted(self, reading: FingersReading) -> tuple[tuple[Neighbour, ...], Array] | None:
         """The magnets in the last frame, and the covariance (6M, 6M) of a step from there; None if it does not tell."""
-        if reading.fit is None or reading.measured is None or reading.over_range:
+        poses: Poses | FreePoses | None = reading.free
+        if reading.fit is not None and reading.measured is not None and not reading.over_range:
+            poses = self._poses_of(reading, reading.fit, reading.measured)
+        if poses is None:
             return None
-        poses = self._poses_of(reading, reading.fit, reading.measured)
-        return sighted(self.mounting, poses, self._moment, self.scene.moment)
+        return sighted(self.mounting, poses, self._since_rest.moment, self.scene.moment)
 
     def _poses_of(self, reading: FingersReading, fit: Fit, measured: Measured) -> Poses:
         """Once a frame, though its message and the pads beside it need them."""
         if self._poses is None or self._poses[0] is not reading:
-            self._poses = reading, poses_of(self.fitter, fit, measured, self._around_t)
+            self._poses = reading, poses_of(self.fitter, fit, measured, self._since_rest.around_t)
         return self._poses[1]
 
     def read(
@@ -159,7 +151,8 @@ class FingersEstimator:
             self._counter.forget()
         there = np.isfinite(aligned.field_t) & (aligned.repeats <= self.repeats_allowed)
         memory.recovery.pass_time(elapsed_s, pressed=memory.counter.count > 0)
-        measured = self._measured(aligned, temperature_c, there, neighbours)
+        now_t = np.abs(self.fitter.model.predict(memory.counter.fingers).field_t) if memory.counter.count else 0.0
+        measured = self._since_rest.measured(aligned, temperature_c, there, neighbours, memory, now_t)
         left_out, used = memory.left_out, there.copy()
         if left_out >= 0:
             used[left_out] = False
@@ -180,12 +173,12 @@ class FingersEstimator:
         # A search takes long, and steel that lies beside the pad would make it each frame.
         is_searched, number = searches.is_searched(memory.unexplained), searches.number_of(memory.unexplained)
         if not (is_searched or memory.more):
-            nobody = self.fitter.fit(np.zeros((0, FINGER)), measured.only(used), self._around_t)
+            nobody = self.fitter.fit(np.zeros((0, FINGER)), measured.only(used), self._since_rest.around_t)
             if nobody.chi2 > limit(UNEXPLAINED, used, nobody):
-                return self._unexplained(nobody, used)
+                return self._unexplained(nobody, measured, used)
         before = memory.counter.copy()
         for_finger = may_search and (number % 2 == 0 or not is_searched)
-        counted = self._counter.update(measured.only(used), self._around_t, for_finger)
+        counted = self._counter.update(measured.only(used), self._since_rest.around_t, for_finger)
         fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
         odd, search = None, counted.search
         if is_searched and not explained:
@@ -197,7 +190,8 @@ class FingersEstimator:
             memory.more = memory.more - 1 if explained else 0
         if memory.more:
             memory.unexplained += search != "due"
-            return FingersReading("degraded", reasons.THREE, used, ids=counted.ids, more=True, search=search)
+            free = self._free_poses(fit, measured, used)
+            return FingersReading("degraded", reasons.THREE, used, ids=counted.ids, more=True, search=search, free=free)
         if search == "due" and not explained:
             self._remember(before)  # as if this frame had not been
             return FingersReading("disturbed", reasons.not_searched(fit.chi2), used, search=search)
@@ -206,13 +200,13 @@ class FingersEstimator:
             used[odd.sensor] = False
             memory.left_out, memory.agrees_frames = odd.sensor, 0
             self._remember(odd.memory)
-            counted = self._counter.update(measured.only(used), self._around_t, may_search=False)
+            counted = self._counter.update(measured.only(used), self._since_rest.around_t, may_search=False)
             fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
         left_out = memory.left_out
         if odd is None and explained and left_out >= 0:
             self._try_again(measured, there, fit)
         if not explained:
-            return self._unexplained(fit, used, search)
+            return self._unexplained(fit, measured, used, search)
         if not np.isfinite(fit.covariance).all():
             raise SingularError("the fingers are not determined")
         memory.unexplained = 0
@@ -228,14 +222,14 @@ class FingersEstimator:
         if doubt:
             health, reason = "degraded", "; ".join(filter(None, (reason, doubt)))
         seen = measured.only(used)
-        least = valley_variance(self.fitter, fit, seen, self._around_t) if len(fit.fingers) > 1 else None
+        least = valley_variance(self.fitter, fit, seen, self._since_rest.around_t) if len(fit.fingers) > 1 else None
         return FingersReading(health, reason, used, fit, counted.ids, False, over_range, seen, least, search)
 
     def _odd_sensor(self, measured: Measured, there: Mask, before: CounterMemory, number: int) -> Odd | None:
         if number % 2 == 0:
-            return odd_sensor(self.fitter, measured, there, self._around_t, before)
+            return odd_sensor(self.fitter, measured, there, self._since_rest.around_t, before)
         self._cold.memory.next_id = self.memory.counter.next_id
-        return is_odd(number // 2 % len(there), measured, there, self._around_t, self._cold)
+        return is_odd(number // 2 % len(there), measured, there, self._since_rest.around_t, self._cold)
 
     def _remember(self, counter: CounterMemory) -> None:
         self.memory.counter = self._counter.memory = counter
@@ -251,48 +245,36 @@ class FingersEstimator:
         if fit.chi2 <= limit(suspicious, used, fit):
             return None
         seen = measured.only(used)
-        return self.fitter.another(self.fitter.whitener(fit.fingers, seen, self._around_t), fit, seen)
+        return self.fitter.another(self.fitter.whitener(fit.fingers, seen, self._since_rest.around_t), fit, seen)
 
     def _try_again(self, measured: Measured, there: Mask, fit: Fit) -> None:
         """Use a sensor that was left out again, when it has agreed for long enough."""
         memory = self.memory
-        again = self.fitter.fit(fit.fingers, measured.only(there), self._around_t)
+        again = self.fitter.fit(fit.fingers, measured.only(there), self._since_rest.around_t)
         agrees = again.chi2 - fit.chi2 < quantile(AGREES, max(int(there[memory.left_out].sum()), 1))
         memory.agrees_frames = memory.agrees_frames + 1 if agrees and there[memory.left_out].any() else 0
         if memory.agrees_frames >= AGREES_FRAMES:
             memory.left_out, memory.agrees_frames = -1, 0
 
-    def _unexplained(self, fit: Fit, used: Mask, search: Search = "none") -> FingersReading:
+    def _unexplained(self, fit: Fit, measured: Measured, used: Mask, search: Search = "none") -> FingersReading:
         self._counter.forget()
         self.memory.unexplained += 1
+        free = self._free_poses(fit, measured, used)
+        if free is not None:
+            return FingersReading("degraded", reasons.OTHER_PRESS, used, more=True, search=search, free=free)
         return FingersReading("disturbed", reasons.unexplained(fit.chi2), used, search=search)
 
-    def _measured(
-        self,
-        aligned: Aligned,
-        temperature_c: float | None,
-        there: Mask,
-        neighbours: Sequence[NeighbourEstimate],
-    ) -> Measured:
-        """The change of the magnets' field since the baseline, at the baseline's temperature."""
-        mounting, memory, first_c = self.mounting, self.memory, self._temperature_c
-        memory.last_c = memory.last_c if temperature_c is None else temperature_c
-        warmer_k = 0.0 if first_c is None or memory.last_c is None else memory.last_c - first_c
-        self._moment = 1.0 + self._magnet_per_k * warmer_k
-        own, self._around_t, foreign_t2 = (
-            mounting.magnet_field(np.where(there, aligned.field_t, 0.0)),
-            memory.ambient_t,
-            None,
-        )
-        if neighbours:
-            foreign_t, foreign_t2 = change_of(mounting.sensors, neighbours)
-            own = own - foreign_t
-            # Chips that are turned read the neighbours' field wrong, too; over the pad it is about even.
-            self._around_t = memory.ambient_t + mounting.sensors.to_pad(foreign_t).mean(axis=0)
-        own = own / self._moment
-        noise = mounting.noise_t * aligned.noise_share / mounting.gain
-        bend = np.where(np.isfinite(aligned.bend_t), aligned.bend_t, 0.0)
-        now_t = np.abs(self.fitter.model.predict(memory.counter.fingers).field_t) if memory.counter.count else 0.0
-        left_t = self.silicone * memory.recovery.beyond_t(now_t)
-        variance_t2 = (square(noise) + square(bend)).ravel() + square(left_t)
-        return Measured((own - mounting.rest_field_t).ravel(), variance_t2, there.ravel(), foreign_t2)
+    def _free_poses(self, fit: Fit, measured: Measured, used: Mask) -> FreePoses | None:
+        """The poses that explain a frame that the fingers of `fit` do not; None where none do, or where the sensors are
+        too few to tell. The search begins where these fingers put the magnets, then at rest."""
+        if np.count_nonzero(used) < self._values_for_poses:
+            return None
+        model, seen, around_t = self.fitter.model, measured.only(used), self._since_rest.around_t
+        for start in (model.predict(fit.fingers).change, np.zeros(CHANGE * len(self.mounting.magnets))):
+            try:
+                poses = free_poses(model, start, seen, around_t)
+            except SingularError:
+                continue
+            if is_explained(poses, used):
+                return poses
+        return None

@@ -77,7 +77,7 @@ class FieldModel:
         self.mounting, self.response, self.scene = mounting, response, scene
         self._si = np.tile(MM, len(mounting.magnets))
         count = len(mounting.sensors)
-        self._at_rest = field_of(mounting.magnets, mounting.sensors).ravel()
+        self.at_rest = field_of(mounting.magnets, mounting.sensors).ravel()
         self.by_ambient = mounting.sensors.axes.transpose(0, 2, 1).reshape(3 * count, 3)
         drawn = np.array([one.rest_position_m for one in pad.magnets])
         self._off_mm = (mounting.magnets.position_m - drawn)[:, :2] * 1e3
@@ -96,7 +96,7 @@ class FieldModel:
         """The change of the field by `fingers` (K, 3)."""
         if not (self.compiled and room(fingers=len(fingers))):
             return self.reference_predict(fingers)
-        values, poses, unknowns = len(self._at_rest), len(self._si), FINGER * len(fingers)
+        values, poses, unknowns = len(self.at_rest), len(self._si), FINGER * len(fingers)
         field, slope, by_pose = np.empty(values), np.empty((values, unknowns)), np.empty((values, poses))
         change, pressed = np.empty(poses), np.empty((len(fingers), PRESSED * poses))
         fingers = doubles(fingers)
@@ -109,7 +109,7 @@ class FieldModel:
         field, as far as it is known, which chips that are turned read wrong."""
         if not (self.compiled and room(fingers=len(fingers))):
             return self.reference_covariance(fingers, predicted, variance_t2, ambient_t)
-        covariance = np.empty((len(self._at_rest), len(self._at_rest)))
+        covariance = np.empty((len(self.at_rest), len(self.at_rest)))
         each = [np.concatenate([part.ravel() for part in one]) for one in predicted.pressed]
         pressed = np.concatenate(each) if each else np.empty(0)
         _several.covariance(
@@ -133,7 +133,7 @@ class FieldModel:
         if not len(fingers):
             nothing = np.zeros(len(self._si))
             return Predicted(
-                np.zeros(len(self._at_rest)), np.zeros((len(self._at_rest), 0)), self._rest_slope, nothing, ()
+                np.zeros(len(self.at_rest)), np.zeros((len(self.at_rest), 0)), self._rest_slope, nothing, ()
             )
         pressed = tuple(self.response.pressed(x, y, force) for x, y, force in fingers.tolist())
         change = np.zeros(len(self._si))
@@ -144,12 +144,12 @@ class FieldModel:
         moved = mounting.magnets.changed(change, mounting.frames)
         field, by_pose = field_and_slope(moved, mounting.frames, mounting.sensors)
         by_finger = np.concatenate([one.slope for one in pressed], axis=1) * self._si[:, None]
-        return Predicted(field.ravel() - self._at_rest, product(by_pose, by_finger), by_pose, change, pressed)
+        return Predicted(field.ravel() - self.at_rest, product(by_pose, by_finger), by_pose, change, pressed)
 
     def by_shear(self, fingers: Array, predicted: Predicted) -> Array:
         """(3N, 2K) what shear of one deviation does to the field, of each finger along x and y."""
         if not len(fingers):
-            return np.zeros((len(self._at_rest), 0))
+            return np.zeros((len(self.at_rest), 0))
         causes = [
             self.scene.friction * force * one.by_shear
             for (_, _, force), one in zip(fingers.tolist(), predicted.pressed, strict=True)
@@ -168,7 +168,7 @@ class FieldModel:
         scene = self.scene
         columns = [
             scene.ambient_t * self.by_ambient,
-            scene.moment * (predicted.field_t + self._at_rest)[:, None],
+            scene.moment * (predicted.field_t + self.at_rest)[:, None],
             self.mounting.errors.at(predicted.change, ambient_t),
         ]
         if len(fingers):
@@ -246,7 +246,7 @@ class FieldModel:
             head.put(name, number)
         head.put("unit", MM)
         parts = [head.values, magnets.position_m, magnets.strength_t_m3, magnets.octupole_m2, mounting.frames]
-        parts += [sensors.position_m, sensors.axes, self._at_rest, self._rest_slope, padded(self.by_ambient.T)]
+        parts += [sensors.position_m, sensors.axes, self.at_rest, self._rest_slope, padded(self.by_ambient.T)]
         parts += [self._off_mm, self._off_root_mm, padded(errors.by_pose.swapaxes(1, 2))]
         parts += [padded(errors.by_field.transpose(1, 2, 0))]
         parts += [np.concatenate([response.coefficient, response.shear], axis=2)]

@@ -162,8 +162,7 @@ bool fmfts_spread(const fmfts_search *search, size_t n, const fmfts_several_work
     return true;
 }
 
-/* ambient [3] = σ² · (L⁻¹ A)' · white: the most likely ambient field, given the residual. */
-static void ambient_of(const fmfts_several *model, fmfts_several_work *work, double *ambient)
+void fmfts_ambient_of(const fmfts_several *model, const fmfts_several_work *work, double *ambient)
 {
     double toward[FMFTS_SEVERAL_VALUES * 3], sigma = model->head->ambient_t[0];
     for (size_t i = 0; i < 3 * work->used; i++) {
@@ -199,7 +198,7 @@ fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *
         return refusal;
     }
     fmfts_spread(search, FMFTS_FINGER * fingers, work, unused, found->covariance);
-    ambient_of(model, work, found->ambient_t);
+    fmfts_ambient_of(model, work, found->ambient_t);
     fmfts_shear_of(model, fingers, found->fingers, found->covariance, work, found->shear_n, found->shear_deviation_n);
     for (size_t v = 0; v < model->values; v++) {
         found->misfit_t[v] = measured->field_t[v] - at->field[v];

@@ -84,6 +84,9 @@ void fmfts_whiten_slope(const fmfts_predicted *predicted, size_t unknowns, fmfts
  * infinite, where the values do not determine them. */
 bool fmfts_spread(const fmfts_search *search, size_t n, const fmfts_several_work *work, double *right, double *covariance);
 
+/* fit.c: ambient [3] = σ² · (L⁻¹ A)' · white: the most likely ambient field, given the residual, of what is in `work`. */
+void fmfts_ambient_of(const fmfts_several *model, const fmfts_several_work *work, double *ambient);
+
 /* shear.c: shear_n and deviation_n [fingers][2], from what fmfts_several_fit left in `work`. */
 void fmfts_shear_of(const fmfts_several *model, size_t fingers, const double *finger, const double *covariance,
                     const fmfts_several_work *work, double *shear_n, double *deviation_n);
@@ -122,6 +125,22 @@ typedef struct {
 fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, size_t fingers, const double *finger,
                              const double *covariance, const double *misfit_t, const fmfts_measured *measured,
                              const double *ambient_t, fmfts_several_work *work, fmfts_poses *poses);
+
+/* As free_poses.py has them. farthest: of each number of a magnet's change of pose. */
+typedef struct {
+    double iterations, settled, rounding, damping, damping_factor, most_damping, farthest[FMFTS_POSE_CHANGE];
+} fmfts_free_limits;
+
+/* As FreePoses; whoever calls gives the arrays: [P], [P][P], [values], [3], [magnets][3], [magnets][3]. */
+typedef struct {
+    double *change, *covariance, *misfit_t, *ambient_t, *position, *axis;
+    double chi2;
+} fmfts_free_poses;
+
+/* free_poses.c: start [P]. */
+fmfts_refusal fmfts_free_poses_of(const fmfts_several *model, const fmfts_free_limits *limits, const double *start,
+                                  const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work,
+                                  fmfts_free_poses *found);
 
 /* scan.c: white [panels][used][FMFTS_PANEL]: L⁻¹ · templates. Lists the values that there are in `work`. False where one of
  * them, or the root, is not finite. */

@@ -12,10 +12,10 @@ from fmfts.common.chi2 import quantile
 from fmfts.several.count import CounterMemory, FingerCounter
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Fit, Fitter, Measured
+from fmfts.several.observable import FREE_FIELD
 
 Array = NDArray[np.float64]
 
-FREE_FIELD = 3  # values that the ambient field takes
 # So many values more than the unknowns of two fingers are needed to notice that something is wrong.
 SPARE = 4
 FEWEST_VALUES = FREE_FIELD + 2 * FINGER + SPARE

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.bus.messages import Health
+from fmfts.contact.touch import TouchMemory
 from fmfts.several.count import CounterMemory, Search
 from fmfts.several.fit import Fit
+from fmfts.several.free_poses import FreePoses
 from fmfts.several.measured import Measured
 from fmfts.several.recovery import Recovery
 
@@ -45,7 +47,7 @@ class FingersReading(NamedTuple):
 
     more: two fingers do not explain the frame. measured: what `fit` was made from. least_variance (1 + K, 3): of the
     place (mm²) and force (N²) of the resultant and of each finger, where that is more than `fit` says. search: what
-    became of the search for fingers, which takes long.
+    became of the search for fingers, which takes long. free: where no fingers explain the frame, and poses do.
     """
 
     health: Health
@@ -58,8 +60,54 @@ class FingersReading(NamedTuple):
     measured: Measured | None = None
     least_variance: Array | None = None
     search: Search = "none"
+    free: FreePoses | None = None
 
     @property
-    def has_fingers(self) -> bool:
-        """Whether it tells one, or one that presses beyond the table."""
+    def tells(self) -> bool:
+        """Whether it tells a finger, or one that presses beyond the table."""
         return self.fit is not None and len(self.fit.fingers) > 0
+
+    @property
+    def is_unexplained(self) -> bool:
+        """Whether no fingers explain the frame, though they were searched."""
+        return self.search != "due" and (self.health == "disturbed" or self.free is not None)
+
+
+@dataclass(slots=True)
+class PosesMemory:
+    """What a frame of a pad without a table of presses leaves to the next. change (5M,): of the poses since rest. now_t
+    (3N,): by how much they change the field. The others as in FingersMemory."""
+
+    change: Array
+    now_t: Array
+    recovery: Recovery
+    touch: TouchMemory = field(default_factory=TouchMemory)
+    ambient_t: Array = field(default_factory=lambda: np.zeros(3))
+    unexplained: int = 0
+    left_out: int = -1
+    agrees_frames: int = 0
+    last_us: int | None = None
+    last_c: float | None = None
+    unsettled: int = 0
+
+
+class PosesReading(NamedTuple):
+    """What one frame of a pad without a table of presses says. used (N, 3): the axes that it was made from. poses:
+    None without trustworthy ones. touched: None where nobody knows."""
+
+    health: Health
+    reason: str
+    used: NDArray[np.bool_]
+    poses: FreePoses | None = None
+    touched: bool | None = None
+    search: Search = "none"
+
+    @property
+    def tells(self) -> bool:
+        """Whether it tells poses."""
+        return self.poses is not None
+
+    @property
+    def is_unexplained(self) -> bool:
+        """As of FingersReading, of poses."""
+        return self.search != "due" and self.health == "disturbed"

@@ -11,6 +11,10 @@ from fmfts.bus.messages import Health
 from fmfts.several.odd_sensor import FEWEST_VALUES
 
 THREE = "two fingers do not explain the field, a third one would: places and forces are not told"
+OTHER_PRESS = (
+    "no two fingers explain the field, but poses of the magnets do: more than two fingers press, or something of "
+    "another shape; poses are told, places and forces are not"
+)
 MAYBE_TWO = (
     "one finger explains this field badly: two that are too near or too unequal to be told apart may press, "
     "or something wider than a finger"
@@ -19,7 +23,9 @@ JUMPED = (
     "the field jumped by more than a finger changes it between two samples: a wire that was moved, a blow, or a magnet"
 )
 UNSETTLED = "nothing explained the field a moment ago: these fingers may be others than those that press"
+UNSETTLED_POSES = "nothing explained the field a moment ago: these poses may be others than the true ones"
 SEARCH_IS_DUE = "a search for another finger is due, and waits for the searches of other pads"
+POSES_UNDETERMINED = "the sensors that are left do not tell where the magnets are"
 UNDETERMINED = "the sensors that are left do not tell where the fingers are"
 
 
@@ -30,12 +36,24 @@ def unexplained(chi2: float) -> str:
     )
 
 
+def unexplained_by_poses(chi2: float) -> str:
+    return (
+        f"no poses of the magnets explain the field (χ² = {chi2:.0f}): steel or a magnet nearby, a bad chip, or a "
+        "magnet that broke or came loose"
+    )
+
+
 def not_searched(chi2: float) -> str:
     return f"the fingers of before do not explain the field (χ² = {chi2:.0f}); {SEARCH_IS_DUE}"
 
 
 def too_few(missing: Mapping[int, str], used: NDArray[np.bool_]) -> str:
     only = f"only {int(used.sum())} values are left, and two fingers need {FEWEST_VALUES}"
+    return "; ".join([only, *_missing(missing)])
+
+
+def too_few_for_poses(missing: Mapping[int, str], used: NDArray[np.bool_], needed: int) -> str:
+    only = f"only {int(used.sum())} values are left, and the poses of all magnets need {needed}"
     return "; ".join([only, *_missing(missing)])
 
 

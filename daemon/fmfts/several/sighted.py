@@ -11,6 +11,7 @@ from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.pose.magnets import CHANGE, Magnets
 from fmfts.pose.sighting import COLUMNS
 from fmfts.pose.state import Neighbour, tangent_basis
+from fmfts.several.free_poses import FreePoses
 from fmfts.several.poses import Poses
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ def rest_of(mounting: ArrayMounting) -> tuple[tuple[Neighbour, ...], Array]:
 
 
 def sighted(
-    mounting: ArrayMounting, poses: Poses, moment: float, moment_deviation: float
+    mounting: ArrayMounting, poses: Poses | FreePoses, moment: float, moment_deviation: float
 ) -> tuple[tuple[Neighbour, ...], Array]:
     """The magnets with these poses, and the covariance (6M, 6M) of a step from there.
 

@@ -1,24 +1,29 @@
-"""Fingers that explain a frame, and are not to be trusted all the same: told, and said to be `degraded`."""
+"""Fingers or poses that explain a frame, and are not to be trusted all the same: told, and said to be `degraded`."""
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 from fmfts.several import reasons
-from fmfts.several.reading import FingersMemory, FingersReading
+from fmfts.several.reading import FingersMemory, FingersReading, PosesMemory, PosesReading
+
+AnyReading = TypeVar("AnyReading", FingersReading, PosesReading)
 
 # After a frame that nothing explains, so many in a row have to be explained. Where a magnet is broken, or three fingers
 # press, one frame of two or three is explained by chance, each time by other fingers.
 SETTLED_FRAMES = 10
 
 
-def trusted(reading: FingersReading, memory: FingersMemory, has_jumped: bool) -> FingersReading:
+def trusted(reading: AnyReading, memory: FingersMemory | PosesMemory, has_jumped: bool) -> AnyReading:
     """The reading of a frame as it may be told. has_jumped: some of its samples are from before the field jumped, some
     from after it, and fingers that are not there may explain both."""
-    if reading.health == "disturbed":
-        if reading.search != "due":  # one that waits may be explained as soon as it is searched
-            memory.unsettled = SETTLED_FRAMES
+    if reading.is_unexplained:
+        memory.unsettled = SETTLED_FRAMES
+    if reading.is_unexplained or reading.health == "disturbed":  # one that waits may be explained when it is searched
         return reading
-    doubt = reasons.JUMPED if has_jumped else reasons.UNSETTLED if memory.unsettled else ""
+    unsettled = reasons.UNSETTLED if isinstance(reading, FingersReading) else reasons.UNSETTLED_POSES
+    doubt = reasons.JUMPED if has_jumped else unsettled if memory.unsettled else ""
     memory.unsettled = max(memory.unsettled - 1, 0)
-    if doubt and reading.has_fingers:
+    if doubt and reading.tells:
         return reading._replace(health="degraded", reason=reading.reason or doubt)
     return reading

@@ -13,9 +13,8 @@ from typing import Self
 import numpy as np
 
 from fmfts.config import PadConfig
-from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
+from fmfts.contact.array_model import ARRAY_PATH, standard_magnets_of
 from fmfts.contact.array_response import CHANGE, ArrayResponse
-from fmfts.contact.contract import ModelError
 from fmfts.pad import Array, Pad
 from fmfts.pose.magnets import Magnets, rest_frames
 from fmfts.simulation.cylinder import cylinder_field
@@ -41,11 +40,7 @@ class MountedMagnets:
     def of(cls, config: PadConfig, random: np.random.Generator | None) -> Self:
         """With random building errors; without, if `random` is None. ValueError where no such pad is simulated."""
         drawing = config.pad()
-        try:
-            response = ArrayModel.load(ARRAY_PATH, drawing).response
-        except ModelError as error:
-            raise ValueError(f"pad '{config.name}': only the shipped pad with several magnets is simulated") from error
-        return cls.built(drawing, response, random)
+        return cls.built(drawing, _response_of(drawing), random)
 
     @classmethod
     def built(cls, drawing: Pad, response: ArrayResponse, random: np.random.Generator | None) -> Self:
@@ -101,6 +96,18 @@ class MountedMagnets:
             cylinder_field(place_m, position_m[:, number], axis[:, number], magnet)
             for number, magnet in enumerate(magnets)
         ]
+
+
+def _response_of(drawing: Pad) -> ArrayResponse:
+    """The shipped table, for those of its magnets that the pad holds: each moves as if the others were not there."""
+    response = ArrayResponse.of(ARRAY_PATH.read_bytes(), str(ARRAY_PATH))
+    held = standard_magnets_of(drawing, response)
+    if held is None:
+        raise ValueError(
+            f"pad '{drawing.name}': of pads with several magnets only those are simulated that hold two to four of the "
+            "magnets of docs/several.md"
+        )
+    return response.only(held)
 
 
 @dataclass(slots=True)

@@ -13,7 +13,8 @@ from fmfts.pad import Array, Tolerance
 from fmfts.several.count import SECOND_GAIN, Counted, are_two, resultant
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
-from fmfts.several.odd_sensor import FREE_FIELD, UNEXPLAINED
+from fmfts.several.observable import FREE_FIELD
+from fmfts.several.odd_sensor import UNEXPLAINED
 from fmfts.several.resultant import deviation_of
 from fmfts_lab.bench import (
     several_beside,

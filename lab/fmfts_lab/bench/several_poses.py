@@ -18,7 +18,8 @@ from fmfts.pad import Array, SensorArray, Tolerance
 from fmfts.pose.magnets import CHANGE, Magnets, field_and_slope, rest_frames
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
-from fmfts.several.odd_sensor import FREE_FIELD, UNEXPLAINED
+from fmfts.several.observable import FREE_FIELD
+from fmfts.several.odd_sensor import UNEXPLAINED
 from fmfts_lab.bench.several_world import BUILT, EXACT, NOISE_T, World, any_press, worlds
 from fmfts_lab.bench.workspace import standard_pad
 from fmfts_lab.finite_elements.array_pad import array_config

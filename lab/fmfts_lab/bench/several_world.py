@@ -11,9 +11,10 @@ import numpy as np
 from fmfts.baseline.array_mounting import ArrayMounting, estimate_array_mounting
 from fmfts.baseline.recording import Recording
 from fmfts.baseline.sensitivity import Sensitivity
+from fmfts.config import PadConfig
 from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
 from fmfts.contact.array_response import CHANGE, ArrayResponse
-from fmfts.pad import Array, SensorArray, Tolerance, rotation_from_vector
+from fmfts.pad import Array, Pad, SensorArray, Tolerance, rotation_from_vector
 from fmfts.pose import Aligned
 from fmfts.pose.magnets import Magnets, field_of, rest_frames
 from fmfts.sensor.chips.hmc5983 import HMC5983
@@ -99,11 +100,14 @@ class World:
         return np.asarray(self.gain * own)
 
 
-def world(seed: int, tolerance: Tolerance, friction: float = SCENE.friction) -> World:
-    """A pad built with errors of `tolerance`, and its baseline, bare and rest. friction: that the estimator expects."""
+def world(seed: int, tolerance: Tolerance, friction: float = SCENE.friction, layout: PadConfig | None = None) -> World:
+    """A pad built with errors of `tolerance`, and its baseline, bare and rest. friction: that the estimator expects.
+
+    layout: the standard pad, or one with some of its magnets, and other sensors.
+    """
     random = np.random.default_rng((seed, 23))
-    drawing = array_config().pad()
-    response = ArrayModel.load(ARRAY_PATH, drawing).response
+    drawing = (layout or array_config()).pad()
+    response = response_of(drawing)
     drawn, count = Magnets.drawn(drawing), len(drawing.sensors)
     off = np.concatenate(
         [
@@ -149,6 +153,14 @@ def world(seed: int, tolerance: Tolerance, friction: float = SCENE.friction) -> 
         fitter,
         random,
     )
+
+
+def response_of(drawing: Pad) -> ArrayResponse:
+    """The shipped table, for the magnets of `drawing` alone: each one moves as if the others were not there."""
+    standard = array_config().pad()
+    response = ArrayModel.load(ARRAY_PATH, standard).response
+    places = [one.rest_position_m.tolist() for one in standard.magnets]
+    return response.only([places.index(one.rest_position_m.tolist()) for one in drawing.magnets])
 
 
 def estimator_of(one: World) -> FingersEstimator:

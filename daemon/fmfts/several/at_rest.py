@@ -1,0 +1,38 @@
+"""What the baseline of a pad with several magnets leaves unknown, as each message tells it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import product
+from fmfts.baseline.array_mounting import ArrayMounting
+from fmfts.pad import Pad
+
+Array = NDArray[np.float64]
+
+REST = 6  # numbers of a magnet at rest: position, tilt and log moment
+
+
+class AtRest:
+    """variance (M, 6): of position, tilt and log moment. remanences: of each magnet, and its deviation, in T."""
+
+    def __init__(self, pad: Pad, mounting: ArrayMounting) -> None:
+        self.variance = np.maximum(np.diagonal(mounting.rest_covariance), 0.0).reshape(-1, REST)
+        remanences_t = np.array(mounting.remanences_t(pad))
+        self.remanences = np.stack([remanences_t, remanences_t * np.sqrt(self.variance[:, -1])], axis=1).tolist()
+        # The mean over the sensors: of their noise, and of what the baseline left of their gains and rotations.
+        count = len(pad.sensors)
+        by_ambient = mounting.sensors.axes.transpose(0, 2, 1).reshape(3 * count, 3)
+        own = mounting.errors.by_field.reshape(len(by_ambient), -1)
+        mean_error = product(by_ambient.T, own).reshape(3, 3, -1) / count
+        self._ambient_error = mean_error.swapaxes(1, 2)
+        noise = square(mounting.noise_t / mounting.gain).ravel()
+        self._ambient_noise_t2 = product(square(by_ambient).T, noise) / square(float(count))
+
+    def ambient_deviation_t(self, ambient_t: Array) -> Array:
+        """(3,) of a change of the ambient field since the baseline, on an untouched pad."""
+        errors = product(self._ambient_error, ambient_t)
+        deviation: Array = np.sqrt(self._ambient_noise_t2 + (errors * errors).sum(axis=1))
+        return deviation

@@ -1,0 +1,148 @@
+"""The poses of all magnets by the field alone, without a table of presses: Gauss–Newton in the space of poses.
+
+The unknowns are the changes of pose since rest, five of each magnet. The ambient field, all moments together and what
+the baseline left uncertain are considered, as field_model.py explains, for these poses in place of fingers:
+
+    C = noise + A A' σ_A² + m m' σ_m² + E E'
+
+Where several fingers are six unknowns, the poses of four magnets are twenty. So sensors have to give more values:
+observable.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.matrix import cholesky, inverse, product, solve, solve_lower
+from fmfts.common.chi2 import quantile
+from fmfts.pose.magnets import CHANGE, Magnets, field_and_slope
+from fmfts.several.compiled import _several, doubles
+from fmfts.several.field_model import FieldModel, Predicted
+from fmfts.several.fit import DAMPING, DAMPING_FACTOR, ITERATIONS, MOST_DAMPING, ROUNDING, SETTLED
+from fmfts.several.measured import Measured, refuse
+from fmfts.several.observable import taken_values
+from fmfts.several.odd_sensor import UNEXPLAINED
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# No press moves a magnet so far, in m and components of the axis: what a search finds there is none.
+FARTHEST = np.array([3e-3, 3e-3, 3e-3, 0.6, 0.6])
+# As fit.h has them.
+LIMITS = np.array([ITERATIONS, SETTLED, ROUNDING, DAMPING, DAMPING_FACTOR, MOST_DAMPING, *FARTHEST])
+
+
+@dataclass(frozen=True, slots=True)
+class FreePoses:
+    """The magnets; change (5M,): of their poses since rest, in m and components of the axis, with its covariance (5M,
+    5M). chi2: of the residual; misfit_t (3N,). ambient_t (3,): the change of the ambient field that goes with it."""
+
+    magnets: Magnets
+    change: Array
+    covariance: Array
+    chi2: float
+    misfit_t: Array
+    ambient_t: Array
+
+    @property
+    def variance(self) -> Array:
+        """(5M,)."""
+        return np.maximum(np.diagonal(self.covariance), 0.0)
+
+    @property
+    def is_farthest(self) -> bool:
+        """Whether a magnet is as far from rest as the search goes."""
+        return bool((np.abs(self.change.reshape(-1, CHANGE)) >= FARTHEST).any())
+
+
+def is_explained(poses: FreePoses, used: Mask) -> bool:
+    """Whether a healthy frame may have such a χ². used (N, 3): the values that it was made from."""
+    freedom = int(np.count_nonzero(used)) - taken_values(len(poses.magnets))
+    return poses.chi2 <= quantile(UNEXPLAINED, max(freedom, 1)) and not poses.is_farthest
+
+
+def free_poses(model: FieldModel, start: Array, measured: Measured, around_t: Array) -> FreePoses:
+    """The most likely poses near the change `start` (5M,). SingularError where the values do not determine them.
+
+    around_t (3,): the change of the field around, as `Fitter.fit` has it.
+    """
+    if not model.compiled:
+        return reference_free_poses(model, start, measured, around_t)
+    rest, poses, values = model.mounting.magnets, len(start), len(measured.field_t)
+    change, covariance, misfit, ambient = np.empty(poses), np.empty((poses, poses)), np.empty(values), np.empty(3)
+    position, axis = np.empty((len(rest), 3)), np.empty((len(rest), 3))
+    wrong, size, chi2 = _several.free_poses(
+        model.packed,
+        model.work,
+        LIMITS,
+        doubles(start),
+        doubles(measured.field_t),
+        doubles(measured.variance_t2),
+        measured.foreign,
+        measured.there,
+        doubles(around_t),
+        change,
+        covariance,
+        misfit,
+        ambient,
+        position,
+        axis,
+    )
+    refuse(wrong, size, measured, start=start, ambient_t=around_t)
+    magnets = Magnets(position, axis, rest.strength_t_m3, rest.octupole_m2)
+    return FreePoses(magnets, change, covariance, chi2, misfit, ambient)
+
+
+def reference_free_poses(model: FieldModel, start: Array, measured: Measured, around_t: Array) -> FreePoses:
+    """free_poses() in NumPy."""
+    measured.checked("field_t", "variance_t2", start=start, ambient_t=around_t)
+    used, farthest = measured.used, np.tile(FARTHEST, len(start) // CHANGE)
+    floor = 1.0 / (farthest * farthest)
+    change, damping = np.clip(start, -farthest, farthest), DAMPING
+    predicted = at(model, change)
+    root = _root(model, predicted, measured, around_t)
+    white = solve_lower(root, (measured.field_t - predicted.field_t)[used])
+    for _ in range(ITERATIONS):
+        slope = solve_lower(root, predicted.by_pose[used])
+        normal = product(slope.T, slope)
+        diagonal = np.diagonal(normal)
+        step = solve(normal + np.diag(damping * diagonal + floor), product(slope.T, white))
+        trial = np.clip(change + step, -farthest, farthest)
+        tried = at(model, trial)
+        after = solve_lower(root, (measured.field_t - tried.field_t)[used])
+        if product(after, after) > product(white, white) * (1.0 + ROUNDING):
+            damping *= DAMPING_FACTOR
+            if damping > MOST_DAMPING:
+                break
+            continue
+        small = float(np.abs((trial - change) * np.sqrt(diagonal)).max()) < SETTLED
+        change, predicted, damping = trial, tried, damping / DAMPING_FACTOR
+        root = _root(model, predicted, measured, around_t)
+        white = solve_lower(root, (measured.field_t - predicted.field_t)[used])
+        if small:
+            break
+    slope = solve_lower(root, predicted.by_pose[used])
+    covariance = inverse(product(slope.T, slope) + np.diag(floor))
+    toward = solve_lower(root, model.by_ambient[used])
+    ambient = model.scene.ambient_t * model.scene.ambient_t * product(toward.T, white)
+    magnets = model.mounting.magnets.changed(change, model.mounting.frames)
+    misfit = measured.field_t - predicted.field_t
+    return FreePoses(magnets, change, covariance, float(product(white, white)), misfit, ambient)
+
+
+def at(model: FieldModel, change: Array) -> Predicted:
+    """What magnets that have moved by `change` (5M,) do to the field."""
+    mounting = model.mounting
+    moved = mounting.magnets.changed(change, mounting.frames)
+    field, by_pose = field_and_slope(moved, mounting.frames, mounting.sensors)
+    return Predicted(field.ravel() - model.at_rest, np.zeros((field.size, 0)), by_pose, change, ())
+
+
+def _root(model: FieldModel, predicted: Predicted, measured: Measured, around_t: Array) -> Array:
+    covariance = model.reference_covariance(np.zeros((0, 3)), predicted, measured.variance_t2, around_t)
+    if measured.foreign_t2 is not None:
+        covariance = covariance + measured.foreign_t2
+    return cholesky(covariance[np.ix_(measured.used, measured.used)])

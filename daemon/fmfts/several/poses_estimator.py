@@ -1,0 +1,163 @@
+"""One pad with several magnets and no table of presses: field → poses of all magnets, and whether the pad is touched.
+
+Where a finger presses, and how hard, needs a table (estimator.py). Where the magnets are does not, if the sensors give
+enough values: free_poses.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.matrix import SingularError
+from fmfts.baseline.array_mounting import ArrayMounting
+from fmfts.common.chi2 import quantile
+from fmfts.contact.array_response import ArrayResponse
+from fmfts.contact.touch import TouchDetector
+from fmfts.pad import Pad
+from fmfts.pose import Aligned
+from fmfts.pose.alignment import has_jumped
+from fmfts.pose.magnets import CHANGE
+from fmfts.pose.neighbour import NeighbourEstimate
+from fmfts.pose.state import Neighbour
+from fmfts.several import reasons, searches
+from fmfts.several.at_rest import AtRest
+from fmfts.several.count import Search
+from fmfts.several.field_model import FieldModel, Scene
+from fmfts.several.free_poses import FreePoses, free_poses, is_explained
+from fmfts.several.measured import Measured
+from fmfts.several.observable import FEWEST_SPARE, taken_values
+from fmfts.several.odd_pose_sensor import odd_pose_sensor
+from fmfts.several.reading import PosesMemory, PosesReading
+from fmfts.several.recovery import Recovery
+from fmfts.several.sighted import sighted
+from fmfts.several.since_rest import SinceRest
+from fmfts.several.trust import trusted
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# A sensor that was left out agrees when its values fit as well as those of one in a thousand healthy frames do, and
+# after so many frames in a row it is used again.
+AGREES, AGREES_FRAMES = 1e-3, 20
+
+
+class PosesEstimator:
+    """Field → poses of a pad that has a baseline. Parameters as of FingersEstimator."""
+
+    def __init__(
+        self,
+        pad: Pad,
+        mounting: ArrayMounting,
+        scene: Scene,
+        rate_hz: float,
+        repeats_allowed: Array,
+        magnet_per_k: float,
+        temperature_c: float | None,
+    ) -> None:
+        self.pad, self.mounting, self.scene = pad, mounting, scene
+        self.repeats_allowed, self.at_rest = repeats_allowed, AtRest(pad, mounting)
+        self._since_rest = SinceRest(pad, mounting, magnet_per_k, temperature_c)
+        self._model = FieldModel(pad, mounting, ArrayResponse.unknown(len(pad.magnets)), scene)
+        self._touch = TouchDetector(rate_hz, magnets=len(pad.magnets))
+        self._fewest = taken_values(len(pad.magnets)) + FEWEST_SPARE
+        values, numbers = mounting.gain.size, CHANGE * len(pad.magnets)
+        self.memory = PosesMemory(
+            np.zeros(numbers), np.zeros(values), Recovery(np.zeros(values)), self._touch.memory, last_c=temperature_c
+        )
+
+    def recall(self, memory: PosesMemory) -> None:
+        """Go on from the memory of another estimator of the same pad, baseline and scene."""
+        self.memory, self._touch.memory = memory, memory.touch
+
+    def forget_touch(self) -> None:
+        self._touch.forget()
+        self.memory.change = np.zeros(len(self.memory.change))
+
+    def sighted(self, reading: PosesReading) -> tuple[tuple[Neighbour, ...], Array] | None:
+        """The magnets in the last frame, and the covariance (6M, 6M) of a step from there; None if it does not tell."""
+        if reading.poses is None:
+            return None
+        return sighted(self.mounting, reading.poses, self._since_rest.moment, self.scene.moment)
+
+    def read(
+        self,
+        aligned: Aligned,
+        temperature_c: float | None,
+        missing: Mapping[int, str],
+        neighbours: Sequence[NeighbourEstimate] = (),
+        may_search: bool = True,
+    ) -> PosesReading:
+        """Judge one aligned frame; parameters as of FingersEstimator.read."""
+        memory = self.memory
+        elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
+        memory.last_us = aligned.time_us
+        if elapsed_s > self._touch.longest_gap_s or aligned.began_anew:
+            self._touch.forget()
+        there = np.isfinite(aligned.field_t) & (aligned.repeats <= self.repeats_allowed)
+        memory.recovery.pass_time(elapsed_s, pressed=memory.touch.touched)
+        measured = self._since_rest.measured(aligned, temperature_c, there, neighbours, memory, memory.now_t)
+        used = there.copy()
+        if memory.left_out >= 0:
+            used[memory.left_out] = False
+        if np.count_nonzero(used) < self._fewest:
+            self._touch.unseen()
+            return PosesReading("lost", reasons.too_few_for_poses(missing, used, self._fewest), used)
+        try:
+            reading = self._judged(measured, used, there, missing, may_search)
+        except SingularError:
+            self._touch.unseen()
+            return PosesReading("lost", reasons.POSES_UNDETERMINED, used)
+        return trusted(reading, memory, has_jumped(aligned))
+
+    def _judged(
+        self, measured: Measured, used: Mask, there: Mask, missing: Mapping[int, str], may_search: bool
+    ) -> PosesReading:
+        memory, around_t = self.memory, self._since_rest.around_t
+        poses = self._solved(measured, used)
+        search: Search = "none"
+        explained, odd = is_explained(poses, used), None
+        if not explained and searches.is_searched(memory.unexplained):
+            if not may_search:
+                self._touch.unseen()
+                return PosesReading("disturbed", reasons.unexplained_by_poses(poses.chi2), used, search="due")
+            search = "made"
+            with_all = poses if memory.left_out < 0 else self._solved(measured, there)
+            odd = odd_pose_sensor(self._model, with_all, memory.change, measured, there, around_t, self._fewest)
+            if odd is not None:
+                used, poses, explained = there.copy(), odd.poses, True
+                used[odd.sensor] = False
+                memory.left_out, memory.agrees_frames = odd.sensor, 0
+        if not explained:
+            self._touch.unseen()
+            memory.unexplained += 1
+            return PosesReading("disturbed", reasons.unexplained_by_poses(poses.chi2), used, search=search)
+        if memory.left_out >= 0 and odd is None:
+            self._try_again(measured, there, poses)
+        memory.unexplained, memory.change, memory.ambient_t = 0, poses.change, poses.ambient_t
+        memory.now_t = np.abs(measured.field_t - poses.misfit_t)
+        memory.recovery.remember(memory.now_t)
+        touched = self._touch.update(poses.change, poses.covariance)
+        health, reason = reasons.health_of_axes(used, missing, memory.left_out)
+        return PosesReading(health, reason, used, poses, touched, search)
+
+    def _solved(self, measured: Measured, used: Mask) -> FreePoses:
+        """From the poses of the frame before, or from rest where that leads nowhere."""
+        seen, around_t = measured.only(used), self._since_rest.around_t
+        poses = free_poses(self._model, self.memory.change, seen, around_t)
+        if is_explained(poses, used) or not self.memory.change.any():
+            return poses
+        from_rest = free_poses(self._model, np.zeros(len(self.memory.change)), seen, around_t)
+        return from_rest if from_rest.chi2 < poses.chi2 else poses
+
+    def _try_again(self, measured: Measured, there: Mask, poses: FreePoses) -> None:
+        """Use a sensor that was left out again, when it has agreed for long enough."""
+        memory = self.memory
+        again = free_poses(self._model, poses.change, measured.only(there), self._since_rest.around_t)
+        values = int(there[memory.left_out].sum())
+        agrees = values > 0 and again.chi2 - poses.chi2 < quantile(AGREES, values)
+        memory.agrees_frames = memory.agrees_frames + 1 if agrees else 0
+        if memory.agrees_frames >= AGREES_FRAMES:
+            memory.left_out, memory.agrees_frames = -1, 0

@@ -1,0 +1,160 @@
+"""The poses of all magnets by the field alone: the same bits in C, where the magnets are, when they are not told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from several_world import measured_of
+from test_several_compiled import COMPILED, NONE, PADS, bits, fitters_of, masked
+
+from fmfts.arithmetic.matrix import SingularError
+from fmfts.several.field_model import FieldModel
+from fmfts.several.free_poses import FARTHEST, FreePoses, at, free_poses, is_explained, reference_free_poses
+from fmfts.several.measured import Measured
+from fmfts.several.observable import are_observable, needed_values
+from fmfts.several.odd_pose_sensor import odd_pose_sensor
+from fmfts_lab.bench.several_layouts import LAYOUTS
+from fmfts_lab.bench.several_world import BUILT, World, any_press, world
+
+MOVED = np.array([2e-4, 2e-4, 3e-4, 0.05, 0.05])
+OBSERVABLE = ["2 over 8", "3 over 8", "4 over 12", "4 over 16"]
+
+
+def of_poses(one: FreePoses) -> list[bytes]:
+    magnets = one.magnets.position_m, one.magnets.axis, one.magnets.strength_t_m3, one.magnets.octupole_m2
+    return bits(*magnets, one.change, one.covariance, one.chi2, one.misfit_t, one.ambient_t)
+
+
+def moved(random: np.random.Generator, model: FieldModel) -> tuple[np.ndarray, Measured]:
+    """A change of all poses, and the field after it, with noise and another ambient field."""
+    change = random.normal(0.0, np.tile(MOVED, len(model.mounting.magnets)))
+    rest = measured_of(random, model, np.zeros((0, 3)))
+    return change, replace(rest, field_t=rest.field_t + at(model, change).field_t)
+
+
+@COMPILED
+@pytest.mark.parametrize("sizes", PADS)
+def test_poses_by_the_field_have_the_same_bits_in_c(sizes: tuple[int, ...]) -> None:
+    fitter, reference = fitters_of(*sizes)
+    assert fitter.model.compiled
+    random = np.random.default_rng(31)
+    for trial in range(12):
+        change, measured = moved(random, reference.model)
+        measured = masked(random, measured, trial)
+        start = change * random.normal(0.0, 1.5, len(change)) if trial % 2 else np.zeros(len(change))
+        around = random.normal(0.0, 2e-5, 3)
+        here = reference_free_poses(reference.model, start, measured, around)
+        assert of_poses(free_poses(fitter.model, start, measured, around)) == of_poses(here)
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["compiled", "NumPy"])
+def test_what_is_not_finite_is_refused_by_name(which: int) -> None:
+    model = fitters_of(4, 8, 48, 15, 1)[which].model
+    change, good = moved(np.random.default_rng(32), model)
+    broken = replace(good, variance_t2=np.where(np.arange(24) == 7, np.inf, good.variance_t2))
+    nowhere, negative = replace(good, field_t=good.field_t * np.nan), replace(good, variance_t2=good.variance_t2 - 1.0)
+    for name, refused in {
+        "start: number 0 is nan": lambda: free_poses(model, change * np.nan, good, NONE),
+        "ambient_t: number 0 is nan": lambda: free_poses(model, change, good, NONE + np.nan),
+        "variance_t2: number 7 is inf": lambda: free_poses(model, change, broken, NONE),
+        "field_t: number 0 is nan": lambda: free_poses(
+            model, change, replace(good, field_t=good.field_t * np.nan), NONE
+        ),
+        "not positive definite": lambda: free_poses(
+            model, change, replace(good, variance_t2=good.variance_t2 - 1.0), NONE
+        ),
+    }.items():
+        with pytest.raises(ValueError, match=name):
+            refused()
+    with pytest.raises(SingularError):
+        free_poses(model, change, negative, NONE)
+
+
+def pressed_worlds(name: str, pads: int = 6, of_each: int = 5) -> Iterator[tuple[World, np.ndarray, Measured]]:
+    """Pads as built, pressed by up to three fingers: with the true change of the poses."""
+    for number in range(pads):
+        one = world(40 + number, BUILT, layout=LAYOUTS[name])
+        for fingers in range(of_each):
+            change = one.pressed([any_press(one.random) for _ in range(fingers % 4)])
+            yield one, change, one.measured(change)
+
+
+@pytest.mark.parametrize("name", OBSERVABLE)
+def test_the_magnets_are_found_from_rest_within_their_deviations(name: str) -> None:
+    squares = []
+    for one, change, measured in pressed_worlds(name):
+        if np.abs(change.reshape(-1, 5) / FARTHEST).max() > 0.9:
+            continue  # three hard presses on one magnet
+        found = free_poses(one.fitter.model, np.zeros(len(change)), measured, np.zeros(3))
+        assert is_explained(found, measured.used.reshape(-1, 3))
+        off = (found.change - change) / np.sqrt(found.variance)
+        assert np.abs(off).max() < 5.0
+        squares.append(float((off * off).mean()))
+    # One in truth; that errors of a change are taken at half a press leaves up to a third of the variance.
+    assert 0.6 < np.mean(squares) < 1.5
+    assert len(squares) > 20
+
+
+@pytest.mark.parametrize("name", OBSERVABLE)
+def test_a_foreign_magnet_is_not_taken_for_moved_magnets(name: str) -> None:
+    """0.2 A·m² at 60 mm and nearer: a magnet of 1 cm³."""
+    for one, change, measured in pressed_worlds(name, pads=3):
+        where = np.array([0.0, 0.0, 12e-3]) + one.random.uniform(0.03, 0.06) * upward(one.random)
+        moment = 0.2 * upward(one.random)
+        beside = measured.field_t + (dipole(one, where, moment) / one.mounting.gain).ravel()
+        found = free_poses(one.fitter.model, change, replace(measured, field_t=beside), np.zeros(3))
+        assert not is_explained(found, measured.used.reshape(-1, 3))
+
+
+def upward(random: np.random.Generator) -> np.ndarray:
+    direction = random.standard_normal(3)
+    direction[2] = abs(direction[2])
+    unit: np.ndarray = direction / np.linalg.norm(direction)
+    return unit
+
+
+def dipole(one: World, where: np.ndarray, moment: np.ndarray) -> np.ndarray:
+    """(N, 3) what the chips report of it, in T."""
+    away = one.sensors.position_m - where
+    far = np.linalg.norm(away, axis=1, keepdims=True)
+    field = 1e-7 * (3.0 * away * (away @ moment)[:, None] / far**5 - moment / far**3)
+    reported: np.ndarray = one.gain * one.sensors.to_sensor(field)
+    return reported
+
+
+@pytest.mark.parametrize("name", OBSERVABLE)
+def test_the_sensor_that_is_wrong_is_named(name: str) -> None:
+    right = tried = 0
+    for number, (one, change, measured) in enumerate(pressed_worlds(name)):
+        model, sensor = one.fitter.model, number % len(one.sensors)
+        off = measured.field_t.copy()
+        off[3 * sensor : 3 * sensor + 3] += [3e-5, -4e-5, 2e-5]
+        wrong, there = replace(measured, field_t=off), measured.used.reshape(-1, 3)
+        found = free_poses(model, change, wrong, np.zeros(3))
+        if is_explained(found, there):
+            continue  # 3 over 8 has six values to spare, and three of them go with the sensor
+        tried += 1
+        odd = odd_pose_sensor(model, found, change, wrong, there, np.zeros(3), needed_values(len(one.magnets)) - 3)
+        right += odd is not None and odd.sensor == sensor
+    assert tried >= 25
+    assert right >= 0.9 * tried
+
+
+def test_a_search_that_ends_as_far_as_it_may_go_explains_nothing() -> None:
+    one = world(50, BUILT, layout=LAYOUTS["4 over 16"])
+    far = np.zeros(20)
+    far[2] = -1.5 * FARTHEST[2]
+    measured = one.measured(far)
+    found = free_poses(one.fitter.model, np.zeros(20), measured, np.zeros(3))
+    assert found.is_farthest or found.chi2 > 100.0
+    assert not is_explained(found, measured.used.reshape(-1, 3))
+
+
+def test_how_many_sensors_poses_need() -> None:
+    """Six values beside the five of each magnet and the three of the ambient field: one sensor may fail."""
+    assert [needed_values(magnets) for magnets in (1, 2, 3, 4)] == [14, 19, 24, 29]
+    assert are_observable(4, 10)
+    assert not are_observable(4, 9)
