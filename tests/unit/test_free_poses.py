@@ -11,10 +11,10 @@ from several_world import measured_of
 from test_several_compiled import COMPILED, NONE, PADS, bits, fitters_of, masked
 
 from fmfts.arithmetic.matrix import SingularError
+from fmfts.pose.observable import are_observable, needed_values
 from fmfts.several.field_model import FieldModel
 from fmfts.several.free_poses import FARTHEST, FreePoses, at, free_poses, is_explained, reference_free_poses
 from fmfts.several.measured import Measured
-from fmfts.several.observable import are_observable, needed_values
 from fmfts.several.odd_pose_sensor import odd_pose_sensor
 from fmfts_lab.bench.several_layouts import LAYOUTS
 from fmfts_lab.bench.several_world import BUILT, World, any_press, world
@@ -60,12 +60,8 @@ def test_what_is_not_finite_is_refused_by_name(which: int) -> None:
         "start: number 0 is nan": lambda: free_poses(model, change * np.nan, good, NONE),
         "ambient_t: number 0 is nan": lambda: free_poses(model, change, good, NONE + np.nan),
         "variance_t2: number 7 is inf": lambda: free_poses(model, change, broken, NONE),
-        "field_t: number 0 is nan": lambda: free_poses(
-            model, change, replace(good, field_t=good.field_t * np.nan), NONE
-        ),
-        "not positive definite": lambda: free_poses(
-            model, change, replace(good, variance_t2=good.variance_t2 - 1.0), NONE
-        ),
+        "field_t: number 0 is nan": lambda: free_poses(model, change, nowhere, NONE),
+        "not positive definite": lambda: free_poses(model, change, negative, NONE),
     }.items():
         with pytest.raises(ValueError, match=name):
             refused()

@@ -24,9 +24,9 @@ from fmfts.contact.array_model import ArrayModel
 from fmfts.contact.no_model import NO_MODEL, no_model_for
 from fmfts.pipeline.configured import load_array_model, load_contact_model, pipeline_of
 from fmfts.pipeline.snapshot import state_message
+from fmfts.pose.observable import are_observable
 from fmfts.recording.file import RecordingError, RecordingWriter
 from fmfts.sensor import Frame
-from fmfts.several.observable import are_observable
 
 
 class Frames:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.config.i2c_checks import Problem
 from fmfts.contact.no_model import NO_MODEL
-from fmfts.several.observable import are_observable, needed_values
+from fmfts.pose.observable import are_observable, needed_values
 
 FEWEST_SENSORS = 5
 MAGNETS_APART_MM = 5.0  # nearer ones would be in each other's rubber

@@ -16,6 +16,7 @@ from fmfts.pipeline.now import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.pipeline.skin_pipeline import SkinPipeline
+from fmfts.pose.observable import are_observable
 from fmfts.scene.neighbours import SceneNeighbour, neighbours_around
 from fmfts.scene.tracking import (
     AMBIENT_DEVIATION_T,
@@ -27,7 +28,6 @@ from fmfts.scene.tracking import (
 )
 from fmfts.sensor.wire.packets import EARLY_BYTES, LINE_BITS_PER_BYTE, frame_bytes
 from fmfts.several.field_model import Scene
-from fmfts.several.observable import are_observable
 
 AnyModel = ContactModel | NoContactModel | ArrayModel | SkinModel
 Pipeline = PadPipeline | SeveralPipeline | SkinPipeline

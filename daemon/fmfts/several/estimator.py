@@ -19,6 +19,7 @@ from fmfts.pose import Aligned
 from fmfts.pose.alignment import has_jumped
 from fmfts.pose.magnets import CHANGE, Magnets
 from fmfts.pose.neighbour import NeighbourEstimate
+from fmfts.pose.observable import needed_values
 from fmfts.pose.state import Neighbour
 from fmfts.several import reasons, searches
 from fmfts.several.at_rest import AtRest
@@ -27,7 +28,6 @@ from fmfts.several.field_model import FINGER, FieldModel, Scene
 from fmfts.several.fit import Fit, Fitter, Measured
 from fmfts.several.free_poses import FreePoses, free_poses, is_explained
 from fmfts.several.hidden import hidden_variance
-from fmfts.several.observable import needed_values
 from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, is_odd, limit, odd_sensor
 from fmfts.several.over_range import is_over_range
 from fmfts.several.poses import UNFELT, Poses, poses_of
@@ -151,7 +151,7 @@ class FingersEstimator:
             self._counter.forget()
         there = np.isfinite(aligned.field_t) & (aligned.repeats <= self.repeats_allowed)
         memory.recovery.pass_time(elapsed_s, pressed=memory.counter.count > 0)
-        now_t = np.abs(self.fitter.model.predict(memory.counter.fingers).field_t) if memory.counter.count else 0.0
+        now_t = np.abs(self.fitter.model.field_of(memory.counter.fingers)) if memory.counter.count else 0.0
         measured = self._since_rest.measured(aligned, temperature_c, there, neighbours, memory, now_t)
         left_out, used = memory.left_out, there.copy()
         if left_out >= 0:

@@ -96,13 +96,24 @@ class FieldModel:
         """The change of the field by `fingers` (K, 3)."""
         if not (self.compiled and room(fingers=len(fingers))):
             return self.reference_predict(fingers)
+        field, slope, by_pose, change, pressed = self._compiled_predict(fingers)
+        return Predicted(field, slope, by_pose, change, tuple(map(_unpacked, pressed)))
+
+    def field_of(self, fingers: Array) -> Array:
+        """(3N,) as `predict` has it, and all that is asked for in most frames."""
+        if not (self.compiled and room(fingers=len(fingers))):
+            return self.reference_predict(fingers).field_t
+        return self._compiled_predict(fingers)[0]
+
+    def _compiled_predict(self, fingers: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """As Predicted; what each finger does alone, (K, …), is still packed."""
         values, poses, unknowns = len(self.at_rest), len(self._si), FINGER * len(fingers)
         field, slope, by_pose = np.empty(values), np.empty((values, unknowns)), np.empty((values, poses))
         change, pressed = np.empty(poses), np.empty((len(fingers), PRESSED * poses))
         fingers = doubles(fingers)
         if not _several.predict(self.packed, self.work, fingers, field, slope, by_pose, change, pressed):
             finite(fingers=fingers)
-        return Predicted(field, slope, by_pose, change, tuple(map(_unpacked, pressed)))
+        return field, slope, by_pose, change, pressed
 
     def covariance(self, fingers: Array, predicted: Predicted, variance_t2: Array, ambient_t: Array) -> Array:
         """C (3N, 3N) of the module's docstring. variance_t2 (3N,): of noise. ambient_t (3,): the change of the ambient

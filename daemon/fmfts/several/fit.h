@@ -128,7 +128,7 @@ fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, s
 
 /* As free_poses.py has them. farthest: of each number of a magnet's change of pose. */
 typedef struct {
-    double iterations, settled, rounding, damping, damping_factor, most_damping, farthest[FMFTS_POSE_CHANGE];
+    double iterations, settled, rounding, damping, damping_factor, most_damping, half_a_press_m, farthest[FMFTS_POSE_CHANGE];
 } fmfts_free_limits;
 
 /* As FreePoses; whoever calls gives the arrays: [P], [P][P], [values], [3], [magnets][3], [magnets][3]. */

@@ -20,10 +20,29 @@ static double floor_of(const fmfts_free_limits *limits, size_t p)
     return 1.0 / (farthest * farthest);
 }
 
-/* What magnets that have moved do to the field. */
-static void look(const fmfts_several *model, const double *change, fmfts_predicted *predicted)
+/* counted [P]: the change that the baseline's errors go with; _counted of free_poses.py. */
+static void count_change(const fmfts_several *model, double half_a_press_m, const double *change, double *counted)
 {
-    memcpy(predicted->change, change, model->poses * sizeof(double));
+    double base_m = 0.0;
+    for (size_t sensor = 0; sensor < model->sensors; sensor++) {
+        base_m += model->place[3 * sensor + 2];
+    }
+    base_m /= (double)model->sensors;
+    for (size_t magnet = 0; magnet < model->magnets; magnet++) {
+        const double *own = change + FMFTS_POSE_CHANGE * magnet;
+        double above_m = model->position[3 * magnet + 2] - base_m, down_m = 0.0 < own[2] ? 0.0 : own[2];
+        double there_m = above_m + 0.5 * down_m, least_m = 0.25 * above_m;
+        double nearer = (above_m - half_a_press_m) / (least_m > there_m ? least_m : there_m), square = nearer * nearer;
+        for (size_t i = 0; i < FMFTS_POSE_CHANGE; i++) {
+            counted[FMFTS_POSE_CHANGE * magnet + i] = own[i] * (square * square * nearer);
+        }
+    }
+}
+
+/* What magnets that have moved do to the field. */
+static void look(const fmfts_several *model, double half_a_press_m, const double *change, fmfts_predicted *predicted)
+{
+    count_change(model, half_a_press_m, change, predicted->change);
     fmfts_fields(model, change, predicted->field, predicted->by_pose);
     for (size_t v = 0; v < model->values; v++) {
         predicted->field[v] -= model->at_rest[v];
@@ -121,7 +140,7 @@ static const fmfts_predicted *descend(const fmfts_several *model, const fmfts_fr
     double damping = limits->damping, *change = found->change, *chi2 = &found->chi2;
     fmfts_predicted *here = &work->predicted[0], *there = &work->predicted[1];
     size_t poses = model->poses;
-    look(model, change, here);
+    look(model, limits->half_a_press_m, change, here);
     if (!weigh(model, here, measured, ambient_t, work, chi2, refusal)) {
         return NULL;
     }
@@ -130,7 +149,7 @@ static const fmfts_predicted *descend(const fmfts_several *model, const fmfts_fr
         if (!step_from(limits, poses, change, damping, normal, step, diagonal, trial, refusal)) {
             return NULL;
         }
-        look(model, trial, there);
+        look(model, limits->half_a_press_m, trial, there);
         if (fmfts_whiten(work, work->root, measured, there->field, after) > *chi2 * (1.0 + limits->rounding)) {
             damping *= limits->damping_factor;
             if (damping > limits->most_damping) {

@@ -6,7 +6,7 @@ the baseline left uncertain are considered, as field_model.py explains, for thes
     C = noise + A A' σ_A² + m m' σ_m² + E E'
 
 Where several fingers are six unknowns, the poses of four magnets are twenty. So sensors have to give more values:
-observable.py.
+pose/observable.py.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import cholesky, inverse, product, solve, solve_lower
+from fmfts.baseline.array_mounting import HALF_A_PRESS
 from fmfts.common.chi2 import quantile
 from fmfts.pose.magnets import CHANGE, Magnets, field_and_slope
+from fmfts.pose.observable import taken_values
 from fmfts.several.compiled import _several, doubles
 from fmfts.several.field_model import FieldModel, Predicted
 from fmfts.several.fit import DAMPING, DAMPING_FACTOR, ITERATIONS, MOST_DAMPING, ROUNDING, SETTLED
 from fmfts.several.measured import Measured, refuse
-from fmfts.several.observable import taken_values
 from fmfts.several.odd_sensor import UNEXPLAINED
 
 Array = NDArray[np.float64]
@@ -31,8 +32,9 @@ Mask = NDArray[np.bool_]
 
 # No press moves a magnet so far, in m and components of the axis: what a search finds there is none.
 FARTHEST = np.array([3e-3, 3e-3, 3e-3, 0.6, 0.6])
+HALF_A_PRESS_M = -float(HALF_A_PRESS[2])
 # As fit.h has them.
-LIMITS = np.array([ITERATIONS, SETTLED, ROUNDING, DAMPING, DAMPING_FACTOR, MOST_DAMPING, *FARTHEST])
+LIMITS = np.array([ITERATIONS, SETTLED, ROUNDING, DAMPING, DAMPING_FACTOR, MOST_DAMPING, HALF_A_PRESS_M, *FARTHEST])
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,11 +136,25 @@ def reference_free_poses(model: FieldModel, start: Array, measured: Measured, ar
 
 
 def at(model: FieldModel, change: Array) -> Predicted:
-    """What magnets that have moved by `change` (5M,) do to the field."""
+    """What magnets that have moved by `change` (5M,) do to the field. Its `change` is the one that errors go with."""
     mounting = model.mounting
     moved = mounting.magnets.changed(change, mounting.frames)
     field, by_pose = field_and_slope(moved, mounting.frames, mounting.sensors)
-    return Predicted(field.ravel() - model.at_rest, np.zeros((field.size, 0)), by_pose, change, ())
+    return Predicted(field.ravel() - model.at_rest, np.zeros((field.size, 0)), by_pose, _counted(model, change), ())
+
+
+def _counted(model: FieldModel, change: Array) -> Array:
+    """(5M,) the change that the baseline's errors go with. They are known for a magnet that is HALF_A_PRESS down. One
+    that is pressed by d is d/2 down on the way, nearer to the chips: the slope of a dipole's gradient goes with r⁻⁵."""
+    heights = model.mounting.sensors.position_m[:, 2].tolist()
+    base_m, counted = sum(heights) / len(heights), change.copy()
+    for number, place_m in enumerate(model.mounting.magnets.position_m[:, 2].tolist()):
+        first, above_m = CHANGE * number, place_m - base_m
+        down_m = min(float(change[first + 2]), 0.0)
+        nearer = (above_m - HALF_A_PRESS_M) / max(above_m + 0.5 * down_m, 0.25 * above_m)
+        square = nearer * nearer
+        counted[first : first + CHANGE] *= square * square * nearer
+    return counted
 
 
 def _root(model: FieldModel, predicted: Predicted, measured: Measured, around_t: Array) -> Array:

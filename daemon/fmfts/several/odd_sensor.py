@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError
 from fmfts.common.chi2 import quantile
+from fmfts.pose.observable import FREE_FIELD
 from fmfts.several.count import CounterMemory, FingerCounter
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Fit, Fitter, Measured
-from fmfts.several.observable import FREE_FIELD
 
 Array = NDArray[np.float64]
 

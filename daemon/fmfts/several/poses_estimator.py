@@ -21,6 +21,7 @@ from fmfts.pose import Aligned
 from fmfts.pose.alignment import has_jumped
 from fmfts.pose.magnets import CHANGE
 from fmfts.pose.neighbour import NeighbourEstimate
+from fmfts.pose.observable import FEWEST_SPARE, taken_values
 from fmfts.pose.state import Neighbour
 from fmfts.several import reasons, searches
 from fmfts.several.at_rest import AtRest
@@ -28,7 +29,6 @@ from fmfts.several.count import Search
 from fmfts.several.field_model import FieldModel, Scene
 from fmfts.several.free_poses import FreePoses, free_poses, is_explained
 from fmfts.several.measured import Measured
-from fmfts.several.observable import FEWEST_SPARE, taken_values
 from fmfts.several.odd_pose_sensor import odd_pose_sensor
 from fmfts.several.reading import PosesMemory, PosesReading
 from fmfts.several.recovery import Recovery

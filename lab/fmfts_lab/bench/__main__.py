@@ -88,6 +88,7 @@ def main() -> None:
     verb.add_argument("--doubted", action="store_true", help="only one finger: how often two are suspected")
     verb.add_argument("--whole", action="store_true", help="only what is published of one finger, and of solved pairs")
     verb.add_argument("--through-poses", action="store_true", help="only fingers by the poses of all magnets")
+    verb.add_argument("--free-poses", action="store_true", help="only the poses by the field alone, on other pads, too")
     verb.add_argument("--calibrated", action="store_true", help="only a pad in other silicone, and `calibrate`")
     verb.add_argument("--beside", action="store_true", help="only one finger, beside the pad with one magnet")
     verb.add_argument("--only", nargs="+", metavar="DRILL", help="drills whose names begin so")

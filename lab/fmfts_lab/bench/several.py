@@ -10,10 +10,10 @@ import numpy as np
 
 from fmfts.common.chi2 import quantile
 from fmfts.pad import Array, Tolerance
+from fmfts.pose.observable import FREE_FIELD
 from fmfts.several.count import SECOND_GAIN, Counted, are_two, resultant
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
-from fmfts.several.observable import FREE_FIELD
 from fmfts.several.odd_sensor import UNEXPLAINED
 from fmfts.several.resultant import deviation_of
 from fmfts_lab.bench import (
@@ -21,6 +21,7 @@ from fmfts_lab.bench import (
     several_calibrated,
     several_doubted,
     several_drills,
+    several_free,
     several_merged,
     several_poses,
     several_running,
@@ -85,6 +86,7 @@ def run(options: Namespace) -> None:
         (options.calibrated, several_calibrated),
         (options.whole, several_whole),
         (options.through_poses, several_poses),
+        (options.free_poses, several_free),
     ):
         if asked:
             other.run(options)

@@ -16,9 +16,9 @@ from fmfts.common.chi2 import quantile
 from fmfts.contact.array_model import STANDARD_SENSORS_MM
 from fmfts.pad import Array, SensorArray, Tolerance
 from fmfts.pose.magnets import CHANGE, Magnets, field_and_slope, rest_frames
+from fmfts.pose.observable import FREE_FIELD
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
-from fmfts.several.observable import FREE_FIELD
 from fmfts.several.odd_sensor import UNEXPLAINED
 from fmfts_lab.bench.several_world import BUILT, EXACT, NOISE_T, World, any_press, worlds
 from fmfts_lab.bench.workspace import standard_pad

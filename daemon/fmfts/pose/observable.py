@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from fmfts.pose.magnets import CHANGE
+
 FREE_FIELD = 3  # values that the ambient field takes
-CHANGE = 5  # numbers of a magnet's change of pose
 # So many values more than are taken tell whether the poses explain a frame; and so many at least a pad has to have, so
 # that it may lose a sensor. Where one value was left, poses that explained a frame were wrong beside a foreign magnet,
 # which they bent to explain (docs/results/several.md).
