@@ -94,7 +94,5 @@ def _numbers_are_finite(message: AnyMessage) -> bool:
 
 
 def _sum_of_pose(pose: PoseMessage) -> float:
-    total: float = sum(_pose_numbers(pose))
-    for vector in filter(None, _pose_vectors(pose)):
-        total += sum(vector)
+    total: float = sum(_pose_numbers(pose)) + sum(map(sum, filter(None, _pose_vectors(pose))))
     return total

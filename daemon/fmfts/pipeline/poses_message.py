@@ -44,7 +44,7 @@ def _distances(poses: FreePoses) -> list[tuple[float, float]]:
 
 def residual_of(misfit_t: Array, used: NDArray[np.bool_]) -> float:
     """Root mean square of the values that were used (N, 3)."""
-    residual = misfit_t[used.ravel()]
+    residual = misfit_t if used.all() else misfit_t[used.ravel()]
     return float(np.sqrt(product(residual, residual) / len(residual)))
 
 
@@ -62,13 +62,12 @@ def magnets_told(
     if mounting.ambient_t is not None and mounting.ambient_deviation_t is not None and ambient_change_t is not None:
         deviation_t = root_of_squares(mounting.ambient_deviation_t, at_rest.ambient_deviation_t(ambient_change_t))
         ambient, ambient_deviation = _vector(mounting.ambient_t + ambient_change_t), _vector(deviation_t)
-    whole = np.sqrt(variance + at_rest.variance[:, :CHANGE]).tolist()
     return [
         PoseMessage(
-            position_m=(x, y, z),
-            position_sd_m=(deviation[0], deviation[1], deviation[2]),
-            axis=(along_x, along_y, along_z),
-            axis_sd_rad=max(deviation[3], deviation[4]),
+            position_m=where.position_m,
+            position_sd_m=where.position_sd_m,
+            axis=where.axis,
+            axis_sd_rad=where.axis_sd_rad,
             remanence_t=remanence_t,
             remanence_sd_t=remanence_sd_t,
             ambient_t=ambient,
@@ -76,8 +75,8 @@ def magnets_told(
             residual_t=residual_t,
             chi2=chi2,
         )
-        for (x, y, z), (along_x, along_y, along_z), deviation, (remanence_t, remanence_sd_t) in zip(
-            magnets.position_m.tolist(), magnets.axis.tolist(), whole, at_rest.remanences, strict=True
+        for where, (remanence_t, remanence_sd_t) in zip(
+            at_rest.described(magnets, variance), at_rest.remanences, strict=True
         )
     ]
 

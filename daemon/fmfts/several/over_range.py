@@ -12,6 +12,8 @@ CERTAIN_DEVIATIONS = 6.0  # of its force: such a finger's place is known to less
 def is_over_range(response: ArrayResponse, fit: Fit) -> bool:
     """Beyond the table, in force or in place, the place and the force are not known. The place of a weak finger is so
     uncertain that the search may end at the table's edge."""
+    if not len(fit.fingers):
+        return False
     first, last, most = response.first_mm + EDGE_MM, response.last_mm - EDGE_MM, response.scale_n
     return any(
         force > most or (force > CERTAIN_DEVIATIONS * force_sd and not first < min(x, y) <= max(x, y) < last)

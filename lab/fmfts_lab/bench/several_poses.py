@@ -20,7 +20,7 @@ from fmfts.pose.observable import FREE_FIELD
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
 from fmfts.several.odd_sensor import UNEXPLAINED
-from fmfts_lab.bench.several_world import BUILT, EXACT, NOISE_T, World, any_press, worlds
+from fmfts_lab.bench.several_world import BUILT, EXACT, NOISE_T, Press, World, any_press, two_places, worlds
 from fmfts_lab.bench.workspace import standard_pad
 from fmfts_lab.finite_elements.array_pad import array_config
 
@@ -56,14 +56,15 @@ class Way:
 
 def run(options: Namespace) -> None:
     print(
-        "| one finger | values to spare | solved | place, median mm | p90 mm | force, median N | rms N "
+        "| fingers | values to spare | solved | place, median mm | p90 mm | force, median N | rms N "
         f"| refused with {', '.join(f'{wrong * 1e6:g}' for wrong in WRONG_T)} µT on an axis |\n"
         f"| {' | '.join(['---'] * 8)} |"
     )
-    for name, tolerance in (("as drawn", EXACT), ("as built", BUILT)):
-        fingers, poses = _ways(options, tolerance)
-        print(fingers.line(f"{name}, the fingers"), flush=True)
-        print(poses.line(f"{name}, through the poses"), flush=True)
+    for count, told in ((1, "one"), (2, "two, 10 to 18 mm apart")):
+        for name, tolerance in (("as drawn", EXACT), ("as built", BUILT)):
+            fingers, poses = _ways(options, tolerance, count)
+            print(fingers.line(f"{told}, {name}, the fingers"), flush=True)
+            print(poses.line(f"{told}, {name}, through the poses"), flush=True)
     print(
         "\n| magnets, sensors | values to spare | place, rms µm | worst µm | tilt, rms ° | worst ° |\n"
         f"| {' | '.join(['---'] * 6)} |"
@@ -72,15 +73,16 @@ def run(options: Namespace) -> None:
         print(_bound(name, magnets, sensors, options.seed), flush=True)
 
 
-def _ways(options: Namespace, tolerance: Tolerance) -> tuple[Way, Way]:
+def _ways(options: Namespace, tolerance: Tolerance, count: int) -> tuple[Way, Way]:
+    """count: of fingers that press."""
     fingers = poses = None
     for one in worlds(options.frames, tolerance, options.seed + 5, FRAMES_OF_A_PAD):
         values = 3 * len(one.sensors)
-        fingers = fingers or Way(values - FREE_FIELD - FINGER)
+        fingers = fingers or Way(values - FREE_FIELD - FINGER * count)
         poses = poses or Way(values - FREE_FIELD - CHANGE * len(one.magnets))
         for _ in range(FRAMES_OF_A_PAD):
-            press = any_press(one.random)
-            truth, change = np.array([press[:3]]), one.pressed([press])
+            presses = [any_press(one.random)] if count == 1 else _two(one.random)
+            truth, change = np.array([press[:3] for press in presses]), one.pressed(presses)
             measured, axis = one.measured(change), int(one.random.integers(values))
             _by_fingers(fingers, one, measured, truth, axis)
             _by_poses(poses, one, measured, truth, change, axis)
@@ -98,7 +100,7 @@ def _wrong(measured: Measured, axis: int, wrong_t: float) -> Measured:
 def _by_fingers(way: Way, one: World, measured: Measured, truth: Array, axis: int) -> None:
     fit, limit = one.fitter.fit(truth, measured, NOTHING), quantile(UNEXPLAINED, way.spare)
     way.frames, way.solved = way.frames + 1, way.solved + 1
-    way.off.append(fit.fingers[0] - truth[0])
+    way.off.extend(fit.fingers - truth)
     for number, wrong_t in enumerate(WRONG_T):
         way.refused[number] += one.fitter.fit(truth, _wrong(measured, axis, wrong_t), NOTHING).chi2 > limit
 
@@ -108,7 +110,7 @@ def _by_poses(way: Way, one: World, measured: Measured, truth: Array, change: Ar
     solved, limit = _poses(one, measured, change), quantile(UNEXPLAINED, way.spare)
     if solved is not None:
         way.solved += 1
-        way.off.append(_finger_of(one, *solved[:2], truth) - truth[0])
+        way.off.extend(_fingers_of(one, *solved[:2], truth) - truth)
     for number, wrong_t in enumerate(WRONG_T):
         there = _poses(one, _wrong(measured, axis, wrong_t), change)
         way.refused[number] += there is None or there[2] > limit
@@ -151,23 +153,27 @@ def _poses(one: World, measured: Measured, true: Array) -> tuple[Array, Array, f
     return (state * scale)[: len(true)], covariance[: len(true), : len(true)], float(residual @ residual)
 
 
-def _finger_of(one: World, change: Array, covariance: Array, truth: Array) -> Array:
-    """(3,) the finger that goes best with the poses, by their covariance and what the model of fingers considers."""
-    fingers, model = truth.copy(), one.fitter.model
+def _fingers_of(one: World, change: Array, covariance: Array, truth: Array) -> Array:
+    """(K, 3) the fingers that go best with the poses, by their covariance and what the model of fingers considers."""
+    fingers, model, table = truth.copy(), one.fitter.model, one.response
     for _ in range(ITERATIONS):
         predicted = model.predict(fingers)
         moves, slope = model.considered_moves(fingers, predicted), model.by_finger(predicted)
         weight = np.linalg.inv(covariance + moves @ moves.T)
-        step = np.linalg.solve(slope.T @ weight @ slope, slope.T @ weight @ (change - predicted.change))
-        step *= min(1.0, 2.0 / max(float(np.abs(step[:2]).max()), 1e-9))
-        table = one.response
+        step = np.linalg.solve(slope.T @ weight @ slope, slope.T @ weight @ (change - predicted.change)).reshape(-1, 3)
+        step *= min(1.0, 2.0 / max(float(np.abs(step[:, :2]).max()), 1e-9))
         fingers = np.clip(
             fingers + step, [table.first_mm, table.first_mm, 0.0], [table.last_mm, table.last_mm, 3.0 * table.scale_n]
         )
         if np.abs(step).max() < SETTLED:
             break
-    finger: Array = fingers[0]
-    return finger
+    return fingers
+
+
+def _two(random: np.random.Generator) -> list[Press]:
+    """Two of 0.3 to 1 N, far enough apart to be told."""
+    places = two_places(random, random.uniform(10.0, 18.0))
+    return [Press(x, y, random.uniform(0.3, 1.0)) for x, y in places.tolist()]
 
 
 def _layouts() -> list[tuple[str, Magnets, SensorArray]]:
