@@ -17,7 +17,7 @@ from fmfts.several.free_poses import FARTHEST, FreePoses, at, free_poses, is_exp
 from fmfts.several.measured import Measured
 from fmfts.several.odd_pose_sensor import odd_pose_sensor
 from fmfts_lab.bench.several_layouts import LAYOUTS
-from fmfts_lab.bench.several_world import BUILT, World, any_press, world
+from fmfts_lab.bench.several_world import BUILT, BY_HAND, World, any_press, world
 
 MOVED = np.array([2e-4, 2e-4, 3e-4, 0.05, 0.05])
 OBSERVABLE = ["2 over 8", "3 over 8", "4 over 12", "4 over 16"]
@@ -94,6 +94,21 @@ def test_the_magnets_are_found_from_rest_within_their_deviations(name: str) -> N
     assert len(squares) > 20
 
 
+def test_the_deviations_hold_hard_presses_of_pads_that_were_built_by_hand() -> None:
+    """Errors are known for half a press. Taken as they are, the mean square is 1.5 and more of three fingers."""
+    squares = []
+    for number in range(16):
+        one = world(60 + number, BY_HAND, layout=LAYOUTS["4 over 12"])
+        for _ in range(4):
+            change = one.pressed([any_press(one.random) for _ in range(3)])
+            if np.abs(change.reshape(-1, 5) / FARTHEST).max() > 0.9:
+                continue
+            found = free_poses(one.fitter.model, np.zeros(len(change)), one.measured(change), np.zeros(3))
+            squares.append(float(((found.change - change) ** 2 / found.variance).mean()))
+    assert len(squares) > 40
+    assert 0.6 < np.mean(squares) < 1.4
+
+
 @pytest.mark.parametrize("name", OBSERVABLE)
 def test_a_foreign_magnet_is_not_taken_for_moved_magnets(name: str) -> None:
     """0.2 A·m² at 60 mm and nearer: a magnet of 1 cm³."""
@@ -139,14 +154,37 @@ def test_the_sensor_that_is_wrong_is_named(name: str) -> None:
     assert right >= 0.9 * tried
 
 
+def test_of_two_sensors_without_which_poses_explain_the_frame_the_better_one_is_named() -> None:
+    """8 µT on each axis of one: without some other sensor the frame is explained as well, by chance and less well."""
+    right = tried = 0
+    for number, (one, change, measured) in enumerate(pressed_worlds("3 over 8", pads=12)):
+        model, sensor, there = one.fitter.model, number % 8, measured.used.reshape(-1, 3)
+        wrong_t = measured.field_t.copy()
+        wrong_t[3 * sensor : 3 * sensor + 3] += [8e-6, -8e-6, 8e-6]
+        wrong = replace(measured, field_t=wrong_t)
+        found = free_poses(model, change, wrong, np.zeros(3))
+        if is_explained(found, there):
+            continue
+        odd = odd_pose_sensor(model, found, change, wrong, there, np.zeros(3), needed_values(3) - 3)
+        tried += odd is not None
+        right += odd is not None and odd.sensor == sensor
+    assert tried >= 30
+    assert right >= 0.7 * tried
+
+
 def test_a_search_that_ends_as_far_as_it_may_go_explains_nothing() -> None:
     one = world(50, BUILT, layout=LAYOUTS["4 over 16"])
     far = np.zeros(20)
     far[2] = -1.5 * FARTHEST[2]
     measured = one.measured(far)
     found = free_poses(one.fitter.model, np.zeros(20), measured, np.zeros(3))
-    assert found.is_farthest or found.chi2 > 100.0
-    assert not is_explained(found, measured.used.reshape(-1, 3))
+    used = measured.used.reshape(-1, 3)
+    assert not is_explained(found, used)
+    near = free_poses(one.fitter.model, np.zeros(20), one.measured(0.5 * far), np.zeros(3))
+    assert is_explained(near, used)
+    at_the_end = np.zeros(20)
+    at_the_end[4] = FARTHEST[4]
+    assert not is_explained(replace(near, change=at_the_end), used)
 
 
 def test_how_many_sensors_poses_need() -> None:

@@ -178,6 +178,19 @@ def test_a_field_that_no_magnet_of_the_pad_makes_is_disturbed_and_poses_are_not_
         assert message.health == "disturbed"
         assert (message.contact, message.poses, message.displacement_m) == (None, None, None)
     assert message.reason.startswith("no poses of the magnets explain the field (χ² = ")
+    assert made.memory.poses is not None
+    assert not made.memory.poses.touch.touched, "a finger was not seen for so long that it may be gone"
+
+
+def test_a_pad_that_may_not_search_says_so_and_searches_when_it_may() -> None:
+    made, lie = ready("4 over 12"), off(3, 600)
+    for frame, _ in frames("4 over 12", 30, PRESS):
+        waits = 12 <= frame.sequence < 20  # the first two have samples of before and after
+        message = made.process(lie(frame.without_search() if waits else frame) if frame.sequence >= 10 else frame)
+        if waits:
+            assert (message.health, message.poses, made.search) == ("disturbed", None, "due")
+    assert message.health == "degraded"
+    assert "sensor 4 contradicts all others" in message.reason
 
 
 def test_poses_are_settled_before_they_are_ok_again() -> None:
@@ -282,6 +295,15 @@ def test_where_two_fingers_explain_nothing_the_poses_are_told_if_the_sensors_are
             assert (message.health, message.more) == ("degraded", True)
             assert np.abs(errors(message, position)).max() < 5.0
     assert told >= 55
+
+
+def test_a_field_that_neither_fingers_nor_poses_explain_is_disturbed_and_poses_are_not_told() -> None:
+    name = "4 over 12"
+    made, pattern = ready(name, "default"), np.random.default_rng(7).choice([-140, 140], (12, 3)).astype(np.int16)
+    for frame, _ in frames(name, 40, PRESS):
+        message = made.process(replace(frame, counts=frame.counts + pattern))
+        assert message.health == "disturbed"
+        assert message.poses is None
 
 
 def test_eight_sensors_under_four_magnets_tell_no_poses_of_what_they_cannot_explain() -> None:

@@ -22,6 +22,9 @@ def test_onset_is_one_false_contact_per_pad_hour() -> None:
     detector = TouchDetector(rate_hz=220.0)
     assert chi2.sf(detector.onset_chi2, 5) * 220 * 3600 == pytest.approx(1.0, rel=1e-6)
     assert chi2.sf(TouchDetector(100.0, 0.1).onset_chi2, 5) * 100 * 3600 == pytest.approx(0.1, rel=1e-6)
+    of_four = TouchDetector(220.0, magnets=4)
+    assert chi2.sf(of_four.onset_chi2, 20) * 220 * 3600 == pytest.approx(1.0, rel=1e-6)
+    assert chi2.sf(of_four.release_chi2, 20) == pytest.approx(0.01, rel=1e-6)
 
 
 def test_false_contacts_of_noise_come_at_the_stated_rate() -> None:

@@ -175,7 +175,7 @@ class FingersEstimator:
         if not (is_searched or memory.more):
             nobody = self.fitter.fit(np.zeros((0, FINGER)), measured.only(used), self._since_rest.around_t)
             if nobody.chi2 > limit(UNEXPLAINED, used, nobody):
-                return self._unexplained(nobody, measured, used)
+                return self._unexplained(nobody, self._free_poses(measured, used), used)
         before = memory.counter.copy()
         for_finger = may_search and (number % 2 == 0 or not is_searched)
         counted = self._counter.update(measured.only(used), self._since_rest.around_t, for_finger)
@@ -188,9 +188,12 @@ class FingersEstimator:
             memory.more = GONE_FRAMES
         elif memory.more:
             memory.more = memory.more - 1 if explained else 0
+        is_open = not explained and odd is None and search != "due"
+        free = self._free_poses(measured, used) if memory.more or is_open else None
+        if memory.more and not explained and free is None and self._tells_poses(used):
+            memory.more = 0  # nor would a third finger explain it
         if memory.more:
             memory.unexplained += search != "due"
-            free = self._free_poses(fit, measured, used)
             return FingersReading("degraded", reasons.THREE, used, ids=counted.ids, more=True, search=search, free=free)
         if search == "due" and not explained:
             self._remember(before)  # as if this frame had not been
@@ -206,7 +209,7 @@ class FingersEstimator:
         if odd is None and explained and left_out >= 0:
             self._try_again(measured, there, fit)
         if not explained:
-            return self._unexplained(fit, measured, used, search)
+            return self._unexplained(fit, free, used, search)
         if not np.isfinite(fit.covariance).all():
             raise SingularError("the fingers are not determined")
         memory.unexplained = 0
@@ -256,25 +259,24 @@ class FingersEstimator:
         if memory.agrees_frames >= AGREES_FRAMES:
             memory.left_out, memory.agrees_frames = -1, 0
 
-    def _unexplained(self, fit: Fit, measured: Measured, used: Mask, search: Search = "none") -> FingersReading:
+    def _unexplained(self, fit: Fit, free: FreePoses | None, used: Mask, search: Search = "none") -> FingersReading:
         self._counter.forget()
         self.memory.unexplained += 1
-        free = self._free_poses(fit, measured, used)
         if free is not None:
             return FingersReading("degraded", reasons.OTHER_PRESS, used, more=True, search=search, free=free)
         return FingersReading("disturbed", reasons.unexplained(fit.chi2), used, search=search)
 
-    def _free_poses(self, fit: Fit, measured: Measured, used: Mask) -> FreePoses | None:
-        """The poses that explain a frame that the fingers of `fit` do not; None where none do, or where the sensors are
-        too few to tell. The search begins where these fingers put the magnets, then at rest."""
-        if np.count_nonzero(used) < self._values_for_poses:
+    def _tells_poses(self, used: Mask) -> bool:
+        """Whether so many values tell the poses without fingers, and notice where they do not explain a frame."""
+        return bool(np.count_nonzero(used) >= self._values_for_poses)
+
+    def _free_poses(self, measured: Measured, used: Mask) -> FreePoses | None:
+        """The poses that explain a frame that no fingers explain; None where none do, or where nobody can tell."""
+        if not self._tells_poses(used):
             return None
-        model, seen, around_t = self.fitter.model, measured.only(used), self._since_rest.around_t
-        for start in (model.predict(fit.fingers).change, np.zeros(CHANGE * len(self.mounting.magnets))):
-            try:
-                poses = free_poses(model, start, seen, around_t)
-            except SingularError:
-                continue
-            if is_explained(poses, used):
-                return poses
-        return None
+        at_rest, seen = np.zeros(CHANGE * len(self.mounting.magnets)), measured.only(used)
+        try:
+            poses = free_poses(self.fitter.model, at_rest, seen, self._since_rest.around_t)
+        except SingularError:
+            return None
+        return poses if is_explained(poses, used) else None
