@@ -169,6 +169,18 @@ def test_a_sensor_that_contradicts_all_others_is_named_and_left_out_until_it_agr
     assert healths[-1] == "ok"
 
 
+def test_a_sensor_that_was_left_out_is_asked_again_where_the_others_are_too_few() -> None:
+    made, lie, mute = ready("3 over 8"), off(0, 1200), without(3)
+    for frame, now_m in frames("3 over 8", 40, PRESS):
+        position, number = now_m, frame.sequence
+        message = made.process(frame if number < 10 else lie(frame) if number < 25 else mute(frame))
+        if number == 24:
+            assert "sensor 1 contradicts all others" in message.reason
+    assert message.health == "degraded"
+    assert message.reason.startswith("sensor 4 is silent; no contact model")
+    assert np.abs(errors(message, position)).max() < 5.0
+
+
 @pytest.mark.parametrize("name", WITHOUT_A_MODEL)
 def test_a_field_that_no_magnet_of_the_pad_makes_is_disturbed_and_poses_are_not_told(name: str) -> None:
     made, random = ready(name), np.random.default_rng(5)
@@ -189,6 +201,7 @@ def test_a_pad_that_may_not_search_says_so_and_searches_when_it_may() -> None:
         message = made.process(lie(frame.without_search() if waits else frame) if frame.sequence >= 10 else frame)
         if waits:
             assert (message.health, message.poses, made.search) == ("disturbed", None, "due")
+            assert "a search for a wrong sensor is due, and waits for other pads" in message.reason
     assert message.health == "degraded"
     assert "sensor 4 contradicts all others" in message.reason
 
@@ -235,11 +248,11 @@ def test_absence_ends_the_touch_and_a_bare_baseline_says_what_to_do() -> None:
 def test_the_shipped_model_is_left_out_where_the_magnets_are_others_and_the_sensors_are_enough() -> None:
     model = contact_model_of(config_of("2 over 8", "default"))
     assert isinstance(model, NoContactModel)
-    assert '"default" is for the four magnets of docs/several.md, and those here are others' in model.reason
+    assert "the four magnets of docs/several.md, and this pad has others, or not all of them" in model.reason
     # Three magnets over five sensors: neither a table, nor enough values.
     three = config_of("3 over 8", "default")
     few = msgspec.structs.replace(three.geometry, sensors_mm=three.geometry.sensors_mm[:5])
-    with pytest.raises(ModelError, match="is for another pad"):
+    with pytest.raises(ModelError, match=r"is for another pad.*With 8 sensors it would tell touch and poses"):
         contact_model_of(msgspec.structs.replace(three, geometry=few))
 
 
@@ -292,7 +305,7 @@ def test_where_two_fingers_explain_nothing_the_poses_are_told_if_the_sensors_are
         assert (message.contacts, message.force_n) == (None, None)
         if message.poses is not None:
             told += 1
-            assert (message.health, message.more) == ("degraded", True)
+            assert (message.health, message.more, message.contact) == ("degraded", True, True)
             assert np.abs(errors(message, position)).max() < 5.0
     assert told >= 55
 

@@ -51,9 +51,12 @@ def evaluate(options: argparse.Namespace, pad: PadConfig, noise_t: float) -> int
     from fmfts.calibrate.field_table import DataError
     from fmfts.contact import ModelError
     from fmfts.contact.array_model import ARRAY_PATH
+    from fmfts.contact.no_model import NO_MODEL
     from fmfts.pipeline.configured import DEFAULT_MODEL
 
     name = options.model or pad.contact.model
+    if name == NO_MODEL:
+        raise VerbError(exit_codes.USAGE, f"pad {pad.name!r} has no contact model: name the one to judge with --model")
     model = ARRAY_PATH if name == DEFAULT_MODEL else Path(name)
     try:
         evaluation = evaluate_array_model(options.data, model, _job(options, pad, noise_t), _say)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.config.i2c_checks import Problem
 from fmfts.contact.no_model import NO_MODEL
-from fmfts.pose.observable import are_observable, needed_values
+from fmfts.pose.observable import are_observable, needed_sensors
 
 FEWEST_SENSORS = 5
 MAGNETS_APART_MM = 5.0  # nearer ones would be in each other's rubber
@@ -32,7 +32,7 @@ def several_problems(pad: PadConfig) -> Iterator[Problem]:
     if pad.contact.model == NO_MODEL and not are_observable(len(places), sensors):
         yield (
             ("contact", "model"),
-            f"without a model {len(places)} magnets need {-(-needed_values(len(places)) // 3)} sensors at least, not "
+            f"without a model {len(places)} magnets need {needed_sensors(len(places))} sensors at least, not "
             f'{sensors}: take more sensors, "default", or the file of a model made for it',
         )
     if source.publish == "sample":

@@ -29,7 +29,7 @@ def no_model_for(configured: str, magnets: int = 1) -> NoContactModel:
         if configured == NO_MODEL
         else f'"{configured}" is for the pad of the shipped config.toml, and the magnet here has another size or place'
         if magnets == 1
-        else f'"{configured}" is for the four magnets of docs/several.md, and those here are others'
+        else f'"{configured}" is for the four magnets of docs/several.md, and this pad has others, or not all of them'
     )
     how = "calibrate it (docs/calibration.md)" if magnets == 1 else "make a table of its presses (docs/several.md)"
     return NoContactModel(f"no contact model for this pad: {why}; to get forces, {how}")

@@ -16,7 +16,7 @@ from fmfts.pipeline.now import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.pipeline.skin_pipeline import SkinPipeline
-from fmfts.pose.observable import are_observable
+from fmfts.pose.observable import are_observable, needed_sensors
 from fmfts.scene.neighbours import SceneNeighbour, neighbours_around
 from fmfts.scene.tracking import (
     AMBIENT_DEVIATION_T,
@@ -83,9 +83,12 @@ def contact_model_of(config: PadConfig) -> AnyModel:
         return no_model_for(name, magnets)
     try:
         return load_any_model(config, name)
-    except OtherPadError:
-        if name not in SHIPPED_PATHS or (magnets > 1 and not are_observable(magnets, len(config.geometry.sensors_mm))):
+    except OtherPadError as error:
+        if name not in SHIPPED_PATHS:
             raise
+        if magnets > 1 and not are_observable(magnets, len(config.geometry.sensors_mm)):
+            enough = needed_sensors(magnets)
+            raise OtherPadError(f"{error}. With {enough} sensors it would tell touch and poses without one") from error
         return no_model_for(name, magnets)
 
 

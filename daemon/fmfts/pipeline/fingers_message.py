@@ -33,7 +33,7 @@ def fingers_told(reading: FingersReading, estimator: FingersEstimator) -> dict[s
         return {}
     residual_t = residual_of(free.misfit_t, reading.used)
     variance = free.variance.reshape(-1, CHANGE)
-    return {"poses": magnets_told(estimator, free.magnets, variance, residual_t, free.chi2)}
+    return {"contact": True, "poses": magnets_told(estimator, free.magnets, variance, residual_t, free.chi2)}
 
 
 def _poses(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -> list[PoseMessage]:

@@ -21,6 +21,11 @@ def needed_values(magnets: int) -> int:
     return taken_values(magnets) + OBSERVABLE_SPARE
 
 
+def needed_sensors(magnets: int) -> int:
+    """The same in three-axis sensors."""
+    return -(-needed_values(magnets) // 3)
+
+
 def are_observable(magnets: int, sensors: int) -> bool:
     """Whether so many sensors tell the poses of so many magnets, and notice what is wrong with one of them."""
-    return 3 * sensors >= needed_values(magnets)
+    return sensors >= needed_sensors(magnets)

@@ -105,7 +105,10 @@ class Announcer:
 
 def _place(message: ContactMessage) -> str:
     if message.displacement_m is not None:
-        return f"the magnet moved by {message.displacement_m * 1e3:.3f} mm"
+        which = "the magnet that moved most" if isinstance(message.poses, list) else "the magnet"
+        return f"{which} moved by {message.displacement_m * 1e3:.3f} mm"
+    if message.more is True:
+        return "more than two fingers, or something of another shape"
     if message.x_m is None or message.y_m is None or message.force_n is None:
         return "over range"
     return f"{message.force_n:.3f} N at ({message.x_m * 1e3:+.1f}, {message.y_m * 1e3:+.1f}) mm"

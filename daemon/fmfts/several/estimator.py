@@ -175,7 +175,8 @@ class FingersEstimator:
         if not (is_searched or memory.more):
             nobody = self.fitter.fit(np.zeros((0, FINGER)), measured.only(used), self._since_rest.around_t)
             if nobody.chi2 > limit(UNEXPLAINED, used, nobody):
-                return self._unexplained(nobody, self._free_poses(measured, used), used)
+                reading = self._unexplained(nobody, self._free_poses(measured, used), used)
+                return reading if reading.free is None else reading._replace(reason=reasons.NOT_SEARCHED_PRESS)
         before = memory.counter.copy()
         for_finger = may_search and (number % 2 == 0 or not is_searched)
         counted = self._counter.update(measured.only(used), self._since_rest.around_t, for_finger)

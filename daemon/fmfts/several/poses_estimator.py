@@ -101,6 +101,8 @@ class PosesEstimator:
         used = there.copy()
         if memory.left_out >= 0:
             used[memory.left_out] = False
+            if np.count_nonzero(used) < self._fewest <= np.count_nonzero(there):
+                memory.left_out, used = -1, there.copy()  # it is needed now, and may be well again
         if np.count_nonzero(used) < self._fewest:
             self._touch.unseen()
             return PosesReading("lost", reasons.too_few_for_poses(missing, used, self._fewest), used)
@@ -130,7 +132,8 @@ class PosesEstimator:
         if not explained:
             self._touch.unseen()
             memory.unexplained += search != "due"
-            return PosesReading("disturbed", reasons.unexplained_by_poses(poses.chi2), used, search=search)
+            told = reasons.poses_not_searched if search == "due" else reasons.unexplained_by_poses
+            return PosesReading("disturbed", told(poses.chi2), used, search=search)
         if memory.left_out >= 0 and odd is None:
             self._try_again(measured, there, poses)
         memory.unexplained, memory.change, memory.ambient_t = 0, poses.change, poses.ambient_t

@@ -15,6 +15,10 @@ OTHER_PRESS = (
     "no two fingers explain the field, but poses of the magnets do: more than two fingers press, or something of "
     "another shape; poses are told, places and forces are not"
 )
+NOT_SEARCHED_PRESS = (
+    "poses of the magnets explain the field, and fingers are searched in each tenth frame: more than two press, or "
+    "something of another shape; places and forces are not told"
+)
 MAYBE_TWO = (
     "one finger explains this field badly: two that are too near or too unequal to be told apart may press, "
     "or something wider than a finger"
@@ -41,6 +45,10 @@ def unexplained_by_poses(chi2: float) -> str:
         f"no poses of the magnets explain the field (χ² = {chi2:.0f}): steel or a magnet nearby, a bad chip, or a "
         "magnet that broke or came loose"
     )
+
+
+def poses_not_searched(chi2: float) -> str:
+    return f"no poses explain the field (χ² = {chi2:.0f}); a search for a wrong sensor is due, and waits for other pads"
 
 
 def not_searched(chi2: float) -> str:

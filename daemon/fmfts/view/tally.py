@@ -136,7 +136,8 @@ def now_line(tally: Tally) -> str:
     if contact.more:
         parts.append("two fingers do not explain this")
     if contact.displacement_m is not None:
-        parts.append(f"magnet {displacement_text(contact)} from rest")
+        which = "magnet" if contact.more is None else "farthest magnet"
+        parts.append(f"{which} {displacement_text(contact)} from rest")
     if tally.rate_hz is not None:
         parts.append(f"{tally.rate_hz:.1f} Hz")
     if contact.t_sample_ns:
