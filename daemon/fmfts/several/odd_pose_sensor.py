@@ -15,7 +15,7 @@ from fmfts.several.measured import Measured
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# So many sensors are tried: those without which χ² would fall most, to first order.
+# So many sensors are tried, one in each search: those without which χ² would fall most, to first order, the best first.
 TRIED = 3
 
 
@@ -27,25 +27,31 @@ class OddPose(NamedTuple):
 
 
 def odd_pose_sensor(
-    model: FieldModel, poses: FreePoses, start: Array, measured: Measured, there: Mask, around_t: Array, fewest: int
+    model: FieldModel,
+    poses: FreePoses,
+    start: Array,
+    measured: Measured,
+    there: Mask,
+    around_t: Array,
+    fewest: int,
+    search: int,
 ) -> OddPose | None:
-    """The sensor whose absence leaves the least χ²; None where no absence is enough.
+    """The sensor without which the frame is explained; None where it is not without the one that this search tries.
 
     poses: with all values `there` (N, 3). start (5M,): of a frame that was explained. fewest: values that are needed.
+    search: how many searches were made before, in frames in a row that nothing explains.
     """
-    best: OddPose | None = None
-    for sensor in np.argsort(-_gains(model, poses, measured.only(there), around_t), kind="stable")[:TRIED].tolist():
-        used = there.copy()
-        used[sensor] = False
-        if not there[sensor].any() or np.count_nonzero(used) < fewest:
-            continue
-        try:
-            without = free_poses(model, start, measured.only(used), around_t)
-        except SingularError:
-            continue  # without this sensor the others do not tell
-        if is_explained(without, used) and (best is None or without.chi2 < best.poses.chi2):
-            best = OddPose(sensor, without)
-    return best
+    best_first = np.argsort(-_gains(model, poses, measured.only(there), around_t), kind="stable")
+    sensor = int(best_first[search % TRIED])
+    used = there.copy()
+    used[sensor] = False
+    if not there[sensor].any() or np.count_nonzero(used) < fewest:
+        return None
+    try:
+        without = free_poses(model, start, measured.only(used), around_t)
+    except SingularError:
+        return None  # without this sensor the others do not tell
+    return OddPose(sensor, without) if is_explained(without, used) else None
 
 
 def _gains(model: FieldModel, poses: FreePoses, measured: Measured, around_t: Array) -> Array:

@@ -124,7 +124,8 @@ class PosesEstimator:
             search = "made" if may_search else "due"
         if search == "made":
             with_all = poses if memory.left_out < 0 else self._solved(measured, there)
-            odd = odd_pose_sensor(self._model, with_all, memory.change, measured, there, around_t, self._fewest)
+            number = searches.number_of(memory.unexplained)
+            odd = odd_pose_sensor(self._model, with_all, memory.change, measured, there, around_t, self._fewest, number)
             if odd is not None:
                 used, poses, explained = there.copy(), odd.poses, True
                 used[odd.sensor] = False
