@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -26,6 +27,10 @@ for told in (
     "JOURNAL_STREAM",
 ):
     os.environ.pop(told, None)
+
+# A shell that starts this in the background has it ignore Ctrl-C, and all programs that it starts would, too.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 pytest_plugins = ["repeating"]
 

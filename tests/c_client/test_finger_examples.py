@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -19,6 +20,7 @@ from fmfts_client import Endpoints
 from unit.bus_messages import contact_message, finger_message, fingers_message, two_fingers
 
 PERIOD_S = 0.02
+PATIENCE_S = 120.0
 PYTHON_EXAMPLE = CLIENT.parent / "python/examples/fingers.py"
 
 
@@ -52,6 +54,8 @@ def test_example_says_which_fingers_touch(command: list[str], tmp_path: Path) ->
         "a pad with one magnet takes two fingers for one": contact_message,
     }
     with subprocess.Popen([*command, "demo"], stdout=subprocess.PIPE, text=True, env=environment) as process:
+        too_long = threading.Timer(PATIENCE_S, process.kill)
+        too_long.start()
         assert process.stdout is not None
         assert process.stdout.readline() == "nothing arrives\n"
         making: list[Callable[[], ContactMessage]] = [fingers_message]
@@ -63,4 +67,5 @@ def test_example_says_which_fingers_touch(command: list[str], tmp_path: Path) ->
                 said = next(line for line in lines if line.startswith(words))
                 assert said.strip().removesuffix(": no pose fits") == words
         assert process.stdout.readline() == "nothing arrives\n"
+        too_long.cancel()
         process.terminate()

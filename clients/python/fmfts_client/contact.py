@@ -117,10 +117,10 @@ class Contact:
     def tells_fingers(self) -> bool:
         """Does this pad have several magnets, so that it tells `contacts` where it can?
 
-        Of any other pad `contacts` is always None. With one magnet two fingers look like one; several magnets without a
-        contact model tell touch and poses alone.
+        Of any other pad `contacts` is always None, and two fingers look like one. Without a contact model (`model` is
+        "none") a pad with several magnets cannot: it tells touch and poses alone.
         """
-        return self.more is not None and self.model != "none"
+        return self.more is not None
 
     def at(self, t_ns: Optional[int] = None) -> Optional[Now]:
         """The contact carried on to `t_ns` of this machine's monotonic clock; None: to this instant.
