@@ -164,6 +164,7 @@ def test_a_sensor_that_contradicts_all_others_is_named_and_left_out_until_it_agr
             assert np.abs(errors(message, position)).max() < 5.0
         if 13 <= frame.sequence < 30:
             assert f"sensor {sensor + 1} contradicts all others, and is left out" in message.reason
+        assert "stuck" not in message.reason, "of a sensor that is used again"
     assert healths[:10] == ["ok"] * 10
     assert set(healths[12:30]) == {"degraded"}
     assert healths[-1] == "ok"

@@ -28,7 +28,7 @@ from fmfts.several.field_model import FINGER, FieldModel, Scene
 from fmfts.several.fit import Fit, Fitter, Measured
 from fmfts.several.free_poses import FreePoses, free_poses, is_explained
 from fmfts.several.hidden import hidden_variance
-from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, is_odd, limit, odd_sensor
+from fmfts.several.odd_sensor import AGREES, AGREES_FRAMES, FEWEST_VALUES, UNEXPLAINED, Odd, is_odd, limit, odd_sensor
 from fmfts.several.over_range import is_over_range
 from fmfts.several.poses import UNFELT, Poses, poses_of
 from fmfts.several.reading import FingersMemory, FingersReading
@@ -52,10 +52,6 @@ DOUBTED, DOUBTED_GAIN = 0.005, 20.0
 EXPLAINED_WELL = 0.5
 # A third finger is gone when two explain so many frames in a row: by chance they explain one of three now and then.
 GONE_FRAMES = 10
-# After so many frames in a row in which a sensor that was left out agrees again, it is used again.
-AGREES_FRAMES = 20
-# A sensor that was left out agrees when its values fit as well as those of one in a thousand healthy frames do.
-AGREES = 1e-3
 # A gap after which fingers are searched anew.
 LONGEST_GAP_S = 0.05
 

@@ -21,6 +21,9 @@ SPARE = 4
 FEWEST_VALUES = FREE_FIELD + 2 * FINGER + SPARE
 # A frame is not explained when its χ² is larger than one in so many healthy ones has it.
 UNEXPLAINED = 1e-6
+# A sensor that was left out agrees when its values fit as well as those of one in a thousand healthy frames do. After
+# so many frames in a row in which it agrees, it is used again.
+AGREES, AGREES_FRAMES = 1e-3, 20
 
 
 class Odd(NamedTuple):

@@ -1,7 +1,7 @@
 """One pad with several magnets and no table of presses: field → poses of all magnets, and whether the pad is touched.
 
-Where a finger presses, and how hard, needs a table (estimator.py). Where the magnets are does not, if the sensors give
-enough values: free_poses.py.
+Only a table tells where a finger presses, and how hard (estimator.py). The field alone tells where the magnets are, if
+the sensors give enough values (free_poses.py).
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from fmfts.several.field_model import FieldModel, Scene
 from fmfts.several.free_poses import FreePoses, free_poses, is_explained
 from fmfts.several.measured import Measured
 from fmfts.several.odd_pose_sensor import odd_pose_sensor
+from fmfts.several.odd_sensor import AGREES, AGREES_FRAMES
 from fmfts.several.reading import PosesMemory, PosesReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.sighted import sighted
@@ -38,10 +39,6 @@ from fmfts.several.trust import trusted
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-# A sensor that was left out agrees when its values fit as well as those of one in a thousand healthy frames do, and
-# after so many frames in a row it is used again.
-AGREES, AGREES_FRAMES = 1e-3, 20
 
 
 class PosesEstimator:
@@ -135,13 +132,14 @@ class PosesEstimator:
             memory.unexplained += search != "due"
             told = reasons.poses_not_searched if search == "due" else reasons.unexplained_by_poses
             return PosesReading("disturbed", told(poses.chi2), used, search=search)
-        if memory.left_out >= 0 and odd is None:
+        left_out = memory.left_out
+        if left_out >= 0 and odd is None:
             self._try_again(measured, there, poses)
         memory.unexplained, memory.change, memory.ambient_t = 0, poses.change, poses.ambient_t
         memory.now_t = np.abs(measured.field_t - poses.misfit_t)
         memory.recovery.remember(memory.now_t)
         touched = self._touch.update(poses.change, poses.covariance)
-        health, reason = reasons.health_of_axes(used, missing, memory.left_out)
+        health, reason = reasons.health_of_axes(used, missing, left_out)
         return PosesReading(health, reason, used, poses, touched, search)
 
     def _solved(self, measured: Measured, used: Mask) -> FreePoses:
