@@ -261,6 +261,7 @@ def test_one_board_serves_several_pads_and_ignores_those_not_configured(tmp_path
         # It streams on: where this computer is held up, the bridge opens the port anew, and what came before is gone.
         run(bridge, board, until=lambda: board.stream(1) or len(frames) >= 8, frames=frames)
         assert {frame.pad_index for frame in frames} == {0, 2}
+        assert len({(frame.pad_index, frame.sequence) for frame in frames}) == len(frames), "one came twice"
         bridge.close()
 
 

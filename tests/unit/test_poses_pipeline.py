@@ -23,6 +23,7 @@ from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.several_pipeline import BARE_ONLY, SeveralPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot, state_message
 from fmfts.recording.file import RecordingWriter
+from fmfts.runtime.announcer import _place
 from fmfts.sensor import Frame
 from fmfts.simulation.array import SimulatedArray
 from fmfts.simulation.baseline import simulated_baseline
@@ -102,6 +103,7 @@ def test_a_pressed_pad_tells_touch_poses_and_how_far_its_magnets_moved(name: str
     assert message.displacement_sd_m is not None
     assert abs(message.displacement_m - farthest_m) < 5.0 * message.displacement_sd_m
     assert message.displacement_sd_m < 5e-5
+    assert _place(message) == f"the magnet that moved most moved by {1e3 * message.displacement_m:.3f} mm"
 
 
 def test_a_touch_ends_when_the_finger_lifts() -> None:
@@ -309,6 +311,7 @@ def test_where_two_fingers_explain_nothing_the_poses_are_told_if_the_sensors_are
             assert (message.health, message.more, message.contact) == ("degraded", True, True)
             assert np.abs(errors(message, position)).max() < 5.0
     assert told >= 55
+    assert _place(message) == "more than two fingers, or something of another shape"
 
 
 def test_a_field_that_neither_fingers_nor_poses_explain_is_disturbed_and_poses_are_not_told() -> None:
