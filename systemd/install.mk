@@ -18,7 +18,7 @@ IN_PLACE = sed -e 's|@LIB@|$(INSTALL_LIB)|' -e 's|@PYTHON@|$(SYSTEM_PYTHON)|' -e
 INSTALL_PACKAGES = $(call missing_packages,python3-pip python3-dev gcc)
 DEB_PACKAGES = $(call missing_packages,debhelper dh-python build-essential python3-pip python3-dev)
 
-.PHONY: install uninstall deb lint-deb drill-service test-fresh drills soak aarch64 same-numbers
+.PHONY: install uninstall deb lint-deb drill-service test-fresh test-busy drills soak aarch64 same-numbers
 
 install:
 	@$(call need,$(INSTALL_PACKAGES),exit 1)
@@ -76,6 +76,14 @@ CPU ?=
 test-fresh:
 	@$(call need,$(call missing_packages,debootstrap systemd-container git),exit 1)
 	$(PYTHON) tests/drills/fresh_clone.py $(if $(QUICK),--quick) $(if $(CPU),--cpu $(CPU))
+
+# The demo and all tests TURNS times in turn, each in a fresh clone on a plain Debian 12 and beside two endless loops, on
+# this processor's arithmetic and on that of older ones (about 25 minutes a turn). On other parts: BUSY="--parts lint clock".
+TURNS ?= 5
+BUSY ?=
+test-busy:
+	@$(call need,$(call missing_packages,debootstrap systemd-container git),exit 1)
+	$(PYTHON) tests/drills/busy_suites.py --turns $(TURNS) $(BUSY)
 
 # All recovery drills (half an hour; nothing else may run): docs/recovery.md.
 drills: test-packages $(VENV)/.installed-test

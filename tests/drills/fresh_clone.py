@@ -39,15 +39,16 @@ PROCESSORS = {
 
 
 class FreshClone(Container):
-    """In a tree of its own; commands run in it one by one, as `user`."""
+    """Of `commit`, in a tree of its own; commands run in it one by one, as `user`."""
 
-    def __init__(self, tree: Path, user: str, environment: dict[str, str]) -> None:
+    def __init__(self, tree: Path, user: str, environment: dict[str, str], commit: str = "HEAD") -> None:
         super().__init__(tree)
         self._user = user
         self._home = Path("/root" if user == "root" else f"/home/{user}")
         self._environment = {"LANG": "C.UTF-8", "CI": "true"} | registries.environment() | environment
         registries.carry_to_user(self.root / self._home.relative_to("/"))
         subprocess.run(["git", "clone", "-q", f"file://{ROOT}", self.project], check=True)
+        subprocess.run(["git", "-C", self.project, "checkout", "-q", "--detach", commit], check=True)
         self.unbooted("chown", "-R", f"{user}:", str(self._home))
 
     @property
