@@ -1,7 +1,7 @@
 """Recordings replayed as on other processors: every SHA-256 of all messages must be the same (`make same-numbers`).
 
-The shipped recordings, and one that is made on the spot. OpenBLAS, NumPy and glibc choose their code by the processor;
-each can be told to choose as on another one, as far as this one goes. aarch64 runs under qemu-user, from the
+The shipped recordings, and one of two pads that is made on the spot. OpenBLAS, NumPy and glibc choose their code by the
+processor; each can be told to choose as on another one, as far as this one goes. aarch64 runs under qemu-user, from the
 cross-built wheel (`--aarch64`, some minutes). "others differ": these libraries themselves said other numbers than here.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -50,8 +51,17 @@ for path in sys.argv[1:]:
 """
 
 
+def two_pads() -> str:
+    """The standard pad, and the second one with two of its magnets: no table is for that, so its poses are solved."""
+    array = (ROOT / "daemon/fmfts/config/array.toml").read_text()
+    head, *magnets = re.split(r"(?m)^(?=\[\[pad\.magnet\]\])", array)
+    if len(magnets) != 4 or "\n[pad." in "".join(magnets):
+        raise SystemExit("array.toml no longer ends with four magnets: which two the second pad keeps is said here")
+    return '[[pad]]\nname = "left"\n[pad.source]\ntype = "simulated"\n' + head + "".join(magnets[:2])
+
+
 def made_on_the_spot(path: Path, seconds: float) -> Path:
-    """A scripted finger on the standard pad, through a daemon and `record`."""
+    """A scripted finger on each of two pads, through a daemon and `record`."""
     daemon = [sys.executable, "-m", "fmfts"]
     environment = os.environ | {
         "FMFTS_BUS": f"ipc://{path.parent}/bus",
@@ -59,7 +69,7 @@ def made_on_the_spot(path: Path, seconds: float) -> Path:
         "XDG_RUNTIME_DIR": str(path.parent),
     }
     config = path.with_suffix(".toml")
-    config.write_text('[[pad]]\nname = "left"\n[pad.source]\ntype = "simulated"\n')
+    config.write_text(two_pads())
     with subprocess.Popen([*daemon, "run", "--config", config], env=environment, stderr=subprocess.PIPE) as serving:
         try:
             record = [*daemon, "record", path, "--seconds", str(seconds)]
