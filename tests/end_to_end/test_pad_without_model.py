@@ -59,9 +59,8 @@ def _says_why(status: dict[str, list[str]]) -> bool:
 
 
 def test_log_status_listen_and_check_config_say_that_there_is_no_force(daemon: RunningDaemon) -> None:
-    assert (
-        f"WARNING pad 'odd': it tells touch and displacement, no place and no force: {REASON}" in daemon.log.read_text()
-    )
+    told = f"touch, pose and displacement, no place and no force: {REASON}"
+    assert f"WARNING pad 'odd': it tells {told}" in daemon.log.read_text()
     eventually(lambda: {"words": daemon.command("status").stdout.replace("│", " ").split()}, _says_why)
     listened = daemon.command("listen", "--seconds", "2")
     assert listened.returncode == 0, listened.stderr
@@ -69,6 +68,7 @@ def test_log_status_listen_and_check_config_say_that_there_is_no_force(daemon: R
     assert REASON in listened.stdout
     checked = run_command("check-config", "--config", daemon.config)
     assert checked.returncode == 0
+    assert "odd: simulated, 220 Hz, touch, pose and displacement only" in checked.stdout
     assert f"odd: warning: no place and no force: {REASON}" in checked.stderr
 
 

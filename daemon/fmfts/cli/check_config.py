@@ -37,7 +37,7 @@ def run(options: argparse.Namespace) -> int:
             kind = pad.source.__struct_config__.tag
             model = models[pad.name]
             if isinstance(model, NoContactModel):
-                print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, touch and displacement only")
+                print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, {model.tells} only")
                 print(f"{pad.name}: warning: no place and no force: {model.reason}", file=sys.stderr)
                 continue
             print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, contact model {model.hash}…")

@@ -11,9 +11,10 @@ NO_MODEL = "none"  # `[pad.contact] model`, and the hash in messages and recordi
 
 @dataclass(frozen=True, slots=True)
 class NoContactModel:
-    """reason: the `reason` of messages whose place and force are null because of this."""
+    """reason: the `reason` of messages whose place and force are null because of this. tells: what they do say."""
 
     reason: str
+    tells: str = "touch, pose and displacement"
     hash: str = NO_MODEL
     smoothing_s: float = 0.0
     response: Response | None = None

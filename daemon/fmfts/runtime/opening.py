@@ -57,7 +57,8 @@ def tell_models(config: Config, models: Mapping[str, AnyModel]) -> None:
     for pad in config.pad:
         model = models[pad.name]
         if isinstance(model, NoContactModel):
-            log.warning("pad '%s': it tells touch and displacement, no place and no force: %s", pad.name, model.reason)
+            told = f"{model.tells}, no place and no force: {model.reason}"
+            log.warning("pad '%s': it tells %s", pad.name, told)
             if pad.rebaseline.enabled:
                 log.warning("pad '%s': [pad.rebaseline] needs forces, so no drift is followed", pad.name)
             continue
