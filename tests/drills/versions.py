@@ -194,6 +194,7 @@ def tried(project: Project, ends: list[str], only: list[str], judge: Callable[[P
     for end, python in product(ends, had):
         folder = ROOT / "build/versions" / f"{project.name}-{python}-{end}"
         folder.parent.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(folder, ignore_errors=True)  # what a trial that failed has left; another may run beside this one
         print(f"{project.name}: Python {python}, {end} dependencies", flush=True)
         versions: dict[str, str] = {}
         try:
@@ -232,7 +233,6 @@ def main() -> int:
     options.add_argument("tests", nargs="*", default=TESTS, help="of the daemon; the client has one trial alone")
     chosen = options.parse_args()
     ends = [chosen.set] if chosen.set else list(RESOLUTIONS)
-    shutil.rmtree(ROOT / "build/versions", ignore_errors=True)
     client, daemon = CLIENT, Project(ROOT, ("test",))
     with tempfile.TemporaryDirectory() as folder, RunningDaemon(Path(folder), PAD) as serving:
         well = tried(client, ends, chosen.python, lambda place, _: run_client(place, serving.base))

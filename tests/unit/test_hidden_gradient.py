@@ -75,6 +75,13 @@ def healthy(pad: Pad) -> tuple[float, np.ndarray]:
     return float(np.sqrt(estimate.covariance[2, 2])), estimate.covariance[AMBIENT, AMBIENT]
 
 
+def assert_unchanged(told: Track, track: Track) -> None:
+    """Arrays are compared by what they are, not by their numbers: nothing was calculated."""
+    assert (told.health, told.reason, told.stronger, told.is_steady) == ("ok", "", False, False)
+    assert told.estimate is track.estimate
+    assert told.used is track.used
+
+
 def height_sd_m(track: Track) -> float:
     assert track.estimate is not None
     return float(np.sqrt(track.estimate.covariance[2, 2]))
@@ -99,7 +106,7 @@ def test_an_earth_s_field_that_turns_adds_nothing(pad: Pad) -> None:
     for _ in range(50):
         turned = rotation_from_vector(random.normal(0.0, 1.0, 3)) @ EARTH_T * random.normal(1.0, 0.005)
         track = track_in(pad, turned - EARTH_T)
-        assert gradient.judge(track, 5e-3) == track
+        assert_unchanged(gradient.judge(track, 5e-3), track)
 
 
 def test_a_stronger_field_adds_the_gradient_of_a_dipole_60_mm_away(pad: Pad) -> None:
@@ -146,7 +153,7 @@ def test_a_field_whose_gradient_could_move_the_magnet_by_a_millimetre_is_disturb
 
 def test_without_a_bare_recording_of_a_turning_pad_nothing_is_concluded(pad: Pad) -> None:
     track = track_in(pad, 4e-5 * np.array([0.6, 0.0, 0.8]))
-    assert follower(pad, reference_of(pad, None, None)).judge(track, 5e-3) == track
+    assert_unchanged(follower(pad, reference_of(pad, None, None)).judge(track, 5e-3), track)
 
 
 def test_a_magnet_that_turns_along_is_none_that_comes_near(pad: Pad) -> None:
@@ -160,7 +167,7 @@ def test_a_magnet_that_turns_along_is_none_that_comes_near(pad: Pad) -> None:
         gradient = follower(pad, reference)
         for turn in turns:
             track = track_in(pad, turn @ EARTH_T - EARTH_T)
-            assert gradient.judge(track, 5e-3) == track
+            assert_unchanged(gradient.judge(track, 5e-3), track)
     # Without the turn it would be taken for a foreign field.
     naive, found_t = follower(pad, Reference(EARTH_T + iron_t, 0.0)), 0.0
     for turn in turns:
@@ -177,7 +184,7 @@ def test_a_neighbour_that_turns_along_is_none_that_comes_near(pad: Pad) -> None:
     assert np.linalg.norm(gradient.reference.field_t - EARTH_T) > 1e-5
     for _ in range(50):
         track = track_in(pad, rotation_from_vector(random.normal(0.0, 1.0, 3)) @ EARTH_T - EARTH_T)
-        assert gradient.judge(track, 5e-3, [neighbour]) == track
+        assert_unchanged(gradient.judge(track, 5e-3, [neighbour]), track)
 
 
 @pytest.mark.parametrize("gain", [0.005, 0.05])
