@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
 
 from all_parts import PARTS  # noqa: E402
-from drills.fresh_clone import DEMO, PROCESSORS, FreshClone, plain_debian  # noqa: E402
+from drills.fresh_clone import DEMO, PROCESSORS, FreshClone, end_on_sigterm, plain_debian  # noqa: E402
 
 LOGS = ROOT / "build/test-busy-logs"
 TURNS_ON = ("", "v1", "v2", "", "v1")  # then from the start
@@ -122,6 +122,7 @@ def main() -> int:
     arguments = options.parse_args()
     require(arguments.turns > 0, f"--turns {arguments.turns}: at least one turn is needed")
     require(os.geteuid() == 0, "a tree of Debian is made and entered by root alone: sudo make test-busy")
+    end_on_sigterm()
     shutil.rmtree(LOGS, ignore_errors=True)
     git = ["git", "-C", ROOT, "rev-parse", "HEAD"]
     commit = subprocess.run(git, check=True, capture_output=True, text=True).stdout.strip()

@@ -46,7 +46,8 @@ class Container:
 
     def __init__(self, tree: Path) -> None:
         self.name = f"fmfts-drill-{secrets.token_hex(4)}"
-        self.root = Path(tempfile.mkdtemp(prefix="fmfts-container."))
+        self._folder = tempfile.TemporaryDirectory(prefix="fmfts-container.")  # goes also where making the copy fails
+        self.root = Path(self._folder.name)
         subprocess.run(["cp", "-a", "--reflink=auto", f"{tree}/.", self.root], check=True)
         (self.root / "etc/hostname").write_text("robot\n")
         self._process: subprocess.Popen[bytes] | None = None
@@ -103,7 +104,7 @@ class Container:
 
     def __exit__(self, *_: object) -> None:
         self.shut_down()
-        shutil.rmtree(self.root)
+        self._folder.cleanup()
         # What systemd-nspawn leaves behind, where /run is no file system of its own.
         self.root.with_name(f".#{self.root.name}.lck").unlink(missing_ok=True)
         shutil.rmtree(f"/run/systemd/nspawn/propagate/{self.name}", ignore_errors=True)

@@ -10,6 +10,7 @@ import argparse
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -68,9 +69,13 @@ class FreshClone(Container):
             words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         ) as process:
             assert process.stdout is not None
-            for line in process.stdout:
-                print(line, end="", flush=True)
-                said.append(line)
+            try:
+                for line in process.stdout:
+                    print(line, end="", flush=True)
+                    said.append(line)
+            except BaseException:
+                process.terminate()  # the command and all that it started
+                raise
         return process.returncode, "".join(said)
 
 
@@ -89,6 +94,11 @@ def plain_debian(cache: Path) -> Path:
 def require(condition: object, what: str) -> None:
     if not condition:
         raise SystemExit(f"test-fresh: {what}")
+
+
+def end_on_sigterm() -> None:
+    """As on Ctrl-C: with the tree removed (gigabytes), and nothing left running in it."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
 
 
 def line_to_run(said: str) -> str:
@@ -133,6 +143,7 @@ def main() -> None:
     options.add_argument("--cache", type=Path, default=ROOT / "build", help="where the tree of Debian is kept")
     arguments = options.parse_args()
     require(os.geteuid() == 0, "a tree of Debian is made and entered by root alone: sudo make test-fresh")
+    end_on_sigterm()
     start = time.monotonic()
     tree = plain_debian(arguments.cache)
     environment = PROCESSORS[arguments.cpu]
