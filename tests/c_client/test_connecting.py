@@ -67,19 +67,27 @@ def test_clock_of_another_machine_is_learnt_from_what_arrives(program: Path, ahe
             far(publisher, ahead_s, boot=boot)
             return client.latest(20)
 
-        return eventually(heard, lambda answer: answer.get("boot") == boot)
+        # What a busy machine adds to the clock's difference goes with the next message that comes soon.
+        def is_settled(answer: dict[str, Any]) -> bool:
+            return answer.get("boot") == boot and answer["clock_ahead_s"] == pytest.approx(ahead_s, abs=0.1)
+
+        return eventually(heard, is_settled)
 
     try:
         with Talker(program, "demo", base) as client:
             answer = settled(client, BOOT, ahead_s)
             assert answer["valid"]
             assert 0.005 <= answer["sample_age_s"] < 0.3
-            assert answer["clock_ahead_s"] == pytest.approx(ahead_s, abs=0.1)  # what a busy machine adds
             while client.latest(50)["result"] == NEW:
                 pass
-            far(publisher, ahead_s, waited_s=0.4)
-            answer = client.latest(200)
-            assert (answer["result"], answer["alive"]) == (NOTHING, False)
+
+            def heard_late() -> dict[str, Any]:
+                far(publisher, ahead_s, waited_s=0.4)
+                answer = client.latest(50)
+                assert answer["result"] == NOTHING
+                return answer
+
+            eventually(heard_late, lambda answer: not answer["alive"])
             assert settled(client, "two", ahead_s + 90_000.0)["restarts"] == 1
             # All that it said before it died, read at once.
             for _ in range(20):

@@ -12,7 +12,7 @@ import tty
 from pathlib import Path
 
 FULL = 4000  # the kernel's buffer holds 4095, and a line that nobody reads stays full
-PATIENCE_S = 0.2
+PATIENCE_S = 5.0
 
 
 class PtyPort:

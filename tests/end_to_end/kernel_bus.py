@@ -55,8 +55,9 @@ class KernelBus:
     def chip(self, channel: int, mux: int = 0, **changes: object) -> None:
         assert self.order(chip=[mux, channel], set=changes) == "done"
 
-    def report(self) -> dict:
-        facts: dict = json.loads(self.order(report=True))
+    def report(self, **what: object) -> dict:
+        """What is on the bus, right after the order `what`: no reader of it comes in between."""
+        facts: dict = json.loads(self.order(report=True, **what))
         return facts
 
     def open(self, *pads: PadConfig) -> I2c:

@@ -71,9 +71,9 @@ class FirmwareHost:
 
     def kill(self) -> None:
         """Pull the plug. Its name goes too, as udev would see to: the pty's number may be another board's at once."""
+        self.port.unlink(missing_ok=True)
         self._process.kill()
         self._process.communicate()
-        self.port.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
         return self

@@ -29,7 +29,7 @@ def daemon(tmp_path: Path, host: FirmwareHost) -> Iterator[RunningDaemon]:
 
 def status_of(daemon: RunningDaemon) -> Status:
     with daemon.subscribe("status") as messages:
-        message = messages.receive(5.0)
+        message = messages.receive(PATIENCE_S)
     assert message is not None
     return Status.from_message(message.body)
 
@@ -58,7 +58,7 @@ class TestStream:
         with FirmwareHost(tmp_path) as again:
             again.field(resting_field(pad))
             # Plugged in again, its baseline still holds.
-            daemon.wait_for(lambda contact: contact.health == "ok", patience_s=5.0)
+            daemon.wait_for(lambda contact: contact.health == "ok")
             assert status_of(daemon).reconnects >= 1
 
     def test_garbage_between_packets_costs_no_frame(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
@@ -87,7 +87,7 @@ class TestStream:
 
     def test_firmware_reset_is_survived(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
         host.tell("reset")
-        daemon.wait_for(lambda contact: contact.health == "ok", patience_s=5.0)
+        daemon.wait_for(lambda contact: contact.health == "ok")
 
     @pytest.mark.real_time  # a board that a busy computer holds up is stale
     def test_wrap_of_a_32_bit_microsecond_counter_is_not_noticed(
@@ -116,7 +116,7 @@ class TestSensors:
         assert f"sensor {sensor + 1}" in degraded.reason
         assert degraded.pose is not None
         assert degraded.contact is False
-        deadline = time.monotonic() + 5.0
+        deadline = time.monotonic() + PATIENCE_S
         while not (faults := status_of(daemon).sensor_faults):
             assert time.monotonic() < deadline
         assert f"sensor {sensor + 1}" in faults[0]
@@ -137,7 +137,7 @@ class TestSensors:
             degraded.reason.removesuffix(": left out")
         ]
         assert not probed["sound"]
-        deadline = time.monotonic() + 5.0
+        deadline = time.monotonic() + PATIENCE_S
         while list(status_of(daemon).sensor_faults) != probed["faults"]:
             assert time.monotonic() < deadline
         assert degraded.pose is not None

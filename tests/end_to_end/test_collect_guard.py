@@ -77,6 +77,14 @@ def stands_at(machine: GcodeMachine, z_mm: float) -> bool:
     return abs(machine.place[2] - z_mm) <= 1e-3
 
 
+def ended(words: list[str | Path]) -> tuple[int, str]:
+    """How a collector ended, and what it said on stderr."""
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+        put_ahead(process.pid)  # it gives its machine a second to answer
+        said = process.communicate(timeout=PATIENCE_S)[1]
+    return process.returncode, said
+
+
 @pytest.mark.parametrize("how", ["is killed", "is told to end", "crashes"])
 @pytest.mark.parametrize("dialect", ["marlin", "grbl"])
 def test_rod_is_lifted_when_the_collector(tmp_path: Path, dialect: str, how: str) -> None:
@@ -104,8 +112,7 @@ def test_rod_is_lifted_when_the_collector(tmp_path: Path, dialect: str, how: str
 def test_guard_leaves_the_machine_alone_when_the_collector_ends_by_itself(tmp_path: Path) -> None:
     words = [sys.executable, "-c", COLLECTOR, tmp_path / "machine", "marlin", "ends"]
     with running(tmp_path / "machine", "marlin") as machine:
-        done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
-        assert (done.returncode, done.stderr) == (0, "")
+        assert ended(words) == (0, "")
         assert stands_at(machine, 9.0)
 
 
@@ -115,7 +122,7 @@ def test_rod_is_lifted_when_the_collector_dies_of_a_limit_switch(tmp_path: Path,
     words = [sys.executable, "-c", COLLECTOR, tmp_path / "machine", dialect, "ends"]
     with running(tmp_path / "machine", dialect) as machine:
         machine.switch_mm = 9.5
-        done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
-        assert done.returncode == 1
+        code, said = ended(words)
+        assert code == 1
         assert stands_at(machine, 12.0)
-        assert "the rod was sent up" in done.stderr
+        assert "the rod was sent up" in said

@@ -271,7 +271,10 @@ def test_without_the_token_nothing_is_told_of_any_robot(view: View, fleet: OpenP
 
 
 def test_view_itself_needs_little_of_a_processor_and_no_more_memory_with_time(view: View, fleet: OpenPage) -> None:
-    before_s, before_kb = view.processor_s, view.resident_kb
-    time.sleep(5.0)
-    assert view.processor_s - before_s < 0.25 * 5.0
-    assert view.resident_kb - before_kb < 2048
+    for _ in range(3):  # it may have just started
+        before_s, before_kb = view.processor_s, view.resident_kb
+        time.sleep(5.0)
+        took_s, grew_kb = view.processor_s - before_s, view.resident_kb - before_kb
+        if took_s < 0.25 * 5.0 and grew_kb < 2048:
+            return
+    raise AssertionError(f"it goes on taking {took_s:.2f} s of a processor and {grew_kb} kB more in five seconds")

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -46,6 +47,17 @@ def advertised(client: ClientConnection) -> dict[str, dict[str, object]]:
     return found
 
 
+def messages(client: ClientConnection, seconds: float) -> Iterator[tuple[int, int, dict[str, object]]]:
+    """Subscription, time (ns) and content of what comes within this time."""
+    until = time.monotonic() + seconds
+    with suppress(TimeoutError):
+        while (left := until - time.monotonic()) > 0:
+            said = client.recv(left)
+            if isinstance(said, bytes) and said[0] == 1:
+                _, number, utc_ns = MESSAGE.unpack_from(said)
+                yield number, utc_ns, json.loads(said[MESSAGE.size :])
+
+
 def test_client_of_foxglove_gets_contacts_and_drawings(address: str) -> None:
     with connect(address, subprotocols=[Subprotocol("foxglove.sdk.v1")]) as client:
         channels = advertised(client)
@@ -53,16 +65,16 @@ def test_client_of_foxglove_gets_contacts_and_drawings(address: str) -> None:
         assert {channel["encoding"] for channel in channels.values()} == {"json"}
         topics = dict(enumerate(sorted(WANTED), start=1))
         subscriptions = [{"id": number, "channelId": channels[topic]["id"]} for number, topic in topics.items()]
-        time.sleep(0.5)  # the SDK advertises a channel a moment before it takes subscriptions to it
-        client.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
         seen: dict[str, dict[str, object]] = {}
         until = time.monotonic() + PATIENCE_S
         while seen.keys() != WANTED:
-            said = client.recv(until - time.monotonic())
-            if isinstance(said, bytes) and said[0] == 1:
-                _, number, utc_ns = MESSAGE.unpack_from(said)
-                seen[topics[number]] = json.loads(said[MESSAGE.size :])
+            assert time.monotonic() < until, f"nothing came of {sorted(WANTED - seen.keys())}"
+            # The SDK advertises a channel a moment before it takes subscriptions to it, and is silent of one too early.
+            client.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
+            for number, utc_ns, message in messages(client, 2.0):
+                seen[topics[number]] = message
                 assert abs(utc_ns - time.time_ns()) < PATIENCE_S * 1e9
+            client.send(json.dumps({"op": "unsubscribe", "subscriptionIds": list(topics)}))
     assert seen["contact/left"]["pad"] == "left"
     assert seen["magnet/left"]["frame_id"] == "left"
 

@@ -155,8 +155,8 @@ def test_a_corrupted_configuration_is_found_and_repaired(kernel: KernelBus) -> N
     source = kernel.open(pad())
     run(source, all_valid)
     good = kernel.report()["registers"][1]
-    kernel.order(chip=[0, 1], registers={"1": 0x20})
-    assert kernel.report()["registers"][1] != good
+    damaged = kernel.report(chip=[0, 1], registers={"1": 0x20})
+    assert damaged["registers"][1] != good
     run(source, lambda frames: dict(source.state.board.get("bus_0", {})).get("repairs") == 1)
     assert kernel.report()["registers"][1] == good
     run(source, all_valid)
@@ -165,8 +165,8 @@ def test_a_corrupted_configuration_is_found_and_repaired(kernel: KernelBus) -> N
 def test_a_power_cycled_sensor_is_set_up_again(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)
-    kernel.order(chip=[0, 3], call="power_on")
-    assert kernel.report()["registers"][3] == [0x10, 0x20, 0x01]
+    started = kernel.report(chip=[0, 3], call="power_on")
+    assert started["registers"][3] == [0x10, 0x20, 0x01]
     run(source, lambda frames: kernel.report()["registers"][3][1] == 0x60)
     run(source, all_valid)
 

@@ -25,6 +25,7 @@ MANY_LINES = """
 import logging
 from fmfts.service import log
 log.configure()
+log.FLUSH_S = 20.0  # each line waits for the reader, which a busy computer holds up
 for number in range(5000):
     logging.info("line %d", number)
 print("done", flush=True)
