@@ -78,12 +78,12 @@ test-fresh:
 	$(PYTHON) tests/drills/fresh_clone.py $(if $(QUICK),--quick) $(if $(CPU),--cpu $(CPU))
 
 # The demo and all tests TURNS times in turn, each in a fresh clone on a plain Debian 12 and beside two endless loops, on
-# this processor's arithmetic and on that of older ones (about 25 minutes a turn). On other parts: BUSY="--parts lint clock".
+# this processor's arithmetic and on that of older ones (root; 20 to 36 minutes a turn). Only some parts: BUSY="--parts lint clock".
 TURNS ?= 5
 BUSY ?=
-test-busy:
+test-busy: $(VENV)/.installed-test
 	@$(call need,$(call missing_packages,debootstrap systemd-container git),exit 1)
-	$(PYTHON) tests/drills/busy_suites.py --turns $(TURNS) $(BUSY)
+	$(BIN)/python tests/drills/busy_suites.py --turns $(TURNS) $(BUSY)
 
 # All recovery drills (half an hour; nothing else may run): docs/recovery.md.
 drills: test-packages $(VENV)/.installed-test

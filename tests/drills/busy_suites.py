@@ -1,8 +1,9 @@
 """`make demo` and `make test` several times in turn, beside busy processes: no test may fail (`make test-busy`).
 
-Each turn is a fresh clone of HEAD on a plain Debian 12, turn by turn with the arithmetic of this processor and of older
-ones. The endless loops run in this program's own session, so that the kernel gives them half of the computer's time.
-It goes on after a turn that failed, and keeps that turn's logs. Run as root.
+Each turn is a fresh clone of HEAD on a plain Debian 12, to which the packages for the tests were added once. The turns
+compute as this processor and as older ones. The drill goes on after a turn that failed, and says at the end how often
+each test was repeated. The kernel shares the processors among sessions: both endless loops are of this program's, and
+take about half of the computer's time. Each turn says how much they took. Run as root.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,16 +25,23 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
 
 from all_parts import PARTS  # noqa: E402
-from drills.fresh_clone import DEMO, PROCESSORS, FreshClone, end_on_sigterm, plain_debian  # noqa: E402
+from drills.fresh_clone import DEMO, PROCESSORS, SEEN, FreshClone, end_on_sigterm, plain_debian  # noqa: E402
+from repeating import TICKS_PER_S, own_ticks  # noqa: E402
 
 LOGS = ROOT / "build/test-busy-logs"
 TURNS_ON = ("", "v1", "v2", "", "v1")  # then from the start
 LOOPS = 2
-LOOP = "while True: pass"
+CORES = os.cpu_count() or 1
+LOOP = """
+import os, sys
+while os.getppid() == int(sys.argv[1]):
+    for _ in range(10**6):
+        pass
+"""
 # Of the summary that tests/all_parts.py prints.
 PART = re.compile(rf"(?m)^({'|'.join(PARTS)}) +(passed|FAILED) +(\d+) s +(?:(\d+) tests)?")
 LISTS = ("failed", "repeated once", "skipped")
-SECTION = r"(?ms)^{title}[^\n]*:\n((?:  [^\n]*\n)+)"
+SECTION = r"(?ms)^{title}[^\n]*:\n((?:  [^\n]*\n?)+)"
 
 
 @dataclass(frozen=True)
@@ -43,6 +52,7 @@ class Turn:
     cpu: str
     code: int
     seconds: float
+    looped_s: float  # processor time of the endless loops
     said: str
 
     @property
@@ -50,20 +60,23 @@ class Turn:
         return self.said[max(self.said.rfind("=" * 78), 0) :]
 
     @property
-    def is_well(self) -> bool:
-        """A suite that ran nothing proves nothing."""
-        return self.code == 0 and PART.search(self.summary) is not None
+    def verdict(self) -> str:
+        if self.code != 0:
+            return f"FAILED (exit {self.code})"
+        if PART.search(self.summary) is None or SEEN.search(self.said) is None:
+            return "FAILED (it ended well, and showed no contacts or ran no tests)"
+        return "passed"
 
     @property
     def line(self) -> str:
-        arithmetic = f"x86-64-{self.cpu}" if self.cpu else "this processor's"
-        verdict = "passed" if self.is_well else f"FAILED (exit {self.code})"
+        arithmetic = f"arithmetic of x86-64-{self.cpu}" if self.cpu else "this processor's arithmetic"
         found = PART.findall(self.summary)
         tests = sum(int(count or 0) for *_, count in found)
         parts = ", ".join(f"{name} {seconds} s" for name, _, seconds, _ in found)
-        head = f"turn {self.number}: {verdict}, {self.seconds:.0f} s, arithmetic {arithmetic}; {tests} tests: {parts}"
-        more = [f"  {title}: {each}" for title in LISTS for each in self.listed(title)]
-        return "\n".join([head, *more])
+        head = f"turn {self.number}: {self.verdict}, {self.seconds:.0f} s, {arithmetic}; {tests} tests: {parts}"
+        of_all = f"{self.looped_s:.0f} s of the processors' {self.seconds * CORES:.0f} s"
+        lists = [f"  {title}: {each}" for title in LISTS for each in self.listed(title)]
+        return "\n".join([head, f"  the endless loops took {of_all}", *lists])
 
     def listed(self, title: str) -> list[str]:
         """What the summary lists below `title`."""
@@ -71,42 +84,63 @@ class Turn:
         return [line.strip() for line in found[1].splitlines()] if found else []
 
 
+def counted(turns: list[Turn]) -> str:
+    """How often each test was repeated."""
+    numbers: dict[str, list[int]] = {}
+    for turn in turns:
+        for each in turn.listed("repeated once"):
+            numbers.setdefault(each.partition(": ")[0], []).append(turn.number)
+    lines = [f"repeated in turns {each}: {test}" for test, each in numbers.items()]
+    return "\n".join(lines or ["no test was repeated"])
+
+
 @contextmanager
-def busy() -> Iterator[None]:
-    loops = [subprocess.Popen([sys.executable, "-c", LOOP]) for _ in range(LOOPS)]
+def busy() -> Iterator[Callable[[], float]]:
+    """Endless loops, which end with this program. Gives what tells how much processor time (s) they took."""
+    loops = [subprocess.Popen([sys.executable, "-c", LOOP, str(os.getpid())]) for _ in range(LOOPS)]
+
+    def took_s() -> float:
+        require(all(loop.poll() is None for loop in loops), "an endless loop was ended: the computer was not busy")
+        return sum(own_ticks(loop.pid) for loop in loops) / TICKS_PER_S
+
     try:
-        yield
+        yield took_s
     finally:
         for loop in loops:
             loop.kill()
             loop.wait()
 
 
-def with_packages(plain: Path) -> Path:
+def with_packages(plain: Path, source: Path) -> Path:
     """The plain tree with the packages that `make` would install in each turn; made when it is not there yet."""
     tree = plain.with_name("debian-12-to-test")
     if not tree.exists():
-        with FreshClone(plain, "root", {}) as clone:
+        with FreshClone(plain, "root", {}, source) as clone:
             code, _ = clone.does("make base-packages test-packages")
             require(code == 0, "the packages that the tests need cannot be installed")
             shutil.rmtree(clone.project)
-            making = tree.with_suffix(".making")
-            shutil.rmtree(making, ignore_errors=True)
-            subprocess.run(["cp", "-a", "--reflink=auto", clone.root, making], check=True)
+            making = Path(tempfile.mkdtemp(dir=tree.parent, prefix=f"{tree.name}."))
+            try:
+                subprocess.run(["cp", "-a", "--reflink=auto", f"{clone.root}/.", making], check=True)
+            except BaseException:
+                shutil.rmtree(making)
+                raise
             making.rename(tree)
     return tree
 
 
-def turn(number: int, tree: Path, commit: str, parts: list[str]) -> Turn:
-    cpu = TURNS_ON[(number - 1) % len(TURNS_ON)]
+def suite(number: int, tree: Path, source: Path, parts: list[str]) -> Turn:
+    cpu, logs = TURNS_ON[(number - 1) % len(TURNS_ON)], LOGS / f"turn-{number}"
     test = f'make test PARTS="{" ".join(parts)}"' if parts else "make test"
-    with FreshClone(tree, "root", PROCESSORS[cpu], commit) as clone, busy():
+    with FreshClone(tree, "root", PROCESSORS[cpu], source) as clone, busy() as looped_s:
         start = time.monotonic()
         code, said = clone.does(f"{DEMO} && {test}")
-        ended = Turn(number, cpu, code, time.monotonic() - start, said)
-        if code != 0 and (clone.project / "build/test-logs").is_dir():
-            shutil.copytree(clone.project / "build/test-logs", LOGS / f"turn-{number}")
-    return ended
+        turn = Turn(number, cpu, code, time.monotonic() - start, looped_s(), said)
+        if (clone.project / "build/test-logs").is_dir():
+            shutil.copytree(clone.project / "build/test-logs", logs)
+    logs.mkdir(parents=True, exist_ok=True)
+    (logs / "said.log").write_text(said)
+    return turn
 
 
 def require(condition: object, what: str) -> None:
@@ -124,17 +158,21 @@ def main() -> int:
     require(os.geteuid() == 0, "a tree of Debian is made and entered by root alone: sudo make test-busy")
     end_on_sigterm()
     shutil.rmtree(LOGS, ignore_errors=True)
-    git = ["git", "-C", ROOT, "rev-parse", "HEAD"]
-    commit = subprocess.run(git, check=True, capture_output=True, text=True).stdout.strip()
-    tree = with_packages(plain_debian(arguments.cache))
-    turns = []
-    for number in range(1, arguments.turns + 1):
-        turns.append(turn(number, tree, commit, arguments.parts))
-        print(turns[-1].line, flush=True)
-    print(f"\n{'=' * 78}\nat {commit[:8]}, beside {LOOPS} endless loops:")
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "head.git"  # as it is now, whatever is committed meanwhile
+        subprocess.run(["git", "clone", "-q", "--bare", f"file://{ROOT}", source], check=True)
+        git = ["git", "-C", source, "rev-parse", "--short", "HEAD"]
+        commit = subprocess.run(git, check=True, capture_output=True, text=True).stdout.strip()
+        tree = with_packages(plain_debian(arguments.cache), source)
+        turns = []
+        for number in range(1, arguments.turns + 1):
+            turns.append(suite(number, tree, source, arguments.parts))
+            print(turns[-1].line, flush=True)
+    print(f"\n{'=' * 78}\nat {commit}, beside {LOOPS} endless loops:")
     print("\n".join(each.line for each in turns))
-    bad = [each for each in turns if not each.is_well]
-    print(f"{len(bad)} of {len(turns)} turns failed" + (f"; logs are in {LOGS.relative_to(ROOT)}" if bad else ""))
+    print(counted(turns))
+    bad = [each for each in turns if each.verdict != "passed"]
+    print(f"{len(bad)} of {len(turns)} turns failed; all logs are in {LOGS.relative_to(ROOT)}")
     return 1 if bad else 0
 
 

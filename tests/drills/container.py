@@ -10,6 +10,7 @@ import signal
 import subprocess
 import tempfile
 import time
+import weakref
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -46,8 +47,8 @@ class Container:
 
     def __init__(self, tree: Path) -> None:
         self.name = f"fmfts-drill-{secrets.token_hex(4)}"
-        self._folder = tempfile.TemporaryDirectory(prefix="fmfts-container.")  # goes also where making the copy fails
-        self.root = Path(self._folder.name)
+        self.root = Path(tempfile.mkdtemp(prefix="fmfts-container."))
+        self._remove = weakref.finalize(self, shutil.rmtree, self.root, ignore_errors=True)  # also where the copy fails
         subprocess.run(["cp", "-a", "--reflink=auto", f"{tree}/.", self.root], check=True)
         (self.root / "etc/hostname").write_text("robot\n")
         self._process: subprocess.Popen[bytes] | None = None
@@ -104,7 +105,7 @@ class Container:
 
     def __exit__(self, *_: object) -> None:
         self.shut_down()
-        self._folder.cleanup()
+        self._remove()
         # What systemd-nspawn leaves behind, where /run is no file system of its own.
         self.root.with_name(f".#{self.root.name}.lck").unlink(missing_ok=True)
         shutil.rmtree(f"/run/systemd/nspawn/propagate/{self.name}", ignore_errors=True)

@@ -40,16 +40,15 @@ PROCESSORS = {
 
 
 class FreshClone(Container):
-    """Of `commit`, in a tree of its own; commands run in it one by one, as `user`."""
+    """Of the HEAD of `source`, in a tree of its own; commands run in it one by one, as `user`."""
 
-    def __init__(self, tree: Path, user: str, environment: dict[str, str], commit: str = "HEAD") -> None:
+    def __init__(self, tree: Path, user: str, environment: dict[str, str], source: Path = ROOT) -> None:
         super().__init__(tree)
         self._user = user
         self._home = Path("/root" if user == "root" else f"/home/{user}")
         self._environment = {"LANG": "C.UTF-8", "CI": "true"} | registries.environment() | environment
         registries.carry_to_user(self.root / self._home.relative_to("/"))
-        subprocess.run(["git", "clone", "-q", f"file://{ROOT}", self.project], check=True)
-        subprocess.run(["git", "-C", self.project, "checkout", "-q", "--detach", commit], check=True)
+        subprocess.run(["git", "clone", "-q", f"file://{source}", self.project], check=True)
         self.unbooted("chown", "-R", f"{user}:", str(self._home))
 
     @property
@@ -82,7 +81,7 @@ class FreshClone(Container):
 def plain_debian(cache: Path) -> Path:
     def prepare(tree: Path) -> None:
         registries.carry_into(tree)
-        (tree / "etc/apt/apt.conf.d/yes").write_text('APT::Get::Assume-Yes "true";\n')
+        (tree / "etc/apt/apt.conf.d/yes").write_text('APT::Get::Assume-Yes "true";\nAcquire::Retries "3";\n')
         (tree / "etc/sudoers.d" / USER).write_text(f"{USER} ALL=(ALL) NOPASSWD: ALL\n")
         for words in (["useradd", "--create-home", USER], ["apt-get", "update", "-qq"]):
             command = ["systemd-nspawn", "--quiet", "--register=no", "--keep-unit", f"--directory={tree}"]
@@ -97,8 +96,10 @@ def require(condition: object, what: str) -> None:
 
 
 def end_on_sigterm() -> None:
-    """As on Ctrl-C: with the tree removed (gigabytes), and nothing left running in it."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    """As on Ctrl-C: its tree (gigabytes) is removed, and nothing runs in it any more. Also when the terminal closes."""
+    for told in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(told) is not signal.SIG_IGN:  # as under nohup
+            signal.signal(told, lambda number, _: sys.exit(128 + number))
 
 
 def line_to_run(said: str) -> str:
