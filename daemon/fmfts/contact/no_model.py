@@ -11,10 +11,10 @@ NO_MODEL = "none"  # `[pad.contact] model`, and the hash in messages and recordi
 
 @dataclass(frozen=True, slots=True)
 class NoContactModel:
-    """reason: the `reason` of messages whose place and force are null because of this. tells: what they do say."""
+    """reason: the `reason` of messages whose place and force are null because of this. tells: what those messages say."""
 
     reason: str
-    tells: str = "touch, pose and displacement"
+    tells: str
     hash: str = NO_MODEL
     smoothing_s: float = 0.0
     response: Response | None = None
@@ -33,4 +33,5 @@ def no_model_for(configured: str, magnets: int = 1) -> NoContactModel:
         else f'"{configured}" is for the four magnets of docs/several.md, and this pad has others, or not all of them'
     )
     how = "calibrate it (docs/calibration.md)" if magnets == 1 else "make a table of its presses (docs/several.md)"
-    return NoContactModel(f"no contact model for this pad: {why}; to get forces, {how}")
+    tells = "touch, pose and displacement" if magnets == 1 else "touch, the poses of all magnets and displacement"
+    return NoContactModel(f"no contact model for this pad: {why}; to get forces, {how}", tells)
