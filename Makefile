@@ -232,13 +232,16 @@ base-packages:
 test-packages:
 	@$(call need,$(TEST_PACKAGES),echo "without it the tests that need it are skipped" >&2)
 
+# A new machine updates itself meanwhile, and a mirror may fail once.
+APT := apt-get -o Acquire::Retries=3 -o DPkg::Lock::Timeout=300
+
 # Installs missing Debian packages (1) as root; as another user prints the line to run, then does (2).
 define need
 	packages="$(strip $(1))"; \
 	if [ -n "$$packages" ]; then \
 		if [ "$$(id -u)" = 0 ]; then \
 			echo "installing $$packages"; \
-			{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends $$packages; } >/dev/null; \
+			{ $(APT) update -qq && DEBIAN_FRONTEND=noninteractive $(APT) install -qq -y --no-install-recommends $$packages; } >/dev/null; \
 		else \
 			echo "missing on this machine; run: sudo apt-get install --no-install-recommends $$packages" >&2; $(2); \
 		fi; \

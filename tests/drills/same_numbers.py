@@ -21,6 +21,8 @@ from pathlib import Path
 import numpy as np
 from aarch64 import debian, emulated, install, wheel
 
+from fmfts.offline.replay import Replay
+
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted((ROOT / "tests/data/recordings").glob("*.mcap"))
 STARTED_WITHIN_S = 60.0
@@ -52,11 +54,11 @@ for path in sys.argv[1:]:
 
 
 def two_pads() -> str:
-    """The standard pad, and the second one with two of its magnets: no table is for that, so its poses are solved."""
+    """The standard pad, and array.toml's with two of its magnets: no table is for that, so their poses are solved."""
     array = (ROOT / "daemon/fmfts/config/array.toml").read_text()
     head, *magnets = re.split(r"(?m)^(?=\[\[pad\.magnet\]\])", array)
     if len(magnets) != 4 or "\n[pad." in "".join(magnets):
-        raise SystemExit("array.toml no longer ends with four magnets: which two the second pad keeps is said here")
+        raise SystemExit("array.toml no longer ends with four [[pad.magnet]] tables: choose anew in two_pads()")
     return '[[pad]]\nname = "left"\n[pad.source]\ntype = "simulated"\n' + head + "".join(magnets[:2])
 
 
@@ -82,6 +84,14 @@ def made_on_the_spot(path: Path, seconds: float) -> Path:
                 path.unlink(missing_ok=True)
         finally:
             serving.terminate()
+    told = [each for each in Replay(path).contacts() if each.health == "ok"]
+    for what, count in (
+        ("a force of pad left", sum(each.pad == "left" and each.force_n is not None for each in told)),
+        ("poses of pad array", sum(each.pad == "array" and bool(each.poses) for each in told)),
+    ):
+        if count == 0:
+            raise SystemExit(f"what was recorded on the spot has no good message with {what}: it would prove nothing")
+        print(f"recorded on the spot: {count} messages with {what}", flush=True)
     return path
 
 

@@ -76,7 +76,7 @@ def healthy(pad: Pad) -> tuple[float, np.ndarray]:
 
 
 def assert_unchanged(told: Track, track: Track) -> None:
-    """Arrays are compared by what they are, not by their numbers: nothing was calculated."""
+    """Its arrays are the very same objects: nothing was calculated."""
     assert (told.health, told.reason, told.stronger, told.is_steady) == ("ok", "", False, False)
     assert told.estimate is track.estimate
     assert told.used is track.used
