@@ -11,7 +11,7 @@ NO_MODEL = "none"  # `[pad.contact] model`, and the hash in messages and recordi
 
 @dataclass(frozen=True, slots=True)
 class NoContactModel:
-    """reason: the `reason` of messages whose place and force are null because of this. tells: what those messages say."""
+    """reason: the `reason` of messages whose place and force are null because of this. tells: what they say instead."""
 
     reason: str
     tells: str

@@ -54,7 +54,7 @@ def degraded(track: Track, told: str) -> Track:
 def without_model(
     model: NoContactModel, track: Track, touching: bool | None, distance_m: tuple[float, float]
 ) -> Reading:
-    """Touch, pose and displacement, but neither place nor force. Whether a press can lift this pad's magnet is not known."""
+    """Touch, pose and displacement; no place, no force. Whether a press can lift this pad's magnet is not known."""
     reason = f"{track.reason}; {model.reason}" if track.reason else model.reason
     parts = track.health, reason, track.used, track.estimate
     return Reading(*parts, touching=touching, distance_m=distance_m, is_steady=track.is_steady)
