@@ -325,7 +325,7 @@ def test_field_of_a_mounting_has_the_derivatives_that_its_estimate_uses(pad: Pad
     "tolerance",
     [
         TOLERANCE,
-        replace(TOLERANCE, gain=0.05),
+        pytest.param(replace(TOLERANCE, gain=0.05), marks=pytest.mark.long),
         HAND_PLACED,
     ],
     ids=["0.5 %", "5 %", "hand-placed"],

@@ -17,7 +17,7 @@ from fmfts.pad import Pad, rotation_from_vector
 
 # Chips that a machine placed and that passed their self-test: a defect stands out of these tolerances.
 PLACED = replace(TOLERANCE, sensor_rotation_rad=math.radians(0.5), cross_axis=0.002)
-ALONE, TOGETHER = 4, 2
+QUICK, ALONE, TOGETHER = 2, 4, 2
 BROKEN_GAIN = 1.4
 
 
@@ -100,7 +100,7 @@ def blamed(said: str) -> set[int]:
 
 @pytest.mark.parametrize("name", DEFECTS)
 def test_one_defect_is_named(pad: Pad, name: str) -> None:
-    _is_named(pad, name, range(ALONE))
+    _is_named(pad, name, range(QUICK))
 
 
 def test_gain_that_a_refusal_tells_is_within_its_deviation(pad: Pad) -> None:
@@ -114,7 +114,7 @@ def test_gain_that_a_refusal_tells_is_within_its_deviation(pad: Pad) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("name", DEFECTS)
 def test_one_defect_is_named_on_many_pads(pad: Pad, name: str) -> None:
-    _is_named(pad, name, range(ALONE, 16))
+    _is_named(pad, name, range(QUICK, 16))
 
 
 def _is_named(pad: Pad, name: str, seeds: range) -> None:

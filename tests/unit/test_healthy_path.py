@@ -96,6 +96,7 @@ def test_a_session_says_the_same_in_c_and_in_python() -> None:
     assert min(kinds[kind] for kind in (Kind.QUIET, Kind.TOUCHED, Kind.OVER_RANGE)) > 50
 
 
+@pytest.mark.long
 def test_a_refined_session_says_the_same_in_c_and_in_python() -> None:
     config = config_of(3)
     pad, scene, baseline = config.pad(), tracking_model_for(config.scene, config.magnet), simulated_baseline(config)

@@ -75,7 +75,7 @@ def without_one(frame: Frame) -> Frame:
     return replace(frame, valid=there, fresh=frame.fresh & there)
 
 
-@pytest.mark.parametrize("ambient", ["constant", "drifting"])
+@pytest.mark.parametrize("ambient", ["constant", pytest.param("drifting", marks=pytest.mark.long)])
 @pytest.mark.parametrize("distance_mm", [25.0, pytest.param(50.0, marks=pytest.mark.long)])
 def test_two_pads_that_feel_each_other_say_the_same_in_c_and_in_python(distance_mm: float, ambient: Ambient) -> None:
     """Also while one of them has lost a sensor."""

@@ -61,6 +61,7 @@ def test_a_gain_code_that_the_chip_has_not_is_no_field() -> None:
         OTHER.gain_code_for_range(4.0)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 def test_session_says_the_same_in_c_and_in_python(config: PadConfig) -> None:
     frames = frames_of(config, 8.0)

@@ -32,7 +32,8 @@ from fmfts_lab.bench.several_layouts import LAYOUTS
 
 PERIOD_NS = round(1e9 / 220)
 PRESS = steady_finger(-4e-3, -1e-3, 0.8)
-WITHOUT_A_MODEL = ["2 over 8", "3 over 8", "4 over 12", "4 over 16"]
+LARGEST = pytest.param("4 over 16", marks=pytest.mark.long)
+WITHOUT_A_MODEL = ["2 over 8", "3 over 8", "4 over 12", LARGEST]
 BASELINES: dict[str, Baseline] = {}
 
 
@@ -154,7 +155,7 @@ def test_too_few_sensors_are_lost_and_say_how_many_values_are_needed() -> None:
     )
 
 
-@pytest.mark.parametrize("name", ["2 over 8", "4 over 12", "4 over 16"])
+@pytest.mark.parametrize("name", ["2 over 8", "4 over 12", LARGEST])
 @pytest.mark.parametrize("sensor", [0, 5])
 def test_a_sensor_that_contradicts_all_others_is_named_and_left_out_until_it_agrees(name: str, sensor: int) -> None:
     """600 counts are 40 µT."""

@@ -28,7 +28,7 @@ def judge(table: list[Said]) -> None:
     assert blamed <= 0.02 * sum(one.frames for one in table), [one.reasons for one in table if one.blamed_wrongly]
 
 
-@pytest.mark.parametrize("ambient", AMBIENTS)
+@pytest.mark.parametrize("ambient", ["constant", pytest.param("drifting", marks=pytest.mark.long)])
 def test_one_defect_of_a_running_pad_is_named(ambient: Ambient) -> None:
     table = told(ambient, 1, 1)
     assert len(table) == len(defects()) - (ambient == "drifting")
