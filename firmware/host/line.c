@@ -8,7 +8,8 @@
 #include <termios.h>
 #include <unistd.h>
 
-// Tries: for two seconds at least. READABLE_MOST: the kernel's buffer holds 4095 bytes, and it stays full while nobody reads.
+// Waits two seconds at least for what the kernel hands over. READABLE_MOST: its buffer holds 4095 bytes, and stays full
+// while nobody reads.
 enum { ARRIVAL_US = 20, ARRIVAL_TRIES = 100000, READABLE_MOST = 4000 };
 
 int line_open(struct line *line)

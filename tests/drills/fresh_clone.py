@@ -98,7 +98,7 @@ def require(condition: object, what: str) -> None:
 def end_on_sigterm() -> None:
     """As on Ctrl-C: its tree (gigabytes) is removed, and nothing runs in it any more. Also when the terminal closes."""
     for told in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(told) is not signal.SIG_IGN:  # as under nohup
+        if signal.getsignal(told) is not signal.SIG_IGN:  # nohup has SIGHUP ignored
             signal.signal(told, lambda number, _: sys.exit(128 + number))
 
 
