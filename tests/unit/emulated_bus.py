@@ -84,9 +84,8 @@ class EmulatedBus:
     def read(self, address: int, size: int) -> bytes:
         return self._transfer([(address, size)])[0]
 
-    def exchange(self, address: int, parts: Sequence[bytes | int]) -> list[bytes]:
-        answers = self._transfer([(address, part) for part in parts])
-        return [answer for answer in answers if answer]  # of a write it is empty
+    def exchange(self, address: int, data: bytes, count: int) -> bytes:
+        return self._transfer([(address, data), (address, count)])[1]
 
 
 def emulated_pad(

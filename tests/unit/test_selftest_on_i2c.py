@@ -59,18 +59,20 @@ class Measuring:
         self._ends_s = stopwatch.now_s + ends_after_s
         self._has_ended = self._is_announced = False
 
-    def exchange(self, *messages: bytes | int) -> list[bytes]:
-        """A number: so many bytes are read. Two bytes are written to clear what announces the measurement."""
-        read = []
-        for message in messages:
-            self._stopwatch.now_s += 1e-4
-            if self._stopwatch.now_s >= self._ends_s and not self._has_ended:
-                self._has_ended = self._is_announced = True
-            if isinstance(message, int):
-                read.append(bytes((self._is_announced,)) if message == 1 else SAMPLE)
-            elif len(message) == 2:
-                self._is_announced = False
-        return read
+    def _pass_time(self) -> None:
+        self._stopwatch.now_s += 1e-4
+        if self._stopwatch.now_s >= self._ends_s and not self._has_ended:
+            self._has_ended = self._is_announced = True
+
+    def write(self, data: bytes) -> None:
+        """Clears what announces the measurement."""
+        self._pass_time()
+        self._is_announced = False
+
+    def exchange(self, data: bytes, count: int) -> bytes:
+        self._pass_time()
+        self._pass_time()
+        return bytes((self._is_announced,)) if count == 1 else SAMPLE
 
 
 @pytest.mark.parametrize("ends_after_s", [0.5e-4, 1.5e-4, 2.5e-4, 3.5e-4, 4.5e-4, 22.5e-4])

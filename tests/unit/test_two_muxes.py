@@ -55,7 +55,7 @@ def test_emulated_bus_counts_two_chips_that_answer_through_two_open_muxes(clock:
     _, bus = wide_pad(clock)
     for address in (0x70, 0x71):
         bus.write(address, b"\x01")
-    bus.exchange(0x1E, (b"\x0a", 3))
+    bus.exchange(0x1E, b"\x0a", 3)
     assert bus.bus.conflicts == 1
 
 

@@ -23,10 +23,11 @@ class Wires(Protocol):
     def write(self, data: bytes) -> None:
         """One transfer."""
 
-    def exchange(self, *parts: bytes | int) -> list[bytes]:
-        """One transfer with repeated starts between its parts: bytes to write, or a number of bytes to read.
+    def exchange(self, data: bytes, count: int) -> bytes:
+        """Write `data`, then read `count` bytes after a repeated start: one transfer.
 
-        Returns what was read, part by part.
+        No other kind of transfer: the kernel's driver of the Raspberry Pi 1 to 4 (i2c-bcm2835) refuses one that reads
+        before its end, and others refuse one that reads twice.
         """
 
 

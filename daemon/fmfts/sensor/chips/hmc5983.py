@@ -28,14 +28,13 @@ _AXES = Struct(">hhh")
 class _Registers:
     """The registers of both chips, as `Driver` has it."""
 
-    sample_bits = 126  # status, and six data bytes in one transfer, repeated starts
+    sample_bits = 39 + 84  # status, then six data bytes: two transfers
     trigger_bits = 29
     trigger = bytes((MODE, MODE_SINGLE))
     stale_samples = 1  # the first sample after a change of gain still has the old gain
 
     def identify(self, wires: Wires, chip: Chip) -> bytes:
-        (identification,) = wires.exchange(bytes((IDENTIFICATION,)), IDENTITY_BYTES)
-        return identification
+        return wires.exchange(bytes((IDENTIFICATION,)), IDENTITY_BYTES)
 
     def set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
         wires.write(bytes((CONFIG_A,)) + _configuration(chip, setup))
@@ -46,18 +45,17 @@ class _Registers:
         return True
 
     def is_set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
-        (held,) = wires.exchange(bytes((CONFIG_A,)), 2)
-        return held == _configuration(chip, setup)
+        return wires.exchange(bytes((CONFIG_A,)), 2) == _configuration(chip, setup)
 
     def sample(self, wires: Wires) -> tuple[bool, bytes | None]:
-        status, block = wires.exchange(_TO_STATUS, 1, _TO_DATA, 6)
-        return bool(status[0] & STATUS_READY), block
+        status = wires.exchange(_TO_STATUS, 1)
+        return bool(status[0] & STATUS_READY), wires.exchange(_TO_DATA, 6)
 
     def axes(self, chip: Chip, block: bytes) -> Axes:
         return axes_from_registers(block)
 
     def temperature_count(self, wires: Wires, block: bytes) -> int | None:
-        (raw,) = wires.exchange(bytes((TEMPERATURE,)), 2)
+        raw = wires.exchange(bytes((TEMPERATURE,)), 2)
         return int.from_bytes(raw, "big", signed=True)
 
 

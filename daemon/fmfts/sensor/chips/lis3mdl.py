@@ -45,7 +45,7 @@ class _Registers:
     stale_samples = 1
 
     def identify(self, wires: Wires, chip: Chip) -> bytes:
-        (name,) = wires.exchange(bytes((WHO_AM_I,)), 1)
+        name = wires.exchange(bytes((WHO_AM_I,)), 1)
         return name + b"\x00\x00"
 
     def set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
@@ -53,13 +53,13 @@ class _Registers:
         return self.is_set_up(wires, chip, setup)
 
     def is_set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
-        (held,) = wires.exchange(bytes((ADVANCE | CONTROL_1,)), 5)
+        held = wires.exchange(bytes((ADVANCE | CONTROL_1,)), 5)
         wanted = _configuration(chip, setup)
         # A single measurement may be running: then its mode is not "off" yet.
         return held == wanted or (setup.single and held[:2] + held[3:] == wanted[:2] + wanted[3:])
 
     def sample(self, wires: Wires) -> tuple[bool, bytes | None]:
-        (answer,) = wires.exchange(_STATUS_AND_AXES, 7)
+        answer = wires.exchange(_STATUS_AND_AXES, 7)
         # Not ready: old, or the zeros of a chip that was reset.
         return (True, answer[1:]) if answer[0] & STATUS_READY else (False, None)
 
@@ -68,7 +68,7 @@ class _Registers:
 
     def temperature_count(self, wires: Wires, block: bytes) -> int | None:
         """A transfer of its own: read on from the axes, these registers repeat the x axis."""
-        (raw,) = wires.exchange(bytes((ADVANCE | TEMPERATURE,)), 2)
+        raw = wires.exchange(bytes((ADVANCE | TEMPERATURE,)), 2)
         return int.from_bytes(raw, "little", signed=True)
 
 

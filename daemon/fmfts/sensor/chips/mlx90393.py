@@ -63,19 +63,19 @@ class _Registers:
             return False
         if setup.single:
             return True
-        (status,) = wires.exchange(bytes((BURST | ALL,)), 1)
+        status = wires.exchange(bytes((BURST | ALL,)), 1)
         return _is_in_burst(status)
 
     def is_set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
         """In a burst only the status can be read: a chip that was reset is not in one."""
         if setup.single:
             return self._holds(wires, chip, setup)
-        (status,) = wires.exchange(bytes((NOTHING,)), 1)
+        status = wires.exchange(bytes((NOTHING,)), 1)
         return _is_in_burst(status)
 
     def sample(self, wires: Wires) -> tuple[bool, bytes | None]:
         """A measurement is handed out once; until the next one the chip answers with an error."""
-        (answer,) = wires.exchange(_READ_ALL, 9)
+        answer = wires.exchange(_READ_ALL, 9)
         return (False, None) if answer[0] & STATUS_ERROR else (True, answer[1:])
 
     def axes(self, chip: Chip, block: bytes) -> Axes:
@@ -93,8 +93,7 @@ class _Registers:
 
 def _register(wires: Wires, number: int) -> bytes:
     """Status, and two bytes."""
-    (answer,) = wires.exchange(bytes((READ_REGISTER, number << 2)), 3)
-    return answer
+    return wires.exchange(bytes((READ_REGISTER, number << 2)), 3)
 
 
 def _is_in_burst(status: bytes) -> bool:

@@ -47,13 +47,13 @@ _SET_RESET = SetReset(
 class _Registers:
     """As `Driver` has it. A set pulse before each measurement frees the chip of what a strong magnet left in it."""
 
-    sample_bits = 150
+    sample_bits = 39 + 29 + 84
     trigger_bits = 29
     trigger = bytes((CONTROL_0, AUTOMATIC_SET | MEASURE_FIELD))
     stale_samples = 1
 
     def identify(self, wires: Wires, chip: Chip) -> bytes:
-        (product,) = wires.exchange(bytes((PRODUCT,)), 1)
+        product = wires.exchange(bytes((PRODUCT,)), 1)
         return product + b"\x00\x00"
 
     def set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
@@ -64,14 +64,16 @@ class _Registers:
 
     def is_set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
         """As far as it tells: its factory's settings are loaded. After a reset it delivers nothing, which is seen."""
-        (status,) = wires.exchange(_TO_STATUS, 1)
+        status = wires.exchange(_TO_STATUS, 1)
         return bool(status[0] & STATUS_FUSES_READ)
 
     def sample(self, wires: Wires) -> tuple[bool, bytes | None]:
         """The bit "done" stays until it is cleared. A measurement that ends between its reading and its clearing is not
         announced, but its bytes are read; one that ends later is announced, and read again as the same bytes.
         """
-        status, block = wires.exchange(_TO_STATUS, 1, _CLEAR_DONE, _TO_AXES, 6)
+        status = wires.exchange(_TO_STATUS, 1)
+        wires.write(_CLEAR_DONE)
+        block = wires.exchange(_TO_AXES, 6)
         return bool(status[0] & STATUS_FIELD_DONE), block if any(block) else None  # zeros: it was reset
 
     def axes(self, chip: Chip, block: bytes) -> Axes:

@@ -32,7 +32,7 @@ class _Registers:
 
     def identify(self, wires: Wires, chip: Chip) -> bytes:
         """Control 2, the period, and the identification 0xFF. That alone is also what a bus says that nobody drives."""
-        (answer,) = wires.exchange(bytes((CONTROL_2,)), 4)
+        answer = wires.exchange(bytes((CONTROL_2,)), 4)
         return answer[:2] + answer[3:]
 
     def set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
@@ -42,11 +42,10 @@ class _Registers:
         return self.is_set_up(wires, chip, setup)
 
     def is_set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
-        (held,) = wires.exchange(bytes((CONTROL_1,)), 3)
-        return held == _configuration(chip, setup)
+        return wires.exchange(bytes((CONTROL_1,)), 3) == _configuration(chip, setup)
 
     def sample(self, wires: Wires) -> tuple[bool, bytes | None]:
-        (answer,) = wires.exchange(_STATUS_AND_AXES, 7)
+        answer = wires.exchange(_STATUS_AND_AXES, 7)
         status = answer[0]
         if not status & STATUS_READY:  # old, or the zeros of a chip that was reset
             return False, None

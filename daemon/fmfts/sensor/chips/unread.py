@@ -21,7 +21,7 @@ class UnreadChip:
     def answers(self, wires: Wires) -> bool:
         """Whether this chip is there. Raises OSError where nothing answers."""
         for register, mask, value in self.holds:
-            (held,) = wires.exchange(bytes((register,)), 1)
+            held = wires.exchange(bytes((register,)), 1)
             if held[0] & mask != value:
                 return False
         return True

@@ -93,24 +93,14 @@ class I2cBus:
         self._call(f"reading {size} bytes from 0x{address:02x}", lambda: self._bus.i2c_rdwr(message))
         return bytes(message)
 
-    def exchange(self, address: int, parts: tuple[bytes | int, ...]) -> list[bytes]:
-        """One transfer in one system call, repeated starts between its parts: bytes to write, or how many to read.
-
-        Returns what was read.
-        """
-        messages, answers = [], []
-        for part in parts:
-            if isinstance(part, int):
-                answers.append(smbus2.i2c_msg.read(address, part))
-                messages.append(answers[-1])
-            else:
-                messages.append(self._write_of(address, part))
-        first = parts[0]
-        what = f"reading from 0x{address:02x}"
-        if isinstance(first, bytes):
-            what += f" after writing {first.hex(' ')}"
-        self._call(what, lambda: self._bus.i2c_rdwr(*messages))
-        return [bytes(answer) for answer in answers]
+    def exchange(self, address: int, data: bytes, count: int) -> bytes:
+        """Write `data` and read `count` bytes after a repeated start, in one system call."""
+        answer = smbus2.i2c_msg.read(address, count)
+        written = self._write_of(address, data)
+        self._call(
+            f"reading from 0x{address:02x} after writing {data.hex(' ')}", lambda: self._bus.i2c_rdwr(written, answer)
+        )
+        return bytes(answer)
 
     def _write_of(self, address: int, data: bytes) -> smbus2.i2c_msg:
         key = address, data
@@ -138,5 +128,5 @@ class ChipWires:
     def write(self, data: bytes) -> None:
         self.bus.write(self.address, data)
 
-    def exchange(self, *parts: bytes | int) -> list[bytes]:
-        return self.bus.exchange(self.address, parts)
+    def exchange(self, data: bytes, count: int) -> bytes:
+        return self.bus.exchange(self.address, data, count)

@@ -154,5 +154,5 @@ def _may_be_read(pad: I2cPad, sensor: Sensor) -> bool:
     test = pad.chip.set_reset
     if test is None:
         return True
-    (status,) = sensor.wires.exchange(test.status, 1)
+    status = sensor.wires.exchange(test.status, 1)
     return bool(status[0] & test.done)
