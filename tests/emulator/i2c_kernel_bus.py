@@ -2,7 +2,7 @@
 and /dev/i2c-8, which no order concerns, with one.
 
 With a kind of chip as its argument, /dev/i2c-7 has such chips instead: four behind one mux ("qmc5883l"), or one at each
-address that follows, without a mux ("mlx90393 12 13 14 15"). With "hmc5983" its two muxes have eight each.
+address that follows, without a mux ("mlx90393 12 13 14 15"). With "wide" its two muxes have eight HMC5983 each.
 
 "--adapter KIND" says which adapter of i2c_adapters.py both buses are on: "bcm2835", which refuses the most of those on
 a board, without it. What it refuses, reports and takes, its sysfs files, and what it answers to I2C_FUNCS follow.
@@ -26,6 +26,7 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from struct import Struct
 
 import gi
 
@@ -33,9 +34,9 @@ gi.require_version("UMockdev", "1.0")
 from gi.repository import GLib, UMockdev  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).parent))
+import magnetometers  # noqa: E402
 from chips import Bus, Hmc5983, NackError, Tca9548a  # noqa: E402
-from i2c_adapters import ADAPTERS, READ, Adapter, Message  # noqa: E402
-from magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l, Qmc5883p  # noqa: E402
+from i2c_adapters import ADAPTERS, Adapter, Message  # noqa: E402
 from mlx90393 import Mlx90393  # noqa: E402
 
 I2C_SLAVE, I2C_FUNCS, I2C_RDWR, I2C_SMBUS = 0x0703, 0x0705, 0x0707, 0x0720
@@ -55,7 +56,9 @@ E: DEVNAME=/dev/i2c-{number}
 E: SUBSYSTEM=i2c-dev
 """
 MUXES = {7: 2, 8: 1}  # by bus
-POINTER, MESSAGE = 8, 16  # bytes of a pointer and of struct i2c_msg on a 64-bit kernel
+POINTER = 8  # bytes on a 64-bit kernel
+HEADER = Struct("<HHHxxQ")  # struct i2c_msg: address, flags, length, and the pointer to its bytes
+MESSAGE = HEADER.size
 
 
 class KernelBus(UMockdev.IoctlBase):
@@ -101,16 +104,17 @@ class KernelBus(UMockdev.IoctlBase):
         request = argument.resolve(0, 2 * POINTER)
         count = _number(request, POINTER, 4)
         table = request.resolve(0, MESSAGE * count)
-        messages, buffers, seen = [], [], []
-        for start in range(0, MESSAGE * count, MESSAGE):
-            address, flags, size = (_number(table, start + offset, 2) for offset in (0, 2, 4))
-            buffers.append(table.resolve(start + 8, size))
-            messages.append((address, size if flags & READ else bytes(buffers[-1].retrieve())))
-            seen.append(Message(address, flags, size))
+        headers = list(HEADER.iter_unpack(bytes(table.retrieve())))
+        buffers = [table.resolve(MESSAGE * place + 8, size) for place, (_, _, size, _) in enumerate(headers)]
+        seen = [Message(*header[:3]) for header in headers]
         refused = self.adapter.refusal(seen)
         if refused:
             raise OSError(refused, "")
         self.took_s = self.adapter.took_s(seen)
+        messages = [
+            (one.address, one.size if one.reads else bytes(buffer.retrieve()))
+            for one, buffer in zip(seen, buffers, strict=True)
+        ]
         for buffer, answer in zip(buffers, self.bus.transfer(messages), strict=True):
             if answer:
                 buffer.update(0, list(answer))
@@ -182,7 +186,7 @@ def main() -> None:
     adapter = ADAPTERS[options.adapter]
     testbed = UMockdev.Testbed.new()
     buses = {number: Bus(some_muxes(count)) for number, count in MUXES.items()}
-    if options.chip == "hmc5983":
+    if options.chip == "wide":
         buses[7] = Bus(some_muxes(MUXES[7], 8))
     elif options.chip is not None:
         buses[7] = bus_of(options.chip, options.addresses)
@@ -237,8 +241,8 @@ def some_muxes(count: int, chips: int = 4) -> list[Tca9548a]:
 
 def bus_of(kind: str, addresses: list[int]) -> Bus:
     """Four chips of another kind, with the fields of `some_muxes`."""
-    kinds = (Qmc5883l, Qmc5883p, Lis3mdl, Mmc5983ma, Mlx90393)
-    made = {each.__name__.lower(): each for each in kinds}[kind]
+    known = {"hmc5983": Hmc5983, "hmc5883l": Hmc5983, "mlx90393": Mlx90393}
+    made = (known | {name.lower(): each for name, each in vars(magnetometers).items() if isinstance(each, type)})[kind]
     start = time.monotonic()
     chips = [
         made(
