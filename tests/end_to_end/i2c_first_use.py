@@ -28,8 +28,10 @@ ADDRESSES: dict[str, tuple[int, ...]] = {
     "hmc5983": (),
     "hmc5883l": (),
     "qmc5883l": (),
+    "qmc5883p": (),
     "lis3mdl": (),
     "mmc5983ma": (),
+    "mmc5603nj": (),
     "mlx90393": (0x0C, 0x0D, 0x0E, 0x0F),
 }
 ADAPTERS = ("bcm2835", "designware")

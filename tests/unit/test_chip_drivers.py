@@ -90,7 +90,8 @@ def test_a_saturated_axis_is_flagged_alone_and_is_good_again_after(
         beyond = kind.range_gauss * times * (1.62 if kind.name == "mlx90393" and axis == 2 else 1.0)
         one.field_gauss = [sign * beyond if each == axis else 0.1 for each in range(3)]
         flags = last_counts(run(pad, clock, 0.1, 100))[0] == saturated
-        assert flags.tolist() == [each == axis for each in range(3)], times
+        # A field that may have upset a film makes all its axes unusable.
+        assert flags.tolist() == [each == axis or CHIPS[kind.name].film is not None for each in range(3)], times
     one.field_gauss = [0.8 * kind.range_gauss if each == axis else 0.1 for each in range(3)]
     counts = last_counts(run(pad, clock, 0.2, 100))[0]
     assert saturated not in counts
@@ -120,7 +121,7 @@ def test_a_stream_loses_no_sample_and_doubles_none(clock: Clock, kind: str, muxe
 
 
 @pytest.mark.parametrize("rate_hz", [20, 75, 150, 220, 400, 900])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if not CHIPS[kind].paced_by_host])
 def test_chip_converts_at_the_slowest_rate_that_suffices(clock: Clock, kind: str, rate_hz: int) -> None:
     chip = CHIPS[kind]
     if rate_hz > chip.free_rate_hz:
@@ -237,8 +238,10 @@ def test_each_chip_has_its_article() -> None:
         "an HMC5983",
         "an HMC5883L",
         "an MMC5983MA",
+        "an MMC5603NJ",
         "an MLX90393",
         "a QMC5883L",
+        "a QMC5883P",
         "a LIS3MDL",
     }
 
