@@ -39,7 +39,7 @@ EARTH_T = np.array([2e-5, 0.0, -4e-5])
 PRESS = (3e-3, -2e-3, 1.0)  # x and y in metres, force in newton
 MEASURED_S = 3.0
 # A transfer takes the emulated bus 0.2 ms or more, and a frame of four MMC5983MA is 17: more measures the computer.
-MOST_HZ = 50
+MOST_HZ = 40
 
 
 class FirstUse(NamedTuple):
