@@ -33,8 +33,8 @@ class Judged:
 
     def __str__(self) -> str:
         return (
-            f"{self.frames} frames, {self.samples} samples judged: {self.repeated} old ones called new, worst error of a "
-            f"time {self.worst_s * 1e3:.3f} ms, {min(self.fresh_share):.2%} of the frames with a new sample of each chip"
+            f"{self.frames} frames, {self.samples} samples judged: {self.repeated} old ones called new, worst error of "
+            f"a time {self.worst_s * 1e3:.3f} ms, {min(self.fresh_share):.2%} of frames with a new sample of each chip"
         )
 
 
