@@ -41,6 +41,17 @@ BELIEFS: list[tuple[str, str, Any, str, Any]] = [
 ]
 
 
+def checked(kind: str) -> int:
+    """How the checks of this emulator end."""
+    options = ["-q", "-x", "--no-header", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "addopts="]
+    return pytest.main([*options, str(HERE / f"test_emulated_{kind}.py")])
+
+
+@pytest.mark.parametrize("kind", ["mmc5983ma", "mmc5603nj", "qmc5883p"])
+def test_emulator_with_the_sources_facts_passes(kind: str) -> None:
+    assert checked(kind) == pytest.ExitCode.OK
+
+
 @pytest.mark.parametrize(
     ("kind", "belief", "where", "name", "wrong"), BELIEFS, ids=[f"{b[0]}: {b[1]}" for b in BELIEFS]
 )
