@@ -3,6 +3,7 @@
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board;
 #              HAND=1: five boards on a page in a browser, beside what a fixed baseline would say)
 # make chips-for-a-day   every driver on its emulated chips for a day of their time: 6 to 15 minutes for each chip
+# make sample-times      when samples were measured, and whether any comes twice: eight minutes
 # make mould   the mould of a pad of other sizes for a printer, as STL: needs OpenSCAD (hardware/ has the standard pad's)
 # make first-uses   from `init` to contacts with each chip that Linux reads, on two I2C adapters: figures, three minutes
 # make chips-page   write docs/chips.md anew from the chips' descriptions
@@ -48,6 +49,7 @@ TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi
 
 .PHONY: demo test lint unit processes clock slow long bench cold-starts clean wheel
 .PHONY: first-uses transcript recordings model pictures chips-page mould
+.PHONY: transcript recordings model pictures chips-page mould sample-times
 .PHONY: chaos chips-for-a-day fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
 
@@ -80,6 +82,10 @@ mould:
 
 first-uses: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/end_to_end/i2c_first_use.py $(FIRST_USES)
+# How right the times of samples are of chips that the reader starts one by one: four times a hundred thousand frames.
+SAMPLE_FRAMES ?= 100000
+sample-times: $(VENV)/.installed-test
+	PYTHONPATH=tests:tests/unit $(BIN)/python tests/unit/sample_times.py $(SAMPLE_FRAMES)
 
 chips-page: $(VENV)/.installed-test
 	$(BIN)/python -m fmfts_lab.study.chips_page

@@ -86,12 +86,15 @@ class SetReset:
 class Film:
     """A magnetic film that the host has to magnetise: by a pulse at set-up, after a strong field, and now and then.
 
-    upset_gauss: a field (norm) that may upset the film. pulse: what to write; pause_s: until a measurement may begin.
+    upset_gauss: a field (norm) that may upset the film, so that no axis counts until a pulse. doubtful_gauss: what a
+    stronger field may read as while the film is upset (no source tells); a pulse follows when the field has gone.
+    pulse: what to write; pause_s: until a measurement may begin.
     every_s: a pulse that was not needed costs another zero of 1 mG (more than a frame's noise), so they are rare. One
     is needed only after a field that was strong while nobody read the chip.
     """
 
     upset_gauss: float
+    doubtful_gauss: float
     pulse: bytes
     pause_s: float
     every_s: float = 600.0
@@ -233,14 +236,6 @@ class Chip:
         return (
             self.noises_t[self.output_rates_hz.index(self.output_rate_hz(rate_hz))] if self.noises_t else self.noise_t
         )
-
-    def is_upset_by(self, gain_code: int, axes: Axes) -> bool:
-        """This field may have upset the film, so that later samples are wrong until a pulse."""
-        if self.film is None:
-            return False
-        field_t = np.array(axes) * self.step_t[gain_code]
-        limit_t = self.film.upset_gauss * TESLA_PER_GAUSS
-        return self.saturated_count in axes or float(field_t @ field_t) > limit_t**2
 
     def temperature_c(self, count: int) -> float | None:
         """None where the chip has no thermometer, or could not work: its registers then mean nothing."""

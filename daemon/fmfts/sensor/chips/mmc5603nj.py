@@ -30,7 +30,7 @@ MMC5603NJ = Chip(
     thermometer=None,  # measured in place of the field
     bias_strap=None,
     # Beyond its range the film may be upset. No source tells the limit; the range is the safe one to take.
-    film=Film(upset_gauss=29.0, pulse=_REGISTERS.set_pulse, pause_s=PULSE_PAUSE_S),
+    film=Film(upset_gauss=29.0, doubtful_gauss=15.0, pulse=_REGISTERS.set_pulse, pause_s=PULSE_PAUSE_S),
     board_rates_hz=(350.0,),
     board_single_hz=203,
     supply="made; boards about 6 €, chips under 1 €",

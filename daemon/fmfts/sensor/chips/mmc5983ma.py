@@ -48,7 +48,7 @@ MMC5983MA = Chip(
     thermometer=None,  # 0.8 °C a step, measured in place of the field; its maker says that it does not work
     bias_strap=None,
     # Page 2: more than 10 G upsets the film, and pulses repeat to 1 mG.
-    film=Film(upset_gauss=9.0, pulse=_REGISTERS.set_pulse, pause_s=PULSE_PAUSE_S),
+    film=Film(upset_gauss=9.0, doubtful_gauss=5.0, pulse=_REGISTERS.set_pulse, pause_s=PULSE_PAUSE_S),
     set_reset=_SET_RESET,
     board_rates_hz=(350.0,),
     board_single_hz=203,

@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
+import math
 import time
+from enum import IntEnum
 
-from fmfts.sensor.chips.chip import Axes, Chip
+from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip
 from fmfts.sensor.i2c.sensor import Sensor, now_us
 
 
-def undisturbed(chip: Chip, gain_code: int, sensor: Sensor, axes: Axes) -> Axes:
-    """`axes`; all of them marked as saturated from a field that may have upset the film until a pulse has mended it.
+class Exposure(IntEnum):
+    """What a film has met since its last pulse."""
 
-    The pulse follows the first reading without such a field. Only one axis may show the field, and all are upset.
+    NOTHING = 0
+    DOUBTFUL = 1
+    UPSET = 2
+
+
+def undisturbed(chip: Chip, gain_code: int, sensor: Sensor, axes: Axes) -> Axes:
+    """`axes`; all of them marked as saturated where the film may be upset. When the field has gone, a pulse mends it.
+
+    The sample that shows that the field has gone was still measured with an upset film.
     """
-    if chip.film is None:
+    film = chip.film
+    if film is None:
         return axes
-    if chip.is_upset_by(gain_code, axes):
-        sensor.upset = True
-    elif sensor.upset:
+    gauss = _norm_gauss(chip, gain_code, axes)
+    met = Exposure.UPSET if gauss > film.upset_gauss else Exposure(gauss > film.doubtful_gauss)
+    has_gone = met == Exposure.NOTHING and sensor.exposure != Exposure.NOTHING
+    sensor.exposure = max(sensor.exposure, met)
+    if sensor.exposure < Exposure.UPSET and not has_gone:
+        return axes
+    if has_gone:
         magnetise(chip, sensor)
-    else:
-        return axes
     return chip.saturated_count, chip.saturated_count, chip.saturated_count
 
 
@@ -28,10 +41,16 @@ def magnetise(chip: Chip, sensor: Sensor) -> None:
     """The measurement that is running, if any, is spoilt."""
     assert chip.film is not None
     sensor.wires.write(chip.film.pulse)
-    sensor.upset, sensor.magnetised_us = False, now_us()
+    sensor.exposure, sensor.magnetised_us = Exposure.NOTHING, now_us()
     time.sleep(chip.film.pause_s)
 
 
 def is_due(chip: Chip, sensor: Sensor) -> bool:
     """The last pulse was long ago."""
     return chip.film is not None and now_us() - sensor.magnetised_us > 1e6 * chip.film.every_s
+
+
+def _norm_gauss(chip: Chip, gain_code: int, axes: Axes) -> float:
+    if chip.saturated_count in axes:
+        return math.inf
+    return math.hypot(*(axes * chip.step_t[gain_code])) / TESLA_PER_GAUSS
