@@ -48,8 +48,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi faketime g++ openscad gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium)
 
 .PHONY: demo test lint unit processes clock slow long bench cold-starts clean wheel
-.PHONY: first-uses transcript recordings model pictures chips-page mould
-.PHONY: transcript recordings model pictures chips-page mould sample-times
+.PHONY: first-uses transcript recordings model pictures chips-page mould sample-times
 .PHONY: chaos chips-for-a-day fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
 
