@@ -63,9 +63,7 @@ def no_sample(settings: Settings = BEGIN) -> tuple[float, float, float, float]:
     return 25 + (65535 - 46244) / 45.2, x, y, z
 
 
-def binary(
-    fields_ut: Sequence[Sequence[float]], temperature_c: float = 25.0, settings: Settings = BEGIN
-) -> bytes:
+def binary(fields_ut: Sequence[Sequence[float]], temperature_c: float = 25.0, settings: Settings = BEGIN) -> bytes:
     """5X_binary_burst_stream: floats t, x, y, z of each magnetometer, and CR LF. A field of NaN: it has no sample."""
     numbers: list[float] = []
     for field_ut in fields_ut:
@@ -75,7 +73,5 @@ def binary(
 
 def text(fields_ut: Sequence[Sequence[float]], temperature_c: float = 25.0, settings: Settings = BEGIN) -> bytes:
     """5X_burst_stream: two decimals, tabs within a magnetometer, and nothing between two of them."""
-    parts = [
-        "\t".join(f"{value:.2f}" for value in (temperature_c, *quantised(field, settings))) for field in fields_ut
-    ]
+    parts = ["\t".join(f"{value:.2f}" for value in (temperature_c, *quantised(field, settings))) for field in fields_ut]
     return "".join(parts).encode() + b"\r\n"

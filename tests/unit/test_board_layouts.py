@@ -99,6 +99,7 @@ def test_dipole_over_a_public_layout_is_found_where_it_is(board: BoardName) -> N
         geometry=GeometryConfig(board=board),
         contact=ContactConfig(model="none"),
     )
+    assert np.abs(np.array(config.geometry.sensors_mm) - chips(board)[0]).max() < 0.01
     pipeline, up = pipeline_of(config, contact_model_of(config), "boot"), np.array([0.0, 0.0, 1.0])
     baseline = None
     for bare, magnet, first in ((True, None, 0), (False, (REST_MM, up), 1000)):

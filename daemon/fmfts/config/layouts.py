@@ -23,7 +23,7 @@ _CHIPS: dict[str, tuple[float, float, float]] = {
     "U2": (0.0, 7.0, -90.0),
     "U3": (7.0, 0.0, 90.0),
     "U4": (0.0, -7.0, 180.0),
-    "U5": (-7.0, 0.0, 0.0),
+    "U5": (-7.0, 0.05, 0.0),
 }
 # In the order of the stream. Addresses 0x0C, 0x13, 0x12, 0x10, 0x11, and 0x0C, 0x0D, 0x0E, 0x0F, 0x10; the pins A1 and A0
 # are both low at U1 and U4, both high at U2, A0 is high at U3, and A1 at U5.

@@ -155,9 +155,7 @@ _BOARD_UT, _BOARD_GAINS = (0.150, 0.242), (1.0, 4 / 3, 5 / 3, 2.0, 2.5, 3.0, 4.0
 # By RES the largest count: with RES 0 and 1 a field beyond it wraps around; RES 2 and 3 end earlier (table 4 of rev 002).
 _BOARD_LARGEST = (32767, 32767, _LARGEST - 1, _LARGEST // 2 - 1)
 # Gain × 2^RES → the largest count that any pair of settings with this product has.
-_FACTORS = {
-    gain * 2**res: largest for res, largest in reversed([*enumerate(_BOARD_LARGEST)]) for gain in _BOARD_GAINS
-}
+_FACTORS = {gain * 2**res: largest for res, largest in reversed([*enumerate(_BOARD_LARGEST)]) for gain in _BOARD_GAINS}
 # By gain code of the streamed chip. Code 0 has the steps of the data sheet's rev 002 (GAIN_SEL 7, RES 0). Older recordings
 # have no other code.
 _STREAMED_UT = ((0.161, 0.294), *((_BOARD_UT[0] * each, _BOARD_UT[1] * each) for each in _FACTORS))
@@ -171,7 +169,10 @@ ANYSKIN = replace(
     label="MLX90393 of an AnySkin board",
     ranges_gauss=(
         52.0,
-        *(round(ut * largest / 100, 1) for (ut, _), largest in zip(_STREAMED_UT[1:], STREAMED_LARGEST[1:], strict=True)),
+        *(
+            round(ut * largest / 100, 1)
+            for (ut, _), largest in zip(_STREAMED_UT[1:], STREAMED_LARGEST[1:], strict=True)
+        ),
     ),
     counts_per_gauss=tuple((100 / xy, 100 / xy, 100 / z) for xy, z in _STREAMED_UT),
     largest_count=32767,
