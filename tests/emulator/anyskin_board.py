@@ -2,8 +2,8 @@
 
 Sketches: raunaqbhirangi/reskin_sensor and raunaqbhirangi/anyskin, 5X_binary_burst_stream and 5X_burst_stream.
 Library: tesshellebrekers/arduino-MLX90393, MLX90393.cpp: begin() sets HALLCONF 0xC, GAIN_SEL 6 and RES 0, and
-convertRaw() multiplies counts by 32-bit floats. Counts: Melexis 3901090393 rev 002, table 4 (by RES: two's complement of
-16 bits that wraps around, or unsigned around 2^15 with an end at 22000 counts). The library subtracts 2^14 with RES 3.
+convertRaw() multiplies counts by 32-bit floats. Counts: Melexis 3901090393 rev 002, table 4 (by RES: two's complement
+of 16 bits that wraps around, or unsigned with an end at 22000 or 11000 counts). With RES 3 the library subtracts 2^14.
 """
 
 from __future__ import annotations

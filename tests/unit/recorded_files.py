@@ -1,4 +1,4 @@
-"""Recordings of real boards that are in no repository of ours: tests that use them are skipped where they are absent."""
+"""Recordings of real boards, which this repository does not hold: tests that use them are skipped without them."""
 
 from __future__ import annotations
 

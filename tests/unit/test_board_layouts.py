@@ -3,9 +3,9 @@
 Typed from these sources, not from the daemon:
 - pick-and-place and Gerber files in circuits/5X_ReSkin.Zip of raunaqbhirangi/reskin_sensor: reference points, rotations
   (counter-clockwise: the footprint's "Mid" turns so about its "Ref"), and what pins 11 and 12 are connected to;
-- Melexis 3901090393 rev 002: pin 11 is A1, pin 12 is A0 (table 7), the address ends with A1, A0 (section 9), and x points
-  to the edge of pins 1 to 4, y from it to the edge of pins 5 to 8, z out of the top (figure 9). Pin 1 of the footprint is
-  at its upper right where the rotation is 0;
+- Melexis 3901090393 rev 002: pin 11 is A1, pin 12 is A0 (table 7), the address ends with A1, A0 (section 9); x points
+  to the edge of pins 1 to 4, y to the edge of pins 5 to 8, z out of the top (figure 9). Pin 1 of the footprint is at
+  its upper right where the rotation is 0;
 - 5X_binary_burst_stream.ino of raunaqbhirangi/reskin_sensor and of raunaqbhirangi/anyskin: the order of the addresses.
 """
 

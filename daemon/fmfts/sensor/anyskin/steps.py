@@ -45,7 +45,9 @@ class Steps:
         self._recent.append(fields_ut)
         if self.code < 0 or sum(self._off) >= DOUBT:
             self._learn()
-        sound = _are_multiples(fields_ut, self.code).all(axis=1) if self.is_known else np.ones(len(fields_ut), np.bool_)
+        sound = np.ones(len(fields_ut), dtype=np.bool_)
+        if self.is_known:
+            sound &= _are_multiples(fields_ut, self.code).all(axis=1)
         self._off.append(not sound.all())
         counted = np.rint(fields_ut / _STEPS_UT[self.code])
         told = np.abs(counted) <= STREAMED_LARGEST[self.code]

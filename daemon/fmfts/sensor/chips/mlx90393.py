@@ -148,16 +148,16 @@ MLX90393 = Chip(
 )
 
 
-# On a ReSkin, AnySkin or eFlesh board. Its firmware multiplies counts by 0.150 µT (x, y) and 0.242 µT (z), by the gain
-# of GAIN_SEL 7 to 0 and by 2^RES (tesshellebrekers/arduino-MLX90393, convertRaw; begin() sets GAIN_SEL 6, RES 0). Each
-# builder of a board may set others; those of eFlesh have 2.4/3.872 and 0.6/0.968 µT.
+# On a ReSkin, AnySkin or eFlesh board. Its firmware multiplies counts by 0.150 µT (x, y) or 0.242 µT (z), by the gain
+# of GAIN_SEL 7 to 0 and by 2^RES (tesshellebrekers/arduino-MLX90393, convertRaw; begin() sets GAIN_SEL 6, RES 0). Who
+# builds a board may set others; those of eFlesh have 2.4/3.872 and 0.6/0.968 µT.
 _BOARD_UT, _BOARD_GAINS = (0.150, 0.242), (1.0, 4 / 3, 5 / 3, 2.0, 2.5, 3.0, 4.0, 5.0)
-# By RES the largest count: with RES 0 and 1 a field beyond it wraps around; RES 2 and 3 end earlier (table 4 of rev 002).
+# By RES the largest count. With RES 0 and 1 a field beyond it wraps around; RES 2 and 3 end earlier (rev 002, table 4).
 _BOARD_LARGEST = (32767, 32767, _LARGEST - 1, _LARGEST // 2 - 1)
 # Gain × 2^RES → the largest count that any pair of settings with this product has.
 _FACTORS = {gain * 2**res: largest for res, largest in reversed([*enumerate(_BOARD_LARGEST)]) for gain in _BOARD_GAINS}
-# By gain code of the streamed chip. Code 0 has the steps of the data sheet's rev 002 (GAIN_SEL 7, RES 0). Older recordings
-# have no other code.
+# By gain code of the streamed chip. Code 0 has the steps of the data sheet's rev 002 (GAIN_SEL 7, RES 0). Older
+# recordings have no other code.
 _STREAMED_UT = ((0.161, 0.294), *((_BOARD_UT[0] * each, _BOARD_UT[1] * each) for each in _FACTORS))
 STREAMED_LARGEST = (32767, *_FACTORS.values())
 # The code for values that are multiples of no such step: 0.6/0.968 µT is less than the chip's noise, and holds 19 mT.
