@@ -16,9 +16,8 @@ import msgspec
 
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips import tca9548a as mux
-from fmfts.sensor.chips.unread import UNREAD
 from fmfts.sensor.i2c.bus import CallRecord, I2cBus
-from fmfts.sensor.i2c.others import chips_answering, unread_answering
+from fmfts.sensor.i2c.others import chips_answering
 from fmfts.sensor.source import SourceError
 
 STUCK_S = 2.0  # in one call; a transfer takes less than a millisecond
@@ -28,7 +27,7 @@ CLOSE_S = 1.0
 
 
 class Found(msgspec.Struct, frozen=True):
-    """A chip, by its name in CHIPS or UNREAD. mux_address, channel: None where it is straight on the bus."""
+    """A chip, by its name in CHIPS. mux_address, channel: None where it is straight on the bus."""
 
     chip: str
     address: int
@@ -36,14 +35,8 @@ class Found(msgspec.Struct, frozen=True):
     channel: int | None = None
 
     def __str__(self) -> str:
-        chip = CHIPS[self.chip] if self.is_read else UNREAD[self.chip]
         behind = "" if self.mux_address is None else f", mux 0x{self.mux_address:02x}, channel {self.channel}"
-        remark = "" if self.is_read else f", {UNREAD[self.chip].remark}"
-        return f"{chip.label} at 0x{self.address:02X}{behind}{remark}"
-
-    @property
-    def is_read(self) -> bool:
-        return self.chip in CHIPS
+        return f"{CHIPS[self.chip].label} at 0x{self.address:02X}{behind}"
 
 
 def scanned(bus: int) -> list[Found]:
@@ -100,7 +93,6 @@ def scan(bus: I2cBus) -> Iterator[Found]:
 def _answering(bus: I2cBus) -> Iterator[tuple[str, int]]:
     """The names of the chips on the selected channel, and where each answers."""
     yield from ((chip.name, address) for chip, address in chips_answering(bus))
-    yield from ((chip.name, chip.address) for chip in unread_answering(bus))
 
 
 def _is_mux(bus: I2cBus, address: int) -> bool:
