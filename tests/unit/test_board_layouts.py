@@ -39,7 +39,7 @@ TURNED_OVER = np.diag([-1.0, 1.0, -1.0])  # about y
 
 REST_MM, MOMENT_T_M3 = np.array([0.0, 0.0, 12.0]), 1.23 * 1e-3**2 * 2e-3 / 4.0  # Br r² L/4 of the magnet of config.toml
 AMBIENT_T = np.array([18e-6, -5e-6, -43e-6])
-NOISE_T, STEP_CODE = 0.6e-6, 1
+NOISE_T, STEP_CODE = 0.6e-6, ANYSKIN.ranges_gauss.index(65.5)  # 0.2 µT, as the library begins
 
 
 def turned(degrees: float) -> np.ndarray:

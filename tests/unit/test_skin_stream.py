@@ -22,6 +22,7 @@ from fmfts.sensor import Frame
 from fmfts.sensor.anyskin import source as anyskin_source
 from fmfts.sensor.anyskin.source import Anyskin
 from fmfts.sensor.chips import ANYSKIN
+from fmfts.sensor.missing import missing_sensors
 from fmfts.sensor.wired_pad import PadOnStream
 
 PERIOD_NS = 5_000_000
@@ -147,6 +148,8 @@ def test_end_of_the_converter_is_saturated(settings: Settings, end_ut: float, li
     fields[3, 0] = -2.0 * end_ut
     (frame,) = line.frames([binary(fields.tolist(), settings=settings)])
     assert frame.overflow[3, 0] == (settings.res == 2)
+    told = missing_sensors(frame)
+    assert ("the board's firmware sets this range" in told.get(3, "")) == (settings.res == 2)
     fields[3, 0] = 0.95 * end_ut
     (frame,) = line.frames([binary(fields.tolist(), settings=settings)])
     assert not frame.overflow.any()
@@ -202,3 +205,12 @@ def test_chip_without_a_sample_costs_no_other_at_any_setting(line: Line) -> None
         frames = line.frames([binary(each.tolist(), settings=settings) for each in fields])
     assert len(frames) > 40
     assert all(frame.valid.tolist() == [True, False, True, True, True] for frame in frames)
+
+
+def test_frame_of_an_older_recording_keeps_its_field() -> None:
+    """They have gain code 0 only, of 0.161 µT in x and y and 0.294 µT in z."""
+    counts = np.tile(np.array([1000, -7, 20000], np.int16), (5, 1))
+    yes = np.ones(5, np.bool_)
+    frame = Frame(0, 1, 0, 0, 0, counts, np.zeros(5, np.uint16), yes, yes, 25.0, chip=ANYSKIN)
+    assert frame.field_t[0] * 1e6 == pytest.approx([161.0, -1.127, 5880.0])
+    assert ANYSKIN.gain_code_for_range(52.0) == 0  # a configuration that names it
