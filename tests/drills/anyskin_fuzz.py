@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "firmware/fuzz"))
 from python_decoder import damaged
 
 from emulator.anyskin_board import binary, quantised, text
-from fmfts.sensor.anyskin.packets import LARGEST_UT, BinaryStream, Packet, TextStream
+from fmfts.sensor.anyskin.packets import BinaryStream, Packet, TextStream
 
 MAGNETOMETERS, BEFORE, BEHIND = 5, 2, 4
 STREAMS = {"binary": (binary, BinaryStream), "text": (text, TextStream)}
@@ -44,7 +44,7 @@ def is_possible(packet: Packet) -> bool:
     return (
         len(packet) == MAGNETOMETERS
         and any(-40.0 <= reading.temperature_c <= 125.0 for reading in packet)
-        and all(abs(value) <= LARGEST_UT for value in finite)
+        and all(abs(value) <= 5e5 for value in finite)  # 0xFFFF with GAIN_SEL 0 and RES 3: 4.8e5
     )
 
 
