@@ -83,7 +83,7 @@ def _clock_hz(file: Path) -> int | None:
 def smbus_only(path: str, adapter: Adapter) -> str:
     return (
         f"{path} ({adapter}) is an SMBus controller that makes no I2C transfers, and these chips need them: "
-        "use an I2C bus (`i2cdetect -l` lists them) or a USB adapter"
+        "use an I2C bus (`i2cdetect -l` lists them), or connect the chips to a board"
     )
 
 
