@@ -3,14 +3,18 @@
 #include <math.h>
 #include <string.h>
 
-static const double REMANENCE_GAUSS = 0.3, UPSET_SENSITIVITY = 0.5; // of an upset film
+static const double REMANENCE_GAUSS = 0.3, UPSET_SENSITIVITY = 0.5; // of an upset film, once the strong field is gone
 static const double UNSETTLED_GAUSS = 0.2; // the error of a measurement that begins right at a pulse
+
+static bool is_strong(const struct emulated_memsic *chip, const double gauss[3])
+{
+    return sqrt(gauss[0] * gauss[0] + gauss[1] * gauss[1] + gauss[2] * gauss[2]) > chip->kind->upsetting_gauss;
+}
 
 static void exposed(struct emulated_magnetometer *common, const double gauss[3])
 {
     struct emulated_memsic *chip = (struct emulated_memsic *)common;
-    double norm = sqrt(gauss[0] * gauss[0] + gauss[1] * gauss[1] + gauss[2] * gauss[2]);
-    chip->upset |= norm > chip->kind->upsetting_gauss;
+    chip->upset |= is_strong(chip, gauss);
 }
 
 static void expose_to_field_of(struct emulated_memsic *chip, uint64_t ns)
@@ -44,10 +48,11 @@ static void sample(struct emulated_memsic *chip, uint64_t begin_ns, uint64_t end
     double gauss[3], error = chip->automatic ? 0.0 : unsettled_gauss(chip, begin_ns);
     magnetometer_mean(&chip->common, begin_ns, end_ns, gauss);
     exposed(&chip->common, gauss);
+    double sensitivity = chip->upset && !is_strong(chip, gauss) ? UPSET_SENSITIVITY : 1.0;
     for (int axis = 0; axis < 3; axis++) {
         double felt = magnetometer_sensed(&chip->common, axis == 2 ? -gauss[axis] : gauss[axis]);
         felt += chip->kind->coil_current(chip) * chip->coil_gauss[axis];
-        double shown = chip->polarity * felt * (chip->upset ? UPSET_SENSITIVITY : 1.0);
+        double shown = chip->polarity * felt * sensitivity;
         shown += chip->zero_gauss[axis] + chip->pulse_zero_gauss[axis] + (chip->upset ? REMANENCE_GAUSS : 0.0) + error;
         counts[axis] = fmax(-chip->kind->zero, fmin(chip->kind->zero - 1, shown * chip->kind->counts_per_gauss));
     }

@@ -6,8 +6,8 @@
 // code in DRNadler/MMC5983MA_CompassTest and ArduPilot AP_Compass_MMC5xx3 (0.5 to 1 ms between a pulse and a measurement).
 // Automatic set/reset: U DRNadler/MMC5983MA_CompassTest (SET, sample, RESET, sample, half the difference; twice the time
 // and about 1 ms), U SlimeVR-Tracker-nRF issue 150, S p. 2 (at most 50/100/225/580 Hz).
-// Unverified, and chosen here: a new TM_M restarts a measurement that runs; how wrong a measurement soon after a pulse or
-// with an upset film is; that writing 1 to Meas_M_Done clears the bit and not only its interrupt.
+// Unverified, and chosen here: a new TM_M restarts a measurement that runs; how wrong a measurement is soon after a pulse,
+// with an upset film or in the strong field itself; that writing 1 to Meas_M_Done clears the bit and not only its interrupt.
 #ifndef FMFTS_EMULATED_MEMSIC_H
 #define FMFTS_EMULATED_MEMSIC_H
 
