@@ -17,13 +17,6 @@ static void exposed(struct emulated_magnetometer *common, const double gauss[3])
     chip->upset |= is_strong(chip, gauss);
 }
 
-static void expose_to_field_of(struct emulated_memsic *chip, uint64_t ns)
-{
-    double gauss[3];
-    magnetometer_mean(&chip->common, ns, ns, gauss);
-    exposed(&chip->common, gauss);
-}
-
 static void pulse(struct emulated_memsic *chip, int polarity, uint64_t ns)
 {
     chip->polarity = polarity;
@@ -32,7 +25,6 @@ static void pulse(struct emulated_memsic *chip, int polarity, uint64_t ns)
     chip->pulsed_ns = ns;
     for (int axis = 0; axis < 3; axis++)
         chip->pulse_zero_gauss[axis] = chip->repeatability_gauss * magnetometer_normal(&chip->common);
-    expose_to_field_of(chip, ns);
 }
 
 // A pulse in the middle of a measurement spoils it as one right at its beginning.

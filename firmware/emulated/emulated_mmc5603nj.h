@@ -1,4 +1,4 @@
-// An MMC5603NJ as public drivers describe it: Linux drivers/iio/magnetometer/mmc5633.c, Zephyr drivers/sensor/memsic/mmc56x3,
+// An MMC5603NJ as public drivers describe it: the Linux driver mmc5633, Zephyr drivers/sensor/memsic/mmc56x3,
 // Adafruit_MMC56x3, mgershow/MMC5603NJ, PebbleOS. emulated_memsic.h has the film.
 //
 // Unverified: its handedness, the field that upsets its film, its noise at bandwidths other than 00, when it sets

@@ -48,11 +48,11 @@ class Magnetometer:
 
     @field_gauss.setter
     def field_gauss(self, field_gauss: Sequence[float]) -> None:
-        self._field_gauss = list(field_gauss)
         self.exposed(self._field_gauss)
+        self._field_gauss = list(field_gauss)
 
     def exposed(self, field_gauss: Sequence[float]) -> None:
-        """This field was at the chip, whether or not it measured."""
+        """This field was at the chip until now, whether or not it measured."""
 
     def power_on(self) -> None:
         raise NotImplementedError

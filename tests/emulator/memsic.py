@@ -4,7 +4,7 @@ MMC5983MA: MEMSIC data sheet, Rev A, 2019-04-03, pages 2 and 13 to 16. SparkFun_
 with a command byte of exactly 0x21, users see x of every 16th sample off by 10 to 12 uT. Its controls cannot be read.
 Unverified: Auto_SR_en doubles every continuous measurement, whatever Prd_set says.
 
-MMC5603NJ: Linux drivers/iio/magnetometer/mmc5633.c, Zephyr drivers/sensor/memsic/mmc56x3, Adafruit_MMC56x3,
+MMC5603NJ: Linux drivers/iio/magnetometer/mmc5633, Zephyr drivers/sensor/memsic/mmc56x3, Adafruit_MMC56x3,
 mgershow/MMC5603NJ and PebbleOS (registers, bits, times, rates), SlimeVR (polarity).
 Unverified: its handedness, the field that upsets its film, its noise at bandwidths other than 00, when it sets
 Sat_sensor, and that an automatic set/reset takes just twice the time (its fastest rates fit that).

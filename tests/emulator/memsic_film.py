@@ -77,7 +77,6 @@ class Memsic(RegisterChip):
     ) -> None:
         self.film = Film(Random(1000 + seed))
         super().__init__(time_s, field_gauss, clock_error, phase_s, address, noise_gauss, seed)
-        self.exposed(self.field_gauss)
 
     def restart(self, registers: dict[int, int]) -> None:
         """Registers start anew. The film stays as it is: no pulse is a part of that."""
@@ -137,7 +136,6 @@ class Memsic(RegisterChip):
 
     def _pulse(self, polarity: int, time_s: float) -> None:
         self.film.pulse(polarity, time_s, self.repeatability_gauss)
-        self.exposed(self.field_during(time_s, time_s))
 
     def measurement_s(self) -> float:
         """How long the measurement takes that begins now."""

@@ -186,6 +186,7 @@ TEST(emulated_qmc5883p_has_turned_axes_before_its_signs_are_defined)
     CHECK_EQUAL(register_of(&qmc5883p_chip.common.part, CONTROL_1), 0);
     wait_ms(1000);
     CHECK_EQUAL(qmc5883p_status(), 0);
+    WRITE(qmc5883p_chip, SIGNS, 0x05);
     WRITE(qmc5883p_chip, CONTROL_2, 3 << 2);
     WRITE(qmc5883p_chip, CONTROL_1, SINGLE);
     wait_ms(5.1);
