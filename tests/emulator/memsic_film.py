@@ -49,15 +49,20 @@ class Memsic(RegisterChip):
 
     address = 0x30
     sensitivity_per_k = -0.0002
-    status, control_0, done, otp_read_done = 0, 0, 0, 0x10
-    zero_count, counts_per_gauss = 0, 16384
+    status = 0
+    done = 0
+    otp_read_done = 0x10
+    control_0 = 0
+    zero_count = 0
+    counts_per_gauss = 16384
     measurements_s: tuple[float, ...] = ()  # by bandwidth
     noises_gauss: tuple[float, ...] = ()
     between_pulses_s = 0.0  # what an automatic set/reset takes beside its two samples
     settles_s = 0.0  # after a pulse
     reset_s = 0.0
     upsetting_gauss = 0.0
-    remanence_gauss, upset_sensitivity = 0.3, 0.5  # of an upset film, once the strong field is gone
+    remanence_gauss = 0.3  # of an upset film
+    upset_sensitivity = 0.5  # of an upset film, once the strong field is gone
     strong_sensitivity = 1.0  # as long as the strong field lasts, so that it shows
     unsettled_gauss = 0.2  # the error of a measurement that begins right at a pulse
     repeatability_gauss = 1e-3
