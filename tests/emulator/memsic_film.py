@@ -152,7 +152,7 @@ class Memsic(RegisterChip):
         raise NotImplementedError
 
     def convert(self) -> None:
-        sample_s, end_s = self.sample_s * (1.0 + self.clock_error), self.ended_s
+        sample_s, end_s = self.sample_s * (1.0 + self.clock_error), self.converted_s
         if self.automatic:
             pause_s = 0.5 * self.between_pulses_s * (1.0 + self.clock_error)
             self._pulse(1, end_s - 2.0 * (sample_s + pause_s))
