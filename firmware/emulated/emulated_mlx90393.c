@@ -19,6 +19,8 @@ enum {
     RS = 0x04,
     FACTORY = 0x0600, // upper bits of word 0: with others the sensitivity is not the one promised
     HALLCONF = 0x0C,
+    NO_AXIS_US = 490,
+    AFTER_Z_US = 100,
     CONVERTER_END = 88000, // of 19 bits: 22000 counts of RES 2
     EXIT_NS = 900000,      // a measurement that is running ends first
 };
@@ -32,17 +34,30 @@ static void power_on(struct emulated_part *part)
     chip->mode = 0;
     chip->was_reset = true;
     chip->has_sample = chip->exits = false;
+    chip->acknowledged = chip->start_unread = false;
     chip->command_count = chip->answer_count = chip->answer_sent = 0;
+}
+
+static unsigned axis_us(const struct emulated_mlx90393 *chip)
+{
+    unsigned osr = chip->words[2] & 3, filter = chip->words[2] >> 2 & 7;
+    return 67 + (64U << osr) * (2 + (1U << filter));
+}
+
+static unsigned axis_count(const struct emulated_mlx90393 *chip)
+{
+    return (chip->axes >> 1 & 1U) + (chip->axes >> 2 & 1U) + (chip->axes >> 3 & 1U);
+}
+
+static uint64_t slowed_ns(const struct emulated_mlx90393 *chip, unsigned us)
+{
+    return (uint64_t)(chip->slowness * us * 1e3);
 }
 
 static uint64_t conversion_ns(const struct emulated_mlx90393 *chip)
 {
-    unsigned osr = chip->words[2] & 3, filter = chip->words[2] >> 2 & 7, osr2 = chip->words[2] >> 11 & 3;
-    unsigned axes = (chip->axes >> 1 & 1U) + (chip->axes >> 2 & 1U) + (chip->axes >> 3 & 1U);
-    uint64_t us = axes * (67 + (64U << osr) * (2 + (1U << filter))) + 490;
-    if (chip->axes & 1)
-        us += 67 + (192U << osr2);
-    return us * 1000;
+    unsigned osr2 = chip->words[2] >> 11 & 3, us = axis_count(chip) * axis_us(chip) + NO_AXIS_US;
+    return slowed_ns(chip, chip->axes & 1 ? us + 67 + (192U << osr2) : us);
 }
 
 // Table 17, HALLCONF 0xC: microtesla of a count at RES 0 by GAIN_SEL, of x and y, and of z.
@@ -55,11 +70,13 @@ static double step_ut(const struct emulated_mlx90393 *chip, int axis)
 }
 
 // 16 of 19 bits, as RES picks them: with RES 0 and 1 what is beyond wraps around (section 16.2.6).
-static uint16_t output(struct emulated_mlx90393 *chip, int axis)
+static uint16_t output(struct emulated_mlx90393 *chip, int axis, double gauss)
 {
     static const uint16_t zero[4] = {0, 0, 0x8000, 0x4000};
     unsigned res = chip->words[2] >> (5 + 2 * axis) & 3;
-    double counts = magnetometer_gauss(&chip->common, axis) * 100.0 / step_ut(chip, axis);
+    double counts = magnetometer_sensed(&chip->common, gauss) * 100.0 / step_ut(chip, axis);
+    if (!chip->acknowledged)
+        counts = 0.0; // "to get valid measurement data" the first status has to be read
     double clipped = fmax(-CONVERTER_END, fmin(CONVERTER_END, counts));
     return (uint16_t)((int)floor(clipped / (1 << res) + 0.5) + zero[res]);
 }
@@ -68,8 +85,16 @@ static uint64_t convert(struct emulated_magnetometer *common)
 {
     struct emulated_mlx90393 *chip = (struct emulated_mlx90393 *)common;
     uint16_t measured[4] = {(uint16_t)lround(46244 + 45.2 * (common->temperature_c - 25.0))};
-    for (int axis = 0; axis < 3; axis++)
-        measured[axis + 1] = output(chip, axis);
+    uint64_t axis_ns = magnetometer_stretched(common, slowed_ns(chip, axis_us(chip)));
+    uint64_t after_ns = magnetometer_stretched(common, slowed_ns(chip, AFTER_Z_US));
+    uint64_t begin_ns = common->now_ns - after_ns - axis_count(chip) * axis_ns;
+    for (int axis = 0; axis < 3; axis++) { // those that are measured are so one after the other
+        uint64_t end_ns = begin_ns + (chip->axes >> (axis + 1) & 1 ? axis_ns : 0);
+        double gauss[3];
+        magnetometer_mean(common, begin_ns, end_ns, gauss);
+        measured[axis + 1] = output(chip, axis, gauss[axis]);
+        begin_ns = end_ns;
+    }
     for (int i = 0; i < 4; i++) {
         chip->sample[2 * i] = (uint8_t)(measured[i] >> 8);
         chip->sample[2 * i + 1] = (uint8_t)measured[i];
@@ -109,6 +134,7 @@ static void obey(struct emulated_mlx90393 *chip)
     static const uint8_t nothing[8] = {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF};
     uint8_t command = chip->command[0] & 0xF0, axes = chip->command[0] & 0x0F;
     bool refused = false;
+    chip->start_unread = command == START_BURST || command == START_SINGLE;
     if (command == RESET) {
         power_on(&chip->common.part);
     } else if (command == EXIT) {
@@ -168,6 +194,8 @@ static void put(struct emulated_part *part, uint8_t byte)
 static uint8_t get(struct emulated_part *part)
 {
     struct emulated_mlx90393 *chip = (struct emulated_mlx90393 *)part;
+    chip->acknowledged |= chip->start_unread;
+    chip->start_unread = false;
     return chip->answer_sent < chip->answer_count ? chip->answer[chip->answer_sent++] : 0xFF;
 }
 
@@ -175,6 +203,7 @@ void emulated_mlx90393_init(struct emulated_mlx90393 *chip, uint8_t address, uin
 {
     static const struct emulated_part_kind kind = {power_on, advance, start_write, put, get};
     memset(chip, 0, sizeof *chip);
+    chip->slowness = 1.0;
     magnetometer_init(&chip->common, &kind, address, convert, seed);
     chip->common.sensitivity_per_k = -3e-4;
 }

@@ -1,4 +1,10 @@
-// An MLX90393 as Melexis' data sheet (3901090393 rev. 006) describes it: commands in place of registers.
+// An MLX90393 as Melexis' data sheet (3901090393) and public drivers describe it: commands in place of registers.
+//
+// Rev. 002 could be read in part: page 13 (order of the axes: t, x, y, z) and page 16 (the status of the first SM after
+// power-up or reset has to be read back). Sections and tables of rev. 006 that public drivers do not quote are from memory.
+// Adafruit_MLX90393 issues 17 and 18: real parts take longer than the table says; tedyapo waits 1.3 times as long.
+// Unverified: that SB needs its status read as SM does; what a measurement without that shows (here: no field, and no
+// error); where in a conversion the 490 us lie that belong to no axis (here: 100 us after z, the rest before t).
 #ifndef FMFTS_EMULATED_MLX90393_H
 #define FMFTS_EMULATED_MLX90393_H
 
@@ -11,6 +17,9 @@ struct emulated_mlx90393 {
     uint16_t words[MLX90393_WORDS]; // the customer area, as it is in use
     uint8_t mode, axes;             // of the status byte; what is measured: bits z, y, x, t
     bool was_reset;
+    double slowness; // how many times as long as in the table a conversion takes; a test may set it
+    bool acknowledged; // the status of an SM or SB was read back since the reset
+    bool start_unread; // that of the newest command is such a status, and nobody read it yet
     bool exits;                     // the mode ends at exits_ns
     uint64_t exits_ns;
     bool has_sample;

@@ -1,122 +1,75 @@
 #include "emulated_mmc5983ma.h"
 
-#include <math.h>
 #include <string.h>
 
 enum {
-    OUTPUT = 0x00, // Xout0 to Zout1: the upper 16 bits of each axis; then the lower two of all three
-    STATUS = 0x08,
+    OUTPUT = 0x00, // Xout0 to Zout1: the upper 16 bits of each axis (page 13); then the lower two of all three
+    LOWEST_BITS = 0x06,
+    STATUS = 0x08, // page 14
     CONTROL_0 = 0x09,
-    CONTROL_1 = 0x0A,
-    CONTROL_3 = 0x0C,
     PRODUCT_ID = 0x2F,
     MEAS_M_DONE = 0x01,
-    MEAS_T_DONE = 0x02,
     OTP_READ_DONE = 0x10,
-    TM_M = 0x01,
-    SET = 0x08,
-    RESET = 0x10,
-    AUTO_SR_EN = 0x20,
-    SW_RST = 0x80,
-    CMM_EN = 0x08,
+    X_INHIBIT = 0x04, // control 1, page 15
+    YZ_INHIBIT = 0x18,
+    CMM_EN = 0x08, // control 2, page 16
     CM_FREQ = 0x07,
-    EN_PRD_SET = 0x80,
-    ZERO = 0x20000, // of 18 bits
-    COUNTS_PER_GAUSS = 16384,
-    POWER_ON_NS = 9000000, // "10 ms" is what the host has to wait
+    ZERO = 1 << 17, // of 18 bits
+    ODD_COUNTS = 1802, // 11 uT
 };
 
-static const double MAGNETISING_GAUSS = 10.0, REMANENCE_GAUSS = 0.3;
-
-static void power_on(struct emulated_part *part)
+static void restart(struct emulated_memsic *memsic)
 {
-    struct emulated_mmc5983ma *chip = (struct emulated_mmc5983ma *)part;
-    magnetometer_clear(&chip->common);
-    memset(chip->controls, 0, sizeof chip->controls);
-    chip->common.registers[STATUS] = OTP_READ_DONE;
-    chip->common.registers[PRODUCT_ID] = 0x30;
-    chip->starts_until_ns = 0;
+    memsic->common.registers[STATUS] = OTP_READ_DONE;
+    memsic->common.registers[PRODUCT_ID] = 0x30;
+    ((struct emulated_mmc5983ma *)memsic)->asked_exactly = 0;
 }
 
-static uint64_t measurement_ns(const struct emulated_mmc5983ma *chip)
-{
-    static const uint32_t of_bandwidth[4] = {8000000, 4000000, 2000000, 500000};
-    return of_bandwidth[chip->controls[1] & 3];
-}
-
-// Of continuous measurements; 0: there are none. One that is longer than its period takes the next one.
-static uint64_t period_ns(const struct emulated_mmc5983ma *chip)
+// One that is longer than its period takes the next one. Unverified: Prd_set changes nothing.
+static uint64_t period_ns(struct emulated_memsic *memsic)
 {
     static const uint16_t rate_hz[8] = {0, 1, 10, 20, 50, 100, 200, 1000};
-    uint16_t rate = rate_hz[chip->controls[2] & CM_FREQ];
-    if (!(chip->controls[2] & CMM_EN) || rate == 0)
+    static const uint16_t fastest_hz[4] = {50, 100, 225, 580}; // with automatic set/reset, page 2
+    uint16_t rate = rate_hz[memsic->controls[2] & CM_FREQ];
+    if (!(memsic->controls[2] & CMM_EN) || rate == 0)
         return 0;
-    uint64_t period = 1000000000U / rate;
-    return (measurement_ns(chip) + period - 1) / period * period;
+    uint64_t nominal_ns = 1000000000U / rate;
+    uint64_t taken_ns = (emulated_memsic_measurement_ns(memsic) + nominal_ns - 1) / nominal_ns * nominal_ns;
+    uint64_t least_ns = memsic->automatic ? 1000000000U / fastest_hz[memsic->controls[1] & 3] : 0;
+    return taken_ns > least_ns ? taken_ns : least_ns;
 }
 
-static uint64_t convert(struct emulated_magnetometer *common)
+static int coil_current(const struct emulated_memsic *memsic)
 {
-    struct emulated_mmc5983ma *chip = (struct emulated_mmc5983ma *)common;
-    double gauss[3], strongest = 0;
-    for (int axis = 0; axis < 3; axis++) {
-        gauss[axis] = magnetometer_gauss(common, axis) * (axis == 2 ? -1 : 1); // left-handed: z points into the board
-        strongest = fmax(strongest, fabs(gauss[axis]));
-    }
-    // "Automatic set/reset" is a SET before a measurement; in a stream, with EN_PRD_SET, every PRD_SET measurements,
-    // here each.
-    if ((chip->controls[0] & AUTO_SR_EN) && (!period_ns(chip) || (chip->controls[2] & EN_PRD_SET)))
-        chip->magnetised = false;
-    chip->magnetised |= strongest > MAGNETISING_GAUSS;
-    common->registers[OUTPUT + 6] = 0;
-    for (int axis = 0; axis < 3; axis++) {
-        double offset = chip->magnetised ? REMANENCE_GAUSS : 0.0;
-        int count = magnetometer_count(ZERO + (gauss[axis] + offset) * COUNTS_PER_GAUSS, 0, 2 * ZERO - 1);
-        common->registers[OUTPUT + 2 * axis] = (uint8_t)(count >> 10);
-        common->registers[OUTPUT + 2 * axis + 1] = (uint8_t)(count >> 2);
-        common->registers[OUTPUT + 6] |= (uint8_t)((count & 3) << (6 - 2 * axis));
-    }
-    common->registers[STATUS] |= MEAS_M_DONE;
-    return period_ns(chip);
+    return (memsic->controls[3] >> 1 & 1) - (memsic->controls[3] >> 2 & 1); // St_enp, St_enm
 }
 
-static void control(struct emulated_mmc5983ma *chip, int number, uint8_t value)
+static void show(struct emulated_memsic *memsic, const int counts[3])
 {
-    chip->controls[number] = value;
-    if (number == 0) {
-        chip->controls[0] &= AUTO_SR_EN; // the bits that start something clear themselves
-        if (value & (SET | RESET))
-            chip->magnetised = false;
-        if (value & TM_M) {
-            chip->common.registers[STATUS] &= (uint8_t)~MEAS_M_DONE;
-            magnetometer_begin(&chip->common, measurement_ns(chip));
-        }
-    } else if (number == 2) {
-        magnetometer_end(&chip->common);
-        if (period_ns(chip))
-            magnetometer_begin(&chip->common, period_ns(chip));
+    struct emulated_mmc5983ma *chip = (struct emulated_mmc5983ma *)memsic;
+    uint8_t *registers = memsic->common.registers;
+    bool odd = memsic->exactly && ++chip->asked_exactly % 16 == 0;
+    memsic->exactly = false;
+    for (int axis = 0; axis < 3; axis++) {
+        uint8_t inhibits = axis ? YZ_INHIBIT : X_INHIBIT;
+        int count = counts[axis] + (odd && axis == 0 ? ODD_COUNTS : 0);
+        count = count < 2 * ZERO ? count : 2 * ZERO - 1;
+        if ((memsic->controls[1] & inhibits) == inhibits)
+            continue;
+        registers[OUTPUT + 2 * axis] = (uint8_t)(count >> 10);
+        registers[OUTPUT + 2 * axis + 1] = (uint8_t)(count >> 2);
+        registers[LOWEST_BITS] &= (uint8_t)~(3 << (6 - 2 * axis));
+        registers[LOWEST_BITS] |= (uint8_t)((count & 3) << (6 - 2 * axis));
     }
 }
 
 static void put(struct emulated_part *part, uint8_t byte)
 {
     struct emulated_mmc5983ma *chip = (struct emulated_mmc5983ma *)part;
-    struct emulated_magnetometer *common = &chip->common;
-    if (magnetometer_takes_pointer(common, byte)) {
-        memcpy(chip->held, common->registers, sizeof chip->held);
-        return;
-    }
-    uint8_t number = common->pointer++;
-    if (common->now_ns < chip->starts_until_ns || common->writes_lost)
-        return;
-    if (number == STATUS) {
-        common->registers[STATUS] &= (uint8_t)~(byte & (MEAS_M_DONE | MEAS_T_DONE));
-    } else if (number == CONTROL_1 && (byte & SW_RST)) {
-        power_on(part);
-        chip->starts_until_ns = common->now_ns + POWER_ON_NS;
-    } else if (number >= CONTROL_0 && number <= CONTROL_3) {
-        control(chip, number - CONTROL_0, byte);
-    }
+    if (magnetometer_takes_pointer(&chip->common, byte))
+        memcpy(chip->held, chip->common.registers, sizeof chip->held);
+    else
+        emulated_memsic_write(&chip->memsic, chip->common.pointer++, byte);
 }
 
 static uint8_t get(struct emulated_part *part)
@@ -125,13 +78,30 @@ static uint8_t get(struct emulated_part *part)
     uint8_t number = chip->common.pointer++;
     if (chip->holds_outputs && number < sizeof chip->held)
         return chip->held[number];
-    return chip->common.registers[number]; // of the controls: zero
+    return emulated_memsic_read(&chip->memsic, number);
 }
 
 void emulated_mmc5983ma_init(struct emulated_mmc5983ma *chip, uint32_t seed)
 {
-    static const struct emulated_part_kind kind = {power_on, magnetometer_advance, magnetometer_start_write, put, get};
+    static const struct emulated_part_kind part = {emulated_memsic_power_on, magnetometer_advance,
+                                                   magnetometer_start_write, put, get};
+    static const struct emulated_memsic_kind kind = {
+        .status = STATUS,
+        .done = MEAS_M_DONE,
+        .control_0 = CONTROL_0,
+        .zero = ZERO,
+        .counts_per_gauss = 16384,
+        .upsetting_gauss = 10,                              // page 2
+        .sample_ns = {8000000, 4000000, 2000000, 500000},   // page 15
+        .noise_gauss = {0.4e-3, 0.6e-3, 0.8e-3, 1.2e-3},    // page 2
+        .between_pulses_ns = 1000000,
+        .settles_ns = 500000,
+        .reset_ns = 10000000, // page 15
+        .restart = restart,
+        .period_ns = period_ns,
+        .coil_current = coil_current,
+        .show = show,
+    };
     memset(chip, 0, sizeof *chip);
-    magnetometer_init(&chip->common, &kind, 0x30, convert, seed);
-    chip->common.sensitivity_per_k = -2e-4;
+    emulated_memsic_init(&chip->memsic, &kind, &part, seed);
 }

@@ -20,11 +20,16 @@ enum {
     OUTPUT_LAST = 0x05,
 };
 
-static void power_on(struct emulated_part *part)
+static void reset(struct emulated_magnetometer *chip)
 {
-    struct emulated_magnetometer *chip = (struct emulated_magnetometer *)part;
     magnetometer_clear(chip);
     chip->registers[IDENTIFICATION] = 0xFF;
+}
+
+static void power_on(struct emulated_part *part)
+{
+    reset((struct emulated_magnetometer *)part);
+    ((struct emulated_qmc5883l *)part)->woken = false;
 }
 
 static uint64_t period_ns(const struct emulated_magnetometer *chip)
@@ -59,7 +64,7 @@ static void put(struct emulated_part *part, uint8_t byte)
     if (chip->writes_lost || number < CONTROL_1 || number > PERIOD)
         return;
     if (number == CONTROL_2 && (byte & SOFT_RST)) {
-        power_on(part);
+        reset(chip);
         return;
     }
     chip->registers[number] = byte;
@@ -74,11 +79,19 @@ static uint8_t get(struct emulated_part *part)
 {
     struct emulated_magnetometer *chip = (struct emulated_magnetometer *)part;
     uint8_t number = chip->pointer, byte = chip->registers[number];
+    bool *woken = &((struct emulated_qmc5883l *)part)->woken;
+    *woken |= number == OUTPUT;
     bool rolls_over = number == STATUS && (chip->registers[CONTROL_2] & ROL_PNT);
     chip->pointer = rolls_over ? OUTPUT : (uint8_t)(number + 1);
     if (number <= OUTPUT_LAST)
         chip->registers[STATUS] &= OVL; // reading any output clears DRDY and DOR
-    return byte;
+    return number == IDENTIFICATION && !*woken ? 0 : byte;
+}
+
+static double own_noise_gauss(const struct emulated_magnetometer *chip)
+{
+    (void)chip;
+    return 2e-3; // at ±2 G; no other figure is known
 }
 
 void emulated_qmc5883l_init(struct emulated_qmc5883l *chip, uint32_t seed)
@@ -86,5 +99,6 @@ void emulated_qmc5883l_init(struct emulated_qmc5883l *chip, uint32_t seed)
     static const struct emulated_part_kind kind = {power_on, magnetometer_advance, magnetometer_start_write, put, get};
     memset(chip, 0, sizeof *chip);
     magnetometer_init(&chip->common, &kind, 0x0D, convert, seed);
+    chip->common.own_noise_gauss = own_noise_gauss;
     chip->common.sensitivity_per_k = -5e-4;
 }

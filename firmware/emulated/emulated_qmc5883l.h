@@ -1,4 +1,5 @@
-// A QMC5883L as QST's data sheet (13-52-04 rev. 1.0) describes it.
+// A QMC5883L as QST's data sheet (13-52-04 rev. 1.0) describes it where public drivers quote it. PX4's and ArduPilot's read
+// register 0x00 once before they ask for the identity.
 #ifndef FMFTS_EMULATED_QMC5883L_H
 #define FMFTS_EMULATED_QMC5883L_H
 
@@ -9,6 +10,7 @@ struct emulated_qmc5883l {
     // A field beyond this sets OVL although no axis shows its last count; 0: only the last count does. The data sheet does
     // not say where between its range and the last count OVL begins. A test may set it.
     double overflow_gauss;
+    bool woken; // register 0x00 was read since the power came; before that the identity reads as zero
 };
 
 void emulated_qmc5883l_init(struct emulated_qmc5883l *chip, uint32_t seed);

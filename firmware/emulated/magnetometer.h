@@ -8,7 +8,11 @@ struct emulated_magnetometer {
     struct emulated_part part;
     // A test may set these at any time. Call magnetometer_advance before, so that past conversions keep the old values.
     double field_gauss[3];
+    // The field at a time of the bench, in place of field_gauss. A chip senses the mean over its measurement where its file
+    // knows when that begins, and else the field at its end.
+    void (*field_at)(const struct emulated_magnetometer *chip, uint64_t ns, double gauss[3]);
     double noise_gauss;
+    bool has_own_noise; // what own_noise_gauss says of the present settings, in place of noise_gauss
     double temperature_c;
     double sensitivity_per_k; // relative, from that of 25 degrees
     double ppm; // how much faster than nominal the chip's clock runs
@@ -16,6 +20,9 @@ struct emulated_magnetometer {
     bool writes_lost;
     // The end of a conversion. Returns the time to the next one by the data sheet, 0 where it was the last.
     uint64_t (*convert)(struct emulated_magnetometer *chip);
+    double (*own_noise_gauss)(const struct emulated_magnetometer *chip); // one deviation; NULL: no source states it
+    // NULL, or told of the field whenever time passes, also while nothing is measured.
+    void (*exposed)(struct emulated_magnetometer *chip, const double gauss[3]);
     uint8_t registers[256];
     uint8_t pointer;
     bool pointer_expected;
@@ -33,8 +40,17 @@ void magnetometer_clear(struct emulated_magnetometer *chip);
 void magnetometer_begin(struct emulated_magnetometer *chip, uint64_t nominal_ns);
 void magnetometer_end(struct emulated_magnetometer *chip);
 
-// The field at one axis, with noise.
+// A time of the data sheet on this chip's clock.
+uint64_t magnetometer_stretched(const struct emulated_magnetometer *chip, uint64_t nominal_ns);
+
+// The mean field of a time, from five instants.
+void magnetometer_mean(const struct emulated_magnetometer *chip, uint64_t begin_ns, uint64_t end_ns, double gauss[3]);
+// What the chip makes of this field: noise and warmth are in it.
+double magnetometer_sensed(struct emulated_magnetometer *chip, double gauss);
+// The field of now at one axis, sensed.
 double magnetometer_gauss(struct emulated_magnetometer *chip, int axis);
+// A random number with a deviation of 1.
+double magnetometer_normal(struct emulated_magnetometer *chip);
 // The nearest count within these limits.
 int magnetometer_count(double counts, int least, int most);
 

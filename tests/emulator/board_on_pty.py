@@ -18,7 +18,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from emulator.board_port import Orders, Pty
-from emulator.magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l
+from emulator.magnetometers import Lis3mdl, Mmc5603nj, Mmc5983ma, Qmc5883l, Qmc5883p
 from emulator.mlx90393 import Mlx90393
 from emulator.stm32_board import DEFAULT_UID, Board
 from emulator.stm32_commands import Line, Session, execute
@@ -26,9 +26,11 @@ from emulator.stm32_commands import Line, Session, execute
 SLICE_S = 0.002
 GIVE_UP_S = 1.0  # so far behind real time, the time lost is let go
 CHIP_NOISE_MICROTESLA = 0.2
-OTHER_CHIPS = {  # with their noise in µT, as docs/chips.md has it
+OTHER_CHIPS = {  # with their noise in µT, of the MEMSIC chips at 2 ms a measurement
     "qmc5883l": (Qmc5883l, 0.2),
-    "mmc5983ma": (Mmc5983ma, 0.06),
+    "qmc5883p": (Qmc5883p, 0.2),
+    "mmc5983ma": (Mmc5983ma, 0.08),
+    "mmc5603nj": (Mmc5603nj, 0.363),
     "lis3mdl": (Lis3mdl, 0.32),
     "mlx90393": (Mlx90393, 1.5),
 }

@@ -39,7 +39,7 @@ class Magnetometer:
         self.frozen = False  # a clock that has stopped
         self.conversions = 0
         self.next_conversion_s: float | None = None
-        self.ended_s = 0.0  # of the newest conversion
+        self.converted_s = 0.0  # of the newest conversion
         self.power_on()
 
     @property
@@ -48,11 +48,11 @@ class Magnetometer:
 
     @field_gauss.setter
     def field_gauss(self, field_gauss: Sequence[float]) -> None:
-        self._field_gauss = list(field_gauss)
         self.exposed(self._field_gauss)
+        self._field_gauss = list(field_gauss)
 
     def exposed(self, field_gauss: Sequence[float]) -> None:
-        """This field was at the chip, whether or not it measured."""
+        """This field was at the chip until now, whether or not it measured."""
 
     def power_on(self) -> None:
         raise NotImplementedError
@@ -100,7 +100,7 @@ class Magnetometer:
     def sensed_gauss(self, field_gauss: Sequence[float] | None = None) -> list[float]:
         """This field, or that at the end of the conversion, with noise, gains and warmth."""
         if field_gauss is None:
-            field_gauss = self.field_during(self.ended_s, self.ended_s)
+            field_gauss = self.field_during(self.converted_s, self.converted_s)
         warmth = 1.0 + self.sensitivity_per_k * (self.temperature_c - 25.0)
         noise_gauss = self.own_noise_gauss() if self.has_own_noise else self.noise_gauss
         return [
@@ -133,5 +133,5 @@ class Magnetometer:
                 ended_s += missed * period_s
                 self.next_conversion_s = ended_s + period_s
             self.conversions += 1
-            self.ended_s = ended_s
+            self.converted_s = ended_s
             self.convert()

@@ -4,7 +4,7 @@ MMC5983MA: MEMSIC data sheet, Rev A, 2019-04-03, pages 2 and 13 to 16. SparkFun_
 with a command byte of exactly 0x21, users see x of every 16th sample off by 10 to 12 uT. Its controls cannot be read.
 Unverified: Auto_SR_en doubles every continuous measurement, whatever Prd_set says.
 
-MMC5603NJ: Linux drivers/iio/magnetometer/mmc5633.c, Zephyr drivers/sensor/memsic/mmc56x3, Adafruit_MMC56x3,
+MMC5603NJ: Linux drivers/iio/magnetometer/mmc5633, Zephyr drivers/sensor/memsic/mmc56x3, Adafruit_MMC56x3,
 mgershow/MMC5603NJ and PebbleOS (registers, bits, times, rates), SlimeVR (polarity).
 Unverified: its handedness, the field that upsets its film, its noise at bandwidths other than 00, when it sets
 Sat_sensor, and that an automatic set/reset takes just twice the time (its fastest rates fit that).
@@ -23,12 +23,15 @@ except ImportError:  # run by a Python that has this folder on its path, and not
 class Mmc5983ma(Memsic):
     """Continuous mode: S p. 16. A measurement that is longer than its period takes the next one."""
 
-    status, control_0, done = 0x08, 0x09, 0x01
-    zero_count = 1 << 17
-    measurements_s = (8e-3, 4e-3, 2e-3, 0.5e-3)  # S p. 15
-    noises_gauss = (0.4e-3, 0.6e-3, 0.8e-3, 1.2e-3)  # S p. 2
+    status = 0x08
+    done = 0x01
+    control_0 = 0x09
+    zero_count = 131072
+    measurements_s: tuple[float, ...] = (8e-3, 4e-3, 2e-3, 0.5e-3)  # S p. 15
+    noises_gauss: tuple[float, ...] = (0.4e-3, 0.6e-3, 0.8e-3, 1.2e-3)  # S p. 2
     fastest_hz = (50, 100, 225, 580)  # with automatic set/reset, S p. 2
-    between_pulses_s, settles_s = 1e-3, 0.5e-3
+    between_pulses_s = 1e-3
+    settles_s = 0.5e-3
     reset_s = 10e-3  # S p. 15
     upsetting_gauss = 10.0  # S p. 2
     odd_gauss = 0.11  # on x of each 16th sample that 0x21 asked for
@@ -66,10 +69,13 @@ class Mmc5983ma(Memsic):
 class Mmc5603nj(Memsic):
     """Continuous mode: the rate in 0x1A, Cmm_freq_en, then Cmm_en; with automatic set/reset at most 75 to 255 Hz."""
 
-    status, control_0, done = 0x18, 0x1B, 0x40
-    zero_count = 1 << 19
-    measurements_s = (6.6e-3, 3.5e-3, 2.0e-3, 1.2e-3)
-    noises_gauss = (2.0e-3, 2.75e-3, 3.63e-3, 4.69e-3)  # 2 mG (vendor), then by the square root of the time
+    status = 0x18
+    done = 0x40
+    control_0 = 0x1B
+    zero_count = 524288
+    measurements_s: tuple[float, ...] = (6.6e-3, 3.5e-3, 2.0e-3, 1.2e-3)
+    # 2 mG (vendor), then by the square root of the time.
+    noises_gauss: tuple[float, ...] = (2.0e-3, 2.75e-3, 3.63e-3, 4.69e-3)
     settles_s = 1e-3
     reset_s = 20e-3
     upsetting_gauss = 32.0

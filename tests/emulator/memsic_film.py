@@ -8,8 +8,9 @@ the board), D the maker's sample code in DRNadler/MMC5983MA_CompassTest and Ardu
 Automatic set/reset: U DRNadler/MMC5983MA_CompassTest (SET, sample, RESET, sample, half the difference; twice the time
 and about 1 ms), U SlimeVR-Tracker-nRF issue 150, S p. 2 (at most 50/100/225/580 Hz).
 
-Unverified, and chosen here: a new TM_M restarts a measurement that runs; how wrong a measurement soon after a pulse or
-with an upset film is; that writing 1 to Meas_M_Done clears the bit and not only its interrupt (`writing_clears_done`).
+Unverified, and chosen here: a new TM_M restarts a measurement that runs; how wrong a measurement is soon after a pulse,
+with an upset film or in the strong field itself; that writing 1 to Meas_M_Done clears the bit and not only its
+interrupt (`writing_clears_done`).
 A strong field in `field_at` is noticed at each measurement and at each transfer, not in between.
 """
 
@@ -48,15 +49,21 @@ class Memsic(RegisterChip):
 
     address = 0x30
     sensitivity_per_k = -0.0002
-    status, control_0, done, otp_read_done = 0, 0, 0, 0x10
-    zero_count, counts_per_gauss = 0, 16384
+    status = 0
+    done = 0
+    otp_read_done = 0x10
+    control_0 = 0
+    zero_count = 0
+    counts_per_gauss = 16384
     measurements_s: tuple[float, ...] = ()  # by bandwidth
     noises_gauss: tuple[float, ...] = ()
     between_pulses_s = 0.0  # what an automatic set/reset takes beside its two samples
     settles_s = 0.0  # after a pulse
     reset_s = 0.0
     upsetting_gauss = 0.0
-    remanence_gauss, upset_sensitivity = 0.3, 0.5  # of an upset film
+    remanence_gauss = 0.3  # of an upset film
+    upset_sensitivity = 0.5  # of an upset film, once the strong field is gone
+    strong_sensitivity = 1.0  # as long as the strong field lasts, so that it shows
     unsettled_gauss = 0.2  # the error of a measurement that begins right at a pulse
     repeatability_gauss = 1e-3
     zero_gauss: Sequence[float] = (0.0, 0.0, 0.0)
@@ -75,7 +82,6 @@ class Memsic(RegisterChip):
     ) -> None:
         self.film = Film(Random(1000 + seed))
         super().__init__(time_s, field_gauss, clock_error, phase_s, address, noise_gauss, seed)
-        self.exposed(self.field_gauss)
 
     def restart(self, registers: dict[int, int]) -> None:
         """Registers start anew. The film stays as it is: no pulse is a part of that."""
@@ -85,7 +91,10 @@ class Memsic(RegisterChip):
         self.sample_s, self.automatic, self.exactly = 0.0, False, False
 
     def exposed(self, field_gauss: Sequence[float]) -> None:
-        self.film.upset |= math.hypot(*field_gauss) > self.upsetting_gauss
+        self.film.upset |= self._is_strong(field_gauss)
+
+    def _is_strong(self, field_gauss: Sequence[float]) -> bool:
+        return math.hypot(*field_gauss) > self.upsetting_gauss
 
     def run(self) -> None:
         super().run()
@@ -132,7 +141,6 @@ class Memsic(RegisterChip):
 
     def _pulse(self, polarity: int, time_s: float) -> None:
         self.film.pulse(polarity, time_s, self.repeatability_gauss)
-        self.exposed(self.field_during(time_s, time_s))
 
     def measurement_s(self) -> float:
         """How long the measurement takes that begins now."""
@@ -144,7 +152,7 @@ class Memsic(RegisterChip):
         raise NotImplementedError
 
     def convert(self) -> None:
-        sample_s, end_s = self.sample_s * (1.0 + self.clock_error), self.ended_s
+        sample_s, end_s = self.sample_s * (1.0 + self.clock_error), self.converted_s
         if self.automatic:
             pause_s = 0.5 * self.between_pulses_s * (1.0 + self.clock_error)
             self._pulse(1, end_s - 2.0 * (sample_s + pause_s))
@@ -169,7 +177,10 @@ class Memsic(RegisterChip):
         film = self.film
         age_s = max(0.0, begin_s - film.pulsed_s)
         error = 0.0 if settled else self.unsettled_gauss * max(0.0, 1.0 - (age_s + 1e-9) / self.settles_s)
-        sensitivity, remanence = (self.upset_sensitivity, self.remanence_gauss) if film.upset else (1.0, 0.0)
+        sensitivity, remanence = 1.0, 0.0
+        if film.upset:
+            sensitivity = self.strong_sensitivity if self._is_strong(field) else self.upset_sensitivity
+            remanence = self.remanence_gauss
         x, y, out = self.sensed_gauss(field)
         counts = []
         for axis, gauss in enumerate((x, y, -out)):

@@ -128,7 +128,7 @@ class Mlx90393(Magnetometer):
         words = [round(46244 + 45.2 * (self.temperature_c - 25.0))] if self.axes & 1 else []
         measured = [axis for axis in range(3) if self.axes >> (axis + 1) & 1]
         stretch = self.slowness * (1.0 + self.clock_error)
-        begin_s = self.ended_s - stretch * (AFTER_Z_S + len(measured) * self._axis_s())
+        begin_s = self.converted_s - stretch * (AFTER_Z_S + len(measured) * self._axis_s())
         field = [0.0, 0.0, 0.0]
         for axis in measured:  # one after the other
             end_s = begin_s + stretch * self._axis_s()

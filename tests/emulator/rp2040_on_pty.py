@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from emulator.board_port import Orders, Pty, WrongCommandError
 from emulator.chips import Hmc5983
-from emulator.magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l
+from emulator.magnetometers import Lis3mdl, Mmc5603nj, Mmc5983ma, Qmc5883l, Qmc5883p
 from emulator.mlx90393 import Mlx90393
 from emulator.rp2040_board import Rp2040Board
 
@@ -35,7 +35,9 @@ GAUSS_PER_MICROTESLA = 1e-2
 NOISE_GAUSS: dict[str, tuple[Any, float]] = {  # as docs/chips.md has it, at the rates that a pad of 220 Hz takes
     "hmc5983": (Hmc5983, 2e-3),
     "qmc5883l": (Qmc5883l, 2e-3),
-    "mmc5983ma": (Mmc5983ma, 6e-4),
+    "qmc5883p": (Qmc5883p, 2e-3),
+    "mmc5983ma": (Mmc5983ma, 8e-4),
+    "mmc5603nj": (Mmc5603nj, 3.63e-3),
     "lis3mdl": (Lis3mdl, 4.6e-3),
     "mlx90393": (Mlx90393, 15e-3),
 }

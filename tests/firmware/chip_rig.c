@@ -15,6 +15,7 @@ static const double clock_ppm[PAD_SENSORS_MAX] = {-30000, 8000, -12000, 30000, 1
 static void init_mmc5983ma(union any_chip *chip, uint32_t seed)
 {
     emulated_mmc5983ma_init(&chip->mmc5983ma, seed);
+    chip->mmc5983ma.memsic.repeatability_gauss = 0; // no noise
 }
 
 static void init_qmc5883l(union any_chip *chip, uint32_t seed)

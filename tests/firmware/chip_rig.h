@@ -4,8 +4,10 @@
 
 #include "../../firmware/emulated/emulated_lis3mdl.h"
 #include "../../firmware/emulated/emulated_mlx90393.h"
+#include "../../firmware/emulated/emulated_mmc5603nj.h"
 #include "../../firmware/emulated/emulated_mmc5983ma.h"
 #include "../../firmware/emulated/emulated_qmc5883l.h"
+#include "../../firmware/emulated/emulated_qmc5883p.h"
 #include "rig.h"
 
 enum { GAIN_CODES_MAX = 6, SPEEDS_MAX = 4 };
@@ -13,9 +15,11 @@ enum { GAIN_CODES_MAX = 6, SPEEDS_MAX = 4 };
 union any_chip {
     struct emulated_magnetometer common;
     struct emulated_mmc5983ma mmc5983ma;
+    struct emulated_mmc5603nj mmc5603nj;
     struct emulated_mlx90393 mlx90393;
     struct emulated_lis3mdl lis3mdl;
     struct emulated_qmc5883l qmc5883l;
+    struct emulated_qmc5883p qmc5883p;
 };
 
 // Written here once more, not taken from the driver. Ranges are those in which every field must be told.

@@ -1,6 +1,6 @@
 """The emulated MMC5603NJ against what public drivers say of it, register by register, without any driver.
 
-Linux drivers/iio/magnetometer/mmc5633.c, Zephyr drivers/sensor/memsic/mmc56x3, Adafruit_MMC56x3, mgershow/MMC5603NJ,
+Linux drivers/iio/magnetometer/mmc5633, Zephyr drivers/sensor/memsic/mmc56x3, Adafruit_MMC56x3, mgershow/MMC5603NJ,
 PebbleOS. Its film is that of the MMC5983MA (test_emulated_mmc5983ma.py); here is what differs.
 """
 

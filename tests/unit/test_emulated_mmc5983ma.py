@@ -246,6 +246,12 @@ def test_field_above_10_gauss_upsets_the_film_until_a_pulse(clock: Clock, bit: i
     assert measured(clock, chip) == [each if bit == SET else -each for each in AFTER_SET]
 
 
+def test_strong_field_shows_as_long_as_it_lasts(clock: Clock) -> None:
+    chip = made(clock)
+    chip.feel((0.5, 12.0, 0.0))
+    assert measured(clock, chip)[1] == 131071 / 16384
+
+
 def test_strong_field_that_was_assigned_or_moved_upsets_the_film(clock: Clock) -> None:
     for way in range(3):
         chip = made(clock)

@@ -1,0 +1,65 @@
+// What the MMC5983MA and the MMC5603NJ share: a magnetised film, pulses that turn it, measurements that take time.
+//
+// S: MEMSIC MMC5983MA data sheet, Rev A (read). D: independent drivers agree. U: users measured it.
+// Film: S p. 18 (after SET the output is +H + offset, after RESET -H + offset), S p. 2 (a field above 10 G changes it until
+// the next pulse; SET/RESET repeats to 1 mG), S p. 9 (left-handed after SET: z points into the board), D the maker's sample
+// code in DRNadler/MMC5983MA_CompassTest and ArduPilot AP_Compass_MMC5xx3 (0.5 to 1 ms between a pulse and a measurement).
+// Automatic set/reset: U DRNadler/MMC5983MA_CompassTest (SET, sample, RESET, sample, half the difference; twice the time
+// and about 1 ms), U SlimeVR-Tracker-nRF issue 150, S p. 2 (at most 50/100/225/580 Hz).
+// Unverified, and chosen here: a new TM_M restarts a measurement that runs; how wrong a measurement is soon after a pulse,
+// with an upset film or in the strong field itself; that writing 1 to Meas_M_Done clears the bit and not only its interrupt.
+#ifndef FMFTS_EMULATED_MEMSIC_H
+#define FMFTS_EMULATED_MEMSIC_H
+
+#include "magnetometer.h"
+
+// Bits of control 0 and control 1 of both.
+enum { MEMSIC_TM_M = 0x01, MEMSIC_SET = 0x08, MEMSIC_RESET = 0x10, MEMSIC_AUTO_SR_EN = 0x20, MEMSIC_SW_RST = 0x80 };
+
+struct emulated_memsic;
+
+struct emulated_memsic_kind {
+    uint8_t status, done, control_0; // registers, and the bit that says that a measurement ended
+    int zero;                        // the count of no field
+    double counts_per_gauss, upsetting_gauss;
+    uint32_t sample_ns[4]; // by bandwidth
+    double noise_gauss[4];
+    uint32_t between_pulses_ns; // what an automatic set/reset takes beside its two samples
+    uint32_t settles_ns;        // after a pulse
+    uint32_t reset_ns;
+    void (*restart)(struct emulated_memsic *chip);                    // registers as after a reset
+    uint64_t (*period_ns)(struct emulated_memsic *chip);              // of continuous measurements; 0: there are none
+    int (*coil_current)(const struct emulated_memsic *chip);          // 1 or -1 with the self-test's current
+    void (*show)(struct emulated_memsic *chip, const int counts[3]); // to the outputs
+};
+
+struct emulated_memsic {
+    struct emulated_magnetometer common;
+    const struct emulated_memsic_kind *kind;
+    // A test may set these.
+    double repeatability_gauss;           // the deviation of the zero that each pulse leaves
+    double zero_gauss[3], coil_gauss[3];  // what the bridges say of no field, and the coil's field, by the chip's axes
+    bool done_stays_when_written;         // page 14 can be read both ways
+    // The film. A part that was just switched on may have either polarity: here that of RESET.
+    int polarity; // 1 after SET, -1 after RESET
+    bool upset, pulsed;
+    uint64_t pulsed_ns;
+    double pulse_zero_gauss[3];
+    uint8_t controls[4];
+    uint64_t starts_until_ns; // after a reset
+    // The measurement that runs.
+    uint32_t sample_ns;
+    bool automatic, exactly; // with automatic set/reset; the command was 0x21 and nothing else
+};
+
+void emulated_memsic_init(struct emulated_memsic *chip, const struct emulated_memsic_kind *kind,
+                          const struct emulated_part_kind *part, uint32_t seed);
+void emulated_memsic_power_on(struct emulated_part *part);
+void emulated_memsic_write(struct emulated_memsic *chip, uint8_t number, uint8_t value);
+// Zero for controls, which cannot be read.
+uint8_t emulated_memsic_read(const struct emulated_memsic *chip, uint8_t number);
+// How long the measurement takes that begins now, by the data sheet.
+uint64_t emulated_memsic_measurement_ns(struct emulated_memsic *chip);
+bool emulated_memsic_hears(const struct emulated_memsic *chip);
+
+#endif
