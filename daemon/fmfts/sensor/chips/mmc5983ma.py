@@ -6,7 +6,7 @@ import time
 from struct import Struct
 
 from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip, SetReset
-from fmfts.sensor.chips.driver import Setup, Wires, saturating
+from fmfts.sensor.chips.driver import Setup, Wires, registers, saturating
 
 # Register map. The controls cannot be read back; a bit that starts something clears itself.
 AXES, STATUS, CONTROL_0, CONTROL_1, CONTROL_3, PRODUCT = 0x00, 0x08, 0x09, 0x0A, 0x0C, 0x2F
@@ -112,6 +112,7 @@ MMC5983MA = Chip(
     set_reset=_SET_RESET,
     board_rates_hz=(100.0, 200.0, 1000.0),  # below 100 Hz the noise stays as it is
     board_single_hz=203,
+    dump=registers((0x00, 8), (0x08, 1), (0x09, 4), (0x2F, 1)),
     supply="made; boards 10 to 20 € each",
     remarks="one address, so a mux; its thermometer (0.8 °C a step) is not used; its settings cannot be read back; "
     "left-handed, as flight controllers take it: where `baseline --rest` finds it otherwise, it says so",
