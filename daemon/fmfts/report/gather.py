@@ -17,7 +17,7 @@ from typing import Any
 from fmfts.baseline.files import previous_of
 from fmfts.bus.lock import serving_pid
 from fmfts.common.reading import read_regular
-from fmfts.config import BridgeSource, Config, I2cSource
+from fmfts.config import AnyskinSource, BridgeSource, Config, I2cSource
 from fmfts.config.file import ConfigError, find, load
 from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
@@ -27,7 +27,7 @@ from fmfts.report import machine
 from fmfts.report.log import journal
 from fmfts.sensor import SourceError
 from fmfts.sensor.bridge.serial_port import candidates
-from fmfts.sensor.i2c.scan import scanned
+from fmfts.sensor.i2c.scan import Found, scanned
 from fmfts.service.child import child_daemon
 from fmfts.service.state import state_directory
 from fmfts.view.progress import Show
@@ -85,8 +85,8 @@ class Gathering:
         try:
             yield
         except Exception as error:  # noqa: BLE001
-            known = str(error) or type(error).__name__
-            self.missing.append(f"{what}: {known.removeprefix(f'{what}: ')}")
+            named = re.compile(r"^(?:selftest: )?(?:pad '[\w-]+': )?(?:no self-test: )?")
+            self.missing.append(f"{what}: {named.sub('', str(error)) or type(error).__name__}")
 
     def _configure(self) -> None:
         with self._told("configuration"):
@@ -97,6 +97,8 @@ class Gathering:
             except ConfigError as error:
                 self.configuration["error"] = str(error)
                 self.missing.append(f"frames and self-test: the configuration is bad: {error}")
+                if not file.exists():
+                    return
             self.configuration["text"] = read_regular(file, LARGEST_TEXT).decode(errors="replace")
         for pad in self.config.pad if self.config is not None else ():
             if pad.contact.model not in (NO_MODEL, *SHIPPED_PATHS):
@@ -189,14 +191,17 @@ class Gathering:
             named = {source.bus for source in sources if isinstance(source, I2cSource)}
         else:
             named = {int(number) for number in BUS_IN_TEXT.findall(self.configuration.get("text", ""))}
-        return sorted(named | set(self.buses))
+        buses = sorted(named | set(self.buses))
+        if not buses and self.config is None:
+            there = ", ".join(map(str, machine.adapters())) or "none"
+            self.missing.append(f"chips: no I2C bus is named: --i2c BUS names one; this computer has {there}")
+        return buses
 
     def _ports(self) -> list[str]:
-        sources = (pad.source for pad in self.config.pad) if self.config is not None else ()
-        ports = [source.port for source in sources if isinstance(getattr(source, "port", None), str)]
-        if any(isinstance(pad.source, BridgeSource) for pad in (self.config.pad if self.config is not None else ())):
-            self.missing.append("registers of chips on a board: only chips on this computer's I2C buses have them")
-        return ports
+        sources = [pad.source for pad in self.config.pad] if self.config is not None else []
+        if any(isinstance(source, BridgeSource) for source in sources):
+            self.missing.append("registers of chips on a board: they can be read of chips on this computer's I2C buses only")
+        return [source.port for source in sources if isinstance(source, BridgeSource | AnyskinSource)]
 
     def _bus(self, bus: int) -> dict[str, Any]:
         facts = machine.adapter(bus)
@@ -235,10 +240,10 @@ class Gathering:
         return files
 
 
-def _chip(found: Any) -> dict[str, Any]:
-    facts = {"chip": found.chip, "address": f"0x{found.address:02x}"}
+def _chip(found: Found) -> dict[str, Any]:
+    facts: dict[str, Any] = {"chip": found.chip, "address": found.address}
     if found.mux_address is not None:
-        facts |= {"mux": f"0x{found.mux_address:02x}", "channel": str(found.channel)}
+        facts |= {"mux_address": found.mux_address, "channel": found.channel}
     return facts | {"registers": list(found.registers)}
 
 
