@@ -19,10 +19,10 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from end_to_end.kernel_bus import kernel_bus  # noqa: E402
-from end_to_end.processes import run_command  # noqa: E402
-from fmfts.offline.replay import Replay  # noqa: E402
-from fmfts.recording.file import read  # noqa: E402
+from end_to_end.kernel_bus import kernel_bus
+from end_to_end.processes import run_command
+from fmfts.offline.replay import Replay
+from fmfts.recording.file import read
 
 FOLDER = Path(__file__).parent / "reports"
 KEPT = FOLDER / "qmc5883l-emulated.mcap"

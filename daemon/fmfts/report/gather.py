@@ -200,7 +200,7 @@ class Gathering:
     def _ports(self) -> list[str]:
         sources = [pad.source for pad in self.config.pad] if self.config is not None else []
         if any(isinstance(source, BridgeSource) for source in sources):
-            self.missing.append("registers of chips on a board: they can be read of chips on this computer's I2C buses only")
+            self.missing.append("registers of chips on a board: they can be read on this computer's I2C buses only")
         return [source.port for source in sources if isinstance(source, BridgeSource | AnyskinSource)]
 
     def _bus(self, bus: int) -> dict[str, Any]:

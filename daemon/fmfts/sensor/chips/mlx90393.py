@@ -171,6 +171,7 @@ ANYSKIN = replace(
     free_rate_hz=500,
     single_rate_hz=0,
     board_rates_hz=(),
+    dump=None,
     noise_t=20e-3 * TESLA_PER_GAUSS,
     noises_t=(),
     single_noise_t=None,
