@@ -1,15 +1,18 @@
-"""`fmfts-daemon report` as a process: on an emulated kernel bus, on a board, beside a daemon, and where all is broken."""
+"""`fmfts-daemon report` as a process: on an emulated kernel bus, on a board, beside a daemon, where all is broken."""
 
 from __future__ import annotations
 
 import os
+import shutil
 import socket
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from mcap.stream_reader import StreamReader
 
+import fmfts.contact
 from data.make_report import CONFIG as QMC_CONFIG
 from data.make_report import KEPT
 from end_to_end.kernel_bus import kernel_bus
@@ -19,6 +22,7 @@ from fmfts.offline.replay import Replay
 from fmfts.recording.file import attachment, read
 from fmfts.report.file import NAME, facts_of
 
+CONTACT = Path(fmfts.contact.__file__).parent
 HMC_CONFIG = '[[pad]]\nname = "left"\n[pad.source]\ntype = "i2c"\nbus = 7\n'
 
 
@@ -114,7 +118,7 @@ def test_report_of_a_bad_configuration_still_looks_at_its_bus(tmp_path: Path) ->
     assert 'rate_hz = "fast"' in made.facts["configuration"]["text"]
 
 
-@pytest.mark.parametrize("config", ["[[pad\n", "bus = \x00", "é" * 200_000])
+@pytest.mark.parametrize("config", ["[[pad\n", "bus = \x00", "é" * 200_000], ids=["cut", "nul", "long"])
 def test_report_of_a_file_that_is_no_configuration_is_written(tmp_path: Path, config: str) -> None:
     made = Made(tmp_path, config)
     assert made.missing("frames and self-test")
@@ -179,7 +183,12 @@ def test_report_holds_no_secret_of_user_or_computer(tmp_path: Path) -> None:
         f"#!/bin/sh\necho 'fmfts: {home}/x on {host}: {SECRETS['user']} API_TOKEN={SECRETS['other token']}'\n"
     )
     (tools / "journalctl").chmod(0o755)
-    config = UNTOUCHED_CONFIG + f"# of {SECRETS['user']}, password = {SECRETS['password']}\n"
+    shutil.copy(CONTACT / "default.onnx", home / "own.onnx")  # a message tells its place
+    shutil.copy(CONTACT / "default.json", home / "own.json")
+    config = (
+        UNTOUCHED_CONFIG
+        + f'[pad.contact]\nmodel = "own.onnx"\n# of {SECRETS["user"]}, password = {SECRETS["password"]}\n'
+    )
     config += f'[bus]\nkeys = "{home}/keys"\n'
     (home / "pad.toml").write_text(config)
     environment = os.environ | {
@@ -208,11 +217,23 @@ def test_report_holds_no_secret_of_user_or_computer(tmp_path: Path) -> None:
         "report", tmp_path / "r.mcap", "--config", home / "pad.toml", "--seconds", "1", environment=environment
     )
     assert ended.returncode == 0, ended
+    assert '"model":"~/own.onnx"' in states_of(tmp_path / "r.mcap")
     content = everything_in(tmp_path / "r.mcap")
     for secret in [*SECRETS.values(), *private, *([host] if len(host) > 3 else [])]:
         assert secret.encode() not in content, secret
-    for harmless in (b"finger", b"frame/left", b"~/pad.toml", b"API_TOKEN=<removed>", b'"FMFTS_KEY":"~/arm.key"'):
+    for harmless in (
+        b"finger",
+        b"frame/left",
+        b"~/own.onnx",
+        b"~/pad.toml",
+        b"API_TOKEN=<removed>",
+        b'"FMFTS_KEY":"~/arm.key"',
+    ):
         assert harmless in content, harmless
+
+
+def states_of(path: Path) -> str:
+    return "".join(msgspec.json.encode(one.message).decode() for one in read(path) if one.kind == "state")
 
 
 def everything_in(path: Path) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,14 @@ SCRUBBER = Scrubber({"zaphod", "pi"}, {"heartofgold", "heartofgold.example"}, {"
 )
 def test_scrubber_removes_names_and_secrets(text: str, scrubbed: str) -> None:
     assert SCRUBBER.text(text) == scrubbed
+
+
+@pytest.mark.parametrize("part", ["é", "token", "\n", "://a", "/home/", "-----BEGIN ", "zaphod", "1.2.", "secret = "])
+def test_scrubber_is_quick_on_any_text(part: str) -> None:
+    """200 kB take milliseconds; what goes over all of the text at each of its places takes minutes."""
+    began_s = time.process_time()
+    SCRUBBER.text(part * (200_000 // len(part)))
+    assert time.process_time() - began_s < 5.0
 
 
 def test_scrubber_leaves_single_words_and_memory_of_messages() -> None:

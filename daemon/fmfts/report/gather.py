@@ -40,7 +40,7 @@ LARGEST_STATE = 1_000_000
 SELFTEST_S = 30.0  # longest silence of the daemon while it tests; a bus of I2C takes up to twenty seconds
 SERVICE_STATE = Path("/var/lib/fmfts")
 STATE = ("baseline", "selftest")
-BUS_IN_TEXT = re.compile(r"^\s*bus\s*=\s*(\d{1,3})\b", re.MULTILINE)
+BUS_IN_TEXT = re.compile(r"^[ \t]*bus[ \t]*=[ \t]*(\d{1,3})\b", re.MULTILINE)
 
 
 @dataclass(slots=True)

@@ -14,9 +14,11 @@ FIRST_PERSON, LAST_PERSON = 1000, 59999  # user ids of people, by the policy of 
 NOT_NAMES = frozenset({"", "root", "fmfts", "localhost", "nobody"})
 USER, HOST, REMOVED = "<user>", "<host>", "<removed>"
 BINARY = "memory"  # of a state: base64, in which a name may stand by chance
-# What stands after such a name, to the end of the line, may be a secret. A folder of keys (`keys = …`) is none.
+# What stands after such a name, to the end of the line, may be a secret. A folder of keys (`keys = …`) is none. Counts
+# are bounded, so that no text takes a time that grows with the square of its length.
 SECRET = re.compile(
-    r"""(?im)([\w.-]*(?:secret|passw(?:or)?d|token|credential|authorization|api_?key|private_?key)[\w.-]*["']?\s*[=:]\s*)(\S.*)$"""
+    r"""(?im)((?:secret|passw(?:or)?d|token|credential|authorization|api_?key|private_?key)"""
+    r"""[\w.-]{0,40}["']?[ \t]{0,8}[=:][ \t]{0,8})(\S.*)$"""
 )
 PRIVATE_KEY = re.compile(r"-----BEGIN [A-Z ]*PRIVATE KEY-----.*?(?:-----END [A-Z ]*PRIVATE KEY-----|\Z)", re.DOTALL)
 LOGIN = re.compile(r"(?<=://)[^/\s@\"']+@")
