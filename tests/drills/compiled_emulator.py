@@ -10,7 +10,17 @@ import subprocess
 import sys
 from pathlib import Path
 
-SOURCES = ("magnetometer", "magnetometers", "mlx90393", "chips")
+SOURCES = (
+    "magnetometer",
+    "register_chip",
+    "lis3mdl",
+    "memsic_film",
+    "memsic",
+    "qst",
+    "magnetometers",
+    "mlx90393",
+    "chips",
+)
 EMULATOR = Path(__file__).parents[1] / "emulator"
 
 

@@ -130,6 +130,7 @@ class Hmc5983(Magnetometer):
                 self.next_conversion_s = ended_s + self._period_s()
             self.conversions += 1
             self._alike += 1
+            self.ended_s = ended_s
             self.converted(ended_s)
 
     def converted(self, ended_s: float) -> None:
@@ -141,7 +142,8 @@ class Hmc5983(Magnetometer):
         bias = {1: self.strap, 2: -self.strap}.get(self.registers[0] & 3, 0.0)
         lsb = LSB_PER_GAUSS[self.gain_in_force]
         counts = []
-        for field, gain, strap in zip(self.field_gauss, self.gain, STRAP_GAUSS, strict=True):
+        field_gauss = self.field_during(self.ended_s, self.ended_s)
+        for field, gain, strap in zip(field_gauss, self.gain, STRAP_GAUSS, strict=True):
             noise = self.random.gauss(0.0, self.noise_gauss) if self.noise_gauss else 0.0
             total = round((field + noise + bias * strap) * gain * lsb)
             # Under a bias the chip itself takes away the field without it.

@@ -30,7 +30,7 @@ from gi.repository import GLib, UMockdev  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).parent))
 from chips import Bus, Hmc5983, NackError, Tca9548a  # noqa: E402
-from magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l, Qmc5883p  # noqa: E402
+from magnetometers import Lis3mdl, Mmc5603nj, Mmc5983ma, Qmc5883l, Qmc5883p  # noqa: E402
 from mlx90393 import Mlx90393  # noqa: E402
 
 I2C_SLAVE, I2C_FUNCS, I2C_RDWR, I2C_SMBUS = 0x0703, 0x0705, 0x0707, 0x0720
@@ -193,7 +193,7 @@ def some_muxes(count: int, chips: int = 4) -> list[Tca9548a]:
 
 def bus_of(kind: str, addresses: list[int]) -> Bus:
     """Four chips of another kind, with the fields of `some_muxes`."""
-    kinds = (Qmc5883l, Qmc5883p, Lis3mdl, Mmc5983ma, Mlx90393)
+    kinds = (Qmc5883l, Qmc5883p, Lis3mdl, Mmc5983ma, Mmc5603nj, Mlx90393)
     made = {each.__name__.lower(): each for each in kinds}[kind]
     start = time.monotonic()
     chips = [

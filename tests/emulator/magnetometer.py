@@ -11,6 +11,7 @@ class Magnetometer:
 
     address = 0
     sensitivity_per_k = 0.0  # relative, from that of 25 °C
+    has_own_noise = False  # the noise that the chip's file states for its settings, in place of noise_gauss
 
     def __init__(
         self,
@@ -23,7 +24,10 @@ class Magnetometer:
         seed: int = 1,
     ) -> None:
         self.time_s = time_s
-        self.field_gauss = list(field_gauss)
+        self._field_gauss = list(field_gauss)
+        # The field in gauss at a time of `time_s`; it stands in place of field_gauss. A chip senses the mean over its
+        # measurement where its file knows when that begins, and else the field at its end.
+        self.field_at: Callable[[float], Sequence[float]] | None = None
         self.clock_error = clock_error
         self.phase_s = phase_s
         self.address = self.address if address is None else address
@@ -35,7 +39,20 @@ class Magnetometer:
         self.frozen = False  # a clock that has stopped
         self.conversions = 0
         self.next_conversion_s: float | None = None
+        self.ended_s = 0.0  # of the newest conversion
         self.power_on()
+
+    @property
+    def field_gauss(self) -> list[float]:
+        return self._field_gauss
+
+    @field_gauss.setter
+    def field_gauss(self, field_gauss: Sequence[float]) -> None:
+        self._field_gauss = list(field_gauss)
+        self.exposed(self._field_gauss)
+
+    def exposed(self, field_gauss: Sequence[float]) -> None:
+        """This field was at the chip, whether or not it measured."""
 
     def power_on(self) -> None:
         raise NotImplementedError
@@ -69,11 +86,26 @@ class Magnetometer:
         """The time from one conversion to the next; None where one was all."""
         raise NotImplementedError
 
-    def sensed_gauss(self) -> list[float]:
+    def field_during(self, begin_s: float, end_s: float) -> list[float]:
+        """The mean field of this time, from five instants."""
+        if self.field_at is None:
+            return self.field_gauss
+        instants = [begin_s + (end_s - begin_s) * part for part in (0.1, 0.3, 0.5, 0.7, 0.9)]
+        return [sum(axis) / len(instants) for axis in zip(*map(self.field_at, instants), strict=True)]
+
+    def own_noise_gauss(self) -> float:
+        """One deviation at the present settings."""
+        raise NotImplementedError(f"no source states the noise of {type(self).__name__}")
+
+    def sensed_gauss(self, field_gauss: Sequence[float] | None = None) -> list[float]:
+        """This field, or that at the end of the conversion, with noise, gains and warmth."""
+        if field_gauss is None:
+            field_gauss = self.field_during(self.ended_s, self.ended_s)
         warmth = 1.0 + self.sensitivity_per_k * (self.temperature_c - 25.0)
+        noise_gauss = self.own_noise_gauss() if self.has_own_noise else self.noise_gauss
         return [
-            (field + self.random.gauss(0.0, self.noise_gauss) if self.noise_gauss else field) * gain * warmth
-            for field, gain in zip(self.field_gauss, self.gain, strict=True)
+            (field + self.random.gauss(0.0, noise_gauss) if noise_gauss else field) * gain * warmth
+            for field, gain in zip(field_gauss, self.gain, strict=True)
         ]
 
     def feel(self, field_gauss: Sequence[float]) -> None:
@@ -81,8 +113,9 @@ class Magnetometer:
         self.run()
         self.field_gauss = list(field_gauss)
 
-    def begin(self, conversion_s: float) -> None:
-        self.next_conversion_s = self.time_s() + conversion_s * (1.0 + self.clock_error) + self.phase_s
+    def begin(self, conversion_s: float, phase_s: float = 0.0) -> None:
+        """phase_s: of a chip that converts by itself; a single conversion has none."""
+        self.next_conversion_s = self.time_s() + conversion_s * (1.0 + self.clock_error) + phase_s
 
     def run(self) -> None:
         """Catch up with the clock. Of conversions that nobody could have seen only the last is made."""
@@ -97,6 +130,8 @@ class Magnetometer:
                 period_s = following_s * (1.0 + self.clock_error)
                 missed = max(0, int((now_s - ended_s) / period_s) - 1)
                 self.conversions += missed
-                self.next_conversion_s = ended_s + (missed + 1) * period_s
+                ended_s += missed * period_s
+                self.next_conversion_s = ended_s + period_s
             self.conversions += 1
+            self.ended_s = ended_s
             self.convert()

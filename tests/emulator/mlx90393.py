@@ -1,6 +1,12 @@
-"""The MLX90393, command by command, as public drivers and Melexis 3901090393 rev. 006 describe it.
+"""The MLX90393, command by command, as public drivers and Melexis 3901090393 describe it.
 
-The data sheet could not be read here: what the drivers do not tell, its sections and tables, is from memory.
+Rev. 002 could be read in part: page 13 (order of the axes: t, x, y, z) and page 16 (the status of the first SM after
+power-up or reset has to be read back "in order to get valid measurement data"). Sections and tables of rev. 006 that
+public drivers do not quote are from memory. Adafruit_MLX90393 issues 17 and 18: real parts take longer than the table
+says; tedyapo/arduino-MLX90393 waits 1.3 times as long (`slowness`).
+
+Unverified: that SB needs its status read as SM does; what a measurement without that shows (here: no field at all, and
+no error); where in a conversion the 490 us lie that belong to no axis (here: 100 us after z, the rest before t).
 """
 
 from __future__ import annotations
@@ -18,13 +24,17 @@ SENSITIVITY_UT = (
 )  # fmt: skip
 LENGTH = {0x50: 2, 0x60: 4}  # bytes of the commands that are longer than one
 BURST, SINGLE, ERROR, RESET = 0x80, 0x20, 0x10, 0x04
+NO_AXIS_S, AFTER_Z_S = 490e-6, 100e-6
 
 
 class Mlx90393(Magnetometer):
     address = 0x0C
     sensitivity_per_k = -0.0003
+    slowness = 1.0  # how many times as long as in the table a conversion takes
 
     def power_on(self) -> None:
+        self.acknowledged = False  # the status of an SM or SB was read back since the reset
+        self.start_unread = False  # that of the newest command is such a status, and nobody read it yet
         self.values = [FACTORY | 0x7C, 0x0000, 0x0000] + [0] * 61
         self.mode = 0
         self.was_reset = True
@@ -49,6 +59,8 @@ class Mlx90393(Magnetometer):
             self.answer = self.obeyed(self.command[0] & 0xF0, self.command[0] & 0x0F)
 
     def get(self) -> int:
+        if self.start_unread:
+            self.start_unread, self.acknowledged = False, True
         byte, self.answer = (self.answer[0], self.answer[1:]) if self.answer else (0xFF, b"")
         return byte
 
@@ -57,6 +69,7 @@ class Mlx90393(Magnetometer):
         return shown | (max(0, words - 1) & 3)
 
     def obeyed(self, command: int, axes: int) -> bytes:
+        self.start_unread = command in (0x10, 0x30)
         if command == 0x10:  # SB
             self._measure(BURST, axes)
         elif command == 0x30:  # SM
@@ -83,7 +96,7 @@ class Mlx90393(Magnetometer):
     def _measure(self, mode: int, axes: int) -> None:
         self.mode, self.axes, self.measured = mode, axes or self.values[1] >> 6 & 0x0F, None
         self.was_reset = False
-        self.begin(self._conversion_s())
+        self.begin(self._conversion_s(), self.phase_s if mode == BURST else 0.0)
         oversampling, filtering = self.values[2] & 3, self.values[2] >> 2 & 7
         if (oversampling, filtering) in ((0, 0), (0, 1), (1, 0)) and self.values[0] & 0x0F == 0x0C:
             self.next_conversion_s = None  # not permitted (table 18): it never ends
@@ -97,11 +110,13 @@ class Mlx90393(Magnetometer):
 
     def _conversion_s(self) -> float:
         """Table 18 for three axes, and what it leaves out: the temperature."""
-        oversampling, filtering = self.values[2] & 3, self.values[2] >> 2 & 7
-        axis_us = 67 + 64 * 2**oversampling * (2 + 2**filtering)
         axes = bin(self.axes >> 1).count("1")
-        temperature_us = 67 + 192 * 2 ** (self.values[2] >> 11 & 3) if self.axes & 1 else 0
-        return (axes * axis_us + temperature_us + 490) * 1e-6
+        temperature_s = (67 + 192 * 2 ** (self.values[2] >> 11 & 3)) * 1e-6 if self.axes & 1 else 0.0
+        return self.slowness * (axes * self._axis_s() + temperature_s + NO_AXIS_S)
+
+    def _axis_s(self) -> float:
+        oversampling, filtering = self.values[2] & 3, self.values[2] >> 2 & 7
+        return (67 + 64 * 2**oversampling * (2 + 2**filtering)) * 1e-6
 
     def following_s(self) -> float | None:
         if self.mode == SINGLE:
@@ -111,9 +126,16 @@ class Mlx90393(Magnetometer):
 
     def convert(self) -> None:
         words = [round(46244 + 45.2 * (self.temperature_c - 25.0))] if self.axes & 1 else []
-        for axis, gauss in enumerate(self.sensed_gauss()):
-            if self.axes >> (axis + 1) & 1:
-                words.append(self._output(axis, gauss))
+        measured = [axis for axis in range(3) if self.axes >> (axis + 1) & 1]
+        stretch = self.slowness * (1.0 + self.clock_error)
+        begin_s = self.ended_s - stretch * (AFTER_Z_S + len(measured) * self._axis_s())
+        field = [0.0, 0.0, 0.0]
+        for axis in measured:  # one after the other
+            end_s = begin_s + stretch * self._axis_s()
+            field[axis] = self.field_during(begin_s, end_s)[axis]
+            begin_s = end_s
+        sensed = self.sensed_gauss(field)
+        words += [self._output(axis, sensed[axis] if self.acknowledged else 0.0) for axis in measured]
         self.measured = b"".join(word.to_bytes(2, "big") for word in words)
 
     def _output(self, axis: int, gauss: float) -> int:

@@ -1,6 +1,7 @@
 """The emulated QMC5883L and LIS3MDL against their data sheets, register by register, without any driver.
 
-The reset values and read-only registers of the MMC5983MA, too; test_emulated_mmc5983ma.py has the rest of it.
+The reset values and read-only registers of the others, too; test_emulated_mmc5983ma.py, test_emulated_mmc5603nj.py and
+test_emulated_qmc5883p.py have the rest of them.
 
 The data sheets could not be read here: what stands here of them, public drivers say alike (docs/chips.md).
 """
@@ -12,7 +13,7 @@ from typing import Any
 import pytest
 from emulated_bus import Clock, read
 
-from emulator.magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l
+from emulator.magnetometers import Lis3mdl, Mmc5603nj, Mmc5983ma, Qmc5883l, Qmc5883p
 
 FIELD_GAUSS = (0.75, -1.5, 0.3)
 ADVANCE = 0x80  # of a LIS3MDL's register number
@@ -39,21 +40,37 @@ RESET_VALUES = [
     (Lis3mdl, 0x24, 0x00),
     (Mmc5983ma, 0x08, 0x10),
     (Mmc5983ma, 0x2F, 0x30),
+    (Mmc5603nj, 0x18, 0x10),
+    (Mmc5603nj, 0x39, 0x10),
+    (Qmc5883p, 0x00, 0x80),
+    (Qmc5883p, 0x09, 0x00),
+    (Qmc5883p, 0x0A, 0x00),
+    (Qmc5883p, 0x0B, 0x00),
 ]
 READ_ONLY = [
     (Qmc5883l, (0x00, 0x05, 0x06, 0x0D)),
     (Lis3mdl, (0x0F, 0x27, 0x28, 0x2D, 0x2F)),
     (Mmc5983ma, (0x00, 0x06, 0x2F)),
+    (Mmc5603nj, (0x00, 0x08, 0x18, 0x39)),
+    (Qmc5883p, (0x00, 0x01, 0x06, 0x09)),
 ]
-SOFT_RESET = {Qmc5883l: (0x0A, 0x80), Lis3mdl: (0x21, 0x04), Mmc5983ma: (0x0A, 0x80)}
+SOFT_RESET = {
+    Qmc5883l: (0x0A, 0x80),
+    Lis3mdl: (0x21, 0x04),
+    Mmc5983ma: (0x0A, 0x80),
+    Mmc5603nj: (0x1C, 0x80),
+    Qmc5883p: (0x0B, 0x80),
+}
+SETTINGS = {Qmc5883l: 0x09, Lis3mdl: ADVANCE | 0x20, Qmc5883p: 0x0A}  # the first register that holds one
 
 
 @pytest.mark.parametrize(("kind", "register", "value"), RESET_VALUES)
 def test_registers_after_power_and_after_a_reset(clock: Clock, kind: Any, register: int, value: int) -> None:
     chip = kind(clock)
+    read(chip, 0x00)
     assert read(chip, register) == bytes((value,))
-    if kind is not Mmc5983ma:
-        chip.write(bytes((0x09 if kind is Qmc5883l else ADVANCE | 0x20, 0x1D, 0x40, 0x00, 0x00, 0x40)))
+    if kind in SETTINGS:
+        chip.write(bytes((SETTINGS[kind], 0x1D, 0x40, 0x00, 0x00, 0x40)))
     chip.write(bytes(SOFT_RESET[kind]))
     assert read(chip, register) == bytes((value,))
 
@@ -118,6 +135,33 @@ def test_qmc_rolls_over_from_its_status_only_if_told(clock: Clock) -> None:
         chip.write(bytes((0x0A, roll)))
         clock.sleep(0.0051)
         assert read(chip, 0x06, 2)[1:] == following
+
+
+def test_qmc_identity_is_zero_until_register_0_was_read(clock: Clock) -> None:
+    """PX4 and ArduPilot read register 0x00 before they ask for the identity."""
+    chip = Qmc5883l(clock)
+    assert read(chip, 0x0A, 4)[3] == 0x00
+    assert read(chip, 0x0D) == b"\x00"
+    read(chip, 0x00)
+    assert read(chip, 0x0D) == b"\xff"
+    chip.write(b"\x0a\x80")
+    assert read(chip, 0x0D) == b"\xff"
+    chip.power_on()
+    assert read(chip, 0x0D) == b"\x00"
+
+
+def test_qmc_takes_commands_of_an_mlx90393_as_register_numbers(clock: Clock) -> None:
+    """An MLX90393 may have the same address: 0x80 (exit) moves the pointer, 0x50 0x00 writes register 0x50."""
+    chip = qmc(clock, 0x0D)
+    clock.sleep(0.0051)
+    chip.write(b"\x80")
+    assert chip.pointer == 0x80
+    assert chip.read(1) == b"\x00"
+    chip.write(b"\x50\x00")
+    assert chip.pointer == 0x51
+    assert chip.read(3) == b"\x00\x00\x00"
+    assert signed(read(chip, 0x00, 6)) == [9000, -18000, 3600]  # it measures as before
+    assert read(chip, 0x09) == b"\x0d"
 
 
 # -- LIS3MDL --

@@ -9,7 +9,7 @@ import pytest
 from emulated_bus import Clock, EmulatedBus, clock, emulated_pad, run
 
 from emulator.chips import Bus, Hmc5983, Tca9548a
-from emulator.magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l
+from emulator.magnetometers import Lis3mdl, Mmc5603nj, Mmc5983ma, Qmc5883l, Qmc5883p
 from emulator.mlx90393 import Mlx90393
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.i2c.bus import ChipWires
@@ -19,15 +19,20 @@ __all__ = ["clock"]
 KINDS: dict[str, Any] = {
     "hmc5983": Hmc5983,
     "qmc5883l": Qmc5883l,
+    "qmc5883p": Qmc5883p,
     "lis3mdl": Lis3mdl,
     "mmc5983ma": Mmc5983ma,
+    "mmc5603nj": Mmc5603nj,
     "mlx90393": Mlx90393,
 }
 # Register maps of the data sheets: Honeywell 900425 table 2, QST 13-52-04 section 9, ST DocID024204 section 6, MEMSIC
-# rev. A "register map". Of the MLX90393 (Melexis 3901090393, memory map) words 0x00 to 0x1F are the customer's.
+# rev. A "register map". Of the MLX90393 (Melexis 3901090393, memory map) words 0x00 to 0x1F are the customer's. The two
+# chips whose sheets were not read: Adafruit_QMC5883P.h, and Linux mmc5633.c with Alif's driver of it (0x1E to 0x29).
 MAPS = {
     "hmc5983": {*range(0x0D), 0x31, 0x32},
     "qmc5883l": set(range(0x0E)),
+    "qmc5883p": {*range(0x07), 0x09, 0x0A, 0x0B, 0x29},
+    "mmc5603nj": {*range(0x0A), 0x18, 0x19, *range(0x1A, 0x21), *range(0x27, 0x2A), 0x39},
     "lis3mdl": {*range(0x05, 0x0B), 0x0F, *range(0x20, 0x25), *range(0x27, 0x34)},
     "mmc5983ma": {*range(0x0D), 0x2F},
     "mlx90393": set(range(0x20)),
@@ -36,7 +41,9 @@ MAPS = {
 IDENTITIES = {
     "hmc5983": (0x0A, b"H43"),
     "qmc5883l": (0x0D, b"\xff"),
+    "qmc5883p": (0x00, b"\x80"),
     "lis3mdl": (0x0F, b"\x3d"),
+    "mmc5603nj": (0x39, b"\x10"),
     "mmc5983ma": (0x2F, b"\x30"),
 }
 FIELD_GAUSS = (0.75, -0.5, 0.3)
@@ -81,7 +88,8 @@ def test_chip_measures_on_after_its_dump(clock: Clock, kind: str) -> None:
     one.field_gauss = [-each for each in FIELD_GAUSS]
     samples = run(pad, clock, 1.0, 75)
     assert samples[-1].valid == 1
-    assert np.abs(samples[-1].counts[0] + good).max() <= 2
+    # A film's own zero, a few mG, does not turn over with the field; an old sample would differ by twice the field.
+    assert np.abs(samples[-1].counts[0] + good).max() < 0.02 * np.abs(good).max()
 
 
 def test_scan_with_registers_finds_the_same_chips(clock: Clock) -> None:

@@ -94,13 +94,8 @@ def _on_i2c(bus: int) -> tuple[list[FoundPad], str]:
             f"no pad found: /dev/i2c-{bus}: no chip that this daemon knows answers, with or without a mux: check "
             "supply, SDA and SCL",
         )
-    unread = [str(one) for one in found if not one.is_read]
-    if len(unread) == len(found):
-        raise VerbError(exit_codes.UNAVAILABLE, f"no pad found: /dev/i2c-{bus}: {'; '.join(unread)}")
-    for sentence in unread:
-        print(f"left out: {sentence}")
     groups: dict[tuple[int, int, str], list[Found]] = {}
-    for one in filter(lambda one: one.is_read, found):
+    for one in found:
         half = 0 if one.channel is None else one.channel // PAD_CHANNELS
         groups.setdefault((one.mux_address or 0, half, one.chip), []).append(one)
     names = ["left"] if len(groups) == 1 else [f"pad{number + 1}" for number in range(len(groups))]

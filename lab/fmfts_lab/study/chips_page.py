@@ -12,6 +12,7 @@ from fmfts.config.file import load
 from fmfts.contact import ContactModel
 from fmfts.scene import Surroundings
 from fmfts.sensor.chips import CHIPS, Chip
+from fmfts_lab.study.chip_facts import facts
 from fmfts_lab.study.harness import Row
 from fmfts_lab.study.scene_chips import chip_rows
 
@@ -28,6 +29,7 @@ def page(text: str) -> str:
     for name, table in (
         ("abilities", _abilities()),
         ("worth", _worth(list(chip_rows(Surroundings(config, response))))),
+        ("sources", _sources()),
     ):
         begin = BEGIN.format(name)
         before, after = text[: text.index(begin)], text[text.index(END, text.index(begin)) :]
@@ -57,6 +59,11 @@ def _abilities() -> str:
     )
     remarks = "".join(f"- {chip.label}: {chip.remarks}.\n" for chip in CHIPS.values() if not chip.streamed)
     return _table(columns, rows) + "\n" + remarks
+
+
+def _sources() -> str:
+    rows = ((fact.chip.label, fact.fact, fact.value, f"**{fact.grade}** {fact.source}") for fact in facts())
+    return _table(("chip", "fact", "as the driver has it", "source"), rows)
 
 
 def _selftest(chip: Chip) -> str:
@@ -98,7 +105,10 @@ def _worth(rows: Sequence[Row]) -> str:
         "force, N",
         "mean, mm",
         "saturation; wiring",
+        "facts without a source",
+        "supply, price of a board",
     )
+    known = {chip.label: (_without_source(chip), chip.supply) for chip in CHIPS.values()}
     return _table(
         columns,
         (
@@ -112,10 +122,16 @@ def _worth(rows: Sequence[Row]) -> str:
                 f"{_float(row['noise_n']):.3f}",
                 f"{_float(row['mean_mm']):.2f}",
                 str(row["causes"]),
+                *known[str(row["chip"])],
             )
             for row in rows
         ),
     )
+
+
+def _without_source(chip: Chip) -> str:
+    grades = [fact.grade for fact in facts() if fact.chip is chip]
+    return f"{grades.count('unverified')} of {len(grades)}"
 
 
 def _float(value: object) -> float:

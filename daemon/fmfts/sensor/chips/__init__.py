@@ -6,13 +6,26 @@ from fmfts.sensor.chips.chip import GAIN_CODES, TESLA_PER_GAUSS, Axes, Chip
 from fmfts.sensor.chips.hmc5983 import HMC5883L, HMC5983
 from fmfts.sensor.chips.lis3mdl import LIS3MDL
 from fmfts.sensor.chips.mlx90393 import ANYSKIN, MLX90393
+from fmfts.sensor.chips.mmc5603nj import MMC5603NJ
 from fmfts.sensor.chips.mmc5983ma import MMC5983MA
 from fmfts.sensor.chips.qmc5883l import QMC5883L
+from fmfts.sensor.chips.qmc5883p import QMC5883P
 
 # As the configuration writes it.
-ChipName = Literal["hmc5983", "hmc5883l", "mmc5983ma", "qmc5883l", "lis3mdl", "mlx90393", "mlx90393_streamed"]
+ChipName = Literal[
+    "hmc5983",
+    "hmc5883l",
+    "mmc5983ma",
+    "mmc5603nj",
+    "qmc5883l",
+    "qmc5883p",
+    "lis3mdl",
+    "mlx90393",
+    "mlx90393_streamed",
+]
 CHIPS: dict[str, Chip] = {
-    chip.name: chip for chip in (HMC5983, HMC5883L, MMC5983MA, QMC5883L, LIS3MDL, MLX90393, ANYSKIN)
+    chip.name: chip
+    for chip in (HMC5983, HMC5883L, MMC5983MA, MMC5603NJ, QMC5883L, QMC5883P, LIS3MDL, MLX90393, ANYSKIN)
 }
 
 # Where nobody names a chip: old recordings, tables of fields, studies.
@@ -28,9 +41,11 @@ __all__ = [
     "HMC5983",
     "LIS3MDL",
     "MLX90393",
+    "MMC5603NJ",
     "MMC5983MA",
     "NOISE_T",
     "QMC5883L",
+    "QMC5883P",
     "TESLA_PER_GAUSS",
     "Axes",
     "Chip",

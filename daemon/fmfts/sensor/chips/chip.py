@@ -67,7 +67,6 @@ class SetReset:
 
     stop: what to write to end a stream. set_pulse, reset_pulse: for either pulse; settle_s: the time after `stop`, and
     after a pulse. measure: for one measurement without a pulse of the chip's own; samples: that are averaged.
-    status, done: what to write to read a byte, and its bit that is set from a measurement's end until it is cleared.
     coil: for a current through its own coil one way, and the other, until it is set up; its field is hardly known.
     largest_zero_gauss: of a good axis, of either sign. least_coil_gauss: what turning the current over must do to it.
     """
@@ -77,12 +76,28 @@ class SetReset:
     reset_pulse: bytes
     settle_s: tuple[float, float]
     measure: bytes
-    status: bytes
-    done: int
     samples: int
     coil: tuple[bytes, bytes]
     largest_zero_gauss: float
     least_coil_gauss: float
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """A magnetic film that the host has to magnetise: by a pulse at set-up, after a strong field, and now and then.
+
+    upset_gauss: a field (norm) that may upset the film, so that no axis counts until a pulse. doubtful_gauss: what a
+    stronger field may read as while the film is upset (no source tells); a pulse follows when the field has gone.
+    pulse: what to write; pause_s: until a measurement may begin.
+    every_s: a pulse that was not needed costs another zero of 1 mG (more than a frame's noise), so they are rare. One
+    is needed only after a field that was strong while nobody read the chip.
+    """
+
+    upset_gauss: float
+    doubtful_gauss: float
+    pulse: bytes
+    pause_s: float
+    every_s: float = 600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,6 +111,7 @@ class Chip:
     largest_count: what the converter can tell, of either sign (and −largest_count − 1). saturated_count: what it says
     instead where the field is larger.
     output_rates_hz: by the chip's rate code, slowest first; free_rate_hz: the highest that this chip has.
+    paced_by_host: it has no stream that is used: to run free, each chip is started again whenever it was read.
     single_rate_hz, single_conversion_s, single_wait_s: of measurements at the host's word; the wait is long enough for
     the slowest chip; a rate of 0: it takes no such word. clock_tolerance: relative, of the chip's own clock.
     noise_t: standard deviation of one sample at the rate that serves 220 Hz. noises_t: of each of output_rates_hz,
@@ -105,9 +121,11 @@ class Chip:
     offset_t_per_k: deviation of the drift of each axis's offset. No data sheet says what set and reset pulses leave:
     assumed, a fifteenth of the HMC5983's count. For chips without such pulses it is a guess (unverified).
     thermometer: None where the chip has none that can be used. bias_strap: None where it has no self-test of its gains.
+    film: None where the chip sees to it by itself, or has none.
     own_field, set_reset: the self-tests of others, on I2C only.
     board_rates_hz: those of output_rates_hz that the firmware of boards uses; empty: it does not read this chip.
     board_single_hz: the highest rate of simultaneous measurements there, of one pad.
+    asked_by_command: it has no identification to read: `identify` writes to whatever chip is at its address.
     streamed: a board of others reads it, and nothing here does.
     dump: reads its registers for `fmfts-daemon report`; None: they are not known.
     supply: who still makes it, what it costs; remarks: what else its buyer must know, and what no data sheet confirms.
@@ -124,6 +142,7 @@ class Chip:
     counts_per_gauss: tuple[PerAxis, ...]
     largest_count: int
     saturated_count: int
+    paced_by_host: bool = False
     output_rates_hz: tuple[float, ...]
     free_rate_hz: int
     single_rate_hz: int
@@ -138,10 +157,12 @@ class Chip:
     offset_t_per_k: float = 1e-8
     thermometer: Thermometer | None
     bias_strap: BiasStrap | None
+    film: Film | None = None
     own_field: OwnField | None = None
     set_reset: SetReset | None = None
     board_rates_hz: tuple[float, ...] = ()
     board_single_hz: int = 0
+    asked_by_command: bool = False
     streamed: bool = False
     dump: Dump | None = None
     supply: str = ""
@@ -203,6 +224,8 @@ class Chip:
 
     def output_rate_hz(self, rate_hz: float) -> float:
         """The chip's slowest own rate that is not below `rate_hz`; ValueError where there is none."""
+        if self.paced_by_host and rate_hz <= self.free_rate_hz:
+            return rate_hz
         for rate in self.output_rates_hz:
             if rate_hz <= rate <= self.free_rate_hz:
                 return rate

@@ -10,6 +10,11 @@ from fmfts.sensor.chips.chip import Axes, Chip
 IDENTITY_BYTES = 3  # what the wire has room for (docs/wire.md, hello)
 
 
+def transfer_bits(written: int, read: int = 0) -> int:
+    """Bit times of one transfer: START, address and acknowledge, bytes with theirs, STOP; the same again to read."""
+    return 1 + 9 * (1 + written) + (1 + 9 * (1 + read) if read else 0) + 1
+
+
 class Setup(NamedTuple):
     """What a chip is asked for. single: measurements at the host's word, in place of a stream of its own."""
 
@@ -60,8 +65,10 @@ class Driver(Protocol):
 
     sample_bits: int
     trigger_bits: int
-    trigger: bytes
     stale_samples: int
+
+    @property
+    def trigger(self) -> bytes: ...
 
     def identify(self, wires: Wires, chip: Chip) -> bytes:
         """Its IDENTITY_BYTES, for `Chip.is_identity`. A chip of another kind keeps its settings."""
@@ -86,3 +93,11 @@ def saturating(chip: Chip, counts: Axes) -> Axes:
     """`counts` with the axes marked that the chip cannot tell; where the field is larger, they mean nothing."""
     x, y, z = (count if abs(count) <= chip.largest_count else chip.saturated_count for count in counts)
     return x, y, z
+
+
+def overflowing(chip: Chip, counts: Axes, overflow: bool) -> Axes:
+    """`saturating`, where a flag says that any axis overflowed: if none shows which one, all of them are marked."""
+    marked = saturating(chip, counts)
+    if overflow and chip.saturated_count not in marked:
+        return chip.saturated_count, chip.saturated_count, chip.saturated_count
+    return marked

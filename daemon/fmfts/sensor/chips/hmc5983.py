@@ -10,7 +10,7 @@ from dataclasses import replace
 from struct import Struct
 
 from fmfts.sensor.chips.chip import Axes, BiasStrap, Chip, Thermometer
-from fmfts.sensor.chips.driver import IDENTITY_BYTES, Setup, Wires, registers
+from fmfts.sensor.chips.driver import IDENTITY_BYTES, Setup, Wires, registers, transfer_bits
 
 CONFIG_A, CONFIG_B, MODE, DATA, STATUS, IDENTIFICATION, TEMPERATURE = 0x00, 0x01, 0x02, 0x03, 0x09, 0x0A, 0x31
 STATUS_READY = 0x01
@@ -28,8 +28,8 @@ _AXES = Struct(">hhh")
 class _Registers:
     """The registers of both chips, as `Driver` has it."""
 
-    sample_bits = 39 + 84  # status, then six data bytes: two transfers
-    trigger_bits = 29
+    sample_bits = transfer_bits(1, 1) + transfer_bits(1, 6)  # status, then data
+    trigger_bits = transfer_bits(2)
     trigger = bytes((MODE, MODE_SINGLE))
     stale_samples = 1  # the first sample after a change of gain still has the old gain
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from struct import Struct
 
 from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip, OwnField, Thermometer
-from fmfts.sensor.chips.driver import Setup, Wires, registers, saturating
+from fmfts.sensor.chips.driver import Setup, Wires, registers, saturating, transfer_bits
 
 # Section 6, register mapping. The top bit of a register's number makes it advance (section 5.1.1).
 ADVANCE = 0x80
@@ -39,8 +39,8 @@ _TEST_REST = bytes((_TEST_GAIN_CODE << 5, MODE_CONTINUOUS, LOW_POWER << 2, BLOCK
 class _Registers:
     """As `Driver` has it."""
 
-    sample_bits = 93
-    trigger_bits = 29
+    sample_bits = transfer_bits(1, 7)
+    trigger_bits = transfer_bits(2)
     trigger = bytes((CONTROL_3, MODE_SINGLE))
     stale_samples = 1
 

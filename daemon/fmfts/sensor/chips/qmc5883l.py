@@ -8,7 +8,7 @@ from __future__ import annotations
 from struct import Struct
 
 from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip
-from fmfts.sensor.chips.driver import Setup, Wires, registers, saturating
+from fmfts.sensor.chips.driver import Setup, Wires, overflowing, registers, transfer_bits
 
 # Section 9.1: X, Y, Z at 0x00 to 0x05, low byte first; after control 2 the period, a reserved one, the identification.
 STATUS, CONTROL_1, CONTROL_2 = 0x06, 0x09, 0x0A
@@ -25,13 +25,17 @@ _STATUS_AND_AXES = bytes((STATUS,))
 class _Registers:
     """As `Driver` has it."""
 
-    sample_bits = 93
+    sample_bits = transfer_bits(1, 7)
     trigger_bits = 0
     trigger = b""  # it has no single measurements
     stale_samples = 1
 
     def identify(self, wires: Wires, chip: Chip) -> bytes:
-        """Control 2, the period, and the identification 0xFF. That alone is also what a bus says that nobody drives."""
+        """Control 2, the period, and the identification 0xFF. That alone is also what a bus says that nobody drives.
+
+        PX4 and ArduPilot read a register before: the first answer after power-on may be wrong.
+        """
+        wires.exchange(b"\x00", 1)
         answer = wires.exchange(bytes((CONTROL_2,)), 4)
         return answer[:2] + answer[3:]
 
@@ -52,11 +56,7 @@ class _Registers:
         return True, bytes((status & STATUS_OVERFLOW,)) + answer[1:]
 
     def axes(self, chip: Chip, block: bytes) -> Axes:
-        """The overflow flag is of all axes together; an axis that is beyond its range also shows the last count."""
-        counts = saturating(chip, _AXES.unpack(block[1:]))
-        if block[0] and chip.saturated_count not in counts:
-            return chip.saturated_count, chip.saturated_count, chip.saturated_count
-        return counts
+        return overflowing(chip, _AXES.unpack(block[1:]), bool(block[0]))
 
     def temperature_count(self, wires: Wires, block: bytes) -> int | None:
         return None

@@ -43,6 +43,8 @@ def single_on_board_hz(chip: Chip, sensors: int) -> int:
 def fastest_on_board_hz(chip: Chip, rate_hz: int) -> float:
     """How many samples a second a chip may give that runs free for frames at `rate_hz`: its clock is off by its
     tolerance."""
+    if chip.paced_by_host:
+        return float(rate_hz)
     rates = (*(rate for rate in chip.board_rates_hz if rate >= rate_hz), chip.board_rates_hz[-1])
     return min(rates) * (1.0 + chip.clock_tolerance)
 
@@ -71,6 +73,8 @@ class BusLoad(NamedTuple):
 def i2c_cycle_s(chip: Chip, clock_hz: int, load: BusLoad, trigger: str) -> float:
     """Time on the wires for one reading of all sensors of a bus."""
     bits = load.sensors * chip.driver.sample_bits
+    if chip.paced_by_host and trigger == "free":
+        bits += load.sensors * chip.driver.trigger_bits
     if load.muxed:
         bits += (load.sensors + load.changes) * BITS_PER_SELECTION + load.groups * BITS_PER_GROUP
     if trigger == "simultaneous":

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fmfts.sensor.chips import CHIPS, Chip
-from fmfts.sensor.chips.unread import UNREAD
 
 
 def kind_of(answer: bytes) -> Chip | None:
@@ -22,12 +21,7 @@ def why_not(chip: Chip, answer: bytes) -> str | None:
         return None
     other = kind_of(answer)
     if other is None:
-        unread = (
-            f"is a {each.label} at 0x{each.address:02X}, {each.remark}"
-            for each in UNREAD.values()
-            if each.identity == answer
-        )
-        return next(unread, chip.why_not_identity(answer))
+        return chip.why_not_identity(answer)
     return f'{_not_but(chip, other)}: set chip = "{other.name}"'
 
 

@@ -14,6 +14,7 @@ from fmfts.sensor.chips.chip import Axes
 from fmfts.sensor.chips.driver import Setup
 from fmfts.sensor.chips.tca9548a import Switches
 from fmfts.sensor.frame import AGE_UNKNOWN_US
+from fmfts.sensor.i2c import film
 from fmfts.sensor.i2c.bus import NOT_ACKNOWLEDGED, ChipWires, I2cBus
 from fmfts.sensor.i2c.others import identity_of_another
 from fmfts.sensor.i2c.reader_config import PadWiring, ways
@@ -34,6 +35,7 @@ from fmfts.sensor.wired_pad import Settings
 LOOK_US = 5_000_000
 MISSES_UNTIL_LOST = 3  # a single NACK is noise
 TRIGGER_TRIES = 3
+LATE_UNTIL_RESET = 2  # triggered measurements in a row that do not end: the chip has forgotten its settings
 
 
 class MuxError(Exception):
@@ -80,9 +82,9 @@ class I2cPad:
         self._guard(sensor, self._set_up)
 
     def trigger(self) -> int:
-        """Start a conversion in all working chips, those of one address behind one mux with one write.
+        """Start a measurement in all working chips, those of one address behind one mux with one write.
 
-        Returns the time (µs) at which it will have ended.
+        Returns the time (µs) of its middle.
         """
         working = [sensor for sensor in self.sensors if sensor.state == SensorState.OK]
         for mux_address, wires in dict.fromkeys((sensor.mux_address, sensor.wires) for sensor in working):
@@ -93,13 +95,13 @@ class I2cPad:
                 wires.write(self.chip.driver.trigger)
             except (MuxError, OSError):
                 self.bus_errors += 1  # reading each sensor shows which one failed
-        return now_us() + round(self.chip.single_conversion_s * 1e6)
+        return now_us() + self._half_us
 
-    def poll(self, converted_us: int | None = None) -> None:
-        """Read every working sensor once; set the others up again. converted_us: when a trigger's conversion ended."""
+    def poll(self, measured_us: int | None = None) -> None:
+        """Read every working sensor once; set the others up again. measured_us: the time that `trigger` returned."""
         for sensor in self.sensors:
             if sensor.state == SensorState.OK:
-                self._guard(sensor, self._read, converted_us)
+                self._guard(sensor, self._read, measured_us)
             elif now_us() >= sensor.retry_us:
                 self._guard(sensor, self._set_up)
 
@@ -247,6 +249,8 @@ class I2cPad:
             return
         _, block = driver.sample(wires)
         sensor.begin(block, driver.stale_samples)
+        if self._is_paced:
+            self._start(sensor)
 
     def _look_for_another(self, sensor: Sensor, error: OSError) -> None:
         """Nothing acknowledges the sensor's address. Look for other chips now and then: each look costs frames."""
@@ -254,27 +258,65 @@ class I2cPad:
             sensor.other = identity_of_another(self.chip, self.bus)
             sensor.look_us = now_us() + LOOK_US
 
-    def _read(self, sensor: Sensor, converted_us: int | None) -> None:
-        for _ in range(1 if converted_us is None else TRIGGER_TRIES):
+    @property
+    def _is_paced(self) -> bool:
+        """Each chip is started again whenever it was read."""
+        return self.chip.paced_by_host and not self.settings.trigger
+
+    @property
+    def _half_us(self) -> int:
+        """From the start of a measurement to its middle."""
+        return round(self.chip.single_conversion_s * 0.5e6)
+
+    def _start(self, sensor: Sensor) -> None:
+        sensor.wires.write(self.chip.driver.trigger)
+        sensor.started_measuring_us = now_us()
+
+    def _read(self, sensor: Sensor, measured_us: int | None) -> None:
+        for _ in range(1 if measured_us is None else TRIGGER_TRIES):
             self.select(sensor)
             before_us, sensor.polled_us = sensor.polled_us, now_us()
             ready, block = self.chip.driver.sample(sensor.wires)
             if ready or block not in (None, sensor.block):
                 break
         period_us = _period_us(self.chip, self.settings)
-        if block is not None and sensor.is_new(ready, block, period_us):
-            # A free-running chip converted between the last poll and this one: the middle has the smallest error.
-            guess_us = max((before_us + sensor.polled_us) // 2, sensor.polled_us - period_us)
+        if self.chip.paced_by_host and not ready:
+            self._late(sensor, period_us)
+        elif block is not None and (self.chip.paced_by_host or sensor.is_new(ready, block, period_us)):
+            if measured_us is None and self._is_paced:
+                measured_us = sensor.started_measuring_us + self._half_us
+            elif measured_us is None:
+                # A free-running chip converted between the last poll and this one: the middle has the smallest error.
+                measured_us = max((before_us + sensor.polled_us) // 2, sensor.polled_us - period_us)
             axes = self.chip.driver.axes(self.chip, block)
-            sensor.take(block, axes, guess_us if converted_us is None else converted_us)
+            sensor.take(block, film.undisturbed(self.chip, self.settings.gain_code, sensor, axes), measured_us)
+            sensor.late = 0
+            if self._is_paced:
+                self._start(sensor)
         elif sensor.is_silent(period_us):
             sensor.lose(SensorState.NO_NEW_DATA)
+
+    def _late(self, sensor: Sensor, period_us: int) -> None:
+        """A measurement that was started has not ended. One that takes too long is of a chip that was reset."""
+        sensor.late += 1
+        running_us = now_us() - sensor.started_measuring_us
+        too_late = running_us > 2e6 * self.chip.single_wait_s if self._is_paced else sensor.late >= LATE_UNTIL_RESET
+        if sensor.is_silent(period_us) or (too_late and sensor.sampled_us is None):
+            sensor.lose(SensorState.NO_NEW_DATA)
+        elif too_late:
+            self._repair(sensor)
+
+    def _repair(self, sensor: Sensor) -> None:
+        self.config_repairs += 1
+        self._set_up(sensor)
 
     def _check(self, sensor: Sensor) -> None:
         self.select(sensor)
         if not self.chip.driver.is_set_up(sensor.wires, self.chip, self.setup):
-            self.config_repairs += 1
-            self._set_up(sensor)
+            self._repair(sensor)
+        if film.is_due(self.chip, sensor):
+            film.magnetise(self.chip, sensor)
+            sensor.discard += self._is_paced  # the measurement that is running
         if self.chip.thermometer is not None:
             count = self.chip.driver.temperature_count(sensor.wires, sensor.block)
             sensor.temperature_raw = TEMPERATURE_UNKNOWN if count is None else count

@@ -89,8 +89,14 @@ class Reader:
                 self._send(*pad.early())
 
     def _polls_per_frame(self) -> int:
-        """Two polls a frame halve the uncertainty of a free-running chip's sample time; only if the bus has time."""
-        return 2 if not self._settings.trigger and 2 * self._poll_s * self._settings.rate_hz < COMFORTABLE_LOAD else 1
+        """Two polls a frame halve the uncertainty of a free-running chip's sample time; only if the bus has time.
+
+        A chip that is paced by this program must have ended its measurement by the next poll.
+        """
+        if self._settings.trigger or 2 * self._poll_s * self._settings.rate_hz >= COMFORTABLE_LOAD:
+            return 1
+        needed_s = self._chip.single_wait_s if self._chip.paced_by_host else 0.0
+        return 2 if 2 * (needed_s + self._poll_s) * self._settings.rate_hz < 1.0 else 1
 
     def _watch(self, now_ns: int) -> None:
         if now_ns >= self._next_watch_ns:
@@ -116,10 +122,10 @@ class Reader:
             for pad in self._pads:
                 pad.poll()
             return
-        ends_us = [pad.trigger() for pad in self._pads]
+        measured = [pad.trigger() for pad in self._pads]
         time.sleep(self._chip.single_wait_s)
-        for pad, converted_us in zip(self._pads, ends_us, strict=True):
-            pad.poll(converted_us)
+        for pad, measured_us in zip(self._pads, measured, strict=True):
+            pad.poll(measured_us)
 
     def _requests_until(self, tick_ns: int) -> bool:
         """Answer the host until the next tick is due; False when stdin has ended."""

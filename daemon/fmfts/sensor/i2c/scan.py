@@ -16,9 +16,8 @@ import msgspec
 
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips import tca9548a as mux
-from fmfts.sensor.chips.unread import UNREAD
 from fmfts.sensor.i2c.bus import CallRecord, ChipWires, I2cBus
-from fmfts.sensor.i2c.others import chips_answering, unread_answering
+from fmfts.sensor.i2c.others import chips_answering
 from fmfts.sensor.source import SourceError
 
 STUCK_S = 2.0  # in one call; a transfer takes less than a millisecond
@@ -29,7 +28,7 @@ REGISTERS = "registers"
 
 
 class Found(msgspec.Struct, frozen=True):
-    """A chip, by its name in CHIPS or UNREAD. mux_address, channel: None where it is straight on the bus.
+    """A chip, by its name in CHIPS. mux_address, channel: None where it is straight on the bus.
 
     registers: lines such as "0x09: 1d 41 01", from the first of these registers on; none where nobody asked for them.
     """
@@ -41,14 +40,8 @@ class Found(msgspec.Struct, frozen=True):
     registers: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        chip = CHIPS[self.chip] if self.is_read else UNREAD[self.chip]
         behind = "" if self.mux_address is None else f", mux 0x{self.mux_address:02x}, channel {self.channel}"
-        remark = "" if self.is_read else f", {UNREAD[self.chip].remark}"
-        return f"{chip.label} at 0x{self.address:02X}{behind}{remark}"
-
-    @property
-    def is_read(self) -> bool:
-        return self.chip in CHIPS
+        return f"{CHIPS[self.chip].label} at 0x{self.address:02X}{behind}"
 
 
 def scanned(bus: int, *, registers: bool = False) -> list[Found]:
@@ -112,12 +105,11 @@ def scan(bus: I2cBus, *, registers: bool = False) -> Iterator[Found]:
 def _answering(bus: I2cBus) -> Iterator[tuple[str, int]]:
     """The names of the chips on the selected channel, and where each answers."""
     yield from ((chip.name, address) for chip, address in chips_answering(bus))
-    yield from ((chip.name, chip.address) for chip in unread_answering(bus))
 
 
 def _dumped(bus: I2cBus, name: str, address: int) -> tuple[str, ...]:
     """The registers of a chip on the selected channel."""
-    dump = CHIPS[name].dump if name in CHIPS else None
+    dump = CHIPS[name].dump
     lines = []
     try:
         for first, values in dump(ChipWires(bus, address)) if dump is not None else ():

@@ -143,16 +143,7 @@ def _next(pad: I2cPad, sensor: Sensor) -> bytes | None:
     end_s = time.monotonic() + CONVERSION_LIMIT_S
     while True:
         is_last = time.monotonic() >= end_s  # of a busy computer, which stood still meanwhile, as of any other
-        ready, block = pad.chip.driver.sample(sensor.wires) if _may_be_read(pad, sensor) else (False, None)
+        ready, block = pad.chip.driver.sample(sensor.wires)
         if ready or is_last:
             return block if ready else None
         time.sleep(POLL_S)
-
-
-def _may_be_read(pad: I2cPad, sensor: Sensor) -> bool:
-    """False while reading would hide a measurement that ends meanwhile: it clears what announces it."""
-    test = pad.chip.set_reset
-    if test is None:
-        return True
-    status = sensor.wires.exchange(test.status, 1)
-    return bool(status[0] & test.done)

@@ -29,7 +29,11 @@ class Sensor:
     block: bytes = b""
     sampled_us: int | None = None
     polled_us: int = 0
-    started_us: int = 0
+    started_us: int = 0  # it was set up, or its last discarded sample came
+    started_measuring_us: int = 0  # of a chip that is paced by this program
+    late: int = 0  # measurements in a row that had not ended when they were read
+    exposure: int = 0  # of its film to strong fields, since the last pulse
+    magnetised_us: int = 0
     retry_us: int = 0
     fresh: bool = False  # in no frame yet
     unsent: bool = False  # nor sent early
@@ -44,6 +48,7 @@ class Sensor:
         self.state, self.sampled_us, self.fresh = SensorState.OK, None, False
         self.block, self.other = block or b"", None
         self.discard = stale_samples
+        self.late, self.exposure, self.magnetised_us = 0, 0, now_us()
         self.polled_us = self.started_us = now_us()
 
     def lose(self, state: SensorState) -> None:

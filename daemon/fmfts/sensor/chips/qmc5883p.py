@@ -1,0 +1,88 @@
+"""The QMC5883P three-axis magnetometer: facts and registers (Adafruit_QMC5883P, ArduPilot, reznikmm/qmc5883p).
+
+Boards named GY-271, HMC5883L or QMC5883L carry it today. Address, registers and scale are its own.
+"""
+
+from __future__ import annotations
+
+from struct import Struct
+
+from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip
+from fmfts.sensor.chips.driver import Setup, Wires, overflowing, registers, transfer_bits
+
+IDENTIFICATION, AXES, STATUS, CONTROL_1, SIGNS = 0x00, 0x01, 0x09, 0x0A, 0x29
+STATUS_READY, STATUS_OVERFLOW = 0x01, 0x02
+MODE_NORMAL = 0x01  # control 1: mode in bits 1–0, rate in 3–2, oversampling in 5–4 (0: 8 times), downsampling in 7–6
+SIGNS_OF_AXES = 0x06  # "define the sign for x, y and z": the first step of each example in its data sheet
+WIDEST_RANGE = 3  # of gain codes here; its own range code in bits 3–2 of control 2 counts from the widest
+_AXES = Struct("<hhh")
+
+
+class _Registers:
+    """As `Driver` has it."""
+
+    sample_bits = transfer_bits(1, 1) + transfer_bits(1, 6)
+    trigger_bits = 0
+    trigger = b""  # how long its single measurements take is in no source
+    stale_samples = 1
+
+    def identify(self, wires: Wires, chip: Chip) -> bytes:
+        """With both controls: a potentiometer at this address answers 0x80 to every question."""
+        return wires.exchange(bytes((IDENTIFICATION,)), 1) + wires.exchange(bytes((CONTROL_1,)), 2)
+
+    def set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
+        control_1, control_2 = _configuration(chip, setup)
+        wires.write(bytes((SIGNS, SIGNS_OF_AXES)))
+        wires.write(bytes((CONTROL_1 + 1, control_2)))
+        wires.write(bytes((CONTROL_1, control_1)))  # last: the mode, which begins to measure
+        return self.is_set_up(wires, chip, setup)
+
+    def is_set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
+        return wires.exchange(bytes((CONTROL_1,)), 2) == _configuration(chip, setup)
+
+    def sample(self, wires: Wires) -> tuple[bool, bytes | None]:
+        """Two transfers, the status first: right whether reading the status or the axes clears "ready"."""
+        status = wires.exchange(bytes((STATUS,)), 1)[0]
+        if not status & STATUS_READY:
+            return False, None
+        return True, bytes((status & STATUS_OVERFLOW,)) + wires.exchange(bytes((AXES,)), 6)
+
+    def axes(self, chip: Chip, block: bytes) -> Axes:
+        return overflowing(chip, _AXES.unpack(block[1:]), bool(block[0]))
+
+    def temperature_count(self, wires: Wires, block: bytes) -> int | None:
+        return None
+
+
+QMC5883P = Chip(
+    name="qmc5883p",
+    label="QMC5883P",
+    driver=_Registers(),
+    address=0x2C,
+    identity=b"\x80\x00\x00",
+    identity_mask=b"\xff\x00\x80",  # bit 7 of control 2, the reset, clears itself
+    ranges_gauss=(2.0, 8.0, 12.0, 30.0),
+    counts_per_gauss=tuple((counts, counts, counts) for counts in (15000, 3750, 2500, 1000)),
+    largest_count=32766,  # it stays at 32767 or −32768 beyond its range
+    saturated_count=-32768,
+    output_rates_hz=(10.0, 50.0, 100.0, 200.0),
+    free_rate_hz=200,
+    single_rate_hz=0,
+    single_conversion_s=0.0,
+    single_wait_s=0.0,
+    clock_tolerance=0.05,
+    noise_t=2e-3 * TESLA_PER_GAUSS,  # as the QMC5883L's (unverified)
+    sensitivity_per_k=-0.0005,  # as the QMC5883L's (unverified)
+    thermometer=None,
+    bias_strap=None,
+    board_rates_hz=(200.0,),
+    dump=registers((0x00, 1), (0x01, 6), (0x09, 1), (0x0A, 2), (0x29, 1)),
+    supply="made; on boards sold as HMC5883L, QMC5883L and GY-271, 2 to 6 € each",
+    remarks="one address, so a mux; at most 200 Hz; no self-test of its gains; no thermometer",
+)
+
+
+def _configuration(chip: Chip, setup: Setup) -> bytes:
+    """The wanted content of controls 1 and 2. Set and reset stay on: bits 1–0 of control 2 are 0."""
+    rate = chip.output_rates_hz.index(chip.output_rate_hz(setup.rate_hz))
+    return bytes((rate << 2 | MODE_NORMAL, WIDEST_RANGE - setup.gain_code << 2))

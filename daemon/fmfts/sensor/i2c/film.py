@@ -1,0 +1,56 @@
+"""Keeps the magnetic film of a chip magnetised: `Film` in chips/chip.py says why and when."""
+
+from __future__ import annotations
+
+import math
+import time
+from enum import IntEnum
+
+from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip
+from fmfts.sensor.i2c.sensor import Sensor, now_us
+
+
+class Exposure(IntEnum):
+    """What a film has met since its last pulse."""
+
+    NOTHING = 0
+    DOUBTFUL = 1
+    UPSET = 2
+
+
+def undisturbed(chip: Chip, gain_code: int, sensor: Sensor, axes: Axes) -> Axes:
+    """`axes`; all of them marked as saturated where the film may be upset. When the field has gone, a pulse mends it.
+
+    The sample that shows that the field has gone was still measured with an upset film.
+    """
+    film = chip.film
+    if film is None:
+        return axes
+    gauss = _norm_gauss(chip, gain_code, axes)
+    met = Exposure.UPSET if gauss > film.upset_gauss else Exposure(gauss > film.doubtful_gauss)
+    has_gone = met == Exposure.NOTHING and sensor.exposure != Exposure.NOTHING
+    sensor.exposure = max(sensor.exposure, met)
+    if sensor.exposure < Exposure.UPSET and not has_gone:
+        return axes
+    if has_gone:
+        magnetise(chip, sensor)
+    return chip.saturated_count, chip.saturated_count, chip.saturated_count
+
+
+def magnetise(chip: Chip, sensor: Sensor) -> None:
+    """The measurement that is running, if any, is spoilt."""
+    assert chip.film is not None
+    sensor.wires.write(chip.film.pulse)
+    sensor.exposure, sensor.magnetised_us = Exposure.NOTHING, now_us()
+    time.sleep(chip.film.pause_s)
+
+
+def is_due(chip: Chip, sensor: Sensor) -> bool:
+    """The last pulse was long ago."""
+    return chip.film is not None and now_us() - sensor.magnetised_us > 1e6 * chip.film.every_s
+
+
+def _norm_gauss(chip: Chip, gain_code: int, axes: Axes) -> float:
+    if chip.saturated_count in axes:
+        return math.inf
+    return math.hypot(*(axes * chip.step_t[gain_code])) / TESLA_PER_GAUSS
