@@ -5,6 +5,7 @@
 # make chips-for-a-day   every driver on its emulated chips for a day of their time: 6 to 15 minutes for each chip
 # make sample-times      when samples were measured, and whether any comes twice: eight minutes
 # make mould   the mould of a pad of other sizes for a printer, as STL: needs OpenSCAD (hardware/ has the standard pad's)
+# make first-uses   from `init` to contacts with each chip that Linux reads, on two I2C adapters: figures, three minutes
 # make chips-page   write docs/chips.md anew from the chips' descriptions
 # make transcript   type the first use of README on the firmware's host build, and write what is said into README
 # make page-drills  the page under load: many pads, pages and strangers, an hour's run, the first use of a board
@@ -47,7 +48,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi faketime g++ openscad gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium)
 
 .PHONY: demo test lint unit processes clock slow long bench cold-starts clean wheel
-.PHONY: transcript recordings kept-report model pictures chips-page mould sample-times
+.PHONY: first-uses transcript recordings kept-report model pictures chips-page mould sample-times
 .PHONY: chaos chips-for-a-day fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
 
@@ -78,6 +79,8 @@ mould:
 	openscad -q -o build/mould-tray.stl -D 'part="tray"' $(MOULD) hardware/mould.scad
 	openscad -q -o build/mould-lid.stl -D 'part="lid"' $(MOULD) hardware/mould.scad
 
+first-uses: test-packages $(VENV)/.installed-test
+	$(BIN)/python tests/end_to_end/i2c_first_use.py $(FIRST_USES)
 # How right the times of samples are of chips that the reader starts one by one: four times a hundred thousand frames.
 SAMPLE_FRAMES ?= 100000
 sample-times: $(VENV)/.installed-test

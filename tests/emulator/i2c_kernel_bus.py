@@ -2,7 +2,10 @@
 and /dev/i2c-8, which no order concerns, with one.
 
 With a kind of chip as its argument, /dev/i2c-7 has such chips instead: four behind one mux ("qmc5883l"), or one at each
-address that follows, without a mux ("mlx90393 12 13 14 15"). With "hmc5983" its two muxes have eight each.
+address that follows, without a mux ("mlx90393 12 13 14 15"). With "wide" its two muxes have eight HMC5983 each.
+
+"--adapter KIND" says which adapter of i2c_adapters.py both buses are on: "bcm2835", which refuses the most of those on
+a board, without it. What it refuses, reports and takes, its sysfs files, and what it answers to I2C_FUNCS follow.
 
 Run by the system's Python (it needs gir1.2-umockdev-1.0). Prints the test bed's directory, then obeys one JSON object
 a line on stdin and prints "done" after each:
@@ -15,6 +18,7 @@ a line on stdin and prints "done" after each:
 
 from __future__ import annotations
 
+import argparse
 import errno
 import json
 import os
@@ -22,6 +26,7 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from struct import Struct
 
 import gi
 
@@ -29,39 +34,58 @@ gi.require_version("UMockdev", "1.0")
 from gi.repository import GLib, UMockdev  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).parent))
+import magnetometers  # noqa: E402
 from chips import Bus, Hmc5983, NackError, Tca9548a  # noqa: E402
-from magnetometers import Lis3mdl, Mmc5603nj, Mmc5983ma, Qmc5883l, Qmc5883p  # noqa: E402
+from i2c_adapters import ADAPTERS, Adapter, Message  # noqa: E402
 from mlx90393 import Mlx90393  # noqa: E402
 
 I2C_SLAVE, I2C_FUNCS, I2C_RDWR, I2C_SMBUS = 0x0703, 0x0705, 0x0707, 0x0720
-FUNCTIONS = 0x0EFF0001  # what a plain I2C adapter of Linux offers: I2C and emulated SMBus
-READ = 0x0001
-DEVICE = "P: /devices/platform/soc/i2c-{0}/i2c-dev/i2c-{0}\nN: i2c-{0}\nE: DEVNAME=/dev/i2c-{0}\nE: SUBSYSTEM=i2c-dev\n"
+# The controller, its adapter, and its device node: as sysfs has them.
+DEVICES = """\
+P: /devices/{device}
+E: SUBSYSTEM=platform
+L: driver=/sys/bus/drivers/{driver}
+{clock}
+P: /devices/{device}/i2c-{number}
+E: SUBSYSTEM=i2c
+A: name={name}\\n
+
+P: /devices/{device}/i2c-{number}/i2c-dev/i2c-{number}
+N: i2c-{number}
+E: DEVNAME=/dev/i2c-{number}
+E: SUBSYSTEM=i2c-dev
+"""
 MUXES = {7: 2, 8: 1}  # by bus
-POINTER, MESSAGE = 8, 16  # bytes of a pointer and of struct i2c_msg on a 64-bit kernel
+POINTER = 8  # bytes on a 64-bit kernel
+HEADER = Struct("<HHHxxQ")  # struct i2c_msg: address, flags, length, and the pointer to its bytes
+MESSAGE = HEADER.size
 
 
 class KernelBus(UMockdev.IoctlBase):
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, adapter: Adapter) -> None:
         super().__init__()
         self.bus = bus
-        self.block_s = 0.0
+        self.adapter = adapter
+        self.block_s = self.took_s = 0.0
         self.busy: list[int] = []
         self.slave = 0
         self.muxes_written_by_others = 0
 
     def do_handle_ioctl(self, client: UMockdev.IoctlClient) -> bool:
+        self.took_s = 0.0
         handler = {I2C_SLAVE: self._slave, I2C_FUNCS: self._funcs, I2C_RDWR: self._rdwr, I2C_SMBUS: self._smbus}
         try:
             result, error = handler[client.get_request()](client.get_arg()), 0
         except NackError:
-            result, error = -1, errno.EREMOTEIO
+            result, error = -1, self.adapter.no_answer
         except OSError as failure:
             result, error = -1, failure.errno
         except GLib.Error:  # the client was killed in the middle of its call
             return True
         if self.block_s and client.get_request() in (I2C_RDWR, I2C_SMBUS):
             GLib.timeout_add(int(1000 * self.block_s), lambda: client.complete(-1, errno.ETIMEDOUT))
+        elif self.took_s:
+            GLib.timeout_add(int(1000 * self.took_s), lambda: client.complete(result, error))
         else:
             client.complete(result, error)
         return True
@@ -73,18 +97,24 @@ class KernelBus(UMockdev.IoctlBase):
         return 0
 
     def _funcs(self, argument: UMockdev.IoctlData) -> int:
-        argument.resolve(0, POINTER).update(0, list(FUNCTIONS.to_bytes(POINTER, "little")))
+        argument.resolve(0, POINTER).update(0, list(self.adapter.functions.to_bytes(POINTER, "little")))
         return 0
 
     def _rdwr(self, argument: UMockdev.IoctlData) -> int:
         request = argument.resolve(0, 2 * POINTER)
         count = _number(request, POINTER, 4)
         table = request.resolve(0, MESSAGE * count)
-        messages, buffers = [], []
-        for start in range(0, MESSAGE * count, MESSAGE):
-            address, flags, size = (_number(table, start + offset, 2) for offset in (0, 2, 4))
-            buffers.append(table.resolve(start + 8, size))
-            messages.append((address, size if flags & READ else bytes(buffers[-1].retrieve())))
+        headers = list(HEADER.iter_unpack(bytes(table.retrieve())))
+        buffers = [table.resolve(MESSAGE * place + 8, size) for place, (_, _, size, _) in enumerate(headers)]
+        seen = [Message(*header[:3]) for header in headers]
+        refused = self.adapter.refusal(seen)
+        if refused:
+            raise OSError(refused, "")
+        self.took_s = self.adapter.took_s(seen)
+        messages = [
+            (one.address, one.size if one.reads else bytes(buffer.retrieve()))
+            for one, buffer in zip(seen, buffers, strict=True)
+        ]
         for buffer, answer in zip(buffers, self.bus.transfer(messages), strict=True):
             if answer:
                 buffer.update(0, list(answer))
@@ -147,15 +177,22 @@ def obey(kernel: KernelBus, order: dict) -> str:
 def main() -> None:
     with suppress(PermissionError):  # chips wait for no processor; without the right to this, they do when it is busy
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--adapter", choices=ADAPTERS, default="bcm2835")
+    parser.add_argument("--clock-hz", type=int, default=None)
+    parser.add_argument("chip", nargs="?")
+    parser.add_argument("addresses", nargs="*", type=int)
+    options = parser.parse_args()
+    adapter = ADAPTERS[options.adapter]
     testbed = UMockdev.Testbed.new()
     buses = {number: Bus(some_muxes(count)) for number, count in MUXES.items()}
-    if sys.argv[1:] == ["hmc5983"]:
+    if options.chip == "wide":
         buses[7] = Bus(some_muxes(MUXES[7], 8))
-    elif len(sys.argv) > 1:
-        buses[7] = bus_of(sys.argv[1], [int(each) for each in sys.argv[2:]])
-    kernels = {number: KernelBus(bus) for number, bus in buses.items()}
+    elif options.chip is not None:
+        buses[7] = bus_of(options.chip, options.addresses)
+    kernels = {number: KernelBus(bus, adapter) for number, bus in buses.items()}
     for number, kernel in kernels.items():
-        testbed.add_from_string(DEVICE.format(number))
+        testbed.add_from_string(devices(adapter, number, options.clock_hz or adapter.clock_hz))
         testbed.attach_ioctl(f"/dev/i2c-{number}", kernel)
     loop = GLib.MainLoop()
 
@@ -170,6 +207,17 @@ def main() -> None:
     GLib.io_add_watch(sys.stdin.fileno(), GLib.IO_IN | GLib.IO_HUP, on_order)
     print(testbed.get_root_dir(), flush=True)
     loop.run()
+
+
+def devices(adapter: Adapter, number: int, clock_hz: int | None) -> str:
+    """For umockdev. The second bus is on a controller of its own."""
+    return DEVICES.format(
+        device=adapter.device if number == 7 else f"{adapter.device}.{number}",
+        driver=adapter.driver,
+        name=adapter.name,
+        number=number,
+        clock="" if clock_hz is None else f"H: of_node/clock-frequency={clock_hz:08X}\n",
+    )
 
 
 def some_muxes(count: int, chips: int = 4) -> list[Tca9548a]:
@@ -193,8 +241,8 @@ def some_muxes(count: int, chips: int = 4) -> list[Tca9548a]:
 
 def bus_of(kind: str, addresses: list[int]) -> Bus:
     """Four chips of another kind, with the fields of `some_muxes`."""
-    kinds = (Qmc5883l, Qmc5883p, Lis3mdl, Mmc5983ma, Mmc5603nj, Mlx90393)
-    made = {each.__name__.lower(): each for each in kinds}[kind]
+    known = {"hmc5983": Hmc5983, "hmc5883l": Hmc5983, "mlx90393": Mlx90393}
+    made = (known | {name.lower(): each for name, each in vars(magnetometers).items() if isinstance(each, type)})[kind]
     start = time.monotonic()
     chips = [
         made(

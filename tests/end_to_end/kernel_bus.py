@@ -36,8 +36,9 @@ def missing() -> bool:
 class KernelBus:
     """The server process, and what reads from it; `order` changes what is on the bus."""
 
-    def __init__(self, *chips: object) -> None:
-        command = [SYSTEM_PYTHON, str(SERVER), *map(str, chips)]
+    def __init__(self, *chips: object, adapter: str, clock_hz: int | None) -> None:
+        clock = [] if clock_hz is None else ["--clock-hz", str(clock_hz)]
+        command = [SYSTEM_PYTHON, str(SERVER), "--adapter", adapter, *clock, *map(str, chips)]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         assert self.process.stdin
         assert self.process.stdout
@@ -76,11 +77,12 @@ class KernelBus:
 
 
 @contextmanager
-def kernel_bus(*chips: object) -> Iterator[KernelBus]:
-    """Seen by processes that are started meanwhile. chips: see i2c_kernel_bus.py."""
+def kernel_bus(*chips: object, adapter: str = "bcm2835", clock_hz: int | None = None) -> Iterator[KernelBus]:
+    """Seen by processes that are started meanwhile. chips, adapter, and clock_hz, that of the device tree: see
+    i2c_kernel_bus.py."""
     if missing():
         needed.missing(PACKAGES)
-    bus = KernelBus(*chips)
+    bus = KernelBus(*chips, adapter=adapter, clock_hz=clock_hz)
     try:
         with pytest.MonkeyPatch.context() as patch:
             patch.setenv("LD_PRELOAD", "libumockdev-preload.so.0")  # for the reader, our child; we run without

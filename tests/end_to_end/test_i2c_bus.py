@@ -210,7 +210,7 @@ def wide() -> PadConfig:
 
 
 def test_sixteen_sensors_behind_two_muxes_arrive_as_one_frame_and_a_silent_one_is_named() -> None:
-    with kernel_bus("hmc5983") as kernel:
+    with kernel_bus("wide") as kernel:
         source = kernel.open(wide())
         last = run(source, lambda frames: len(frames) > 30 and all_valid(frames))[-1]
         assert np.array_equal(last.counts[:8], expected_counts(3, sensors=8, mux=0))
@@ -229,7 +229,7 @@ def test_sixteen_sensors_behind_two_muxes_arrive_as_one_frame_and_a_silent_one_i
 
 
 def test_sixteen_sensors_behind_two_muxes_are_tested_in_one_request() -> None:
-    with kernel_bus("hmc5983") as kernel:
+    with kernel_bus("wide") as kernel:
         kernel.chip(7, mux=1, strap=0.1)
         source = kernel.open(wide())
         run(source, all_valid)

@@ -104,7 +104,7 @@ def test_closing_ends_the_reader(kernel: KernelBus) -> None:
     ("pads", "words"),
     [
         ([{"clock_hz": 100_000, "rate_hz": 220}], "4 sensors at 220 Hz are more than I2C bus 7 carries at 100000 Hz"),
-        ([{"rate_hz": 160, "trigger": "simultaneous"}], "at most 127 Hz"),
+        ([{"rate_hz": 160, "trigger": "simultaneous"}], "at most 128 Hz"),
         ([{"rate_hz": 200, "trigger": "simultaneous"}], "at most 160 Hz are possible"),
         ([{"rate_hz": 220, "chip": "hmc5883l"}], "at most 75 Hz are possible"),
         ([{"range_gauss": 3.0}], "no range of ±3.0 G"),

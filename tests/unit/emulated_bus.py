@@ -17,6 +17,7 @@ from fmfts.sensor.i2c import film as film_module
 from fmfts.sensor.i2c import pad as pad_module
 from fmfts.sensor.i2c import selftest as i2c_selftest
 from fmfts.sensor.i2c import sensor as sensor_module
+from fmfts.sensor.i2c.adapter import Adapter
 from fmfts.sensor.i2c.pad import I2cPad
 from fmfts.sensor.i2c.reader_config import PadWiring
 from fmfts.sensor.wire.packets import Selftest
@@ -65,6 +66,7 @@ class EmulatedBus:
 
     path = "/dev/i2c-emulated"
     place = ""
+    adapter = Adapter()
 
     def __init__(self, clock: Clock, bus: Bus) -> None:
         self.clock, self.bus = clock, bus

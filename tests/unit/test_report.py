@@ -74,7 +74,9 @@ def placed(root: Path, files: dict[str, bytes]) -> None:
         (root / name).write_bytes(content)
 
 
-def test_adapter_is_told_as_the_kernel_of_a_raspberry_pi_has_it(tmp_path: Path) -> None:
+def test_adapter_is_told_as_the_kernel_of_a_raspberry_pi_has_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The tree as Linux makes it: Documentation/ABI/testing/sysfs-bus-i2c-devices, drivers/i2c/i2c-core-base.c."""
     controller = tmp_path / "sys/devices/platform/soc/fe804000.i2c"
     placed(
@@ -82,7 +84,6 @@ def test_adapter_is_told_as_the_kernel_of_a_raspberry_pi_has_it(tmp_path: Path) 
         {
             "i2c-1/name": b"bcm2835 (i2c@7e804000)\n",
             "of_node/clock-frequency": (400_000).to_bytes(4, "big"),
-            "of_node/compatible": b"brcm,bcm2711-i2c\0brcm,bcm2835-i2c\0",
         },
     )
     driver = tmp_path / "sys/bus/platform/drivers/i2c-bcm2835"
@@ -91,19 +92,20 @@ def test_adapter_is_told_as_the_kernel_of_a_raspberry_pi_has_it(tmp_path: Path) 
     devices = tmp_path / "sys/bus/i2c/devices"
     devices.mkdir(parents=True)
     (devices / "i2c-1").symlink_to(controller / "i2c-1")
-    facts = machine.adapter(1, tmp_path)
+    monkeypatch.setattr("fmfts.sensor.i2c.adapter.DEVICES", devices)
+    facts = machine.adapter(1)
     facts.pop("functions")  # asked of the device itself, which is this computer's
     assert facts == {
         "bus": 1,
         "name": "bcm2835 (i2c@7e804000)",
         "driver": "i2c-bcm2835",
-        "compatible": "brcm,bcm2711-i2c, brcm,bcm2835-i2c",
         "clock_hz": 400_000,
+        "is_usb": False,
     }
 
 
-def test_adapter_that_is_not_there_is_told_by_its_error(tmp_path: Path) -> None:
-    assert machine.adapter(250, tmp_path) == {"bus": 250, "functions": "not known: No such file or directory"}
+def test_adapter_that_is_not_there_is_told_by_its_error() -> None:
+    assert machine.adapter(250) == {"bus": 250, "is_usb": False, "functions": "not known: No such file or directory"}
 
 
 def test_serial_port_is_told_with_its_usb_ids_and_timer(tmp_path: Path) -> None:

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 
 def run(options: argparse.Namespace) -> int:
+    from fmfts.config import I2cSource
     from fmfts.config.checks import other_silicone
+    from fmfts.config.i2c_checks import rates_carried
     from fmfts.contact import ContactModel, ModelError, NoContactModel
     from fmfts.contact.model import SHEAR_UNKNOWN
     from fmfts.runtime.opening import load_models
@@ -36,6 +38,8 @@ def run(options: argparse.Namespace) -> int:
         for pad in config.pad:
             kind = pad.source.__struct_config__.tag
             model = models[pad.name]
+            if isinstance(pad.source, I2cSource):
+                print(f"{pad.name}: {rates_carried(config.pad, pad.source)}")
             if isinstance(model, NoContactModel):
                 print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, {model.tells} only")
                 print(f"{pad.name}: warning: no place and no force: {model.reason}", file=sys.stderr)

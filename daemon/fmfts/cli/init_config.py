@@ -15,6 +15,7 @@ from fmfts.common import exit_codes
 if TYPE_CHECKING:
     from fmfts.config.example import FoundPad
     from fmfts.sensor.chips import Chip
+    from fmfts.sensor.chips.rates import BusLoad
     from fmfts.sensor.i2c.scan import Found
 
 DEFAULT_FILE = Path("pad.toml")
@@ -100,17 +101,25 @@ def _on_i2c(bus: int) -> tuple[list[FoundPad], str]:
         groups.setdefault((one.mux_address or 0, half, one.chip), []).append(one)
     names = ["left"] if len(groups) == 1 else [f"pad{number + 1}" for number in range(len(groups))]
     from fmfts.config.example import FoundPad
+    from fmfts.sensor.chips.rates import BusLoad
 
+    load = BusLoad.of(
+        (len(members), [one.mux_address for one in members if one.mux_address is not None])
+        for members in groups.values()
+    )
     pads = [
-        FoundPad(name, _i2c_lines(bus, members), len(members), "; ".join(map(str, members)))
+        FoundPad(name, _i2c_lines(bus, members, load), len(members), "; ".join(map(str, members)))
         for name, members in zip(names, groups.values(), strict=True)
     ]
     return pads, f"the {'pad' if len(pads) == 1 else 'pads'} on /dev/i2c-{bus}"
 
 
-def _i2c_lines(bus: int, members: Sequence[Found]) -> list[str]:
-    """The lines of [pad.source] for chips of one kind, at a rate and a range that suit them."""
+def _i2c_lines(bus: int, members: Sequence[Found], load: BusLoad) -> list[str]:
+    """The lines of [pad.source] for chips of one kind, at a rate and a range that suit them and the bus."""
+    from fmfts.config import I2cSource
     from fmfts.sensor.chips import CHIPS
+    from fmfts.sensor.chips.rates import i2c_rate_hz
+    from fmfts.sensor.i2c.adapter import adapter_of
 
     chip, first = CHIPS[members[0].chip], members[0]
     lines = ['type = "i2c"', f"bus = {bus}                        # /dev/i2c-{bus}"]
@@ -128,16 +137,23 @@ def _i2c_lines(bus: int, members: Sequence[Found]) -> list[str]:
         ]
         if any(each.address != chip.address for each in members):
             lines.append(f"addresses = [{', '.join(f'{each.address:#04x}' for each in members)}]")
-    return [*lines, *_lines_for(chip, over_bridge=False)]
+    adapter, usual_hz = adapter_of(bus), I2cSource(bus=bus).clock_hz
+    clock_hz = min(adapter.clock_hz or usual_hz, usual_hz)
+    if clock_hz != usual_hz:
+        lines.append(
+            f"clock_hz = {clock_hz}              # of the bus, as the device tree has it; {usual_hz} is faster"
+        )
+    most_hz = min(i2c_rate_hz(chip, "free", clock_hz, load), adapter.highest_rate_hz(load) or 1000)
+    return [*lines, *_lines_for(chip, over_bridge=False, most_hz=max(1, most_hz))]
 
 
-def _lines_for(chip: Chip, *, over_bridge: bool) -> list[str]:
-    """The keys that every device has, with the rate and the range that suit this chip."""
+def _lines_for(chip: Chip, *, over_bridge: bool, most_hz: int = 1000) -> list[str]:
+    """The keys that every device has, with the rate and the range that suit this chip. most_hz: what a bus carries."""
     from fmfts.config.example import shared_lines
     from fmfts.sensor.chips.rates import usual_rate_hz
 
     suited = {
-        "rate_hz": str(usual_rate_hz(chip, "free", over_bridge=over_bridge)),
+        "rate_hz": str(min(usual_rate_hz(chip, "free", over_bridge=over_bridge), most_hz)),
         "range_gauss": f"{chip.usual_range_gauss:g}",
         "chip": f'"{chip.name}"',
     }

@@ -90,7 +90,7 @@ class I2cSource(_HardwareSource, frozen=True, tag="i2c", tag_field="type", kw_on
     mux_addresses: tuple[int, ...] = ()  # of each sensor's mux, where a pad has several; empty: all are mux_address
     channels: tuple[Annotated[int, Meta(ge=0, le=7)], ...] = (0, 1, 2, 3)  # empty: without a mux
     addresses: tuple[Annotated[int, Meta(ge=0x08, le=0x77)], ...] = ()  # empty: where such chips are first
-    clock_hz: Annotated[int, Meta(ge=10_000, le=400_000)] = 400_000
+    clock_hz: Annotated[int, Meta(ge=10_000, le=1_000_000)] = 400_000
 
     @property
     def sensor_muxes(self) -> tuple[int, ...]:

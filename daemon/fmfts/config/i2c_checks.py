@@ -13,6 +13,8 @@ Key = str | int
 Problem = tuple[tuple[Key, ...], str]  # the path of keys to a value, and what is wrong with it
 
 FIRST_MUX = 0x70
+MUX_CLOCK_HZ = 400_000  # SCPS207, f_scl
+CLOCKS = {100_000: "100 kHz", 400_000: "400 kHz", 1_000_000: "1 MHz"}
 WHERE_MUXES_ARE = "a TCA9548A is at 0x70 to 0x77 (112 to 119), as its pins A0 to A2 say"
 
 
@@ -20,6 +22,8 @@ def of_pad(source: I2cSource, sensors: int) -> Iterator[Problem]:
     """Keys of [pad.source] in a pad with so many sensors."""
     chip = CHIPS[source.chip]
     yield from _muxes(source, sensors)
+    if source.channels and source.clock_hz > MUX_CLOCK_HZ:
+        yield ("source", "clock_hz"), f"at most {MUX_CLOCK_HZ} with a TCA9548A; more only without a mux"
     if source.channels and len(source.channels) != sensors:
         yield ("source", "channels"), f"one channel for each of the {sensors} sensors in geometry.sensors_mm"
         return
@@ -73,6 +77,22 @@ def _ways(source: I2cSource, addresses: Sequence[int]) -> Iterator[Problem]:
                 f"0x{address:02x} on channel {channel} of mux 0x{mux:02x}; a second mux goes into mux_addresses",
             )
             return
+
+
+def rates_carried(pads: Sequence[PadConfig], source: I2cSource) -> str:
+    """What rate the bus of one of these pads carries at usual clocks, with all pads that are on it."""
+    load = BusLoad.of(
+        (len(pad.geometry.sensors_mm), pad.source.sensor_muxes)
+        for pad in pads
+        if isinstance(pad.source, I2cSource) and pad.source.bus == source.bus
+    )
+    rates = (
+        f"{i2c_rate_hz(CHIPS[source.chip], source.trigger, clock_hz, load)} Hz ({clock})"
+        for clock_hz, clock in CLOCKS.items()
+        if clock_hz <= MUX_CLOCK_HZ or not load.muxed
+    )
+    sensors = "1 sensor" if load.sensors == 1 else f"{load.sensors} sensors"
+    return f"I2C bus {source.bus} carries {sensors} at up to {', '.join(rates)}"
 
 
 def of_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import struct
 from collections.abc import Iterable, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 import smbus2
 
 from fmfts import __version__
+from fmfts.sensor.i2c.adapter import adapter_of
 from fmfts.sensor.wire.codec import VERSION as WIRE_VERSION
 from fmfts_client import SCHEMA_VERSION
 
@@ -63,22 +63,16 @@ def environment(environ: Mapping[str, str] = os.environ) -> dict[str, str]:
     return {name: value for name, value in sorted(environ.items()) if name.startswith("FMFTS_")}
 
 
-def adapter(bus: int, root: Path = Path("/")) -> dict[str, Any]:
+def adapter(bus: int) -> dict[str, Any]:
     """The I2C adapter behind /dev/i2c-`bus`, as the kernel describes it."""
-    node = root / f"sys/bus/i2c/devices/i2c-{bus}"
-    if not node.exists():
-        node = root / f"sys/class/i2c-dev/i2c-{bus}/device"
-    parent = node.resolve().parent
-    clock = next(
-        (each for place in (node, parent) if len(each := _bytes(place / "of_node/clock-frequency")) == 4), None
-    )
+    found = adapter_of(bus)
     return _present(
         {
             "bus": bus,
-            "name": _text(node / "name") or _text(root / f"sys/class/i2c-dev/i2c-{bus}/name"),
-            "driver": _target(parent / "driver"),
-            "compatible": _text(parent / "of_node/compatible").rstrip("\0").replace("\0", ", "),
-            "clock_hz": struct.unpack(">I", clock)[0] if clock else None,
+            "name": found.name,
+            "driver": found.driver,
+            "clock_hz": found.clock_hz,
+            "is_usb": found.is_usb,
             "functions": _functions(bus),
         }
     )

@@ -11,7 +11,8 @@ USUAL_RATE_HZ = 220
 BRIDGE_HZ = 220  # docs/wire.md, host → board: the most that the firmware accepts of any chip
 BOARD_READ_US = 680  # the firmware's time for one sensor between two triggers, and for how many board_single_hz is
 BOARD_READ_SENSORS = 4
-# On I2C. Select: START, address, control byte, STOP; then the chip's own transfer.
+# On I2C, as `Driver.sample_bits`. Select: START, address, control byte, STOP; then the chip's own transfer.
+# The kernel's own time is not counted, nor the half bit for which the bus is free between transfers (UM10204, tBUF).
 BITS_PER_SELECTION = 20
 BITS_PER_GROUP = 20  # the mux's control byte read back
 

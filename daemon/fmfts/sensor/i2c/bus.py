@@ -13,10 +13,10 @@ from struct import Struct
 
 import smbus2
 
+from fmfts.sensor.i2c.adapter import FUNCTION_I2C, adapter_of, smbus_only, why_not_possible
 from fmfts.sensor.lock import lock_device, not_permitted
 from fmfts.sensor.source import SourceError
 
-NOT_ACKNOWLEDGED = (errno.ENXIO, errno.EREMOTEIO, errno.EIO)  # 6 and 121; some adapters report 5
 _RECORD = Struct("<QB")
 _TEXT_BYTES = 80
 MOST_WRITES_KEPT = 256
@@ -52,11 +52,15 @@ class CallRecord:
 
 
 class I2cBus:
-    """Transfers on /dev/i2c-`number`, locked for this process; every failure raises the kernel's OSError."""
+    """Transfers on /dev/i2c-`number`, locked for this process.
+
+    A failure raises the kernel's OSError, and SourceError where the adapter itself is why: it would fail again.
+    """
 
     def __init__(self, number: int, record: CallRecord) -> None:
         self.path = f"/dev/i2c-{number}"
         self.place = ""  # mux and channels of the next calls, for the record
+        self.adapter = adapter_of(number)
         self._number = number
         self._record = record
         self._writes: dict[tuple[int, bytes], smbus2.i2c_msg] = {}  # of `exchange`: the same few all the time
@@ -70,6 +74,8 @@ class I2cBus:
             raise SourceError(f"{self.path} {not_permitted(error, group='i2c')}") from None
         except OSError as error:
             raise SourceError(f"{self.path} does not open: {error.strerror}") from None
+        if not self._bus.funcs & FUNCTION_I2C:
+            raise SourceError(smbus_only(self.path, self.adapter))
 
     def require_unbound(self, address: int) -> None:
         """SourceError if a kernel driver owns `address`: transfers would still work, and disturb the driver."""
@@ -85,22 +91,28 @@ class I2cBus:
                 ) from None
 
     def write(self, address: int, data: bytes) -> None:
-        message = smbus2.i2c_msg.write(address, data)
-        self._call(f"writing {data.hex(' ')} to 0x{address:02x}", lambda: self._bus.i2c_rdwr(message))
+        self._transfer(f"writing {data.hex(' ')} to 0x{address:02x}", smbus2.i2c_msg.write(address, data))
 
     def read(self, address: int, size: int) -> bytes:
-        message = smbus2.i2c_msg.read(address, size)
-        self._call(f"reading {size} bytes from 0x{address:02x}", lambda: self._bus.i2c_rdwr(message))
-        return bytes(message)
+        answer = smbus2.i2c_msg.read(address, size)
+        self._transfer(f"reading {size} bytes from 0x{address:02x}", answer)
+        return bytes(answer)
 
     def exchange(self, address: int, data: bytes, count: int) -> bytes:
         """Write `data` and read `count` bytes after a repeated start, in one system call."""
         answer = smbus2.i2c_msg.read(address, count)
-        written = self._write_of(address, data)
-        self._call(
-            f"reading from 0x{address:02x} after writing {data.hex(' ')}", lambda: self._bus.i2c_rdwr(written, answer)
-        )
+        what = f"reading from 0x{address:02x} after writing {data.hex(' ')}"
+        self._transfer(what, self._write_of(address, data), answer)
         return bytes(answer)
+
+    def _transfer(self, what: str, *messages: smbus2.i2c_msg) -> None:
+        try:
+            self._call(what, lambda: self._bus.i2c_rdwr(*messages))
+        except OSError as error:
+            sentence = why_not_possible(self.path, self.adapter, what, error)
+            if sentence is None:
+                raise
+            raise SourceError(sentence) from error
 
     def _write_of(self, address: int, data: bytes) -> smbus2.i2c_msg:
         key = address, data

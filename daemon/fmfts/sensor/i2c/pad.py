@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -15,7 +14,8 @@ from fmfts.sensor.chips.driver import Setup
 from fmfts.sensor.chips.tca9548a import Switches
 from fmfts.sensor.frame import AGE_UNKNOWN_US
 from fmfts.sensor.i2c import film
-from fmfts.sensor.i2c.bus import NOT_ACKNOWLEDGED, ChipWires, I2cBus
+from fmfts.sensor.i2c.adapter import STUCK
+from fmfts.sensor.i2c.bus import ChipWires, I2cBus
 from fmfts.sensor.i2c.others import identity_of_another
 from fmfts.sensor.i2c.reader_config import PadWiring, ways
 from fmfts.sensor.i2c.sensor import Sensor, now_us
@@ -219,9 +219,13 @@ class I2cPad:
             act(sensor, *others)
             sensor.misses = 0
         except MuxError as error:
-            self._missed(sensor, _state_after(error.cause, SensorState.MUX_SILENT))
+            self._missed(sensor, self._state_after(error.cause, SensorState.MUX_SILENT))
         except OSError as error:
-            self._missed(sensor, _state_after(error, SensorState.NO_ANSWER))
+            self._missed(sensor, self._state_after(error, SensorState.NO_ANSWER))
+
+    def _state_after(self, error: OSError, otherwise: SensorState) -> SensorState:
+        is_stuck = error.errno in STUCK and not self.bus.adapter.not_acknowledged(error)
+        return SensorState.BUS_STUCK if is_stuck else otherwise
 
     def _missed(self, sensor: Sensor, state: SensorState) -> None:
         self.bus_errors += 1
@@ -254,7 +258,7 @@ class I2cPad:
 
     def _look_for_another(self, sensor: Sensor, error: OSError) -> None:
         """Nothing acknowledges the sensor's address. Look for other chips now and then: each look costs frames."""
-        if error.errno in NOT_ACKNOWLEDGED and now_us() >= sensor.look_us:
+        if self.bus.adapter.not_acknowledged(error) and now_us() >= sensor.look_us:
             sensor.other = identity_of_another(self.chip, self.bus)
             sensor.look_us = now_us() + LOOK_US
 
@@ -331,7 +335,3 @@ def _period_us(chip: Chip, settings: Settings) -> int:
 @lru_cache(maxsize=256)
 def _place(address: int | None, control: int) -> str:
     return "no mux" if address is None else f"mux 0x{address:02x}, channels 0b{control:08b}"
-
-
-def _state_after(error: OSError, otherwise: SensorState) -> SensorState:
-    return SensorState.BUS_STUCK if error.errno in (errno.ETIMEDOUT, errno.EAGAIN) else otherwise

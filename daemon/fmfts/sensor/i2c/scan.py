@@ -116,6 +116,8 @@ def _dumped(bus: I2cBus, name: str, address: int) -> tuple[str, ...]:
             lines.append(f"0x{first:02x}: {values.hex(' ')}")
     except OSError as error:
         lines.append(f"then no answer: {error.strerror}")
+    except SourceError as error:
+        lines.append(f"then refused: {error}")
     return tuple(lines)
 
 

@@ -12,9 +12,11 @@ from contextlib import suppress
 import msgspec
 
 from fmfts.sensor.frame import Frame
+from fmfts.sensor.i2c.adapter import adapter_of, clock_differs, too_fast_for_usb, usb_limit
 from fmfts.sensor.i2c.bus import CallRecord
 from fmfts.sensor.i2c.reader_config import reader_config
 from fmfts.sensor.wire.clock import HostClock
+from fmfts.sensor.wire.faults import note
 from fmfts.sensor.wire.packet_source import PacketSource
 from fmfts.sensor.wire.packets import Verb
 from fmfts.sensor.wired_pad import PadOnI2c
@@ -97,7 +99,15 @@ class I2c(PacketSource):
         self._killed = self._last_words = ""
         self._unread = b""
         self._link.restart()
+        self._describe_adapter()
         self._link.requests.ask(Verb.HELLO)
+
+    def _describe_adapter(self) -> None:
+        """At each start: an adapter on USB may have been plugged in since, as another bus."""
+        adapter, config = adapter_of(self._config.bus), self._config
+        self.state.board["adapter"] = f"{adapter}{usb_limit(adapter, config.load)}"
+        note(self.state.warnings, "bus clock", clock_differs(adapter, config.clock_hz))
+        note(self.state.warnings, "usb", too_fast_for_usb(adapter, config.load, config.rate_hz))
 
     def _pipe(self, stream: str) -> int:
         file = getattr(self._process, stream)
