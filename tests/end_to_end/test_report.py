@@ -23,6 +23,7 @@ from fmfts.recording.file import attachment, read
 from fmfts.report.file import NAME, facts_of
 
 CONTACT = Path(fmfts.contact.__file__).parent
+SOME = 30  # frames, of a second or two, on a busy computer
 HMC_CONFIG = '[[pad]]\nname = "left"\n[pad.source]\ntype = "i2c"\nbus = 7\n'
 
 
@@ -69,9 +70,9 @@ def test_report_of_chips_on_the_bus_holds_what_the_kept_one_holds(tmp_path: Path
     assert [chip["registers"][3] for chip in made.facts["buses"][0]["chips"]] == [
         chip["registers"][3] for chip in kept["buses"][0]["chips"]
     ]
-    assert made.frames() == made.facts["recorded"]["frames"]["left"] > 100
+    assert made.frames() == made.facts["recorded"]["frames"]["left"] > SOME
     replay = Replay(made.path)
-    assert sum(1 for _ in replay.contacts()) > 100
+    assert sum(1 for _ in replay.contacts()) > SOME
     assert replay.comparison.is_the_same
     assert "QMC5883L has no self-test" in made.missing("self-test of pad 'left'")
     assert "a daemon started for the report" in made.ended.stdout
@@ -141,7 +142,7 @@ def test_report_of_a_board_has_its_hello_and_its_frames(tmp_path: Path) -> None:
     assert (pad["board"]["uid"], pad["connected"]) == (uid, True)
     assert pad["board"]["firmware"]
     assert [test["passed"] for test in made.facts["selftests"]] == [True]
-    assert made.frames() > 200
+    assert made.frames() > SOME
     assert "can be read on this computer's I2C buses only" in made.missing("registers of chips on a board")
 
 
@@ -160,7 +161,7 @@ def test_report_beside_a_daemon_asks_it_and_leaves_its_bus_alone(tmp_path: Path)
         daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
     facts = facts_of(tmp_path / "r.mcap")
     assert facts["through"] == "the running daemon"
-    assert facts["recorded"]["frames"]["left"] > 100
+    assert facts["recorded"]["frames"]["left"] > SOME
     assert "is in use by process" in facts["buses"][0]["reason"]
     assert "systemctl stop fmfts" in ended.stderr
 

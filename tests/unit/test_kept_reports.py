@@ -44,7 +44,7 @@ def test_kept_report_shows_its_facts_as_text(path: Path) -> None:
 
 def test_emulated_report_replays_to_the_contacts_that_it_holds() -> None:
     replay = Replay(FOLDER / "qmc5883l-emulated.mcap")
-    assert sum(1 for _ in replay.contacts()) > 100
+    assert sum(1 for _ in replay.contacts()) > 150
     assert replay.comparison.is_the_same
 
 

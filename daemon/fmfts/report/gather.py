@@ -38,6 +38,7 @@ FORMAT = 1
 LARGEST_TEXT = 200_000  # bytes of the configuration, and of a log
 LARGEST_STATE = 1_000_000
 SELFTEST_S = 30.0  # longest silence of the daemon while it tests; a bus of I2C takes up to twenty seconds
+PATIENCE_S, TURN_S = 5.0, 0.1  # until each pad of a daemon that was just started is connected
 SERVICE_STATE = Path("/var/lib/fmfts")
 STATE = ("baseline", "selftest")
 BUS_IN_TEXT = re.compile(r"^[ \t]*bus[ \t]*=[ \t]*(\d{1,3})\b", re.MULTILINE)
@@ -139,6 +140,9 @@ class Gathering:
         child = until_stopped.enter_context(child_daemon(Path(self.configuration["file"]), self.folder, environment))
         if not child.is_serving():
             raise SourceError("a daemon started for the report does not serve: log_of_this_run says why")
+        until_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < until_s and not all(pad["connected"] for pad in _probed(own)):
+            time.sleep(TURN_S)
         return own, "a daemon started for the report"
 
     def _asked(self, base: str | None) -> dict[str, Any]:
@@ -147,7 +151,7 @@ class Gathering:
         with self._told("frames"):
             facts["recorded"] = self._record(base)
         with self._told("devices"):
-            facts["pads"] = request("probe", endpoint=base)["pads"]
+            facts["pads"] = _probed(base)
         frames = facts.get("recorded", {}).get("frames", {})
         for pad in facts.get("pads", ()):
             if not frames.get(pad["pad"]):
@@ -238,6 +242,11 @@ class Gathering:
                 if str(baseline) not in files:
                     self.missing.append(f"baseline of pad '{name}': there is no {baseline}")
         return files
+
+
+def _probed(base: str | None) -> list[dict[str, Any]]:
+    pads: list[dict[str, Any]] = request("probe", endpoint=base)["pads"]
+    return pads
 
 
 def _chip(found: Found) -> dict[str, Any]:
