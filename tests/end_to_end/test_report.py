@@ -166,6 +166,25 @@ def test_report_beside_a_daemon_asks_it_and_leaves_its_bus_alone(tmp_path: Path)
     assert "systemctl stop fmfts" in ended.stderr
 
 
+def test_report_says_why_a_daemon_does_not_start(tmp_path: Path) -> None:
+    (tmp_path / "own.onnx").write_text("no model")
+    made = Made(tmp_path, UNTOUCHED_CONFIG + '[pad.contact]\nmodel = "own.onnx"\n')
+    assert "own.onnx" in made.missing("frames and self-test: a daemon started for the report does not serve: ")
+    assert made.missing("pad 'left': its contact model").endswith("send that file, too")
+
+
+def test_report_brings_baselines_and_leaves_them_as_they_are(tmp_path: Path) -> None:
+    """A daemon that is started for the report works on a copy, a damaged baseline among them."""
+    folder = tmp_path / "state/fmfts/baseline"
+    folder.mkdir(parents=True)
+    (folder / "left.json").write_text('{"damaged": "baseline"}')
+    with FirmwareHost(tmp_path) as board:
+        made = Made(tmp_path, BRIDGE_CONFIG.format(port=board.port), "--seconds", "1")
+    assert list(made.facts["state"].values()) == ['{"damaged": "baseline"}']
+    assert "is damaged" in made.facts["log_of_this_run"]
+    assert [path.name for path in (tmp_path / "state/fmfts").rglob("*") if path.is_file()] == ["left.json"]
+
+
 SECRETS = {
     "user": "zaphodbeeblebrox",
     "token": "ghp_8vJq2WnT5rXk0LmZ",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import signal
 import time
 from collections.abc import Iterator, Sequence
@@ -14,7 +13,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from fmfts.baseline.files import previous_of
 from fmfts.bus.lock import serving_pid
 from fmfts.common.reading import read_regular
 from fmfts.config import AnyskinSource, BridgeSource, Config, I2cSource
@@ -23,24 +21,21 @@ from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.recording.file import read
 from fmfts.recording.recorder import Recorder
-from fmfts.report import machine
+from fmfts.report import machine, state
 from fmfts.report.log import journal
 from fmfts.sensor import SourceError
 from fmfts.sensor.bridge.serial_port import candidates
 from fmfts.sensor.i2c.scan import Found, scanned
 from fmfts.service.child import child_daemon
-from fmfts.service.state import state_directory
 from fmfts.view.progress import Show
 from fmfts_client import request
 from fmfts_client.endpoints import OVERRIDE, for_client, named_base
 
 FORMAT = 1
 LARGEST_TEXT = 200_000  # bytes of the configuration, and of a log
-LARGEST_STATE = 1_000_000
+LARGEST_LOG = 10 * LARGEST_TEXT  # of which the end is taken
 SELFTEST_S = 30.0  # longest silence of the daemon while it tests; a bus of I2C takes up to twenty seconds
 PATIENCE_S, TURN_S = 5.0, 0.1  # until each pad of a daemon that was just started is connected
-SERVICE_STATE = Path("/var/lib/fmfts")
-STATE = ("baseline", "selftest")
 BUS_IN_TEXT = re.compile(r"^[ \t]*bus[ \t]*=[ \t]*(\d{1,3})\b", re.MULTILINE)
 
 
@@ -117,7 +112,7 @@ class Gathering:
                 measured |= self._asked(base)
         log = self.folder / "daemon.log"
         if log.exists():
-            text = read_regular(log, LARGEST_STATE).decode(errors="replace")
+            text = read_regular(log, LARGEST_LOG).decode(errors="replace")
             measured["log_of_this_run"] = text[-LARGEST_TEXT:]
         return measured
 
@@ -131,15 +126,14 @@ class Gathering:
         self.show(0.05, "starting a daemon for the report")
         own = f"ipc://{self.folder}"
         # Its state is a copy: a report changes no baseline and no gains.
-        state = self.folder / "state" / "fmfts"
-        for kind in STATE:
-            if (self._state_folder() / kind).is_dir():
-                shutil.copytree(self._state_folder() / kind, state / kind)
+        with self._told("baselines in use"):
+            state.copy_to(self.folder / "state" / "fmfts")
         environment = {name: value for name, value in os.environ.items() if name != "STATE_DIRECTORY"}
-        environment |= {OVERRIDE: own, "XDG_STATE_HOME": str(state.parent)}
+        environment |= {OVERRIDE: own, "XDG_STATE_HOME": str(self.folder / "state")}
         child = until_stopped.enter_context(child_daemon(Path(self.configuration["file"]), self.folder, environment))
         if not child.is_serving():
-            raise SourceError("a daemon started for the report does not serve: log_of_this_run says why")
+            end = (self.folder / "daemon.log").read_text(errors="replace").strip().splitlines()[-1:]
+            raise SourceError(f"a daemon started for the report does not serve: {''.join(end)}")
         until_s = time.monotonic() + PATIENCE_S
         while time.monotonic() < until_s and not all(pad["connected"] for pad in _probed(own)):
             time.sleep(TURN_S)
@@ -223,24 +217,14 @@ class Gathering:
 
     # In files
 
-    def _state_folder(self) -> Path:
-        """The service's, where this user has none: he may have stopped the service to make a report."""
-        folders = state_directory(), SERVICE_STATE
-        return next((each for each in folders if any((each / kind).is_dir() for kind in STATE)), folders[0])
-
     def _state(self, pads: Sequence[dict[str, Any]]) -> dict[str, str]:
         """The files of baselines and self-tests, by their places."""
         files: dict[str, str] = {}
-        names = [pad.name for pad in self.config.pad] if self.config is not None else [pad["pad"] for pad in pads]
-        for name in names:
+        for name in [pad.name for pad in self.config.pad] if self.config is not None else [pad["pad"] for pad in pads]:
             with self._told(f"baseline of pad '{name}'"):
-                folder = self._state_folder()
-                baseline = folder / "baseline" / f"{name}.json"
-                for path in (baseline, previous_of(baseline), folder / "selftest" / f"{name}.json"):
-                    if path.exists():
-                        files[str(path)] = read_regular(path, LARGEST_STATE).decode(errors="replace")
-                if str(baseline) not in files:
-                    self.missing.append(f"baseline of pad '{name}': there is no {baseline}")
+                files |= state.files_of(name)
+                if str(state.baseline_file(name)) not in files:
+                    self.missing.append(f"baseline of pad '{name}': there is no {state.baseline_file(name)}")
         return files
 
 
