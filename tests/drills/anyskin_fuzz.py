@@ -44,7 +44,7 @@ def is_possible(packet: Packet) -> bool:
     return (
         len(packet) == MAGNETOMETERS
         and any(-40.0 <= reading.temperature_c <= 125.0 for reading in packet)
-        and all(abs(value) <= 2e5 for value in finite)
+        and all(abs(value) <= 5e5 for value in finite)  # 0xFFFF with GAIN_SEL 0 and RES 3: 4.8e5
     )
 
 

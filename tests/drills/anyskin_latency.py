@@ -23,7 +23,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from emulator.anyskin_board import XY_STEP_UT, binary
+from emulator.anyskin_board import binary, steps_ut
 from emulator.pty_port import PtyPort
 from end_to_end.processes import RunningDaemon
 from end_to_end.test_anyskin import CONFIG, mounted_of, pressed_field
@@ -38,7 +38,7 @@ sensor, end_s, found = AnySkinBase(num_mags=5, port=sys.argv[2], temp_filtered=F
 begun_s, begun_cpu_s = time.monotonic(), time.process_time()
 while time.monotonic() - begun_s < end_s:
     _, sample = sensor.get_sample()
-    found.append((round(float(sample[1]) / 0.161), time.monotonic_ns()))
+    found.append((round(float(sample[1]) / 0.2), time.monotonic_ns()))
 wall_s, cpu_s = time.monotonic() - begun_s, time.process_time() - begun_cpu_s
 print(json.dumps({"found": found, "cores": cpu_s / wall_s}))
 """
@@ -56,7 +56,7 @@ class NumberedBoard:
         start_s, sent = time.monotonic(), 0
         while not self._ended.is_set():
             fields_ut = (self.field_t * 1e6).tolist()
-            fields_ut[0][0] = (sent % NUMBERS) * XY_STEP_UT
+            fields_ut[0][0] = (sent % NUMBERS) * steps_ut()[0]
             packet = binary(fields_ut)
             self.written_ns[sent % NUMBERS] = time.monotonic_ns()
             self._port.write(packet)

@@ -12,6 +12,7 @@ a line on stdin and prints "done" after each:
     {"chip": [mux, channel], "set": {...}}   attributes of a chip        {"mux": mux, "set": {...}}   of a mux
     {"chip": [mux, channel], "call": "power_on"}                         {"busy": [addresses]}  kernel-bound
     {"block_s": seconds}                     every transfer from now on takes that long
+    {"errno": number}                        every transfer from now on fails with it; 0: none
     {"direct": index, "set": {...}}          attributes of a chip without a mux
     {"report": true}                         prints transfers, conflicts and registers instead of "done"
 """
@@ -67,6 +68,7 @@ class KernelBus(UMockdev.IoctlBase):
         self.bus = bus
         self.adapter = adapter
         self.block_s = self.took_s = 0.0
+        self.errno = 0
         self.busy: list[int] = []
         self.slave = 0
         self.muxes_written_by_others = 0
@@ -107,7 +109,7 @@ class KernelBus(UMockdev.IoctlBase):
         headers = list(HEADER.iter_unpack(bytes(table.retrieve())))
         buffers = [table.resolve(MESSAGE * place + 8, size) for place, (_, _, size, _) in enumerate(headers)]
         seen = [Message(*header[:3]) for header in headers]
-        refused = self.adapter.refusal(seen)
+        refused = self.errno or self.adapter.refusal(seen)
         if refused:
             raise OSError(refused, "")
         self.took_s = self.adapter.took_s(seen)
@@ -166,6 +168,7 @@ def obey(kernel: KernelBus, order: dict) -> str:
         getattr(target, order["call"])()
     kernel.block_s = order.get("block_s", kernel.block_s)
     kernel.busy = order.get("busy", kernel.busy)
+    kernel.errno = order.get("errno", kernel.errno)
     if "report" in order:
         chips = [chip for mux in kernel.bus.muxes for chip in mux.channels.values()] + list(kernel.bus.chips)
         registers = [list(chip.registers[:3]) for chip in chips]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import struct
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -9,11 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from emulator.anyskin_board import binary, text
+from emulator.anyskin_board import Settings, binary, text
 from emulator.anyskin_on_pty import Board
 from end_to_end.processes import PATIENCE_S, RunningDaemon
 from fmfts.config.file import load
 from fmfts.simulation.mounted import MountedPad
+from fmfts_client import Contact
+from unit.recorded_files import eflesh_fields_ut
 
 # Their stream has no numbers: a computer that is late reads a wrong rate.
 pytestmark = pytest.mark.real_time
@@ -27,7 +31,7 @@ port = "{port}"
 form = "{form}"
 rate_hz = {rate_hz}
 [pad.geometry]
-sensors_mm = [[8, 8, 0], [8, -8, 0], [-8, 8, 0], [-8, -8, 0], [0, 0, 0]]
+board = "anyskin5"
 [pad.contact]
 model = "{model}"
 """
@@ -39,7 +43,8 @@ def mounted_of(daemon: RunningDaemon) -> MountedPad:
 
 
 def pressed_field(mounted: MountedPad, force_n: float) -> np.ndarray:
-    return mounted.magnet_field(*(np.full(5, value) for value in (0.0, 0.0, force_n, 0.0, 0.0)))
+    """As the chips tell it, each in its own axes."""
+    return mounted.sensed(mounted.magnet_field(*(np.full(5, value) for value in (0.0, 0.0, force_n, 0.0, 0.0))))
 
 
 @pytest.mark.parametrize(("form", "sent"), [("binary", binary), ("text", text)])
@@ -114,3 +119,43 @@ def test_stream_of_another_form_or_rate_is_named_with_what_to_set(tmp_path: Path
             daemon.wait_for(lambda contact: contact.sensors_ok == 0b11111)
             (pad,) = daemon.request("probe")["pads"]
             assert any("packets a second: set rate_hz = " in sentence for sentence in pad["faults"])
+
+
+def strong_fields_ut() -> np.ndarray:
+    """(K, 5, 3): four N52 magnets near a board, as eFlesh's recordings have them: up to 13.1 mT, stronger than 5.3."""
+    phase = np.linspace(0.0, 2.0 * np.pi, 400)[:, None, None]
+    still = np.array(
+        [[600, 150, 9440], [1530, -360, 13000], [-270, 1020, 10990], [770, 210, 9910], [-140, 2000, 11830]]
+    )
+    return still + np.sin(phase) * np.array([300.0, 200.0, 100.0])
+
+
+@pytest.mark.parametrize("name", ["", "eflesh_normal_1.csv", "eflesh_spatial_1.csv", "eflesh_shear_1.csv"])
+def test_strong_fields_of_an_eflesh_pad_use_all_its_sensors(name: str, tmp_path: Path) -> None:
+    """Rows of a recording go to a running daemon as its board would send them; "": fields made for this test."""
+
+    def recorded(fields_ut: np.ndarray) -> bytes:
+        floats = [number for field in fields_ut for number in (25.0, *field)]
+        return struct.pack(f"<{len(floats)}f", *floats) + b"\r\n"
+
+    if name:
+        packets = [recorded(fields_ut) for fields_ut in eflesh_fields_ut(name)[::8]]
+    else:
+        packets = [binary(fields.tolist(), settings=Settings(gain_sel=1, res=2)) for fields in strong_fields_ut()]
+    endless = itertools.cycle(packets)
+    with Board(tmp_path, 200.0, binary) as board:
+        board.line = lambda _: next(endless)
+        config = CONFIG.format(port=board.link, form="binary", rate_hz=200, model="none")
+        with RunningDaemon(tmp_path, config) as daemon:
+            daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b11111)
+            until, seen = board.sent + len(packets), []
+            with daemon.subscribe("contact") as told:
+                while board.sent < until:
+                    message = told.receive(5.0)
+                    assert message is not None
+                    seen.append(Contact.from_message(message.body))
+            used = [message.sensors_ok for message in seen if message.health != "stale"]  # on a busy computer
+            assert len(used) > 0.8 * len(packets)
+            assert set(used) == {0b11111}
+            (pad,) = daemon.request("probe")["pads"]
+            assert pad["faults"] == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
 from pathlib import Path
@@ -110,3 +111,26 @@ def test_chip_that_is_unplugged_from_a_cp2112_does_not_answer() -> None:
         kernel.chip(2, absent=True)
         run(source, lambda frames: source.state.sensor_faults)
         assert "sensor 3 (mux 0x70, channel 2) does not answer" in source.state.sensor_faults[0, 2]
+
+
+def test_bridge_that_is_unplugged_is_said_to_be_gone_and_comes_back() -> None:
+    with kernel_bus("qmc5883l", adapter="mcp2221") as kernel:
+        source = kernel.open(pad(chip="qmc5883l", range_gauss=8.0, rate_hz=15))
+        run(source, all_valid)
+        kernel.order(errno=errno.ENODEV)
+        run(source, lambda frames: not source.state.connected)
+        assert source.state.reason == (
+            "/dev/i2c-7: its adapter (MCP2221 usb-i2c bridge, driver mcp2221) is gone: No such device. Plug it in again"
+        )
+        kernel.order(errno=0)
+        run(source, all_valid)
+
+
+@pytest.mark.real_time
+def test_bridge_on_usb_carries_no_more_than_is_said_of_it() -> None:
+    with kernel_bus("qmc5883l", adapter="mcp2221") as kernel:
+        source = kernel.open(pad(chip="qmc5883l", range_gauss=8.0, rate_hz=100))
+        run(source, all_valid)
+        frames = run(source, lambda frames: len(frames) > 40)
+        measured_hz = (len(frames) - 1) * 1e6 / (frames[-1].device_time_us - frames[0].device_time_us)
+        assert measured_hz < 26  # `probe` says 25

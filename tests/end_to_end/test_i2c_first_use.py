@@ -35,6 +35,7 @@ def test_first_use_ends_in_contacts(chip: str, adapter: str, tmp_path: Path) -> 
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 @pytest.mark.parametrize(("chip", "adapter"), OTHERS)
 def test_first_use_of_every_chip_on_both_adapters(chip: str, adapter: str, tmp_path: Path) -> None:
     require_first_use(tmp_path, chip, adapter)

@@ -9,12 +9,10 @@ from random import Random
 import numpy as np
 import pytest
 
-from emulator.anyskin_board import NO_SAMPLE, binary, quantised, text
+from emulator.anyskin_board import binary, no_sample, quantised, steps_ut, text
 from emulator.uart_line import read_at
-from fmfts.sensor.anyskin.packets import BinaryStream, TextStream, packet_of
-from fmfts.sensor.anyskin.source import counts_of
+from fmfts.sensor.anyskin.packets import LARGEST_UT, BinaryStream, TextStream, packet_of
 from fmfts.sensor.anyskin.timing import StreamClock
-from fmfts.sensor.chips import ANYSKIN
 
 FIELDS_UT = [(10.0 * n + 1.0, -5.0 * n, 300.0 + n) for n in range(5)]
 FORMS = [(BinaryStream, binary), (TextStream, text)]
@@ -22,11 +20,11 @@ FORMS = [(BinaryStream, binary), (TextStream, text)]
 
 def numbered(form: object, count: int) -> list[bytes]:
     """Packets that tell their number by the first field."""
-    return [form([(161e-3 * 10 * k, *FIELDS_UT[0][1:]), *FIELDS_UT[1:]]) for k in range(1, count + 1)]  # type: ignore[operator]
+    return [form([(steps_ut()[0] * 10 * k, *FIELDS_UT[0][1:]), *FIELDS_UT[1:]]) for k in range(1, count + 1)]  # type: ignore[operator]
 
 
 def numbers_of(packets: list) -> list[int]:
-    return [round(packet[0].field_ut[0] / 1.61) for packet in packets]
+    return [round(packet[0].field_ut[0] / (10 * steps_ut()[0])) for packet in packets]
 
 
 @pytest.mark.parametrize(("stream", "form"), FORMS)
@@ -97,20 +95,14 @@ def test_random_and_damaged_bytes_raise_nothing_and_give_only_possible_readings(
                     assert any(reading.is_measured for reading in packet)
                     for reading in packet:
                         finite = [value for value in reading.field_ut if math.isfinite(value)]
-                        assert all(abs(value) <= 2e5 for value in finite)
+                        assert all(abs(value) <= LARGEST_UT for value in finite)
 
 
 def test_magnetometer_without_a_sample_is_not_measured_and_the_others_are() -> None:
-    packet = packet_of([25.0, 1.0, 2.0, 3.0, *NO_SAMPLE])
+    packet = packet_of([25.0, 1.0, 2.0, 3.0, *no_sample()])
     assert packet is not None
     assert [reading.is_measured for reading in packet] == [True, False]
-    assert packet_of([*NO_SAMPLE, *NO_SAMPLE]) is None
-
-
-def test_counts_are_the_boards_own_and_no_number_is_saturated() -> None:
-    assert counts_of(ANYSKIN, (161e-3 * 1000, -161e-3 * 7, 0.294 * 20000)) == [1000, -7, 20000]
-    saturated = ANYSKIN.saturated_count
-    assert counts_of(ANYSKIN, (math.nan, math.inf, 0.294 * 40000)) == [saturated] * 3
+    assert packet_of([*no_sample(), *no_sample()]) is None
 
 
 def arrivals(

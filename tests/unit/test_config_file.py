@@ -243,8 +243,9 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (PAD + PAD, "pad 'a' (second [[pad]]): name = 'a': another pad has this name"),
         (BRIDGE + BRIDGE.replace('"b"', '"c"'), "pad 'c' (second [[pad]]): source.pad_index: pad 'b' reads the same sensors"),
         (I2C + I2C.replace('"i"', '"j"'), "pad 'j' (second [[pad]]): source.channels: pad 'i' reads the same sensors"),
-        (I2C + "clock_hz = 100000", 'source.rate_hz: at most 165: more than bus 1 can carry, 4 sensors with trigger = "free" and clock_hz = 100000'),
-        (I2C + 'trigger = "simultaneous"\nrate_hz = 128', "source.rate_hz = 128: at most 127: more than bus 1 can carry, 4 sensors"),
+        # Of four HMC5983: 39 and 84 bits, 20 to select each, 20 to read the mux back; for a trigger 20 and 29 more.
+        (I2C + "clock_hz = 100000", 'source.rate_hz: at most 168: more than bus 1 can carry, 4 sensors with trigger = "free" and clock_hz = 100000'),
+        (I2C + 'trigger = "simultaneous"\nrate_hz = 129', "source.rate_hz = 129: at most 128: more than bus 1 can carry, 4 sensors"),
         (BRIDGE + 'trigger = "simultaneous"\nrate_hz = 153', 'source.rate_hz = 153: at most 152 with trigger = "simultaneous" over a bridge'),
         *(
             (BRIDGE + f'chip = "{chip}"\nrange_gauss = {gauss}\ntrigger = "simultaneous"\nrate_hz = {most + 1}\n' + sensors(8), f'at most {most} with trigger = "simultaneous" and 8 sensors on the board')
@@ -269,7 +270,7 @@ def test_what_cannot_be_is_refused_with_the_reason(tmp_path: Path, text: str, ex
         PAD + 'chip = "hmc5883l"\nrate_hz = 75',
         BRIDGE + 'trigger = "simultaneous"\nrate_hz = 152',
         I2C + 'trigger = "simultaneous"\nrate_hz = 127',
-        I2C + "clock_hz = 100000\nrate_hz = 165",
+        I2C + "clock_hz = 100000\nrate_hz = 168",
         I2C + "mux_address = 0x77",
         I2C + "mux_addresses = [0x70, 0x70, 0x71, 0x71]\nchannels = [0, 1, 0, 1]",
         I2C + "rate_hz = 75\n" + TWO_MUXES,

@@ -15,6 +15,7 @@ from msgspec.structs import force_setattr
 
 from fmfts.arithmetic.matrix import length, lengths
 from fmfts.config.collect import CollectConfig
+from fmfts.config.layouts import BoardName, Vector, layout
 from fmfts.config.section import Fraction, NonNegativeFloat, PositiveFloat
 from fmfts.config.section import Section as _Section
 from fmfts.pad import (
@@ -33,7 +34,7 @@ from fmfts.sensor.chips import CHIPS, ChipName
 from fmfts.sensor.chips.rates import usual_rate_hz
 from fmfts.sensor.wire.packets import MAX_PADS
 
-Vector = tuple[float, float, float]
+STANDARD_SENSORS_MM: tuple[Vector, ...] = ((8, 8, 0), (8, -8, 0), (-8, 8, 0), (-8, -8, 0))
 FASTEST_HZ = max(chip.free_rate_hz for chip in CHIPS.values())
 BoardUid = Annotated[str, Meta(pattern=r"^[0-9A-Fa-f]{24}$")]
 # Magnets in mm: thinner ones are not made (a smaller number was meant in metres), thicker ones fit no fingertip.
@@ -138,9 +139,19 @@ SourceConfig = BridgeSource | I2cSource | AnyskinSource | SimulatedSource | Repl
 
 
 class GeometryConfig(_Section, frozen=True):
-    sensors_mm: tuple[Vector, ...] = ((8, 8, 0), (8, -8, 0), (-8, 8, 0), (-8, -8, 0))
-    sensor_rotations_deg: tuple[Vector, ...] = ()
+    """sensors_mm, sensor_rotations_deg: where the file has none, those of `board`."""
+
+    board: BoardName | None = None
+    sensors_mm: tuple[Vector, ...] = None  # type: ignore[assignment]
+    sensor_rotations_deg: tuple[Vector, ...] = None  # type: ignore[assignment]
     sensors_mirrored: bool = False
+
+    def __post_init__(self) -> None:
+        places, rotations = (STANDARD_SENSORS_MM, ()) if self.board is None else layout(self.board)
+        if self.sensors_mm is None:
+            force_setattr(self, "sensors_mm", places)
+        if self.sensor_rotations_deg is None:
+            force_setattr(self, "sensor_rotations_deg", rotations)
 
 
 class MagnetConfig(_Section, frozen=True):

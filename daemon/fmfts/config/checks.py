@@ -21,6 +21,7 @@ from fmfts.config import (
     i2c_checks,
 )
 from fmfts.config.i2c_checks import Key, Problem
+from fmfts.config.layouts import layout
 from fmfts.config.several_checks import MAGNETS_APART_MM, several_problems
 from fmfts.config.skin_checks import skin_problems
 from fmfts.contact.no_model import NO_MODEL
@@ -114,6 +115,11 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
 
 def _sensors(pad: PadConfig) -> Iterator[Problem]:
     places = pad.geometry.sensors_mm
+    board = pad.geometry.board
+    if board is not None:
+        for key, due in zip(("sensors_mm", "sensor_rotations_deg"), layout(board), strict=True):
+            if getattr(pad.geometry, key) != due:
+                yield ("geometry", key), f'board = "{board}" says other places and rotations: remove one of the two'
     if len(places) < FEWEST_SENSORS:
         yield (
             ("geometry", "sensors_mm"),

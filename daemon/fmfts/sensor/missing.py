@@ -35,6 +35,8 @@ def saturated(chip: Chip, gain_code: int, axes: NDArray[np.bool_]) -> str:
     now = chip.ranges_gauss[gain_code] if gain_code < len(chip.ranges_gauss) else 0.0
     larger = [each for each in chip.ranges_gauss if each > now]
     do = f"set range_gauss = {larger[0]:g}" if larger else "no range is larger: is another magnet near?"
+    if chip.streamed:
+        do = "the board's firmware sets this range: take a weaker magnet, or set a lower gain there"
     return f"saturated on {_named(axes)} at ±{now:g} G ({do})"
 
 

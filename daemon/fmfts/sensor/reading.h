@@ -4,8 +4,8 @@
 #define FMFTS_READING_H
 
 enum {
-    FMFTS_SENSORS = 16,   /* of a pad, at most */
-    FMFTS_GAIN_CODES = 8, /* what three bits can name */
+    FMFTS_SENSORS = 16,    /* of a pad, at most */
+    FMFTS_GAIN_CODES = 32, /* of a chip, at most (chip.py) */
     FMFTS_READING_BYTES = 8 /* of a sensor */,
 };
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 END = b"\r\n"
 WARMEST_C, COLDEST_C = 125.0, -40.0  # what the chip may bear: what says more was read while it had no sample
-LARGEST_UT = 2e5  # four times what the chip can tell
+LARGEST_UT = 5e5  # ten times what the chip can tell; a silent one's 0xFFFF becomes 4.8e5 at the coarsest setting
 _NUMBER = re.compile(rb"-?\d+\.\d\d|-?(?:nan|inf|ovf)")
 _LONGEST_LINE = 1024
 

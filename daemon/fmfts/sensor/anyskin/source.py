@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Sequence
@@ -10,9 +11,9 @@ import numpy as np
 import serial
 
 from fmfts.sensor.anyskin.packets import BinaryStream, Packet, TextStream
+from fmfts.sensor.anyskin.steps import Steps
 from fmfts.sensor.anyskin.timing import StreamClock
 from fmfts.sensor.bridge import serial_port
-from fmfts.sensor.chips import Chip
 from fmfts.sensor.chips.selftest import no_selftest
 from fmfts.sensor.frame import AGE_UNKNOWN_US, Frame
 from fmfts.sensor.source import CannotError, SourceState
@@ -24,10 +25,10 @@ FIRST_BACKOFF_NS = 50_000_000
 LONGEST_BACKOFF_NS = 1_000_000_000
 SILENCE_NS = 500_000_000  # the slowest of these boards sends 50 packets a second
 REOPEN_NS = 5_000_000_000
+NOTHING_UT = (math.nan,) * 3
 STRANGE_BYTES = 2000  # so many without a packet are another stream's
 SILENT_PACKETS = 100  # a magnetometer without a measurement in so many does not answer
 RATE_TOLERANCE = 0.1
-UT_TO_T = 1e-6
 
 
 class Anyskin:
@@ -38,6 +39,7 @@ class Anyskin:
         self._pad = pad
         self._clock = StreamClock()
         self._stream: BinaryStream | TextStream = self._new_stream()
+        self._steps = Steps()
         self._serial: serial.Serial | None = None
         self._descriptor: int | None = None
         self._attempt_ns = 0
@@ -88,7 +90,7 @@ class Anyskin:
             self._wait(now_ns)
             return False
         self._descriptor, self._opened_ns = self._serial.fileno(), now_ns
-        self._stream, self._strange_bytes = self._new_stream(), 0
+        self._stream, self._steps, self._strange_bytes = self._new_stream(), Steps(), 0
         self._clock.restart()
         return True
 
@@ -123,35 +125,41 @@ class Anyskin:
         return [frame for frame in frames if frame is not None]
 
     def _frame(self, packet: Packet, arrival_ns: int) -> Frame | None:
+        fields_ut = np.array([each.field_ut if each.is_measured else NOTHING_UT for each in packet])
+        fields_ut[~np.isfinite(fields_ut)] = np.nan
         stamp = self._clock.stamped(arrival_ns)
         if stamp is None:
+            self._steps.hear(fields_ut)
             return None
         number, device_us, host_ns = stamp
         if self._clock.epochs != self._run:
             self._begin_run()
-        chip = self._pad.chip
-        counts = np.array([counts_of(chip, reading.field_ut) for reading in packet], np.int16)
-        valid = np.array([reading.is_measured for reading in packet])
+        before = self._steps.code
+        counts, sound = self._steps.counts(fields_ut)
+        if self._steps.code != before:
+            self._tell_step()
+        measured = np.array([reading.is_measured for reading in packet])
+        valid = measured & sound
         # A packet repeats what a chip said last, if it has nothing new.
         fresh = valid & (counts != self._values).any(axis=1)
         self._values = counts
         self._sampled_us[fresh] = device_us
         ages = np.where(valid, np.minimum(device_us - self._sampled_us, AGE_UNKNOWN_US), AGE_UNKNOWN_US)
-        self._note_silent(valid)
+        self._note_silent(measured)
         warm = [reading.temperature_c for reading in packet if reading.is_measured]
         return Frame(
             pad_index=0,
             sequence=number,
             device_time_us=device_us,
             host_time_ns=host_ns,
-            gain_code=0,
+            gain_code=self._steps.code,
             counts=np.where(valid[:, None], counts, 0).astype(np.int16),
             age_us=ages.astype(np.uint16),
             fresh=fresh,
             valid=valid,
             temperature_c=sum(warm) / len(warm) if warm else None,
             run=self._run,
-            chip=chip,
+            chip=self._pad.chip,
         )
 
     def _begin_run(self) -> None:
@@ -161,6 +169,16 @@ class Anyskin:
         rate_hz = round(self._clock.rate_hz or 0.0, 1)
         self.state.board.update(rate_hz=rate_hz, magnetometers=self._pad.sensors, self_test=False)
         note(self.state.warnings, "rate", self._other_rate())
+
+    def _tell_step(self) -> None:
+        code, chip = self._steps.code, self._pad.chip
+        xy_ut, _, z_ut = (round(float(step) * 1e6, 3) for step in chip.step_t[code])
+        self.state.board.update(step_xy_ut=xy_ut, step_z_ut=z_ut, range_xy_gauss=chip.ranges_gauss[code])
+        unknown = (
+            f"the board's values are multiples of no step of its published library: they are rounded to {xy_ut:g} µT "
+            f"(z: {z_ut:g} µT); does other firmware run on it?"
+        )
+        note(self.state.warnings, "step", None if self._steps.is_known else unknown)
 
     def _note_silent(self, valid: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> None:
         for sensor, measured in enumerate(valid):
@@ -210,12 +228,3 @@ class Anyskin:
         if self._serial is not None:
             serial_port.close(self._serial)
             self._serial = self._descriptor = None
-
-
-def counts_of(chip: Chip, field_ut: Sequence[float]) -> list[int]:
-    """The chip's counts of a field that the board has made microtesla of; saturated where it is none."""
-    counts = []
-    for value, step_t in zip(field_ut, chip.step_t[0].tolist(), strict=True):
-        count = value * UT_TO_T / step_t
-        counts.append(round(count) if abs(count) <= chip.largest_count else chip.saturated_count)
-    return counts

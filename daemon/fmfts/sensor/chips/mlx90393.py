@@ -159,14 +159,33 @@ MLX90393 = Chip(
 )
 
 
-# On a ReSkin, AnySkin or eFlesh board, whose firmware makes microtesla of counts with these steps (its library's, for
-# GAIN_SEL 7 and RES 0); so the same counts come back. With RES 0 a field beyond ±53 G wraps around, unseen.
+# On a ReSkin, AnySkin or eFlesh board. Its firmware multiplies counts by 0.150 µT (x, y) or 0.242 µT (z), by the gain
+# of GAIN_SEL 7 to 0 and by 2^RES (tesshellebrekers/arduino-MLX90393, convertRaw; begin() sets GAIN_SEL 6, RES 0). Who
+# builds a board may set others; those of eFlesh have 2.4/3.872 and 0.6/0.968 µT.
+_BOARD_UT, _BOARD_GAINS = (0.150, 0.242), (1.0, 4 / 3, 5 / 3, 2.0, 2.5, 3.0, 4.0, 5.0)
+# By RES the largest count. With RES 0 and 1 a field beyond it wraps around; RES 2 and 3 end earlier (rev 002, table 4).
+_BOARD_LARGEST = (32767, 32767, _LARGEST - 1, _LARGEST // 2 - 1)
+# Gain × 2^RES → the largest count that any pair of settings with this product has.
+_FACTORS = {gain * 2**res: largest for res, largest in reversed([*enumerate(_BOARD_LARGEST)]) for gain in _BOARD_GAINS}
+# By gain code of the streamed chip. Code 0 has the steps of the data sheet's rev 002 (GAIN_SEL 7, RES 0). Older
+# recordings have no other code.
+_STREAMED_UT = ((0.161, 0.294), *((_BOARD_UT[0] * each, _BOARD_UT[1] * each) for each in _FACTORS))
+STREAMED_LARGEST = (32767, *_FACTORS.values())
+# The code for values that are multiples of no such step: 0.6/0.968 µT is less than the chip's noise, and holds 19 mT.
+STREAMED_UNKNOWN = 1 + [*_FACTORS].index(4.0)
+
 ANYSKIN = replace(
     MLX90393,
     name="mlx90393_streamed",
     label="MLX90393 of an AnySkin board",
-    ranges_gauss=(52.0,),
-    counts_per_gauss=((100 / 0.161, 100 / 0.161, 100 / 0.294),),
+    ranges_gauss=(
+        52.0,
+        *(
+            round(ut * largest / 100, 1)
+            for (ut, _), largest in zip(_STREAMED_UT[1:], STREAMED_LARGEST[1:], strict=True)
+        ),
+    ),
+    counts_per_gauss=tuple((100 / xy, 100 / xy, 100 / z) for xy, z in _STREAMED_UT),
     largest_count=32767,
     output_rates_hz=(500.0,),  # the board's own, whatever it is
     free_rate_hz=500,
@@ -178,7 +197,7 @@ ANYSKIN = replace(
     single_noise_t=None,
     streamed=True,
     supply="boards of labs",
-    remarks="read by the board's own firmware; its settings are not known here",
+    remarks="read by the board's own firmware; its settings are learnt from its values",
 )
 
 

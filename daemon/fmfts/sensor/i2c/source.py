@@ -105,7 +105,8 @@ class I2c(PacketSource):
     def _describe_adapter(self) -> None:
         """At each start: an adapter on USB may have been plugged in since, as another bus."""
         adapter, config = adapter_of(self._config.bus), self._config
-        self.state.board["adapter"] = f"{adapter}{usb_limit(adapter, config.load)}"
+        if adapter.name:  # the bus is there
+            self.state.board["adapter"] = f"{adapter}{usb_limit(adapter, config.load)}"
         note(self.state.warnings, "bus clock", clock_differs(adapter, config.clock_hz))
         note(self.state.warnings, "usb", too_fast_for_usb(adapter, config.load, config.rate_hz))
 
