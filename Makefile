@@ -48,7 +48,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi faketime g++ openscad gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium)
 
 .PHONY: demo test lint unit processes clock slow long bench cold-starts clean wheel
-.PHONY: first-uses transcript recordings model pictures chips-page mould sample-times
+.PHONY: first-uses transcript recordings kept-report model pictures chips-page mould sample-times
 .PHONY: chaos chips-for-a-day fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
 
@@ -223,6 +223,10 @@ lerobot: $(VENV)/.installed-test
 recordings: $(VENV)/.installed-test firmware
 	$(BIN)/python tests/data/make_recordings.py
 	$(BIN)/python tests/data/make_paper_recording.py
+
+# Makes the report that tests/unit/test_kept_reports.py replays, and what that test demands of it.
+kept-report: $(VENV)/.installed-test
+	$(BIN)/python tests/data/make_report.py
 
 $(VENV)/.installed: pyproject.toml $(wildcard daemon/fmfts/*/*.[ch] daemon/fmfts/*/*/*.[ch]) | base-packages
 	@test -x $(BIN)/python || { echo "making $(VENV)"; $(PYTHON) -m venv $(VENV); }

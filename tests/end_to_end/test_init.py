@@ -10,11 +10,12 @@ import pytest
 
 from end_to_end.processes import FirmwareHost
 from fmfts.cli import init_config
-from fmfts.cli.init_config import candidates
 from fmfts.cli.verb import VerbError
 from fmfts.config import BridgeSource, SimulatedSource
 from fmfts.config.example import FoundPad, unusual, written_for
 from fmfts.config.file import load
+from fmfts.sensor.bridge import serial_port
+from fmfts.sensor.bridge.serial_port import candidates
 from fmfts.sensor.i2c import scan
 from fmfts.sensor.i2c.scan import Found
 
@@ -134,7 +135,7 @@ def test_init_without_a_board_says_what_was_tried(tmp_path: Path) -> None:
 
 
 def test_init_on_a_computer_without_ports_says_what_needs_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(init_config, "candidates", list)
+    monkeypatch.setattr(serial_port, "candidates", list)
     with pytest.raises(VerbError, match=r"there is no .*--simulated needs none"):
         init_config._on_ports(None)
 

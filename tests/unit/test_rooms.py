@@ -19,7 +19,7 @@ FLOORS = [
     {"baseline", "sensor/bridge", "sensor/i2c", "config"},
     {"pipeline/fast", "scene", "several", "simulation", "skin", "recording", "sensor/anyskin"},
     {"sources", "pipeline", "calibrate"},
-    {"runtime", "offline", "collect", "page"},
+    {"runtime", "offline", "collect", "page", "report"},
     {"cli"},
 ]
 FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}

@@ -9,17 +9,14 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from fmfts.cli.verb import AddVerb, seconds
+from fmfts.service.child import ENDING, START_S, child_daemon
 
-START_S = 20.0
-STOP_S = 5.0
 LAST_LINES = 20
-ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 
 
 @contextmanager
@@ -33,38 +30,17 @@ def running_daemon(config: Path, folder: Path) -> Iterator[str]:
 
     base = f"ipc://{folder}"
     environment = os.environ | {OVERRIDE: base, "XDG_STATE_HOME": str(folder / "state")}
-    log = folder / "daemon.log"
-    command = [sys.executable, "-m", "fmfts", "run", "--config", str(config)]
-    serving = False
-    with log.open("w") as stderr:
-        # Block signals: one between fork and `try` would leave the daemon running.
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
-        daemon = subprocess.Popen(command, stderr=stderr, env=environment, preexec_fn=_ignore_ctrl_c)
-        try:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-            serving = _is_serving(folder / "bus", daemon)
+    serving, daemon = False, None
+    try:
+        with child_daemon(config, folder, environment) as daemon:
+            serving = daemon.is_serving()
             if serving:
-                with _interrupted_by_the_end_of(daemon):
+                with _interrupted_by_the_end_of(daemon.process):
                     yield base
-        finally:
-            ended = daemon.poll()
-            _stop(daemon)
-            if ended is not None or (not serving and sys.exc_info()[0] is None):
-                _explain(log, ended)
-
-
-def _ignore_ctrl_c() -> None:
-    """Makes the daemon ignore Ctrl-C, which the terminal sends to all processes: it will be ended by SIGTERM."""
-    signal.pthread_sigmask(signal.SIG_SETMASK, {signal.SIGINT})
-
-
-def _is_serving(socket: Path, daemon: subprocess.Popen[bytes]) -> bool:
-    until = time.monotonic() + START_S
-    while not socket.exists():
-        if daemon.poll() is not None or time.monotonic() > until:
-            return False
-        time.sleep(0.02)
-    return True
+    finally:
+        ended = None if daemon is None else daemon.ended
+        if ended is not None or (not serving and sys.exc_info()[0] is None):
+            _explain(folder / "daemon.log", ended)
 
 
 @contextmanager
@@ -78,15 +54,6 @@ def _interrupted_by_the_end_of(daemon: subprocess.Popen[bytes]) -> Iterator[None
         yield
     finally:
         signal.signal(signal.SIGCHLD, before)
-
-
-def _stop(daemon: subprocess.Popen[bytes]) -> None:
-    daemon.terminate()
-    try:
-        daemon.wait(STOP_S)
-    except subprocess.TimeoutExpired:
-        daemon.kill()
-        daemon.wait()
 
 
 def _explain(log: Path, code: int | None) -> None:

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from fmfts.sensor.i2c.scan import Found
 
 DEFAULT_FILE = Path("pad.toml")
-PORTS = ("/dev/serial/by-id/*", "/dev/ttyACM*", "/dev/ttyUSB*")
 TURN_S = 0.01
 PAD_CHANNELS = 4  # a mux carries two pads
 
@@ -63,6 +62,7 @@ def _init(options: argparse.Namespace) -> int:
 def _on_ports(port: str | None) -> tuple[list[FoundPad], str]:
     """The pads of the first board that answers, and where it is. Raises VerbError if there is none."""
     from fmfts.config import BridgeSource
+    from fmfts.sensor.bridge.serial_port import PORTS, candidates
 
     ports = [port] if port is not None else candidates()
     reasons = []
@@ -78,15 +78,6 @@ def _on_ports(port: str | None) -> tuple[list[FoundPad], str]:
         exit_codes.UNAVAILABLE,
         f"no board found ({tried}): plug it in, or say where it is with --port or --i2c; --simulated needs none",
     )
-
-
-def candidates(root: Path = Path("/")) -> list[str]:
-    """Serial ports, each once, by the name that stays the same where there is one."""
-    found: dict[Path, str] = {}
-    for pattern in PORTS:
-        for path in sorted(root.glob(pattern.removeprefix("/"))):
-            found.setdefault(path.resolve(), str(path))
-    return list(found.values())
 
 
 def _on_i2c(bus: int) -> tuple[list[FoundPad], str]:

@@ -19,6 +19,7 @@ from fmfts.cli import init_config as init_verb
 from fmfts.cli import keys as keys_verb
 from fmfts.cli import pose as pose_verb
 from fmfts.cli import record as record_verbs
+from fmfts.cli import report as report_verb
 from fmfts.cli import view as view_verb
 from fmfts.cli.verb import AddVerb, VerbError, configuration, ended_by, lacking, seconds, serving_base, with_json
 from fmfts.common import exit_codes
@@ -113,6 +114,7 @@ def _parser(requested: str | None) -> argparse.ArgumentParser:
     init_verb.add_to(verb)
     keys_verb.add_to(verb)
     record_verbs.add_to(verb, LISTENERS_CONFIG)
+    report_verb.add_to(verb)
     pose_verb.add_to(verb)
     calibration_verbs.add_to(verb)
     collect_verb.add_to(verb)

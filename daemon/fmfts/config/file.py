@@ -33,7 +33,7 @@ def load(path: Path | None = None, environ: Mapping[str, str] = os.environ) -> t
 
     Relative paths in the file are relative to its folder, and are absolute in the result. Raises ConfigError.
     """
-    file = _find(path, environ)
+    file = find(path, environ)
     with damage_told(ConfigError, f"{file}: cannot be used"):
         return _loaded(file), file
 
@@ -76,7 +76,8 @@ def _told(file: Path, wrong: Sequence[str]) -> str:
     )
 
 
-def _find(path: Path | None, environ: Mapping[str, str]) -> Path:
+def find(path: Path | None, environ: Mapping[str, str] = os.environ) -> Path:
+    """The file that `load` reads. Raises ConfigError where none is named, and none is in DEFAULT_PATHS."""
     if path is not None:
         return path
     if environ.get(ENVIRONMENT):

@@ -15,7 +15,7 @@ from typing import IO, Any, cast
 import msgspec
 import zstandard
 from mcap.exceptions import EndOfFile, InvalidMagic
-from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Schema
+from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
@@ -48,6 +48,7 @@ __all__ = [
     "Recorded",
     "RecordingError",
     "RecordingWriter",
+    "attachment",
     "is_whole",
     "read",
 ]
@@ -139,6 +140,14 @@ def records(path: Path) -> Iterator[McapRecord]:
     for record, end in _records(path):
         if isinstance(record, Chunk):
             yield from _unpacked(path, record, end)
+
+
+def attachment(path: Path, name: str) -> bytes | None:
+    """The first file of this name beside the messages; None if there is none. Raises RecordingError, as `read`."""
+    for record, _ in _records(path):
+        if isinstance(record, Attachment) and record.name == name:
+            return record.data
+    return None
 
 
 def is_whole(path: Path) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -63,6 +64,12 @@ class McapFile:
         with self.disk():
             self.writer.finish()
             self._output.sync()
+
+    def attach(self, name: str, json: bytes) -> None:
+        """Write a file of JSON beside the messages."""
+        now_ns = time.time_ns()
+        with self.disk():
+            self.writer.add_attachment(now_ns, now_ns, name, "application/json", json)
 
     def discard(self) -> None:
         """Close and delete the file."""

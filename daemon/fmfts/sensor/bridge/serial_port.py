@@ -16,6 +16,16 @@ from fmfts.sensor.lock import in_use, not_permitted
 from fmfts.sensor.wire.packets import LINE_BITS_PER_BYTE
 
 SYS_CLASS_TTY = Path("/sys/class/tty")
+PORTS = ("/dev/serial/by-id/*", "/dev/ttyACM*", "/dev/ttyUSB*")
+
+
+def candidates(root: Path = Path("/")) -> list[str]:
+    """Serial ports, each once, by the name that stays the same where there is one."""
+    found: dict[Path, str] = {}
+    for pattern in PORTS:
+        for path in sorted(root.glob(pattern.removeprefix("/"))):
+            found.setdefault(path.resolve(), str(path))
+    return list(found.values())
 
 
 def open_raw(port: str, baud: int) -> serial.Serial:

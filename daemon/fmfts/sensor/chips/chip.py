@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from fmfts.sensor.chips.driver import Driver
+    from fmfts.sensor.chips.driver import Driver, Dump
 
 TESLA_PER_GAUSS = 1e-4
 USUAL_RANGE_GAUSS = 2.5  # the standard pad's field under any load that it is made for
@@ -127,6 +127,7 @@ class Chip:
     board_single_hz: the highest rate of simultaneous measurements there, of one pad.
     asked_by_command: it has no identification to read: `identify` writes to whatever chip is at its address.
     streamed: a board of others reads it, and nothing here does.
+    dump: reads its registers for `fmfts-daemon report`; None: they are not known.
     supply: who still makes it, what it costs; remarks: what else its buyer must know, and what no data sheet confirms.
     """
 
@@ -163,6 +164,7 @@ class Chip:
     board_single_hz: int = 0
     asked_by_command: bool = False
     streamed: bool = False
+    dump: Dump | None = None
     supply: str = ""
     remarks: str = ""
     # (GAIN_CODES, 3) the field of one count in tesla, by gain code and axis, negative as counts_per_gauss is; NaN where

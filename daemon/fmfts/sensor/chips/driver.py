@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol
 
 from fmfts.sensor.chips.chip import Axes, Chip
@@ -34,6 +35,24 @@ class Wires(Protocol):
         No other kind of transfer: the kernel's driver of the Raspberry Pi 1 to 4 (i2c-bcm2835) refuses one that reads
         before its end, and others refuse one that reads twice.
         """
+
+
+# Yields registers of a chip: the number of the first, and the bytes from there on.
+Dump = Callable[[Wires], Iterator[tuple[int, bytes]]]
+
+
+def registers(*blocks: tuple[int, int], advance: int = 0) -> Dump:
+    """Reads blocks of registers, each of (first number, bytes) in one transfer.
+
+    A block must be one that the chip may be asked for without harm, for example all data registers of a chip that locks
+    its output until the last of them was read. advance: the bit that makes the number grow within a transfer.
+    """
+
+    def dump(wires: Wires) -> Iterator[tuple[int, bytes]]:
+        for first, count in blocks:
+            yield first, wires.exchange(bytes((advance | first,)), count)
+
+    return dump
 
 
 class Driver(Protocol):

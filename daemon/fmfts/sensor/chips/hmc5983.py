@@ -10,7 +10,7 @@ from dataclasses import replace
 from struct import Struct
 
 from fmfts.sensor.chips.chip import Axes, BiasStrap, Chip, Thermometer
-from fmfts.sensor.chips.driver import IDENTITY_BYTES, Setup, Wires, transfer_bits
+from fmfts.sensor.chips.driver import IDENTITY_BYTES, Setup, Wires, registers, transfer_bits
 
 CONFIG_A, CONFIG_B, MODE, DATA, STATUS, IDENTIFICATION, TEMPERATURE = 0x00, 0x01, 0x02, 0x03, 0x09, 0x0A, 0x31
 STATUS_READY = 0x01
@@ -89,6 +89,8 @@ HMC5983 = Chip(
     ),
     board_rates_hz=(220.0,),
     board_single_hz=152,
+    # Reading the mode locks the output until all six data registers were read: one transfer does both.
+    dump=registers((0x00, 9), (0x09, 1), (0x0A, 3), (0x31, 2)),
     supply="no longer made; boards sold under its name often carry a QMC5883L",
     remarks="the chip that this project was begun with; one address, so a mux",
 )
@@ -101,6 +103,7 @@ HMC5883L = replace(
     board_rates_hz=(),
     sensitivity_per_k=-0.003,
     thermometer=None,
+    dump=registers((0x00, 9), (0x09, 1), (0x0A, 3)),
 )
 
 ADDRESS = HMC5983.address

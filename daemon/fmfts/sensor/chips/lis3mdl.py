@@ -5,7 +5,7 @@ from __future__ import annotations
 from struct import Struct
 
 from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip, OwnField, Thermometer
-from fmfts.sensor.chips.driver import Setup, Wires, saturating, transfer_bits
+from fmfts.sensor.chips.driver import Setup, Wires, registers, saturating, transfer_bits
 
 # Section 6, register mapping. The top bit of a register's number makes it advance (section 5.1.1).
 ADVANCE = 0x80
@@ -108,6 +108,7 @@ LIS3MDL = Chip(
     ),
     board_rates_hz=(80.0, 155.0, 300.0),
     board_single_hz=80,
+    dump=registers((0x05, 6), (0x0F, 1), (0x20, 5), (0x27, 7), (0x2E, 2), (0x30, 4), advance=ADVANCE),
     supply="its maker calls it obsolete; boards with it are still sold, 5 to 10 € each",
     remarks="two addresses, so two chips a bus or a mux's channel; noise above 155 Hz is computed (unverified)",
 )

@@ -6,6 +6,7 @@ Every command is answered by a status byte. Four addresses by two pins, so a pad
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from struct import Struct
 
@@ -96,6 +97,14 @@ def _register(wires: Wires, number: int) -> bytes:
     return wires.exchange(bytes((READ_REGISTER, number << 2)), 3)
 
 
+def _words(wires: Wires) -> Iterator[tuple[int, bytes]]:
+    """The 32 words that the maker leaves to the customer. They can be read outside of a burst only."""
+    wires.exchange(bytes((EXIT,)), 1)
+    time.sleep(EXIT_S)
+    for number in range(32):
+        yield number, _register(wires, number)[1:]
+
+
 def _is_in_burst(status: bytes) -> bool:
     return status[0] & (STATUS_BURST | STATUS_ERROR) == STATUS_BURST
 
@@ -143,6 +152,7 @@ MLX90393 = Chip(
     bias_strap=None,
     board_rates_hz=tuple(float(int(1.0 / _conversion_s(each))) for each in _FILTERS[:4]),
     board_single_hz=171,
+    dump=lambda wires: _words(wires),
     asked_by_command=True,
     supply="made; boards 10 to 20 € each, and on every ReSkin, AnySkin and eFlesh board",
     remarks="four addresses by its pins, so no mux for a pad of four; noise from a graph (unverified)",
@@ -181,6 +191,7 @@ ANYSKIN = replace(
     free_rate_hz=500,
     single_rate_hz=0,
     board_rates_hz=(),
+    dump=None,
     noise_t=20e-3 * TESLA_PER_GAUSS,
     noises_t=(),
     single_noise_t=None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Chip, Film
+from fmfts.sensor.chips.driver import registers
 from fmfts.sensor.chips.memsic import PULSE_PAUSE_S, Memsic
 
 _REGISTERS = Memsic(status=0x18, done=0x40, fuses_read=0x10, control_0=0x1B, product=0x39, reset_s=20e-3)
@@ -33,6 +34,7 @@ MMC5603NJ = Chip(
     film=Film(upset_gauss=29.0, doubtful_gauss=15.0, pulse=_REGISTERS.set_pulse, pause_s=PULSE_PAUSE_S),
     board_rates_hz=(350.0,),
     board_single_hz=203,
+    dump=registers((0x00, 9), (0x09, 1), (0x18, 2), (0x1A, 4), (0x1E, 3), (0x27, 3), (0x39, 1)),
     supply="made; boards about 6 €, chips under 1 €",
     remarks="one address, so a mux; handedness and noise are unverified: `probe --magnet` tells the first",
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Chip, Film, SetReset
+from fmfts.sensor.chips.driver import registers
 from fmfts.sensor.chips.memsic import BANDWIDTH, MEASURE_FIELD, PULSE_PAUSE_S, RESET_PULSE, Memsic
 
 CONTROL_0, CONTROL_3 = 0x09, 0x0C
@@ -52,6 +53,7 @@ MMC5983MA = Chip(
     set_reset=_SET_RESET,
     board_rates_hz=(350.0,),
     board_single_hz=203,
+    dump=registers((0x00, 8), (0x08, 1), (0x09, 4), (0x2F, 1)),
     supply="made; boards 10 to 20 € each",
     remarks="one address, so a mux; its thermometer (0.8 °C a step) is not used; its settings cannot be read back",
 )

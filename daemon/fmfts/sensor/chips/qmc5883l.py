@@ -8,7 +8,7 @@ from __future__ import annotations
 from struct import Struct
 
 from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip
-from fmfts.sensor.chips.driver import Setup, Wires, overflowing, transfer_bits
+from fmfts.sensor.chips.driver import Setup, Wires, overflowing, registers, transfer_bits
 
 # Section 9.1: X, Y, Z at 0x00 to 0x05, low byte first; after control 2 the period, a reserved one, the identification.
 STATUS, CONTROL_1, CONTROL_2 = 0x06, 0x09, 0x0A
@@ -84,6 +84,7 @@ QMC5883L = Chip(
     thermometer=None,  # its thermometer has no known zero (section 9.2.2)
     bias_strap=None,
     board_rates_hz=(200.0,),
+    dump=registers((0x00, 6), (0x06, 1), (0x07, 2), (0x09, 5)),  # after 0x06 comes 0x00 (ROLL_OVER)
     supply="made; on boards sold as HMC5883L, under 5 € each",
     remarks="one address, so a mux; at most 200 Hz; no self-test; no thermometer with a known zero",
 )

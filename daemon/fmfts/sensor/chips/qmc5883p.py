@@ -8,7 +8,7 @@ from __future__ import annotations
 from struct import Struct
 
 from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip
-from fmfts.sensor.chips.driver import Setup, Wires, overflowing, transfer_bits
+from fmfts.sensor.chips.driver import Setup, Wires, overflowing, registers, transfer_bits
 
 IDENTIFICATION, AXES, STATUS, CONTROL_1, SIGNS = 0x00, 0x01, 0x09, 0x0A, 0x29
 STATUS_READY, STATUS_OVERFLOW = 0x01, 0x02
@@ -76,6 +76,7 @@ QMC5883P = Chip(
     thermometer=None,
     bias_strap=None,
     board_rates_hz=(200.0,),
+    dump=registers((0x00, 1), (0x01, 6), (0x09, 1), (0x0A, 2), (0x29, 1)),
     supply="made; on boards sold as HMC5883L, QMC5883L and GY-271, 2 to 6 € each",
     remarks="one address, so a mux; at most 200 Hz; no self-test of its gains; no thermometer",
 )

@@ -1,0 +1,86 @@
+"""Removes from text what names the user or his computer, and what could be a secret, before it goes into a report."""
+
+from __future__ import annotations
+
+import os
+import pwd
+import re
+import socket
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+FIRST_PERSON, LAST_PERSON = 1000, 59999  # user ids of people, by the policy of Debian
+NOT_NAMES = frozenset({"", "root", "fmfts", "localhost", "nobody"})
+USER, HOST, REMOVED = "<user>", "<host>", "<removed>"
+BINARY = "memory"  # of a state: base64, in which a name may stand by chance
+# What stands after such a name, to the end of the line, may be a secret. A folder of keys (`keys = …`) is none. Counts
+# are bounded, so that no text takes a time that grows with the square of its length.
+SECRET = re.compile(
+    r"""(?im)((?:secret|passw(?:or)?d|token|credential|authorization|api_?key|private_?key)"""
+    r"""[\w.-]{0,40}["']?[ \t]{0,8}[=:][ \t]{0,8})(\S.*)$"""
+)
+PRIVATE_KEY = re.compile(r"-----BEGIN [A-Z ]*PRIVATE KEY-----.*?(?:-----END [A-Z ]*PRIVATE KEY-----|\Z)", re.DOTALL)
+LOGIN = re.compile(r"(?<=://)[^/\s@\"']+@")
+HOME = re.compile(r"/(?:home|Users)/[^/\s\"':,;)]+")
+ADDRESS = re.compile(r"\b(?!127\.|0\.0\.0\.0)(?:\d{1,3}\.){3}\d{1,3}\b")
+
+
+class Scrubber:
+    """users, hosts, homes: the words and folders to replace."""
+
+    def __init__(self, users: Iterable[str], hosts: Iterable[str], homes: Iterable[str]) -> None:
+        self._homes, self._users, self._hosts = map(_any_of, (homes, users, hosts))
+
+    def text(self, text: str) -> str:
+        for pattern, put in (
+            (PRIVATE_KEY, REMOVED),
+            (SECRET, rf"\1{REMOVED}"),
+            (LOGIN, f"{USER}@"),
+            (self._homes, "~"),
+            (HOME, "~"),
+            (self._users, USER),
+            (self._hosts, HOST),
+            (ADDRESS, "<address>"),
+        ):
+            text = pattern.sub(put, text)
+        return text
+
+    def facts(self, value: Any) -> Any:
+        """The same facts, with each of their texts scrubbed, and keys that are paths."""
+        if isinstance(value, str):
+            return self.text(value)
+        if isinstance(value, Mapping):
+            return {self.text(str(key)) if "/" in str(key) else key: self.facts(each) for key, each in value.items()}
+        if isinstance(value, list | tuple):
+            return [self.facts(each) for each in value]
+        return value
+
+    def message(self, value: Any) -> Any:
+        """A message with its paths and sentences scrubbed. A single word stays: names of pads, and words of the schema,
+        which a replay needs."""
+        if isinstance(value, str):
+            return self.text(value) if re.search(r"[/\s]", value) else value
+        if isinstance(value, dict):
+            return {key: each if key == BINARY else self.message(each) for key, each in value.items()}
+        if isinstance(value, list):
+            return [self.message(each) for each in value]
+        return value
+
+
+def of_this_computer(environ: Mapping[str, str] = os.environ) -> Scrubber:
+    """The names of this computer, of its people, and their home folders."""
+    own = {os.getuid(), os.geteuid()}
+    people = [each for each in pwd.getpwall() if each.pw_uid in own or FIRST_PERSON <= each.pw_uid <= LAST_PERSON]
+    users = {environ.get(name, "") for name in ("USER", "LOGNAME", "SUDO_USER")}
+    users |= {name for each in people for name in (each.pw_name, each.pw_gecos.partition(",")[0])}
+    homes = {each.pw_dir for each in people} | {environ.get("HOME", "")}
+    users |= {Path(home).name for home in homes if home.startswith("/home/")}
+    host = socket.gethostname()
+    return Scrubber(users - NOT_NAMES, {host, host.partition(".")[0]} - NOT_NAMES, homes - {"", "/"})
+
+
+def _any_of(words: Iterable[str]) -> re.Pattern[str]:
+    """Matches each of the words, where no letter and no digit stands beside it."""
+    longest_first = "|".join(map(re.escape, sorted(words, key=len, reverse=True)))
+    return re.compile(rf"(?<![A-Za-z0-9])(?:{longest_first})(?![A-Za-z0-9])" if longest_first else r"(?!)")

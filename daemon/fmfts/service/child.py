@@ -1,0 +1,66 @@
+"""Runs a daemon as a child process for a moment: for the demo, and for a report where no daemon runs."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+START_S = 20.0
+STOP_S = 5.0
+ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+
+
+class ChildDaemon:
+    """ended: the exit code of a daemon that ended by itself; None: it runs, or was stopped."""
+
+    def __init__(self, process: subprocess.Popen[bytes], socket: Path) -> None:
+        self.process = process
+        self.ended: int | None = None
+        self._socket = socket
+
+    def is_serving(self) -> bool:
+        """Wait until it serves. False if it ends before, or takes longer than START_S."""
+        until = time.monotonic() + START_S
+        while not self._socket.exists():
+            if self.process.poll() is not None or time.monotonic() > until:
+                return False
+            time.sleep(0.02)
+        return True
+
+    def stop(self) -> None:
+        self.ended = self.process.poll()
+        self.process.terminate()
+        try:
+            self.process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+
+@contextmanager
+def child_daemon(config: Path, folder: Path, environment: Mapping[str, str]) -> Iterator[ChildDaemon]:
+    """Runs `fmfts-daemon run` until the end of the block.
+
+    environment: names `folder` as the place of its sockets. Its log goes to `daemon.log` there.
+    """
+    command = [sys.executable, "-m", "fmfts", "run", "--config", str(config)]
+    with (folder / "daemon.log").open("w") as stderr:
+        # Block signals: one between fork and `try` would leave the daemon running.
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+        process = subprocess.Popen(command, stderr=stderr, env=environment, preexec_fn=_ignore_ctrl_c)
+        child = ChildDaemon(process, folder / "bus")
+        try:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+            yield child
+        finally:
+            child.stop()
+
+
+def _ignore_ctrl_c() -> None:
+    """Makes the daemon ignore Ctrl-C, which the terminal sends to all processes: it will be ended by SIGTERM."""
+    signal.pthread_sigmask(signal.SIG_SETMASK, {signal.SIGINT})
