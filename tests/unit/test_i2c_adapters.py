@@ -71,7 +71,7 @@ def test_error_of_an_adapter_becomes_the_state_of_a_sensor(
     assert pad.sensors[0].state == state
 
 
-def test_time_out_is_a_stuck_bus_but_on_the_adapter_that_says_it_of_no_answer(clock: Clock) -> None:
+def test_time_out_means_no_answer_on_a_cp2112_alone(clock: Clock) -> None:
     for driver, state in (("i2c-bcm2835", SensorState.BUS_STUCK), ("cp2112", SensorState.NO_ANSWER)):
         pad, bus = emulated_pad(clock, "qmc5883l", [Qmc5883l(clock)], muxed=False)
         bus.adapter = Adapter(driver=driver)
