@@ -123,7 +123,7 @@ def test_rate_through_usb_is_what_the_bridges_driver_can_do(kind: str) -> None:
     assert Adapter(driver=emulated.driver, is_usb=True).highest_rate_hz(FOUR_BEHIND_A_MUX) == int(1.0 / least_s)
 
 
-def test_other_clock_of_the_device_tree_is_said_with_both_numbers() -> None:
+def test_other_clock_of_the_device_tree_names_both_numbers() -> None:
     said = clock_differs(Adapter(clock_hz=100_000), 400_000)
     assert said is not None
     assert said.startswith("the device tree says 100000 Hz for this bus, and [pad.source] clock_hz is 400000")
