@@ -35,7 +35,7 @@ QMC = 'chip = "qmc5883l"\nrange_gauss = 8.0\n'
     ("adapter", "answer"),
     [("bcm2835", "Operation not supported"), ("designware", "accepted 6"), ("mcp2221", "Operation not supported")],
 )
-def test_transfer_with_two_reads_is_refused_by_a_raspberry_pi_4(adapter: str, answer: str) -> None:
+def test_transfer_with_two_reads_is_refused_on_a_raspberry_pi(adapter: str, answer: str) -> None:
     with kernel_bus(adapter=adapter):
         ended = subprocess.run([sys.executable, "-c", TWO_READS], capture_output=True, text=True, check=False)
     assert ended.stdout.strip() == answer, ended
@@ -58,7 +58,7 @@ def test_probe_names_the_adapter(tmp_path: Path) -> None:
     assert "faults: none" in said
 
 
-def test_probe_and_init_say_that_an_smbus_controller_cannot_read_chips(tmp_path: Path) -> None:
+def test_smbus_controller_is_refused_by_probe_and_init(tmp_path: Path) -> None:
     with kernel_bus(adapter="i801"):
         written = run_command("init", "--i2c", "7", "--config", tmp_path / "new.toml")
     assert written.returncode == exit_codes.UNAVAILABLE, written
@@ -68,7 +68,7 @@ def test_probe_and_init_say_that_an_smbus_controller_cannot_read_chips(tmp_path:
         assert "/dev/i2c-7 (SMBus I801 adapter at efa0, driver i801_smbus) is an SMBus controller" in told
 
 
-def test_refused_transfer_is_said_of_the_adapter_and_not_of_wires(tmp_path: Path) -> None:
+def test_refused_transfer_names_the_adapter_and_not_the_wires(tmp_path: Path) -> None:
     """An FT260 writes at most two bytes before it reads, and a register of an MLX90393 takes four."""
     source = 'chip = "mlx90393"\nrange_gauss = 132.0\nrate_hz = 50\nchannels = []\n'
     code, said = probed(tmp_path, source, "mlx90393", 12, 13, 14, 15, adapter="ft260")
@@ -87,7 +87,7 @@ def test_probe_says_what_a_usb_bridge_can_do(tmp_path: Path) -> None:
     )
 
 
-def test_probe_warns_of_another_clock_and_init_writes_the_one_there_is(tmp_path: Path) -> None:
+def test_probe_warns_of_another_clock_and_init_writes_it(tmp_path: Path) -> None:
     code, said = probed(tmp_path, f"{QMC}rate_hz = 50\n", "qmc5883l", adapter="designware", clock_hz=100_000)
     assert code == exit_codes.DONE, said
     assert "the device tree says 100000 Hz for this bus, and [pad.source] clock_hz is 400000" in said
@@ -113,7 +113,7 @@ def test_chip_that_is_unplugged_from_a_cp2112_does_not_answer() -> None:
         assert "sensor 3 (mux 0x70, channel 2) does not answer" in source.state.sensor_faults[0, 2]
 
 
-def test_bridge_that_is_unplugged_is_said_to_be_gone_and_comes_back() -> None:
+def test_unplugged_bridge_is_reported_as_gone_and_comes_back() -> None:
     with kernel_bus("qmc5883l", adapter="mcp2221") as kernel:
         source = kernel.open(pad(chip="qmc5883l", range_gauss=8.0, rate_hz=15))
         run(source, all_valid)
@@ -127,7 +127,7 @@ def test_bridge_that_is_unplugged_is_said_to_be_gone_and_comes_back() -> None:
 
 
 @pytest.mark.real_time
-def test_bridge_on_usb_carries_no_more_than_is_said_of_it() -> None:
+def test_usb_bridge_carries_no_more_than_probe_says() -> None:
     with kernel_bus("qmc5883l", adapter="mcp2221") as kernel:
         source = kernel.open(pad(chip="qmc5883l", range_gauss=8.0, rate_hz=100))
         run(source, all_valid)

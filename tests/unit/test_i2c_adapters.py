@@ -71,7 +71,7 @@ def test_error_of_an_adapter_becomes_the_state_of_a_sensor(
     assert pad.sensors[0].state == state
 
 
-def test_time_out_is_a_stuck_bus_but_on_the_adapter_that_says_it_of_no_answer(clock: Clock) -> None:
+def test_time_out_means_no_answer_on_a_cp2112_alone(clock: Clock) -> None:
     for driver, state in (("i2c-bcm2835", SensorState.BUS_STUCK), ("cp2112", SensorState.NO_ANSWER)):
         pad, bus = emulated_pad(clock, "qmc5883l", [Qmc5883l(clock)], muxed=False)
         bus.adapter = Adapter(driver=driver)
@@ -123,7 +123,7 @@ def test_rate_through_usb_is_what_the_bridges_driver_can_do(kind: str) -> None:
     assert Adapter(driver=emulated.driver, is_usb=True).highest_rate_hz(FOUR_BEHIND_A_MUX) == int(1.0 / least_s)
 
 
-def test_other_clock_of_the_device_tree_is_said_with_both_numbers() -> None:
+def test_other_clock_of_the_device_tree_names_both_numbers() -> None:
     said = clock_differs(Adapter(clock_hz=100_000), 400_000)
     assert said is not None
     assert said.startswith("the device tree says 100000 Hz for this bus, and [pad.source] clock_hz is 400000")
