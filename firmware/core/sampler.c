@@ -126,10 +126,10 @@ static bool schedule_frames(struct sampler *sampler, uint64_t now_us)
 
 // If a sample was read just too late for a frame, its successor would replace it before the next frame, and it would be
 // lost. So the successor stays in the chip until that frame is made: no conversion of a chip slower than the frames is
-// lost.
+// lost. A chip that is triggered again whenever it was read loses none.
 static bool would_replace_unsent(const struct sampler *sampler, const struct sensor *sensor, uint64_t now_us)
 {
-    return sensor->fresh && sampler->streaming && sampler->settings.trigger == TRIGGER_FREE &&
+    return sensor->fresh && sampler->streaming && sensor_streams(sensor, sampler->settings.trigger) &&
            sensor->phase == PHASE_RUN && now_us + READ_LATENESS_US > sampler->frame_us;
 }
 
@@ -170,7 +170,8 @@ static void fill(struct sampler *sampler, struct sampler_pad *pad, struct wire_s
             continue;
         frame->valid |= (uint8_t)(1 << i);
         frame->fresh |= (uint8_t)(sensor->fresh << i);
-        newest_us = sensor->conversion.ended_us > newest_us ? sensor->conversion.ended_us : newest_us;
+        uint64_t time_us = sensor_time_us(sensor, sampler->settings.trigger);
+        newest_us = time_us > newest_us ? time_us : newest_us;
         for (int axis = 0; axis < 3; axis++)
             frame->counts[i][axis] = sensor->counts[axis];
         if (sensor->temperature_raw != WIRE_TEMPERATURE_UNKNOWN) {
@@ -186,8 +187,10 @@ static void fill(struct sampler *sampler, struct sampler_pad *pad, struct wire_s
     pad->last_time_us = frame->time_us;
     frame->temperature_raw = (int16_t)(thermometers ? temperature / thermometers : WIRE_TEMPERATURE_UNKNOWN);
     for (int i = 0; i < pad->wiring.sensor_count; i++) {
-        uint64_t age_us = frame->time_us - pad->sensors[i].conversion.ended_us;
-        if ((frame->valid >> i & 1) && age_us < WIRE_AGE_UNKNOWN)
+        if (!(frame->valid >> i & 1))
+            continue;
+        uint64_t age_us = frame->time_us - sensor_time_us(&pad->sensors[i], sampler->settings.trigger);
+        if (age_us < WIRE_AGE_UNKNOWN)
             frame->age_us[i] = (uint16_t)age_us;
     }
 }
@@ -204,7 +207,7 @@ bool sampler_take_early(struct sampler *sampler, struct wire_early *early)
         return false;
     early->place = WIRE_PLACE(p, i);
     early->gain_code = sampler->settings.gain_code;
-    early->time_us = sensor->conversion.ended_us;
+    early->time_us = sensor_time_us(sensor, TRIGGER_FREE);
     early->counts = sensor->counts;
     return true;
 }

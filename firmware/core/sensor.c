@@ -19,7 +19,7 @@ void sensor_init(struct sensor *sensor, uint8_t address, uint64_t now_us, uint64
         .temperature_raw = WIRE_TEMPERATURE_UNKNOWN,
         .temperature_next = true,
         .due_us = now_us,
-        .chore_us = first_chore_us,
+        .chore_us = (uint32_t)first_chore_us - SENSOR_CHORE_INTERVAL_US,
     };
 }
 
@@ -30,7 +30,7 @@ const struct chip *sensor_chip(const struct sensor *sensor)
 
 struct chip_wires sensor_wires(const struct sensor *sensor, const struct sensor_link *link)
 {
-    return (struct chip_wires){.bus = link->bus, .address = chip_places[sensor->place].address};
+    return (struct chip_wires){link->bus, chip_places[sensor->place].address, sensor_chip(sensor)->memsic};
 }
 
 void sensor_fail(struct sensor *sensor, enum sensor_state state, uint64_t now_us)
@@ -39,7 +39,7 @@ void sensor_fail(struct sensor *sensor, enum sensor_state state, uint64_t now_us
     sensor->phase = PHASE_IDENTIFY;
     sensor->has_sample = sensor->fresh = sensor->awaiting = false;
     sensor->strikes = sensor->missed = 0;
-    sensor->doubted = false;
+    sensor->doubts = 0;
     sensor->temperature_raw = WIRE_TEMPERATURE_UNKNOWN;
     sensor->due_us = now_us + ((uint64_t)BACKOFF_FIRST_US << sensor->failures);
     if (sensor->failures < BACKOFF_DOUBLINGS)
@@ -67,7 +67,7 @@ void sensor_reconfigure(struct sensor *sensor, uint64_t now_us)
 void sensor_overtake(struct sensor *sensor, uint64_t triggered_us)
 {
     sensor->overtaken = sensor->awaiting;
-    sensor->overtaken_us = triggered_us;
+    sensor->triggered_us = triggered_us;
     if (sensor->overtaken)
         sensor->due_us = triggered_us;
 }
@@ -80,6 +80,13 @@ void sensor_await(struct sensor *sensor, uint64_t triggered_us)
     sensor->due_us = triggered_us + sensor_chip(sensor)->trigger->wait_us;
 }
 
+void sensor_was_set(struct sensor *sensor, uint64_t now_us)
+{
+    sensor->upset = false;
+    sensor->set_us = (uint32_t)now_us;
+    sensor->settled_us = now_us + CHIP_SET_PAUSE_US + sensor_chip(sensor)->trigger->conversion_us;
+}
+
 bool sensor_is_identified(const struct sensor *sensor)
 {
     return sensor->phase != PHASE_IDENTIFY;
@@ -88,6 +95,20 @@ bool sensor_is_identified(const struct sensor *sensor)
 bool sensor_is_running(const struct sensor *sensor)
 {
     return sensor->phase == PHASE_RUN || sensor->phase == PHASE_CHORE;
+}
+
+bool sensor_streams(const struct sensor *sensor, enum trigger trigger)
+{
+    return trigger == TRIGGER_FREE && !sensor_chip(sensor)->paced;
+}
+
+uint64_t sensor_time_us(const struct sensor *sensor, enum trigger trigger)
+{
+    const struct chip *chip = sensor_chip(sensor);
+    uint32_t measurement_us = chip->fills_period ? sensor->conversion.period_us : 0;
+    if (!sensor_streams(sensor, trigger))
+        measurement_us = chip->trigger->conversion_us;
+    return sensor->conversion.ended_us - measurement_us / 2;
 }
 
 bool sensor_is_valid(const struct sensor *sensor, enum trigger trigger, uint64_t now_us)

@@ -13,20 +13,20 @@
 
 enum sensor_phase { PHASE_IDENTIFY, PHASE_RESET, PHASE_CONFIGURE, PHASE_RUN, PHASE_CHORE };
 
-enum { SENSOR_ANY_ADDRESS = 0 };
+enum { SENSOR_ANY_ADDRESS = 0, SENSOR_CHORE_INTERVAL_US = 125000 };
 
 struct sensor {
     uint8_t address; // where it is asked for, or SENSOR_ANY_ADDRESS
     uint8_t state; // enum sensor_state
     uint8_t phase; // enum sensor_phase: what the next turn does
     uint8_t identification[3];
-    uint8_t place;          // of `chip_places`: what it is and where, or what is tried next
+    uint8_t place;          // of `chip_places`: what it is and where
     uint8_t strikes;        // transfers without an answer, in a row
     uint8_t failures;       // calls of sensor_fail since the last good sample; set the back-off
     uint8_t missed;         // triggers without a conversion, in a row
     uint8_t ready_survives; // probes in a row that found READY set although the data had been read
     uint8_t unchanged;      // samples in a row with equal bytes while READY never cleared
-    bool doubted; // its identification was wrong the last time
+    uint8_t doubts; // how often in a row its identification was wrong
     bool has_sample;
     bool fresh;            // the last sample is in no frame yet
     bool unsent;           // and it was not sent early
@@ -37,13 +37,15 @@ struct sensor {
     bool suspect;          // a trigger's conversion was late or missing, and none has ended in time since
     bool unaltered;        // the last sample equals the one before
     bool temperature_next; // the next chore reads the temperature; the one after it checks the configuration
+    bool upset; // a strong field was there since the last SET
     int16_t counts[3];
     int16_t temperature_raw;
     struct conversion conversion;
     uint64_t due_us; // when the sensor next needs the bus
-    uint64_t overtaken_us; // when the new conversion was triggered
+    uint64_t triggered_us; // when the conversion that runs was triggered
     uint64_t settled_us; // conversions that end earlier are not used
-    uint64_t chore_us; // when the next chore is due
+    uint32_t chore_us; // when the last chore was; the lower half of the clock suffices for what comes every few minutes
+    uint32_t set_us; // and when the last SET pulse was
 };
 
 // What a turn needs besides the sensor. The mux channel to the sensor is open already.
@@ -71,7 +73,7 @@ void sensor_fail(struct sensor *sensor, enum sensor_state state, uint64_t now_us
 // Settings changed, or the self-test used the sensor: drops its samples and configures it again.
 void sensor_reconfigure(struct sensor *sensor, uint64_t now_us);
 
-// The sensor was triggered at `triggered_us`: expect one conversion.
+// The sensor was triggered with all others at `triggered_us`: expect one conversion.
 void sensor_await(struct sensor *sensor, uint64_t triggered_us);
 
 // The sensor was triggered again: read the awaited sample now, before the new conversion ends and replaces it.
@@ -82,8 +84,18 @@ enum bus_result sensor_confirm(struct sensor *sensor, const struct sensor_link *
 
 const struct chip *sensor_chip(const struct sensor *sensor);
 struct chip_wires sensor_wires(const struct sensor *sensor, const struct sensor_link *link);
+// It was set up, or had a SET pulse.
+void sensor_was_set(struct sensor *sensor, uint64_t now_us);
+
 bool sensor_is_identified(const struct sensor *sensor);
 bool sensor_is_running(const struct sensor *sensor);
+
+// Whether it measures by its own clock, and not whenever it is triggered.
+bool sensor_streams(const struct sensor *sensor, enum trigger trigger);
+
+// The time of the last sample: the middle of its measurement, where it is known how long that took; else its end.
+uint64_t sensor_time_us(const struct sensor *sensor, enum trigger trigger);
+
 bool sensor_is_valid(const struct sensor *sensor, enum trigger trigger, uint64_t now_us);
 
 #endif

@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "sensor_film.h"
+
 enum {
     MISSED_MAX = 3,
     UNCHANGED_MAX = 20,
@@ -10,7 +12,6 @@ enum {
     SILENT_PERIODS = 4,        // of chips slower than that allows
     LATE_CONVERSION_US = 3000, // beyond the trigger's `wait_us`
     BURST_US = 250,            // six bytes, with some time to spare
-    CHORE_INTERVAL_US = 125000,
     READY_SURVIVES = 3, // so many probes in a row show that reading does not clear this chip's READY
 };
 
@@ -33,12 +34,14 @@ void sensor_schedule(struct sensor *sensor, const struct sensor_link *link, uint
 {
     if (sensor->phase == PHASE_CHORE)
         sensor->due_us = now_us;
-    else if (link->trigger == TRIGGER_FREE)
+    else if (sensor_streams(sensor, link->trigger))
         sensor->due_us = conversion_next_poll_us(&sensor->conversion);
-    else if (sensor->awaiting)
-        sensor->due_us = now_us;
+    else if (link->trigger == TRIGGER_FREE && sensor->awaiting)
+        sensor->due_us = sensor->triggered_us + sensor_chip(sensor)->trigger->wait_us;
+    else if (link->trigger == TRIGGER_FREE) // a measurement may begin now, or when the pause after a SET is over
+        sensor->due_us = sensor->settled_us - sensor_chip(sensor)->trigger->conversion_us;
     else
-        sensor->due_us = NEVER;
+        sensor->due_us = sensor->awaiting ? now_us : NEVER;
 }
 
 static void seen_ready(struct sensor *sensor)
@@ -53,25 +56,38 @@ static uint64_t silence_us(const struct sensor *sensor)
     return periods_us > SILENCE_US ? periods_us : SILENCE_US;
 }
 
+// Until when a triggered measurement may be late. One of a chip whose settings cannot be read back is not done in twice
+// its time if the chip was reset, and measures at another bandwidth or not at all.
+static uint64_t latest_us(const struct sensor *sensor)
+{
+    const struct chip *chip = sensor_chip(sensor);
+    int late_us = chip->set ? 2 * chip->trigger->conversion_us : chip->trigger->wait_us + LATE_CONVERSION_US;
+    return sensor->triggered_us + (uint64_t)late_us;
+}
+
 static void not_ready(struct sensor *sensor, const struct sensor_link *link, uint64_t now_us)
 {
-    if (link->trigger == TRIGGER_FREE && now_us > sensor->due_us + silence_us(sensor))
+    bool streams = sensor_streams(sensor, link->trigger);
+    if (streams && now_us > sensor->due_us + silence_us(sensor))
         sensor->conversion.ended_us = now_us; // this program polled too late; the chip was not silent
     sensor->conversion.not_ready_us = now_us;
     sensor->unchanged = 0;
     sensor->due_us = now_us + POLL_PAUSE_US;
-    if (link->trigger == TRIGGER_FREE) {
+    if (streams) {
         if (now_us > sensor->conversion.ended_us + silence_us(sensor))
             sensor_fail(sensor, SENSOR_NO_NEW_DATA, now_us);
         return;
     }
     sensor->suspect = true;
-    const struct chip_trigger *trigger = sensor_chip(sensor)->trigger;
-    if (now_us > sensor->conversion.ended_us + trigger->wait_us - trigger->conversion_us + LATE_CONVERSION_US) {
-        sensor->awaiting = false;
-        sensor_schedule(sensor, link, now_us);
-        if (++sensor->missed >= MISSED_MAX)
-            sensor_fail(sensor, SENSOR_NO_NEW_DATA, now_us);
+    if (now_us <= latest_us(sensor))
+        return;
+    sensor->awaiting = false;
+    sensor_schedule(sensor, link, now_us);
+    if (++sensor->missed >= MISSED_MAX) {
+        sensor_fail(sensor, SENSOR_NO_NEW_DATA, now_us);
+    } else if (sensor_chip(sensor)->set) {
+        (*link->config_repairs)++;
+        sensor_reconfigure(sensor, now_us);
     }
 }
 
@@ -92,22 +108,26 @@ static bool is_new(struct sensor *sensor, const int16_t counts[3], uint64_t seen
     return true;
 }
 
+static bool is_settled(const struct sensor *sensor)
+{
+    return !sensor->discard_next && sensor->conversion.ended_us >= sensor->settled_us;
+}
+
 static void accept(struct sensor *sensor, const struct sensor_link *link, const int16_t counts[3])
 {
     uint64_t now_us = clock_now(link->clock);
     sensor->unaltered = memcmp(sensor->counts, counts, sizeof sensor->counts) == 0;
     memcpy(sensor->counts, counts, sizeof sensor->counts);
     sensor->awaiting = false;
-    bool settled = !sensor->discard_next && sensor->conversion.ended_us >= sensor->settled_us;
     bool alive = sensor->unchanged == 0 || sensor->state == SENSOR_OK; // a chip whose clock stopped stays failed
-    if (settled && alive) {
+    if (is_settled(sensor) && alive) {
         sensor->has_sample = sensor->fresh = sensor->unsent = true;
         sensor->state = SENSOR_OK;
         sensor->failures = 0;
     }
     sensor->discard_next = false;
-    if (now_us >= sensor->chore_us) {
-        sensor->chore_us = now_us + CHORE_INTERVAL_US;
+    if ((uint32_t)now_us - sensor->chore_us >= SENSOR_CHORE_INTERVAL_US) {
+        sensor->chore_us = (uint32_t)now_us;
         sensor->phase = PHASE_CHORE;
     }
     sensor_schedule(sensor, link, now_us);
@@ -145,7 +165,7 @@ enum bus_result sensor_confirm(struct sensor *sensor, const struct sensor_link *
 // suspect.
 static enum bus_result read_overtaken(struct sensor *sensor, const struct sensor_link *link)
 {
-    uint64_t changes_us = sensor->overtaken_us + sensor_chip(sensor)->trigger->fastest_us;
+    uint64_t changes_us = sensor->triggered_us + sensor_chip(sensor)->trigger->fastest_us;
     int16_t counts[3];
     bool in_time = clock_now(link->clock) + BURST_US < changes_us;
     enum bus_result result = in_time ? read_counts(sensor, link, counts) : BUS_OK;
@@ -160,26 +180,39 @@ static enum bus_result read_overtaken(struct sensor *sensor, const struct sensor
     return BUS_OK;
 }
 
-// Whether two measurements may have ended since the last poll that found none. Chips are fast by 5 % at most; the rest is
-// for the transfer of that poll.
-static bool may_be_overtaken(const struct sensor *sensor, uint64_t now_us)
+// Triggers a chip that the board paces.
+static enum bus_result start(struct sensor *sensor, const struct sensor_link *link)
 {
-    uint32_t shortest_us = sensor->conversion.nominal_us - sensor->conversion.nominal_us / 8U;
-    return now_us >= sensor->conversion.not_ready_us + shortest_us;
+    const struct chip_wires wires = sensor_wires(sensor, link);
+    const struct chip_trigger *trigger = sensor_chip(sensor)->trigger;
+    enum bus_result result = chip_write(&wires, trigger->bytes, trigger->count);
+    if (result != BUS_OK)
+        return result;
+    sensor->triggered_us = clock_now(link->clock);
+    sensor->awaiting = true;
+    sensor_schedule(sensor, link, sensor->triggered_us);
+    return BUS_OK;
 }
 
-// Of a chip with `ready_held`: where another measurement ended while one was read, reads that one. It ended between the
-// old and the new *seen_us; a third one does not end so soon.
-static enum bus_result read_newer(struct sensor *sensor, const struct sensor_link *link, int16_t counts[3],
-                                  uint64_t *seen_us)
+static enum bus_result set(struct sensor *sensor, const struct sensor_link *link)
 {
-    struct chip_sample newer = {.status = 0};
-    enum bus_result result = read_status(sensor, link, &newer);
-    if (result != BUS_OK || !(newer.status & CHIP_READY))
+    const struct chip_wires wires = sensor_wires(sensor, link);
+    enum bus_result result = sensor_chip(sensor)->set(&wires);
+    if (result != BUS_OK)
         return result;
-    sensor->conversion.ready_us = *seen_us;
-    *seen_us = clock_now(link->clock);
-    return read_counts(sensor, link, counts);
+    uint64_t now_us = clock_now(link->clock);
+    sensor_was_set(sensor, now_us);
+    sensor_schedule(sensor, link, now_us);
+    return BUS_OK;
+}
+
+static enum bus_result accept_of_film(struct sensor *sensor, const struct sensor_link *link, int16_t counts[3])
+{
+    bool due = is_settled(sensor) && sensor_film_needs_set(sensor, counts, (uint32_t)clock_now(link->clock));
+    accept(sensor, link, counts);
+    if (due)
+        return set(sensor, link);
+    return link->trigger == TRIGGER_FREE ? start(sensor, link) : BUS_OK;
 }
 
 enum bus_result sensor_poll(struct sensor *sensor, const struct sensor_link *link)
@@ -188,6 +221,8 @@ enum bus_result sensor_poll(struct sensor *sensor, const struct sensor_link *lin
     struct chip_sample sample = {.temperature_raw = WIRE_TEMPERATURE_UNKNOWN};
     if (sensor->overtaken)
         return read_overtaken(sensor, link);
+    if (chip->paced && link->trigger == TRIGGER_FREE && !sensor->awaiting)
+        return start(sensor, link);
     enum bus_result result = read_status(sensor, link, &sample);
     uint64_t seen_us = clock_now(link->clock);
     if (result != BUS_OK)
@@ -201,20 +236,21 @@ enum bus_result sensor_poll(struct sensor *sensor, const struct sensor_link *lin
         return BUS_OK;
     if (chip->read_counts)
         result = read_counts(sensor, link, sample.counts); // also undoes LOCK, when only LOCK is set
-    if (result == BUS_OK && ready && chip->ready_held && link->trigger == TRIGGER_FREE &&
-        may_be_overtaken(sensor, clock_now(link->clock)))
-        result = read_newer(sensor, link, sample.counts, &seen_us);
     if (result != BUS_OK || !ready)
         return result;
     if (sample.temperature_raw != WIRE_TEMPERATURE_UNKNOWN)
         sensor->temperature_raw = sample.temperature_raw;
-    if (link->trigger == TRIGGER_FREE) {
+    if (sensor_streams(sensor, link->trigger)) {
         if (!is_new(sensor, sample.counts, seen_us)) {
             sensor->due_us = seen_us + POLL_PAUSE_US;
             return BUS_OK;
         }
         conversion_seen(&sensor->conversion, seen_us);
+    } else {
+        sensor->conversion.ended_us = sensor->triggered_us + chip->trigger->conversion_us;
     }
+    if (chip->set)
+        return accept_of_film(sensor, link, sample.counts);
     accept(sensor, link, sample.counts);
     if (sensor->unchanged >= UNCHANGED_MAX)
         sensor_fail(sensor, SENSOR_NO_NEW_DATA, seen_us);

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-enum { DOUBT_US = 1500 };
+enum { DOUBT_US = 1500, DOUBTS_MAX = 2 };
 
 // A gain code that the chip has not is another chip's: the host will set one when it knows the board.
 static struct chip_setup setup_of(const struct sensor *sensor, const struct sensor_link *link)
@@ -11,16 +11,19 @@ static struct chip_setup setup_of(const struct sensor *sensor, const struct sens
     return (struct chip_setup){
         .speed = chip_speed_for(sensor_chip(sensor), link->rate_hz),
         .gain_code = link->gain_code < last ? link->gain_code : last,
-        .streams = link->trigger == TRIGGER_FREE,
+        .streams = sensor_streams(sensor, link->trigger),
     };
 }
 
-// Asks at every place where a chip may be, the last known one first. What answers wrongly is asked again before it counts
-// as another chip: it may have been busy, or the bus noisy.
+// Asks at every place where a chip may be. What answers wrongly is asked again before it counts as another chip: it may
+// have been busy, or the bus noisy. A kind that is asked by writing comes last, and waits until the second time if
+// something has answered: that may be another kind that was misread, to whose registers it would write.
 static enum bus_result identify(struct sensor *sensor, const struct sensor_link *link)
 {
     bool answered = false;
-    for (int n = 0; n < CHIP_PLACES; n++, sensor->place = (uint8_t)((sensor->place + 1) % CHIP_PLACES)) {
+    for (sensor->place = 0; sensor->place < CHIP_PLACES; sensor->place++) {
+        if (answered && sensor_chip(sensor)->asked_by_writing && !sensor->doubts)
+            break;
         if (sensor->address != SENSOR_ANY_ADDRESS && sensor->address != chip_places[sensor->place].address)
             continue;
         const struct chip_wires wires = sensor_wires(sensor, link);
@@ -33,20 +36,18 @@ static enum bus_result identify(struct sensor *sensor, const struct sensor_link 
             memcpy(sensor->identification, identification, sizeof sensor->identification);
         if (known) {
             sensor->phase = PHASE_RESET;
-            sensor->doubted = false;
+            sensor->doubts = 0;
             return BUS_OK;
         }
         answered |= result == BUS_OK;
     }
+    sensor->place = 0;
     if (!answered)
         return BUS_NO_ANSWER;
     uint64_t now_us = clock_now(link->clock);
-    if (sensor->doubted) {
+    sensor->due_us = now_us + DOUBT_US;
+    if (++sensor->doubts > DOUBTS_MAX)
         sensor_fail(sensor, SENSOR_WRONG_IDENTIFICATION, now_us);
-    } else {
-        sensor->doubted = true;
-        sensor->due_us = now_us + DOUBT_US;
-    }
     return BUS_OK;
 }
 
@@ -77,6 +78,8 @@ static enum bus_result configure(struct sensor *sensor, const struct sensor_link
     conversion_restart(&sensor->conversion, period_us, now_us);
     // The HMC5983's first measurement comes after two periods (data sheet, mode register) and still has the old gain.
     sensor->settled_us = now_us + period_us * 5U / 2U;
+    if (chip->set)
+        sensor_was_set(sensor, now_us);
     sensor_schedule(sensor, link, now_us);
     return BUS_OK;
 }

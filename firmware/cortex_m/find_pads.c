@@ -43,14 +43,22 @@ static bool acknowledges(const struct bus *bus, uint8_t address)
     return result == BUS_OK;
 }
 
-// The addresses at which a sensor answers now, as bits; all are below 32. Those in `except` are not asked.
+// A bit for each address of a chip: those above 31 have the lowest ones, which no chip below has.
+static uint32_t bit_of(uint8_t address)
+{
+    return 1U << (address < 32 ? address : address - 40);
+}
+
+// The addresses at which a sensor answers now, as bits. Those in `except` are not asked.
 static uint32_t answering(const struct bus *bus, uint32_t except)
 {
     uint32_t found = 0;
     for (int attempt = 0; attempt < ATTEMPTS; attempt++)
-        for (int place = 0; place < CHIP_PLACES; place++)
-            if (!((found | except) >> chip_places[place].address & 1) && acknowledges(bus, chip_places[place].address))
-                found |= 1U << chip_places[place].address;
+        for (int place = 0; place < CHIP_PLACES; place++) {
+            uint32_t bit = bit_of(chip_places[place].address);
+            if (!((found | except) & bit) && acknowledges(bus, chip_places[place].address))
+                found |= bit;
+        }
     return found;
 }
 

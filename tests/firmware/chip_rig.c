@@ -18,6 +18,18 @@ static void init_mmc5983ma(union any_chip *chip, uint32_t seed)
     chip->mmc5983ma.memsic.repeatability_gauss = 0; // no noise
 }
 
+static void init_mmc5603nj(union any_chip *chip, uint32_t seed)
+{
+    emulated_mmc5603nj_init(&chip->mmc5603nj, seed);
+    chip->mmc5603nj.memsic.repeatability_gauss = 0;
+}
+
+static void init_qmc5883p(union any_chip *chip, uint32_t seed)
+{
+    emulated_qmc5883p_init(&chip->qmc5883p, seed);
+    chip->qmc5883p.cleared_by_data = seed % 2; // no source says what clears its DRDY
+}
+
 static void init_qmc5883l(union any_chip *chip, uint32_t seed)
 {
     emulated_qmc5883l_init(&chip->qmc5883l, seed);
@@ -35,6 +47,19 @@ const struct promised qmc5883l = {
     .sensitivity_per_k = -5e-4,
 };
 
+// ArduPilot, Adafruit_QMC5883P, reznikmm/qmc5883p: 15000, 3750, 2500 and 1000 counts a gauss; the end is at ±32767 counts.
+const struct promised qmc5883p = {
+    .init = init_qmc5883p,
+    .identification = {0x80, 0x2C, 0},
+    .identification_mask = {0xFF, 0xFF, 0xFF},
+    .gain_codes = 4,
+    .counts_per_gauss = {{15000, 15000, 15000}, {3750, 3750, 3750}, {2500, 2500, 2500}, {1000, 1000, 1000}},
+    .range_gauss = {2.18, 8.73, 13.1, 32.7},
+    .beyond = 1.01,
+    .speeds = {{50, 200}, {101, 200}, {200, 200}, {220, 200}},
+    .sensitivity_per_k = -5e-4,
+};
+
 const struct promised mmc5983ma = {
     .init = init_mmc5983ma,
     .identification = {0x30, 0, 0},
@@ -43,7 +68,23 @@ const struct promised mmc5983ma = {
     .counts_per_gauss = {{4096, 4096, -4096}}, // the upper 16 of 18 bits with 16384 counts a gauss; left-handed
     .range_gauss = {7.99},
     .beyond = 1.01,
-    .speeds = {{50, 100}, {101, 200}, {200, 200}, {220, 1000}},
+    .film_gauss = 9, // page 2: a field above 10 G upsets it
+    .speeds = {{50, 0}, {101, 0}, {200, 0}, {220, 0}},
+    .single_max_hz = 203,
+    .sensitivity_per_k = -2e-4,
+};
+
+// Linux mmc5633.c, Adafruit_MMC56x3: 16384 counts a gauss of 20 bits, ±30 G. What upsets its film is unverified.
+const struct promised mmc5603nj = {
+    .init = init_mmc5603nj,
+    .identification = {0x10, 0, 0},
+    .identification_mask = {0xFF, 0xFF, 0xFF},
+    .gain_codes = 1,
+    .counts_per_gauss = {{1024, 1024, -1024}},
+    .range_gauss = {29.9},
+    .beyond = 1.01,
+    .film_gauss = 30,
+    .speeds = {{50, 0}, {101, 0}, {200, 0}, {220, 0}},
     .single_max_hz = 203,
     .sensitivity_per_k = -2e-4,
 };
@@ -69,7 +110,8 @@ const struct promised mlx90393 = {
     .range_gauss = {131.9, 175.9, 219.9, 263.9, 330.8, 396.8},
     .beyond = 1.01,
     .speeds = {{30, 38.6}, {70, 73.4}, {133, 133.7}, {220, 227}},
-    .single_max_hz = 171,
+    .fills_period = true,
+    .single_max_hz = 155, // real parts take up to 1.3 times the table's time
     .raw_at_25 = 46244 - 65536, // 16 bits without a sign, on a wire with one
     .raw_per_kelvin = 45.2,
     .sensitivity_per_k = -3e-4,

@@ -30,16 +30,18 @@ struct promised {
     double counts_per_gauss[GAIN_CODES_MAX][3];
     double range_gauss[GAIN_CODES_MAX];
     double beyond; // of the range: here an axis must be marked
+    double film_gauss; // up to this norm every field must be told; a stronger one upsets its film. 0: it has no such limit
     struct {
         int frames_hz;
-        double conversions_hz; // the slowest rate that gives each frame a new sample
+        double conversions_hz; // the slowest rate that gives each frame a new sample; 0: the board paces it
     } speeds[SPEEDS_MAX];
+    bool fills_period; // its measurements last as long as its period, and the time of a sample is the middle of that
     int single_max_hz; // that the board accepts, with one pad; 0: it takes no trigger
     double raw_at_25, raw_per_kelvin; // of its thermometer; 0: none
     double sensitivity_per_k;            // relative, from that of 25 degrees
 };
 
-extern const struct promised qmc5883l, mmc5983ma, mlx90393, lis3mdl;
+extern const struct promised qmc5883l, qmc5883p, mmc5983ma, mmc5603nj, mlx90393, lis3mdl;
 extern union any_chip others[SAMPLER_PADS_MAX][PAD_SENSORS_MAX];
 extern const double chip_field_gauss[PAD_SENSORS_MAX][3];
 
@@ -64,9 +66,17 @@ void chip_rig_check_counts_of(const struct promised *kind, const struct sample_v
     {                                                                                                                  \
         check(&qmc5883l);                                                                                              \
     }                                                                                                                  \
+    TEST(qmc5883p_##check)                                                                                             \
+    {                                                                                                                  \
+        check(&qmc5883p);                                                                                              \
+    }                                                                                                                  \
     TEST(mmc5983ma_##check)                                                                                            \
     {                                                                                                                  \
         check(&mmc5983ma);                                                                                             \
+    }                                                                                                                  \
+    TEST(mmc5603nj_##check)                                                                                            \
+    {                                                                                                                  \
+        check(&mmc5603nj);                                                                                             \
     }                                                                                                                  \
     TEST(mlx90393_##check)                                                                                             \
     {                                                                                                                  \

@@ -18,6 +18,7 @@ from test_stm32_build import FIRMWARE, make
 
 from emulator.chips import Hmc5983
 from emulator.magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l
+from emulator.memsic_film import Memsic
 from emulator.mlx90393 import Mlx90393
 from emulator.rp2040_board import Rp2040Board
 from fmfts.sensor.chips import CHIPS
@@ -41,7 +42,7 @@ LIBRARY = Path(os.environ.get("RP2040JS") or FIRMWARE.parent / ".venv/node_modul
 FIELDS_GAUSS = [(0.1 * (n + 1), -0.05 * (n + 1), 0.3) for n in range(8)]
 KINDS: dict[str, tuple[type[Any], int, int]] = {  # gain code and rate
     "hmc5983": (Hmc5983, 3, 220),
-    "mmc5983ma": (Mmc5983ma, 0, 200),
+    "mmc5983ma": (Mmc5983ma, 0, 220),
     "mlx90393": (Mlx90393, 0, 220),
     "lis3mdl": (Lis3mdl, 3, 155),
     "qmc5883l": (Qmc5883l, 0, 200),
@@ -60,7 +61,10 @@ class Stream:
     @staticmethod
     def _made(kind: str, channel: int, time_s: Callable[[], float]) -> Any:
         error = (channel - 1.5) * 0.01
-        return KINDS[kind][0](time_s, FIELDS_GAUSS[channel], clock_error=error, phase_s=0.0007 * channel)
+        chip = KINDS[kind][0](time_s, FIELDS_GAUSS[channel], clock_error=error, phase_s=0.0007 * channel)
+        if isinstance(chip, Memsic):
+            chip.repeatability_gauss = 0.0  # else each SET leaves 1 mG, four steps
+        return chip
 
     def run(self, seconds: float) -> list[Packet]:
         packets = self.decoder.feed(self.board.run(seconds))

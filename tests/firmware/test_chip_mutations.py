@@ -1,8 +1,8 @@
 # ruff: noqa: E501  a mutation is easier to read in one line
 """Wrong drivers of the firmware's chips, each with one mistake: the C tests of that chip must catch all of them.
 
-A mutation is a piece of the driver's file and what stands there instead. The emulated chips share no code with the
-drivers; a fact that both took from the same source they share.
+A mutation is a piece of the driver's file and what stands there instead, or a whole file of wrong_drivers/. The emulated
+chips share no code with the drivers; a fact that both took from the same source they share.
 """
 
 from __future__ import annotations
@@ -16,33 +16,73 @@ import pytest
 ROOT = Path(__file__).parents[2]
 CHIPS = ROOT / "firmware/core/chips"
 VECTORS = ROOT / "tests/data/wire_vectors.ini"
-FLAGS = ["-std=c11", "-O1", "-I", CHIPS]
+WRONG_DRIVERS = ROOT / "tests/firmware/wrong_drivers"
+FLAGS = ["-std=c11", "-O1", "-I", CHIPS, "-I", CHIPS.parent]
 
-# (chip, what is wrong, the right text, the wrong one)
+# The tests of which chips judge a file that is not one chip's.
+JUDGES = dict.fromkeys(("memsic", "sensor_film", "sensor_poll"), "mmc5") | {"sensor": "m", "sensor_turn": "qmc5883l_"}
+
+# (file, what is wrong, the right text, the wrong one)
 MUTATIONS = [
-    ("mmc5983ma", "low byte first", "data[2 * axis] << 8 | data[2 * axis + 1]", "data[2 * axis + 1] << 8 | data[2 * axis]"),
-    ("mmc5983ma", "signed, though zero is in the middle", "ZERO = 0x8000", "ZERO = 0"),
-    ("mmc5983ma", "axes one register later", "AXES = 0x00", "AXES = 0x02"),
-    ("mmc5983ma", "no set pulse: stays magnetised", "AUTOMATIC_SET = 0x20", "AUTOMATIC_SET = 0x00"),
-    ("mmc5983ma", "a reset pulse's bit for the automatic set", "AUTOMATIC_SET = 0x20", "AUTOMATIC_SET = 0x40"),
-    ("mmc5983ma", "no set pulse in a stream", "PERIODIC_SET = 0x80", "PERIODIC_SET = 0x00"),
-    ("mmc5983ma", "no set pulse before a single measurement", ".bytes = {CONTROL_0, AUTOMATIC_SET | MEASURE_FIELD}", ".bytes = {CONTROL_0, MEASURE_FIELD}"),
-    ("mmc5983ma", "triggers the thermometer", "MEASURE_FIELD = 0x01", "MEASURE_FIELD = 0x02"),
-    ("mmc5983ma", "bandwidth too small for its rate", "bandwidths[] = {0, 1, 3}", "bandwidths[] = {0, 0, 0}"),
-    ("mmc5983ma", "codes of the rates one less", "rate_codes[] = {5, 6, 7}", "rate_codes[] = {4, 5, 6}"),
-    ("mmc5983ma", "no continuous mode", "CONTINUOUS = 0x08", "CONTINUOUS = 0x00"),
-    ("mmc5983ma", "streams although it waits for triggers", "setup->streams ? stream : 0", "stream"),
-    ("mmc5983ma", "single measurements of 8 ms", "SINGLE_BANDWIDTH = 2", "SINGLE_BANDWIDTH = 0"),
+    ("memsic", "low byte first", "data[2 * axis] << 8 | data[2 * axis + 1]", "data[2 * axis + 1] << 8 | data[2 * axis]"),
+    ("memsic", "signed, though zero is in the middle", "ZERO = 0x8000", "ZERO = 0"),
+    ("memsic", "axes one register later", "AXES = 0x00", "AXES = 0x02"),
+    ("memsic", "no SET when it is set up", "control_0, MEMSIC_SET, BANDWIDTH_2_MS}", "control_0, 0, BANDWIDTH_2_MS}"),
+    ("memsic", "RESET when it is set up", "control_0, MEMSIC_SET, BANDWIDTH_2_MS}", "control_0, 0x10, BANDWIDTH_2_MS}"),
+    ("memsic", "no SET after a strong field", "{wires->memsic->control_0, MEMSIC_SET};", "{wires->memsic->control_0, 0};"),
+    ("memsic", "measurements of 0.5 to 1.2 ms, which are noisier", "BANDWIDTH_2_MS = 0x02", "BANDWIDTH_2_MS = 0x03"),
+    ("memsic", "measurements of 3.5 to 4 ms", "BANDWIDTH_2_MS = 0x02", "BANDWIDTH_2_MS = 0x01"),
+    ("memsic", "the bandwidth stays as after a reset", "BANDWIDTH_2_MS = 0x02", "BANDWIDTH_2_MS = 0x00"),
+    ("memsic", "takes samples that are not done", "status & wires->memsic->field_done ? CHIP_READY : 0", "CHIP_READY"),
+    ("memsic", "never looks whether it was reset", "*held = status & STATUS_FUSES_READ", "*held = true"),
+    ("memsic", "does not reset", "(uint8_t)(wires->memsic->control_0 + 1), RESET}", "(uint8_t)(wires->memsic->control_0 + 1), 0}"),
+    ("sensor", "does not wait after a SET", "now_us + CHIP_SET_PAUSE_US + sensor_chip", "now_us + sensor_chip"),
+    ("sensor", "the time of a sample is the end of its measurement", "sensor->conversion.ended_us - measurement_us / 2", "sensor->conversion.ended_us"),
+    ("sensor_poll", "does not set a chip up again that is not done", "} else if (sensor_chip(sensor)->set) {", "} else if (false) {"),
+    ("sensor_poll", "the time of a sample is that of its reading", "sensor->conversion.ended_us = sensor->triggered_us + chip->trigger->conversion_us;", "sensor->conversion.ended_us = seen_us;"),
+    ("sensor_poll", "measures in the pause after a SET", "sensor->due_us = sensor->settled_us - sensor_chip(sensor)->trigger->conversion_us;", "sensor->due_us = now_us;"),
+    ("sensor_film", "no SET now and then", "SET_INTERVAL_US = 600000000", "SET_INTERVAL_US = 4000000000"),
+    ("sensor_film", "a SET every second", "SET_INTERVAL_US = 600000000", "SET_INTERVAL_US = 1000000"),
+    ("sensor_film", "no SET after a strong field", "!strong && (sensor->upset || ", "!strong && ("),
+    ("sensor_film", "a SET while the field is still strong", "return !strong && ", "return "),
+    ("sensor_film", "samples of an upset film count", "axis < 3 && sensor->upset; axis++", "axis < 0; axis++"),
+    ("sensor_film", "a strong field counts only where an axis is at its end", "return norm > strong * strong;", "return false;"),
+    ("mmc5983ma", "the old driver as a whole: automatic set and a stream", None, "mmc5983ma_with_automatic_set.c"),
+    ("mmc5983ma", "command 0x21", ".bytes = {CONTROL_0, MEMSIC_MEASURE_FIELD}", ".bytes = {CONTROL_0, MEMSIC_MEASURE_FIELD | 0x20}"),
+    ("mmc5983ma", "triggers the thermometer", ".bytes = {CONTROL_0, MEMSIC_MEASURE_FIELD}", ".bytes = {CONTROL_0, 0x02}"),
+    ("mmc5983ma", "reads before a measurement is done", ".wait_us = 2200", ".wait_us = 1000"),
+    ("mmc5983ma", "another time of a measurement", ".conversion_us = 2000", ".conversion_us = 2600"),
     ("mmc5983ma", "does not wait for its reset", "RESET_US = 10000", "RESET_US = 100"),
-    ("mmc5983ma", '"done" is never cleared', "clear[] = {STATUS, STATUS_FIELD_DONE}", "clear[] = {STATUS, 0}"),
-    ("mmc5983ma", "does not look whether another measurement ended while it read", ".ready_held = true", ".ready_held = false"),
-    ("mmc5983ma", "takes samples that are not done", "status & STATUS_FIELD_DONE ? CHIP_READY : 0", "CHIP_READY"),
     ("mmc5983ma", "waits for the thermometer", "STATUS_FIELD_DONE = 0x01", "STATUS_FIELD_DONE = 0x02"),
-    ("mmc5983ma", "the last counts count as a field", "LARGEST = 32766", "LARGEST = 40000"),
-    ("mmc5983ma", "never looks whether it was reset", "*held = status & STATUS_FUSES_READ", "*held = true"),
+    ("mmc5983ma", "the last counts count as a field", "LARGEST = 32766", "LARGEST = 32767"),
+    ("mmc5983ma", "what upsets the film counts", "STRONG = 9 * 4096", "STRONG = 15 * 4096"),
     ("mmc5983ma", "another chip's name", "PRODUCT_ID = 0x30", "PRODUCT_ID = 0x31"),
-    ("mmc5983ma", "a period that is not its rate's", "{200, 5000}", "{200, 5600}"),
-    ("mmc5983ma", "a rate that it does not have", "{200, 5000}", "{220, 4545}"),
+    ("mmc5983ma", "a stream of its own", ".paced = true", ".paced = false"),
+    ("mmc5603nj", "the MMC5983MA's controls", "CONTROL_0 = 0x1B", "CONTROL_0 = 0x09"),
+    ("mmc5603nj", "the MMC5983MA's status", "STATUS = 0x18", "STATUS = 0x08"),
+    ("mmc5603nj", "automatic set/reset", ".bytes = {CONTROL_0, MEMSIC_MEASURE_FIELD}", ".bytes = {CONTROL_0, MEMSIC_MEASURE_FIELD | 0x20}"),
+    ("mmc5603nj", "waits for the thermometer", "STATUS_FIELD_DONE = 0x40", "STATUS_FIELD_DONE = 0x80"),
+    ("mmc5603nj", "the MMC5983MA's name", "PRODUCT = 0x39", "PRODUCT = 0x2F"),
+    ("mmc5603nj", "does not wait for its reset", "RESET_US = 20000", "RESET_US = 10000"),
+    ("mmc5603nj", "the MMC5983MA's film", "STRONG = 30 * 1024", "STRONG = 9 * 1024"),
+    ("qmc5883p", "signs are not defined", "{SIGNS, SIGNS_OF_AXES}", "{SIGNS, 0}"),
+    ("qmc5883p", "high byte first", "data[2 * axis] | data[2 * axis + 1] << 8", "data[2 * axis + 1] | data[2 * axis] << 8"),
+    ("qmc5883p", "axes one register earlier, as the QMC5883L's", "DATA = 0x01", "DATA = 0x00"),
+    ("qmc5883p", "the status's register is wrong", "STATUS = 0x09", "STATUS = 0x06"),
+    ("qmc5883p", "ranges in the other order", "GAIN_CODES - 1 - setup->gain_code", "setup->gain_code"),
+    ("qmc5883p", "range bits shifted wrongly, as in two flight controllers", "RANGE_SHIFT = 2", "RANGE_SHIFT = 4"),
+    ("qmc5883p", "stays suspended", "NORMAL_200_HZ = 0x0D", "NORMAL_200_HZ = 0x0C"),
+    ("qmc5883p", "100 Hz in place of 200", "NORMAL_200_HZ = 0x0D", "NORMAL_200_HZ = 0x09"),
+    ("qmc5883p", "set and reset off", "<< RANGE_SHIFT);", "<< RANGE_SHIFT | 2);"),
+    ("qmc5883p", "oversampled less, which is noisier", "NORMAL_200_HZ = 0x0D", "NORMAL_200_HZ = 0x3D"),
+    ("qmc5883p", "takes samples that are not ready", "byte & STATUS_READY ? CHIP_READY : 0", "CHIP_READY"),
+    ("qmc5883p", "waits for an overflow", "STATUS_READY = 0x01", "STATUS_READY = 0x02"),
+    ("qmc5883p", "the last count counts as a field", "LARGEST = 32766", "LARGEST = 32767"),
+    ("qmc5883p", "a potentiometer will do", "identification[2] &= SOFT_RESET", "identification[2] = 0"),
+    ("qmc5883p", "any name will do", "identification[0] == PRODUCT_ID &&", "identification[0] != 1 &&"),
+    ("qmc5883p", "does not see that it was reset", "bytes[0] == NORMAL_200_HZ && ", ""),
+    ("qmc5883p", "does not look at its range", " && bytes[1] == control_2(setup)", ""),
+    ("qmc5883p", "a period that is not its rate's", "{{200, 5000}}", "{{200, 6000}}"),
     ("mlx90393", "RES 0, which wraps around", "RESOLUTIONS = 2 << 9 | 2 << 7 | 2 << 5", "RESOLUTIONS = 0"),
     ("mlx90393", "RES 2 for x and y alone", "RESOLUTIONS = 2 << 9 | 2 << 7", "RESOLUTIONS = 0 << 9 | 2 << 7"),
     ("mlx90393", "signed, though zero is in the middle", "ZERO = 0x8000", "ZERO = 0"),
@@ -64,7 +104,11 @@ MUTATIONS = [
     ("mlx90393", "does not see that a reset ended the burst", "(status & (STATUS_BURST | STATUS_ERROR)) == STATUS_BURST", "true"),
     ("mlx90393", "beyond the converter's end it counts on", "LARGEST = 21999", "LARGEST = 30000"),
     ("mlx90393", "measures no temperature", "ALL = 0x0F", "ALL = 0x0E"),
-    ("mlx90393", "streams although it waits for triggers", "held && setup->streams", "held"),
+    ("mlx90393", "streams although it waits for triggers", "setup->streams ? BURST : SINGLE", "BURST"),
+    ("mlx90393", "does not read the first measurement's status", "(setup->streams ? BURST : SINGLE) | ALL", "(setup->streams ? BURST | ALL : NOTHING)"),
+    ("mlx90393", "waits as long as the table says", ".wait_us = 3730", ".wait_us = 2900"),
+    ("sensor_turn", "asks by writing where another kind was misread", "if (answered && sensor_chip(sensor)->asked_by_writing && !sensor->doubts)", "if (false)"),
+    ("sensor", "the time of an MLX90393's sample is the end of its measurement", "chip->fills_period ? sensor->conversion.period_us : 0", "0"),
     ("mlx90393", "triggers a burst", ".bytes = {SINGLE | ALL}", ".bytes = {BURST | ALL}"),
     ("mlx90393", "reads registers of a single measurement that runs", "status & STATUS_SINGLE;", "false;"),
     ("mlx90393", "any answer will do", "(identification[2] & HALL_BITS) == HALL_CONFIGURATION", "true"),
@@ -94,6 +138,7 @@ MUTATIONS = [
     ("lis3mdl", "does not see that its stream has ended", "(i == MODE_CONTROL && !setup->streams)", "i == MODE_CONTROL"),
     ("lis3mdl", "triggers a stream", ".bytes = {CONTROL_3, MODE_SINGLE}", ".bytes = {CONTROL_3, MODE_CONTINUOUS}"),
     ("lis3mdl", "a period that is not its rate's", "{155, 6452}", "{155, 7500}"),
+    ("qmc5883l", "asks for its name before anything else", "chip_read(wires, DATA, bytes, 1);", "BUS_OK;"),
     ("qmc5883l", "high byte first", "data[2 * axis] | data[2 * axis + 1] << 8", "data[2 * axis + 1] | data[2 * axis] << 8"),
     ("qmc5883l", "range bits shifted wrongly", "setup->gain_code << 4", "setup->gain_code << 5"),
     ("qmc5883l", "100 Hz in place of 200", "CONTINUOUS_200_HZ = 0x0D", "CONTINUOUS_200_HZ = 0x09"),
@@ -133,27 +178,31 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         return dict(pool.map(made, sources))
 
 
+def source_of(kind: str) -> Path:
+    return next(path for path in (CHIPS / f"{kind}.c", CHIPS.parent / f"{kind}.c") if path.exists())
+
+
 def failures(objects: dict[str, Path], driver: Path, kind: str, folder: Path) -> list[str]:
-    """What the tests of `kind` say of this driver."""
-    changed = objects | {f"chips/{kind}": compiled(driver, folder)}
+    """What the tests that judge `kind` say of this driver."""
+    changed = objects | {f"{source_of(kind).parent.name}/{kind}": compiled(driver, folder)}
     program = folder / "test-core"
     subprocess.run(["gcc", *changed.values(), "-o", program, "-lm"], check=True, timeout=120)
-    run = subprocess.run([program, VECTORS, f"{kind}_"], capture_output=True, text=True, timeout=120)
+    run = subprocess.run([program, VECTORS, JUDGES.get(kind, f"{kind}_")], capture_output=True, text=True, timeout=120)
     assert run.stdout.count("ok ") + run.stdout.count("FAIL ") > 10, "the tests were not found"
     return [line for line in run.stdout.splitlines() if line.startswith("FAIL")]
 
 
 @pytest.mark.parametrize("kind", sorted({kind for kind, *_ in MUTATIONS}))
 def test_right_driver_of_the_firmware_passes(objects: dict[str, Path], tmp_path: Path, kind: str) -> None:
-    assert failures(objects, CHIPS / f"{kind}.c", kind, tmp_path) == []
+    assert failures(objects, source_of(kind), kind, tmp_path) == []
 
 
 @pytest.mark.parametrize(("kind", "what", "right", "wrong"), MUTATIONS, ids=[f"{m[0]}: {m[1]}" for m in MUTATIONS])
 def test_wrong_driver_of_the_firmware_is_caught(
-    objects: dict[str, Path], tmp_path: Path, kind: str, what: str, right: str, wrong: str
+    objects: dict[str, Path], tmp_path: Path, kind: str, what: str, right: str | None, wrong: str
 ) -> None:
-    source = (CHIPS / f"{kind}.c").read_text()
-    assert right in source, f"the mutation of {kind} mutates nothing: {right}"
+    source = source_of(kind).read_text()
+    assert right is None or right in source, f"the mutation of {kind} mutates nothing: {right}"
     mutated = tmp_path / f"{kind}.c"
-    mutated.write_text(source.replace(right, wrong))
+    mutated.write_text(source.replace(right, wrong) if right else (WRONG_DRIVERS / wrong).read_text())
     assert failures(objects, mutated, kind, tmp_path), f"nothing notices a {kind} driver with this mistake: {what}"

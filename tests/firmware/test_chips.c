@@ -38,23 +38,26 @@ TEST_EACH_CHIP(has_the_data_sheets_scale_and_sign)
 static void tells_fields_up_to_its_range(const struct promised *kind)
 {
     for (uint16_t gain_code = 0; gain_code < kind->gain_codes; gain_code++) {
-        double most = kind->range_gauss[gain_code];
+        double most = kind->range_gauss[gain_code], rest = kind->film_gauss > 0 ? 0.1 : most;
         chip_rig_begin_streaming(kind, gain_code, 100);
-        chip_rig_set_field(0, most, -most, most);
-        chip_rig_set_field(1, -most, most, -most);
+        chip_rig_set_field(0, most, -rest, rest);
+        chip_rig_set_field(1, -rest, most, -rest);
+        chip_rig_set_field(2, rest, -rest, -most);
         rig_run_ms(100);
         struct sample_view view = chip_rig_newest();
         chip_rig_check_counts(kind, &view, 0);
         chip_rig_check_counts(kind, &view, 1);
+        chip_rig_check_counts(kind, &view, 2);
     }
 }
 TEST_EACH_CHIP(tells_fields_up_to_its_range)
 
-static void check_only_this_axis_is_marked(const struct sample_view *view, int sensor, int axis)
+// Of a chip with a film all axes are: a field beyond its range may have upset the film.
+static void check_only_this_axis_is_marked(const struct promised *kind, const struct sample_view *view, int sensor, int axis)
 {
     for (int i = 0; i < 4; i++)
         for (int a = 0; a < 3; a++)
-            CHECK_EQUAL(view->counts[i][a] == INT16_MIN, i == sensor && a == axis);
+            CHECK_EQUAL(view->counts[i][a] == INT16_MIN, i == sensor && (a == axis || kind->film_gauss > 0));
 }
 
 static void marks_a_saturated_axis_alone_and_forgets_it(const struct promised *kind)
@@ -72,7 +75,7 @@ static void marks_a_saturated_axis_alone_and_forgets_it(const struct promised *k
                 rig_run_ms(100);
                 struct sample_view view = chip_rig_newest();
                 CHECK_EQUAL(view.valid, 15);
-                check_only_this_axis_is_marked(&view, 2, axis);
+                check_only_this_axis_is_marked(kind, &view, 2, axis);
                 chip_rig_set_field(2, 0.75, -1.5, 0.3);
                 rig_run_ms(100);
                 view = chip_rig_newest();
@@ -95,7 +98,8 @@ static void converts_at_the_slowest_rate_that_suffices(const struct promised *ki
         chip_rig_settle();
         for (int i = 0; i < 4; i++) {
             double rate = kind->speeds[s].conversions_hz * (1 + others[0][i].common.ppm * 1e-6);
-            CHECK_BETWEEN((double)(others[0][i].common.conversions - before[i]) / 2, rate * 0.985, rate * 1.02);
+            double least = rate > 0 ? rate * 0.985 : 350, most = rate > 0 ? rate * 1.02 : 500; // paced: as often as the bus allows
+            CHECK_BETWEEN((double)(others[0][i].common.conversions - before[i]) / 2, least, most);
         }
         CHECK_BETWEEN(rig_count(WIRE_SAMPLE), 2 * kind->speeds[s].frames_hz - 1, 2 * kind->speeds[s].frames_hz + 1);
     }
@@ -107,6 +111,8 @@ static void gives_each_conversion_once_and_at_its_time(const struct promised *ki
     uint64_t taken[4] = {0}, before[4];
     double worst_us = 0, period_us = 0;
     int frames_hz = 0;
+    if (kind->speeds[0].conversions_hz == 0)
+        return; // test_memsic.c: it has no period
     for (int s = 0; s < SPEEDS_MAX; s++) { // the fastest that frames can follow, with clocks that are slow
         if (kind->speeds[s].conversions_hz < kind->speeds[s].frames_hz * 1.006 &&
             kind->speeds[s].conversions_hz > kind->speeds[s].frames_hz * 0.95) {
@@ -131,6 +137,7 @@ static void gives_each_conversion_once_and_at_its_time(const struct promised *ki
                 const struct emulated_magnetometer *chip = &others[0][i].common;
                 double own_us = period_us / (1 + chip->ppm * 1e-6);
                 double behind_us = (double)chip->last_conversion_ns / 1e3 - (double)(view.time_us - view.age_us[i]);
+                behind_us -= kind->fills_period ? own_us / 2 : 0;
                 double error_us = fabs(behind_us - own_us * round(behind_us / own_us));
                 worst_us = error_us > worst_us ? error_us : worst_us;
                 taken[i] += view.fresh >> i & 1;
@@ -156,8 +163,8 @@ static void gives_every_frame_a_new_sample_where_it_is_fast_enough(const struct 
     rig_run_ms(1000);
     for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL;)
         seen += rig_sample(packet).fresh == 15;
-    double fastest = kind->speeds[SPEEDS_MAX - 1].conversions_hz; // the QMC5883L has no more than 200 Hz
-    CHECK_BETWEEN(seen, (fastest < frames_hz ? 0.6 : 0.97) * frames_hz, frames_hz + 1);
+    double fastest = kind->speeds[SPEEDS_MAX - 1].conversions_hz; // QST's chips have no more than 200 Hz
+    CHECK_BETWEEN(seen, (fastest > 0 && fastest < frames_hz ? 0.6 : 0.97) * frames_hz, frames_hz + 1);
 }
 TEST_EACH_CHIP(gives_every_frame_a_new_sample_where_it_is_fast_enough)
 
@@ -181,7 +188,8 @@ TEST_EACH_CHIP(has_its_thermometers_temperature)
 
 static void tells_what_a_warmer_chip_senses(const struct promised *kind)
 {
-    double gauss = 0.9 * kind->range_gauss[0]; // large, lest a coarse step hides the difference
+    // Large, lest a coarse step hides the difference.
+    double gauss = 0.9 * (kind->film_gauss > 0 ? kind->film_gauss / sqrt(3) : kind->range_gauss[0]);
     chip_rig_begin(kind, 1);
     for (int i = 0; i < 4; i++)
         chip_rig_set_field(i, gauss, -gauss, gauss);

@@ -65,8 +65,8 @@ def test_eight_sensors_take_one_trigger_and_a_selftest() -> None:
 RATES_HZ = {
     "hmc5983": (Hmc5983, 3, 220, 152),
     "qmc5883l": (Qmc5883l, 1, 200, 0),
-    "mmc5983ma": (Mmc5983ma, 0, 200, 130),
-    "mlx90393": (Mlx90393, 0, 220, 117),
+    "mmc5983ma": (Mmc5983ma, 0, 220, 130),
+    "mlx90393": (Mlx90393, 0, 220, 109),
     "lis3mdl": (Lis3mdl, 3, 155, 79),
 }
 

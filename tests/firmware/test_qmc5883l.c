@@ -80,3 +80,33 @@ TEST(qmc5883l_marks_all_axes_where_its_overflow_flag_does_not_tell_which)
     chip_rig_set_field(2, 0.5, 0.5, 0.5);
     check_marked(false);
 }
+
+static int commands_of_an_mlx90393;
+
+static void put_and_count(struct emulated_part *part, uint8_t byte)
+{
+    commands_of_an_mlx90393 += ((struct emulated_magnetometer *)part)->pointer_expected && (byte == 0x80 || byte == 0x50);
+    others[0][0].common.part.kind->put(part, byte);
+}
+
+// An MLX90393 may be at 0x0D, too; what asks for one writes register 0x50 of this chip.
+TEST(qmc5883l_that_is_misread_once_is_not_asked_by_writing)
+{
+    static struct emulated_part_kind counting;
+    struct emulated_magnetometer *misread = &others[0][1].common;
+    chip_rig_begin(&qmc5883l, 1);
+    counting = *misread->part.kind;
+    counting.put = put_and_count;
+    commands_of_an_mlx90393 = 0;
+    misread->registers[0x0D] = 0xFE;
+    misread->part.kind = &counting;
+    for (int step = 0; step < 200; step++) {
+        rig_run_ms(0.02);
+        if (rig.emulation.device.sampler.pads[0].sensors[1].doubts)
+            misread->registers[0x0D] = 0xFF;
+    }
+    CHECK_EQUAL(misread->registers[0x0D], 0xFF);
+    CHECK_EQUAL(commands_of_an_mlx90393, 0);
+    rig_run_ms(100);
+    CHECK_EQUAL(rig.emulation.device.sampler.pads[0].sensors[1].state, SENSOR_OK);
+}

@@ -88,14 +88,19 @@ def test_program_that_exceeds_a_limit_does_not_link(excess: str, tmp_path: Path)
 
 
 # What a call through a pointer can reach, by the name of the pointer.
-KINDS = ["qmc5883l", "mmc5983ma", "mlx90393", "lis3mdl"]
+KINDS = ["qmc5883l", "qmc5883p", "memsic", "mlx90393", "lis3mdl"]
+MEMSIC = ["mmc5983ma", "mmc5603nj"]
 POINTED = {
     "now_us": ["now_us"],
     "send": ["serial_send"],
     "turns": ["identify", "reset", "configure", "sensor_poll", "do_chore"],
     "identify": ["hmc5983_chip_identify", *(f"{kind}_identify" for kind in KINDS)],
-    "is_identification": ["hmc5983_is_identification", *(f"{kind}_is_identification" for kind in KINDS)],
-    "reset": ["mmc5983ma_reset", "mlx90393_reset"],
+    "is_identification": [
+        "hmc5983_is_identification",
+        *(f"{kind}_is_identification" for kind in [*KINDS, *MEMSIC] if kind != "memsic"),
+    ],
+    "reset": ["memsic_reset", "mlx90393_reset"],
+    "set": ["memsic_set"],
     "set_up": ["hmc5983_chip_set_up", *(f"{kind}_set_up" for kind in KINDS)],
     "check": ["hmc5983_chip_check", *(f"{kind}_check" for kind in KINDS)],
     "read_status": ["hmc5983_chip_read_status", *(f"{kind}_read_status" for kind in KINDS)],

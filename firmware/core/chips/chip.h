@@ -8,19 +8,22 @@
 #include "../bus.h"
 #include "../wire.h"
 
+struct memsic;
+
 // One chip. The mux channel to it is open already.
 struct chip_wires {
     const struct bus *bus;
     uint8_t address;
+    const struct memsic *memsic; // the registers of this kind (memsic.h); NULL for chips of other makers
 };
 
 struct chip_setup {
     uint8_t gain_code;
     uint8_t speed; // of the chip's `speeds`
-    bool streams;  // by its own clock; else it waits for a trigger
+    bool streams;  // by its own clock; else each measurement is triggered
 };
 
-// Rates of a stream, slowest first.
+// Rates of a stream, slowest first. Of a chip that is `paced`: how often the board reads one.
 struct chip_speed {
     uint16_t rate_hz;
     uint16_t period_us;
@@ -51,16 +54,22 @@ struct chip {
     uint8_t gain_codes;
     uint8_t speed_count;
     bool ready_unsure; // reading the outputs may leave READY set: the data sheet can be read both ways
-    bool ready_held;   // READY stays until `read_counts` clears it, before the outputs: set afterwards, it is of another
     bool has_strap;    // the self-test of selftest.c
+    bool paced;        // it has no stream that is used: running free, it is triggered again whenever it was read
+    bool fills_period; // in a stream one measurement follows the other without a pause
+    bool asked_by_writing; // `identify` sends commands that other chips may take for a write to a register
+    uint16_t strong_counts; // a field of this norm may upset the film of a chip with `set`
     uint16_t reset_us; // what `reset` takes
     const struct chip_speed *speeds;
     const struct chip_trigger *trigger; // NULL: it measures at its own times only
+    const struct memsic *memsic; // for `chip_wires`
     enum bus_result (*identify)(const struct chip_wires *wires, uint8_t identification[3]);
     bool (*is_identification)(const uint8_t identification[3]);
     enum bus_result (*reset)(const struct chip_wires *wires); // before `set_up`; NULL: it needs none
     enum bus_result (*set_up)(const struct chip_wires *wires, const struct chip_setup *setup);
     enum bus_result (*check)(const struct chip_wires *wires, const struct chip_setup *setup, bool *held);
+    // A SET pulse, which `set_up` gives as well. A measurement must begin CHIP_SET_PAUSE_US later. NULL: it has none.
+    enum bus_result (*set)(const struct chip_wires *wires);
     // The status, and what else the chip tells in the same transfer.
     enum bus_result (*read_status)(const struct chip_wires *wires, struct chip_sample *sample);
     // x, y, z in the counts of docs/wire.md; saturated axes marked as the daemon's description of the chip says. NULL:
@@ -69,16 +78,22 @@ struct chip {
     enum bus_result (*read_thermometer)(const struct chip_wires *wires, int16_t *raw); // NULL: none, or as above
 };
 
-// A kind, and an address where it may be. The first is tried first: where kinds share an address, the order matters.
+// A kind, and an address where it may be. The first is tried first, and those that are asked by writing come last: where
+// kinds share an address, the order matters.
 struct chip_place {
     const struct chip *chip;
     uint8_t address;
 };
 
-enum { CHIP_PLACES = 21, CHIP_SATURATED = INT16_MIN };
+enum {
+    CHIP_PLACES = 23,
+    CHIP_SATURATED = INT16_MIN,
+    CHIP_SET_PAUSE_US = 1000, // the maker's sample code and ArduPilot wait 0.5 to 1 ms
+};
 
 extern const struct chip_place chip_places[CHIP_PLACES];
-extern const struct chip chip_hmc5983, chip_qmc5883l, chip_mmc5983ma, chip_mlx90393, chip_lis3mdl;
+extern const struct chip chip_hmc5983, chip_qmc5883l, chip_qmc5883p, chip_mmc5983ma, chip_mmc5603nj, chip_mlx90393,
+    chip_lis3mdl;
 
 static inline enum bus_result chip_write(const struct chip_wires *wires, const uint8_t *bytes, size_t count)
 {

@@ -3,7 +3,9 @@
 const struct chip_place chip_places[CHIP_PLACES] = {
     {&chip_hmc5983, 0x1E},
     {&chip_qmc5883l, 0x0D},
+    {&chip_qmc5883p, 0x2C},
     {&chip_mmc5983ma, 0x30},
+    {&chip_mmc5603nj, 0x30}, // the MMC5983MA's, too
     {&chip_lis3mdl, 0x1C},
     {&chip_lis3mdl, 0x1E}, // the HMC5983's, too
     {&chip_mlx90393, 0x0C},

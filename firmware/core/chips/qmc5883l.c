@@ -18,7 +18,9 @@ enum {
 static enum bus_result qmc5883l_identify(const struct chip_wires *wires, uint8_t identification[3])
 {
     uint8_t bytes[4];
-    enum bus_result result = chip_read(wires, CONTROL_2, bytes, sizeof bytes);
+    enum bus_result result = chip_read(wires, DATA, bytes, 1); // PX4 and ArduPilot read register 0 before anything else
+    if (result == BUS_OK)
+        result = chip_read(wires, CONTROL_2, bytes, sizeof bytes);
     identification[0] = bytes[0];
     identification[1] = bytes[1];
     identification[2] = bytes[3];
