@@ -47,14 +47,14 @@ const struct promised qmc5883l = {
     .sensitivity_per_k = -5e-4,
 };
 
-// ArduPilot, Adafruit_QMC5883P, reznikmm/qmc5883p: 15000, 3750, 2500 and 1000 counts a gauss; the end is at ±32767 counts.
+// ArduPilot, Adafruit_QMC5883P, reznikmm/qmc5883p: 15000, 3750, 2500 and 1000 counts a gauss; overflow beyond ±30000 counts.
 const struct promised qmc5883p = {
     .init = init_qmc5883p,
     .identification = {0x80, 0x2C, 0},
     .identification_mask = {0xFF, 0xFF, 0xFF},
     .gain_codes = 4,
     .counts_per_gauss = {{15000, 15000, 15000}, {3750, 3750, 3750}, {2500, 2500, 2500}, {1000, 1000, 1000}},
-    .range_gauss = {2.18, 8.73, 13.1, 32.7},
+    .range_gauss = {2.0, 8.0, 12.0, 30.0},
     .beyond = 1.01,
     .speeds = {{50, 200}, {101, 200}, {200, 200}, {220, 200}},
     .sensitivity_per_k = -5e-4,

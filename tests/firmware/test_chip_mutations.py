@@ -77,7 +77,7 @@ MUTATIONS = [
     ("qmc5883p", "oversampled less, which is noisier", "NORMAL_200_HZ = 0x0D", "NORMAL_200_HZ = 0x3D"),
     ("qmc5883p", "takes samples that are not ready", "byte & STATUS_READY ? CHIP_READY : 0", "CHIP_READY"),
     ("qmc5883p", "waits for an overflow", "STATUS_READY = 0x01", "STATUS_READY = 0x02"),
-    ("qmc5883p", "the last count counts as a field", "LARGEST = 32766", "LARGEST = 32767"),
+    ("qmc5883p", "the last count counts as a field", "LARGEST = 30000", "LARGEST = 32767"),
     ("qmc5883p", "a potentiometer will do", "identification[2] &= SOFT_RESET", "identification[2] = 0"),
     ("qmc5883p", "any name will do", "identification[0] == PRODUCT_ID &&", "identification[0] != 1 &&"),
     ("qmc5883p", "does not see that it was reset", "bytes[0] == NORMAL_200_HZ && ", ""),

@@ -249,7 +249,7 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (BRIDGE + 'trigger = "simultaneous"\nrate_hz = 153', 'source.rate_hz = 153: at most 152 with trigger = "simultaneous" over a bridge'),
         *(
             (BRIDGE + f'chip = "{chip}"\nrange_gauss = {gauss}\ntrigger = "simultaneous"\nrate_hz = {most + 1}\n' + sensors(8), f'at most {most} with trigger = "simultaneous" and 8 sensors on the board')
-            for chip, gauss, most in (("mmc5983ma", 8, 130), ("mlx90393", 132, 117), ("lis3mdl", 4, 79))
+            for chip, gauss, most in (("mmc5983ma", 8, 130), ("mlx90393", 132, 109), ("lis3mdl", 4, 79))
         ),
         (PAD + 'publish = "sample"', 'source.publish = \'sample\': only a "bridge" or "i2c" gives samples as they come'),
         (BRIDGE + 'publish = "sample"\ntrigger = "simultaneous"\nrate_hz = 150', "source.publish = 'sample': chips of one trigger have their samples at once"),

@@ -143,8 +143,8 @@ def test_a_recorded_sample_that_no_chip_gives_is_refused(damage: dict[str, objec
 
 @pytest.mark.parametrize(
     ("kind", "rate_hz", "samples_hz"),
-    [("hmc5983", 30, 226.6), ("mmc5983ma", 200, 210.0), ("mmc5983ma", 220, 1050.0), ("qmc5883l", 200, 210.0)],
+    [("hmc5983", 30, 226.6), ("mmc5983ma", 200, 399.0), ("mlx90393", 100, 139.65), ("qmc5883l", 200, 210.0)],
 )
 def test_a_chip_gives_samples_at_the_rate_that_the_board_runs_it_at(kind: str, rate_hz: int, samples_hz: float) -> None:
-    """Which is not the frames': the HMC5983 has one rate on a board, and the fastest of an MMC5983MA fill any line."""
+    """Which is not the frames': the HMC5983 has one rate on a board, and an MMC5983MA is started again at once."""
     assert fastest_on_board_hz(CHIPS[kind], rate_hz) == pytest.approx(samples_hz)

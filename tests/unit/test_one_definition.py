@@ -210,7 +210,7 @@ def test_firmware_describes_the_chip_as_the_daemon_does() -> None:
     assert "".join(identity).encode() == chip.identity
 
 
-OTHERS = [CHIPS[name] for name in ("qmc5883l", "mmc5983ma", "mlx90393", "lis3mdl")]
+OTHERS = [CHIPS[name] for name in ("qmc5883l", "qmc5883p", "mmc5983ma", "mmc5603nj", "mlx90393", "lis3mdl")]
 
 
 @pytest.mark.parametrize("chip", OTHERS, ids=lambda chip: chip.name)
@@ -219,6 +219,10 @@ def test_firmware_describes_the_other_chips_as_the_daemon_does(chip: Chip) -> No
     board, source = constants(path), path.read_text()
     assert board["LARGEST"] == chip.largest_count
     assert chip.saturated_count == -(2**15)
+    if chip.film is not None:
+        strong = re.search(r"STRONG = (\d+) \* (\d+)", source)
+        assert strong is not None
+        assert [float(each) for each in strong.groups()] == [chip.film.upset_gauss, chip.counts_per_gauss[0][0]]
     assert f".gain_codes = {len(chip.counts_per_gauss)}," in source
     speeds = re.search(r"chip_speed speeds\[\] = \{(.*)\};", source)
     assert speeds is not None

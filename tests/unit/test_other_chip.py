@@ -115,7 +115,7 @@ def test_wrong_identity_is_named_with_the_one_that_is_due() -> None:
         ("mmc5983ma", "simultaneous", 203),
         ("mmc5983ma", "free", 220),
         ("lis3mdl", "simultaneous", 80),
-        ("mlx90393", "simultaneous", 171),
+        ("mlx90393", "simultaneous", 155),
         ("hmc5883l", "free", 75),
     ],
 )

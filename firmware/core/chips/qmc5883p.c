@@ -18,7 +18,7 @@ enum {
     NORMAL_200_HZ = 0x0D,     // control 1: oversampled 8 times, no further filter
     RANGE_SHIFT = 2,      // control 2: 30 G is 0, 12 G is 1, 8 G is 2, 2 G is 3
     GAIN_CODES = 4,
-    LARGEST = 32766, // it stays at 32767 or -32768 beyond its range
+    LARGEST = 30000, // it says overflow beyond it, and stays at 32767 or -32768 still farther out
 };
 
 // 0x80 at register 0 may also be a potentiometer, which says its middle to every question: its "soft reset" stays on.

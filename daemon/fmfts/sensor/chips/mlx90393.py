@@ -139,7 +139,7 @@ MLX90393 = Chip(
     saturated_count=-32768,
     output_rates_hz=tuple(float(int(1.0 / _conversion_s(each))) for each in _FILTERS),
     free_rate_hz=475,
-    single_rate_hz=268,
+    single_rate_hz=250,
     single_conversion_s=_conversion_s(_SINGLE_FILTER),
     single_wait_s=1.3 * _conversion_s(_SINGLE_FILTER),  # reads at 1.0 fail on real parts (Adafruit issues 17, 18)
     clock_tolerance=0.05,
@@ -151,7 +151,7 @@ MLX90393 = Chip(
     thermometer=Thermometer(at_zero_c=25.0 + (65536 - 46244) / 45.2, c_per_count=1 / 45.2, range_c=(-40.0, 85.0)),
     bias_strap=None,
     board_rates_hz=tuple(float(int(1.0 / _conversion_s(each))) for each in _FILTERS[:4]),
-    board_single_hz=171,
+    board_single_hz=155,
     dump=lambda wires: _words(wires),
     asked_by_command=True,
     supply="made; boards 10 to 20 € each, and on every ReSkin, AnySkin and eFlesh board",

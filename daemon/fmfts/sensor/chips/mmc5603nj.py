@@ -1,4 +1,4 @@
-"""The MMC5603NJ three-axis magnetometer: facts (Linux mmc5633.c, Zephyr mmc56x3). Its registers: memsic.py."""
+"""The MMC5603NJ three-axis magnetometer: facts (Linux' driver mmc5633, Zephyr's mmc56x3). Its registers: memsic.py."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ MMC5603NJ = Chip(
     largest_count=30 * 1024,
     saturated_count=-32768,
     paced_by_host=True,
-    output_rates_hz=(350.0,),
-    free_rate_hz=350,
+    output_rates_hz=(380.0,),  # 2.2 ms until it is read, and the transfers that read it and start it again
+    free_rate_hz=380,
     single_rate_hz=350,
     single_conversion_s=2e-3,
     single_wait_s=2.2e-3,
@@ -31,8 +31,8 @@ MMC5603NJ = Chip(
     thermometer=None,  # measured in place of the field
     bias_strap=None,
     # Beyond its range the film may be upset. No source tells the limit; the range is the safe one to take.
-    film=Film(upset_gauss=29.0, doubtful_gauss=15.0, pulse=_REGISTERS.set_pulse, pause_s=PULSE_PAUSE_S),
-    board_rates_hz=(350.0,),
+    film=Film(upset_gauss=30.0, doubtful_gauss=15.0, pulse=_REGISTERS.set_pulse, pause_s=PULSE_PAUSE_S),
+    board_rates_hz=(380.0,),
     board_single_hz=203,
     dump=registers((0x00, 9), (0x09, 1), (0x18, 2), (0x1A, 4), (0x1E, 3), (0x27, 3), (0x39, 1)),
     supply="made; boards about 6 €, chips under 1 €",

@@ -38,8 +38,8 @@ MMC5983MA = Chip(
     largest_count=32766,
     saturated_count=-32768,
     paced_by_host=True,
-    output_rates_hz=(350.0,),
-    free_rate_hz=350,
+    output_rates_hz=(380.0,),  # 2.2 ms until it is read, and the transfers that read it and start it again
+    free_rate_hz=380,
     single_rate_hz=350,
     single_conversion_s=2e-3,
     single_wait_s=2.2e-3,
@@ -51,7 +51,7 @@ MMC5983MA = Chip(
     # Page 2: more than 10 G upsets the film, and pulses repeat to 1 mG.
     film=Film(upset_gauss=9.0, doubtful_gauss=5.0, pulse=_REGISTERS.set_pulse, pause_s=PULSE_PAUSE_S),
     set_reset=_SET_RESET,
-    board_rates_hz=(350.0,),
+    board_rates_hz=(380.0,),
     board_single_hz=203,
     dump=registers((0x00, 8), (0x08, 1), (0x09, 4), (0x2F, 1)),
     supply="made; boards 10 to 20 € each",

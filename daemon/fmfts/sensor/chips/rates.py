@@ -44,8 +44,6 @@ def single_on_board_hz(chip: Chip, sensors: int) -> int:
 def fastest_on_board_hz(chip: Chip, rate_hz: int) -> float:
     """How many samples a second a chip may give that runs free for frames at `rate_hz`: its clock is off by its
     tolerance."""
-    if chip.paced_by_host:
-        return float(rate_hz)
     rates = (*(rate for rate in chip.board_rates_hz if rate >= rate_hz), chip.board_rates_hz[-1])
     return min(rates) * (1.0 + chip.clock_tolerance)
 
