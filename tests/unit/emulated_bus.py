@@ -14,6 +14,7 @@ from emulator.chips import Bus, NackError, Tca9548a
 from fmfts.sensor.chips import CHIPS, memsic, mlx90393
 from fmfts.sensor.chips.tca9548a import Switches
 from fmfts.sensor.i2c import film as film_module
+from fmfts.sensor.i2c import packed as packed_module
 from fmfts.sensor.i2c import pad as pad_module
 from fmfts.sensor.i2c import selftest as i2c_selftest
 from fmfts.sensor.i2c import sensor as sensor_module
@@ -48,7 +49,7 @@ def patched(clock: Clock) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for module in (mlx90393, memsic, film_module):
             patch.setattr(module.time, "sleep", clock.sleep)
-        for module in (pad_module, sensor_module, film_module):
+        for module in (pad_module, sensor_module, film_module, packed_module):
             patch.setattr(module, "now_us", clock.now_us)
         patch.setattr(i2c_selftest, "time", SimpleNamespace(sleep=clock.sleep, monotonic=clock))
         yield

@@ -6,29 +6,23 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 
-import numpy as np
-
 from fmfts.sensor.chips import Chip, tca9548a
-from fmfts.sensor.chips.chip import Axes
 from fmfts.sensor.chips.driver import Setup
 from fmfts.sensor.chips.tca9548a import Switches
-from fmfts.sensor.frame import AGE_UNKNOWN_US
 from fmfts.sensor.i2c import film
 from fmfts.sensor.i2c.adapter import STUCK
 from fmfts.sensor.i2c.bus import ChipWires, I2cBus
 from fmfts.sensor.i2c.others import identity_of_another
+from fmfts.sensor.i2c.packed import frame_of, hello_of
 from fmfts.sensor.i2c.reader_config import PadWiring, ways
 from fmfts.sensor.i2c.sensor import Sensor, now_us
 from fmfts.sensor.wire.packets import (
-    NO_MUX,
     TEMPERATURE_UNKNOWN,
     Early,
     HelloPad,
-    HelloSensor,
     Sample,
     SensorState,
     StatusPad,
-    channel_byte,
 )
 from fmfts.sensor.wired_pad import Settings
 
@@ -107,38 +101,7 @@ class I2cPad:
 
     def sample(self) -> Sample:
         """The frame: the last sample of every sensor, and its age. Clears the fresh bits."""
-        valid = fresh = 0
-        axes: list[Axes] = []
-        times_us: list[int | None] = []
-        temperatures: list[int] = []
-        for place, one in enumerate(self.sensors):
-            if one.state != SensorState.OK or one.sampled_us is None:
-                axes.append((0, 0, 0))
-                times_us.append(None)
-                continue
-            valid |= 1 << place
-            fresh |= one.fresh << place
-            axes.append(one.axes)
-            times_us.append(one.sampled_us)
-            raw = one.temperature_raw
-            if raw != TEMPERATURE_UNKNOWN and self.chip.temperature_c(raw) is not None:
-                temperatures.append(raw)
-        newest_us = max((each for each in times_us if each is not None), default=None)
-        if newest_us is None:
-            newest_us = now_us()
-        ages = [AGE_UNKNOWN_US if each is None else min(newest_us - each, AGE_UNKNOWN_US) for each in times_us]
-        sample = Sample(
-            self.index,
-            self.sequence,
-            newest_us,
-            self.settings.gain_code,
-            self.settings.trigger,
-            valid,
-            fresh,
-            round(sum(temperatures) / len(temperatures)) if temperatures else TEMPERATURE_UNKNOWN,
-            np.array(axes, np.int16),
-            np.array(ages, np.uint16),
-        )
+        sample = frame_of(self.sensors, self.chip, self.settings, self.index, self.sequence)
         self.sequence = (self.sequence + 1) % 2**32
         for sensor in self.sensors:
             sensor.fresh = False
@@ -180,19 +143,7 @@ class I2cPad:
         return None
 
     def describe(self, bus_number: int) -> HelloPad:
-        """Without a mux, the wire has 0 as its address, and the sensor's own address as the channel (docs/wire.md)."""
-        pad_mux = next(iter(self.wiring.mux_addresses), NO_MUX)
-        sensors = tuple(
-            HelloSensor(
-                one.wires.address
-                if one.mux_address is None or one.channel is None
-                else channel_byte(pad_mux, one.mux_address, one.channel),
-                one.state,
-                one.identification,
-            )
-            for one in self.sensors
-        )
-        return HelloPad(bus_number & 0xFF, pad_mux, sensors)
+        return hello_of(self.sensors, self.wiring, bus_number)
 
     def status(self) -> StatusPad:
         return StatusPad(self.bus_errors, 0, self.config_repairs, tuple(one.state for one in self.sensors))
