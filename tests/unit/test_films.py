@@ -5,6 +5,8 @@ The emulators that judge here are written from the data sheet and from users' me
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from emulated_bus import Clock, clock, emulated_pad, run
@@ -85,3 +87,36 @@ def test_chip_that_was_reset_between_two_triggers_is_set_up_again(clock: Clock, 
     assert pad.config_repairs == 1
     assert all(np.abs(sample.counts[0] - good).max() <= 1 for sample in samples if sample.fresh)
     assert samples[-1].fresh == 1
+
+
+@pytest.mark.parametrize("trigger", [0, 1])
+@pytest.mark.parametrize("kind", FILMS)
+def test_old_sample_is_not_new_when_a_command_was_lost(clock: Clock, kind: str, trigger: int) -> None:
+    """The chip still says "done" of the sample before, because only a command clears that."""
+    one = chip_of(clock, kind)
+    pad, bus = emulated_pad(clock, kind, [one], rate_hz=100, trigger=trigger)
+    run(pad, clock, 0.3, 100)
+    transfer, command = bus._transfer, CHIPS[kind].driver.trigger
+
+    def losing(messages: Any) -> list[bytes]:
+        if messages[0][1] == command:
+            raise OSError(121, "Remote I/O error")
+        return transfer(messages)
+
+    before = one.conversions
+    bus._transfer = losing  # type: ignore[method-assign]
+    fresh = sum(sample.fresh for sample in run(pad, clock, 0.025, 100))
+    bus._transfer = transfer  # type: ignore[method-assign]
+    assert fresh <= one.conversions - before + (1 - trigger)  # one may have been waiting to be read
+    assert run(pad, clock, 0.5, 100)[-1].fresh == 1
+
+
+@pytest.mark.parametrize("kind", FILMS)
+def test_sample_that_waited_for_a_reader_is_not_used(clock: Clock, kind: str) -> None:
+    one = chip_of(clock, kind)
+    pad, _ = emulated_pad(clock, kind, [one], rate_hz=100)
+    run(pad, clock, 0.3, 100)
+    clock.sleep(5.0)
+    sample = run(pad, clock, 0.005, 100)[0]
+    assert sample.fresh == 0
+    assert run(pad, clock, 0.1, 100)[-1].fresh == 1

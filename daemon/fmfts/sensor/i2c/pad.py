@@ -82,13 +82,18 @@ class I2cPad:
         """
         working = [sensor for sensor in self.sensors if sensor.state == SensorState.OK]
         for mux_address, wires in dict.fromkeys((sensor.mux_address, sensor.wires) for sensor in working):
+            alike = [one for one in working if (one.mux_address, one.wires) == (mux_address, wires)]
+            for one in alike:
+                one.started_measuring_us = 0
             try:
-                alike = [one for one in working if (one.mux_address, one.wires) == (mux_address, wires)]
                 channels = (one.channel for one in alike if one.channel is not None)
                 self._select(mux_address, tca9548a.several(channels))
                 wires.write(self.chip.driver.trigger)
             except (MuxError, OSError):
                 self.bus_errors += 1  # reading each sensor shows which one failed
+                continue
+            for one in alike:
+                one.started_measuring_us = now_us()
         return now_us() + self._half_us
 
     def poll(self, measured_us: int | None = None) -> None:
@@ -224,17 +229,33 @@ class I2cPad:
         return round(self.chip.single_conversion_s * 0.5e6)
 
     def _start(self, sensor: Sensor) -> None:
+        sensor.started_measuring_us = 0
         sensor.wires.write(self.chip.driver.trigger)
         sensor.started_measuring_us = now_us()
 
+    def _has_measured(self, sensor: Sensor, period_us: int) -> bool:
+        """False for a chip that keeps its last sample, and was not asked for another one, or too long ago."""
+        if not self.chip.paced_by_host:
+            return True
+        longest_us = 2 * period_us + 2e6 * self.chip.single_wait_s  # where nobody read for a while
+        return sensor.started_measuring_us > 0 and now_us() - sensor.started_measuring_us < longest_us
+
     def _read(self, sensor: Sensor, measured_us: int | None) -> None:
+        period_us = _period_us(self.chip, self.settings)
+        if not self._has_measured(sensor, period_us):
+            self.select(sensor)
+            if self._is_paced:
+                self._start(sensor)
+                sensor.started_us = sensor.started_measuring_us
+            elif sensor.is_silent(period_us):
+                sensor.lose(SensorState.NO_NEW_DATA)
+            return
         for _ in range(1 if measured_us is None else TRIGGER_TRIES):
             self.select(sensor)
             before_us, sensor.polled_us = sensor.polled_us, now_us()
             ready, block = self.chip.driver.sample(sensor.wires)
             if ready or block not in (None, sensor.block):
                 break
-        period_us = _period_us(self.chip, self.settings)
         if self.chip.paced_by_host and not ready:
             self._late(sensor, period_us)
         elif block is not None and (self.chip.paced_by_host or sensor.is_new(ready, block, period_us)):

@@ -30,7 +30,7 @@ class Sensor:
     sampled_us: int | None = None
     polled_us: int = 0
     started_us: int = 0  # it was set up, or its last discarded sample came
-    started_measuring_us: int = 0  # of a chip that is paced by this program
+    started_measuring_us: int = 0  # its last measurement at this program's word; 0: it did not take the word
     late: int = 0  # measurements in a row that had not ended when they were read
     exposure: int = 0  # of its film to strong fields, since the last pulse
     magnetised_us: int = 0
