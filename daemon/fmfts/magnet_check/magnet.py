@@ -218,7 +218,7 @@ class Fitter:
         for step in range(1, steps):
             for axis in range(3):
                 offset = position[:, step, axis] - position[:, 0, axis] - hand.offset_m[step, axis]
-                per = one / hand.offset_sd_m
+                per = one / hand.offset_sd_m[step, axis]
                 add(offset * per, (6 * step + axis, per), (axis, -per))
         size = np.sqrt((moment**2).sum(axis=2))
         pole = np.full(count, float(hand.pole)) if hand.pole else np.where(moment[:, 0, 2] < 0.0, -1.0, 1.0)

@@ -60,19 +60,27 @@ class Board:
 class Hand:
     """Where a person holds the magnet, from what he was told: means and deviations, in metres and without unit.
 
-    offset_m (K, 3): of each step from the first. pole: +1 where the magnet's north pole points to +z, −1 where to −z,
+    offset_m, offset_sd_m (K, 3): of each step from the first; nobody measures how far he moves a hand, but its side he
+    knows. pole: +1 where the magnet's north pole points to +z, −1 where to −z,
     0 where the person does not know.
     """
 
     offset_m: Array
+    offset_sd_m: Array
     pole: int = 0
     middle_sd_m: float = 0.01
     height_m: float = 0.035
     log_height_sd: float = 0.7
-    offset_sd_m: float = 0.012
     direction_sd: float = 0.4
     log_moment_sd: float = 0.03
 
 
 STEP_M = 0.02
 STEPS = np.array([[0.0, 0.0, 0.0], [STEP_M, 0.0, 0.0], [0.0, STEP_M, 0.0]])
+ALONG_M, ACROSS_M, UP_M = 0.01, 0.006, 0.008
+STEPS_SD = np.array([[0.0, 0.0, 0.0], [ALONG_M, ACROSS_M, UP_M], [ACROSS_M, ALONG_M, UP_M]])
+
+
+def told_hand(pole: int = 0) -> Hand:
+    """The hand of a person who follows the steps of the check."""
+    return Hand(STEPS, STEPS_SD, pole)

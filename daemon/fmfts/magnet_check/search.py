@@ -7,7 +7,7 @@ fitted, which gives a better magnet, and so on. Guesses are the heights that a h
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, permutations
 
 import numpy as np
@@ -30,7 +30,7 @@ AGAIN = 2
 Key = tuple[object, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Found:
     """One explanation with its fit. surprise: −2 ln of its probability after the readings, up to a constant."""
 
@@ -59,7 +59,7 @@ class Search:
             before = self._best()
             self._try(*self._reassigned(before))
         self._try(*self._neighbours(self._best()[:2]))
-        self._try(*self._imaged(self._best()[:4]))
+        self._try(*self._imaged(self._best()[:2]))
         return self._best(len(self.known))
 
     def _best(self, count: int = KEPT) -> list[Found]:
@@ -244,10 +244,16 @@ class Search:
         return Explanations.joined(*parts), Magnets.joined(*starts)
 
     def _imaged(self, best: list[Found]) -> tuple[Explanations, Magnets]:
-        """The same readings with the whole pad turned or mirrored, or with the magnet's pole the other way round."""
+        """The same readings with the whole pad turned or mirrored, with the magnet's pole the other way round, or with
+        another magnet and other scales."""
         parts, starts = [], []
         for found in best:
             one, magnets = found.explanation, found.fit.magnets
+            for factor in (0.5, 2.0):
+                scale = np.where(one.used, one.scale * factor, 1.0)
+                if not one.free.any() and np.isin(scale, SCALES).all():
+                    parts.append(replace(one, scale=scale))
+                    starts.append(replace(magnets, moment=magnets.moment / factor))
             for image in self.images:
                 for sense in (1.0, -1.0):
                     turns = image.of_turns(one.turn[0], one.place[0], self.board, sense)

@@ -160,6 +160,13 @@ def _height_mm(found: Found) -> float:
 
 def _what_decides(verdict: Verdict) -> str:
     first, second = verdict.found[:2]
+    if (first.explanation.scale != second.explanation.scale).any() and (
+        first.explanation.turn == second.explanation.turn
+    ).all():
+        return (
+            "A magnet of unknown strength cannot decide between these: `fmfts-daemon selftest` measures the scale of "
+            "chips that can, and `fmfts-daemon probe` says which chips were found."
+        )
     if abs(float(first.fit.surprise[0] - second.fit.surprise[0])) < SAME_READINGS:
         return (
             "A magnet held with an unknown pole cannot decide between these. Find its north pole (it draws the south end "
