@@ -39,6 +39,7 @@ class Hold:
         self._fields: deque[tuple[float, Array, NDArray[np.bool_]]] = deque()
         self.held: Held | None = None
         self.hint = "waiting for frames"
+        self.is_judged = False  # frames of a whole second were looked at
 
     def take(self, frame: Frame, is_asked: bool = False) -> None:
         """Sets `held` once the magnet is held still, or when the person asks for it and it can be used; else `hint`."""
@@ -48,10 +49,10 @@ class Hold:
             self._fields.popleft()
         if len(self._fields) < FEWEST_FRAMES or now_s - self._fields[0][0] < 0.8 * HOLD_S:
             return
+        self.is_judged = True
         held, apart = self._averaged()
         self.hint = self._refused(held, apart, is_asked)
-        if not self.hint:
-            self.held = held
+        self.held = None if self.hint else held
 
     def _averaged(self) -> tuple[Held, Array]:
         """The mean, and (N, 3) by how much the means of the parts of the time differ."""
@@ -87,7 +88,7 @@ class Hold:
         field_t = float(np.nanmax(np.abs(change)))
         if self._before is not None and field_t < LEAST_FIELD_T:
             return f"too weak: {field_t * 1e6:.0f} of at least {LEAST_FIELD_T * 1e6:.0f} µT. Hold the magnet lower"
-        if self._last is not None and not is_asked:
+        if self._last is not None:
             moved_t = float(np.nanmax(np.abs(held.mean_t - self._last.mean_t)))
             if moved_t < MOVED * field_t:
                 return f"{field_t * 1e6:.0f} µT: move the magnet to the new place"

@@ -12,6 +12,7 @@ from fmfts.magnet_check.search import Found
 from fmfts.magnet_check.verdict import SAME_READINGS, Verdict
 
 AXES = "xyz"
+NEODYMIUM_T = 1.25
 NAMED_SCALES = {0.5: "half", 2.0: "twice"}
 
 
@@ -50,6 +51,29 @@ def told(found: Found) -> list[str]:
         *_order(description),
         *(sentence for channel in range(len(description.place)) for sentence in _channel(found, channel)),
     ]
+
+
+def is_wrong(description: Description, channel: int) -> bool:
+    """Whether anything is wrong with this channel."""
+    return bool(
+        not description.image.is_same
+        or (description.common != np.eye(3)).any()
+        or description.place[channel] != channel
+        or (description.turn[channel] != np.eye(3)).any()
+        or description.scale[channel] != 1.0
+        or description.free[channel]
+        or not description.used[channel]
+    )
+
+
+def magnet(found: Found) -> str:
+    """How strong the magnet seems, so that the person can compare it: a scale that all chips share shows only there."""
+    moment = float(np.linalg.norm(found.fit.magnets.moment[0, 0]))
+    size_mm = 1e3 * (16.0 * moment / NEODYMIUM_T) ** (1.0 / 3.0)  # B_T = Br·r²·L/4 with L = 2r
+    return (
+        f"The magnet was {_height_mm(found):.0f} mm above the sensors, and as strong as a neodymium cylinder of about "
+        f"{size_mm:.1f} mm diameter and length. If yours has half or twice that volume, all chips may read half or twice."
+    )
 
 
 def _whole(description: Description) -> Iterator[str]:
