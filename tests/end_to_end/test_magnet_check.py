@@ -155,28 +155,32 @@ def test_swapped_channels_are_named_written_and_then_good(tmp_path: Path) -> Non
 
 
 def test_check_goes_through_a_running_daemon_and_repeats_a_weak_step(tmp_path: Path) -> None:
-    with FirmwareHost(tmp_path, "--uid", UID, "--pads", "1") as board:
-        with RunningDaemon(tmp_path, CONFIG.format(port=board.port)) as daemon:
-            check = Check(board, SWAP, "--config", daemon.config, environment=daemon.environment)
-            check.magnet(None)
-            check.wait_for("steady")
-            check.enter()
-            check.wait_for("Step 1")
-            check.magnet(0, strength=0.05)
-            check.wait_for("too weak")
-            check.magnet(0, strength=30.0)
-            check.wait_for("too strong")
-            check.magnet(0)
-            check.wait_for("Step 2")
-            check.enter()  # without a movement
-            check.wait_for("move the magnet to the new place")
-            for step in (1, 2):
-                check.wait_for(f"Step {step + 1}")
-                check.magnet(step)
-            code, output = check.ended()
+    with (
+        FirmwareHost(tmp_path, "--uid", UID, "--pads", "1") as board,
+        RunningDaemon(tmp_path, CONFIG.format(port=board.port)) as daemon,
+    ):
+        check = Check(board, SWAP, "--config", daemon.config, environment=daemon.environment)
+        check.magnet(None)
+        check.wait_for("steady")
+        check.enter()
+        check.wait_for("Step 1")
+        check.magnet(0, strength=0.05)
+        check.wait_for("too weak")
+        check.magnet(0, strength=30.0)
+        check.wait_for("too strong")
+        check.magnet(0)
+        check.wait_for("Step 2")
+        check.enter()  # without a movement
+        check.wait_for("move the magnet to the new place")
+        check.magnet(1)
+        check.wait_for("Step 3")
+        check.magnet(2)
+        code, output = check.ended()
     assert code == exit_codes.FAULTY, (output, check.said)
     assert "Sensors 1 and 3 are swapped" in output
-    assert any("sensors_mm = [[-8, 8, 0], [8, -8, 0], [8, 8, 0], [-8, -8, 0]]" in line for line in check.said)
+    assert any("sensors_mm = [[-8, 8, 0], [8, -8, 0], [8, 8, 0], [-8, -8, 0]]" in line for line in check.said), (
+        check.said
+    )
 
 
 @pytest.mark.parametrize(
@@ -190,7 +194,10 @@ def test_wrong_words_are_refused(words: tuple[str, ...], code: int, text: str, t
     config = tmp_path / "pad.toml"
     config.write_text(CONFIG.format(port=tmp_path / "nothing"))
     ended = subprocess.run(
-        [sys.executable, "-m", "fmfts", "probe", *words, "--config", config], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "fmfts", "probe", *words, "--config", config],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert ended.returncode == code, ended
     assert text in ended.stderr

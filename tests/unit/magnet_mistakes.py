@@ -1,8 +1,8 @@
 """Random mistakes of boards, and whether the check with one magnet names them; for the drill and for the suite.
 
-A mistake is named where the check is sure, its explanation has every channel's place, axes and scale as they were built,
-and its sentences say so in the words that are written here once more. Where it says that a known pole, or a nearer
-magnet, decides, it is repeated as it says, once.
+A mistake is named where the check is sure, its explanation has every channel's place, axes and scale as built, and its
+sentences say so in the words that are written here once more. Where it says that a known pole or a nearer magnet
+decides, the person repeats it so, once.
 """
 
 from __future__ import annotations
@@ -96,7 +96,9 @@ def all_quarters(built: Built, random: np.random.Generator) -> Mistake:
     quarters = int(random.integers(1, 4))
     for channel in range(len(built.place_m)):
         built = _turned(built, channel, np.linalg.matrix_power(QUARTER["z"], quarters))
-    return Mistake("all chips turned by quarters", built, (rf"^All chips are turned by {90 * quarters}° about its z\.",))
+    return Mistake(
+        "all chips turned by quarters", built, (rf"^All chips are turned by {90 * quarters}° about their z\.",)
+    )
 
 
 def turned_pad(built: Built, random: np.random.Generator) -> Mistake:
@@ -148,8 +150,8 @@ def two_scaled(built: Built, random: np.random.Generator) -> Mistake:
 
 
 MISTAKES: tuple[Callable[[Built, np.random.Generator], Mistake], ...] = (
-    swapped, cycled, quarter, upside_down, any_turn, two_quarters, all_quarters, turned_pad, mirrored_pad, mirrored_chip,
-    exchanged_axes, scaled, scaled,
+    swapped, cycled, quarter, upside_down, any_turn, two_quarters, all_quarters, turned_pad, mirrored_pad,
+    mirrored_chip, exchanged_axes, scaled, scaled,
 )  # fmt: skip
 
 
@@ -177,7 +179,9 @@ def tried(seed: tuple[int, ...], make: Callable[[Built, np.random.Generator], Mi
     someone = person(chip, random, mistake.largest_factor)
     built = mistake.built
     if mistake.turned_pad is not None:
-        built = replace(built, place_m=built.place_m @ mistake.turned_pad.T, drawn_axes=mistake.turned_pad @ built.drawn_axes)
+        built = replace(
+            built, place_m=built.place_m @ mistake.turned_pad.T, drawn_axes=mistake.turned_pad @ built.drawn_axes
+        )
     board = Board(drawn.place_m, drawn.drawn_axes, 3e-4, float(np.radians(1.5)), 0.05)
     verdict, repeated = None, False
     for attempt in range(2):

@@ -1,8 +1,8 @@
 """A person who holds a magnet above an emulated board that was built with a mistake, or without one.
 
 Fields are those of a uniformly magnetised cylinder, by magpylib (Ortner and Coliandro Bandeira, SoftwareX 11, 2020),
-not by the daemon's dipole. What the chips make of them comes from the register-level emulators of tests/emulator, read by
-the daemon's real drivers. A chip with an inverted axis, or with another LSB, is an emulated chip that measures so.
+not by the daemon's dipole. What the chips make of them comes from the register-level emulators of tests/emulator, read
+by the daemon's real drivers. A chip with an inverted axis, or with another LSB, is an emulated chip that measures so.
 """
 
 from __future__ import annotations
@@ -38,7 +38,16 @@ BOARDS_MM = {
     4: [[8, 8, 0], [8, -8, 0], [-8, 8, 0], [-8, -8, 0]],
     # The plus of a ReSkin or AnySkin board: centre, +y, +x, −y, −x, arms of 7 mm.
     5: [[0, 0, 0], [0, 7, 0], [7, 0, 0], [0, -7, 0], [-7, 0, 0]],
-    8: [[13.5, 13.5, 0], [13.5, -13.5, 0], [-13.5, 13.5, 0], [-13.5, -13.5, 0], [9, 0, 0], [-9, 0, 0], [0, 9, 0], [0, -9, 0]],
+    8: [
+        [13.5, 13.5, 0],
+        [13.5, -13.5, 0],
+        [-13.5, 13.5, 0],
+        [-13.5, -13.5, 0],
+        [9, 0, 0],
+        [-9, 0, 0],
+        [0, 9, 0],
+        [0, -9, 0],
+    ],
 }
 # Above the middle, then 2 cm to +x, then from the middle 2 cm to +y: what the check asks for.
 STEPS = np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [0.0, 0.02, 0.0]])
@@ -108,7 +117,9 @@ def person(kind: str, random: np.random.Generator, largest_factor: float = 1.0) 
     wished_gauss = random.uniform(0.25, 0.6) * min(GAINS[kind][1], 8.0) / largest_factor
     one = Person(diameter, length, random.uniform(1.2, 1.35), 0.05, int(random.choice([-1, 1])), random)
     heights = np.linspace(0.015 + length, 0.07, 111)
-    seen = np.abs(one.field(np.column_stack([np.zeros((111, 2)), -heights]), np.zeros(3), Rotation.identity())).max(axis=1)
+    seen = np.abs(one.field(np.column_stack([np.zeros((111, 2)), -heights]), np.zeros(3), Rotation.identity())).max(
+        axis=1
+    )
     one.height_m = float(heights[np.abs(np.log(seen / (wished_gauss * TESLA_PER_GAUSS))).argmin()])
     return one
 

@@ -1,4 +1,4 @@
-"""`fmfts-daemon probe --magnet`: asks a person to move a magnet over the board, and says what is wrong with the chips."""
+"""`fmfts-daemon probe --magnet`: a person moves a magnet over the board, and it says what is wrong with the chips."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 PROMPTS = (
     "Step 0 of 3. Lay the board still, chips up. Take every magnet half a metre away (a mounted pad stays on, and "
     "nothing touches it). Then press Enter.",
-    "Step 1 of 3. Hold a magnet above the middle of the board, 2 to 5 cm high, one pole down. Either pole will do. Keep "
-    "your hand still.",
+    "Step 1 of 3. Hold a magnet above the middle of the board, 2 to 5 cm high, one pole down (either one). Keep your "
+    "hand still.",
     "Step 2 of 3. Same height, same pole down: move the magnet 2 cm toward +x of the pad, and keep still.",
     "Step 3 of 3. Go back over the middle, then 2 cm toward +y of the pad, and keep still.",
 )

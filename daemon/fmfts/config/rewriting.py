@@ -1,4 +1,4 @@
-"""Changes keys of one pad's [pad.geometry] in a configuration file, and leaves all other lines and comments as they are."""
+"""Changes keys of one pad's [pad.geometry] in a configuration file. All other lines and comments stay."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ def with_geometry(text: str, pad: str, values: Mapping[str, str]) -> str:
         result = "\n".join(changed) + "\n"
         if _read(result) == due:
             return result
-    raise RewritingError(f"the table [pad.geometry] of pad '{pad}' is written in a way that is not understood: {by_hand}")
+    raise RewritingError(
+        f"the table [pad.geometry] of pad '{pad}' is written in a way that is not understood: {by_hand}"
+    )
 
 
 def rewrite(path: Path, text: str) -> Path:
@@ -67,11 +69,17 @@ def _changed(lines: list[str], start: int, values: Mapping[str, str]) -> list[st
         last = end
         while last > start and (not lines[last - 1].strip() or lines[last - 1].lstrip().startswith("#")):
             last -= 1
-        return [*lines[:last], "", "[pad.geometry]", *(f"{key} = {value}" for key, value in values.items()), *lines[last:]]
+        return [
+            *lines[:last],
+            "",
+            "[pad.geometry]",
+            *(f"{key} = {value}" for key, value in values.items()),
+            *lines[last:],
+        ]
     first = headers[0] + 1
     until = next((number for number in range(first, end) if TABLE.match(lines[number])), end)
     table = lines[first:until]
-    for key, value in reversed(values.items()):
+    for key, value in reversed(list(values.items())):
         table = _with_value(table, key, value)
     return [*lines[:first], *table, *lines[until:]]
 

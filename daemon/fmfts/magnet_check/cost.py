@@ -62,7 +62,9 @@ class Description:
                 continue
             if number_of(turn):
                 proper = np.linalg.det(turn) > 0.0
-                total += _cost(0.05, 3 * count) if is_quarter_about_z(turn) else _cost(0.02, (20 if proper else 24) * count)
+                total += (
+                    _cost(0.05, 3 * count) if is_quarter_about_z(turn) else _cost(0.02, (20 if proper else 24) * count)
+                )
             if self.free[channel]:
                 total += _cost(0.02, count)
             elif self.scale[channel] != 1.0:

@@ -52,7 +52,9 @@ def geometry_of(verdict: Verdict) -> Geometry:
     is_mirrored = bool(mirrored[used].any())
     rotations = axes @ MIRRORED_Z if is_mirrored else axes.copy()
     rotations[~used] = np.eye(3)
-    found = Geometry(verdict.board.place_m[place], _rounded(Rotation.from_matrix(rotations).as_rotvec(degrees=True)), is_mirrored)
+    found = Geometry(
+        verdict.board.place_m[place], _rounded(Rotation.from_matrix(rotations).as_rotvec(degrees=True)), is_mirrored
+    )
     if (place == np.arange(len(place))).all() and (one.turn[0] == np.eye(3)).all():
         raise NotWritableError("places, turns and mirrors of the chips are as configured")
     return found

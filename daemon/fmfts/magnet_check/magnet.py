@@ -1,13 +1,14 @@
 """Fits the hand's magnet to the readings, for many explanations of the board at once (Gauss–Newton with damping).
 
-Unknown are the magnet's position q and moment m in each step, and the logarithm of each channel's scale. `pose/dipole.py`
-has the field; it is linear in the moment, so that three calls with unit moments give the field of all. Errors of gain,
+Unknown are the magnet's position and moment in each step, and the logarithm of each channel's scale. `pose/dipole.py`
+has the field. It is linear in the moment, so three calls with unit moments give the field of all. Errors of gain,
 rotation and place are the same in all steps: they enter as covariances of a channel's nine readings.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +25,12 @@ UNUSED_T2 = 1.0  # variance of a reading that is not used
 
 @dataclass(frozen=True, slots=True)
 class Explanations:
-    """H explanations. place (H, N): channel c is at this place of the drawing. turn (H, N, 3, 3): from the axes of the
-    drawn chip to those of the real one. scale (H, N): what it reads of 1 T. free (H, N): the scale is fitted, from there.
-    used (H, N): the channel is used."""
+    """H explanations.
+
+    place (H, N): channel c is at this place of the drawing. turn (H, N, 3, 3): from the axes of a drawn chip to those
+    of the real one. scale (H, N): what it reads of 1 T. free (H, N): the scale is fitted, from there. used (H, N): the
+    channel is used.
+    """
 
     place: NDArray[np.intp]
     turn: Array
@@ -37,7 +41,7 @@ class Explanations:
     def __len__(self) -> int:
         return len(self.place)
 
-    def __getitem__(self, which: object) -> Explanations:
+    def __getitem__(self, which: Any) -> Explanations:
         return Explanations(*(getattr(self, name)[which] for name in self.__slots__))
 
     @classmethod
@@ -53,7 +57,7 @@ class Magnets:
     moment: Array
     log_scale: Array
 
-    def __getitem__(self, which: object) -> Magnets:
+    def __getitem__(self, which: Any) -> Magnets:
         return Magnets(self.position_m[which], self.moment[which], self.log_scale[which])
 
     @classmethod
@@ -71,7 +75,7 @@ class Fits:
     chi2: Array
     by_channel: Array
 
-    def __getitem__(self, which: object) -> Fits:
+    def __getitem__(self, which: Any) -> Fits:
         return Fits(self.magnets[which], self.surprise[which], self.chi2[which], self.by_channel[which])
 
     @classmethod
@@ -81,7 +85,7 @@ class Fits:
 
 
 def fields(board: Board, magnets: Magnets) -> tuple[Array, Array, Array]:
-    """At every place: the field (H, K, N, 3), its derivative by position (H, K, N, 3, 3), and by moment (H, K, N, 3, 3)."""
+    """At every place: the field (H, K, N, 3), and its derivatives by position and by moment (H, K, N, 3, 3)."""
     r = board.place_m - magnets.position_m[:, :, None, :]
     flat, nowhere = r.reshape(-1, 3), np.zeros(3)
     moment = np.repeat(magnets.moment.reshape(-1, 3), len(board), axis=0)
@@ -113,7 +117,8 @@ class Fitter:
         self.known = effect @ effect.transpose(0, 2, 1)
         self.known += np.eye(3 * self.steps) * np.moveaxis(variance, 1, 0).reshape(self.channels, -1)[:, :, None]
         # A channel that tells nothing: any reading as large as the largest.
-        self.anything = np.eye(3 * self.steps) * float(size2.max())
+        anything = np.where(self.missing, UNUSED_T2, float(size2.max()))
+        self.anything = np.eye(3 * self.steps) * np.moveaxis(anything, 1, 0).reshape(self.channels, -1)[:, :, None]
 
     def fit(self, explanations: Explanations, start: Magnets, rounds: int = ROUNDS) -> Fits:
         magnets = replace(start, log_scale=np.log(explanations.scale))
@@ -148,27 +153,30 @@ class Fitter:
         scale_sd = np.where(explanations.free, FREE_SCALE_SD, FIXED_SCALE_SD)
         chi2 = (residual**2).sum(axis=1)
         surprise = chi2 + log_det.sum(axis=1) + information + 2.0 * np.log(scale_sd).sum(axis=1)
+        # Before any reading a moment of any size is as probable in its logarithm: then no scale is favoured.
+        surprise += 3.0 * np.log((magnets.moment**2).sum(axis=2)).sum(axis=1)
         surprise = np.where((sign > 0) & np.isfinite(surprise), surprise, np.inf)
         return Fits(magnets, surprise, chi2, of_readings.sum(axis=2))
 
-    def _chips(self, explanations: Explanations, magnets: Magnets) -> Array:
+    def chips(self, explanations: Explanations, magnets: Magnets) -> Array:
         """(H, N, 3, 3): from a field in pad axes to what each channel reads."""
         axes = self.board.axes[explanations.place]
         return np.exp(magnets.log_scale)[:, :, None, None] * (explanations.turn @ axes.transpose(0, 1, 3, 2))
 
     def _whiten(self, explanations: Explanations, magnets: Magnets) -> tuple[Array, Array]:
-        """(H, N, 3K, 3K): W with Wᵀ·W the inverse covariance of a channel's readings; (H, N): ln det of that covariance."""
+        """W (H, N, 3K, 3K): Wᵀ·W is the inverse covariance of a channel's readings. (H, N): its determinant's ln."""
         _, by_position, _ = fields(self.board, magnets)
-        at = self._picked(by_position, explanations.place)  # (H, N, K, 3, 3)
-        chips = self._chips(explanations, magnets)[:, :, None] * self.board.place_sd_m
+        at = self.picked(by_position, explanations.place)  # (H, N, K, 3, 3)
+        chips = self.chips(explanations, magnets)[:, :, None] * self.board.place_sd_m
         moved = (chips @ at).reshape(*explanations.place.shape, -1, 3)
         covariance = self.known + moved @ moved.transpose(0, 1, 3, 2)
         covariance = np.where(explanations.used[:, :, None, None], covariance, self.anything)
         lower = np.linalg.cholesky(covariance)
         log_det = 2.0 * np.log(np.einsum("hcii->hci", lower)).sum(axis=2)
-        return np.linalg.inv(lower), log_det
+        whiten = np.linalg.inv(lower).astype(np.float64)
+        return whiten, log_det
 
-    def _picked(self, at_places: Array, place: NDArray[np.intp]) -> Array:
+    def picked(self, at_places: Array, place: NDArray[np.intp]) -> Array:
         """(H, K, places, …) → (H, N, K, …): at the place of each channel."""
         each = np.arange(len(place))[:, None]
         return np.moveaxis(at_places, 1, 2)[each, place]
@@ -176,12 +184,12 @@ class Fitter:
     def _system(self, explanations: Explanations, magnets: Magnets, whiten: Array) -> tuple[Array, Array]:
         """Whitened residuals (H, R) and their derivatives (H, R, unknowns): of readings, then of the person's words."""
         field, by_position, by_moment = fields(self.board, magnets)
-        chips = self._chips(explanations, magnets)
+        chips = self.chips(explanations, magnets)
         count, steps, channels = len(explanations), self.steps, self.channels
         place = explanations.place
         used = explanations.used[:, :, None, None]
-        expected = np.einsum("hcij,hckj->hcki", chips, self._picked(field, place)) * used
-        slopes = [chips[:, :, None] @ self._picked(each, place) * used[..., None] for each in (by_position, by_moment)]
+        expected = np.einsum("hcij,hckj->hcki", chips, self.picked(field, place)) * used
+        slopes = [chips[:, :, None] @ self.picked(each, place) * used[..., None] for each in (by_position, by_moment)]
         jacobian = np.zeros((count, channels, steps, 3, 6 * steps + channels))
         for step in range(steps):
             jacobian[:, :, step, :, 6 * step : 6 * step + 3] = slopes[0][:, :, step]

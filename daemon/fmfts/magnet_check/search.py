@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,16 +122,16 @@ class Search:
         position = np.broadcast_to(self.hand.offset_m + np.array([0.0, 0.0, height_m]), (count, steps, 3)).copy()
         unit = Magnets(position, np.ones((count, steps, 3)), np.log(explanations.scale))
         _, _, by_moment = fields(self.board, unit)
-        chips = self.fitter._chips(explanations, unit)
-        each = self.fitter._picked(by_moment, explanations.place)
+        chips = self.fitter.chips(explanations, unit)
+        each = self.fitter.picked(by_moment, explanations.place)
         design = np.einsum("hcij,hckjl->hkcil", chips, each) * explanations.used[:, None, :, None, None]
         design = design.reshape(count, steps, -1, 3)
         data = (self.fitter.change * explanations.used[:, None, :, None]).reshape(count, steps, -1)
         normal = design.transpose(0, 1, 3, 2) @ design
         scale = np.trace(normal, axis1=2, axis2=3)[..., None, None]
-        moment = np.linalg.solve(
-            normal + 1e-9 * scale * np.eye(3), (design * data[..., None]).sum(axis=2)[..., None]
-        )[..., 0]
+        moment = np.linalg.solve(normal + 1e-9 * scale * np.eye(3), (design * data[..., None]).sum(axis=2)[..., None])[
+            ..., 0
+        ]
         return Magnets(position, moment, unit.log_scale)
 
     def _guessed(self) -> tuple[Explanations, Magnets]:
@@ -177,7 +178,11 @@ class Search:
                 near = np.abs(np.log(value[:, None] / np.array(SCALES)))
                 parts.append(
                     Explanations(
-                        at[None], TURNS[of_turn][None], value[None], (free & (near.min(axis=1) > 0.0))[None], self.used[None]
+                        at[None],
+                        TURNS[of_turn][None],
+                        value[None],
+                        (free & (near.min(axis=1) > 0.0))[None],
+                        self.used[None],
                     )
                 )
         joined = Explanations.joined(*parts)
@@ -214,7 +219,7 @@ class Search:
         """Explanations that differ from these in one channel, or in two that are exchanged."""
         parts, starts = [], []
 
-        def add(found: Found, **changes: Array) -> None:
+        def add(found: Found, **changes: Any) -> None:
             one = found.explanation
             values = {name: changes.get(name, getattr(one, name)) for name in one.__slots__}
             parts.append(Explanations(**values))

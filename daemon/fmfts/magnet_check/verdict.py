@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fmfts.common.chi2 import quantile
 from fmfts.magnet_check.cost import Description
-from fmfts.magnet_check.readings import AMBIENT_T, Array, Board, Hand, Readings
+from fmfts.magnet_check.readings import AMBIENT_T, Board, Hand, Readings
 from fmfts.magnet_check.search import Found, Search
 
 # An explanation is alike if it is not twenty times less probable; −2 ln.
@@ -81,7 +81,9 @@ def judged(board: Board, readings: Readings, hand: Hand) -> Verdict:
 def _is_blind(one: Found, best: Found) -> bool:
     """Whether the readings do not exclude this fault. One that never can be told is left to its probability."""
     less = float(one.fit.surprise[0] - best.fit.surprise[0])
-    vague = (one.explanation.free & ~best.explanation.free).any() or (one.explanation.used != best.explanation.used).any()
+    vague = (one.explanation.free & ~best.explanation.free).any() or (
+        one.explanation.used != best.explanation.used
+    ).any()
     return SAME_READINGS < less < EXCLUDED and not vague and one.description.image.is_same
 
 
@@ -96,7 +98,10 @@ def _without_measured_twins(remain: tuple[Found, ...]) -> tuple[Found, ...]:
             (one.explanation.place == best.explanation.place).all()
             and (one.explanation.turn == best.explanation.turn).all()
             and (one.explanation.used == best.explanation.used).all()
-            and ((one.explanation.free != best.explanation.free) | (one.explanation.scale != best.explanation.scale)).sum() == 1
+            and (
+                (one.explanation.free != best.explanation.free) | (one.explanation.scale != best.explanation.scale)
+            ).sum()
+            == 1
             and (np.abs(one.fit.magnets.log_scale - best.fit.magnets.log_scale) < 0.3).all()
         )
     )

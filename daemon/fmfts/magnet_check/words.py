@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmfts.magnet_check.cost import MIRRORED_Z, Description
 from fmfts.magnet_check.readings import Array
@@ -28,14 +29,16 @@ def sentences(verdict: Verdict) -> list[str]:
         return said
     best = verdict.found[0]
     if len(verdict.found) == 1:
-        said += told(best) or ([] if said else ["Places, axes, signs and scales are as the configuration says."])
+        said += told(best, verdict.dead) or (
+            [] if said else ["Places, axes, signs and scales are as the configuration says."]
+        )
     else:
         said.append(f"{len(verdict.found)} explanations remain:")
         for letter, found in zip("abcdefgh", verdict.found, strict=False):
-            said.append(f"({letter}) " + " ".join(told(found) or ["All is as the configuration says."]))
+            said.append(f"({letter}) " + " ".join(told(found, verdict.dead) or ["All is as the configuration says."]))
         said.append(_what_decides(verdict))
     if verdict.blind:
-        other = " ".join(told(verdict.blind[0]))
+        other = " ".join(told(verdict.blind[0], verdict.dead))
         said.append(
             f"But the readings do not exclude another explanation: {other} The magnet was {_height_mm(best):.0f} mm "
             "above the board: repeat the check with it nearer, or with longer ways to +x and +y."
@@ -43,13 +46,20 @@ def sentences(verdict: Verdict) -> list[str]:
     return said
 
 
-def told(found: Found) -> list[str]:
-    """What is wrong by this explanation, a sentence for each cause; none where all is as drawn."""
+def told(found: Found, dead: NDArray[np.bool_]) -> list[str]:
+    """What is wrong by this explanation, a sentence for each cause; none where all is as drawn.
+
+    dead (N, 3): axes of which more is said elsewhere.
+    """
     description = found.description
     return [
         *_whole(description),
         *_order(description),
-        *(sentence for channel in range(len(description.place)) for sentence in _channel(found, channel)),
+        *(
+            sentence
+            for channel in np.flatnonzero(dead.sum(axis=1) < 2).tolist()
+            for sentence in _channel(found, channel)
+        ),
     ]
 
 
@@ -72,7 +82,7 @@ def magnet(found: Found) -> str:
     size_mm = 1e3 * (16.0 * moment / NEODYMIUM_T) ** (1.0 / 3.0)  # B_T = Br·r²·L/4 with L = 2r
     return (
         f"The magnet was {_height_mm(found):.0f} mm above the sensors, and as strong as a neodymium cylinder of about "
-        f"{size_mm:.1f} mm diameter and length. If yours has half or twice that volume, all chips may read half or twice."
+        f"{size_mm:.1f} mm diameter and length. If yours has half or twice that volume, all chips read half or twice."
     )
 
 
@@ -86,13 +96,13 @@ def _whole(description: Description) -> Iterator[str]:
                 "or the magnet was moved to other sides than +x and +y."
             )
         else:
-            yield (
-                "The whole board is mirrored against the drawing, or the magnet was moved to other sides than +x and +y."
-            )
+            moved = "or the magnet was moved to other sides than +x and +y"
+            yield f"The whole board is mirrored against the drawing, {moved}."
     if (description.common == MIRRORED_Z).all():
         yield "All chips read z with the wrong sign: turn geometry.sensors_mirrored over."
     elif (description.common != np.eye(3)).any():
-        yield f"All chips are {_turned(description.common)}."
+        how = _turned(description.common).replace("it has", "they have").replace("its ", "their ")
+        yield f"All chips are {how}."
 
 
 def _order(description: Description) -> Iterator[str]:
@@ -117,7 +127,7 @@ def _order(description: Description) -> Iterator[str]:
 
 def _channel(found: Found, channel: int) -> Iterator[str]:
     description, name = found.description, f"Sensor {channel + 1}"
-    if not description.used[channel] and found.explanation.used.sum() < len(description.place):
+    if not description.used[channel]:
         yield f"{name} alone fits nothing: a bad chip (run selftest), a bad place, or steel beside it."
         return
     turn = description.turn[channel]
@@ -128,8 +138,8 @@ def _channel(found: Found, channel: int) -> Iterator[str]:
         factor = float(np.exp(found.fit.magnets.log_scale[0, channel]))
         yield f"{name} reads {factor:.2f} times the field: its range or its kind of chip is not the configured one."
     elif scale != 1.0:
-        how = NAMED_SCALES.get(scale, f"{scale:g} times")
-        yield f"{name} reads {how} the field (factor {scale:g}): its range or its kind of chip is not the configured one."
+        how = f"{NAMED_SCALES[scale]} the field (factor {scale:g})"
+        yield f"{name} reads {how}: its range or its kind of chip is not the configured one."
 
 
 def _turned(turn: Array) -> str:
@@ -152,10 +162,12 @@ def _rotated(rotation: Array) -> str:
     if angle == 180:
         values = np.diag(rotation)
         if values.max() == 1.0:
-            axis = AXES[int(values.argmax())]
-            return f"turned by 180° about its {axis}" + ("" if axis == "z" else " (mounted upside down)")
+            name = AXES[int(values.argmax())]
+            return f"turned by 180° about its {name}" + ("" if name == "z" else " (mounted upside down)")
         return f"turned by 180° (mounted upside down and turned): {_reads(rotation.T)}"
-    vector = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
+    vector = np.array(
+        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
+    )
     if angle == 90:
         axis = int(np.abs(vector).argmax())
         turned = 90 if vector[axis] > 0.0 else 270
@@ -173,7 +185,7 @@ def _reads(turn: Array) -> str:
 def _dead(verdict: Verdict) -> Iterator[str]:
     for sensor, axes in enumerate(verdict.dead):
         if axes.sum() >= 2:
-            yield f"Sensor {sensor + 1} does not feel the magnet: it is dead, or tells one constant value (run selftest)."
+            yield f"Sensor {sensor + 1} does not feel the magnet: it is dead, or repeats one value (run selftest)."
         elif axes.any():
             yield f"Sensor {sensor + 1} does not feel the magnet on {AXES[int(axes.argmax())]}: run selftest."
 
@@ -193,9 +205,9 @@ def _what_decides(verdict: Verdict) -> str:
         )
     if abs(float(first.fit.surprise[0] - second.fit.surprise[0])) < SAME_READINGS:
         return (
-            "A magnet held with an unknown pole cannot decide between these. Find its north pole (it draws the south end "
-            "of a compass needle), and repeat the check with --pole up or --pole down: where its north pole points. A "
-            "magnet held on the back of the board reads like this, too."
+            "A magnet of unknown pole cannot decide between these. Find its north pole: it draws the south end of a "
+            "compass needle. Repeat the check with --pole up or --pole down, which is where the north pole points. A "
+            "magnet that is held on the back of the board reads like this, too."
         )
     one, other = first.explanation, second.explanation
     differ = [
