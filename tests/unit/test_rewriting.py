@@ -28,7 +28,7 @@ def test_shipped_example_keeps_all_other_lines() -> None:
     [
         '[[pad]]\nname = "a"\n[pad.source]\ntype = "x"\n\n# the other\n[[pad]]\nname = "b"\n[bus]\nendpoint = "c"\n',
         '[[pad]]\nname = "a"\n[pad.geometry]   # mine\n[[pad]]\nname = "b"\n[pad.geometry]\nsensors_mm = []\n',
-        '[[pad]]\nname = "a"\n[pad.geometry]\nsensors_mm = [\n  [0, 0, 0],  # first\n  [1, 1, 0],\n]\nsensors_mirrored = false\n'
+        '[[pad]]\nname = "a"\n[pad.geometry]\nsensors_mm = [\n  [0, 0, 0],  # first\n]\nsensors_mirrored = false\n'
         '[[pad]]\nname = "b"\n',
     ],
 )  # fmt: skip

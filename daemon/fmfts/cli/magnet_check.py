@@ -30,7 +30,7 @@ PROMPTS = (
     "Step 2 of 3. Same height, same pole down: move the magnet 2 cm toward +x of the pad, and keep still.",
     "Step 3 of 3. Go back over the middle, then 2 cm toward +y of the pad, and keep still.",
 )
-NO_FRAME_S = 5.0
+NO_FRAME_S = 10.0
 PATIENCE_S = 300.0
 TURN_S = 0.02
 SHOW_S = 0.2

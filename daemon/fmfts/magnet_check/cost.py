@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from fmfts.magnet_check.readings import Array, Board
 from fmfts.magnet_check.symmetry import TURNS, Image, number_of
 
+IDENTITY = np.eye(3)
 MIRRORED_Z = np.diag([1.0, 1.0, -1.0])
 
 
@@ -49,7 +50,7 @@ class Description:
     def cost(self) -> float:
         count = len(self.place)
         total = 0.0 if self.image.is_same else _cost(0.02, 7)
-        if number_of(self.common):
+        if (self.common != IDENTITY).any():
             usual = is_quarter_about_z(self.common) or (self.common == MIRRORED_Z).all()
             total += _cost(0.02, 4) if usual else _cost(0.005, 43)
         moved = int((self.place != np.arange(count)).sum())
@@ -60,7 +61,7 @@ class Description:
             if not self.used[channel]:
                 total += _cost(0.02, count)
                 continue
-            if number_of(turn):
+            if (turn != IDENTITY).any():
                 proper = np.linalg.det(turn) > 0.0
                 total += (
                     _cost(0.05, 3 * count) if is_quarter_about_z(turn) else _cost(0.02, (20 if proper else 24) * count)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.magnet_check.hand import of_hand
 from fmfts.magnet_check.readings import AMBIENT_T, FINITE_MAGNET, Array, Board, Hand, Readings
 from fmfts.pose.dipole import dipole_derivatives
 
@@ -200,55 +201,19 @@ class Fitter:
         difference = (expected - np.moveaxis(self.change, 1, 0)).reshape(count, channels, rows, 1)
         residual = (whiten @ difference).reshape(count, -1)
         whitened = (whiten @ jacobian.reshape(count, channels, rows, -1)).reshape(count, channels * rows, -1)
-        words, by_unknowns = self._words(explanations, magnets)
+        words, by_unknowns = self._told(explanations, magnets)
         return np.concatenate([residual, words], axis=1), np.concatenate([whitened, by_unknowns], axis=1)
 
-    def _words(self, explanations: Explanations, magnets: Magnets) -> tuple[Array, Array]:
-        """What the person was told, and that it is one magnet: residuals in deviations, and derivatives."""
-        hand, steps = self.hand, self.steps
-        position, moment = magnets.position_m, magnets.moment
-        count, unknowns = len(position), 6 * steps + self.channels
-        rows: list[Array] = []
-        slopes: list[Array] = []
-
-        def add(value: Array, *terms: tuple[int, Array]) -> None:
-            slope = np.zeros((count, unknowns))
-            for column, derivative in terms:
-                slope[:, column] += derivative
-            rows.append(value)
-            slopes.append(slope)
-
-        one = np.ones(count)
-        for axis in range(2):
-            add(position[:, 0, axis] / hand.middle_sd_m, (axis, one / hand.middle_sd_m))
-        height = position[:, 0, 2]
-        add(np.log(height / hand.height_m) / hand.log_height_sd, (2, 1.0 / (height * hand.log_height_sd)))
-        for step in range(1, steps):
-            for axis in range(3):
-                offset = position[:, step, axis] - position[:, 0, axis] - hand.offset_m[step, axis]
-                per = one / hand.offset_sd_m[step, axis]
-                add(offset * per, (6 * step + axis, per), (axis, -per))
-        size = np.sqrt((moment**2).sum(axis=2))
-        pole = np.full(count, float(hand.pole)) if hand.pole else np.where(moment[:, 0, 2] < 0.0, -1.0, 1.0)
-        for step in range(steps):
-            unit = moment[:, step] / size[:, step, None]
-            for axis in range(3):
-                by = (np.eye(3)[axis] - unit * unit[:, axis, None]) / (size[:, step, None] * hand.direction_sd)
-                columns = [(6 * step + 3 + other, by[:, other]) for other in range(3)]
-                add((unit[:, axis] - pole * (axis == 2)) / hand.direction_sd, *columns)
-            if step:
-                per_first, per_this = (
-                    moment[:, each] / size[:, each, None] ** 2 / hand.log_moment_sd for each in (0, step)
-                )
-                columns = [(3 + other, -per_first[:, other]) for other in range(3)]
-                columns += [(6 * step + 3 + other, per_this[:, other]) for other in range(3)]
-                add(np.log(size[:, step] / size[:, 0]) / hand.log_moment_sd, *columns)
-        scale_sd = np.where(explanations.free, FREE_SCALE_SD, FIXED_SCALE_SD)
+    def _told(self, explanations: Explanations, magnets: Magnets) -> tuple[Array, Array]:
+        """What is known before any reading: of the hand, and of each channel's scale."""
         drawn = np.where(explanations.free, 0.0, np.log(explanations.scale))
-        for channel in range(self.channels):
-            off = (magnets.log_scale - drawn)[:, channel] / scale_sd[:, channel]
-            add(off, (6 * steps + channel, 1.0 / scale_sd[:, channel]))
-        return np.stack(rows, axis=1), np.stack(slopes, axis=1)
+        scale_sd = np.where(explanations.free, FREE_SCALE_SD, FIXED_SCALE_SD)
+        rows, slopes = of_hand(self.hand, magnets.position_m, magnets.moment)
+        slopes = np.concatenate([slopes, np.zeros((*rows.shape, self.channels))], axis=2)
+        by_scale = np.zeros((len(rows), self.channels, slopes.shape[2]))
+        by_scale[:, :, 6 * self.steps :] = np.eye(self.channels) / scale_sd[:, None, :]
+        rows = np.concatenate([rows, (magnets.log_scale - drawn) / scale_sd], axis=1)
+        return rows, np.concatenate([slopes, by_scale], axis=1)
 
     def _moved(self, magnets: Magnets, step: Array) -> Magnets:
         count, steps = len(step), self.steps

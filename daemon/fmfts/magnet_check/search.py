@@ -14,20 +14,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.magnet_check.assignment import SCALES, assigned
 from fmfts.magnet_check.cost import Description, described
 from fmfts.magnet_check.magnet import Explanations, Fits, Fitter, Magnets, fields
 from fmfts.magnet_check.readings import Array, Board, Hand, Readings
 from fmfts.magnet_check.symmetry import TURNS, images
 
 HEIGHTS_M = (0.012, 0.02, 0.032, 0.05, 0.08)
-SCALES = (1.0, 0.5, 2.0)
-LIKE_A_SCALE = 0.2  # in the logarithm: nearer to one of SCALES, that one is tried
-ROUGH = 0.08  # relative error of a reading while magnets are guessed
-WORTH_A_FAULT = 15.0  # so much less χ² before a channel is said to differ from the drawing, while guessing
 ALL_PERMUTATIONS = 4  # of so many channels
 KEPT = 12
 ROUGH_ROUNDS, REFINED = 1, 48  # rounds of the first fits, and how many of them are fitted to the end
 AGAIN = 2
+HOPELESS = 100.0  # worse by more than any explanation is less probable before the readings
 Key = tuple[object, ...]
 
 
@@ -47,6 +45,7 @@ class Search:
         self.fitter = Fitter(board, readings, hand)
         self.images = images(board)
         self.known: dict[Key, Found] = {}
+        self.least = np.inf
         self.count = len(board)
 
     def run(self) -> list[Found]:
@@ -72,23 +71,18 @@ class Search:
         rough = self.fitter.fit(explanations, start, ROUGH_ROUNDS)
         likely = np.argsort(rough.surprise)[:REFINED]
         explanations, fits = explanations[likely], self.fitter.fit(explanations[likely], rough.magnets[likely])
-        for number in range(len(explanations)):
-            one = explanations[number : number + 1]
+        self.least = min(self.least, float(fits.surprise.min()))
+        for number in np.flatnonzero(fits.surprise < self.least + HOPELESS):
+            one, fit = explanations[number : number + 1], fits[number : number + 1]
             key = _key(one)
             before = self.known.get(key)
-            if not np.isfinite(fits.surprise[number]):
+            if before is not None and before.fit.surprise[0] <= fit.surprise[0]:
                 continue
-            if before is not None:
-                if before.fit.surprise[0] > fits.surprise[number]:
-                    cost = before.description.cost
-                    surprise = float(fits.surprise[number]) + cost
-                    self.known[key] = Found(before.description, fits[number : number + 1], one, surprise)
-                continue
-            description = described(
-                self.board, self.images, one.place[0], one.turn[0], one.scale[0], one.free[0], one.used[0]
-            )
-            surprise = float(fits.surprise[number]) + description.cost
-            self.known[key] = Found(description, fits[number : number + 1], one, surprise)
+            description = before.description if before is not None else self._described(one)
+            self.known[key] = Found(description, fit, one, float(fit.surprise[0]) + description.cost)
+
+    def _described(self, one: Explanations) -> Description:
+        return described(self.board, self.images, one.place[0], one.turn[0], one.scale[0], one.free[0], one.used[0])
 
     def _explanation(
         self, place: Iterable[int] | None = None, turn: Array | None = None, used: NDArray[np.bool_] | None = None
@@ -147,73 +141,12 @@ class Search:
             strength = float(np.median(np.median(size) / np.sqrt((field**2).sum(axis=2))))
             for pole in poles:
                 magnets = Magnets(position, moment * strength * pole, np.zeros((1, self.count)))
-                found.append(self._assigned(magnets))
+                found.append(assigned(self.fitter, self.used, magnets))
         return Explanations.joined(*(each[0] for each in found)), Magnets.joined(*(each[1] for each in found))
 
     def _reassigned(self, before: list[Found]) -> tuple[Explanations, Magnets]:
-        found = [self._assigned(each.fit.magnets) for each in before]
+        found = [assigned(self.fitter, self.used, each.fit.magnets) for each in before]
         return Explanations.joined(*(each[0] for each in found)), Magnets.joined(*(each[1] for each in found))
-
-    def _assigned(self, magnets: Magnets) -> tuple[Explanations, Magnets]:
-        """The explanations that fit these magnets best: with places free or as drawn, faults likely or rare."""
-        from scipy.optimize import linear_sum_assignment
-
-        misfit, turn, scale = self._compared(magnets)
-        drawn = np.arange(self.count)
-        parts = []
-        for penalty in (0.0, WORTH_A_FAULT):
-            weighed = misfit + penalty * ((turn > 0).astype(float)[..., None] + (np.array([0, 1, 1, 1]) > 0))
-            flat = weighed.reshape(self.count, self.count, -1)
-            cheapest = flat.argmin(axis=2)
-            best = flat.min(axis=2)
-            moved = best + penalty * (1.0 - np.eye(self.count))
-            moved[~self.used] = np.where(np.eye(self.count), 0.0, 1e6)[~self.used]
-            for place in {tuple(linear_sum_assignment(moved)[1].tolist()), tuple(drawn.tolist())}:
-                at = np.array(place)
-                which, kind = np.divmod(cheapest[drawn, at], 4)
-                of_turn = turn[drawn, at, which]
-                fitted = scale[drawn, at, which]
-                free = kind == 3
-                value = np.where(free, fitted, np.array((*SCALES, 1.0))[kind])
-                near = np.abs(np.log(value[:, None] / np.array(SCALES)))
-                parts.append(
-                    Explanations(
-                        at[None],
-                        TURNS[of_turn][None],
-                        value[None],
-                        (free & (near.min(axis=1) > 0.0))[None],
-                        self.used[None],
-                    )
-                )
-        joined = Explanations.joined(*parts)
-        joined.turn[:, ~self.used] = np.eye(3)
-        joined.scale[:, ~self.used] = 1.0
-        joined.free[:, ~self.used] = False
-        return joined, magnets[np.zeros(len(joined), dtype=np.intp)]
-
-    def _compared(self, magnets: Magnets) -> tuple[Array, NDArray[np.intp], Array]:
-        """Of channel, place and turn: χ² (N, N, 2, 4) with each of SCALES and with a free scale, the number of the turn
-        (N, N, 2), the drawn one first, then the best one; and the free scale (N, N, 2)."""
-        field = fields(self.board, magnets)[0][0]  # (K, N, 3)
-        drawn = np.einsum("pij,kpi->pkj", self.board.axes, field)
-        change = np.moveaxis(self.fitter.change, 1, 0)  # (N, K, 3)
-        known = np.moveaxis(~self.fitter.missing, 1, 0)
-        error = ROUGH * np.sqrt((change**2).sum(axis=2, keepdims=True)) + 1e-6
-        weight = known / error**2
-        product = np.einsum("cki,pkj->cpij", weight * change, drawn)
-        like = np.einsum("sij,cpij->cps", TURNS, product)
-        best = like.argmax(axis=2)
-        turn = np.stack([np.zeros_like(best), best], axis=2)
-        along = np.take_along_axis(like, turn, axis=2)
-        turned = np.einsum("cptij,pkj->cptki", TURNS[turn], drawn)
-        power = np.einsum("cki,cptki->cpt", weight, turned**2)
-        data = np.einsum("cki,cki->c", weight, change**2)[:, None, None]
-        scale = np.maximum(along / np.maximum(power, 1e-30), 1e-2)
-        near = np.array(SCALES)[np.abs(np.log(scale[..., None] / np.array(SCALES))).argmin(axis=3)]
-        snapped = np.where(np.abs(np.log(scale / near)) < LIKE_A_SCALE, near, scale)
-        scales = np.stack([*(np.full(scale.shape, each) for each in SCALES), snapped], axis=3)
-        misfit = data[..., None] - 2.0 * scales * along[..., None] + scales**2 * power[..., None]
-        return misfit, turn, snapped
 
     def _neighbours(self, best: list[Found]) -> tuple[Explanations, Magnets]:
         """Explanations that differ from these in one channel, or in two that are exchanged."""
