@@ -12,9 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from magnet_world import GAINS, Built, good_board, measured, person
+from magnet_world import GAINS, Built, Person, RefusedStepError, good_board, measured, person
 
-from fmfts.magnet_check import Board, TooLittleError, Verdict, judged, sentences, told_hand
+from fmfts.magnet_check import Board, Readings, TooLittleError, Verdict, judged, sentences, told_hand
 
 KINDS = tuple(GAINS)
 COUNTS = (4, 4, 4, 4, 5, 8)
@@ -170,6 +170,18 @@ def board_of(count: int) -> Built:
     return good_board(count, axes)
 
 
+def obeyed(built: Built, chip: str, someone: Person, random: np.random.Generator) -> Readings:
+    """The readings of a person who does what the hints say."""
+    for _ in range(4):
+        try:
+            return measured(built, chip, someone, random)
+        except RefusedStepError as refused:
+            weak, strong = "too weak" in str(refused), "too strong" in str(refused)
+            assert weak or strong, refused
+            someone.remanence_t *= 1.6 if weak else 0.7
+    raise AssertionError("no magnet suits")
+
+
 def tried(seed: tuple[int, ...], make: Callable[[Built, np.random.Generator], Mistake] | None) -> Outcome:
     """One board, with a mistake or without, before one person with one magnet."""
     random = np.random.default_rng(seed)
@@ -186,7 +198,7 @@ def tried(seed: tuple[int, ...], make: Callable[[Built, np.random.Generator], Mi
     verdict, repeated = None, False
     for attempt in range(2):
         try:
-            verdict = judged(board, measured(built, chip, someone, random), told_hand(someone.pole if attempt else 0))
+            verdict = judged(board, obeyed(built, chip, someone, random), told_hand(someone.pole if attempt else 0))
         except TooLittleError as error:
             return Outcome(mistake.kind, "open", str(error), repeated)
         if verdict.is_decided:

@@ -47,6 +47,7 @@ class Hold:
         self._fields.append((now_s, frame.field_t, frame.overflow))
         while self._fields and now_s - self._fields[0][0] > HOLD_S:
             self._fields.popleft()
+        self.hint = "reading: hold still"
         if len(self._fields) < FEWEST_FRAMES or now_s - self._fields[0][0] < 0.8 * HOLD_S:
             return
         self.is_judged = True

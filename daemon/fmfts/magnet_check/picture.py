@@ -49,8 +49,8 @@ def _arrows(field: Array) -> str:
     """field (K, 3): of each step."""
     words = []
     for x, y, z in np.nan_to_num(field):
-        size = float(np.sqrt(x * x + y * y + z * z)) or 1.0
-        along = ARROWS[round(float(np.arctan2(y, x)) / (np.pi / 4.0)) % 8] if np.hypot(x, y) > SHOWN * size else ""
-        across = ("⊙" if z > 0.0 else "⊗") if abs(z) > SHOWN * size else ""
-        words.append(f"{along}{across}" or "·")
+        size = float(np.sqrt(x * x + y * y + z * z))
+        along = ARROWS[round(float(np.arctan2(y, x)) / (np.pi / 4.0)) % 8] if np.hypot(x, y) > SHOWN * size else " "
+        across = ("⊙" if z > 0.0 else "⊗") if abs(z) > SHOWN * size else " "
+        words.append(f"{along}{across}" if size else "· ")
     return " ".join(words)

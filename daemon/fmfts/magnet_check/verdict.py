@@ -18,6 +18,7 @@ ALIKE = 2.0 * log(20.0)
 # So much less probable by the readings alone a simple fault must be, before a board is said to be without it.
 EXCLUDED = 2.0 * log(30.0)
 SAME_READINGS = 0.05
+SAME_SCALE = 0.3  # of a logarithm: 2 and 2.18 are one
 FALSE_REFUSAL = 1e-6
 FELT = 10.0  # deviations: a channel or an axis that reads less, where others read more, is dead
 LEAST_FIELD_T = 1e-5
@@ -89,22 +90,19 @@ def _is_blind(one: Found, best: Found) -> bool:
 
 def _without_measured_twins(remain: tuple[Found, ...]) -> tuple[Found, ...]:
     """A scale that is measured says no more than the same scale by its name."""
-    best = remain[0]
-    return tuple(
-        one
-        for one in remain
-        if one is best
-        or not (
-            (one.explanation.place == best.explanation.place).all()
-            and (one.explanation.turn == best.explanation.turn).all()
-            and (one.explanation.used == best.explanation.used).all()
-            and (
-                (one.explanation.free != best.explanation.free) | (one.explanation.scale != best.explanation.scale)
-            ).sum()
-            == 1
-            and (np.abs(one.fit.magnets.log_scale - best.fit.magnets.log_scale) < 0.3).all()
-        )
-    )
+    kept: list[Found] = []
+    for one in remain:
+        if not any(_is_twin(one, other) for other in kept):
+            kept.append(one)
+    return tuple(kept)
+
+
+def _is_twin(one: Found, other: Found) -> bool:
+    mine, others = one.explanation, other.explanation
+    is_alike = all((getattr(mine, name) == getattr(others, name)).all() for name in ("place", "turn", "used"))
+    differ = (mine.free != others.free) | (mine.scale != others.scale)
+    apart = np.abs(one.fit.magnets.log_scale - other.fit.magnets.log_scale)
+    return bool(is_alike and differ.sum() == 1 and (mine.free | others.free)[differ].any() and apart.max() < SAME_SCALE)
 
 
 def dead_axes(readings: Readings) -> NDArray[np.bool_]:

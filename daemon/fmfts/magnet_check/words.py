@@ -82,7 +82,8 @@ def magnet(found: Found) -> str:
     size_mm = 1e3 * (16.0 * moment / NEODYMIUM_T) ** (1.0 / 3.0)  # B_T = Br·r²·L/4 with L = 2r
     return (
         f"The magnet was {_height_mm(found):.0f} mm above the sensors, and as strong as a neodymium cylinder of about "
-        f"{size_mm:.1f} mm diameter and length. If yours has half or twice that volume, all chips read half or twice."
+        f"{size_mm:.1f} mm diameter and length. "
+        "If yours has half or twice that volume, all chips read half or twice the field."
     )
 
 
