@@ -25,11 +25,11 @@ REQUIRED = 0.95
 OUTCOMES = ("named", "open", "wrong name", "good", "false accusation")
 
 
-def one(case: tuple[int, int, int]) -> Outcome:
-    """case: seed, number, and which mistake, −1 for none."""
-    seed, number, which = case
+def one(case: tuple[int, int, int, float]) -> Outcome:
+    """case: seed, number, which mistake (−1 for none), and how clumsy the person is."""
+    seed, number, which, clumsy = case
     kinds = (*MISTAKES, two_scaled)
-    return tried((seed, number), None if which < 0 else kinds[which])
+    return tried((seed, number), None if which < 0 else kinds[which], clumsy)
 
 
 def main() -> int:
@@ -38,6 +38,7 @@ def main() -> int:
     parser.add_argument("--mistakes", type=int, default=200)
     parser.add_argument("--good", type=int, default=50)
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--clumsy", type=float, default=1.0, help="times as far off as 5 mm and 15° (1)")
     parser.add_argument("--more", action="store_true", help="also boards with two wrong scales, which are not counted")
     parser.add_argument("--show", action="store_true", help="say what was said where it is not named")
     options = parser.parse_args()
@@ -47,7 +48,7 @@ def main() -> int:
         cases += [(options.seed, 200_000 + number, len(MISTAKES)) for number in range(20)]
     table: defaultdict[str, Counter[str]] = defaultdict(Counter)
     with ProcessPoolExecutor(options.processes) as executor:
-        for case, outcome in zip(cases, executor.map(one, cases), strict=True):
+        for case, outcome in zip(cases, executor.map(one, [(*case, options.clumsy) for case in cases]), strict=True):
             table[outcome.kind][outcome.verdict] += 1
             table[outcome.kind]["repeated"] += outcome.repeated
             if options.show and outcome.verdict not in ("named", "good"):
