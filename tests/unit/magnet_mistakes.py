@@ -180,7 +180,7 @@ def obeyed(built: Built, chip: str, someone: Person, random: np.random.Generator
             if not weak and "too strong" not in str(refused):
                 raise
             someone.remanence_t *= 1.6 if weak else 0.7
-    raise AssertionError("no magnet suits")
+    raise TooLittleError("the person found no height that suits all steps")
 
 
 def tried(

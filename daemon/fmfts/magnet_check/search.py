@@ -189,7 +189,7 @@ class Search:
             one, magnets = found.explanation, found.fit.magnets
             for factor in (0.5, 2.0):
                 scale = np.where(one.used, one.scale * factor, 1.0)
-                if not one.free.any() and np.isin(scale, SCALES).all():
+                if not one.free.any() and np.isin(scale, SCALES).all() and (scale[one.used] == 1.0).any():
                     parts.append(replace(one, scale=scale))
                     starts.append(replace(magnets, moment=magnets.moment / factor))
             for image in self.images:
