@@ -176,10 +176,11 @@ def obeyed(built: Built, chip: str, someone: Person, random: np.random.Generator
         try:
             return measured(built, chip, someone, random)
         except RefusedStepError as refused:
-            weak = "too weak" in str(refused)
-            if not weak and "too strong" not in str(refused):
+            factors = {"too weak": 1.6, "too strong": 0.7, "move the magnet": 1.0}
+            factor = next((value for hint, value in factors.items() if hint in str(refused)), None)
+            if factor is None:
                 raise
-            someone.remanence_t *= 1.6 if weak else 0.7
+            someone.remanence_t *= factor
     raise TooLittleError("the person found no height that suits all steps")
 
 
