@@ -72,7 +72,6 @@ class Built:
     wired: np.ndarray
     turned: np.ndarray
     factor: np.ndarray
-    own_field_t: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass
@@ -145,7 +144,7 @@ def measured(built: Built, kind: str, someone: Person, random: np.random.Generat
         ])  # fmt: skip
         zero = random.uniform(-1.0, 1.0, (count, 3)) * ZERO_GAUSS[kind] * TESLA_PER_GAUSS
         direction = random.normal(size=3)
-        ambient = AMBIENT_T * direction / np.linalg.norm(direction) + built.own_field_t
+        ambient = AMBIENT_T * direction / np.linalg.norm(direction)
         frames = _frames(clock, kind, chips, places[built.wired], axes, zero, ambient)
         before = _held(frames, Hold(), None, random)
         held: list[Held] = []
