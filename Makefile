@@ -4,6 +4,7 @@
 #              HAND=1: five boards on a page in a browser, beside what a fixed baseline would say)
 # make chips-for-a-day   every driver on its emulated chips for a day of their time: 6 to 15 minutes for each chip
 # make sample-times      when samples were measured, and whether any comes twice: eight minutes
+# make magnet-check   what `probe --magnet` says of 200 random mistakes and 50 good boards: five minutes    (MAGNET_CHECK="--seed 2")
 # make mould   the mould of a pad of other sizes for a printer, as STL: needs OpenSCAD (hardware/ has the standard pad's)
 # make first-uses   from `init` to contacts with each chip that Linux reads, on two I2C adapters: figures, three minutes
 # make chips-page   write docs/chips.md anew from the chips' descriptions
@@ -49,7 +50,7 @@ TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi
 
 .PHONY: demo test lint unit processes clock slow long bench cold-starts clean wheel
 .PHONY: first-uses transcript recordings kept-report model pictures chips-page mould sample-times
-.PHONY: chaos chips-for-a-day fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
+.PHONY: magnet-check chaos chips-for-a-day fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
 
 # Ends a demo on Ctrl-C without an error. Programs that sh starts with & ignore Ctrl-C; sh catches it and sends SIGTERM
@@ -66,6 +67,9 @@ else ifneq ($(HAND),)
 else
 	@$(call until_interrupted,$(BIN)/python -m fmfts.cli.demo $(if $(SECONDS),--seconds $(SECONDS)) $(if $(PAD),--pad $(PAD)) $(if $(FINGERS),--fingers $(FINGERS)))
 endif
+
+magnet-check: $(VENV)/.installed-test
+	$(BIN)/python tests/drills/magnet_check.py $(MAGNET_CHECK)
 
 chips-for-a-day: $(VENV)/.installed-test
 	$(BIN)/python tests/drills/chips_for_a_day.py $(CHIPS_FOR_A_DAY)

@@ -44,6 +44,11 @@ def add_to(verb: AddVerb) -> None:
         with_json(added)
     probe = verb("probe", _probe, "say what is connected, and what is wrong with it")
     probe.add_argument("--pad", metavar="NAME", help="only this pad")
+    probe.add_argument(
+        "--magnet", action="store_true", help="check channels, axes and scales with a magnet in your hand, in a minute"
+    )
+    probe.add_argument("--pole", choices=("up", "down"), help="for --magnet: where its north pole points, if you know")
+    probe.add_argument("--write", action="store_true", help="for --magnet: write what is found into the configuration")
     with_json(probe)
 
 
@@ -104,6 +109,12 @@ def _probe(options: argparse.Namespace) -> int:
     from fmfts.cli import direct
     from fmfts.view.facts import print_facts
 
+    if options.magnet:
+        from fmfts.cli import magnet_check
+
+        return magnet_check.run(options)
+    if options.pole or options.write:
+        raise VerbError(exit_codes.USAGE, "--pole and --write belong to --magnet: `fmfts-daemon probe --magnet`")
     with ended_by(*direct.ERRORS):
         config = configuration_if_any(options)
         facts = direct.ask_daemon("probe", _endpoint_in(config))

@@ -14,7 +14,7 @@ READER_GONE = 141
 
 MEANING = {
     DONE: "done",
-    FAULTY: "the self-test failed, or probe found a sensor that gives nothing",
+    FAULTY: "the self-test failed, or probe found a sensor that gives nothing or is not as configured",
     USAGE: "usage: a wrong option, or a pad that is not there",
     DATA: "data, device or daemon refused",
     UNAVAILABLE: "device, daemon or a Python package absent",

@@ -1,0 +1,11 @@
+"""Checks a board with one magnet in a person's hand: channels, turns, mirrors, signs and scales of the chips.
+
+The person holds a magnet above the middle, then moves it to +x and to +y. `search.py` looks for the explanation of what
+the chips read; `verdict.py` says whether it is the drawing's.
+"""
+
+from fmfts.magnet_check.readings import STEPS, Board, Hand, Readings, told_hand
+from fmfts.magnet_check.verdict import TooLittleError, Verdict, judged
+from fmfts.magnet_check.words import sentences
+
+__all__ = ["STEPS", "Board", "Hand", "Readings", "TooLittleError", "Verdict", "judged", "sentences", "told_hand"]

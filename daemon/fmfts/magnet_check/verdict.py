@@ -1,0 +1,115 @@
+"""What the check says in the end: the board is as drawn, or what is wrong, or which explanations remain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.common.chi2 import quantile
+from fmfts.magnet_check.cost import Description
+from fmfts.magnet_check.readings import AMBIENT_T, Board, Hand, Readings
+from fmfts.magnet_check.search import Found, Search
+
+# An explanation is alike if it is not twenty times less probable; −2 ln.
+ALIKE = 2.0 * log(20.0)
+# So much less probable by the readings alone a simple fault must be, before a board is said to be without it.
+EXCLUDED = 2.0 * log(30.0)
+SAME_READINGS = 0.05
+SAME_SCALE = 0.3  # of a logarithm: 2 and 2.18 are one
+FALSE_REFUSAL = 1e-6
+FELT = 10.0  # deviations: a channel or an axis that reads less, where others read more, is dead
+LEAST_FIELD_T = 1e-5
+FEWEST = 3
+
+
+class TooLittleError(Exception):
+    """The readings say nothing of the board; the text says why, and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """found: the explanations that remain, the most probable first; none where nothing explains the readings.
+
+    blind: explanations that the readings cannot exclude, although the drawing is more probable before them.
+    dead: axes (N, 3) that read nothing. worst: the channel that fits worst, where nothing explains the readings.
+    """
+
+    board: Board
+    readings: Readings
+    found: tuple[Found, ...]
+    blind: tuple[Found, ...]
+    dead: NDArray[np.bool_]
+    worst: int | None = None
+
+    @property
+    def is_as_drawn(self) -> bool:
+        return self.is_decided and self.found[0].description.is_as_drawn and not self.dead.any()
+
+    @property
+    def is_decided(self) -> bool:
+        return len(self.found) == 1 and not self.blind
+
+    @property
+    def descriptions(self) -> tuple[Description, ...]:
+        return tuple(each.description for each in self.found)
+
+
+def judged(board: Board, readings: Readings, hand: Hand) -> Verdict:
+    """Raises TooLittleError where too few sensors feel the magnet."""
+    dead = dead_axes(readings)
+    used = dead.sum(axis=1) < 2
+    if used.sum() < FEWEST:
+        raise TooLittleError(
+            f"only {used.sum()} of {len(board)} sensors feel the magnet, and {FEWEST} are needed: take a stronger "
+            "magnet or hold it lower; `fmfts-daemon probe` says which sensors answer"
+        )
+    change = np.where(dead & used[:, None], np.nan, readings.change_t)
+    ranked = Search(board, Readings(change, readings.noise_t), hand, used).run()
+    best = ranked[0]
+    words = 2 + 1 + 3 * (len(change) - 1) + 3 * len(change) + (len(change) - 1)
+    measured = int(np.isfinite(change[:, best.explanation.used[0]]).sum())
+    freedom = measured + words - 6 * len(change)
+    if best.fit.chi2[0] - best.fit.by_channel[0][~best.explanation.used[0]].sum() > quantile(FALSE_REFUSAL, freedom):
+        return Verdict(board, readings, (), (), dead, int(best.fit.by_channel[0].argmax()))
+    remain = tuple(one for one in ranked if one.surprise < best.surprise + ALIKE)
+    blind = tuple(one for one in ranked[1:] if one not in remain and _is_blind(one, best))
+    return Verdict(board, readings, _without_measured_twins(remain), blind, dead)
+
+
+def _is_blind(one: Found, best: Found) -> bool:
+    """Whether the readings do not exclude this fault. One that never can be told is left to its probability."""
+    less = float(one.fit.surprise[0] - best.fit.surprise[0])
+    vague = (one.explanation.free & ~best.explanation.free).any() or (
+        one.explanation.used != best.explanation.used
+    ).any()
+    return SAME_READINGS < less < EXCLUDED and not vague and one.description.image.is_same
+
+
+def _without_measured_twins(remain: tuple[Found, ...]) -> tuple[Found, ...]:
+    """A scale that is measured says no more than the same scale by its name."""
+    kept: list[Found] = []
+    for one in remain:
+        if not any(_is_twin(one, other) for other in kept):
+            kept.append(one)
+    return tuple(kept)
+
+
+def _is_twin(one: Found, other: Found) -> bool:
+    mine, others = one.explanation, other.explanation
+    is_alike = all((getattr(mine, name) == getattr(others, name)).all() for name in ("place", "turn", "used"))
+    differ = (mine.free != others.free) | (mine.scale != others.scale)
+    apart = np.abs(one.fit.magnets.log_scale - other.fit.magnets.log_scale)
+    return bool(is_alike and differ.sum() == 1 and (mine.free | others.free)[differ].any() and apart.max() < SAME_SCALE)
+
+
+def dead_axes(readings: Readings) -> NDArray[np.bool_]:
+    """(N, 3) axes that read no change at all although most sensors feel the magnet well."""
+    size = np.abs(readings.change_t)
+    limit = FELT * np.sqrt(readings.noise_t**2 + AMBIENT_T**2) / 2.0
+    silent: NDArray[np.bool_] = np.asarray(~(size > limit).any(axis=0), dtype=np.bool_)
+    strength = np.nan_to_num(np.sqrt((readings.change_t**2).sum(axis=2))).max(axis=0)
+    is_felt = float(np.median(strength)) > max(LEAST_FIELD_T, 4.0 * float(np.nanmax(limit)))
+    return silent & is_felt
