@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from magnet_mistakes import MISTAKES, board_of, tried
+from magnet_mistakes import MISTAKES, any_turn, board_of, tried, two_quarters, upside_down
 from magnet_world import Built, good_board, measured, person
 from scipy.spatial.transform import Rotation
 
@@ -16,6 +16,7 @@ from fmfts.magnet_check.picture import picture
 from fmfts.magnet_check.words import magnet
 
 SEED = 3
+LEFT_TO_THE_DRILL = two_quarters, upside_down, any_turn  # `make magnet-check`; this file takes some 20 s
 
 
 def board_for(built: Built) -> Board:
@@ -31,13 +32,15 @@ def checked(built: Built, seed: int, pole_is_known: bool = False, chip: str = "m
     return judged(board_for(drawn), readings, told_hand(someone.pole if pole_is_known else 0))
 
 
-@pytest.mark.parametrize("make", list(dict.fromkeys(MISTAKES)), ids=lambda make: make.__name__)
+@pytest.mark.parametrize(
+    "make", [make for make in dict.fromkeys(MISTAKES) if make not in LEFT_TO_THE_DRILL], ids=lambda make: make.__name__
+)
 def test_random_mistake_is_named(make) -> None:  # type: ignore[no-untyped-def]
     outcome = tried((SEED, 7, MISTAKES.index(make)), make)
     assert outcome.verdict == "named", outcome
 
 
-@pytest.mark.parametrize("number", range(3))
+@pytest.mark.parametrize("number", range(2))
 def test_good_board_is_not_accused(number: int) -> None:
     outcome = tried((SEED, 50 + number), None)
     assert outcome.verdict == "good", outcome
