@@ -123,7 +123,7 @@ def test_a_third_of_a_newton_needs_a_smaller_network(response: Response) -> None
 def test_bus_too_slow_for_220_hz_is_told_with_what_it_carries(response: Response) -> None:
     slow = pad(source=I2cSource(bus=1, clock_hz=100_000, rate_hz=150))
     rate = limits(Surroundings(slow, response))[1]
-    assert "150 Hz, at most 165" in rate  # 4·146 + 20 bits at 100 kHz
+    assert "150 Hz, at most 168" in rate  # 4·143 + 20 bits at 100 kHz
     assert "not 220" in rate
     fast = pad(source=I2cSource(bus=1, clock_hz=400_000, rate_hz=220))
     assert limits(Surroundings(fast, response))[1] == "rate: 220 Hz of 220"

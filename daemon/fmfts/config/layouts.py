@@ -26,6 +26,9 @@ _CHIPS: dict[str, tuple[float, float, float]] = {
     "U4": (0.0, -7.0, 180.0),
     "U5": (-7.0, 0.05, 0.0),
 }
+# Sine and cosine of half of each turn.
+_DIAGONAL = math.sqrt(0.5)
+_OF_HALF = {0.0: (0.0, 1.0), 90.0: (_DIAGONAL, _DIAGONAL), -90.0: (-_DIAGONAL, _DIAGONAL), 180.0: (1.0, 0.0)}
 # In the order of the stream: addresses 0x0C, 0x13, 0x12, 0x10, 0x11, and 0x0C, 0x0D, 0x0E, 0x0F, 0x10. The pins A1 and
 # A0 are both low at U1 and U4, both high at U2; A0 alone is high at U3, A1 alone at U5.
 _ORDERS = {"reskin5": ("U1", "U2", "U5", "U4", "U3"), "anyskin5": ("U1", "U3", "U5", "U2", "U4")}
@@ -36,7 +39,7 @@ def layout(board: BoardName) -> tuple[tuple[Vector, ...], tuple[Vector, ...]]:
     name, back, _ = board.partition("_back")
     chips = [_CHIPS[designator] for designator in _ORDERS[name]]
     if back:  # half a turn about y, after the chip's own about z
-        halves = [math.radians(turn) / 2.0 for _, _, turn in chips]
-        rotations = tuple((180.0 * math.sin(half), 180.0 * math.cos(half), 0.0) for half in halves)
+        halves = [_OF_HALF[turn] for _, _, turn in chips]
+        rotations = tuple((180.0 * sine, 180.0 * cosine, 0.0) for sine, cosine in halves)
         return tuple((0.0 - x, y, 0.0) for x, y, _ in chips), rotations
     return tuple((x, y, 0.0) for x, y, _ in chips), tuple((0.0, 0.0, turn) for _, _, turn in chips)

@@ -49,7 +49,7 @@ class Steps:
         if self.is_known:
             sound &= _are_multiples(fields_ut, self.code).all(axis=1)
         self._off.append(not sound.all())
-        counted = np.rint(fields_ut / _STEPS_UT[self.code])
+        counted = np.round(fields_ut / _STEPS_UT[self.code])
         told = np.abs(counted) <= STREAMED_LARGEST[self.code]
         return np.where(told, counted, ANYSKIN.saturated_count).astype(np.int16), sound
 
@@ -65,6 +65,6 @@ class Steps:
 def _are_multiples(fields_ut: Array, code: int) -> NDArray[np.bool_]:
     """Where there is no number, none is wrong."""
     step = _STEPS_UT[code]
-    away = np.abs(fields_ut - np.rint(fields_ut / step) * step)
+    away = np.abs(fields_ut - np.round(fields_ut / step) * step)
     near: NDArray[np.bool_] = ~(away > TOLERANCE_UT + TOLERANCE * np.abs(fields_ut))
     return near

@@ -6,6 +6,7 @@ import math
 import time
 from enum import IntEnum
 
+from fmfts.arithmetic.elementary import power
 from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip
 from fmfts.sensor.i2c.sensor import Sensor, now_us
 
@@ -26,8 +27,8 @@ def undisturbed(chip: Chip, gain_code: int, sensor: Sensor, axes: Axes) -> Axes:
     film = chip.film
     if film is None:
         return axes
-    gauss = _norm_gauss(chip, gain_code, axes)
-    met = Exposure.UPSET if gauss > film.upset_gauss else Exposure(gauss > film.doubtful_gauss)
+    square = _square_of_gauss(chip, gain_code, axes)
+    met = Exposure.UPSET if square > power(film.upset_gauss, 2) else Exposure(square > power(film.doubtful_gauss, 2))
     has_gone = met == Exposure.NOTHING and sensor.exposure != Exposure.NOTHING
     sensor.exposure = max(sensor.exposure, met)
     if sensor.exposure < Exposure.UPSET and not has_gone:
@@ -50,7 +51,11 @@ def is_due(chip: Chip, sensor: Sensor) -> bool:
     return chip.film is not None and now_us() - sensor.magnetised_us > 1e6 * chip.film.every_s
 
 
-def _norm_gauss(chip: Chip, gain_code: int, axes: Axes) -> float:
+def _square_of_gauss(chip: Chip, gain_code: int, axes: Axes) -> float:
+    """Of the field's norm."""
     if chip.saturated_count in axes:
         return math.inf
-    return math.hypot(*(axes * chip.step_t[gain_code])) / TESLA_PER_GAUSS
+    x, y, z = (
+        count * float(step_t) / TESLA_PER_GAUSS for count, step_t in zip(axes, chip.step_t[gain_code], strict=True)
+    )
+    return x * x + y * y + z * z
