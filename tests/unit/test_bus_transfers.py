@@ -94,7 +94,8 @@ def test_sample_bits_are_those_on_the_wires(chip: Chip, clock: Clock) -> None:
             bits.append(bus.bus.bit_times - before)
         usual, times = Counter(bits).most_common(1)[0]
         assert usual == chip.driver.sample_bits
-        assert times >= 490
+        # A QMC5883P is read again where a sample ends within the two transfers that follow its status: 0.4 of 5 ms.
+        assert times >= (460 if chip.name == "qmc5883p" else 490)
 
 
 @pytest.mark.parametrize("chip", READ_ON_I2C, ids=lambda chip: chip.name)

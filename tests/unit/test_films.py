@@ -120,3 +120,24 @@ def test_sample_that_waited_for_a_reader_is_not_used(clock: Clock, kind: str) ->
     sample = run(pad, clock, 0.005, 100)[0]
     assert sample.fresh == 0
     assert run(pad, clock, 0.1, 100)[-1].fresh == 1
+
+
+@pytest.mark.parametrize("gap_s", [0.02, 0.06, 0.2, 3.0])
+@pytest.mark.parametrize("rate_hz", [50, 60, 100, 120, 220])
+@pytest.mark.parametrize("kind", FILMS)
+def test_chip_that_was_reset_in_a_gap_is_set_up_again(clock: Clock, kind: str, rate_hz: int, gap_s: float) -> None:
+    """After a wire came off, its film may be turned over, and its measurements may take 8 ms."""
+    chips = [chip_of(clock, kind) for _ in range(8)]
+    pad, _ = emulated_pad(clock, kind, chips, rate_hz=rate_hz)
+    good = run(pad, clock, 0.3, rate_hz)[-1].counts[0]
+    for one in chips:
+        one.power_on()
+        one.film.pulse(-1, clock(), 0.0)
+    clock.sleep(gap_s)
+    samples = run(pad, clock, 2.0, rate_hz)
+    assert samples[-1].valid == 0xFF
+    for sample in samples:
+        for number, counts in enumerate(sample.counts):
+            if sample.fresh >> number & 1:
+                assert np.abs(counts - good).max() <= 1
+    assert sum(sample.fresh == 0xFF for sample in samples) > 0.6 * len(samples)

@@ -16,12 +16,13 @@ MODE_NORMAL = 0x01  # control 1: mode in bits 1–0, rate in 3–2, oversampling
 SIGNS_OF_AXES = 0x06  # "define the sign for x, y and z": the first step of each example in its data sheet
 WIDEST_RANGE = 3  # of gain codes here; its own range code in bits 3–2 of control 2 counts from the widest
 _AXES = Struct("<hhh")
+_TO_STATUS, _TO_AXES = bytes((STATUS,)), bytes((AXES,))
 
 
 class _Registers:
     """As `Driver` has it."""
 
-    sample_bits = transfer_bits(1, 1) + transfer_bits(1, 6)
+    sample_bits = 2 * transfer_bits(1, 1) + transfer_bits(1, 6)
     trigger_bits = 0
     trigger = b""  # how long its single measurements take is in no source
     stale_samples = 1
@@ -41,11 +42,17 @@ class _Registers:
         return wires.exchange(bytes((CONTROL_1,)), 2) == _configuration(chip, setup)
 
     def sample(self, wires: Wires) -> tuple[bool, bytes | None]:
-        """Two transfers, the status first: right whether reading the status or the axes clears "ready"."""
-        status = wires.exchange(bytes((STATUS,)), 1)[0]
-        if not status & STATUS_READY:
-            return False, None
-        return True, bytes((status & STATUS_OVERFLOW,)) + wires.exchange(bytes((AXES,)), 6)
+        """The status is asked once more after the axes: a sample that ended in between is then read, and read once.
+
+        Right whether reading the status (as the data sheet has it, by reznikmm) or the axes clears "ready".
+        """
+        block = None
+        for _ in range(2):
+            status = wires.exchange(_TO_STATUS, 1)[0]
+            if not status & STATUS_READY:
+                break
+            block = bytes((status & STATUS_OVERFLOW,)) + wires.exchange(_TO_AXES, 6)
+        return block is not None, block
 
     def axes(self, chip: Chip, block: bytes) -> Axes:
         return overflowing(chip, _AXES.unpack(block[1:]), bool(block[0]))

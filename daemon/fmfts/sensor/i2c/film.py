@@ -39,7 +39,7 @@ def undisturbed(chip: Chip, gain_code: int, sensor: Sensor, axes: Axes) -> Axes:
 
 
 def magnetise(chip: Chip, sensor: Sensor) -> None:
-    """The measurement that is running, if any, is spoilt."""
+    """Only while no measurement is running: no source says what a pulse does to one."""
     assert chip.film is not None
     sensor.wires.write(chip.film.pulse)
     sensor.exposure, sensor.magnetised_us = Exposure.NOTHING, now_us()

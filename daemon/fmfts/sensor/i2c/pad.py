@@ -29,6 +29,7 @@ from fmfts.sensor.wired_pad import Settings
 LOOK_US = 5_000_000
 MISSES_UNTIL_LOST = 3  # a single NACK is noise
 TRIGGER_TRIES = 3
+UNREAD_US = 250_000  # beside two frames. Longer than it takes to set all chips of a pad up, or that would never end
 LATE_UNTIL_RESET = 2  # triggered measurements in a row that do not end: the chip has forgotten its settings
 
 
@@ -237,16 +238,15 @@ class I2cPad:
         """False for a chip that keeps its last sample, and was not asked for another one, or too long ago."""
         if not self.chip.paced_by_host:
             return True
-        longest_us = 2 * period_us + 2e6 * self.chip.single_wait_s  # where nobody read for a while
-        return sensor.started_measuring_us > 0 and now_us() - sensor.started_measuring_us < longest_us
+        running_us = now_us() - sensor.started_measuring_us
+        return sensor.started_measuring_us > 0 and running_us < 2 * period_us + UNREAD_US
 
     def _read(self, sensor: Sensor, measured_us: int | None) -> None:
         period_us = _period_us(self.chip, self.settings)
         if not self._has_measured(sensor, period_us):
             self.select(sensor)
             if self._is_paced:
-                self._start(sensor)
-                sensor.started_us = sensor.started_measuring_us
+                self._repair(sensor)  # who knows what became of its settings and its film meanwhile
             elif sensor.is_silent(period_us):
                 sensor.lose(SensorState.NO_NEW_DATA)
             return
@@ -267,6 +267,8 @@ class I2cPad:
             axes = self.chip.driver.axes(self.chip, block)
             sensor.take(block, film.undisturbed(self.chip, self.settings.gain_code, sensor, axes), measured_us)
             sensor.late = 0
+            if film.is_due(self.chip, sensor):
+                film.magnetise(self.chip, sensor)  # now, while no measurement is running
             if self._is_paced:
                 self._start(sensor)
         elif sensor.is_silent(period_us):
@@ -290,9 +292,6 @@ class I2cPad:
         self.select(sensor)
         if not self.chip.driver.is_set_up(sensor.wires, self.chip, self.setup):
             self._repair(sensor)
-        if film.is_due(self.chip, sensor):
-            film.magnetise(self.chip, sensor)
-            sensor.discard += self._is_paced  # the measurement that is running
         if self.chip.thermometer is not None:
             count = self.chip.driver.temperature_count(sensor.wires, sensor.block)
             sensor.temperature_raw = TEMPERATURE_UNKNOWN if count is None else count
