@@ -82,7 +82,7 @@ void sensor_await(struct sensor *sensor, uint64_t triggered_us)
 
 void sensor_was_set(struct sensor *sensor, uint64_t now_us)
 {
-    sensor->upset = false;
+    sensor->film = FILM_UNDISTURBED;
     sensor->set_us = (uint32_t)now_us;
     sensor->settled_us = now_us + CHIP_SET_PAUSE_US + sensor_chip(sensor)->trigger->conversion_us;
 }

@@ -15,6 +15,12 @@ enum sensor_phase { PHASE_IDENTIFY, PHASE_RESET, PHASE_CONFIGURE, PHASE_RUN, PHA
 
 enum { SENSOR_ANY_ADDRESS = 0, SENSOR_CHORE_INTERVAL_US = 125000 };
 
+enum sensor_film {
+    FILM_UNDISTURBED,
+    FILM_DOUBTFUL, // a field as which a stronger one may read
+    FILM_UPSET,
+};
+
 struct sensor {
     uint8_t address; // where it is asked for, or SENSOR_ANY_ADDRESS
     uint8_t state; // enum sensor_state
@@ -37,7 +43,7 @@ struct sensor {
     bool suspect;          // a trigger's conversion was late or missing, and none has ended in time since
     bool unaltered;        // the last sample equals the one before
     bool temperature_next; // the next chore reads the temperature; the one after it checks the configuration
-    bool upset; // a strong field was there since the last SET
+    uint8_t film; // what it has met since the last SET
     int16_t counts[3];
     int16_t temperature_raw;
     struct conversion conversion;

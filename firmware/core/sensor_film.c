@@ -2,22 +2,26 @@
 
 enum { SET_INTERVAL_US = 600000000 }; // each SET moves the zero by up to a sample's noise, so it is given seldom
 
-static bool is_strong(const struct chip *chip, const int16_t counts[3])
+static bool is_beyond(const int16_t counts[3], uint16_t limit)
 {
-    uint32_t norm = 0, strong = chip->strong_counts;
+    uint32_t square = 0;
     for (int axis = 0; axis < 3; axis++) {
         if (counts[axis] == CHIP_SATURATED)
             return true;
-        norm += (uint32_t)(counts[axis] * counts[axis]);
+        square += (uint32_t)(counts[axis] * counts[axis]);
     }
-    return norm > strong * strong;
+    return square > (uint32_t)limit * limit;
 }
 
 bool sensor_film_needs_set(struct sensor *sensor, int16_t counts[3], uint32_t now_us)
 {
-    bool strong = is_strong(sensor_chip(sensor), counts);
-    sensor->upset = sensor->upset || strong;
-    for (int axis = 0; axis < 3 && sensor->upset; axis++)
+    const struct chip *chip = sensor_chip(sensor);
+    uint8_t met = is_beyond(counts, chip->strong_counts)     ? FILM_UPSET
+                  : is_beyond(counts, chip->doubtful_counts) ? FILM_DOUBTFUL
+                                                             : FILM_UNDISTURBED;
+    bool has_gone = met == FILM_UNDISTURBED && sensor->film != FILM_UNDISTURBED;
+    sensor->film = met > sensor->film ? met : sensor->film;
+    for (int axis = 0; axis < 3 && (sensor->film == FILM_UPSET || has_gone); axis++)
         counts[axis] = CHIP_SATURATED;
-    return !strong && (sensor->upset || now_us - sensor->set_us >= SET_INTERVAL_US);
+    return has_gone || (met == FILM_UNDISTURBED && now_us - sensor->set_us >= SET_INTERVAL_US);
 }

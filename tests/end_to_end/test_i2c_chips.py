@@ -25,7 +25,9 @@ WIRED: dict[str, dict[str, Any]] = {
     "mlx90393": {"rate_hz": 220, "range_gauss": 132.0, "channels": (), "addresses": (0x0C, 0x0D, 0x0E, 0x0F)},
     "lis3mdl": {"rate_hz": 150, "range_gauss": 4.0, "channels": (), "addresses": (0x1C, 0x1E)},
     "qmc5883l": {"rate_hz": 200, "range_gauss": 8.0},
+    "qmc5883p": {"rate_hz": 200, "range_gauss": 8.0},
     "mmc5983ma": {"rate_hz": 220, "range_gauss": 8.0},
+    "mmc5603nj": {"rate_hz": 220, "range_gauss": 30.0},
 }
 
 
@@ -37,6 +39,9 @@ def wired(chip: str, **options: Any) -> Iterator[tuple[KernelBus, I2c]]:
         yield kernel, kernel.open(pad(sensors=sensors, **{"chip": chip, "channels": tuple(range(sensors))} | settings))
 
 
+PULSE_ZERO_T = 5e-7  # five deviations of the zero that a set pulse leaves: 1 mG (MMC5983MA, data sheet page 2)
+
+
 @pytest.mark.parametrize("chip", WIRED)
 def test_every_chip_arrives_as_a_field(chip: str) -> None:
     with wired(chip) as (kernel, source):
@@ -44,7 +49,8 @@ def test_every_chip_arrives_as_a_field(chip: str) -> None:
         sensors = len(frame.valid)
         due = np.array([(0.1 * (c + 1), -0.05 * (c + 1), 0.3) for c in range(sensors)]) * TESLA_PER_GAUSS
         assert frame.chip is CHIPS[chip]
-        assert frame.field_t == pytest.approx(due, abs=frame.chip.step_t[frame.gain_code].max())
+        scatter_t = PULSE_ZERO_T if CHIPS[chip].film else 0.0
+        assert frame.field_t == pytest.approx(due, abs=frame.chip.step_t[frame.gain_code].max() + scatter_t)
         frames = run(source, lambda frames: len(frames) > 60)
         assert np.mean([frame.fresh for frame in frames]) > 0.5  # less on a machine that falls behind
         assert kernel.report()["conflicts"] == 0
@@ -157,26 +163,25 @@ def test_probe_names_what_is_on_the_bus_where_a_pad_is_not_sound(tmp_path: Path)
         assert f"QMC5883L at 0x0D, mux 0x70, channel {channel}" in ended.stdout
 
 
-def test_chip_that_the_daemon_does_not_read_is_named_by_probe_and_init(tmp_path: Path) -> None:
+def test_qmc5883p_is_named_and_another_device_there_is_not(tmp_path: Path) -> None:
+    """A digital potentiometer at 0x2C says 0x80 to every question, and so to that for the identification."""
     config = tmp_path / "pad.toml"
     source = 'type = "i2c"\nbus = 7\nchip = "qmc5883l"\nrate_hz = 200\nrange_gauss = 8.0\n'
     config.write_text(f'[[pad]]\nname = "left"\n[pad.source]\n{source}')
-    remark = "which this daemon does not read: it is sold as QMC5883L and HMC5883L, and has other registers"
     with kernel_bus("qmc5883p") as kernel:
-        kernel.order(chip=[0, 3], registers={0x0B: 0x80})  # another device, which says 0x80 to every question
+        kernel.order(chip=[0, 3], registers={0x0B: 0x80})
         probed = run_command("probe", "--config", config)
         written = run_command("init", "--i2c", "7", "--config", tmp_path / "new.toml")
     assert probed.returncode == exit_codes.FAULTY, probed
-    assert written.returncode == exit_codes.UNAVAILABLE, written
     for channel in range(3):
-        sensor = f"sensor {channel + 1} (mux 0x70, channel {channel})"
-        assert f"{sensor} is a QMC5883P at 0x2C, {remark}" in probed.stdout
-        there = f"QMC5883P at 0x2C, mux 0x70, channel {channel}, {remark}"
-        assert there in probed.stdout
-        assert there in written.stderr
+        where = f"sensor {channel + 1} (mux 0x70, channel {channel})"
+        assert f'{where} is a QMC5883P at 0x2C, not a QMC5883L: set chip = "qmc5883p"' in probed.stdout
     assert "sensor 4 (mux 0x70, channel 3) does not answer" in probed.stdout
-    assert "QMC5883P at 0x2C, mux 0x70, channel 3" not in probed.stdout + written.stderr
-    assert not (tmp_path / "new.toml").exists()
+    assert "QMC5883P at 0x2C, mux 0x70, channel 3" not in probed.stdout
+    assert written.returncode == 0, written
+    new = (tmp_path / "new.toml").read_text()
+    assert 'chip = "qmc5883p"' in new
+    assert "channels = [0, 1, 2]" in new
 
 
 @pytest.mark.parametrize("chip", ["mlx90393", "lis3mdl", "mmc5983ma"])
@@ -259,8 +264,8 @@ def test_a_selftest_of_mmc5983ma_tells_zeros_and_the_one_that_is_too_large() -> 
         run(source, lambda frames: source.selftest_result(0))
         result = source.selftest_result(0)
         assert [sensor["passed"] for sensor in result["sensors"]] == [True, True, False, True]
-        # Of the chip's axes z is turned over; two counts of 0.024 µT.
-        assert result["sensors"][0]["zero_t"] == pytest.approx([25e-6, 0.0, 12.5e-6], abs=0.05e-6)
+        # Of the chip's axes z is turned over.
+        assert result["sensors"][0]["zero_t"] == pytest.approx([25e-6, 0.0, 12.5e-6], abs=PULSE_ZERO_T)
         (reason,) = result["sensors"][2]["failures"]
         assert reason.startswith("y: its zero is +75.0 µT, where ±50 are due: magnetised, or broken:")
-        assert run(source, all_valid)[-1].field_t[0] == pytest.approx([35e-6, -5e-6, 42.5e-6], abs=0.05e-6)
+        assert run(source, all_valid)[-1].field_t[0] == pytest.approx([35e-6, -5e-6, 42.5e-6], abs=PULSE_ZERO_T)

@@ -97,14 +97,16 @@ def test_init_says_which_pads_may_be_two_halves_of_one() -> None:
     )
 
 
-def test_init_leaves_out_what_the_daemon_does_not_read(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    read = [Found("qmc5883l", 0x0D, 0x70, channel) for channel in (0, 2, 3)]
-    monkeypatch.setattr(scan, "scanned", lambda bus: [read[0], Found("qmc5883p", 0x2C, 0x70, 1), *read[1:]])
-    (pad,), _ = init_config._on_i2c(1)
-    assert "channels = [0, 2, 3]" in "\n".join(pad.source)
-    assert capsys.readouterr().out.startswith("left out: QMC5883P at 0x2C, mux 0x70, channel 1, which this daemon ")
+def test_init_writes_a_pad_for_each_kind_of_chip_behind_a_mux(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Boards sold under one name carry different chips, and a pad's chips must be of one kind."""
+    older = [Found("qmc5883l", 0x0D, 0x70, channel) for channel in (0, 2, 3)]
+    monkeypatch.setattr(scan, "scanned", lambda bus: [older[0], Found("qmc5883p", 0x2C, 0x70, 1), *older[1:]])
+    pads, _ = init_config._on_i2c(1)
+    sources = ["\n".join(pad.source) for pad in pads]
+    assert ['chip = "qmc5883l"' in source for source in sources] == [True, False]
+    assert ['chip = "qmc5883p"' in source for source in sources] == [False, True]
+    assert "channels = [0, 2, 3]" in sources[0]
+    assert "channels = [1]" in sources[1]
 
 
 def test_every_verb_finds_the_file_that_init_wrote_here(tmp_path: Path) -> None:

@@ -263,6 +263,25 @@ static void sets_its_film_anew_only_after_a_strong_field(const struct promised *
 }
 TEST_EACH_MEMSIC(sets_its_film_anew_only_after_a_strong_field)
 
+// No source tells what a field beyond 10 G reads as. It may read as one that needs no SET.
+static void sets_its_film_anew_when_a_doubtful_field_has_gone(const struct promised *kind)
+{
+    static const double rest[3] = {0.75, -1.5, 0.3};
+    chip_rig_begin_streaming(kind, 0, 100);
+    rig_run_ms(200);
+    uint64_t pulsed_ns = film(0)->pulsed_ns;
+    chip_rig_set_field(0, 0.65 * kind->film_gauss, 0.0, 0.0);
+    rig_run_ms(50);
+    struct sample_view view = chip_rig_newest();
+    CHECK(!is_marked(&view, 0)); // it may well be true
+    CHECK_EQUAL(film(0)->pulsed_ns, pulsed_ns);
+    chip_rig_set_field(0, rest[0], rest[1], rest[2]);
+    rig_run_ms(20);
+    CHECK(film(0)->pulsed_ns > pulsed_ns);
+    CHECK(count_unmarked(kind, 100, rest) > 5);
+}
+TEST_EACH_MEMSIC(sets_its_film_anew_when_a_doubtful_field_has_gone)
+
 static void sets_its_film_anew_every_ten_minutes(const struct promised *kind)
 {
     enum { SECOND = 1000000 };

@@ -220,9 +220,10 @@ def test_firmware_describes_the_other_chips_as_the_daemon_does(chip: Chip) -> No
     assert board["LARGEST"] == chip.largest_count
     assert chip.saturated_count == -(2**15)
     if chip.film is not None:
-        strong = re.search(r"STRONG = (\d+) \* (\d+)", source)
-        assert strong is not None
-        assert [float(each) for each in strong.groups()] == [chip.film.upset_gauss, chip.counts_per_gauss[0][0]]
+        for name, gauss in (("STRONG", chip.film.upset_gauss), ("DOUBTFUL", chip.film.doubtful_gauss)):
+            limit = re.search(rf"{name} = (\d+) \* (\d+)", source)
+            assert limit is not None
+            assert [float(each) for each in limit.groups()] == [gauss, chip.counts_per_gauss[0][0]]
     assert f".gain_codes = {len(chip.counts_per_gauss)}," in source
     speeds = re.search(r"chip_speed speeds\[\] = \{(.*)\};", source)
     assert speeds is not None

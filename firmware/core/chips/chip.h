@@ -59,6 +59,7 @@ struct chip {
     bool fills_period; // in a stream one measurement follows the other without a pause
     bool asked_by_writing; // `identify` sends commands that other chips may take for a write to a register
     uint16_t strong_counts; // a field of this norm may upset the film of a chip with `set`
+    uint16_t doubtful_counts; // and a stronger one may read as this; a SET follows when it has gone
     uint16_t reset_us; // what `reset` takes
     const struct chip_speed *speeds;
     const struct chip_trigger *trigger; // NULL: it measures at its own times only

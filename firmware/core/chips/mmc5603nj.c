@@ -10,6 +10,7 @@ enum {
     STATUS_FIELD_DONE = 0x40,
     LARGEST = 30720, // 30 G
     STRONG = 30 * 1024, // 30 G; unverified: its range is taken for what its film withstands
+    DOUBTFUL = 15 * 1024,
     RESET_US = 20000,
 };
 
@@ -42,6 +43,7 @@ const struct chip chip_mmc5603nj = {
     .speed_count = sizeof speeds / sizeof *speeds,
     .paced = true,
     .strong_counts = STRONG,
+    .doubtful_counts = DOUBTFUL,
     .reset_us = RESET_US,
     .speeds = speeds,
     .trigger = &trigger,

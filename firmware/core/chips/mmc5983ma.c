@@ -10,6 +10,7 @@ enum {
     STATUS_FIELD_DONE = 0x01,
     LARGEST = 32766,
     STRONG = 9 * 4096, // 9 G; above 10 G the film is upset until the next SET (page 2)
+    DOUBTFUL = 5 * 4096,
     RESET_US = 10000,
 };
 
@@ -42,6 +43,7 @@ const struct chip chip_mmc5983ma = {
     .speed_count = sizeof speeds / sizeof *speeds,
     .paced = true,
     .strong_counts = STRONG,
+    .doubtful_counts = DOUBTFUL,
     .reset_us = RESET_US,
     .speeds = speeds,
     .trigger = &trigger,
