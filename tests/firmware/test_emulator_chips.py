@@ -152,7 +152,9 @@ def test_flashed_program_reads_each_kind_and_loses_no_frame(kind: Kind) -> None:
     # Frames are no faster than some chips: of a faster one the newest sample is sent.
     assert np.all(taken >= np.minimum(made, kind.rate_hz * SECONDS) * 0.95), (made, taken)
     field_t = np.mean([sample.counts for sample in samples], axis=0) * chip.step_t[kind.gain_code]
-    assert field_t == pytest.approx(np.array(FIELDS_GAUSS) * 1e-4, abs=float(np.nanmax(chip.step_t[kind.gain_code])))
+    # A step, since some chips cut bits off, and five deviations of the mean of so many samples with 0.2 µT of noise.
+    tolerance_t = float(np.nanmax(chip.step_t[kind.gain_code])) + 5 * 2e-7 / len(samples) ** 0.5
+    assert field_t == pytest.approx(np.array(FIELDS_GAUSS) * 1e-4, abs=tolerance_t)
     temperature_c = chip.temperature_c(samples[-1].temperature_raw)
     assert temperature_c is None if chip.thermometer is None else temperature_c == pytest.approx(25.0, abs=0.13)
     assert all(chip.is_identity(sensor.identification) for sensor in stream.hello.pads[0].sensors)
