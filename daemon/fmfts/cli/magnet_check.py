@@ -177,7 +177,7 @@ def _offer(verdict: Verdict, pad: PadConfig, path: Path, options: argparse.Names
         return
     try:
         keys = geometry_of(verdict).keys()
-        text = with_geometry(path.read_text(encoding="utf-8"), pad.name, keys)
+        text = with_geometry(path.read_text(encoding="utf-8-sig"), pad.name, keys)
     except (NotWritableError, RewritingError) as error:
         print(f"{path} is left as it is: {error}", file=sys.stderr)
         return
@@ -190,6 +190,9 @@ def _offer(verdict: Verdict, pad: PadConfig, path: Path, options: argparse.Names
         return
     try:
         kept = rewrite(path, text)
+    except RewritingError as error:
+        print(f"{path} is left as it is: {error}", file=sys.stderr)
+        return
     except OSError as error:
         raise not_written(error, path) from error
     print(f"{path}: [pad.geometry] of pad '{pad.name}' is written anew; the old file is {kept}", file=sys.stderr)

@@ -58,7 +58,7 @@ class Scrubber:
         return text
 
     def facts(self, value: Any) -> Any:
-        """The same facts, with each of their texts scrubbed, keys that are paths, and values of keys like "password"."""
+        """The same facts with scrubbed texts, also in keys that are paths; without values of keys like "password"."""
         if isinstance(value, str):
             return self.text(value)
         if isinstance(value, Mapping):
