@@ -86,11 +86,8 @@ class Search:
             before = self.known.get(key)
             if before is not None and before.fit.surprise[0] <= fit.surprise[0]:
                 continue
-            description = before.description if before is not None else self._described(one)
+            description = before.description if before is not None else described(self.board, self.images, one)
             self.known[key] = Found(description, fit, one, float(fit.surprise[0]) + description.cost)
-
-    def _described(self, one: Explanations) -> Description:
-        return described(self.board, self.images, one.place[0], one.turn[0], one.scale[0], one.free[0], one.used[0])
 
     def _explanation(
         self, place: Iterable[int] | None = None, turn: Array | None = None, used: NDArray[np.bool_] | None = None
