@@ -154,7 +154,7 @@ def test_swapped_channels_are_named_written_and_then_good(tmp_path: Path) -> Non
     assert code == exit_codes.DONE, (output, second.said)
 
 
-def test_check_goes_through_a_running_daemon_and_repeats_a_weak_step(tmp_path: Path) -> None:
+def test_check_uses_a_running_daemon_and_repeats_a_weak_step(tmp_path: Path) -> None:
     with (
         FirmwareHost(tmp_path, "--uid", UID, "--pads", "1") as board,
         RunningDaemon(tmp_path, CONFIG.format(port=board.port)) as daemon,

@@ -58,7 +58,7 @@ def shape(facts: Any) -> Any:
     return [shape(facts[0])] if isinstance(facts, list) and facts and isinstance(facts[0], dict) else None
 
 
-def test_report_of_chips_on_the_bus_holds_what_the_kept_one_holds(tmp_path: Path) -> None:
+def test_report_of_chips_on_a_bus_holds_what_the_kept_one_holds(tmp_path: Path) -> None:
     with kernel_bus("qmc5883l"):
         made = Made(tmp_path, QMC_CONFIG, "--seconds", "2")
     kept = facts_of(KEPT)
@@ -78,7 +78,7 @@ def test_report_of_chips_on_the_bus_holds_what_the_kept_one_holds(tmp_path: Path
     assert "a daemon started for the report" in made.ended.stdout
 
 
-def test_report_brings_selftest_and_registers_as_the_daemon_set_them(tmp_path: Path) -> None:
+def test_report_holds_selftest_and_registers_of_the_daemon(tmp_path: Path) -> None:
     """Honeywell 900425: 0x9c in register A is compensation and 220 Hz; the chips of mux 0x71 were never set up."""
     with kernel_bus():
         made = Made(tmp_path, HMC_CONFIG, "--seconds", "1")

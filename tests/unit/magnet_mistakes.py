@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from magnet_world import GAINS, Built, Person, RefusedStepError, good_board, measured, person
 
-from fmfts.magnet_check import Board, Readings, TooLittleError, Verdict, judged, sentences, told_hand
+from fmfts.magnet_check import Board, Readings, TooLittleError, Verdict, instructed_hand, judged, sentences
 
 KINDS = tuple(GAINS)
 COUNTS = (4, 4, 4, 4, 5, 8)
@@ -203,7 +203,9 @@ def tried(
     verdict, repeated = None, False
     for attempt in range(2):
         try:
-            verdict = judged(board, obeyed(built, chip, someone, random), told_hand(someone.pole if attempt else 0))
+            verdict = judged(
+                board, obeyed(built, chip, someone, random), instructed_hand(someone.pole if attempt else 0)
+            )
         except TooLittleError as error:
             return Outcome(mistake.kind, "open", str(error), repeated)
         if verdict.is_decided:

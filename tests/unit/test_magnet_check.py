@@ -10,7 +10,7 @@ from magnet_mistakes import MISTAKES, any_turn, board_of, tried, two_quarters, u
 from magnet_world import Built, good_board, measured, person
 from scipy.spatial.transform import Rotation
 
-from fmfts.magnet_check import Board, Readings, TooLittleError, Verdict, judged, sentences, told_hand
+from fmfts.magnet_check import Board, Readings, TooLittleError, Verdict, instructed_hand, judged, sentences
 from fmfts.magnet_check.geometry import NotWritableError, geometry_of
 from fmfts.magnet_check.picture import picture
 from fmfts.magnet_check.words import magnet
@@ -29,7 +29,7 @@ def checked(built: Built, seed: int, pole_is_known: bool = False, chip: str = "m
     someone = person(chip, random, largest_factor=2.0)
     readings = measured(built, chip, someone, random)
     drawn = board_of(len(built.place_m)) if len(built.place_m) == 5 else good_board(len(built.place_m))
-    return judged(board_for(drawn), readings, told_hand(someone.pole if pole_is_known else 0))
+    return judged(board_for(drawn), readings, instructed_hand(someone.pole if pole_is_known else 0))
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_written_geometry_makes_the_board_good() -> None:
     random = np.random.default_rng(6)
     someone = person("hmc5983", random)
     readings = measured(built, "hmc5983", someone, random)
-    verdict = judged(board_for(good_board(4)), readings, told_hand())
+    verdict = judged(board_for(good_board(4)), readings, instructed_hand())
     geometry = geometry_of(verdict)
     assert geometry.keys() == {
         "sensors_mm": "[[8, -8, 0], [8, 8, 0], [-8, 8, 0], [-8, -8, 0]]",
@@ -87,7 +87,7 @@ def test_written_geometry_makes_the_board_good() -> None:
     }
     axes = Rotation.from_rotvec(geometry.rotation_deg, degrees=True).as_matrix()
     corrected = replace(board_for(good_board(4)), place_m=geometry.place_m, axes=axes)
-    assert judged(corrected, readings, told_hand()).is_as_drawn
+    assert judged(corrected, readings, instructed_hand()).is_as_drawn
 
 
 def test_one_mirrored_chip_cannot_be_written() -> None:
@@ -122,7 +122,7 @@ def test_far_magnet_leaves_the_check_open() -> None:
     built, random = good_board(4), np.random.default_rng(10)
     someone = person("mmc5983ma", random)
     someone.height_m, someone.diameter_m, someone.length_m = 0.3, 0.04, 0.04
-    verdict = judged(board_for(built), measured(built, "mmc5983ma", someone, random), told_hand())
+    verdict = judged(board_for(built), measured(built, "mmc5983ma", someone, random), instructed_hand())
     assert not verdict.is_decided
     assert "repeat the check with it nearer" in " ".join(sentences(verdict)).lower()
 
@@ -130,7 +130,7 @@ def test_far_magnet_leaves_the_check_open() -> None:
 def test_readings_of_no_magnet_are_explained_by_nothing() -> None:
     random = np.random.default_rng(11)
     readings = Readings(random.normal(0.0, 1e-4, (3, 4, 3)), np.full((4, 3), 1e-7))
-    verdict = judged(board_for(good_board(4)), readings, told_hand())
+    verdict = judged(board_for(good_board(4)), readings, instructed_hand())
     assert not verdict.found
     assert sentences(verdict)[0].startswith("Nothing that this check knows explains the readings.")
     assert "1 ✗" in picture(verdict)
@@ -141,7 +141,7 @@ def test_too_few_sensors_are_refused() -> None:
     change[:, 0] = 1e-4
     change[:, 1] = 1e-4
     with pytest.raises(TooLittleError, match="only 2 of 4 sensors feel the magnet"):
-        judged(board_for(good_board(4)), Readings(change, np.full((4, 3), 1e-7)), told_hand())
+        judged(board_for(good_board(4)), Readings(change, np.full((4, 3), 1e-7)), instructed_hand())
 
 
 def test_magnet_strength_is_told_within_a_fifth() -> None:
@@ -151,7 +151,7 @@ def test_magnet_strength_is_told_within_a_fifth() -> None:
     someone.diameter_m = someone.length_m = 4e-3
     someone.remanence_t, someone.height_m = 1.25, 0.03
     built = good_board(4)
-    verdict = judged(board_for(built), measured(built, "mmc5983ma", someone, random), told_hand())
+    verdict = judged(board_for(built), measured(built, "mmc5983ma", someone, random), instructed_hand())
     words = magnet(verdict.found[0]).split()
     assert float(words[words.index("mm", words.index("about")) - 1]) == pytest.approx(4.0, rel=0.1)
     assert float(words[4 - 1]) == pytest.approx(30.0, abs=6.0)

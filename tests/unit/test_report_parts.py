@@ -32,18 +32,54 @@ SCRUBBER = Scrubber({"zaphod", "pi"}, {"heartofgold", "heartofgold.example"}, {"
         ("tcp://heartofgold.example:5570", "tcp://<host>:5570"),
         ("tcp://zaphod:towel42@heartofgold:1", "tcp://<user>@<host>:1"),
         ("tcp://192.168.7.9:5570, tcp://127.0.0.1:1", "tcp://<address>:5570, tcp://127.0.0.1:1"),
+        ("tcp://[fe80::ba27:ebff:fe01:203%eth0]:5570", "tcp://[<address>%eth0]:5570"),
+        ("2001:db8::1: no answer, ::ffff:192.168.7.9/64", "<address>: no answer, <address>/64"),
+        ("2001:0db8:0:1:1:1:1:1 on tcp://[::1]:5570, tcp://[::]:1", "<address> on tcp://[::1]:5570, tcp://[::]:1"),
+        (
+            "eth0 dc:a6:32:01:02:03: up, B8-27-EB-01-02-03, enxb827eb010203",
+            "eth0 <address>: up, <address>, enx<address>",
+        ),
+        ('psk = "towel42"', "psk = <removed>"),
+        ("wifi-sec.psk: towel42, WPAPSK=a", "wifi-sec.psk: <removed>"),
         ('# secret = "rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7"', "# secret = <removed>"),
         ("MY_TOKEN=ghp_0123456789", "MY_TOKEN=<removed>"),
         ("Password: towel42\nrate_hz = 220", "Password: <removed>\nrate_hz = 220"),
         ("a\n-----BEGIN PRIVATE KEY-----\nMC4\n-----END PRIVATE KEY-----\nb", "a\n<removed>\nb"),
         ('keys = "/etc/fmfts/keys"', 'keys = "/etc/fmfts/keys"'),
+        ('passphrase="a towel"', "passphrase=<removed>"),
     ],
 )
 def test_scrubber_removes_names_and_secrets(text: str, scrubbed: str) -> None:
     assert SCRUBBER.text(text) == scrubbed
 
 
-@pytest.mark.parametrize("part", ["é", "token", "\n", "://a", "/home/", "-----BEGIN ", "zaphod", "1.2.", "secret = "])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Nov 26 16:59:44.446 host: 2026-11-26T16:59:44+00:00",
+        "registers: b0 04 a8 00 11 22 33 44; 0x0c: b0 04 a8",
+        "usb 0403:6001 at 1-1:1.0, pci 0000:01:00.0, i2c@7e804000",
+        "std::vector, 16:59:44, 1:02:03:04, c0ffee:12",
+        "fmfts 1.2.3 of uid 0123456789abcdef01234567",
+        "550e8400-e29b-41d4-a716-446655440000",
+    ],
+)
+def test_scrubber_leaves_times_and_register_dumps(text: str) -> None:
+    assert SCRUBBER.text(text) == text
+
+
+def test_scrubber_removes_values_of_secret_keys() -> None:
+    facts = {"password": "x", "wifi": [{"PSK": 42, "ssid": "a"}], "API_KEY": {"a": "b"}, "keys": "/etc/fmfts/keys"}
+    expected = {"password": "<removed>", "wifi": [{"PSK": "<removed>", "ssid": "a"}], "API_KEY": "<removed>"}
+    assert SCRUBBER.facts(facts) == expected | {"keys": "/etc/fmfts/keys"}
+    assert SCRUBBER.facts({"/srv/people/zaphod/token": "a"}) == {"~/token": "a"}
+    assert SCRUBBER.message({"token": "x", "frames": {"secret": 3}}) == {"token": "<removed>", "frames": {"secret": 3}}
+
+
+@pytest.mark.parametrize(
+    "part",
+    ["é", "token", "\n", "://a", "/home/", "-----BEGIN ", "zaphod", "1.2.", "secret = ", "::", "fe:", "a1-", " 1:1::"],
+)
 def test_scrubber_is_quick_on_any_text(part: str) -> None:
     """200 kB take milliseconds; what goes over all of the text at each of its places takes minutes."""
     began_s = time.process_time()
@@ -74,9 +110,7 @@ def placed(root: Path, files: dict[str, bytes]) -> None:
         (root / name).write_bytes(content)
 
 
-def test_adapter_is_told_as_the_kernel_of_a_raspberry_pi_has_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_adapter_is_reported_as_a_raspberry_pi_has_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The tree as Linux makes it: Documentation/ABI/testing/sysfs-bus-i2c-devices, drivers/i2c/i2c-core-base.c."""
     controller = tmp_path / "sys/devices/platform/soc/fe804000.i2c"
     placed(

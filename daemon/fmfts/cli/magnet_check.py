@@ -11,7 +11,9 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
+
+import msgspec
 
 from fmfts.cli.verb import VerbError, configuration_and_path, ended_by, not_written, pad_named
 from fmfts.common import exit_codes
@@ -19,7 +21,7 @@ from fmfts.common import exit_codes
 if TYPE_CHECKING:
     from fmfts.collect.feed import Feed
     from fmfts.config import PadConfig
-    from fmfts.magnet_check import Verdict
+    from fmfts.magnet_check import Readings, Verdict
     from fmfts.magnet_check.holding import Held
 
 PROMPTS = (
@@ -40,7 +42,7 @@ POLES = {"up": 1, "down": -1, None: 0}
 def run(options: argparse.Namespace) -> int:
     from fmfts.collect.errors import CollectError
     from fmfts.collect.feed import open_feed
-    from fmfts.magnet_check import Board, TooLittleError, judged, told_hand
+    from fmfts.magnet_check import TooLittleError
     from fmfts.magnet_check.holding import readings_of
 
     config, path = configuration_and_path(options)
@@ -53,13 +55,28 @@ def run(options: argparse.Namespace) -> int:
         finally:
             feed.close()
     try:
-        board = Board.of(pad.pad(), pad.tolerance.si())
-        verdict = judged(board, readings_of(before, steps), told_hand(POLES[options.pole]))
+        verdict = judged_pad(pad, readings_of(before, steps), POLES[options.pole])
     except TooLittleError as error:
         raise VerbError(exit_codes.DATA, f"pad '{pad.name}': {error}") from error
     _tell(verdict, pad, options)
-    _offer(verdict, pad, path, options)
+    offer(verdict, pad, path, options)
     return exit_codes.DONE if verdict.is_as_drawn else exit_codes.FAULTY
+
+
+def judged_pad(pad: PadConfig, readings: Readings, pole: int) -> Verdict:
+    """pole: +1 where the north pole points up, −1 where down, 0 where nobody knows. Raises TooLittleError."""
+    from fmfts.config import GeometryConfig
+    from fmfts.config.layouts import BoardName
+    from fmfts.magnet_check import Board, instructed_hand, judged, judged_by_name
+
+    hand, tolerance, name = instructed_hand(pole), pad.tolerance.si(), pad.geometry.board
+    if name is None:
+        return judged(Board.of(pad.pad(), tolerance), readings, hand)
+    boards = {}
+    for each in get_args(BoardName):
+        geometry = GeometryConfig(board=each, sensors_mirrored=pad.geometry.sensors_mirrored)
+        boards[each] = Board.of(msgspec.structs.replace(pad, geometry=geometry).pad(), tolerance)
+    return judged_by_name(name, boards, readings, hand)
 
 
 def _require_hand(pad: PadConfig) -> None:
@@ -168,16 +185,16 @@ def _tell(verdict: Verdict, pad: PadConfig, options: argparse.Namespace) -> None
         print(magnet(verdict.found[0]))
 
 
-def _offer(verdict: Verdict, pad: PadConfig, path: Path, options: argparse.Namespace) -> None:
+def offer(verdict: Verdict, pad: PadConfig, path: Path, options: argparse.Namespace) -> None:
     """Writes the geometry into the file if that was asked for; else says what to write, or why that cannot be."""
     from fmfts.config.rewriting import RewritingError, rewrite, with_geometry
-    from fmfts.magnet_check.geometry import NotWritableError, geometry_of
+    from fmfts.magnet_check.geometry import NotWritableError, keys_of
 
     if verdict.is_as_drawn:
         return
     try:
-        keys = geometry_of(verdict).keys()
-        text = with_geometry(path.read_text(encoding="utf-8"), pad.name, keys)
+        keys = keys_of(verdict)
+        text = with_geometry(path.read_text(encoding="utf-8-sig"), pad.name, keys)
     except (NotWritableError, RewritingError) as error:
         print(f"{path} is left as it is: {error}", file=sys.stderr)
         return
@@ -190,6 +207,9 @@ def _offer(verdict: Verdict, pad: PadConfig, path: Path, options: argparse.Names
         return
     try:
         kept = rewrite(path, text)
+    except RewritingError as error:
+        print(f"{path} is left as it is: {error}", file=sys.stderr)
+        return
     except OSError as error:
         raise not_written(error, path) from error
     print(f"{path}: [pad.geometry] of pad '{pad.name}' is written anew; the old file is {kept}", file=sys.stderr)

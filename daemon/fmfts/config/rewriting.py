@@ -7,8 +7,11 @@ import re
 import shutil
 import tomllib
 from collections.abc import Mapping
+from itertools import count
 from pathlib import Path
 from typing import Any
+
+from fmfts.config.file import ConfigError, load
 
 PAD = re.compile(r"^\s*\[\[\s*pad\s*\]\]")
 TABLE = re.compile(r"^\s*\[\[?\s*[A-Za-z_][\w.\s-]*\]\]?\s*(?:#|$)")  # and no row of a list
@@ -21,16 +24,21 @@ class RewritingError(Exception):
 
 
 def with_geometry(text: str, pad: str, values: Mapping[str, str]) -> str:
-    """The file's text with these keys of the pad's geometry; values are TOML. Raises RewritingError."""
+    """The file's text with these keys of the pad's geometry; values are TOML. Raises RewritingError.
+
+    `board` stands for places and rotations: the text has either `board` or those.
+    """
     due = tomllib.loads(text)
     numbers = [number for number, table in enumerate(due["pad"]) if table.get("name") == pad]
     written = tomllib.loads("\n".join(f"{key} = {value}" for key, value in values.items()))
-    due["pad"][numbers[0]]["geometry"] = due["pad"][numbers[0]].get("geometry", {}) | written
+    without = {"sensors_mm", "sensor_rotations_deg"} if "board" in values else {"board"}
+    before = due["pad"][numbers[0]].get("geometry", {})
+    due["pad"][numbers[0]]["geometry"] = {key: before[key] for key in before if key not in without} | written
     lines = text.splitlines()
     starts = [number for number, line in enumerate(lines) if PAD.match(line)]
     by_hand = "write this by hand: " + "; ".join(f"{key} = {value}" for key, value in values.items())
     if len(starts) == len(due["pad"]):
-        changed = _changed(lines, starts[numbers[0]], values)
+        changed = _changed(lines, starts[numbers[0]], dict.fromkeys(before.keys() & without) | dict(values))
         result = "\n".join(changed) + "\n"
         if _read(result) == due:
             return result
@@ -40,14 +48,21 @@ def with_geometry(text: str, pad: str, values: Mapping[str, str]) -> str:
 
 
 def rewrite(path: Path, text: str) -> Path:
-    """Replaces the file at once, and keeps the old one beside it; returns where. Raises OSError."""
-    kept = path.with_name(path.name + ".bak")
-    shutil.copy2(path, kept)
+    """Replaces the file at once, and keeps the old one beside it; returns where.
+
+    Raises RewritingError where the daemon would refuse the new text, and OSError.
+    """
+    names = (path.with_name(f"{path.name}.bak{number if number > 1 else ''}") for number in count(1))
+    kept = next(name for name in names if not name.exists())
     new = path.with_name(path.name + ".new")
     try:
         new.write_text(text, encoding="utf-8")
         shutil.copymode(path, new)
+        load(new)
+        shutil.copy2(path, kept)
         os.replace(new, path)
+    except ConfigError as error:
+        raise RewritingError(f"the new text would be refused: {str(error).replace(str(new), str(path))}") from error
     finally:
         new.unlink(missing_ok=True)
     return kept
@@ -60,7 +75,8 @@ def _read(text: str) -> dict[str, Any] | None:
         return None
 
 
-def _changed(lines: list[str], start: int, values: Mapping[str, str]) -> list[str]:
+def _changed(lines: list[str], start: int, values: Mapping[str, str | None]) -> list[str]:
+    """The lines with these keys in the geometry of the pad that begins at `start`; None removes a key."""
     end = start + 1
     while end < len(lines) and not (TABLE.match(lines[end]) and not OF_PAD.match(lines[end])):
         end += 1
@@ -84,14 +100,16 @@ def _changed(lines: list[str], start: int, values: Mapping[str, str]) -> list[st
     return [*lines[:first], *table, *lines[until:]]
 
 
-def _with_value(table: list[str], key: str, value: str) -> list[str]:
+def _with_value(table: list[str], key: str, value: str | None) -> list[str]:
     at = next((number for number, line in enumerate(table) if re.match(rf"\s*{key}\s*=", line)), None)
     if at is None:
-        return [f"{key} = {value}", *table]
+        return table if value is None else [f"{key} = {value}", *table]
     # A list may go on for several lines.
     last = next(
         (last for last in range(at, len(table)) if _read("\n".join(table[at : last + 1])) is not None), len(table) - 1
     )
+    if value is None:
+        return [*table[:at], *table[last + 1 :]]
     comment = table[last].partition("#")[2]
     line = f"{key} = {value}"
     return [*table[:at], line.ljust(30) + f" #{comment}" if comment else line, *table[last + 1 :]]

@@ -4,8 +4,11 @@ The person holds a magnet above the middle, then moves it to +x and to +y. `sear
 the chips read; `verdict.py` says whether it is the drawing's.
 """
 
-from fmfts.magnet_check.readings import STEPS, Board, Hand, Readings, told_hand
-from fmfts.magnet_check.verdict import TooLittleError, Verdict, judged
+from fmfts.magnet_check.readings import STEPS, Board, Hand, Readings, instructed_hand
+from fmfts.magnet_check.verdict import TooLittleError, Verdict, judged, judged_by_name
 from fmfts.magnet_check.words import sentences
 
-__all__ = ["STEPS", "Board", "Hand", "Readings", "TooLittleError", "Verdict", "judged", "sentences", "told_hand"]
+__all__ = [
+    "STEPS", "Board", "Hand", "Readings", "TooLittleError", "Verdict", "instructed_hand", "judged", "judged_by_name",
+    "sentences",
+]  # fmt: skip

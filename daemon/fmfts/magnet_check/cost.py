@@ -12,6 +12,7 @@ from math import factorial, log
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.magnet_check.magnet import Explanations
 from fmfts.magnet_check.readings import Array, Board
 from fmfts.magnet_check.symmetry import TURNS, Image, number_of
 
@@ -73,16 +74,9 @@ class Description:
         return total
 
 
-def described(
-    board: Board,
-    all_images: list[Image],
-    place: NDArray[np.intp],
-    turn: Array,
-    scale: Array,
-    free: NDArray[np.bool_],
-    used: NDArray[np.bool_],
-) -> Description:
-    """The most probable description of an explanation."""
+def described(board: Board, all_images: list[Image], one: Explanations) -> Description:
+    """The most probable description of one explanation."""
+    place, turn, used = one.place[0], one.turn[0], one.used[0]
     found: Description | None = None
     for image in all_images:
         back = Image(image.matrix.T, np.argsort(image.to))
@@ -92,8 +86,8 @@ def described(
         for common in {number_of(each) for each in turns[used]} | {0}:
             alone = turns @ TURNS[common].T
             alone[~used] = np.eye(3)
-            one = Description(image, TURNS[common], back.to[place], alone, scale, free, used)
-            if found is None or one.cost < found.cost:
-                found = one
+            each = Description(image, TURNS[common], back.to[place], alone, one.scale[0], one.free[0], used)
+            if found is None or each.cost < found.cost:
+                found = each
     assert found is not None, "the identity is one of the images"
     return found

@@ -32,6 +32,13 @@ class Geometry:
         }
 
 
+def keys_of(verdict: Verdict) -> dict[str, str]:
+    """The keys of [pad.geometry] that must change, with their values as TOML. Raises NotWritableError."""
+    if verdict.is_decided and verdict.layouts:
+        return {"board": f'"{verdict.layouts[0]}"'}
+    return geometry_of(verdict).keys()
+
+
 def geometry_of(verdict: Verdict) -> Geometry:
     """The geometry of the explanation. Raises NotWritableError."""
     from scipy.spatial.transform import Rotation

@@ -1,4 +1,4 @@
-"""What a person was told to do with the magnet, and that it is one magnet, as residuals of the fit."""
+"""The instructions to the person who holds the magnet, and that it is one magnet, as residuals of the fit."""
 
 from __future__ import annotations
 

@@ -201,10 +201,10 @@ class Fitter:
         difference = (expected - np.moveaxis(self.change, 1, 0)).reshape(count, channels, rows, 1)
         residual = (whiten @ difference).reshape(count, -1)
         whitened = (whiten @ jacobian.reshape(count, channels, rows, -1)).reshape(count, channels * rows, -1)
-        words, by_unknowns = self._told(explanations, magnets)
+        words, by_unknowns = self._instructed(explanations, magnets)
         return np.concatenate([residual, words], axis=1), np.concatenate([whitened, by_unknowns], axis=1)
 
-    def _told(self, explanations: Explanations, magnets: Magnets) -> tuple[Array, Array]:
+    def _instructed(self, explanations: Explanations, magnets: Magnets) -> tuple[Array, Array]:
         """What is known before any reading: of the hand, and of each channel's scale."""
         drawn = np.where(explanations.free, 0.0, np.log(explanations.scale))
         scale_sd = np.where(explanations.free, FREE_SCALE_SD, FIXED_SCALE_SD)

@@ -58,7 +58,7 @@ class Board:
 
 @dataclass(frozen=True, slots=True)
 class Hand:
-    """Where a person holds the magnet, from what he was told: means and deviations, in metres and without unit.
+    """Where a person holds the magnet, by the instructions: means and deviations, in metres and without unit.
 
     offset_m, offset_sd_m (K, 3): of each step from the first; nobody measures how far he moves a hand, but its side he
     knows. pole: +1 where the magnet's north pole points to +z, −1 where to −z,
@@ -81,6 +81,6 @@ ALONG_M, ACROSS_M, UP_M = 0.01, 0.006, 0.008
 STEPS_SD = np.array([[0.0, 0.0, 0.0], [ALONG_M, ACROSS_M, UP_M], [ACROSS_M, ALONG_M, UP_M]])
 
 
-def told_hand(pole: int = 0) -> Hand:
+def instructed_hand(pole: int = 0) -> Hand:
     """The hand of a person who follows the steps of the check."""
     return Hand(STEPS, STEPS_SD, pole)

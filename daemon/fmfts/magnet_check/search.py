@@ -21,6 +21,7 @@ from fmfts.magnet_check.readings import Array, Board, Hand, Readings
 from fmfts.magnet_check.symmetry import TURNS, images
 
 HEIGHTS_M = (0.012, 0.02, 0.032, 0.05, 0.08)
+START_HEIGHTS_M = (0.015, 0.03, 0.06)
 ALL_PERMUTATIONS = 4  # of so many channels
 KEPT = 12
 ROUGH_ROUNDS, REFINED = 1, 48  # rounds of the first fits, and how many of them are fitted to the end
@@ -51,7 +52,7 @@ class Search:
     def run(self) -> list[Found]:
         """All explanations that were looked at, the most probable first."""
         parts = [self._guessed()]
-        for height_m in (0.015, 0.03, 0.06):
+        for height_m in START_HEIGHTS_M:
             simple = self._simple()
             parts.append((simple, self._start(simple, height_m)))
         self._try(Explanations.joined(*(each[0] for each in parts)), Magnets.joined(*(each[1] for each in parts)))
@@ -61,6 +62,13 @@ class Search:
         self._try(*self._neighbours(self._best()[:2]))
         self._try(*self._imaged(self._best()[:2]))
         return self._best(len(self.known))
+
+    def as_drawn(self) -> Found:
+        """The drawing alone, fitted."""
+        for height_m in START_HEIGHTS_M:
+            drawn = self._explanation()
+            self._try(drawn, self._start(drawn, height_m))
+        return self._best()[0]
 
     def _best(self, count: int = KEPT) -> list[Found]:
         return sorted(self.known.values(), key=lambda one: one.surprise)[:count]
@@ -78,11 +86,8 @@ class Search:
             before = self.known.get(key)
             if before is not None and before.fit.surprise[0] <= fit.surprise[0]:
                 continue
-            description = before.description if before is not None else self._described(one)
+            description = before.description if before is not None else described(self.board, self.images, one)
             self.known[key] = Found(description, fit, one, float(fit.surprise[0]) + description.cost)
-
-    def _described(self, one: Explanations) -> Description:
-        return described(self.board, self.images, one.place[0], one.turn[0], one.scale[0], one.free[0], one.used[0])
 
     def _explanation(
         self, place: Iterable[int] | None = None, turn: Array | None = None, used: NDArray[np.bool_] | None = None
@@ -111,7 +116,7 @@ class Search:
         return Explanations.joined(*parts)
 
     def _start(self, explanations: Explanations, height_m: float) -> Magnets:
-        """Magnets at this height where the person was told to hold them, their moments by least squares."""
+        """Magnets at this height where the instructions put them, their moments by least squares."""
         count, steps = len(explanations), self.fitter.steps
         position = np.broadcast_to(self.hand.offset_m + np.array([0.0, 0.0, height_m]), (count, steps, 3)).copy()
         unit = Magnets(position, np.ones((count, steps, 3)), np.log(explanations.scale))

@@ -28,17 +28,19 @@ def sentences(verdict: Verdict) -> list[str]:
         )
         return said
     best = verdict.found[0]
-    if len(verdict.found) == 1:
-        said += told(best, verdict.dead) or (
+    if verdict.layouts:
+        said.append(_other_layout(verdict.layouts))
+    elif len(verdict.found) == 1:
+        said += report(best, verdict.dead) or (
             [] if said else ["Places, axes, signs and scales are as the configuration says."]
         )
     else:
         said.append(f"{len(verdict.found)} explanations remain:")
         for letter, found in zip("abcdefgh", verdict.found, strict=False):
-            said.append(f"({letter}) " + " ".join(told(found, verdict.dead) or ["All is as the configuration says."]))
+            said.append(f"({letter}) " + " ".join(report(found, verdict.dead) or ["All is as the configuration says."]))
         said.append(_what_decides(verdict))
     if verdict.blind:
-        other = " ".join(told(verdict.blind[0], verdict.dead))
+        other = " ".join(report(verdict.blind[0], verdict.dead))
         said.append(
             f"But the readings do not exclude another explanation: {other} The magnet was {_height_mm(best):.0f} mm "
             "above the board: repeat the check with it nearer, or with longer ways to +x and +y."
@@ -46,7 +48,17 @@ def sentences(verdict: Verdict) -> list[str]:
     return said
 
 
-def told(found: Found, dead: NDArray[np.bool_]) -> list[str]:
+def _other_layout(names: tuple[str, ...]) -> str:
+    if len(names) == 1:
+        return f'The configuration names another board. This is board "{names[0]}": set board = "{names[0]}".'
+    return (
+        f"{len(names)} boards explain the readings: {' and '.join(names)}. The sketch of the board's firmware says the "
+        "order of the chips (docs/anyskin.md). A name with _back means that z points out of the face without chips. "
+        "Repeat the check with the magnet lower, moved further, and with --pole up or --pole down."
+    )
+
+
+def report(found: Found, dead: NDArray[np.bool_]) -> list[str]:
     """What is wrong by this explanation, a sentence for each cause; none where all is as drawn.
 
     dead (N, 3): axes of which more is said elsewhere.

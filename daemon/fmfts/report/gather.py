@@ -71,12 +71,12 @@ class Gathering:
             "environment": machine.environment(),
             "configuration": self.configuration,
         }
-        with self._told("the log of the service"):
+        with self._missing_on_error("the log of the service"):
             facts["log_of_service"] = journal(LARGEST_TEXT)
         return facts
 
     @contextmanager
-    def _told(self, what: str) -> Iterator[None]:
+    def _missing_on_error(self, what: str) -> Iterator[None]:
         """Every error inside is a sentence in `missing`: a report is written exactly when something is broken."""
         try:
             yield
@@ -85,7 +85,7 @@ class Gathering:
             self.missing.append(f"{what}: {named.sub('', str(error)) or type(error).__name__}")
 
     def _configure(self) -> None:
-        with self._told("configuration"):
+        with self._missing_on_error("configuration"):
             file = find(self.config_file)
             self.configuration["file"] = str(file.absolute())
             try:
@@ -106,7 +106,7 @@ class Gathering:
         measured: dict[str, Any] = {"pads": [], "selftests": [], "recorded": {}, "through": "nobody"}
         with ExitStack() as until_stopped:
             base = None
-            with self._told("frames and self-test"):
+            with self._missing_on_error("frames and self-test"):
                 base, measured["through"] = self._daemon(until_stopped)
             if measured["through"] != "nobody":
                 measured |= self._asked(base)
@@ -126,7 +126,7 @@ class Gathering:
         self.show(0.05, "starting a daemon for the report")
         own = f"ipc://{self.folder}"
         # Its state is a copy: a report changes no baseline and no gains.
-        with self._told("baselines in use"):
+        with self._missing_on_error("baselines in use"):
             state.copy_to(self.folder / "state" / "fmfts")
         environment = {name: value for name, value in os.environ.items() if name != "STATE_DIRECTORY"}
         environment |= {OVERRIDE: own, "XDG_STATE_HOME": str(self.folder / "state")}
@@ -142,9 +142,9 @@ class Gathering:
     def _asked(self, base: str | None) -> dict[str, Any]:
         facts: dict[str, Any] = {}
         self.show(0.1, f"{self.seconds:g} s of frames")
-        with self._told("frames"):
+        with self._missing_on_error("frames"):
             facts["recorded"] = self._record(base)
-        with self._told("devices"):
+        with self._missing_on_error("devices"):
             facts["pads"] = _probed(base)
         frames = facts.get("recorded", {}).get("frames", {})
         for pad in facts.get("pads", ()):
@@ -175,7 +175,7 @@ class Gathering:
         for pad in pads if self.with_selftest else ():
             name = pad["pad"]
             self.show(0.7, f"self-test of pad '{name}'")
-            with self._told(f"self-test of pad '{name}'"):
+            with self._missing_on_error(f"self-test of pad '{name}'"):
                 found.append(request("selftest", endpoint=base, pad=name, timeout_s=SELFTEST_S))
         if not self.with_selftest:
             self.missing.append("self-test: left out with --no-selftest")
@@ -203,7 +203,7 @@ class Gathering:
 
     def _bus(self, bus: int) -> dict[str, Any]:
         facts = machine.adapter(bus)
-        with self._told(f"chips on /dev/i2c-{bus}"):
+        with self._missing_on_error(f"chips on /dev/i2c-{bus}"):
             try:
                 found = scanned(bus, registers=True)
             except SourceError as error:
@@ -221,7 +221,7 @@ class Gathering:
         """The files of baselines and self-tests, by their places."""
         files: dict[str, str] = {}
         for name in [pad.name for pad in self.config.pad] if self.config is not None else [pad["pad"] for pad in pads]:
-            with self._told(f"baseline of pad '{name}'"):
+            with self._missing_on_error(f"baseline of pad '{name}'"):
                 files |= state.files_of(name)
                 if str(state.baseline_file(name)) not in files:
                     self.missing.append(f"baseline of pad '{name}': there is no {state.baseline_file(name)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import os
 import pwd
 import re
@@ -16,14 +17,22 @@ USER, HOST, REMOVED = "<user>", "<host>", "<removed>"
 BINARY = "memory"  # of a state: base64, in which a name may stand by chance
 # What stands after such a name, to the end of the line, may be a secret. A folder of keys (`keys = …`) is none. Counts
 # are bounded, so that no text takes a time that grows with the square of its length.
-SECRET = re.compile(
-    r"""(?im)((?:secret|passw(?:or)?d|token|credential|authorization|api_?key|private_?key)"""
-    r"""[\w.-]{0,40}["']?[ \t]{0,8}[=:][ \t]{0,8})(\S.*)$"""
+SECRET_WORD = re.compile(
+    r"(?i:secret|passw(?:or)?d|passphrase|psk|token|credential|authorization|api_?key|private_?key)"
 )
+SECRET = re.compile(rf"""(?m)({SECRET_WORD.pattern}[\w.-]{{0,40}}["']?[ \t]{{0,8}}[=:][ \t]{{0,8}})(\S.*)$""")
 PRIVATE_KEY = re.compile(r"-----BEGIN [A-Z ]*PRIVATE KEY-----.*?(?:-----END [A-Z ]*PRIVATE KEY-----|\Z)", re.DOTALL)
 LOGIN = re.compile(r"(?<=://)[^/\s@\"']+@")
 HOME = re.compile(r"/(?:home|Users)/[^/\s\"':,;)]+")
 ADDRESS = re.compile(r"\b(?!127\.|0\.0\.0\.0)(?:\d{1,3}\.){3}\d{1,3}\b")
+# What may be an IPv6 address (RFC 4291, section 2.2), or a clock time: `_without_ipv6` decides.
+MAYBE_IPV6 = re.compile(
+    r"(?<![\w:.])(?:[0-9A-Fa-f]{0,4}:){2,7}(?:(?:\d{1,3}\.){3}\d{1,3}|[0-9A-Fa-f]{1,4}|(?<=::))(?!\w|:\w)"
+)
+# Also in the name that systemd gives to a USB network adapter (systemd.net-naming-scheme: enx, wlx).
+HARDWARE_ADDRESS = re.compile(
+    r"(?<![\w:-])[0-9A-Fa-f]{2}([:-])(?:[0-9A-Fa-f]{2}\1){4}[0-9A-Fa-f]{2}(?!\w|[:-]\w)|(?<=\b(?:enx|wlx))[0-9a-f]{12}\b"
+)
 
 
 class Scrubber:
@@ -41,17 +50,22 @@ class Scrubber:
             (HOME, "~"),
             (self._users, USER),
             (self._hosts, HOST),
+            (HARDWARE_ADDRESS, "<address>"),
+            (MAYBE_IPV6, _without_ipv6),
             (ADDRESS, "<address>"),
         ):
             text = pattern.sub(put, text)
         return text
 
     def facts(self, value: Any) -> Any:
-        """The same facts, with each of their texts scrubbed, and keys that are paths."""
+        """The same facts with scrubbed texts, also in keys that are paths; without values of keys like "password"."""
         if isinstance(value, str):
             return self.text(value)
         if isinstance(value, Mapping):
-            return {self.text(str(key)) if "/" in str(key) else key: self.facts(each) for key, each in value.items()}
+            return {
+                self.text(str(key)) if "/" in str(key) else key: REMOVED if _is_secret(key) else self.facts(each)
+                for key, each in value.items()
+            }
         if isinstance(value, list | tuple):
             return [self.facts(each) for each in value]
         return value
@@ -62,7 +76,14 @@ class Scrubber:
         if isinstance(value, str):
             return self.text(value) if re.search(r"[/\s]", value) else value
         if isinstance(value, dict):
-            return {key: each if key == BINARY else self.message(each) for key, each in value.items()}
+            return {
+                key: REMOVED
+                if _is_secret(key) and isinstance(each, str)
+                else each
+                if key == BINARY
+                else self.message(each)
+                for key, each in value.items()
+            }
         if isinstance(value, list):
             return [self.message(each) for each in value]
         return value
@@ -78,6 +99,19 @@ def of_this_computer(environ: Mapping[str, str] = os.environ) -> Scrubber:
     users |= {Path(home).name for home in homes if home.startswith("/home/")}
     host = socket.gethostname()
     return Scrubber(users - NOT_NAMES, {host, host.partition(".")[0]} - NOT_NAMES, homes - {"", "/"})
+
+
+def _is_secret(key: Any) -> bool:
+    """Whether a key names a secret. A path does not: it may hold the name of a pad."""
+    return "/" not in str(key) and SECRET_WORD.search(str(key)) is not None
+
+
+def _without_ipv6(found: re.Match[str]) -> str:
+    try:
+        address = ipaddress.IPv6Address(found[0])
+    except ValueError:
+        return found[0]
+    return found[0] if address.is_loopback or address.is_unspecified else "<address>"
 
 
 def _any_of(words: Iterable[str]) -> re.Pattern[str]:
