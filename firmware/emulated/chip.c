@@ -1,3 +1,6 @@
+// Sources: Honeywell's data sheet 900425 (registers, LOCK, RDY, self-test, the old gain of the sample after a change) as the
+// public drivers PX4 hmc5883, ArduPilot AP_Compass_HMC5843 and Zephyr quote it. A choice that they leave open is a field of
+// struct emulated_chip that a test may set.
 #include "chip.h"
 
 #include <math.h>

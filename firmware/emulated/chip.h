@@ -1,4 +1,5 @@
 // An HMC5983 as its data sheet describes it, strict enough that a wrong driver reads wrong numbers.
+// chip.c names the sources.
 #ifndef FMFTS_EMULATED_CHIP_H
 #define FMFTS_EMULATED_CHIP_H
 

@@ -1,4 +1,5 @@
-// A LIS3MDL as ST's data sheet (DocID024204 rev. 6) describes it.
+// A LIS3MDL, register by register.
+// emulated_lis3mdl.c names the sources.
 #ifndef FMFTS_EMULATED_LIS3MDL_H
 #define FMFTS_EMULATED_LIS3MDL_H
 

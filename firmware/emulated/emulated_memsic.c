@@ -1,3 +1,11 @@
+// S: MEMSIC MMC5983MA data sheet, Rev A (read). D: independent drivers agree. U: users measured it.
+// Film: S p. 18 (after SET the output is +H + offset, after RESET -H + offset), S p. 2 (a field above 10 G changes it until
+// the next pulse; SET/RESET repeats to 1 mG), S p. 9 (left-handed after SET: z points into the board), D the maker's sample
+// code in DRNadler/MMC5983MA_CompassTest and ArduPilot AP_Compass_MMC5xx3 (0.5 to 1 ms between a pulse and a measurement).
+// Automatic set/reset: U DRNadler/MMC5983MA_CompassTest (SET, sample, RESET, sample, half the difference; twice the time
+// and about 1 ms), U SlimeVR-Tracker-nRF issue 150, S p. 2 (at most 50/100/225/580 Hz).
+// Unverified, and chosen here: a new TM_M restarts a measurement that runs; how wrong a measurement is soon after a pulse,
+// with an upset film or in the strong field itself; that writing 1 to Meas_M_Done clears the bit and not only its interrupt.
 #include "emulated_memsic.h"
 
 #include <math.h>

@@ -1,10 +1,5 @@
-// An MLX90393 as Melexis' data sheet (3901090393) and public drivers describe it: commands in place of registers.
-//
-// Rev. 002 could be read in part: page 13 (order of the axes: t, x, y, z) and page 16 (the status of the first SM after
-// power-up or reset has to be read back). Sections and tables of rev. 006 that public drivers do not quote are from memory.
-// Adafruit_MLX90393 issues 17 and 18: real parts take longer than the table says; tedyapo waits 1.3 times as long.
-// Unverified: that SB needs its status read as SM does; what a measurement without that shows (here: no field, and no
-// error); where in a conversion the 490 us lie that belong to no axis (here: 100 us after z, the rest before t).
+// An MLX90393: commands in place of registers.
+// emulated_mlx90393.c names the sources.
 #ifndef FMFTS_EMULATED_MLX90393_H
 #define FMFTS_EMULATED_MLX90393_H
 

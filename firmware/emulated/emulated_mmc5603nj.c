@@ -1,3 +1,8 @@
+// An MMC5603NJ as public drivers describe it: the Linux driver mmc5633, Zephyr drivers/sensor/memsic/mmc56x3,
+// Adafruit_MMC56x3, mgershow/MMC5603NJ, PebbleOS. emulated_memsic.c has the film and its sources.
+//
+// Unverified: its handedness, the field that upsets its film, its noise at bandwidths other than 00, when it sets
+// Sat_sensor, and that an automatic set/reset takes just twice the time (its fastest rates fit that).
 #include "emulated_mmc5603nj.h"
 
 #include <string.h>

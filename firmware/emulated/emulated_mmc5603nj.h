@@ -1,8 +1,5 @@
-// An MMC5603NJ as public drivers describe it: the Linux driver mmc5633, Zephyr drivers/sensor/memsic/mmc56x3,
-// Adafruit_MMC56x3, mgershow/MMC5603NJ, PebbleOS. emulated_memsic.h has the film.
-//
-// Unverified: its handedness, the field that upsets its film, its noise at bandwidths other than 00, when it sets
-// Sat_sensor, and that an automatic set/reset takes just twice the time (its fastest rates fit that).
+// An MMC5603NJ, register by register; emulated_memsic.c has the film.
+// emulated_mmc5603nj.c names the sources.
 #ifndef FMFTS_EMULATED_MMC5603NJ_H
 #define FMFTS_EMULATED_MMC5603NJ_H
 

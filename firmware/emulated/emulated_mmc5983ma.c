@@ -1,3 +1,5 @@
+// Sources: MEMSIC's data sheet rev. A (read; pages beside the registers) and users of SparkFun's library (issues 9, 10, 12).
+// emulated_memsic.c names those of the film.
 #include "emulated_mmc5983ma.h"
 
 #include <string.h>

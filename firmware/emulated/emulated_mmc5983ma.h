@@ -1,4 +1,5 @@
-// An MMC5983MA as MEMSIC's data sheet (rev. A) and its users describe it; emulated_memsic.h has the film.
+// An MMC5983MA, register by register; emulated_memsic.c has the film.
+// emulated_mmc5983ma.c names the sources.
 #ifndef FMFTS_EMULATED_MMC5983MA_H
 #define FMFTS_EMULATED_MMC5983MA_H
 

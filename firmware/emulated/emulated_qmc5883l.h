@@ -1,5 +1,5 @@
-// A QMC5883L as QST's data sheet (13-52-04 rev. 1.0) describes it where public drivers quote it. PX4's and ArduPilot's read
-// register 0x00 once before they ask for the identity.
+// A QMC5883L, register by register.
+// emulated_qmc5883l.c names the sources.
 #ifndef FMFTS_EMULATED_QMC5883L_H
 #define FMFTS_EMULATED_QMC5883L_H
 

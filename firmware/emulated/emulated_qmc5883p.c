@@ -1,3 +1,9 @@
+// A QMC5883P as public drivers describe it: ArduPilot AP_Compass_QMC5883P, Adafruit_QMC5883P, lionyhw/MQC5883P_nrf52 and
+// reznikmm/qmc5883p, which quotes the data sheet (OVFL is set beyond ±30000 counts, the outputs saturate at -32768 and 32767).
+// That driver alone says that reading the status clears DRDY and OVFL; a test may choose.
+//
+// Unverified: which axes are turned before 0x29 = 0x06 was written, how long a single
+// measurement takes, how fast mode "continuous" is, the noise at other ranges than ±2 G, the effect of warmth.
 #include "emulated_qmc5883p.h"
 
 #include <string.h>

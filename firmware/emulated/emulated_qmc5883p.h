@@ -1,9 +1,5 @@
-// A QMC5883P as public drivers describe it: ArduPilot AP_Compass_QMC5883P, Adafruit_QMC5883P, lionyhw/MQC5883P_nrf52 and
-// reznikmm/qmc5883p, which quotes the data sheet (DRDY and OVFL are cleared by reading the status, OVFL is set beyond ±30000
-// counts, the outputs saturate at -32768 and 32767).
-//
-// Unverified: what clears DRDY (a test may choose), which axes are turned before 0x29 = 0x06 was written, how long a single
-// measurement takes, how fast mode "continuous" is, the noise at other ranges than ±2 G, the effect of warmth.
+// A QMC5883P, register by register.
+// emulated_qmc5883p.c names the sources.
 #ifndef FMFTS_EMULATED_QMC5883P_H
 #define FMFTS_EMULATED_QMC5883P_H
 

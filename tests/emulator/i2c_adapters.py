@@ -14,7 +14,7 @@ Sources, all of torvalds/linux (6.1 and later), by function:
 - ft260: `ft260_i2c_quirks`, `ft260_xfer_status`, `ft260_functionality` of drivers/hid/hid-ft260.c
 - cp2112: `cp2112_i2c_xfer`, `cp2112_i2c_write_read_req`, `cp2112_raw_event` of drivers/hid/hid-cp2112.c (revision 2)
 
-The times of USB bridges are the least that their drivers can take: see `Adapter.write_s`.
+The times of USB bridges are the least that their drivers can take. The docstring of `Adapter` explains them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-// The QMC5883L (QST data sheet 13-52-04 rev. 1.0): what most boards sold as HMC5883L carry.
+// The QMC5883L (QST data sheet 13-52-04 rev. 1.0): what older boards sold as HMC5883L carry. Boards
+// sold today carry the QMC5883P.
 #include "chip.h"
 
 enum {

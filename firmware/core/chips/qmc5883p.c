@@ -61,7 +61,8 @@ static enum bus_result qmc5883p_check(const struct chip_wires *wires, const stru
     return result;
 }
 
-// Unverified: whether reading the status or the data clears READY. The data are read only if it is set: right with both.
+// One public driver alone (reznikmm/qmc5883p, which quotes the data sheet) says that reading the status clears READY.
+// The data are read only if it is set, which is also right if reading the data clears it.
 static enum bus_result qmc5883p_read_status(const struct chip_wires *wires, struct chip_sample *sample)
 {
     uint8_t byte = 0;

@@ -12,7 +12,7 @@ import numpy as np
 from fmfts.sensor.chips import CHIPS, Chip
 
 SOURCES = Path(__file__).with_name("chip_facts.toml")
-GRADES = ("S", "D", "U", "unverified")
+GRADES = ("S", "D", "one", "U", "unverified")
 
 
 class Fact(NamedTuple):

@@ -105,10 +105,10 @@ def _worth(rows: Sequence[Row]) -> str:
         "force, N",
         "mean, mm",
         "saturation; wiring",
-        "facts without a source",
+        "unverified facts",
         "supply, price of a board",
     )
-    known = {chip.label: (_without_source(chip), chip.supply) for chip in CHIPS.values()}
+    known = {chip.label: (_unverified(chip), chip.supply) for chip in CHIPS.values()}
     return _table(
         columns,
         (
@@ -129,7 +129,7 @@ def _worth(rows: Sequence[Row]) -> str:
     )
 
 
-def _without_source(chip: Chip) -> str:
+def _unverified(chip: Chip) -> str:
     grades = [fact.grade for fact in facts() if fact.chip is chip]
     return f"{grades.count('unverified')} of {len(grades)}"
 

@@ -55,7 +55,7 @@ def chip_rows(surroundings: Surroundings) -> Iterator[Row]:
         found = recommended_range_gauss(of_chip)
         for setting in settings(chip, sensors, found):
             cost = _cost(of_chip, setting)
-            saturation = f"holds {largest:.1f} G" if found is not None else f"saturates: {largest:.1f} G here"
+            wiring = _wiring(chip, sensors)
             yield {
                 "kind": "chip",
                 "chip": chip.label,
@@ -66,7 +66,7 @@ def chip_rows(surroundings: Surroundings) -> Iterator[Row]:
                 "noise_mm": cost.noise_mm,
                 "noise_n": cost.noise_n,
                 "mean_mm": cost.noise_mm * float(np.sqrt(min(1.0, USUAL_HZ / setting.rate_hz))),
-                "causes": f"{saturation}; {_wiring(chip, sensors)}",
+                "causes": wiring if found is not None else f"saturates: {largest:.1f} G here; {wiring}",
             }
 
 

@@ -135,11 +135,11 @@ class Anyskin:
         if self._clock.epochs != self._run:
             self._begin_run()
         before = self._steps.code
-        counts, sound = self._steps.counts(fields_ut)
+        counts, valid = self._steps.counts(fields_ut)
         if self._steps.code != before:
             self._tell_step()
         measured = np.array([reading.is_measured for reading in packet])
-        valid = measured & sound
+        valid &= measured
         # A packet repeats what a chip said last, if it has nothing new.
         fresh = valid & (counts != self._values).any(axis=1)
         self._values = counts

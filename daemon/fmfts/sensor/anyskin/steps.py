@@ -28,8 +28,8 @@ _COARSEST_FIRST = np.argsort(-_STEPS_UT[:, 0]).tolist()
 
 
 class Steps:
-    """code: the gain code of the streamed chip that counts are told with; −1 until it is learnt. is_known: the board's
-    values are multiples of its steps."""
+    """code: the streamed chip's gain code, which gives the size of a count; −1 until it is learnt. is_known: the board's
+    values are multiples of that size."""
 
     def __init__(self) -> None:
         self.code, self.is_known = -1, False
@@ -45,13 +45,13 @@ class Steps:
         self._recent.append(fields_ut)
         if self.code < 0 or sum(self._off) >= DOUBT:
             self._learn()
-        sound = np.ones(len(fields_ut), dtype=np.bool_)
+        valid = np.ones(len(fields_ut), dtype=np.bool_)
         if self.is_known:
-            sound &= _are_multiples(fields_ut, self.code).all(axis=1)
-        self._off.append(not sound.all())
+            valid &= _are_multiples(fields_ut, self.code).all(axis=1)
+        self._off.append(not valid.all())
         counted = np.round(fields_ut / _STEPS_UT[self.code])
-        told = np.abs(counted) <= STREAMED_LARGEST[self.code]
-        return np.where(told, counted, ANYSKIN.saturated_count).astype(np.int16), sound
+        in_range = np.abs(counted) <= STREAMED_LARGEST[self.code]
+        return np.where(in_range, counted, ANYSKIN.saturated_count).astype(np.int16), valid
 
     def _learn(self) -> None:
         """The coarsest step that explains all but a few of the recent values."""
@@ -63,7 +63,7 @@ class Steps:
 
 
 def _are_multiples(fields_ut: Array, code: int) -> NDArray[np.bool_]:
-    """Where there is no number, none is wrong."""
+    """True for each value that is a multiple of the step, and for NaN: a value that is missing is not wrong."""
     step = _STEPS_UT[code]
     away = np.abs(fields_ut - np.round(fields_ut / step) * step)
     near: NDArray[np.bool_] = ~(away > TOLERANCE_UT + TOLERANCE * np.abs(fields_ut))

@@ -160,8 +160,8 @@ MLX90393 = Chip(
 
 
 # On a ReSkin, AnySkin or eFlesh board. Its firmware multiplies counts by 0.150 µT (x, y) or 0.242 µT (z), by the gain
-# of GAIN_SEL 7 to 0 and by 2^RES (tesshellebrekers/arduino-MLX90393, convertRaw; begin() sets GAIN_SEL 6, RES 0). Who
-# builds a board may set others; those of eFlesh have 2.4/3.872 and 0.6/0.968 µT.
+# of GAIN_SEL 7 to 0 and by 2^RES (tesshellebrekers/arduino-MLX90393, convertRaw; begin() sets GAIN_SEL 6, RES 0). The
+# builder of a board may choose other settings: the steps of eFlesh's boards are 2.4/3.872 and 0.6/0.968 µT.
 _BOARD_UT, _BOARD_GAINS = (0.150, 0.242), (1.0, 4 / 3, 5 / 3, 2.0, 2.5, 3.0, 4.0, 5.0)
 # By RES the largest count. With RES 0 and 1 a field beyond it wraps around; RES 2 and 3 end earlier (rev 002, table 4).
 _BOARD_LARGEST = (32767, 32767, _LARGEST - 1, _LARGEST // 2 - 1)

@@ -1,6 +1,6 @@
 """The QMC5883L three-axis magnetometer: facts and registers (QST data sheet 13-52-04, rev. 1.0).
 
-It is what most boards sold as HMC5883L carry. Its registers, its address and its scale are all others.
+Older boards sold as HMC5883L carry it; boards sold today carry the QMC5883P. Registers, address and scale are its own.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ QMC5883L = Chip(
     bias_strap=None,
     board_rates_hz=(200.0,),
     dump=registers((0x00, 6), (0x06, 1), (0x07, 2), (0x09, 5)),  # after 0x06 comes 0x00 (ROLL_OVER)
-    supply="made; on boards sold as HMC5883L, under 5 € each",
+    supply="made; on older boards sold as HMC5883L, under 5 € each; today's carry a QMC5883P",
     remarks="one address, so a mux; at most 200 Hz; no self-test; no thermometer with a known zero",
 )
 
