@@ -17,9 +17,12 @@ from queue import Empty, Queue
 import numpy as np
 import pytest
 
+from emulator.anyskin_board import binary
+from emulator.anyskin_on_pty import Board
 from end_to_end.processes import FirmwareHost, RunningDaemon
 from fmfts.common import exit_codes
 from fmfts.config.file import load
+from unit.published_boards import chips
 
 UID = "0123456789abcdef01234567"
 CONFIG = """# my pad
@@ -34,6 +37,18 @@ sensors_mm = [[8, 8, 0], [8, -8, 0],
 [pad.magnet]
 remanence_t = 1.23  # N35
 """
+SKIN_CONFIG = """[[pad]]
+name = "skin"
+[pad.source]
+type = "anyskin"
+port = "{port}"
+form = "binary"
+rate_hz = 100
+[pad.geometry]
+board = "anyskin5"
+[pad.contact]
+model = "none"
+"""
 PLACES_M = np.array([[8, 8, 0], [8, -8, 0], [-8, 8, 0], [-8, -8, 0]]) * 1e-3
 EARTH_T = np.array([1.5e-5, -0.5e-5, -4.2e-5])
 OWN_T = 8e-5 * np.array([[-0.6, -0.6, 0.4], [-0.6, 0.6, 0.4], [0.6, -0.6, 0.4], [0.6, 0.6, 0.4]])  # a mounted pad's
@@ -44,9 +59,9 @@ PATIENCE_S = 30.0
 NO_SWAP, SWAP = [0, 1, 2, 3], [2, 1, 0, 3]
 
 
-def dipole_field(moment: np.ndarray, place_m: np.ndarray) -> np.ndarray:
+def dipole_field(moment: np.ndarray, place_m: np.ndarray, sensors_m: np.ndarray = PLACES_M) -> np.ndarray:
     """Jackson 5.56, outside of the magnet, at all sensors."""
-    r = PLACES_M - place_m
+    r = sensors_m - place_m
     distance = np.linalg.norm(r, axis=1, keepdims=True)
     n = r / distance
     return 1e-7 * (3.0 * n * (n @ moment)[:, None] - moment) / distance**3
@@ -106,6 +121,23 @@ class Check:
         return code, output
 
 
+class SkinCheck(Check):
+    """The same person before a published board: its chips are as in published_boards.py, not in config/layouts.py."""
+
+    def __init__(self, board: Board, name: str, *words: str | Path, environment: dict[str, str]) -> None:
+        self._skin, self._chips = board, chips(name)
+        super().__init__(None, [], *words, environment=environment)  # type: ignore[arg-type]
+
+    def magnet(self, step: int | None, strength: float = 1.0) -> None:
+        places_mm, axes = self._chips
+        field = np.tile(EARTH_T, (5, 1))
+        if step is not None:
+            x, y = TILTS[step]
+            moment = strength * MOMENT_A_M2 * np.array([x, y, -np.sqrt(1.0 - x * x - y * y)])
+            field = field + dipole_field(moment, np.array(HANDS_MM[step]) * 1e-3, places_mm * 1e-3)
+        self._skin.field_t = np.einsum("nij,ni->nj", axes, field)
+
+
 def followed(check: Check) -> tuple[int, str]:
     """A person who does what the check says."""
     check.magnet(None)
@@ -150,6 +182,21 @@ def test_swapped_channels_are_named_written_and_then_good(tmp_path: Path) -> Non
         assert (tmp_path / "pad.toml.bak").read_text() == CONFIG.format(port=board.port)
         assert load(config)[0].pad[0].geometry.sensors_mm == ((-8, 8, 0), (8, -8, 0), (8, 8, 0), (-8, -8, 0))
         second = Check(board, SWAP, "--config", config, environment=environment)
+        code, output = followed(second)
+    assert code == exit_codes.DONE, (output, second.said)
+
+
+def test_wrong_board_name_is_corrected_and_then_good(tmp_path: Path) -> None:
+    with Board(tmp_path, 100.0, binary) as board:
+        config = tmp_path / "pad.toml"
+        config.write_text(SKIN_CONFIG.format(port=board.link))
+        environment = os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}", "XDG_STATE_HOME": str(tmp_path / "state")}
+        first = SkinCheck(board, "reskin5", "--config", config, "--write", environment=environment)
+        code, output = followed(first)
+        assert code == exit_codes.FAULTY, (output, first.said)
+        assert 'This is board "reskin5": set board = "reskin5".' in output
+        assert load(config)[0].pad[0].geometry.board == "reskin5"
+        second = SkinCheck(board, "reskin5", "--config", config, environment=environment)
         code, output = followed(second)
     assert code == exit_codes.DONE, (output, second.said)
 

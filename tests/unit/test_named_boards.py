@@ -1,6 +1,6 @@
 """`probe --magnet` where the configuration names a published board: the board is that one, or another one.
 
-The true boards are those of test_board_layouts.py, typed from the pick-and-place file and the firmwares, not from
+The true boards are those of published_boards.py, typed from the pick-and-place file and the firmwares, not from
 config/layouts.py. The field is that of tests/unit/magnet_world.py.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from magnet_mistakes import mirrored_chip, mirrored_pad, obeyed, quarter, scaled
 from magnet_world import Built, Person, person
-from test_board_layouts import chips
+from published_boards import chips
 
 from fmfts.cli.magnet_check import judged_pad, offer
 from fmfts.config import AnyskinSource, GeometryConfig, PadConfig
@@ -108,7 +108,9 @@ def test_named_board_is_written_and_loads(tmp_path: Path, capsys: pytest.Capture
     pad = load(file)[0].pad[0]
     options = Namespace(write=False, config=file, pad=None)
     offer(verdict, pad, file, options)
-    assert 'board = "reskin5"' in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert said.startswith("next: correct the configuration: `fmfts-daemon probe --magnet --write --config")
+    assert '    board = "reskin5"\n' in said
     assert file.read_text() == CONFIG
     options.write = True
     offer(verdict, pad, file, options)

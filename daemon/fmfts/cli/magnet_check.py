@@ -202,7 +202,8 @@ def offer(verdict: Verdict, pad: PadConfig, path: Path, options: argparse.Namesp
         raise not_written(error, path) from error
     if not options.write:
         again = _again(options, "--write")
-        print(f"next: mend the wires, or let the configuration say it: `{again}` writes", file=sys.stderr)
+        mend = "correct the configuration" if verdict.layouts else "mend the wires, or let the configuration say it"
+        print(f"next: {mend}: `{again}` writes", file=sys.stderr)
         print("\n".join(f"    {key} = {value}" for key, value in keys.items()), file=sys.stderr)
         return
     try:
