@@ -80,8 +80,10 @@ PROMISED = {
 
 @dataclass
 class Found:
-    """taken: samples of each chip that were new in a frame. spoilt: measurements that a set pulse met. deviations: of measured fields from the true ones, and of
-    measured noise from the promised one; wrong: sentences."""
+    """taken: samples of each chip that were new in a frame. spoilt: measurements that a ten-minute set pulse met.
+
+    deviations: of measured fields from the true ones, and of measured noise from the promised one. wrong: sentences.
+    """
 
     taken: list[int]
     spoilt: list[int]
