@@ -60,10 +60,10 @@ PROMISED = {
     "lis3mdl": Promise(155, 155.0, 3.2e-3, (6842,) * 3, (4.3,) * 3, True, sensitivity_per_k=-3e-4),
     "qmc5883p": Promise(200, 200.0, 2e-3, (15000,) * 3, (2.1,) * 3, sensitivity_per_k=-5e-4),
     "mmc5983ma": Promise(
-        200, None, 0.8e-3, (4096, 4096, -4096), (8.3,) * 3, low_steps=0.375, sensitivity_per_k=-2e-4, has_film=True
+        190, None, 0.8e-3, (4096, 4096, -4096), (8.3,) * 3, low_steps=0.375, sensitivity_per_k=-2e-4, has_film=True
     ),  # 16 of 18 bits, the lower two dropped; left-handed
     "mmc5603nj": Promise(
-        200, None, 3.6e-3, (1024, 1024, -1024), (32.3,) * 3, low_steps=0.46875, sensitivity_per_k=-2e-4, has_film=True
+        190, None, 3.6e-3, (1024, 1024, -1024), (32.3,) * 3, low_steps=0.46875, sensitivity_per_k=-2e-4, has_film=True
     ),  # 16 of 20 bits, the lower four dropped
     "mlx90393": Promise(
         226,
