@@ -1,5 +1,5 @@
-// Sources: public drivers (PX4 lis3mdl, ArduPilot AP_Compass_LIS3MDL, Adafruit_LIS3MDL, Zephyr drivers/sensor/st/lis3mdl)
-// and ST's AN4602 as they quote it. The data sheet (DocID024204 rev. 6) could not be read: what no driver tells is from memory.
+// Sources: public drivers (PX4 lis3mdl, ArduPilot AP_Compass_LIS3MDL, Adafruit_LIS3MDL, Zephyr's lis3mdl) and ST's AN4602 as
+// they quote it. The data sheet (DocID024204 rev. 6) could not be read: what no driver tells is from memory.
 #include "emulated_lis3mdl.h"
 
 #include <math.h>

@@ -4,8 +4,8 @@ Sources of the QMC5883L: QST 13-52-04 as public drivers quote it (PX4 `qmc5883l`
 Tasmota). Both PX4 and ArduPilot read register 0x00 once before they ask for the identity.
 
 Sources of the QMC5883P: ArduPilot `AP_Compass_QMC5883P`, Adafruit_QMC5883P, lionyhw/MQC5883P_nrf52 and
-reznikmm/qmc5883p (`source/qmc5883p-raw.ads` quotes the data sheet: OVFL is set beyond ±30000 counts, the outputs saturate
-at -32768 and 32767). This driver alone says that reading the status clears DRDY and OVFL; `cleared_by` can differ.
+reznikmm/qmc5883p (`source/qmc5883p-raw.ads` quotes the data sheet: OVFL is set beyond ±30000 counts, the outputs
+saturate at -32768 and 32767). The last one alone says that reading the status clears DRDY and OVFL (`cleared_by`).
 Unverified, and so an attribute or a choice made here: which axes are turned as long as 0x29 was not written, how long
 single measurements take, how fast mode "continuous" is, and the noise at other ranges than ±2 G.
 """

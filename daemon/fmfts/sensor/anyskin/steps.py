@@ -28,8 +28,10 @@ _COARSEST_FIRST = np.argsort(-_STEPS_UT[:, 0]).tolist()
 
 
 class Steps:
-    """code: the streamed chip's gain code, which gives the size of a count; −1 until it is learnt. is_known: the board's
-    values are multiples of that size."""
+    """code: the streamed chip's gain code, which gives the size of a count; −1 until it is learnt.
+
+    is_known: the board's values are multiples of that size.
+    """
 
     def __init__(self) -> None:
         self.code, self.is_known = -1, False
