@@ -28,7 +28,6 @@ for folder in (".", "unit"):  # what is imported from there comes after the chip
 
 STRETCH_S, MEASURED_S, BEYOND_S = 600.0, 20.0, 0.5
 CLOCK_ERRORS = (-0.03, 0.02)  # of a chip's period
-PULSES_EVERY_S = 600.0  # docs/chips.md: a set pulse for a field that came while nobody read
 OTHER_READING_EVERY = 10  # stretches are read as the daemon does it: at twice the rate
 
 
@@ -81,13 +80,10 @@ PROMISED = {
 
 @dataclass
 class Found:
-    """taken: samples of each chip that were new in a frame. spoilt: measurements that a ten-minute set pulse met.
-
-    deviations: of measured fields from the true ones, and of measured noise from the promised one. wrong: sentences.
-    """
+    """taken: samples of each chip that were new in a frame. deviations: of measured fields from the true ones, and of
+    measured noise from the promised one. wrong: sentences."""
 
     taken: list[int]
-    spoilt: list[int]
     frames: int = 0
     field_deviations: list[float] = field(default_factory=list)
     noise_ratios: list[float] = field(default_factory=list)
@@ -97,7 +93,7 @@ class Found:
 
 
 def nothing_found(number_of_chips: int) -> Found:
-    return Found([0] * number_of_chips, [0] * number_of_chips)
+    return Found([0] * number_of_chips)
 
 
 def read(pad: Any, clock: Any, duration_s: float, rate_hz: float, found: Found) -> list[Any]:
@@ -117,10 +113,7 @@ def read(pad: Any, clock: Any, duration_s: float, rate_hz: float, found: Found) 
             kept.append(sample)
         if clock.now_s - watched_s > 0.25:
             watched_s = clock.now_s
-            pulses_us = [sensor.magnetised_us for sensor in pad.sensors]
             pad.watch()
-            for number, (sensor, pulsed_us) in enumerate(zip(pad.sensors, pulses_us, strict=True)):
-                found.spoilt[number] += sensor.magnetised_us != pulsed_us
         next_s = max(next_s + period_s, clock.now_s)
     for mask, count in masks.items():
         found.frames += count
@@ -211,9 +204,8 @@ def day(kind: str, hours: float, number_of_chips: int) -> dict[str, object]:
     if pad.bus_errors or pad.config_repairs:
         found.wrong.append(f"{pad.bus_errors} bus errors, {pad.config_repairs} repairs")
     # One conversion may be under way at either end.
-    lost = [one - two - three for one, two, three in zip(due, found.taken, found.spoilt, strict=True)]
-    if max(abs(count) for count in lost) > 1 or max(found.spoilt) > 1 + elapsed_s / PULSES_EVERY_S:
-        found.wrong.append(f"{due} conversions, {found.taken} taken, {found.spoilt} spoilt by a set pulse")
+    if max(abs(one - two) for one, two in zip(due, found.taken, strict=True)) > 1:
+        found.wrong.append(f"{due} conversions, {found.taken} taken")
     rate_hz = promise.rate_hz or found.frames / elapsed_s
     # Its own clock says when a chip converts, but not when the driver starts the next measurement.
     errors = CLOCK_ERRORS if promise.rate_hz else (0.0,) * number_of_chips
@@ -230,7 +222,6 @@ def day(kind: str, hours: float, number_of_chips: int) -> dict[str, object]:
         "hours": round(elapsed_s / 3600, 2),
         "conversions": due,
         "taken": found.taken,
-        "spoilt": found.spoilt,
         "frames": found.frames,
         "transfers": bus.bus.transfers - transfers,
         "rate_over_due": [round(rate, 5) for rate in rates],
