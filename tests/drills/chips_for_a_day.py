@@ -40,8 +40,8 @@ class Promise:
     noise_gauss: at that rate; the emulated chip has it. beyond_gauss: more than its range, by axis. low_steps: what
     dropping lower bits takes from the mean. sensitivity_per_k: relative, from 25 °C; of the HMC5983 none is left.
     has_film: a field beyond the range spoils all axes until a set pulse.
-    overwritten: the largest share of samples that the next one replaces before they are read: between its status and its
-    axes, where a check of the registers delayed the reading.
+    overwritten: the largest share of samples that the next one replaces before they are read: between its status and
+    its axes, where a check of the registers delayed the reading.
     """
 
     frames_hz: int
