@@ -122,8 +122,8 @@ def test_sample_that_waited_for_a_reader_is_not_used(clock: Clock, kind: str) ->
     assert run(pad, clock, 0.1, 100)[-1].fresh == 1
 
 
-@pytest.mark.parametrize("gap_s", [0.02, 0.06, 0.2, 3.0])
-@pytest.mark.parametrize("rate_hz", [50, 60, 100, 120, 220])
+@pytest.mark.parametrize("gap_s", [0.02, 0.06, 3.0])
+@pytest.mark.parametrize("rate_hz", [50, 100, 220])
 @pytest.mark.parametrize("kind", FILMS)
 def test_chip_that_was_reset_in_a_gap_is_set_up_again(clock: Clock, kind: str, rate_hz: int, gap_s: float) -> None:
     """After a wire came off, its film may be turned over, and its measurements may take 8 ms."""
