@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import random
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import closing
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ from mcap.reader import make_reader
 from fmfts.bus.messages import ContactMessage
 from fmfts.cli import main as cli
 from fmfts.offline.replay import Comparison, Replay
+from fmfts.recording import recorder
 from fmfts.recording.file import Recorded, RecordingError, RecordingWriter, is_whole, read
 from fmfts.recording.source import frame_of
 
@@ -268,3 +271,14 @@ def test_a_recording_that_grows_while_it_is_read_is_as_long_as_it_was(
     assert grown
     assert before == []  # it has one chunk
     assert list(read(path))
+
+
+def test_recorder_hands_the_signals_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recorder, "PATIENCE_S", 0.1)  # nobody sends
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    with (
+        closing(recorder.Recorder(tmp_path / "a.mcap", None, f"ipc://{tmp_path}/bus")) as of_nobody,
+        pytest.raises(recorder.NothingCameError),
+    ):
+        of_nobody.run(1.0)
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import signal
 import time
-from contextlib import ExitStack, closing
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -63,25 +64,23 @@ class Recorder:
 
         Raises RecordingError where nothing arrives, or the disk is full.
         """
-        # The signals set a flag: an exception during a write would leave a chunk unfinished.
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._end)
-        begun_s = flushed_s = time.monotonic()
-        while not self._stop_requested and (seconds is None or time.monotonic() - begun_s < seconds):
-            self._turn()
-            now_s = time.monotonic()
-            if not self._writer.messages and now_s - begun_s > PATIENCE_S:
-                break
-            if now_s - flushed_s > FLUSH_S:
-                flushed_s = now_s
-                self._writer.flush()
-        if not self._writer.messages:
-            self._writer.discard()
-            why = why_nothing_came(self._bus.endpoints, self._pad)
-            raise NothingCameError(
-                f"nothing came in {time.monotonic() - begun_s:.1f} s, so nothing was recorded: {why}"
-            )
-        self._writer.finish()
+        with self._ended_by_signals():
+            begun_s = flushed_s = time.monotonic()
+            while not self._stop_requested and (seconds is None or time.monotonic() - begun_s < seconds):
+                self._turn()
+                now_s = time.monotonic()
+                if not self._writer.messages and now_s - begun_s > PATIENCE_S:
+                    break
+                if now_s - flushed_s > FLUSH_S:
+                    flushed_s = now_s
+                    self._writer.flush()
+            if not self._writer.messages:
+                self._writer.discard()
+                why = why_nothing_came(self._bus.endpoints, self._pad)
+                raise NothingCameError(
+                    f"nothing came in {time.monotonic() - begun_s:.1f} s, so nothing was recorded: {why}"
+                )
+            self._writer.finish()
         return {
             "recording": str(self._writer.path),
             "seconds": round(time.monotonic() - begun_s, 1),
@@ -95,6 +94,16 @@ class Recorder:
         self._writer.close()
         self._frames.close()
         self._bus.close()
+
+    @contextmanager
+    def _ended_by_signals(self) -> Iterator[None]:
+        """SIGINT and SIGTERM set a flag inside: an exception during a write would leave a chunk unfinished."""
+        before = {number: signal.signal(number, self._end) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
     def _end(self, *_: object) -> None:
         self._stop_requested = True

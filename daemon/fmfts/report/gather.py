@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import signal
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
@@ -156,13 +155,8 @@ class Gathering:
 
     def _record(self, base: str | None) -> dict[str, Any]:
         path = self.folder / "frames.mcap"
-        before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            with closing(Recorder(path, None, base)) as recorder:
-                facts = recorder.run(self.seconds)
-        finally:  # Ctrl-C ends the recording only; from here on it ends the report
-            for number, handler in before.items():
-                signal.signal(number, handler)
+        with closing(Recorder(path, None, base)) as recorder:
+            facts = recorder.run(self.seconds)  # Ctrl-C ends the recording only
         self.recording = path
         frames: dict[str, int] = {}
         for one in read(path):
