@@ -17,7 +17,7 @@ from fmfts.common.writing import why_not_written
 from fmfts.service.state import write_atomically
 from fmfts_client.keys import KEY_CHARACTERS, BadKeyError, read_fields
 
-CLIENT_NAME = re.compile(r"^[A-Za-z0-9._-]{1,64}$")
+CLIENT_NAME = re.compile(r"[A-Za-z0-9._-]{1,64}")
 LARGEST_LIST = 1 << 20
 PRIVATE, READABLE = 0o600, 0o640
 ADVICE = "`fmfts-daemon keys new NAME` makes what is missing"
@@ -80,7 +80,7 @@ class KeyFolder:
 
         Makes the daemon's own key first where there is none.
         """
-        if not CLIENT_NAME.match(name):
+        if not CLIENT_NAME.fullmatch(name):
             raise OptionError(f"{name!r} is not a client's name: 1 to 64 letters, digits, dots, - or _")
         try:
             self.folder.mkdir(mode=0o750, parents=True, exist_ok=True)
@@ -121,7 +121,7 @@ class KeyFolder:
                 public = z85.decode(key) if len(key) == KEY_CHARACTERS else b""
             except (KeyError, ValueError, struct.error):  # struct.error: five characters beyond 32 bits
                 public = b""
-            if len(public) != 32 or not CLIENT_NAME.match(name):
+            if len(public) != 32 or not CLIENT_NAME.fullmatch(name):
                 raise BusError(f"{self._clients}, line {number}: not `key name`; remove it")
             yield name, public
 

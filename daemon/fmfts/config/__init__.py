@@ -36,10 +36,10 @@ from fmfts.sensor.wire.packets import MAX_PADS
 
 STANDARD_SENSORS_MM: tuple[Vector, ...] = ((8, 8, 0), (8, -8, 0), (-8, 8, 0), (-8, -8, 0))
 FASTEST_HZ = max(chip.free_rate_hz for chip in CHIPS.values())
-BoardUid = Annotated[str, Meta(pattern=r"^[0-9A-Fa-f]{24}$")]
+BoardUid = Annotated[str, Meta(pattern=r"^[0-9A-Fa-f]{24}\Z")]
 # Magnets in mm: thinner ones are not made (a smaller number was meant in metres), thicker ones fit no fingertip.
 MagnetSize = Annotated[float, Meta(ge=0.2, le=50.0)]
-PadName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
+PadName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}\Z")]
 
 
 class BusConfig(_Section, frozen=True):

@@ -82,7 +82,7 @@ class Facts(Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     contract: Literal[2]
-    geometry_hash: Annotated[str, Meta(pattern="^[0-9a-f]{12}$")]
+    geometry_hash: Annotated[str, Meta(pattern=r"^[0-9a-f]{12}\Z")]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     rest_pose: Pose
