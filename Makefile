@@ -240,7 +240,7 @@ $(VENV)/.installed: pyproject.toml $(wildcard daemon/fmfts/*/*.[ch] daemon/fmfts
 
 $(VENV)/.installed-test: pyproject.toml $(VENV)/.installed
 	@echo "installing what the tests need into $(VENV)"
-	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[test]' -e ./lab
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[test,fem]' -e ./lab
 	@touch $@
 
 base-packages:

@@ -45,12 +45,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(tryfirst=True)  # before fixtures that call them
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    from needed import missing
+    from needed import missing, package_is_absent
 
     for mark in item.iter_markers("needs"):
         for program in mark.args:
             if not shutil.which(program):
                 missing(f"{program} (make test-packages)")
+        for package, extra in mark.kwargs.items():
+            if package_is_absent(package):
+                missing(f"{package} (pip install -e clients/python -e '.[{extra}]')")
 
 
 @pytest.fixture

@@ -233,7 +233,7 @@ def main() -> int:
     options.add_argument("tests", nargs="*", default=TESTS, help="of the daemon; the client has one trial alone")
     chosen = options.parse_args()
     ends = [chosen.set] if chosen.set else list(RESOLUTIONS)
-    client, daemon = CLIENT, Project(ROOT, ("test",))
+    client, daemon = CLIENT, Project(ROOT, ("test", "fem"))
     with tempfile.TemporaryDirectory() as folder, RunningDaemon(Path(folder), PAD) as serving:
         well = tried(client, ends, chosen.python, lambda place, _: run_client(place, serving.base))
     return not (tried(daemon, ends, chosen.python, lambda place, end: run_tests(place, end, chosen.tests)) and well)

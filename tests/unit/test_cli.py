@@ -58,6 +58,16 @@ def test_absent_package_comes_with_the_line_that_installs_it(
     assert f"{sys.executable} -m pip install 'fmfts[calibrate]'" in capsys.readouterr().err
 
 
+def test_finite_elements_without_felupe_name_its_extra(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, "felupe", None)
+    assert main(["pad-model", "--config", str(SHIPPED), "-o", str(tmp_path / "p.npz")]) == exit_codes.UNAVAILABLE
+    said = capsys.readouterr().err
+    assert "felupe, a package under GPL-3" in said
+    assert f"{sys.executable} -m pip install 'fmfts[fem]'" in said
+
+
 def test_package_left_out_by_whoever_installed_without_dependencies_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import tomllib
+from importlib.metadata import Distribution, distributions
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from release import NotReadyError, notes, the_version, versions  # noqa: E402
 
 # The packages that the project promises to whoever installs it.
 PROMISED = {"pyserial", "smbus2", "numpy", "scipy", "pyzmq", "msgpack", "onnxruntime"}
+COPYLEFT = re.compile(r"\b[AL]?GPL|\bMPL|\bEPL|\bEUPL|GNU|Mozilla|Eclipse")
 SOURCES = {".py", ".pyi", ".c", ".h", ".so"}
 PROJECTS = [ROOT, ROOT / "clients/python", ROOT / "lab"]
 
@@ -56,6 +58,30 @@ def test_client_carries_the_licence() -> None:
 def test_promised_packages_come_with_the_daemon() -> None:
     needed = {re.split(r"[<>=\[ ]", word)[0] for word in project(ROOT)["dependencies"]}
     assert needed >= PROMISED
+
+
+def test_gpl_comes_with_no_extra_but_its_own() -> None:
+    extras = project(ROOT)["optional-dependencies"]
+    words = [
+        *project(ROOT)["dependencies"],
+        *project(ROOT / "lab")["dependencies"],
+        *(word for extra in extras.values() for word in extra),
+    ]
+    assert [word for word in words if word.startswith("felupe")] == extras["fem"]
+    assert not [word for word in words if re.search(r"\[.*\bfem\b.*\]", word)]
+
+
+def test_every_copyleft_package_here_is_named_in_the_manual() -> None:
+    chapter = (ROOT / "docs/dependencies.md").read_text().partition("## Copyleft")[2].partition("\n## ")[0]
+    found = {each.name.lower() for each in distributions() if COPYLEFT.search(licence_of(each))}
+    assert found >= {"hypothesis"}
+    assert sorted(name for name in found if f"| {name}" not in chapter) == []
+
+
+def licence_of(package: Distribution) -> str:
+    about = package.metadata
+    words = [about.get("License-Expression", ""), about.get("License", "")[:100]]
+    return " ".join([*words, *(word for word in about.get_all("Classifier") or [] if word.startswith("License"))])
 
 
 def test_only_the_client_distribution_has_the_clients_files() -> None:

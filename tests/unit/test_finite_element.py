@@ -11,6 +11,8 @@ from fmfts.simulation.slab import Press, Slab
 from fmfts_lab.finite_elements.finite_element import PressedSlab
 from fmfts_lab.finite_elements.slab_mesh import SlabMesh
 
+pytestmark = pytest.mark.needs(felupe="fem")
+
 
 @cache
 def coarse() -> PressedSlab:

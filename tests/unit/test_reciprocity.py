@@ -21,6 +21,7 @@ from fmfts_lab.finite_elements.finite_element import PressedSlab
 from fmfts_lab.finite_elements.reciprocity import Influence
 from fmfts_lab.finite_elements.solved_presses import solve_into
 
+pytestmark = pytest.mark.needs(felupe="fem")
 ELEMENT_M = 2e-3
 COARSE = ("--element-mm", "2")
 

@@ -1,7 +1,8 @@
 """Finite elements of a pressed slab: finite strain, a rigid magnet, a dead load on the patch. Offline only.
 
-felupe (GPL-3; extra `pad-model`, never imported by the daemon) computes elements and residual: hexahedra Q1P0, with one
-mean pressure per element, so that nearly incompressible silicone does not lock. Internally in mm, N, MPa; the public
+felupe (GPL-3; extra `fem`) computes elements and residual: hexahedra Q1P0, with one mean pressure per element, so that
+nearly incompressible silicone does not lock. It is imported when a slab is meshed and nowhere else, so that the rest of
+the laboratory runs without it. Internally in mm, N, MPa; the public
 functions use SI.
 
 The load is a dead load: the force (Ft_x, Ft_y, −Fn) is spread evenly over the undeformed patch and keeps its direction.
@@ -15,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import felupe
 import numpy as np
 from scipy.sparse.linalg import splu
 
@@ -31,12 +31,25 @@ MEMORY, ITERATIONS = 8, 150
 PATIENCE = 25  # iterations after which a fresh tangent costs less than going on
 
 
+def felupe_module() -> Any:
+    """Raises ImportError, with what to do, if felupe is absent."""
+    try:
+        import felupe
+    except ImportError as error:
+        raise ImportError(
+            "finite elements need felupe, a package under GPL-3 that only the extra `fem` of fmfts installs"
+        ) from error
+    return felupe
+
+
 class MooneyRivlin:
     """The isochoric part of W, with felupe's interface of a material. `stiffness` (C,): a factor for each cell."""
 
     def __init__(self, c10_mpa: float, c01_mpa: float, stiffness: Array) -> None:
         self.c10, self.c01, self.stiffness = c10_mpa, c01_mpa, stiffness
         self.x = [np.zeros((3, 3)), np.zeros(0)]
+        felupe = felupe_module()
+        self._cofactor = felupe.AreaChange().function
         self._unstrained = felupe.NeoHooke(mu=2.0 * (c10_mpa + c01_mpa))
 
     def gradient(self, x: list[Array], **_: Any) -> list[Array]:
@@ -45,7 +58,7 @@ class MooneyRivlin:
         C = np.einsum("ki...,kj...->ij...", F, F)
         I1 = np.einsum("ii...", C)
         I2 = (I1**2 - np.einsum("ij...,ij...", C, C)) / 2.0
-        cofactor = felupe.AreaChange().function([F])[0]
+        cofactor = self._cofactor([F])[0]
         J = np.einsum("ij...,ij...", F, cofactor) / 3.0
         first = 2.0 * self.c10 * self.stiffness * J ** (-2 / 3)
         second = 2.0 * self.c01 * self.stiffness * J ** (-4 / 3)
@@ -68,6 +81,7 @@ class PressedSlab:
     def __init__(self, slab: Slab, element_m: float = ELEMENT_M, patience: int = PATIENCE) -> None:
         self.slab, self._patience = slab, patience
         self.mesh = SlabMesh.of(slab, element_m)
+        felupe = felupe_module()
         mesh = felupe.Mesh(self.mesh.points_mm, self.mesh.cells, "hexahedron")
         stiffness = np.where(self.mesh.magnet_cells, MAGNET_STIFFNESS, 1.0)
         self._field = felupe.FieldContainer([felupe.Field(felupe.RegionHexahedron(mesh), dim=3)])

@@ -53,7 +53,7 @@ def _pad_model(options: argparse.Namespace) -> int:
 
         mechanics = _mechanics(options, slab)
     except ImportError as error:
-        raise lacking(error, "pad-model") from error
+        raise lacking(error, "fem") from error
     except (ArithmeticError, ValueError) as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
     from fmfts.simulation.pad_file import write_pad_file
