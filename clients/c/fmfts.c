@@ -4,6 +4,7 @@
 
 #include <arpa/inet.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -724,17 +725,20 @@ static bool key_named(const char *content, const char *name, char key[KEY_SIZE])
 
 static bool read_key_file(const char *path, char content[LARGEST_KEY_FILE + 1], char why[FMFTS_TEXT_SIZE])
 {
-    FILE *file = fopen(path, "re");
+    /* Without O_NONBLOCK a pipe in the file's place would make the reader wait for ever. */
+    int descriptor = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     struct stat found;
-    if (!file || fstat(fileno(file), &found) != 0) {
-        fail(why, "key %.120s cannot be read: %s", path, strerror(errno));
-        if (file)
-            fclose(file);
-        return false;
-    }
-    setvbuf(file, NULL, _IONBF, 0); /* no copy of the secret key stays in a buffer */
-    content[fread(content, 1, LARGEST_KEY_FILE, file)] = 0;
-    fclose(file);
+    ssize_t size = -1;
+    if (descriptor >= 0 && fstat(descriptor, &found) == 0)
+        size = S_ISREG(found.st_mode) ? read(descriptor, content, LARGEST_KEY_FILE) : 0;
+    int error = errno;
+    if (descriptor >= 0)
+        close(descriptor);
+    if (size < 0)
+        return fail(why, "key %.120s cannot be read: %s", path, strerror(error));
+    content[size] = 0;
+    if (!S_ISREG(found.st_mode) || found.st_size > LARGEST_KEY_FILE)
+        return fail(why, "key %.120s is not the file of a key: name the one that `fmfts-daemon keys new` wrote", path);
     /* The owner may read and write the file, and a service's group may read it. */
     if (found.st_mode & 037)
         return fail(why, "key %.100s is open to others (mode %04o): chmod 600 %.100s", path, found.st_mode & 07777U,
@@ -744,18 +748,24 @@ static bool read_key_file(const char *path, char content[LARGEST_KEY_FILE + 1], 
 
 static bool set_key(void *socket, const char *path, char why[FMFTS_TEXT_SIZE])
 {
+    enum { SERVER, PUBLIC, SECRET, KEYS };
     static const struct {
         const char *name;
         int option;
-    } halves[] = {{"server", ZMQ_CURVE_SERVERKEY}, {"public", ZMQ_CURVE_PUBLICKEY}, {"secret", ZMQ_CURVE_SECRETKEY}};
-    char content[LARGEST_KEY_FILE + 1] = {0}, key[KEY_SIZE] = {0};
+    } halves[KEYS] = {
+        {"server", ZMQ_CURVE_SERVERKEY}, {"public", ZMQ_CURVE_PUBLICKEY}, {"secret", ZMQ_CURVE_SECRETKEY}};
+    char content[LARGEST_KEY_FILE + 1] = {0}, keys[KEYS][KEY_SIZE] = {{0}}, fitting[KEY_SIZE] = {0};
     bool set = read_key_file(path, content, why);
-    for (int i = 0; set && i < 3; i++)
-        if (!key_named(content, halves[i].name, key) || zmq_setsockopt(socket, halves[i].option, key, KEY_SIZE) != 0)
+    for (int i = 0; set && i < KEYS; i++)
+        if (!key_named(content, halves[i].name, keys[i]) ||
+            zmq_setsockopt(socket, halves[i].option, keys[i], KEY_SIZE) != 0)
             set = fail(why, "key %.120s has no usable %s: make another with `fmfts-daemon keys new`", path,
                        halves[i].name);
+    if (set && (zmq_curve_public(fitting, keys[SECRET]) != 0 || strcmp(fitting, keys[PUBLIC]) != 0))
+        set = fail(why, "key %.80s is damaged: its public and its secret key are no pair: make another with "
+                        "`fmfts-daemon keys new`", path);
     explicit_bzero(content, sizeof content);
-    explicit_bzero(key, sizeof key);
+    explicit_bzero(keys, sizeof keys);
     return set;
 }
 

@@ -26,6 +26,8 @@ import msgspec
 
 from fmfts.baseline import Baseline, BaselineError, load
 from fmfts.baseline.files import path_of, store_gains, stored_gains
+from fmfts.bus.client_list import ClientList, KeysError
+from fmfts.bus.keys import KeyFolder
 from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.field_table import DataError
 from fmfts.collect.errors import RefusedError
@@ -43,6 +45,7 @@ from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.pad_file import PadFileError, read_pad_file, write_pad_file
 from fmfts.simulation.slab import Slab
 from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_client.keys import BadKeyError, client_key
 
 ROOT = Path(__file__).parents[2]
 CONFIG = PadConfig(name="left", source=SimulatedSource())
@@ -144,6 +147,20 @@ def kinds(folder: Path) -> list[Kind]:
         assert isinstance(model.inference, NetworkInference)
         return model.inference.network, model.facts
 
+    keys = KeyFolder(folder / "keys")
+    for name in ("arm", "leg"):
+        keys.add(name, folder / f"{name}.key")
+    server_key, client_list = folder / "keys" / "server.key", folder / "keys" / "clients"
+
+    def use_server_key(path: Path) -> object:
+        server_key.write_bytes(path.read_bytes())
+        return keys.server().public
+
+    def use_client_key(path: Path) -> object:
+        path.chmod(0o600)
+        key = client_key(path)
+        return key and key.public
+
     def use_gains(path: Path) -> object:
         path_of("left", "selftest").write_bytes(path.read_bytes())
         return stored_gains(pad, None)
@@ -159,6 +176,9 @@ def kinds(folder: Path) -> list[Kind]:
         Kind(log, read_log, RefusedError, "machine's log"),
         Kind((PRESETS / "experiment.toml").read_bytes(), lambda path: read_plan(str(path)), PlanError, "plan"),
         Kind((folder / "pad.npz").read_bytes(), read_pad_file, PadFileError, "pad model"),
+        Kind(server_key.read_bytes(), use_server_key, KeysError, "daemon's key", hashed=True),
+        Kind((folder / "arm.key").read_bytes(), use_client_key, BadKeyError, "client's key", hashed=True),
+        Kind(client_list.read_bytes(), lambda path: ClientList(path).read(), KeysError, "list of keys"),
     ]
 
 

@@ -191,10 +191,11 @@ def next_version(package: Path, folder: Path) -> Path:
 
 
 def drill_removal(container: Container) -> None:
+    container.run("install -d -m 750 -o fmfts /etc/fmfts/keys && touch /etc/fmfts/keys/server.key")
     container.run("apt-get remove -y -qq fmfts")
     require(container.property("ActiveState") == "inactive", "removed: the service is", "inactive")
-    kept = container.run("ls -d /etc/fmfts/config.toml /var/lib/fmfts/baseline")
-    require(kept.count("\n") == 1, "and left", kept.replace("\n", ", "))
+    kept = container.run("ls -d /etc/fmfts/config.toml /etc/fmfts/keys/server.key /var/lib/fmfts/baseline")
+    require(kept.count("\n") == 2, "and left", kept.replace("\n", ", "))
     container.run("apt-get purge -y -qq fmfts")
     left = container.run("find / -xdev -iname '*fmfts*' -not -path '/proc/*' -not -path '/root/*' -not -path '/home/*'"
                          " -not -path '/usr/local/bin/fmfts-host'")  # fmt: skip

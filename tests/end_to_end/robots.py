@@ -33,7 +33,7 @@ class Robots:
         for number, name in enumerate(NAMES, 1):
             home = folder / name
             home.mkdir()
-            KeyFolder(home / "keys").add("desk", self.keys / f"{name}.key")
+            KeyFolder(home / "keys").add("desk", self.keys / f"{name}.key", may_change=True)
             base = tcp_base().replace("127.0.0.1", f"127.0.0.{number}")
             config = UNTOUCHED_CONFIG + (UNPLUGGED if name == "head" else "")
             self.daemons[name] = RunningDaemon(home, config, endpoint=base, keys=home / "keys", wait=False)

@@ -44,7 +44,7 @@ def daemon(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.M
     endpoint, keys = f"ipc://{tmp_path}", None
     if request.param == "tcp":
         endpoint, keys = tcp_base(), tmp_path / "keys"
-        KeyFolder(keys).add("test", tmp_path / "test.key")
+        KeyFolder(keys).add("test", tmp_path / "test.key", may_change=True)
         monkeypatch.setenv("FMFTS_KEY", str(tmp_path / "test.key"))
     with RunningDaemon(tmp_path, STILL_CONFIG, endpoint=endpoint, keys=keys) as daemon:
         yield daemon

@@ -14,7 +14,7 @@ from fmfts.common.reading import open_regular
 INPUTS = 150
 NAMES = (
     "baseline", "self-test", "model", "config", "recording", "replay", "labelled data", "machine's log", "plan",
-    "pad model",
+    "pad model", "daemon's key", "client's key", "list of keys",
 )  # fmt: skip
 
 

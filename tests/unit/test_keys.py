@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import threading
 import time
@@ -19,7 +20,12 @@ from fmfts.bus.gate import Gate
 from fmfts.bus.keys import KeyFolder
 from fmfts.bus.lock import BusError
 from fmfts.bus.publisher import Publisher
+from fmfts.cli.main import main
+from fmfts.common.exit_codes import USAGE
+from fmfts.page.commands import Commands, RecordBaseline
+from fmfts.page.recordings import Recordings
 from fmfts_client import KEY_VARIABLE, BadKeyError, Endpoints, RefusedError, Subscription, UnreachableError, request
+from fmfts_client.keys import show_key
 from ports import tcp_base
 
 # A handshake on one machine takes milliseconds; a peer that is shut out shows it by silence.
@@ -32,12 +38,12 @@ class Service:
     def __init__(self, folder: Path) -> None:
         self.keys = KeyFolder(folder / "keys")
         self.friend = folder / "friend.key"
-        self.keys.add("friend", self.friend)
+        self.keys.add("friend", self.friend, may_change=True)
         self.base = tcp_base()
         self.gate = Gate(self.keys)
         key, endpoints = self.keys.server(), Endpoints.from_base(self.base)
         self._publisher = Publisher(endpoints, BOOT, key)
-        self._control = ControlServer(endpoints.control, key)
+        self._control = ControlServer(endpoints.control, self.keys)
         self.carried_out: list[str] = []
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._turn)
@@ -139,6 +145,123 @@ def test_list_that_cannot_be_read_lets_nobody_in(
     (tmp_path / "keys" / "clients").write_text("not a key\n")
     monkeypatch.setenv(KEY_VARIABLE, str(service.friend))
     assert not hears(service.base, SILENCE_S)
+
+
+def refusal(service: Service, verb: str, name: str, monkeypatch: pytest.MonkeyPatch) -> str:
+    """What the client of that name is told when it asks for `verb`; "" if the daemon obeys."""
+    monkeypatch.setenv(KEY_VARIABLE, str(service.friend.with_name(f"{name}.key")))
+    try:
+        request(verb, endpoint=service.base, timeout_s=HANDSHAKE_S)
+    except RefusedError as error:
+        return str(error)
+    return ""
+
+
+def test_new_key_receives_and_asks_but_changes_nothing(
+    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service.keys.add("guest", tmp_path / "guest.key")
+    for verb in sorted(CHANGING):
+        said = refusal(service, verb, "guest", monkeypatch)
+        assert "the key of client 'guest' is read-only" in said
+        assert "fmfts-daemon keys set guest --may-change" in said
+    assert [refusal(service, verb, "guest", monkeypatch) for verb in ("pads", "status", "probe")] == ["", "", ""]
+    assert hears(service.base, HANDSHAKE_S)
+    assert refusal(service, "selftest", "friend", monkeypatch) == ""
+    assert service.carried_out == ["pads", "status", "probe", "selftest"]
+
+
+def test_page_shows_the_refusal(service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    service.keys.add("guest", tmp_path / "guest.key")
+    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "guest.key"))
+    said: list[dict[str, Any]] = []
+    page = Commands(Endpoints.from_base(service.base), Recordings(tmp_path, None))
+    asyncio.run(page.carry_out(RecordBaseline(id=1, pad="demo", kind="rest"), said.append))
+    assert "fmfts-daemon keys set guest --may-change" in said[0]["error"]
+
+
+def test_right_that_is_granted_counts_from_the_next_request(
+    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service.keys.add("guest", tmp_path / "guest.key")
+    assert "read-only" in refusal(service, "baseline", "guest", monkeypatch)
+    service.keys.grant("guest", may_change=True)
+    assert refusal(service, "baseline", "guest", monkeypatch) == ""
+    service.keys.grant("guest", may_change=False)
+    assert "read-only" in refusal(service, "baseline", "guest", monkeypatch)
+
+
+def connected(service: Service) -> zmq.Socket[bytes]:
+    """A client with a connection of its own, which has had an answer."""
+    socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.DEALER)
+    socket.setsockopt(zmq.LINGER, 0)
+    show_key(socket, service.base, service.friend)
+    socket.connect(Endpoints.from_base(service.base).control)
+    assert answered(socket, "pads")["ok"]
+    return socket
+
+
+def answered(socket: zmq.Socket[bytes], verb: str) -> dict[str, Any]:
+    socket.send(msgpack.packb({"id": 1, "verb": verb}))
+    assert socket.poll(round(HANDSHAKE_S * 1e3))
+    answer: dict[str, Any] = msgpack.unpackb(socket.recv())
+    return answer
+
+
+def test_connected_client_that_is_forgotten_is_answered_no_more(service: Service) -> None:
+    with connected(service) as socket:
+        service.keys.forget("friend")
+        for verb in ("status", "baseline"):
+            assert "your key is not on the daemon's list any more" in answered(socket, verb)["error"]
+    assert service.carried_out == ["pads"]
+
+
+def test_damaged_list_refuses_those_who_are_connected(service: Service, tmp_path: Path) -> None:
+    with connected(service) as socket:
+        (tmp_path / "keys" / "clients").write_text("not a key\n")
+        assert "the daemon cannot read its list of keys" in answered(socket, "baseline")["error"]
+    assert service.carried_out == ["pads"]
+
+
+def test_keys_of_an_earlier_list_may_change_things(
+    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It had neither rights nor a first line; the next `keys new` writes the rights that it meant."""
+    path = tmp_path / "keys" / "clients"
+    old = [" ".join(line.split()[:2]) for line in path.read_text().splitlines()[1:]]
+    path.write_text("\n".join(old) + "\n")
+    assert refusal(service, "selftest", "friend", monkeypatch) == ""
+    service.keys.add("guest", tmp_path / "guest.key")
+    assert {name: client.right for name, client in service.keys.clients().items()} == {
+        "friend": "may-change",
+        "guest": "read-only",
+    }
+    assert refusal(service, "selftest", "friend", monkeypatch) == ""
+
+
+def test_keys_verb_says_who_may_change_what(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "config.toml").write_text(
+        '[bus]\nkeys = "keys"\n[[pad]]\nname = "a"\n[pad.source]\ntype = "simulated"\n'
+    )
+
+    def said(*words: str, code: int = 0) -> str:
+        assert main(["keys", *words, "--config", "config.toml"]) == code
+        captured = capsys.readouterr()
+        return captured.out + captured.err
+
+    assert "it is read-only; `fmfts-daemon keys set arm --may-change`" in said("new", "arm")
+    assert "read-only" in said("new", "leg", "--read-only")
+    assert "read-only" not in said("new", "head", "--may-change")
+    assert said("list") == "arm  read-only\nleg  read-only\nhead  may-change\n"
+    said("set", "arm", "--may-change")
+    said("set", "head", "--read-only")
+    assert said("list") == "arm  may-change\nleg  read-only\nhead  read-only\n"
+    assert "say --read-only or --may-change" in said("set", "arm", code=USAGE)
+    assert "belong to new and set" in said("forget", "arm", "--may-change", code=USAGE)
+    assert "no client 'tail'" in said("set", "tail", "--may-change", code=USAGE)
 
 
 class Tap:
@@ -252,23 +375,6 @@ def test_key_is_never_written_over(tmp_path: Path) -> None:
         folder.add("one", tmp_path / "other.key")
     assert (folder.server(), (tmp_path / "one.key").read_bytes()) == (server, written)
     assert list(folder.clients()) == ["one"]
-
-
-@pytest.mark.parametrize(
-    "line", ["x friend", "0" * 40, "0" * 39 + "~ friend", "\x00" * 40 + " friend", "#" * 40 + " friend"]
-)
-def test_damaged_list_is_named_with_its_line(tmp_path: Path, line: str) -> None:
-    folder = KeyFolder(tmp_path / "keys")
-    folder.add("friend", tmp_path / "friend.key")
-    with (tmp_path / "keys" / "clients").open("a") as file:
-        file.write(line + "\n")
-    with pytest.raises(BusError, match="line 2"):
-        folder.clients()
-
-
-def test_daemon_without_keys_is_told_how_to_make_them(tmp_path: Path) -> None:
-    with pytest.raises(BusError, match="keys new NAME"):
-        KeyFolder(tmp_path / "keys").server()
 
 
 def test_curve_is_compiled_in() -> None:

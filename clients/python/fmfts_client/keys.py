@@ -6,12 +6,14 @@ import ipaddress
 import os
 import re
 import stat
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Optional
 
 import zmq
+from zmq.utils import z85
 
 from fmfts_client.endpoints import EndpointError
 
@@ -21,7 +23,7 @@ KEY_CHARACTERS = 40  # 32 bytes in Z85 (RFC 32)
 # The owner may read and write it, a service's group may read it.
 FORBIDDEN_MODE = 0o037
 
-_LINE = re.compile(r'^(\w+) = "([^"]*)"$', re.MULTILINE)
+_LINE = re.compile(r'(\w+) = "([^"]*)"')
 
 
 class BadKeyError(EndpointError):
@@ -37,21 +39,55 @@ class ClientKey:
     secret: bytes = field(repr=False)
 
 
-def read_fields(path: Path, names: tuple[str, ...]) -> list[bytes]:
-    """The keys of these names in a key file. Raises BadKeyError where others may read it, or a key is missing."""
+def decoded(key: str) -> Optional[bytes]:
+    """The 32 bytes of a key in Z85; None where the text is no key."""
     try:
-        with path.open("rb") as file:
-            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
-            content = file.read(LARGEST_KEY_FILE + 1)
-    except OSError as error:
-        raise BadKeyError(f"key {path} cannot be read: {error.strerror}") from error
-    if mode & FORBIDDEN_MODE:
-        raise BadKeyError(f"key {path} is open to others (mode {mode:04o}): chmod 600 {path}")
-    keys = dict(_LINE.findall(content.decode(errors="replace"))) if len(content) <= LARGEST_KEY_FILE else {}
-    missing = [name for name in names if len(keys.get(name, "")) != KEY_CHARACTERS]
+        return z85.decode(key) if len(key) == KEY_CHARACTERS else None
+    except (KeyError, ValueError, struct.error):  # struct.error: five characters beyond 32 bits
+        return None
+
+
+def read_fields(path: Path, names: tuple[str, ...]) -> list[bytes]:
+    """The keys of these names in a key file, `public` and `secret` among them.
+
+    Raises BadKeyError where others may read it, where a key is missing or damaged, or where the two are no pair.
+    """
+    remedy = "make another with `fmfts-daemon keys new`"
+    text = _private_text(path)
+    keys = {line[1]: line[2] for line in map(_LINE.fullmatch, text.splitlines()) if line}
+    missing = [name for name in names if decoded(keys.get(name, "")) is None]
     if missing:
-        raise BadKeyError(f"key {path} has no {', '.join(missing)}: make another with `fmfts-daemon keys new`")
-    return [keys[name].encode("ascii", errors="replace") for name in names]
+        raise BadKeyError(f"key {path} has no usable {', '.join(missing)}: {remedy}")
+    try:
+        fitting = zmq.curve_public(keys["secret"].encode())
+    except zmq.ZMQError as error:
+        raise BadKeyError(f"key {path} cannot be used: this libzmq was built without CURVE") from error
+    if fitting != keys["public"].encode():
+        raise BadKeyError(f"key {path} is damaged: its public and its secret key are no pair: {remedy}")
+    return [keys[name].encode() for name in names]
+
+
+def _private_text(path: Path) -> str:
+    """The content of a key file; what is larger than one, is no file, or may be read by others is refused."""
+    try:
+        # Without O_NONBLOCK a pipe in the file's place would make the reader wait for ever.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        try:
+            mode = os.fstat(descriptor).st_mode
+            content = os.read(descriptor, LARGEST_KEY_FILE + 1) if stat.S_ISREG(mode) else b""
+        finally:
+            os.close(descriptor)
+    except (OSError, ValueError) as error:  # ValueError: a name with a null byte
+        raise BadKeyError(f"key {path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    if not stat.S_ISREG(mode):
+        raise BadKeyError(f"key {path} is not a file, but a folder, a pipe or a device: name the key's file")
+    if mode & FORBIDDEN_MODE:
+        raise BadKeyError(f"key {path} is open to others (mode {stat.S_IMODE(mode):04o}): chmod 600 {path}")
+    if len(content) > LARGEST_KEY_FILE:
+        raise BadKeyError(
+            f"key {path} is larger than {LARGEST_KEY_FILE} bytes, so it is not a key: name the key's file"
+        )
+    return content.decode(errors="replace")
 
 
 def key_in_use(environ: Mapping[str, str] = os.environ) -> Optional[Path]:

@@ -11,7 +11,8 @@ import msgspec
 import zmq
 
 from fmfts.bus.encoding import NotFiniteError, encode_facts, not_finite_field
-from fmfts.bus.keys import ServerKey
+from fmfts.bus.gate import key_of
+from fmfts.bus.keys import KeyFolder, why_refused
 from fmfts.bus.server import BoundSocket
 from fmfts.common.exit_codes import DATA, code_of
 
@@ -25,6 +26,7 @@ HIGH_MARK = 1000
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
+Received = tuple[list[bytes], bytes]  # a message's parts, and the public key of its sender over tcp with keys
 _decoder = msgspec.msgpack.Decoder(dict[str, Any])
 
 
@@ -91,11 +93,16 @@ class Request:
 
 
 class ControlServer:
-    """Serves requests on `endpoint`; `key` encrypts tcp. Raises BusError where the endpoint cannot be bound."""
+    """Serves requests on `endpoint`; `keys` encrypt tcp, and say who may change things there.
 
-    def __init__(self, endpoint: str, key: ServerKey | None = None) -> None:
+    Raises BusError where the endpoint cannot be bound.
+    """
+
+    def __init__(self, endpoint: str, keys: KeyFolder | None = None) -> None:
+        key = None if keys is None else keys.server()
         self._socket = BoundSocket(zmq.ROUTER, endpoint, HIGH_MARK, LARGEST_RECEIVED, key)
-        self._early: deque[list[bytes]] = deque()  # received while sending, for the next `poll`
+        self._keys = None if self._socket.path is not None else keys
+        self._early: deque[Received] = deque()  # received while sending, for the next `poll`
 
     @property
     def paths(self) -> list[Path]:
@@ -111,12 +118,12 @@ class ControlServer:
         requests = []
         for _ in range(LARGEST_BATCH):
             if self._early:
-                parts = self._early.popleft()
+                received = self._early.popleft()
             elif self._socket.readable():
-                parts = self._socket.zmq.recv_multipart(zmq.NOBLOCK)
+                received = self._receive()
             else:
                 break
-            request = self._read(parts)
+            request = self._read(*received)
             if request is not None:
                 requests.append(request)
         return requests
@@ -124,7 +131,13 @@ class ControlServer:
     def close(self) -> None:
         self._socket.close()
 
-    def _read(self, parts: list[bytes]) -> Request | None:
+    def _receive(self) -> Received:
+        if self._keys is None:
+            return self._socket.zmq.recv_multipart(zmq.NOBLOCK), b""
+        frames = self._socket.zmq.recv_multipart(zmq.NOBLOCK, copy=False)
+        return [frame.bytes for frame in frames], key_of(frames[-1])
+
+    def _read(self, parts: list[bytes], key: bytes) -> Request | None:
         # DEALER sends [identity, body], REQ [identity, "", body].
         route = parts[:2] if len(parts) == 3 and not parts[1] else parts[:1]
         identity: int | str | None = None
@@ -132,13 +145,15 @@ class ControlServer:
             content = _decode(parts[len(route) :])
             identity = _identity(content)
             _check(content)
-            self._require_trust(content["verb"])
+            self._require_trust(content["verb"], key)
             return Request(self, route, identity, content)
         except BadRequestError as error:
             self._send(route, encode_facts({"id": identity, "error": str(error), "code": code_of(error)}))
             return None
 
-    def _require_trust(self, verb: str) -> None:
+    def _require_trust(self, verb: str, key: bytes) -> None:
+        if self._keys is not None and (why := why_refused(self._keys, verb, verb in CHANGING, key)):
+            raise BadRequestError(why)
         if verb in CHANGING and not self._socket.trusted:
             raise BadRequestError(
                 f"{verb} is refused over tcp without keys, because any user of this machine could send it: use "
@@ -150,7 +165,7 @@ class ControlServer:
         self._socket.zmq.send_multipart((*route, payload), flags=zmq.NOBLOCK)
         # Sending may consume the edge that announced a new request: receive it now, for the next `poll`.
         if self._socket.readable() and len(self._early) < LARGEST_BATCH:
-            self._early.append(self._socket.zmq.recv_multipart(zmq.NOBLOCK))
+            self._early.append(self._receive())
 
 
 def _decode(body: list[bytes]) -> dict[str, Any]:

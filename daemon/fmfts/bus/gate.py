@@ -5,14 +5,21 @@ from __future__ import annotations
 import logging
 
 import zmq
+from zmq.utils import z85
 
+from fmfts.bus.client_list import KeysError
 from fmfts.bus.keys import KeyFolder
-from fmfts.bus.lock import BusError
+from fmfts_client.keys import decoded
 
 ZAP_ENDPOINT = "inproc://zeromq.zap.01"
 LARGEST_BATCH = 64
 
 log = logging.getLogger(__name__)
+
+
+def key_of(frame: zmq.Frame) -> bytes:
+    """The public key (32 bytes) of the peer that sent a message over tcp with keys; a Gate admitted it."""
+    return decoded(str(frame.get("User-Id"))) or b""
 
 
 class Gate:
@@ -24,6 +31,7 @@ class Gate:
     def __init__(self, keys: KeyFolder) -> None:
         self._keys = keys
         self.refused = 0
+        self._said = ""
         self._socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.ROUTER)
         self._socket.setsockopt(zmq.LINGER, 0)
         self._socket.bind(ZAP_ENDPOINT)
@@ -43,8 +51,9 @@ class Gate:
             allowed = mechanism == b"CURVE" and len(proof) == 1 and self._allows(proof[0])
             if not allowed:
                 self._refuse(address.decode(errors="replace"))
-            status = (b"200", b"OK") if allowed else (b"400", b"unknown key")
-            self._socket.send_multipart((route, empty, version, request, *status, b"", b""))
+            # The key is the peer's user id: libzmq adds it to all its messages, and `key_of` reads it.
+            answer = (b"200", b"OK", z85.encode(proof[0])) if allowed else (b"400", b"unknown key", b"")
+            self._socket.send_multipart((route, empty, version, request, *answer, b""))
 
     def close(self) -> None:
         # libzmq closes in another thread, later; without unbind the endpoint would stay in use until then.
@@ -54,9 +63,11 @@ class Gate:
     def _allows(self, public: bytes) -> bool:
         """Is this key on the list? While the list cannot be read, no key is."""
         try:
-            return self._keys.allows(public)
-        except (BusError, OSError) as error:
-            log.error("no client is let in: %s", error)
+            return self._keys.client_with(public) is not None
+        except KeysError as error:
+            if str(error) != self._said:  # not for each peer that knocks
+                self._said = str(error)
+                log.error("no client is let in: %s", error)
             return False
 
     def _refuse(self, address: str) -> None:

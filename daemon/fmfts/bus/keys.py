@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import os
-import re
-import struct
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import zmq
 from zmq.utils import z85
 
+from fmfts.bus.client_list import (
+    CLIENT_NAME,
+    MAY_CHANGE,
+    READ_ONLY,
+    READABLE,
+    Client,
+    ClientList,
+    KeysError,
+    unreadable,
+)
 from fmfts.bus.lock import BusError
 from fmfts.common.writing import why_not_written
-from fmfts.service.state import write_atomically
-from fmfts_client.keys import KEY_CHARACTERS, BadKeyError, read_fields
+from fmfts_client.keys import BadKeyError, read_fields
 
-CLIENT_NAME = re.compile(r"[A-Za-z0-9._-]{1,64}")
-LARGEST_LIST = 1 << 20
-PRIVATE, READABLE = 0o600, 0o640
-ADVICE = "`fmfts-daemon keys new NAME` makes what is missing"
+PRIVATE = 0o600
 
 
 class NotWrittenError(BusError):
@@ -40,42 +43,39 @@ class ServerKey:
 
 
 class KeyFolder:
-    """The folder that `[bus] keys` names. Raises BusError, with what to do, where it cannot be used."""
+    """The folder that `[bus] keys` names. Raises KeysError, with what to do, where it cannot be used."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._server = folder / "server.key"
-        self._clients = folder / "clients"
-        self._read_at: tuple[int, int] | None = None
-        self._allowed: frozenset[bytes] = frozenset()
+        self._list = ClientList(folder / "clients")
 
     def server(self) -> ServerKey:
         """The daemon's keys, read from `server.key`."""
         try:
             return ServerKey(*read_fields(self._server, ("public", "secret")))
         except BadKeyError as error:
-            raise BusError(f"{error}; {ADVICE}") from error
+            if isinstance(error.__cause__, OSError):
+                raise unreadable(f"key {self._server}", error.__cause__) from error
+            raise KeysError(
+                f"{error}; or take it from a copy, or delete it and all clients' keys, and make new ones with "
+                "`fmfts-daemon keys new NAME`"
+            ) from error
 
-    def clients(self) -> dict[str, bytes]:
-        """Name → public key (32 bytes) of every client that may come in."""
-        try:
-            with self._clients.open("rb") as file:
-                content = file.read(LARGEST_LIST + 1)
-        except OSError as error:
-            raise BusError(f"{self._clients}: {error.strerror}; {ADVICE}") from error
-        if len(content) > LARGEST_LIST:
-            raise BusError(f"{self._clients} is larger than {LARGEST_LIST} bytes: it is not a list of keys")
-        return dict(self._parsed(content.decode(errors="replace")))
+    def clients(self) -> dict[str, Client]:
+        """The clients that may connect, by their names."""
+        return self._list.read()
 
-    def allows(self, public: bytes) -> bool:
-        """May the client with this public key (32 bytes) connect? Reads the list again when it has changed."""
-        status = self._clients.stat()
-        if (status.st_mtime_ns, status.st_ino) != self._read_at:
-            self._allowed = frozenset(self.clients().values())
-            self._read_at = (status.st_mtime_ns, status.st_ino)
-        return public in self._allowed
+    def check(self) -> None:
+        """Raise KeysError where the daemon could not let anybody in."""
+        self.server()
+        self.clients()
 
-    def add(self, name: str, output: Path) -> None:
+    def client_with(self, public: bytes) -> Client | None:
+        """The client with this public key (32 bytes); None: it may not connect."""
+        return self._list.with_key(public)
+
+    def add(self, name: str, output: Path, *, may_change: bool = False) -> None:
         """Make a key for a new client: write it to `output`, and its public half to the list.
 
         Makes the daemon's own key first where there is none.
@@ -87,7 +87,7 @@ class KeyFolder:
             if not self._server.exists():
                 public, secret = zmq.curve_keypair()
                 _create(self._server, f"{_line('public', public)}{_line('secret', secret)}")
-                self._clients.touch(READABLE)
+                self._list.path.touch(READABLE)
             known = self.clients()
             if name in known:
                 raise OptionError(f"there is a client {name!r} already: `fmfts-daemon keys forget {name}` first")
@@ -95,35 +95,50 @@ class KeyFolder:
             head = f"# The key of fmfts client {name}: whoever has it is let in. FMFTS_KEY names this file.\n"
             lines = _line("server", self.server().public) + _line("public", public) + _line("secret", secret)
             _create(output, head + lines)
-            self._write(known | {name: z85.decode(public)})
+            self._list.write(known | {name: Client(name, z85.decode(public), may_change)})
         except OSError as error:
             raise NotWrittenError(f"{error.filename}: {why_not_written(error)}") from error
 
-    def forget(self, name: str) -> None:
-        """Remove a client's key from the list. A client that is connected stays so until the daemon restarts."""
+    def grant(self, name: str, *, may_change: bool) -> None:
+        """Change what a client may do; it counts from its next request on."""
         known = self.clients()
-        if known.pop(name, None) is None:
-            raise OptionError(f"there is no client {name!r} in {self._clients}: {', '.join(known) or 'nobody'}")
+        self._write(known | {name: replace(self._named(name, known), may_change=may_change)})
+
+    def forget(self, name: str) -> None:
+        """Remove a client's key from the list.
+
+        The daemon answers no request of it any more, and does not let it in again. A client that is connected receives
+        contacts until the daemon restarts: libzmq has no call that ends one connection.
+        """
+        known = self.clients()
+        self._write({other: client for other, client in known.items() if client != self._named(name, known)})
+
+    def _named(self, name: str, known: dict[str, Client]) -> Client:
+        if name not in known:
+            raise OptionError(f"there is no client {name!r} in {self._list.path}: {', '.join(known) or 'nobody'}")
+        return known[name]
+
+    def _write(self, clients: dict[str, Client]) -> None:
         try:
-            self._write(known)
+            self._list.write(clients)
         except OSError as error:
-            raise NotWrittenError(f"{error.filename or self._clients}: {why_not_written(error)}") from error
+            raise NotWrittenError(f"{error.filename or self._list.path}: {why_not_written(error)}") from error
 
-    def _write(self, clients: dict[str, bytes]) -> None:
-        text = "".join(f"{z85.encode(key).decode()} {name}\n" for name, key in clients.items())
-        write_atomically(self._clients, text.encode())
-        self._clients.chmod(READABLE)
 
-    def _parsed(self, text: str) -> Iterator[tuple[str, bytes]]:
-        for number, line in enumerate(text.splitlines(), 1):
-            key, _, name = line.partition(" ")
-            try:
-                public = z85.decode(key) if len(key) == KEY_CHARACTERS else b""
-            except (KeyError, ValueError, struct.error):  # struct.error: five characters beyond 32 bits
-                public = b""
-            if len(public) != 32 or not CLIENT_NAME.fullmatch(name):
-                raise BusError(f"{self._clients}, line {number}: not `key name`; remove it")
-            yield name, public
+def why_refused(keys: KeyFolder, verb: str, changes: bool, public: bytes) -> str:
+    """Why the client with this key may not ask for `verb`; "" where it may. changes: the verb changes something."""
+    try:
+        client = keys.client_with(public)
+    except KeysError as error:
+        return f"{verb} is refused, because the daemon cannot read its list of keys: {error}"
+    if client is None:
+        return f"{verb} is refused: your key is not on the daemon's list any more (`fmfts-daemon keys list` there)"
+    if changes and not client.may_change:
+        return (
+            f"{verb} is refused: the key of client {client.name!r} is {READ_ONLY}. To let it change things, run on the "
+            f"daemon's machine: fmfts-daemon keys set {client.name} --{MAY_CHANGE}"
+        )
+    return ""
 
 
 def _line(name: str, key: bytes) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmfts.cli.verb import VerbError, configuration_and_path
@@ -24,6 +25,7 @@ def run(options: argparse.Namespace) -> int:
     from fmfts.sensor import SourceError
 
     config, path = configuration_and_path(options)
+    closed_keys = _why_keys_are_closed(config)
     try:
         models = load_models(config)
         _require_recordings(config)
@@ -35,6 +37,8 @@ def run(options: argparse.Namespace) -> int:
         print(json.dumps(msgspec.to_builtins(config), indent=1))
     else:
         print(f"good: {len(config.pad)} pad{'s' if len(config.pad) > 1 else ''} in {path}")
+        if closed_keys:
+            print(f"warning: the keys were not checked: {closed_keys}", file=sys.stderr)
         for pad in config.pad:
             kind = pad.source.__struct_config__.tag
             model = models[pad.name]
@@ -52,6 +56,21 @@ def run(options: argparse.Namespace) -> int:
             if model.shear_is_unknown:
                 print(f"{pad.name}: warning: {SHEAR_UNKNOWN.format(friction=pad.contact.friction)}", file=sys.stderr)
     return 0
+
+
+def _why_keys_are_closed(config: Config) -> str:
+    """Why this user may not read the daemon's keys; "" where they are good. Raises VerbError for other faults."""
+    from fmfts.bus.client_list import ClosedKeysError, KeysError
+    from fmfts.bus.keys import KeyFolder
+
+    try:
+        if config.bus.keys is not None:
+            KeyFolder(Path(config.bus.keys)).check()
+    except ClosedKeysError as error:
+        return str(error)
+    except KeysError as error:
+        raise VerbError(exit_codes.CONFIG, str(error)) from error
+    return ""
 
 
 def _require_recordings(config: Config) -> None:

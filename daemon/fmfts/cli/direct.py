@@ -24,7 +24,7 @@ from fmfts.simulation.hands import Hands
 from fmfts.simulation.source import Simulated
 from fmfts.sources import open_sources, origin_of
 from fmfts.view.progress import Show, progress_bar
-from fmfts_client import ControlError, EndpointError, RefusedError, request
+from fmfts_client import BadKeyError, ControlError, EndpointError, RefusedError, request
 from fmfts_client.endpoints import for_client, named_base
 
 TURN_S = 0.002
@@ -72,6 +72,8 @@ def _plainly(verb: str) -> Iterator[None]:
         yield
     except RefusedError as error:
         raise RefusedError(str(error).removeprefix(f"{verb}: "), error.code) from error
+    except BadKeyError:
+        raise
     except (ControlError, EndpointError, BusError) as error:
         raise AbsentError(str(error).removeprefix(f"{verb}: ")) from error
 

@@ -51,7 +51,9 @@ OF_ERROR = {
     "OSError": UNWRITABLE,
     "StateError": UNWRITABLE,
     # the configuration cannot be carried out
+    "BadKeyError": CONFIG,
     "ConfigError": CONFIG,
+    "KeysError": CONFIG,
     "ModelError": CONFIG,
     "RealtimeError": CONFIG,
     "SourceError": CONFIG,

@@ -42,7 +42,7 @@ MOST_OTHER_MAGNETS = 8  # of the neighbours of a pad with one magnet: the solver
 
 def problems_in(config: Config) -> list[Problem]:
     """All problems of `config`. What pads share is looked at only if each pad alone is good."""
-    problems = [*_of_the_bus(config), *_of_pads(config)]
+    problems = [*_of_the_bus(config), *_of_the_keys(config), *_of_pads(config)]
     problems += ((("collect", *keys), text) for keys, text in collect.problems(config.collect))
     problems += _names(config.pad)
     if not problems:
@@ -60,6 +60,11 @@ def _of_the_bus(config: Config) -> Iterator[Problem]:
             yield ("bus", "endpoint"), str(error)
         if base.startswith("tcp://") and config.bus.keys is None and not is_loopback(base):
             yield ("bus", "endpoint"), "other machines are let in with keys alone: set bus.keys (docs/security.md)"
+
+
+def _of_the_keys(config: Config) -> Iterator[Problem]:
+    if "\0" in (config.bus.keys or ""):
+        yield ("bus", "keys"), "must be the name of a folder, which holds no zero byte"
 
 
 def _of_pads(config: Config) -> Iterator[Problem]:

@@ -139,7 +139,7 @@ class Fleet:
                 self._robots.append(WatchedRobot(name, endpoints, now_s))
             except EndpointError as error:
                 self.close()
-                raise EndpointError(f"robot '{name}': {error}") from error
+                raise type(error)(f"robot '{name}': {error}") from error
 
     def look(self, now_s: float) -> bool:
         """Take what has arrived; True if a robot has come or gone."""

@@ -61,11 +61,13 @@ class Daemon:
         models = load_models(config)
         tell_models(config, models)
         keys = KeyFolder(Path(config.bus.keys)) if config.bus.keys is not None else None
+        if keys is not None:
+            keys.check()
         key = None if keys is None else keys.server()
         self._gate = None if keys is None else Gate(keys)
         of_samples = sum(pad.source.publish == "sample" for pad in config.pad)
         self._publisher = Publisher(endpoints, self._boot, key, [pad.name for pad in config.pad], of_samples)
-        self._control = ControlServer(endpoints.control, key)
+        self._control = ControlServer(endpoints.control, keys)
         priority = config.service.realtime_priority
         self._door = Door(
             [*self._publisher.paths, *self._control.paths],

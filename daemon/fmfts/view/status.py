@@ -19,14 +19,14 @@ log = logging.getLogger(__name__)
 
 
 def status(*, as_json: bool = False, out: TextIO | None = None, endpoint: str | None = None) -> int:
-    """Print the last status of every pad. Returns the exit code: 0, or UNAVAILABLE where no daemon answers."""
+    """Print the last status of every pad. Returns the exit code: UNAVAILABLE where no daemon answers."""
     out = sys.stdout if out is None else out
     try:
         pads = request("status", endpoint=endpoint, timeout_s=TIMEOUT_S).get("pads", [])
         reports = [Status.from_message(pad) for pad in pads]
     except (ControlError, EndpointError, MessageError) as error:
         log.error("%s", str(error).removeprefix("status: "))
-        return exit_codes.UNAVAILABLE
+        return exit_codes.code_of(error) if isinstance(error, EndpointError) else exit_codes.UNAVAILABLE
     if as_json:
         print(json.dumps({"pads": pads}, indent=1), file=out)
     else:

@@ -1,0 +1,122 @@
+"""Keeps the list of the clients that may connect over the network: a file with `key name right`, one client a line.
+
+A right is `may-change` or `read-only`. The first line is HEAD. A list of an earlier version has neither, and all its
+clients may change things; so a line of the present format that lost its right grants nothing.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from zmq.utils import z85
+
+from fmfts.bus.lock import BusError
+from fmfts.common.reading import open_regular
+from fmfts.service.state import write_atomically
+from fmfts_client.keys import decoded
+
+CLIENT_NAME = re.compile(r"[A-Za-z0-9._-]{1,64}")
+LARGEST_LIST = 1 << 20
+READABLE = 0o640
+MAY_CHANGE, READ_ONLY = "may-change", "read-only"
+HEAD = f"# key name right, which is {MAY_CHANGE} or {READ_ONLY}"
+
+
+class KeysError(BusError):
+    """A key or the list of keys is missing or damaged; the text names the file and what to do."""
+
+
+class ClosedKeysError(KeysError):
+    """This user may not read a key or the list."""
+
+
+@dataclass(frozen=True)
+class Client:
+    """A client on the list. public: its key, 32 bytes. may_change: may it record baselines and run self-tests?"""
+
+    name: str
+    public: bytes
+    may_change: bool
+
+    @property
+    def right(self) -> str:
+        return MAY_CHANGE if self.may_change else READ_ONLY
+
+
+class ClientList:
+    """The file at `path`. Raises KeysError where it cannot be read."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._read_at: tuple[int, int] | None = None
+        self._by_key: dict[bytes, Client] = {}
+        self._damage = ""
+
+    def read(self) -> dict[str, Client]:
+        """The clients by their names."""
+        try:
+            with open_regular(self.path) as file:
+                content = file.read(LARGEST_LIST + 1)
+        except (OSError, ValueError) as error:
+            raise unreadable(f"list of keys {self.path}", error) from error
+        if len(content) > LARGEST_LIST:
+            raise KeysError(f"list of keys {self.path}: larger than {LARGEST_LIST} bytes, so it is not a list of keys")
+        clients: dict[str, Client] = {}
+        seen: set[bytes] = set()
+        for number, client in self._parsed(content.decode(errors="replace")):
+            if client.name in clients or client.public in seen:
+                raise KeysError(f"{self._line(number)}: a name or a key that stands above, too; remove one of them")
+            clients[client.name] = client
+            seen.add(client.public)
+        return clients
+
+    def write(self, clients: dict[str, Client]) -> None:
+        """Replace the file. Raises OSError."""
+        lines = (f"{z85.encode(one.public).decode()} {one.name} {one.right}\n" for one in clients.values())
+        write_atomically(self.path, "".join([f"{HEAD}\n", *lines]).encode())
+        self.path.chmod(READABLE)
+
+    def with_key(self, public: bytes) -> Client | None:
+        """The client with this key (32 bytes); None: it is not on the list. Reads a list that has changed again."""
+        try:
+            status = self.path.stat()
+        except (OSError, ValueError) as error:
+            raise unreadable(f"list of keys {self.path}", error) from error
+        if (status.st_mtime_ns, status.st_ino) != self._read_at:
+            self._read_at, self._by_key, self._damage = (status.st_mtime_ns, status.st_ino), {}, ""
+            try:
+                self._by_key = {client.public: client for client in self.read().values()}
+            except KeysError as error:
+                self._damage = str(error)  # a damaged list is not read again for each peer that knocks
+        if self._damage:
+            raise KeysError(self._damage)
+        return self._by_key.get(public)
+
+    def _parsed(self, text: str) -> Iterator[tuple[int, Client]]:
+        lines = text.splitlines()
+        has_rights = lines[:1] == [HEAD]
+        for number, line in enumerate(lines[has_rights:], 1 + has_rights):
+            key, _, rest = line.partition(" ")
+            name, _, right = rest.partition(" ") if has_rights else (rest, "", MAY_CHANGE)
+            public = decoded(key)
+            if public is None or not CLIENT_NAME.fullmatch(name) or right not in (MAY_CHANGE, READ_ONLY):
+                form = f"key name {MAY_CHANGE}` or `key name {READ_ONLY}" if has_rights else "key name"
+                raise KeysError(f"{self._line(number)}: not `{form}`; remove it")
+            yield number, Client(name, public, right == MAY_CHANGE)
+
+    def _line(self, number: int) -> str:
+        return f"list of keys {self.path}, line {number}"
+
+
+def unreadable(what: str, error: OSError | ValueError) -> KeysError:
+    """The error for a file of keys that cannot be read, with what to do."""
+    if isinstance(error, FileNotFoundError):
+        return KeysError(f"{what} is not there: `fmfts-daemon keys new NAME` makes what is missing")
+    if isinstance(error, PermissionError):
+        return ClosedKeysError(
+            f"{what} is closed to this user: `chown -R fmfts:` its folder, where fmfts is the service"
+        )
+    return KeysError(f"{what} cannot be read: {getattr(error, 'strerror', None) or error}")
