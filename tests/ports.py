@@ -21,6 +21,12 @@ def tcp_base() -> str:
     raise AssertionError("no ports are free")
 
 
+def free_udp_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
 def _is_free(port: int) -> bool:
     with socket.socket() as attempt:
         attempt.setsockopt(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import socket
 import subprocess
 import sys
 import threading
@@ -22,6 +21,7 @@ from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon
 from end_to_end.test_collect import frames_behind, plan, rows
 from fmfts.config.file import load
 from fmfts.simulation.mounted import MountedPad
+from ports import free_udp_port
 
 HAND_CONFIG = """
 [collect]
@@ -96,12 +96,6 @@ def board(tmp_path: Path) -> Iterator[FirmwareHost]:
     with FirmwareHost(tmp_path) as board:
         board.tell("noise 0 0.2")
         yield board
-
-
-def free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def pressed_by_hand(

@@ -127,7 +127,7 @@ class Gauge:
     """Reads what it is told."""
 
     description = "a gauge"
-    last_unread = ""
+    unread = ""
 
     def __init__(self) -> None:
         self.force_n = 7.0  # the rod's weight, more than the limit

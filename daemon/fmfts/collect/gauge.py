@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import os
 import re
-import socket
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol
 
+from fmfts.collect.datagrams import Datagrams
 from fmfts.collect.errors import AbsentError
 from fmfts.config.collect import GaugeConfig, LoadCellGauge, SerialGauge, UdpGauge
 from fmfts.sensor.bridge import serial_port
@@ -31,7 +31,10 @@ class Gauge(Protocol):
     """A force gauge; no call blocks."""
 
     description: str
-    last_unread: str  # the last line in which no number was found; "" where there was none
+
+    @property
+    def unread(self) -> str:
+        """What arrived last and was no reading, and why, as a clause; "" where all were readings."""
 
     def poll(self, now_ns: int) -> Sequence[Reading]:
         """The readings since the last call. Raises AbsentError where the gauge has gone."""
@@ -53,7 +56,7 @@ def open_gauge(config: GaugeConfig, counts: Counts | None) -> Gauge:
         case SerialGauge():
             return LineGauge(config, _SerialLine(config))
         case UdpGauge():
-            return LineGauge(config, _Datagrams(config))
+            return LineGauge(config, Datagrams(config))
         case LoadCellGauge():
             if counts is None:
                 raise AbsentError(
@@ -66,9 +69,9 @@ def open_gauge(config: GaugeConfig, counts: Counts | None) -> Gauge:
 class LineGauge:
     """A gauge that sends lines of text; the pattern finds the number. Lines without a finite number are left out."""
 
-    def __init__(self, config: SerialGauge | UdpGauge, lines: _SerialLine | _Datagrams) -> None:
+    def __init__(self, config: SerialGauge | UdpGauge, lines: _SerialLine | Datagrams) -> None:
         self.description = lines.description
-        self.last_unread = ""
+        self._without_number = ""
         self._lines = lines
         self._pattern = re.compile(config.pattern)
         self._newton_per_unit = config.newton_per_unit
@@ -86,8 +89,14 @@ class LineGauge:
             if math.isfinite(force_n):
                 readings.append(Reading(now_ns - self._delay_ns, force_n))
             else:
-                self.last_unread = line[:40]
+                self._without_number = line[:40]
         return readings
+
+    @property
+    def unread(self) -> str:
+        if self._lines.refused:
+            return self._lines.refused
+        return f"the last line without a number was {self._without_number!r}" if self._without_number else ""
 
     def close(self) -> None:
         self._lines.close()
@@ -97,7 +106,7 @@ class LoadCell:
     """An HX711 behind the STM32 bridge: 24-bit counts in the stream of the frames."""
 
     description = "the load cell on the pad's board"
-    last_unread = ""
+    unread = ""
 
     def __init__(self, config: LoadCellGauge, counts: Counts) -> None:
         self._counts = counts
@@ -114,6 +123,8 @@ class LoadCell:
 
 
 class _SerialLine:
+    refused = ""
+
     def __init__(self, config: SerialGauge) -> None:
         self.description = f"the gauge on {config.port}"
         self._ask = config.ask.encode()
@@ -143,26 +154,3 @@ class _SerialLine:
 
     def close(self) -> None:
         serial_port.close(self._port)
-
-
-class _Datagrams:
-    def __init__(self, config: UdpGauge) -> None:
-        self.description = f"the gauge at UDP {config.address}:{config.port}"
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        try:
-            self._socket.bind((config.address, config.port))
-        except OSError as error:
-            self._socket.close()
-            raise AbsentError(f"gauge: cannot listen on UDP {config.address}:{config.port}: {error}") from error
-
-    def take(self, now_ns: int) -> list[str]:
-        lines: list[str] = []
-        while True:
-            try:
-                lines += self._socket.recv(4096).decode("ascii", "replace").splitlines()
-            except BlockingIOError:
-                return lines
-
-    def close(self) -> None:
-        self._socket.close()

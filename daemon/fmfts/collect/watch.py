@@ -112,8 +112,8 @@ class Watch:
             )
 
     def _unread(self) -> str:
-        line = "" if self._gauge is None else self._gauge.last_unread
-        return f"; the last line without a number was {line!r}" if line else ""
+        unread = "" if self._gauge is None else self._gauge.unread
+        return f"; {unread}" if unread else ""
 
     def forces_since(self, since_ns: int) -> list[float]:
         """The forces since that time, in their order, without tare_n subtracted."""

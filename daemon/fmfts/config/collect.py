@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import math
 import re
 from collections.abc import Iterator
@@ -35,7 +36,8 @@ class SerialGauge(_AsciiGauge, frozen=True, kw_only=True, tag="serial", tag_fiel
 
 class UdpGauge(_AsciiGauge, frozen=True, kw_only=True, tag="udp", tag_field="type"):
     port: Port
-    address: str = "127.0.0.1"
+    address: str = "127.0.0.1"  # where to listen
+    sender: str = ""  # host, or host:port; "" (on the loopback interface alone): any socket of the same user
 
 
 class LoadCellGauge(_Gauge, frozen=True, kw_only=True, tag="hx711", tag_field="type"):
@@ -90,6 +92,8 @@ def problems(collect: CollectConfig) -> Iterator[Problem]:
         scale = getattr(gauge, name)
         if scale == 0.0 or not math.isfinite(scale):
             yield ("gauge", name), f"is {scale:g}: with it no force is ever felt"
+    if isinstance(gauge, UdpGauge):
+        yield from _of_the_sender(gauge)
     if stage is None:
         return
     if gauge is None:
@@ -103,3 +107,28 @@ def problems(collect: CollectConfig) -> Iterator[Problem]:
     for axis, place, (low, high) in zip("xy", stage.origin_mm, stage.travel_mm[:2], strict=True):
         if not low <= place <= high:
             yield ("stage", "origin_mm"), f"{axis} = {place:g} is outside travel_mm ({low:g} to {high:g})"
+
+
+def _of_the_sender(gauge: UdpGauge) -> Iterator[Problem]:
+    host, colon, port = gauge.sender.partition(":")
+    if not gauge.sender:
+        if not _is_loopback(gauge.address):
+            yield (
+                ("gauge", "sender"),
+                f"must name the machine that sends, because everybody in the network reaches {gauge.address!r}: its "
+                'address, as "192.168.1.20" or with the port that it sends from',
+            )
+    elif not _is_ipv4(host) or (colon and not re.fullmatch(r"[1-9]\d{0,4}", port)):
+        yield ("gauge", "sender"), 'must be an IPv4 address like "192.168.1.20", or with a port "192.168.1.20:5006"'
+
+
+def _is_ipv4(host: str) -> bool:
+    try:
+        ipaddress.IPv4Address(host)
+        return True
+    except ValueError:
+        return False
+
+
+def _is_loopback(host: str) -> bool:
+    return host == "localhost" or (_is_ipv4(host) and ipaddress.IPv4Address(host).is_loopback)
