@@ -53,7 +53,14 @@ def early_of(message: EarlyMessage, chip: Chip = DEFAULT_CHIP) -> EarlySample:
 
 
 def frame_of(message: FrameMessage, pad_index: int = 0, chip: Chip = DEFAULT_CHIP) -> Frame:
-    """The frame of a message, as its source gave it. chip: of the recorded configuration, for no message names it."""
+    """The frame of a message, as its source gave it. chip: of the recorded configuration, for no message names it.
+
+    ValueError: a number is none that a source gives.
+    """
+    numbers = (message.sequence, message.device_time_us, message.host_time_ns)
+    sensors = {len(each) for each in (message.counts, message.age_us, message.fresh, message.valid)}
+    if len(sensors) != 1 or not 0 <= message.gain_code < len(chip.step_t) or max(map(abs, numbers)) >= 1 << 62:
+        raise ValueError("a frame that no source gives")
     return Frame(
         pad_index=pad_index,
         sequence=message.sequence,

@@ -22,6 +22,7 @@ from fmfts.collect.plan import Press
 from fmfts.collect.session import Identity, row_of
 from fmfts.collect.table import FORMAT, UNTOUCHED, Header, Row, Table
 from fmfts.collect.work import averaging_s, unmoved_since_baseline
+from fmfts.common.reading import damage_told
 from fmfts.config import Config, PadConfig
 from fmfts.recording.file import RecordingError, read
 from fmfts.sensor import Frame
@@ -182,11 +183,12 @@ def _first_of(refused: Sequence[str]) -> str:
 def _frames(recording: Path, pad: PadConfig) -> Sequence[Frame]:
     chip = CHIPS[pad.source.chip]
     try:
-        frames = [
-            frame_of(recorded.message, chip=chip)
-            for recorded in read(recording)
-            if isinstance(recorded.message, FrameMessage) and recorded.pad == pad.name
-        ]
+        with damage_told(RecordingError, f"{recording}: a frame of pad '{pad.name}' is damaged"):
+            frames = [
+                frame_of(recorded.message, chip=chip)
+                for recorded in read(recording)
+                if isinstance(recorded.message, FrameMessage) and recorded.pad == pad.name
+            ]
     except RecordingError as error:
         raise RefusedError(str(error)) from error
     if not frames:

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+LONGEST_QUOTE = 500
+
 
 def open_regular(path: Path) -> BinaryIO:
     """Open a file to read. OSError if it is none: a pipe in its place would make the reader wait for ever."""
@@ -38,4 +40,9 @@ def damage_told(named: type[Exception], sentence: str, remedy: str = "") -> Iter
         raise
     except Exception as error:
         mend = f": {remedy}" if remedy else ""
-        raise named(f"{sentence} ({type(error).__name__}: {error}){mend}") from error
+        raise named(f"{sentence} ({type(error).__name__}: {shortened(str(error))}){mend}") from error
+
+
+def shortened(text: str) -> str:
+    """The text for an error's sentence: a decoder may quote all of a file in its own."""
+    return text if len(text) <= LONGEST_QUOTE else f"{text[:LONGEST_QUOTE]}…"

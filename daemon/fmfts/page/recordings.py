@@ -17,6 +17,7 @@ from typing import Any
 import msgspec
 
 from fmfts.bus.messages import AnyMessage, StateMessage
+from fmfts.common.reading import damage_told
 from fmfts.common.writing import why_not_written
 from fmfts.config import PadConfig
 from fmfts.config.pad_facts import pad_facts
@@ -161,10 +162,8 @@ def pads_of(path: Path) -> list[dict[str, Any]]:
 
 
 def _facts(path: Path, state: StateMessage) -> dict[str, Any]:
-    try:
+    with damage_told(RecordingError, f"{path}: its configuration of pad '{state.pad}' is another version's"):
         return {"pad": state.pad} | pad_facts(msgspec.convert(state.config, PadConfig))
-    except msgspec.ValidationError as error:
-        raise RecordingError(f"{path}: its configuration of pad '{state.pad}' is another version's: {error}") from error
 
 
 def messages_of(path: Path, stopped: Callable[[], bool]) -> Iterator[tuple[int, bytes, bytes]]:
@@ -174,7 +173,9 @@ def messages_of(path: Path, stopped: Callable[[], bool]) -> Iterator[tuple[int, 
         if stopped():
             return
         if one.kind in SHOWN:
-            yield sent_ns(one.message), f"{one.kind}/{one.pad}".encode(), encode(one.message)
+            with damage_told(RecordingError, f"{path}: a message of {one.kind}/{one.pad} is damaged"):
+                shown = sent_ns(one.message), f"{one.kind}/{one.pad}".encode(), encode(one.message)
+            yield shown
 
 
 def sent_ns(message: AnyMessage) -> int:

@@ -5,19 +5,13 @@ A recorder that is killed loses its last chunk at most, which is a second of mes
 
 from __future__ import annotations
 
-import os
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import Any
 
 import msgspec
-import zstandard
-from mcap.exceptions import EndOfFile, InvalidMagic
-from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
-from mcap.writer import MCAP0_MAGIC
+from mcap.records import Channel, Message, Schema
 
 from fmfts.bus.messages import (
     AnyMessage,
@@ -28,7 +22,8 @@ from fmfts.bus.messages import (
     StateMessage,
     StatusMessage,
 )
-from fmfts.common.reading import open_regular
+from fmfts.common.reading import damage_told
+from fmfts.recording.container import Record, attachments, chunk_records, is_whole
 from fmfts.recording.output import McapFile, NotWrittenError, RecordingError
 from fmfts.recording.plain_schema import plain_schema, with_nulls, without_nulls
 from fmfts.recording.scene import Drawn
@@ -51,11 +46,15 @@ __all__ = [
     "attachment",
     "is_whole",
     "read",
+    "read_in_parts",
+    "records",
 ]
 
 PROFILE = "fmfts"
 HEADER_BYTES = 8
-LARGEST_CHUNK, LARGEST_RECORD, LARGEST_MESSAGE = 1 << 25, 1 << 26, 1 << 20
+LARGEST_MESSAGE = 1 << 20
+LONGEST_TOPIC = 64  # of those that are read; the name of a pad has at most 32 letters
+PART = 64  # records
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +101,7 @@ class CopyWriter(McapFile):
         self._schemas: dict[int, int] = {0: 0}  # 0: a channel without a schema
         self._channels: dict[int, int] = {}
 
-    def copy(self, record: Schema | Channel | Message) -> None:
+    def copy(self, record: Record) -> None:
         """Write a record after those that it refers to. Raises NotWrittenError where the disk is full."""
         with self.disk():
             if isinstance(record, Schema):
@@ -122,12 +121,22 @@ class CopyWriter(McapFile):
 def read(path: Path) -> Iterator[Recorded]:
     """Yields the messages in their order; of a file that was cut off (see `is_whole`), those before the cut.
 
-    Raises RecordingError where the file is not a recording, or damaged.
+    Raises RecordingError where the file is not a recording, damaged, or larger in a part than this program reads.
     """
+    return (one for one in read_in_parts(path) if one is not None)
+
+
+def read_in_parts(path: Path) -> Iterator[Recorded | None]:
+    """As `read`, and yields None after at most PART records and after each chunk: who must not wait can go on later."""
     topics: dict[int, str] = {}
-    for record in records(path):
+    since = 0
+    for record in chunk_records(path):
+        since += 1
+        if record is None or since >= PART:
+            since = 0
+            yield None
         if isinstance(record, Channel):
-            topics[record.id] = record.topic
+            topics[record.id] = record.topic[:LONGEST_TOPIC]
         elif isinstance(record, Message):
             kind, _, pad = topics.get(record.channel_id, "").partition("/")
             # Others are drawings, or another program's: MCAP files may be merged.
@@ -135,93 +144,20 @@ def read(path: Path) -> Iterator[Recorded]:
                 yield Recorded(kind, pad, _decoded(path, kind, pad, record.data))
 
 
-def records(path: Path) -> Iterator[McapRecord]:
+def records(path: Path) -> Iterator[Record]:
     """Yields what is in the chunks of a recording, in order. Raises RecordingError, as `read`."""
-    for record, end in _records(path):
-        if isinstance(record, Chunk):
-            yield from _unpacked(path, record, end)
+    return (record for record in chunk_records(path) if record is not None)
 
 
 def attachment(path: Path, name: str) -> bytes | None:
     """The first file of this name beside the messages; None if there is none. Raises RecordingError, as `read`."""
-    for record, _ in _records(path):
-        if isinstance(record, Attachment) and record.name == name:
-            return record.data
-    return None
-
-
-def is_whole(path: Path) -> bool:
-    """Is the file complete, with index and end?"""
-    ended = any(isinstance(record, Footer) for record, _ in _records(path))
-    with path.open("rb") as file:
-        file.seek(-len(MCAP0_MAGIC), os.SEEK_END)
-        return ended and file.read() == MCAP0_MAGIC
-
-
-def _records(path: Path) -> Iterator[tuple[McapRecord, int]]:
-    """Yields each record with the position of its end."""
-    end = 0
-    try:
-        with open_regular(path) as file:
-            if os.fstat(file.fileno()).st_size == 0:
-                raise RecordingError(f"{path} is empty: its recorder has only just begun, or was stopped at once")
-            try:
-                present = cast(IO[bytes], _PresentContent(file))
-                for record in StreamReader(present, emit_chunks=True, record_size_limit=LARGEST_RECORD).records:
-                    end = file.tell()
-                    yield record, end
-            except (EndOfFile, struct.error):
-                if os.fstat(file.fileno()).st_size < HEADER_BYTES:
-                    raise InvalidMagic(b"") from None
-                if present.read(1) or file.tell() < HEADER_BYTES:  # otherwise it is cut off, and good up to here
-                    raise
-    except OSError as error:
-        raise RecordingError(f"{path}: {error.strerror}") from error
-    except InvalidMagic as error:
-        raise RecordingError(f"{path} is not a recording: it does not begin as an MCAP file does") from error
-    except RecordingError:
-        raise
-    except Exception as error:  # of the MCAP reader: which ones damaged bytes cause is not told anywhere
-        raise RecordingError(f"{path} is not a recording, or damaged after byte {end}: {_text_of(error)}") from error
-
-
-class _PresentContent:
-    """The content that a file had when reading began.
-
-    A recorder may still be writing the file. The MCAP reader would take the first part of a new chunk for the whole
-    chunk, and report damage.
-    """
-
-    def __init__(self, file: IO[bytes]) -> None:
-        self._file = file
-        self._left = os.fstat(file.fileno()).st_size
-
-    def read(self, size: int) -> bytes:
-        data = self._file.read(min(size, self._left))
-        self._left -= len(data)
-        return data
-
-
-def _text_of(error: Exception) -> str:
-    return f"{type(error).__name__}: {error}".removesuffix(": ")
+    return next((each.data for each in attachments(path) if each.name == name), None)
 
 
 def _decoded(path: Path, kind: str, pad: str, data: bytes) -> AnyMessage:
-    try:
+    with damage_told(RecordingError, f"{path}: a message of {kind}/{pad} is damaged or another version's"):
         body = msgspec.json.decode(data, type=dict[str, Any])
         message = msgspec.convert(with_nulls(body, KINDS[kind]), KINDS[kind])
-    except (msgspec.DecodeError, ValueError) as error:
-        raise RecordingError(f"{path}: a message of {kind}/{pad}: {error}") from error
     if message.pad != pad:
-        raise RecordingError(f"{path}: a message of {kind}/{pad} is for pad {message.pad!r}")
+        raise RecordingError(f"{path}: a message of {kind}/{pad} is for pad {message.pad[:LONGEST_TOPIC]!r}")
     return message
-
-
-def _unpacked(path: Path, chunk: Chunk, end: int) -> list[McapRecord]:
-    try:
-        size = zstandard.frame_content_size(chunk.data) if chunk.compression == "zstd" else chunk.uncompressed_size
-        if max(size, chunk.uncompressed_size) > LARGEST_CHUNK:
-            raise ValueError(f"this program does not write a chunk of {size} bytes")
-        return breakup_chunk(chunk, validate_crc=True)
-    except Exception as error:  # of the MCAP reader and of zstandard
-        raise RecordingError(f"{path} is damaged in the chunk that ends at byte {end}: {_text_of(error)}") from error

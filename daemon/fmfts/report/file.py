@@ -12,12 +12,12 @@ import msgspec
 from mcap.records import Channel, Message, Schema
 
 from fmfts.common.reading import damage_told
-from fmfts.recording.file import KINDS, CopyWriter, RecordingError, attachment, records
+from fmfts.recording.file import KINDS, LARGEST_MESSAGE, CopyWriter, RecordingError, attachment, records
 from fmfts.report.scrub import BINARY, Scrubber
 from fmfts.view.facts import fact_lines
 
 NAME = "report.json"
-LARGEST_FACTS = 1 << 24
+LARGEST_FACTS = 1 << 22
 MOST_TEXTS = 1000
 # A stranger's file must not command the terminal of who reads it.
 CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
@@ -89,8 +89,9 @@ def _told(path: Path) -> Iterator[str]:
             topics[record.id] = record.topic
         elif isinstance(record, Message):
             counts[topics.get(record.channel_id, "?")] += 1
-            with damage_told(RecordingError, f"{path}: a message is damaged"):
-                texts |= dict.fromkeys(_texts(msgspec.json.decode(record.data)))
+            if len(texts) < MOST_TEXTS and len(record.data) <= LARGEST_MESSAGE:
+                with damage_told(RecordingError, f"{path}: a message is damaged"):
+                    texts |= dict.fromkeys(_texts(msgspec.json.decode(record.data)))
     yield from (f"{topic}: {count}" for topic, count in sorted(counts.items()))
     yield from list(texts)[:MOST_TEXTS]
 

@@ -1,0 +1,185 @@
+"""Reads the records of an MCAP file within limits: it believes no length before it has looked how much is there.
+
+A length that a record claims is compared with its limit, and with the bytes that the file has left, before anything of
+that size is read or unpacked. The mcap package decodes what is in a record; it gets no more than that record's bytes.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Collection, Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import IO, NamedTuple
+from zlib import crc32
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Message, Schema
+from mcap.writer import MCAP0_MAGIC
+
+from fmfts.common.reading import damage_told, open_regular
+from fmfts.recording.output import RecordingError
+
+# A recorder writes chunks of 1 MB, other programs chunks of 1 to 4 MB.
+LARGEST_CHUNK, LARGEST_ATTACHMENT = 1 << 23, 1 << 24
+# Channels and schemas, of which a program must keep all: how many, how many bytes of one, and of all.
+MOST_DESCRIPTIONS, LARGEST_DESCRIPTION, LARGEST_DESCRIPTIONS = 4096, 1 << 20, 1 << 24
+# Messages that repeat themselves shrink to a fortieth. What grows more than this, after so many bytes, was made to.
+MOST_GROWTH, FREE_GROWTH = 100, 1 << 24
+# A damaged length is rather a huge one; a smaller one that the file does not hold is a file that was cut off.
+LARGEST_RECORD = 1 << 26
+# Between two chunks there is an index for each channel.
+MOST_UNREAD = 2 * MOST_DESCRIPTIONS
+
+HEAD = struct.Struct("<BQ")  # kind and length of a record
+HEAD_OF_MESSAGE = struct.Struct("<HIQQ")
+FOOTER_BYTES = HEAD.size + 20
+LIMITS = {Opcode.CHUNK: LARGEST_CHUNK + 1024, Opcode.ATTACHMENT: LARGEST_ATTACHMENT + 1024}
+
+Record = Schema | Channel | Message
+
+
+class _Raw(NamedTuple):
+    """A record as it stands in the file. end: the position after it."""
+
+    kind: int
+    content: bytes
+    end: int
+
+
+def chunk_records(path: Path) -> Iterator[Record | None]:
+    """Yields what is in the chunks, in order, and None after each chunk: who must not wait can go on later.
+
+    Of a file that was cut off it yields what is before the cut. Raises RecordingError where the file is no recording,
+    is damaged, or exceeds a limit.
+    """
+    described: dict[tuple[type[Record], int], int] = {}  # channels and schemas → their bytes
+    total = unpacked = 0
+    for raw in _raw_records(path, {Opcode.CHUNK}):
+        with damage_told(RecordingError, f"{path} is damaged in the chunk that ends at byte {raw.end}"):
+            data = _unpacked(Chunk.read(_Content(raw.content)))
+            unpacked += len(data)
+            if unpacked > FREE_GROWTH + MOST_GROWTH * raw.end:
+                raise ValueError(f"the file unpacks to more than {MOST_GROWTH} times its size")
+            for record, size in _records_in(data):
+                if not isinstance(record, Message):
+                    total += size - described.get((type(record), record.id), 0)
+                    described[type(record), record.id] = size
+                    if len(described) > MOST_DESCRIPTIONS or total > LARGEST_DESCRIPTIONS:
+                        raise ValueError("it describes more channels than any recording has")
+                yield record
+        yield None
+
+
+def attachments(path: Path) -> Iterator[Attachment]:
+    """Yields the files beside the messages. Raises RecordingError, as `chunk_records`."""
+    for raw in _raw_records(path, {Opcode.ATTACHMENT}):
+        with damage_told(RecordingError, f"{path} is damaged in the attachment that ends at byte {raw.end}"):
+            yield Attachment.read(_Content(raw.content))
+
+
+def is_whole(path: Path) -> bool:
+    """Does the file end as a complete one does, with index and end? Raises RecordingError where it cannot be read."""
+    try:
+        with open_regular(path) as file:
+            file.seek(max(os.fstat(file.fileno()).st_size - FOOTER_BYTES - len(MCAP0_MAGIC), 0))
+            end = file.read()
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror}") from error
+    return end[:1] == bytes([Opcode.FOOTER]) and end[FOOTER_BYTES:] == MCAP0_MAGIC
+
+
+def _raw_records(path: Path, wanted: Collection[int]) -> Iterator[_Raw]:
+    """Yields the records of the kinds `wanted`, and skips the others unread."""
+    try:
+        with open_regular(path) as file:
+            size = os.fstat(file.fileno()).st_size  # what is there now: a recorder may still be writing
+            if size == 0:
+                raise RecordingError(f"{path} is empty: its recorder has only just begun, or was stopped at once")
+            if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+                raise RecordingError(f"{path} is not a recording: it does not begin as an MCAP file does")
+            yield from _raw_records_in(path, file, size, wanted)
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror}") from error
+
+
+def _raw_records_in(path: Path, file: IO[bytes], size: int, wanted: Collection[int]) -> Iterator[_Raw]:
+    at, unread = len(MCAP0_MAGIC), 0
+    while size - at >= HEAD.size:
+        kind, length = HEAD.unpack(file.read(HEAD.size))
+        begin = at + HEAD.size
+        # Zeros are what a power cut leaves behind.
+        if kind in (0, Opcode.DATA_END) or size - begin < length <= LARGEST_RECORD:
+            return
+        damaged = f"{path} is not a recording, or damaged after byte {at}"
+        if length > size - begin:
+            raise RecordingError(f"{damaged}: a record of {length} bytes begins there")
+        at = begin + length
+        if kind in wanted:
+            if length > LIMITS[Opcode(kind)]:
+                raise RecordingError(f"{damaged}: a record of {length} bytes is larger than this program reads")
+            unread = 0
+            yield _Raw(kind, file.read(length), at)
+        else:
+            unread += 1
+            if unread > MOST_UNREAD:
+                raise RecordingError(f"{damaged}: more than {MOST_UNREAD} records in a row are no chunks")
+            file.seek(at)
+
+
+class _Content(ReadDataStream):
+    """The content of one record. What claims to be longer than the record is damaged; the base class cuts it short."""
+
+    def __init__(self, content: bytes) -> None:
+        super().__init__(BytesIO(content))
+
+    def read(self, length: int) -> bytes:
+        data = super().read(length)
+        if len(data) < length:
+            raise EndOfFile
+        return data
+
+
+def _unpacked(chunk: Chunk) -> bytes:
+    size = chunk.uncompressed_size
+    if size > LARGEST_CHUNK:
+        raise ValueError(f"a chunk of {size} bytes is larger than this program reads")
+    if chunk.compression == "zstd":
+        window = zstandard.ZstdDecompressor(max_window_size=LARGEST_CHUNK)
+        data = window.stream_reader(chunk.data).read(size + 1)
+    elif chunk.compression == "lz4":
+        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+    elif chunk.compression == "":
+        data = chunk.data
+    else:
+        raise ValueError(f"its compression {chunk.compression[:20]!r} is unknown")
+    if len(data) != size:
+        raise ValueError(f"it claims {size} bytes, and holds {'more' if len(data) > size else len(data)}")
+    if chunk.uncompressed_crc not in (0, crc32(data)):
+        raise ValueError("its checksum does not match")
+    return data
+
+
+def _records_in(data: bytes) -> Iterator[tuple[Record, int]]:
+    """Yields the records in a chunk, each with its size."""
+    at = 0
+    while at < len(data):
+        kind, length = HEAD.unpack_from(data, at)
+        begin, at = at + HEAD.size, at + HEAD.size + length
+        if at > len(data):
+            raise ValueError(f"a record in it claims {length} bytes")
+        if kind == Opcode.MESSAGE:
+            if length < HEAD_OF_MESSAGE.size:
+                raise ValueError("a message in it has no beginning")
+            channel, sequence, logged, published = HEAD_OF_MESSAGE.unpack_from(data, begin)
+            yield Message(channel, logged, data[begin + HEAD_OF_MESSAGE.size : at], published, sequence), length
+        elif kind in (Opcode.SCHEMA, Opcode.CHANNEL):
+            if length > LARGEST_DESCRIPTION:
+                raise ValueError(f"a channel or its schema has {length} bytes")
+            content = _Content(data[begin:at])
+            yield Schema.read(content) if kind == Opcode.SCHEMA else Channel.read(content), length
