@@ -30,13 +30,16 @@ NEWEST = "fmfts.pads.get(fmfts.chosen)?.contact"
 
 
 class View:
-    """`fmfts-daemon view` for the daemon whose base is given; `address` is what it printed."""
+    """`fmfts-daemon view` for the daemon whose base is given; `address` is what it printed.
 
-    def __init__(self, folder: Path, environment: dict[str, str], *options: str) -> None:
+    browser: the command that it opens the page with.
+    """
+
+    def __init__(self, folder: Path, environment: dict[str, str], *options: str, browser: str = "none") -> None:
         command = [sys.executable, "-m", "fmfts", "view", "--port", "0", "--recordings", str(folder), *options]
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(
-            command, stdout=pipe, stderr=pipe, text=True, env=environment | {"BROWSER": "none"}
+            command, stdout=pipe, stderr=pipe, text=True, env=environment | {"BROWSER": browser, "DISPLAY": ":0"}
         )
         assert self.process.stdout is not None
         first = self.process.stdout.readline()

@@ -44,30 +44,33 @@ def _view(options: argparse.Namespace) -> int:
         raise VerbError(exit_codes.USAGE, "--robot-keys is for --robot; the key of one robot is named by FMFTS_KEY")
     if options.foxglove and not options.robot:
         return view_in_foxglove(options)
-    from fmfts.page.browser import open_page
+    from fmfts.page.browser import shown_in_browser
     from fmfts.page.guard import Guard, RefusedAddressError
     from fmfts.page.serving import Where, serve_page
     from fmfts_client.endpoints import EndpointError, for_client
 
-    def serving(address: str) -> None:
-        print(f"the page: {address}", flush=True)
-        open_page(address)
-
     port: int = PORT if options.port is None else options.port
     if not 0 <= port <= 65535:
         raise VerbError(exit_codes.USAGE, f"--port {port}: give 0 to 65535")
-    with ended_by(EndpointError, RefusedAddressError):
+    with ended_by(EndpointError, RefusedAddressError), ExitStack() as stack:
+
+        def serving(address: str) -> None:
+            print(f"the page: {address}", flush=True)
+            try:
+                stack.enter_context(shown_in_browser(address))
+            except OSError as error:
+                print(f"no browser is opened ({error}): open the address yourself", file=sys.stderr)
+
         guard = Guard(options.host, options.certificate, options.key)
         if options.robot:
             fleet.view_fleet(options, guard, port, serving)
             return 0
         base = serving_base(options)
         where, folder = Where(for_client(base), base), options.recordings.absolute()
-        with ExitStack() as stack:
-            beside: list[str] = options.beside
-            if options.fixed_baseline:
-                beside = [*beside, stack.enter_context(_fixed_baseline(base, options.ghost_endpoint))]
-            serve_page(guard, where, folder, port, serving, beside)
+        beside: list[str] = options.beside
+        if options.fixed_baseline:
+            beside = [*beside, stack.enter_context(_fixed_baseline(base, options.ghost_endpoint))]
+        serve_page(guard, where, folder, port, serving, beside)
     return 0
 
 
