@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import hashlib
 import io
 import json
@@ -10,10 +11,12 @@ import random
 import re
 import signal
 import socket
+import ssl
+import subprocess
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +26,9 @@ import pytest
 import zmq
 from bus_messages import contact_message
 from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.frames import Frame, Opcode
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
 
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.config.pad_facts import pad_facts
@@ -33,19 +38,40 @@ from fmfts.page.feed import KEPT_FOR_A_PAGE, Feed, Viewer
 from fmfts.page.files import FOLDER, Files
 from fmfts.page.guard import Guard, RefusedAddressError
 from fmfts.page.recordings import Recordings
-from fmfts.page.server import FRONT, WAITING, PageServer, RobotView
+from fmfts.page.server import FRONT, HANDSHAKE_S, OPEN_PAGES, PageServer, RobotView
+from fmfts.page.strangers import WAITING
 from fmfts.recording.file import RecordingWriter
 from fmfts_client import Endpoints
 
 ROOT = Path(__file__).parents[2]
 
 
+UPGRADE = (
+    "GET /socket HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nOrigin: http://127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
+    "Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+)
+
+
+def text_frame(text: str) -> bytes:
+    return Frame(Opcode.TEXT, text.encode()).serialize(mask=True)
+
+
+def sent_until_stuck(peer: socket.socket, part: bytes, at_most: int) -> int:
+    """Bytes that the other end took, and the kernel's buffers, until nothing moved for a second."""
+    peer.settimeout(1.0)
+    sent = 0
+    with contextlib.suppress(TimeoutError):
+        while sent < at_most:
+            sent += peer.send(part[sent % len(part) :])
+    return sent
+
+
 class Served:
     """A page's server in a thread, on a bus of its own; `publish` is the daemon."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, certificate: Path | None = None, key: Path | None = None) -> None:
         self.folder = folder
-        self.guard = Guard("127.0.0.1")
+        self.guard = Guard("127.0.0.1", certificate, key)
         self.endpoints = Endpoints.from_base(f"ipc://{folder}")
         self.bus: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.PUB)
         self.bus.bind(self.endpoints.bus)
@@ -99,14 +125,22 @@ class Served:
         self.bus.close(0)
 
 
-@pytest.fixture(scope="module")
-def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+@contextmanager
+def serving(folder: Path, *tls: Path) -> Iterator[Served]:
     # Signal handlers can be set in the main thread only; here the test ends the server.
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("signal.getsignal", lambda number: signal.SIG_IGN)
-        served = Served(tmp_path_factory.mktemp("bus"))
+        served = Served(folder, *tls)
+        try:
+            yield served
+        finally:
+            served.close()
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with serving(tmp_path_factory.mktemp("bus")) as served:
         yield served
-        served.close()
 
 
 def answered(page: ClientConnection, wanted: str) -> dict[str, object]:
@@ -178,6 +212,68 @@ class TestWhoMay:
         assert served.get("/").startswith(b"HTTP/1.1 200")
         for each in idle:
             each.close()
+
+    @pytest.mark.needs("openssl")
+    def test_connections_are_counted_before_tls(self, tmp_path: Path) -> None:
+        certificate, key = tmp_path / "certificate.pem", tmp_path / "key.pem"
+        made = [
+            "openssl",
+            "req",
+            "-x509",
+            "-newkey",
+            "ec",
+            "-pkeyopt",
+            "ec_paramgen_curve:P-256",
+            "-nodes",
+            "-days",
+            "1",
+        ]
+        made += ["-subj", "/CN=robot", "-keyout", str(key), "-out", str(certificate)]
+        subprocess.run(made, check=True, capture_output=True)
+        trust = ssl.create_default_context(cafile=certificate)
+        trust.check_hostname = False
+        with serving(tmp_path, certificate, key) as served, ExitStack() as stack:
+            silent = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(WAITING + 100)]
+            for each in silent:
+                stack.enter_context(each)
+            silent[0].settimeout(HANDSHAKE_S / 2)
+            assert silent[0].recv(1) == b"", "dropped for a newer one, before its time is over"
+            origin = Origin(f"https://127.0.0.1:{served.port}")
+            page = stack.enter_context(
+                connect(f"wss://127.0.0.1:{served.port}/socket", ssl=trust, proxy=None, origin=origin)
+            )
+            page.send(json.dumps({"token": served.guard.token}))
+            page.send(json.dumps({"ask": "ping", "sent_ms": 1.0}))
+            assert answered(page, "pong")["pong"] == 1.0
+
+    def test_connections_without_the_token_take_no_page_place(self, served: Served) -> None:
+        address, origin = f"ws://127.0.0.1:{served.port}/socket", Origin(f"http://127.0.0.1:{served.port}")
+        with ExitStack() as stack:
+            for _ in range(OPEN_PAGES + 10):
+                stack.enter_context(connect(address, proxy=None, origin=origin))
+            with served.page() as page:
+                page.send(json.dumps({"ask": "ping", "sent_ms": 1.0}))
+                assert answered(page, "pong")["pong"] == 1.0
+
+    def test_one_page_too_many_is_told_so(self, served: Served) -> None:
+        with ExitStack() as stack:
+            for _ in range(OPEN_PAGES):
+                page = stack.enter_context(served.page())
+                page.send(json.dumps({"ask": "ping", "sent_ms": 1.0}))
+                answered(page, "pong")
+            with served.page() as page, pytest.raises(ConnectionClosed, match="32 pages are open already"):
+                answered(page, "pong")
+
+    def test_page_that_takes_no_answers_is_not_read_on(self, served: Served) -> None:
+        """The server's memory stays small, so what the page sends stays in the kernel's buffers, which fill."""
+        with socket.create_connection(("127.0.0.1", served.port)) as peer:
+            peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            peer.sendall(UPGRADE.format(port=served.port).encode())
+            assert b"101 Switching" in peer.recv(4096)
+            peer.sendall(text_frame(json.dumps({"token": served.guard.token})))
+            answered_at_length = text_frame(json.dumps({"ask": "?" * 15_000})) * 10
+            assert sent_until_stuck(peer, answered_at_length, at_most=50_000_000) < 50_000_000
+        assert served.get("/").startswith(b"HTTP/1.1 200")
 
 
 class TestFeed:

@@ -1,4 +1,4 @@
-"""One open page: lets it in, sends it what it watches, and carries out what it asks for."""
+"""One open page: whether it is let in, what it watches, and what it asks for."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from fmfts.page.recordings import messages_of, pads_of
 
 HELLO_S = 5.0
 REQUESTS_AT_ONCE = 4
+ANSWERS_KEPT = 64  # that the page has not taken yet: no further request of it is read meanwhile
 WRONG_TOKEN, TOO_MANY = 4401, 4429  # application's own close codes
 BATCH_S = 0.025
 AT_ONCE = 200  # messages of a recording that are read at once
@@ -50,6 +51,7 @@ class PageConnection:
         self._viewer = Viewer()
         self._ready = asyncio.Event()
         self._said: list[str] = []
+        self._taken = asyncio.Event()
         self._tasks: set[asyncio.Task[None]] = set()
         self._replay: asyncio.Task[None] | None = None
 
@@ -57,14 +59,16 @@ class PageConnection:
         """New messages may be there to send."""
         self._ready.set()
 
-    async def serve(self, guard: Guard) -> None:
-        if not await let_in(self._socket, guard):
-            return
+    async def serve(self) -> None:
         self._feed.add(self._viewer)
         sender = asyncio.create_task(self._send())
+        sender.add_done_callback(lambda _: self._taken.set())
         try:
             async for text in self._socket:
                 self._take(text)
+                while len(self._said) >= ANSWERS_KEPT and not sender.done():
+                    self._taken.clear()
+                    await self._taken.wait()
         except ConnectionClosed:
             pass
         finally:
@@ -98,6 +102,8 @@ class PageConnection:
                 task.add_done_callback(self._tasks.discard)
 
     def _say(self, answer: dict[str, Any]) -> None:
+        if "progress" in answer and len(self._said) >= ANSWERS_KEPT:
+            return  # a later one says more
         self._said.append(json.dumps(answer))
         self._ready.set()
 
@@ -109,6 +115,7 @@ class PageConnection:
                 self._ready.clear()
                 # Taken together, so that an answer to `replay` comes before all messages that it is about.
                 said, self._said, batch = self._said, [], self._viewer.batch()
+                self._taken.set()
                 for text in said:
                     await self._socket.send(text)
                 if batch:

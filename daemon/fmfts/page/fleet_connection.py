@@ -1,4 +1,4 @@
-"""One open page of the fleet: lets it in, and sends it how all robots are. It may ask for nothing else."""
+"""One open page of the fleet: sends it how all robots are. It may ask for nothing else."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from fmfts.page.commands import Ping, Watch, decode
-from fmfts.page.connection import let_in
-from fmfts.page.guard import Guard
 
 
 class FleetConnection:
@@ -29,9 +27,7 @@ class FleetConnection:
         self._newest = facts
         self._ready.set()
 
-    async def serve(self, guard: Guard) -> None:
-        if not await let_in(self._socket, guard):
-            return
+    async def serve(self) -> None:
         sender = asyncio.create_task(self._send())
         try:
             async for text in self._socket:

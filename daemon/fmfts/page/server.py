@@ -17,18 +17,16 @@ from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.http11 import Request, Response
 
 from fmfts.page.commands import Commands
-from fmfts.page.connection import BATCH_S, PageConnection
+from fmfts.page.connection import BATCH_S, TOO_MANY, PageConnection, let_in
 from fmfts.page.feed import Feed
 from fmfts.page.files import SOCKET, Files
 from fmfts.page.fleet import Fleet
 from fmfts.page.fleet_connection import FleetConnection
 from fmfts.page.guard import Guard, RefusedAddressError
+from fmfts.page.strangers import ACCEPTED_IN_A_TURN, QUEUE, Door, Strangers, doors_of
 
 FRONT = "/"
-OPEN_PAGES = 32
-# Connections that have not said yet what they want. The oldest is dropped for a new one: who opens a thousand and says
-# nothing keeps nobody out.
-WAITING = 128
+OPEN_PAGES = 32  # that have shown the token
 LARGEST_REQUEST = 16 * 1024
 HANDSHAKE_S = 5.0
 LOOK_S, TELL_S = 0.05, 0.5  # at the fleet, and between two tellings where nobody came or went
@@ -62,7 +60,7 @@ class PageServer:
         self._fleet = fleet
         self._fleet_pages: set[FleetConnection] = set()
         self._sockets = {f"{place}{SOCKET}" for place in (*views, FRONT)}
-        self._waiting: dict[ServerConnection, None] = {}  # in the order of their coming
+        self._strangers = Strangers()
         self._files: Files
         self._hosts: frozenset[str] = frozenset()
         self._some = asyncio.Event()
@@ -79,8 +77,13 @@ class PageServer:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(number) != signal.SIG_IGN:
                 asyncio.get_running_loop().add_signal_handler(number, over.set)
-        server = await self._bound(port)
-        port = next(iter(server.sockets)).getsockname()[1]
+        try:
+            doors = doors_of(self._guard.host, port, self._strangers)
+        except OSError as error:
+            why = "another program serves there" if error.errno == errno.EADDRINUSE else error.strerror
+            raise RefusedAddressError(f"{self._guard.host} port {port}: {why}: choose another with --port") from error
+        port = doors[0].getsockname()[1]
+        servers = [await self._served(door) for door in doors]
         self._hosts = self._guard.hosts(port)
         fronts = {FRONT: "fleet.html"} | dict.fromkeys(self._views, "index.html")
         self._files = Files(self._guard.address(port).partition("/#")[0].replace("http", "ws", 1), fronts)
@@ -93,47 +96,38 @@ class PageServer:
         finally:
             for task in feeding:
                 task.cancel()
-            server.close()
-            await server.wait_closed()
+            for server in servers:
+                server.close()
+                await server.wait_closed()
             for view in self._views.values():
                 await asyncio.to_thread(view.commands.recordings.close)
                 view.feed.close()
             if self._fleet is not None:
                 self._fleet.close()
 
-    async def _bound(self, port: int) -> Server:
-        outer = self
+    async def _served(self, door: Door) -> Server:
+        strangers = self._strangers
 
         class Counted(ServerConnection):
             def connection_made(self, transport: Any) -> None:
+                strangers.speaks(transport)
                 super().connection_made(transport)
-                outer._came(self)
 
             def connection_lost(self, error: Exception | None) -> None:
-                outer._waiting.pop(self, None)
+                strangers.left(self.transport)
                 super().connection_lost(error)
 
-        try:
-            return await serve(
-                self._serve_page, self._guard.host, port,
-                process_request=self._answer, create_connection=Counted, ssl=self._tls,
-                compression=None, server_header=None, max_size=LARGEST_REQUEST, max_queue=8, open_timeout=HANDSHAKE_S,
-                ping_interval=20, ping_timeout=20, close_timeout=2, backlog=256,
-            )  # fmt: skip
-        except OSError as error:
-            why = "another program serves there" if error.errno == errno.EADDRINUSE else error.strerror
-            raise RefusedAddressError(f"{self._guard.host} port {port}: {why}: choose another with --port") from error
-
-    def _came(self, connection: ServerConnection) -> None:
-        self._waiting[connection] = None
-        if len(self._waiting) > WAITING:
-            oldest = next(iter(self._waiting))
-            del self._waiting[oldest]
-            oldest.transport.abort()
+        server = await serve(
+            self._serve_page, sock=door,
+            process_request=self._answer, create_connection=Counted, ssl=self._tls,
+            compression=None, server_header=None, max_size=LARGEST_REQUEST, max_queue=8, open_timeout=HANDSHAKE_S,
+            ping_interval=20, ping_timeout=20, close_timeout=2, backlog=ACCEPTED_IN_A_TURN,
+        )  # fmt: skip
+        door.listen(QUEUE)  # asyncio takes one number for both
+        return server
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """A file; None for our own page's connection; else a refusal."""
-        self._waiting.pop(connection, None)
         hosts = request.headers.get_all("Host")
         if len(hosts) != 1 or hosts[0].lower() not in self._hosts:
             return self._files.refuse(421, "Misdirected Request", "this server has another name\n")
@@ -142,20 +136,25 @@ class PageServer:
         origins = request.headers.get_all("Origin")
         if len(origins) != 1 or origins[0].lower() != f"{self._guard.scheme}://{hosts[0].lower()}":
             return self._files.refuse(403, "Forbidden", "only this server's own page may connect\n")
-        if len(self._fleet_pages) + sum(len(view.pages) for view in self._views.values()) >= OPEN_PAGES:
-            return self._files.refuse(503, "Service Unavailable", f"{OPEN_PAGES} pages are open already\n")
         return None
 
     async def _serve_page(self, socket: ServerConnection) -> None:
+        if not await let_in(socket, self._guard):
+            return
+        self._strangers.left(socket.transport)
+        if len(self._fleet_pages) + sum(len(view.pages) for view in self._views.values()) >= OPEN_PAGES:
+            await socket.close(TOO_MANY, f"{OPEN_PAGES} pages are open already: close one")
+            return
         assert socket.request is not None
         view = self._views.get(socket.request.path.removesuffix(SOCKET))
-        if view is None:
-            return await self._serve_fleet(socket)
+        await (self._serve_fleet(socket) if view is None else self._serve_robot(socket, view))
+
+    async def _serve_robot(self, socket: ServerConnection, view: RobotView) -> None:
         page = PageConnection(socket, view.feed, view.commands)
         view.pages.add(page)
         self._some.set()
         try:
-            await page.serve(self._guard)
+            await page.serve()
         finally:
             view.pages.discard(page)
 
@@ -163,7 +162,7 @@ class PageServer:
         page = FleetConnection(socket)
         self._fleet_pages.add(page)
         try:
-            await page.serve(self._guard)
+            await page.serve()
         finally:
             self._fleet_pages.discard(page)
 

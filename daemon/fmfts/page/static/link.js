@@ -1,7 +1,7 @@
 // The connection to `fmfts-daemon view`: messages of the bus, answers to requests, and the daemon's clock.
 
 const RETRY_MS = 500, PING_MS = 1000, KEPT_PINGS = 10;
-const WRONG_TOKEN = 4401;
+const WRONG_TOKEN = 4401, TOO_MANY = 4429, FULL_RETRY_MS = 5000;
 
 function token() {
   const given = location.hash.slice(1);
@@ -44,6 +44,11 @@ export class Link extends EventTarget {
       this.waiting.clear();
       if (event.code === WRONG_TOKEN) {
         this.tell("state", { state: "refused", why: "This page has no valid token. Open the address that fmfts-daemon view printed, with all that follows #." });
+        return;
+      }
+      if (event.code === TOO_MANY) {
+        this.tell("state", { state: "gone", why: `${event.reason}. This page tries again by itself.` });
+        setTimeout(() => this.connect(), FULL_RETRY_MS);
         return;
       }
       this.tell("state", { state: "gone", why: "The server of this page does not answer. Is `fmfts-daemon view` running? The page tries again by itself." });
