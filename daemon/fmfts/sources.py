@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from fmfts.baseline.origin import Origin
@@ -19,19 +21,37 @@ _SETTINGS_OF_A_PAD = {
 }
 
 
+@dataclass(frozen=True, slots=True)
+class Device:
+    """A source that can be made, again and again. names: of its pads, by their index on it.
+
+    open: SourceError where the source cannot do what is configured. is_file: what is in a file decides that, too.
+    """
+
+    names: Mapping[int, str]
+    open: Callable[[], Source]
+    description: str
+    is_file: bool = False
+
+
 def open_sources(pads: Sequence[PadConfig], around: Sequence[PadConfig] = ()) -> list[tuple[Source, dict[int, str]]]:
-    """One source for each device, with the names of its pads by their index on it.
+    """One source for each device, with the names of its pads by their index on it. Raises as `devices` and `open`."""
+    return [(device.open(), dict(device.names)) for device in devices(pads, around)]
+
+
+def devices(pads: Sequence[PadConfig], around: Sequence[PadConfig] = ()) -> list[Device]:
+    """What the sources are made of.
 
     Pads with one serial port share a Bridge, pads with one bus number an I2c, pads of one recording a Replayed. Each
-    simulated pad has its own Simulated, which feels the magnets of its neighbours (from `around`, or else `pads`). No
-    device is opened here, because that could fail or wait: `poll` opens it. Raises SourceError where pads cannot share
-    a device, or a recording cannot be read.
+    simulated pad has its own Simulated, which feels the magnets of its neighbours (from `around`, or else `pads`).
+    `open` reads a recording, but opens no other device, because that could fail or wait: `poll` opens it. Raises
+    SourceError where pads cannot share a device.
     """
     _require_one_port_a_board(pads)
-    devices: dict[tuple[str, object], list[PadConfig]] = {}
+    members: dict[tuple[str, object], list[PadConfig]] = {}
     for pad in pads:
-        devices.setdefault(_device(pad), []).append(pad)
-    return [_open(members, around or pads) for members in devices.values()]
+        members.setdefault(_device(pad), []).append(pad)
+    return [_device_of(kind, where, shared, around or pads) for (kind, where), shared in members.items()]
 
 
 def _device(pad: PadConfig) -> tuple[str, object]:
@@ -48,11 +68,13 @@ def _device(pad: PadConfig) -> tuple[str, object]:
             return ("simulated", pad.name)
 
 
-def _open(members: list[PadConfig], pads: Sequence[PadConfig]) -> tuple[Source, dict[int, str]]:
+def _device_of(kind: str, where: object, members: list[PadConfig], pads: Sequence[PadConfig]) -> Device:
     _require_equal_settings(members)
     by_index = _by_index(members)
     names = {index: pad.name for index, pad in by_index.items()}
-    return _driver(by_index, pads), names
+    is_file = isinstance(members[0].source, ReplaySource)
+    description = f"recording {where}" if is_file else f"{kind} {where}"
+    return Device(names, partial(_driver, by_index, pads), description, is_file)
 
 
 def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Source:

@@ -93,6 +93,11 @@ class BaselineJob:
         self._coverage = request.coverage
         self._result: Future[Recorded] | None = None
         self._stopped = False
+        self._error: BaseException | None = None
+
+    def break_off(self, error: BaseException) -> None:
+        """Record nothing, because of an error: `facts` raises it."""
+        self._error = error
 
     def stop(self) -> bool:
         """Record nothing. False: too late, there are frames enough and a baseline is made of them."""
@@ -101,7 +106,7 @@ class BaselineJob:
 
     def take(self, frame: Frame) -> None:
         """The next frame of the pad; ignored once there are enough."""
-        if self._result is not None or self._stopped:
+        if self._result is not None or self._stopped or self._error is not None:
             return
         if self._unsettled:
             self._unsettled -= 1
@@ -130,6 +135,8 @@ class BaselineJob:
         return self._result.result() if self._result is not None and self._result.done() else None
 
     def facts(self) -> dict[str, Any] | None:
+        if self._error is not None:
+            raise self._error
         recorded = self.recorded
         return None if recorded is None else recorded.facts(self._request.pad)
 

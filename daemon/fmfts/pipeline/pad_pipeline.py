@@ -122,6 +122,14 @@ class PadPipeline:
         """Where this pad's magnet is, for another pad that feels it: kept up to date from the next frame on."""
         return self._sighting
 
+    def start_anew(self) -> None:
+        """Forget all frames, for those that come next have another clock, or an error left half a memory."""
+        self._compiled = None
+        self._alignment = Alignment(len(self.pad.sensors), period_us=1e6 / self._rate_hz)
+        if self._estimator is not None:
+            stopped_us = self._alignment.stopped_us
+            self._estimator = Estimator(self._estimator.baselined, self._model, self._rate_hz, stopped_us, self._lead)
+
     def refuse(self, reason: str) -> None:
         """Publish `reason` in every message: there is a baseline, but it cannot be used."""
         self.hand_back()

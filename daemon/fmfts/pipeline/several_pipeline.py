@@ -146,6 +146,12 @@ class SeveralPipeline:
         self._is_felt = True
         return self._sighting
 
+    def start_anew(self) -> None:
+        """Forget all frames, for those that come next have another clock, or an error left half a memory."""
+        self._alignment = Alignment(len(self.pad.sensors), period_us=1e6 / self._rate_hz)
+        if self._baseline is not None:
+            self.use(self._baseline, self.mounting)
+
     def refuse(self, reason: str) -> None:
         """Publish `reason` in every message: there is a baseline, but it cannot be used."""
         self._estimator = self._baseline = None

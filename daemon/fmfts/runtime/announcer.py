@@ -10,18 +10,18 @@ from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Kind
 from fmfts.runtime.sparing_log import SparingLog
-from fmfts.sensor import SourceState
+from fmfts.sensor import Source
 
 
 class Announcer:
     """kind: of the last message, if the fast path made it. health_since_ns: when the health became what it is."""
 
     def __init__(
-        self, name: str, state: SourceState, publisher: Publisher, boot: str, started_ns: int, log: SparingLog
+        self, name: str, source: Source, publisher: Publisher, boot: str, started_ns: int, log: SparingLog
     ) -> None:
         self._name = name
         self._log = log
-        self._state = state
+        self._source = source
         self._publisher = publisher
         self._boot = boot
         self._topic = contact_topic(name)
@@ -78,7 +78,7 @@ class Announcer:
         before, self._last, self.kind = self.last, message, None
         is_change = before is None or before.health != message.health
         # A source that is being opened for the first time is nothing to warn of; why it cannot be opened, is.
-        is_opening = not self._state.since_ns
+        is_opening = not self._source.state.since_ns
         if is_change:
             self.health_since_ns = message.t_publish_ns
         if is_change or (self._told_opening and not is_opening):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import time
-from typing import overload
 
 from fmfts.baseline import Baseline, Mounting
 from fmfts.baseline.job import BaselineJob
@@ -13,11 +12,11 @@ from fmfts.bus.encoding import decode_contact
 from fmfts.bus.messages import ContactMessage, Health, StatusMessage, Vector
 from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.pipeline.configured import Pipeline
-from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Lane
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.runtime.announcer import Announcer
+from fmfts.runtime.failure import Contained, sentence_of, trace_of
 from fmfts.runtime.lateness import Lateness
 from fmfts.runtime.rebaselining import Rebaselining
 from fmfts.runtime.recorders import Recorders
@@ -26,11 +25,14 @@ from fmfts.runtime.sparing_log import SparingLog
 from fmfts.runtime.statistics import PadStatistics
 from fmfts.sensor import ByteSource, Frame, Source
 from fmfts.sensor.early import EarlySample
+from fmfts.sensor.flaw import flaw_of
 from fmfts.sensor.probing import faults_of
 
 log = logging.getLogger(__name__)
 
 SHORTEST_SILENCE_NS = 150_000_000
+FLAW_NS = 10_000_000_000  # so long the status names a frame that no driver may give; the log once in that time
+ANEW_NS = 1_000_000_000  # between two times that an error makes a pipeline forget all frames, which takes some time
 UNKNOWN_BOARD = "frames come, but the board has not said yet which one it is, and the baseline is one board's"
 
 
@@ -52,19 +54,20 @@ class Channel:
         self._rebaselining: Rebaselining | None = None
         self._boot = boot
         self._rate_hz = rate_hz
-        self._clock = source.clock_line if isinstance(source, ByteSource) else None
         self._statistics = PadStatistics()
-        self._lateness = Lateness(source.state, pad_index, rate_hz, self._statistics)
+        self._lateness = Lateness(source, pad_index, rate_hz, self._statistics)
         self._started_ns = time.monotonic_ns()
         # A pad is silent when no usable frame came for this long; it allows for two missing frames at every rate.
         self._silent_ns = max(SHORTEST_SILENCE_NS, int(3e9 / rate_hz))
         self._last_frame_ns: int | None = None
         self._last_used_ns: int | None = None
-        self._failed = False
+        self._flaw, self._flaw_ns, self._flaw_told_ns = "", 0, 0  # of the last frame that no driver may give
+        self._anew_ns = 0  # when an error last made the pipeline forget all frames
+        self._logged: set[str] = set()  # kinds of errors whose traceback is in the log
         self.is_recorded = False
         self.recorders = Recorders(pipeline, publisher, boot)
         self._log = SparingLog(self.name, self._lateness)
-        self.announcer = Announcer(self.name, source.state, publisher, boot, self._started_ns, self._log)
+        self.announcer = Announcer(self.name, source, publisher, boot, self._started_ns, self._log)
         self._lane: Lane | None = None  # set while C handles the frames
 
     @property
@@ -79,17 +82,30 @@ class Channel:
     @property
     def faults(self) -> list[str]:
         """A sentence for each thing that is wrong with the source now."""
-        return faults_of(self.source, self.pad_index, self.pipeline.missing)
+        faults = faults_of(self.source, self.pad_index, self.pipeline.missing)
+        is_flawed = self._flaw and time.monotonic_ns() - self._flaw_ns < FLAW_NS
+        return [*faults, self._flaw] if is_flawed else faults
 
     def frame(self, frame: Frame, superseded: bool = False) -> None:
-        """Process one frame: publish its contact message, and an event for each change. superseded: only record it."""
+        """Process one frame: publish its contact message, and an event for each change. superseded: only record it.
+
+        An error in this makes the pad "lost" until the next frame, and no more: the other pads go on.
+        """
+        with Contained(self.break_off):
+            self._take(frame, superseded)
+
+    def _take(self, frame: Frame, superseded: bool) -> None:
         arrived_ns = time.monotonic_ns()
-        self._last_frame_ns = arrived_ns
         self._lateness.count_left_out()
+        if flaw := flaw_of(frame, len(self.pipeline.pad.sensors), arrived_ns):
+            self._leave_out(flaw, arrived_ns)
+            return
+        self._last_frame_ns = arrived_ns
         if not self._statistics.frame(frame):
             return
         if self.job is not None:
-            self.job.take(frame)
+            with Contained(self.job.break_off):
+                self.job.take(frame)
         unusable = self._lateness.is_to_be_left_out(frame.host_time_ns, arrived_ns, superseded)
         if not unusable and not self._board_is_known():
             self._statistics.dropped += 1
@@ -101,7 +117,7 @@ class Channel:
             self.recorders.frame(frame, used=not unusable)
         if unusable:
             return
-        answer = self._answered(frame)
+        answer = self.pipeline.answer(frame)
         if isinstance(self.pipeline, SeveralPipeline):
             self.turns.told(self.name, self.pipeline.search)
         if self._lateness.is_to_be_left_out(frame.host_time_ns, answer.t_publish_ns):  # by now
@@ -114,11 +130,47 @@ class Channel:
             drifted = f"rest drifted, {self._rebaselining.size_m * 1e6:.1f} µm since it was recorded"
             self.announcer.event("baseline", drifted)
 
+    def _leave_out(self, flaw: str, now_ns: int) -> None:
+        """Count a frame that no driver may give, and name what is wrong with it."""
+        self._statistics.reject()
+        self._flaw, self._flaw_ns = flaw, now_ns
+        if now_ns - self._flaw_told_ns >= FLAW_NS:
+            self._flaw_told_ns = now_ns
+            self._log.tell(logging.WARNING, f"a frame is left out: {flaw}", now_ns)
+            self.announcer.event("health", f"{self.health}: a frame is left out: {flaw}")
+
+    def break_off(self, error: BaseException) -> None:
+        """Publish an error in this pad's work as "lost", and forget all frames: they may be what it comes from."""
+        now_ns, sentence = time.monotonic_ns(), sentence_of(error)
+        if type(error).__name__ not in self._logged:
+            self._logged.add(type(error).__name__)
+            told = "pad '%s': internal error, worth reporting; its contacts are published as lost\n%s"
+            log.error(told, self.name, trace_of(error))
+        self._statistics.dropped += 1
+        self._last_used_ns = now_ns  # silence is not what is wrong
+        with Contained(lambda again: log.error("pad '%s': internal error\n%s", self.name, trace_of(again))):
+            if now_ns - self._anew_ns >= ANEW_NS:
+                self._anew_ns = now_ns
+                self.pipeline.start_anew()
+            self.announcer.send(self.pipeline.absent("lost", f"internal error: {sentence}"))
+
+    def source_changed(self, now_ns: int) -> None:
+        """The source was given up after an error, or another one took its place: what came before is past."""
+        with Contained(self.break_off):
+            self._statistics.start_anew()
+            self._last_frame_ns = None
+            self.pipeline.start_anew()
+            self.announcer.send(self.pipeline.absent(*self._absence(now_ns)))
+
     def early(self, early: EarlySample) -> None:
         """Process a sample that came before its frame: publish what the last frame said, with another `now`.
 
         Where it says nothing new, nothing is published: the frame that holds it comes soon.
         """
+        with Contained(self.break_off):
+            self._take_early(early)
+
+    def _take_early(self, early: EarlySample) -> None:
         now_ns = time.monotonic_ns()
         if self.job is not None or not self._board_is_known():
             return
@@ -126,7 +178,7 @@ class Channel:
             return
         if self.recorders.are_there(now_ns) and not self.recorders.early(early):
             return
-        answer = self._answered(early)
+        answer = self.pipeline.early(early)
         if answer is not None:
             self.announcer.send_early(answer)
 
@@ -134,19 +186,21 @@ class Channel:
         """Let C handle healthy frames from now on; None if Python must see the frames."""
         self.is_recorded = self.recorders.are_there(now_ns)
         in_python = self.is_recorded or self.job is not None or self._rebaselining is not None
-        if in_python or self.announcer.kind is None or self._clock is None:
+        clock = self.source.clock_line if isinstance(self.source, ByteSource) else None
+        if in_python or self.announcer.kind is None or clock is None:
             return None
-        self._lane = self.pipeline.begin(
-            self._clock, contact_topic(self.name), self.pad_index, self._lateness.overdue_ns
-        )
+        self._lane = self.pipeline.begin(clock, contact_topic(self.name), self.pad_index, self._lateness.overdue_ns)
         return self._lane
 
     def end(self) -> None:
         """If C handles the frames: take them back and account for those that C handled. `frame` gets the next ones."""
-        if self._lane is None:
-            return
-        ended = self.pipeline.end(self._lane) if isinstance(self.pipeline, PadPipeline) else None
-        self._lane = None
+        lane, self._lane = self._lane, None
+        if lane is not None:
+            with Contained(self.break_off):
+                self._take_back(lane)
+
+    def _take_back(self, lane: Lane) -> None:
+        ended = self.pipeline.end(lane) if isinstance(self.pipeline, PadPipeline) else None
         if self._lateness.count_left_out():
             self._last_frame_ns = time.monotonic_ns()
         if ended is not None:
@@ -205,15 +259,22 @@ class Channel:
 
     def tick(self, now_ns: int) -> None:
         """Publish the health of a silent pad. The daemon calls this twenty times a second while a pad is silent."""
-        if self.is_silent(now_ns):
-            health, why = self._silence(now_ns)
-            self.announcer.send(self.pipeline.absent(health, f"{self.source.state.description}: {why}"))
+        with Contained(self.break_off):
+            if self.is_silent(now_ns):
+                self.announcer.send(self.pipeline.absent(*self._absence(now_ns)))
+
+    def _absence(self, now_ns: int) -> tuple[Health, str]:
+        """The health of a pad of which no frame is used, and why none is, with the name of its source."""
+        health, why = self._silence(now_ns)
+        return health, f"{self.source.state.description}: {why}"
 
     def _silence(self, now_ns: int) -> tuple[Health, str]:
         """The health of a pad of which no frame is used, and why none is."""
         state, last = self.source.state, self._last_frame_ns
         if not state.connected:
             return "disconnected", state.reason
+        if self._flaw_ns > (last or 0):
+            return "stale", f"no frame can be used: {self._flaw}"
         if last is None:
             return "stale", "; ".join(self.faults) or "no frame came yet"
         if not self._board_is_known():
@@ -226,25 +287,8 @@ class Channel:
         """Health and reason as they were published last. Where it is not "ok", there is a reason."""
         last = self.announcer.last
         if last is None:
-            health, why = self._silence(time.monotonic_ns())
-            return health, f"{self.source.state.description}: {why}"
+            return self._absence(time.monotonic_ns())
         return last.health, last.reason or self._lateness.sentence
-
-    @overload
-    def _answered(self, taken: Frame) -> ContactMessage | PackedMessage: ...
-    @overload
-    def _answered(self, taken: EarlySample) -> ContactMessage | PackedMessage | None: ...
-    def _answered(self, taken: Frame | EarlySample) -> ContactMessage | PackedMessage | None:
-        """The pipeline's message. After an internal error it is `lost`: the daemon goes on with the other pads."""
-        try:
-            return self.pipeline.answer(taken) if isinstance(taken, Frame) else self.pipeline.early(taken)
-        except Exception as error:
-            if not self._failed:
-                self._failed = True
-                log.exception(
-                    "pad '%s': internal error, worth reporting; its contacts are published as lost", self.name
-                )
-            return self.pipeline.absent("lost", f"internal error: {type(error).__name__}: {error}")
 
     def status(self, now_ns: int) -> StatusMessage:
         """The status message about the interval since the last call."""

@@ -10,6 +10,7 @@ import socket
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import cycle
 from pathlib import Path
 from types import FrameType
@@ -20,15 +21,17 @@ from fmfts.bus.door import Door
 from fmfts.bus.gate import Gate
 from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
-from fmfts.config import Config
+from fmfts.config import Config, ReplaySource
 from fmfts.runtime.channel import Channel
+from fmfts.runtime.failure import Contained
 from fmfts.runtime.fast_loop import FastLoop
-from fmfts.runtime.opening import channel_of, introduce_neighbours, load_models, tell_models
+from fmfts.runtime.guarded import GuardedSource, open_guarded
+from fmfts.runtime.opening import channel_of, introduce_neighbours, load_models, tell_models, use_baseline
 from fmfts.runtime.requests import Verbs
 from fmfts.runtime.schedule import Schedule
 from fmfts.runtime.search_turns import turns_of
 from fmfts.runtime.summary import one_line
-from fmfts.sensor import ByteSource, Frame, Source
+from fmfts.sensor import Frame, Source
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.patience import IN_TIME
 from fmfts.service import open_files
@@ -40,7 +43,7 @@ from fmfts.service.realtime import (
     take_default_priority,
     take_priority,
 )
-from fmfts.sources import open_sources
+from fmfts.sources import devices
 from fmfts_client.endpoints import for_daemon
 
 log = logging.getLogger(__name__)
@@ -76,12 +79,12 @@ class Daemon:
         )
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="baseline")
         self._channels: dict[tuple[int, int], Channel] = {}
-        self._sources: list[Source] = []
+        self._sources: list[GuardedSource] = []
         self._fast_loop = FastLoop(self._publisher)
         self._pads = config.pad
         self._service = config.service
-        by_name = {pad.name: pad for pad in config.pad}
-        for source, names in open_sources(config.pad):
+        self._configs = by_name = {pad.name: pad for pad in config.pad}
+        for source, names in open_guarded(devices(config.pad)):
             self._sources.append(source)
             for pad_index, name in names.items():
                 self._channels[id(source), pad_index] = channel_of(
@@ -92,7 +95,6 @@ class Daemon:
         for channel in self._channels.values():
             channel.turns = turns
         introduce_neighbours(config.pad, {channel.name: channel.pipeline for channel in self._channels.values()})
-        self._byte_sources = {id(source): source for source in self._sources if isinstance(source, ByteSource)}
         self._schedule = Schedule(self._sources, self._fast_loop)
         self._verbs = Verbs(by_name, list(self._channels.values()), self._executor)
         self._notifier = Notifier()
@@ -178,9 +180,11 @@ class Daemon:
             self._report(next(self._next_status), now_ns)
 
     def _serve(self, source: Source, now_ns: int) -> None:
+        assert isinstance(source, GuardedSource)
         frames = source.poll(now_ns)
-        byte_source = self._byte_sources.get(id(source))
-        early = () if byte_source is None else byte_source.take_early()
+        if source.changed:
+            self._begin_anew(source, now_ns)
+        early = source.take_early()
         newest_us = {frame.pad_index: frame.device_time_us for frame in frames}
         for frame in frames:
             channel = self._channels.get((id(source), frame.pad_index))
@@ -189,7 +193,16 @@ class Daemon:
                 channel.frame(frame, superseded=channel.wants_all and age_us > IN_TIME.longest_us)
         if early:
             self._pass_early(source, frames, early)
-        self._schedule.served(source, had_frames=bool(frames))
+        with Contained(partial(source.fail, "its descriptor")):
+            self._schedule.served(source, had_frames=bool(frames))
+
+    def _begin_anew(self, source: GuardedSource, now_ns: int) -> None:
+        """Let the pads of a source know that it failed, or that another took its place, whose recording may be new."""
+        for channel in self._channels.values():
+            if channel.source is source:
+                channel.source_changed(now_ns)
+                if isinstance(self._configs[channel.name].source, ReplaySource) and source.device is not None:
+                    use_baseline(channel, self._configs[channel.name], self._pads)
 
     def _pass_early(self, source: Source, frames: Sequence[Frame], early: Sequence[tuple[int, EarlySample]]) -> None:
         """Only samples whose frame has not come with them: it holds them, and where Python is slow, it is soon late."""
@@ -235,10 +248,10 @@ class Daemon:
 
     def _report(self, channel: Channel, now_ns: int) -> None:
         """Publish a pad's status. With that of the first pad, systemd gets a line about all."""
-        with self._fast_loop.ended(channel.source, now_ns):
+        with self._fast_loop.ended(channel.source, now_ns), Contained(channel.break_off):
             status = channel.status(now_ns)
-        self._verbs.last_status[channel.name] = status
-        self._publisher.send_status(channel.name, status)
+            self._publisher.send_status(channel.name, status)
+            self._verbs.last_status[channel.name] = status
         if channel.name == self._pads[0].name:
             self._notifier.status(one_line(list(self._verbs.last_status.values()), now_ns))
 

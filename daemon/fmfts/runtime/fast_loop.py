@@ -20,7 +20,7 @@ import zmq
 from fmfts.bus.publisher import Publisher
 from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
 from fmfts.runtime.channel import Channel
-from fmfts.sensor import ByteSource, Source
+from fmfts.sensor import ByteSource, Source, SourceError
 from fmfts.sensor.patience import BEHIND, IN_TIME, RECORDED
 
 log = logging.getLogger(__name__)
@@ -80,7 +80,12 @@ class FastLoop:
         channels = [channel for channel in line.channels if channel.pad_index in pads]
         lanes = tuple(lane.compiled for channel in channels if (lane := channel.begin(now_ns)) is not None)
         if lanes:
-            line.descriptor, unread = line.source.lend()
+            try:
+                line.descriptor, unread = line.source.lend()
+            except SourceError:
+                for channel in channels:
+                    channel.end()
+                return
             self._unserved.discard(line.descriptor)
             self._loop.begin(line.descriptor, unread, lanes)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from fmfts.runtime.statistics import PadStatistics
-from fmfts.sensor import SourceState
+from fmfts.sensor import Source
 
 # Nobody is told of an older frame: a controller would act on what is no longer so. Newer ones are on their way.
 OVERDUE_NS = 50_000_000
@@ -15,11 +15,11 @@ OVERLOADED = 0.01  # share of frames left out from which on the status tells of 
 class Lateness:
     """overdue_ns: the age from which on a frame is left out. sentence: empty unless this computer is overloaded."""
 
-    def __init__(self, state: SourceState, pad_index: int, rate_hz: float, statistics: PadStatistics) -> None:
+    def __init__(self, source: Source, pad_index: int, rate_hz: float, statistics: PadStatistics) -> None:
         # At low rates a frame's newest sample may be nearly a period old when it is sent.
         self.overdue_ns = max(OVERDUE_NS, int(1e9 / rate_hz))
         self.sentence = ""
-        self._state = state
+        self._source = source
         self._pad_index = pad_index
         self._statistics = statistics
         self._counted = 0  # of `state.left_out`
@@ -41,7 +41,7 @@ class Lateness:
 
     def count_left_out(self) -> bool:
         """Count the frames that were left out before anybody saw them. True if there are new ones."""
-        left_out = self._state.left_out.get(self._pad_index, 0)
+        left_out = self._source.state.left_out.get(self._pad_index, 0)
         new, self._counted = left_out - self._counted, left_out
         if new:
             self._statistics.leave_out(new)
@@ -68,5 +68,5 @@ class Lateness:
     def reason(self) -> str:
         """Why frames come, and none is used."""
         late = f"{self._late_s:.2f} s late" if self._late_s * 1e9 > self.overdue_ns else "too late"
-        clock = ", or the clock of the board stands" if self._state.has_clock else ""
+        clock = ", or the clock of the board stands" if self._source.state.has_clock else ""
         return f"frames come {late}: {self.sentence or f'this computer is overloaded{clock}'}"

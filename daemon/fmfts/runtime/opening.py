@@ -20,6 +20,8 @@ from fmfts.pipeline.configured import AnyModel, Pipeline, contact_model_of, feel
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.recording.baseline import recorded_baseline
 from fmfts.runtime.channel import Channel
+from fmfts.runtime.failure import sentence_of
+from fmfts.runtime.guarded import device_of
 from fmfts.scene import advice
 from fmfts.scene.tracking import observability_warnings, scene_model_of
 from fmfts.sensor import Source
@@ -98,9 +100,25 @@ def channel_of(
         log.warning("pad '%s': %s", pad.name, doubt)
     channel = Channel(source, pad_index, pipeline, publisher, boot, float(config.source.rate_hz))
     channel.recorders.config, channel.origin = config, origin_of(config)
+    use_baseline(channel, config, pads)
+    if isinstance(pipeline, PadPipeline) and isinstance(model, ContactModel | NoContactModel):
+        advised = advice(config, pads, model.response, pipeline.mounting)
+        if advised is not None:
+            log.info("pad '%s': %s", pad.name, advised)
+    return channel
+
+
+def use_baseline(channel: Channel, config: PadConfig, pads: Sequence[PadConfig]) -> None:
+    """Use the pad's stored, recorded or simulated baseline. Where there is none that fits, the pad says why."""
+    pipeline, pad = channel.pipeline, channel.pipeline.pad
     try:
-        replays = isinstance(config.source, ReplaySource)
-        baseline = recorded_baseline(source, pad_index) if replays else _stored(config, pad)
+        if isinstance(config.source, ReplaySource):
+            recording = device_of(channel.source)
+            if recording is None:  # it cannot be read now, nor the baseline in it
+                return
+            baseline = recorded_baseline(recording, channel.pad_index)
+        else:
+            baseline = _stored(config, pad)
         if baseline is None and isinstance(config.source, SimulatedSource):
             baseline = simulated_baseline(config, neighbours_of(config, pads))
             log.info("pad '%s': simulated, so its baseline was recorded in no time", pad.name)
@@ -117,11 +135,9 @@ def channel_of(
     except BaselineError as error:
         log.error("%s", error)
         pipeline.refuse(str(error))
-    if isinstance(pipeline, PadPipeline) and isinstance(model, ContactModel | NoContactModel):
-        advised = advice(config, pads, model.response, pipeline.mounting)
-        if advised is not None:
-            log.info("pad '%s': %s", pad.name, advised)
-    return channel
+    except Exception as error:
+        log.exception("pad '%s': internal error with its baseline, worth reporting", pad.name)
+        pipeline.refuse(f"its baseline cannot be used: internal error: {sentence_of(error)}")
 
 
 def introduce_neighbours(pads: Sequence[PadConfig], pipelines: Mapping[str, Pipeline]) -> None:

@@ -38,7 +38,9 @@ class Pending:
         except (BaselineError, SourceError, StateError) as error:
             log.warning("%s", error)
             self._request.refuse(error)
-        except Exception as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # also SystemExit: no task ends the daemon
             log.exception("%s: internal error, worth reporting", self._request.verb)
             fail_internally(self._request, error)
         return True
@@ -66,7 +68,7 @@ class Pending:
         self._request.progress(share=self.task.share, **hint)
 
 
-def fail_internally(request: Request, error: Exception) -> None:
+def fail_internally(request: Request, error: BaseException) -> None:
     """Answer a request with an unexpected error; the daemon goes on."""
     if not request.answered:
         request.fail(f"internal error, worth reporting with the daemon's log: {type(error).__name__}: {error}")

@@ -25,6 +25,7 @@ from fmfts.contact.skin_model import SkinModel
 from fmfts.pipeline.configured import AnyModel
 from fmfts.recording.baseline import require_device
 from fmfts.runtime.channel import Channel
+from fmfts.runtime.guarded import device_of
 from fmfts.runtime.pending import Pending, fail_internally
 from fmfts.sensor import SourceError
 from fmfts.sensor.probing import probe_facts
@@ -77,7 +78,9 @@ class Verbs:
             self._handlers[request.verb](request)
         except (BadRequestError, SourceError, BaselineError, StateError) as error:
             request.refuse(error)
-        except Exception as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # also SystemExit: no request ends the daemon
             log.exception("%s: internal error, worth reporting", request.verb)
             fail_internally(request, error)
 
@@ -166,12 +169,11 @@ class Verbs:
         if not channel.source.state.connected:
             state = channel.source.state
             raise AbsentError(f"pad '{channel.name}': no baseline was recorded: {state.description}: {state.reason}")
-        unsettled = UNSETTLED_FRAMES if isinstance(channel.source, Simulated) else 0
+        device = device_of(channel.source)
+        unsettled = UNSETTLED_FRAMES if isinstance(device, Simulated) else 0
         channel.job = BaselineJob(work, _recorded(channel), channel.source, self._executor, unsettled)
-        if isinstance(channel.source, Simulated):  # nobody else can take it off, turn it or press it
-            self._hands[channel.name] = Hands(
-                channel.source, bare=arguments.bare, turn=arguments.turn, refine=arguments.refine
-            )
+        if isinstance(device, Simulated):  # nobody else can take it off, turn it or press it
+            self._hands[channel.name] = Hands(device, bare=arguments.bare, turn=arguments.turn, refine=arguments.refine)
         self._await_baseline(request, channel, channel.job)
 
     def _await_baseline(self, request: Request, channel: Channel, task: BaselineJob | Restoration) -> None:

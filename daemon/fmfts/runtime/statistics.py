@@ -52,6 +52,15 @@ class PadStatistics:
         self._last, self._expected = (frame.run, frame.sequence), None
         return True
 
+    def start_anew(self) -> None:
+        """The source was replaced, and its sequence numbers begin anew."""
+        self._last = self._expected = None
+
+    def reject(self) -> None:
+        """Count a frame that arrived and is none that its pad can have."""
+        self._arrive(1)
+        self.dropped += 1
+
     def leave_out(self, count: int) -> None:
         """Count frames that arrived and were left out before anybody looked at their sequence numbers."""
         self._arrive(count)

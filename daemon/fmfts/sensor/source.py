@@ -48,6 +48,17 @@ class SourceState:
             if count:
                 self.left_out[pad_index] = self.left_out.get(pad_index, 0) + count
 
+    def follow(self, before: SourceState) -> SourceState:
+        """Go on from the state of a source that this one replaces: its counters, and why it is not connected."""
+        self.crc_errors += before.crc_errors
+        self.garbage_bytes += before.garbage_bytes
+        self.reconnects += before.reconnects
+        self.left_out = dict(before.left_out)
+        self._was_connected = before._was_connected
+        if before.since_ns:
+            self.reason, self.since_ns = before.reason, before.since_ns
+        return self
+
     def connect(self, now_ns: int) -> None:
         if not self.connected:
             self.reconnects += self._was_connected

@@ -136,7 +136,7 @@ class Simulated:
         """The frames that are due; after a stall only the newest few, with a gap in the sequence for the others."""
         if self._start_ns is None:
             self._start_ns = now_ns
-            self.state.connected, self.state.reason, self.state.since_ns = True, "", now_ns
+            self.state.connect(now_ns)
         frames: list[Frame] = []
         due = (now_ns - self._start_ns) * self._rate_hz // SECOND_NS
         self._sequence = max(self._sequence, due + 1 - CATCH_UP_FRAMES)
@@ -170,7 +170,7 @@ class Simulated:
         return self._selftest
 
     def close(self) -> None:
-        self.state.connected, self.state.reason, self.state.since_ns = False, "closed", time.monotonic_ns()
+        self.state.disconnect("closed", time.monotonic_ns())
 
     def _frame(self) -> Frame:
         assert self._start_ns is not None

@@ -14,6 +14,7 @@ from argparse import Namespace
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any
 from unittest.mock import patch
@@ -26,6 +27,7 @@ from fmfts.config import BusConfig, Config, PadConfig, SimulatedSource
 from fmfts.sensor import Frame
 from fmfts.sensor.source import CannotError, SourceState
 from fmfts.simulation.array import SimulatedArray
+from fmfts.sources import Device
 from fmfts_lab.bench.latency import cpu_by_thread, spawn
 from fmfts_lab.finite_elements.array_pad import array_config
 
@@ -108,9 +110,9 @@ def daemon(pipe: Connection, folder: str, pads: int, seconds: float) -> None:
             handed.deadline_ns()
             handed.poll(round(number * 1e9 / RATE_HZ))
     pipe.send(time.process_time() - began)
-    sources = [(Prepared(made[str(one.source)]), {0: one.name}) for one in configs]
+    prepared = [Device({0: one.name}, partial(Prepared, made[str(one.source)]), one.name) for one in configs]
     settings = Config(tuple(configs), BusConfig(endpoint=f"ipc://{folder}"))
-    with patch.object(running, "open_sources", lambda *_: sources), running.Daemon(settings) as one_daemon:
+    with patch.object(running, "devices", lambda *_: prepared), running.Daemon(settings) as one_daemon:
         one_daemon.run()
 
 

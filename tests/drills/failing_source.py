@@ -1,0 +1,150 @@
+"""`make failing-source`: a source that raises or returns anything, beside three healthy pads of one daemon.
+
+The daemon is the real one, in a process of its own, and so is the subscriber. As root it runs before other programs, as
+the service does. Each kind of fault lasts `--seconds`; chance, of the seed, says at which call of the source it comes.
+Then the cause goes, and the pad must come back by itself.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from argparse import ArgumentParser
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from multiprocessing import get_context
+from multiprocessing.sharedctypes import Synchronized
+from random import Random
+from typing import Any
+from unittest.mock import patch
+
+import msgspec
+import zmq
+
+from faulty_source import HARMLESS, KINDS, Faulty
+from fmfts.config import BusConfig, Config, PadConfig, ServiceConfig, SimulatedSource
+
+HEALTHY, RATE_HZ, NONE = ("a", "b", "c"), 220, -1
+PATIENCE_S = 30.0
+PUBLISHED = 0.999
+
+
+def pad(name: str) -> PadConfig:
+    return PadConfig(name=name, source=SimulatedSource(finger="none", rate_hz=RATE_HZ))
+
+
+def daemon(folder: str, kind: Synchronized[int], seed: int) -> None:
+    os.environ |= {"XDG_STATE_HOME": folder, "FMFTS_BUS": f"ipc://{folder}"}
+    from fmfts.runtime import daemon as running
+    from fmfts.sources import Device, devices
+
+    def fault() -> tuple[str, str] | None:
+        return None if kind.value == NONE else KINDS[kind.value]
+
+    faulty = Device({0: "faulty"}, partial(Faulty, pad("faulty"), fault, Random(seed), 0.02), "a plug-in")
+    service = ServiceConfig(realtime_priority=20 if os.geteuid() == 0 else 0)
+    settings = Config(tuple(map(pad, ("faulty", *HEALTHY))), BusConfig(endpoint=f"ipc://{folder}"), service=service)
+    with (
+        patch.object(running, "devices", lambda pads: [*devices(pads[1:]), faulty]),
+        running.Daemon(settings) as one_daemon,
+    ):
+        one_daemon.run()
+
+
+@dataclass
+class Heard:
+    """Of one kind of fault: instants (ns) of the healthy pads' samples, and what the faulty pad said."""
+
+    ok_ns: dict[str, list[int]] = field(default_factory=dict)
+    not_ok: int = 0
+    reasons: list[str] = field(default_factory=list)
+    failures: int = 0
+    last: str = ""
+
+    def take(self, topic: bytes, body: dict[str, Any]) -> None:
+        if topic.startswith(b"event/"):
+            self.failures += body["kind"] == "health" and body["detail"].startswith("disconnected")
+        elif body["pad"] == "faulty":
+            self.last = body["health"]
+            if body["reason"] and (not self.reasons or body["reason"] != self.reasons[-1]):
+                self.reasons.append(body["reason"])
+        elif body["health"] == "ok":
+            self.ok_ns.setdefault(body["pad"], []).append(body["t_sample_ns"])
+        else:
+            self.not_ok += 1
+
+    @property
+    def published(self) -> float:
+        """Share of the healthy pads' frames that were published, by the times of the first and the last."""
+        due = sum(round((times[-1] - times[0]) * 1e-9 * RATE_HZ) + 1 for times in self.ok_ns.values())
+        return sum(map(len, self.ok_ns.values())) / max(due, 1)
+
+
+class Ear:
+    """Hears all that the daemon publishes."""
+
+    def __init__(self, folder: str) -> None:
+        self._socket = zmq.Context.instance().socket(zmq.SUB)
+        self._socket.setsockopt(zmq.RCVHWM, 0)
+        self._socket.setsockopt(zmq.LINGER, 0)
+        self._socket.connect(f"ipc://{folder}/bus")
+        for topic in (b"contact/", b"event/faulty"):
+            self._socket.subscribe(topic)
+
+    def listen(self, heard: Heard, until: Callable[[], bool], patience_s: float) -> float:
+        """Seconds until `until`, or patience_s."""
+        begun = time.monotonic()
+        while (lasted := time.monotonic() - begun) < patience_s and not until():
+            if self._socket.poll(100):
+                topic, payload = self._socket.recv_multipart()
+                heard.take(topic, msgspec.msgpack.decode(payload))
+        return lasted
+
+
+def main() -> int:
+    """Exit code 1 if a healthy pad lost frames, or the failing one did not say why, or did not come back."""
+    parser = ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=4.0, help="how long each kind of fault lasts")
+    parser.add_argument("--seed", type=int, default=40)
+    options = parser.parse_args()
+    spawn = get_context("spawn")
+    kind, failed = spawn.Value("i", NONE), 0
+    with tempfile.TemporaryDirectory() as folder:
+        process = spawn.Process(target=daemon, args=(folder, kind, options.seed))
+        process.start()
+        ear, calm, whole = Ear(folder), Heard(), Heard()
+        assert ear.listen(calm, lambda: calm.last == "ok" and len(calm.ok_ns) == len(HEALTHY), PATIENCE_S) < PATIENCE_S
+        calm = Heard()
+        ear.listen(calm, lambda: False, 5.0)
+        print(f"without a fault: {calm.published:.3%} of the healthy pads' frames are published")
+        print(f"{'fault':32}{'published':>10}{'failures':>10}{'back after':>12}  reason")
+        for number, (what, name) in enumerate(KINDS):
+            during = Heard()
+            kind.value = number
+            ear.listen(during, lambda: False, options.seconds)
+            kind.value = NONE
+            during.last = ""
+            back_s = ear.listen(during, lambda during=during: during.last == "ok", PATIENCE_S)
+            reason = max(during.reasons, key=len, default="")
+            good = back_s < PATIENCE_S and (bool(reason) or (what, name) in HARMLESS) and during.not_ok == 0
+            failed += not good
+            for name_of_pad, times in during.ok_ns.items():
+                whole.ok_ns.setdefault(name_of_pad, []).extend(times)
+            told = reason.removeprefix("simulated pad, seed 1: ")[:70]
+            print(
+                f"{what + ' ' + name:32}{during.published:10.3%}{during.failures:10}{back_s:10.2f} s  {told}"
+                f"{'' if good else '  FAILED'}",
+                flush=True,
+            )
+        alive = process.is_alive()
+        process.terminate()
+        process.join(10.0)
+    print(f"{'all':32}{whole.published:10.3%}   the daemon {'ran to the end' if alive else 'ENDED'}")
+    return int(failed > 0 or not alive or whole.published < PUBLISHED)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

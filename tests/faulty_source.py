@@ -1,0 +1,181 @@
+"""A plug-in source that does what no source may do: it raises anything anywhere, and returns anything."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import repeat
+from random import Random
+from typing import Any
+
+import numpy as np
+import zmq
+
+from fmfts.config import PadConfig
+from fmfts.sensor import Frame, SourceError, SourceState
+from fmfts.sensor.early import EarlySample
+from fmfts.sensor.wire.clock import DeviceClock
+from fmfts.simulation.source import Simulated
+
+
+class UnprintableError(Exception):
+    """An error whose text is an error."""
+
+    def __str__(self) -> str:
+        raise ValueError("no text")
+
+
+def _recurse() -> None:
+    _recurse()
+
+
+def raising(error: BaseException) -> Callable[[], None]:
+    def fail() -> None:
+        raise error
+
+    return fail
+
+
+ERRORS: dict[str, Callable[[], None]] = {
+    "ValueError": raising(ValueError("bad value")),
+    "TypeError": raising(TypeError("bad type")),
+    "KeyError": raising(KeyError("missing")),
+    "IndexError": raising(IndexError(7)),
+    "AttributeError": raising(AttributeError("gone")),
+    "AssertionError": raising(AssertionError()),
+    "ZeroDivisionError": raising(ZeroDivisionError("division by zero")),
+    "OverflowError": raising(OverflowError("too large")),
+    "RecursionError": _recurse,
+    "MemoryError": raising(MemoryError()),
+    "OSError": raising(OSError(errno.EIO, "input/output error")),
+    "PermissionError": raising(PermissionError(errno.EACCES, "not permitted")),
+    "BrokenPipeError": raising(BrokenPipeError(errno.EPIPE, "broken pipe")),
+    "TimeoutError": raising(TimeoutError("no answer")),
+    "UnicodeDecodeError": raising(UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid start byte")),
+    "struct.error": raising(struct.error("unpack requires 8 bytes")),
+    "StopIteration": raising(StopIteration()),
+    "zmq.ZMQError": raising(zmq.ZMQError(errno.ENOTSOCK)),
+    "SourceError": raising(SourceError("the device is on fire: put it out")),
+    "SystemExit": raising(SystemExit(3)),
+    "GeneratorExit": raising(GeneratorExit()),
+    "CancelledError": raising(asyncio.CancelledError()),
+    "ExceptionGroup": raising(ExceptionGroup("several", [ValueError("one"), OSError("two")])),
+    "UnprintableError": raising(UnprintableError()),
+    "surrogates": raising(RuntimeError("\udcff\udcfe" * 300)),
+}
+
+
+def frames_with(**changes: Any) -> Callable[[Sequence[Frame]], object]:
+    return lambda frames: [replace(frame, **changes) for frame in frames]
+
+
+def _many(frames: Sequence[Frame]) -> object:
+    return [replace(frame, sequence=frame.sequence * 20_000 + n) for frame in frames for n in range(20_000)]
+
+
+def _endless(frames: Sequence[Frame]) -> Iterator[Frame]:
+    return (frame for again in repeat(frames) for frame in again)
+
+
+FRAMES: dict[str, Callable[[Sequence[Frame]], object]] = {
+    "None": lambda frames: None,
+    "no frames": lambda frames: ["frame"],
+    "endless": _endless,
+    "20,000 a poll": _many,
+    "another pad's": frames_with(pad_index=5),
+    "pad_index []": frames_with(pad_index=[]),
+    "3 sensors": lambda frames: [replace(frame, counts=frame.counts[:3]) for frame in frames],
+    "counts NaN": lambda frames: [replace(frame, counts=np.full(frame.counts.shape, np.nan)) for frame in frames],
+    "ages missing": frames_with(age_us=None),
+    "temperature NaN": frames_with(temperature_c=float("nan")),
+    "temperature inf": frames_with(temperature_c=float("inf")),
+    "time negative": frames_with(device_time_us=-1, host_time_ns=-1),
+    "time None": frames_with(device_time_us=None),
+    "time 2**80": frames_with(device_time_us=1 << 80),
+    "time in an hour": lambda frames: [
+        replace(frame, host_time_ns=frame.host_time_ns + 3600 * 10**9) for frame in frames
+    ],
+    "gain_code 99": frames_with(gain_code=99),
+    "sequence -1": frames_with(sequence=-1),
+    "chip None": frames_with(chip=None),
+}
+NUMBERS: dict[str, object] = {"NaN": float("nan"), "text": "soon", "2**80": 1 << 80, "-2**80": -(1 << 80), "always": 0}
+DESCRIPTORS: dict[str, object] = {"-1": -1, "9999": 9999, "text": "stdin"}
+KINDS = (
+    *(("raises", kind) for kind in ERRORS),
+    *(("frames", kind) for kind in FRAMES),
+    *(("deadline", kind) for kind in NUMBERS),
+    *(("descriptor", kind) for kind in DESCRIPTORS),
+)
+HARMLESS = {("deadline", "2**80"), ("deadline", "always"), ("frames", "20,000 a poll")}  # the pad may stay "ok"
+
+
+class Faulty:
+    """A ByteSource: a simulated pad that does what `fault` says, at places that chance chooses. fault(): a kind of
+    KINDS, None while the source works."""
+
+    def __init__(
+        self, config: PadConfig, fault: Callable[[], tuple[str, str] | None], chance: Random, often: float
+    ) -> None:
+        """often: probability of an error at each place where one may be."""
+        self._simulated, self._fault, self._chance, self._often = Simulated(config), fault, chance, often
+        self.patience = None
+        self.clock_line = DeviceClock().line
+        self._meet(0.5)
+
+    @property
+    def state(self) -> SourceState:
+        return self._simulated.state
+
+    def fileno(self) -> Any:
+        self._meet()
+        return self._instead("descriptor", DESCRIPTORS, None)
+
+    def deadline_ns(self) -> Any:
+        self._meet()
+        return self._instead("deadline", NUMBERS, self._simulated.deadline_ns())
+
+    def poll(self, now_ns: int) -> Any:
+        self._meet()
+        frames = self._simulated.poll(now_ns)
+        fault = self._fault()
+        return FRAMES[fault[1]](frames) if fault is not None and fault[0] == "frames" else frames
+
+    def take_early(self) -> Sequence[tuple[int, EarlySample]]:
+        self._meet()
+        return ()
+
+    def lendable(self) -> frozenset[int]:
+        self._meet()
+        lends = self._fault() in [("raises", kind) for kind in ERRORS] and self._chance.random() < self._often
+        return frozenset((0,)) if lends else frozenset()
+
+    def lend(self) -> tuple[int, bytes]:
+        self._meet(1.0)
+        raise SourceError("there is no line to lend")
+
+    def give_back(self, unread: bytes, heard_ns: int, left_out: Sequence[int]) -> None:
+        raise AssertionError("nothing was lent")
+
+    def request_selftest(self, pad_index: int) -> None:
+        self._meet(1.0)
+
+    def selftest_result(self, pad_index: int) -> dict[str, object] | None:
+        return None
+
+    def close(self) -> None:
+        self._meet(0.5)
+
+    def _meet(self, often: float | None = None) -> None:
+        """Raise here, if chance wants it."""
+        fault = self._fault()
+        often = self._often if often is None else often
+        if fault is not None and fault[0] == "raises" and self._chance.random() < often:
+            ERRORS[fault[1]]()
+
+    def _instead(self, what: str, choice: dict[str, object], otherwise: object) -> object:
+        fault = self._fault()
+        return choice[fault[1]] if fault is not None and fault[0] == what else otherwise
