@@ -8,6 +8,7 @@ from __future__ import annotations
 import shutil
 import signal
 import subprocess
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import pytest
 from end_to_end.collecting_bench import PressedBench
 from end_to_end.test_collect import plan, rows
 from end_to_end.test_collect_faults import ONE_PLACE
+from fmfts.collect.guard import HANG_S
 
 STOPPED = 69
 LIFTED_WITHIN_S = 0.15  # the issue's, for an unplugged gauge: reading and deciding takes 20 ms, 1 mm at 20 mm/s 50 ms
@@ -102,6 +104,18 @@ def test_collector_killed(benches: Benches) -> None:
     code, said = lifted(benches, lambda _, process: process.kill(), within_s=1.0)
     assert code == -signal.SIGKILL
     assert "the rod was sent up" in said
+
+
+def test_collector_hangs(benches: Benches) -> None:
+    """It is stopped for three seconds; when it goes on, it ends."""
+
+    def stop(_: PressedBench, process: subprocess.Popen[str]) -> None:
+        process.send_signal(signal.SIGSTOP)
+        threading.Timer(3.0, process.send_signal, [signal.SIGCONT]).start()
+
+    code, said = lifted(benches, stop, within_s=1.0 + HANG_S)
+    assert code == STOPPED
+    assert "its guard sent the rod up" in said
 
 
 def test_collector_told_to_end(benches: Benches) -> None:

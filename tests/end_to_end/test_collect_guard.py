@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
 import threading
@@ -14,12 +16,15 @@ import pytest
 
 from emulator.gcode_machine import GcodeMachine
 from emulator.priority import put_ahead
+from fmfts.collect import guard
+from fmfts.collect.guard import HANG_S
 
 PATIENCE_S = 30.0
 # A collector as far as its machine goes: homed, guarded, the rod pressed down.
 COLLECTOR = """
 import sys, time
 from fmfts.collect.clock import Monotonic
+from fmfts.collect.errors import CollectError
 from fmfts.collect.stage import Stage
 from fmfts.collect.watch import Limits, Watch
 from fmfts.config.collect import StageConfig
@@ -42,6 +47,13 @@ if how == "ends":
 elif how == "crashes":
     import os
     os.abort()
+elif how == "hangs":
+    stage._down = True
+    try:
+        stage._watch.wait(600.0)
+    except CollectError:
+        print(stage.release(), file=sys.stderr)
+        raise
 else:
     stage._creep(3.0, 1.0)
 """
@@ -107,6 +119,62 @@ def test_rod_is_lifted_when_the_collector(tmp_path: Path, dialect: str, how: str
         assert stands_at(machine, 12.0)
         assert process.stderr is not None
         assert "collect ended with the rod down: the rod was sent up" in process.stderr.read()
+
+
+@pytest.mark.parametrize("dialect", ["marlin", "grbl"])
+def test_rod_is_lifted_when_the_collector_hangs(tmp_path: Path, dialect: str) -> None:
+    """It is stopped, and goes on later: then it may not press on."""
+    words = [sys.executable, "-c", COLLECTOR, tmp_path / "machine", dialect, "hangs"]
+    with (
+        running(tmp_path / "machine", dialect) as machine,
+        subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process,
+    ):
+        put_ahead(process.pid)  # it gives its machine a second to answer
+        assert process.stdout is not None
+        assert process.stdout.readline() == "down\n"
+        time.sleep(1.2 * HANG_S)
+        assert machine.place[2] < 10.0, "who polls does not hang"
+        process.send_signal(signal.SIGSTOP)
+        try:
+            assert stands_at(machine, 12.0)
+        finally:
+            process.send_signal(signal.SIGCONT)
+        said = process.communicate(timeout=PATIENCE_S)[1]
+    assert process.returncode == 1
+    assert "collect stood still for 1 s with the rod down: the rod was sent up" in said
+    assert "StoppedError" in said, "it does not press on"
+    assert "its guard sent the rod up, because collect stood still for 1 s: was it stopped" in said
+
+
+@pytest.mark.parametrize(
+    ("said", "end"),
+    [
+        (b"dud", guard._End.DIED),
+        (b"du", guard._End.DIED),
+        (b"", guard._End.DIED),
+        (b"du.", guard._End.DONE),
+    ],
+)
+def test_guard_reads_how_the_collector_ended(said: bytes, end: guard._End) -> None:
+    reading, writing = os.pipe()
+    os.write(writing, said)
+    os.close(writing)
+    assert guard._wait(reading) is end
+    os.close(reading)
+
+
+def test_silence_is_a_hang_while_the_rod_is_down_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the rod up the collector may wait for a person."""
+    monkeypatch.setattr(guard, "HANG_S", 0.05)
+    reading, writing = os.pipe()
+    os.write(writing, guard.DOWN)
+    assert guard._wait(reading) is guard._End.HANGS
+    os.write(writing, guard.DOWN + guard.UP)
+    ending = threading.Timer(0.3, os.close, [writing])
+    ending.start()
+    assert guard._wait(reading) is guard._End.DIED
+    ending.join()
+    os.close(reading)
 
 
 def test_guard_leaves_the_machine_alone_when_the_collector_ends_by_itself(tmp_path: Path) -> None:

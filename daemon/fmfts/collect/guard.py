@@ -1,20 +1,30 @@
-"""Lifts the rod, in a process of its own, when the collector dies with the rod down: by `kill -9`, or a crash.
+"""Lifts the rod, in a process of its own, when the collector dies or hangs with the rod down: by `kill -9`, or a crash.
 
-The guard shares the machine's serial port and a pipe with the collector. It waits until the collector closes the pipe,
-by ending or dying. If "done" came through the pipe before, it does nothing; otherwise it lifts the rod. The bytes that
-it sends were prepared before, so that little can go wrong. It keeps the port open: closing it resets many boards.
+The guard shares the machine's serial port and a pipe with the collector. While the rod is down, the collector writes
+DOWN into the pipe at each poll, 20 times a second at most; when the rod is up again, UP; before it ends by itself,
+DONE. The guard lifts the rod when the pipe is closed without DONE, and when nothing comes for HANG_S after DOWN. With
+the rod up the collector may wait as long as it likes. After a hang the guard closes the pipe, and so a collector that
+goes on later learns that the rod was lifted. The bytes that the guard sends were prepared before, so that little can
+go wrong. It keeps the port open: closing it resets many boards.
 """
 
 from __future__ import annotations
 
 import os
+import select
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 
-DONE = b"done"
+from fmfts.collect.errors import StoppedError
+
+DOWN, UP, DONE = b"d", b"u", b"."
+GOOD, NOT_LIFTED = 0, 1  # exit codes
+BEAT_S = 0.05
+HANG_S = 1.0  # a collector polls each millisecond; on a computer that is busy it may be late by some tenths of a second
 PATIENCE_S = 2.0
 TURN_S = 0.01
 
@@ -38,34 +48,82 @@ class Guard:
             pass_fds=(port,),
             start_new_session=True,
         )
+        assert self._process.stdin is not None
+        self._pipe = self._process.stdin.fileno()
+        os.set_blocking(self._pipe, False)
+        self._beat, self._beat_s = UP, time.monotonic()
 
     @property
     def pid(self) -> int:
         return self._process.pid
+
+    def beat(self, *, down: bool) -> None:
+        """Say that the collector lives, and whether the rod is down. StoppedError where the guard does not listen."""
+        beat, now_s = (DOWN if down else UP), time.monotonic()
+        if beat == self._beat and (not down or now_s - self._beat_s < BEAT_S):
+            return
+        self._beat, self._beat_s = beat, now_s
+        try:
+            os.write(self._pipe, beat)
+        except BrokenPipeError as error:
+            raise StoppedError("the guard of collect listens no more") from error
+        except BlockingIOError as error:
+            raise StoppedError("the guard of collect does not listen: was it stopped?") from error
+
+    def why_lifted(self) -> str:
+        """Why it sent the rod up; "" where it did not. Waits until the rod is up."""
+        try:
+            os.write(self._pipe, self._beat)
+        except BrokenPipeError:
+            if self._process.wait() == GOOD:
+                return f"collect stood still for {HANG_S:g} s: was it stopped, or is this computer too busy?"
+        except BlockingIOError:
+            pass  # it lives, and does not read
+        return ""
 
     def close(self, *, lift: bool = False) -> None:
         """End the guard. lift: the rod is not lifted yet, so the guard does it first."""
         self._process.communicate(b"" if lift else DONE)
 
 
-def main(words: Sequence[str]) -> None:
+class _End(Enum):
+    """How a collector ended."""
+
+    DONE = "ended by itself"
+    DIED = "collect ended with the rod down"
+    HANGS = f"collect stood still for {HANG_S:g} s with the rod down"
+
+
+def main(words: Sequence[str]) -> int:
     port, steps = int(words[0]), [word.split(":") for word in words[1:]]
-    received = b""
-    while more := os.read(sys.stdin.fileno(), 64):
-        received += more
-    if received == DONE:
-        return
+    end = _wait(sys.stdin.fileno())
+    if end is _End.DONE:
+        return GOOD
+    os.close(sys.stdin.fileno())
     try:
         for data, seconds in steps:
             _write(port, bytes.fromhex(data))
             time.sleep(float(seconds))
     except OSError as error:
         print(
-            f"collect ended with the rod down, and it MAY STILL PRESS: {error.strerror}; lift it by hand",
+            f"{end.value}, and it MAY STILL PRESS: {error.strerror}; lift it by hand",
             file=sys.stderr,
         )
-        return
-    print("collect ended with the rod down: the rod was sent up", file=sys.stderr)
+        return NOT_LIFTED
+    print(f"{end.value}: the rod was sent up", file=sys.stderr)
+    return GOOD
+
+
+def _wait(pipe: int) -> _End:
+    """Waits until the collector ends or hangs."""
+    last = UP
+    while True:
+        if not select.select([pipe], [], [], HANG_S if last == DOWN else None)[0]:
+            return _End.HANGS
+        received = os.read(pipe, 4096)
+        if not received:
+            return _End.DONE if last == DONE else _End.DIED
+        last = received[-1:]
 
 
 def _write(port: int, data: bytes) -> None:
@@ -80,4 +138,4 @@ def _write(port: int, data: bytes) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    sys.exit(main(sys.argv[1:]))

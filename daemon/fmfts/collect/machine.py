@@ -46,6 +46,7 @@ class Machine:
         self.homed: bool | None = None  # None before homing, False during it: `place` is not valid then
         self.trouble = ""
         self.listen: Callable[[], None] = lambda: None
+        self.heartbeat: Callable[[], None] = lambda: None  # called before each move, and while the rod rises
         self._config = config
         self._clock = clock
         self._dialect: Dialect = DIALECTS[config.dialect]
@@ -90,6 +91,7 @@ class Machine:
         for axis, value, (low, high) in zip("xyz", (x, y, z), self._config.travel_mm, strict=True):
             if value is not None and not low <= value <= high:
                 raise RefusedError(f"{axis} = {value:.3f} mm is outside collect.stage.travel_mm ({low:g} to {high:g})")
+        self.heartbeat()  # a collector that was stopped must not press on where its guard has lifted the rod
         seconds = math.dist(target, self.place) / mm_per_s
         up = target[2] > self.place[2] and target[:2] == self.place[:2]
         self._under_way = _UnderWay(self._now_s() + seconds, min(target[2], self.place[2]), up)
@@ -129,7 +131,7 @@ class Machine:
 
     def rise(self, z_mm: float, mm_per_s: float) -> bool:
         """Halt, and go up; returns whether the machine reports that it did. Does not call `listen`, which may raise."""
-        self.listen = lambda: None
+        self.listen = self.heartbeat
         locked, low_mm = bool(self.trouble), self.lowest_mm()
         way_mm, lines = z_mm - low_mm, self._dialect.rise(z_mm, mm_per_s)
         if self._position_lost:

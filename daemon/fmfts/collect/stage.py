@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
 from fmfts.collect.guard import Guard
@@ -51,6 +52,7 @@ class Stage:
         self.lift()
         rescue = self._machine.rescue(self._config.clear_z_mm, self._config.lift_mm_per_s)
         self._guard = Guard(self._machine.fileno(), rescue)
+        self._watch.heartbeat = self._machine.heartbeat = self._beat
 
     def refused(self, why: str, times: int, once_more: Callable[[], None]) -> None:
         """Let the session record the row again, ATTEMPTS times; the machine holds its force anyway."""
@@ -62,6 +64,7 @@ class Stage:
         self._watch.on_guard = False
         self._last = None
         self._down = False
+        self._beat()
 
     def stand_over(self, press: Press) -> None:
         """Go over the place of a press with the rod up; approach it from below in x and y, against backlash."""
@@ -89,8 +92,11 @@ class Stage:
 
     def release(self) -> str:
         """Lift the rod, by an emergency stop if nothing else works; returns a sentence about the outcome."""
-        outcome = self._lift_anyway()
+        self._machine.heartbeat = self._watch.heartbeat = self._beat_anyway
+        why_lifted = "" if self._guard is None else self._guard.why_lifted()
+        outcome = f"its guard sent the rod up, because {why_lifted}" if why_lifted else self._lift_anyway()
         self._down = False
+        self._beat_anyway()
         return outcome
 
     def _lift_anyway(self) -> str:
@@ -112,7 +118,17 @@ class Stage:
     def close(self) -> None:
         if self._guard is not None:
             self._guard.close(lift=self._down)
+            self._guard = None
         self._machine.close()
+
+    def _beat(self) -> None:
+        if self._guard is not None:
+            self._guard.beat(down=self._down)
+
+    def _beat_anyway(self) -> None:
+        """While the rod rises after an error: a guard that does not listen any more changes nothing then."""
+        with suppress(StoppedError):
+            self._beat()
 
     def _halted_up(self) -> str:
         try:

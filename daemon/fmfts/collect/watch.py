@@ -41,6 +41,7 @@ class Watch:
         self.readings: deque[Reading] = deque()  # as the gauge gives them, without tare_n subtracted
         self.tare_n = 0.0
         self.on_guard = False
+        self.heartbeat: Callable[[], None] = lambda: None  # called at each turn
         self.clock = clock or Monotonic()
         self._feed = feed
         self._gauge = gauge
@@ -53,6 +54,7 @@ class Watch:
 
         moving: the machine moves outside a press: check force and silence too, but not lost frames, which spoil no row.
         """
+        self.heartbeat()
         now_ns = self.clock.now_ns()
         now_s = now_ns * 1e-9
         slept = now_s - self._last_turn_s > SLEPT_S
