@@ -73,8 +73,8 @@ class Bus:
 
     def turn(self) -> None:
         self.publisher.send_contact("demo", self.make(seq=next(self._numbers)))
-        for request in self._control.poll():
-            request.reply(pads=[self._facts])
+        while self._control.serve_one(lambda request: request.reply(pads=[self._facts])):
+            pass
 
     def close(self) -> None:
         self.publisher.close()

@@ -282,8 +282,8 @@ def test_fingers_of_a_pad_with_several_magnets_arrive_as_a_point_cloud(
 
         def turn() -> None:
             publisher.send_contact("demo", fingers_message(*two_fingers()))
-            for request in control.poll():
-                request.reply(pads=[shape])
+            while control.serve_one(lambda request: request.reply(pads=[shape])):
+                pass
 
         with repeating(turn, 0.01), node(place, base, tmp_path):
             cloud = listener.wait_for(lambda said: said.get("topic") == "/fmfts/demo/contacts")

@@ -15,7 +15,7 @@ import pytest
 import zmq
 from bus_messages import BOOT, contact_message
 
-from fmfts.bus.control import CHANGING, ControlServer
+from fmfts.bus.control import CHANGING, ControlServer, Request
 from fmfts.bus.gate import Gate
 from fmfts.bus.keys import KeyFolder
 from fmfts.bus.lock import BusError
@@ -53,9 +53,12 @@ class Service:
         while not self._done.wait(0.005):
             self.gate.answer()
             self._publisher.send_contact("demo", contact_message())
-            for each in self._control.poll():
-                self.carried_out.append(each.verb)
-                each.reply()
+            while self._control.serve_one(self._carry_out):
+                pass
+
+    def _carry_out(self, request: Request) -> None:
+        self.carried_out.append(request.verb)
+        request.reply()
 
     def close(self) -> None:
         self._done.set()
@@ -331,8 +334,8 @@ def test_changing_verbs_need_a_key_over_tcp_on_this_machine_too() -> None:
 
     def loop() -> None:
         while not done.wait(0.005):
-            for each in server.poll():
-                each.reply()
+            while server.serve_one(Request.reply):
+                pass
 
     thread = threading.Thread(target=loop)
     thread.start()

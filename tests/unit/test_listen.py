@@ -170,8 +170,8 @@ def serving_status(base: str, *pads: Any) -> Iterator[None]:
     server = ControlServer(f"{base}/control")
 
     def answer() -> None:
-        for request in server.poll():
-            request.reply(pads=list(pads))
+        while server.serve_one(lambda request: request.reply(pads=list(pads))):
+            pass
 
     with closing(server), repeating(answer, 0.005):
         yield

@@ -7,6 +7,7 @@ import re
 import time
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,11 @@ from fmfts.config import PadConfig, SceneConfig, SimulatedSource
 from fmfts.contact import ContactModel
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.channel import Channel
+from fmfts.runtime.kept import KeptAnswer
 from fmfts.runtime.pending import PROGRESS_S
 from fmfts.runtime.requests import Verbs
 from fmfts.scene.tracking import tracking_model_for
-from fmfts.sensor import Frame
+from fmfts.sensor import Frame, Source
 from fmfts.sensor.tasks import PATIENCE_S, SELFTEST_S
 from fmfts.simulation.finger import steady_finger
 from fmfts.simulation.hands import UNSETTLED_FRAMES
@@ -47,6 +49,13 @@ class Broken(Executor):
         return future
 
 
+class Idle(Executor):
+    """Whatever is submitted never ends."""
+
+    def submit(self, *_: Any, **__: Any) -> Future[Any]:
+        return Future()
+
+
 class Daemon:
     """The part of one that handles requests, its pad's frames coming faster than in real time."""
 
@@ -59,7 +68,8 @@ class Daemon:
         model = ContactModel.load("default", pad)
         pipeline = PadPipeline(pad, model, "boot", 220.0, tracking_model_for(CONFIG.scene, CONFIG.magnet).tracking)
         self.channel = Channel(self.source, 0, pipeline, self._publisher, "boot", 220.0)
-        self.verbs = Verbs({"left": CONFIG}, [self.channel], executor)
+        self.taken_back: list[Source] = []
+        self.verbs = Verbs({"left": CONFIG}, [self.channel], executor, self.taken_back.append)
         self._now_ns = 0
         self.frames(1)
         self._peer = zmq.Context.instance().socket(zmq.DEALER)
@@ -77,12 +87,11 @@ class Daemon:
         return given
 
     def ask(self, verb: str, **arguments: Any) -> None:
+        self.verbs.forget_kept()
         self._peer.send(msgpack.packb({"id": 1, "verb": verb, **arguments}))
         until = time.monotonic() + 5.0
-        while not (requests := self._control.poll()):
+        while not self._control.serve_one(self.verbs.handle):
             assert time.monotonic() < until
-        for request in requests:
-            self.verbs.handle(request)
 
     def answer(self) -> dict[str, Any]:
         """The next message that the peer gets; jobs are finished until there is one."""
@@ -332,3 +341,77 @@ def test_status_tells_the_health_of_now_and_never_without_a_reason(daemon: Daemo
     assert (told["health"], told["connected"]) == (daemon.channel.health, True) == ("no_baseline", True)
     assert told["reason"]
     assert told["t_publish_ns"] == fresh.t_publish_ns
+
+
+def fresh(daemon: Daemon, verb: str) -> Any:
+    """The answer of verbs that have kept nothing."""
+    with ThreadPoolExecutor(max_workers=1) as executor:
+        verbs = Verbs({"left": CONFIG}, [daemon.channel], executor)
+        verbs.last_status = daemon.verbs.last_status
+        return msgpack.unpackb(verbs._kept[verb].whole())
+
+
+@pytest.mark.parametrize("verb", ["status", "pads", "probe"])
+def test_kept_answer_equals_a_fresh_one(daemon: Daemon, verb: str) -> None:
+    def changed_board() -> None:
+        daemon.source.state.board["bus_0"] = {"errors": 1}
+
+    def another_second() -> None:
+        daemon.verbs.last_status["left"] = daemon.channel.status(time.monotonic_ns())
+
+    another_second()
+    for change in (
+        lambda: None,
+        lambda: daemon.frames(30),
+        changed_board,
+        lambda: daemon.source.state.sensor_faults.update({(0, 1): "sensor 2 is silent"}),
+        lambda: daemon.source.state.disconnect("unplugged", time.monotonic_ns()),
+        lambda: daemon.channel.tick(time.monotonic_ns() + 1_000_000_000),
+        another_second,
+    ):
+        change()
+        for _ in range(2):
+            daemon.ask(verb)
+            assert daemon.answer()["pads"] == fresh(daemon, verb)
+
+
+def test_answer_is_encoded_once_until_its_facts_change() -> None:
+    facts = {"left": [1.0], "right": [2.0]}
+    kept = KeptAnswer(lambda: facts, lambda name: list(facts[name]))
+    whole, left = kept.whole(), kept._pads["left"][1]
+    facts["right"][0] = 3.0
+    assert kept.whole() is whole, "until the loop's next turn"
+    kept.forget()
+    assert msgpack.unpackb(kept.whole()) == [[1.0], [3.0]]
+    assert kept._pads["left"][1] is left
+
+
+def test_only_what_changes_a_pad_takes_its_frames_from_c(daemon: Daemon) -> None:
+    """However often peers ask for a status, or for what is refused, C goes on with the frames."""
+    for verb in ("status", "pads", "probe"):
+        daemon.ask(verb)
+        daemon.answer()
+    for arguments in ({"pad": "nose"}, {"stop": True}, {"rest": True, "bare": True}, {"wrong": 1}):
+        daemon.ask("baseline", **arguments)
+        assert "error" in daemon.answer()
+    assert not daemon.taken_back
+    daemon.ask("baseline")
+    assert daemon.taken_back == [daemon.source]
+
+
+def test_second_selftest_of_a_pad_is_refused_while_one_runs(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(daemon.source, "selftest_result", lambda pad_index: None)
+    daemon.ask("selftest")
+    assert "progress" in daemon.answer()
+    for _ in range(3):
+        daemon.ask("selftest")
+        assert daemon.result()["error"] == ("pad 'left': a self-test is running already: ask again when it has ended")
+    assert len(daemon.verbs._pending) == 1
+
+
+def test_second_restoration_of_a_pad_is_refused_while_one_runs(tmp_path: Path) -> None:
+    with closing(Daemon(tmp_path, Idle())) as daemon:
+        daemon.ask("baseline", restore=True)
+        assert "progress" in daemon.answer()
+        daemon.ask("baseline", restore=True)
+        assert "a baseline is being restored already" in daemon.result()["error"]

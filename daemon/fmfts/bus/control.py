@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import logging
-from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,15 +15,17 @@ from fmfts.bus.encoding import NotFiniteError, encode_facts, not_finite_field
 from fmfts.bus.gate import key_of
 from fmfts.bus.keys import KeyFolder, why_refused
 from fmfts.bus.server import BoundSocket
+from fmfts.bus.unread import Answer, Unread
 from fmfts.common.exit_codes import DATA, code_of
 
 READING = frozenset({"status", "probe", "pads"})
 CHANGING = frozenset({"baseline", "selftest"})
 VERBS = READING | CHANGING
 LARGEST_REQUEST = 16 * 1024
-LARGEST_RECEIVED = 1 << 20  # beyond this ZeroMQ hangs up instead of answering
-LARGEST_BATCH = 256  # so that a flood of requests does not delay the frames
-HIGH_MARK = 1000
+LARGEST_RECEIVED = 2 * LARGEST_REQUEST  # beyond this ZeroMQ hangs up instead of answering
+# Requests of one peer that wait in this process, and answers that one peer has not read. A peer that sends more waits
+# in its own `send`; see unread.py for answers.
+MOST_WAITING = MOST_UNREAD = 32
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -45,7 +48,9 @@ class AbsentError(BadRequestError):
 class Request:
     """A client's request: `verb`, one of VERBS, and its `arguments`. Answer it once, with `reply` or `fail`."""
 
-    def __init__(self, server: ControlServer, route: list[bytes], identity: int | str, content: dict[str, Any]) -> None:
+    def __init__(
+        self, server: ControlServer, route: tuple[bytes, ...], identity: int | str, content: dict[str, Any]
+    ) -> None:
         self.verb: str = content["verb"]
         self.arguments = {key: value for key, value in content.items() if key not in ("id", "verb")}
         self._server = server
@@ -82,27 +87,36 @@ class Request:
         self.fail(str(error), code_of(error))
 
     def progress(self, **facts: Any) -> None:
-        """Report that the work goes on; the answer comes later."""
+        """Report that the work goes on; the answer comes later. A REQ socket takes one answer only: it gets none."""
         self._send(encode_facts({"id": self._identity, "progress": facts}), last=False)
 
     def _send(self, payload: bytes, last: bool) -> None:
         if self.answered:
             raise RuntimeError(f"{self.verb}: this request was answered already")
         self.answered = last
-        self._server._send(self._route, payload)
+        if last:
+            self._server._answer(self._route, payload)
+        elif len(self._route) == 1:
+            self._server._inform(self._route, payload)
 
 
 class ControlServer:
     """Serves requests on `endpoint`; `keys` encrypt tcp, and say who may change things there.
 
-    Raises BusError where the endpoint cannot be bound.
+    ZeroMQ takes requests from its peers in turn, so one that floods the socket delays another's by one request.
+
+    may_have_more: `serve_one` may find a request that `fileno` does not signal. Raises BusError where the endpoint
+    cannot be bound.
     """
 
     def __init__(self, endpoint: str, keys: KeyFolder | None = None) -> None:
         key = None if keys is None else keys.server()
-        self._socket = BoundSocket(zmq.ROUTER, endpoint, HIGH_MARK, LARGEST_RECEIVED, key)
+        self._socket = BoundSocket(zmq.ROUTER, endpoint, MOST_UNREAD, LARGEST_RECEIVED, key, MOST_WAITING)
         self._keys = None if self._socket.path is not None else keys
-        self._early: deque[Received] = deque()  # received while sending, for the next `poll`
+        # Without it an answer to a peer that reads nothing would be dropped, without an error.
+        self._socket.zmq.setsockopt(zmq.ROUTER_MANDATORY, 1)
+        self._unread = Unread(self._is_sent)
+        self.may_have_more = True
 
     @property
     def paths(self) -> list[Path]:
@@ -110,23 +124,22 @@ class ControlServer:
         return [] if self._socket.path is None else [self._socket.path]
 
     def fileno(self) -> int:
-        """Descriptor to wait for. ZeroMQ signals edges only: call `poll` until it is empty, and many times a second."""
+        """Descriptor to wait for. ZeroMQ signals edges only: call `serve_one` until it is False."""
         return int(self._socket.zmq.getsockopt(zmq.FD))
 
-    def poll(self) -> list[Request]:
-        """The valid requests that have arrived, LARGEST_BATCH at most. Answers invalid ones with an error."""
-        requests = []
-        for _ in range(LARGEST_BATCH):
-            if self._early:
-                received = self._early.popleft()
-            elif self._socket.readable():
-                received = self._receive()
-            else:
-                break
-            request = self._read(*received)
-            if request is not None:
-                requests.append(request)
-        return requests
+    def serve_one(self, handle: Callable[[Request], None]) -> bool:
+        """Take the next request: `handle` gets a valid one, any other gets an error. False if there is nothing to do.
+
+        Also sends an answer that waits for a peer that did not read, if it reads now.
+        """
+        delivered = self._unread.deliver_one()
+        self.may_have_more = self._socket.readable()
+        if not self.may_have_more:
+            return delivered
+        request = self._read(*self._receive())
+        if request is not None:
+            handle(request)
+        return True
 
     def close(self) -> None:
         self._socket.close()
@@ -139,16 +152,17 @@ class ControlServer:
 
     def _read(self, parts: list[bytes], key: bytes) -> Request | None:
         # DEALER sends [identity, body], REQ [identity, "", body].
-        route = parts[:2] if len(parts) == 3 and not parts[1] else parts[:1]
+        route = tuple(parts[:2] if len(parts) == 3 and not parts[1] else parts[:1])
         identity: int | str | None = None
         try:
             content = _decode(parts[len(route) :])
             identity = _identity(content)
             _check(content)
             self._require_trust(content["verb"], key)
+            self._require_reader(route)
             return Request(self, route, identity, content)
         except BadRequestError as error:
-            self._send(route, encode_facts({"id": identity, "error": str(error), "code": code_of(error)}))
+            self._answer(route, encode_facts({"id": identity, "error": str(error), "code": code_of(error)}))
             return None
 
     def _require_trust(self, verb: str, key: bytes) -> None:
@@ -160,12 +174,34 @@ class ControlServer:
                 "ipc://…, or give the daemon keys ([bus] keys)"
             )
 
-    def _send(self, route: list[bytes], payload: bytes) -> None:
-        # If the peer has gone, ROUTER drops the message, without an error.
-        self._socket.zmq.send_multipart((*route, payload), flags=zmq.NOBLOCK)
-        # Sending may consume the edge that announced a new request: receive it now, for the next `poll`.
-        if self._socket.readable() and len(self._early) < LARGEST_BATCH:
-            self._early.append(self._receive())
+    def _require_reader(self, route: tuple[bytes, ...]) -> None:
+        if kept := self._unread.of(route):
+            raise BadRequestError(
+                f"nothing was done, because {MOST_UNREAD + kept} earlier answers to you are still on their way: read "
+                "each answer before you ask again"
+            )
+
+    def _answer(self, route: tuple[bytes, ...], payload: bytes) -> None:
+        if self._unread.of(route) or not self._is_sent((route, payload)):
+            self._unread.keep((route, payload))
+
+    def _inform(self, route: tuple[bytes, ...], payload: bytes) -> None:
+        """Send what a peer that reads nothing can do without."""
+        if not self._unread.of(route):
+            self._is_sent((route, payload))
+
+    def _is_sent(self, answer: Answer) -> bool:
+        """False if the peer has MOST_UNREAD answers to read already. No answer is needed where the peer has gone."""
+        self.may_have_more = True  # sending may consume the edge that announced a request
+        route, payload = answer
+        try:
+            self._socket.zmq.send_multipart((*route, payload), flags=zmq.NOBLOCK)
+        except zmq.Again:
+            return False
+        except zmq.ZMQError as error:
+            if error.errno != errno.EHOSTUNREACH:
+                raise
+        return True
 
 
 def _decode(body: list[bytes]) -> dict[str, Any]:

@@ -40,12 +40,17 @@ def decode_contact(payload: bytes) -> ContactMessage:
     return _contact_decoder.decode(payload)
 
 
-def encode_facts(facts: dict[str, Any]) -> bytes:
+def encode_facts(facts: Any) -> bytes:
     """The msgpack map of free-form facts (an answer of the control socket). Raises NotFiniteError."""
     field = not_finite_field(facts)
     if field:
         raise NotFiniteError(f"{field} is not a finite number")
     return _encoder.encode(facts)
+
+
+def encoded(facts: Any) -> msgspec.Raw:
+    """Facts, or a message, as a part of later `encode_facts`, which encodes it no more. Raises NotFiniteError."""
+    return msgspec.Raw(encode_facts(facts))
 
 
 def not_finite_field(value: object, path: str = "") -> str:

@@ -64,6 +64,7 @@ class Publisher:
         self._valid_topics = {prefix for pad in names for topic in _raw_topics(pad) for prefix in _prefixes(topic)}
         self._subscriptions: set[bytes] = set()
         self._look_ns = 0
+        self._has_new_subscriber = False
         self._states_sent: set[str] = set()
         # PUB handles subscriptions by itself; XPUB, below, hands them to this program.
         high_mark = BUS_HIGH_MARK * (max(len(names), 1) + (SAMPLES_A_FRAME - 1) * of_samples)
@@ -119,10 +120,12 @@ class Publisher:
             self._is_subscribed(f"frame/{pad}") or self._is_subscribed(f"early/{pad}")
         )
 
-    def anything_wanted(self) -> bool:
-        """Does a client subscribe to raw frames of any pad? Call it when `fileno` is readable, and now and then."""
+    def has_new_subscriber(self) -> bool:
+        """Has a client subscribed to raw frames since the last call? Call it when `fileno` is readable, and now and
+        then."""
         self._follow_subscriptions()
-        return bool(self._subscriptions)
+        has_new, self._has_new_subscriber = self._has_new_subscriber, False
+        return has_new
 
     def fileno(self) -> int:
         """Descriptor that becomes readable when subscriptions to raw frames may have changed. It signals edges only."""
@@ -136,6 +139,7 @@ class Publisher:
             # XPUB reports every subscription (1), and the end of the last one to a topic (0).
             if change[:1] == b"\x01" and change[1:] in self._valid_topics:
                 self._subscriptions.add(change[1:])
+                self._has_new_subscriber = True
                 self._states_sent.clear()
             elif change[:1] == b"\x00":
                 self._subscriptions.discard(change[1:])

@@ -30,9 +30,16 @@ class BoundSocket:
     """
 
     def __init__(
-        self, kind: int, endpoint: str, send_high_mark: int, largest_received: int, key: ServerKey | None = None
+        self,
+        kind: int,
+        endpoint: str,
+        send_high_mark: int,
+        largest_received: int,
+        key: ServerKey | None = None,
+        receive_high_mark: int | None = None,
     ) -> None:
-        """Bind `endpoint`. key: encrypts tcp; without one, tcp must be on the loopback interface.
+        """Bind `endpoint`. key: encrypts tcp; without one, tcp must be on the loopback interface. Of one peer at most
+        so many messages wait: receive_high_mark, ZeroMQ's default without it.
 
         Raises BusError: another daemon serves the endpoint, it cannot be accessed, or it is open to the network.
         """
@@ -47,6 +54,8 @@ class BoundSocket:
         self.zmq: zmq.Socket[bytes] = zmq.Context.instance().socket(kind)
         self.zmq.setsockopt(zmq.LINGER, 0)
         self.zmq.setsockopt(zmq.SNDHWM, send_high_mark)
+        if receive_high_mark is not None:
+            self.zmq.setsockopt(zmq.RCVHWM, receive_high_mark)
         self.zmq.setsockopt(zmq.MAXMSGSIZE, largest_received)
         self.zmq.setsockopt(zmq.HANDSHAKE_IVL, HANDSHAKE_MS)
         if path is None and key is not None:

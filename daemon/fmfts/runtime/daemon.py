@@ -27,6 +27,7 @@ from fmfts.runtime.failure import Contained
 from fmfts.runtime.fast_loop import FastLoop
 from fmfts.runtime.guarded import GuardedSource, open_guarded
 from fmfts.runtime.opening import channel_of, introduce_neighbours, load_models, tell_models, use_baseline
+from fmfts.runtime.peers import Peers
 from fmfts.runtime.requests import Verbs
 from fmfts.runtime.schedule import Schedule
 from fmfts.runtime.search_turns import turns_of
@@ -96,9 +97,12 @@ class Daemon:
             channel.turns = turns
         introduce_neighbours(config.pad, {channel.name: channel.pipeline for channel in self._channels.values()})
         self._schedule = Schedule(self._sources, self._fast_loop)
-        self._verbs = Verbs(by_name, list(self._channels.values()), self._executor)
+        self._verbs = Verbs(by_name, list(self._channels.values()), self._executor, self._fast_loop.end)
+        self._peers = Peers(
+            self._schedule, self._fast_loop, self._publisher, self._control, self._gate, self._verbs.handle
+        )
         self._notifier = Notifier()
-        self._stopping = self._asked = False
+        self._stopping = False
         self._tick_ns = self._look_ns = self._status_ns = self._silence_ns = time.monotonic_ns()
         self._next_status = cycle(self._channels.values())
         self._silence_order = list(self._channels.values())  # the next to be told of first
@@ -114,6 +118,7 @@ class Daemon:
             source.close()
         self._executor.shutdown(wait=False, cancel_futures=True)
         self._door.close()
+        self._peers.close()
         self._control.close()
         self._publisher.close()
         if self._gate is not None:
@@ -129,10 +134,6 @@ class Daemon:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._stop)
         self._schedule.wake_for(self._wake_read.fileno())
-        self._schedule.wake_for(self._control.fileno())
-        self._schedule.wake_for(self._publisher.fileno())
-        if self._gate is not None:
-            self._schedule.wake_for(self._gate.fileno())
         if self._service.lock_memory:
             lock_memory()
         ask_for_short_slices()
@@ -154,7 +155,7 @@ class Daemon:
 
     def _turn(self) -> None:
         """Wait until something needs Python, and handle it."""
-        source = self._schedule.wait(min(self._tick_ns, self._status_ns, self._silence_ns))
+        source = self._schedule.wait(min(self._tick_ns, self._status_ns, self._silence_ns, self._peers.due_ns))
         if source is not None:
             now_ns = time.monotonic_ns()
             with self._fast_loop.ended(source, now_ns) as is_to_be_read:
@@ -162,15 +163,14 @@ class Daemon:
                     self._serve(source, now_ns)
         now_ns = time.monotonic_ns()
         looks = now_ns >= self._look_ns
-        if self._schedule.called or self._asked or looks:
-            self._asked = self._answer()
+        self._verbs.forget_kept()
+        self._peers.serve(called=self._schedule.called or looks)
         if looks:
             self._look_ns = now_ns + QUIET_TICK_NS
             self._notifier.watchdog()
         if now_ns >= self._tick_ns:
             self._schedule.review()
             if self._verbs.is_busy:
-                self._fast_loop.end_all()  # the pad may get a new baseline
                 self._verbs.finish_jobs()
             self._tick_ns = now_ns + (TICK_NS if self._verbs.is_busy else QUIET_TICK_NS)
         if now_ns >= self._silence_ns:
@@ -228,23 +228,6 @@ class Daemon:
         if not silent:
             return QUIET_TICK_NS
         return TICK_NS * min(len(silent), SILENT_AT_ONCE) // len(silent)
-
-    def _answer(self) -> bool:
-        """Answer requests, subscriptions and keys. True if there was a request: then call it again.
-
-        ZeroMQ signals only changes, and answering may consume a signal. So it is also called at regular intervals.
-        """
-        if self._publisher.anything_wanted():
-            self._fast_loop.end_all()  # Python must see the frames that somebody records
-        if self._gate is not None:
-            self._gate.answer()
-        requests = self._control.poll()
-        if requests:
-            self._fast_loop.end_all()
-        for request in requests:
-            self._verbs.handle(request)
-            self._schedule.review()
-        return bool(requests)
 
     def _report(self, channel: Channel, now_ns: int) -> None:
         """Publish a pad's status. With that of the first pad, systemd gets a line about all."""

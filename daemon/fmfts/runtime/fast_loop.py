@@ -112,6 +112,12 @@ class FastLoop:
         line.descriptor = None
         return bool(is_to_be_read)
 
+    def end_recorded(self, now_ns: int) -> None:
+        """Take back the sources whose frames somebody records: Python must see them."""
+        for line in self._boards.values():
+            if line.descriptor is not None and any(channel.recorders.are_there(now_ns) for channel in line.channels):
+                self.end(line.source)
+
     def end_all(self) -> None:
         """Take all sources back from C. Each begins again when it is next served."""
         for line in self._boards.values():

@@ -25,8 +25,8 @@ class Pending:
 
     def __init__(self, request: Request, pad: str, task: Task, done: Callable[[], None] = lambda: None) -> None:
         self.task = task
+        self.pad = pad
         self._request = request
-        self._pad = pad
         self._done = done
         self._told_s = time.monotonic()
         self._report()
@@ -54,7 +54,7 @@ class Pending:
 
     def _give_up(self, problem: str) -> bool:
         if problem:
-            self._request.fail(f"pad '{self._pad}': {problem}", UNAVAILABLE)
+            self._request.fail(f"pad '{self.pad}': {problem}", UNAVAILABLE)
         return bool(problem)
 
     def _tell(self, now_s: float) -> bool:

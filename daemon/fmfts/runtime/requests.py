@@ -26,9 +26,11 @@ from fmfts.pipeline.configured import AnyModel
 from fmfts.recording.baseline import require_device
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.guarded import device_of
+from fmfts.runtime.kept import KeptAnswer
 from fmfts.runtime.pending import Pending, fail_internally
-from fmfts.sensor import SourceError
+from fmfts.sensor import Source, SourceError
 from fmfts.sensor.probing import probe_facts
+from fmfts.sensor.tasks import Task
 from fmfts.simulation.hands import UNSETTLED_FRAMES, Hands
 from fmfts.simulation.source import Simulated
 
@@ -58,22 +60,36 @@ class _Baseline(_OfPad, forbid_unknown_fields=True):
 class Verbs:
     """Handles requests on the pipeline's thread. Long work is a task, and its request is answered when it ends."""
 
-    def __init__(self, configs: Mapping[str, PadConfig], channels: Sequence[Channel], executor: Executor) -> None:
+    def __init__(
+        self,
+        configs: Mapping[str, PadConfig],
+        channels: Sequence[Channel],
+        executor: Executor,
+        take_back: Callable[[Source], object] = lambda source: None,
+    ) -> None:
+        """take_back: lets Python use a source that C may be reading. What only reads goes without it."""
         self.last_status: dict[str, StatusMessage] = {}
         self._configs = configs
         self._channels = {channel.name: channel for channel in channels}
         self._executor = executor
+        self._take_back = take_back
+        self._facts = {name: pad_facts(config) for name, config in configs.items()}
+        self._kept = {
+            "status": KeptAnswer(lambda: self.last_status, self._status_of),
+            "pads": KeptAnswer(lambda: self._channels, self._pad_of),
+            "probe": KeptAnswer(lambda: self._channels, self._probe_of),
+        }
         self._pending: list[Pending] = []
         self._hands: dict[str, Hands] = {}  # by pad: of simulated pads whose baseline is being recorded
         self._handlers: dict[str, Callable[[Request], None]] = {
-            "status": self._status,
-            "pads": self._pads,
-            "probe": self._probe,
+            **dict.fromkeys(self._kept, self._about_all_pads),
             "baseline": self._baseline,
             "selftest": self._selftest,
         }
 
     def handle(self, request: Request) -> None:
+        if request.verb not in self._kept:
+            self.forget_kept()
         try:
             self._handlers[request.verb](request)
         except (BadRequestError, SourceError, BaselineError, StateError) as error:
@@ -84,6 +100,11 @@ class Verbs:
             log.exception("%s: internal error, worth reporting", request.verb)
             fail_internally(request, error)
 
+    def forget_kept(self) -> None:
+        """A frame, or what was asked, may have changed the answers. Call it in each turn of the loop."""
+        for kept in self._kept.values():
+            kept.forget()
+
     @property
     def is_busy(self) -> bool:
         """Some request is not answered yet."""
@@ -91,6 +112,8 @@ class Verbs:
 
     def finish_jobs(self) -> None:
         """Answer the requests whose task has ended since the last call. Call it a few times a second."""
+        for pending in self._pending:
+            self._take_back(self._channels[pending.pad].source)
         now_s = time.monotonic()
         self._pending = [pending for pending in self._pending if not pending.settle(now_s)]
         under_way = {id(pending.task) for pending in self._pending}
@@ -100,36 +123,27 @@ class Verbs:
                 if channel.name in self._hands:
                     self._hands.pop(channel.name).let_go()
 
-    def _status(self, request: Request) -> None:
+    def _about_all_pads(self, request: Request) -> None:
         request.arguments_as(_Nothing)
-        now = [_renewed(self._channels[name], status) for name, status in self.last_status.items()]
-        request.reply(pads=[msgspec.to_builtins(status) for status in now])
+        request.reply(pads=self._kept[request.verb].whole())
 
-    def _pads(self, request: Request) -> None:
-        request.arguments_as(_Nothing)
-        pads = [
-            {
-                "pad": name,
-                "health": channel.health,
-                "baseline": channel.pipeline.baseline and channel.pipeline.baseline.id,
-            }
-            | pad_facts(self._configs[name])
-            | _range_of(channel.pipeline.model)
-            for name, channel in self._channels.items()
-        ]
-        request.reply(pads=pads)
+    def _status_of(self, name: str) -> StatusMessage:
+        return _renewed(self._channels[name], self.last_status[name])
 
-    def _probe(self, request: Request) -> None:
-        request.arguments_as(_Nothing)
-        request.reply(
-            pads=[
-                probe_facts(name, channel.source, channel.pad_index, _silence(channel), channel.pipeline.missing)
-                for name, channel in self._channels.items()
-            ]
-        )
+    def _pad_of(self, name: str) -> dict[str, object]:
+        channel = self._channels[name]
+        baseline = channel.pipeline.baseline
+        now = {"pad": name, "health": channel.health, "baseline": baseline and baseline.id}
+        return now | self._facts[name] | _range_of(channel.pipeline.model)
+
+    def _probe_of(self, name: str) -> dict[str, object]:
+        channel = self._channels[name]
+        return probe_facts(name, channel.source, channel.pad_index, _silence(channel), channel.pipeline.missing)
 
     def _selftest(self, request: Request) -> None:
         channel = self._named(request.arguments_as(_OfPad).pad)
+        self._require_idle(channel, GainTest, "a self-test is running")
+        self._take_back(channel.source)
         task = GainTest(channel.pipeline.pad, channel.source, channel.pad_index, self._executor, channel.origin)
         self._pending.append(Pending(request, channel.name, task))
 
@@ -146,6 +160,8 @@ class Verbs:
             return
         if channel.job is not None:
             raise BadRequestError(f"pad '{channel.name}': a baseline is being recorded already")
+        self._require_idle(channel, Restoration, "a baseline is being restored")
+        self._take_back(channel.source)
         pad = channel.pipeline.pad
         if arguments.undo_drift:
             request.reply(**_without_drift(channel))
@@ -182,6 +198,11 @@ class Verbs:
             _use(channel, task.recorded)
 
         self._pending.append(Pending(request, channel.name, task, adopt))
+
+    def _require_idle(self, channel: Channel, kind: type[Task], doing: str) -> None:
+        """However many peers ask for it, there is one task of a kind for a pad."""
+        if any(pending.pad == channel.name and isinstance(pending.task, kind) for pending in self._pending):
+            raise BadRequestError(f"pad '{channel.name}': {doing} already: ask again when it has ended")
 
     def _named(self, pad: str | None) -> Channel:
         if pad is None and len(self._channels) == 1:
@@ -260,6 +281,7 @@ def _renewed(channel: Channel, status: StatusMessage) -> StatusMessage:
         since_ns=channel.announcer.health_since_ns,
         connected=channel.source.state.connected,
         sensor_faults=channel.faults,
+        board=dict(channel.source.state.board),
     )
 
 

@@ -37,6 +37,10 @@ class Schedule:
         """`wait` also returns when this descriptor has something to read."""
         self._fast_loop.register(descriptor)
 
+    def sleep_through(self, descriptor: int) -> None:
+        """`wait` no longer returns because of this descriptor."""
+        self._fast_loop.unregister(descriptor)
+
     def wait(self, until_ns: int) -> Source | None:
         """Sleep until something is readable or due, at most until `until_ns`. Returns the source to poll.
 

@@ -53,6 +53,6 @@ def probe_facts(
         "connected": connected,
         "sound": connected and is_sound(source, pad_index, missing),
         "reason": state.reason or silence,
-        "board": state.board,
+        "board": dict(state.board),  # the source goes on changing its own
         "faults": faults_of(source, pad_index, missing),
     }

@@ -1,0 +1,65 @@
+"""Keeps answers for peers that ask and do not read. What such a peer costs is bounded, and no other peer waits for it.
+
+ZeroMQ holds the first answers for a peer (`send_high_mark`). Beyond them each request is refused with a short sentence,
+and that waits here. A peer with MOST_OF_A_PEER of them has stopped reading: later ones are dropped, and logged.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from itertools import islice
+
+# A request that is 20 bytes long takes 200 here, so a program on this computer could fill 2 MB.
+MOST_OF_A_PEER = 10_000
+MOST_IN_ALL = 100_000
+PEERS_AT_ONCE = 16  # so many are tried at once: four tries take as long as a request
+
+log = logging.getLogger(__name__)
+Route = tuple[bytes, ...]
+Answer = tuple[Route, bytes]
+
+
+class Unread:
+    """is_sent: sends an answer, or returns False if the peer reads nothing now."""
+
+    def __init__(self, is_sent: Callable[[Answer], bool]) -> None:
+        self._is_sent = is_sent
+        self._kept: dict[bytes, deque[Answer]] = {}  # by peer; the first to be tried next
+        self._count = self._dropped = 0
+
+    def of(self, route: Route) -> int:
+        """How many answers wait here for this peer."""
+        return len(self._kept.get(route[0], ()))
+
+    def keep(self, answer: Answer) -> None:
+        if self._count >= MOST_IN_ALL or self.of(answer[0]) >= MOST_OF_A_PEER:
+            self._drop()
+            return
+        self._kept.setdefault(answer[0][0], deque()).append(answer)
+        self._count += 1
+
+    def deliver_one(self) -> bool:
+        """Send one answer to one of the next PEERS_AT_ONCE peers. False if none of them reads; others have their turn
+        in the next call."""
+        for peer in list(islice(self._kept, PEERS_AT_ONCE)):
+            answers = self._kept.pop(peer)
+            sent = self._is_sent(answers[0])
+            if sent:
+                answers.popleft()
+                self._count -= 1
+            if answers:
+                self._kept[peer] = answers
+            if sent:
+                return True
+        return False
+
+    def _drop(self) -> None:
+        self._dropped += 1
+        if self._dropped == 1 or self._dropped % 10_000 == 0:
+            log.warning(
+                "%d answer(s) were dropped: a program on the control socket sends requests and does not read the "
+                "answers; `ss -xp` (tcp: `ss -tp`) shows who is connected",
+                self._dropped,
+            )

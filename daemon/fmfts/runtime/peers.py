@@ -1,0 +1,92 @@
+"""Serves other programs between frames: subscriptions to raw frames, keys and requests, within a budget of time."""
+
+from __future__ import annotations
+
+import select
+import time
+from collections.abc import Callable
+
+from fmfts.bus.control import ControlServer, Request
+from fmfts.bus.gate import Gate
+from fmfts.bus.publisher import Publisher
+from fmfts.runtime.fast_loop import FastLoop
+from fmfts.runtime.schedule import NEVER_NS, Schedule
+
+# Peers may take so much of the loop's time at once, and one request more. Frames that arrive meanwhile wait as long.
+BUDGET_NS = 500_000
+# Afterwards frames have the loop for so many times as long: peers take a fifth of a processor at most.
+PAUSES = 4
+LONGEST_PAUSE_NS = 50_000_000
+
+
+class Peers:
+    """The loop calls `serve` in each turn; peers wait while they have used up their time.
+
+    ZeroMQ signals only changes, and sending may consume a signal. So the loop calls at regular intervals too, and peers
+    are served for as long as there may be a request.
+
+    due_ns: when to call `serve` even if `schedule` was not called.
+    """
+
+    def __init__(
+        self,
+        schedule: Schedule,
+        fast_loop: FastLoop,
+        publisher: Publisher,
+        control: ControlServer,
+        gate: Gate | None,
+        handle: Callable[[Request], None],
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._schedule = schedule
+        self._fast_loop = fast_loop
+        self._control = control
+        self._publisher = publisher
+        self._gate = gate
+        self._handle = handle
+        self._clock = clock
+        # One descriptor for all doors, so that one call silences them while frames have the loop.
+        self._doors = select.epoll()
+        for door in (control, publisher, gate):
+            if door is not None:
+                self._doors.register(door.fileno(), select.EPOLLIN)
+        self._schedule.wake_for(self._doors.fileno())
+        self._is_wanted = self._is_silenced = False
+        self.due_ns = NEVER_NS
+
+    def serve(self, called: bool) -> None:
+        """Serve peers for BUDGET_NS at most, or not at all in a pause. called: something may have arrived."""
+        self._is_wanted |= called or self._control.may_have_more
+        begun_ns = self._clock()
+        if self._is_silenced and begun_ns < self.due_ns:
+            return
+        if self._is_silenced:
+            self._schedule.wake_for(self._doors.fileno())
+            self._is_silenced, self.due_ns = False, NEVER_NS
+        if self._is_wanted:
+            self._is_wanted = self._serve_until(begun_ns + BUDGET_NS)
+            self._pause(begun_ns)
+
+    def close(self) -> None:
+        self._doors.close()
+
+    def _serve_until(self, end_ns: int) -> bool:
+        """True if there may be more."""
+        if self._publisher.has_new_subscriber():
+            self._fast_loop.end_recorded(self._clock())
+        if self._gate is not None:
+            self._gate.answer()
+        served = 0
+        while self._control.serve_one(self._handle):
+            served += 1
+            if self._clock() >= end_ns:
+                break
+        if served:
+            self._schedule.review()
+        return self._control.may_have_more
+
+    def _pause(self, begun_ns: int) -> None:
+        now_ns = self._clock()
+        self.due_ns = now_ns + min(PAUSES * (now_ns - begun_ns), LONGEST_PAUSE_NS)
+        self._schedule.sleep_through(self._doors.fileno())
+        self._is_silenced = True
