@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import grp
 import os
+import pwd
 import socket
 import stat
 import subprocess
@@ -15,9 +16,11 @@ import pytest
 from bus_messages import BOOT
 from test_bus import connect
 
+from fmfts.bus.control import ControlServer
 from fmfts.bus.lock import BusError, serving_pid
 from fmfts.bus.publisher import Publisher
-from fmfts_client import Client, Endpoints
+from fmfts_client import Client, EndpointError, Endpoints
+from fmfts_client.endpoints import for_client, for_daemon
 from ports import tcp_base
 
 
@@ -106,3 +109,77 @@ def test_endpoint_open_to_the_network_is_refused(base: str) -> None:
 def test_directory_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     with pytest.raises(BusError, match="missing/fmfts: No such file"):
         Publisher(Endpoints.from_base(f"ipc://{tmp_path}/missing/fmfts"), BOOT)
+
+
+def of_another_user(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As root it is given away; another user sees it from the other side."""
+    if os.geteuid() == 0:
+        os.chown(folder, 65534, -1)
+    else:
+        mine = os.getuid()
+        monkeypatch.setattr(os, "getuid", lambda: mine + 1)
+
+
+def test_daemon_refuses_a_folder_of_another_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "bus"
+    folder.mkdir(mode=0o755)
+    of_another_user(folder, monkeypatch)
+    endpoints = Endpoints.from_base(f"ipc://{folder}")
+    for serve in (lambda: Publisher(endpoints, BOOT), lambda: ControlServer(endpoints.control)):
+        with pytest.raises(BusError, match=r"bus belongs to user .*user could replace the sockets.*mkdir -m 750"):
+            serve()
+    assert not list(folder.iterdir()), "nothing was put there"
+
+
+def test_daemon_refuses_a_folder_that_others_may_write_to(tmp_path: Path) -> None:
+    folder = tmp_path / "bus"
+    folder.mkdir()
+    folder.chmod(0o1777)
+    with pytest.raises(BusError, match="another user could replace the sockets"):
+        Publisher(Endpoints.from_base(f"ipc://{folder}"), BOOT)
+    folder.chmod(0o2770)  # the group's may be meant
+    Publisher(Endpoints.from_base(f"ipc://{folder}"), BOOT).close()
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_folder_of_a_stranger_in_a_shared_place_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, nested: bool
+) -> None:
+    shared = tmp_path / "shared"
+    folder = shared / "fmfts"
+    folder.mkdir(parents=True, mode=0o755)
+    base = f"ipc://{folder}" + "/inside" * nested
+    (folder / "inside").mkdir()
+    shared.chmod(0o755)
+    of_another_user(folder, monkeypatch)
+    for find in (for_client, for_daemon):
+        assert find(base, {}) == Endpoints.from_base(base), "only its owner could make it there: it was meant"
+    shared.chmod(0o1777)
+    for find in (for_client, for_daemon):
+        with pytest.raises(EndpointError, match=r"fmfts belongs to user .*any user may make .*in your home"):
+            find(base, {})
+
+
+def test_link_of_a_stranger_in_a_shared_place_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where it leads to a folder that is trusted: it may lead elsewhere later."""
+    if os.geteuid() != 0:
+        pytest.skip("needs a link of another user")
+    mine, shared = tmp_path / "mine", tmp_path / "shared"
+    for folder in (mine, shared):
+        folder.mkdir()
+    (shared / "link").symlink_to(mine)
+    os.lchown(shared / "link", 65534, -1)
+    shared.chmod(0o1777)
+    with pytest.raises(EndpointError, match="link belongs to user"):
+        for_client(f"ipc://{shared}/link", {})
+
+
+def test_service_user_may_own_a_folder_in_a_shared_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A client of the group `fmfts` talks to the service, whose user the folder belongs to."""
+    folder = tmp_path / "fmfts"
+    folder.mkdir()
+    tmp_path.chmod(0o1777)
+    of_another_user(folder, monkeypatch)
+    owner = folder.stat().st_uid
+    monkeypatch.setattr(pwd, "getpwnam", lambda name: pwd.struct_passwd((name, "x", owner, owner, "", "/", "/")))
+    assert for_client(f"ipc://{folder}", {}) == Endpoints.from_base(f"ipc://{folder}")

@@ -1,21 +1,25 @@
 """Finds the endpoints where daemon and clients meet; both use this module.
 
 In order: `FMFTS_BUS` (a base, see `Endpoints.from_base`); the service's `/run/fmfts`; `$XDG_RUNTIME_DIR/fmfts`;
-`fmfts-<uid>` in the directory for temporary files. The last two belong to the user: they are made with mode 0700, and
-refused when another user owns or may enter them, because whoever can place a socket there can send a robot any force.
+`fmfts-<uid>` in the directory for temporary files. Whoever can place a socket there can send a robot any force. So
+the last two belong to the user: they are made with mode 0700, and refused when another user owns or may enter them.
+Root alone can make `/run/fmfts`. A named folder is refused where any user could have made it, and another user has.
 """
 
 from __future__ import annotations
 
 import os
+import pwd
 import stat
 import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Optional, Union
 
 OVERRIDE = "FMFTS_BUS"
+SERVICE_USER = "fmfts"
 SERVICE_DIRECTORY = Path("/run/fmfts")
 LONGEST_SOCKET_PATH = 107  # sockaddr_un.sun_path holds 108 bytes with the closing zero
 
@@ -102,7 +106,8 @@ def for_daemon(configured: Optional[str] = None, environ: Mapping[str, str] = os
 def _guarded(base: str) -> Endpoints:
     """The endpoints of a named base. EndpointError if any user may put a socket there (also with the sticky bit).
 
-    A folder of another user, or of a group, may be meant: who named it trusts them.
+    A folder of another user, or of a group, may be meant: who named it trusts them. But in a place like /tmp the name
+    does not say whose the folder is.
     """
     endpoints = Endpoints.from_base(base)
     if base.startswith("ipc://"):
@@ -118,7 +123,37 @@ def _guarded(base: str) -> Endpoints:
                 f"(mkdir -m 700 {directory}/fmfts; {OVERRIDE}=ipc://{directory}/fmfts), or close this one "
                 f"(chmod o-w {directory})"
             )
+        for path in (directory.absolute(), directory.resolve()):
+            _require_no_stranger(path)
     return endpoints
+
+
+def _require_no_stranger(directory: Path) -> None:
+    """EndpointError where the folder, or one on the way to it, is a stranger's in a place in which any user may make
+    one. directory: absolute."""
+    for path in (directory, *directory.parents):
+        place, owner = path.parent.stat(), path.lstat().st_uid
+        if place.st_mode & stat.S_IWOTH and owner not in trusted_owners():
+            raise EndpointError(
+                f"{path} belongs to {name_of(owner)}, and any user may make such a folder in {path.parent}: its owner "
+                f"could send false forces through a socket there. Name a folder that is yours, root's or the service's "
+                f"with {OVERRIDE}, for example one in your home"
+            )
+
+
+def trusted_owners() -> set[int]:
+    """Users whose sockets may be trusted wherever they are: this one, root, and the service's."""
+    owners = {os.getuid(), 0}
+    with suppress(KeyError):  # no service is installed here
+        owners.add(pwd.getpwnam(SERVICE_USER).pw_uid)
+    return owners
+
+
+def name_of(owner: int) -> str:
+    try:
+        return f"user {pwd.getpwuid(owner).pw_name}"
+    except KeyError:
+        return f"user {owner}"
 
 
 def _own_directory(environ: Mapping[str, str]) -> Path:

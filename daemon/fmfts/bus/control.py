@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import logging
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
@@ -119,9 +118,8 @@ class ControlServer:
         self.may_have_more = True
 
     @property
-    def paths(self) -> list[Path]:
-        """The file of the socket, where it is ipc."""
-        return [] if self._socket.path is None else [self._socket.path]
+    def sockets(self) -> tuple[BoundSocket, ...]:
+        return (self._socket,)
 
     def fileno(self) -> int:
         """Descriptor to wait for. ZeroMQ signals edges only: call `serve_one` until it is False."""

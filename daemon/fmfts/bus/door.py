@@ -1,8 +1,9 @@
-"""Bounds how many programs may be connected over ipc: libzmq aborts the process when it can open no more files.
+"""Bounds how many programs may be connected: libzmq aborts the process when it can open no more files.
 
-Its ipc listener takes EMFILE of accept(2) for an error of its own program (libzmq 4.3.5, `ipc_listener.cpp`), and
-no option bounds the connections. So a door is closed long before: the socket's file gets another name. Who is
-connected stays; everybody else's ZeroMQ tries again until the door is open.
+Its ipc listener takes EMFILE of accept(2) for an error of its own program (libzmq 4.3.5, `ipc_listener.cpp`). Its tcp
+listener does not, but then the daemon can open no device and no file any more. No option bounds the connections. So the
+doors are closed long before: an ipc socket's file gets another name, and the kernel drops what asks for a new tcp
+connection (listener.py). Who is connected stays; everybody else's ZeroMQ tries again until the doors are open.
 """
 
 from __future__ import annotations
@@ -11,8 +12,8 @@ import logging
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
-from pathlib import Path
 
+from fmfts.bus.server import BoundSocket
 from fmfts.service import open_files
 from fmfts.service.realtime import RealtimeError, take_thread_priority
 
@@ -29,13 +30,15 @@ log = logging.getLogger(__name__)
 
 
 class Door:
-    """Looks at the number of open files, in a thread of its own, and closes or opens the ipc sockets `paths`.
+    """Looks at the number of open files, in a thread of its own, and closes or opens the doors of `sockets`.
 
     limit: how many files this process may open. priority: real-time priority of the thread, 0: none.
     """
 
-    def __init__(self, paths: Sequence[Path], limit: int, priority: int = 0) -> None:
+    def __init__(self, sockets: Sequence[BoundSocket], limit: int, priority: int = 0) -> None:
+        paths = [socket.path for socket in sockets if socket.path is not None]
         self._paths = [(path, path.with_name(f"{path.name}.full")) for path in paths]
+        self._listeners = [socket.listener for socket in sockets if socket.listener is not None]
         self._most = min(open_files.count() + MOST_CONNECTIONS, limit // SHARE_OF_LIMIT)
         self._priority = priority
         self._look_s = min((limit - self._most) / FASTEST_PER_S, LONGEST_LOOK_S)
@@ -62,22 +65,23 @@ class Door:
         """Close the door if too many are connected, open it when a tenth of them has left."""
         opened = open_files.count()
         if self.is_open and opened >= self._most:
-            self.is_open = False
-            self._rename(to_full=True)
+            self._set_open(False)
             log.warning(
                 "%d connections and files are open: no other program may connect to the bus until some leave; "
-                "`ss -xp` shows who they are",
+                "`ss -xp` (tcp: `ss -tp`) shows who they are",
                 opened,
             )
         elif not self.is_open and opened < 0.9 * self._most:
-            self.is_open = True
-            self._rename(to_full=False)
+            self._set_open(True)
             log.info("programs may connect to the bus again")
 
-    def _rename(self, to_full: bool) -> None:
+    def _set_open(self, is_open: bool) -> None:
+        self.is_open = is_open
         for path, full in self._paths:
             with suppress(FileNotFoundError):  # somebody removed the socket's file: nobody can connect
-                (path if to_full else full).rename(full if to_full else path)
+                (full if is_open else path).rename(path if is_open else full)
+        for listener in self._listeners:
+            listener.let_in(is_open)
 
     def _watch(self) -> None:
         if self._priority:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from pathlib import Path
 
 import zmq
 
@@ -96,9 +95,8 @@ class Publisher:
         self._send_part(payload, NO_WAIT)
 
     @property
-    def paths(self) -> list[Path]:
-        """The files of the sockets, where they are ipc."""
-        return [path for socket in (self._bus, self._frames) if (path := socket.path) is not None]
+    def sockets(self) -> tuple[BoundSocket, ...]:
+        return self._bus, self._frames
 
     @property
     def address(self) -> int:

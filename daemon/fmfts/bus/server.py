@@ -6,12 +6,15 @@ import errno
 import grp
 import logging
 import os
+import stat
 from pathlib import Path
 
 import zmq
 
 from fmfts.bus.keys import ServerKey
+from fmfts.bus.listener import Listener, bound_to_tcp
 from fmfts.bus.lock import BusError, EndpointLock, socket_path
+from fmfts_client.endpoints import name_of, trusted_owners
 from fmfts_client.keys import is_loopback
 
 GROUP = "fmfts"
@@ -25,7 +28,7 @@ log = logging.getLogger(__name__)
 class BoundSocket:
     """A bound ZeroMQ socket and the lock of its endpoint.
 
-    `path`: file of an ipc socket, else None.
+    `path`: file of an ipc socket, else None. `listener`: a tcp socket's, else None.
     `trusted`: only clients that may change things can connect, because of an ipc socket's permissions or their keys.
     """
 
@@ -50,6 +53,7 @@ class BoundSocket:
             _require_loopback(endpoint)
         self.path = path
         self.trusted = path is not None or key is not None
+        self.listener: Listener | None = None
         self._lock = EndpointLock(endpoint)
         self.zmq: zmq.Socket[bytes] = zmq.Context.instance().socket(kind)
         self.zmq.setsockopt(zmq.LINGER, 0)
@@ -64,7 +68,7 @@ class BoundSocket:
             self.zmq.setsockopt(zmq.ZAP_DOMAIN, b"fmfts")
             self.zmq.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # without a Gate's answer, no peer may connect
         try:
-            _bind(self.zmq, endpoint, path)
+            self.listener = _bind(self.zmq, endpoint, path)
         except (zmq.ZMQError, OSError) as error:
             self.close()
             raise BusError(f"cannot serve {endpoint}: {error.strerror}{_advice(error)}") from error
@@ -73,6 +77,8 @@ class BoundSocket:
         return bool(int(self.zmq.getsockopt(EVENTS)) & POLLIN)
 
     def close(self) -> None:
+        if self.listener is not None:
+            self.listener.close()
         self.zmq.close()
         self._lock.release()
 
@@ -83,14 +89,16 @@ def _advice(error: zmq.ZMQError | OSError) -> str:
     return ": another program, perhaps another fmfts-daemon, serves there: stop it, or choose another with FMFTS_BUS"
 
 
-def _bind(socket: zmq.Socket[bytes], endpoint: str, path: Path | None) -> None:
+def _bind(socket: zmq.Socket[bytes], endpoint: str, path: Path | None) -> Listener | None:
+    if path is None:
+        return bound_to_tcp(socket, endpoint)
     before = os.umask(0o117)  # the socket is 0660 from its first moment
     try:
         socket.bind(endpoint)
     finally:
         os.umask(before)
-    if path is not None:
-        _give_to_group(path)
+    _give_to_group(path)
+    return None
 
 
 def _give_to_group(path: Path) -> None:
@@ -107,8 +115,15 @@ def _give_to_group(path: Path) -> None:
 def _prepare_directory(directory: Path, endpoint: str) -> None:
     try:
         directory.mkdir(mode=0o750, exist_ok=True)
+        status = directory.stat()
     except OSError as error:
         raise BusError(f"cannot serve {endpoint}: {directory}: {error.strerror}") from error
+    if status.st_uid not in trusted_owners() or status.st_mode & stat.S_IWOTH:
+        raise BusError(
+            f"cannot serve {endpoint}: {directory} belongs to {name_of(status.st_uid)} "
+            f"({stat.filemode(status.st_mode)}), so another user could replace the sockets there and send false "
+            "forces. Name a folder of your own (mkdir -m 750) with FMFTS_BUS or [bus] endpoint"
+        )
 
 
 def _require_loopback(endpoint: str) -> None:

@@ -74,7 +74,7 @@ class Daemon:
         self._control = ControlServer(endpoints.control, keys)
         priority = config.service.realtime_priority
         self._door = Door(
-            [*self._publisher.paths, *self._control.paths],
+            [*self._publisher.sockets, *self._control.sockets],
             open_files.raise_limit(),
             default_priority() if priority is None else priority,
         )
