@@ -50,7 +50,7 @@ elif how == "crashes":
 elif how == "hangs":
     stage._down = True
     try:
-        stage._watch.wait(600.0)
+        stage._watch.wait(60.0)
     except CollectError:
         print(stage.release(), file=sys.stderr)
         raise

@@ -76,9 +76,11 @@ def test_damaged_key_is_bad_configuration(
 ) -> None:
     (ANY_FILE | A_KEY)[how](keys / name)
     assert main([verb, "--config", str(keys.parent / "config.toml")]) == exit_codes.CONFIG
-    *said, sentence = capfd.readouterr().err.splitlines()
-    assert "Traceback" not in "".join(said)
-    assert sentence.startswith(f"fmfts-daemon {verb}: ")
+    said = capfd.readouterr().err
+    assert "Traceback" not in said
+    (sentence,) = [
+        line for line in said.splitlines() if line.startswith(f"fmfts-daemon {verb}: ")
+    ]  # others are the log's
     assert str(keys / name) in sentence
 
 
@@ -128,11 +130,10 @@ def test_damaged_key_of_a_client_is_bad_configuration(
 
 
 def damages(whole: bytes) -> Iterator[bytes]:
-    """Each bit flipped, each beginning, and more than a file may hold."""
+    """A bit of each byte flipped, each beginning, and more than a file may hold; `make fuzz-files` tries the others."""
     for at in range(len(whole)):
         yield whole[:at]
-        for bit in range(8):
-            yield whole[:at] + bytes([whole[at] ^ 1 << bit]) + whole[at + 1 :]
+        yield whole[:at] + bytes([whole[at] ^ 1 << at % 8]) + whole[at + 1 :]
     yield whole + b"x" * LARGEST_LIST
 
 
@@ -145,7 +146,7 @@ def test_each_damage_to_a_byte_of_the_daemons_key_is_seen(keys: Path) -> None:
             assert folder.server().public == public  # a bit that X25519 does not use
         except KeysError:
             refused += 1
-    assert refused > 900
+    assert refused > 150
 
 
 def test_each_damage_to_a_byte_of_a_clients_key_is_seen(keys: Path) -> None:
@@ -161,7 +162,7 @@ def test_each_damage_to_a_byte_of_a_clients_key_is_seen(keys: Path) -> None:
             assert read.public == key.public
         except BadKeyError:
             refused += 1
-    assert refused > 900
+    assert refused > 150
     assert len(path.read_bytes()) > LARGEST_KEY_FILE
 
 
@@ -176,7 +177,7 @@ def test_damage_to_a_byte_of_the_list_never_grants_a_right(keys: Path) -> None:
         except KeysError:
             refused += 1
     assert not any(right.values())
-    assert refused > 900
+    assert refused > 150
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,10 @@ PAD = '[[pad]]\nname = "{name}"\n[pad.source]\ntype = "{source}"\n'
 
 def patterns(path: Path) -> Iterator[str]:
     """The constant parts of the regular expressions in a file, without those whose `$` is the end of each line."""
-    for call in (node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)):
+    source = path.read_text()
+    if "re." not in source and "pattern" not in source:
+        return  # faster than to read its syntax
+    for call in (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)):
         is_re = isinstance(call.func, ast.Attribute) and call.func.attr in READERS and call.args
         given = [call.args[0]] if is_re else []
         given += [word.value for word in call.keywords if word.arg == "pattern"]
