@@ -23,6 +23,7 @@
 # make drills, soak, chaos, drill-service, aarch64    all fault drills; random faults on many pads; pairs of faults, each
 #              number judged by its frame; the service under systemd on a plain Debian; tests on aarch64
 # make failing-source    a source that raises or returns anything, beside three healthy pads: five minutes
+# make clock-leaps    boards whose clock leaps, lines that double and reorder packets: four minutes
 # make fuzz, fuzz-files    a million inputs to each decoder; a million damaged files
 # make test-versions         each installed Python with the oldest and the newest allowed dependencies: half an hour
 # make wheel   a wheel for this architecture; fails if a compiled part is missing
@@ -51,7 +52,7 @@ TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi
 
 .PHONY: demo test lint unit processes clock slow long bench cold-starts clean wheel
 .PHONY: first-uses transcript recordings kept-report model pictures chips-page mould sample-times
-.PHONY: magnet-check chaos failing-source chips-for-a-day fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
+.PHONY: magnet-check chaos clock-leaps failing-source chips-for-a-day fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
 
 # Ends a demo on Ctrl-C without an error. Programs that sh starts with & ignore Ctrl-C; sh catches it and sends SIGTERM
@@ -164,6 +165,11 @@ chaos: $(VENV)/.installed-test
 FAILING_SOURCE ?=
 failing-source: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python tests/drills/failing_source.py $(FAILING_SOURCE)
+
+# A board's clock that leaps by 2^20 to 2^62 µs, and packets doubled, tripled and in another order: four minutes.
+CLOCK_LEAPS ?=
+clock-leaps: $(VENV)/.installed-test
+	PYTHONPATH=tests $(BIN)/python -m drills.clock_leaps $(CLOCK_LEAPS)
 
 # A million damaged files of all kinds that fmfts reads: an hour.
 FUZZ_INPUTS ?= 1000000

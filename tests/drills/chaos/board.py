@@ -9,7 +9,7 @@ from collections import deque
 from pathlib import Path
 from typing import NamedTuple
 
-from drills.chaos.faults import CHIPS, LINES
+from drills.chaos.faults import CHIPS, LINES, ORDERS, REPEATED
 from drills.chaos.pressed import GAIN_CODE, MARKS, RATE_HZ, Finger, Library, Touch, counts_of
 from emulator.board import Board
 from fmfts.sensor.wire.framing import encode
@@ -17,8 +17,9 @@ from fmfts.sensor.wire.packets import Sample, Status, StatusPad
 
 PERIOD_NS = 1_000_000_000 // RATE_HZ
 ROUNDS = 2  # of watermarks that are kept: 18 seconds
-REPEATED = RATE_HZ  # frames: what is sent again is a second old
 STATUS_EVERY = RATE_HZ
+ALL_LINES = LINES | ORDERS
+TIMES = 2**48  # of the wire: a board's clock is cut to 48 bits
 NOT_TOLD = Touch(0.0, 0.0, 0.0, 0)
 
 
@@ -46,7 +47,9 @@ class ChaosBoard(Board):
         self.made = self.written = self.lost = 0
         self._lines: deque[bytes] = deque(maxlen=REPEATED)
         self._born_ns = self._due_ns = time.monotonic_ns()
-        self._rest = b""
+        self._rest = self.held_back = b""
+        # So many frames more tell a time that is `leap_us` off; when the first and the last of them were taken.
+        self.age_us = self.leap_us = self.leaping_frames = self.leap_began_ns = self.leapt_ns = 0
         self._lifted_for = 0
         self._old: Sample | None = None
         self._sampled_ns = self._born_ns  # when `_old` was
@@ -72,7 +75,12 @@ class ChaosBoard(Board):
         sequence = self.sequence[0]
         self.sequence[0] = (sequence + 1) % 2**32
         touch, field_t = self._finger.next()
-        self.time_us = (now_ns - self._born_ns) // 1000
+        leap_us = self.leap_us if self.leaping_frames else 0
+        self.leaping_frames = max(self.leaping_frames - 1, 0)
+        self.time_us = ((now_ns - self._born_ns) // 1000 + self.age_us + leap_us) % TIMES
+        if leap_us:
+            self.leapt_ns = now_ns
+            self.leap_began_ns = self.leap_began_ns or now_ns
         now = [name for name in self.faults if self.faults[name] > now_ns]
         if "lifted" in now:
             since = self._lifted_for = self._lifted_for + 1
@@ -94,8 +102,8 @@ class ChaosBoard(Board):
         line = encode(sample)
         data, whole = line, True
         for name in now:
-            if name in LINES and data:
-                data, is_whole = LINES[name](self, sample, data, self._dice)
+            if name in ALL_LINES and data:
+                data, is_whole = ALL_LINES[name](self, sample, data, self._dice)
                 whole &= is_whole
         self._lines.append(line)
         if sequence % STATUS_EVERY == 0:

@@ -15,6 +15,7 @@ from fmfts.sensor.wire.packets import Sample
 if TYPE_CHECKING:
     from drills.chaos.board import ChaosBoard
 
+REPEATED = 220  # frames: what is sent again is a second old
 ChipFault = Callable[[Sample, Sample, random.Random], Sample]
 LineFault = Callable[["ChaosBoard", Sample, bytes, random.Random], tuple[bytes, bool]]
 
@@ -108,6 +109,24 @@ def _future(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random)
     return encode(other), False
 
 
+def _tripled(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
+    return 3 * line, True
+
+
+def _burst(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
+    """The last few packets come again as they came."""
+    return (line + b"".join([*board.lines_ago(REPEATED)[-3:], line]) if dice.random() < 0.3 else line), True
+
+
+def _swapped_lines(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
+    """Each second packet overtakes the one before it."""
+    if not board.held_back:
+        board.held_back = line
+        return b"", True
+    before, board.held_back = board.held_back, b""
+    return line + before, True
+
+
 def _mute(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
     return b"", False
 
@@ -122,6 +141,10 @@ LYING = {"browned out", "step", "stuck"}
 LINES: dict[str, LineFault] = {
     "flipped": _flipped, "cut": _cut, "garbage": _garbage, "doubled": _doubled, "again": _again, "future": _future,
     "mute": _mute,
+}  # fmt: skip
+# The same lines more often than once, or in another order.
+ORDERS: dict[str, LineFault] = {
+    "doubled": _doubled, "tripled": _tripled, "burst": _burst, "swapped lines": _swapped_lines,
 }  # fmt: skip
 # Made by the drill itself: a board that is unplugged or reset, a magnet that something pulls.
 OTHERS = ("lifted", "replug", "reset", "reset unheard")
