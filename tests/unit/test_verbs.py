@@ -197,12 +197,12 @@ def test_device_whose_clock_stands_fails_the_baseline(daemon: Daemon, clock: lis
     assert "is it halted" in daemon.result()["error"]
 
 
-def test_board_that_is_reset_fails_the_baseline(daemon: Daemon) -> None:
+@pytest.mark.parametrize("leap_us", [-300_000, 2**20])
+def test_board_whose_clock_leaps_fails_the_baseline(daemon: Daemon, leap_us: int) -> None:
     daemon.ask("baseline", duration_s=1.0)
-    (before,) = daemon.frames(1)
-    daemon.frames(100)
-    daemon.channel.frame(replace(before, run=before.run + 1))
-    assert "went back" in daemon.result()["error"]
+    (before,) = daemon.frames(100)[-1:]
+    daemon.channel.frame(replace(before, run=before.run + 1, device_time_us=before.device_time_us + leap_us))
+    assert "leapt while recording" in daemon.result()["error"]
     assert daemon.channel.job is None
 
 

@@ -22,6 +22,7 @@ OVERTIME_S = 5.0
 EXTRA_S = 2.5
 # A board that was just opened has the range of before, until the request for the configured one has arrived.
 SETTLING_S = 0.5
+LEAP_NS = 300_000_000
 
 
 class Collection:
@@ -34,19 +35,19 @@ class Collection:
         self._duration_s = duration_s
         self._fewest = fewest
         self._begun_s = self._heard_s = time.monotonic()
-        self._went_back = False
+        self._leapt = False
 
     def take(self, frame: Frame) -> None:
         if self.frames and frame.gain_code != self.frames[-1].gain_code and self._span_s < SETTLING_S:
             self.frames.clear()
-        self._went_back |= bool(self.frames) and frame.device_time_us < self.frames[-1].device_time_us
+        self._leapt |= bool(self.frames) and _has_leapt(self.frames[-1], frame)
         self.frames.append(frame)
         self._heard_s = time.monotonic()
 
     @property
     def complete(self) -> bool:
         enough_s = self._duration_s + (0.0 if len(self.frames) >= self._fewest else EXTRA_S)
-        return bool(self.frames) and not self._went_back and self._span_s >= enough_s
+        return bool(self.frames) and not self._leapt and self._span_s >= enough_s
 
     @property
     def share(self) -> float:
@@ -54,8 +55,8 @@ class Collection:
 
     def problem(self, now_s: float) -> str:
         """Why the collection will not get complete; "" if it still may."""
-        if self._went_back:
-            return "the device's clock went back while recording, so it was reset: check its supply, then record again"
+        if self._leapt:
+            return "the device's clock leapt while recording: was it reset? Check its supply, then record again"
         if now_s - self._heard_s > PATIENCE_S:
             state = self._source.state
             return f"{state.description}: {state.reason or f'connected, but no frame within {PATIENCE_S:g} s'}"
@@ -66,6 +67,12 @@ class Collection:
     @property
     def _span_s(self) -> float:
         return (self.frames[-1].device_time_us - self.frames[0].device_time_us) * 1e-6 if self.frames else 0.0
+
+
+def _has_leapt(before: Frame, frame: Frame) -> bool:
+    """Whether the device's clock went back, or on by more than the time that passed."""
+    there_us, here_ns = frame.device_time_us - before.device_time_us, frame.host_time_ns - before.host_time_ns
+    return there_us < 0 or 1000 * there_us - here_ns > LEAP_NS
 
 
 class BaselineJob:
