@@ -160,6 +160,9 @@ class Faulty:
     def give_back(self, unread: bytes, heard_ns: int, left_out: Sequence[int]) -> None:
         raise AssertionError("nothing was lent")
 
+    def passed(self, pad_index: int, sequence: int) -> None:
+        raise AssertionError("nothing was lent")
+
     def request_selftest(self, pad_index: int) -> None:
         self._meet(1.0)
 

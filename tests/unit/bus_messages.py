@@ -144,6 +144,7 @@ def status_message(**changes: Any) -> StatusMessage:
         "rate_nominal_hz": 220.0,
         "frames": 1000,
         "dropped": 1,
+        "repeated": 0,
         "gaps": 2,
         "crc_errors": 3,
         "garbage_bytes": 17,

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 from test_link import Line, hello, sample
 
-from fmfts.runtime.statistics import MOST_MISSING, PadStatistics
+from fmfts.runtime.statistics import PadStatistics
+from fmfts.sensor.numbering import MOST_MISSING
 
 PERIOD_US = 4545
 PERIOD_NS = 1000 * PERIOD_US

@@ -184,6 +184,7 @@ class Status:
     rate_nominal_hz: float
     frames: int
     dropped: int
+    repeated: int
     gaps: int
     crc_errors: int
     garbage_bytes: int

@@ -252,10 +252,12 @@ class Estimator:
         missing: Mapping[int, str],
     ) -> Reading:
         memory = self.memory
-        elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
+        elapsed_s = aligned.elapsed_s(memory.last_us)
         memory.last_us = aligned.time_us
         if aligned.began_anew:
             self._touch.forget()  # nobody knows for how long nothing was seen: the finger may be gone
+        if aligned.leap_us:
+            self._forget_now()
         self._silicone.passed(elapsed_s)
         not_stuck = aligned.repeats <= self.baselined.repeats_allowed
         field = self.mounting.magnet_field(np.where(not_stuck, aligned.field_t, np.nan))

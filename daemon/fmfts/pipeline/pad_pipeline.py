@@ -15,6 +15,7 @@ from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.contact_message import MessageWriter, PackedMessage
 from fmfts.pipeline.estimator import Estimator, EstimatorMemory
 from fmfts.pipeline.fast import FastPath, Lane, Missing, Passed
+from fmfts.pipeline.last_frame import LastFrame
 from fmfts.pipeline.now import Early, Lead, Taken
 from fmfts.pipeline.reading import Reading
 from fmfts.pose import Alignment, State, TrackingModel
@@ -68,8 +69,7 @@ class PadPipeline:
         self._sighting = Sighting.unseen(pad)
         self._neighbours: list[NeighbourView] = []
         self._missing: dict[int, str] = {}
-        self._sequence = 0  # of the last frame
-        self._frame_times = 0, 0  # of the last frame: on the board's clock (µs), and on the host's (ns)
+        self._last_frame = LastFrame(rate_hz)
 
     @property
     def baseline(self) -> Baseline | None:
@@ -143,11 +143,10 @@ class PadPipeline:
 
     def answer(self, frame: Frame) -> ContactMessage | PackedMessage:
         """Like process(), but returns the encoded message if the fast path handled the frame."""
-        self._sequence = frame.sequence
-        self._frame_times = frame.device_time_us, frame.host_time_ns
         if self._compiled is not None and self._estimator is not None:
-            judged = self._compiled.judge(frame)
+            judged = None if self._last_frame.leap_us(frame) else self._compiled.judge(frame)
             if judged is not None:
+                self._last_frame.become(frame.sequence, frame.device_time_us, frame.host_time_ns)
                 estimator = self._estimator
                 return self._writer.packed(self._compiled, judged, frame, estimator.mounting, estimator.baseline)
             self.hand_back()
@@ -155,19 +154,19 @@ class PadPipeline:
 
     def host_time_ns(self, device_time_us: int) -> int:
         """The host's time of the board's, near the last frame."""
-        frame_us, frame_ns = self._frame_times
-        return frame_ns + 1000 * (device_time_us - frame_us)
+        return self._last_frame.host_time_ns(device_time_us)
 
     def early(self, early: EarlySample) -> ContactMessage | PackedMessage | None:
         """The message of a sample that came before its frame: what the last frame said, with another `now`. None where
         the sample says nothing new, or cannot be used: the next frame judges it."""
         if self._estimator is None or early.sensor >= len(self.pad.sensors):
             return None
+        times = self._last_frame.times
         if self._compiled is not None:
             now_us = self._compiled.early(early)
-            return None if now_us is None else self._writer.packed_early(self._compiled, now_us, *self._frame_times)
+            return None if now_us is None else self._writer.packed_early(self._compiled, now_us, *times)
         now = self._estimator.early(Early(early.sensor, early.field_t, early.device_time_us))
-        return None if now is None else self._writer.early(now, *self._frame_times)
+        return None if now is None else self._writer.early(now, *times)
 
     def begin(self, clock: bytearray, topic: bytes, pad_index: int, overdue_ns: int) -> Lane | None:
         """Let C handle the next frames, from the board's bytes to the bus. None if Python must judge the next one.
@@ -177,18 +176,18 @@ class PadPipeline:
         if self._compiled is None:
             return None
         lane = self._compiled.lane(clock, topic, pad_index, overdue_ns)
-        return lane if self._writer.begin(lane, self._sequence, self._frame_times) else None
+        return lane if self._writer.begin(lane, self._last_frame.sequence, self._last_frame.times) else None
 
     def end(self, lane: Lane) -> tuple[Passed, PackedMessage] | None:
         """Take the pad back from C. Returns what C handled and the last message; None if there is none."""
         passed = lane.end()
         if passed is None:
             return None
-        self._sequence, self._frame_times = passed.sequence, (passed.frame_us, passed.frame_ns)
+        self._last_frame.become(passed.sequence, passed.frame_us, passed.frame_ns)
         return passed, self._writer.passed(passed)
 
     def _judge(self, frame: Frame) -> ContactMessage:
-        aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.timed, frame.device_time_us)
+        aligned = self._last_frame.aligned(frame, frame.field_t, self._alignment)
         if frame.valid.any() and not aligned.is_old:
             sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
         else:

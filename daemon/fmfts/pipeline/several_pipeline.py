@@ -20,6 +20,7 @@ from fmfts.common.memory import require_alike
 from fmfts.contact import NoContactModel
 from fmfts.contact.array_model import ArrayModel
 from fmfts.pad import Array, Pad, Placement
+from fmfts.pipeline.last_frame import LastFrame
 from fmfts.pipeline.pad_pipeline import NO_BASELINE
 from fmfts.pipeline.several_message import SeveralWriter
 from fmfts.pose import Aligned, Alignment, repeats_allowed
@@ -79,7 +80,7 @@ class SeveralPipeline:
         self._baseline: Baseline | None = None
         self._writer = SeveralWriter(pad.name, boot, model.hash)
         self._missing: dict[int, str] = {}
-        self._frame_times = 0, 0
+        self._last_frame = LastFrame(rate_hz)
         self._sighting = Sighting.unseen(pad)
         self._neighbours: list[NeighbourView] = []
         self._is_felt = False
@@ -160,9 +161,8 @@ class SeveralPipeline:
     def process(self, frame: Frame) -> ContactMessage:
         """Make the message of one frame."""
         self.search = "none"
-        self._frame_times = frame.device_time_us, frame.host_time_ns
         field_t = frame.field_t
-        aligned = self._alignment.push(field_t, frame.sampled_us, frame.fresh, frame.timed, frame.device_time_us)
+        aligned = self._last_frame.aligned(frame, field_t, self._alignment)
         if frame.valid.any() and not aligned.is_old:
             sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
         else:
@@ -206,8 +206,7 @@ class SeveralPipeline:
 
     def host_time_ns(self, device_time_us: int) -> int:
         """The host's time of the board's, near the last frame."""
-        frame_us, frame_ns = self._frame_times
-        return frame_ns + 1000 * (device_time_us - frame_us)
+        return self._last_frame.host_time_ns(device_time_us)
 
     def early(self, early: EarlySample) -> None:
         """A sample that comes before its frame says nothing new: there is no `now` of several fingers."""

@@ -19,6 +19,7 @@ from fmfts.common.memory import require_alike
 from fmfts.contact.skin_model import SkinModel
 from fmfts.pad import Pad
 from fmfts.pipeline.contact_message import mask_of
+from fmfts.pipeline.last_frame import LastFrame
 from fmfts.pipeline.pad_pipeline import NO_BASELINE
 from fmfts.pose import SOLVER, Alignment, repeats_allowed
 from fmfts.pose.alignment import AlignmentMemory
@@ -59,7 +60,7 @@ class SkinPipeline:
         self._baseline: Baseline | None = None
         self.messages, self._sampled_ns = 0, 0
         self.missing: dict[int, str] = {}
-        self._frame_times = 0, 0
+        self._last_frame = LastFrame(rate_hz)
 
     @property
     def baseline(self) -> Baseline | None:
@@ -107,8 +108,7 @@ class SkinPipeline:
 
     def process(self, frame: Frame) -> ContactMessage:
         """Make the message of one frame."""
-        self._frame_times = frame.device_time_us, frame.host_time_ns
-        aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.timed, frame.device_time_us)
+        aligned = self._last_frame.aligned(frame, frame.field_t, self._alignment)
         if frame.valid.any() and not aligned.is_old:
             # Else the frame holds no new sample, so the newest is still the last one.
             self._sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
@@ -165,8 +165,7 @@ class SkinPipeline:
 
     def host_time_ns(self, device_time_us: int) -> int:
         """The host's time of the board's, near the last frame."""
-        frame_us, frame_ns = self._frame_times
-        return frame_ns + 1000 * (device_time_us - frame_us)
+        return self._last_frame.host_time_ns(device_time_us)
 
     def early(self, early: EarlySample) -> None:
         """A sample that comes before its frame says nothing new."""

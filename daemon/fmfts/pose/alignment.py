@@ -8,7 +8,7 @@ noise; it neglects only the curvature of the motion, which is added to the devia
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, sqrt
 
 import numpy as np
@@ -52,7 +52,7 @@ class Aligned:
 
     noise_share (N, 1): noise of field_t over that of one sample. bend_t (N, 3): the error that curvature may cause.
     repeats (N, 3): how many new samples in a row repeated the value before. is_old: nothing new came for too long.
-    began_anew: the board's clock did, so nobody knows how much time has passed.
+    began_anew: the board's clock did. leap_us: by how much it leapt before this frame, beyond the time that passed.
     """
 
     field_t: Array
@@ -62,6 +62,11 @@ class Aligned:
     repeats: NDArray[np.int64]
     is_old: bool = False
     began_anew: bool = False
+    leap_us: int = 0
+
+    def elapsed_s(self, last_us: int | None) -> float:
+        """How long ago the last frame's instant was; 0 without one."""
+        return 0.0 if last_us is None else max(self.time_us - last_us - self.leap_us, 0) * 1e-6
 
 
 @dataclass(slots=True)
@@ -97,14 +102,16 @@ class Alignment:
         fresh: NDArray[np.bool_],
         timed: NDArray[np.bool_] | None = None,
         frame_us: int | None = None,
+        leap_us: int = 0,
     ) -> Aligned:
         """Add a frame, and align. field_t (N, 3), time_us (N,): the newest samples. fresh (N,): which are new.
 
         timed (N,): which sensors gave a sample at all, and tell its time; None: all. The `time_us` of the others means
         nothing, because their age is not known. Without any such sensor, the instant stays where it was. frame_us: the
-        frame's own time; None: that of its newest sample.
+        frame's own time; None: that of its newest sample. leap_us: see Aligned.
         """
-        return (self.compiled_push if AVAILABLE else self.reference_push)(field_t, time_us, fresh, timed, frame_us)
+        aligned = (self.compiled_push if AVAILABLE else self.reference_push)(field_t, time_us, fresh, timed, frame_us)
+        return replace(aligned, leap_us=leap_us) if leap_us else aligned
 
     def compiled_push(
         self,

@@ -192,14 +192,19 @@ class Channel:
         self._lane = self.pipeline.begin(clock, contact_topic(self.name), self.pad_index, self._lateness.overdue_ns)
         return self._lane
 
-    def end(self) -> None:
-        """If C handles the frames: take them back and account for those that C handled. `frame` gets the next ones."""
+    def end(self) -> int | None:
+        """If C handles the frames: take them back and account for those that C handled. `frame` gets the next ones.
+
+        Returns the number of the last frame that C handled; None if there is none.
+        """
         lane, self._lane = self._lane, None
+        number = None
         if lane is not None:
             with Contained(self.break_off):
-                self._take_back(lane)
+                number = self._take_back(lane)
+        return number
 
-    def _take_back(self, lane: Lane) -> None:
+    def _take_back(self, lane: Lane) -> int | None:
         ended = self.pipeline.end(lane) if isinstance(self.pipeline, PadPipeline) else None
         if self._lateness.count_left_out():
             self._last_frame_ns = time.monotonic_ns()
@@ -209,6 +214,8 @@ class Channel:
             self._statistics.passed(passed)
             if passed.frames:
                 self._last_frame_ns = self._last_used_ns = passed.arrival_ns
+                return passed.sequence
+        return None
 
     def use(self, baseline: Baseline) -> None:
         """Use another baseline and forget the learned drift. BaselineError if it does not fit the pad."""
@@ -314,6 +321,7 @@ class Channel:
             rate_nominal_hz=self._rate_hz,
             frames=self._statistics.frames,
             dropped=self._statistics.dropped,
+            repeated=self._statistics.repeated,
             gaps=self._statistics.gaps,
             crc_errors=state.crc_errors,
             garbage_bytes=state.garbage_bytes,

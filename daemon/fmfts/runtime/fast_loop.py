@@ -108,7 +108,8 @@ class FastLoop:
             self._unserved.add(line.descriptor)
         line.source.give_back(unread, heard_ns, left_out)
         for channel in line.channels:
-            channel.end()
+            if (number := channel.end()) is not None:
+                line.source.passed(channel.pad_index, number)
         line.descriptor = None
         return bool(is_to_be_read)
 

@@ -152,6 +152,11 @@ class GuardedSource:
             with self._contained("give_back"):
                 self._bytes.give_back(unread, heard_ns, left_out)
 
+    def passed(self, pad_index: int, sequence: int) -> None:
+        if self._bytes is not None:
+            with self._contained("passed"):
+                self._bytes.passed(pad_index, sequence)
+
     def _contained(self, where: str, *passes: type[BaseException]) -> Contained:
         return Contained(partial(self.fail, where), *passes)
 

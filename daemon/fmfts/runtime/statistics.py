@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 from fmfts.pipeline.fast import Passed
 from fmfts.sensor import Frame
+from fmfts.sensor.numbering import MOST_MISSING, NUMBERS, missing
 
-NUMBERS = 2**32  # the sequence's (docs/wire.md), after which it begins anew
-MOST_MISSING = 1 << 16  # five minutes at 220 Hz: longer than any computer stalls
+RESET_NS = 20_000_000  # no board starts faster; packets that come again are older than the last one
 
 
 @dataclass(slots=True)
@@ -17,16 +17,19 @@ class PadStatistics:
 
     gaps: frames that are missing between two frames of one run of the source. How many were lost between two runs is
     not known, because a board that restarts counts from 0 again.
-    dropped: frames that arrived and were not used. overloaded: share of the last interval's frames that were left out
+    dropped: frames that arrived and were not used. repeated: those of them that came again, or after a newer one.
+    overloaded: share of the last interval's frames that were left out
     because this computer was late.
     """
 
     frames: int = 0
     gaps: int = 0
     dropped: int = 0
+    repeated: int = 0
     rate_hz: float = 0.0
     overloaded: float = 0.0
     _last: tuple[int, int] | None = None  # run, sequence
+    _last_times: tuple[int, int] = (0, 0)  # on the board's clock in µs, on the host's in ns
     _expected: int | None = None  # the sequence after one that could not be
     _first_ns: int | None = None
     _sampled_ns: int = 0  # of the last message
@@ -38,18 +41,24 @@ class PadStatistics:
     def frame(self, frame: Frame) -> bool:
         """Count a frame, and the frames missing before it: the jump of the sequence number within a run.
 
-        False if the number cannot be: the frame came before, or so many frames cannot be missing. Two such frames in a
-        row that go on from each other are believed.
+        False if the frame came before, or if its number cannot be: so many frames cannot be missing. Two frames with
+        such numbers in a row that go on from each other are believed, unless they are no newer than the last one: any
+        number of frames may come again in their order.
         """
         self._arrive(1)
         if self._last is not None and self._last[0] == frame.run:
-            missing = (frame.sequence - self._last[1] - 1) % NUMBERS
-            if missing > MOST_MISSING and frame.sequence != self._expected:
-                self.dropped += 1
-                self._expected = (frame.sequence + 1) % NUMBERS
-                return False
-            self._miss(missing if missing <= MOST_MISSING else 0)
+            lost = missing(frame.sequence, self._last[1])
+            if lost > MOST_MISSING:
+                is_newer = self._is_newer(frame)
+                if not is_newer or frame.sequence != self._expected:
+                    self.dropped += 1
+                    self.repeated += not is_newer
+                    self._expected = (frame.sequence + 1) % NUMBERS if is_newer else self._expected
+                    return False
+                lost = 0
+            self._miss(lost)
         self._last, self._expected = (frame.run, frame.sequence), None
+        self._last_times = frame.device_time_us, frame.host_time_ns
         return True
 
     def start_anew(self) -> None:
@@ -60,6 +69,11 @@ class PadStatistics:
         """Count a frame that arrived and is none that its pad can have."""
         self._arrive(1)
         self.dropped += 1
+
+    def _is_newer(self, frame: Frame) -> bool:
+        """Whether a frame was made after the last one. A replay does not say that the board was reset in between."""
+        last_us, last_ns = self._last_times
+        return frame.device_time_us > last_us or frame.host_time_ns > last_ns + RESET_NS
 
     def leave_out(self, count: int) -> None:
         """Count frames that arrived and were left out before anybody looked at their sequence numbers."""
@@ -96,6 +110,7 @@ class PadStatistics:
         if self._last is not None:
             run, before = self._last
             self._last = run, passed.sequence
+            self._last_times = passed.frame_us, passed.frame_ns
         self._miss(passed.sequence - before - passed.frames)
         self._published += len(passed.latencies_s)
         self._latencies_s += passed.latencies_s

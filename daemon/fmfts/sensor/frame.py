@@ -52,6 +52,10 @@ class Frame:
         """The same frame, which may not search."""
         return replace(self, may_search=False)
 
+    def at(self, host_time_ns: int) -> Frame:
+        """The same frame, at another time on the host's clock."""
+        return replace(self, host_time_ns=host_time_ns)
+
     @property
     def packed(self) -> Packed:
         """The same as the compiled path reads it."""
@@ -133,16 +137,22 @@ class WireFrame(Frame):
         return self._packed
 
     def without_search(self) -> WireFrame:
+        return self._copied(self.host_time_ns, may_search=False)
+
+    def at(self, host_time_ns: int) -> WireFrame:
+        return self._copied(host_time_ns, self.may_search)
+
+    def _copied(self, host_time_ns: int, may_search: bool) -> WireFrame:
         return WireFrame(
             self.pad_index,
             self.sequence,
             self.device_time_us,
-            self.host_time_ns,
+            host_time_ns,
             self._packed,
             self.temperature_c,
             self.run,
             self.chip,
-            may_search=False,
+            may_search,
         )
 
     @property

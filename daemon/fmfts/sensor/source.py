@@ -118,3 +118,6 @@ class ByteSource(Source, Protocol):
     def give_back(self, unread: bytes, heard_ns: int, left_out: Sequence[int]) -> None:
         """unread: what was no sample, for `poll`. heard_ns: when a sample came, 0: none did. left_out: frames that the
         caller left out, by pad index."""
+
+    def passed(self, pad_index: int, sequence: int) -> None:
+        """The caller handled frames of this pad, and this was the number of the last one."""

@@ -141,7 +141,7 @@ class FingersEstimator:
         """Judge one aligned frame. missing: what is wrong with sensors that cannot be used. neighbours: the magnets of
         other pads at the time of this frame. may_search: it may take as long as a search for fingers takes."""
         memory = self.memory
-        elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
+        elapsed_s = aligned.elapsed_s(memory.last_us)
         memory.last_us = aligned.time_us
         if elapsed_s > self._longest_gap_s or aligned.began_anew:
             self._counter.forget()

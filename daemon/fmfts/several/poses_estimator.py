@@ -88,7 +88,7 @@ class PosesEstimator:
     ) -> PosesReading:
         """Judge one aligned frame; parameters as of FingersEstimator.read."""
         memory = self.memory
-        elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
+        elapsed_s = aligned.elapsed_s(memory.last_us)
         memory.last_us = aligned.time_us
         if elapsed_s > self._touch.longest_gap_s or aligned.began_anew:
             self._touch.forget()

@@ -108,7 +108,7 @@ class SkinEstimator:
     def read(self, aligned: Aligned, temperature_c: float | None, missing: Mapping[int, str]) -> SkinReading:
         """Judge one aligned frame. missing: what is wrong with sensors that cannot be used."""
         memory = self.memory
-        elapsed_s = 0.0 if memory.last_us is None else (aligned.time_us - memory.last_us) * 1e-6
+        elapsed_s = aligned.elapsed_s(memory.last_us)
         memory.last_us = aligned.time_us
         memory.last_c = memory.last_c if temperature_c is None else temperature_c
         if elapsed_s > max(LONGEST_GAP_S, 2.5 / self.rate_hz) or aligned.began_anew:

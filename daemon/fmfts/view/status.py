@@ -57,8 +57,9 @@ def _cells(report: Status) -> dict[str, Text | str]:
         "source": f"{report.source}" + ("" if report.connected else ", not connected"),
         "rate": f"{report.rate_hz:.1f} of {report.rate_nominal_hz:g} Hz",
         "frames": str(report.frames),
-        "lost": f"{report.gaps} never arrived, {report.dropped} unusable, {report.crc_errors} with a wrong check sum, "
-        f"{report.garbage_bytes} stray bytes, {report.reconnects} reconnects",
+        "lost": f"{report.gaps} never arrived, {report.dropped} unusable ({report.repeated} came again or too late), "
+        f"{report.crc_errors} with a wrong check sum, {report.garbage_bytes} stray bytes, "
+        f"{report.reconnects} reconnects",
         "latency": "–"
         if None in latencies
         else "/".join(f"{(each or 0.0) * 1e3:.2f}" for each in latencies) + " ms p50/p99/max",

@@ -137,6 +137,11 @@ class DeviceClock:
         self._take_line()
         return self._origin is None or self._plausible(device_us, arrival_ns)
 
+    def at_ns(self, device_us: int, arrival_ns: int) -> int:
+        """The same as `to_host_ns` of a packet that it learned from, by what it knows now."""
+        self._take_line()
+        return arrival_ns - max(0, int(self._above_line(self._point(device_us, arrival_ns)))) - self.fixed_delay_ns
+
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         """Host time of `device_us`, never later than its arrival at `arrival_ns`. Learns from the arrival."""
         host_ns = None if _wire is None else _wire.host_time(self.line, device_us, arrival_ns)

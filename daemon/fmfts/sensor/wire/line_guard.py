@@ -37,11 +37,17 @@ class LineGuard:
             self.crowd = f"boards {boards} send on one line, and samples do not say whose they are: part them"
         return self.crowd
 
-    def why_not(self, clock: DeviceClock | HostClock, time_us: int, arrival_ns: int) -> str | None:
-        """Why a sample with this time cannot be believed; None: it can."""
+    def passed(self, counted: object, number: int) -> None:
+        """Somebody else read samples: see TimeGate."""
+        self._times.passed(counted, number)
+
+    def why_not(
+        self, clock: DeviceClock | HostClock, time_us: int, arrival_ns: int, counted: object, number: int
+    ) -> str | None:
+        """Why a sample with this time and number cannot be believed; None: it can. counted: see TimeGate."""
         if self.crowd is not None:
             return "several boards send on this line"
-        if isinstance(clock, DeviceClock) and not self._times.admits(clock, time_us, arrival_ns):
+        if isinstance(clock, DeviceClock) and not self._times.admits(clock, time_us, arrival_ns, counted, number):
             if self._times.waits:
                 return NOT_YET
             if arrival_ns - self._asked_ns > ASK_NS:

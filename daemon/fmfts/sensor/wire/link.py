@@ -35,6 +35,7 @@ from fmfts.sensor.wire.strange import StrangeBytes
 from fmfts.sensor.wired_pad import WiredPad
 
 LOADS_KEPT = 240  # three seconds of load-cell readings, if nobody takes them
+TOO_LATE_NS = 1_000_000  # a time that more packets of the same read show to be so much too late is corrected
 CLOCK_TOLERANCE = {0: 200e-6, 1: 200e-6, 2: 0.02}  # hello's `clock`: host build, crystal, RC oscillator
 
 
@@ -132,6 +133,10 @@ class Link:
         """Process the bytes that arrived. Returns the frames for the configured pads, only from the right board.
         Never raises: packets that contradict the board's hello are left out, counted, and named in `warnings`.
         """
+        frames = self._feed(data, now_ns)
+        return _timed_together(frames, self._clock, now_ns) if len(frames) > 1 else frames
+
+    def _feed(self, data: bytes, now_ns: int) -> list[Frame]:
         arrived = data
         self.early = []
         samples, data = self._decoder.leading_samples(data)
@@ -181,9 +186,9 @@ class Link:
         key = pad_index, len(packed[3])
         chip = self._accepted.get(key)
         if chip is not None:
-            host_time_ns = self._host_time_ns(time_us, now_ns)
+            host_time_ns = self._host_time_ns(time_us, now_ns, pad_index, sequence)
         else:
-            host_time_ns = self._admitted(pad_index, len(packed[3]) // READING_BYTES, time_us, now_ns)
+            host_time_ns = self._admitted(pad_index, len(packed[3]) // READING_BYTES, time_us, now_ns, sequence)
         if host_time_ns is None:
             return None
         if chip is None:
@@ -209,9 +214,14 @@ class Link:
         else:
             self.early.append((before, EarlySample(pad_index, sensor, time_us, gain_code, counts, pad.chip)))
 
-    def _host_time_ns(self, time_us: int, now_ns: int) -> int | None:
-        """When a packet's sample was taken, on this host; None if it cannot be believed."""
-        if (why := self._guard.why_not(self._clock, time_us, now_ns)) is not None:
+    def passed(self, pad_index: int, sequence: int) -> None:
+        """Another reader handled frames of this pad, and this was the last one's number."""
+        self._guard.passed(pad_index, sequence)
+
+    def _host_time_ns(self, time_us: int, now_ns: int, counted: object, number: int) -> int | None:
+        """When a packet's sample was taken, on this host; None if it cannot be believed. number: the packet's, of what
+        is `counted`."""
+        if (why := self._guard.why_not(self._clock, time_us, now_ns, counted, number)) is not None:
             if why is not NOT_YET:
                 self._leave_out("sample", why)
             return None
@@ -225,11 +235,11 @@ class Link:
                 return None
         return host_time_ns
 
-    def _admitted(self, pad_index: int, sensors: int, time_us: int, now_ns: int) -> int | None:
+    def _admitted(self, pad_index: int, sensors: int, time_us: int, now_ns: int, sequence: int) -> int | None:
         """When a sample was taken; None if it is of no configured pad, or does not agree with its configuration."""
         if not self._fits("sample", pad_index, sensors):
             return None
-        host_time_ns = self._host_time_ns(time_us, now_ns)
+        host_time_ns = self._host_time_ns(time_us, now_ns, pad_index, sequence)
         if host_time_ns is None:
             return None
         if pad_index not in self._pads or not self.is_right_board:
@@ -240,7 +250,7 @@ class Link:
 
     def _frame(self, sample: Sample, now_ns: int) -> Frame | None:
         sensors = len(sample.counts)
-        host_time_ns = self._admitted(sample.pad_index, sensors, sample.time_us, now_ns)
+        host_time_ns = self._admitted(sample.pad_index, sensors, sample.time_us, now_ns, sample.sequence)
         if host_time_ns is None:
             return None
         chip, raw = self._pads[sample.pad_index].chip, sample.temperature_raw
@@ -282,7 +292,7 @@ class Link:
             case Selftest():
                 self._take_selftest(packet)
             case Load():
-                if (taken_ns := self._host_time_ns(packet.time_us, now_ns)) is not None:
+                if (taken_ns := self._host_time_ns(packet.time_us, now_ns, Load, packet.sequence)) is not None:
                     self.loads.append((taken_ns, packet.counts))
             case Request():
                 self._leave_out("request", "only a host sends these: are the board's TX and RX joined?")
@@ -345,3 +355,15 @@ class Link:
         faults.note(self._state.warnings, subject, faults.refusal(request, reply) if refused else None)
         if refused and request.verb == Verb.SELFTEST:
             self._selftests.fail(request.pad_index, faults.refusal(request, reply))
+
+
+def _timed_together(frames: list[Frame], clock: DeviceClock | HostClock, arrival_ns: int) -> list[Frame]:
+    """Frames of one read. Where a clock has just begun, only the last of them shows how long the others waited."""
+    mine = [number for number, frame in enumerate(frames) if frame.run == clock.restarts]
+    if not mine or not isinstance(clock, DeviceClock):
+        return frames
+    first = frames[mine[0]]
+    if first.host_time_ns - clock.at_ns(first.device_time_us, arrival_ns) > TOO_LATE_NS:
+        for number in mine:
+            frames[number] = frames[number].at(clock.at_ns(frames[number].device_time_us, arrival_ns))
+    return frames

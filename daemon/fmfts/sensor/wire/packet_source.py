@@ -59,6 +59,9 @@ class PacketSource:
         self.state.leave_out(left_out)
         self._link.heard_ns = max(self._link.heard_ns, heard_ns)
 
+    def passed(self, pad_index: int, sequence: int) -> None:
+        self._link.passed(pad_index, sequence)
+
     def request_selftest(self, pad_index: int) -> None:
         if not self.state.connected:
             where = f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.description}"

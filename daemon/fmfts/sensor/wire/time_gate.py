@@ -1,8 +1,12 @@
 """Refuses packets whose time cannot be: one that is ahead of the time that passed here, or that was there before.
 
 A valid packet may be old: something on the line sent it again. Or its sender's memory was damaged. The clock would take
-each for a reset of the board, and what follows for another one. A real reset, or a computer that was suspended, shows
-in the packets after it: they go on from each other, as packets of a running clock do, or a hello came before them.
+each for a reset of the board, and what follows for another one. A real reset, a clock that leapt, or a computer that
+was suspended, shows in the packets after it: they go on from each other, as packets of a running clock do, or a hello
+came before them.
+
+A packet's number says whether it was there before; its time says when it was made. Packets that come again have old
+numbers, so a clock that leaps back while the numbers go on is convincing at once.
 
 No clock begins with a packet that may have waited here, because this host did not read: all that follows would be taken
 for younger than it is by as much. The next packet tells, if it is read later, and as much time passed there as here.
@@ -10,6 +14,7 @@ for younger than it is by as much. The next packet tells, if it is read later, a
 
 from __future__ import annotations
 
+from fmfts.sensor.numbering import is_next
 from fmfts.sensor.wire.clock import JUMP_NS, DeviceClock
 
 # So many packets in a row that go on from each other are a clock's: a reset board, whose hello was lost.
@@ -35,26 +40,43 @@ class TimeGate:
         self._since_ns = 0
         self._hello = False
         self._newest_us = 0  # of the clock, when something strange or a hello came
+        self._numbers: dict[object, int] = {}  # the newest admitted one of each sequence of numbers
 
     def hello(self, clock: DeviceClock) -> None:
         """The board said unasked who it is, as it does after a reset: the next packet tells its new time."""
         self._forget_if_it_went_on(clock)
         self._hello = True
 
-    def admits(self, clock: DeviceClock, device_us: int, arrival_ns: int) -> bool:
-        """Whether `clock` may learn from a packet with this time."""
+    def passed(self, counted: object, number: int) -> None:
+        """Somebody else admitted packets, and this was the last number of what is `counted`."""
+        self._numbers[counted] = number
+
+    def admits(self, clock: DeviceClock, device_us: int, arrival_ns: int, counted: object, number: int) -> bool:
+        """Whether `clock` may learn from a packet with this time. number: the packet's, of what is `counted`: each pad
+        counts its own."""
+        before = self._numbers.get(counted)
+        has_next_number = before is not None and is_next(number, before)
+        was_here_before = clock.has_begun and clock.is_plausible(device_us, arrival_ns) and device_us <= clock.newest_us
+        is_admitted = self._admits(clock, device_us, arrival_ns, has_next_number)
+        if is_admitted and (has_next_number or not was_here_before):
+            self._numbers[counted] = number
+        return is_admitted
+
+    def _admits(self, clock: DeviceClock, device_us: int, arrival_ns: int, has_next_number: bool) -> bool:
         self._forget_if_it_went_on(clock)
         self.waits = False
         if clock.has_begun and clock.is_plausible(device_us, arrival_ns):
             self._forget()
             return True
+        if clock.has_begun and self._is_no_evidence(device_us):
+            return False
         before_us, before_ns = (device_us, arrival_ns) if self._strange is None else self._strange
         if not clock.has_begun and device_us < before_us and arrival_ns - before_ns <= REPEATED_NS:
             self.waits = True  # it was sent again: newer ones came just now, and the clock begins with one of those
             return False
         goes_on = self._goes_on(device_us, arrival_ns)
         is_new = clock.unread_ns(arrival_ns) <= JUMP_NS or (goes_on and arrival_ns - before_ns > JUMP_NS)
-        is_believed = self._is_believed(clock, device_us, arrival_ns, goes_on)
+        is_believed = self._is_believed(clock, device_us, arrival_ns, goes_on, has_next_number)
         self.waits = is_believed and not is_new
         if is_believed and is_new:
             self._forget()
@@ -70,7 +92,13 @@ class TimeGate:
             self._forget()
         self._newest_us = clock.newest_us
 
-    def _is_believed(self, clock: DeviceClock, device_us: int, arrival_ns: int, goes_on: bool) -> bool:
+    def _is_no_evidence(self, device_us: int) -> bool:
+        """Whether a strange packet is the last one's copy, or was overtaken by it."""
+        return self._strange is not None and 0 <= 1000 * (self._strange[0] - device_us) < JUMP_NS
+
+    def _is_believed(
+        self, clock: DeviceClock, device_us: int, arrival_ns: int, goes_on: bool, has_next_number: bool
+    ) -> bool:
         """A strange time: whether it is a clock's that began anew. goes_on: from the strange one before."""
         if goes_on:
             self._count += 1
@@ -83,7 +111,7 @@ class TimeGate:
         if self._hello and back_us > 0:
             return True
         needed_ns = 0
-        if 0 < back_us <= RECENT_US:
+        if 0 < back_us <= RECENT_US and not has_next_number:
             may_be_reset = 1000 * device_us <= clock.since_newest_ns(arrival_ns) + REPEATED_NS
             needed_ns = REPEATED_NS if may_be_reset else 1000 * RECENT_US
         return self._count >= CONVINCING and arrival_ns - self._since_ns >= needed_ns

@@ -1,0 +1,50 @@
+"""The frame before, and how much time passed since: a board's clock may leap, and time does not."""
+
+from __future__ import annotations
+
+from fmfts.pose.alignment import LONGEST_GAP_US, Aligned, Alignment, Array
+from fmfts.sensor import Frame
+
+
+class LastFrame:
+    """sequence: its number. times: on the board's clock (µs), and on the host's (ns); zeros before the first frame."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self.sequence = 0
+        self.times = 0, 0
+        self._began = 0, 0  # host's time, and number, of the first frame with the last one's time: a clock may stand
+        self._period_us = 1e6 / rate_hz
+
+    def host_time_ns(self, device_time_us: int) -> int:
+        """The host's time of the board's, near this frame."""
+        frame_us, frame_ns = self.times
+        return frame_ns + 1000 * (device_time_us - frame_us)
+
+    def leap_us(self, frame: Frame) -> int:
+        """By how much the board's clock leapt between this frame and `frame`, beyond the time that passed.
+
+        Short steps forward are gaps: the samples say what passed. After others as much time passed as on the host's
+        clock. That may have stood in a suspended computer; then the board made frames meanwhile, and numbered them.
+        """
+        there_us, (began_ns, number) = frame.device_time_us - self.times[0], self._began
+        if not began_ns or 0 <= there_us <= LONGEST_GAP_US:
+            return 0
+        passed_us = max(frame.host_time_ns - began_ns, 0) // 1000
+        if there_us < 0:
+            return there_us - passed_us
+        made_us = max(frame.sequence - number, 0) * self._period_us
+        return max(there_us - max(passed_us, round(made_us)), 0)
+
+    def aligned(self, frame: Frame, field_t: Array, alignment: Alignment) -> Aligned:
+        """Align `frame`, which is the last one then. field_t (N, 3): its field."""
+        leap_us = self.leap_us(frame)
+        self.become(frame.sequence, frame.device_time_us, frame.host_time_ns)
+        return alignment.push(
+            field_t, frame.sampled_us, frame.fresh, frame.timed, frame.device_time_us, leap_us=leap_us
+        )
+
+    def become(self, sequence: int, device_time_us: int, host_time_ns: int) -> None:
+        """Another frame, with this number and these times, is the last one now."""
+        if device_time_us != self.times[0]:
+            self._began = host_time_ns, sequence
+        self.sequence, self.times = sequence, (device_time_us, host_time_ns)

@@ -1,0 +1,16 @@
+"""The numbers of frames and packets: each is one more than the last, and after the largest they begin anew."""
+
+from __future__ import annotations
+
+NUMBERS = 2**32  # docs/wire.md
+MOST_MISSING = 1 << 16  # five minutes at 220 Hz: longer than any computer stalls
+
+
+def missing(number: int, before: int) -> int:
+    """How many are missing between two; more than MOST_MISSING if `number` was there before, or cannot be."""
+    return (number - before - 1) % NUMBERS
+
+
+def is_next(number: int, before: int) -> bool:
+    """Whether `number` goes on from `before`: a packet that comes again does not."""
+    return missing(number, before) <= MOST_MISSING
