@@ -16,7 +16,7 @@ from onnx import TensorProto, helper
 from test_healthy_path import both, config_of, frames_of
 
 from examples import examples
-from fmfts.contact import ContactModel, ModelError, comparison, verified
+from fmfts.contact import ContactModel, ModelError, comparison, recognition, verified
 from fmfts.contact.comparison import NotComparedError, answers, answers_of_onnxruntime, difference, poses_of
 from fmfts.contact.inference import CompiledInference, _network
 from fmfts.contact.network import ReferenceInference
@@ -123,6 +123,54 @@ def test_graphs_without_end_are_refused() -> None:
         parse(nested(60))
 
 
+def varint(value: int) -> bytes:
+    if value < 128:
+        return bytes([value])
+    return bytes([value & 127 | 128]) + varint(value >> 7)
+
+
+def field(number: int, content: bytes) -> bytes:
+    return varint(number << 3 | 2) + varint(len(content)) + content
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        pytest.param(field(7, field(5, field(1, b"\xff\xff\xff\xff\x0f" * 200_000))), id="dimensions"),
+        pytest.param(field(7, field(5, b"".join(varint(n << 3) + b"\0" for n in range(1, 200_000)))), id="numbers"),
+        pytest.param(field(7, field(1, b"") * 200_000), id="nodes"),
+        pytest.param(field(7, field(1, field(5, b"") * 200_000)), id="attributes"),
+        pytest.param(field(14, b"") * 200_000, id="metadata"),
+    ],
+)
+def test_model_of_too_many_parts_is_refused(content: bytes) -> None:
+    with pytest.raises(ValueError, match="more parts than any contact model"):
+        parse(content)
+
+
+def test_shape_of_many_dimensions_is_no_constant() -> None:
+    """The product of so many factors takes a minute."""
+    tensor = field(1, varint(2**31) * 90_000) + b"\x10\x01" + field(8, b"w") + field(9, bytes(1 << 20))
+    assert parse(field(7, field(5, tensor))).graph.constants == {}
+
+
+def expanding(proto: onnx.ModelProto, elements: int) -> None:
+    """The contact's first node sums so many zeros, which take two bytes in the file."""
+    node = proto.graph.node
+    proto.graph.initializer.append(helper.make_tensor("elements", TensorProto.INT64, [1], [elements]))
+    node.insert(0, helper.make_node("ConstantOfShape", ["elements"], ["zeros"]))
+    node.insert(1, helper.make_node("ReduceSum", ["zeros"], ["nothing"], keepdims=0))
+    node.insert(2, helper.make_node("Sub", ["pose", "nothing"], ["same_pose"]))
+    node[3].input[0] = "same_pose"
+
+
+def test_model_that_needs_much_memory_is_refused_before_it_is_loaded(tmp_path: Path, pad: Pad) -> None:
+    small = load(tmp_path, pad, edited(lambda proto: expanding(proto, 1000)))
+    assert small.inference.by == "onnxruntime"
+    with pytest.raises(ModelError, match="within a pad's means"):
+        load(tmp_path, pad, edited(lambda proto: expanding(proto, 1 << 28)))
+
+
 def nested(depth: int) -> bytes:
     """A model whose graph's node's attribute holds a graph, and so on."""
     content = b""
@@ -130,12 +178,6 @@ def nested(depth: int) -> bytes:
         number = (1, 5, 6)[-1 - level % 3]  # attribute in node, node in graph, graph in attribute, outwards
         content = bytes([number << 3 | 2]) + varint(len(content)) + content
     return bytes([7 << 3 | 2]) + varint(len(content)) + content
-
-
-def varint(value: int) -> bytes:
-    if value < 128:
-        return bytes([value])
-    return bytes([value & 127 | 128]) + varint(value >> 7)
 
 
 # --- which evaluates ---
@@ -301,7 +343,7 @@ def test_reference_of_any_size_answers_the_same_to_the_last_bit(hidden: int, out
 
 
 def test_frames_of_a_model_that_onnxruntime_evaluates_are_judged_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verified, "LARGEST_HIDDEN", 0)
+    monkeypatch.setattr(recognition, "LARGEST_HIDDEN", 0)
     assert ContactModel.load("default", config_of(3).pad()).inference.by == "onnxruntime"
     kinds = both(config_of(3), frames_of(config_of(3), 0.5))
     assert kinds == {None: 110}

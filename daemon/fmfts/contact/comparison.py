@@ -12,6 +12,7 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.common.reading import shortened
 from fmfts.contact.contract import Facts
 from fmfts.contact.inference import POSE, NetworkInference
 
@@ -70,6 +71,21 @@ def answers(inference: NetworkInference, poses: Poses) -> NDArray[np.float64]:
 
 def answers_of_onnxruntime(content: bytes, poses: Poses, outputs: int) -> NDArray[np.float64]:
     """Like answers(), but from onnxruntime in another process. NotComparedError if that fails."""
+    numbers = np.frombuffer(_asked(content, poses), "<f4").astype(np.float64)
+    if numbers.size != len(poses) * outputs * (1 + POSE):
+        raise NotComparedError(f"it has other outputs than {outputs}")
+    return numbers.reshape(len(poses), outputs, 1 + POSE)
+
+
+def require_modest(content: bytes) -> None:
+    """Let another process evaluate a pose first: a few bytes of ONNX may ask for any time and memory.
+
+    NotComparedError: it takes more than session.py allows, or cannot be evaluated at all.
+    """
+    _asked(content, np.zeros((1, POSE), np.float32))
+
+
+def _asked(content: bytes, poses: Poses) -> bytes:
     command = [
         sys.executable,
         "-P",
@@ -80,8 +96,8 @@ def answers_of_onnxruntime(content: bytes, poses: Poses, outputs: int) -> NDArra
     try:
         ended = subprocess.run(command, input=question, capture_output=True, timeout=LONGEST_S, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise NotComparedError(str(error)) from error
+        raise NotComparedError(f"it did not end: {type(error).__name__}") from error
     if ended.returncode != 0:
         words = ended.stderr.decode(errors="replace").strip().splitlines()
-        raise NotComparedError(words[-1] if words else f"it ended with {ended.returncode}")
-    return np.frombuffer(ended.stdout, "<f4").astype(np.float64).reshape(len(poses), outputs, 1 + POSE)
+        raise NotComparedError(shortened(words[-1]) if words else f"it ended with {ended.returncode}")
+    return ended.stdout

@@ -5,6 +5,7 @@ Its metadata holds `Facts` as JSON under METADATA_KEY and, optionally, `PackedRe
 
 from __future__ import annotations
 
+from math import prod
 from typing import Annotated, Literal
 
 import msgspec
@@ -22,10 +23,12 @@ INPUT_ORDER = ("a_mm", "b_mm", "c_mm", "m", "n", "p")
 OUTPUT_ORDER = ("x_mm", "y_mm", "force_n")
 SHEAR_OUTPUT_ORDER = (*OUTPUT_ORDER, "shear_x_n", "shear_y_n")
 SIZE_LIMIT_BYTES = 4_000_000
+MOST_KNOTS, MOST_MONOMIALS = 66, 64  # of a response; the shipped ones have 17 and 11
 
 Pose = Annotated[tuple[float, ...], Meta(min_length=6, max_length=6)]
 Positive = Annotated[float, Meta(gt=0)]
-Table = tuple[tuple[Positive, ...], ...]
+Row = Annotated[tuple[Positive, ...], Meta(min_length=1, max_length=64)]
+Table = Annotated[tuple[Row, ...], Meta(max_length=64)]
 
 
 class ModelError(Exception):
@@ -52,8 +55,8 @@ class ErrorTables(Struct, frozen=True, forbid_unknown_fields=True):
     Row i is for forces up to force_n[i], column j for radii up to radius_mm[j]. The last ones are for all beyond.
     """
 
-    force_n: tuple[Positive, ...]
-    radius_mm: tuple[Positive, ...]
+    force_n: Row
+    radius_mm: Row
     x_mm: Table
     y_mm: Table
     force_error_n: Table
@@ -165,7 +168,12 @@ def parse_response(metadata: dict[str, str]) -> Response | None:
     exponent = np.array(packed.exponent, dtype=np.intp)
     coefficient = np.frombuffer(packed.coefficient, dtype="<f4").astype(float)
     fits = exponent.ndim == 2 and exponent.shape[1] in (1, 3) and packed.shape[2:] == (len(exponent), CHANGE)
-    if not fits or min(packed.shape[:2]) < 4 or coefficient.size != np.prod(packed.shape):
+    if (
+        not fits
+        or not all(4 <= size <= MOST_KNOTS for size in packed.shape[:2])
+        or len(exponent) > MOST_MONOMIALS
+        or coefficient.size != prod(packed.shape)
+    ):
         raise ValueError("its response has a table of another size than it states")
     if not np.isfinite(coefficient).all():
         raise ValueError("its response holds values that are not finite")

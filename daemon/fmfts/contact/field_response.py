@@ -26,7 +26,8 @@ Array = NDArray[np.float64]
 PLACE = ("x_mm", "y_mm")
 LOADS = ("depth_mm", "force_n", "shear_n")
 FORMAT = "fmfts field response 1"
-LARGEST_BYTES = 32_000_000
+# A pad tries every contact of a grid, finer than the cells, when it starts.
+LARGEST_BYTES, MOST_CELLS, MOST_SENSORS, MOST_LEVELS = 16_000_000, 32, 64, 64
 
 
 class FieldResponseError(ValueError):
@@ -197,7 +198,12 @@ class FieldResponse:
             names = tuple(axis.name for axis in axes)
             if names[-1:] not in {(load,) for load in LOADS} or names[:-1] not in ((), PLACE):
                 raise ValueError(f"its axes are {', '.join(names) or 'none'}: a place or none, and one load")
-            if any(axis.cells < 1 or not 0.0 < axis.spacing < np.inf or not abs(axis.first) < np.inf for axis in axes):
+            if not 0 < stored.sensors <= MOST_SENSORS or len(levels) > MOST_LEVELS:
+                raise ValueError(f"its table is of {stored.sensors} sensors at {len(levels)} levels of load")
+            if any(
+                not 1 <= axis.cells <= MOST_CELLS or not 0.0 < axis.spacing < np.inf or not abs(axis.first) < np.inf
+                for axis in axes
+            ):
                 raise ValueError("its knots are impossible")
             if not levels or any(one >= other for one, other in itertools.pairwise(levels)):
                 raise ValueError("its levels of load do not rise")

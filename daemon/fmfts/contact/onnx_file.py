@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.contact.graph import Node
-from fmfts.contact.protobuf import MalformedError, Message
+from fmfts.contact.protobuf import Budget, MalformedError, Message
 
 Constant = NDArray[Any]  # float32 or int64
 
@@ -29,7 +29,8 @@ INSIDE = {
     "sparse": {1: "tensor", 2: "tensor"},
 }
 EXTERNAL_DATA, DATA_LOCATION = 13, 14  # of a tensor
-DEEPEST = 8  # graphs within attributes of graphs
+DEEPEST = 3  # graphs within attributes of graphs
+MOST_DIMENSIONS = 8  # of a tensor: the product of as many as a file can name takes minutes
 
 
 class Port(NamedTuple):
@@ -63,8 +64,9 @@ def parse(content: bytes) -> OnnxFile:
     """ValueError if it is no ONNX model, or has weights in other files: these are not opened, because the hash of the
     model's file must cover all of the model."""
     try:
-        _require_whole("model", content)
-        model = Message(content)
+        budget = Budget()
+        _require_whole("model", content, budget)
+        model = Message(content, budget)
         return OnnxFile(
             model.integer(1),
             max((each.integer(2) for each in model.messages(8) if each.text(1) in DEFAULT_DOMAIN), default=0),
@@ -103,18 +105,23 @@ def _port(value: Message) -> Port:
 def _constant(tensor: Message) -> Constant | None:
     """The value of a tensor; None if it has another type or is not written as raw data."""
     element, shape, raw = ELEMENT.get(tensor.integer(2)), tensor.integers(1), tensor.part(9)
-    if element is None or max(shape, default=0) > len(raw) or len(raw) != element.itemsize * math.prod(shape):
+    if (
+        element is None
+        or len(shape) > MOST_DIMENSIONS
+        or max(shape, default=0) > len(raw)
+        or len(raw) != element.itemsize * math.prod(shape)
+    ):
         return None
     return np.frombuffer(raw, element).reshape(shape)
 
 
-def _require_whole(kind: str, content: bytes, depth: int = 0) -> None:
+def _require_whole(kind: str, content: bytes, budget: Budget, depth: int = 0) -> None:
     """ValueError if a tensor anywhere in the message has its data in another file."""
     if depth > DEEPEST:
         raise ValueError("its graphs are nested deeper than those of any contact model")
-    message = Message(content)
+    message = Message(content, budget)
     if kind == "tensor" and (EXTERNAL_DATA in message or any(message.integers(DATA_LOCATION))):
         raise ValueError(EXTERNAL)
     for number, inner in INSIDE.get(kind, {}).items():
         for part in message.parts(number):
-            _require_whole(inner, part, depth + (inner == "graph"))
+            _require_whole(inner, part, budget, depth + (inner == "graph"))

@@ -5,21 +5,37 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 Value = int | bytes
+MOST_PARTS = 100_000  # fields and numbers, in all messages of a file; contact/default.onnx has 600
 
 
 class MalformedError(ValueError):
     """The bytes are not a protobuf message."""
 
 
-class Message:
-    """The fields of a message, by number. MalformedError if `content` is not a message.
+class Budget:
+    """What reading a file may cost. Each part takes one from `left`."""
 
-    As in protobuf, a field that is absent or of another kind reads as empty or zero.
+    def __init__(self, left: int = MOST_PARTS) -> None:
+        self.left = left
+
+    def spend(self) -> None:
+        """MalformedError where nothing is left."""
+        self.left -= 1
+        if self.left < 0:
+            raise MalformedError("it has more parts than any contact model")
+
+
+class Message:
+    """The fields of a message, by number. MalformedError if `content` is not a message, or has too many parts.
+
+    As in protobuf, a field that is absent or of another kind reads as empty or zero. Messages within share its budget.
     """
 
-    def __init__(self, content: bytes) -> None:
+    def __init__(self, content: bytes, budget: Budget | None = None) -> None:
         self._values: dict[int, list[Value]] = {}
+        self.budget = Budget() if budget is None else budget
         for number, value in _fields(content):
+            self.budget.spend()
             self._values.setdefault(number, []).append(value)
 
     def __contains__(self, number: int) -> bool:
@@ -33,10 +49,10 @@ class Message:
         return parts[-1] if parts else b""
 
     def messages(self, number: int) -> list[Message]:
-        return [Message(part) for part in self.parts(number)]
+        return [Message(part, self.budget) for part in self.parts(number)]
 
     def message(self, number: int) -> Message:
-        return Message(self.part(number))
+        return Message(self.part(number), self.budget)
 
     def texts(self, number: int) -> list[str]:
         return [_text(part) for part in self.parts(number)]
@@ -53,6 +69,7 @@ class Message:
                 continue
             position = 0
             while position < len(value):
+                self.budget.spend()
                 one, position = _varint(value, position)
                 integers.append(one)
         return integers

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.contact.contract import SHEAR_OUTPUT_ORDER
 from fmfts.contact.graph import AXES, CONCAT_AXIS, FEATURES, INPUT, NODES, OUTPUTS, SCALED, constants
-from fmfts.contact.inference import POSE
+from fmfts.contact.inference import LARGEST_HIDDEN, POSE
 from fmfts.contact.onnx_file import FLOAT, Constant, Graph
 
 Vector = NDArray[np.float32]
+MOST_OUTPUTS = len(SHEAR_OUTPUT_ORDER)
 PLAN = tuple((node, CONCAT_AXIS if node.operation == "Concat" else None) for node in NODES)
 
 
@@ -42,6 +44,8 @@ def _shapes(found: dict[str, Constant]) -> dict[str, tuple[int, ...]] | None:
     if "w3" not in found or found["w3"].ndim != 2:
         return None
     hidden, outputs = found["w3"].shape
+    if not (0 < hidden <= LARGEST_HIDDEN and 0 < outputs <= MOST_OUTPUTS):
+        return None
     shapes = {
         "rest": (1, POSE), "by_scale": (POSE, SCALED), "softening": (1,),
         "w1": (FEATURES, hidden), "b1": (hidden,), "w2": (hidden, hidden), "b2": (hidden,),

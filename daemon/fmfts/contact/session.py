@@ -5,8 +5,11 @@ Import it only where it is needed: it takes 30 MB and a tenth of a second.
 
 from __future__ import annotations
 
+import resource
 import struct
 import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import onnxruntime
@@ -14,6 +17,9 @@ import onnxruntime
 from fmfts.contact.contract import OUTPUT_ORDER, SHEAR_OUTPUT_ORDER
 from fmfts.contact.graph import INPUT, OUTPUTS
 from fmfts.contact.inference import POSE, Inference
+
+# What a model may take: its file has 4 MB at most, and a pad has 4 ms from frame to frame.
+MOST_MORE, LONGEST_CPU_S, SLOWEST_S = 1 << 26, 10, 0.02
 
 
 class SessionInference(Inference):
@@ -47,7 +53,7 @@ def session_of(content: bytes) -> onnxruntime.InferenceSession:
     try:
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's errors have no other common base
-        raise ValueError(f"onnxruntime does not load it ({str(error).splitlines()[0]})") from error
+        raise ValueError(f"onnxruntime does not load it ({(str(error).splitlines() or [''])[0]})") from error
 
 
 def _width_of(session: onnxruntime.InferenceSession) -> int:
@@ -71,11 +77,28 @@ def main() -> None:
     question = sys.stdin.buffer.read()
     (size,) = struct.unpack_from("<I", question)
     content, poses = question[4 : 4 + size], np.frombuffer(question, "<f4", offset=4 + size).reshape(-1, POSE)
+    _limit()
     try:
-        contact, jacobian = session_of(content).run(list(OUTPUTS), {INPUT: poses})
+        session = session_of(content)
+        _width_of(session)
+        begun_s = time.process_time()
+        contact, jacobian = session.run(list(OUTPUTS), {INPUT: poses})
+        took_s = (time.process_time() - begun_s) / len(poses)
+        if took_s > SLOWEST_S:
+            raise ValueError(f"a pose takes {1e3 * took_s:.0f} ms, and may take {1e3 * SLOWEST_S:.0f} ms")
     except ValueError as error:
         raise SystemExit(str(error)) from None
+    except Exception as error:  # noqa: BLE001  # of onnxruntime, which says so where memory is short
+        raise SystemExit((str(error).splitlines() or [type(error).__name__])[0]) from None
     sys.stdout.buffer.write(np.concatenate([contact[:, :, None], jacobian], axis=2).tobytes())
+
+
+def _limit() -> None:
+    """From here on this process may use so much memory more, and so much time: see comparison.py."""
+    status = Path("/proc/self/status").read_text()
+    (used_kb,) = (int(line.split()[1]) for line in status.splitlines() if line.startswith("VmData:"))
+    resource.setrlimit(resource.RLIMIT_DATA, ((used_kb << 10) + MOST_MORE, resource.RLIM_INFINITY))
+    resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_CPU_S, resource.RLIM_INFINITY))
 
 
 if __name__ == "__main__":

@@ -6,9 +6,9 @@ import logging
 from pathlib import Path
 
 from fmfts.common.reading import read_regular
-from fmfts.contact.comparison import NotComparedError, difference
+from fmfts.contact.comparison import NotComparedError, difference, require_modest
 from fmfts.contact.contract import IR_VERSION, OPSET, SIZE_LIMIT_BYTES, Facts
-from fmfts.contact.inference import AVAILABLE, LARGEST_HIDDEN, CompiledInference, Inference, NetworkInference
+from fmfts.contact.inference import AVAILABLE, CompiledInference, Inference, NetworkInference
 from fmfts.contact.network import ReferenceInference
 from fmfts.contact.onnx_file import Graph, OnnxFile
 from fmfts.contact.recognition import network_of
@@ -36,7 +36,7 @@ def check_versions(model: OnnxFile) -> None:
 def inference_of(content: bytes, graph: Graph) -> Inference:
     """Our own network, compiled or its reference, if it knows the graph; else onnxruntime. ValueError if that fails."""
     network = network_of(graph)
-    if network is not None and network[0] <= LARGEST_HIDDEN:
+    if network is not None:
         return CompiledInference(network) if AVAILABLE else ReferenceInference(network)
     return _by_onnxruntime(content)
 
@@ -63,6 +63,10 @@ def _difference(inference: NetworkInference, content: bytes, facts: Facts) -> st
 
 
 def _by_onnxruntime(content: bytes) -> Inference:
+    try:
+        require_modest(content)
+    except NotComparedError as error:
+        raise ValueError(f"onnxruntime cannot evaluate it within a pad's means: {error}") from error
     from fmfts.contact.session import SessionInference  # 30 MB that most daemons do not need
 
     return SessionInference(content)
