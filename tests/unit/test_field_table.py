@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.calibrate import field_table
 from fmfts.calibrate.field_table import DataError, field_columns, read
+from fmfts.common import reading
 
 HEADER = ",".join([*field_columns(1), "note"])
 
@@ -38,8 +38,8 @@ def test_row_with_another_number_of_cells_is_named(tmp_path: Path, row: str, cel
 
 def test_file_that_is_too_large_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = written(tmp_path, f"{HEADER}\n1,2,3,a\n")
-    monkeypatch.setattr(field_table, "LARGEST_CHARACTERS", path.stat().st_size)
+    monkeypatch.setattr(reading, "LARGEST_TABLE", path.stat().st_size)
     assert len(read(path, 1).line) == 1
-    monkeypatch.setattr(field_table, "LARGEST_CHARACTERS", path.stat().st_size - 1)
-    with pytest.raises(DataError, match="is larger than"):
+    monkeypatch.setattr(reading, "LARGEST_TABLE", path.stat().st_size - 1)
+    with pytest.raises(DataError, match="larger than"):
         read(path, 1)

@@ -19,6 +19,7 @@ from fmfts.pad import Tolerance
 from fmfts.sensor.chips import GAIN_CODES
 
 Rows = tuple[tuple[float, float, float], ...]
+MOST_FIELDS = 1000  # of a turn, or of presses: a recording keeps 100 and 40
 
 
 class StoredRecording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -148,6 +149,8 @@ class StoredPresses(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def require_fields(*fields: Rows, sensors: int | None = None) -> None:
     """ValueError unless all are fields that a chip can tell, and of so many sensors."""
+    if len(fields) > MOST_FIELDS:
+        raise ValueError(f"{len(fields)} fields: no recording keeps more than {MOST_FIELDS}")
     for field in fields:
         possible.FIELD_T.require(chain(*field))
         if sensors is not None and len(field) != sensors:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.baseline.files import StateError, stored
 from fmfts.calibrate.dataset import LARGEST_RATIO, labels_of, require_consistent
 from fmfts.calibrate.field_table import DataError, FieldTable, field_columns, read
+from fmfts.common.reading import digest_of
 from fmfts.pad import Array, Pad
 
 Say = Callable[[str], None]
@@ -82,7 +82,7 @@ def read_array_set(path: Path, pad: Pad, pad_size_mm: float, baseline: Path | No
     spread_n = _column(path, table, "force_sd_n")
     force_n = np.sqrt(np.square(FORCE_SHARE * press[:, 2]) + np.square(np.maximum(spread_n, FORCE_N)))
     deviation = np.column_stack([np.full((len(press), 2), PLACE_MM), force_n])
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    digest = digest_of(path)
     lines = tuple(table.line[row] for row in rows)
     return ArraySet(
         pad, mounting, press[rows], deviation[rows], change_t[rows], ambient_t[rows], lines, digest, recorded.id

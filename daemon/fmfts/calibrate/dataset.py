@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from fmfts.baseline import Mounting
 from fmfts.calibrate.field_table import DataError, FieldTable, field_columns, mounting_of, read
+from fmfts.common.reading import digest_of
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact.contract import OUTPUT_ORDER, SHEAR_OUTPUT_ORDER
 from fmfts.pad import Array, Pad
@@ -101,7 +101,7 @@ def read_labelled(
         press=press[loaded],
         field_t=field[loaded],
         line=tuple(table.line[row] for row in loaded),
-        digest=hashlib.sha256(path.read_bytes()).hexdigest(),
+        digest=digest_of(path),
         rest_field_t=field[unloaded].mean(axis=0) if unloaded.any() else None,
         mounting=mounting,
     )

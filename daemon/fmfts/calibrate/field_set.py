@@ -9,7 +9,6 @@ that only tell fields.
 from __future__ import annotations
 
 import csv
-import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.calibrate.field_table import DataError, FieldTable, read
+from fmfts.common.reading import MOST_COLUMNS, digest_of, open_text
 from fmfts.contact.field_response import LOADS, PLACE
 from fmfts.pad import Array
 
@@ -91,14 +91,14 @@ def read_field_set(path: Path) -> FieldSet:
         rest,
         np.array([recordings.index(name) for name in names]),
         recordings,
-        hashlib.sha256(path.read_bytes()).hexdigest(),
+        digest_of(path),
     )
 
 
 def _header(path: Path) -> list[str]:
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            return next(csv.reader(file), [])
+        with open_text(path) as file:
+            return next(csv.reader(file), [])[:MOST_COLUMNS]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise DataError(f"{path}: cannot be read: {error}") from error
 

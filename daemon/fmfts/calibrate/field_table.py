@@ -17,10 +17,9 @@ import numpy as np
 
 from fmfts import baseline as baselines
 from fmfts.baseline import BaselineError, Mounting
-from fmfts.common.reading import damage_told
+from fmfts.common.reading import MOST_COLUMNS, damage_told, open_text
 from fmfts.pad import Array, Pad
 
-LARGEST_CHARACTERS = 200_000_000  # a day of one frame a second, or a quarter of an hour of all frames
 LARGEST_FIELD_UT = 1000.0  # 10 G; the chip's largest range is 8.1 G
 
 
@@ -47,14 +46,12 @@ def read(path: Path, sensors: int, largest_ut: float = LARGEST_FIELD_UT) -> Fiel
     largest_ut: of a field that is possible; the default is for a pad with one magnet.
     """
     try:
-        with path.open(encoding="utf-8-sig") as file:  # skips the byte order mark that some spreadsheets write
-            text = file.read(LARGEST_CHARACTERS + 1)
+        with open_text(path) as file:  # of at most as many bytes: a day of one frame a second
+            text = file.read()
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise DataError(f"{path}: is not UTF-8 text (byte {error.start})") from error
-    if len(text) > LARGEST_CHARACTERS:
-        raise DataError(f"{path}: is larger than {LARGEST_CHARACTERS / 1e6:g} MB: split it")
     with damage_told(DataError, f"{path}: is not a table"):  # csv.Error: a cell is too long, or holds a zero byte
         return _table(path, text, sensors, largest_ut)
 
@@ -64,6 +61,8 @@ def _table(path: Path, text: str, sensors: int, largest_ut: float) -> FieldTable
     header = list(lines.fieldnames or [])
     if not header:
         raise DataError(f"{path}: is empty: the first row names the columns, b1x_ut and so on")
+    if len(header) > MOST_COLUMNS:
+        raise DataError(f"{path}: row 1 has {len(header)} columns, and may have {MOST_COLUMNS}")
     if len(header) == 1 and (other := [mark for mark in ";\t" if mark in header[0]]):
         raise DataError(
             f"{path}: row 1: columns are separated by {other[0]!r}, not by ','; numbers need a decimal point"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.collect.errors import RefusedError
+from fmfts.common.reading import MOST_COLUMNS, open_text, shortened
 
 Array = NDArray[np.float64]
 
@@ -46,13 +48,18 @@ class Plateau:
 def read_log(path: Path) -> Log:
     """Read a CSV file with columns t_s, x_mm, y_mm and force_n. Raises RefusedError, which names row and column."""
     names = ("t_s", "x_mm", "y_mm", "force_n")
+    table = array("d")
     try:
-        with path.open(encoding="utf-8-sig", newline="") as lines:
-            reader = csv.DictReader(lines)
-            missing = [name for name in names if name not in (reader.fieldnames or [])]
+        with open_text(path) as lines:
+            reader = csv.reader(lines)
+            header = next(reader, [])
+            missing = [name for name in names if name not in header[:MOST_COLUMNS]]
             if missing:
                 raise RefusedError(f"{path}: row 1 has no column {', '.join(missing)}")
-            table = [[_number(path, reader.line_num, name, row[name]) for name in names] for row in reader]
+            places = [header.index(name) for name in names]
+            for row in filter(None, reader):
+                for name, place in zip(names, places, strict=True):
+                    table.append(_number(path, reader.line_num, name, row[place] if place < len(row) else ""))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise RefusedError(f"{path}: cannot be read: {error}") from error
     values = np.array(table).reshape(-1, len(names))
@@ -99,11 +106,11 @@ def _first_rows(time_s: Array) -> NDArray[np.int64]:
     return np.flatnonzero(np.diff(number, prepend=-1.0))
 
 
-def _number(path: Path, line: int, name: str, cell: str | None) -> float:
+def _number(path: Path, line: int, name: str, cell: str) -> float:
     try:
-        value = float(cell or "")
+        value = float(cell)
     except ValueError:
         value = float("nan")
     if not np.isfinite(value):
-        raise RefusedError(f"{path}: row {line}, column {name}: '{cell}' is not a number")
+        raise RefusedError(f"{path}: row {line}, column {name}: '{shortened(cell)}' is not a number")
     return value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,7 +21,7 @@ from fmfts.collect.plan import Press
 from fmfts.collect.session import Identity, row_of
 from fmfts.collect.table import FORMAT, UNTOUCHED, Header, Row, Table
 from fmfts.collect.work import averaging_s, unmoved_since_baseline
-from fmfts.common.reading import damage_told
+from fmfts.common.reading import damage_told, digest_of
 from fmfts.config import Config, PadConfig
 from fmfts.recording.file import RecordingError, read
 from fmfts.sensor import Frame
@@ -63,7 +62,7 @@ def merge(config: Config, pad: PadConfig, log_path: Path, recording: Path, outpu
         raise RefusedError(
             f"{log_path} and {recording} make no row of {len(log_plateaus)} plateaus: {_first_of(refused)}"
         )
-    fingerprint = hashlib.sha256(log_path.read_bytes()).hexdigest()[:12]
+    fingerprint = digest_of(log_path)[:12]
     header = Header(FORMAT, log_path.name, fingerprint, pad.name, drawing.geometry_hash)
     with Table(output, len(drawing.sensors), header) as table:
         for row in rows:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import tomllib
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,10 +14,12 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from fmfts.common.reading import damage_told
+from fmfts.common.reading import damage_told, read_regular
+from fmfts.common.toml import LARGEST_BYTES, parse
 from fmfts.config.section import PositiveFloat, Section
 
 PRESETS = Path(__file__).with_name("presets")
+MOST_PRESSES = 100_000
 Count = Annotated[int, Meta(ge=1, le=1000)]
 Pair = tuple[float, float]
 
@@ -86,7 +89,7 @@ def read_plan(name: str) -> Plan:
     if not path.exists() and (PRESETS / f"{name}.toml").exists():
         path = PRESETS / f"{name}.toml"
     try:
-        content = path.read_bytes()
+        content = read_regular(path, LARGEST_BYTES + 1)
     except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
         presets = ", ".join(sorted(preset.stem for preset in PRESETS.glob("*.toml")))
         why = error.strerror if isinstance(error, OSError) else error
@@ -97,7 +100,7 @@ def read_plan(name: str) -> Plan:
 
 def _plan(path: Path, content: bytes) -> Plan:
     try:
-        file = msgspec.convert(tomllib.loads(content.decode("utf-8")), _File)
+        file = msgspec.convert(parse(content.decode("utf-8")), _File)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise PlanError(f"{path}: is not TOML: {error}") from error
     except msgspec.ValidationError as error:
@@ -106,6 +109,8 @@ def _plan(path: Path, content: bytes) -> Plan:
         raise PlanError(f"{path}: one table is needed, [lattice] or [random]")
     if file.random and not file.random.force_n[0] < file.random.force_n[1]:
         raise PlanError(f"{path}: random.force_n: the lighter force comes first")
+    if file.lattice and math.prod(file.lattice.count) * len(file.lattice.forces_n) > MOST_PRESSES:
+        raise PlanError(f"{path}: has more than {MOST_PRESSES} presses, which take weeks: make several plans")
     presses = _lattice(file.lattice) if file.lattice else _random(file.random) if file.random else []
     if not presses:
         raise PlanError(f"{path}: lattice.forces_n names no force")

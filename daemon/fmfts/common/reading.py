@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import errno
+import hashlib
+import io
 import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
+from typing import TextIO
 
 LONGEST_QUOTE = 500
+LARGEST_TABLE, MOST_COLUMNS = 200_000_000, 1000  # of a CSV file
 
 
-def open_regular(path: Path) -> BinaryIO:
+def open_regular(path: Path) -> BufferedReader:
     """Open a file to read. OSError if it is none: a pipe in its place would make the reader wait for ever."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
@@ -26,6 +30,21 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
     """The content of a file, at most `most_bytes` of it. OSError as from `open_regular`."""
     with open_regular(path) as file:
         return file.read(most_bytes)
+
+
+def open_text(path: Path) -> TextIO:
+    """Open a table of text, with any newline. OSError as from `open_regular`, or where it is larger than any table."""
+    file = open_regular(path)
+    if os.fstat(file.fileno()).st_size > LARGEST_TABLE:
+        file.close()
+        raise OSError(errno.EFBIG, f"larger than {LARGEST_TABLE / 1e6:g} MB: divide it", str(path))
+    return io.TextIOWrapper(file, encoding="utf-8-sig", newline="")  # skips the byte order mark of some spreadsheets
+
+
+def digest_of(path: Path) -> str:
+    """The SHA-256 of a file, in hex. OSError as from `open_regular`."""
+    with open_regular(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @contextmanager

@@ -135,7 +135,7 @@ def _sensors(pad: PadConfig) -> Iterator[Problem]:
         yield from board_checks.of_pad(len(places))
     elif len(places) > MAX_SENSORS:
         yield ("geometry", "sensors_mm"), f"at most {MAX_SENSORS} sensors"
-    for (first, one), (second, other) in combinations(enumerate(places), 2):
+    for (first, one), (second, other) in combinations(enumerate(places[:MAX_SENSORS]), 2):
         if math.dist(one, other) < SENSOR_SPACING_MM:
             yield (
                 ("geometry", "sensors_mm", second),

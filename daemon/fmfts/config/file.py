@@ -11,16 +11,18 @@ from typing import Any
 
 import msgspec
 
-from fmfts.common.reading import damage_told
+from fmfts.common.reading import damage_told, read_regular, shortened
+from fmfts.common.toml import LARGEST_BYTES, parse
 from fmfts.config import Config, ReplaySource, SimulatedSource
 from fmfts.config.checks import problems_in
-from fmfts.config.conversion import convert
+from fmfts.config.conversion import MOST, convert
 from fmfts.config.wording import place, value_shown
 from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 
 ENVIRONMENT = "FMFTS_CONFIG"
 OTHER_MAGNET = re.compile(r"other_magnets, value (\d+)")
+MOST_PADS = 256
 DEFAULT_PATHS = (Path("/etc/fmfts/config.toml"), Path("config.toml"), Path("pad.toml"))
 
 
@@ -40,6 +42,8 @@ def load(path: Path | None = None, environ: Mapping[str, str] = os.environ) -> t
 
 def _loaded(file: Path) -> Config:
     data = _first_magnet_apart(_read(file))
+    if isinstance(pads := data.get("pad"), list) and len(pads) > MOST_PADS:
+        raise ConfigError(f"{file}: has {len(pads)} pads, and may have {MOST_PADS}: another daemon serves the others")
     converted = convert(data)
     wrong, config = list(converted.wrong), converted.config
     if config is not None:
@@ -70,9 +74,9 @@ def is_there_any(environ: Mapping[str, str] = os.environ) -> bool:
 
 def _told(file: Path, wrong: Sequence[str]) -> str:
     if len(wrong) == 1:
-        return f"{file}: {wrong[0]}"
+        return f"{file}: {shortened(wrong[0])}"
     return f"{file}: {len(wrong)} things are wrong:" + "".join(
-        f"\n  {number}. {each}" for number, each in enumerate(wrong, 1)
+        f"\n  {number}. {each}" for number, each in enumerate(map(shortened, wrong[:MOST]), 1)
     )
 
 
@@ -94,20 +98,22 @@ def find(path: Path | None, environ: Mapping[str, str] = os.environ) -> Path:
 
 def _read(file: Path) -> dict[str, Any]:
     try:
-        text = file.read_text(encoding="utf-8-sig")  # skips the byte order mark that some editors write
+        text = read_regular(file, LARGEST_BYTES + 1).decode("utf-8-sig")  # skips the byte order mark of some editors
     except OSError as error:
         raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"{file}: is not UTF-8 text (byte {error.start})") from error
     try:
-        return tomllib.loads(text)
+        return parse(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{file}: is not TOML: {error}{_line_shown(text, str(error))}") from error
+    except ValueError as error:
+        raise ConfigError(f"{file}: is no configuration: {error}") from error
 
 
 def _line_shown(text: str, error: str) -> str:
     number = re.search(r"at line (\d+)", error)
-    return f": {text.splitlines()[int(number[1]) - 1].strip()}" if number else ""
+    return f": {shortened(text.splitlines()[int(number[1]) - 1].strip())}" if number else ""
 
 
 def _with_absolute_paths(config: Config, folder: Path) -> Config:

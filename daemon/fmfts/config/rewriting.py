@@ -11,6 +11,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from fmfts.common.toml import parse
 from fmfts.config.file import ConfigError, load
 
 PAD = re.compile(r"^\s*\[\[\s*pad\s*\]\]")
@@ -28,7 +29,7 @@ def with_geometry(text: str, pad: str, values: Mapping[str, str]) -> str:
 
     `board` stands for places and rotations: the text has either `board` or those.
     """
-    due = tomllib.loads(text)
+    due = parse(text)
     numbers = [number for number, table in enumerate(due["pad"]) if table.get("name") == pad]
     written = tomllib.loads("\n".join(f"{key} = {value}" for key, value in values.items()))
     without = {"sensors_mm", "sensor_rotations_deg"} if "board" in values else {"board"}
@@ -70,8 +71,8 @@ def rewrite(path: Path, text: str) -> Path:
 
 def _read(text: str) -> dict[str, Any] | None:
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
+        return parse(text)
+    except ValueError:
         return None
 
 

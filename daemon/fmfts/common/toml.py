@@ -1,0 +1,24 @@
+"""Parses TOML that a person or a stranger wrote, within limits: tomllib takes minutes for a key of many parts."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import Any
+
+LARGEST_BYTES = 200_000  # a configuration of 64 pads has 100,000
+MOST_PARTS = 32  # of one dotted key
+_PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*"""
+_LONG_KEY = re.compile(rf"(?<![\w-])(?:{_PART}){{{MOST_PARTS}}}", re.ASCII)
+
+
+def parse(text: str) -> dict[str, Any]:
+    """The tables of a text. tomllib.TOMLDecodeError or another ValueError where it is no TOML, or exceeds a limit."""
+    if len(text) > LARGEST_BYTES:
+        raise ValueError(f"it is longer than {LARGEST_BYTES} bytes")
+    if (long := _LONG_KEY.search(text)) is not None:
+        raise ValueError(f"{long[0][:20]!r} begins a key of more than {MOST_PARTS} parts")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("its lists or tables are nested too deep") from None
