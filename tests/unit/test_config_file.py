@@ -302,7 +302,7 @@ def test_syntax_error_is_shown_with_its_line(tmp_path: Path) -> None:
 def test_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"nothing.toml: cannot be read: No such file"):
         load(tmp_path / "nothing.toml")
-    with pytest.raises(ConfigError, match="cannot be read: Is a directory"):
+    with pytest.raises(ConfigError, match="cannot be read: not a file, but a folder"):
         load(tmp_path)
     (tmp_path / "binary.toml").write_bytes(b"a = 1\n\xff")
     with pytest.raises(ConfigError, match=r"is not UTF-8 text \(byte 6\)"):
