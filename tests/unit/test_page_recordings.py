@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import pytest
+from bus_messages import contact_message
 
-from fmfts.page.recordings import Recordings, RecordingsError
+from fmfts.page.recordings import Recordings, RecordingsError, messages_of
+from fmfts.recording.file import RecordingWriter
 
 
 def test_only_files_of_the_folder_can_be_shown(tmp_path: Path) -> None:
@@ -46,3 +49,13 @@ def test_recorder_that_cannot_begin_says_why(tmp_path: Path) -> None:
 def test_ending_what_was_not_begun_says_so(tmp_path: Path) -> None:
     with pytest.raises(RecordingsError, match="nothing is being recorded"):
         Recordings(tmp_path, None).end()
+
+
+def test_contact_of_time_zero_is_shown(tmp_path: Path) -> None:
+    """The contacts of a simulated clock begin there; a contact has no other time."""
+    writer = RecordingWriter(tmp_path / "a.mcap")
+    writer.add("contact", "demo", msgspec.to_builtins(contact_message(t_publish_ns=0)))
+    writer.finish()
+    writer.close()
+    ((sent_ns, topic, _),) = messages_of(tmp_path / "a.mcap", lambda: False)
+    assert (sent_ns, topic) == (0, b"contact/demo")

@@ -16,7 +16,7 @@ from typing import Any
 
 import msgspec
 
-from fmfts.bus.messages import AnyMessage, StateMessage
+from fmfts.bus.messages import AnyMessage, ContactMessage, EventMessage, StateMessage, StatusMessage
 from fmfts.common.reading import damage_told
 from fmfts.common.writing import why_not_written
 from fmfts.config import PadConfig
@@ -179,4 +179,7 @@ def messages_of(path: Path, stopped: Callable[[], bool]) -> Iterator[tuple[int, 
 
 
 def sent_ns(message: AnyMessage) -> int:
-    return int(getattr(message, "t_publish_ns", None) or message.t_ns)  # type: ignore[union-attr]
+    if isinstance(message, ContactMessage):
+        return message.t_publish_ns
+    assert isinstance(message, EventMessage | StatusMessage)
+    return message.t_ns
