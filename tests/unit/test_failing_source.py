@@ -26,6 +26,7 @@ from fmfts.sources import Device, devices
 
 HEALTHY = ("a", "b", "c")
 PATIENCE_S = 60.0
+RECORDINGS = Path(__file__).parents[1] / "data" / "recordings"
 
 
 def pad(name: str) -> PadConfig:
@@ -132,26 +133,36 @@ def test_each_flaw_of_a_frame_is_named() -> None:
     assert flaw_of(frame, sensors, now_ns) == ""
     for kind, change in FRAMES.items():
         changed = change([frame])
-        if kind.split()[0] in ("None", "no", "endless", "20,000", "another", "pad_index"):
+        if kind.split()[0] in ("None", "no", "endless", "2,000", "another", "pad_index"):
             continue  # a poll that gives anything else than frames of its pads is an error of the source
         assert isinstance(changed, list)
         assert flaw_of(changed[0], sensors, now_ns).startswith("a frame"), kind
 
 
-def test_recording_that_is_away_is_its_pads_health(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_recording_that_is_away_is_its_pads_health(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    away = PadConfig(name="played", source=ReplaySource(file=str(tmp_path / "away.mcap")))
-    bus = BusConfig(endpoint=f"ipc://{tmp_path}")
-    with Daemon(Config(pad=(away, pad("a")), bus=bus)) as daemon:
+    monkeypatch.setattr(guarded, "FIRST_PAUSE_S", 0.001)
+    monkeypatch.setattr(guarded, "LONGEST_PAUSE_S", 0.01)
+    path = tmp_path / "away.mcap"
+    away = PadConfig(name="played", source=ReplaySource(file=str(path), pad="left", loop=True))
+    with Daemon(Config(pad=(away, pad("a")), bus=BusConfig(endpoint=f"ipc://{tmp_path}"))) as daemon:
         played, simulated = daemon._channels.values()
-        end = time.monotonic() + PATIENCE_S
-        while simulated.health != "ok" or not played.told()[1]:
-            assert time.monotonic() < end
-            daemon._turn()
+        run(daemon, lambda: simulated.health == "ok" and played.announcer.last is not None)
         assert played.health == "disconnected"
         assert "away.mcap" in played.told()[1]
+        path.write_bytes(b"[" * 100_000)
+        run(daemon, lambda: "is not a recording" in played.told()[1])
+        (tmp_path / "taps.mcap").write_bytes((RECORDINGS / "taps.mcap").read_bytes())
+        (tmp_path / "taps.mcap").rename(path)
+        run(daemon, lambda: played.health == "ok")
+        assert simulated.health == "ok"
+
+
+def run(daemon: Daemon, until: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not until():
+        assert time.monotonic() < end, "it never happened"
+        daemon._turn()
 
 
 def test_daemon_whose_only_recording_is_away_does_not_start(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +64,7 @@ class PadPipeline:
         self._tracking = tracking
         self._alignment = Alignment(len(pad.sensors), period_us=1e6 / rate_hz)
         self._estimator: Estimator | None = None
+        self._at_first: EstimatorMemory | None = None  # the estimator's memory before any frame
         self._why_none = NO_BASELINE
         self._writer = MessageWriter(pad.name, boot, model.hash)
         self._compiled: FastPath | None = None  # not None while C holds the memory
@@ -110,6 +112,7 @@ class PadPipeline:
         self.hand_back()
         baselined = BaselinedPad.of(self.pad, baseline, self._tracking, mounting)
         self._estimator = Estimator(baselined, self._model, self._rate_hz, self._alignment.stopped_us, self._lead)
+        self._at_first = deepcopy(self._estimator.memory)
         self._sighting.rests((self._estimator.mounting.rest,))
         return self._estimator.mounting
 
@@ -123,12 +126,12 @@ class PadPipeline:
         return self._sighting
 
     def start_anew(self) -> None:
-        """Forget all frames, for those that come next have another clock, or an error left half a memory."""
+        """Forget all frames, because the next have another clock, or an error left half a memory. A new estimator would
+        take 15 ms, in which all other pads wait."""
         self._compiled = None
         self._alignment = Alignment(len(self.pad.sensors), period_us=1e6 / self._rate_hz)
-        if self._estimator is not None:
-            stopped_us = self._alignment.stopped_us
-            self._estimator = Estimator(self._estimator.baselined, self._model, self._rate_hz, stopped_us, self._lead)
+        if self._estimator is not None and self._at_first is not None:
+            self._estimator.recall(deepcopy(self._at_first))
 
     def refuse(self, reason: str) -> None:
         """Publish `reason` in every message: there is a baseline, but it cannot be used."""

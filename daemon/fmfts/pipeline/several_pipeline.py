@@ -9,6 +9,7 @@ Its frames are judged in Python, which calls the compiled fit; no lane hands the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,6 +77,7 @@ class SeveralPipeline:
         self._scene, self._magnet_per_k = scene, magnet_per_k
         self._alignment = Alignment(len(pad.sensors), period_us=1e6 / rate_hz)
         self._estimator: FingersEstimator | PosesEstimator | None = None
+        self._at_first: FingersMemory | PosesMemory | None = None  # the estimator's memory before any frame
         self._why_none = NO_BASELINE
         self._baseline: Baseline | None = None
         self._writer = SeveralWriter(pad.name, boot, model.hash)
@@ -134,6 +136,7 @@ class SeveralPipeline:
             self._estimator = FingersEstimator(self.pad, mounting, self._model.response, *others)
             if isinstance(before, FingersEstimator):  # a finger of before is another one
                 self._estimator.memory.counter.next_id = before.memory.counter.next_id
+        self._at_first = deepcopy(self._estimator.memory)
         self._sighting.rests(*rest_of(mounting))
         return mounting
 
@@ -148,10 +151,15 @@ class SeveralPipeline:
         return self._sighting
 
     def start_anew(self) -> None:
-        """Forget all frames, for those that come next have another clock, or an error left half a memory."""
+        """Forget all frames, because the next have another clock, or an error left half a memory. A new estimator would
+        take 15 ms, in which all other pads wait."""
         self._alignment = Alignment(len(self.pad.sensors), period_us=1e6 / self._rate_hz)
-        if self._baseline is not None:
-            self.use(self._baseline, self.mounting)
+        memory = deepcopy(self._at_first)
+        if isinstance(self._estimator, FingersEstimator) and isinstance(memory, FingersMemory):
+            memory.counter.next_id = self._estimator.memory.counter.next_id  # a finger of before is another one
+            self._estimator.recall(memory)
+        if isinstance(self._estimator, PosesEstimator) and isinstance(memory, PosesMemory):
+            self._estimator.recall(memory)
 
     def refuse(self, reason: str) -> None:
         """Publish `reason` in every message: there is a baseline, but it cannot be used."""

@@ -7,6 +7,7 @@ Its frames are judged in Python; no lane hands them to C from a board's bytes.
 from __future__ import annotations
 
 import time
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,6 +57,7 @@ class SkinPipeline:
         self._rate_hz, self._ambient_t, self._magnet_per_k = rate_hz, ambient_t, magnet_per_k
         self._alignment = Alignment(len(pad.sensors), period_us=1e6 / rate_hz)
         self._estimator: SkinEstimator | None = None
+        self._at_first: SkinMemory | None = None  # the estimator's memory before any frame
         self._why_none = NO_BASELINE
         self._baseline: Baseline | None = None
         self.messages, self._sampled_ns = 0, 0
@@ -93,13 +95,15 @@ class SkinPipeline:
             repeats_allowed(mounting.noise_t, self.pad.chip.coarseness_t(baseline.rest.gain_code)),
             self._magnet_per_k,
         )
+        self._at_first = deepcopy(self._estimator.memory)
         return mounting
 
     def start_anew(self) -> None:
-        """Forget all frames, for those that come next have another clock, or an error left half a memory."""
+        """Forget all frames, because the next have another clock, or an error left half a memory. A new estimator would
+        take 15 ms, in which all other pads wait."""
         self._alignment = Alignment(len(self.pad.sensors), period_us=1e6 / self._rate_hz)
-        if self._baseline is not None:
-            self.use(self._baseline, self.mounting)
+        if self._estimator is not None and self._at_first is not None:
+            self._estimator.memory = deepcopy(self._at_first)
 
     def refuse(self, reason: str) -> None:
         """Publish `reason` in every message: there is a baseline, but it cannot be used."""

@@ -54,6 +54,7 @@ class Channel:
         self._rebaselining: Rebaselining | None = None
         self._boot = boot
         self._rate_hz = rate_hz
+        self._lines = source if isinstance(source, ByteSource) else None
         self._statistics = PadStatistics()
         self._lateness = Lateness(source, pad_index, rate_hz, self._statistics)
         self._started_ns = time.monotonic_ns()
@@ -186,11 +187,13 @@ class Channel:
         """Let C handle healthy frames from now on; None if Python must see the frames."""
         self.is_recorded = self.recorders.are_there(now_ns)
         in_python = self.is_recorded or self.job is not None or self._rebaselining is not None
-        clock = self.source.clock_line if isinstance(self.source, ByteSource) else None
-        if in_python or self.announcer.kind is None or clock is None:
-            return None
-        self._lane = self.pipeline.begin(clock, contact_topic(self.name), self.pad_index, self._lateness.overdue_ns)
-        return self._lane
+        clock = None if self._lines is None else self._lines.clock_line
+        if not in_python and self.announcer.kind is not None and clock is not None:
+            overdue_ns = self._lateness.overdue_ns
+            with Contained(self.break_off):
+                self._lane = self.pipeline.begin(clock, contact_topic(self.name), self.pad_index, overdue_ns)
+                return self._lane
+        return None
 
     def end(self) -> int | None:
         """If C handles the frames: take them back and account for those that C handled. `frame` gets the next ones.

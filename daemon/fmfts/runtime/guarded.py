@@ -11,7 +11,7 @@ from fmfts.runtime.failure import Contained, sentence_of, text_of, trace_of
 from fmfts.runtime.renewal import Renewal, close
 from fmfts.sensor import ByteSource, Frame, Source, SourceError, SourceState
 from fmfts.sensor.early import EarlySample
-from fmfts.sensor.patience import Patience
+from fmfts.sensor.patience import RECORDED, Patience
 from fmfts.sensor.source import CannotError
 from fmfts.sources import Device
 
@@ -20,7 +20,8 @@ log = logging.getLogger(__name__)
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 5.0
 LOOK_NS = 20_000_000  # so often the loop looks whether a source is open again
 SHORTEST_WAIT_NS = 500_000  # a source whose deadline is always now must not take the whole processor
-MOST_FRAMES = 256  # of one pad in one poll: more than a recording needs after a stall of this computer
+# Of one pad in one poll: more than a recording needs after a stall of this computer; and what is judged in 5 ms.
+MOST_RECORDED, MOST_JUDGED = 256, 32
 # No poll may wait. This computer may be to blame for one slow poll, hardly for three in a row.
 SLOW_S, MOST_SLOW_POLLS = 0.1, 3
 LOG_AGAIN_NS = 3_600_000_000_000  # after so long, the log shows the traceback of the same kind of error again
@@ -40,6 +41,7 @@ class GuardedSource:
         self._open_device = open_device
         self._pads = frozenset(pads)
         self._bytes: ByteSource | None = None  # the device, if it is one
+        self._patience: Patience | None = None
         self._failure = ""  # why the next poll gives the device up
         self._renewal: Renewal | None = None
         self._pause_s = FIRST_PAUSE_S
@@ -117,10 +119,11 @@ class GuardedSource:
 
     @property
     def patience(self) -> Patience | None:
-        return None if self._bytes is None else self._bytes.patience
+        return self._patience
 
     @patience.setter
     def patience(self, patience: Patience | None) -> None:
+        self._patience = patience
         if self._bytes is not None:
             self._bytes.patience = patience
 
@@ -179,7 +182,8 @@ class GuardedSource:
                 raise ValueError(f"a frame of pad_index {frame.pad_index!r} came, and no such pad is configured")
             if type(frame.device_time_us) is not int:
                 raise TypeError(f"a frame's device_time_us is {frame.device_time_us!r}")
-        most = MOST_FRAMES * len(self._pads)
+        each = MOST_RECORDED if self._patience in (None, RECORDED) else MOST_JUDGED
+        most = each * len(self._pads)
         for frame in frames[:-most]:
             self.state.left_out[frame.pad_index] = self.state.left_out.get(frame.pad_index, 0) + 1
         return frames[-most:]

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable
 from threading import Event, Thread
 
+from fmfts.runtime.failure import Contained, trace_of
 from fmfts.sensor import Source
 from fmfts.service.realtime import take_thread_priority, thread_priority
 
@@ -62,9 +63,6 @@ class Renewal:
 
 def close(source: Source) -> None:
     """Close a source, whatever it raises then."""
-    try:
+    told = "%s: it failed while it was closed, and its device may still be open\n%s"
+    with Contained(lambda error: log.error(told, type(source).__name__, trace_of(error))):
         source.close()
-    except KeyboardInterrupt:
-        raise
-    except BaseException:
-        log.exception("a source failed again while it was closed; its device may still be open")
