@@ -179,7 +179,5 @@ def messages_of(path: Path, stopped: Callable[[], bool]) -> Iterator[tuple[int, 
 
 
 def sent_ns(message: AnyMessage) -> int:
-    if isinstance(message, ContactMessage):
-        return message.t_publish_ns
-    assert isinstance(message, EventMessage | StatusMessage)
-    return message.t_ns
+    assert isinstance(message, ContactMessage | EventMessage | StatusMessage)
+    return message.t_ns if isinstance(message, EventMessage) else message.t_publish_ns
