@@ -73,6 +73,19 @@ def test_leap_is_followed_when_packets_come_doubled_or_swapped(order: tuple[int,
     assert max(later - earlier for earlier, later in pairwise(numbers)) < SOON
 
 
+@pytest.mark.parametrize("power", [20, 46])
+def test_leap_is_followed_by_a_computer_that_reads_seldom(power: int) -> None:
+    """Nine packets at a time, in 41 ms: the last of each read has waited least."""
+    line, size = Line(), 9
+    line.feed(hello(4))
+    come, times = [], leaping(power, 1, RATE_HZ)
+    for first in range(0, len(times) - size, size):
+        packets = [of(number, time_us=times[number]) for number in range(first, first + size)]
+        come += [frame.sequence for frame in line.feed(*packets, later_ns=size * PERIOD_NS)]
+        line.link._clock.found_empty(line.now_ns)
+    assert max(later - earlier for earlier, later in pairwise(come)) < SOON
+
+
 def test_copies_of_one_packet_from_the_future_are_one() -> None:
     line = line_after(BEGUN)
     (before,) = line.feed(of(BEGUN))

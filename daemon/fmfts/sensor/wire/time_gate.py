@@ -36,6 +36,7 @@ class TimeGate:
     def __init__(self) -> None:
         self.waits = False
         self._strange: tuple[int, int] | None = None  # time in µs and arrival in ns of the last one
+        self._last_of_read: tuple[int, int] | None = None  # of the read before: it waited least
         self._count = 0
         self._since_ns = 0
         self._hello = False
@@ -76,6 +77,7 @@ class TimeGate:
             return False
         goes_on = self._goes_on(device_us, arrival_ns)
         is_new = clock.unread_ns(arrival_ns) <= JUMP_NS or (goes_on and arrival_ns - before_ns > JUMP_NS)
+        is_new |= has_next_number and self._kept_pace(device_us, arrival_ns)
         is_believed = self._is_believed(clock, device_us, arrival_ns, goes_on, has_next_number)
         self.waits = is_believed and not is_new
         if is_believed and is_new:
@@ -84,7 +86,7 @@ class TimeGate:
         return False
 
     def _forget(self) -> None:
-        self._strange, self._count, self._hello = None, 0, False
+        self._strange, self._last_of_read, self._count, self._hello = None, None, 0, False
 
     def _forget_if_it_went_on(self, clock: DeviceClock) -> None:
         """Plausible packets may have come that this gate never saw: the fast loop reads them."""
@@ -104,6 +106,8 @@ class TimeGate:
             self._count += 1
         else:
             self._count, self._since_ns = 1, arrival_ns
+        if self._strange is not None and self._strange[1] != arrival_ns:
+            self._last_of_read = self._strange
         self._strange = device_us, arrival_ns
         if not clock.has_begun:
             return True
@@ -118,7 +122,14 @@ class TimeGate:
 
     def _goes_on(self, device_us: int, arrival_ns: int) -> bool:
         """Whether as much time passed on both clocks since the last strange packet."""
-        if self._strange is None:
-            return False
-        there_ns, here_ns = 1000 * (device_us - self._strange[0]), arrival_ns - self._strange[1]
-        return there_ns >= 0 and abs(there_ns - here_ns) <= JUMP_NS + STEP_SHARE * here_ns
+        return self._strange is not None and _passed_alike(self._strange, device_us, arrival_ns)
+
+    def _kept_pace(self, device_us: int, arrival_ns: int) -> bool:
+        """The same since the last packet of the read before, if that is some time ago."""
+        before = self._last_of_read
+        return before is not None and arrival_ns - before[1] > JUMP_NS and _passed_alike(before, device_us, arrival_ns)
+
+
+def _passed_alike(before: tuple[int, int], device_us: int, arrival_ns: int) -> bool:
+    there_ns, here_ns = 1000 * (device_us - before[0]), arrival_ns - before[1]
+    return there_ns >= 0 and abs(there_ns - here_ns) <= JUMP_NS + STEP_SHARE * here_ns
