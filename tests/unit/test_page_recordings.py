@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from bus_messages import contact_message
+from bus_messages import contact_message, event_message, status_message
 
 from fmfts.page.recordings import Recordings, RecordingsError, messages_of
 from fmfts.recording.file import RecordingWriter
@@ -51,11 +51,16 @@ def test_ending_what_was_not_begun_says_so(tmp_path: Path) -> None:
         Recordings(tmp_path, None).end()
 
 
-def test_contact_of_time_zero_is_shown(tmp_path: Path) -> None:
-    """The contacts of a simulated clock begin there; a contact has no other time."""
+def test_each_kind_of_message_is_shown_at_its_time(tmp_path: Path) -> None:
+    """A contact of a clock that begins at zero, too: it has no other time."""
     writer = RecordingWriter(tmp_path / "a.mcap")
-    writer.add("contact", "demo", msgspec.to_builtins(contact_message(t_publish_ns=0)))
+    for kind, message in (
+        ("contact", contact_message(pad="demo", t_publish_ns=0)),
+        ("status", status_message(pad="demo", t_publish_ns=5)),
+        ("event", event_message(pad="demo", t_ns=7)),
+    ):
+        writer.add(kind, "demo", msgspec.to_builtins(message))
     writer.finish()
     writer.close()
-    ((sent_ns, topic, _),) = messages_of(tmp_path / "a.mcap", lambda: False)
-    assert (sent_ns, topic) == (0, b"contact/demo")
+    shown = [(sent_ns, topic) for sent_ns, topic, _ in messages_of(tmp_path / "a.mcap", lambda: False)]
+    assert shown == [(0, b"contact/demo"), (5, b"status/demo"), (7, b"event/demo")]

@@ -38,4 +38,8 @@ SHARE = Range(0.0, 1.0, "share")
 # Where silicone, solder and the chips' data sheets end. Each chip's own range is narrower (Thermometer).
 TEMPERATURE_C = Range(-60.0, 150.0, "temperature in °C")
 RECORDING_S = Range(0.0, 3600.0, "duration of a recording in s")
+# Of tables of presses: any pad that a hand can hold. Their squares and quotients are numbers, too.
+PLACE_MM = Range(-1e4, 1e4, "place in mm")
+SPACING_MM = Range(1e-3, 1e3, "spacing in mm")
+FORCE_N = Range(1e-3, 1e5, "force in N")
 SAMPLES = Range(1, 1e7, "number of samples")

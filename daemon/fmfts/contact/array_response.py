@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import product
+from fmfts.common import possible
 from fmfts.common.reading import damage_told
 
 Array = NDArray[np.float64]
@@ -199,7 +200,11 @@ class ArrayResponse:
             )
             if not (np.isfinite(response.coefficient).all() and np.isfinite(response.shear).all()):
                 raise ValueError("its table contains NaN or infinity")
-            if not (response.spacing_mm > 0.0 and response.scale_n > 0.0 and np.isfinite(response.first_mm)):
+            if not (
+                possible.SPACING_MM.holds(response.spacing_mm)
+                and possible.FORCE_N.holds(response.scale_n)
+                and possible.PLACE_MM.holds(response.first_mm)
+            ):
                 raise ValueError("its knots or its largest force are impossible")
             if not 0.0 < response.error <= LARGEST_ERROR:
                 raise ValueError("its error is impossible")

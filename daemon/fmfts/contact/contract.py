@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 
+from fmfts.common import possible
 from fmfts.contact.response import CHANGE, Response
 
 CONTRACT_VERSION: Literal[2] = 2
@@ -175,6 +176,9 @@ def parse_response(metadata: dict[str, str]) -> Response | None:
         or coefficient.size != prod(packed.shape)
     ):
         raise ValueError("its response has a table of another size than it states")
+    possible.PLACE_MM.require(packed.first_mm)
+    possible.SPACING_MM.require(packed.spacing_mm)
+    possible.FORCE_N.require([packed.scale_n])
     if not np.isfinite(coefficient).all():
         raise ValueError("its response holds values that are not finite")
     return Response(

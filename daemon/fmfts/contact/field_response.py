@@ -200,9 +200,8 @@ class FieldResponse:
                 raise ValueError(f"its axes are {', '.join(names) or 'none'}: a place or none, and one load")
             if not 0 < stored.sensors <= MOST_SENSORS or len(levels) > MOST_LEVELS:
                 raise ValueError(f"its table is of {stored.sensors} sensors at {len(levels)} levels of load")
-            if any(
-                not 1 <= axis.cells <= MOST_CELLS or not 0.0 < axis.spacing < np.inf or not abs(axis.first) < np.inf
-                for axis in axes
+            if not all(
+                1 <= axis.cells <= MOST_CELLS and 1e-6 < axis.spacing < 1e6 and abs(axis.first) < 1e6 for axis in axes
             ):
                 raise ValueError("its knots are impossible")
             if not levels or any(one >= other for one, other in itertools.pairwise(levels)):
