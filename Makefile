@@ -24,6 +24,7 @@
 #              number judged by its frame; the service under systemd on a plain Debian; tests on aarch64
 # make failing-source    a source that raises or returns anything, beside three healthy pads: five minutes
 # make clock-leaps    boards whose clock leaps, lines that double and reorder packets: four minutes
+# make flood   contacts and their ages while 1 to 64 programs flood the control socket, six minutes    (FLOOD="--pads 8 --over ipc")
 # make fuzz, fuzz-files    a million inputs to each decoder; a million damaged files
 # make test-versions         each installed Python with the oldest and the newest allowed dependencies: half an hour
 # make wheel   a wheel for this architecture; fails if a compiled part is missing
@@ -161,6 +162,12 @@ fuzz: test-packages $(VENV)/.installed-test
 CHAOS ?=
 chaos: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python -m drills.chaos.drill $(CHAOS)
+
+# How contacts fare while programs flood the control socket; nothing else should run meanwhile.
+FLOOD ?=
+.PHONY: flood
+flood: $(VENV)/.installed-test
+	PYTHONPATH=tests $(BIN)/python tests/drills/flood.py $(FLOOD)
 
 FAILING_SOURCE ?=
 failing-source: $(VENV)/.installed-test
