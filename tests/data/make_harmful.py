@@ -32,7 +32,7 @@ def nested(depth: int) -> bytes:
 
 def files() -> dict[str, bytes]:
     at_zero = msgspec.json.encode(contact_message(pad="left", t_publish_ns=0))
-    dimensions = field(1, varint(2**31) * 20_000) + b"\x10\x01" + field(8, b"w") + field(9, bytes(9000))
+    dimensions = field(1, varint(9000) * 60_000) + b"\x10\x01" + field(8, b"w") + field(9, bytes(36_000))
     lying = mcap([chunk(ON_CONTACT, "lz4", stored=lz4.frame.compress(bytes(1 << 24)))])
     table = msgspec.msgpack.decode(ARRAY_PATH.read_bytes())
     flat = {"shape": (5, 5, 1, 5), "coefficient": bytes(1000), "shear": bytes(2000), "spacing_mm": 1e-300}
