@@ -26,11 +26,14 @@
 # make clock-leaps    boards whose clock leaps, lines that double and reorder packets: four minutes
 # make flood   contacts and their ages while 1 to 64 programs flood the control socket, six minutes    (FLOOD="--pads 8 --over ipc")
 # make fuzz, fuzz-files    a million inputs to each decoder; a million damaged files
-# make test-versions         each installed Python with the oldest and the newest allowed dependencies: half an hour
+# make test-versions         each installed Python with the oldest, newest and pinned dependencies: half an hour
 # make wheel   a wheel for this architecture; fails if a compiled part is missing
-# make dist    wheels for x86-64 and aarch64, and source archives, in dist/, as a package index takes them (root: aarch64)
+# make dist    wheels for x86-64 and aarch64, and source archives, in dist/, as a package index takes them (root: aarch64);
+#              their SBOM, SHA256SUMS and a signature where a key is configured    (DEB=1: the Debian package, too; SIGN=1)
+# make constraints    the newest versions of all dependencies with their hashes, in release/constraints*.txt
+# make reproducible    two builds of HEAD must give the same wheels and the same Debian package    (QUICK=1: not for aarch64)
 # make test-dist   what is in dist/ in clean environments of each Python: the demo from there; SIZES=1: how large each extra is
-# make release     check HEAD, then `dist`, `test-dist` and a tag; CHECK=1: no tag. Uploads nothing
+# make release     check HEAD, then `dist`, `test-dist` and a tag, signed where a key is configured; CHECK=1: no tag. Uploads nothing
 # make lerobot the LeRobot package with the real LeRobot (6 GB the first time)
 # make ros     the ROS 2 package with real rclpy of two distributions (600 MB the first time)
 # make sizes   modules longer than 250 lines, and the lines of each room
@@ -215,15 +218,23 @@ wheel: $(VENV)/.installed-test
 # What a package index takes: docs/installing.md.
 SIZES ?=
 CHECK ?=
-.PHONY: dist test-dist release ros
-dist: test-packages $(VENV)/.installed-test
+.PHONY: dist test-dist release ros constraints
+# DEB=1: with the Debian package. SIGN=1: signed with GnuPG's default key; else where `git config user.signingkey` is set.
+DEB ?=
+SIGN ?=
+export SIGN
+dist: test-packages $(VENV)/.installed-test $(if $(DEB),deb)
 	@$(call need,$(call missing_packages,debootstrap python3-pip),exit 1)
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[dist]'
-	$(BIN)/python release/dist.py
+	$(BIN)/python release/dist.py $(if $(DEB),--deb build/fmfts_$(VERSION)_$$(dpkg --print-architecture).deb)
 
 test-dist: $(VENV)/.installed-test
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[versions]'
 	$(BIN)/python tests/drills/clean_environments.py $(if $(SIZES),--sizes)
+
+constraints: $(VENV)/.installed-test
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[versions]'
+	$(BIN)/python release/constraints.py
 
 release:
 	$(BIN)/python release/release.py $(if $(CHECK),--check)

@@ -2,8 +2,8 @@
 
 1. nothing is uncommitted; the three pyproject.toml and fmfts.__version__ say the same version
 2. CHANGELOG.md has a heading `## VERSION (date)`, and no tag vVERSION is there yet
-3. `make dist test-dist`
-4. an annotated tag, with the notes of this version as its text (`--check` leaves it out)
+3. `make dist DEB=1 test-dist`; SHA256SUMS is signed where there is a key
+4. a tag, signed where there is a key, with the notes of this version as its text (`--check` leaves it out)
 """
 
 from __future__ import annotations
@@ -16,6 +16,10 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(Path(__file__).parent))
+
+from signing import UNSIGNED, signs, tag_option  # noqa: E402
+
 PROJECTS = (ROOT, ROOT / "clients/python", ROOT / "lab")
 
 
@@ -69,6 +73,14 @@ def require_clean() -> None:
         raise NotReadyError(f"commit or remove first:\n{changed}")
 
 
+def tag(name: str, text: str, root: Path = ROOT) -> None:
+    command = ["git", "tag", tag_option(), "--cleanup=verbatim", name, "-m", text]
+    ended = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    if ended.returncode != 0:
+        raise SystemExit(f"the tag {name} was not made: {ended.stderr}")
+    print(f"tagged {name}, signed" if signs() else f"tagged {name}; {UNSIGNED}")
+
+
 def main() -> int:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--check", action="store_true", help="make no tag")
@@ -82,10 +94,10 @@ def main() -> int:
     except NotReadyError as error:
         print(f"release: {error}", file=sys.stderr)
         return 1
-    subprocess.run(["make", "dist", "test-dist"], cwd=ROOT, check=True)
+    subprocess.run(["make", "dist", "DEB=1", "test-dist"], cwd=ROOT, check=True)
     if not chosen.check:
-        git("tag", "--annotate", "--cleanup=verbatim", f"v{version}", "-m", f"fmfts {version}\n\n{text}\n")
-        print(f"tagged v{version}; to publish: git push origin v{version} && .venv/bin/twine upload dist/*")
+        tag(f"v{version}", f"fmfts {version}\n\n{text}\n")
+        print(f"to publish: git push origin v{version} && .venv/bin/twine upload dist/*.whl dist/*.tar.gz")
     return 0
 
 

@@ -73,6 +73,21 @@ def debian(cache: Path) -> Path:
     return tree
 
 
+def cross_compiler(tree: Path, sources: str | Path) -> dict[str, str]:
+    """Variables with which setuptools compiles for arm64."""
+    return {
+        "CC": "aarch64-linux-gnu-gcc",
+        "LDSHARED": "aarch64-linux-gnu-gcc -shared",
+        "CFLAGS": f"-I{tree}/usr/include -I{tree}/usr/include/python3.11 {without_folder(sources)}",
+        "_PYTHON_HOST_PLATFORM": "linux-aarch64",
+    }
+
+
+def without_folder(sources: str | Path) -> str:
+    """The compiler's option that keeps the name of the folder out of what it writes."""
+    return f"-ffile-prefix-map={sources}=."
+
+
 def wheel(tree: Path, folder: Path, sources: str | Path = ROOT) -> Path:
     """Built by this machine's Python with a cross compiler; the stable ABI needs arm64's headers and nothing more."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -80,12 +95,7 @@ def wheel(tree: Path, folder: Path, sources: str | Path = ROOT) -> Path:
         old.unlink()
     for old in Path(sources).glob("build/*.linux-aarch64*"):  # a module that is gone would still be packed
         shutil.rmtree(old)
-    environment = os.environ | {
-        "CC": "aarch64-linux-gnu-gcc",
-        "LDSHARED": "aarch64-linux-gnu-gcc -shared",
-        "CFLAGS": f"-I{tree}/usr/include -I{tree}/usr/include/python3.11",
-        "_PYTHON_HOST_PLATFORM": "linux-aarch64",
-    }
+    environment = os.environ | cross_compiler(tree, sources)
     subprocess.run([*PIP, "wheel", "--no-deps", "-w", folder, sources], check=True, env=environment)
     (built,) = folder.glob("fmfts-*-abi3-linux_aarch64.whl")
     return built

@@ -1,4 +1,4 @@
-"""All that pyproject.toml allows: each Python with the oldest and the newest of every dependency: `make test-versions`.
+"""Each Python with the oldest, the newest and the pinned versions that pyproject.toml allows: `make test-versions`.
 
 Pythons are those on PATH and of pyenv, and those that uv can fetch. Only wheels are taken: what has none for a Python
 is not what people install there. An environment in which something failed stays in build/versions.
@@ -31,7 +31,9 @@ sys.path.insert(0, str(ROOT / "tests"))
 from drills.aarch64 import load_compiled  # noqa: E402
 from end_to_end.processes import RunningDaemon  # noqa: E402
 
-RESOLUTIONS = {"oldest": "lowest-direct", "newest": "highest"}
+RESOLUTIONS = {"oldest": "lowest-direct", "newest": "highest", "pinned": "highest"}
+# What `make constraints` wrote; uv compares the hashes in these files, too.
+PINNED = [ROOT / "release" / f"constraints{part}.txt" for part in ("", "-extras")]
 # Minutes of statistics each, and no interface of a dependency that others do not use.
 SLOW = ["paper_studies", "neighbours", "needs", "rebaselining", "baseline_refine", "baseline_turn", "bench_contact"]
 SLOW += ["fault_drills"]
@@ -160,7 +162,19 @@ def installed(project: Project, python: str, end: str, folder: Path) -> dict[str
     from_wheels = ["--only-binary", ":all:", "--resolution", RESOLUTIONS[end]]
     # The client of this checkout: no index has it.
     client = [] if project.name == CLIENT.name else [wheel(CLIENT, python, end, folder)]
-    uv("pip", "install", "--python", folder, *from_wheels, "-r", project.folder / "pyproject.toml", *extras, *client)
+    pinned = [word for file in PINNED if end == "pinned" for word in ("--constraints", file)]
+    uv(
+        "pip",
+        "install",
+        "--python",
+        folder,
+        *from_wheels,
+        *pinned,
+        "-r",
+        project.folder / "pyproject.toml",
+        *extras,
+        *client,
+    )
     laboratory = [project.folder / "lab"] if (project.folder / "lab").is_dir() else []  # its verbs are tried, too
     uv("pip", "install", "--python", folder, "--no-deps", wheel(project, python, end, folder), *laboratory)
     listed = json.loads(uv("pip", "list", "--python", folder, "--format", "json"))
