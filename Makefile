@@ -31,7 +31,7 @@
 # make dist    wheels for x86-64 and aarch64, and source archives, in dist/, as a package index takes them (root: aarch64);
 #              their SBOM, SHA256SUMS and a signature where a key is configured    (DEB=1: the Debian package, too; SIGN=1)
 # make constraints    the newest versions of all dependencies with their hashes, in release/constraints*.txt
-# make reproducible    two builds of HEAD must give the same wheels and the same Debian package    (QUICK=1: not for aarch64)
+# make reproducible    two builds of HEAD must give the same wheels and the same Debian package    (QUICK=1: not for aarch64, nothing compressed)
 # make test-dist   what is in dist/ in clean environments of each Python: the demo from there; SIZES=1: how large each extra is
 # make release     check HEAD, then `dist`, `test-dist` and a tag, signed where a key is configured; CHECK=1: no tag. Uploads nothing
 # make lerobot the LeRobot package with the real LeRobot (6 GB the first time)

@@ -18,7 +18,7 @@ IN_PLACE = sed -e 's|@LIB@|$(INSTALL_LIB)|' -e 's|@PYTHON@|$(SYSTEM_PYTHON)|' -e
 INSTALL_PACKAGES = $(call missing_packages,python3-pip python3-dev gcc)
 DEB_PACKAGES = $(call missing_packages,debhelper dh-python build-essential python3-pip python3-dev)
 
-.PHONY: install uninstall deb lint-deb drill-service test-fresh test-busy drills soak aarch64 same-numbers
+.PHONY: install uninstall deb reproducible lint-deb drill-service test-fresh test-busy drills soak aarch64 same-numbers
 
 install:
 	@$(call need,$(INSTALL_PACKAGES),exit 1)
@@ -45,19 +45,28 @@ uninstall:
 
 VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 DEB_BUILD := build/deb
+# The time of the commit, so that the same commit gives the same package; without git, that of CHANGELOG.md.
+SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || stat -c %Y CHANGELOG.md)
 DEB_SOURCES := Makefile pyproject.toml README.md CHANGELOG.md LICENSE config.toml daemon docs clients/python systemd
 
 # A package for Debian 12, in build/. It fetches what Debian lacks from PyPI, by hash (systemd/debian/vendored.txt).
 deb:
 	@$(call need,$(DEB_PACKAGES),exit 1)
 	rm -rf $(DEB_BUILD) && mkdir -p $(DEB_BUILD)/fmfts
-	tar -c --exclude=__pycache__ --exclude='*.so' --exclude='*.egg-info' $(DEB_SOURCES) | tar -x -C $(DEB_BUILD)/fmfts
+	tar -c --exclude=__pycache__ --exclude='*.so' --exclude='*.egg-info' --mtime=@$(SOURCE_DATE_EPOCH) $(DEB_SOURCES) | tar -x -C $(DEB_BUILD)/fmfts
+	sed -n 's/^\(setuptools==[^ ]*\).*/\1/p' release/constraints-build.txt > $(DEB_BUILD)/fmfts/setuptools.txt
 	cp -r systemd/debian $(DEB_BUILD)/fmfts/debian
 	printf 'fmfts (%s) bookworm; urgency=medium\n\n  * See CHANGELOG.md.\n\n -- The fmfts authors <fmfts@example.invalid>  %s\n' \
-		$(VERSION) "$$(date -R)" > $(DEB_BUILD)/fmfts/debian/changelog
-	cd $(DEB_BUILD)/fmfts && dpkg-buildpackage --no-sign --build=binary
+		$(VERSION) "$$(LC_ALL=C date -u -R -d @$(SOURCE_DATE_EPOCH))" > $(DEB_BUILD)/fmfts/debian/changelog
+	cd $(DEB_BUILD)/fmfts && SOURCE_DATE_EPOCH=$(SOURCE_DATE_EPOCH) dpkg-buildpackage --no-sign --build=binary
 	mv $(DEB_BUILD)/fmfts_$(VERSION)_*.deb build/
 	@ls -l build/fmfts_$(VERSION)_*.deb
+
+# Two builds of HEAD in different folders, zones, languages, modes and times give the same bytes. QUICK=1: not for aarch64, nothing compressed.
+reproducible: $(VENV)/.installed-test
+	@$(call need,$(DEB_PACKAGES) $(if $(QUICK),,$(call missing_packages,debootstrap)),exit 1)
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[dist]'
+	$(BIN)/python tests/drills/reproducible.py $(if $(QUICK),--quick)
 
 # Fails on any error that lintian finds in the package.
 lint-deb: deb
