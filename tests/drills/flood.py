@@ -48,14 +48,14 @@ IDLE = Flood("idle")
 RUNS = (
     (
         IDLE,
-        Flood("one client, 20,000/s", ("--per-s", "20000")),
+        Flood("one client, 20,000/s", ("--per-s", "20000", "--waiting", "1000")),
         Flood("64 polite: each waits for its answer", ("--peers", "64", "--waiting", "1")),
         Flood("64 polite, status", ("--peers", "64", "--waiting", "1", "--verb", "status")),
     ),
     (
         IDLE,
         Flood("one, status without pause", ("--waiting", "1", "--verb", "status")),
-        Flood("64 that do not wait", ("--peers", "64", "--waiting", "100")),
+        Flood("64 that do not wait", ("--peers", "64", "--waiting", "16")),
         Flood("64 that do not read, status", ("--peers", "64", "--per-s", "20000", "--deaf", "--verb", "status")),
     ),
 )

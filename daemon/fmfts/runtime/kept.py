@@ -11,14 +11,21 @@ from fmfts.bus.encoding import encoded
 
 
 class KeptAnswer:
-    """What `facts_of` says of each pad, encoded. A pad is encoded again when its facts change.
+    """What `facts_of` says of each pad, encoded. A pad is encoded again when `key_of` says something else.
 
-    facts_of: the facts of the pad of this name, or a message; cheap, because each new answer asks for all pads.
+    facts_of: the facts of the pad of this name, or a message. key_of: what of them may change; cheap, because each new
+    answer asks for all pads. Without it, the facts are compared.
     """
 
-    def __init__(self, names: Callable[[], Iterable[str]], facts_of: Callable[[str], Any]) -> None:
+    def __init__(
+        self,
+        names: Callable[[], Iterable[str]],
+        facts_of: Callable[[str], Any],
+        key_of: Callable[[str], Any] | None = None,
+    ) -> None:
         self._names = names
         self._facts_of = facts_of
+        self._key_of = key_of or facts_of
         self._pads: dict[str, tuple[Any, msgspec.Raw]] = {}
         self._whole: msgspec.Raw | None = None
 
@@ -33,7 +40,7 @@ class KeptAnswer:
         return self._whole
 
     def _pad(self, name: str) -> msgspec.Raw:
-        facts = self._facts_of(name)
-        if name not in self._pads or self._pads[name][0] != facts:
-            self._pads[name] = facts, encoded(facts)
+        key = self._key_of(name)
+        if name not in self._pads or self._pads[name][0] != key:
+            self._pads[name] = key, encoded(self._facts_of(name))
         return self._pads[name][1]

@@ -76,7 +76,7 @@ class Verbs:
         self._facts = {name: pad_facts(config) for name, config in configs.items()}
         self._kept = {
             "status": KeptAnswer(lambda: self.last_status, self._status_of),
-            "pads": KeptAnswer(lambda: self._channels, self._pad_of),
+            "pads": KeptAnswer(lambda: self._channels, self._pad_of, self._now_of),
             "probe": KeptAnswer(lambda: self._channels, self._probe_of),
         }
         self._pending: list[Pending] = []
@@ -131,10 +131,15 @@ class Verbs:
         return _renewed(self._channels[name], self.last_status[name])
 
     def _pad_of(self, name: str) -> dict[str, object]:
+        health, baseline = self._now_of(name)
+        now = {"pad": name, "health": health, "baseline": baseline}
+        return now | self._facts[name] | _range_of(self._channels[name].pipeline.model)
+
+    def _now_of(self, name: str) -> tuple[str, str | None]:
+        """What changes of a pad: its health and its baseline."""
         channel = self._channels[name]
         baseline = channel.pipeline.baseline
-        now = {"pad": name, "health": channel.health, "baseline": baseline and baseline.id}
-        return now | self._facts[name] | _range_of(channel.pipeline.model)
+        return channel.health, None if baseline is None else baseline.id
 
     def _probe_of(self, name: str) -> dict[str, object]:
         channel = self._channels[name]
