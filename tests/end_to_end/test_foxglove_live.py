@@ -28,12 +28,15 @@ MESSAGE = struct.Struct("<BIQ")  # opcode 1, subscription, time: the protocol's 
 def address(tmp_path: Path) -> Iterator[str]:
     with RunningDaemon(tmp_path, CONFIG) as daemon:
         command = [sys.executable, "-m", "fmfts", "view", "--foxglove", "--port", "0"]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=daemon.environment) as bridge:
+        pipe = subprocess.PIPE
+        with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env=daemon.environment) as bridge:
             try:
                 assert bridge.stdout is not None
                 yield bridge.stdout.readline().split()[-1]
             finally:
                 bridge.kill()
+            assert bridge.stderr is not None
+            assert "every user of this machine" in bridge.stderr.read(), "it says who can read"
 
 
 def advertised(client: ClientConnection) -> dict[str, dict[str, object]]:
@@ -77,6 +80,13 @@ def test_client_of_foxglove_gets_contacts_and_drawings(address: str) -> None:
             client.send(json.dumps({"op": "unsubscribe", "subscriptionIds": list(topics)}))
     assert seen["contact/left"]["pad"] == "left"
     assert seen["magnet/left"]["frame_id"] == "left"
+
+
+def test_server_offers_nothing_that_changes_anything(address: str) -> None:
+    with connect(address, subprotocols=[Subprotocol("foxglove.sdk.v1")]) as client:
+        said = json.loads(client.recv(PATIENCE_S))
+    assert said["op"] == "serverInfo"
+    assert said["capabilities"] == []
 
 
 def test_only_this_machine_can_connect(address: str) -> None:

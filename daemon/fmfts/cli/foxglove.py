@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import sys
 
 from fmfts.cli.verb import VerbError, ended_by, lacking, serving_base
 from fmfts.common import exit_codes
 
 FOXGLOVE_PORT = 8765
+OPEN_TO_ALL = (
+    "Foxglove's protocol has no password: while this runs, every user of this machine, and every web page open in a "
+    "browser on it, can read contacts. Nobody can change anything through it"
+)
 
 
 def view_in_foxglove(options: argparse.Namespace) -> int:
@@ -19,6 +24,7 @@ def view_in_foxglove(options: argparse.Namespace) -> int:
     from fmfts_client.endpoints import EndpointError, for_client
 
     def serving(address: str) -> None:
+        print(OPEN_TO_ALL, file=sys.stderr)
         print(f"Foxglove: open the connection {address}", flush=True)
 
     if options.host != LOOPBACK or options.certificate or options.key:

@@ -1,7 +1,8 @@
 """Shows a running daemon in Foxglove, live: `fmfts-daemon view --foxglove`, with Foxglove's SDK (extra `foxglove`).
 
-The SDK's server takes a connection from any page that a browser on this machine has open, whatever its Origin. So it
-listens on the loopback alone, takes no commands, and nothing but contacts can be read from it.
+The SDK's server (0.30) knows neither a token nor allowed Origins, and a server of ours before it would leave its own port
+open. So every user of this machine, and every page that a browser on it has open, can connect: it listens on the loopback
+alone, offers no capability (parameters, services, publishing), and nothing but contacts can be read from it.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ class Bridge:
 
 def serve(endpoints: Endpoints, port: int, told: Callable[[str], None]) -> None:
     """Serve until Ctrl-C. told: called with the address to open. Raises OSError where the port is taken."""
-    server = foxglove.start_server(name="fmfts", host=LOOPBACK, port=port)
+    server = foxglove.start_server(name="fmfts", host=LOOPBACK, port=port, capabilities=[], services=[])
     try:
         told(f"ws://{LOOPBACK}:{server.port}")
         bridge = Bridge(endpoints)
