@@ -9,6 +9,7 @@
 # make first-uses   from `init` to contacts with each chip that Linux reads, on two I2C adapters: figures, three minutes
 # make chips-page   write docs/chips.md anew from the chips' descriptions
 # make transcript   type the first use of README on the firmware's host build, and write what is said into README
+# make security     ten attacks by another user of this computer, and a table of what they gained (root; two minutes)
 # make page-drills  the page under load: many pads, pages and strangers, an hour's run, the first use of a board
 # make pictures     take the pictures of the manual from the real page, in Chromium
 # make test    set up what the tests need, run all parts, and summarise    (PARTS="lint unit": only those; or make lint …)
@@ -110,6 +111,11 @@ pictures: test-packages $(VENV)/.installed-test firmware
 # shortens what is measured of five pages); nothing else may run meanwhile.
 page-drills: test-packages $(VENV)/.installed-test firmware
 	$(BIN)/python -m pytest -s tests/page/page_drills.py
+
+# What another user of this computer gains who attacks a daemon and its page; as root, who can become that user.
+.PHONY: security
+security: test-packages $(VENV)/.installed-test
+	$(BIN)/python -m pytest -s -q tests/security
 
 PARTS ?=
 test: test-packages $(VENV)/.installed-test firmware-for-tests

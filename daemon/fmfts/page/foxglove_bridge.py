@@ -1,8 +1,8 @@
 """Shows a running daemon in Foxglove, live: `fmfts-daemon view --foxglove`, with Foxglove's SDK (extra `foxglove`).
 
-The SDK's server (0.30) knows neither a token nor allowed Origins, and a server of ours before it would leave its own port
-open. So every user of this machine, and every page that a browser on it has open, can connect: it listens on the loopback
-alone, offers no capability (parameters, services, publishing), and nothing but contacts can be read from it.
+The SDK's server (0.30) knows neither a token nor allowed Origins, and a server of ours before it would leave its own
+port open. So every user of this machine, and every page that a browser on it has open, can connect: it listens on the
+loopback alone, offers no capability (parameters, services, publishing), and nothing but contacts can be read from it.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from typing import Any
 
 # A connection passes through at most eight turns of the loop until its token is known, so it is not among the oldest.
 WAITING, ACCEPTED_IN_A_TURN = 512, 32
-QUEUE = 1024  # what the kernel keeps until the loop accepts it
+QUEUE = 256  # what the kernel keeps until the loop accepts it
 Address = tuple[Any, ...]  # of the other end: unique while the connection lasts
 
 
