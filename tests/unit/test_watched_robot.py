@@ -209,7 +209,7 @@ class TestCommandLine:
             (["--robot-keys", "keys"], exit_codes.USAGE, "--robot-keys is for --robot"),
             (
                 ["--robot", "arm=tcp://192.0.2.1:5570"],
-                exit_codes.UNAVAILABLE,
+                exit_codes.CONFIG,
                 "robot 'arm': tcp://192.0.2.1:5570 is on",
             ),
         ],
@@ -230,7 +230,7 @@ class TestCommandLine:
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         words = ["--robot", "arm=tcp://127.0.0.1:5570", "--robot-keys", str(tmp_path)]
-        assert main(["view", "--port", "0", *words]) == exit_codes.UNAVAILABLE
+        assert main(["view", "--port", "0", *words]) == exit_codes.CONFIG
         said = capsys.readouterr().err
         assert f"there is no {tmp_path}/arm.key" in said
         assert "`fmfts-daemon keys new CLIENT -o arm.key`" in said
@@ -239,5 +239,5 @@ class TestCommandLine:
         (tmp_path / "arm.key").write_text("")
         (tmp_path / "arm.key").chmod(0o644)
         words = ["--robot", "arm=tcp://127.0.0.1:5570", "--robot-keys", str(tmp_path)]
-        assert main(["view", "--port", "0", *words]) == exit_codes.UNAVAILABLE
+        assert main(["view", "--port", "0", *words]) == exit_codes.CONFIG
         assert f"robot 'arm': key {tmp_path}/arm.key is open to others" in capsys.readouterr().err
