@@ -26,6 +26,8 @@
 # make failing-source    a source that raises or returns anything, beside three healthy pads: five minutes
 # make clock-leaps    boards whose clock leaps, lines that double and reorder packets: four minutes
 # make flood   contacts and their ages while 1 to 64 programs flood the control socket, six minutes    (FLOOD="--pads 8 --over ipc")
+# make sanitize    the compiled parts and the C client under AddressSanitizer and UndefinedBehaviorSanitizer: a quarter of an
+#              hour (SHORT=1: a minute)
 # make fuzz, fuzz-files    a million inputs to each decoder; a million damaged files
 # make test-versions         each installed Python with the oldest, newest and pinned dependencies: half an hour
 # make wheel   a wheel for this architecture; fails if a compiled part is missing
@@ -166,6 +168,12 @@ fuzz: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/drills/anyskin_fuzz.py --inputs 1000000
 	$(MAKE) -C firmware fuzz
 	$(MAKE) fuzz-c-client
+
+# An access outside of an array, and an integer that overflows, end the process. build/sanitized holds what is built for it.
+SHORT ?=
+.PHONY: sanitize
+sanitize: $(VENV)/.installed-test
+	$(BIN)/python tests/sanitized/run.py $(if $(SHORT),--short)
 
 # Everything that can go wrong, at random, in pairs, on 16 touched pads: ten million frames take 50 minutes.
 CHAOS ?=

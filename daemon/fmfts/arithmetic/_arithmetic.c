@@ -6,6 +6,7 @@
 
 #include <stdlib.h>
 
+#include "../common/aligned.h"
 #include "elementary.h"
 #include "matrix.h"
 
@@ -17,12 +18,25 @@ typedef struct {
     int count;
 } arrays;
 
+/* The product of sizes that Python gives, where it is one of an array; else more than any array has. */
+static size_t times(Py_ssize_t count, Py_ssize_t m, Py_ssize_t n)
+{
+    Py_ssize_t product;
+    bool fits = count >= 0 && m >= 0 && n >= 0 && !__builtin_mul_overflow(count, m, &product) &&
+                !__builtin_mul_overflow(product, n, &product);
+    return fits ? (size_t)product : SIZE_MAX;
+}
+
 /* Raises ValueError and returns false unless array i has lengths[i] doubles. */
 static bool have_lengths(const arrays *a, const size_t *lengths)
 {
     for (int i = 0; i < a->count; i++) {
-        if ((size_t)a->buffer[i].len != lengths[i] * sizeof(double)) {
+        size_t doubles = (size_t)a->buffer[i].len / sizeof(double);
+        if (doubles != lengths[i] || (size_t)a->buffer[i].len % sizeof(double)) {
             PyErr_Format(PyExc_ValueError, "array %d has %zd bytes, %zu doubles expected", i, a->buffer[i].len, lengths[i]);
+            return false;
+        }
+        if (!fmfts_is_aligned(&a->buffer[i], sizeof(double))) {
             return false;
         }
     }
@@ -60,11 +74,12 @@ static PyObject *product(PyObject *module, PyObject *args)
     if (!PyArg_ParseTuple(args, "nnnny*y*w*", &count, &m, &k, &n, &a.buffer[0], &a.buffer[1], &a.buffer[2])) {
         return NULL;
     }
-    size_t left = (size_t)(m * k), right = (size_t)(k * n), out = (size_t)(m * n), times = (size_t)count;
-    bool one_left = (size_t)a.buffer[0].len == left * sizeof(double);
-    bool one_right = (size_t)a.buffer[1].len == right * sizeof(double);
-    if (have_lengths(&a, (size_t[]){one_left ? left : left * times, one_right ? right : right * times, out * times})) {
-        for (size_t i = 0; i < times; i++) {
+    size_t left = times(1, m, k), right = times(1, k, n), out = times(1, m, n);
+    bool one_left = (size_t)a.buffer[0].len / sizeof(double) == left;
+    bool one_right = (size_t)a.buffer[1].len / sizeof(double) == right;
+    size_t lengths[] = {one_left ? left : times(count, m, k), one_right ? right : times(count, k, n), times(count, m, n)};
+    if (have_lengths(&a, lengths)) {
+        for (size_t i = 0; out && i < (size_t)count; i++) {
             fmfts_product((size_t)m, (size_t)k, (size_t)n, (const double *)a.buffer[0].buf + (one_left ? 0 : i * left),
                           (const double *)a.buffer[1].buf + (one_right ? 0 : i * right),
                           (double *)a.buffer[2].buf + i * out);
@@ -83,8 +98,8 @@ static PyObject *cholesky(PyObject *module, PyObject *args)
     if (!PyArg_ParseTuple(args, "nnw*", &count, &n, &a.buffer[0])) {
         return NULL;
     }
-    if (have_lengths(&a, (size_t[]){(size_t)(count * n * n)})) {
-        for (Py_ssize_t i = 0; i < count && good; i++) {
+    if (have_lengths(&a, (size_t[]){times(count, n, n)})) {
+        for (Py_ssize_t i = 0; n && i < count && good; i++) {
             good = fmfts_cholesky((size_t)n, (double *)a.buffer[0].buf + i * n * n);
         }
     }
@@ -98,8 +113,8 @@ static PyObject *solve(PyObject *args, void (*solver)(size_t, size_t, const doub
     if (!PyArg_ParseTuple(args, "nnny*w*", &count, &n, &columns, &a.buffer[0], &a.buffer[1])) {
         return NULL;
     }
-    if (have_lengths(&a, (size_t[]){(size_t)(count * n * n), (size_t)(count * n * columns)})) {
-        for (Py_ssize_t i = 0; i < count; i++) {
+    if (have_lengths(&a, (size_t[]){times(count, n, n), times(count, n, columns)})) {
+        for (Py_ssize_t i = 0; n && i < count; i++) {
             solver((size_t)n, (size_t)columns, (const double *)a.buffer[0].buf + i * n * n,
                    (double *)a.buffer[1].buf + i * n * columns);
         }
@@ -130,7 +145,7 @@ static PyObject *rotate_columns(PyObject *module, PyObject *args)
     if (!PyArg_ParseTuple(args, "nnw*w*", &m, &n, &a.buffer[0], &a.buffer[1])) {
         return NULL;
     }
-    if (have_lengths(&a, (size_t[]){(size_t)(m * n), (size_t)(n * n)})) {
+    if (have_lengths(&a, (size_t[]){times(1, m, n), times(1, n, n)})) {
         ended = fmfts_rotate_columns((size_t)m, (size_t)n, a.buffer[0].buf, a.buffer[1].buf);
     }
     return truth_of(&a, ended);
@@ -145,13 +160,17 @@ static PyObject *complement(PyObject *module, PyObject *args)
     if (!PyArg_ParseTuple(args, "nnw*w*", &m, &n, &a.buffer[0], &a.buffer[1])) {
         return NULL;
     }
-    double *scale = PyMem_Malloc((size_t)(n + 1) * sizeof *scale);
-    if (!scale) {
-        PyErr_NoMemory();
-    } else if (have_lengths(&a, (size_t[]){(size_t)(m * n), (size_t)(m * (m - n))})) {
-        fmfts_complement((size_t)m, (size_t)n, a.buffer[0].buf, scale, a.buffer[1].buf);
+    if (n < 0 || n > m) {
+        PyErr_Format(PyExc_ValueError, "%zd columns of %zd rows have no complement", n, m);
+    } else if (have_lengths(&a, (size_t[]){times(1, m, n), times(1, m, m - n)})) {
+        double *scale = PyMem_Malloc(((size_t)n + 1) * sizeof *scale);
+        if (scale) {
+            fmfts_complement((size_t)m, (size_t)n, a.buffer[0].buf, scale, a.buffer[1].buf);
+        } else {
+            PyErr_NoMemory();
+        }
+        PyMem_Free(scale);
     }
-    PyMem_Free(scale);
     return none_of(&a);
 }
 

@@ -3,7 +3,14 @@
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
+#include "../common/aligned.h"
 #include "network.h"
+
+static bool are_aligned(const Py_buffer *b)
+{
+    return fmfts_is_aligned(&b[0], sizeof(float)) && fmfts_is_aligned(&b[1], sizeof(float)) &&
+           fmfts_is_aligned(&b[2], sizeof(float)) && fmfts_is_aligned(&b[3], sizeof(float));
+}
 
 /* infer(vector, pose, contact, jacobian): all float32. ValueError if their sizes do not fit each other. */
 static PyObject *infer(PyObject *module, PyObject *args)
@@ -16,7 +23,9 @@ static PyObject *infer(PyObject *module, PyObject *args)
         return NULL;
     }
     const size_t pose = FMFTS_NETWORK_POSE * sizeof(float);
-    if (b[0].len % (Py_ssize_t)sizeof(float) == 0 &&
+    if (!are_aligned(b)) {
+        /* it has raised */
+    } else if (b[0].len % (Py_ssize_t)sizeof(float) == 0 &&
         fmfts_view_network(b[0].buf, (size_t)b[0].len / sizeof(float), &network) && (size_t)b[1].len == pose &&
         (size_t)b[2].len == network.outputs * sizeof(float) && (size_t)b[3].len == network.outputs * pose) {
         fmfts_infer(&network, b[1].buf, b[2].buf, b[3].buf);

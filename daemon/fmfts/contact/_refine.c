@@ -3,6 +3,7 @@
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
+#include "../common/aligned.h"
 #include "refine.h"
 
 enum { RESPONSE, CHANGE, COVARIANCE, PRESS, SPREAD, BUFFERS };
@@ -22,6 +23,9 @@ static int sizes_agree(const Py_buffer *buffer, const fmfts_response *response)
             PyErr_Format(PyExc_ValueError, "array %d has %zd bytes, %zd expected", i, buffer[i].len, wanted[i]);
             return 0;
         }
+        if (!fmfts_is_aligned(&buffer[i], sizeof(double))) {
+            return 0;
+        }
     }
     return 1;
 }
@@ -37,7 +41,9 @@ static PyObject *refine(PyObject *module, PyObject *args)
     if (!PyArg_ParseTuple(args, "y*y*y*iw*w*", &b[RESPONSE], &b[CHANGE], &b[COVARIANCE], &steps, &b[PRESS], &b[SPREAD])) {
         return NULL;
     }
-    if (!fmfts_view_response(b[RESPONSE].buf, (size_t)b[RESPONSE].len, &response)) {
+    if (!fmfts_is_aligned(&b[RESPONSE], sizeof(double))) {
+        /* it has raised */
+    } else if (!fmfts_view_response(b[RESPONSE].buf, (size_t)b[RESPONSE].len, &response)) {
         PyErr_SetString(PyExc_ValueError, "the response has another size than can be refined with");
     } else if (sizes_agree(b, &response)) {
         result = PyBool_FromLong(

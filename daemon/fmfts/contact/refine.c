@@ -1,5 +1,6 @@
 #include "refine.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "../pose/algebra.h"
@@ -12,9 +13,15 @@ typedef struct {
     double press[FMFTS_MAX_PRESS], residual[FMFTS_MOVED], slope[FMFTS_MOVED][FMFTS_MAX_PRESS], chi2;
 } point;
 
+/* NaN is the lowest. */
 static double clamped(double value, double lowest, double highest)
 {
-    return value < lowest ? lowest : value > highest ? highest : value;
+    return !(value >= lowest) ? lowest : value > highest ? highest : value;
+}
+
+static bool is_positive(double value)
+{
+    return value > 0.0 && value < INFINITY;
 }
 
 bool fmfts_view_response(const void *content, size_t size, fmfts_response *response)
@@ -24,7 +31,8 @@ bool fmfts_view_response(const void *content, size_t size, fmfts_response *respo
     if (size < HEAD * sizeof(double) || !(head[KNOTS_X] >= 2.0 && head[KNOTS_X] <= 10000.0) ||
         !(head[KNOTS_Y] >= 2.0 && head[KNOTS_Y] <= 10000.0) ||
         !(head[MONOMIALS] >= 1.0 && head[MONOMIALS] <= FMFTS_MAX_MONOMIALS) ||
-        !(head[LOADS] >= 1.0 && head[LOADS] <= FMFTS_MAX_LOADS)) {
+        !(head[LOADS] >= 1.0 && head[LOADS] <= FMFTS_MAX_LOADS) || !is_positive(head[SPACING_X]) ||
+        !is_positive(head[SPACING_Y]) || !is_positive(head[SCALE])) {
         return false;
     }
     *response = (fmfts_response){

@@ -25,7 +25,7 @@ typedef struct {
 } fmfts_response;
 
 /* content: knots, monomials, loads, first_mm, spacing_mm, scale_n and the coefficients as doubles, then the exponents as
- * int32. False if it is not a response, or larger than the limits above. */
+ * int32. False if it is not a response, a spacing or scale is not positive, or it is larger than the limits above. */
 bool fmfts_view_response(const void *content, size_t size, fmfts_response *response);
 
 /* The change of pose under `press`, and its derivative by the press. */

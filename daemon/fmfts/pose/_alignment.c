@@ -3,6 +3,7 @@
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
+#include "../common/aligned.h"
 #include "push.h"
 
 /* The memory, the frame, and what is written, in the order of the arguments. */
@@ -21,8 +22,25 @@ static int sizes_agree(const Py_buffer *b, Py_ssize_t sensors)
                          sensors);
             return 0;
         }
+        if (i != FRESH && i != TIMED && !fmfts_is_aligned(&b[i], sizeof(double))) {
+            return 0;
+        }
     }
     return 1;
+}
+
+/* Whether differences of these times fit into 64 bits. A board counts 48 bits; a recording may claim any time. */
+static int times_are_possible(const int64_t *time, Py_ssize_t sensors, long long frame_us)
+{
+    const int64_t most = (int64_t)1 << 53;
+    bool possible = -most <= frame_us && frame_us <= most;
+    for (Py_ssize_t i = 0; i < sensors; i++) {
+        possible = possible && -most <= time[i] && time[i] <= most;
+    }
+    if (!possible) {
+        PyErr_SetString(PyExc_ValueError, "a sample's time is more than 2^53 us: no board's clock counts so far");
+    }
+    return possible;
 }
 
 /* push(fields, times, repeats, field, time, fresh, timed, aligned, share, bend, repeated, stopped, longest_gap, old, gap_share,
@@ -45,7 +63,7 @@ static PyObject *push(PyObject *module, PyObject *args)
     Py_ssize_t sensors = b[FRESH].len;
     if (sensors < 1) {
         PyErr_SetString(PyExc_ValueError, "a frame of no sensors");
-    } else if (sizes_agree(b, sensors)) {
+    } else if (sizes_agree(b, sensors) && times_are_possible(b[TIME].buf, sensors, frame_us)) {
         periods.most_without_news = most;
         fmfts_samples samples = {(size_t)sensors, b[FIELDS].buf, b[TIMES].buf, b[REPEATS].buf, without_news};
         fmfts_pushed frame = {b[FIELD].buf, b[TIME].buf, b[FRESH].buf, b[TIMED].buf, has_time != 0, frame_us};

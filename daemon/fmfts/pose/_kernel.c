@@ -3,11 +3,12 @@
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
+#include "../common/aligned.h"
 #include "solver.h"
 
 enum { MEASUREMENTS, MAGNETS, PARTS, START, MEAN, COVARIANCE, RATE, DIFFUSION, INPUTS };
 enum { STATE = INPUTS, SPREAD, DIRECTION, SUMMARY, BUFFERS };
-enum { SUMMARY_VALUES = 6 };
+enum { SUMMARY_VALUES = 6, MOST = 1 << 24 /* pads, rows: no product of sizes overflows */ };
 
 typedef struct {
     Py_buffer buffer[BUFFERS];
@@ -75,6 +76,9 @@ static int sizes_agree(const call *c)
             PyErr_Format(PyExc_ValueError, "array %d has %zd bytes, %zd expected", i, c->buffer[i].len, c->pads * bytes);
             return 0;
         }
+        if (i != PARTS && !fmfts_is_aligned(&c->buffer[i], sizeof(double))) {
+            return 0;
+        }
     }
     return 1;
 }
@@ -91,8 +95,10 @@ static PyObject *solve(PyObject *module, PyObject *args)
                           &b[SUMMARY])) {
         return NULL;
     }
-    if (c.magnets < 1 || c.magnets > FMFTS_MAX_MAGNETS || c.pads < 0 || c.rows < 0) {
+    if (c.magnets < 1 || c.magnets > FMFTS_MAX_MAGNETS) {
         PyErr_Format(PyExc_ValueError, "%zd magnets: 1 to %d fit into one state", c.magnets, FMFTS_MAX_MAGNETS);
+    } else if (c.pads < 0 || c.pads > MOST || c.rows < 0 || c.rows > MOST) {
+        PyErr_Format(PyExc_ValueError, "%zd pads of %zd rows: at most %d", c.pads, c.rows, MOST);
     } else if (sizes_agree(&c)) {
         double *work = PyMem_Malloc((size_t)(FMFTS_WORK(c.rows) + 1) * sizeof(double));
         if (!work) {

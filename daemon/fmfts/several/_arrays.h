@@ -6,6 +6,7 @@
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
+#include "../common/aligned.h"
 #include "fit.h"
 
 enum { MOST_BUFFERS = 17 };
@@ -20,6 +21,7 @@ typedef struct {
 } call;
 
 enum { MODEL, WORK, FIRST };
+enum { WORK_DOUBLES = sizeof(fmfts_several_work) / sizeof(double) };
 
 static inline void release(call *c)
 {
@@ -59,7 +61,7 @@ static inline bool has(const call *c, int which, size_t bytes)
 
 static inline bool has_doubles(const call *c, int which, size_t doubles)
 {
-    return has(c, which, doubles * sizeof(double));
+    return has(c, which, doubles * sizeof(double)) && fmfts_is_aligned(&c->buffer[which], sizeof(double));
 }
 
 static inline double *array(const call *c, int which)
@@ -72,11 +74,14 @@ static inline bool has_model(call *c)
 {
     const Py_buffer *model = &c->buffer[MODEL];
     c->work = c->buffer[WORK].buf;
+    if (!fmfts_is_aligned(model, sizeof(double))) {
+        return false;
+    }
     if (!fmfts_view_several(model->buf, (size_t)model->len / sizeof(double), &c->model)) {
         PyErr_SetString(PyExc_ValueError, "the model has another size than there is room for");
         return false;
     }
-    return has(c, WORK, sizeof(fmfts_several_work));
+    return has_doubles(c, WORK, WORK_DOUBLES);
 }
 
 /* The model, the work space, and fingers in array `finger`. */

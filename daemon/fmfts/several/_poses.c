@@ -57,7 +57,7 @@ PyObject *fmfts_py_free_poses(PyObject *module, PyObject *args)
     }
     if (has_model(&c)) {
         size_t values = c.model.values, numbers = c.model.poses, places = 3 * c.model.magnets;
-        if (has(&c, LIMITS, sizeof(fmfts_free_limits)) && has_doubles(&c, START, numbers) && has_doubles(&c, FIELD, values) &&
+        if (has_doubles(&c, LIMITS, sizeof(fmfts_free_limits) / sizeof(double)) && has_doubles(&c, START, numbers) && has_doubles(&c, FIELD, values) &&
             has_doubles(&c, VARIANCE, values) && has_foreign(&c, FOREIGN) && has(&c, USED, values) &&
             has_doubles(&c, AMBIENT, 3) && has_doubles(&c, CHANGE, numbers) &&
             has_doubles(&c, COVARIANCE, numbers * numbers) && has_doubles(&c, MISFIT, values) &&

@@ -6,6 +6,9 @@
 static bool searches(const call *c, int which, size_t values, fmfts_search *search)
 {
     const Py_buffer *packed = &c->buffer[which];
+    if (!fmfts_is_aligned(packed, sizeof(double))) {
+        return false;
+    }
     if (values <= FMFTS_SEVERAL_VALUES &&
         fmfts_view_search(packed->buf, (size_t)packed->len / sizeof(double), values, search)) {
         return true;
@@ -116,7 +119,7 @@ PyObject *fmfts_py_valley(PyObject *module, PyObject *args)
         size_t values = c.model.values, ways = (size_t)c.buffer[CHI2].len / (2 * sizeof(double));
         size_t unknowns = FMFTS_FINGER * c.fingers, all = ways * unknowns;
         if (searches(&c, SEARCH, values, &search) && has_doubles(&c, AWAY, all) && has_doubles(&c, DIRECTION, all) &&
-            has(&c, LIMITS, sizeof(fmfts_valley_limits)) && has_doubles(&c, FIELD, values) &&
+            has_doubles(&c, LIMITS, sizeof(fmfts_valley_limits) / sizeof(double)) && has_doubles(&c, FIELD, values) &&
             has_doubles(&c, VARIANCE, values) && has_foreign(&c, FOREIGN) && has(&c, USED, values) &&
             has_doubles(&c, AMBIENT, 3) && has_doubles(&c, THERE, 2 * all) && has_doubles(&c, CHI2, 2 * ways)) {
             fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf, foreign(&c, FOREIGN)};
@@ -141,7 +144,7 @@ static bool scans(call *c, PyObject *args, int others, fmfts_search *search, fmf
     size_t there = used(c, SCAN_USED), values = (size_t)c->buffer[SCAN_USED].len;
     c->work = c->buffer[WORK].buf;
     *measured = (fmfts_measured){.field_t = array(c, SCAN_FIELD), .used = c->buffer[SCAN_USED].buf};
-    if (searches(c, SCANNED, values, search) && has(c, WORK, sizeof(fmfts_several_work)) &&
+    if (searches(c, SCANNED, values, search) && has_doubles(c, WORK, WORK_DOUBLES) &&
         has_doubles(c, SCAN_ROOM, FMFTS_SCAN_DOUBLES(values, search->panels * FMFTS_PANEL)) &&
         has_doubles(c, SCAN_ROOT, there * there) && has_doubles(c, SCAN_FIELD, values)) {
         return true;

@@ -6,13 +6,14 @@
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
+#include "../../common/aligned.h"
 #include "frame_step.h"
 
-/* 0 and ValueError if the buffer has another size. */
+/* 0 and ValueError if the buffer has another size, or begins where no double may. */
 static inline int has_size(const Py_buffer *buffer, size_t size, const char *what)
 {
     if (buffer->len == (Py_ssize_t)size) {
-        return 1;
+        return fmfts_is_aligned(buffer, sizeof(double));
     }
     PyErr_Format(PyExc_ValueError, "%s: %zd bytes, %zu expected", what, buffer->len, size);
     return 0;
@@ -24,6 +25,9 @@ static inline int view_network(const Py_buffer *vector, const fmfts_parameters *
 {
     if (parameters->message.has_model[0] == 0.0) {
         return 1;
+    }
+    if (!fmfts_is_aligned(vector, sizeof(float))) {
+        return 0;
     }
     if (vector->buf && fmfts_view_network(vector->buf, (size_t)vector->len / sizeof(float), network) &&
         (network->outputs == 3 || network->outputs == FMFTS_CONTACT)) {
@@ -54,6 +58,7 @@ static inline int fmfts_take_pad(PyObject *given, Py_buffer *buffer, fmfts_pad *
         !has_size(&b[FMFTS_PARAMETERS_BUFFER], sizeof(fmfts_parameters), "parameters") ||
         !has_size(&b[FMFTS_MEMORY_BUFFER], sizeof(fmfts_memory), "memory") ||
         !has_size(&b[FMFTS_OUTCOME_BUFFER], sizeof(fmfts_outcome), "outcome") ||
+        !fmfts_is_aligned(&b[FMFTS_RESPONSE_BUFFER], sizeof(double)) ||
         !view_network(&b[FMFTS_NETWORK_BUFFER], b[FMFTS_PARAMETERS_BUFFER].buf, &pad->network)) {
         return 0;
     }

@@ -14,6 +14,13 @@ static void release(Py_buffer *buffers, int count)
 
 enum { READINGS = FMFTS_PAD_BUFFERS, FRAME_BUFFERS };
 
+/* Whether sums of these times fit into 64 bits. A board counts 48 bits; a recording may claim any time. */
+static bool are_possible(unsigned long long time_us, long long host_ns)
+{
+    const long long most_ns = 1LL << 62;
+    return time_us <= 1ULL << 53 && -most_ns <= host_ns && host_ns <= most_ns;
+}
+
 /* judge(pad, (gain_code, valid, fresh, readings), sequence, time_us, host_ns, temperature_c) → (instant in µs, time of `now` in
  * µs, kind of contact), or None if the frame is not healthy; its memory is then unchanged. pad: see _buffers.h. */
 static PyObject *judge(PyObject *module, PyObject *args)
@@ -35,7 +42,9 @@ static PyObject *judge(PyObject *module, PyObject *args)
         frame.time_us = (double)time_us;
         frame.host_ns = host_ns;
         frame.sequence = (double)sequence;
-        fmfts_kind kind = fmfts_frame_step(&pad, memory, &frame, (size_t)b[READINGS].len, outcome);
+        fmfts_kind kind = are_possible(time_us, host_ns)
+                              ? fmfts_frame_step(&pad, memory, &frame, (size_t)b[READINGS].len, outcome)
+                              : FMFTS_NO_NUMBER;
         if (kind == FMFTS_NO_NUMBER) {
             result = Py_NewRef(Py_None);
         } else {

@@ -4,6 +4,7 @@
 #include <Python.h>
 #include <string.h>
 
+#include "../../common/aligned.h"
 #include "clock.h"
 #include "newest.h"
 #include "sample.h"
@@ -72,6 +73,12 @@ static PyObject *keep_newest(PyObject *module, PyObject *args)
     return result;
 }
 
+/* Whether sums of these times fit into 64 bits, as those of a board's clock of 48 bits do. Python's have no limit. */
+static int are_possible(long long device_us, long long arrival_ns)
+{
+    return 0 <= device_us && device_us < 1LL << 48 && 0 <= arrival_ns && arrival_ns < 1LL << 62;
+}
+
 /* host_time(line, device_us, arrival_ns) → ns on the host's clock, or None when Python must decide; see clock.h. */
 static PyObject *host_time(PyObject *module, PyObject *args)
 {
@@ -85,7 +92,9 @@ static PyObject *host_time(PyObject *module, PyObject *args)
     }
     if (line.len != (Py_ssize_t)sizeof(fmfts_clock_line)) {
         PyErr_Format(PyExc_ValueError, "line: %zd bytes, %zu expected", line.len, sizeof(fmfts_clock_line));
-    } else if (fmfts_host_time(line.buf, device_us, arrival_ns, &host_ns)) {
+    } else if (!fmfts_is_aligned(&line, sizeof(double))) {
+        /* it has raised */
+    } else if (are_possible(device_us, arrival_ns) && fmfts_host_time(line.buf, device_us, arrival_ns, &host_ns)) {
         result = PyLong_FromLongLong(host_ns);
     } else {
         result = Py_NewRef(Py_None);

@@ -1,0 +1,201 @@
+"""Calls of every function that the compiled parts export, as the package itself makes them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmfts.arithmetic import matrix
+from fmfts.arithmetic.compiled import _arithmetic
+from fmfts.contact import ContactModel, _network, _refine
+from fmfts.pipeline.fast.compiled import _fast
+from fmfts.pose import _alignment, _kernel
+from fmfts.pose.alignment import Alignment
+from fmfts.pose.kernel import solve_kernel
+from fmfts.sensor.wire import _wire
+from fmfts.sensor.wire.framing import Decoder, encode
+from fmfts.several import _several
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "unit"))
+
+MODULES: dict[str, ModuleType] = {
+    module.__name__: module
+    for module in (_arithmetic, _kernel, _alignment, _wire, _refine, _network, _several, _fast)
+    if module is not None
+}
+MOST_KEPT = 12  # of one function: calls that differ in their sizes
+
+
+class Call(NamedTuple):
+    """One call. arguments: arrays are copies, as bytes or, where the call writes them, as bytearrays."""
+
+    module: str
+    name: str
+    arguments: tuple[Any, ...]
+
+    @property
+    def function(self) -> Callable[..., Any]:
+        return getattr(MODULES[self.module], self.name)  # type: ignore[no-any-return]
+
+
+def functions() -> list[tuple[str, str]]:
+    """Module and name of every exported function. Lane and Loop are classes, and have tests of their own."""
+    return [
+        (module.__name__, name)
+        for module in MODULES.values()
+        for name, value in vars(module).items()
+        if callable(value) and not name.startswith("__") and not isinstance(value, type)
+    ]
+
+
+def kept(argument: Any) -> Any:
+    if isinstance(argument, tuple):
+        return tuple(kept(each) for each in argument)
+    try:
+        view = memoryview(argument)
+    except TypeError:
+        return argument
+    return bytes(view.cast("B") if view.nbytes else b"") if view.readonly else bytearray(view.tobytes())
+
+
+@contextmanager
+def _recorded(calls: dict[tuple[str, str], list[Call]]) -> Iterator[None]:
+    """While this is open, each call of an exported function is kept, too."""
+    originals = {(module, name): getattr(MODULES[module], name) for module, name in functions()}
+
+    def recorder(module: str, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def recording(*arguments: Any) -> Any:
+            of_it = calls.setdefault((module, name), [])
+            if len(of_it) < MOST_KEPT:
+                of_it.append(Call(module, name, kept(arguments)))
+            return function(*arguments)
+
+        return recording
+
+    for (module, name), function in originals.items():
+        setattr(MODULES[module], name, recorder(module, name, function))
+    try:
+        yield
+    finally:
+        for (module, name), function in originals.items():
+            setattr(MODULES[module], name, function)
+
+
+def recorded() -> dict[tuple[str, str], list[Call]]:
+    """Some calls of each exported function, by module and name."""
+    calls: dict[tuple[str, str], list[Call]] = {}
+    with _recorded(calls):
+        for scenario in (_matrices, _poses, _samples, _contacts, _wire_lines, _frames, _fingers):
+            scenario(np.random.default_rng(1))
+    return calls
+
+
+def _matrices(random: np.random.Generator) -> None:
+    for size in (1, 3, 6):
+        root = random.normal(size=(size, size))
+        covariance = root @ root.T + np.eye(size)
+        matrix.inverse(covariance)
+        matrix.singular_values(root)
+        matrix.complement(random.normal(size=(size + 2, size)))
+        matrix.product(random.normal(size=(2, size, 3)), random.normal(size=(3, 4)))
+    for x in (-800.0, 0.5):
+        _arithmetic.exp(x)
+        _arithmetic.log(abs(x))
+
+
+def _poses(_: np.random.Generator) -> None:
+    from kernel.problems import random_problem
+
+    for seed in range(MOST_KEPT):
+        solve_kernel(random_problem(seed, 3 + seed % 6, seed % 3, seed % 4 == 0))
+
+
+def _samples(random: np.random.Generator) -> None:
+    for sensors in (1, 4, 16):
+        alignment = Alignment(sensors, 4545)
+        for number in range(4):
+            time_us = 10_000_000 + 4545 * number + random.integers(0, 4545, sensors)
+            fresh = random.uniform(size=sensors) < 0.8
+            alignment.push(random.normal(0.0, 1e-5, (sensors, 3)), time_us, fresh, None if number % 2 else fresh, None)
+
+
+def _contacts(random: np.random.Generator) -> None:
+    from test_pipeline import config_of
+    from test_refine import RESPONSES
+
+    from fmfts.contact.refinement import Refiner
+    from fmfts.contact.shipped import DEFAULT_PATH
+
+    for response in RESPONSES:
+        press = np.array([1.0, 2.0, *[0.5] * response.loads])
+        Refiner(response).refined(press, response.change(press[None])[0], 1e-6 * np.eye(5))
+    model = ContactModel.load(str(DEFAULT_PATH), config_of(3).pad())
+    for _ in range(3):
+        model.inference.pose[:] = random.normal(size=6)
+        model.inference.run()
+
+
+def _wire_lines(_: np.random.Generator) -> None:
+    from fast_loop_host import sample_of
+    from test_healthy_path import frames_of
+    from test_pipeline import config_of
+
+    from fmfts.sensor.patience import BEHIND, IN_TIME
+    from fmfts.sensor.wire.clock import DeviceClock
+    from fmfts.sensor.wire.newest import keep_newest
+    from fmfts.sensor.wire.packets import Early
+
+    samples = [sample_of(frame) for frame in frames_of(config_of(3), 0.1)]
+    early = Early(2, 7, 5, 2**40, (-32768, 0, 32767))
+    lines = b"".join(encode(sample) + encode(early) for sample in samples)
+    Decoder().leading_samples(lines)
+    for patience in (IN_TIME, BEHIND):
+        keep_newest(lines, patience)
+    clock = DeviceClock()
+    for sample in samples:
+        clock.to_host_ns(sample.time_us, 1_000_000_000 + 1000 * sample.time_us)
+
+
+def _frames(_: np.random.Generator) -> None:
+    from test_early import BASELINE, CONFIG, messages_of, pipeline_with, sent_of, tapped
+
+    from fmfts.pipeline.configured import load_contact_model
+
+    messages_of(pipeline_with(load_contact_model(CONFIG)), sent_of(tapped, 0.3))
+    assert BASELINE is not None
+
+
+def _fingers(random: np.random.Generator) -> None:
+    from several_world import fingers_of, measured_of, models_of
+
+    from fmfts.several.fit import Fitter
+    from fmfts.several.free_poses import free_poses
+    from fmfts.several.poses import poses_of
+    from fmfts.several.valley import fitted_across
+
+    none = np.zeros(3)
+    for sizes in ((4, 8, 48, 15, 1), (1, 2, 1, 4, 3), (9, 16, 96, 12, 8)):
+        fitter = Fitter(models_of(1, *sizes)[0])
+        for count in (1, 2):
+            fingers = fingers_of(random, count)
+            measured = measured_of(random, fitter.model, fingers)
+            fit = replace(fitter.fit(fingers, measured, none), fingers=fingers)
+            root = fitter.whitener(fingers, measured, none)
+            fitter.chi2_with(root, fingers, measured)
+            fitter.best_single(root, measured)
+            fitter.best_pairs(root, measured, 3)
+            fitter.another(root, fit, measured)
+            directions = np.zeros((2, 3 * count))
+            directions[:, 0] = 1.0
+            fitted_across(fitter, fit, directions, directions, measured, np.full(3, 1e-5))
+            poses_of(fitter, fit, measured, none)
+            free_poses(fitter.model, np.zeros(5 * sizes[0]), measured, none)
+            fitter.model.covariance(fingers, fitter.model.predict(fingers), measured.variance_t2, none)

@@ -1,0 +1,77 @@
+"""Arguments that only a program error or a damaged file gives to C: it refuses them, or leaves them to Python.
+
+tests/sanitized/odd_calls.py, which found these, tries thousands under the sanitizers: `make sanitize`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_refine import RESPONSES
+
+from fmfts.arithmetic.compiled import _arithmetic
+from fmfts.contact import _network, _refine
+from fmfts.contact.refinement import Refiner, packed
+from fmfts.pose import _kernel
+from fmfts.pose.alignment import AVAILABLE, Alignment
+from fmfts.sensor.wire import _wire
+from fmfts.sensor.wire.clock import DeviceClock
+
+pytestmark = pytest.mark.skipif(not AVAILABLE or _wire is None, reason="the package was not compiled")
+
+
+def misaligned(numbers: np.ndarray) -> memoryview:
+    return memoryview(bytearray(b"\0" + numbers.tobytes()))[1:]
+
+
+def test_sizes_whose_product_overflows_are_refused() -> None:
+    with pytest.raises(ValueError, match="array 0"):
+        _arithmetic.cholesky(2**62, 2, bytearray())
+    with pytest.raises(ValueError, match="array 2"):
+        _arithmetic.product(2**62, 2, 1, 2, np.ones(2), np.ones(2), bytearray())
+    with pytest.raises(ValueError, match="array 0"):
+        _arithmetic.solve_lower(2**62, 2, 2, b"", bytearray())
+    with pytest.raises(ValueError, match="at most"):
+        _kernel.solve(2**60, 2**60, 1, *[b""] * 4, *[None] * 4, 0.0, 1, False, *[bytearray()] * 4)
+
+
+def test_more_columns_than_rows_have_no_complement() -> None:
+    with pytest.raises(ValueError, match="5 columns of 0 rows"):
+        _arithmetic.complement(0, 5, bytearray(), bytearray())
+    with pytest.raises(ValueError, match="-1 columns"):
+        _arithmetic.complement(0, -1, bytearray(), bytearray())
+
+
+def test_arrays_at_an_odd_address_are_refused() -> None:
+    network = np.ones(3, np.float32)
+    with pytest.raises(ValueError, match="odd address"):
+        _network.infer(misaligned(network), network, network.copy(), network.copy())
+    with pytest.raises(ValueError, match="odd address"):
+        _arithmetic.cholesky(1, 2, misaligned(np.eye(2)))
+
+
+@pytest.mark.parametrize("response", RESPONSES, ids=["normal", "sheared"])
+def test_press_that_is_no_number_stays_on_the_table(response: object) -> None:
+    refiner = Refiner(response)  # type: ignore[arg-type]
+    press, _ = refiner.refined(np.full(2 + refiner.response.loads, np.nan), np.zeros(5), 1e-6 * np.eye(5))
+    assert np.isfinite(press).all()
+    assert (press[:2] >= refiner.response.first_mm).all()
+
+
+@pytest.mark.parametrize("number", [6, 7, 8], ids=["spacing x", "spacing y", "scale"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_response_without_a_spacing_or_a_scale_is_refused(number: int, value: float) -> None:
+    table = bytearray(packed(RESPONSES[0]))
+    np.frombuffer(table, count=9)[number] = value
+    with pytest.raises(ValueError, match="response"):
+        _refine.refine(table, np.zeros(5), np.eye(5), 2, np.zeros(3), np.empty((3, 3)))
+
+
+def test_times_that_no_board_counts_are_refused_or_left_to_python() -> None:
+    clock = DeviceClock()
+    clock.to_host_ns(1_000_000, 2_000_000_000)
+    assert _wire.host_time(clock.line, 2**63 - 1, 2_000_000_000) is None
+    assert _wire.host_time(clock.line, 1_000_000, -(2**63)) is None
+    fresh = np.ones(4, bool)
+    with pytest.raises(ValueError, match="no board's clock counts so far"):
+        Alignment(4, 4545).push(np.zeros((4, 3)), np.full(4, 2**63 - 1), fresh, fresh, None)
