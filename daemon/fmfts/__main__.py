@@ -1,3 +1,3 @@
-from fmfts.cli.main import main
+from fmfts.cli.entry import main
 
 raise SystemExit(main())

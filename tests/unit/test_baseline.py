@@ -101,6 +101,26 @@ def test_refusal_tells_the_sensor_and_axis_that_fit_least(world: World, pad: Pad
     assert abs(float(told[2])) > 5.0
 
 
+@pytest.mark.parametrize("with_bare", [True, False])
+def test_pad_that_is_not_mounted_is_said_with_the_field_that_lacks(world: World, pad: Pad, with_bare: bool) -> None:
+    before = world.bare_baseline() if with_bare else None
+    with pytest.raises(BaselineError, match="no magnet above the sensors: mount the pad") as refused:
+        make_rest(pad, TOLERANCE, world.recorded(world.bare()), before)
+    told = re.search(r"at most ([\d.]+) µT of the (\d+) µT", str(refused.value))
+    assert told is not None
+    assert float(told[1]) < 1.0 < float(told[2]) / 10.0
+    assert "χ²" not in str(refused.value)
+    assert "worst" not in str(refused.value)
+
+
+def test_weak_magnet_blames_no_sensor(world: World, pad: Pad) -> None:
+    world.remanence_t /= 2.0
+    with pytest.raises(BaselineError, match="magnet") as refused:
+        make_rest(pad, TOLERANCE, world.recorded(world.field()), world.bare_baseline())
+    told = re.search(r"worst: sensor \d, axis [xyz], ([-+][\d.]+) µT off", str(refused.value))
+    assert told is None or abs(float(told[1])) >= 1.0
+
+
 def test_steel_nearby_is_refused_without_blaming_a_sensor(world: World, pad: Pad) -> None:
     steel = dipole_field(world.places, np.array([30e-3, 5e-3, -10e-3]), np.array([1.0, 0.0, 0.0]), 6e-10)
     with pytest.raises(BaselineError, match=r"No single fault explains it, nor do two: steel"):
@@ -281,6 +301,21 @@ def test_moving_field_is_refused_with_the_figure() -> None:
 def test_incomplete_recording_is_refused(spoil, message: str) -> None:
     with pytest.raises(BaselineError, match=message):
         summarise([spoil(frame) for frame in _frames()])
+
+
+def test_bus_that_fails_amid_a_recording_is_said_of_all_sensors() -> None:
+    unplugged = [replace(f, valid=np.zeros(4, bool)) if f.sequence >= 92 else f for f in _frames(661)]
+    expected = r"all 4 sensors answered in at most 9\d of 661 frames, and in none after 0\.4\d s: check what they share"
+    with pytest.raises(BaselineError, match=expected):
+        summarise(unplugged)
+
+
+def test_sensor_that_fails_amid_a_recording_is_named_with_the_time() -> None:
+    broken = [replace(f, valid=np.array([1, 1, 1, f.sequence < 92], bool)) for f in _frames(661)]
+    with pytest.raises(
+        BaselineError, match=r"sensor 4 answered in 9\d of 661 frames, and in none after 0\.4\d s: check"
+    ):
+        summarise(broken)
 
 
 def test_sensor_that_is_silent_most_is_named_where_others_miss_frames() -> None:

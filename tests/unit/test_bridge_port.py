@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from test_bridge import connected, pad, plugged, run
 
 from emulator.board import UID, Board
 from fmfts.sensor.bridge.bridge import Bridge
+from fmfts.sensor.bridge.serial_port import why_not_open
 
 
 @pytest.fixture
@@ -190,3 +192,9 @@ def test_a_closed_bridge_stays_closed(board: Board) -> None:
     bridge.close()
     assert list(bridge.poll(time.monotonic_ns())) == []
     assert bridge.fileno() is None
+
+
+def test_port_without_permission_says_how_to_get_it() -> None:
+    text = why_not_open("/dev/ttyUSB0", PermissionError(errno.EACCES, "Permission denied"))
+    assert text.startswith("is there, but you may not open it: `sudo usermod -aG dialout $USER`")
+    assert text.endswith("then log in again")

@@ -121,5 +121,27 @@ def test_verb_of_the_laboratory_says_how_to_install_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
-    assert main(["study", "speed-accuracy", "--out", "x"]) == 69
-    assert "pip install ./clients/python . ./lab" in capsys.readouterr().err
+    for words in (
+        ["study", "speed-accuracy", "--out", "x"],
+        ["pad-model", "-o", "pad.npz"],
+        ["pad-model", "--to", "x"],
+    ):
+        assert main(words) == 69
+        assert "pip install ./clients/python . ./lab" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [("baselin", "baseline"), ("calibrat", "calibrate"), ("stauts", "status"), ("pad-modle", "pad-model")],
+)
+def test_mistyped_verb_names_the_nearest(word: str, meant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([word, "--rest"])
+    assert ended.value.code == exit_codes.USAGE
+    assert f"there is no verb '{word}'; did you mean {meant}?" in capsys.readouterr().err
+
+
+def test_word_like_no_verb_lists_them_all(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["xyzzy"])
+    assert "the verbs are run, " in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from fmfts.baseline.job import EXTRA_S, SETTLING_S, BaselineJob, Collection
 from fmfts.baseline.request import BaselineRequest
 from fmfts.config import PadConfig, SimulatedSource
+from fmfts.sensor.tasks import PATIENCE_S
 from fmfts.simulation.baseline import hold_still
 from fmfts.simulation.finger import no_finger
 from fmfts.simulation.source import Simulated
@@ -87,3 +89,14 @@ def test_baseline_of_a_busy_computer_goes_on_until_each_sensor_has_enough_new_sa
         for frame in sparse:
             job.take(frame)
     assert job.recorded is not None
+
+
+def test_silence_is_said_with_the_cause_that_the_source_knows() -> None:
+    source = Simulated(PadConfig(name="left", source=SimulatedSource()))
+    source.poll(time.monotonic_ns())
+    source.state.sensor_faults[0, 1] = 'sensor 2 is a QMC5883L at 0x0D, not an HMC5983: set chip = "qmc5883l"'
+    source.state.sensor_faults[1, 0] = "sensor 1 is another pad's"
+    problem = Collection(source, 0.5).problem(time.monotonic() + PATIENCE_S + 0.1)
+    assert problem.endswith(
+        'no frame within 3 s: sensor 2 is a QMC5883L at 0x0D, not an HMC5983: set chip = "qmc5883l"'
+    )

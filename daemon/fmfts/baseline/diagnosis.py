@@ -36,6 +36,8 @@ MAGNET_SHARE = 0.75
 # Two causes are alike if one is not ten times as probable as the other: in units of −2 ln of the evidence.
 ALIKE = 2.0 * 2.303
 MOST_TOLD = 3
+NO_MAGNET = "There is no magnet above the sensors: mount the pad, then record --rest."
+SLIGHT_MISFIT_T = 1e-6  # five deviations of a sample; less at one axis is no cause of a refusal
 WITHOUT_BARE = (
     "Or a chip's own zero is off, which only `baseline --bare` tells: take the pad off, record --bare, mount it, and "
     "record --rest again."
@@ -90,6 +92,8 @@ def estimate_and_judge(
     mounting = estimate_mounting(pad, tolerance, rest, bare, measured=measured)
     if _fits(mounting) and np.abs(mounting.rest_strain).max() < LARGEST_STRAIN:
         return mounting
+    if absent := no_magnet(pad, tolerance, rest, bare):
+        raise MisfitError(absent, NO_MAGNET)
     # Assume that the sensors are known exactly: then the misfit shows at the one that causes it, not at all of them.
     known = measured or Sensitivity.untested(len(pad.sensors), tolerance)
     exact = replace(known, covariance=np.zeros(known.covariance.shape))
@@ -97,9 +101,11 @@ def estimate_and_judge(
     worst = np.unravel_index(int(np.argmax(np.abs(misfit))), misfit.shape)
     facts = (
         f"the field does not fit an unloaded pad: χ² = {mounting.chi2:.0f}, where tolerances, gains and noise explain "
-        f"at most {_limit(mounting):.0f}; magnet {np.abs(mounting.rest_strain).max():.1f} deviations from its place; "
-        f"worst: sensor {worst[0] + 1}, axis {'xyz'[worst[1]]}, {misfit[worst] * 1e6:+.1f} µT off."
+        f"at most {_limit(mounting):.0f}; magnet {np.abs(mounting.rest_strain).max():.1f} deviations from its place"
     )
+    if abs(misfit[worst]) > SLIGHT_MISFIT_T:  # else what does not fit is the magnet's place or strength
+        facts += f"; worst: sensor {worst[0] + 1}, axis {'xyz'[worst[1]]}, {misfit[worst] * 1e6:+.1f} µT off"
+    facts += "."
     cause = _cause(pad, tolerance, rest, bare, measured)
     raise MisfitError(facts, cause if bare is not None else f"{cause} {WITHOUT_BARE}")
 
@@ -116,8 +122,6 @@ def _cause(
     pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, measured: Sensitivity | None
 ) -> str:
     """The likely cause in a sentence, or both where two are alike."""
-    if no_magnet(pad, tolerance, rest, bare):
-        return "There is no magnet above the sensors: mount the pad, then record --rest."
     as_drawn = Assumption.of(pad, tolerance)
 
     def tried(*faults: Fault) -> _Explanation:

@@ -14,6 +14,7 @@ from fmfts.baseline.recording import MINIMUM_FRAMES
 from fmfts.baseline.request import BaselineRequest, Recorded, restore
 from fmfts.pad import Pad
 from fmfts.sensor import Frame, Source
+from fmfts.sensor.probing import silence_of
 from fmfts.sensor.tasks import PATIENCE_S, Selftest
 
 # The device's clock decides when a recording is complete; this computer's clock, when it takes too long.
@@ -29,9 +30,10 @@ class Collection:
     """Collects the frames of one pad for `duration_s` of the device's clock, and for up to EXTRA_S more where they are
     fewer than `fewest`. now_s: time.monotonic()."""
 
-    def __init__(self, source: Source, duration_s: float, fewest: int = 1) -> None:
+    def __init__(self, source: Source, duration_s: float, fewest: int = 1, pad_index: int = 0) -> None:
         self.frames: list[Frame] = []
         self._source = source
+        self._pad_index = pad_index
         self._duration_s = duration_s
         self._fewest = fewest
         self._begun_s = self._heard_s = time.monotonic()
@@ -58,8 +60,7 @@ class Collection:
         if self._leapt:
             return "the device's clock leapt while recording: was it reset? Check its supply, then record again"
         if now_s - self._heard_s > PATIENCE_S:
-            state = self._source.state
-            return f"{state.description}: {state.reason or f'connected, but no frame within {PATIENCE_S:g} s'}"
+            return silence_of(self._source, self._pad_index, PATIENCE_S)
         if now_s - self._begun_s > self._duration_s + OVERTIME_S:
             return f"in {now_s - self._begun_s:.0f} s the device's clock went on by {self._span_s:.1f} s: is it halted?"
         return ""
@@ -78,7 +79,7 @@ def _has_leapt(before: Frame, frame: Frame) -> bool:
 class BaselineJob:
     """A Task. Collects frames, then computes and stores in another thread: the thread that publishes must not wait.
 
-    unsettled: so many first frames are left out.
+    unsettled: so many first frames are left out. pad_index: the pad's number on its source.
     """
 
     def __init__(
@@ -88,6 +89,7 @@ class BaselineJob:
         source: Source,
         executor: Executor,
         unsettled: int = 0,
+        pad_index: int = 0,
     ) -> None:
         request.require_rest(before)
         self._request = request
@@ -96,7 +98,7 @@ class BaselineJob:
         self._executor = executor
         self._unsettled = unsettled
         # Twice as many, as a sensor may be without a new sample in some.
-        self._collection = Collection(source, request.seconds, 2 * MINIMUM_FRAMES)
+        self._collection = Collection(source, request.seconds, 2 * MINIMUM_FRAMES, pad_index)
         self._coverage = request.coverage
         self._result: Future[Recorded] | None = None
         self._stopped = False

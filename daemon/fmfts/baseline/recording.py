@@ -77,9 +77,7 @@ def summarise(frames: Sequence[Frame]) -> Recording:
     valid = np.array([frame.valid for frame in frames])
     answers = valid.sum(axis=0)
     if (answers < MINIMUM_SHARE_VALID * len(frames)).any():
-        # The one that fell silent most: where a computer is late, others miss a frame now and then, too.
-        sensor = int(np.argmin(answers))
-        raise BaselineError(f"sensor {sensor + 1} answered in {answers[sensor]} of {len(frames)} frames: check wiring")
+        raise BaselineError(_silent(frames, answers))
     overflow: NDArray[np.bool_] = np.asarray(np.array([frame.overflow for frame in frames]).any(axis=0), dtype=np.bool_)
     chip, gain_code = frames[0].chip, frames[0].gain_code
     _require(
@@ -124,6 +122,35 @@ def summarise(frames: Sequence[Frame]) -> Recording:
         temperature_c=float(np.mean(temperatures)) if temperatures else None,
         duration_s=(frames[-1].device_time_us - frames[0].device_time_us) * 1e-6,
     )
+
+
+def _silent(frames: Sequence[Frame], answers: NDArray[np.int64]) -> str:
+    """Who fell silent, and from when. answers (N,): in how many frames each sensor answered."""
+    since_s = [
+        next((_seconds_between(frames[0], after) for after in _silent_at_the_end(frames, sensor)), None)
+        for sensor in range(len(answers))
+    ]
+    if (answers < MINIMUM_SHARE_VALID * len(frames)).all():
+        text = f"all {len(answers)} sensors answered in at most {answers.max()} of {len(frames)} frames"
+        ended = [moment for moment in since_s if moment is not None]
+        if len(ended) == len(since_s):
+            text += f", and in none after {max(ended):.2f} s"
+        return f"{text}: check what they share, the plugs, supply, SDA and SCL of the mux or board"
+    # The one that fell silent most: where a computer is late, others miss a frame now and then, too.
+    sensor = int(np.argmin(answers))
+    moment = since_s[sensor]
+    when = "" if moment is None or not answers[sensor] else f", and in none after {moment:.2f} s"
+    return f"sensor {sensor + 1} answered in {answers[sensor]} of {len(frames)} frames{when}: check its wiring"
+
+
+def _silent_at_the_end(frames: Sequence[Frame], sensor: int) -> Sequence[Frame]:
+    """The last frames, those in which the sensor no longer answers."""
+    count = next((back for back, frame in enumerate(reversed(frames)) if frame.valid[sensor]), len(frames))
+    return frames[len(frames) - count :]
+
+
+def _seconds_between(first: Frame, last: Frame) -> float:
+    return (last.device_time_us - first.device_time_us) * 1e-6
 
 
 def _require(good: NDArray[np.bool_], sentence: Callable[[int], str]) -> None:

@@ -227,15 +227,17 @@ def _useless(before: Assumption, sensor: int) -> Assumption:
     return _with(before, lambda _: text, len(used), used=used)
 
 
-def no_magnet(pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None) -> bool:
-    """Whether the field is as uniform as without a magnet: within a tenth of what the magnet of the drawing makes."""
+def no_magnet(pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None) -> str:
+    """A sentence with the figures where the field is as uniform as without a magnet; else ""."""
     field = rest.mean_t if bare is None else rest.mean_t - bare.mean_t
     seen = pad.sensors.to_pad(field)
     odd = float(lengths(seen - (seen.mean(axis=0) if bare is None else 0.0)).max())
     distance_m = float(lengths(pad.sensors.position_m - pad.rest_position_m).min())
     drawn = pad.magnet.strength_t_m3 / (distance_m * distance_m * distance_m)
     errors = (tolerance.gain + tolerance.sensor_rotation_rad) * float(lengths(rest.mean_t).max())
-    return odd < 0.02 * drawn + 3.0 * errors * (bare is None)
+    if odd >= 0.02 * drawn + 3.0 * errors * (bare is None):
+        return ""
+    return f"the sensors see at most {odd * 1e6:.1f} µT of the {drawn * 1e6:.0f} µT that the configured magnet makes."
 
 
 def _reordered(recording: Recording, order: NDArray[np.intp]) -> Recording:

@@ -102,7 +102,7 @@ def record_baseline(
         with _opened(pad, pads) as (source, pad_index), progress_bar("baseline") as show:
             if isinstance(source, Simulated):
                 Hands(source, bare=bare, turn=turn, refine=refine)
-            job = BaselineJob(work, before, source, executor)
+            job = BaselineJob(work, before, source, executor, pad_index=pad_index)
             return _finished(pad.name, job, _turns(source, pad_index, job.take), show)
 
 
@@ -125,7 +125,7 @@ def run_selftest(pad: PadConfig, pads: Sequence[PadConfig]) -> dict[str, Any]:
         _opened(pad, pads) as (source, pad_index),
         progress_bar("selftest") as show,
     ):
-        first_frame = Collection(source, duration_s=0.0)
+        first_frame = Collection(source, duration_s=0.0, pad_index=pad_index)
         for _ in _turns(source, pad_index, first_frame.take):
             if first_frame.complete:
                 break

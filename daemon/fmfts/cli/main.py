@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     words = sys.argv[1:] if arguments is None else arguments
     options, surplus = _parser(words[0] if words else None).parse_known_args(words)
-    if surplus:
+    if surplus and options.handler is not _without_laboratory:
         options.parser.error(_unexpected(surplus, takes_pad=hasattr(options, "pad")))
     command = f"fmfts-daemon {options.verb}"
     if options.verb == "run":
@@ -120,7 +120,18 @@ def _parser(requested: str | None) -> argparse.ArgumentParser:
     collect_verb.add_to(verb)
     if requested not in verbs.choices:
         _add_laboratory(verb)
+        if requested is not None and not requested.startswith("-") and requested not in verbs.choices:
+            parser.error(_no_such_verb(requested, list(verbs.choices)))
     return parser
+
+
+def _no_such_verb(word: str, verbs: Sequence[str]) -> str:
+    from difflib import get_close_matches
+
+    near = get_close_matches(word.lower(), verbs, n=1)
+    return f"there is no verb {word!r}; " + (
+        f"did you mean {near[0]}?" if near else f"the verbs are {', '.join(verbs)}"
+    )
 
 
 def _add_laboratory(verb: AddVerb) -> None:

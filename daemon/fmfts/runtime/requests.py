@@ -192,7 +192,9 @@ class Verbs:
             raise AbsentError(f"pad '{channel.name}': no baseline was recorded: {state.description}: {state.reason}")
         device = device_of(channel.source)
         unsettled = UNSETTLED_FRAMES if isinstance(device, Simulated) else 0
-        channel.job = BaselineJob(work, _recorded(channel), channel.source, self._executor, unsettled)
+        channel.job = BaselineJob(
+            work, _recorded(channel), channel.source, self._executor, unsettled, channel.pad_index
+        )
         if isinstance(device, Simulated):  # nobody else can take it off, turn it or press it
             self._hands[channel.name] = Hands(device, bare=arguments.bare, turn=arguments.turn, refine=arguments.refine)
         self._await_baseline(request, channel, channel.job)

@@ -37,7 +37,10 @@ def not_permitted(error: OSError, group: str) -> str:
             "is not among the devices that the service was given at its start, when the driver was not loaded yet, or "
             "DeviceAllow= does not name it: `systemctl restart fmfts`; if that does not help, `systemctl edit fmfts`"
         )
-    return f"may not be opened by this user: add it to the group of the device ({group} on Debian)"
+    return (
+        f"is there, but you may not open it: `sudo usermod -aG {group} $USER` (the device's group on Debian), "
+        "then log in again"
+    )
 
 
 def _holder(path: str) -> int | None:

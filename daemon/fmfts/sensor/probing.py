@@ -28,6 +28,17 @@ def faults_of(source: Source, pad_index: int, missing: Mapping[int, str] = NOTHI
     return pads + [text for _, text in sorted((seen | sensors).items())] + sorted(state.warnings.values())
 
 
+def silence_of(source: Source, pad_index: int, patience_s: float) -> str:
+    """Why no frame came within `patience_s`: what the source says of itself, of the pad and of its sensors."""
+    state = source.state
+    if not state.connected or state.reason:
+        return f"{state.description}: {state.reason}"
+    known = faults_of(source, pad_index)
+    return f"{state.description}: connected, but no frame within {patience_s:g} s" + (
+        f": {'; '.join(known)}" if known else ""
+    )
+
+
 def is_sound(source: Source, pad_index: int, missing: Mapping[int, str] = NOTHING_MISSING) -> bool:
     """Nothing is known to be wrong with this pad or its sensors. Warnings about the whole source do not count."""
     state = source.state

@@ -1,0 +1,32 @@
+"""The command `fmfts-daemon`. Importing the verbs takes a while, and Ctrl-C ends that without a traceback, too."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+
+INTERRUPTED = 130  # as in common/exit_codes.py, which is imported later
+
+
+def main() -> int:
+    """Run the command and return its exit code. Ctrl-C before and after the verb ends the process at once."""
+    interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # not where a shell ignores it
+    if interruptible:
+        signal.signal(signal.SIGINT, _end)
+    from fmfts.cli.main import main as run
+
+    if interruptible:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        return run()
+    except KeyboardInterrupt:  # before a verb ran
+        return INTERRUPTED
+    finally:
+        if interruptible:
+            signal.signal(signal.SIGINT, _end)  # at exit Python would print "Exception ignored in …"
+
+
+def _end(*_: object) -> None:
+    sys.stdout.flush()
+    os._exit(INTERRUPTED)
