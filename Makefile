@@ -112,7 +112,7 @@ pictures: test-packages $(VENV)/.installed-test firmware
 # Many pads, pages and strangers, a guided first use, and an hour of the page (shorter: FMFTS_PAGE_SECONDS=60; it also
 # shortens what is measured of five pages); nothing else may run meanwhile.
 page-drills: test-packages $(VENV)/.installed-test firmware
-	$(BIN)/python -m pytest -s tests/page/page_drills.py
+	$(BIN)/python -m pytest -s tests/page/page_drills.py tests/page/drawing_drills.py
 
 # What another user of this computer gains who attacks a daemon and its page; as root, who can become that user.
 .PHONY: security

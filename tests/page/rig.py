@@ -27,6 +27,8 @@ FLAGS = [
 ]
 # The state of the page that a test may look at: window.fmfts of main.js.
 NEWEST = "fmfts.pads.get(fmfts.chosen)?.contact"
+# A busy computer draws late: the second picture from now shows what the page knows now.
+TWO_PICTURES = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 
 class View:

@@ -19,7 +19,7 @@ from fmfts.bus.publisher import Publisher
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.config.pad_facts import pad_facts
 from fmfts_client import Endpoints
-from page.rig import CHROMIUM, View, opened, until
+from page.rig import CHROMIUM, TWO_PICTURES, View, opened, until
 from unit.bus_messages import contact_message, finger_message, fingers_message, two_fingers
 
 pytestmark = [pytest.mark.needs(CHROMIUM), pytest.mark.slow]
@@ -46,9 +46,6 @@ PIXELS = """([id, name]) => {
     const [left, right] = ends(xs), [top, bottom] = ends(ys), scale = 40 / (right - left);
     return found(css(name)).map(([x, y]) => [(x - (left + right) / 2) * scale, ((top + bottom) / 2 - y) * scale]);
 }"""
-
-# A busy computer draws late: the second picture from now shows what the page knows now.
-TWO_PICTURES = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 # The colour of the drawing from above at [x, y] in mm of the pad, in the middle of the canvas.
 COLOUR_AT = """([x, y]) => {

@@ -66,6 +66,7 @@ export class Hand {
     const [ctx, width, height] = begin(this.canvas);
     if (!this.places.length) return;
     this.fit(width, height);
+    if (this.scale <= 0) return;
     for (const place of this.places) {
       const { pad } = place, contact = contactOf(pad), half = halfSide(pad.shape) * this.scale, [x, y] = this.at(place, width, height);
       ctx.save();

@@ -142,10 +142,7 @@ function replayed(why) {
 
 // What is drawn of a pad: the newest contact, or while paused the one of the moment.
 function contactOf(pad) {
-  if (page.paused === null) return pad.shown();
-  const past = pad.past(), rows = page.pausedAt - page.paused < 10 && past.fine.rows.length ? past.fine : past.coarse;
-  const row = rows.rows[Math.min(rows.at(page.paused), rows.rows.length - 1)];
-  return row?.contact ?? null;
+  return page.paused === null ? pad.shown() : pad.at(page.paused);
 }
 
 function draw() {
@@ -251,13 +248,12 @@ function step(messages, seconds) {
 
 async function copyMoment(t) {
   const pad = page.pads.get(page.chosen);
-  if (!pad) return;
-  const rows = traces.seconds > 10 ? pad.past().coarse : pad.past().fine, row = rows.rows[Math.min(rows.at(t), rows.rows.length - 1)];
-  if (!row) return;
-  page.copied = asJson(row.contact);
+  const contact = pad?.at(t);
+  if (!contact) return;
+  page.copied = asJson(contact);
   try {
     await navigator.clipboard.writeText(page.copied);
-    toast(`copied message ${row.contact.seq} of ${pad.name} as JSON`);
+    toast(`copied message ${contact.seq} of ${pad.name} as JSON`);
   } catch {
     toast("the browser does not let this page copy: allow it, or use `fmfts-daemon listen --json`");
   }

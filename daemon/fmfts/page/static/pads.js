@@ -6,9 +6,10 @@ const FINE_S = 13, COARSE_S = 610, BIN_S = 0.2, RATE_S = 1.0, MOST_EVENTS = 400;
 const NOBODY = Symbol("nobody"); // no finger's id: that of a contact is undefined
 export const SILENT_S = 0.3; // three messages: the daemon sends ten a second, also while the hardware is silent
 
+const hardness = ({ contact }) => (contact.over_range ? Infinity : contact.contact ? contact.force_n ?? 0 : 0);
 const DRAWING = { sensors_m: [], rest_position_m: [0, 0, 0.012], rest_axis: [0, 0, 1], magnet_diameter_m: 0.002, magnet_length_m: 0.002 };
 
-// Rows in the order of time; the oldest go.
+// Rows in the order of time; the oldest go. Rows are shared with copies and other views, so nobody changes one.
 class Rows {
   constructor(seconds) {
     this.seconds = seconds;
@@ -23,6 +24,10 @@ class Rows {
       this.rows.splice(0, this.begin);
       this.begin = 0;
     }
+  }
+
+  replaceLast(row) {
+    this.rows[this.rows.length - 1] = row;
   }
 
   // Index of the first row at `t` or later.
@@ -60,6 +65,7 @@ export class PadState {
     this.arrived = -Infinity; // performance.now() in s
     this.fine = new Rows(FINE_S);
     this.coarse = new Rows(COARSE_S);
+    this.binFrom = -Infinity;
     this.ghosts = new Rows(FINE_S);
     this.ages = new Rows(FINE_S);
     this.events = [];
@@ -94,12 +100,12 @@ export class PadState {
     return stay;
   }
 
-  // One row each BIN_S for the long view, with the hardest touch of its time.
+  // One row each BIN_S for the long view: the hardest touch of that time, at its own moment.
   bin(row) {
-    const last = this.coarse.rows.at(-1);
-    if (!last || row.t - last.t >= BIN_S) return this.coarse.push(row);
-    const force = ({ contact }) => (contact.over_range ? Infinity : contact.contact ? contact.force_n ?? 0 : 0);
-    if (force(row) > force(last)) Object.assign(last, { contact: row.contact, places: row.places });
+    if (row.t - this.binFrom >= BIN_S) {
+      this.binFrom = row.t;
+      this.coarse.push(row);
+    } else if (hardness(row) > hardness(this.coarse.rows.at(-1))) this.coarse.replaceLast(row);
   }
 
   takeGhost(ghost) {
@@ -125,6 +131,7 @@ export class PadState {
   // After a restart of the daemon its clock and numbers may begin again.
   forget() {
     for (const rows of [this.fine, this.coarse, this.ghosts, this.ages]) rows.clear();
+    this.binFrom = -Infinity;
     this.trail = [];
     this.sent = [];
     this.events = [];
@@ -138,6 +145,12 @@ export class PadState {
   // The rows to look at: those of the pause, else those that arrive.
   past() {
     return this.frozen ?? this;
+  }
+
+  // The message of a moment in the past: the first at `t` or later, of the long view's rows where there are no others.
+  at(t) {
+    const { fine, coarse } = this.past(), rows = t >= fine.rows[fine.begin]?.t ? fine : coarse;
+    return rows.rows[Math.min(rows.at(t), rows.rows.length - 1)]?.contact ?? null;
   }
 
   // What is to be drawn: the newest contact, or nothing where nothing arrives any more.

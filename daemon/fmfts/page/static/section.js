@@ -11,6 +11,7 @@ export function drawSection(canvas, pad, contact) {
   const { shape } = pad, half = halfSide(shape), [bottom, top] = slab(shape);
   const reach = top + 2.1 * ARROW_M_PER_N + 0.001;
   const scale = Math.min((width - 24) / (2 * half), (height - 14) / (reach + 0.003));
+  if (scale <= 0) return;
   ctx.translate(width / 2, height - 8 - 0.0025 * scale);
   const rect = (x0, z0, x1, z1) => {
     ctx.beginPath();
@@ -94,6 +95,7 @@ export function drawLens(canvas, pad, contact) {
     wideUntil = performance.now() + LENS_HOLD_MS;
   }
   const radius = height / 2 - 8;
+  if (radius <= 0 || width <= 24) return lens;
   [[0, 1, "x", "y", "from above"], [0, 2, "x", "z", "section"]].forEach(([across, up, nameAcross, nameUp, caption], number) => {
     const cx = (width * (2 * number + 1)) / 4, r = Math.min(radius, width / 4 - 6), scale = r / lens;
     ctx.save();

@@ -10,6 +10,7 @@ export function drawTop(canvas, pad, contact) {
   const [ctx, width, height] = begin(canvas);
   const half = halfSide(pad.shape);
   const scale = Math.min(width / 2 - 34, height / 2 - 20) / half; // room for the numbers
+  if (scale <= 0) return; // of a canvas without room a browser refuses what is drawn
   ctx.translate(width / 2, height / 2);
   drawAxes(ctx, half, scale);
   drawPad(ctx, pad, contact, scale, true);

@@ -96,7 +96,7 @@ export class Traces {
     const past = pad.past(), rows = withGaps((long ? past.coarse : past.fine).between(from, now), long ? 2 : 0.3);
     const times = rows.map((row) => row.t);
     for (const { trace, plot } of this.plots) {
-      const own = trace.rows === "ages" ? thinned(past.ages.between(from, now)) : rows;
+      const own = trace.rows === "ages" ? withGaps(past.ages.between(from, now), 0.3) : rows;
       const x = trace.rows === "ages" ? own.map((row) => row.t) : times;
       plot.setData([x, ...trace.lines.map(([name, value]) => (name === "ghost" ? ghostLine(past, x, long) : own.map((row) => (row.gap ? null : value(row)))))]);
     }
@@ -165,18 +165,13 @@ function withGaps(rows, seconds) {
   return rows.flatMap((row, number) => (number && row.t - rows[number - 1].t > seconds ? [{ t: rows[number - 1].t + 1e-3, gap: true }, row] : [row]));
 }
 
-// One of each few, where there are more than a plot has pixels.
-function thinned(rows) {
-  const every = Math.ceil(rows.length / 1200);
-  return every <= 1 ? rows : rows.filter((_, number) => number % every === 0);
-}
-
+// What the fixed baseline said last before each time, for as long as it goes on saying something.
 function ghostLine(past, times, long) {
   const ghosts = long ? [] : past.ghosts.between(times[0] ?? 0, times.at(-1) ?? 0);
   let next = 0;
   return times.map((t) => {
     while (next + 1 < ghosts.length && ghosts[next + 1].t <= t) next++;
     const one = ghosts[next];
-    return one && Math.abs(one.t - t) < 0.1 ? orNull(one.ghost.force_n) : null;
+    return one && one.t <= t && t - one.t < 0.1 ? orNull(one.ghost.force_n) : null;
   });
 }
