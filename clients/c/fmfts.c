@@ -627,8 +627,16 @@ static bool bus_of(const char *base, char endpoint[ENDPOINT_SIZE], char why[FMFT
 {
     if (starts_with(base, "ipc:///")) {
         const char *directory = base + strlen("ipc://");
+        char parent[LONGEST_SOCKET_PATH + 1];
         struct stat found;
-        if (stat(directory, &found) == 0 && found.st_mode & S_IWOTH)
+        bool is_there = stat(directory, &found) == 0;
+        if (is_there && S_ISSOCK(found.st_mode) && strlen(directory) < sizeof parent) { /* …/bus, as `listen` prints it */
+            snprintf(parent, sizeof parent, "%s", directory);
+            *strrchr(parent, '/') = 0;
+            directory = parent;
+            is_there = stat(directory, &found) == 0;
+        }
+        if (is_there && found.st_mode & S_IWOTH)
             return fail(why, "%.80s may be written to by every user: any of them could send false forces through it. Name "
                              "a folder that is yours alone (mkdir -m 700), or chmod o-w it", directory);
         return bus_in(directory, endpoint, why);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import time
 from pathlib import Path
 from typing import Any
@@ -113,6 +114,15 @@ def test_what_cannot_be_connected_to_says_what_to_do(program: Path, tmp_path: Pa
     assert "a pad's name" in refused(program, "x" * 65)
     assert "keys new" in refused(program, "demo", "tcp://192.0.2.1:5570")
     assert "keys new" in refused(program, "demo", FMFTS_BUS="tcp://example.invalid:5570")
+
+
+def test_socket_of_a_directory_means_the_directory(program: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "open"
+    folder.mkdir()
+    with socket.socket(socket.AF_UNIX) as bus:
+        bus.bind(str(folder / "bus"))
+        folder.chmod(0o777)
+        assert f"{folder} may be written to by every user" in refused(program, "demo", f"ipc://{folder}/bus")
 
 
 def test_key_file_that_is_open_to_others_absent_or_damaged_is_refused(program: Path, tmp_path: Path) -> None:

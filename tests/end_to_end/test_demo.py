@@ -134,3 +134,16 @@ def test_demo_of_a_wrong_configuration_says_what_is_wrong(tmp_path: Path) -> Non
     assert demo.returncode == 78
     assert "wrong.toml" in stderr
     assert "Traceback" not in stderr
+
+
+def test_line_that_the_demo_prints_listens_to_it_from_another_shell() -> None:
+    with started(DEMO) as demo:
+        assert demo.stdout is not None
+        pasted = next(found[1] for line in demo.stdout if (found := re.match(r"another terminal: (.*) {4}\(", line)))
+        elsewhere = {name: value for name, value in os.environ.items() if name != "FMFTS_BUS"}
+        heard = subprocess.run(
+            f"{pasted} --seconds 2", shell=True, env=elsewhere, capture_output=True, text=True, timeout=PATIENCE_S
+        )
+        demo.send_signal(signal.SIGINT)
+        demo.communicate(timeout=PATIENCE_S)
+    assert "pad demo: " in heard.stdout, heard

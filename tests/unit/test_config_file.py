@@ -294,6 +294,31 @@ def test_limits_themselves_are_allowed(tmp_path: Path, text: str) -> None:
     load(write(tmp_path, text))
 
 
+@pytest.mark.parametrize(
+    ("line", "hint"),
+    [
+        ("rate_hz = 2,0", "rate_hz = 2,0; a decimal number has a point: 2.0"),
+        ("port = /dev/ttyUSB0", 'port = /dev/ttyUSB0; text stands in quotes: "/dev/ttyUSB0"'),
+        ("name = left  # mine", 'name = left  # mine; text stands in quotes: "left"'),
+        ("loop = True", "loop = True; TOML writes true"),
+    ],
+)
+def test_line_that_is_no_toml_comes_with_what_was_meant(tmp_path: Path, line: str, hint: str) -> None:
+    assert complaint(tmp_path, f"{PAD}{line}\n").endswith(hint)
+
+
+def test_sensors_in_metres_are_one_mistake(tmp_path: Path) -> None:
+    metres = "[[0.008, 0.008, 0], [0.008, -0.008, 0], [-0.008, 0.008, 0], [-0.008, -0.008, 0]]"
+    told = complaint(tmp_path, f"{PAD}[pad.geometry]\nsensors_mm = {metres}\n")
+    assert "\n" not in told
+    assert told.endswith("all sensors are within 0.0113 mm of the origin: is it in metres? Give millimetres")
+
+
+@pytest.mark.parametrize("magnet", ["length_mm = 0.002", "rest_mm = [0, 0, 0.012]"])
+def test_magnet_in_metres_is_asked_for(tmp_path: Path, magnet: str) -> None:
+    assert complaint(tmp_path, f"{PAD}[pad.magnet]\n{magnet}\n").endswith(": is it in metres?")
+
+
 def test_syntax_error_is_shown_with_its_line(tmp_path: Path) -> None:
     said = complaint(tmp_path, PAD + "rate_hz = = 3\n")
     assert said == "is not TOML: Invalid value (at line 5, column 11): rate_hz = = 3"

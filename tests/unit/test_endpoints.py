@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import socket
 from pathlib import Path
 
 import pytest
 
 from fmfts_client import EndpointError, Endpoints, endpoints
-from fmfts_client.endpoints import for_client, for_daemon
+from fmfts_client.endpoints import OVERRIDE, for_client, for_daemon
 
 
 @pytest.fixture(autouse=True)
@@ -24,6 +25,15 @@ def test_base_of_a_directory_names_three_sockets() -> None:
     assert Endpoints.from_base("ipc:///run/x") == Endpoints(
         "ipc:///run/x/bus", "ipc:///run/x/control", "ipc:///run/x/frames"
     )
+
+
+def test_socket_of_a_directory_means_the_directory(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as bus:
+        bus.bind(str(tmp_path / "bus"))
+        for environ in ({OVERRIDE: f"ipc://{tmp_path}/bus"}, {OVERRIDE: f"ipc://{tmp_path}"}):
+            assert for_client(environ=environ) == Endpoints.from_base(f"ipc://{tmp_path}")
+    (tmp_path / "folder" / "bus").mkdir(parents=True)
+    assert Endpoints.from_base(f"ipc://{tmp_path}/folder/bus").bus == f"ipc://{tmp_path}/folder/bus/bus"
 
 
 def test_base_of_a_port_names_three_ports() -> None:

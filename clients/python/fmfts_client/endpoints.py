@@ -45,10 +45,11 @@ class Endpoints:
         """The three endpoints of a base.
 
         `ipc:///path/dir` → `ipc:///path/dir/bus`, `…/control`, `…/frames`;
-        `tcp://host:port` → bus on `port`, control on `port + 1`, frames on `port + 2`.
+        `tcp://host:port` → bus on `port`, control on `port + 1`, frames on `port + 2`. A socket of the directory
+        (`ipc:///path/dir/bus`, as `listen` prints it) means the directory.
         """
         if base.startswith("ipc:///"):
-            return cls._in_directory(Path(base[len("ipc://") :]), key)
+            return cls._in_directory(_directory_of(base), key)
         host, colon, port = base[len("tcp://") :].rpartition(":")
         if base.startswith("tcp://") and colon and host and port.isdecimal() and 0 < int(port) <= 65533:
             bus, control, frames = (f"tcp://{host}:{int(port) + offset}" for offset in range(3))
@@ -67,6 +68,12 @@ class Endpoints:
             )
         bus, control, frames = (f"ipc://{directory / name}" for name in ("bus", "control", "frames"))
         return cls(bus, control, frames, key)
+
+
+def _directory_of(base: str) -> Path:
+    """The directory of a base that begins with ipc://."""
+    path = Path(base[len("ipc://") :])
+    return path.parent if path.is_socket() else path
 
 
 def named_base(configured: Optional[str] = None, environ: Mapping[str, str] = os.environ) -> Optional[str]:
@@ -111,7 +118,7 @@ def _guarded(base: str) -> Endpoints:
     """
     endpoints = Endpoints.from_base(base)
     if base.startswith("ipc://"):
-        directory = Path(base[len("ipc://") :])
+        directory = _directory_of(base)
         try:
             mode = directory.stat().st_mode
         except OSError:

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -111,7 +113,19 @@ def _demo(options: argparse.Namespace) -> int:
         page_beside(Path(folder), base) as page_line,
     ):
         print(page_line(), flush=True)
+        print(f"another terminal: {command_beside(base)} listen    (or status)", flush=True)
         return listen(None, options.seconds, endpoint=base)
+
+
+def command_beside(base: str) -> str:
+    """What begins a line of a shell for a verb that asks the daemon at `base`."""
+    from fmfts_client.endpoints import OVERRIDE
+
+    program = "fmfts-daemon"
+    beside = Path(sys.executable).with_name(program)
+    if shutil.which(program) is None:
+        program = shlex.quote(str(beside)) if beside.exists() else f"{shlex.quote(sys.executable)} -m fmfts"
+    return f"{OVERRIDE}={shlex.quote(base)} {program}"
 
 
 def _config(options: argparse.Namespace, folder: Path) -> Path:

@@ -24,6 +24,7 @@ from fmfts.config.i2c_checks import Key, Problem
 from fmfts.config.layouts import layout
 from fmfts.config.several_checks import MAGNETS_APART_MM, several_problems
 from fmfts.config.skin_checks import skin_problems
+from fmfts.config.wording import IN_METRES
 from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.sensor.chips import CHIPS
@@ -135,6 +136,13 @@ def _sensors(pad: PadConfig) -> Iterator[Problem]:
         yield from board_checks.of_pad(len(places))
     elif len(places) > MAX_SENSORS:
         yield ("geometry", "sensors_mm"), f"at most {MAX_SENSORS} sensors"
+    if len(places) > 1 and max(math.dist(places[0], place) for place in places) < SENSOR_SPACING_MM:
+        farthest_mm = max(math.hypot(*place) for place in places)
+        yield (
+            ("geometry", "sensors_mm"),
+            f"all sensors are within {farthest_mm:.3g} mm of the origin: is it in metres? Give millimetres",
+        )
+        return
     for (first, one), (second, other) in combinations(enumerate(places[:MAX_SENSORS]), 2):
         if math.dist(one, other) < SENSOR_SPACING_MM:
             yield (
@@ -163,7 +171,8 @@ def _rest_of(pad: PadConfig, magnet: MagnetConfig, where: tuple[Key, ...]) -> It
     if rest[2] - max((place[2] for place in pad.geometry.sensors_mm), default=0.0) < half_mm:
         yield (
             (*where, "rest_mm"),
-            f"the magnet rests above the sensors: its z must be greater than theirs by {half_mm:g} mm, half its size",
+            f"the magnet rests above the sensors: its z must be greater than theirs by {half_mm:g} mm, half its size"
+            + (IN_METRES if 0.0 < rest[2] < half_mm <= rest[2] * 1e3 else ""),
         )
     distance_mm = min((math.dist(rest, place) for place in pad.geometry.sensors_mm), default=math.inf)
     if distance_mm < CLOSEST_MM:

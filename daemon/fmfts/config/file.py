@@ -113,7 +113,22 @@ def _read(file: Path) -> dict[str, Any]:
 
 def _line_shown(text: str, error: str) -> str:
     number = re.search(r"at line (\d+)", error)
-    return f": {shortened(text.splitlines()[int(number[1]) - 1].strip())}" if number else ""
+    if number is None:
+        return ""
+    line = text.splitlines()[int(number[1]) - 1].strip()
+    return f": {shortened(line)}{_slip(line)}"
+
+
+def _slip(line: str) -> str:
+    """What was probably meant by a line that is not TOML."""
+    value = line.partition("=")[2].partition("#")[0].strip()
+    if re.fullmatch(r"[-+]?\d+,\d+", value):
+        return f"; a decimal number has a point: {value.replace(',', '.')}"
+    if value in ("True", "False"):
+        return f"; TOML writes {value.lower()}"
+    if re.fullmatch(r"[A-Za-z_/~.][\w./~:-]*", value):
+        return f'; text stands in quotes: "{value}"'
+    return ""
 
 
 def _with_absolute_paths(config: Config, folder: Path) -> Config:

@@ -22,6 +22,7 @@ ITEMS = {
     "neighbours": "name",
     "pad": "pad",
 }
+IN_METRES = ": is it in metres?"
 MOST_SHOWN = 80  # characters of a value
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth")
 UNITS = {
@@ -58,11 +59,13 @@ def explain(data: dict[str, Any], error: str, mended: dict[str, Any]) -> str:
     if unknown := re.search(r"unknown field `(.*)`", what):
         return f"{place(data, [*keys, unknown[1]])}: there is no such key{_nearest(mended, keys, unknown[1])}"
     kind = type_at(mended, keys)
-    return f"{place(data, keys)}{value_shown(data, keys)}: must be {_allowed(kind)}{_meant(kind, value_at(data, keys))}"
+    return f"{place(data, keys)}{value_shown(data, keys)}: must be {_allowed(kind)}{_meant(kind, keys, value_at(data, keys))}"
 
 
-def _meant(kind: inspect.Type, value: Any) -> str:
-    """The word of a list of words that was probably meant."""
+def _meant(kind: inspect.Type, keys: Sequence[Key], value: Any) -> str:
+    """The word of a list of words that was probably meant, or the unit."""
+    if isinstance(kind, inspect.FloatType) and str(keys[-1]).endswith("_mm") and isinstance(value, float):
+        return IN_METRES if kind.ge is not None and 0.0 < value < kind.ge <= value * 1e3 else ""
     if not isinstance(kind, inspect.LiteralType) or not isinstance(value, str):
         return ""
     near = difflib.get_close_matches(value.lower(), [str(word) for word in kind.values], n=1)
