@@ -15,6 +15,9 @@ import pytest
 
 from c_client.built import CLIENT, HERE, NEW, SANITIZED, STRICT, Talker, build, need, pkg_config, run
 from end_to_end.processes import RunningDaemon
+from fmfts.bus.publisher import Publisher
+from fmfts_client import Endpoints
+from unit.bus_messages import BOOT, contact_message
 
 PRESSED_CONFIG = """
 [[pad]]
@@ -132,6 +135,22 @@ def test_gripper_opens_when_the_pad_is_pressed_and_when_the_daemon_hangs(
         else:
             pytest.fail(f"it never says that nothing arrives: {gripper.lines}")
         gripper.says("CLOSE")
+
+
+def test_gripper_says_why_it_stays_open_without_a_baseline(with_cmake: Path, tmp_path: Path) -> None:
+    publisher = Publisher(Endpoints.from_base(f"ipc://{tmp_path}"), BOOT)
+    unknown = {"health": "no_baseline", "reason": "no baseline: record --rest", "contact": None, "force_n": None}
+    try:
+        with Gripper(with_cmake / "gripper", os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}"}) as gripper:
+            gripper.says("OPEN (nothing arrives)")
+            until = time.monotonic() + PATIENCE_S
+            while not any("no_baseline: no baseline: record --rest" in line for line in gripper.lines):
+                publisher.send_contact("left", contact_message(pad="left", **unknown))
+                assert time.monotonic() < until, gripper.lines
+                time.sleep(0.02)
+                gripper.listen()
+    finally:
+        publisher.close()
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def main() -> int:
         # A process of its own: the time of the messages is the slowed daemon's.
         duration = [] if seconds is None else ["--seconds", str(seconds)]
         command = [sys.executable, "-m", "fmfts", "listen", *duration]
-        return subprocess.run(command, env=daemon.environment, check=False).returncode
+        return subprocess.run(command, env=daemon.with_its_clock(), check=False).returncode
 
 
 if __name__ == "__main__":

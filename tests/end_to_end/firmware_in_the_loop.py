@@ -31,9 +31,13 @@ class SlowedDaemon(RunningDaemon):
     """A daemon for which time passes as for the emulated board, its verbs too."""
 
     def __init__(self, folder: Path, config: str) -> None:
-        slower = slowed(PACE)
+        slower, self._begun_s = slowed(PACE), time.monotonic()
         super().__init__(folder, config, through=["env", *(f"{name}={value}" for name, value in slower.items())])
         self.environment |= slower
+
+    def with_its_clock(self) -> dict[str, str]:
+        """The environment of a process that starts now, and compares its time with that of messages."""
+        return self.environment | slowed(PACE, self._begun_s)
 
     def now_ns(self) -> int:
         return self.wait_for(lambda contact: True).t_publish_ns

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
-from end_to_end.firmware_in_the_loop import EMULATED_CONFIG, EmulatedBoard, PressedPad, SlowedDaemon
+from emulator.pace import slowed
+from end_to_end.firmware_in_the_loop import EMULATED_CONFIG, PACE, EmulatedBoard, PressedPad, SlowedDaemon
 from end_to_end.paper import arrivals
 from end_to_end.processes import RunningDaemon
 from fmfts.pad import Pad
@@ -101,3 +106,21 @@ def _faults(daemon: RunningDaemon) -> Iterator[Sequence[str]]:
             message = messages.receive(60.0)
             assert message is not None
             yield Status.from_message(message.body).sensor_faults
+
+
+def test_slowed_clock_is_the_same_in_a_process_that_starts_later() -> None:
+    began_s = time.monotonic() - 100.0
+    asked_s = time.monotonic()
+    shown = subprocess.run(
+        [sys.executable, "-c", "import time; print(time.monotonic())"],
+        env=os.environ | slowed(PACE, began_s),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    read_s = time.monotonic()
+    # The offset is rounded to 1 ms. What passes until the process reads it makes its clock late, at most by this.
+    late_s = (1.0 - PACE) * (read_s - asked_s)
+    assert (
+        -1e-3 <= float(shown.stdout) - began_s - PACE * (asked_s - began_s) <= PACE * (read_s - asked_s) + late_s + 1e-3
+    )

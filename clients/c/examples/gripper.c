@@ -43,16 +43,20 @@ int main(int count, char **words)
     if (!fmfts_why(client, 1000, why)) /* before the loop: it may take a second */
         fprintf(stderr, "gripper: %s\n", why);
     struct fmfts_contact contact = {.health = FMFTS_DISCONNECTED};
-    enum { UNSET, CLOSED, OPEN } hand = UNSET;
+    const char *said = ""; /* the reason that was printed last; NULL: the gripper may close */
     enum fmfts_result result;
     struct timespec period;
     clock_gettime(CLOCK_MONOTONIC, &period);
     while ((result = fmfts_latest(client, &contact, 0)) >= 0) {
         const char *reason = why_open(client, &contact);
-        if (hand != (reason ? OPEN : CLOSED)) {
-            hand = reason ? OPEN : CLOSED;
+        if (reason != said) { /* each is a constant */
+            said = reason;
             /* Your gripper's command goes here. */
-            printf(reason ? "OPEN (%s)\n" : "CLOSE\n", reason);
+            bool explained = reason == fmfts_health_name(contact.health) && contact.reason[0];
+            if (reason)
+                printf("OPEN (%s%s%s)\n", reason, explained ? ": " : "", explained ? contact.reason : "");
+            else
+                puts("CLOSE");
             fflush(stdout);
         }
         wait_for_next_period(&period);

@@ -59,7 +59,8 @@ def explain(data: dict[str, Any], error: str, mended: dict[str, Any]) -> str:
     if unknown := re.search(r"unknown field `(.*)`", what):
         return f"{place(data, [*keys, unknown[1]])}: there is no such key{_nearest(mended, keys, unknown[1])}"
     kind = type_at(mended, keys)
-    return f"{place(data, keys)}{value_shown(data, keys)}: must be {_allowed(kind)}{_meant(kind, keys, value_at(data, keys))}"
+    meant = _meant(kind, keys, value_at(data, keys))
+    return f"{place(data, keys)}{value_shown(data, keys)}: must be {_allowed(kind)}{meant}"
 
 
 def _meant(kind: inspect.Type, keys: Sequence[Key], value: Any) -> str:
