@@ -816,6 +816,7 @@ struct fmfts_client {
     char topic[sizeof "contact/" + FMFTS_WORD_SIZE];
     char refusal[FMFTS_TEXT_SIZE];
     uint64_t refused, restarts;
+    double largest_force_sd_n;
     bool heard;
     struct fmfts_contact last, next;
     uint8_t body[LARGEST_CONTACT];
@@ -864,6 +865,7 @@ struct fmfts_client *fmfts_connect(const char *pad, const char *endpoint, char w
         fail(why, "no memory");
         return NULL;
     }
+    client->largest_force_sd_n = FMFTS_LARGEST_FORCE_SD_N;
     snprintf(client->topic, sizeof client->topic, "contact/%s", pad);
     snprintf(client->endpoint, sizeof client->endpoint, "%s", bus);
     if (open_socket(client, bus, why) && connect_to(client, bus, why))
@@ -1034,7 +1036,14 @@ bool fmfts_fresh(const struct fmfts_client *client)
 
 bool fmfts_valid(const struct fmfts_client *client)
 {
-    return fmfts_alive(client) && fmfts_fresh(client) && fmfts_measured(&client->last);
+    const struct fmfts_number *deviation = &client->last.force_sd_n;
+    return fmfts_alive(client) && fmfts_fresh(client) && fmfts_measured(&client->last) && deviation->known &&
+           deviation->value <= client->largest_force_sd_n;
+}
+
+void fmfts_set_largest_force_sd(struct fmfts_client *client, double newton)
+{
+    client->largest_force_sd_n = newton;
 }
 
 uint64_t fmfts_refused(const struct fmfts_client *client)

@@ -148,6 +148,9 @@ struct fmfts_contact {
     struct fmfts_number clock_ahead_s;
 };
 
+/* Most tasks stop at a force of a newton or more: half of one is the least that a controller can decide with. */
+#define FMFTS_LARGEST_FORCE_SD_N 0.5
+
 struct fmfts_client;
 
 /* Listens to one pad. On failure returns NULL and writes a sentence to `why`.
@@ -174,7 +177,7 @@ enum fmfts_result fmfts_latest(struct fmfts_client *client, struct fmfts_contact
 /* These refer to the messages that fmfts_latest() has received. */
 bool fmfts_alive(const struct fmfts_client *client); /* did a message about the pad come in the last FMFTS_ALIVE_MS? */
 bool fmfts_fresh(const struct fmfts_client *client); /* was the pad sampled in the last FMFTS_ALIVE_MS? */
-bool fmfts_valid(const struct fmfts_client *client); /* alive, fresh, and measured: may it be acted upon now? */
+bool fmfts_valid(const struct fmfts_client *client); /* alive, fresh, measured and certain: may it be acted upon now? */
 uint64_t fmfts_refused(const struct fmfts_client *client);
 uint64_t fmfts_restarts(const struct fmfts_client *client); /* of the daemon */
 const char *fmfts_refusal(const struct fmfts_client *client); /* why the last message was refused; "" if none was */
@@ -183,6 +186,10 @@ const char *fmfts_refusal(const struct fmfts_client *client); /* why the last me
  * and force are known and in range, and a touch has a place. Does not check the age. False does not mean "no force":
  * a pad without a contact model knows the touch, and no force. */
 bool fmfts_measured(const struct fmfts_contact *contact);
+
+/* From now on fmfts_valid() is false while the force's deviation is larger than this; FMFTS_LARGEST_FORCE_SD_N before. Choose a
+ * third of what your task can bear. */
+void fmfts_set_largest_force_sd(struct fmfts_client *client, double newton);
 
 /* Seconds since the sensors were sampled; infinite while the clock of the daemon's machine is not known. For a daemon
  * on another machine the shortest delay of the network is not included. */

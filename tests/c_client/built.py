@@ -75,6 +75,10 @@ class Talker:
     def why(self, timeout_ms: int) -> dict[str, Any]:
         return self._ask(b"?%d\n" % timeout_ms)
 
+    def accept(self, largest_force_sd_n: float) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.write(b"s%f\n" % largest_force_sd_n)
+
     def heard(self) -> dict[str, Any]:
         """What it says without being asked; there will be no questions."""
         assert self._process.stdin is not None

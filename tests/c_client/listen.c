@@ -1,5 +1,5 @@
 /* listen PAD [BASE]: each line on standard input is a timeout in milliseconds, and answered with a line of JSON. With a "?"
- * before it, the answer is that of fmfts_why(). */
+ * before it, the answer is that of fmfts_why(). "sNEWTON" names the largest deviation of a valid force, and has no answer. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,6 +18,10 @@ int main(int count, char **words)
     }
     while (fgets(line, sizeof line, stdin)) {
         struct fmfts_contact contact;
+        if (*line == 's') {
+            fmfts_set_largest_force_sd(client, atof(line + 1));
+            continue;
+        }
         if (*line == '?') {
             printf("{\"arrives\": %s, ", fmfts_why(client, atoi(line + 1), why) ? "true" : "false");
             show_text("why", why);

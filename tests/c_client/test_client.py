@@ -79,6 +79,20 @@ def test_latest_drains_to_the_newest_contact_and_gives_it_once(client: Talker, p
     eventually(given_once, lambda answer: (answer["result"], answer["alive"], answer["valid"]) == (NOTHING, True, True))
 
 
+@pytest.mark.parametrize(("named", "sd_n", "valid"), [(None, 0.49, True), (None, 0.51, False), (0.1, 0.2, False)])
+def test_client_is_valid_up_to_the_named_force_deviation(
+    client: Talker, publisher: Publisher, named: float | None, sd_n: float, valid: bool
+) -> None:
+    if named is not None:
+        client.accept(named)
+
+    def given() -> dict[str, Any]:
+        publisher.send_contact("demo", contact_message(seq=60, force_sd_n=sd_n))
+        return client.latest(100)
+
+    assert eventually(given, lambda answer: answer.get("seq") == 60 and answer["fresh"])["valid"] is valid
+
+
 def test_latest_after_a_pause_skips_what_waited(client: Talker, publisher: Publisher) -> None:
     def after_a_pause() -> dict[str, Any]:
         while client.latest(50)["result"] == NEW:  # of an attempt whose last ones came after the pause

@@ -136,13 +136,21 @@ class Score:
         ]
 
 
+def wait_for_news(daemon: RunningDaemon, pad: str) -> None:
+    """Until the pad's frames are of the field that its board has now, and its chips have settled."""
+    since_ns = time.monotonic_ns() + int(SETTLED_S * 1e9)
+    daemon.wait_for(lambda contact: contact.pad == pad and contact.t_sample_ns > since_ns)
+
+
 def record_baselines(daemon: RunningDaemon, hand: Hand) -> None:
     print("recording the baselines of five pads: bare, then at rest", flush=True)
     for number, name in enumerate(NAMES):
         hand.bare(number)
+        wait_for_news(daemon, name)
         daemon.request("baseline", pad=name, bare=True, duration_s=1.0, timeout_s=30.0)
         hand.still(mounted=True)
     for name in NAMES:
+        wait_for_news(daemon, name)
         daemon.request("baseline", pad=name, duration_s=1.0, timeout_s=30.0)
 
 

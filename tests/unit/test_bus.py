@@ -103,6 +103,21 @@ def test_daemon_that_speaks_of_an_old_sample_is_alive_but_not_valid(publisher: P
         assert not client.valid
 
 
+@pytest.mark.parametrize(
+    ("named", "sd_n", "valid"), [({}, 0.49, True), ({}, 0.51, False), ({"largest_force_sd_n": 0.1}, 0.2, False)]
+)
+def test_client_is_valid_up_to_the_named_force_deviation(
+    publisher: Publisher, endpoints: Endpoints, named: dict[str, float], sd_n: float, valid: bool
+) -> None:
+    with Client("demo", endpoints, **named) as client:
+        connect(publisher, client)
+        publisher.send_contact("demo", contact_message(force_sd_n=sd_n))
+        contact = client.latest(timeout_s=1.0)
+        assert contact is not None
+        assert contact.valid
+        assert client.valid is valid
+
+
 def test_contact_that_waited_in_a_queue_is_not_the_latest(publisher: Publisher, endpoints: Endpoints) -> None:
     with Client("demo", endpoints) as client:
         connect(publisher, client)

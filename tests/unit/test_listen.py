@@ -222,7 +222,7 @@ def test_gripper_opens_on_force_overload_bad_health_and_silence(base: str) -> No
             over_range=True, force_n=None, force_min_n=3.0
         ),
         "OPEN (disturbed: steel)": contact_message(force_n=0.5, health="disturbed", reason="steel"),
-        "OPEN (no trustworthy force)": contact_message(contact=None, force_n=None),
+        "OPEN (no force that is certain to 0.3 N)": contact_message(force_n=0.9, force_sd_n=0.8),
     }
     environ = os.environ | {"FMFTS_BUS": base}
     with subprocess.Popen([sys.executable, GRIPPER, "demo"], stdout=subprocess.PIPE, text=True, env=environ) as process:

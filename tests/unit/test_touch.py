@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from fmfts.contact import ContactEstimate
 from fmfts.contact.touch import RELEASE_FRAMES, TouchDetector
+from fmfts.pipeline.deviations import published_force_sd_n
 
 REST = np.zeros(5)
 COVARIANCE = np.diag([8.6e-6, 8.6e-6, 6.1e-6, 2e-3, 2e-3]) ** 2
@@ -43,6 +45,39 @@ def test_contact_begins_with_one_frame_and_ends_after_several_quiet_ones() -> No
     assert detector.update(at_chi2(detector.release_chi2 * 1.1), COVARIANCE) is True
     quiet = [detector.update(REST, COVARIANCE) for _ in range(RELEASE_FRAMES)]
     assert quiet == [True] * (RELEASE_FRAMES - 1) + [False]
+
+
+def estimate(force_n: float, pose_sd_n: float) -> ContactEstimate:
+    """The rest of the deviation is the model's own error: 0.3 of the force."""
+    spread = np.diag([1e-6, 1e-6, pose_sd_n**2 + (0.3 * force_n) ** 2])
+    return ContactEstimate(0.0, 0.0, force_n, spread, False, None, 0.0, pose_sd_n, pose_sd_n)
+
+
+def touched() -> TouchDetector:
+    detector = TouchDetector(rate_hz=220.0)
+    detector.update(at_chi2(100.0), COVARIANCE)
+    return detector
+
+
+def test_force_within_two_deviations_of_none_is_no_contact() -> None:
+    """A tool that passed a hand which was never turned read as 2.84 ± 2.60 N, with health ok."""
+    assert not touched().presses(estimate(2.84, 2.60))
+    assert not touched().presses(estimate(0.19, 0.1))
+    assert touched().presses(estimate(0.21, 0.1))
+
+
+def test_contact_stays_until_its_force_is_within_one_deviation() -> None:
+    detector = touched()
+    forces = (0.19, 0.21, 0.19, 0.11, 0.09, 0.19)
+    assert [detector.presses(estimate(force, 0.1)) for force in forces] == [False, True, True, True, False, False]
+
+
+def test_moved_magnet_without_a_certain_force_may_press_as_hard_as_it_seems() -> None:
+    detector, contact = touched(), estimate(2.84, 2.60)
+    assert not detector.presses(contact)
+    assert published_force_sd_n(contact, detector.memory, 0.02) > np.hypot(2.84, 2.60)
+    detector.forget()
+    assert published_force_sd_n(contact, detector.memory, 0.02) == pytest.approx(np.hypot(2.60, 0.02 / np.sqrt(3.0)))
 
 
 def test_contact_near_the_threshold_does_not_flicker() -> None:

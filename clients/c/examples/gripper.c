@@ -6,6 +6,7 @@
 #include <time.h>
 
 static const double limit_n = 1.0;
+static const double largest_force_sd_n = 0.3; /* a force that is less certain does not close the gripper */
 enum { PERIOD_NS = 1000000 };
 
 /* Why the gripper must open; NULL: it may close. */
@@ -18,7 +19,7 @@ static const char *why_open(const struct fmfts_client *client, const struct fmft
     if (contact->health != FMFTS_OK)
         return fmfts_health_name(contact->health);
     if (!fmfts_valid(client))
-        return "no trustworthy force";
+        return "no force that is certain enough";
     return contact->force_n.value > limit_n ? "pressed hard enough" : NULL;
 }
 
@@ -40,6 +41,7 @@ int main(int count, char **words)
         fprintf(stderr, "gripper: %s\n", why);
         return 69;
     }
+    fmfts_set_largest_force_sd(client, largest_force_sd_n);
     if (!fmfts_why(client, 1000, why)) /* before the loop: it may take a second */
         fprintf(stderr, "gripper: %s\n", why);
     struct fmfts_contact contact = {.health = FMFTS_DISCONNECTED};

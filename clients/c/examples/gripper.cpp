@@ -8,6 +8,7 @@
 namespace {
 
 constexpr double limit_n = 1.0;
+constexpr double largest_force_sd_n = 0.3; // a force that is less certain does not close the gripper
 
 struct Close {
     void operator()(fmfts_client *client) const { fmfts_close(client); }
@@ -24,7 +25,7 @@ std::string why_open(const Client &client, const fmfts_contact &contact)
     if (contact.health != FMFTS_OK)
         return std::string(fmfts_health_name(contact.health)) + ": " + contact.reason;
     if (!fmfts_valid(client.get()))
-        return "no trustworthy force";
+        return "no force that is certain enough";
     return contact.force_n.value > limit_n ? std::to_string(contact.force_n.value) + " N" : "";
 }
 
@@ -38,6 +39,7 @@ int main(int count, char **words)
         std::cerr << "gripper: " << why << '\n';
         return 69;
     }
+    fmfts_set_largest_force_sd(client.get(), largest_force_sd_n);
     fmfts_contact contact{};
     std::string hand;
     fmfts_result result;

@@ -6,6 +6,7 @@ import sys
 from fmfts_client import ALIVE_S, Client
 
 LIMIT_N = 1.0
+LARGEST_FORCE_SD_N = 0.3  # a force that is less certain does not close the gripper
 
 
 def why_open(client: Client) -> str:
@@ -17,11 +18,11 @@ def why_open(client: Client) -> str:
     if contact.health != "ok":
         return f"{contact.health}: {contact.reason}"
     if not client.valid or contact.force_n is None:
-        return "no trustworthy force"
+        return f"no force that is certain to {LARGEST_FORCE_SD_N} N"
     return f"{contact.force_n:.2f} N" if contact.force_n > LIMIT_N else ""
 
 
-with Client(sys.argv[1] if len(sys.argv) > 1 else "demo") as client:
+with Client(sys.argv[1] if len(sys.argv) > 1 else "demo", largest_force_sd_n=LARGEST_FORCE_SD_N) as client:
     print(client.why(), file=sys.stderr)  # before the loop: it may take a second
     is_open = None
     while True:

@@ -106,12 +106,17 @@ class Contact:
         """May `contact` and `force_n` (and, in contact, `x_m` and `y_m`) be used as a measurement?
 
         True when health is "ok", contact is known, the force is estimated and inside the model's range, and a touch has
-        a place. `Client.valid` also checks the age. A contact that is not valid does not mean "no force". A pad without
+        a place. `Client.valid` also checks the age, and how certain the force is. A contact that is not valid does not
+        mean "no force". A pad without
         a contact model is never valid: it knows `contact` and `displacement_m`, and no force.
         """
         known = self.health == "ok" and self.contact is not None and self.force_n is not None
         placed = not self.contact or (self.x_m is not None and self.y_m is not None)
         return known and placed and not self.over_range
+
+    def within(self, largest_force_sd_n: float) -> bool:
+        """Is it `valid`, and is the deviation of its force no larger than this?"""
+        return self.valid and self.force_sd_n is not None and self.force_sd_n <= largest_force_sd_n
 
     @property
     def tells_fingers(self) -> bool:

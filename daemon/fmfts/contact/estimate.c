@@ -232,6 +232,7 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
     estimate->over_range = question->share < 1.0 || too_hard(parameters, place, variance[2]);
     estimate->force_min_n = fmax(fmin(place[2], limit) - parameters->certain_deviations[0] * estimate->deviation[2], 0.0);
     estimate->central_force_sd_n = central_force_sd_n(parameters, place, &found);
+    estimate->pose_force_sd_n = sqrt(found.variance[2]);
     estimate->doubt = doubt(parameters, place[2], variance[2]);
     return isfinite(place[2]);
 }

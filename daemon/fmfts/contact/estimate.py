@@ -22,6 +22,8 @@ class ContactEstimate:
     the nearest pose that it knows; only force_min_n, a lower bound of the force, can be trusted. Else that is None.
     lifted_m: how far the magnet certainly is above all that training saw; 0 if it is not. central_force_sd_n: the
     deviation of the same force in the middle of the pad: without a touch there is no place whose errors could count.
+    pose_force_sd_n: the part of the force's deviation that the pose's covariance causes; the other parts grow with the
+    force, and make none where there is none.
     shear_n (2,): force along x and y; None from a model of three outputs. refused: a model of five outputs found the
     press outside of where it can tell shear from place: none of its numbers can be trusted.
     """
@@ -34,6 +36,7 @@ class ContactEstimate:
     force_min_n: float | None
     lifted_m: float
     central_force_sd_n: float
+    pose_force_sd_n: float
     shear_n: Array | None = None
     refused: bool = False
 

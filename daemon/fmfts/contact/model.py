@@ -193,7 +193,7 @@ class ContactModel:
             pose = self.rest_pose + share * (pose - self.rest_pose)
             # A displacement's deviation grows with it. A lower bound must not fall because the press became harder.
             pose_covariance = pose_covariance * square(share)
-        contact, spread, central_variance = self._contact(pose, pose_covariance, magnet_off_m)
+        contact, spread, central_variance, pose_variance = self._contact(pose, pose_covariance, magnet_off_m)
         limit_n = self.facts.envelope.force_max_n
         force_sd = float(np.sqrt(spread[2, 2]))
         over_range = share < 1.0 or self._too_hard(contact, spread)
@@ -209,6 +209,7 @@ class ContactModel:
             certain_n if over_range else None,
             lifted_m,
             float(np.sqrt(central_variance)),
+            float(np.sqrt(pose_variance)),
             contact[3:] if self.has_shear else None,
             self.has_shear and self._outside(contact),
         )
@@ -259,8 +260,9 @@ class ContactModel:
         moved = np.abs(displacement) > 1e-9
         return float(min(np.min(room[moved] / displacement[moved], initial=1.0), 1.0))
 
-    def _contact(self, pose: Array, pose_covariance: Array, magnet_off_m: Array) -> tuple[Array, Array, float]:
-        """Contact (m,), covariance (m, m), and the variance that the same force has in the middle of the pad; in SI.
+    def _contact(self, pose: Array, pose_covariance: Array, magnet_off_m: Array) -> tuple[Array, Array, float, float]:
+        """Contact (m,), covariance (m, m), the variance that the same force has in the middle of the pad, and the part
+        of the force's variance that the pose causes; in SI.
 
         The covariance is that of the pose, carried over by the Jacobian and widened by its bend, plus the model's own
         error.
@@ -296,7 +298,7 @@ class ContactModel:
         for axis in np.flatnonzero((contact[:2] < self.edges_m[:, 0]) | (contact[:2] > self.edges_m[:, 1])):
             spread[axis], spread[:, axis] = 0.0, 0.0
             spread[axis, axis] = square(self.spread_m[axis])
-        return contact, spread, central_variance
+        return contact, spread, central_variance, float(carried[2, 2])
 
     def _infer(self, pose: Array) -> tuple[Array, Array]:
         self.inference.pose[:] = pose

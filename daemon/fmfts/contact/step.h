@@ -24,6 +24,7 @@ enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = FMFTS_M
     X(highest, 6)                                                                                                      \
     X(outside_deviations, 1)                                                                                           \
     X(certain_deviations, 1)                                                                                           \
+    X(kept_force_deviations, 1)                                                                                        \
     X(certain_force_deviations, 1)                                                                                     \
     X(straight_share, 1)                                                                                               \
     X(bend_deviations, 1)                                                                                              \
@@ -47,6 +48,7 @@ enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = FMFTS_M
 #define FMFTS_CONTACT_MEMORY(X)                                                                                        \
     X(touched, 1)                                                                                                      \
     X(quiet_frames, 1)                                                                                                 \
+    X(in_contact, 1)                                                                                                   \
     X(pose, 6)                  /* smoothing.py, in m and components of the axis */                                    \
     X(speed, 6)                                                                                                        \
     X(acceleration, 6)
@@ -68,7 +70,7 @@ typedef struct {
     double place[FMFTS_CONTACT];
     double deviation[FMFTS_CONTACT];
     double by_pose[FMFTS_CONTACT * FMFTS_POSE]; /* the network's Jacobian, in the model's units */
-    double force_min_n, central_force_sd_n, doubt;
+    double force_min_n, central_force_sd_n, pose_force_sd_n, doubt;
     bool over_range, refused;
 } fmfts_estimate;
 
@@ -79,6 +81,9 @@ bool fmfts_chi2_from_rest(const double *change, const double *covariance, double
  * before. False if that is no covariance. */
 bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const double *change,
                  const double *covariance, double elapsed_s);
+
+/* touch.c: updates memory->in_contact, by the estimate of the frame that fmfts_touch judged. */
+void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const fmfts_estimate *estimate);
 
 /* smooth.c: smooths the pose of the question, if that is configured. False if its covariance is none. */
 bool fmfts_smooth(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double elapsed_s,

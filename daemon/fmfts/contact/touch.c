@@ -41,11 +41,18 @@ bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memor
 {
     double chi2;
     if (elapsed_s > parameters->longest_gap_s[0]) { /* who touched may be gone: TouchDetector.forget */
-        memory->touched[0] = memory->quiet_frames[0] = 0.0;
+        memory->touched[0] = memory->quiet_frames[0] = memory->in_contact[0] = 0.0;
     }
     if (!fmfts_chi2_from_rest(change, covariance, &chi2)) {
         return false;
     }
     follow(parameters, memory, chi2);
     return true;
+}
+
+void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const fmfts_estimate *estimate)
+{
+    double needed = memory->in_contact[0] != 0.0 ? parameters->kept_force_deviations[0] : parameters->certain_force_deviations[0];
+    bool is_certain = estimate->refused || estimate->place[2] > needed * estimate->pose_force_sd_n;
+    memory->in_contact[0] = memory->touched[0] != 0.0 && is_certain ? 1.0 : 0.0;
 }

@@ -1,4 +1,8 @@
-"""Decides whether the pad is touched: a χ² test of the magnet's displacement from rest, with hysteresis."""
+"""Decides whether the pad is in contact: a χ² test of the magnet's displacement from rest, and a force that is certain.
+
+Both have hysteresis. Steel near a pad that was never turned moves the estimate sideways by many deviations, while the
+force may be none: no controller should close or open on that.
+"""
 
 from __future__ import annotations
 
@@ -7,20 +11,27 @@ from math import isfinite
 
 from fmfts.arithmetic.matrix import SingularError, cholesky, product, solve_lower
 from fmfts.common.chi2 import quantile
+from fmfts.contact.estimate import CERTAIN_FORCE_DEVIATIONS, ContactEstimate
 from fmfts.pad import Array
 
 DEGREES_OF_FREEDOM = 5  # position, and the axis's two tangents, of each magnet
 # A contact ends when RELEASE_FRAMES in a row are as close to rest as 99 % of unloaded frames.
 RELEASE_PROBABILITY = 0.01
 RELEASE_FRAMES = 5
+# A contact begins when its force exceeds CERTAIN_FORCE_DEVIATIONS of its deviations, and ends below so many.
+KEPT_FORCE_DEVIATIONS = 1.0
 
 
 @dataclass(slots=True)
 class TouchMemory:
-    """quiet_frames: how many frames in a row were as close to rest as unloaded ones."""
+    """touched: the magnet has moved. quiet_frames: how many frames in a row were as close to rest as unloaded ones.
+
+    in_contact: touched, with a force that is certain.
+    """
 
     touched: bool = False
     quiet_frames: int = 0
+    in_contact: bool = False
 
 
 class TouchDetector:
@@ -55,6 +66,17 @@ class TouchDetector:
             memory.touched = False
         return memory.touched
 
+    def presses(self, contact: ContactEstimate) -> bool:
+        """Whether the frame that `update` judged last is a contact: the pad is touched, and the force is certain.
+
+        contact: of this frame. One of which no number can be trusted counts as certain.
+        """
+        memory = self.memory
+        needed = KEPT_FORCE_DEVIATIONS if memory.in_contact else CERTAIN_FORCE_DEVIATIONS
+        is_certain = contact.refused or contact.force_n > needed * contact.pose_force_sd_n
+        memory.in_contact = memory.touched and is_certain
+        return memory.in_contact
+
     def unseen(self) -> None:
         """A frame without a pose. After RELEASE_FRAMES of them the contact is released, and a new one needs an onset.
 
@@ -63,11 +85,11 @@ class TouchDetector:
         memory = self.memory
         memory.quiet_frames = min(memory.quiet_frames + 1, RELEASE_FRAMES)
         if memory.quiet_frames == RELEASE_FRAMES:
-            memory.touched = False
+            memory.touched = memory.in_contact = False
 
     def forget(self) -> None:
         """Begin again, untouched."""
-        self.memory.touched, self.memory.quiet_frames = False, 0
+        self.memory.touched, self.memory.quiet_frames, self.memory.in_contact = False, 0, False
 
 
 def chi2_from_rest(displacement: Array | None, covariance: Array | None) -> float | None:

@@ -16,7 +16,6 @@ from fmfts.bus.encoding import decode_contact
 from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, NowMessage, PoseMessage, Vector
 from fmfts.contact import ContactEstimate
 from fmfts.contact.now import ContactNow
-from fmfts.pipeline.deviations import quiet_force_sd_n, touched_force_sd_n
 from fmfts.pipeline.fast import FastPath, Judged, Kind, Lane, Passed, Template, Verdict
 from fmfts.pipeline.reading import Reading
 from fmfts.pose import AMBIENT, SOLVER, PoseEstimate, Status
@@ -104,7 +103,7 @@ class MessageWriter:
         covariance, force_min_n = np.zeros((outputs, outputs)), 0.0 if over_range else None
         contact, distance_m = None, None
         if verdict.tells_force:
-            contact = ContactEstimate(0.0, 0.0, 0.0, covariance, over_range, force_min_n, 0.0, 0.0, shear)
+            contact = ContactEstimate(0.0, 0.0, 0.0, covariance, over_range, force_min_n, 0.0, 0.0, 0.0, shear)
         else:
             distance_m = 0.0, 0.0
         state = mounting.rest
@@ -144,7 +143,7 @@ class MessageWriter:
         self.number += 1
         estimates: dict[str, Any] = NO_ESTIMATE | {"over_range": False}
         if reading.contact is not None and reading.touching is not None:
-            estimates |= _contact_fields(reading.contact, reading.touching, reading.detection_limit_n)
+            estimates |= _contact_fields(reading.contact, reading.touching, reading.force_sd_n)
         if reading.distance_m is not None and reading.touching is not None:
             distance_m, deviation_m = reading.distance_m
             estimates |= {
@@ -187,22 +186,15 @@ class MessageWriter:
         )
 
 
-def _contact_fields(contact: ContactEstimate, touching: bool, detection_limit_n: float) -> dict[str, Any]:
-    """Without a touch there is no place. Beyond the model's range there is only a lower bound of the force."""
+def _contact_fields(contact: ContactEstimate, touching: bool, force_sd_n: float) -> dict[str, Any]:
+    """Without a contact the force is 0, without a place. Beyond the model's range there is only a lower bound."""
     if touching and contact.over_range:
         return {"contact": True, "over_range": True, "force_min_n": 0.0 if contact.refused else contact.force_min_n}
     if touching and contact.refused:  # here shear cannot be told from place and force
         return {"contact": True}
-    force: dict[str, Any] = {
-        "contact": touching,
-        "force_n": max(contact.force_n, 0.0),
-        "force_sd_n": contact.force_sd_n,
-    }
     if not touching:
-        return force | {"force_sd_n": quiet_force_sd_n(contact.central_force_sd_n, detection_limit_n)}
-    force |= _shear_fields(contact) | {
-        "force_sd_n": touched_force_sd_n(contact.force_n, contact.force_sd_n, detection_limit_n)
-    }
+        return {"contact": False, "force_n": 0.0, "force_sd_n": force_sd_n}
+    force = {"contact": True, "force_n": contact.force_n, "force_sd_n": force_sd_n} | _shear_fields(contact)
     return force | {"x_m": contact.x_m, "x_sd_m": contact.x_sd_m, "y_m": contact.y_m, "y_sd_m": contact.y_sd_m}
 
 

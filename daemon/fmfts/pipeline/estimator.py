@@ -15,6 +15,7 @@ from fmfts.contact.smoothing import SmootherMemory
 from fmfts.contact.touch import TouchMemory
 from fmfts.pad import Array
 from fmfts.pipeline.baselined_pad import BaselinedPad
+from fmfts.pipeline.deviations import published_force_sd_n
 from fmfts.pipeline.fast import FastPath, Missing
 from fmfts.pipeline.now import Early, Lead, NowEstimator, NowMemory, Taken
 from fmfts.pipeline.reading import JUMPED, Reading, degraded, held, without_model
@@ -241,7 +242,8 @@ class Estimator:
         if not healthy or taken is None or estimate is None or contact is None or touching is None:
             self._now.forget()
             return reading
-        now = self._now.update(taken, aligned.time_us, estimate, contact, touching, self.detection_limit_n)
+        touch = replace(self._touch.memory)
+        now = self._now.update(taken, aligned.time_us, estimate, contact, touch, self.detection_limit_n)
         return replace(reading, now=now)
 
     def _read(
@@ -287,24 +289,26 @@ class Estimator:
         counted = self._counted(track, deviation, lasting, neighbours)
         estimate = self.baselined.with_calibration_uncertainty(track.estimate, of_silicone, counted)
         change, covariance = displacement(estimate, self.mounting.rest)
-        touching = self._touch.update(change, covariance)
+        touched = self._touch.update(change, covariance)
         if memory.unread_s > HELD_S:
             track = held(track, memory.unread_s)
         if isinstance(self._model, NoContactModel):
-            return without_model(self._model, track, touching, distance(change, covariance))
+            return without_model(self._model, track, touched, distance(change, covariance))
         # The contact model was trained on the pad as drawn.
         pose = self._smoother.update(*self.baselined.in_nominal_frame(estimate), elapsed_s)
         contact = self._model.estimate(*pose, self.baselined.magnet_off_m)
-        self._follow_lift(contact.lifted_m > 0.0, touching is False, elapsed_s)
+        self._follow_lift(contact.lifted_m > 0.0, touched is False, elapsed_s)
         if memory.lifted_s >= LIFTED_S:
             return Reading("no_baseline", self.baselined.lifted_reason, track.used, track.estimate)
         if contact.lifted_m > 0.0:
             self._touch.forget()
             return Reading("disturbed", PULLED.format(contact.lifted_m * 1e3), track.used, track.estimate)
-        if touching and contact.over_range and has_jumped(aligned):
+        if touched and contact.over_range and has_jumped(aligned):
             track = degraded(track, JUMPED)
+        touching = None if touched is None else self._touch.presses(contact)
+        force_sd_n = published_force_sd_n(contact, self._touch.memory, self.detection_limit_n)
         return Reading(
-            *(track.health, track.reason, track.used, track.estimate, contact, touching, self.detection_limit_n),
+            *(track.health, track.reason, track.used, track.estimate, contact, touching, force_sd_n),
             is_steady=track.is_steady,
         )
 

@@ -19,10 +19,10 @@ from fmfts.contact.drive import Drive, to_pose
 from fmfts.contact.now import ContactNow, carried, shrunk
 from fmfts.contact.refinement import MOST_MONOMIALS, packed
 from fmfts.contact.response import Response
-from fmfts.contact.touch import DEGREES_OF_FREEDOM, RELEASE_PROBABILITY, chi2_from_rest
+from fmfts.contact.touch import DEGREES_OF_FREEDOM, RELEASE_PROBABILITY, TouchMemory, chi2_from_rest
 from fmfts.pad import Array
 from fmfts.pipeline.baselined_pad import BaselinedPad
-from fmfts.pipeline.deviations import quiet_force_sd_n, touched_force_sd_n
+from fmfts.pipeline.deviations import published_force_sd_n
 from fmfts.pipeline.fast.now_parameters import NowParameters
 from fmfts.pose import AMBIENT, LOG_MOMENT, PoseEstimate, State, change_from, displacement, tangent_basis
 from fmfts.pose.change import shortest_rotation
@@ -95,7 +95,7 @@ class _Judged:
     """
 
     estimate: PoseEstimate
-    touching: bool
+    touch: TouchMemory
     beyond: bool
     detection_limit_n: float
     drive: Array
@@ -191,28 +191,28 @@ class NowEstimator:
         aligned_us: int,
         estimate: PoseEstimate,
         contact: ContactEstimate,
-        touching: bool,
+        touch: TouchMemory,
         detection_limit_n: float,
     ) -> ContactNow | None:
         """Follow a healthy frame. None where the contact at the time of publishing is not known.
 
-        estimate, contact: the solver's, at `aligned_us`.
+        estimate, contact, touch: of this frame, at `aligned_us`.
         """
         publish_us, mounting = self._publish_us(taken), self._baselined.mounting
         ambient_t = self._baselined.pad.sensors.to_sensor(np.tile(estimate.state.ambient_t, (len(taken.fresh), 1)))
-        memory, drive = self._filter.memory, self._drive.at(contact if touching else None)
+        memory, drive = self._filter.memory, self._drive.at(contact if touch.in_contact else None)
         if memory.motion_us == 0.0:
             change = change_from(mounting.rest, estimate)
             self._filter.begin(aligned_us, change, estimate.state, estimate.covariance, drive)
         field_t = mounting.magnet_field(taken.field_t)
         samples = Samples(field_t, mounting.lasting_deviation_t(field_t, ambient_t), taken.time_us, taken.fresh)
         follows = self._filter.follow(samples, estimate.state.log_moment, drive)
-        beyond = touching and (contact.over_range or contact.refused)
+        beyond = touch.in_contact and (contact.over_range or contact.refused)
         self._judged = None
         if not follows:
             return None
         newest_us = taken.time_us.copy()
-        self._judged = _Judged(estimate, touching, beyond, detection_limit_n, drive, ambient_t, newest_us)
+        self._judged = _Judged(estimate, touch, beyond, detection_limit_n, drive, ambient_t, newest_us)
         return self._told(self._judged, publish_us)
 
     def early(self, early: Early) -> ContactNow | None:
@@ -245,7 +245,7 @@ class NowEstimator:
         self.memory.told_us = publish_us
         if not (np.diagonal(memory.motion_covariance) >= 0.0).all():
             return None
-        now = self._ahead(judged.estimate, judged.touching, judged.detection_limit_n, publish_us, lead_s)
+        now = self._ahead(judged.estimate, judged.touch, judged.detection_limit_n, publish_us, lead_s)
         return now if now is not None and now.is_finite else None
 
     def _publish_us(self, taken: Taken) -> float:
@@ -259,7 +259,7 @@ class NowEstimator:
         return made_us + taken.sequence * period_us + self.parameters.lead_us
 
     def _ahead(
-        self, estimate: PoseEstimate, touching: bool, detection_limit_n: float, publish_us: float, lead_s: float
+        self, estimate: PoseEstimate, touch: TouchMemory, detection_limit_n: float, publish_us: float, lead_s: float
     ) -> ContactNow | None:
         baselined, memory = self._baselined, self._filter.memory
         moving = self._at_newest(estimate)
@@ -268,7 +268,7 @@ class NowEstimator:
         chi2 = chi2_from_rest(*displacement(moving, baselined.mounting.rest))
         position_m, axis, covariance = baselined.in_nominal_frame(moving)
         contact = self._model.estimate(position_m, axis, covariance, baselined.magnet_off_m)
-        if touching and (contact.over_range or contact.refused):  # of the filter's pose
+        if touch.in_contact and (contact.over_range or contact.refused):  # of the filter's pose
             return None
         turn = shortest_rotation(baselined.mounting.rest.axis, baselined.drawing.rest_axis)
         by_pose = np.zeros((6, 5))
@@ -278,15 +278,11 @@ class NowEstimator:
         variance = np.diagonal(product(slope, memory.motion_covariance[RATE, RATE], slope.T))
         rates, rate_sd = shrunk(product(slope, memory.motion_state[RATE]), variance, float(memory.modes[MOVING]))
         values, deviations = contact.values, np.sqrt(np.diagonal(contact.covariance))
-        deviations[2] = (
-            touched_force_sd_n(contact.force_n, contact.force_sd_n, detection_limit_n)
-            if touching
-            else quiet_force_sd_n(contact.central_force_sd_n, detection_limit_n)
-        )
+        deviations[2] = published_force_sd_n(contact, touch, detection_limit_n)
         # No finger lifts the magnet. Near rest, noise and what the baseline leaves unknown look like corner presses.
         is_certain = doubt(contact.force_n, square(contact.force_sd_n)) < 1.0
         pressed = bool(memory.motion_state[2] < 0.0) and chi2 is not None and chi2 > self._rest_chi2 and is_certain
-        return carried(publish_us, lead_s, values, deviations, rates, rate_sd, pressed, touching)
+        return carried(publish_us, lead_s, values, deviations, rates, rate_sd, pressed, touch.in_contact)
 
     def _at_newest(self, estimate: PoseEstimate) -> PoseEstimate:
         """The filter's pose in the form of the solver's. What the moment leaves uncertain is taken over from that."""

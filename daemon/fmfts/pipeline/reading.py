@@ -23,6 +23,7 @@ JUMPED = (
 class Reading:
     """What one frame says. used (N, 3): the axes that it was solved from. None: no trustworthy value.
 
+    touching: in contact. force_sd_n: the deviation of the force to publish, which is 0 without contact.
     distance_m: how far the magnet is from rest, and the deviation of that; of a pad without a contact model only.
     now: the contact at the time of publishing. is_steady: health and reason stay while the same axes are missing.
     """
@@ -33,7 +34,7 @@ class Reading:
     estimate: PoseEstimate | None = None
     contact: ContactEstimate | None = None
     touching: bool | None = None
-    detection_limit_n: float = 0.0
+    force_sd_n: float = 0.0
     distance_m: tuple[float, float] | None = None
     now: ContactNow | None = None
     is_steady: bool = False

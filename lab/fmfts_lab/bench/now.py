@@ -95,7 +95,7 @@ class Errors:
         # Where `now` is null a controller has today's fields only.
         instead = np.where(np.isfinite(run.now[:, 2]), run.now[:, 2], run.today[:, 2])
         self.now.append((instead - at_publishing[:, 2])[counted])
-        self.ratios.append(rms([self.now[-1]]) / rms([today[:, 2]]))
+        self.ratios.append(ratio([self.now[-1]], [today[:, 2]]))
         self.place_today.append(1e3 * np.hypot(today[:, 0], today[:, 1]))
         self.place_now.append(1e3 * np.hypot(now[:, 0], now[:, 1]))
         off = np.abs(run.now - run.motion.truth(np.nan_to_num(run.now_s))) / run.now_sd
@@ -123,7 +123,7 @@ class Errors:
             "own_n": rms(self.own),
             "today_n": rms(self.today),
             "now_n": rms(self.now),
-            "ratio": rms(self.now) / rms(self.today),
+            "ratio": ratio(self.now, self.today),
             "ratio_least": min(self.ratios),
             "ratio_most": max(self.ratios),
             "read_today_n": rms(self.read_today),
@@ -145,6 +145,12 @@ def rms(parts: Sequence[Array]) -> float:
     values = np.concatenate(parts)
     values = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(values * values))) if values.size else float("nan")
+
+
+def ratio(now: Sequence[Array], today: Sequence[Array]) -> float:
+    """Error of the one over that of the other; 1 where neither has any: an untouched pad publishes 0 N."""
+    now_n, today_n = rms(now), rms(today)
+    return 1.0 if now_n == today_n else now_n / today_n if today_n > 0.0 else float("inf")
 
 
 def measure(

@@ -50,34 +50,38 @@ static void put_pose(const fmfts_message_parameters *parameters, const double *s
     n->chi2[0] = pose->chi2;
 }
 
-/* quiet_force_sd_n of contact_message.py */
+/* deviations.py */
 static double quiet_force_sd_n(double force_sd_n, double detection_limit_n)
 {
     double uniform_sd_n = detection_limit_n / sqrt(3.0);
     return sqrt(force_sd_n * force_sd_n + uniform_sd_n * uniform_sd_n);
 }
 
-double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate, bool touching)
+double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate, const fmfts_contact_memory *touch)
 {
-    double limit_n = parameters->detection_limit_n[0];
-    return touching ? quiet_force_sd_n(estimate->deviation[2], estimate->doubt * limit_n)
-                    : quiet_force_sd_n(estimate->central_force_sd_n, limit_n);
+    double limit_n = parameters->detection_limit_n[0], force_n = estimate->place[2];
+    if (touch->touched[0] == 0.0) {
+        return quiet_force_sd_n(estimate->central_force_sd_n, limit_n);
+    }
+    double deviation_n = quiet_force_sd_n(estimate->deviation[2], estimate->doubt * limit_n);
+    return touch->in_contact[0] != 0.0 ? deviation_n : sqrt(deviation_n * deviation_n + force_n * force_n);
 }
 
-static fmfts_kind put_contact(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate, bool touching,
-                               fmfts_numbers *n)
+static fmfts_kind put_contact(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate,
+                               const fmfts_contact_memory *touch, fmfts_numbers *n)
 {
+    bool touching = touch->in_contact[0] != 0.0;
     n->x_m[0] = estimate->place[0];
     n->x_sd_m[0] = estimate->deviation[0];
     n->y_m[0] = estimate->place[1];
     n->y_sd_m[0] = estimate->deviation[1];
-    n->force_n[0] = fmax(estimate->place[2], 0.0);
+    n->force_n[0] = touching ? estimate->place[2] : 0.0;
     n->force_min_n[0] = estimate->force_min_n;
     n->shear_x_n[0] = estimate->outputs > 3 ? estimate->place[3] : 0.0;
     n->shear_x_sd_n[0] = estimate->outputs > 3 ? estimate->deviation[3] : 0.0;
     n->shear_y_n[0] = estimate->outputs > 3 ? estimate->place[4] : 0.0;
     n->shear_y_sd_n[0] = estimate->outputs > 3 ? estimate->deviation[4] : 0.0;
-    n->force_sd_n[0] = fmfts_force_sd_n(parameters, estimate, touching);
+    n->force_sd_n[0] = fmfts_force_sd_n(parameters, estimate, touch);
     return !touching ? FMFTS_QUIET : estimate->over_range ? FMFTS_OVER_RANGE : FMFTS_TOUCHED;
 }
 
@@ -166,9 +170,12 @@ fmfts_kind fmfts_frame_step(const fmfts_pad *pad, const fmfts_memory *memory, co
                      pose.elapsed_s)) {
         return FMFTS_NO_NUMBER;
     }
-    bool has_model = parameters->message.has_model[0] != 0.0, touching = next->contact.touched[0] != 0.0;
-    if (has_model && !estimate_contact(pad, next, &pose, &displacement, &estimate)) {
-        return FMFTS_NO_NUMBER;
+    bool has_model = parameters->message.has_model[0] != 0.0;
+    if (has_model) {
+        if (!estimate_contact(pad, next, &pose, &displacement, &estimate)) {
+            return FMFTS_NO_NUMBER;
+        }
+        fmfts_press(&parameters->contact, &next->contact, &estimate);
     }
     if (has_model && parameters->now.tells_now[0] != 0.0 && is_whole(&next->pose) && is_alone &&
         !fmfts_tell_now(pad, next, frame, &pose, &estimate, outcome)) {
@@ -180,9 +187,9 @@ fmfts_kind fmfts_frame_step(const fmfts_pad *pad, const fmfts_memory *memory, co
     for (int i = 0; i < FMFTS_MOVES; i++) {
         memcpy(outcome->seen + FMFTS_MOVES * i, pose.covariance + FMFTS_STEP * i, FMFTS_MOVES * sizeof(double));
     }
-    fmfts_kind kind = touching ? FMFTS_TOUCHED : FMFTS_QUIET;
+    fmfts_kind kind = next->contact.touched[0] != 0.0 ? FMFTS_TOUCHED : FMFTS_QUIET;
     if (has_model) {
-        kind = put_contact(&parameters->message, &estimate, touching, numbers);
+        kind = put_contact(&parameters->message, &estimate, &next->contact, numbers);
     } else {
         fmfts_distance(&displacement, numbers->displacement_m, numbers->displacement_sd_m);
     }

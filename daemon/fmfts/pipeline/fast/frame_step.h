@@ -55,7 +55,7 @@ int64_t fmfts_sampled_ns(int64_t host_ns, double time_us, double instant_us);
 void fmfts_go_on(const fmfts_pad *pad, const fmfts_outcome *outcome, int64_t sampled_ns, fmfts_memory *memory);
 
 /* frame_step.c: force_sd_n of contact_message.py. */
-double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate, bool touching);
+double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate, const fmfts_contact_memory *touch);
 
 /* now.c: writes `now` into the outcome. solved, last: the solver's pose, and the contact from it. False if it is not known. */
 bool fmfts_tell_now(const fmfts_pad *pad, fmfts_memory *next, const fmfts_frame *frame, const fmfts_pose *solved,

@@ -103,7 +103,7 @@ static bool tell(const fmfts_pad *pad, fmfts_memory *memory, double time_us, fmf
     const fmfts_parameters *parameters = pad->parameters;
     const fmfts_now_parameters *own = &parameters->now;
     const fmfts_judged *judged = &outcome->judged;
-    bool touching = memory->contact.touched[0] != 0.0;
+    bool touching = memory->contact.in_contact[0] != 0.0;
     double chi2, state[FMFTS_STATE], lead_s = (time_us - memory->motion.motion_us[0]) * 1e-6;
     fmfts_pose pose = {.chi2 = 0.0};
     fmfts_displacement displacement;
@@ -139,7 +139,7 @@ static bool tell(const fmfts_pad *pad, fmfts_memory *memory, double time_us, fmf
     now.outputs = estimate.outputs;
     memcpy(now.value, estimate.place, sizeof now.value);
     memcpy(now.deviation, estimate.deviation, sizeof now.deviation);
-    now.deviation[2] = fmfts_force_sd_n(&parameters->message, &estimate, touching);
+    now.deviation[2] = fmfts_force_sd_n(&parameters->message, &estimate, &memory->contact);
     rates(&parameters->pose, &memory->motion, &displacement, estimate.by_pose, &now);
     fmfts_shrink(own, memory->motion.modes[MOVING], &now);
     bool pressed = memory->motion.motion_state[2] < 0.0 && chi2 > parameters->contact.release_chi2[0] && estimate.doubt < 1.0;
@@ -157,7 +157,7 @@ bool fmfts_tell_now(const fmfts_pad *pad, fmfts_memory *next, const fmfts_frame 
 {
     const fmfts_parameters *parameters = pad->parameters;
     fmfts_judged *judged = &outcome->judged;
-    bool touching = next->contact.touched[0] != 0.0;
+    bool touching = next->contact.in_contact[0] != 0.0;
     double time_us = publish_us(&parameters->now, frame, &next->now);
     if (!fmfts_drive(&parameters->now, pad->response, pad->response_bytes, touching ? last : NULL, judged->drive) ||
         !fmfts_follow(&parameters->pose, &parameters->motion, &next->pose, frame->fresh, judged->drive, &next->motion)) {

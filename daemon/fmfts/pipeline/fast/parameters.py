@@ -24,7 +24,7 @@ from fmfts.contact.model import (
 )
 from fmfts.contact.refinement import STEPS
 from fmfts.contact.smoothing import COMPONENTS, JUMP_PROBABILITY
-from fmfts.contact.touch import RELEASE_FRAMES
+from fmfts.contact.touch import KEPT_FORCE_DEVIATIONS, RELEASE_FRAMES
 from fmfts.pad import Pad
 from fmfts.pose import alignment, gate, hidden_gradient, mean_residuals, neighbour, tracker
 from fmfts.pose.change import shortest_rotation
@@ -171,6 +171,7 @@ def put_contact(
     parameters.put("highest", model.highest)
     parameters.put("outside_deviations", OUTSIDE_DEVIATIONS)
     parameters.put("certain_deviations", CERTAIN_DEVIATIONS)
+    parameters.put("kept_force_deviations", KEPT_FORCE_DEVIATIONS)
     parameters.put("certain_force_deviations", CERTAIN_FORCE_DEVIATIONS)
     parameters.put("straight_share", STRAIGHT_SHARE)
     parameters.put("bend_deviations", BEND_DEVIATIONS)
