@@ -19,7 +19,10 @@ SHIPPED = ToleranceConfig().si()
 
 def said_n(mounting: Mounting, pad: Pad) -> dict[str, float]:
     """Step → the deviation of 1 N that it is said to leave."""
-    found = (re.match(r"(\S+): ±\d+ µm and ±([\d.]+) N instead of", one) for one in prospects(mounting, pad))
+    found = (
+        re.match(r"(\S+): force ±([\d.]+) N instead of .* magnet's way sideways ±\d+ µm", one)
+        for one in prospects(mounting, pad)
+    )
     return {match[1]: float(match[2]) for match in found if match is not None}
 
 

@@ -28,7 +28,8 @@ WORTH = 0.9
 def prospects(mounting: Mounting, pad: Pad) -> list[str]:
     """For each step that would make a press of 1 N at least a tenth more certain, what it would bring, easiest first.
 
-    The figures are deviations of the magnet's displacement and of the force.
+    The figures are deviations of the force, and of how far the magnet moves sideways: the place of the press is known
+    to more than that.
     """
     now = accuracy(mounting, pad)
     if not now:
@@ -37,12 +38,13 @@ def prospects(mounting: Mounting, pad: Pad) -> list[str]:
     for name, information in _steps(mounting, pad.chip.bias_strap is not None):
         then = accuracy(_informed(mounting, information), pad)
         if min(then[key] / now[key] for key in ("press_1n_sideways_sd_m", "press_1n_force_sd_n")) < WORTH:
-            told.append(f"{name}: {_figures(then)} instead of {_figures(now)}")
+            (then_n, then_m), (now_n, now_m) = _figures(then), _figures(now)
+            told.append(f"{name}: force {then_n} instead of {now_n}; magnet's way sideways {then_m} instead of {now_m}")
     return told
 
 
-def _figures(facts: dict[str, float]) -> str:
-    return f"±{facts['press_1n_sideways_sd_m'] * 1e6:.0f} µm and ±{facts['press_1n_force_sd_n']:.3f} N"
+def _figures(facts: dict[str, float]) -> tuple[str, str]:
+    return f"±{facts['press_1n_force_sd_n']:.3f} N", f"±{facts['press_1n_sideways_sd_m'] * 1e6:.0f} µm"
 
 
 def _steps(mounting: Mounting, has_selftest: bool) -> Iterator[tuple[str, Array]]:

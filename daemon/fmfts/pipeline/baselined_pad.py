@@ -103,12 +103,17 @@ class BaselinedPad:
 
     def resting_covariance(self) -> Array | None:
         """Covariance (6, 6) of one frame's pose at rest, in the nominal frame; None if there is no such pose."""
+        resting = self.resting(self.mounting.systematic_t)
+        return None if resting is None else self.in_nominal_frame(resting)[2]
+
+    def resting(self, systematic_t: Array | float = 0.0) -> PoseEstimate | None:
+        """The pose of one frame at rest, of which noise and these deviations (N, 3) are unknown; None without one."""
         if not self.at_rest:
             return None
-        deviation_t = root_of_squares(self.mounting.noise_t, self.mounting.systematic_t)
+        deviation_t = root_of_squares(self.mounting.noise_t, systematic_t)
         field_t, rest = self.mounting.rest_field_t, self.mounting.rest
         estimate = solve(field_t, self.pad, rest, deviation_t=deviation_t, free=self.tracking.estimated)
-        return self.in_nominal_frame(estimate)[2] if estimate.status is Status.CONVERGED else None
+        return estimate if estimate.status is Status.CONVERGED else None
 
     @property
     def lifted_reason(self) -> str:

@@ -101,6 +101,10 @@ class PadPipeline:
         return 0.0 if self._estimator is None else self._estimator.detection_limit_n
 
     @property
+    def baselined(self) -> BaselinedPad | None:
+        return None if self._estimator is None else self._estimator.baselined
+
+    @property
     def mounting(self) -> Mounting | None:
         return None if self._estimator is None else self._estimator.mounting
 

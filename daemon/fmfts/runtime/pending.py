@@ -21,9 +21,12 @@ log = logging.getLogger(__name__)
 
 
 class Pending:
-    """Before it sends the facts of a finished task, it calls `done`, in which the daemon uses the result."""
+    """Before it sends the facts of a finished task, it calls `done`, in which the daemon uses the result.
 
-    def __init__(self, request: Request, pad: str, task: Task, done: Callable[[], None] = lambda: None) -> None:
+    done: returns what it adds to the facts.
+    """
+
+    def __init__(self, request: Request, pad: str, task: Task, done: Callable[[], dict[str, float]] = dict) -> None:
         self.task = task
         self.pad = pad
         self._request = request
@@ -48,8 +51,7 @@ class Pending:
     def _reply(self, facts: dict[str, Any] | None) -> bool:
         if facts is None:
             return False
-        self._done()
-        self._request.reply(**facts)
+        self._request.reply(**facts, **self._done())
         return True
 
     def _give_up(self, problem: str) -> bool:

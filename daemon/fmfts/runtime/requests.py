@@ -23,6 +23,7 @@ from fmfts.contact import NoContactModel
 from fmfts.contact.array_model import ArrayModel
 from fmfts.contact.skin_model import SkinModel
 from fmfts.pipeline.configured import AnyModel
+from fmfts.pipeline.press_of_one_newton import gained, press_of_one_newton
 from fmfts.recording.baseline import require_device
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.guarded import device_of
@@ -200,9 +201,11 @@ class Verbs:
         self._await_baseline(request, channel, channel.job)
 
     def _await_baseline(self, request: Request, channel: Channel, task: BaselineJob | Restoration) -> None:
-        def adopt() -> None:
+        def adopt() -> dict[str, float]:
             assert task.recorded is not None
+            was = press_of_one_newton(channel.pipeline) if task.recorded.gained else {}
             _use(channel, task.recorded)
+            return gained(was, press_of_one_newton(channel.pipeline))
 
         self._pending.append(Pending(request, channel.name, task, adopt))
 

@@ -6,7 +6,7 @@ import { withCode } from "./words.js";
 const STEPS = [
   { key: "probe", title: "Is everything there?", ask: "read", rest: { verb: "probe" }, hands: "Connect the board. Nothing else to do.",
     icon: [["M9 22h10M31 22h8", 1], ["M19 14h12v16H19z"], ["M22 18v.1M28 18v.1M22 26v.1M28 26v.1", 1]] },
-  { key: "selftest", title: "Measure every axis", ask: "selftest", hands: "Let the pad alone for two seconds: each chip makes a field of its own, so that its gains are measured.",
+  { key: "selftest", title: "Measure every axis", ask: "selftest", hands: "Leave the pad alone for two seconds: each chip makes a field of its own, so that its gains are measured.",
     icon: [["M14 14h20v20H14z"], ["M24 28V18m-4 4 4-4 4 4", 1], ["M10 18h4M10 24h4M10 30h4M34 18h4M34 24h4M34 30h4"]] },
   { key: "bare", title: "The field without the pad", ask: "baseline", rest: { kind: "bare" }, hands: "Take the silicone pad off the sensors and put it half a metre away. Hold still for three seconds.",
     icon: [["M8 36h32"], ["M13 31h5v5h-5zM30 31h5v5h-5z"], ["M12 17c6-5 18-5 24 0M16 23c4-3 12-3 16 0", 1]] },
@@ -19,7 +19,7 @@ const STEPS = [
 ];
 
 // What a person gets from a step: fact, words, factor, unit. The last two are what `turn` and `refine` measure.
-const PRESS = [["press_1n_sideways_sd_m", "place of a press of 1 N", 1e3, "mm"], ["press_1n_force_sd_n", "its force", 1, "N"]];
+const PRESS = [["middle_1n_place_sd_m", "place of a press of 1 N in the middle", 1e3, "mm"], ["middle_1n_force_sd_n", "its force", 1, "N"]];
 const MEASURED = { turn: ["gain_sd", "gains of the sensors", 1e2, "%"], refine: ["sensor_place_sd_m", "places of the sensors", 1e3, "mm"] };
 
 export class Guide {
@@ -101,10 +101,11 @@ function faultOf(step, facts, pad) {
 function found(step, facts, pad, lines) {
   const parts = [node("p", headline(step, facts, pad))];
   const now = (name) => facts[`now_${name}`], was = (name) => facts[`was_${name}`];
-  if (now("press_1n_sideways_sd_m") !== undefined) {
+  const tiles = [...PRESS, ...(step.key in MEASURED ? [MEASURED[step.key]] : [])].filter(([name]) => now(name) !== undefined);
+  if (tiles.length) {
     const box = document.createElement("div");
     box.className = "gains";
-    for (const [name, what, factor, unit] of [...PRESS, ...(step.key in MEASURED ? [MEASURED[step.key]] : [])]) {
+    for (const [name, what, factor, unit] of tiles) {
       const tile = node("div", `${what}; was ± ${shownDeviation(was(name) * factor)}`);
       tile.prepend(node("b", `± ${shownDeviation(now(name) * factor)} ${unit}`));
       box.append(tile);
