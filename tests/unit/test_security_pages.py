@@ -50,3 +50,15 @@ def test_threat_model_says_what_each_stranger_can_do(who: str) -> None:
     chapter = (ROOT / "docs/threat-model.md").read_text().partition("## Who is not")[2].partition("\n## ")[0]
     (row,) = [line for line in chapter.splitlines() if line.startswith("|") and who in line.split("|")[1]]
     assert all(cell.strip() for cell in row.strip("|").split("|"))
+
+
+def test_each_door_names_tests_that_exist() -> None:
+    doors = (ROOT / "docs/security.md").read_text().partition("## Every door")[2].partition("\n## ")[0]
+    rows = [line.split("|") for line in doors.splitlines() if line.startswith("| ") and not line.startswith("| door")]
+    targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert len(rows) >= 20
+    for row in rows:
+        named = re.findall(r"`([^`]+)`", row[4])
+        assert named, row[1]
+        for name in named:
+            assert name.removeprefix("make ") in targets or (ROOT / "tests" / name).is_file(), name
