@@ -109,6 +109,17 @@ def test_refusal_reaches_the_client_in_the_daemons_words(server: ControlServer, 
         request("selftest", endpoint=base, pad="left")
 
 
+def test_client_shows_an_error_that_is_no_text(server: ControlServer, base: str) -> None:
+    nested: list[Any] = []
+    for _ in range(1010):  # Python's repr of it raises RecursionError
+        nested = [nested]
+    with (
+        answering(server, lambda each: each._send(msgpack.packb({"id": each._identity, "error": nested}), last=True)),
+        pytest.raises(RefusedError, match="status: "),
+    ):
+        request("status", endpoint=base)
+
+
 def test_unknown_verb_is_refused_with_those_that_exist(server: ControlServer, base: str) -> None:
     with (
         answering(server, lambda each: each.reply()),

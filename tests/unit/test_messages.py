@@ -174,6 +174,20 @@ def test_another_machines_instant_is_translated() -> None:
     assert Contact.from_message(sent(message), clock_ahead_s=None).at(message.now.t_ns) is None
 
 
+def nested(depth: int) -> list[Any]:
+    """As deep as msgpack decodes; Python's repr of it raises RecursionError."""
+    value: list[Any] = []
+    for _ in range(depth):
+        value = [value]
+    return value
+
+
+@pytest.mark.parametrize("field", ["v", "pad", "force_n"])
+def test_client_refuses_a_nested_value_in_its_own_words(field: str) -> None:
+    with pytest.raises(MessageError, match=r"\["):
+        Contact.from_message(sent(contact_message()) | {field: nested(1020)})
+
+
 @pytest.mark.parametrize("number", NOT_NUMBERS)
 @pytest.mark.parametrize("field", NOW_FIELDS)
 def test_now_with_a_number_that_is_none_is_not_encoded(field: str, number: float) -> None:

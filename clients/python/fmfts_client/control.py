@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 import secrets
 import time
 from contextlib import suppress
@@ -66,8 +67,7 @@ def request(
             if reply.pop("id", None) != number:
                 continue
             if "error" in reply:
-                code = reply.get("code")
-                raise RefusedError(f"{verb}: {reply['error']}", code if isinstance(code, int) else None)
+                raise _refusal(verb, reply)
             if reply.pop("ok", None) is True:
                 return reply
             deadline = time.monotonic() + timeout_s
@@ -75,6 +75,12 @@ def request(
                 progress(reply["progress"])
     why = why_silent(address, key=endpoints.key)
     raise UnreachableError(f"{verb}: no answer from {address} for {timeout_s:g} s: {why}")
+
+
+def _refusal(verb: str, reply: dict[str, Any]) -> RefusedError:
+    error, code = reply["error"], reply.get("code")
+    text = error if isinstance(error, str) else reprlib.repr(error)
+    return RefusedError(f"{verb}: {text}", code if isinstance(code, int) else None)
 
 
 def _decode(payload: bytes) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Hashable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -30,7 +31,7 @@ def check_version(message: Mapping[str, object]) -> None:
     version = message.get("v")
     if version != SCHEMA_VERSION or isinstance(version, bool):
         raise SchemaError(
-            f"the daemon sends schema version {version!r}, this client reads {SCHEMA_VERSION}: "
+            f"the daemon sends schema version {reprlib.repr(version)}, this client reads {SCHEMA_VERSION}: "
             "install the fmfts-client that belongs to the daemon"
         )
 
@@ -106,4 +107,9 @@ def _sequence_check(items: tuple[Any, ...]) -> Check:
 
 
 def _shown(value: object) -> str:
-    return f"{type(value).__name__} {repr(value)[:60]}"
+    return f"{type(value).__name__} {_short.repr(value)[:60]}"
+
+
+# repr itself raises RecursionError of a list that is nested a thousand times, which a message may bear.
+_short = reprlib.Repr()
+_short.maxstring = _short.maxother = 60

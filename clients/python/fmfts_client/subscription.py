@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -123,7 +124,7 @@ class Subscription:
                 raise MessageError(f"{kind}/{pad}: not a map but {type(body).__name__}")
             check_version(body)
             if body.get("pad") != pad:
-                raise MessageError(f"{kind}/{pad}: is for pad {body.get('pad')!r}")
+                raise MessageError(f"{kind}/{pad}: is for pad {reprlib.repr(body.get('pad'))}")
             return Message(kind, pad, body, self._clock_ahead_s(body))
         except SchemaError:
             raise
