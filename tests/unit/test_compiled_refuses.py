@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from several_world import models_of
 from test_refine import RESPONSES
 
 from fmfts.arithmetic.compiled import _arithmetic
@@ -65,6 +66,14 @@ def test_response_without_a_spacing_or_a_scale_is_refused(number: int, value: fl
     np.frombuffer(table, count=9)[number] = value
     with pytest.raises(ValueError, match="response"):
         _refine.refine(table, np.zeros(5), np.eye(5), 2, np.zeros(3), np.empty((3, 3)))
+
+
+@pytest.mark.parametrize(("number", "value"), [(5, np.nan), (6, 0.0), (6, -1.0), (6, np.nan), (6, np.inf)])
+def test_table_of_fingers_without_a_spacing_is_refused(number: int, value: float) -> None:
+    model = models_of(1)[0]
+    model.packed[number] = value
+    with pytest.raises(ValueError, match="model"):
+        model.predict(np.array([[1.0, 1.0, 0.5]]))
 
 
 def test_times_that_no_board_counts_are_refused_or_left_to_python() -> None:

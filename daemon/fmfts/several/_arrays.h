@@ -78,7 +78,7 @@ static inline bool has_model(call *c)
         return false;
     }
     if (!fmfts_view_several(model->buf, (size_t)model->len / sizeof(double), &c->model)) {
-        PyErr_SetString(PyExc_ValueError, "the model has another size than there is room for");
+        PyErr_SetString(PyExc_ValueError, "the model has no spacing, or another size than there is room for");
         return false;
     }
     return has_doubles(c, WORK, WORK_DOUBLES);

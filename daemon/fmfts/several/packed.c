@@ -16,7 +16,8 @@ static bool sizes_fit(const fmfts_several_head *head)
     return head->magnets[0] >= 1.0 && head->magnets[0] <= FMFTS_SEVERAL_MAGNETS && head->sensors[0] >= 1.0 &&
            head->sensors[0] <= FMFTS_SEVERAL_SENSORS && head->causes[0] >= 0.0 &&
            head->causes[0] <= FMFTS_SEVERAL_CAUSES && head->width[0] >= 4.0 && head->width[0] <= 10000.0 &&
-           head->terms[0] >= 1.0 && head->terms[0] <= FMFTS_SEVERAL_TERMS;
+           head->terms[0] >= 1.0 && head->terms[0] <= FMFTS_SEVERAL_TERMS && isfinite(head->first_mm[0]) &&
+           head->spacing_mm[0] > 0.0 && isfinite(head->spacing_mm[0]);
 }
 
 bool fmfts_view_several(const double *packed, size_t count, fmfts_several *model)

@@ -98,7 +98,7 @@ typedef struct {
     size_t used, index[FMFTS_SEVERAL_VALUES];                     /* the values that there are */
 } fmfts_several_work;
 
-/* packed.c: false if `packed` is no model, or larger than there is room for. */
+/* packed.c: false if `packed` is no model, its table has no spacing, or it is larger than there is room for. */
 bool fmfts_view_several(const double *packed, size_t count, fmfts_several *model);
 
 /* packed.c: whether all are finite. */
