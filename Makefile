@@ -26,9 +26,10 @@
 # make failing-source    a source that raises or returns anything, beside three healthy pads: five minutes
 # make clock-leaps    boards whose clock leaps, lines that double and reorder packets: four minutes
 # make flood   contacts and their ages while 1 to 64 programs flood the control socket, six minutes    (FLOOD="--pads 8 --over ipc")
-# make sanitize    the compiled parts and the C client under AddressSanitizer and UndefinedBehaviorSanitizer: a quarter of an
-#              hour (SHORT=1: a minute)
-# make fuzz, fuzz-files    a million inputs to each decoder; a million damaged files
+# make sanitize    the compiled parts and the C client under AddressSanitizer and UndefinedBehaviorSanitizer; long
+#              (SHORT=1: a minute)
+# make fuzz    a million inputs to each decoder, or FUZZ_SECONDS=300 of each: 50 minutes; make fuzz-short: a minute
+# make fuzz-files    a million damaged files
 # make test-versions         each installed Python with the oldest, newest and pinned dependencies: half an hour
 # make wheel   a wheel for this architecture; fails if a compiled part is missing
 # make dist    wheels for x86-64 and aarch64, and source archives, in dist/, as a package index takes them (root: aarch64);
@@ -59,7 +60,7 @@ TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi
 
 .PHONY: demo test lint unit processes clock slow long bench cold-starts clean wheel
 .PHONY: first-uses transcript recordings kept-report model pictures chips-page mould sample-times
-.PHONY: magnet-check chaos clock-leaps failing-source chips-for-a-day fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
+.PHONY: magnet-check chaos clock-leaps failing-source chips-for-a-day fuzz fuzz-short fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
 
 # Ends a demo on Ctrl-C without an error. Programs that sh starts with & ignore Ctrl-C; sh catches it and sends SIGTERM
@@ -162,12 +163,20 @@ bench: $(VENV)/.installed-test
 cold-starts: $(VENV)/.installed
 	@$(BIN)/python -m fmfts_lab.bench convergence --draws 250000
 
-# A million inputs to each decoder: the firmware's under libFuzzer (ten minutes), the daemon's and the C client's.
+# A million inputs to each decoder: the firmware's under libFuzzer (ten minutes), the daemon's and the C client's. For the
+# daemon's C, requests and messages FUZZ_SECONDS each, in which an idle core tries about a million.
 fuzz: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/firmware/fuzz/python_decoder.py --inputs 1000000
 	$(BIN)/python tests/drills/anyskin_fuzz.py --inputs 1000000
 	$(MAKE) -C firmware fuzz
-	$(MAKE) fuzz-c-client
+	$(MAKE) fuzz-c-client fuzz-wire fuzz-clock fuzz-tables fuzz-peers
+
+# The same from the kept corpora on, a few seconds each.
+fuzz-short: test-packages $(VENV)/.installed-test
+	$(BIN)/python tests/firmware/fuzz/python_decoder.py --inputs 20000
+	$(BIN)/python tests/drills/anyskin_fuzz.py --inputs 10000
+	$(MAKE) -C firmware fuzz FUZZ_RUNS=3000
+	$(MAKE) fuzz-c-client fuzz-wire fuzz-clock fuzz-tables fuzz-peers FUZZ_SECONDS=5 C_CLIENT_FUZZ_RUNS=50000
 
 # An access outside of an array, and an integer that overflows, end the process. build/sanitized holds what is built for it.
 SHORT ?=
@@ -310,6 +319,7 @@ endef
 
 include systemd/install.mk
 include $(wildcard clients/c/client.mk)
+include $(wildcard tests/fuzz/fuzz.mk)
 
 clean:
 	rm -rf $(VENV) build *.egg-info firmware/build

@@ -97,7 +97,10 @@ def test_every_page_that_the_code_names_exists() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_every_target_and_module_that_a_page_tells_to_run_exists(page: Path) -> None:
     text = page.read_text()
-    rules = "".join((ROOT / file).read_text() for file in ("Makefile", "systemd/install.mk", "clients/c/client.mk"))
+    rules = "".join(
+        (ROOT / file).read_text()
+        for file in ("Makefile", "systemd/install.mk", "clients/c/client.mk", "tests/fuzz/fuzz.mk")
+    )
     targets = set(re.findall(r"[\w-]+", " ".join(re.findall(r"^([a-z][\w -]*):", rules, flags=re.MULTILINE))))
     named = re.findall(r"(?:^    |`|&& |sudo )make\s+([a-z][\w-]*)", text, flags=re.MULTILINE)
     assert [name for name in named if name not in targets] == []

@@ -1,0 +1,46 @@
+"""The fuzz targets over what is kept: what was found once stays found. `make fuzz` goes on from there."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import peers
+
+ROOT = Path(__file__).parents[2]
+TARGETS = ("wire", "clock", "tables")
+
+
+@pytest.fixture(scope="module")
+def programs() -> dict[str, Path]:
+    if not shutil.which("gcc"):
+        pytest.skip("gcc is not installed")
+    programs = {target: ROOT / f"build/fuzz/replay-{target}" for target in TARGETS}
+    names = [str(program.relative_to(ROOT)) for program in programs.values()]
+    make = ["make", "-f", "tests/fuzz/fuzz.mk", "-j3", *names]  # the Makefile would ask for Debian packages first
+    built = subprocess.run(make, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    assert built.returncode == 0, f"the fuzz targets do not build:\n{built.stdout}{built.stderr}"
+    return programs
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_c_reads_every_kept_input(programs: dict[str, Path], target: str) -> None:
+    inputs = sorted((ROOT / "tests/corpus" / target).iterdir())
+    assert len(inputs) > 20, "the corpus is gone"
+    run = subprocess.run([programs[target], *inputs], capture_output=True, text=True, timeout=120, check=False)
+    assert run.returncode == 0, run.stderr[-2000:]
+    assert run.stdout == f"{len(inputs)} inputs\n"
+
+
+@pytest.mark.parametrize("target", ["control", "messages"])
+def test_damaged_message_is_refused_in_one_way(target: str) -> None:
+    said = peers.fuzzed(target, 1, range(3000), math.inf)
+    assert said.total() == 3000
+    assert min(said["read"], said["refused"]) > 100
