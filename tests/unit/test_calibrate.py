@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 
 from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.evaluation import force_bins, own_error, rows, tables_of_squares
+from fmfts.calibrate.evaluation_plot import magnification, shortened
 from fmfts.calibrate.export import export
 from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.fitting import fit_response
@@ -22,7 +24,7 @@ from fmfts.calibrate.samples import Samples, presses_in_bins, presses_within
 from fmfts.calibrate.selection import Candidate, compare, smallest_within_noise
 from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
-from fmfts.calibrate.training import Options, calibrate
+from fmfts.calibrate.training import Options, calibrate, selection_table
 from fmfts.contact import ContactModel
 from fmfts.contact.contract import parse_response
 from fmfts.contact.response import Response
@@ -220,6 +222,38 @@ def test_larger_networks_that_gain_nothing_are_not_chosen() -> None:
     assert smallest_within_noise(ladder).hidden == 24
     ladder[2] = replace(ladder[2], score=np.array([0.8, 1.0, 1.2]))  # the folds differ by more than is gained
     assert smallest_within_noise(ladder).hidden == 12
+
+
+def test_table_of_networks_says_the_rule_and_why_others_are_not_taken() -> None:
+    ladder = [
+        Candidate("two layers of 12", 12, 50, np.full(3, 1.16)),
+        Candidate("table inversion", None, 9, np.ones(3)),
+    ]
+    table = selection_table(ladder, smallest_within_noise(ladder))
+    assert re.search(r"table inversion .* -13\.8%\n", table)
+    assert "the smallest network within 2%" in table
+    assert "the daemon runs networks alone" in table
+
+
+def test_folds_and_steps_that_are_done_are_shown(response: Response, solver: FrameSolver) -> None:
+    shares: list[float] = []
+    clean = Samples.expected(response, solver, presses_within(response, 300, np.random.default_rng(1)))
+    train_network(clean, REST, 4, steps=5, done=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert len(shares) == 10
+
+
+def test_arrows_near_the_centre_are_long_enough_to_see() -> None:
+    random = np.random.default_rng(1)
+    press = np.column_stack([random.uniform(-20, 20, (400, 2)), random.uniform(0.1, 1.7, 400)])
+    central = np.hypot(press[:, 0], press[:, 1]) <= 11.0
+    error = random.normal(0.0, 1.0, (400, 2)) * np.where(central, 0.05, 3.0)[:, None]
+    drawn, cut = shortened(magnification(press, error) * error)
+    assert np.median(np.hypot(*drawn[central].T)) > 0.5
+    assert np.hypot(*drawn.T).max() <= 4.0 + 1e-9
+    assert not cut[central].any()
+    assert cut[~central].mean() > 0.5
 
 
 @pytest.mark.long

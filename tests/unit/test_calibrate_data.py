@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -221,6 +222,10 @@ def test_calibrated_model_serves_and_its_report_stands_beside_it(
     target = tmp_path / "small.onnx"
     arguments = ["calibrate", data, "-o", str(target), "--config", config, "--hidden", "8", "--presses", "1500"]
     assert main(arguments) == 0
+    told = capsys.readouterr().err
+    assert "calibrate: training" in told
+    bridge = re.search(r"within 11 mm of the centre and from 0.5 N .* x (\S+) mm, y (\S+) mm, force (\S+) N", told)
+    assert bridge is not None
     report = json.loads(target.with_suffix(".json").read_text())
     assert report["hidden"] == 8
     first = target.read_bytes()
@@ -230,8 +235,12 @@ def test_calibrated_model_serves_and_its_report_stands_beside_it(
     plot = tmp_path / "errors.png"
     again = ["evaluate", data, "--model", str(target), "--config", config, "--json", "--plot", str(plot)]
     assert main(again) == 0
-    facts = json.loads(capsys.readouterr().out)
+    out, err = capsys.readouterr()
+    assert "the model was made from these very presses" in err
+    facts = json.loads(out)
     assert facts["model"] == report["model"]
+    on_new = report["on_new_presses_with_noise"][0]
+    assert float(bridge[1]) < on_new["mae_x_mm"], "light presses and the rim are worse"
     # 0.05 mm and 0.012 N; layers of 4 leave 0.07 mm and 0.11 N: force, of a slab that stiffens, bends more than place.
     centre = next(row for row in facts["regions"] if row["region"] == "within 8 mm")
     assert centre["mae_x_mm"] < 0.1

@@ -10,6 +10,7 @@ import pytest
 
 from fmfts.calibrate.field_table import field_columns
 from fmfts.cli.main import main
+from fmfts.common import exit_codes
 from fmfts.pad import Pad
 from fmfts.pose import State, dipole_field
 from fmfts.pose.model import predict
@@ -65,6 +66,18 @@ def test_ambient_field_needs_eight_unknowns_and_is_told(pad: Pad, pressed: State
     assert off_um(row, pressed) < 0.1  # of a noise-free field, whose bound at 2 mG is 15 µm
     assert [float(row[f"ambient_{axis}_ut"]) for axis in "xyz"] == pytest.approx(AMBIENT_T * 1e6, abs=1e-3)
     assert all(float(row[f"ambient_{axis}_ut_sd"]) > 0.0 for axis in "xyz")
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e-2, "gauss"), (1e-3, "millitesla")])
+def test_fields_in_another_unit_are_refused_as_calibrate_does(
+    pad: Pad, pressed: State, tmp_path: Path, capsys: pytest.CaptureFixture[str], factor: float, unit: str
+) -> None:
+    row = ",".join(f"{value * 1e6 * factor:.9f}" for value in field_of(pad, pressed).ravel())
+    (tmp_path / "field.csv").write_text(f"{','.join(field_columns(4))}\n{row}\n")
+    (tmp_path / "config.toml").write_text(CONFIG)
+    words = ["pose", "--config", str(tmp_path / "config.toml"), "--pad", "a", str(tmp_path / "field.csv")]
+    assert main(words) == exit_codes.DATA
+    assert f"in most rows; these columns are in µT (1 G = 100 µT): were they in {unit}?" in capsys.readouterr().err
 
 
 def test_known_moment_makes_five_unknowns_and_is_held(pad: Pad, pressed: State, tmp_path: Path) -> None:

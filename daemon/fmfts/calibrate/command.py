@@ -29,6 +29,7 @@ from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact.array_model import ArrayModel
 from fmfts.pad import Pad
 from fmfts.several.field_model import Scene
+from fmfts.view.progress import Show, unseen
 
 
 def make_model(
@@ -40,9 +41,11 @@ def make_model(
     options: Options,
     say: Say,
     sheared: Path | None = None,
+    show: Show = unseen,
 ) -> dict[str, Any]:
     """Make a model from the set in `source`; write it to `target`, and its report beside it (.json); return the report.
 
+    show: takes the share that is done.
     sheared: a set with shear, for the errors that shear causes in a model without it. Raises DataError for a wrong set,
     OSError where the files cannot be written.
     """
@@ -54,11 +57,12 @@ def make_model(
     shear_set = None
     if sheared is not None:
         shear_set = str(sheared), read_calibration_set(sheared, pad, pad_size_mm, baseline)
-    calibrated = calibrate(str(source), calibration, options, say, shear_set)
+    calibrated = calibrate(str(source), calibration, options, say, shear_set, show)
     _replace(report, (json.dumps(calibrated.report, indent=1) + "\n").encode())
     _replace(target, calibrated.model)
     say("on the calibration set, as it is:\n" + printed(calibrated.report["on_the_calibration_set"]))
     say("on new presses, with the noise of one frame:\n" + printed(calibrated.report["on_new_presses_with_noise"]))
+    say(calibrated.report["firm_and_central"])
     return calibrated.report
 
 

@@ -9,12 +9,12 @@ import numpy as np
 
 from fmfts.baseline import Mounting
 from fmfts.calibrate.field_table import DataError, FieldTable, field_columns, mounting_of, read
+from fmfts.calibrate.field_units import drawn_field, other_unit, question, strengths, stronger
 from fmfts.common.reading import digest_of
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact.contract import OUTPUT_ORDER, SHEAR_OUTPUT_ORDER
 from fmfts.pad import Array, Pad
 from fmfts.pose import solve
-from fmfts.simulation.cylinder import cylinder_field
 
 PAD_SIZE_MM = 40.0
 LARGEST_FORCE_N = 50.0
@@ -22,7 +22,6 @@ LARGEST_FORCE_N = 50.0
 FEWEST_PRESSES, FEWEST_PLACES = 150, 8
 # Largest ratio between a measured field and the drawing's: remanence and place of the magnet explain less.
 LARGEST_RATIO = 3.0
-UNITS = {1e-2: "gauss", 1e1: "milligauss", 1e-3: "millitesla", 1e-6: "tesla", 1e3: "nanotesla"}
 # A wrong unit shows in the components that are strong at rest: a press changes them by half, a unit by ten or more.
 STRONG_SHARE, LEAST_UNIT_RATIO = 0.2, 8.0
 # Largest difference of two fields with the same labels, from noise and from the stage's repeatability.
@@ -112,15 +111,10 @@ def rest_field(calibration: CalibrationSet) -> Array:
     if calibration.rest_field_t is not None:
         return calibration.rest_field_t
     pad = calibration.pad
-    drawn = _drawn_field(pad)
+    drawn = drawn_field(pad)
     estimates = [solve(field, pad).remanence_t for field in calibration.field_t[::8]]
     measured: Array = drawn * float(np.nanmedian(estimates) / solve(drawn, pad).remanence_t)
     return measured
-
-
-def _drawn_field(pad: Pad) -> Array:
-    """(N, 3) field of the unloaded pad according to its drawing."""
-    return pad.sensors.to_sensor(cylinder_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet))
 
 
 def labels_of(path: Path, table: FieldTable, pad_size_mm: float) -> Array:
@@ -172,18 +166,15 @@ def _require_fields(path: Path, table: FieldTable, pad: Pad) -> None:
     if len(absent):
         row, column = absent[0]
         raise DataError(f"{path}: row {table.line[row]}, column {names[column]}: no number; leave the row out")
-    drawn = _drawn_field(pad)
-    ratios = np.linalg.norm(table.field_t, axis=(1, 2)) / np.linalg.norm(drawn)
+    ratios = strengths(table, pad)
     wrong = np.flatnonzero((ratios > LARGEST_RATIO) | (ratios < 1.0 / LARGEST_RATIO))
     if len(wrong):
         row, ratio = wrong[0], float(ratios[wrong[0]])
-        unit = min(UNITS, key=lambda factor: abs(np.log(ratio / factor)))
         raise DataError(
-            f"{path}: row {table.line[row]}, columns {names[0]} … {names[-1]}: the field is {ratio:.3g} times that of "
-            f"this pad's magnet at rest, in {len(wrong)} of {len(ratios)} rows; these columns are in µT (1 G = 100 µT)"
-            + (f": were they in {UNITS[unit]}?" if 0.5 < ratio / unit < 2.0 else ": is it the magnet of the config?")
+            f"{path}: row {table.line[row]}, {stronger(pad, ratio)} in {len(wrong)} of {len(ratios)} rows; "
+            + question(other_unit(ratio))
         )
-    _require_one_unit(path, table.field_t / ratios[:, None, None], drawn)
+    _require_one_unit(path, table.field_t / ratios[:, None, None], drawn_field(pad))
 
 
 def _require_one_unit(path: Path, field_t: Array, drawn_t: Array) -> None:

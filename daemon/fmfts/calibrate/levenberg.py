@@ -6,7 +6,7 @@ For a thousand parameters or fewer, tens of its steps reach more than tens of th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Self
@@ -89,17 +89,26 @@ class Layers:
             yield activations[-1][:, output], np.concatenate(columns, axis=1)
 
 
-def train(layers: Layers, inputs: Array, target: Array, weight: Array, steps: int, settled: float = 1e-4) -> Layers:
+def train(
+    layers: Layers,
+    inputs: Array,
+    target: Array,
+    weight: Array,
+    steps: int,
+    settled: float = 1e-4,
+    done: Callable[[int], None] = lambda _: None,
+) -> Layers:
     """`layers` fitted to target (K, m); weight (K, m): of each row and output in the squared error.
 
     Ends after `steps` accepted steps, or when five steps in a row lower the error by less than the share `settled`.
+    done: takes the number of each accepted step.
     Runs on one thread, so that sums have one order: the same problem gives the same weights.
     """
     with threadpool_limits(1):
         root = np.sqrt(weight)
         error = _error(layers, inputs, target, root)
         damping, stalled = FIRST_DAMPING, 0
-        for _ in range(steps):
+        for step in range(steps):
             normal, gradient = _normal_equations(layers, inputs, target, root)
             diagonal = np.diagonal(normal).copy()
             while damping < MOST_DAMPING:
@@ -113,6 +122,7 @@ def train(layers: Layers, inputs: Array, target: Array, weight: Array, steps: in
                 break
             stalled = stalled + 1 if error - trial_error < settled * error else 0
             layers, error, damping = trial, trial_error, damping / DAMPING_FACTOR
+            done(step + 1)
             if stalled == 5:
                 break
     return layers

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -46,20 +48,34 @@ def features(pose: Array, rest_pose: Array, scale: Array) -> Array:
     return np.concatenate([scaled, DIRECTION_GAIN * scaled / length], axis=1)
 
 
-def train_network(samples: Samples, rest_pose: Array, hidden: int, steps: int = STEPS, seed: int = 0) -> ContactNetwork:
+def train_network(
+    samples: Samples,
+    rest_pose: Array,
+    hidden: int,
+    steps: int = STEPS,
+    seed: int = 0,
+    done: Callable[[float], None] = lambda _: None,
+) -> ContactNetwork:
     """Train two hidden layers of `hidden` for each group of outputs, with errors weighted by the bound.
 
-    The same samples give the same weights.
+    The same samples give the same weights. done: takes the share of the steps that are taken.
     """
     scale = unit_of(samples, rest_pose)
     inputs = features(samples.pose, rest_pose, scale)
     together: Layers | None = None
-    for group in GROUPS[: 2 if samples.press.shape[1] == 3 else 3]:
+    groups = GROUPS[: 2 if samples.press.shape[1] == 3 else 3]
+
+    def stepped(number: int, step: int) -> None:
+        done((number + step / steps) / len(groups))
+
+    for number, group in enumerate(groups):
         target = samples.press[:, group]
         largest = np.abs(target).max(axis=0)
         sizes = (inputs.shape[1], hidden, hidden, target.shape[1])
         start = Layers.drawn(sizes, np.random.default_rng([seed, group.start]))
-        layers = train(start, inputs, target / largest, weights(samples, group), steps).scaled(0.0 * largest, largest)
+        layers = train(
+            start, inputs, target / largest, weights(samples, group), steps, done=partial(stepped, number)
+        ).scaled(0.0 * largest, largest)
         together = layers if together is None else together.beside(layers)
     assert together is not None
     return ContactNetwork(rest_pose, scale, together)

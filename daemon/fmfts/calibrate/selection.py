@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
@@ -53,11 +54,12 @@ def compare(
     presses: int = PRESSES,
     sheared: bool = False,
     workers: Workers | None = None,
+    done: Callable[[int], None] = lambda _: None,
 ) -> list[Candidate]:
     """Compare networks of each size, trained on `presses` presses, and other regressors, on the same folds.
 
     sheared: with five outputs; otherwise presses with shear are left out. workers: where each fold is computed; None:
-    here.
+    here. done: takes the number of folds that are computed.
     """
     if not sheared:
         rows = (press[:, 3:] == 0.0).all(axis=1)
@@ -65,7 +67,8 @@ def compare(
     fold = np.random.default_rng(0).permutation(len(press)) % FOLDS
     scores: dict[tuple[str, int | None], list[tuple[int, float]]] = {}
     pieces = [(solver, press, tracked, roughness, fold == left_out, sizes, presses) for left_out in range(FOLDS)]
-    for scored in (workers or Workers()).map(_fold, pieces):
+    finished = count(1)
+    for scored in (workers or Workers()).map(_fold, pieces, lambda *_: done(next(finished))):
         for name, hidden, parameters, score in scored:
             scores.setdefault((name, hidden), []).append((parameters, score))
     return [

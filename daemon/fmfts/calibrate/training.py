@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,13 +11,22 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.dataset import CalibrationSet
-from fmfts.calibrate.evaluation import force_bins, metrics, own_error, rounded, rows, tables_of_squares
+from fmfts.calibrate.evaluation import (
+    Row,
+    firm_and_central,
+    force_bins,
+    metrics,
+    own_error,
+    rounded,
+    rows,
+    tables_of_squares,
+)
 from fmfts.calibrate.export import export
 from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.labelled_poses import LabelledPoses, Say, solver_of
 from fmfts.calibrate.network import ContactNetwork, train_network
 from fmfts.calibrate.samples import Samples, presses_in_bins, presses_within
-from fmfts.calibrate.selection import Candidate, compare, smallest_within_noise
+from fmfts.calibrate.selection import FOLDS, WORTH_THE_TIME, Candidate, compare, smallest_within_noise
 from fmfts.calibrate.tracked import FrameSolver, Scene
 from fmfts.common.sweep import Workers
 from fmfts.contact.contract import (
@@ -31,12 +41,18 @@ from fmfts.contact.response import Response
 from fmfts.contact.seal import hash_of, unsealed
 from fmfts.pad import Array
 from fmfts.sensor.chips import NOISE_T
+from fmfts.view.progress import Show, unseen
 
+COMPARING, TRAINED = 0.6, 0.9  # shares of the time
 PRESSES, HELD_OUT, NOISY_COPIES = 20000, 12000, 4
 JUDGED_IN_A_BIN = 1500  # samples in each bin of force
 # Beyond SHEAR_REACH_MM a sheared press has the pose of another press without shear, so shear is not estimated there.
 # Training goes a little farther, so that the model recognises presses beyond the reach.
 SHEAR_REACH_MM, SHEAR_TRAINED_MM = 8.0, 10.5
+RULE = (
+    f"chosen: the smallest network within {WORTH_THE_TIME:.0%} of the best one, or within what the folds differ by;\n"
+    "the daemon runs networks alone: the other methods show what is possible, and are never chosen"
+)
 SMALL_SHEAR = 0.1  # share of the normal force; its effect is still proportional
 
 
@@ -68,18 +84,24 @@ def calibrate(
     options: Options,
     say: Say,
     sheared: tuple[str, CalibrationSet] | None = None,
+    show: Show = unseen,
 ) -> Calibrated:
-    """Make a model. path: names the set in errors.
+    """Make a model. path: names the set in errors. show: takes the share of the work that is done.
 
     sheared: (path, set) of the same pad with shear, from which a model of three outputs gets its error by shear, if
     `calibration` has no shear. Raises DataError for a field that is not of this pad.
     """
     with threadpool_limits(1):  # gives the same file with any number of cores, and leaves the others free
-        return _calibrated(path, calibration, options, say, sheared)
+        return _calibrated(path, calibration, options, say, sheared, show)
 
 
 def _calibrated(
-    path: str, calibration: CalibrationSet, options: Options, say: Say, sheared: tuple[str, CalibrationSet] | None
+    path: str,
+    calibration: CalibrationSet,
+    options: Options,
+    say: Say,
+    sheared: tuple[str, CalibrationSet] | None,
+    show: Show,
 ) -> Calibrated:
     if options.shear:
         calibration = _where_shear_can_be_told(path, calibration)
@@ -99,20 +121,31 @@ def _calibrated(
         known_shear = known
     hidden, candidates = options.hidden, list[Candidate]()
     if hidden is None:
-        say("comparing networks on left-out presses")
+        say(f"comparing networks on left-out presses, in {FOLDS} folds: a minute or two of one core")
         candidates = compare(
-            solver, calibration.press, tracked, known.roughness, sheared=options.shear, workers=options.workers
+            solver,
+            calibration.press,
+            tracked,
+            known.roughness,
+            sheared=options.shear,
+            workers=options.workers,
+            done=lambda folds: show(COMPARING * folds / FOLDS, f"{folds} of {FOLDS} folds compared"),
         )
         chosen = smallest_within_noise(candidates)
         hidden = chosen.hidden
         assert hidden is not None
         say(selection_table(candidates, chosen))
     say(f"training two layers of {hidden} on {options.presses} presses with noise")
-    network = train(response, solver, hidden, options.presses)
+    begun = 0.0 if options.hidden else COMPARING
+    network = train(
+        response, solver, hidden, options.presses, lambda share: show(begun + (TRAINED - begun) * share, "training")
+    )
+    show(TRAINED, "judging")
     normal = _rows_for(response, calibration.press)
     facts = describe(known, response, network, friction_error(network, known_shear))
     model = export(network, facts, response)
     judged = calibration.press[normal, : 2 + response.loads]
+    with_noise, firm_and_central_errors = _on_new_presses(network, response, solver)
     report = {
         "model": hash_of(unsealed(model)),
         "calibration_set_sha256": calibration.digest,
@@ -127,7 +160,8 @@ def _calibrated(
         "roughness": known.roughness,
         "left_out_in_deviations": rounded(known.left_out.in_deviations),
         "on_the_calibration_set": rows(judged, network(tracked.pose[normal])),
-        "on_new_presses_with_noise": _on_new_presses(network, response, solver),
+        "on_new_presses_with_noise": with_noise,
+        "firm_and_central": firm_and_central_errors,
         "compared": [candidate.facts() for candidate in candidates],
     }
     return Calibrated(model, report)
@@ -178,11 +212,20 @@ def friction_error(network: ContactNetwork, known: LabelledPoses) -> ErrorTables
     return tables_of_squares(bins, np.tile(press, (len(errors), 1)), np.concatenate(errors) ** 2)
 
 
-def train(response: Response, solver: FrameSolver, hidden: int, presses: int) -> ContactNetwork:
-    """Train a network on `presses` noisy single frames of the response. The same response gives the same network."""
+def train(
+    response: Response,
+    solver: FrameSolver,
+    hidden: int,
+    presses: int,
+    done: Callable[[float], None] = lambda _: None,
+) -> ContactNetwork:
+    """Train a network on `presses` noisy single frames of the response. The same response gives the same network.
+
+    done: takes the share of the steps that are taken.
+    """
     random = np.random.default_rng(1)
     clean = Samples.expected(response, solver, presses_within(response, presses, random))
-    return train_network(clean.noisy(1, random), solver.rest_pose, hidden)
+    return train_network(clean.noisy(1, random), solver.rest_pose, hidden, done=done)
 
 
 def describe(known: LabelledPoses, response: Response, network: ContactNetwork, friction: ErrorTables | None) -> Facts:
@@ -228,11 +271,13 @@ def selection_table(candidates: list[Candidate], chosen: Candidate) -> str:
         mark = "  <- chosen" if one is chosen else ""
         gain = one.mean / chosen.mean - 1.0
         lines.append(f"{one.name:22} {one.parameters:10d} {one.mean:16.3f} {gain:+18.1%}{mark}")
+    lines.append(RULE)
     return "\n".join(lines)
 
 
-def _on_new_presses(network: ContactNetwork, response: Response, solver: FrameSolver) -> list[dict[str, float | str]]:
+def _on_new_presses(network: ContactNetwork, response: Response, solver: FrameSolver) -> tuple[list[Row], str]:
     random = np.random.default_rng(7)
     clean = Samples.expected(response, solver, presses_within(response, HELD_OUT, random, beyond=1.0))
     noisy = clean.noisy(1, random)
-    return rows(noisy.press, network(noisy.pose))
+    found = network(noisy.pose)
+    return rows(noisy.press, found), firm_and_central(noisy.press, found)

@@ -80,6 +80,7 @@ def _calibrate(options: argparse.Namespace) -> int:
     except ImportError as error:
         raise lacking(error, "calibrate") from error
     from fmfts.calibrate.field_table import DataError
+    from fmfts.view.progress import progress_bar
 
     if options.hidden is not None and not 2 <= options.hidden <= 64:
         raise VerbError(exit_codes.USAGE, f"--hidden is {options.hidden}: from 2 to 64")
@@ -96,16 +97,18 @@ def _calibrate(options: argparse.Namespace) -> int:
         workers=workers_of(options),
     )
     try:
-        report = make_model(
-            options.data,
-            options.output,
-            pad.pad(),
-            options.pad_size_mm,
-            options.baseline,
-            training,
-            _say,
-            options.sheared,
-        )
+        with progress_bar("calibrate") as show:
+            report = make_model(
+                options.data,
+                options.output,
+                pad.pad(),
+                options.pad_size_mm,
+                options.baseline,
+                training,
+                _say,
+                options.sheared,
+                show,
+            )
     except DataError as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
     except ClusterError as error:
@@ -130,7 +133,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     except ImportError as error:
         raise lacking(error, "calibrate") from error
     from fmfts.calibrate.dataset import read_labelled
-    from fmfts.calibrate.evaluation import printed
+    from fmfts.calibrate.evaluation import firm_and_central, printed
     from fmfts.calibrate.field_table import DataError
     from fmfts.contact import ModelError
     from fmfts.contact.model import SHEAR_UNKNOWN
@@ -141,6 +144,8 @@ def _evaluate(options: argparse.Namespace) -> int:
         labelled = read_labelled(options.data, pad.pad(), options.pad_size_mm, options.baseline)
         if model.shear_is_unknown:
             _say(f"warning: {SHEAR_UNKNOWN.format(friction=model.friction)}")
+        if labelled.digest == model.facts.data:
+            _say("note: the model was made from these very presses: on others its errors are larger")
         evaluation = evaluate(labelled, options.data, model, pad.scene.ambient, _noise_t(options))
         if options.plot is not None:
             _draw(evaluation, options.plot)
@@ -154,6 +159,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     print(f"model {evaluation.model} ({how}), {len(evaluation.press)} presses, {over_range} of them over range")
     if evaluation.in_range.any():
         print(printed(evaluation.rows()))
+        print(firm_and_central(evaluation.press[evaluation.in_range], evaluation.found[evaluation.in_range]))
         print("mae, rmse: mean absolute and rms errors; in_sd: rms of error / the model's deviation, ideally 1")
     return 0
 

@@ -43,7 +43,7 @@ def add_to(verb: AddVerb) -> None:
 
 def _pose(options: argparse.Namespace) -> int:
     from fmfts.calibrate import field_table
-    from fmfts.offline.pose import PoseOptions, solve_table
+    from fmfts.offline.pose import PoseOptions, read_fields, solve_table
     from fmfts.scene.neighbours import neighbours_at_rest
 
     pad_config = configured_pad(options)
@@ -51,7 +51,7 @@ def _pose(options: argparse.Namespace) -> int:
     if not options.noise_ut > 0.0:
         raise VerbError(exit_codes.USAGE, f"--noise-ut is {options.noise_ut}: it must be greater than zero")
     try:
-        table = field_table.read(options.fields, len(pad.sensors))
+        table = read_fields(options.fields, pad)
         pose_options = PoseOptions(
             options.baseline,
             options.sequence,

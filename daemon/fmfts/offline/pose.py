@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.calibrate.field_table import FieldTable, mounting_of
+from fmfts.calibrate.field_table import FieldTable, mounting_of, read
+from fmfts.calibrate.field_units import require_unit
 from fmfts.pad import Array, Pad
 from fmfts.pose import (
     AMBIENT,
@@ -50,6 +51,13 @@ class PoseOptions:
     octupole: bool = False
     gradient_t_per_m: float = 0.0
     neighbours: Sequence[NeighbourEstimate] = ()
+
+
+def read_fields(path: Path, pad: Pad) -> FieldTable:
+    """The table at `path`. Raises DataError where it cannot be read, or its fields are in another unit than µT."""
+    table = read(path, len(pad.sensors))
+    require_unit(path, table, pad)
+    return table
 
 
 def solve_table(table: FieldTable, pad: Pad, options: PoseOptions) -> dict[str, list[str]]:

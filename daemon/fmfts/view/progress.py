@@ -12,6 +12,10 @@ class Show(Protocol):
     def __call__(self, share: float, hint: str = "") -> None: ...
 
 
+def unseen(share: float, hint: str = "") -> None:
+    """A Show that shows nothing."""
+
+
 @contextmanager
 def progress_bar(text: str) -> Iterator[Show]:
     """Yields a function; call it with the share of the work that is done, 0 to 1, and a hint for the person, or ""."""
