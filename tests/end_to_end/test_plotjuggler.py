@@ -14,7 +14,8 @@ from typing import Any
 import msgpack
 import zmq
 
-from end_to_end.processes import PATIENCE_S, ROOT, RunningDaemon
+from end_to_end.processes import PATIENCE_S, RunningDaemon
+from fmfts.cli.companions import layout_for
 from ports import tcp_base
 
 TOPIC = "contact/left"
@@ -34,7 +35,7 @@ def series(value: Any, name: str) -> dict[str, float]:
 def test_plotjuggler_gets_the_curves_of_its_layout(tmp_path: Path) -> None:
     base = tcp_base()
     received: set[str] = set()
-    layout = ET.parse(ROOT / "clients/plotjuggler/fmfts.xml")
+    layout = ET.fromstring(layout_for("plotjuggler", "left"))
     curves = {curve.attrib["name"] for curve in layout.iter("curve")}
     assert "contact/left/force_n" in curves
     skipped = 0

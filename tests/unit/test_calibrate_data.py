@@ -224,7 +224,7 @@ def test_calibrated_model_serves_and_its_report_stands_beside_it(
     assert main(arguments) == 0
     told = capsys.readouterr().err
     assert "calibrate: training" in told
-    bridge = re.search(r"within 11 mm of the centre and from 0.5 N .* x (\S+) mm, y (\S+) mm, force (\S+) N", told)
+    bridge = re.search(r"within 11 mm of the centre and from 0.5 N, .* x (\S+) mm, y (\S+) mm, force (\S+) N", told)
     assert bridge is not None
     report = json.loads(target.with_suffix(".json").read_text())
     assert report["hidden"] == 8

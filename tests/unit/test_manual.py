@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
 
 from fmfts.cli import manual
-from fmfts.cli.main import command_line
+from fmfts.cli.main import command_line, main
 
 VERBS = manual.verbs_of(command_line())
 
@@ -82,3 +84,29 @@ def test_man_has_no_complaint_about_a_page(tmp_path: Path) -> None:
             check=True,
         )
         assert shown.stderr == "", page
+
+
+def test_verb_installs_pages_and_completion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["manual", str(tmp_path)]) == 0
+    assert (tmp_path / "share/man/man1/fmfts-daemon-baseline.1").exists()
+    assert (tmp_path / "share/bash-completion/completions/fmfts-daemon").read_text() == manual.bash_completion()
+    assert f"fpath+=({tmp_path}/share/zsh/vendor-completions)" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("program", ["foxglove", "plotjuggler"])
+def test_layout_is_for_the_pad_that_is_named_and_for_no_other(
+    program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("FMFTS_CONFIG", raising=False)
+    monkeypatch.setattr("fmfts.config.file.DEFAULT_PATHS", (tmp_path / "absent.toml",))
+    for words, pad in (([], "demo"), (["--pad", "thumb-2"], "thumb-2")):
+        assert main(["layout", program, *words]) == 0
+        text = capsys.readouterr().out
+        assert f"contact/{pad}" in text
+        assert "left" not in text.replace('left="0"', "")
+        if program == "foxglove":
+            topics = json.loads(text)["configById"]["3D!fmfts"]["topics"]
+            assert list(topics) == [f"scene/{pad}", f"magnet/{pad}"]
+        else:
+            ET.fromstring(text)

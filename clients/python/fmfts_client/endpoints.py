@@ -9,7 +9,6 @@ Root alone can make `/run/fmfts`. A named folder is refused where any user could
 from __future__ import annotations
 
 import os
-import pwd
 import stat
 import tempfile
 from collections.abc import Mapping
@@ -150,6 +149,8 @@ def _require_no_stranger(directory: Path) -> None:
 
 def trusted_owners() -> set[int]:
     """Users whose sockets may be trusted wherever they are: this one, root, and the service's."""
+    import pwd  # Windows has none, and no owners of sockets
+
     owners = {os.getuid(), 0}
     with suppress(KeyError):  # no service is installed here
         owners.add(pwd.getpwnam(SERVICE_USER).pw_uid)
@@ -157,6 +158,8 @@ def trusted_owners() -> set[int]:
 
 
 def name_of(owner: int) -> str:
+    import pwd
+
     try:
         return f"user {pwd.getpwuid(owner).pw_name}"
     except KeyError:
@@ -164,6 +167,8 @@ def name_of(owner: int) -> str:
 
 
 def _own_directory(environ: Mapping[str, str]) -> Path:
+    if not hasattr(os, "getuid"):
+        raise EndpointError(f"on Windows name the daemon's machine: {OVERRIDE}=tcp://192.168.1.21:5570, for example")
     runtime = environ.get("XDG_RUNTIME_DIR", "")
     if runtime and Path(runtime).is_dir():
         directory = Path(runtime).absolute() / "fmfts"

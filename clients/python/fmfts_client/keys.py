@@ -22,6 +22,8 @@ LARGEST_KEY_FILE = 4096
 KEY_CHARACTERS = 40  # 32 bytes in Z85 (RFC 32)
 # The owner may read and write it, a service's group may read it.
 FORBIDDEN_MODE = 0o037
+# Without O_NONBLOCK a pipe in the file's place would make the reader wait for ever. Windows lacks two of these flags.
+READ_ONLY = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
 
 _LINE = re.compile(r'(\w+) = "([^"]*)"')
 
@@ -70,8 +72,7 @@ def read_fields(path: Path, names: tuple[str, ...]) -> list[bytes]:
 def _private_text(path: Path) -> str:
     """The content of a key file; what is larger than one, is no file, or may be read by others is refused."""
     try:
-        # Without O_NONBLOCK a pipe in the file's place would make the reader wait for ever.
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        descriptor = os.open(path, READ_ONLY)
         try:
             mode = os.fstat(descriptor).st_mode
             content = os.read(descriptor, LARGEST_KEY_FILE + 1) if stat.S_ISREG(mode) else b""
@@ -81,7 +82,7 @@ def _private_text(path: Path) -> str:
         raise BadKeyError(f"key {path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
     if not stat.S_ISREG(mode):
         raise BadKeyError(f"key {path} is not a file, but a folder, a pipe or a device: name the key's file")
-    if mode & FORBIDDEN_MODE:
+    if hasattr(os, "getuid") and mode & FORBIDDEN_MODE:  # Windows has no such modes
         raise BadKeyError(f"key {path} is open to others (mode {stat.S_IMODE(mode):04o}): chmod 600 {path}")
     if len(content) > LARGEST_KEY_FILE:
         raise BadKeyError(

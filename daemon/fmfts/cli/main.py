@@ -14,6 +14,7 @@ from fmfts import __version__
 from fmfts.cli import calibrate as calibration_verbs
 from fmfts.cli import check_config, on_device
 from fmfts.cli import collect as collect_verb
+from fmfts.cli import companions as companion_verbs
 from fmfts.cli import demo as demo_verb
 from fmfts.cli import init_config as init_verb
 from fmfts.cli import keys as keys_verb
@@ -118,6 +119,7 @@ def _parser(requested: str | None) -> argparse.ArgumentParser:
     pose_verb.add_to(verb)
     calibration_verbs.add_to(verb)
     collect_verb.add_to(verb)
+    companion_verbs.add_to(verb)
     if requested not in verbs.choices:
         _add_laboratory(verb)
         if requested is not None and not requested.startswith("-") and requested not in verbs.choices:
