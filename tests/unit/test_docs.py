@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -127,3 +128,31 @@ def test_faults_are_seen(tmp_path: Path) -> None:
     assert fault(page, "../../elsewhere.md") is not None
     assert files_named_in("`pose/solver.c`, `a word`, `contact/<pad>`, `x.py`") == {"pose/solver.c", "x.py"}
     assert LINK.findall(without_code("    [a](b)\n`[c](d)` [e](f)\n```\n[g](h)\n```\n")) == ["f"]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_page_that_runs_the_laboratory_says_how_to_install_it(page: Path) -> None:
+    text = page.read_text()
+    if "python -m fmfts_lab" in text and page.parent.name != "results":
+        assert "./lab`" in text
+
+
+def test_all_pages_give_the_tests_the_same_time() -> None:
+    told = [time for page in PAGES for time in re.findall(r"\((\w+) minutes on two idle cores\)", page.read_text())]
+    assert len(told) > 1
+    assert len(set(told)) == 1
+
+
+def test_recording_becomes_a_table_with_all_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The example of docs/recording.md, but for its last step, on a recording without a touch."""
+    (example,) = re.findall(
+        r"^```python\n(.*?)^```", (ROOT / "docs/recording.md").read_text(), re.DOTALL | re.MULTILINE
+    )
+    (tmp_path / "touch.mcap").write_bytes((ROOT / "tests/data/recordings/fault.mcap").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    made: dict[str, Any] = {}
+    exec(example.partition("import pandas")[0], made)
+    assert made["rows"]
+    assert any("x_m" not in row for row in made["rows"])
+    assert {"x_m", "y_m", "force_n", "health"} <= set(made["columns"])
+    assert set().union(*made["rows"]) <= set(made["columns"])

@@ -23,7 +23,7 @@ KEY_CHARACTERS = 40  # 32 bytes in Z85 (RFC 32)
 # The owner may read and write it, a service's group may read it.
 FORBIDDEN_MODE = 0o037
 # Without O_NONBLOCK a pipe in the file's place would make the reader wait for ever. Windows lacks two of these flags.
-READ_ONLY = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
+READ_ONLY = os.O_RDONLY | sum(getattr(os, flag, 0) for flag in ("O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
 
 _LINE = re.compile(r'(\w+) = "([^"]*)"')
 

@@ -13,13 +13,15 @@ from io import BufferedReader
 from pathlib import Path
 from typing import TextIO
 
+# Systems differ in which of these they have. O_BINARY is Windows', which otherwise translates the ends of lines.
+READ_ONLY = os.O_RDONLY | sum(getattr(os, flag, 0) for flag in ("O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
 LONGEST_QUOTE = 500
 LARGEST_TABLE, MOST_COLUMNS = 200_000_000, 1000  # of a CSV file
 
 
 def open_regular(path: Path) -> BufferedReader:
     """Open a file to read. OSError if it is none: a pipe in its place would make the reader wait for ever."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    descriptor = os.open(path, READ_ONLY)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
         raise OSError(errno.EINVAL, "not a file, but a folder, a pipe or a device", str(path))
