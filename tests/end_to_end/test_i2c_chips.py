@@ -157,8 +157,11 @@ def test_probe_names_what_is_on_the_bus_where_a_pad_is_not_sound(tmp_path: Path)
     config.write_text('[[pad]]\nname = "left"\n[pad.source]\ntype = "i2c"\nbus = 7\n')
     with kernel_bus("qmc5883l"):
         ended = run_command("probe", "--config", config)
+        recorded = run_command("baseline", "--rest", "--config", config)
     assert ended.returncode == exit_codes.FAULTY, ended
-    assert 'sensor 1 (mux 0x70, channel 0) is a QMC5883L at 0x0D, not an HMC5983: set chip = "qmc5883l"' in ended.stdout
+    cause = 'sensor 1 (mux 0x70, channel 0) is a QMC5883L at 0x0D, not an HMC5983: set chip = "qmc5883l"'
+    assert cause in ended.stdout
+    assert f"no frame within 3 s: {cause}" in recorded.stderr
     for channel in range(4):
         assert f"QMC5883L at 0x0D, mux 0x70, channel {channel}" in ended.stdout
 
