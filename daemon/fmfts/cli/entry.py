@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from contextlib import suppress
 
 INTERRUPTED = 130  # as in common/exit_codes.py, which is imported later
 
@@ -14,11 +15,11 @@ def main() -> int:
     interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # not where a shell ignores it
     if interruptible:
         signal.signal(signal.SIGINT, _end)
-    from fmfts.cli.main import main as run
-
-    if interruptible:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
+        from fmfts.cli.main import main as run
+
+        if interruptible:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         return run()
     except KeyboardInterrupt:  # before a verb ran
         return INTERRUPTED
@@ -28,5 +29,6 @@ def main() -> int:
 
 
 def _end(*_: object) -> None:
-    sys.stdout.flush()
+    with suppress(OSError, RuntimeError):  # its reader is gone, or this came amid another flush
+        sys.stdout.flush()
     os._exit(INTERRUPTED)
