@@ -13,12 +13,8 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from background import repeating
-from fmfts.bus.control import ControlServer
 from fmfts.bus.messages import ContactMessage, without_estimate
-from fmfts.bus.publisher import Publisher
-from fmfts.config import PadConfig, SimulatedSource
-from fmfts.config.pad_facts import pad_facts
-from fmfts_client import Endpoints
+from page.made_up_bus import Bus
 from page.rig import CHROMIUM, TWO_PICTURES, View, opened, until
 from unit.bus_messages import contact_message, finger_message, fingers_message, two_fingers
 
@@ -26,6 +22,7 @@ pytestmark = [pytest.mark.needs(CHROMIUM), pytest.mark.slow]
 
 PERIOD_S = 0.02
 PLACE_MM = 0.5
+REST_M = [[-0.006, 0.0, 0.0105], [0.006, 0.0, 0.0105]]
 # The pixels of a colour of the theme on a drawing, as [x, y] in mm of the pad; its outline gives the scale.
 PIXELS = """([id, name]) => {
     const canvas = document.getElementById(id), {width, height} = canvas;
@@ -57,32 +54,14 @@ COLOUR_AT = """([x, y]) => {
 }"""
 
 
-class Bus:
-    """A daemon with one pad, `demo`, that says what `make` makes."""
-
-    def __init__(self, base: str) -> None:
-        self.publisher, self._control = Publisher(Endpoints.from_base(base), "b00t"), ControlServer(f"{base}/control")
-        config = PadConfig(name="demo", source=SimulatedSource())
-        rest_m = [[-0.006, 0.0, 0.0105], [0.006, 0.0, 0.0105]]
-        self._facts = {"pad": "demo"} | pad_facts(config) | {"rest_positions_m": rest_m}
-        self._numbers = count()
-        self.make: Callable[..., ContactMessage] = fingers_message
-
-    def turn(self) -> None:
-        self.publisher.send_contact("demo", self.make(seq=next(self._numbers)))
-        while self._control.serve_one(lambda request: request.reply(pads=[self._facts])):
-            pass
-
-    def close(self) -> None:
-        self.publisher.close()
-        self._control.close()
-
-
 @pytest.fixture(scope="module")
 def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Bus, str, Path]]:
     folder = tmp_path_factory.mktemp("fingers")
     base = f"ipc://{folder}"
-    with closing(Bus(base)) as bus, repeating(bus.turn, PERIOD_S):
+    with (
+        closing(Bus(base, {"demo": {"rest_positions_m": REST_M}}, fingers_message)) as bus,
+        repeating(bus.turn, PERIOD_S),
+    ):
         yield bus, base, folder
 
 
@@ -167,7 +146,7 @@ def test_every_magnet_is_drawn_from_above_and_enlarged_with_its_own_rest(shows: 
     left, right, between = (page.evaluate(COLOUR_AT, [x_mm, 0.0]) for x_mm in (-6.6, 5.4, 2.0))
     assert left == right != between
     assert "not known" not in text(page, "#facts dd:nth-of-type(1)")
-    assert text(page, "#facts dd:nth-of-type(1)").count("T") == 2
+    assert text(page, "#facts dd:nth-of-type(1)").count("±") == 2
     assert page.evaluate("document.querySelector('#lens-scale').textContent").endswith("± 0.25 mm"), "0.1 mm of each"
 
 

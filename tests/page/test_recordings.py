@@ -41,7 +41,11 @@ def test_a_recording_is_made_and_its_contacts_are_shown_again_on_the_same_page(b
     assert (bench.folder / name).stat().st_size > 0
     ended_ns = time.monotonic_ns()
     show(page, f"Show {name}")
-    until(page, f"{LINK}.startsWith('recording {name}')")
+    until(page, f"{LINK}.startsWith('replay of {name}')")
+    until(page, f"document.querySelector('#replay').textContent.includes('Replay of {name} at its own speed')")
+    assert not page.is_visible("#record")
+    page.keyboard.press("r")
+    until(page, f"{TOAST}.includes('this is a replay')")
     until(page, f"{FORCE} === 'touch' && Math.hypot({NEWEST}.x_m + 4e-3, {NEWEST}.y_m + 4e-3) < 5e-4")
     assert page.evaluate(f"Number({NEWEST}.t_publish_ns)") < ended_ns
     until(page, f"{LINK}.startsWith('paused')")  # at its end, so that its last seconds can be looked at
@@ -58,6 +62,8 @@ def test_a_recording_is_made_and_its_contacts_are_shown_again_on_the_same_page(b
     show(page, "Back the daemon, live")
     until(page, f"{LINK}.startsWith('live')")
     until(page, f"Number({NEWEST}.t_publish_ns) > {ended_ns}")
+    assert page.is_visible("#record")
+    assert not page.is_visible("#replay")
 
 
 def test_a_file_that_is_no_recording_is_named_and_the_daemon_is_shown_on(bench: Bench, page: Page) -> None:

@@ -1,32 +1,79 @@
-"""All views of the page, on a phone and on a desk: nothing fails, and all fits."""
+"""All views of the page, on a phone and on a desk: nothing fails, all fits, and each says what it means."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
+from itertools import combinations, count
+from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page
 
 from background import repeating
-from page.known_touches import PERIOD_S, KnownTouches
+from page.made_up_bus import Bus
 from page.rig import CHROMIUM, TWO_PICTURES, View, opened, until
 from page.views import SIZES, look_at_all_views
+from unit.bus_messages import contact_message, event_message, pose_message
 
 pytestmark = [pytest.mark.needs(CHROMIUM), pytest.mark.slow]
 
+PERIOD_S = 0.02
+SIDE_M = 0.042  # of a pad with a little room: the next one begins there
+PLACES_M = [[x * SIDE_M, y * SIDE_M, 0.0] for x, y in ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1))]
+PADS = {"demo": {}} | {f"finger{number}": {} for number in range(1, 5)}
+NOWHERE: dict[str, Any] = dict.fromkeys(("x_m", "x_sd_m", "y_m", "y_sd_m", "force_n", "force_sd_n"))
+OVER = NOWHERE | {"over_range": True, "force_min_n": 2.13}
+# Boxes [left, top, right, bottom] of all that is written on the drawing of all pads, with its text.
+WRITTEN = """() => new Promise((done) => {
+    const written = [], write = CanvasRenderingContext2D.prototype.fillText;
+    CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+        if (this.canvas.id === "hand-drawing") {
+            const at = this.getTransform().transformPoint({ x, y }), scale = this.getTransform().a;
+            const canvas = this.canvas.getBoundingClientRect(), half = this.measureText(text).width / 2;
+            const [cx, cy] = [canvas.left + at.x / scale, canvas.top + at.y / scale];
+            written.push([text, [cx - half, cy - 6, cx + half, cy + 6]]);
+        }
+        return write.apply(this, arguments);
+    };
+    requestAnimationFrame(() => { written.length = 0; fmfts.dirty = true; });
+    setTimeout(() => {
+        CanvasRenderingContext2D.prototype.fillText = write;
+        done([...new Map(written.map(([text, box]) => [text, [text, box]])).values()]);
+    }, 400);
+})"""
+BOX = "(e) => { const { left, top, right, bottom } = e.getBoundingClientRect(); return [left, top, right, bottom]; }"
+RED = """([x, y, size]) => {
+    const canvas = document.getElementById("top"), ratio = canvas.width / canvas.clientWidth;
+    const side = Math.round(size * ratio), data = canvas.getContext("2d").getImageData(
+        Math.round((canvas.clientWidth / 2 + x) * ratio) - side / 2,
+        Math.round((canvas.clientHeight / 2 + y) * ratio) - side / 2, side, side).data;
+    let count = 0;
+    for (let i = 0; i < data.length; i += 4) count += data[i] > 150 && data[i + 1] < 140 && data[i + 2] < 140;
+    return count;
+}"""
+
+
+def untouched(**changes: Any) -> Any:
+    return contact_message(**({"contact": False} | NOWHERE | {"force_n": 0.0, "force_sd_n": 0.04} | changes))
+
 
 @pytest.fixture(scope="module")
-def one_page(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    bus = KnownTouches(tmp_path_factory.mktemp("views"))
-    with (
-        closing(bus),
-        repeating(bus.turn, PERIOD_S),
-        View(tmp_path_factory.mktemp("view"), os.environ | bus.environment) as view,
-    ):
+def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Bus, str]]:
+    base = f"ipc://{tmp_path_factory.mktemp('views')}"
+    pads = {name: {"placement_m": place} for name, place in zip(PADS, PLACES_M, strict=True)}
+    with closing(Bus(base, pads, untouched)) as bus, repeating(bus.turn, PERIOD_S):
+        yield bus, base
+
+
+@pytest.fixture(scope="module")
+def one_page(browser: Browser, bus: tuple[Bus, str], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    with View(tmp_path_factory.mktemp("view"), os.environ | {"FMFTS_BUS": bus[1]}) as view:
         page = opened(browser, view.address)
-        until(page, "fmfts.pads.get('demo')?.contact && fmfts.nowMs() !== null")
+        until(page, f"fmfts.pads.size === {len(PADS)} && fmfts.pads.get('demo').shape.placement_m !== undefined")
+        page.keyboard.press("1")
         yield page
         page.context.close()
 
@@ -37,6 +84,22 @@ def page(one_page: Page) -> Iterator[Page]:
     one_page.set_viewport_size({"width": width, "height": height})
     yield one_page
     assert one_page.complaints == []  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def shows(page: Page, bus: tuple[Bus, str]) -> Iterator[Callable[..., Page]]:
+    """Makes the bus say something of all pads, and waits until the page has drawn it."""
+
+    def show(message: Callable[..., Any] = contact_message, **changes: Any) -> Page:
+        said = f"number {next(numbers)}"
+        bus[0].make = lambda **own: message(**(own | changes | {"model": said}))
+        until(page, f"fmfts.pads.get('demo').contact.model === '{said}'")
+        page.evaluate(TWO_PICTURES)
+        return page
+
+    numbers = count()
+    yield show
+    bus[0].make = untouched
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -50,3 +113,107 @@ def test_all_views_leave_the_console_empty(page: Page, size: str) -> None:
 def test_window_without_room_for_the_drawing_fails_nowhere(page: Page) -> None:
     page.set_viewport_size({"width": 60, "height": 40})
     page.evaluate(TWO_PICTURES)
+
+
+def test_all_is_seen_at_once_on_a_desk(shows: Callable[..., Page]) -> None:
+    for page in (shows(), shows(**OVER), shows(untouched)):
+        assert page.evaluate("document.documentElement.scrollHeight") <= SIZES["desk"][1]
+
+
+def test_over_range_without_a_place_is_drawn_at_no_place(shows: Callable[..., Page]) -> None:
+    page = shows(**OVER)
+    assert page.inner_text("#force") == "more than 2.13 N"
+    assert page.eval_on_selector("#force", "(e) => e.scrollWidth <= e.clientWidth")
+    assert page.inner_text("#place") == "place not known"
+    middle, *corners = (page.evaluate(RED, [x, y, 60]) for x, y in ((0, 0), (-90, 90), (90, 90), (90, -40)))
+    assert min(corners) > 0.5 * middle > 0
+
+
+def test_over_range_is_not_called_ok(shows: Callable[..., Page]) -> None:
+    page = shows(**OVER)
+    until(page, "document.querySelector('#health').dataset.health === 'over'")
+    assert "over range" in page.inner_text("#health")
+    assert "harder than" in page.inner_text("#reason")
+    shows()
+    until(page, "document.querySelector('#health').dataset.health === 'ok'")
+
+
+def test_untouched_pad_says_what_force_it_would_miss(shows: Callable[..., Page]) -> None:
+    page = shows(untouched)
+    assert page.inner_text("#force") == "no contact"
+    assert page.inner_text("#place") == "less than 0.08 N anywhere on the pad"
+
+
+def test_good_news_have_no_mark_of_warning(page: Page, bus: tuple[Bus, str]) -> None:
+    for detail in ("lost: no pose fits", "ok: this computer keeps up again", "ok"):
+        bus[0].tell(event_message(kind="health", detail=detail))
+        until(page, f"document.querySelector('#event-list span')?.textContent.endsWith('health {detail}')")
+    good, plain, bad = (page.locator(f"#event-list li:nth-child({number}) i") for number in (1, 2, 3))
+    assert (good.inner_text(), plain.inner_text(), bad.inner_text()) == ("●", "·", "▲")
+    colours = [each.evaluate("(e) => getComputedStyle(e).color") for each in (good, bad)]
+    assert colours == ["rgb(0, 112, 79)", "rgb(180, 35, 24)"]
+
+
+@pytest.mark.parametrize("width", [390, 1024, 1440])
+def test_guide_covers_nothing_that_is_shown_now(page: Page, width: int) -> None:
+    page.set_viewport_size({"width": width, "height": 900})
+    page.click("#first-use")
+    page.wait_for_timeout(300)  # it has risen
+    guide, *others = (page.eval_on_selector(name, BOX) for name in ("#guide", "#words", "#readings", "#pad"))
+    page.keyboard.press("Escape")
+    assert all(not _overlap(guide, other) for other in others)
+
+
+def test_every_colour_of_the_drawings_has_a_legend(page: Page) -> None:
+    for panel in ("#pad", "#side"):
+        assert "two deviations" in page.inner_text(f"{panel} .legend")
+        assert "magnet" in page.inner_text(f"{panel} .legend")
+
+
+def test_facts_of_four_magnets_are_not_cut_off(shows: Callable[..., Page]) -> None:
+    poses = [pose_message(remanence_t=1.2 + 0.01 * number) for number in range(4)]
+    page = shows(pose=None, poses=poses, contacts=[], more=False)
+    assert page.inner_text("#facts dd:nth-of-type(1)").count("±") == 4
+    cut = "(all) => all.filter((dd) => dd.scrollWidth > dd.clientWidth).length"
+    assert page.eval_on_selector_all("#facts dd:nth-of-type(-n+2)", cut) == 0
+
+
+def test_label_of_a_force_covers_no_sensor(page: Page) -> None:
+    """A disc anywhere on the pad, with sensors as the standard pad has them on the page."""
+    boxes = [{"x": x, "y": y, "wide": 23, "tall": 23} for x in (-70, 70) for y in (-70, 70)]
+    covered = page.evaluate(
+        """async (boxes) => {
+            const { freeSpot } = await import("/spots.js");
+            let covered = 0;
+            for (let x = -140; x <= 140; x += 10) for (let y = -140; y <= 140; y += 10) for (const radius of [5, 40]) {
+                const [cx, cy] = freeSpot({ x, y, radius }, { wide: 70, tall: 22 }, boxes, 175);
+                const over = (box) => Math.abs(cx - box.x) < 46.4 && Math.abs(cy - box.y) < 22.4;
+                covered += boxes.some(over) || Math.abs(cx) > 140 || Math.abs(cy) > 164;
+            }
+            return covered;
+        }""",
+        boxes,
+    )
+    assert covered == 0
+
+
+@pytest.mark.parametrize("said", [{"force_n": 1.0}, OVER], ids=["touched", "over range"])
+def test_labels_of_pads_lie_over_no_other_pad(shows: Callable[..., Page], said: dict[str, Any]) -> None:
+    page = shows(**said)
+    pads = dict(zip(PADS, [each.evaluate(BOX) for each in page.locator("#hand-pads button").all()], strict=True))
+    labels = {text.split()[0]: box for text, box in page.evaluate(WRITTEN) if text.split()[0] in PADS}
+    assert labels.keys() == pads.keys()
+    over = [(name, pad) for name, box in labels.items() for pad in pads if pad != name and _overlap(box, pads[pad])]
+    assert over == []
+    assert not any(_overlap(one, other) for one, other in combinations(labels.values(), 2))
+
+
+def test_page_without_a_daemon_names_the_demo(browser: Browser, tmp_path: Path) -> None:
+    with View(tmp_path, os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}"}) as view:
+        page = opened(browser, view.address)
+        until(page, "document.querySelector('#advice').textContent.includes('fmfts-daemon demo')")
+        page.context.close()
+
+
+def _overlap(one: list[float], other: list[float]) -> bool:
+    return min(one[2], other[2]) - max(one[0], other[0]) > 0.5 and min(one[3], other[3]) - max(one[1], other[1]) > 0.5

@@ -1,8 +1,18 @@
 // All pads at once: where [pad.placement] says they sit, else in a grid. A button lies over each, for mouse and keys.
 
-import { forceText, known, sentence, shown, touchOf } from "./numbers.js";
-import { begin, colour, halfSide, label } from "./paint.js";
+import { known, sentence, shown, touchOf } from "./numbers.js";
+import { begin, colour, font, halfSide, label } from "./paint.js";
+import { leastCovering } from "./spots.js";
 import { drawPad } from "./top.js";
+
+const LINE_PX = 15;
+
+// "1.28 N", "> 2.13 N", or nothing where nothing touches or no force is known.
+function shortForce(contact) {
+  const touch = touchOf(contact);
+  if (touch === "over") return known(contact.force_min_n) ? `> ${shown(contact.force_min_n, 2)} N` : "over range";
+  return touch === "touch" && known(contact.force_n) ? `${shown(contact.force_n, 2)} N` : touch === "touch" ? "touched" : "";
+}
 
 // Places the pads: {x, y, turn} in m and rad, y up. Pads that would lie over each other go into a grid.
 export function placed(pads) {
@@ -79,7 +89,10 @@ export class Hand {
         ctx.strokeRect(-half - 3, -half - 3, 2 * half + 6, 2 * half + 6);
       }
       ctx.restore();
-      if (half > 16) this.label(ctx, place, x, y + this.reach(place) * this.scale, contact, pad.name === chosen);
+    }
+    const taken = this.places.map((place) => this.box(place, width, height));
+    for (const place of this.places) {
+      if (halfSide(place.pad.shape) * this.scale > 16) this.label(ctx, place, taken, width, height, contactOf(place.pad), place.pad.name === chosen);
     }
   }
 
@@ -88,12 +101,26 @@ export class Hand {
     return (Math.abs(Math.cos(turn)) + Math.abs(Math.sin(turn))) * halfSide(pad.shape);
   }
 
-  // The pad's name, its force, and what a fixed baseline would say.
-  label(ctx, { pad }, x, y, contact, chosen) {
-    const px = 12, bad = contact && contact.health !== "ok";
-    const force = touchOf(contact) === "touch" || touchOf(contact) === "over" ? forceText(contact).split(" ± ")[0] : "";
-    label(ctx, `${pad.name}${force ? `  ${force}` : ""}`, x, y + 6, { px, weight: chosen || force ? 700 : 500, fill: bad ? colour.bad : colour.ink });
-    if (pad.ghost && contact) label(ctx, `fixed: ${known(pad.ghost.force_n) ? `${shown(pad.ghost.force_n, 2)} N` : "–"}`, x, y + 21, { px: 11.5, weight: 600, fill: colour.ghost });
+  // What a turned pad covers.
+  box(place, width, height) {
+    const [x, y] = this.at(place, width, height), side = 2 * this.reach(place) * this.scale;
+    return { x, y, wide: side, tall: side };
+  }
+
+  // The pad's name, its force, and what a fixed baseline would say: below the pad, above it, or in it, but over no other
+  // pad and no other label. taken: their boxes; this label's is added.
+  label(ctx, place, taken, width, height, contact, chosen) {
+    const { pad } = place, bad = contact && (contact.health !== "ok" || contact.over_range);
+    const own = this.box(place, width, height), force = shortForce(contact), style = { px: 12, weight: chosen || force ? 700 : 500, fill: bad ? colour.bad : colour.ink };
+    const wideOf = ([text, { px, weight }]) => ((ctx.font = font(px, weight)), ctx.measureText(text).width);
+    const line = [`${pad.name}${force ? `  ${force}` : ""}`, style];
+    const lines = wideOf(line) <= own.wide ? [line] : [[pad.name, style], [force, style]];
+    if (pad.ghost && contact) lines.push([`fixed: ${known(pad.ghost.force_n) ? `${shown(pad.ghost.force_n, 2)} N` : "–"}`, { px: 11.5, weight: 600, fill: colour.ghost }]);
+    const wide = Math.max(...lines.map(wideOf)), tall = LINE_PX * lines.length, off = (own.tall + tall) / 2 + 2;
+    const spots = [off, -off, (own.tall - tall) / 2 - 3].map((dy) => ({ x: own.x, y: own.y + dy, wide, tall }));
+    const spot = leastCovering(spots, taken.filter((_, number) => this.places[number] !== place));
+    taken.push(spot);
+    lines.forEach(([text, own], number) => label(ctx, text, spot.x, spot.y + (number - (lines.length - 1) / 2) * LINE_PX, own));
   }
 
   // Text alternatives; called once a second.

@@ -9,7 +9,7 @@ import { asJson, sentence } from "./numbers.js";
 import { PadState } from "./pads.js";
 import { readColours } from "./paint.js";
 import { setText, showReadings } from "./readings.js";
-import { Replays } from "./replays.js";
+import { Replays, sayReplay } from "./replays.js";
 import { sayRobot } from "./robot.js";
 import { drawLens, drawSection } from "./section.js";
 import { drawTop } from "./top.js";
@@ -171,7 +171,7 @@ function drawPadNow(pad) {
   drawTop(element("top"), pad, contact);
   drawSection(element("section"), pad, contact);
   const lens = drawLens(element("lens"), pad, contact);
-  setText(element("lens-scale"), `moved from its rest as drawn; circle ± ${(lens * 1e3).toLocaleString("en")} mm`);
+  setText(element("lens-scale"), `from rest; circle ± ${(lens * 1e3).toLocaleString("en")} mm`);
   showReadings(pad, contact, replays.shown ? null : ageMs);
 }
 
@@ -200,6 +200,8 @@ setInterval(() => {
   const said = pad ? sentence(contactOf(pad)) : "nothing arrives";
   for (const id of ["top", "section", "lens"]) element(id).setAttribute("aria-label", `${id === "top" ? "from above" : id === "section" ? "section" : "magnet, enlarged"}: ${said}`);
   hand.describe(page.chosen, contactOf);
+  sayReplay(element("replay"), replays, page.clockMs);
+  for (const id of ["record", "first-use"]) element(id).hidden = replays.shown !== null && !(id === "record" && replays.under_way);
   const words = `${pad?.name ?? ""} ${pad?.contact?.health ?? ""}`;
   if (words !== page.saidWords) setText(element("said"), `pad ${words.replace("_", " ")}`);
   page.saidWords = words;
@@ -209,7 +211,7 @@ setInterval(() => {
   const chip = element("link");
   const state = page.linkState !== "open" ? "gone" : page.paused !== null ? "paused" : replays.shown ? "replay" : arriving ? "live" : "wait";
   chip.dataset.state = state;
-  const word = { gone: "no connection", paused: "paused", replay: `recording ${replays.shown}`, live: "live", wait: "waiting for messages" }[state];
+  const word = { gone: "no connection", paused: "paused", replay: `replay of ${replays.shown}`, live: "live", wait: "waiting for messages" }[state];
   setText(chip, `${word}${state === "live" ? `, ${pictures} pictures a second` : ""}${slow ? ": this computer shows less often" : ""}${page.leftOut ? `; ${page.leftOut} messages left out` : ""}`);
   page.dirty = true;
 }, SLOW_MS);
@@ -277,7 +279,7 @@ const wantsDark = matchMedia("(prefers-color-scheme: dark)");
 wantsDark.addEventListener("change", () => setTheme(wantsDark.matches ? "dark" : "light"));
 const actions = {
   pause: () => pause(), record: () => replays.toggle(), replays: () => replays.open(), help: () => element("keys").showModal(),
-  guide: () => guide.open([...page.pads.keys()], page.chosen), theme: () => setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"),
+  guide: () => replays.shown === null && guide.open([...page.pads.keys()], page.chosen), theme: () => setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"),
   copy: () => copyMoment(page.paused ?? (nowMs() ?? 0) / 1e3), step, pad: (number) => choose([...page.pads.keys()][number]),
   seconds: (seconds = traces.seconds === 10 ? 600 : 10) => setSeconds(seconds),
 };

@@ -44,6 +44,11 @@ export function forceText(contact) {
   }
 }
 
+// Without a contact: how large a force may be there and not be noticed, which is two deviations.
+export function atMost(contact, where) {
+  return known(contact.force_sd_n) ? `less than ${shown(2 * contact.force_sd_n, 2)} N ${where}` : "";
+}
+
 // What touches: the fingers of a pad with several magnets where they are told, else the contact as one. The resultant of
 // two fingers is a place where no finger is.
 export function touchesOf(contact) {

@@ -1,6 +1,6 @@
 // The newest numbers as text: force, place, sensors, and facts of the pad.
 
-import { fingersText, forceText, known, placeText, posesOf, shown, touchOf, withDeviation } from "./numbers.js";
+import { atMost, fingersText, forceText, known, placeText, posesOf, shown, touchOf, withDeviation } from "./numbers.js";
 import { sensorStates } from "./pads.js";
 
 const element = (id) => document.getElementById(id);
@@ -21,7 +21,7 @@ export function showReadings(pad, contact, ageMs) {
   setData(force, "kind", touch === "over" ? "over" : touch === "touch" && known(contact.force_n) ? "touch" : touch === "none" ? "none" : "unknown");
   setText(force.firstElementChild, deviation ? `${value} ± ${deviation}` : value);
   showBar(pad, contact, touch);
-  setText(element("place"), touch === "touch" || touch === "over" ? placeWords(contact) : touch === "none" ? feltFrom(contact) : "not known is not zero");
+  setText(element("place"), touch === "touch" || touch === "over" ? placeWords(contact) : touch === "none" ? atMost(contact, "anywhere on the pad") : "not known is not zero");
   showSensors(pad, contact);
   showFacts(pad, contact, ageMs);
 }
@@ -31,10 +31,6 @@ function placeWords(contact) {
   if (!placeText(contact)) return "place not known";
   const shear = known(contact.shear_x_n) ? `; shear ${shown(contact.shear_x_n, 2)}, ${shown(contact.shear_y_n, 2)} N` : "";
   return `x ${withDeviation(contact.x_m, contact.x_sd_m, "mm", 1, 1e3)}, y ${withDeviation(contact.y_m, contact.y_sd_m, "mm", 1, 1e3)}${shear}`;
-}
-
-function feltFrom(contact) {
-  return known(contact.force_sd_n) ? `less than ${shown(2 * contact.force_sd_n, 2)} N anywhere on the pad` : "";
 }
 
 function showBar(pad, contact, touch) {
@@ -58,7 +54,8 @@ function showSensors(pad, contact) {
   });
 }
 
-const ofEach = (poses, words) => (poses.length ? poses.map(words).join("; ") : "not known");
+// One magnet's figure, or those of several with their unit once. A figure stays on one line with its deviation.
+const ofEach = (poses, unit, words) => (poses.length ? `${poses.map((pose) => words(pose).replaceAll(" ", "\u00a0")).join(", ")}${unit}` : "not known");
 
 function showFacts(pad, contact, ageMs) {
   const { status } = pad, poses = posesOf(contact), [pose] = poses, contactsHz = pad.rate();
@@ -67,8 +64,8 @@ function showFacts(pad, contact, ageMs) {
   const rate = contactsHz > 1.5 * nominalHz && known(status?.rate_hz) ? status.rate_hz : contactsHz;
   const ambient = pose?.ambient_t;
   const facts = {
-    Magnet: ofEach(poses, (each) => withDeviation(each.remanence_t, each.remanence_sd_t, "T", 3)),
-    Tilt: ofEach(poses, ({ axis: [x, y, z], axis_sd_rad: sd }) => `${shown(Math.atan2(Math.hypot(x, y), Math.abs(z)) * DEGREES, 1)} ± ${shown(sd * DEGREES, 1)}°`),
+    Magnet: ofEach(poses, "\u00a0T", (each) => `${shown(each.remanence_t, 3)} ± ${shown(each.remanence_sd_t, 3)}`),
+    Tilt: ofEach(poses, "°", ({ axis: [x, y, z], axis_sd_rad: sd }) => `${shown(Math.atan2(Math.hypot(x, y), Math.abs(z)) * DEGREES, 1)} ± ${shown(sd * DEGREES, 1)}`),
     "Field on top": ambient ? `${shown(Math.hypot(...ambient) * 1e6, 0)} µT` : "–",
     Temperature: known(contact?.temperature_c) ? `${shown(contact.temperature_c, 1)} °C` : "–",
     Rate: rate === null ? "–" : `${shown(rate, 0)} of ${shown(nominalHz, 0)} Hz`,

@@ -2,6 +2,8 @@
 
 import { toast } from "./words.js";
 
+const SPEEDS = { 0.25: "a quarter of its", 1: "its own", 4: "four times its" };
+
 export class Replays {
   // switched(facts): facts of the pads in a recording, or null when the daemon is shown again.
   constructor(link, dialog, button, switched) {
@@ -33,6 +35,7 @@ export class Replays {
 
   async toggle() {
     const on = !this.under_way;
+    if (on && this.shown) return toast("this is a replay: go back to the daemon to record it");
     try {
       if (on) toast("the recorder begins …");
       const { done } = await this.link.request("record", { on });
@@ -73,7 +76,9 @@ export class Replays {
       const speed = Number(this.dialog.querySelector("#speed").value);
       const { done } = await this.link.request("replay", { name, speed });
       this.shown = name;
+      this.speed = speed;
       this.over = false;
+      this.begunMs = null;
       this.switched(done.pads);
     } catch (error) {
       toast(error.message);
@@ -96,4 +101,15 @@ export class Replays {
       toast(error.message);
     }
   }
+}
+
+// The line above a replay: of which recording, how fast, and how far into it. clockMs: {ms} on the recording's clock.
+export function sayReplay(line, replays, clockMs) {
+  line.hidden = replays.shown === null;
+  if (line.hidden) return;
+  replays.begunMs ??= clockMs?.ms ?? null;
+  const into = clockMs && replays.begunMs !== null ? `, ${((clockMs.ms - replays.begunMs) / 1e3).toFixed(0)} s after its beginning` : "";
+  line.children[0].textContent = `Replay of ${replays.shown}`;
+  line.children[1].textContent = replays.over ? "is over" : `at ${SPEEDS[replays.speed] ?? replays.speed} speed${into}`;
+  line.children[2].onclick = () => replays.back();
 }

@@ -39,6 +39,7 @@ export function drawSection(canvas, pad, contact) {
     label(ctx, contact ? "pose not known" : "nothing arrives", 0, (-(bottom + top) / 2) * scale, { px: 13, weight: 650, fill: colour.bad });
   }
   const over = touchOf(contact) === "over";
+  if (over && !touchesOf(contact).length) label(ctx, "▲ place not known", 0, -top * scale - 26, { px: 13, weight: 650, fill: colour.bad });
   for (const touch of touchesOf(contact)) drawForce(ctx, touch, over, over ? contact.force_min_n : touch.force_n, top, scale);
   label(ctx, "sensors", half * scale, -0.0022 * scale - 6, { px: 11, align: "right" });
   const heights = (poses.length ? poses.map((pose) => pose.position_m) : [shape.rest_position_m]).map(([, , z]) => shown(z * 1e3, 2));

@@ -1,8 +1,9 @@
 // The pad from above, to scale: outline, sensors, magnet, contact with its uncertainty. x to the right, y up.
 
-import { known, posesOf, touchesOf, touchOf, shown } from "./numbers.js";
-import { begin, colour, disc, faded, forceRadius, halfSide, hatch, label } from "./paint.js";
+import { atMost, forceText, known, posesOf, touchesOf, touchOf, shown } from "./numbers.js";
+import { begin, colour, disc, faded, font, forceRadius, halfSide, hatch, label } from "./paint.js";
 import { sensorStates } from "./pads.js";
+import { freeSpot } from "./spots.js";
 
 const SENSOR_M = 0.0026, UNSEEN = ["stale", "disconnected", "no_baseline", "lost", "disturbed"];
 
@@ -35,7 +36,7 @@ export function drawPad(ctx, pad, contact, scale, full) {
   if (!contact || UNSEEN.includes(contact.health)) drawVeil(ctx, outline, contact, half, full);
   for (const pose of posesOf(contact)) drawMagnet(ctx, pad, pose, scale, full);
   if (full && contact) drawTrail(ctx, pad, scale);
-  if (contact) drawContact(ctx, contact, scale, half, full);
+  if (contact) drawContact(ctx, pad, contact, scale, half, full);
   if (pad.ghost && contact) drawGhost(ctx, pad.ghost, scale, half, full);
 }
 
@@ -88,8 +89,11 @@ function drawCalibrated(ctx, shape, scale) {
 
 const SENSOR_COLOUR = { good: "ok", "left out": "warn", saturated: "bad", silent: "bad", "not known": "muted" };
 
+// In pixels: a sensor's number must fit where there are figures.
+const sensorSide = (scale, full) => Math.max(SENSOR_M * scale, full ? 14 : 4);
+
 function drawSensors(ctx, pad, contact, scale, full) {
-  const side = Math.max(SENSOR_M * scale, full ? 14 : 4), states = sensorStates(contact, pad.status, pad.shape.sensors_m.length);
+  const side = sensorSide(scale, full), states = sensorStates(contact, pad.status, pad.shape.sensors_m.length);
   pad.shape.sensors_m.forEach(([x, y], number) => {
     const state = states[number], px = x * scale, py = -y * scale, tone = colour[SENSOR_COLOUR[state]];
     ctx.strokeStyle = ctx.fillStyle = tone;
@@ -165,23 +169,23 @@ function drawTrail(ctx, pad, scale) {
   });
 }
 
-function drawContact(ctx, contact, scale, half, full) {
+function drawContact(ctx, pad, contact, scale, half, full) {
   const touch = touchOf(contact);
   if (touch === "unknown" && !UNSEEN.includes(contact.health)) {
     label(ctx, "contact not known", 0, full ? half - 18 : 0, { px: full ? 14 : 10, weight: 650, fill: colour.warn });
   }
-  if (touch === "none" && full) label(ctx, "no contact", 0, half - 16, { px: 13 });
+  if (touch === "none" && full) label(ctx, ["no contact", atMost(contact, "")].filter(Boolean).join(", ").trim(), 0, half - 16, { px: 13 });
   if (touch === "none" || touch === "unknown") return;
   const touches = touchesOf(contact);
   if (touch === "over") {
-    if (!touches.length) drawOver(ctx, contact, 0, 0, scale, half, full, false);
-    touches.forEach((each, number) => drawOver(ctx, contact, each.x_m * scale, -each.y_m * scale, scale, half, full, true, number === 0));
-  } else if (touches.length) touches.forEach((each) => drawTouch(ctx, each, scale, half, full));
+    if (!touches.length) drawOverSomewhere(ctx, contact, half, full);
+    touches.forEach((each, number) => drawOver(ctx, pad, contact, each.x_m * scale, -each.y_m * scale, scale, half, full, number === 0));
+  } else if (touches.length) touches.forEach((each) => drawTouch(ctx, pad, contact, each, scale, half, full));
   else label(ctx, "touched", 0, full ? half - 16 : 0, { px: full ? 15 : 10, weight: 700, fill: colour.contact });
 }
 
-// One finger, or the contact; a finger has its number.
-function drawTouch(ctx, contact, scale, half, full) {
+// One finger of the message, or its contact; a finger has its number.
+function drawTouch(ctx, pad, message, contact, scale, half, full) {
   const x = contact.x_m * scale, y = -contact.y_m * scale, radius = forceRadius(contact.force_n ?? 0) * scale;
   disc(ctx, x, y, Math.max(radius, 2));
   ctx.fillStyle = colour.contact;
@@ -204,11 +208,24 @@ function drawTouch(ctx, contact, scale, half, full) {
   cross(ctx, x, y, 5);
   const number = known(contact.id) ? `${contact.id}: ` : "";
   const text = `${number}${known(contact.force_n) ? `${shown(contact.force_n, 2)} N` : "force not known"}`;
-  label(ctx, text, ...beside(x, y, Math.max(radius, 2 * (contact.y_sd_m ?? 0) * scale), half), { px: 18, weight: 700, fill: colour.ink });
+  const reach = Math.max(radius, 2 * Math.max(contact.x_sd_m ?? 0, contact.y_sd_m ?? 0) * scale);
+  labelBeside(ctx, pad, message, text, { x, y, radius: reach }, scale, half, colour.ink);
 }
 
-function drawOver(ctx, contact, x, y, scale, half, full, placed, named = true) {
-  const radius = placed ? forceRadius(contact.force_min_n ?? 1) * scale * 1.25 : half * 0.8;
+// Over range at a place that is not known: the whole pad, lest a disc be taken for a place.
+function drawOverSomewhere(ctx, contact, half, full) {
+  const pad = () => {
+    ctx.beginPath();
+    ctx.rect(-half, -half, 2 * half, 2 * half);
+  };
+  hatch(ctx, pad, colour.bad, full ? 14 : 7, 0.55, 2);
+  if (!full) return;
+  label(ctx, `▲ ${forceText(contact)}`, 0, -half + 24, { px: 18, weight: 700, fill: colour.bad });
+  label(ctx, "place not known", 0, -half + 45, { px: 14, weight: 650, fill: colour.bad });
+}
+
+function drawOver(ctx, pad, contact, x, y, scale, half, full, named) {
+  const radius = forceRadius(contact.force_min_n ?? 1) * scale * 1.25;
   hatch(ctx, () => disc(ctx, x, y, radius), colour.bad, full ? 9 : 5, 0.8, 2);
   disc(ctx, x, y, radius);
   ctx.setLineDash([7, 5]);
@@ -216,7 +233,7 @@ function drawOver(ctx, contact, x, y, scale, half, full, placed, named = true) {
   ctx.lineWidth = full ? 3 : 1.5;
   ctx.stroke();
   ctx.setLineDash([]);
-  if (full && named) label(ctx, `▲ more than ${known(contact.force_min_n) ? shown(contact.force_min_n, 2) : "?"} N`, ...beside(x, y, radius, half), { px: 18, weight: 700, fill: colour.bad });
+  if (full && named) labelBeside(ctx, pad, contact, `▲ ${forceText(contact)}`, { x, y, radius }, scale, half, colour.bad);
 }
 
 // Where a fixed baseline puts the magnet and the contact; it believes itself in any field.
@@ -249,8 +266,15 @@ function cross(ctx, x, y, arm) {
   ctx.stroke();
 }
 
-// Where a label beside a disc has room: above it, or below it near the upper edge.
-function beside(x, y, radius, half) {
-  const above = y - radius - 14;
-  return [Math.min(Math.max(x, -half + 60), half - 60), above > -half + 12 ? above : y + radius + 14];
+// A label beside a disc, where it covers no sensor and no magnet.
+function labelBeside(ctx, pad, contact, text, { x, y, radius }, scale, half, fill) {
+  const style = { px: 18, weight: 700, fill };
+  ctx.font = font(style.px, style.weight);
+  const side = sensorSide(scale, true), states = sensorStates(contact, pad.status, pad.shape.sensors_m.length);
+  const sensors = pad.shape.sensors_m.map(([sx, sy], number) => ({
+    x: sx * scale, y: -sy * scale, wide: states[number] === "good" ? side : side + 60, tall: states[number] === "good" ? side : side + 36,
+  }));
+  const wide = Math.max(pad.shape.magnet_diameter_m * scale, 6);
+  const magnets = posesOf(contact).map(({ position_m: [mx, my] }) => ({ x: mx * scale, y: -my * scale, wide, tall: wide }));
+  label(ctx, text, ...freeSpot({ x, y, radius }, { wide: ctx.measureText(text).width + 6, tall: 22 }, [...sensors, ...magnets], half), style);
 }

@@ -1,6 +1,7 @@
 // Force, place, residual, age and rate over time (uPlot), with events as marks.
 
 import uPlot from "./vendor/uPlot.esm.js";
+import { toneOf } from "./events.js";
 import { known, posesOf } from "./numbers.js";
 import { colour, font } from "./paint.js";
 
@@ -112,7 +113,7 @@ export class Traces {
     for (const event of this.events) {
       if (event.t < this.now - this.seconds || event.t > this.now) continue;
       const x = plot.valToPos(event.t, "x", true);
-      ctx.strokeStyle = ctx.fillStyle = ["health", "over_range"].includes(event.kind) ? colour.bad : colour.muted;
+      ctx.strokeStyle = ctx.fillStyle = { bad: colour.bad, good: colour.ok, plain: colour.muted }[toneOf(event)];
       ctx.globalAlpha = 0.75;
       ctx.setLineDash(event.kind === "release" ? [2, 4] : []);
       ctx.beginPath();
