@@ -1,7 +1,8 @@
 """`make pictures`: takes the pictures of the manual from the real page, in Chromium, of the firmware on a pty.
 
-They are: a touch, a sensor that is left out, the guided baseline, a hand beside a fixed baseline, a moving touch, three
-robots of which one is lost.
+They are: a touch (light, dark, on a phone), a sensor that is left out, the guided baseline, a hand beside a fixed
+baseline, a moving touch, three robots of which one is lost. No picture is taken while rate, age or health is not as it
+should be.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, FloatRect, Page
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -26,6 +27,7 @@ from end_to_end.processes import BRIDGE_CONFIG, ROOT, FirmwareHost, RunningDaemo
 from end_to_end.robots import Robots
 from fmfts.config.file import load
 from fmfts.simulation.finger import Touch
+from page.fit_to_show import UnfitError, photographed, why_unfit
 from page.rig import View, chromium, opened, until
 
 DOCS = ROOT / "docs"
@@ -70,13 +72,26 @@ def one_pad(browser: Browser, folder: Path) -> None:
         pressed.press(slide)
         until(page, f"{HEALTH} === 'ok'")
         page.wait_for_timeout(10_000)
-        until(page, f"{FORCE} === 'touch' && parseFloat(document.querySelector('#force').textContent) > 1.0")
-        keep(page.screenshot(), "page.png")
+        touched(page, "page.png")
+        page.keyboard.press("t")
+        touched(page, "page-dark.png")
+        page.keyboard.press("t")
+        page.set_viewport_size({"width": 390, "height": 844})
+        touched(page, "page-phone.png")
+        page.set_viewport_size({"width": 1440, "height": 900})
+        photographed(page)
         moving(page)
         board.tell("fault 0 2 unplugged")
-        until(page, f"{HEALTH} === 'degraded' && {FORCE} === 'touch'")
-        keep(page.screenshot(clip={"x": 0, "y": 0, "width": 1440, "height": 600}), "page-fault.png")
+        until(page, f"{HEALTH} === 'degraded'")
+        upper = FloatRect(x=0, y=0, width=1440, height=600)
+        keep(photographed(page, f"{FORCE} === 'touch'", ("degraded",), upper), "page-fault.png")
         page.context.close()
+
+
+def touched(page: Page, name: str) -> None:
+    """The whole page while the finger presses with more than a newton."""
+    pressed = f"{FORCE} === 'touch' && parseFloat(document.querySelector('#force').textContent) > 1.0"
+    keep(photographed(page, pressed), name)
 
 
 def guided(page: Page, board: FirmwareHost, at_rest: object) -> None:
@@ -93,7 +108,7 @@ def guided(page: Page, board: FirmwareHost, at_rest: object) -> None:
             until(page, f"{state} !== 'running'", 60.0)
             if page.evaluate(state) == "done":
                 break
-    keep(page.screenshot(clip={"x": 860, "y": 0, "width": 580, "height": 900}), "page-guide.png")
+    keep(photographed(page, clip=FloatRect(x=0, y=0, width=1440, height=900)), "page-guide.png")
     page.keyboard.press("Escape")
 
 
@@ -122,7 +137,9 @@ def hand(browser: Browser, folder: Path) -> None:
         while not (served.grips(time.monotonic() - began) and page.evaluate(ALL_TOUCHED)):
             served.move(time.monotonic() - began)
             page.wait_for_timeout(20)
-        keep(page.screenshot(), "page-hand.png")
+        if why := why_unfit(page):
+            raise UnfitError(f"page-hand.png is not taken: {why}: take pictures on a computer that does nothing else")
+        keep(page.screenshot(full_page=True), "page-hand.png")
         page.context.close()
 
 

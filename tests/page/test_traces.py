@@ -12,6 +12,7 @@ from playwright.sync_api import Browser, Page
 from background import repeating
 from fmfts.bus.messages import ContactMessage
 from page.drawn_traces import drawn
+from page.fit_to_show import why_unfit
 from page.known_touches import PERIOD_S, KnownTouches
 from page.rig import CHROMIUM, TWO_PICTURES, View, opened, until
 
@@ -81,6 +82,12 @@ def test_copied_message_is_the_one_that_is_shown_when_paused(bus: KnownTouches, 
         sent = bus.sent[copied["t_publish_ns"] / 1e9]
         assert copied["force_n"] == sent.force_n
         assert page.inner_text("#force") == in_words(sent)
+
+
+def test_page_of_a_stalled_pad_is_not_fit_for_a_picture(bus: KnownTouches, page: Page) -> None:
+    """This bus sends fewer messages than its pad's 220 a second."""
+    assert " of 220 Hz" in why_unfit(page)
+    assert "health ok" in why_unfit(page, health=["degraded"])
 
 
 def in_words(sent: ContactMessage) -> str:
