@@ -14,10 +14,12 @@ WAIT_MS, PATIENCE_S = 500, 60.0
 # Each pad that is shown in figures: name, health, messages a second, nominal rate, age in ms when drawn.
 LOOK = """() => [...fmfts.pads.values()].map((pad) => {
     const ages = pad.ages.rows.slice(-100).map((row) => row.age_ms).sort((a, b) => a - b);
+    const since = (pad.fine.rows.at(-1)?.t ?? 0) - 10;
     return {
         name: pad.name, chosen: pad.name === fmfts.chosen, health: pad.shown()?.health ?? "nothing arrives",
-        reason: pad.shown()?.reason ?? "",
-        rate: pad.rate() ?? 0, nominal: pad.shape.rate_nominal_hz ?? 0, age: ages[Math.floor(ages.length / 2)] ?? null,
+        reason: pad.shown()?.reason ?? "", rate: pad.rate() ?? 0, nominal: pad.shape.rate_nominal_hz ?? 0,
+        age: ages[Math.floor(ages.length / 2)] ?? null,
+        overloaded: pad.events.some((event) => event.t > since && event.detail.includes("overloaded")),
     };
 })"""
 
@@ -37,6 +39,8 @@ def why_unfit(page: Page, health: Sequence[str] = ("ok",)) -> str:
             found.append(f"pad {pad['name']}: health {pad['health']}")
         elif pad["health"] == "ok" and pad["reason"]:
             found.append(f"pad {pad['name']}: {pad['reason']}")
+        if pad["overloaded"]:
+            found.append(f"pad {pad['name']}: frames were left out in the ten seconds that are shown")
         if pad["rate"] < FULL_RATE * pad["nominal"]:
             found.append(f"pad {pad['name']}: {pad['rate']:.0f} of {pad['nominal']:.0f} Hz")
         if pad["chosen"] and (pad["age"] is None or pad["age"] > OLDEST_MS):
