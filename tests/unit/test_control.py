@@ -152,8 +152,11 @@ def test_plain_req_socket_is_served_too(server: ControlServer, base: str) -> Non
     peer.socket.close()
 
 
-class BaselineArguments(msgspec.Struct, forbid_unknown_fields=True):
+class OfPad(msgspec.Struct, forbid_unknown_fields=True):
     pad: str
+
+
+class BaselineArguments(OfPad, forbid_unknown_fields=True):
     seconds: float = 2.0
 
 

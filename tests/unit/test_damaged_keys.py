@@ -116,6 +116,59 @@ def test_closed_key_is_said_by_check_config(keys: Path, capsys: pytest.CaptureFi
         KeyFolder(keys).check()
 
 
+def test_list_that_was_closed_is_read_when_it_is_open() -> None:
+    with tempfile.TemporaryDirectory() as open_to_all:
+        Path(open_to_all).chmod(0o755)
+        folder = KeyFolder(Path(open_to_all) / "keys")
+        folder.add("arm", Path(open_to_all) / "arm.key")
+        folder.folder.chmod(0o755)
+        (arm,) = folder.clients().values()
+        with closed(folder.folder / "clients"), pytest.raises(ClosedKeysError, match="closed to this user"):
+            folder.client_with(arm.public)
+        (folder.folder / "clients").chmod(0o640)
+        assert folder.client_with(arm.public) == arm
+
+
+def test_list_that_is_mended_with_its_old_time_is_read(keys: Path) -> None:
+    """As `cp -p` does it from a copy."""
+    folder, path = KeyFolder(keys), keys / "clients"
+    good, before = path.read_bytes(), path.stat()
+    (arm, *_) = folder.clients().values()
+    path.write_bytes(b"not a key\n")
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    with pytest.raises(KeysError, match="line 1"):
+        folder.client_with(arm.public)
+    damaged_ns = path.stat().st_ctime_ns
+    while path.stat().st_ctime_ns == damaged_ns:  # the system's clock of files has steps
+        path.write_bytes(good)
+        os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert folder.client_with(arm.public) == arm
+
+
+def test_list_keeps_its_owner_and_mode_when_root_writes_it(keys: Path) -> None:
+    path = keys / "clients"
+    if os.geteuid() == 0:
+        os.chown(path, NOBODY, NOBODY)
+    path.chmod(0o600)
+    before = path.stat()
+    KeyFolder(keys).grant("arm", may_change=True)
+    after = path.stat()
+    assert after.st_ino != before.st_ino
+    assert (after.st_uid, after.st_gid, after.st_mode) == (before.st_uid, before.st_gid, before.st_mode)
+
+
+def test_new_keys_of_root_are_those_of_the_folders_owner(tmp_path: Path) -> None:
+    if os.geteuid() != 0:
+        pytest.skip("needs root")
+    (tmp_path / "keys").mkdir(mode=0o750)
+    os.chown(tmp_path / "keys", NOBODY, NOBODY)
+    KeyFolder(tmp_path / "keys").add("arm", tmp_path / "arm.key")
+    for name in ("server.key", "clients"):
+        made = (tmp_path / "keys" / name).stat()
+        assert (made.st_uid, made.st_gid) == (NOBODY, NOBODY)
+    assert (tmp_path / "arm.key").stat().st_uid == 0, "root carries it to the client"
+
+
 @pytest.mark.parametrize("how", [*ANY_FILE, *A_KEY])
 def test_damaged_key_of_a_client_is_bad_configuration(
     keys: Path, how: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import socket
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -78,6 +80,53 @@ def test_full_daemon_lets_nobody_in_until_some_leave(
     assert len(said) == 2
     assert "no other program may connect" in said[0]
     assert "may connect to the bus again" in said[1]
+
+
+def test_door_that_cannot_be_moved_leaves_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    opened = 10
+    monkeypatch.setattr(open_files, "count", lambda: opened)
+    (tmp_path / "a" / "control.full").mkdir(parents=True)
+    (tmp_path / "b").mkdir()
+    controls = [ControlServer(f"ipc://{tmp_path}/{folder}/control") for folder in "ab"]
+    door = Door([socket for control in controls for socket in control.sockets], ENOUGH)
+    try:
+        opened = ENOUGH
+        door.look()
+        door.look()
+        assert not door.is_open
+        assert (tmp_path / "b" / "control.full").is_socket(), "this one is closed"
+        assert len([record for record in caplog.records if "Is a directory" in record.getMessage()]) == 1
+        (tmp_path / "a" / "control.full").rmdir()
+        door.look()
+        assert (tmp_path / "a" / "control.full").is_socket(), "it is tried again"
+        opened = 10
+        door.look()
+        assert door.is_open
+        assert all((tmp_path / folder / "control").is_socket() for folder in "ab")
+    finally:
+        door.close()
+        for control in controls:
+            control.close()
+
+
+def test_look_that_fails_does_not_end_the_thread(
+    server: ControlServer, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    looks = threading.Semaphore(0)
+    door = Door(server.sockets, ENOUGH)
+
+    def count() -> int:
+        looks.release()
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(open_files, "count", count)
+    try:
+        assert all(looks.acquire(timeout=10) for _ in range(3))
+    finally:
+        door.close()
+    assert len([record for record in caplog.records if "Too many open files" in record.getMessage()]) == 1
 
 
 def test_closed_control_leaves_no_listening_socket() -> None:

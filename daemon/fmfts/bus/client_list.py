@@ -6,8 +6,10 @@ clients may change things; so a line of the present format that lost its right g
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +17,7 @@ from zmq.utils import z85
 
 from fmfts.bus.lock import BusError
 from fmfts.common.reading import open_regular
-from fmfts.service.state import write_atomically
+from fmfts.service.state import give_to, write_atomically
 from fmfts_client.keys import decoded
 
 CLIENT_NAME = re.compile(r"[A-Za-z0-9._-]{1,64}")
@@ -51,7 +53,7 @@ class ClientList:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._read_at: tuple[int, int] | None = None
+        self._read_at: tuple[int, int, int] | None = None
         self._by_key: dict[bytes, Client] = {}
         self._damage = ""
 
@@ -77,7 +79,12 @@ class ClientList:
         """Replace the file. Raises OSError."""
         lines = (f"{z85.encode(one.public).decode()} {one.name} {one.right}\n" for one in clients.values())
         write_atomically(self.path, "".join([f"{HEAD}\n", *lines]).encode())
-        self.path.chmod(READABLE)
+
+    def create(self) -> None:
+        """Make an empty list, if there is none, which the folder's owner and group can read. Raises OSError."""
+        with suppress(FileExistsError), self.path.open("xb") as file:
+            os.fchmod(file.fileno(), READABLE)
+            give_to(self.path.parent.stat(), file.fileno())
 
     def with_key(self, public: bytes) -> Client | None:
         """The client with this key (32 bytes); None: it is not on the list. Reads a list that has changed again."""
@@ -85,12 +92,16 @@ class ClientList:
             status = self.path.stat()
         except (OSError, ValueError) as error:
             raise unreadable(f"list of keys {self.path}", error) from error
-        if (status.st_mtime_ns, status.st_ino) != self._read_at:
-            self._read_at, self._by_key, self._damage = (status.st_mtime_ns, status.st_ino), {}, ""
+        version = status.st_mtime_ns, status.st_ctime_ns, status.st_ino
+        if version != self._read_at:
+            self._read_at, self._by_key, self._damage = None, {}, ""
             try:
                 self._by_key = {client.public: client for client in self.read().values()}
             except KeysError as error:
+                if error.__cause__ is not None:  # it could not be opened or read, which may be over the next time
+                    raise
                 self._damage = str(error)  # a damaged list is not read again for each peer that knocks
+            self._read_at = version
         if self._damage:
             raise KeysError(self._damage)
         return self._by_key.get(public)

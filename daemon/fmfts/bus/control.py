@@ -62,9 +62,10 @@ class Request:
         try:
             return msgspec.convert(self.arguments, kind)
         except msgspec.ValidationError as error:
-            unknown = [name for name in self.arguments if name not in kind.__annotations__]
-            known = ", ".join(field.name for field in msgspec.structs.fields(kind)) or "none"  # type: ignore[arg-type]
-            wrong = f"no argument '{unknown[0][:40]}'; it takes {known}" if unknown else str(error)
+            known = [field.name for field in msgspec.structs.fields(kind)]  # type: ignore[arg-type]
+            unknown = [name for name in self.arguments if name not in known]
+            takes = ", ".join(known) or "none"
+            wrong = f"no argument '{unknown[0][:40]}'; it takes {takes}" if unknown else str(error)
             raise BadRequestError(f"{self.verb}: {wrong}") from error
 
     def reply(self, **facts: Any) -> None:

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from functools import partial
 
 from fmfts.bus.server import BoundSocket
 from fmfts.service import open_files
@@ -45,6 +46,7 @@ class Door:
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="door", daemon=True)
         self.is_open = True
+        self._stuck: list[str] = []  # what kept a socket from being closed or opened
         if limit < SAFE_LIMIT:
             log.warning(
                 "this process may open only %d files, so many connections within %.0f ms could end it: raise the limit "
@@ -64,28 +66,54 @@ class Door:
     def look(self) -> None:
         """Close the door if too many are connected, open it when a tenth of them has left."""
         opened = open_files.count()
-        if self.is_open and opened >= self._most:
-            self._set_open(False)
+        if opened >= self._most:
+            self._set_open(False, opened)
+        elif opened < 0.9 * self._most:
+            self._set_open(True, opened)
+
+    def _set_open(self, is_open: bool, opened: int) -> None:
+        if is_open == self.is_open and not self._stuck:
+            return
+        stuck = [str(error) for move in self._moves(is_open) if (error := _error_of(move)) is not None]
+        if stuck and stuck != self._stuck:  # not at each look, which tries again
+            log.error("the bus cannot be %s to new programs: %s", "opened" if is_open else "closed", "; ".join(stuck))
+        if is_open != self.is_open and is_open:
+            log.info("programs may connect to the bus again")
+        elif is_open != self.is_open:
             log.warning(
                 "%d connections and files are open: no other program may connect to the bus until some leave; "
                 "`ss -xp` (tcp: `ss -tp`) shows who they are",
                 opened,
             )
-        elif not self.is_open and opened < 0.9 * self._most:
-            self._set_open(True)
-            log.info("programs may connect to the bus again")
-
-    def _set_open(self, is_open: bool) -> None:
+        self._stuck = stuck
         self.is_open = is_open
+
+    def _moves(self, is_open: bool) -> Iterator[Callable[[], object]]:
+        """One for each socket."""
         for path, full in self._paths:
-            with suppress(FileNotFoundError):  # somebody removed the socket's file: nobody can connect
-                (full if is_open else path).rename(path if is_open else full)
+            yield partial((full if is_open else path).rename, path if is_open else full)
         for listener in self._listeners:
-            listener.let_in(is_open)
+            yield partial(listener.let_in, is_open)
 
     def _watch(self) -> None:
         if self._priority:
             with suppress(RealtimeError):  # the daemon asks for the same, and says why it may not
                 take_thread_priority(self._priority)
+        failure = ""
         while not self._ended.wait(self._look_s):
-            self.look()
+            try:
+                self.look()
+            except Exception as error:  # nobody else would close the door
+                if str(error) != failure:
+                    failure = str(error)
+                    log.exception("the connections cannot be bounded now (%s); this is tried again", error)
+
+
+def _error_of(move: Callable[[], object]) -> OSError | None:
+    try:
+        move()
+    except FileNotFoundError:
+        return None  # somebody removed the socket's file, so nobody can connect; or it is moved already
+    except OSError as error:
+        return error
+    return None

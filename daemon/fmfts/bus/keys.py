@@ -13,7 +13,6 @@ from fmfts.bus.client_list import (
     CLIENT_NAME,
     MAY_CHANGE,
     READ_ONLY,
-    READABLE,
     Client,
     ClientList,
     KeysError,
@@ -21,6 +20,7 @@ from fmfts.bus.client_list import (
 )
 from fmfts.bus.lock import BusError
 from fmfts.common.writing import why_not_written
+from fmfts.service.state import give_to
 from fmfts_client.keys import BadKeyError, read_fields
 
 PRIVATE = 0o600
@@ -86,8 +86,9 @@ class KeyFolder:
             self.folder.mkdir(mode=0o750, parents=True, exist_ok=True)
             if not self._server.exists():
                 public, secret = zmq.curve_keypair()
-                _create(self._server, f"{_line('public', public)}{_line('secret', secret)}")
-                self._list.path.touch(READABLE)
+                text = f"{_line('public', public)}{_line('secret', secret)}"
+                _create(self._server, text, self.folder.stat())
+                self._list.create()
             known = self.clients()
             if name in known:
                 raise OptionError(f"there is a client {name!r} already: `fmfts-daemon keys forget {name}` first")
@@ -145,8 +146,13 @@ def _line(name: str, key: bytes) -> str:
     return f'{name} = "{key.decode()}"\n'
 
 
-def _create(path: Path, text: str) -> None:
-    """Writes a new file that only its owner can ever read; raises FileExistsError where the file exists."""
+def _create(path: Path, text: str, owned_like: os.stat_result | None = None) -> None:
+    """Writes a new file that only its owner can ever read; raises FileExistsError where the file exists.
+
+    owned_like: status of what has the owner that root gives it.
+    """
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, PRIVATE)
     with os.fdopen(descriptor, "w") as file:
+        if owned_like is not None:
+            give_to(owned_like, descriptor)
         file.write(text)
