@@ -5,7 +5,9 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <math.h>
+#include <pwd.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -623,23 +625,80 @@ static bool bus_in(const char *directory, char endpoint[ENDPOINT_SIZE], char why
     return true;
 }
 
+/* Cuts the last name off an absolute path; false at the root. */
+static bool go_up(char *path)
+{
+    char *slash = strrchr(path, '/');
+    if (path[1] == 0)
+        return false;
+    slash[slash == path] = 0;
+    return true;
+}
+
+/* Users whose sockets may be trusted wherever they are: this one, root, and the service's. */
+static bool is_trusted(uid_t owner)
+{
+    char text[4096];
+    struct passwd entry, *service = NULL;
+    return owner == getuid() || owner == 0 ||
+           (getpwnam_r("fmfts", &entry, text, sizeof text, &service) == 0 && service && service->pw_uid == owner);
+}
+
+/* Is the folder, or one on the way to it, a stranger's in a place in which any user may make one? */
+static bool has_no_stranger(const char *folder, char why[FMFTS_TEXT_SIZE])
+{
+    char path[PATH_MAX], place[PATH_MAX];
+    struct stat found, above;
+    for (snprintf(place, sizeof place, "%s", folder);;) {
+        memcpy(path, place, sizeof path);
+        if (!go_up(place))
+            return true;
+        if (lstat(path, &found) != 0 || stat(place, &above) != 0)
+            return fail(why, "cannot see whose %.120s is: %s", path, strerror(errno));
+        if (above.st_mode & S_IWOTH && !is_trusted(found.st_uid))
+            return fail(why, "%.60s belongs to user %u, and any user may make such a folder in %.40s: its owner could "
+                             "send false forces. Name one that is yours, root's or the service's", path,
+                        (unsigned)found.st_uid, place);
+    }
+}
+
+/* May only those whom the user means put a socket into a named folder? A folder of another user may be meant; but in a
+ * place like /tmp the name does not say whose the folder is. */
+static bool is_guarded(const char *directory, char why[FMFTS_TEXT_SIZE])
+{
+    char nearest[LONGEST_SOCKET_PATH + 1], resolved[PATH_MAX];
+    struct stat found;
+    snprintf(nearest, sizeof nearest, "%s", directory);
+    while (stat(nearest, &found) != 0) {
+        if (lstat(nearest, &found) == 0)
+            return fail(why, "%.120s leads to no folder that you can see: start the daemon first", nearest);
+        if (!go_up(nearest))
+            return fail(why, "cannot see the folder %.120s", directory);
+    }
+    if (found.st_mode & S_IWOTH && strcmp(nearest, directory) == 0)
+        return fail(why, "%.80s may be written to by every user: any of them could send false forces through it. Name "
+                         "a folder that is yours alone (mkdir -m 700), or chmod o-w it", directory);
+    if (found.st_mode & S_IWOTH)
+        return fail(why, "%.80s is not there, and any user may make it in %.40s and send false forces: start the daemon "
+                         "first, or name a folder in your home", directory, nearest);
+    if (!realpath(nearest, resolved))
+        return fail(why, "cannot see where %.120s leads: %s", nearest, strerror(errno));
+    return has_no_stranger(nearest, why) && has_no_stranger(resolved, why);
+}
+
 static bool bus_of(const char *base, char endpoint[ENDPOINT_SIZE], char why[FMFTS_TEXT_SIZE])
 {
     if (starts_with(base, "ipc:///")) {
         const char *directory = base + strlen("ipc://");
         char parent[LONGEST_SOCKET_PATH + 1];
         struct stat found;
-        bool is_there = stat(directory, &found) == 0;
-        if (is_there && S_ISSOCK(found.st_mode) && strlen(directory) < sizeof parent) { /* …/bus, as `listen` prints it */
+        if (strlen(directory) < sizeof parent && stat(directory, &found) == 0 && S_ISSOCK(found.st_mode)) {
+            /* …/bus, as `listen` prints it */
             snprintf(parent, sizeof parent, "%s", directory);
             *strrchr(parent, '/') = 0;
             directory = parent;
-            is_there = stat(directory, &found) == 0;
         }
-        if (is_there && found.st_mode & S_IWOTH)
-            return fail(why, "%.80s may be written to by every user: any of them could send false forces through it. Name "
-                             "a folder that is yours alone (mkdir -m 700), or chmod o-w it", directory);
-        return bus_in(directory, endpoint, why);
+        return bus_in(directory, endpoint, why) && is_guarded(directory, why);
     }
     const char *colon = strrchr(base, ':');
     if (starts_with(base, "tcp://") && colon > base + strlen("tcp://") && strlen(base) < ENDPOINT_SIZE) {

@@ -171,3 +171,47 @@ def test_folder_that_everybody_may_write_to_is_refused(program: Path, tmp_path: 
     shared.mkdir()
     shared.chmod(0o1777)
     assert "may be written to by every user" in refused(program, "demo", f"ipc://{shared}")
+
+
+def test_missing_folder_in_a_shared_place_is_refused(program: Path, tmp_path: Path) -> None:
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o1777)
+    (tmp_path / "link").symlink_to(shared / "robot")
+    for folder in ("robot", "robot/inside"):
+        said = refused(program, "demo", f"ipc://{shared}/{folder}")
+        assert "is not there" in said
+        assert "start the daemon first, or name" in said
+    assert "leads to no folder" in refused(program, "demo", f"ipc://{tmp_path}/link")
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs a folder of another user")
+@pytest.mark.parametrize("how", ["its folder", "a folder in it", "not seen in it", "a link to it", "its link"])
+def test_folder_of_a_stranger_in_a_shared_place_is_refused(program: Path, tmp_path: Path, how: str) -> None:
+    shared, mine = tmp_path / "shared", tmp_path / "mine"
+    folder = shared / "robot"
+    (folder / "inside").mkdir(parents=True)
+    (mine / "robot").mkdir(parents=True)
+    (mine / "link").symlink_to(folder)
+    (shared / "link").symlink_to(mine / "robot")
+    for stranger in (folder, shared / "link"):
+        os.chown(stranger, 65534, -1, follow_symlinks=False)
+    shared.chmod(0o1777)
+    named = {
+        "its folder": folder, "a folder in it": folder / "inside", "not seen in it": folder / "missing",
+        "a link to it": mine / "link", "its link": shared / "link",
+    }[how]  # fmt: skip
+    said = refused(program, "demo", f"ipc://{named}")
+    assert "belongs to user 65534" in said
+    assert "any user may make such a folder" in said
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs a folder of another user")
+def test_folder_that_only_its_owner_could_make_may_be_meant(program: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "robot"
+    folder.mkdir(mode=0o755)
+    publisher = Publisher(Endpoints.from_base(f"ipc://{folder}"), BOOT)
+    os.chown(folder, 65534, -1)
+    with Talker(program, "demo", f"ipc://{folder}/") as client:
+        connect(publisher, client)
+    publisher.close()

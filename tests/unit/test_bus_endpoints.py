@@ -183,3 +183,30 @@ def test_service_user_may_own_a_folder_in_a_shared_place(tmp_path: Path, monkeyp
     owner = folder.stat().st_uid
     monkeypatch.setattr(pwd, "getpwnam", lambda name: pwd.struct_passwd((name, "x", owner, owner, "", "/", "/")))
     assert for_client(f"ipc://{folder}", {}) == Endpoints.from_base(f"ipc://{folder}")
+
+
+def test_missing_folder_in_a_shared_place_is_refused(tmp_path: Path) -> None:
+    """Whoever makes it first would be believed. A daemon makes it itself, and looks whose it is."""
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    (tmp_path / "link").symlink_to(shared / "robot")
+    bases = [f"ipc://{shared}/robot", f"ipc://{shared}/robot/inside", f"ipc://{tmp_path}/link"]
+    for base in bases:
+        assert for_client(base, {}) == Endpoints.from_base(base), "nobody else can make it there"
+    shared.chmod(0o1777)
+    for base in bases:
+        with pytest.raises(EndpointError, match=r"not there.*any user may make .*start the daemon first, or name"):
+            for_client(base, {})
+        assert for_daemon(base, {}) == Endpoints.from_base(base)
+    (shared / "robot").mkdir()
+    assert for_client(bases[0], {}) == Endpoints.from_base(bases[0])
+
+
+def test_closed_folder_of_a_stranger_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may be open when ZeroMQ tries again."""
+    folder = tmp_path / "robot"
+    folder.mkdir()
+    tmp_path.chmod(0o1777)
+    of_another_user(folder, monkeypatch)
+    with pytest.raises(EndpointError, match="robot belongs to user"):
+        for_client(f"ipc://{folder}/not-seen", {})

@@ -86,7 +86,7 @@ def for_client(endpoint: Optional[Union[str, Endpoints]] = None, environ: Mappin
         return endpoint
     base = endpoint or named_base(environ=environ)
     if base:
-        return _guarded(base)
+        return _guarded(base, must_be_there=True)
     if SERVICE_DIRECTORY.is_dir():
         if not os.access(SERVICE_DIRECTORY, os.X_OK):
             raise EndpointError(
@@ -104,34 +104,45 @@ def for_daemon(configured: Optional[str] = None, environ: Mapping[str, str] = os
     """
     base = named_base(configured, environ)
     if base:
-        return _guarded(base)
+        return _guarded(base, must_be_there=False)  # it makes the folder, and looks then whose it is
     service = environ.get("RUNTIME_DIRECTORY", "").split(":")[0]
     return Endpoints._in_directory(Path(service) if service else _own_directory(environ))
 
 
-def _guarded(base: str) -> Endpoints:
+def _guarded(base: str, must_be_there: bool) -> Endpoints:
     """The endpoints of a named base. EndpointError if any user may put a socket there (also with the sticky bit).
 
     A folder of another user, or of a group, may be meant: who named it trusts them. But in a place like /tmp the name
-    does not say whose the folder is.
+    does not say whose the folder is. must_be_there: so is one refused there that anybody could still make.
     """
     endpoints = Endpoints.from_base(base)
     if base.startswith("ipc://"):
         directory = _directory_of(base)
-        try:
-            mode = directory.stat().st_mode
-        except OSError:
-            return endpoints  # it is not there yet, or closed: whoever uses it says so
-        if mode & stat.S_IWOTH:
-            raise EndpointError(
-                f"{directory} may be written to by every user ({stat.filemode(mode)}): any of them could send false "
-                f"forces through a socket there. Name a folder inside it that is yours alone "
-                f"(mkdir -m 700 {directory}/fmfts; {OVERRIDE}=ipc://{directory}/fmfts), or close this one "
-                f"(chmod o-w {directory})"
-            )
         for path in (directory.absolute(), directory.resolve()):
-            _require_no_stranger(path)
+            nearest, mode = _nearest(path)
+            if mode & stat.S_IWOTH and nearest == path:
+                raise EndpointError(
+                    f"{directory} may be written to by every user ({stat.filemode(mode)}): any of them could send "
+                    f"false forces through a socket there. Name a folder inside it that is yours alone "
+                    f"(mkdir -m 700 {directory}/fmfts; {OVERRIDE}=ipc://{directory}/fmfts), or close this one "
+                    f"(chmod o-w {directory})"
+                )
+            if mode & stat.S_IWOTH and must_be_there:
+                raise EndpointError(
+                    f"{directory} is not there, and any user may make it in {nearest}: its owner could send false "
+                    f"forces through a socket there. So start the daemon first, or name another folder with "
+                    f"{OVERRIDE}, for example one in your home"
+                )
+            _require_no_stranger(nearest)
     return endpoints
+
+
+def _nearest(path: Path) -> tuple[Path, int]:
+    """The folder, or where it is absent or closed to this user the nearest one above it; and its mode."""
+    for folder in (path, *path.parents):
+        with suppress(OSError):
+            return folder, folder.stat().st_mode
+    return path, 0
 
 
 def _require_no_stranger(directory: Path) -> None:
