@@ -10,6 +10,7 @@ import json
 import os
 import re
 import socket
+import struct
 import sys
 import time
 from contextlib import suppress
@@ -23,6 +24,7 @@ from fmfts_client import ControlError, EndpointError, Subscription, request
 
 NOBODY = 65534
 BASELINE = json.dumps({"ask": "baseline", "id": 1, "pad": "left", "kind": "rest"})
+IP_PKTINFO = 8  # <linux/in.h>; Python names it from 3.14 on
 ANSWER_S, SILENCE_S = 3.0, 1.0
 PLACES, SILENT, KEPT, PACE_S = 40, 1000, 800, 0.004
 
@@ -156,11 +158,21 @@ def occupy_the_folder(folder: str, mode: int) -> list[str]:
     return []
 
 
-def forge_the_force(port: int) -> list[str]:
-    """What it gained is seen by the gauge. It stays for a moment, so that its socket can be looked up."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        for _ in range(100):
-            sender.sendto(b"9.99", ("127.0.0.1", port))
+def forge_the_force(port: int, program: int) -> list[str]:
+    """From its own port, and from the address and port of the owner's program, by a socket on 127.0.0.2 (IP_PKTINFO).
+
+    What it gained is seen by the gauge. It stays for a moment, so that its sockets can be looked up.
+    """
+    gauge = ("127.0.0.1", port)
+    as_the_program = (socket.IPPROTO_IP, IP_PKTINFO, struct.pack("i4s4s", 0, socket.inet_aton("127.0.0.1"), bytes(4)))
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as forger,
+    ):
+        forger.bind(("127.0.0.2", program))
+        for _ in range(50):
+            sender.sendto(b"9.99", gauge)
+            forger.sendmsg([b"9.99"], [as_the_program], 0, gauge)
         print("ready", flush=True)
         time.sleep(ANSWER_S)
     return []

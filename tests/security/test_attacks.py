@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import tempfile
 import time
 from collections.abc import Iterator
@@ -114,12 +115,14 @@ def test_keys_keep_strangers_and_readers_from_commands(table: list[Row], monkeyp
 def test_forged_force_reaches_no_gauge(table: list[Row]) -> None:
     port = free_udp_port()
     gauge = open_gauge(UdpGauge(port=port), None)
-    attack = Attack("forge_the_force", port=port)
-    attack.wait_until_ready()
-    assert gauge.poll(time.monotonic_ns()) == []
-    assert "another user" in gauge.unread
-    gauge.close()
-    attack.end()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as program:
+        program.connect(("127.0.0.1", port))
+        attack = Attack("forge_the_force", port=port, program=program.getsockname()[1])
+        attack.wait_until_ready()
+        assert gauge.poll(time.monotonic_ns()) == gauge.poll(time.monotonic_ns()) == []
+        assert "another user" in gauge.unread
+        gauge.close()
+        attack.end()
     table.append(("9 forge the force of collect over UDP", "no", "is told who sends"))
 
 

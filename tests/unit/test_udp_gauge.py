@@ -7,11 +7,25 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
 
 import pytest
 
+from fmfts.collect import datagrams
 from fmfts.collect.clock import Clock
-from fmfts.collect.datagrams import FLOODED_NS, LARGEST_DATAGRAM, MOST_AT_ONCE, MOST_LINES, OWNERS_NS, Owners
+from fmfts.collect.datagrams import (
+    FLOODED_NS,
+    LARGEST_DATAGRAM,
+    LONGEST_POLL_NS,
+    LONGEST_READ_NS,
+    MOST_AT_ONCE,
+    MOST_LINES,
+    MOST_SOCKETS,
+    OWNERS_NS,
+    Datagrams,
+    Owners,
+)  # fmt: skip
 from fmfts.collect.errors import AbsentError, StoppedError
 from fmfts.collect.gauge import Gauge, open_gauge
 from fmfts.collect.watch import Limits, Watch
@@ -70,7 +84,11 @@ def test_force_of_another_user_is_not_read(gauge: Gauge, port: int, sender: sock
             stranger.communicate()
         sender.sendto(b"0.5", ("127.0.0.1", port))
         assert forces(gauge) == [0.5]
-        why = "is another user's (uid 65534)" if how == "stays" else "let the program that sends keep one socket open"
+        why = (
+            "another user's program (uid 65534)"
+            if how == "stays"
+            else "let the program that sends keep one socket open"
+        )
         assert why in gauge.unread
         stranger.communicate()
 
@@ -80,9 +98,71 @@ def test_owner_of_a_socket_is_found_however_it_is_bound(host: str) -> None:
     with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM) as bound:
         bound.bind((host, 0))
         owners, number = Owners(), bound.getsockname()[1]
-        assert owners.why_not("127.0.0.1", number, 0) == ""
-    assert owners.why_not("127.0.0.1", number, OWNERS_NS // 2) == "", "the table is read again after a while only"
-    assert "does not show whose it is" in owners.why_not("127.0.0.1", number, 2 * OWNERS_NS)
+        assert owners.why_not(number, 0) == ""
+    assert owners.why_not(number, OWNERS_NS // 2) == "", "the table is read again after a while only"
+    assert "does not show whose it is" in owners.why_not(number, 2 * OWNERS_NS)
+
+
+HEADING = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode\n"
+ENTRY = (
+    "  {}: {}:{:04X} 00000000:0000 07 00000000:00000000 00:00000000 00000000 {:5d}        0 1234 2 0000000000000000 0\n"
+)
+
+
+def owners_of(*sockets: tuple[str, int, int]) -> str:
+    """A table of the kernel with these addresses, ports and users."""
+    return HEADING + "".join(ENTRY.format(number, *socket) for number, socket in enumerate(sockets))
+
+
+@pytest.mark.parametrize("table", ["udp", "udp6"])
+@pytest.mark.parametrize("address", ["0200007F", "0" * 8, "0" * 32, "0000000000000000FFFF00000200007F"])
+def test_stranger_with_the_same_port_is_refused(
+    address: str, table: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At any address: a socket on 127.0.0.2 sends as 127.0.0.1."""
+    (tmp_path / "udp").write_text(owners_of(("00000000", 5006, os.geteuid())))
+    with (tmp_path / table).open("a") as file:
+        file.write(
+            owners_of((address, 5006, 65534), ("00000000", 5007, 65534)).removeprefix(HEADING * (table == "udp"))
+        )
+    monkeypatch.setattr(datagrams, "TABLES", (tmp_path / "udp", tmp_path / "udp6"))
+    assert "another user's program (uid 65534)" in Owners().why_not(5006, 0)
+
+
+@pytest.mark.parametrize(("more", "why"), [(0, ""), (1, f"more than {MOST_SOCKETS} sockets")])
+def test_table_with_too_many_sockets_refuses_all(
+    more: int, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stranger could be among those that were not read."""
+    (tmp_path / "udp").write_text(owners_of(*[("00000000", 5006, os.geteuid())] * (MOST_SOCKETS + more)))
+    monkeypatch.setattr(datagrams, "TABLES", (tmp_path / "udp",))
+    refused = Owners(lambda: 0).why_not(5006, 0)
+    assert why in refused
+    assert bool(refused) == bool(why)
+
+
+def test_table_that_takes_too_long_refuses_all(sender: socket.socket) -> None:
+    sender.bind(("0.0.0.0", 0))
+    number, slow = sender.getsockname()[1], count(0, LONGEST_READ_NS + 1)
+    assert "takes longer than" in Owners(lambda: next(slow)).why_not(number, 0)
+    assert Owners(lambda: 0).why_not(number, 0) == ""
+
+
+def test_table_that_cannot_be_read_refuses_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "udp").write_text(owners_of(("00000000", 5006, os.geteuid())))
+    (tmp_path / "udp6").mkdir()
+    monkeypatch.setattr(datagrams, "TABLES", (tmp_path / "udp", tmp_path / "udp6"))
+    assert "cannot be used to see whose it is" in Owners().why_not(5006, 0)
+
+
+def test_poll_that_takes_long_leaves_the_rest(port: int, sender: socket.socket) -> None:
+    worked = count(0, LONGEST_POLL_NS // 8)
+    lines = Datagrams(UdpGauge(port=port), lambda: next(worked))
+    for number in range(20):
+        sender.sendto(b"%d" % number, ("127.0.0.1", port))
+    taken = lines.take(0)
+    lines.close()
+    assert 0 < len(taken) < 20
 
 
 def test_other_port_than_the_configured_sender_is_not_read(port: int, sender: socket.socket) -> None:

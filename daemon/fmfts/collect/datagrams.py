@@ -8,10 +8,10 @@ only the address can be compared, and a machine there may forge it.
 from __future__ import annotations
 
 import errno
-import ipaddress
 import os
-import re
 import socket
+import time
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -21,24 +21,30 @@ from fmfts.config.collect import UdpGauge
 LARGEST_DATAGRAM = 512
 MOST_LINES = 16  # of a datagram
 MOST_AT_ONCE = 64  # datagrams of a poll; the rest waits in the kernel, which keeps about 300
+LONGEST_POLL_NS = 20_000_000  # of work; then the rest waits, too
 FLOODED_NS = 100_000_000  # so long each poll had more than that: a gauge sends 1000 a second at most
 OWNERS_NS = 50_000_000  # the table of sockets is read again after so long
 TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
-LARGEST_TABLE = 1 << 20  # 8000 sockets
+MOST_SOCKETS = 2000
+LONGEST_READ_NS = 20_000_000  # of work: any user can open sockets, and the force limit is not watched meanwhile
+AT_ONCE = 1 << 14  # bytes of a table between two looks at the clock
 ROOT = 0
+
+WorkClock = Callable[[], int]  # nanoseconds that this thread has worked; what other processes took does not count
 
 
 class Datagrams:
     """Lines that arrive at a UDP port; what is not from the gauge is dropped, and `refused` says why."""
 
-    def __init__(self, config: UdpGauge) -> None:
+    def __init__(self, config: UdpGauge, worked_ns: WorkClock = time.thread_time_ns) -> None:
         """Raises AbsentError where the port cannot be opened."""
         self.description = f"the gauge at UDP {config.address}:{config.port}"
         self.refused = ""
         self._host, _, self._port = config.sender.partition(":")
         self._full_since_ns: int | None = None
         # Without a sender the port is on the loopback interface (config/collect.py).
-        self._owners = Owners() if not self._host or _is_of_this_machine(self._host) else None
+        self._worked_ns = worked_ns
+        self._owners = Owners(worked_ns) if not self._host or _is_of_this_machine(self._host) else None
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         try:
@@ -48,8 +54,12 @@ class Datagrams:
             raise AbsentError(f"gauge: cannot listen on UDP {config.address}:{config.port}: {error}") from error
 
     def take(self, now_ns: int) -> list[str]:
-        """The lines of at most MOST_AT_ONCE datagrams. Raises AbsentError while the port is flooded."""
+        """The lines of at most MOST_AT_ONCE datagrams, fewer after LONGEST_POLL_NS.
+
+        Raises AbsentError while the port is flooded.
+        """
         lines: list[str] = []
+        end_ns = self._worked_ns() + LONGEST_POLL_NS
         for _ in range(MOST_AT_ONCE):
             try:
                 data, (host, port) = self._socket.recvfrom(LARGEST_DATAGRAM + 1)
@@ -61,6 +71,8 @@ class Datagrams:
                 self.refused = f"a datagram from {host}:{port} was not read, because {why}"
             else:
                 lines += data.decode("ascii", "replace").splitlines()[:MOST_LINES]
+            if self._worked_ns() > end_ns:
+                break
         self._require_no_flood(now_ns, f"{host}:{port}")
         return lines
 
@@ -73,7 +85,7 @@ class Datagrams:
             return "collect.gauge.sender names another"
         if size > LARGEST_DATAGRAM:
             return f"it is longer than {LARGEST_DATAGRAM} bytes"
-        return "" if self._owners is None else self._owners.why_not(host, port, now_ns)
+        return "" if self._owners is None else self._owners.why_not(port, now_ns)
 
     def _require_no_flood(self, now_ns: int, last: str) -> None:
         if self._full_since_ns is None:
@@ -86,21 +98,30 @@ class Datagrams:
 
 
 class Owners:
-    """Finds whose socket sends from this machine; this user and root are trusted."""
+    """Finds whose socket sends from this machine; this user and root are trusted.
 
-    def __init__(self) -> None:
+    Every socket with the sender's port counts, whatever its address: a socket on 127.0.0.2 may send as 127.0.0.1
+    (IP_PKTINFO).
+    """
+
+    def __init__(self, worked_ns: WorkClock = time.thread_time_ns) -> None:
         self._allowed = {os.geteuid(), ROOT}
-        self._tables = b""
+        self._worked_ns = worked_ns
+        self._of_port: dict[int, set[int]] = {}
+        self._unreadable = ""
         self._read_ns: int | None = None
 
-    def why_not(self, host: str, port: int, now_ns: int) -> str:
-        """Why the socket at this address is not trusted; "" where it is."""
+    def why_not(self, port: int, now_ns: int) -> str:
+        """Why the sockets with this port are not trusted; "" where they are."""
         if self._read_ns is None or now_ns - self._read_ns > OWNERS_NS:
-            self._tables, self._read_ns = b"".join(_beginning(path) for path in TABLES), now_ns
-        # A socket that is bound to all addresses is listed as zeros, an IPv6 one with the IPv4 address at its end.
-        address = bytes(reversed(ipaddress.IPv4Address(host).packed)).hex().upper().encode()
-        entry = rb"\d+: (?:0{24}|0{16}F{4}0{4})?(?:%s|0{8}):%04X [0-9A-F]+:\S+ (?:\S+ +){4}(\d+) " % (address, port)
-        owners = {int(owner) for owner in re.findall(entry, self._tables)}
+            self._of_port, self._unreadable, self._read_ns = {}, "", now_ns
+            try:
+                self._of_port = _owners_by_port(self._worked_ns)
+            except (OSError, ValueError) as error:
+                self._unreadable = f"the kernel's table of sockets cannot be used to see whose it is: {error}"
+        if self._unreadable:
+            return self._unreadable
+        owners = self._of_port.get(port)
         if not owners:
             return (
                 "this machine does not show whose it is: let the program that sends keep one socket open, and see that "
@@ -108,10 +129,33 @@ class Owners:
             )
         strangers = owners - self._allowed
         return (
-            f"the program that sent it is another user's (uid {min(strangers)}): run it as this user"
+            f"another user's program (uid {min(strangers)}) has a socket with that port: end it, or run it as this user"
             if strangers
             else ""
         )
+
+
+def _owners_by_port(worked_ns: WorkClock) -> dict[int, set[int]]:
+    """The users of each local port. Raises OSError or ValueError where not all sockets can be read soon enough."""
+    owners: dict[int, set[int]] = {}
+    sockets, end_ns = 0, worked_ns() + LONGEST_READ_NS
+    for path in TABLES:
+        try:
+            table = path.open("rb")
+        except FileNotFoundError:  # a kernel without IPv6
+            continue
+        with table:
+            next(table, None)  # the heading
+            while lines := table.readlines(AT_ONCE):
+                sockets += len(lines)
+                if sockets > MOST_SOCKETS:
+                    raise ValueError(f"it has more than {MOST_SOCKETS} sockets (`ss -uap` shows whose they are)")
+                for line in lines:
+                    _, local, _, _, _, _, _, owner, *_ = line.split()
+                    owners.setdefault(int(local.rpartition(b":")[2], 16), set()).add(int(owner))
+                if worked_ns() > end_ns:
+                    raise ValueError(f"reading it takes longer than {LONGEST_READ_NS / 1e6:g} ms")
+    return owners
 
 
 def _is_of_this_machine(host: str) -> bool:
@@ -122,11 +166,3 @@ def _is_of_this_machine(host: str) -> bool:
         except OSError as error:
             return error.errno != errno.EADDRNOTAVAIL
     return True
-
-
-def _beginning(table: Path) -> bytes:
-    try:
-        with table.open("rb") as file:
-            return file.read(LARGEST_TABLE)
-    except OSError:
-        return b""  # then no sender is known, and `why_not` says so
