@@ -158,10 +158,10 @@ def occupy_the_folder(folder: str, mode: int) -> list[str]:
     return []
 
 
-def forge_the_force(port: int, program: int) -> list[str]:
+def forge_the_force(port: int, program: int, stays: bool) -> list[str]:
     """From its own port, and from the address and port of the owner's program, by a socket on 127.0.0.2 (IP_PKTINFO).
 
-    What it gained is seen by the gauge. It stays for a moment, so that its sockets can be looked up.
+    What it gained is seen by the gauge. stays: for a moment, so that its sockets can be looked up.
     """
     gauge = ("127.0.0.1", port)
     as_the_program = (socket.IPPROTO_IP, IP_PKTINFO, struct.pack("i4s4s", 0, socket.inet_aton("127.0.0.1"), bytes(4)))
@@ -173,8 +173,9 @@ def forge_the_force(port: int, program: int) -> list[str]:
         for _ in range(50):
             sender.sendto(b"9.99", gauge)
             forger.sendmsg([b"9.99"], [as_the_program], 0, gauge)
-        print("ready", flush=True)
-        time.sleep(ANSWER_S)
+        if stays:
+            print("ready", flush=True)
+            time.sleep(ANSWER_S)
     return []
 
 

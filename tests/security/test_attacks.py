@@ -112,18 +112,23 @@ def test_keys_keep_strangers_and_readers_from_commands(table: list[Row], monkeyp
         table.append(("7 listen on tcp without a key, command with a reader's", "no", "is let in by the key"))
 
 
-def test_forged_force_reaches_no_gauge(table: list[Row]) -> None:
+@pytest.mark.parametrize("stays", [True, False], ids=["stays", "leaves"])
+def test_forged_force_reaches_no_gauge(stays: bool, table: list[Row]) -> None:
     port = free_udp_port()
     gauge = open_gauge(UdpGauge(port=port), None)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as program:
         program.connect(("127.0.0.1", port))
-        attack = Attack("forge_the_force", port=port, program=program.getsockname()[1])
-        attack.wait_until_ready()
+        attack = Attack("forge_the_force", port=port, program=program.getsockname()[1], stays=stays)
+        if stays:
+            attack.wait_until_ready()
+        else:
+            assert attack.gained() == []
         assert gauge.poll(time.monotonic_ns()) == gauge.poll(time.monotonic_ns()) == []
         assert "another user" in gauge.unread
         gauge.close()
         attack.end()
-    table.append(("9 forge the force of collect over UDP", "no", "is told who sends"))
+    how = "and stay" if stays else "and leave"
+    table.append((f"9 forge the force of collect over UDP, {how}", "no", "is told why it is not read"))
 
 
 @pytest.mark.parametrize(

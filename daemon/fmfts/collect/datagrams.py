@@ -28,6 +28,7 @@ TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
 MOST_SOCKETS = 2000
 LONGEST_READ_NS = 20_000_000  # of work: any user can open sockets, and the force limit is not watched meanwhile
 AT_ONCE = 1 << 14  # bytes of a table between two looks at the clock
+EVERY_ADDRESS = b"0" * 8
 ROOT = 0
 
 WorkClock = Callable[[], int]  # nanoseconds that this thread has worked; what other processes took does not count
@@ -101,22 +102,24 @@ class Owners:
     """Finds whose socket sends from this machine; this user and root are trusted.
 
     Every socket with the sender's port counts, whatever its address: a socket on 127.0.0.2 may send as 127.0.0.1
-    (IP_PKTINFO).
+    (IP_PKTINFO). It may be closed before it is looked up, so one socket must have the port at all addresses: while it
+    is open, Linux gives the port to nobody else, unless both ask for that (SO_REUSEADDR).
     """
 
     def __init__(self, worked_ns: WorkClock = time.thread_time_ns) -> None:
         self._allowed = {os.geteuid(), ROOT}
         self._worked_ns = worked_ns
         self._of_port: dict[int, set[int]] = {}
+        self._whole: set[int] = set()
         self._unreadable = ""
         self._read_ns: int | None = None
 
     def why_not(self, port: int, now_ns: int) -> str:
         """Why the sockets with this port are not trusted; "" where they are."""
         if self._read_ns is None or now_ns - self._read_ns > OWNERS_NS:
-            self._of_port, self._unreadable, self._read_ns = {}, "", now_ns
+            self._unreadable, self._read_ns = "", now_ns
             try:
-                self._of_port = _owners_by_port(self._worked_ns)
+                self._of_port, self._whole = _owners_by_port(self._worked_ns)
             except (OSError, ValueError) as error:
                 self._unreadable = f"the kernel's table of sockets cannot be used to see whose it is: {error}"
         if self._unreadable:
@@ -128,16 +131,26 @@ class Owners:
                 "it runs on this machine, outside of a container"
             )
         strangers = owners - self._allowed
+        if strangers:
+            return (
+                f"another user's program (uid {min(strangers)}) has a socket with that port: end it, or run it as this "
+                "user"
+            )
         return (
-            f"another user's program (uid {min(strangers)}) has a socket with that port: end it, or run it as this user"
-            if strangers
-            else ""
+            ""
+            if port in self._whole
+            else "another user's program could share that port: let the program send from an IPv4 socket that is "
+            "neither connected nor bound to an address"
         )
 
 
-def _owners_by_port(worked_ns: WorkClock) -> dict[int, set[int]]:
-    """The users of each local port. Raises OSError or ValueError where not all sockets can be read soon enough."""
+def _owners_by_port(worked_ns: WorkClock) -> tuple[dict[int, set[int]], set[int]]:
+    """The users of each local port, and the ports that one socket has at all IPv4 addresses.
+
+    Raises OSError or ValueError where not all sockets can be read soon enough.
+    """
     owners: dict[int, set[int]] = {}
+    whole: set[int] = set()
     sockets, end_ns = 0, worked_ns() + LONGEST_READ_NS
     for path in TABLES:
         try:
@@ -152,10 +165,14 @@ def _owners_by_port(worked_ns: WorkClock) -> dict[int, set[int]]:
                     raise ValueError(f"it has more than {MOST_SOCKETS} sockets (`ss -uap` shows whose they are)")
                 for line in lines:
                     _, local, _, _, _, _, _, owner, *_ = line.split()
-                    owners.setdefault(int(local.rpartition(b":")[2], 16), set()).add(int(owner))
+                    address, _, digits = local.partition(b":")
+                    port = int(digits, 16)
+                    owners.setdefault(port, set()).add(int(owner))
+                    if address == EVERY_ADDRESS:
+                        whole.add(port)
                 if worked_ns() > end_ns:
                     raise ValueError(f"reading it takes longer than {LONGEST_READ_NS / 1e6:g} ms")
-    return owners
+    return owners, whole
 
 
 def _is_of_this_machine(host: str) -> bool:
