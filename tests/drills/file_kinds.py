@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tomllib
+import zlib
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
@@ -50,6 +51,7 @@ from fmfts_client.keys import BadKeyError, client_key
 
 ROOT = Path(__file__).parents[2]
 CONFIG = PadConfig(name="left", source=SimulatedSource())
+ASKED_EVERY = 5  # contact models: onnxruntime, which takes half a second, is asked about one of so many
 POLLS, POLL_NS = 60, 5_000_000  # of a recording that is played
 
 
@@ -92,10 +94,11 @@ def kinds(folder: Path) -> list[Kind]:
         return found and (found.id, found.mounting(pad).chi2)
 
     def use_model(path: Path) -> object:
-        with patch.object(comparison, "_asked", _nobody):
+        asked = comparison._asked if zlib.crc32(path.read_bytes()) % ASKED_EVERY == 0 else _nobody
+        with patch.object(comparison, "_asked", asked):
             found = ContactModel.load(str(path), pad)
-        assert isinstance(found.inference, NetworkInference)
-        return found.inference.network, found.facts
+        network = found.inference.network if isinstance(found.inference, NetworkInference) else None
+        return network, found.facts
 
     def use_gains(path: Path) -> object:
         path_of("left", "selftest").write_bytes(path.read_bytes())
@@ -123,7 +126,7 @@ def kinds(folder: Path) -> list[Kind]:
             msgspec.json.encode(baseline), use_baseline, BaselineError, "baseline", _json(baseline, _resealed), True, 6
         ),
         Kind(selftest, use_gains, BaselineError, "self-test", _json(json.loads(selftest))),
-        Kind(model, use_model, ModelError, "model", lambda dice: proto_damaged(unsealed(model), dice), True, 5),
+        Kind(model, use_model, ModelError, "model", lambda dice: proto_damaged(unsealed(model), dice), True, 10),
         Kind(ARRAY_PATH.read_bytes(), _array, ResponseError, "table of presses", _packed(table), cost=3),
         Kind(toml, lambda path: file.load(path)[0], ConfigError, "config", _toml(toml), cost=10),
         Kind(recording, _all_of, RecordingError, "recording", recorded, cost=5),
@@ -152,8 +155,8 @@ def kinds(folder: Path) -> list[Kind]:
 
 
 def _nobody(*_: object) -> bytes:
-    """In the place of the process with onnxruntime, which takes half a second."""
-    raise NotComparedError("not in a drill")
+    """For most inputs in the place of the process with onnxruntime."""
+    raise NotComparedError("not for this input")
 
 
 def _array(path: Path) -> object:

@@ -121,6 +121,7 @@ def test_model_of_another_shape_is_refused(tmp_path: Path, pad: Pad) -> None:
     proto = helper.make_model(
         helper.make_graph(nodes, "other", inputs, outputs), opset_imports=[helper.make_opsetid("", 17)], ir_version=9
     )
+    proto.metadata_props.extend(onnx.load_from_string(unsealed(DEFAULT_PATH.read_bytes())).metadata_props)
     path = tmp_path / "other.onnx"
     path.write_bytes(proto.SerializeToString())
     with pytest.raises(ModelError, match=r"pose has the shape \['N', 5\], not \['N', 6\]"):

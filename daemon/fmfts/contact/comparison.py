@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 from fmfts.common.reading import shortened
 from fmfts.contact.contract import Facts
 from fmfts.contact.inference import POSE, NetworkInference
+from fmfts.contact.operators import require_even
 
 Poses = NDArray[np.float32]
 
 # Random presses, each at several shares of its displacement: near rest the direction changes fast.
 RANDOM_POSES = 64
+PROBED_EVERY = 29  # of these poses, by require_modest: from each share, corners and others
 SHARES = (1e-3, 1e-2, 0.1, 0.3, 1.0)
 # Both round to 2⁻²⁴ in some 150 additions in a row (two layers of 48, forwards and backwards), in different orders.
 # Either differs from double precision by up to 120 × 2⁻²⁴ of the largest answer (default model). They differ from each
@@ -77,12 +79,14 @@ def answers_of_onnxruntime(content: bytes, poses: Poses, outputs: int) -> NDArra
     return numbers.reshape(len(poses), outputs, 1 + POSE)
 
 
-def require_modest(content: bytes) -> None:
-    """Let another process evaluate a pose first: a few bytes of ONNX may ask for any time and memory.
+def require_modest(content: bytes, facts: Facts) -> None:
+    """Let another process evaluate a few poses first: a few bytes of ONNX may ask for any time and memory.
 
-    NotComparedError: it takes more than session.py allows, or cannot be evaluated at all.
+    ValueError: it may take more for other poses. NotComparedError: it takes more than session.py allows, or cannot be
+    evaluated at all.
     """
-    _asked(content, np.zeros((1, POSE), np.float32))
+    require_even(content)
+    _asked(content, np.concatenate([np.zeros((1, POSE), np.float32), poses_of(facts)[::PROBED_EVERY]]))
 
 
 def _asked(content: bytes, poses: Poses) -> bytes:

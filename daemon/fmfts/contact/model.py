@@ -148,8 +148,8 @@ class ContactModel:
         content = unsealed(read(file))
         parsed = parse(content)
         check_versions(parsed)
-        inference = inference_of(content, parsed.graph)
         facts, response = parse_facts(parsed.metadata), parse_response(parsed.metadata)
+        inference = inference_of(content, parsed.graph, facts)
         if refine and response is None:
             raise ValueError("it holds no response of its pad, so its answers cannot be refined: set refine = false")
         if len(inference.contact) != len(facts.outputs):

@@ -90,6 +90,8 @@ def _fields(content: bytes) -> Iterator[tuple[int, Value]]:
     position = 0
     while position < len(content):
         key, position = _varint(content, position)
+        if key >> 32:  # other readers keep its lowest 32 bits only, and find another field
+            raise MalformedError("a field's number has more than 32 bits")
         match key & 7:
             case 0:
                 value, position = _varint(content, position)

@@ -33,12 +33,12 @@ def check_versions(model: OnnxFile) -> None:
         raise ValueError(f"it has IR version {model.ir_version} and opset {model.opset}, not {IR_VERSION} and {OPSET}")
 
 
-def inference_of(content: bytes, graph: Graph) -> Inference:
+def inference_of(content: bytes, graph: Graph, facts: Facts) -> Inference:
     """Our own network, compiled or its reference, if it knows the graph; else onnxruntime. ValueError if that fails."""
     network = network_of(graph)
     if network is not None:
         return CompiledInference(network) if AVAILABLE else ReferenceInference(network)
-    return _by_onnxruntime(content)
+    return _by_onnxruntime(content, facts)
 
 
 def compared(inference: Inference, content: bytes, facts: Facts) -> Inference:
@@ -51,7 +51,7 @@ def compared(inference: Inference, content: bytes, facts: Facts) -> Inference:
     if different is None:
         return inference
     log.error("the compiled contact model is not used: %s; worth reporting", different)
-    return _by_onnxruntime(content)
+    return _by_onnxruntime(content, facts)
 
 
 def _difference(inference: NetworkInference, content: bytes, facts: Facts) -> str | None:
@@ -62,9 +62,9 @@ def _difference(inference: NetworkInference, content: bytes, facts: Facts) -> st
         return None
 
 
-def _by_onnxruntime(content: bytes) -> Inference:
+def _by_onnxruntime(content: bytes, facts: Facts) -> Inference:
     try:
-        require_modest(content)
+        require_modest(content, facts)
     except NotComparedError as error:
         raise ValueError(f"onnxruntime cannot evaluate it within a pad's means: {error}") from error
     from fmfts.contact.session import SessionInference  # 30 MB that most daemons do not need
