@@ -25,9 +25,9 @@ def field(number: int, content: bytes) -> bytes:
     return varint(number << 3 | 2) + varint(len(content)) + content
 
 
-def nested(depth: int) -> bytes:
+def nested(depth: int, topic: str) -> bytes:
     """A recording with a message that is nested so deep."""
-    return mcap([chunk(ON_CONTACT + message(1, b'{"v": ' + b"[" * depth + b"]" * depth + b"}"))])
+    return mcap([chunk(channel(1, topic) + message(1, b'{"v": ' + b"[" * depth + b"]" * depth + b"}"))])
 
 
 def files() -> dict[str, bytes]:
@@ -38,8 +38,8 @@ def files() -> dict[str, bytes]:
     flat = {"shape": (5, 5, 1, 5), "coefficient": bytes(1000), "shear": bytes(2000), "spacing_mm": 1e-300}
     return {
         "table-of-presses/no-spacing.response": msgspec.msgpack.encode(table | flat),
-        "recording/nested.mcap": nested(100_000),
-        "played-recording/nested.mcap": nested(100_000),
+        "recording/nested.mcap": nested(100_000, "contact/left"),
+        "played-recording/nested.mcap": nested(100_000, "state/left"),
         "recording/lz4-holds-more.mcap": lying,
         "recording/long-topics.mcap": mcap([chunk(channel(number, "x" * (1 << 20))) for number in range(40)]),
         "recording-of-the-page/time-zero.mcap": mcap([chunk(ON_CONTACT + message(1, at_zero))]),

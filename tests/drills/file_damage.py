@@ -29,6 +29,8 @@ TOKENS = (
 VALUE = re.compile(rb'-?\d[\d.e+-]*|true|false|null|"[^"\\]*"')
 DOUBLED = (2, 10, 100, 1000)  # how often a part of a file is repeated
 LARGE = 1 << 18  # a file that is made to be long has about so many bytes
+MANY = LARGE // 9  # of the smallest parts: empty records, entries of metadata
+MANY_EMPTY = record(0x7F, b"") * MANY
 HUGE = (0, 1, 2**7, 2**16, 2**31, 2**32 - 1, 2**40, 2**63, 2**64 - 1)
 
 
@@ -130,13 +132,16 @@ class LyingRecording:
                 claimed = dice.choice(HUGE)
             case 4:
                 repeated = dice.choice(DOUBLED[:2])
-                extra = record(
-                    dice.randrange(256), bytes(dice.choice((0, 100, LARGE, 30 * LARGE))), dice.choice((None, *HUGE))
-                )
+                extra = dice.choice((MANY_EMPTY, _odd(dice)))
             case _:
                 parts[at] = _changed(one, dice)
         content = packed(*parts) + extra
         return mcap([chunk(content, compression, claimed)] * repeated)
+
+
+def _odd(dice: Random) -> bytes:
+    content = bytes(dice.choice((0, 100, LARGE, 30 * LARGE)))
+    return record(dice.randrange(256), content, dice.choice((None, *HUGE)))
 
 
 def _changed(one: Schema | Channel | Message, dice: Random) -> Schema | Channel | Message:
@@ -149,7 +154,8 @@ def _changed(one: Schema | Channel | Message, dice: Random) -> Schema | Channel 
         )
     name = dice.choice(("", "x" * 100_000, "frame/", "state/left/right", "state/é\x00", "/", "contact/right"))
     if isinstance(one, Channel):
-        return Channel(dice.choice((one.id, 1, 2, 3)), name, "json", {name[:9]: name}, dice.choice((one.schema_id, 9)))
+        metadata = dice.choice(({name[:9]: name}, {str(number): "" for number in range(dice.choice((64, 65, MANY)))}))
+        return Channel(dice.choice((one.id, 1, 2, 3)), name, "json", metadata, dice.choice((one.schema_id, 9)))
     return Schema(one.id, dice.choice((b"", b"[" * 9000, bytes(LARGE))), "jsonschema", name)
 
 

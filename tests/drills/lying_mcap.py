@@ -8,7 +8,18 @@ from zlib import crc32
 import lz4.frame
 import zstandard
 from mcap.data_stream import RecordBuilder
-from mcap.records import Channel, Chunk, DataEnd, Footer, Header, McapRecord, Message, Schema
+from mcap.records import (
+    Attachment,
+    Channel,
+    Chunk,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Message,
+    MessageIndex,
+    Schema,
+)
 from mcap.writer import MCAP0_MAGIC
 
 COMPRESSIONS = {"": bytes, "zstd": zstandard.ZstdCompressor().compress, "lz4": lz4.frame.compress}
@@ -50,3 +61,11 @@ def schema(number: int, name: str, data: bytes) -> bytes:
 
 def message(channel_number: int, data: bytes) -> bytes:
     return packed(Message(channel_number, 0, data, 0, 0))
+
+
+def indexed(channel_number: int) -> bytes:
+    return packed(MessageIndex(channel_number, []))
+
+
+def attached(name: str, data: bytes) -> bytes:
+    return packed(Attachment(0, 0, name, "application/json", data))

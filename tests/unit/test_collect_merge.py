@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fmfts.collect import machine_log
 from fmfts.collect.alignment import align
 from fmfts.collect.errors import RefusedError
 from fmfts.collect.machine_log import Log, plateaus, read_log
@@ -139,4 +140,14 @@ def test_plateaus_are_where_force_and_place_stand(tmp_path: Path) -> None:
     ] == [(0.2, 0.89, 2.0, {0.0}), (1.2, 2.89, 2.0, {1.5}), (3.2, 4.89, 4.0, {1.5})]
     path.write_text("t_s,x_mm,y_mm,force_n\n0,0,0,0\n1,0,nix,0\n")
     with pytest.raises(RefusedError, match="row 3, column y_mm: 'nix' is not a number"):
+        read_log(path)
+
+
+def test_log_of_too_many_rows_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine_log, "MOST_ROWS", 3)
+    path = tmp_path / "log.csv"
+    path.write_text("t_s,x_mm,y_mm,force_n\n0,0,0,0\n\n1,0,0,0\n2,0,0,0\n")
+    assert len(read_log(path).time_s) == 3
+    path.write_text(path.read_text() + "3,0,0,0\n")
+    with pytest.raises(RefusedError, match="more than 3 rows"):
         read_log(path)

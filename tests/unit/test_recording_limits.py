@@ -15,16 +15,17 @@ import zstandard
 from bus_messages import contact_message
 from test_replayed import COUNT, PERIOD_NS, frame, pad, played, recording, state
 
-from drills.lying_mcap import channel, chunk, mcap, message, record, schema
+from drills.lying_mcap import attached, channel, chunk, indexed, mcap, message, record, schema
 from fmfts.bus.messages import FrameMessage
 from fmfts.cli import main as cli
 from fmfts.offline.replay import Replay
 from fmfts.page.recordings import messages_of, pads_of
-from fmfts.recording.container import LARGEST_CHUNK, MOST_UNREAD
+from fmfts.recording import source as played_recording
+from fmfts.recording.container import LARGEST_CHUNK, MOST_METADATA, MOST_UNREAD
 from fmfts.recording.file import RecordingError, RecordingWriter, read
 from fmfts.recording.repair import repair
-from fmfts.recording.source import MOST_FRAMES_OF_A_PAD, Replayed
-from fmfts.report.file import lines_of
+from fmfts.recording.source import LARGEST_PLAYED, MOST_FRAMES_OF_A_PAD, Replayed
+from fmfts.report.file import NAME, facts_of, lines_of
 from fmfts.sensor.source import SourceError
 
 MOST_MEMORY = 8 * LARGEST_CHUNK
@@ -69,6 +70,7 @@ LYING = {
     "chunk that claims more than the file": [record(6, bytes(100), claimed=1 << 60)],
     "large record": [record(6, bytes(LARGEST_CHUNK + 2000))],
     "many empty records": [record(0x7F, b"") * (MOST_UNREAD + 1)],
+    "many metadata entries": [chunk(channel(1, "contact/left", {str(number): "" for number in range(70_000)}))],
     "repeated bomb": [chunk(record(0x7F, bytes(LARGEST_CHUNK - 9)))] * 100,
     "nested message": [chunk(ON_CONTACT + message(1, NESTED))],
     "message of another type": [chunk(ON_CONTACT + message(1, b"[1]"))],
@@ -153,11 +155,11 @@ def test_odd_state_is_refused_with_a_sentence(change: dict[str, Any], tmp_path: 
 def test_check_config_refuses_a_nested_recording_with_a_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "a.mcap").write_bytes(mcap(LYING["nested message"]))
+    (tmp_path / "a.mcap").write_bytes(mcap([chunk(channel(1, "state/left") + message(1, NESTED))]))
     (tmp_path / "config.toml").write_text('[[pad]]\nname = "left"\n[pad.source]\ntype = "replay"\nfile = "a.mcap"\n')
     assert cli.main(["check-config", "--config", str(tmp_path / "config.toml")]) == 78
     said = capsys.readouterr().err
-    assert "a.mcap: a message of contact/left is damaged" in said
+    assert "a.mcap: a message of state/left is damaged" in said
     assert "Traceback" not in said
 
 
@@ -170,22 +172,78 @@ def test_frames_of_one_time_are_given_in_parts(tmp_path: Path) -> None:
     assert sum(map(len, given)) > COUNT
 
 
-def test_frame_behind_other_records_comes_in_a_later_poll(tmp_path: Path) -> None:
-    """A recording of another program: between two frames are 20,000 messages that nobody wants."""
-    other = msgspec.json.encode(msgspec.structs.replace(contact_message(), pad="other"))
-    contents = [channel(1, "state/left") + message(1, msgspec.json.encode(state("left")))]
-    contents += [channel(2, "frame/left"), channel(3, "contact/other")]
-    contents += [message(2, msgspec.json.encode(frame("left", 0))), message(3, other) * 6000]
-    contents += [message(2, msgspec.json.encode(frame("left", 1)))]
-    (tmp_path / "a.mcap").write_bytes(mcap([chunk(b"".join(contents))]))
-    source, polls, frames = Replayed({0: pad(tmp_path / "a.mcap")}), 0, []
-    while len(frames) < 2 and polls < 10_000:
-        frames += source.poll(10**12 + len(frames) * PERIOD_NS)
+OTHER = msgspec.json.encode(frame("other", 0))
+# What is between two frames, inside of a chunk or between chunks; and how many polls read it at least, if each of them
+# ends as soon as it may.
+BETWEEN: dict[str, tuple[bytes, bytes, int]] = {
+    "messages": (message(3, msgspec.json.encode(contact_message(pad="other"))) * 6000, b"", 6000 // 64),
+    "empty records": (record(0x7F, b"") * 20_000, b"", 20_000 // 64),
+    "large messages": (message(4, OTHER.ljust(300_000)) * 20, b"", 20 * 300_000 >> 16),
+    "large records": (record(0x7F, bytes(300_000)) * 20, b"", 20 * 300_000 >> 16),
+    "channels": (channel(5, "x", dict.fromkeys(map(str, range(MOST_METADATA)), "")) * 60, b"", 60),
+    "records outside of chunks": (b"", record(0x7F, b"") * MOST_UNREAD, MOST_UNREAD // 64),
+}
+
+
+@pytest.mark.parametrize("between", BETWEEN)
+def test_records_between_two_frames_are_read_in_parts(
+    between: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(played_recording, "LONGEST_READING_NS", 0)
+    inside, outside, fewest_polls = BETWEEN[between]
+    begin = channel(1, "state/left") + message(1, msgspec.json.encode(state("left")))
+    begin += channel(2, "frame/left") + channel(3, "contact/other") + channel(4, "frame/other")
+    frames = [message(2, msgspec.json.encode(frame("left", number))) for number in range(3)]
+    (tmp_path / "a.mcap").write_bytes(mcap([chunk(begin + frames[0] + inside), outside, chunk(frames[1] + frames[2])]))
+    source, polls, given = Replayed({0: pad(tmp_path / "a.mcap")}), 0, []
+    while len(given) < 2 and polls < 10_000:
+        given += source.poll(10**12 + len(given) * PERIOD_NS)
         polls += 1
         assert source.state.connected
         assert source.deadline_ns() is not None
-    assert polls > 2
-    assert [each.sequence for each in frames] == [0, 1]
+    assert [each.sequence for each in given] == [0, 1]
+    assert polls >= fewest_polls
+
+
+def test_message_longer_than_any_frame_is_not_decoded(tmp_path: Path) -> None:
+    content = channel(1, "state/left") + message(1, msgspec.json.encode(state("left"))) + channel(2, "frame/left")
+    content += message(2, b"x" * (LARGEST_PLAYED + 1)) + message(1, b"x" * (LARGEST_PLAYED + 1))
+    content += message(2, msgspec.json.encode(frame("left", 0)).ljust(LARGEST_PLAYED))
+    (tmp_path / "a.mcap").write_bytes(mcap([chunk(content)]))
+    source = Replayed({0: pad(tmp_path / "a.mcap")})
+    assert [each.sequence for each in played(source, PERIOD_NS)] == [0]
+    assert "it is at its end" in source.state.reason
+
+
+def test_state_is_sought_in_the_beginning_of_a_file_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    named = channel(1, "state/left") + message(1, msgspec.json.encode(state("left"))) + channel(2, "frame/right")
+    for name, frames in (("near", 0), ("far", 64)):
+        late = channel(3, "state/right") + message(3, msgspec.json.encode(state("right")))
+        damaged = message(2, b"x") * frames  # frames are not decoded there
+        (tmp_path / name).write_bytes(mcap([chunk(named + damaged + late)]))
+    Replayed({0: pad(tmp_path / "far", "right")}).close()
+    monkeypatch.setattr(played_recording, "MOST_LOOKED_THROUGH", 4)
+    Replayed({0: pad(tmp_path / "near", "right")}).close()
+    with pytest.raises(SourceError, match=r"the beginning of .*far holds no pad right, but left"):
+        Replayed({0: pad(tmp_path / "far", "right")})
+
+
+def test_channel_with_the_most_metadata_is_read(tmp_path: Path) -> None:
+    described = channel(1, "contact/left", {str(number): "é" for number in range(MOST_METADATA)})
+    (tmp_path / "a.mcap").write_bytes(
+        mcap([chunk(described + message(1, msgspec.json.encode(contact_message(pad="left"))))])
+    )
+    assert len(list(read(tmp_path / "a.mcap"))) == 1
+
+
+def test_report_behind_many_chunks_is_found(tmp_path: Path) -> None:
+    chunks = [chunk(b"", ""), indexed(1)] * (MOST_UNREAD + 800)
+    path = tmp_path / "a.mcap"
+    path.write_bytes(mcap(chunks))
+    with pytest.raises(RecordingError, match="is a recording, and no report"):
+        list(lines_of(path))
+    path.write_bytes(mcap([*chunks, attached(NAME, b'{"version": "1.2.3"}')]))
+    assert facts_of(path) == {"version": "1.2.3"}
 
 
 def test_whole_recording_is_read_within_the_limits(tmp_path: Path) -> None:

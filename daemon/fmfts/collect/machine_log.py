@@ -21,6 +21,7 @@ STEADY_FORCE_N = 0.01
 STEADY_PLACE_MM = 0.01
 NOISE_DEVIATIONS = 4.0  # so many deviations of a mean are allowed for noise: an hour has 36,000 means
 EDGE_S = 0.1  # left out at both ends of a plateau: as much as the lag may be wrong
+MOST_ROWS = 4_000_000  # an hour at 1 kHz
 LONGEST_GAP = 3.0  # a longer gap, in rows or means, ends a plateau: what happened in it is not known
 
 
@@ -57,7 +58,9 @@ def read_log(path: Path) -> Log:
             if missing:
                 raise RefusedError(f"{path}: row 1 has no column {', '.join(missing)}")
             places = [header.index(name) for name in names]
-            for row in filter(None, reader):
+            for count, row in enumerate(filter(None, reader)):
+                if count == MOST_ROWS:
+                    raise RefusedError(f"{path}: has more than {MOST_ROWS:,} rows: divide it, or log more slowly")
                 for name, place in zip(names, places, strict=True):
                     table.append(_number(path, reader.line_num, name, row[place] if place < len(row) else ""))
     except (OSError, UnicodeDecodeError, csv.Error) as error:

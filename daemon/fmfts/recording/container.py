@@ -10,6 +10,7 @@ import os
 import struct
 from collections.abc import Collection, Iterator
 from io import BytesIO
+from itertools import repeat
 from pathlib import Path
 from typing import IO, NamedTuple
 from zlib import crc32
@@ -35,6 +36,12 @@ MOST_GROWTH, FREE_GROWTH = 100, 1 << 24
 LARGEST_RECORD = 1 << 26
 # Between two chunks there is an index for each channel.
 MOST_UNREAD = 2 * MOST_DESCRIPTIONS
+# ROS writes two or three; each takes microseconds to read.
+MOST_METADATA = 64  # of a channel
+MOST_FIELDS = 7 + 4 * MOST_METADATA  # a text is two fields: its length and its letters
+# A reader that must not wait can pause after each part. The smallest record takes as long to read as this many bytes,
+# and a channel as long as a part.
+PART_BYTES, RECORD_BYTES = 1 << 16, 1 << 10
 
 HEAD = struct.Struct("<BQ")  # kind and length of a record
 HEAD_OF_MESSAGE = struct.Struct("<HIQQ")
@@ -53,34 +60,46 @@ class _Raw(NamedTuple):
 
 
 def chunk_records(path: Path) -> Iterator[Record | None]:
-    """Yields what is in the chunks, in order, and None after each chunk: who must not wait can go on later.
+    """Yields what is in the chunks, in order. None marks the end of a part, where a reader may pause.
+
+    The records between two None take as long to read as PART_BYTES of messages, whether they are yielded or skipped.
+    After a larger record there are several None. Only a chunk is read and unpacked in one go.
 
     Of a file that was cut off it yields what is before the cut. Raises RecordingError where the file is no recording,
     is damaged, or exceeds a limit.
     """
     described: dict[tuple[type[Record], int], int] = {}  # channels and schemas → their bytes
-    total = unpacked = 0
+    total = unpacked = work = 0
     for raw in _raw_records(path, {Opcode.CHUNK}):
+        if raw is None:
+            yield None
+            continue
         with damage_told(RecordingError, f"{path} is damaged in the chunk that ends at byte {raw.end}"):
             data = _unpacked(Chunk.read(_Content(raw.content)))
             unpacked += len(data)
             if unpacked > FREE_GROWTH + MOST_GROWTH * raw.end:
                 raise ValueError(f"the file unpacks to more than {MOST_GROWTH} times its size")
+            yield None
             for record, size in _records_in(data):
-                if not isinstance(record, Message):
+                work += max(size, RECORD_BYTES)
+                if isinstance(record, Schema | Channel):
+                    work += PART_BYTES
                     total += size - described.get((type(record), record.id), 0)
                     described[type(record), record.id] = size
                     if len(described) > MOST_DESCRIPTIONS or total > LARGEST_DESCRIPTIONS:
                         raise ValueError("it describes more channels than any recording has")
-                yield record
-        yield None
+                if record is not None:
+                    yield record
+                parts, work = divmod(work, PART_BYTES)
+                yield from repeat(None, parts)
 
 
 def attachments(path: Path) -> Iterator[Attachment]:
     """Yields the files beside the messages. Raises RecordingError, as `chunk_records`."""
     for raw in _raw_records(path, {Opcode.ATTACHMENT}):
-        with damage_told(RecordingError, f"{path} is damaged in the attachment that ends at byte {raw.end}"):
-            yield Attachment.read(_Content(raw.content))
+        if raw is not None:
+            with damage_told(RecordingError, f"{path} is damaged in the attachment that ends at byte {raw.end}"):
+                yield Attachment.read(_Content(raw.content))
 
 
 def is_whole(path: Path) -> bool:
@@ -94,8 +113,8 @@ def is_whole(path: Path) -> bool:
     return end[:1] == bytes([Opcode.FOOTER]) and end[FOOTER_BYTES:] == MCAP0_MAGIC
 
 
-def _raw_records(path: Path, wanted: Collection[int]) -> Iterator[_Raw]:
-    """Yields the records of the kinds `wanted`, and skips the others unread."""
+def _raw_records(path: Path, wanted: Collection[int]) -> Iterator[_Raw | None]:
+    """Yields the records of the kinds `wanted`, and skips the others unread: None after each part of these."""
     try:
         with open_regular(path) as file:
             size = os.fstat(file.fileno()).st_size  # what is there now: a recorder may still be writing
@@ -108,8 +127,8 @@ def _raw_records(path: Path, wanted: Collection[int]) -> Iterator[_Raw]:
         raise RecordingError(f"{path}: {error.strerror}") from error
 
 
-def _raw_records_in(path: Path, file: IO[bytes], size: int, wanted: Collection[int]) -> Iterator[_Raw]:
-    at, unread = len(MCAP0_MAGIC), 0
+def _raw_records_in(path: Path, file: IO[bytes], size: int, wanted: Collection[int]) -> Iterator[_Raw | None]:
+    at, unread, skipped = len(MCAP0_MAGIC), 0, 0
     while size - at >= HEAD.size:
         kind, length = HEAD.unpack(file.read(HEAD.size))
         begin = at + HEAD.size
@@ -126,7 +145,11 @@ def _raw_records_in(path: Path, file: IO[bytes], size: int, wanted: Collection[i
             unread = 0
             yield _Raw(kind, file.read(length), at)
         else:
-            unread += 1
+            # However long a recording is, a report's facts may come behind all of its chunks.
+            unread = 0 if kind == Opcode.CHUNK else unread + 1
+            skipped += 1
+            if skipped % (PART_BYTES // RECORD_BYTES) == 0:
+                yield None
             if unread > MOST_UNREAD:
                 raise RecordingError(f"{damaged}: more than {MOST_UNREAD} records in a row are no chunks")
             file.seek(at)
@@ -137,8 +160,12 @@ class _Content(ReadDataStream):
 
     def __init__(self, content: bytes) -> None:
         super().__init__(BytesIO(content))
+        self._fields = 0
 
     def read(self, length: int) -> bytes:
+        self._fields += 1
+        if self._fields > MOST_FIELDS:
+            raise ValueError(f"a channel in it has more than {MOST_METADATA} entries of metadata")
         data = super().read(length)
         if len(data) < length:
             raise EndOfFile
@@ -165,8 +192,8 @@ def _unpacked(chunk: Chunk) -> bytes:
     return data
 
 
-def _records_in(data: bytes) -> Iterator[tuple[Record, int]]:
-    """Yields the records in a chunk, each with its size."""
+def _records_in(data: bytes) -> Iterator[tuple[Record | None, int]]:
+    """Yields the records in a chunk, each with its size; None in the place of one of another kind."""
     at = 0
     while at < len(data):
         kind, length = HEAD.unpack_from(data, at)
@@ -183,3 +210,5 @@ def _records_in(data: bytes) -> Iterator[tuple[Record, int]]:
                 raise ValueError(f"a channel or its schema has {length} bytes")
             content = _Content(data[begin:at])
             yield Schema.read(content) if kind == Opcode.SCHEMA else Channel.read(content), length
+        else:
+            yield None, length

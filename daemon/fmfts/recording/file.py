@@ -5,7 +5,7 @@ A recorder that is killed loses its last chunk at most, which is a second of mes
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,7 +54,6 @@ PROFILE = "fmfts"
 HEADER_BYTES = 8
 LARGEST_MESSAGE = 1 << 20
 LONGEST_TOPIC = 64  # of those that are read; the name of a pad has at most 32 letters
-PART = 64  # records
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,21 +125,23 @@ def read(path: Path) -> Iterator[Recorded]:
     return (one for one in read_in_parts(path) if one is not None)
 
 
-def read_in_parts(path: Path) -> Iterator[Recorded | None]:
-    """As `read`, and yields None after at most PART records and after each chunk: who must not wait can go on later."""
+def read_in_parts(
+    path: Path, kinds: Collection[str] = KINDS.keys(), largest: int = LARGEST_MESSAGE
+) -> Iterator[Recorded | None]:
+    """As `read`, but decodes messages of these kinds only, and of at most `largest` bytes.
+
+    None marks the end of a part, as in `chunk_records`.
+    """
     topics: dict[int, str] = {}
-    since = 0
     for record in chunk_records(path):
-        since += 1
-        if record is None or since >= PART:
-            since = 0
+        if record is None:
             yield None
-        if isinstance(record, Channel):
+        elif isinstance(record, Channel):
             topics[record.id] = record.topic[:LONGEST_TOPIC]
         elif isinstance(record, Message):
             kind, _, pad = topics.get(record.channel_id, "").partition("/")
             # Others are drawings, or another program's: MCAP files may be merged.
-            if kind in KINDS and len(record.data) <= LARGEST_MESSAGE:
+            if kind in kinds and len(record.data) <= largest:
                 yield Recorded(kind, pad, _decoded(path, kind, pad, record.data))
 
 
