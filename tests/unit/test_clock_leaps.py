@@ -20,8 +20,10 @@ from test_time_gate import PERIOD_NS, PERIOD_US, line_after, of
 from examples import examples
 from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.pipeline.last_frame import LastFrame
+from fmfts.pose.alignment import Alignment
 from fmfts.runtime.statistics import PadStatistics
 from fmfts.sensor import Frame
+from fmfts.sensor.frame import AGE_UNKNOWN_US
 from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.packets import Early
 
@@ -175,6 +177,39 @@ class TestTimePassed:
 
     def test_reset_board_leaps_back_by_its_age_and_the_time_that_passed(self) -> None:
         assert self.leap_us(-60_000_000, here_ns=2_000_000_000, numbers=-5000) == -62_000_000
+
+
+HOURS_US = 36_000_000_000  # ten
+OUTAGE_US = 980_000
+
+
+@pytest.mark.parametrize("silent", [1, 3])
+@pytest.mark.parametrize("is_timed", [True, False], ids=["stale", "untimed"])
+@pytest.mark.parametrize("age_us", [0, HOURS_US], ids=["reset", "ahead"])
+def test_time_passed_is_right_when_a_leap_brings_no_sample(age_us: int, is_timed: bool, silent: int) -> None:
+    """The first frames after the leap have no new sample: no age is known, or all samples are said to be old ones."""
+    frames, alignment, last = tapped()[:20], Alignment(4, PERIOD_US), LastFrame(RATE_HZ)
+    before_us, elapsed_s, behind_us = None, [], []
+    for number, frame in enumerate(frames):
+        is_after = number >= 10
+        ahead_us = age_us if is_after else HOURS_US - age_us
+        frame = replace(
+            frame,
+            device_time_us=frame.device_time_us + ahead_us + (OUTAGE_US if is_after else 0),
+            host_time_ns=frame.host_time_ns + (OUTAGE_US * 1000 if is_after else 0),
+        )
+        if 10 <= number < 10 + silent:
+            age = frame.age_us if is_timed else np.full_like(frame.age_us, AGE_UNKNOWN_US)
+            frame = replace(frame, age_us=age, fresh=np.zeros_like(frame.fresh))
+        aligned = last.aligned(frame, frame.field_t, alignment)
+        elapsed_s.append(aligned.elapsed_s(before_us))
+        before_us = aligned.time_us
+        behind_us.append(frame.device_time_us - aligned.time_us)
+    assert max(elapsed_s) < 1.1
+    of_all_s = OUTAGE_US * 1e-6 + (frames[-1].device_time_us - frames[0].device_time_us) * 1e-6
+    assert sum(elapsed_s) == pytest.approx(of_all_s, abs=3e-6 * PERIOD_US)
+    assert min(behind_us) >= 0
+    assert max(behind_us) < OUTAGE_US + (silent + 3) * PERIOD_US
 
 
 def with_early(frames: list[Frame], copies: int) -> Iterator[tuple[bytes, int]]:

@@ -91,6 +91,7 @@ class Alignment:
         )
         self.stopped_us = STOPPED_PERIODS * period_us
         self._old_us = (MOST_WITHOUT_NEWS + 1) * period_us
+        self._newest_us = self._leap_us = 0  # of the newest sample, on its clock; how far the board's has leapt since
         # As push.c takes them.
         limits_us = self.stopped_us, longest_gap_us(self.stopped_us), self._old_us
         self._periods = *limits_us, GAP_SHARE, UNSEEN_SHARE, JUMP_T, MOST_WITHOUT_NEWS
@@ -107,11 +108,18 @@ class Alignment:
         """Add a frame, and align. field_t (N, 3), time_us (N,): the newest samples. fresh (N,): which are new.
 
         timed (N,): which sensors gave a sample at all, and tell its time; None: all. The `time_us` of the others means
-        nothing, because their age is not known. Without any such sensor, the instant stays where it was. frame_us: the
-        frame's own time; None: that of its newest sample. leap_us: see Aligned.
+        nothing, because their age is not known. Without any such sensor, the instant stays where it was: after a leap,
+        where the board's clock now says that it was. frame_us: the frame's own time; None: that of its newest sample.
+        leap_us: see Aligned.
         """
+        self._newest_us = int(self.memory.time_us[0].max()) or self._newest_us
         aligned = (self.compiled_push if AVAILABLE else self.reference_push)(field_t, time_us, fresh, timed, frame_us)
-        return replace(aligned, leap_us=leap_us) if leap_us else aligned
+        if not self.memory.without_news:
+            self._leap_us = 0
+            return replace(aligned, leap_us=leap_us) if leap_us else aligned
+        self._leap_us += leap_us
+        on_old_clock_us = aligned.time_us or self._newest_us  # 0: all samples were forgotten
+        return replace(aligned, leap_us=leap_us, time_us=on_old_clock_us + self._leap_us)
 
     def compiled_push(
         self,
