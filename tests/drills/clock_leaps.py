@@ -37,6 +37,12 @@ WATCHED_NS = 1_000_000_000  # after the last frame that is off
 REST_NS = 500_000_000
 APART_NS = 2_000_000
 ORDER_NS = 3_000_000_000
+STATUS_S = 2.0
+COPIES = 3  # of each packet, at most
+INEXACT, LEAST_USED = (
+    0.05,
+    0.5,
+)  # shares: of packets that are under way; on a loaded computer
 
 
 class Case(NamedTuple):
@@ -157,28 +163,39 @@ class Drill:
 
     def _in_order(self, fault: str, judge: Heard) -> dict[str, Any]:
         """Some seconds of lines in this order, on all boards."""
-        before = self._status()  # a pad's counters are told once a second
+        before = self._status()
         twice, wrong, false_times = judge.twice.total(), sum(judge.kinds.values()), judge.false_times
         until_ns = time.monotonic_ns() + ORDER_NS
-        made = sum(board.made for board in self.boards.values())
+        sent = self._sent()
         for board in self.boards.values():
             board.faults[fault] = until_ns
         while time.monotonic_ns() < until_ns + 3 * REST_NS:
             self._tick()
         after = self._status()
         return {
-            "made": sum(board.made for board in self.boards.values()) - made,
+            **{name: count - sent[name] for name, count in self._sent().items()},
             **{name: after[name] - before[name] for name in ("frames", "dropped", "repeated", "gaps")},
             "published_twice": judge.twice.total() - twice,
             "wrong": sum(judge.kinds.values()) - wrong,
             "false_times": judge.false_times - false_times,
         }
 
+    def _sent(self) -> dict[str, int]:
+        """Of all boards: packets, those sent again, those that another one overtook, those the line did not take."""
+        names = ("made", "again", "overtaken", "lost")
+        return {name: sum(getattr(board, name) for board in self.boards.values()) for name in names}
+
     def _status(self) -> Counter[str]:
-        counted: Counter[str] = Counter()
-        for pad in self._daemon.request("status", timeout_s=PATIENCE_S)["pads"]:
-            counted.update({name: pad[name] for name in ("frames", "dropped", "repeated", "gaps")})
-        return counted
+        """The counters of all pads, just after they changed: they are told once a second."""
+        first, until = None, time.monotonic() + STATUS_S
+        while True:
+            counted: Counter[str] = Counter()
+            for pad in self._daemon.request("status", timeout_s=PATIENCE_S)["pads"]:
+                counted.update({name: pad[name] for name in ("frames", "dropped", "repeated", "gaps")})
+            first = first or counted
+            if counted["frames"] != first["frames"] or time.monotonic() > until:
+                return counted
+            self._tick()
 
     def _counted(self, judge: Heard) -> dict[str, Any]:
         return {
@@ -203,6 +220,21 @@ def failures(facts: dict[str, Any]) -> list[str]:
     for where, counted in {"leaps": leaps, **orders}.items():
         found += [f"{where}: {counted[name]} {name}" for name in ("wrong", "published_twice") if counted[name]]
         found += [f"{where}: {counted['false_times']} false times"] if counted["false_times"] else []
+    for order, counted in orders.items():
+        found += [f"{order}: {fault}" for fault in miscounted(counted)]
+    return found
+
+
+def miscounted(counted: dict[str, Any]) -> list[str]:
+    """What the daemon's counters of a phase say that is not so."""
+    due = counted["made"] - counted["overtaken"] - counted["lost"]
+    used, again = counted["frames"] - counted["dropped"], counted["again"] + counted["overtaken"]
+    left_out = max(counted["dropped"] - again, 0)  # by a computer that is late; `gaps` cannot excuse silence
+    found = []
+    if used + left_out < (1.0 - INEXACT) * due or used < LEAST_USED * due:
+        found.append(f"{used} frames used and {left_out} left out of {due}")
+    if abs(counted["repeated"] - again) > INEXACT * again + COPIES * (left_out + counted["lost"]):
+        found.append(f"{counted['repeated']} counted as repeated of {again} that came again or late")
     return found
 
 

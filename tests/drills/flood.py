@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from fmfts_client import Endpoints
 from fmfts_lab.bench.latency import config_text, rss_of, spawn, store_baselines, table_line
+from fmfts_lab.bench.latency_rig import RATE_HZ
 from fmfts_lab.bench.overload_rig import WARM_UP_S, Load, boards, recordings, sleep_until, subscriber
 from ports import tcp_base
 
@@ -35,12 +36,19 @@ COLUMNS = (
     *("asked per s", "answered", "refused", "unanswered", "RSS, MB"),
 )
 LEAST_SHARE, MOST_OF_IDLE = 0.99, 2.0
+HELD = 0.5  # share of its turns in which a flood had to wait for answers, or for its socket
+LEAST_OF_RATE = 0.9  # of the boards' frames while nobody asks, and of the requests that a flood names
 
 
 @dataclass(frozen=True)
 class Flood:
     name: str
     options: tuple[str, ...] = ()
+
+    @property
+    def per_s(self) -> float:
+        """Requests per second that it names; 0: as many as the daemon answers."""
+        return float(self.options[self.options.index("--per-s") + 1]) if "--per-s" in self.options else 0.0
 
 
 IDLE = Flood("idle")
@@ -171,8 +179,14 @@ def row(
         *(str(counts.get(k, "")) for k in ("answered", "refused", "unanswered")),
     ]
     cells += [f"{rss_mb:.0f}"]
-    if share < LEAST_SHARE or ages[0] > MOST_OF_IDLE or counts.get("unanswered"):
-        cells[2] += " **missed**"
+    of_boards = now.contacts / (pads * RATE_HZ * seconds)
+    if share < LEAST_SHARE or of_boards < LEAST_OF_RATE or max(ages) > MOST_OF_IDLE or counts.get("unanswered"):
+        cells[2] += f" **missed** ({of_boards:.0%} of the boards' frames)"
+    asked = counts.get("asked", 0) / seconds
+    if counts and asked < LEAST_OF_RATE * flood.per_s:
+        # The peer stopped asking for want of answers: the daemon took no more. Else the flooder had no processor.
+        held = counts["held"] / counts["turns"]
+        cells[2] += f" (held by the daemon at {asked:.0f}/s)" if held > HELD else f" **NOT REACHED**: {asked:.0f}/s"
     return cells
 
 
@@ -182,13 +196,14 @@ def main() -> None:
     parser.add_argument("--over", nargs="+", default=["ipc", "tcp"])
     parser.add_argument("--seconds", type=float, default=5.0)
     parser.add_argument("--nice", type=int, default=19)
+    parser.add_argument("--loaded", action="store_true", help="other programs run: a flood may be slower than named")
     options = parser.parse_args()
     print(
         f"load average {os.getloadavg()[0]:.2f} before, {os.cpu_count()} processors; {options.seconds:g} s a row, "
         f"flooders with nice {options.nice}\n"
     )
     print(f"{table_line(COLUMNS)}\n{table_line(['---'] * len(COLUMNS))}", flush=True)
-    missed = False
+    missed = not_reached = False
     for pads in options.pads:
         for over in options.over:
             for floods in RUNS:
@@ -197,10 +212,13 @@ def main() -> None:
                     rows = measured(pads, base, floods, options.seconds, Path(name), options.nice)
                 for cells in rows:
                     missed |= "**missed**" in cells[2]
+                    not_reached |= "**NOT REACHED**" in cells[2]
                     print(table_line(cells), flush=True)
     print(f"\nload average {os.getloadavg()[0]:.2f} after")
     if missed:
         raise SystemExit("a bar was missed")
+    if not_reached and not options.loaded:
+        raise SystemExit("a flood was slower than its name says, and not for the daemon's sake: end other programs")
 
 
 if __name__ == "__main__":

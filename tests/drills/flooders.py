@@ -29,13 +29,16 @@ LARGEST_READ = 1 << 20
 
 
 class Flooder:
-    """A peer. waiting: requests that it may have sent before it has read their answers."""
+    """A peer. waiting: requests that it may have sent before it has read their answers.
+
+    turns: how often it was to ask. held: how often most of its requests were still unanswered then, or not sent.
+    """
 
     def __init__(self, address: str, verb: str, waiting: int) -> None:
         body = msgpack.packb({"id": 1, "verb": verb})
         self.request = bytes([0, len(body)]) + body
         self.waiting = waiting
-        self.asked = self.answered = self.refused = 0
+        self.asked = self.answered = self.refused = self.turns = self.held = 0
         self._unsent, self._unread = b"", bytearray()
         if address.startswith("ipc://"):
             self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -55,6 +58,8 @@ class Flooder:
 
     def ask(self, count: int) -> None:
         """Send `count` requests, or fewer where `waiting` or the socket allows no more."""
+        self.turns += 1
+        self.held += bool(self._unsent) or self.unanswered > self.waiting / 2
         count = min(count, self.waiting - self.unanswered)
         if not self._unsent and count > 0:
             self._unsent = self.request * count
@@ -135,9 +140,8 @@ def main() -> None:
     os.setpriority(os.PRIO_PROCESS, 0, options.nice)
     peers = [Flooder(options.address, options.verb, options.waiting) for _ in range(options.peers)]
     begun_ns = flood(peers, options.per_s, options.seconds, reads=not options.deaf)
-    counts = {
-        name: sum(getattr(peer, name) for peer in peers) for name in ("asked", "answered", "refused", "unanswered")
-    }
+    names = ("asked", "answered", "refused", "unanswered", "turns", "held")
+    counts = {name: sum(getattr(peer, name) for peer in peers) for name in names}
     json.dump(counts | {"begun_ns": begun_ns}, sys.stdout)
 
 

@@ -35,6 +35,7 @@ class ChaosBoard(Board):
     """`tick` sends the frames that are due. `faults`: what is wrong now, each with the time at which it ends.
 
     written: frames that the line took whole. lost: frames that were taken and never reached it, or were damaged.
+    again, overtaken: packets that ORDERS sent once more, or after a newer one.
     """
 
     def __init__(self, link: Path, uid: bytes, library: Library, seed: int) -> None:
@@ -44,7 +45,7 @@ class ChaosBoard(Board):
         self.faults: dict[str, int] = {}
         self.last_touch = NOT_TOLD
         self.by_mark: dict[int, deque[Taken]] = {mark: deque(maxlen=ROUNDS) for mark in range(MARKS)}
-        self.made = self.written = self.lost = 0
+        self.made = self.written = self.lost = self.again = self.overtaken = 0
         self._lines: deque[bytes] = deque(maxlen=REPEATED)
         self._born_ns = self._due_ns = time.monotonic_ns()
         self._rest = self.held_back = b""

@@ -91,6 +91,7 @@ def _garbage(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random
 
 
 def _doubled(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
+    board.again += 1
     return line + line, True
 
 
@@ -110,12 +111,17 @@ def _future(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random)
 
 
 def _tripled(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
+    board.again += 2
     return 3 * line, True
 
 
 def _burst(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
     """The last few packets come again as they came."""
-    return (line + b"".join([*board.lines_ago(REPEATED)[-3:], line]) if dice.random() < 0.3 else line), True
+    if dice.random() >= 0.3:
+        return line, True
+    burst = [*board.lines_ago(REPEATED)[-3:], line]
+    board.again += len(burst)
+    return line + b"".join(burst), True
 
 
 def _swapped_lines(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
@@ -124,6 +130,7 @@ def _swapped_lines(board: ChaosBoard, sample: Sample, line: bytes, dice: random.
         board.held_back = line
         return b"", True
     before, board.held_back = board.held_back, b""
+    board.overtaken += 1
     return line + before, True
 
 
