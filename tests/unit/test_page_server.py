@@ -151,6 +151,36 @@ def answered(page: ClientConnection, wanted: str) -> dict[str, object]:
             return answer  # type: ignore[no-any-return]
 
 
+class TestInternalErrors:
+    def test_error_of_the_feed_ends_the_server(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        def fail(feed: Feed) -> None:
+            raise ValueError("no bus")
+
+        monkeypatch.setattr(Feed, "drain", fail)
+        with serving(tmp_path) as served:
+            with served.page():
+                served._thread.join(10.0)
+            assert not served._thread.is_alive()
+        assert "ValueError: no bus" in caplog.text
+
+    def test_error_while_sending_closes_the_page(
+        self, served: Served, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        def fail(viewer: Viewer) -> None:
+            raise ValueError("no batch")
+
+        monkeypatch.setattr(Viewer, "batch", fail)
+        with served.page() as page:
+            page.send(json.dumps({"ask": "ping", "sent_ms": 1.0}))
+            with pytest.raises(ConnectionClosed) as closed:
+                page.recv(timeout=5.0)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == 1011
+        assert "ValueError: no batch" in caplog.text
+
+
 class TestWhoMay:
     def test_page_is_served_with_a_policy_that_allows_nothing_unsafe(self, served: Served) -> None:
         answer = served.get("/").decode()

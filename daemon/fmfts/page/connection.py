@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import json
+import logging
 import threading
 import time
+from collections.abc import Awaitable, Callable
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -25,8 +26,11 @@ HELLO_S = 5.0
 REQUESTS_AT_ONCE = 4
 ANSWERS_KEPT = 64  # that the page has not taken yet: no further request of it is read meanwhile
 WRONG_TOKEN, TOO_MANY = 4401, 4429  # application's own close codes
+FAILED = 1011  # the protocol's own for an internal error
 BATCH_S = 0.025
 AT_ONCE = 200  # messages of a recording that are read at once
+
+log = logging.getLogger(__name__)
 
 
 async def let_in(socket: ServerConnection, guard: Guard) -> bool:
@@ -39,6 +43,17 @@ async def let_in(socket: ServerConnection, guard: Guard) -> bool:
         return True
     await socket.close(WRONG_TOKEN, "wrong token: open the address that fmfts-daemon view printed")
     return False
+
+
+async def sending(socket: ServerConnection, send: Callable[[], Awaitable[None]]) -> None:
+    """Send until the page goes. An error closes the page, which then connects anew instead of standing still."""
+    try:
+        await send()
+    except ConnectionClosed:
+        pass
+    except Exception:
+        log.exception("internal error, worth reporting: a page is closed, and connects anew")
+        await socket.close(FAILED, "internal error: the log of fmfts-daemon view shows it")
 
 
 class PageConnection:
@@ -61,7 +76,7 @@ class PageConnection:
 
     async def serve(self) -> None:
         self._feed.add(self._viewer)
-        sender = asyncio.create_task(self._send())
+        sender = asyncio.create_task(sending(self._socket, self._send))
         sender.add_done_callback(lambda _: self._taken.set())
         try:
             async for text in self._socket:
@@ -109,17 +124,16 @@ class PageConnection:
 
     async def _send(self) -> None:
         """Sends what is there, as fast as the page takes it: meanwhile newer contacts replace older ones."""
-        with contextlib.suppress(ConnectionClosed):
-            while True:
-                await self._ready.wait()
-                self._ready.clear()
-                # Taken together, so that an answer to `replay` comes before all messages that it is about.
-                said, self._said, batch = self._said, [], self._viewer.batch()
-                self._taken.set()
-                for text in said:
-                    await self._socket.send(text)
-                if batch:
-                    await self._socket.send(batch)
+        while True:
+            await self._ready.wait()
+            self._ready.clear()
+            # Taken together, so that an answer to `replay` comes before all messages that it is about.
+            said, self._said, batch = self._said, [], self._viewer.batch()
+            self._taken.set()
+            for text in said:
+                await self._socket.send(text)
+            if batch:
+                await self._socket.send(batch)
 
     def _show_bus(self) -> None:
         self._end_replay()

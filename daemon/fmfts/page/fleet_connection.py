@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import json
 
 import msgspec
@@ -11,6 +10,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from fmfts.page.commands import Ping, Watch, decode
+from fmfts.page.connection import sending
 
 
 class FleetConnection:
@@ -28,7 +28,7 @@ class FleetConnection:
         self._ready.set()
 
     async def serve(self) -> None:
-        sender = asyncio.create_task(self._send())
+        sender = asyncio.create_task(sending(self._socket, self._send))
         try:
             async for text in self._socket:
                 self._take(text)
@@ -53,13 +53,12 @@ class FleetConnection:
         self._ready.set()
 
     async def _send(self) -> None:
-        with contextlib.suppress(ConnectionClosed):
-            while True:
-                await self._ready.wait()
-                self._ready.clear()
-                answer, self._answer = self._answer, None
-                newest, self._newest = self._newest, ""
-                if answer is not None:
-                    await self._socket.send(json.dumps(answer))
-                if newest:
-                    await self._socket.send(newest)
+        while True:
+            await self._ready.wait()
+            self._ready.clear()
+            answer, self._answer = self._answer, None
+            newest, self._newest = self._newest, ""
+            if answer is not None:
+                await self._socket.send(json.dumps(answer))
+            if newest:
+                await self._socket.send(newest)

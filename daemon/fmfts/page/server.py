@@ -68,7 +68,7 @@ class PageServer:
     async def run(self, port: int, serving: Callable[[str], None]) -> None:
         """Serve until SIGINT, SIGTERM or SIGHUP. port 0: any that is free. serving: called once with the address.
 
-        Raises RefusedAddressError if the port is taken, or may not be used.
+        Raises RefusedAddressError if the port is taken, or may not be used; and the error of what feeds the pages.
         """
         _allow_many_descriptors()
         for name in ("websockets.server", "asyncio"):
@@ -87,12 +87,12 @@ class PageServer:
         self._hosts = self._guard.hosts(port)
         fronts = {FRONT: "fleet.html"} | dict.fromkeys(self._views, "index.html")
         self._files = Files(self._guard.address(port).partition("/#")[0].replace("http", "ws", 1), fronts)
-        feeding = [asyncio.create_task(self._feed_pages())]
+        feeding: list[asyncio.Task[Any]] = [asyncio.create_task(over.wait()), asyncio.create_task(self._feed_pages())]
         if self._fleet is not None:
             feeding.append(asyncio.create_task(self._watch(self._fleet)))
         serving(self._guard.address(port))
         try:
-            await over.wait()
+            await _first_over(feeding)
         finally:
             for task in feeding:
                 task.cancel()
@@ -190,6 +190,17 @@ class PageServer:
                 for page in self._fleet_pages:
                     page.tell(facts)
             await asyncio.sleep(LOOK_S)
+
+
+async def _first_over(tasks: list[asyncio.Task[Any]]) -> None:
+    """Wait until one of them ends. Its error is logged and raised: nobody else would see that all pages stand still."""
+    ended, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    for task in ended:
+        try:
+            task.result()
+        except Exception:
+            log.exception("internal error, worth reporting: no page shows anything new, so the server ends")
+            raise
 
 
 def _allow_many_descriptors() -> None:
