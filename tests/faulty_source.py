@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import os
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -17,6 +18,7 @@ import zmq
 from fmfts.config import PadConfig
 from fmfts.sensor import Frame, SourceError, SourceState
 from fmfts.sensor.early import EarlySample
+from fmfts.sensor.patience import Patience
 from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.simulation.source import Simulated
 
@@ -76,6 +78,19 @@ def _many(frames: Sequence[Frame]) -> object:
     return [replace(frame, sequence=frame.sequence * 2_000 + n) for frame in frames for n in range(2_000)]
 
 
+def _many_fresh(frames: Sequence[Frame]) -> object:
+    return [
+        replace(
+            frame,
+            sequence=frame.sequence * 2_000 + n,
+            device_time_us=frame.device_time_us + n,
+            host_time_ns=frame.host_time_ns + 1_000 * n,
+        )
+        for frame in frames
+        for n in range(2_000)
+    ]
+
+
 def _endless(frames: Sequence[Frame]) -> Iterator[Frame]:
     return (frame for again in repeat(frames) for frame in again)
 
@@ -85,6 +100,7 @@ FRAMES: dict[str, Callable[[Sequence[Frame]], object]] = {
     "no frames": lambda frames: ["frame"],
     "endless": _endless,
     "2,000 a poll": _many,
+    "2,000 fresh a poll": _many_fresh,
     "another pad's": frames_with(pad_index=5),
     "pad_index []": frames_with(pad_index=[]),
     "3 sensors": lambda frames: [replace(frame, counts=frame.counts[:3]) for frame in frames],
@@ -104,36 +120,70 @@ FRAMES: dict[str, Callable[[Sequence[Frame]], object]] = {
 }
 NUMBERS: dict[str, object] = {"NaN": float("nan"), "text": "soon", "2**80": 1 << 80, "-2**80": -(1 << 80), "always": 0}
 DESCRIPTORS: dict[str, object] = {"-1": -1, "9999": 9999, "text": "stdin"}
+CLOCK_LINES: dict[str, object] = {"None": None, "short": bytearray(8), "read-only": bytes(DeviceClock().line)}
+LENDABLE: dict[str, object] = {"5": 5, "None": None, "text": "all", "another pad's": frozenset((5,))}
+LENT: dict[str, Callable[[int], object]] = {
+    "None": lambda descriptor: None,
+    "no pair": lambda descriptor: (descriptor,),
+    "-1": lambda descriptor: (-1, b""),
+    "9999": lambda descriptor: (9999, b""),
+    "2**80": lambda descriptor: (1 << 80, b""),
+    "text": lambda descriptor: (descriptor, "text"),
+    "too long": lambda descriptor: (descriptor, bytes(1 << 20)),
+}
 KINDS = (
     *(("raises", kind) for kind in ERRORS),
     *(("frames", kind) for kind in FRAMES),
     *(("deadline", kind) for kind in NUMBERS),
     *(("descriptor", kind) for kind in DESCRIPTORS),
+    *(("clock_line", kind) for kind in CLOCK_LINES),
+    *(("lendable", kind) for kind in LENDABLE),
+    *(("lend", kind) for kind in LENT),
 )
 # The pad may stay "ok".
-HARMLESS = {*(("deadline", kind) for kind in ("2**80", "-2**80", "always")), ("frames", "2,000 a poll")}
+HARMLESS = {
+    *(("deadline", kind) for kind in ("2**80", "-2**80", "always")),
+    *(("frames", kind) for kind in ("2,000 a poll", "2,000 fresh a poll")),
+}
 
 
 class Faulty:
-    """A ByteSource: a simulated pad that does what `fault` says, at places that chance chooses. fault(): a kind of
-    KINDS, None while the source works."""
+    """A ByteSource: a simulated pad that does what `fault` says, at places that chance chooses. It lends an empty pipe.
+
+    fault(): a kind of KINDS, None while the source works.
+    """
 
     def __init__(
         self, config: PadConfig, fault: Callable[[], tuple[str, str] | None], chance: Random, often: float
     ) -> None:
         """often: probability of an error at each place where one may be."""
         self._simulated, self._fault, self._chance, self._often = Simulated(config), fault, chance, often
-        self.patience = None
-        self.clock_line = DeviceClock().line
+        self._clock_line = DeviceClock().line
+        self._patience: Patience | None = None
         self._meet(0.5)
+        self._pipe: tuple[int, ...] = os.pipe()
 
     @property
     def state(self) -> SourceState:
         return self._simulated.state
 
+    @property
+    def patience(self) -> Patience | None:
+        return self._patience
+
+    @patience.setter
+    def patience(self, patience: Patience | None) -> None:
+        self._meet()
+        self._patience = patience
+
+    @property
+    def clock_line(self) -> Any:
+        self._meet()
+        return self._instead("clock_line", CLOCK_LINES, self._clock_line)
+
     def fileno(self) -> Any:
         self._meet()
-        return self._instead("descriptor", DESCRIPTORS, None)
+        return self._instead("descriptor", DESCRIPTORS, self._pipe[0])
 
     def deadline_ns(self) -> Any:
         self._meet()
@@ -149,20 +199,20 @@ class Faulty:
         self._meet()
         return ()
 
-    def lendable(self) -> frozenset[int]:
+    def lendable(self) -> Any:
         self._meet()
-        lends = self._fault() in [("raises", kind) for kind in ERRORS] and self._chance.random() < self._often
-        return frozenset((0,)) if lends else frozenset()
+        return self._instead("lendable", LENDABLE, frozenset((0,)))
 
-    def lend(self) -> tuple[int, bytes]:
-        self._meet(1.0)
-        raise SourceError("there is no line to lend")
+    def lend(self) -> Any:
+        self._meet()
+        fault = self._fault()
+        return LENT[fault[1]](self._pipe[0]) if fault is not None and fault[0] == "lend" else (self._pipe[0], b"")
 
     def give_back(self, unread: bytes, heard_ns: int, left_out: Sequence[int]) -> None:
-        raise AssertionError("nothing was lent")
+        self._meet()
 
     def passed(self, pad_index: int, sequence: int) -> None:
-        raise AssertionError("nothing was lent")
+        raise AssertionError("nothing came through the pipe")
 
     def request_selftest(self, pad_index: int) -> None:
         self._meet(1.0)
@@ -171,6 +221,9 @@ class Faulty:
         return None
 
     def close(self) -> None:
+        descriptors, self._pipe = self._pipe, ()
+        for descriptor in descriptors:
+            os.close(descriptor)
         self._meet(0.5)
 
     def _meet(self, often: float | None = None) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from faulty_source import ERRORS
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.runtime import guarded
+from fmfts.runtime import budget, guarded
 from fmfts.runtime.failure import sentence_of, text_of, trace_of
 from fmfts.runtime.guarded import GuardedSource
 from fmfts.sensor import Frame, Source, SourceError, SourceState
@@ -105,7 +105,7 @@ def test_failure_is_the_reason_until_the_next_source_works(paused: Paused) -> No
 
 @pytest.mark.parametrize(
     ("patience", "most"),
-    [(IN_TIME, guarded.MOST_JUDGED), (RECORDED, guarded.MOST_RECORDED)],
+    [(IN_TIME, budget.MOST_JUDGED), (RECORDED, budget.MOST_RECORDED)],
     ids=["judged", "recorded"],
 )
 def test_oldest_of_too_many_frames_are_left_out(patience: Patience, most: int) -> None:
@@ -113,6 +113,58 @@ def test_oldest_of_too_many_frames_are_left_out(patience: Patience, most: int) -
     source.patience = patience
     assert [frame.sequence for frame in source.poll(1)] == list(range(7, most + 7))
     assert source.state.left_out == {0: 7}
+
+
+@pytest.mark.parametrize("each_poll", [1, 4, 2_000])
+def test_flood_is_handled_at_twice_its_nominal_rate_at_most(each_poll: int) -> None:
+    source = GuardedSource(lambda: Scripted(lambda: [FRAME] * each_poll), (0,), "scripted", rate_hz=200.0)
+    source.open()
+    source.patience = IN_TIME
+    handled = [len(source.poll(10**9 + ms * 1_000_000)) for ms in range(10_000)]
+    assert sum(handled[1_000:]) == pytest.approx(2 * 200 * 9, abs=1)
+    assert sum(handled) + source.state.left_out[0] == each_poll * 10_000
+    assert "rate_hz" in source.state.warnings["flood"]
+
+
+def test_backlog_of_a_stall_is_no_flood() -> None:
+    backlogs = iter([20, *[1] * 100, 20])
+    source = GuardedSource(lambda: Scripted(lambda: [FRAME] * next(backlogs)), (0,), "scripted", rate_hz=200.0)
+    source.open()
+    source.patience = IN_TIME
+    assert sum(len(source.poll(10**9 + number * 5_000_000)) for number in range(102)) == 140
+    assert not source.state.warnings
+
+
+def test_long_text_of_a_source_is_shortened(paused: Paused) -> None:
+    def fail() -> None:
+        raise SourceError("x" * (1 << 21))
+
+    source = opened(polled=fail)
+    source.poll(1)
+    assert len(source.state.reason) < 1_000
+
+
+@dataclass(eq=False)
+class Counting(Scripted):
+    """It cannot be used, and counts in `closed` how often it was closed."""
+
+    state: Any = None
+    closed: list[int] = field(default_factory=list)
+
+    def close(self) -> None:
+        self.closed.append(1)
+
+
+def test_device_that_cannot_be_used_is_closed() -> None:
+    devices = [Counting(), Counting()]
+    opening = iter([*devices, Scripted()])
+    source = GuardedSource(lambda: next(opening), (0,), "scripted")
+    source.open()
+    end_s = time.monotonic() + 60.0
+    while not source.state.connected:
+        source.poll(time.monotonic_ns())
+        assert time.monotonic() < end_s
+    assert [len(device.closed) for device in devices] == [1, 1]
 
 
 def test_source_is_given_up_after_three_slow_polls(paused: Paused, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -139,6 +191,16 @@ def test_source_whose_deadline_is_always_now_waits_a_little() -> None:
     due_ns = source.deadline_ns()
     assert due_ns is not None
     assert due_ns > time.monotonic_ns() - 10**9
+
+
+def test_source_that_computes_for_long_rests(monkeypatch: pytest.MonkeyPatch) -> None:
+    source, computed_ns = opened(), iter([0, 20_000_000])
+    monkeypatch.setattr("time.thread_time_ns", lambda: next(computed_ns))
+    begun_ns = time.monotonic_ns()
+    source.poll(1)
+    due_ns = source.deadline_ns()
+    assert due_ns is not None
+    assert due_ns >= begun_ns + 180_000_000
 
 
 def test_ctrl_c_passes() -> None:

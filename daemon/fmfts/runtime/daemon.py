@@ -85,7 +85,8 @@ class Daemon:
         self._pads = config.pad
         self._service = config.service
         self._configs = by_name = {pad.name: pad for pad in config.pad}
-        for source, names in open_guarded(devices(config.pad)):
+        rates_hz = {pad.name: float(pad.source.rate_hz) for pad in config.pad}
+        for source, names in open_guarded(devices(config.pad), rates_hz):
             self._sources.append(source)
             for pad_index, name in names.items():
                 self._channels[id(source), pad_index] = channel_of(

@@ -14,12 +14,15 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 import zmq
 
 from fmfts.bus.publisher import Publisher
 from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
 from fmfts.runtime.channel import Channel
+from fmfts.runtime.failure import Contained
+from fmfts.runtime.guarded import GuardedSource
 from fmfts.sensor import ByteSource, Source, SourceError
 from fmfts.sensor.patience import BEHIND, IN_TIME, RECORDED
 
@@ -80,14 +83,21 @@ class FastLoop:
         channels = [channel for channel in line.channels if channel.pad_index in pads]
         lanes = tuple(lane.compiled for channel in channels if (lane := channel.begin(now_ns)) is not None)
         if lanes:
-            try:
-                line.descriptor, unread = line.source.lend()
-            except SourceError:
-                for channel in channels:
-                    channel.end()
-                return
-            self._unserved.discard(line.descriptor)
-            self._loop.begin(line.descriptor, unread, lanes)
+            with Contained(partial(self._not_begun, line)):
+                descriptor, unread = line.source.lend()
+                self._loop.begin(descriptor, unread, lanes)
+                line.descriptor = descriptor
+                self._unserved.discard(descriptor)
+
+    def _not_begun(self, line: LentBoard, error: BaseException) -> None:
+        """Python goes on with the frames. A source that gave what C cannot read is given up."""
+        for channel in line.channels:
+            channel.end()
+        if isinstance(error, SourceError):
+            return
+        if not isinstance(line.source, GuardedSource):
+            raise error
+        line.source.fail("lend", error)
 
     def end(self, source: Source) -> bool:
         """Take the source back from C, and account for the frames that C handled.

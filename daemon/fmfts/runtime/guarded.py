@@ -7,11 +7,14 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 
+from fmfts.common.reading import shortened
+from fmfts.runtime import checked
+from fmfts.runtime.budget import Budget
 from fmfts.runtime.failure import Contained, sentence_of, text_of, trace_of
 from fmfts.runtime.renewal import Renewal, close
 from fmfts.sensor import ByteSource, Frame, Source, SourceError, SourceState
 from fmfts.sensor.early import EarlySample
-from fmfts.sensor.patience import RECORDED, Patience
+from fmfts.sensor.patience import Patience
 from fmfts.sensor.source import CannotError
 from fmfts.sources import Device
 
@@ -19,9 +22,10 @@ log = logging.getLogger(__name__)
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 5.0
 LOOK_NS = 20_000_000  # so often the loop looks whether a source is open again
+# A poll that computes for longer is followed by a rest, so that the others have nine tenths of the time. It is far more
+# than a driver needs, and less than the queue of a board holds.
+GREEDY_NS, REST = 10_000_000, 9
 SHORTEST_WAIT_NS = 500_000  # a source whose deadline is always now must not take the whole processor
-# Of one pad in one poll: more than a recording needs after a stall of this computer; and what is judged in 5 ms.
-MOST_RECORDED, MOST_JUDGED = 256, 32
 # No poll may wait. This computer may be to blame for one slow poll, hardly for three in a row.
 SLOW_S, MOST_SLOW_POLLS = 0.1, 3
 LOG_AGAIN_NS = 3_600_000_000_000  # after so long, the log shows the traceback of the same kind of error again
@@ -33,19 +37,27 @@ class GuardedSource:
     changed: the last `poll` gave the device up or got a new one, whose clock and numbers begin anew.
     """
 
-    def __init__(self, open_device: Callable[[], Source], pads: Collection[int], description: str) -> None:
-        """open_device: makes the source, later in another thread. pads: their indices on the source."""
+    def __init__(
+        self,
+        open_device: Callable[[], Source],
+        pads: Collection[int],
+        description: str,
+        rate_hz: float | None = None,
+    ) -> None:
+        """open_device: makes the source, later in another thread. pads: their indices on it. rate_hz: see Budget."""
         self.state = SourceState(description)
         self.device: Source | None = None
         self.changed = False
         self._open_device = open_device
         self._pads = frozenset(pads)
+        self._budget = Budget(rate_hz, len(self._pads))
         self._bytes: ByteSource | None = None  # the device, if it is one
         self._patience: Patience | None = None
         self._failure = ""  # why the next poll gives the device up
         self._renewal: Renewal | None = None
         self._pause_s = FIRST_PAUSE_S
         self._opened_ns = self._look_ns = self._polled_ns = 0
+        self._rest_ns = SHORTEST_WAIT_NS
         self._slow_polls = 0
         self._logged_ns: dict[str, int] = {}  # kind of an error → when its traceback was logged
 
@@ -60,7 +72,7 @@ class GuardedSource:
             return
         now_ns, kind = time.monotonic_ns(), f"{where}: {type(error).__name__}"
         if isinstance(error, SourceError):
-            self._failure = text_of(error)
+            self._failure = shortened(text_of(error))
         else:
             self._failure = (
                 f"internal error in {where}: {sentence_of(error)}. It is started again, after at most "
@@ -74,14 +86,14 @@ class GuardedSource:
     def fileno(self) -> int | None:
         if self.device is not None and not self._failure:
             with self._contained("fileno"):
-                return _whole(self.device.fileno())
+                return checked.whole(self.device.fileno())
         return None
 
     def deadline_ns(self) -> int | None:
         if self.device is not None and not self._failure:
             with self._contained("deadline_ns"):
-                due_ns = _whole(self.device.deadline_ns())
-                return None if due_ns is None else max(due_ns, self._polled_ns + SHORTEST_WAIT_NS)
+                due_ns = checked.whole(self.device.deadline_ns())
+                return None if due_ns is None else max(due_ns, self._polled_ns + self._rest_ns)
         return 0 if self._failure else self._look_ns
 
     def poll(self, now_ns: int) -> Sequence[Frame]:
@@ -90,11 +102,14 @@ class GuardedSource:
             self._look(self._renewal, now_ns)
         elif self.device is not None and not self._failure:
             with self._contained("poll"):
-                begun_ns = time.monotonic_ns()
-                frames = self._checked(self.device.poll(now_ns))
+                begun_ns, computed_ns = time.monotonic_ns(), time.thread_time_ns()
+                frames = checked.frames_of(self._pads, self.device.poll(now_ns))
                 self._polled_ns = time.monotonic_ns()
                 self._judge_pace((self._polled_ns - begun_ns) * 1e-9)
-                return frames
+                newest = self._budget.newest(frames, now_ns, self._patience, self.state)
+                computed_ns = time.thread_time_ns() - computed_ns
+                self._rest_ns = REST * computed_ns if computed_ns > GREEDY_NS else SHORTEST_WAIT_NS
+                return newest
         if self._failure:
             self._give_up()
         return ()
@@ -124,30 +139,34 @@ class GuardedSource:
     @patience.setter
     def patience(self, patience: Patience | None) -> None:
         self._patience = patience
-        if self._bytes is not None:
-            self._bytes.patience = patience
+        if self._bytes is not None and not self._failure:
+            with self._contained("patience"):
+                self._bytes.patience = patience
 
     @property
     def clock_line(self) -> bytearray | None:
-        return None if self._bytes is None else self._bytes.clock_line
+        if self._bytes is not None and not self._failure:
+            with self._contained("clock_line"):
+                return checked.clock_line(self._bytes.clock_line)
+        return None
 
     def take_early(self) -> Sequence[tuple[int, EarlySample]]:
         if self._bytes is not None and not self._failure:
             with self._contained("take_early"):
-                return _early(self._bytes.take_early())
+                return checked.early(self._bytes.take_early())
         return ()
 
     def lendable(self) -> frozenset[int]:
         if self._bytes is not None and not self._failure:
             with self._contained("lendable"):
-                return self._bytes.lendable()
+                return checked.lendable(self._pads, self._bytes.lendable())
         return frozenset()
 
     def lend(self) -> tuple[int, bytes]:
         """SourceError where the device cannot lend its descriptor after all."""
         if self._bytes is not None and not self._failure:
             with self._contained("lend"):
-                return self._bytes.lend()
+                return checked.lent(self._bytes.fileno(), self._bytes.lend())
         raise CannotError(f"{self.state.description}: {self.state.reason}")
 
     def give_back(self, unread: bytes, heard_ns: int, left_out: Sequence[int]) -> None:
@@ -164,29 +183,13 @@ class GuardedSource:
         return Contained(partial(self.fail, where), *passes)
 
     def _adopt(self, device: Source) -> None:
-        if not isinstance(device.state, SourceState):
-            raise TypeError(f"its state is a {type(device.state).__name__}, and not a SourceState")
-        device.state.follow(self.state)
-        self.state, self.device = device.state, device
+        self.device = device  # at once, so that it is closed if it can do nothing else
         self._bytes = device if isinstance(device, ByteSource) else None
+        state = device.state
+        if not isinstance(state, SourceState):
+            raise TypeError(f"its state is a {type(state).__name__}, and not a SourceState")
+        self.state = state.follow(self.state)
         self._opened_ns, self._slow_polls = time.monotonic_ns(), 0
-
-    def _checked(self, frames: Sequence[Frame]) -> Sequence[Frame]:
-        """The frames of a poll; TypeError if they are anything else. The oldest are left out if there are too many."""
-        if not isinstance(frames, list | tuple):
-            raise TypeError(f"a {type(frames).__name__} came instead of a sequence of frames")
-        for frame in frames:
-            if not isinstance(frame, Frame):
-                raise TypeError(f"a {type(frame).__name__} came instead of a frame")
-            if type(frame.pad_index) is not int or frame.pad_index not in self._pads:
-                raise ValueError(f"a frame of pad_index {frame.pad_index!r} came, and no such pad is configured")
-            if type(frame.device_time_us) is not int:
-                raise TypeError(f"a frame's device_time_us is {frame.device_time_us!r}")
-        each = MOST_RECORDED if self._patience in (None, RECORDED) else MOST_JUDGED
-        most = each * len(self._pads)
-        for frame in frames[:-most]:
-            self.state.left_out[frame.pad_index] = self.state.left_out.get(frame.pad_index, 0) + 1
-        return frames[-most:]
 
     def _judge_pace(self, poll_s: float) -> None:
         """Nothing can interrupt a poll. A source that makes all others wait again and again is given up for a while."""
@@ -215,14 +218,18 @@ class GuardedSource:
                 self.changed = True
 
 
-def open_guarded(devices: Sequence[Device]) -> list[tuple[GuardedSource, Mapping[int, str]]]:
+def open_guarded(
+    devices: Sequence[Device], rates_hz: Mapping[str, float] | None = None
+) -> list[tuple[GuardedSource, Mapping[int, str]]]:
     """A guarded source for each device. A recording that cannot be read is tried again later.
 
+    rates_hz: the nominal ones, by pad. A recording may have another rate, and may be played faster.
     SourceError if a device cannot do what is configured, or if nothing at all can be read.
     """
     opened: list[tuple[GuardedSource, Mapping[int, str]]] = []
     for device in devices:
-        source = GuardedSource(device.open, device.names, device.description)
+        rate_hz = None if rates_hz is None or device.is_file else sum(rates_hz[name] for name in device.names.values())
+        source = GuardedSource(device.open, device.names, device.description, rate_hz)
         try:
             source.open()
         except SourceError as error:
@@ -239,18 +246,3 @@ def open_guarded(devices: Sequence[Device]) -> list[tuple[GuardedSource, Mapping
 def device_of(source: Source) -> Source | None:
     """The source itself, or that behind a guard; None while there is none."""
     return source.device if isinstance(source, GuardedSource) else source
-
-
-def _whole(number: int | None) -> int | None:
-    if number is not None and type(number) is not int:
-        raise TypeError(f"{number!r} is no whole number")
-    return number
-
-
-def _early(samples: Sequence[tuple[int, EarlySample]]) -> Sequence[tuple[int, EarlySample]]:
-    if not isinstance(samples, list | tuple):
-        raise TypeError(f"a {type(samples).__name__} came instead of a sequence of samples")
-    for before, sample in samples:
-        if type(before) is not int or not isinstance(sample, EarlySample) or type(sample.pad_index) is not int:
-            raise TypeError(f"{before!r}, {sample!r} came instead of a sample")
-    return samples

@@ -124,7 +124,7 @@ def use_baseline(channel: Channel, config: PadConfig, pads: Sequence[PadConfig])
             log.info("pad '%s': simulated, so its baseline was recorded in no time", pad.name)
         if baseline is None:
             log.warning("pad '%s': no baseline yet: `fmfts-daemon baseline --bare`, then `--rest`", pad.name)
-        else:
+        elif baseline != pipeline.baseline:  # a recording that is played again mostly has the same
             channel.use(baseline)
             if (
                 channel.origin is not None

@@ -36,6 +36,7 @@ LATE_APART_NS = STANDSTILL_NS // (STANDSTILL_PACKETS - 1)
 HEAD = struct.Struct("=2q")
 LINE = struct.Struct("=8q3d5q2dq")
 MINIMA_BYTES = SLOPE_BUCKETS * struct.calcsize("=2q")
+LINE_BYTES = HEAD.size + LINE.size + MINIMA_BYTES
 
 Point = tuple[int, int]  # device time in µs, arrival in ns minus 1000 × device time; both since the first packet
 
@@ -47,7 +48,7 @@ class HostClock:
 
     def __init__(self) -> None:
         self.restarts = 0
-        self.line = bytearray(HEAD.size + LINE.size + MINIMA_BYTES)
+        self.line = bytearray(LINE_BYTES)
         HEAD.pack_into(self.line, 0, 0, 1)
 
     def found_empty(self, at_ns: int) -> None:
@@ -74,7 +75,7 @@ class DeviceClock:
         self._tolerance = tolerance
         self.fixed_delay_ns = fixed_delay_ns
         self.restarts = -1
-        self.line = bytearray(HEAD.size + LINE.size + MINIMA_BYTES)
+        self.line = bytearray(LINE_BYTES)
         self.restart()
 
     def found_empty(self, at_ns: int) -> None:
