@@ -111,6 +111,7 @@ FRAMES: dict[str, Callable[[Sequence[Frame]], object]] = {
     "time negative": frames_with(device_time_us=-1, host_time_ns=-1),
     "time None": frames_with(device_time_us=None),
     "time 2**80": frames_with(device_time_us=1 << 80),
+    "time 2**53": frames_with(device_time_us=1 << 53),
     "time in an hour": lambda frames: [
         replace(frame, host_time_ns=frame.host_time_ns + 3600 * 10**9) for frame in frames
     ],

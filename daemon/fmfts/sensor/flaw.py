@@ -10,6 +10,7 @@ from fmfts.sensor.chips import Chip
 from fmfts.sensor.frame import READING_BYTES, Frame, WireFrame
 
 LARGEST = 1 << 62  # of any number of a frame, so that C can add two of them
+LATEST_US = 1 << 53  # a board's clock, which C reckons in doubles: 285 years
 EARLIEST_NS = 1_000_000_000  # no frame is from later than so long after now
 
 
@@ -19,6 +20,8 @@ def flaw_of(frame: Frame, sensors: int, now_ns: int) -> str:
         number = getattr(frame, name)
         if type(number) is not int or not 0 <= number < LARGEST:
             return f"a frame's {name} is {number!r}"
+    if frame.device_time_us >= LATEST_US:
+        return f"a frame's device_time_us is {frame.device_time_us}: its board has not run for 285 years"
     if frame.host_time_ns > now_ns + EARLIEST_NS:
         return f"a frame's time is {(frame.host_time_ns - now_ns) * 1e-9:.1f} s in the future"
     if not isinstance(frame.chip, Chip) or frame.gain_code >= len(frame.chip.step_t):
