@@ -11,6 +11,7 @@ import pytest
 
 from drills.strangers import SILENT, SUBSCRIBED, strangers
 from end_to_end.processes import UNTOUCHED_CONFIG, RunningDaemon
+from fmfts.bus.door import MOST_CONNECTIONS
 
 MANY = 5000
 OF_THIS_PROCESS = 500
@@ -29,14 +30,8 @@ def files(needed: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 
-@pytest.mark.parametrize(
-    ("limit", "all_come_in"),
-    [
-        pytest.param(f"1024:{4 * MANY}", True, id="the daemon takes what it is permitted"),
-        pytest.param("4096:4096", False, id="more strangers than the daemon may have"),
-    ],
-)
-def test_thousands_of_idle_connections_leave_contacts_going_on(tmp_path: Path, limit: str, all_come_in: bool) -> None:
+@pytest.mark.parametrize("limit", ["1024:20000", "4096:4096"])
+def test_thousands_of_idle_connections_leave_contacts_going_on(tmp_path: Path, limit: str) -> None:
     with (
         files(MANY + OF_THIS_PROCESS),
         RunningDaemon(tmp_path, UNTOUCHED_CONFIG, through=("prlimit", f"--nofile={limit}")) as daemon,
@@ -47,7 +42,7 @@ def test_thousands_of_idle_connections_leave_contacts_going_on(tmp_path: Path, l
                 for _ in range(50):
                     assert messages.receive(timeout_s=10.0) is not None, daemon.log.read_text()
                 assert daemon.process.poll() is None, daemon.log.read_text()
-                if all_come_in:
-                    assert let_in == MANY, (socket, daemon.log.read_text())
+                if says == SILENT:  # ZeroMQ hangs up on many of the others
+                    assert MOST_CONNECTIONS / 2 < let_in < MANY, (socket, daemon.log.read_text())
         assert daemon.wait_for(lambda contact: contact.health == "ok")  # the door is open again
-        assert all_come_in != ("no other program may connect" in daemon.log.read_text())
+        assert "no other program may connect" in daemon.log.read_text()

@@ -11,15 +11,21 @@ from pathlib import Path
 
 import pytest
 import zmq
+from bus_messages import BOOT, contact_message, frame_message, status_message
 
 from background import repeating
-from fmfts.bus.control import ControlServer, Request
-from fmfts.bus.door import Door
+from fmfts.bus.control import LARGEST_RECEIVED, MOST_UNREAD, MOST_WAITING, ControlServer, Request
+from fmfts.bus.door import LONGEST_LOOK_S, MEASURED_PER_S, MOST_CONNECTIONS, MOST_OF_A_CONNECTION, OF_THE_DAEMON, Door
+from fmfts.bus.encoding import encode
+from fmfts.bus.publisher import Publisher
+from fmfts.bus.server import MESSAGE_BYTES, PEER_BYTES
 from fmfts.service import open_files
 from fmfts_client import Endpoints
 from ports import tcp_base
 
 ENOUGH = 4096
+UNIT = Path(__file__).parents[2] / "systemd" / "fmfts.service"
+KERNEL_BYTES = 212_992  # net.core.wmem_default
 
 
 @pytest.fixture(params=["ipc", "tcp"])
@@ -127,6 +133,25 @@ def test_look_that_fails_does_not_end_the_thread(
     finally:
         door.close()
     assert len([record for record in caplog.records if "Too many open files" in record.getMessage()]) == 1
+
+
+def test_peers_that_read_nothing_fit_into_the_units_memory() -> None:
+    (line,) = [line for line in UNIT.read_text().splitlines() if line.startswith("MemoryMax=")]
+    assert line == "MemoryMax=1G"
+    connections = MOST_CONNECTIONS + MEASURED_PER_S * LONGEST_LOOK_S
+    assert connections * MOST_OF_A_CONNECTION + OF_THE_DAEMON <= 2**30
+    control = MOST_WAITING * LARGEST_RECEIVED + MOST_UNREAD * 64 * len(encode(status_message()))
+    assert max(PEER_BYTES, control) + KERNEL_BYTES <= MOST_OF_A_CONNECTION
+
+
+def test_queue_of_a_peer_is_bounded_with_many_pads(tmp_path: Path) -> None:
+    publisher = Publisher(Endpoints.from_base(f"ipc://{tmp_path}"), BOOT, None, [f"pad{n}" for n in range(64)], 64)
+    try:
+        bus, frames = (one.zmq.getsockopt(zmq.SNDHWM) for one in publisher.sockets)
+        assert bus * (len(encode(contact_message())) + MESSAGE_BYTES) <= PEER_BYTES
+        assert frames * (len(encode(frame_message(2**40))) + MESSAGE_BYTES) <= PEER_BYTES
+    finally:
+        publisher.close()
 
 
 def test_closed_control_leaves_no_listening_socket() -> None:

@@ -16,7 +16,7 @@ from bus_messages import BOOT
 
 from fmfts.bus.control import MOST_UNREAD, MOST_WAITING, ControlServer, Request
 from fmfts.bus.publisher import Publisher
-from fmfts.bus.unread import MOST_OF_A_PEER, Answer, Unread
+from fmfts.bus.unread import MOST_IN_ALL, MOST_OF_A_PEER, OF_AN_ANSWER, Answer, Unread
 from fmfts.runtime.fast_loop import FastLoop
 from fmfts.runtime.peers import BUDGET_NS, PAUSES, Peers
 from fmfts.runtime.schedule import NEVER_NS, Schedule
@@ -199,14 +199,35 @@ def test_peer_that_does_not_read_is_refused_with_a_sentence(loop: Loop) -> None:
     assert received(peer, loop)["ok"]
 
 
-def test_answers_that_nobody_reads_are_bounded_and_logged(caplog: pytest.LogCaptureFixture) -> None:
+@pytest.mark.parametrize("size", [100, 200_000])
+def test_answers_that_nobody_reads_are_bounded_and_logged(size: int, caplog: pytest.LogCaptureFixture) -> None:
     tried: deque[Answer] = deque(maxlen=1)
     unread = Unread(lambda answer: bool(tried.append(answer)))
-    for _ in range(MOST_OF_A_PEER + 3):
-        unread.keep(((b"deaf",), b"refused"))
-    assert unread.of((b"deaf",)) == MOST_OF_A_PEER
+    fitting = MOST_OF_A_PEER // (size + len(b"deaf") + OF_AN_ANSWER)
+    for _ in range(fitting + 3):
+        unread.keep(((b"deaf",), bytes(size)))
+    assert unread.of((b"deaf",)) == fitting
     assert [record.getMessage()[:23] for record in caplog.records] == ["1 answer(s) were droppe"]
     assert not unread.deliver_one()
+
+
+def test_answers_to_many_peers_are_bounded_in_all() -> None:
+    reads = False
+    unread = Unread(lambda answer: reads)
+    peers = [b"%d" % number for number in range(300)]
+
+    def kept() -> int:
+        for peer in peers:
+            unread.keep(((peer,), bytes(200_000)))
+        return sum(unread.of((peer,)) for peer in peers)
+
+    first = kept()
+    assert 0.9 * MOST_IN_ALL < first * 200_000 < MOST_IN_ALL
+    reads = True
+    while unread.deliver_one():
+        pass
+    reads = False
+    assert kept() == first, "what was delivered counts no more"
 
 
 def test_each_peer_with_unread_answers_has_its_turn() -> None:

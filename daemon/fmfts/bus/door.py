@@ -1,4 +1,5 @@
-"""Bounds how many programs may be connected: libzmq aborts the process when it can open no more files.
+"""Bounds how many programs may be connected: each costs memory, and libzmq aborts the process when it can open no more
+files.
 
 Its ipc listener takes EMFILE of accept(2) for an error of its own program (libzmq 4.3.5, `ipc_listener.cpp`). Its tcp
 listener does not, but then the daemon can open no device and no file any more. No option bounds the connections. So the
@@ -18,12 +19,19 @@ from fmfts.bus.server import BoundSocket
 from fmfts.service import open_files
 from fmfts.service.realtime import RealtimeError, take_thread_priority
 
-# A controller, a view and a recorder of each of 64 pads are 200 connections.
-MOST_CONNECTIONS = 8192
+# The unit gives the daemon 1 GiB (MemoryMax). It takes 100 MB itself, and unread.py keeps 20 MB. At most 3 MB are kept
+# for a peer that reads nothing: on the bus PEER_BYTES and 0.2 MB in the kernel; at the control socket 32 answers (1.6
+# MB for the statuses of 64 pads) and 1 MB of requests that wait. A flood of 25,000 connections a second brings 125 more
+# before the next look. So (192 + 125) * 3 MB + 120 MB = 1071 MB are less than 1 GiB = 1074 MB.
+# A controller, a view and a recorder of each of 64 pads are 192 connections.
+MOST_CONNECTIONS = 192
+MOST_OF_A_CONNECTION = 3_000_000
+OF_THE_DAEMON = 120_000_000
 SHARE_OF_LIMIT = 2
 # A program that does nothing else connects 25,000 times a second (measured; libzmq's thread is then as busy).
-FASTEST_PER_S = 50_000.0
-LONGEST_LOOK_S = 0.2
+MEASURED_PER_S = 25_000.0
+FASTEST_PER_S = 2 * MEASURED_PER_S
+LONGEST_LOOK_S = 0.005
 # Below this limit a flood of connections might be faster than a look. Linux' own hard limit is 4096 at least.
 SAFE_LIMIT = 4096
 

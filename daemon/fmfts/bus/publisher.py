@@ -19,14 +19,16 @@ from fmfts.bus.messages import (
     StatusMessage,
     without_estimate,
 )
-from fmfts.bus.server import BoundSocket
+from fmfts.bus.server import MESSAGE_BYTES, PEER_BYTES, BoundSocket
 from fmfts_client.endpoints import Endpoints
 
 # Messages that may wait for a slow subscriber before it loses some. For contacts, a second of each pad: nobody needs
-# old ones. For frames many more: a recording needs them all.
+# old ones. For frames many more: a recording needs them all, and has a queue of its own besides. PEER_BYTES bounds
+# both: a contact has 1.2 kB, a frame 0.2 kB.
 BUS_HIGH_MARK = 256
 SAMPLES_A_FRAME = 5  # messages of a pad that publishes each sample: of four chips, and of the frame
-FRAMES_HIGH_MARK = 20_000
+MOST_ON_BUS = PEER_BYTES // (1200 + MESSAGE_BYTES)
+FRAMES_HIGH_MARK = PEER_BYTES // (200 + MESSAGE_BYTES)
 LARGEST_SUBSCRIPTION = 1024
 # Interval of the looks for new subscriptions: one look takes twice as long as sending a contact.
 LOOK_NS = 50_000_000
@@ -66,7 +68,8 @@ class Publisher:
         self._has_new_subscriber = False
         self._states_sent: set[str] = set()
         # PUB handles subscriptions by itself; XPUB, below, hands them to this program.
-        high_mark = BUS_HIGH_MARK * (max(len(names), 1) + (SAMPLES_A_FRAME - 1) * of_samples)
+        second = BUS_HIGH_MARK * (max(len(names), 1) + (SAMPLES_A_FRAME - 1) * of_samples)
+        high_mark = min(second, MOST_ON_BUS)
         self._bus = BoundSocket(zmq.PUB, endpoints.bus, high_mark, LARGEST_SUBSCRIPTION, key)
         try:
             self._frames = BoundSocket(zmq.XPUB, endpoints.frames, FRAMES_HIGH_MARK, LARGEST_SUBSCRIPTION, key)

@@ -22,6 +22,11 @@ GROUP = "fmfts"
 EVENTS, POLLIN = int(zmq.EVENTS), int(zmq.POLLIN)
 # Who has not said by then that it speaks ZeroMQ is hung up on. Over ipc that takes well under a millisecond.
 HANDSHAKE_MS = 5000
+# What one peer that reads nothing may make this process keep; door.py adds it up. Peers share a message's body, but
+# those that stopped reading at different times keep different ones, so each is counted as if it kept them alone.
+PEER_BYTES = 2_000_000
+# Beside the body: libzmq keeps 64 bytes for each of two parts, and its own head of a body, for which malloc rounds up.
+MESSAGE_BYTES = 256
 log = logging.getLogger(__name__)
 
 

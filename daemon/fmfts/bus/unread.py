@@ -1,19 +1,22 @@
 """Keeps answers for peers that ask and do not read. What such a peer costs is bounded, and no other peer waits for it.
 
 ZeroMQ holds the first answers for a peer (`send_high_mark`). Beyond them each request is refused with a short sentence,
-and that waits here. A peer with MOST_OF_A_PEER of them has stopped reading: later ones are dropped, and logged.
+and that waits here. A peer with MOST_OF_A_PEER bytes of them has stopped reading: later ones are dropped, and logged.
 """
 
 from __future__ import annotations
 
 import logging
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from itertools import islice
 
-# A request that is 20 bytes long takes 200 here, so a program on this computer could fill 2 MB.
-MOST_OF_A_PEER = 10_000
-MOST_IN_ALL = 100_000
+from fmfts.bus.server import PEER_BYTES
+
+# Bytes. A refusal takes 0.5 kB.
+MOST_OF_A_PEER = PEER_BYTES
+MOST_IN_ALL = 20_000_000
+OF_AN_ANSWER = 300  # Python's objects around the bytes of an answer
 PEERS_AT_ONCE = 16  # so many are tried at once: four tries take as long as a request
 
 log = logging.getLogger(__name__)
@@ -27,18 +30,21 @@ class Unread:
     def __init__(self, is_sent: Callable[[Answer], bool]) -> None:
         self._is_sent = is_sent
         self._kept: dict[bytes, deque[Answer]] = {}  # by peer; the first to be tried next
-        self._count = self._dropped = 0
+        self._bytes: Counter[bytes] = Counter()  # by peer
+        self._in_all = self._dropped = 0
 
     def of(self, route: Route) -> int:
         """How many answers wait here for this peer."""
         return len(self._kept.get(route[0], ()))
 
     def keep(self, answer: Answer) -> None:
-        if self._count >= MOST_IN_ALL or self.of(answer[0]) >= MOST_OF_A_PEER:
+        peer, size = answer[0][0], _size(answer)
+        if self._in_all + size > MOST_IN_ALL or self._bytes[peer] + size > MOST_OF_A_PEER:
             self._drop()
             return
-        self._kept.setdefault(answer[0][0], deque()).append(answer)
-        self._count += 1
+        self._kept.setdefault(peer, deque()).append(answer)
+        self._bytes[peer] += size
+        self._in_all += size
 
     def deliver_one(self) -> bool:
         """Send one answer to one of the next PEERS_AT_ONCE peers. False if none of them reads; others have their turn
@@ -47,10 +53,13 @@ class Unread:
             answers = self._kept.pop(peer)
             sent = self._is_sent(answers[0])
             if sent:
-                answers.popleft()
-                self._count -= 1
+                size = _size(answers.popleft())
+                self._bytes[peer] -= size
+                self._in_all -= size
             if answers:
                 self._kept[peer] = answers
+            else:
+                del self._bytes[peer]
             if sent:
                 return True
         return False
@@ -63,3 +72,9 @@ class Unread:
                 "answers; `ss -xp` (tcp: `ss -tp`) shows who is connected",
                 self._dropped,
             )
+
+
+def _size(answer: Answer) -> int:
+    """Bytes that it takes here."""
+    route, payload = answer
+    return len(payload) + sum(map(len, route)) + OF_AN_ANSWER

@@ -72,12 +72,6 @@ class Daemon:
         of_samples = sum(pad.source.publish == "sample" for pad in config.pad)
         self._publisher = Publisher(endpoints, self._boot, key, [pad.name for pad in config.pad], of_samples)
         self._control = ControlServer(endpoints.control, keys)
-        priority = config.service.realtime_priority
-        self._door = Door(
-            [*self._publisher.sockets, *self._control.sockets],
-            open_files.raise_limit(),
-            default_priority() if priority is None else priority,
-        )
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="baseline")
         self._channels: dict[tuple[int, int], Channel] = {}
         self._sources: list[GuardedSource] = []
@@ -93,6 +87,12 @@ class Daemon:
                     by_name[name], source, pad_index, models[name], self._publisher, self._boot, config.pad
                 )
             self._fast_loop.add(source, [self._channels[id(source), pad_index] for pad_index in names])
+        priority = config.service.realtime_priority
+        self._door = Door(
+            [*self._publisher.sockets, *self._control.sockets],
+            open_files.raise_limit(),
+            default_priority() if priority is None else priority,
+        )
         turns = turns_of(channel.pipeline for channel in self._channels.values())
         for channel in self._channels.values():
             channel.turns = turns
