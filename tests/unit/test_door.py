@@ -137,9 +137,9 @@ def test_look_that_fails_does_not_end_the_thread(
 
 def test_peers_that_read_nothing_fit_into_the_units_memory() -> None:
     (line,) = [line for line in UNIT.read_text().splitlines() if line.startswith("MemoryMax=")]
-    assert line == "MemoryMax=1G"
+    assert line == "MemoryMax=2G"
     connections = MOST_CONNECTIONS + MEASURED_PER_S * LONGEST_LOOK_S
-    assert connections * MOST_OF_A_CONNECTION + OF_THE_DAEMON <= 2**30
+    assert connections * MOST_OF_A_CONNECTION + OF_THE_DAEMON <= 2**31
     control = MOST_WAITING * LARGEST_RECEIVED + MOST_UNREAD * 64 * len(encode(status_message()))
     assert max(PEER_BYTES, control) + KERNEL_BYTES <= MOST_OF_A_CONNECTION
 

@@ -19,12 +19,12 @@ from fmfts.bus.server import BoundSocket
 from fmfts.service import open_files
 from fmfts.service.realtime import RealtimeError, take_thread_priority
 
-# The unit gives the daemon 1 GiB (MemoryMax). It takes 100 MB itself, and unread.py keeps 20 MB. At most 3 MB are kept
+# The unit gives the daemon 2 GiB (MemoryMax). It takes 100 MB itself, and unread.py keeps 20 MB. At most 3 MB are kept
 # for a peer that reads nothing: on the bus PEER_BYTES and 0.2 MB in the kernel; at the control socket 32 answers (1.6
 # MB for the statuses of 64 pads) and 1 MB of requests that wait. A flood of 25,000 connections a second brings 125 more
-# before the next look. So (192 + 125) * 3 MB + 120 MB = 1071 MB are less than 1 GiB = 1074 MB.
-# A controller, a view and a recorder of each of 64 pads are 192 connections.
-MOST_CONNECTIONS = 192
+# before the next look. So (512 + 125) * 3 MB + 120 MB = 2031 MB are less than 2 GiB = 2147 MB.
+# A controller, a view and a recorder of each of 64 pads are 192 connections at least.
+MOST_CONNECTIONS = 512
 MOST_OF_A_CONNECTION = 3_000_000
 OF_THE_DAEMON = 120_000_000
 SHARE_OF_LIMIT = 2
