@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from typing import Any
 
+import zmq
+
 from fmfts.bus.messages import (
     ContactMessage,
     EventMessage,
@@ -16,6 +18,17 @@ from fmfts.bus.messages import (
 )
 
 BOOT = "b00t"
+
+
+def settle(endpoint: str) -> None:
+    """Until what was sent has arrived: ZeroMQ's one thread makes there and back in more steps than one way."""
+    context = zmq.Context.instance()
+    with context.socket(zmq.PAIR) as here, context.socket(zmq.PAIR) as there:
+        here.bind(endpoint)
+        there.connect(endpoint)
+        for one, other in 5 * [(here, there), (there, here)]:
+            one.send(b"")
+            other.recv()
 
 
 def pose_message(**changes: Any) -> PoseMessage:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import logging
 import math
+import socket
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import msgpack
@@ -14,7 +15,8 @@ import pytest
 import zmq
 from bus_messages import BOOT, contact_message, event_message, frame_message, status_message
 
-from fmfts.bus.publisher import BUS_HIGH_MARK, LARGEST_BATCH, Publisher
+from drills.strangers import GREETING, READY
+from fmfts.bus.publisher import BUS_HIGH_MARK, LARGEST_BATCH, LARGEST_SUBSCRIPTION, SUBSCRIPTIONS_OF_A_PEER, Publisher
 from fmfts_client import Client, Endpoints, SchemaError, Subscription
 
 LIVENESS_S = 10.0  # a generous bound for anything that must happen at all
@@ -317,3 +319,46 @@ def test_what_peers_subscribe_to_on_the_bus_is_nobodys_work(publisher: Publisher
     with Client("demo", endpoints) as client:
         connect(publisher, client)
         assert not publisher._bus.readable()
+
+
+@contextmanager
+def stranger(endpoint: str, says: bytes) -> Iterator[socket.socket]:
+    """A subscriber that speaks ZeroMQ by itself."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as peer:
+        peer.settimeout(LIVENESS_S)
+        peer.connect(endpoint.removeprefix("ipc://"))
+        peer.sendall(GREETING + READY + says)
+        yield peer
+
+
+def subscription_to(topic: bytes) -> bytes:
+    return bytes([0, 1 + len(topic)]) + b"\x01" + topic
+
+
+@pytest.mark.parametrize("door", ["bus", "frames"])
+def test_subscription_longer_than_any_topic_is_hung_up_on(
+    publisher: Publisher, endpoints: Endpoints, door: str
+) -> None:
+    with stranger(getattr(endpoints, door), subscription_to(b"x" * LARGEST_SUBSCRIPTION)) as peer:
+        while peer.recv(4096):  # the server's greeting, then the end
+            pass
+
+
+def test_longest_topic_can_be_subscribed_to(endpoints: Endpoints) -> None:
+    longest = "x" * 32
+    publisher = Publisher(endpoints, BOOT, pads=[longest])
+    with Client(longest, endpoints) as client, Subscription(("state",), longest, endpoints):
+        eventually(lambda: publisher.frames_wanted(longest, time.monotonic_ns()) or publisher.state_wanted(longest))
+
+        def heard() -> bool:
+            publisher.send_contact(longest, contact_message(pad=longest))
+            return client.latest(timeout_s=0.02) is not None
+
+        eventually(heard)
+    publisher.close()
+
+
+def test_subscriptions_of_a_peer_wait_in_its_own_send(publisher: Publisher) -> None:
+    """libzmq handles in one send all that waits in this process."""
+    for door in publisher.sockets:
+        assert door.zmq.getsockopt(zmq.RCVHWM) == SUBSCRIPTIONS_OF_A_PEER

@@ -17,6 +17,7 @@ import zmq
 
 from drills.control_fuzz import random_request
 from fmfts.bus.control import LARGEST_REQUEST, MOST_UNREAD, VERBS, BadRequestError, ControlServer, Request
+from fmfts.bus.encoding import not_finite_field
 from fmfts.bus.lock import BusError
 from fmfts_client import RefusedError, UnreachableError, request
 
@@ -175,9 +176,10 @@ def test_arguments_are_read_strictly(server: ControlServer, dealer: Dealer) -> N
         ([b"\xc1"], "not a msgpack map"),
         ([b"\x93\x01\x02\x03"], "not a msgpack map"),
         ([b"\x81\xa2id"], "not a msgpack map"),
-        ([b"\x91" * 10_000], "not a msgpack map"),
+        ([b"\x91" * 1000], "not a msgpack map"),
         ([b"\x81\xa1a\x81\x80\x01"], "not a msgpack map"),  # a map for a key, which msgspec before 0.22 lets through
-        ([msgpack.packb({"id": 1, "verb": "status"}), b"more"], "one message part, not 2"),
+        ([msgpack.packb({"id": 1, "verb": "status"}), b"more"], "one message part, not several"),
+        ([b"", msgpack.packb({"id": 1, "verb": "status"}), b"more"], "one message part, not several"),
         ([b"x" * (LARGEST_REQUEST + 1)], f"at most {LARGEST_REQUEST} bytes"),
         ([msgpack.packb({"verb": "status"})], "`id` must be"),
         ([msgpack.packb({"id": 1.5, "verb": "status"})], "`id` must be"),
@@ -187,6 +189,9 @@ def test_arguments_are_read_strictly(server: ControlServer, dealer: Dealer) -> N
         ([msgpack.packb({"id": 1, "verb": ["status"]})], "unknown verb of type list"),
         ([msgpack.packb({"id": 1, "verb": "STATUS"})], "unknown verb 'STATUS'"),
         ([msgpack.packb({"id": 1, "verb": "status", "age": math.nan})], "status: age is not a finite number"),
+        ([msgpack.packb({"id": 1, "verb": "status", "age": [math.nan]})], "status: age must be text, a number, true"),
+        ([msgpack.packb({"id": 1, "verb": "status", "age": {}})], "status: age must be text, a number, true"),
+        ([msgpack.packb({"id": 1, "verb": "status"} | {str(n): n for n in range(17)})], "status: 17 arguments"),
     ],
 )
 def test_malformed_request_is_answered_with_the_reason(
@@ -259,3 +264,38 @@ def test_ten_thousand_random_requests_each_get_one_answer(server: ControlServer,
                 answered += 1
     assert carried_out + refused == total
     assert min(carried_out, refused) > total // 10
+
+
+def test_a_request_is_walked_for_few_items(
+    server: ControlServer, dealer: Dealer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The walk is in Python, and takes microseconds an item."""
+    walked: list[object] = []
+
+    def counted(value: object, path: str = "") -> str:
+        walked.append(value)
+        return not_finite_field(value, path)
+
+    monkeypatch.setattr("fmfts.bus.encoding.not_finite_field", counted)  # which calls itself for each item
+    monkeypatch.setattr("fmfts.bus.control.not_finite_field", counted)
+    contents: list[dict[str, Any]] = [
+        {"ages": [0] * 900},
+        {"ages": [[[[[0]]]]] * 100},
+        {str(number): number for number in range(200)},
+        {"ages": [0] * 1500},
+    ]
+    for content in contents:
+        requests, answer = dealer.ask(server, msgpack.packb({"id": 1, "verb": "status"} | content))
+        assert not requests
+        assert answer is not None
+        assert "error" in answer
+    # The answers, of an id, an error and a code, are walked too.
+    assert len(walked) <= 10 * len(contents)
+
+
+def test_largest_valid_request_has_room(server: ControlServer, dealer: Dealer) -> None:
+    arguments = dict.fromkeys(("rest", "bare", "replaced", "restore", "turn", "refine", "undo_drift", "stop"), False)
+    largest = {"id": "\U0001f9f2" * 64, "verb": "baseline", "pad": "x" * 32, "duration_s": 60.0, **arguments}
+    (request,), _ = dealer.ask(server, msgpack.packb(largest))
+    assert request.arguments["pad"] == "x" * 32
+    assert len(msgpack.packb(largest)) < LARGEST_REQUEST // 2

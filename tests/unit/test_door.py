@@ -63,6 +63,7 @@ def test_full_daemon_lets_nobody_in_until_some_leave(
     caplog.set_level(logging.INFO)
     opened = 10
     monkeypatch.setattr(open_files, "count", lambda: opened)
+    monkeypatch.setattr("fmfts.bus.door.LONGEST_LOOK_S", 3600.0)  # the test itself looks
     door = Door(server.sockets, ENOUGH)
     before, after = Peer(endpoint), Peer(endpoint)
     try:
@@ -93,6 +94,7 @@ def test_door_that_cannot_be_moved_leaves_the_others(
 ) -> None:
     opened = 10
     monkeypatch.setattr(open_files, "count", lambda: opened)
+    monkeypatch.setattr("fmfts.bus.door.LONGEST_LOOK_S", 3600.0)  # the test itself looks
     (tmp_path / "a" / "control.full").mkdir(parents=True)
     (tmp_path / "b").mkdir()
     controls = [ControlServer(f"ipc://{tmp_path}/{folder}/control") for folder in "ab"]

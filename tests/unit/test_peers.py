@@ -12,9 +12,11 @@ from typing import Any
 import msgpack
 import pytest
 import zmq
-from bus_messages import BOOT
+from bus_messages import BOOT, settle
 
-from fmfts.bus.control import MOST_UNREAD, MOST_WAITING, ControlServer, Request
+from fmfts.bus.control import DISCARDED_AT_ONCE, MOST_PARTS, MOST_UNREAD, ControlServer, Request
+from fmfts.bus.gate import LARGEST_BATCH, ZAP_ENDPOINT, Gate
+from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
 from fmfts.bus.unread import MOST_IN_ALL, MOST_OF_A_PEER, OF_AN_ANSWER, Answer, Unread
 from fmfts.runtime.fast_loop import FastLoop
@@ -32,16 +34,22 @@ class Loop:
     def __init__(self, folder: Path) -> None:
         self.endpoints = Endpoints.from_base(f"ipc://{folder}")
         self.control = ControlServer(self.endpoints.control)
-        self._publisher = Publisher(self.endpoints, BOOT)
+        self._publisher = Publisher(self.endpoints, BOOT, pads=["demo"])
         self._fast_loop = FastLoop(self._publisher)
+        self.gate = Gate(KeyFolder(folder / "keys"))
         self._schedule = Schedule([], self._fast_loop)
         self.now_ns = 1
+        self.look_ns = 0  # so much later is it at each look at the clock
         self.handled: list[str] = []
         self.act: Callable[[Request], None] = lambda request: request.reply()
         self.peers = Peers(
-            self._schedule, self._fast_loop, self._publisher, self.control, None, self._handle, lambda: self.now_ns
+            self._schedule, self._fast_loop, self._publisher, self.control, self.gate, self._handle, self._clock
         )
         self._sockets: list[zmq.Socket[bytes]] = []
+
+    def _clock(self) -> int:
+        self.now_ns += self.look_ns
+        return self.now_ns
 
     def _handle(self, request: Request) -> None:
         self.handled.append(request.arguments.get("who", ""))
@@ -67,20 +75,14 @@ class Loop:
         return socket
 
     def settle(self) -> None:
-        """Until what was sent has arrived: ZeroMQ's one thread makes there and back in more steps than one way."""
-        context = zmq.Context.instance()
-        with context.socket(zmq.PAIR) as here, context.socket(zmq.PAIR) as there:
-            here.bind(f"{self.endpoints.control}-settle")
-            there.connect(f"{self.endpoints.control}-settle")
-            for one, other in 5 * [(here, there), (there, here)]:
-                one.send(b"")
-                other.recv()
+        settle(f"{self.endpoints.control}-settle")
 
     def close(self) -> None:
         for socket in self._sockets:
             socket.close()
         self.peers.close()
         self.control.close()
+        self.gate.close()
         self._publisher.close()
         self._fast_loop.close()
 
@@ -157,14 +159,13 @@ def test_what_waits_of_one_peer_is_bounded(loop: Loop) -> None:
     sent = 0
     poller = zmq.Poller()
     poller.register(peer, zmq.POLLOUT)
-    filler = asking("x" * 15_000)  # so that the kernel holds few
+    filler = asking("x" * 900)
     while poller.poll(200):
         peer.send(filler)
         sent += 1
-        assert sent < 10 * MOST_WAITING
-    while len(loop.handled) < sent:
-        loop.pause()
-        loop.turn()
+        assert sent < 1000, "the kernel holds a few hundred"
+    answers = [received(peer, loop) for _ in range(sent)]
+    assert [answer["id"] for answer in answers] == [1] * sent
     assert loop.control._unread.of((b"",)) == 0
 
 
@@ -284,3 +285,60 @@ def test_request_that_a_send_has_hidden_is_served(loop: Loop) -> None:
         held[0].progress()  # as a job that reports, outside of `serve`
     loop.turn()
     assert loop.handled == ["first", "second"]
+
+
+def test_parts_of_a_message_are_dropped_within_the_budget(loop: Loop) -> None:
+    parts = 20 * DISCARDED_AT_ONCE
+    peer = loop.peer()
+    peer.send_multipart([b"x"] * (MOST_PARTS - 1 + parts))
+    peer.send(asking("after it"))
+    loop.settle()
+    loop.look_ns = BUDGET_NS // 5
+    turns = 0
+    while not loop.handled:
+        loop.pause()
+        loop.turn()
+        turns += 1
+        assert turns < 100
+    assert turns >= 5, "each drops a few batches of the twenty"
+    assert msgpack.unpackb(peer.recv())["error"] == "a request is one message part, not several"
+    assert msgpack.unpackb(peer.recv())["ok"]
+
+
+def test_one_long_request_gives_frames_four_times_as_long(loop: Loop) -> None:
+    def act(request: Request) -> None:
+        loop.now_ns += 1_000 * BUDGET_NS
+
+    loop.act = act
+    loop.peer().send(asking("slow"))
+    loop.settle()
+    assert loop.turn() == 1
+    assert loop.peers.due_ns - loop.now_ns == PAUSES * (1_000 * BUDGET_NS + REQUEST_NS)
+
+
+def test_knocks_and_subscriptions_share_the_budget(loop: Loop) -> None:
+    """Whatever else floods, each turn takes one of each and a request."""
+    knocks = LARGEST_BATCH // 2
+    with (
+        zmq.Context.instance().socket(zmq.DEALER) as knocking,
+        zmq.Context.instance().socket(zmq.SUB) as subscriber,
+    ):
+        knocking.linger = subscriber.linger = 0
+        knocking.connect(ZAP_ENDPOINT)
+        for _ in range(knocks):
+            knocking.send_multipart([b"", b"1.0", b"1", b"fmfts", b"somewhere", b"", b"NULL"])
+        subscriber.connect(loop.endpoints.frames)
+        for number in range(10):
+            subscriber.subscribe(f"frame/{number}")
+        subscriber.subscribe("frame/demo")
+        for number in range(3):
+            loop.peer().send(asking("peer", number))
+        loop.settle()
+        loop.look_ns = BUDGET_NS
+        assert [loop.turn(), loop.pause(), loop.turn()] == [1, None, 1]
+        assert loop.gate.refused == 2
+        for _ in range(knocks):
+            loop.pause()
+            loop.turn()
+        assert loop.gate.refused == knocks
+        assert loop._publisher._subscriptions == {b"frame/demo"}

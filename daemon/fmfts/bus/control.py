@@ -20,11 +20,14 @@ from fmfts.common.exit_codes import DATA, code_of
 READING = frozenset({"status", "probe", "pads"})
 CHANGING = frozenset({"baseline", "selftest"})
 VERBS = READING | CHANGING
-LARGEST_REQUEST = 16 * 1024
+LARGEST_REQUEST = 1024  # the largest valid one has less than half of it
 LARGEST_RECEIVED = 2 * LARGEST_REQUEST  # beyond this ZeroMQ hangs up instead of answering
 # Requests of one peer that wait in this process, and answers that one peer has not read. A peer that sends more waits
 # in its own `send`; see unread.py for answers.
 MOST_WAITING = MOST_UNREAD = 32
+MOST_PARTS = 3  # of a REQ socket's request, the sender's identity among them
+DISCARDED_AT_ONCE = 32
+MOST_ARGUMENTS = 16
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -116,6 +119,7 @@ class ControlServer:
         # Without it an answer to a peer that reads nothing would be dropped, without an error.
         self._socket.zmq.setsockopt(zmq.ROUTER_MANDATORY, 1)
         self._unread = Unread(self._is_sent)
+        self._has_surplus_parts = False
         self.may_have_more = True
 
     @property
@@ -131,6 +135,9 @@ class ControlServer:
 
         Also sends an answer that waits for a peer that did not read, if it reads now.
         """
+        if self._has_surplus_parts:
+            self._discard()
+            return True
         delivered = self._unread.deliver_one()
         self.may_have_more = self._socket.readable()
         if not self.may_have_more:
@@ -144,17 +151,26 @@ class ControlServer:
         self._socket.close()
 
     def _receive(self) -> Received:
-        if self._keys is None:
-            return self._socket.zmq.recv_multipart(zmq.NOBLOCK), b""
-        frames = self._socket.zmq.recv_multipart(zmq.NOBLOCK, copy=False)
-        return [frame.bytes for frame in frames], key_of(frames[-1])
+        """The first MOST_PARTS parts of the next message. A stranger's message may have any number."""
+        frames = [self._socket.zmq.recv(zmq.NOBLOCK, copy=False)]
+        while frames[-1].more and len(frames) < MOST_PARTS:
+            frames.append(self._socket.zmq.recv(zmq.NOBLOCK, copy=False))
+        self._has_surplus_parts = frames[-1].more
+        return [frame.bytes for frame in frames], b"" if self._keys is None else key_of(frames[-1])
+
+    def _discard(self) -> None:
+        """Drop the next parts of a message that has too many; `may_have_more` stays True meanwhile."""
+        for _ in range(DISCARDED_AT_ONCE):
+            self._has_surplus_parts = self._socket.zmq.recv(zmq.NOBLOCK, copy=False).more
+            if not self._has_surplus_parts:
+                return
 
     def _read(self, parts: list[bytes], key: bytes) -> Request | None:
         # DEALER sends [identity, body], REQ [identity, "", body].
         route = tuple(parts[:2] if len(parts) == 3 and not parts[1] else parts[:1])
         identity: int | str | None = None
         try:
-            content = _decode(parts[len(route) :])
+            content = _decode(parts[len(route) :], self._has_surplus_parts)
             identity = _identity(content)
             _check(content)
             self._require_trust(content["verb"], key)
@@ -203,9 +219,9 @@ class ControlServer:
         return True
 
 
-def _decode(body: list[bytes]) -> dict[str, Any]:
-    if len(body) != 1:
-        raise BadRequestError(f"a request is one message part, not {len(body)}")
+def _decode(body: list[bytes], has_surplus_parts: bool) -> dict[str, Any]:
+    if len(body) != 1 or has_surplus_parts:
+        raise BadRequestError("a request is one message part, not several")
     if len(body[0]) > LARGEST_REQUEST:
         raise BadRequestError(f"a request is at most {LARGEST_REQUEST} bytes, not {len(body[0])}")
     try:
@@ -228,9 +244,10 @@ def _check(content: dict[str, Any]) -> None:
     if not isinstance(verb, str) or verb not in VERBS:
         shown = repr(verb[:40]) if isinstance(verb, str) else f"of type {type(verb).__name__}"
         raise BadRequestError(f"unknown verb {shown}: one of {', '.join(sorted(VERBS))}")
-    try:
-        field = not_finite_field(content)
-    except RecursionError:
-        raise BadRequestError("nested too deeply") from None
-    if field:
+    if len(content) - 2 > MOST_ARGUMENTS:
+        raise BadRequestError(f"{verb}: {len(content) - 2} arguments, and it takes {MOST_ARGUMENTS} at most")
+    for name, value in content.items():
+        if isinstance(value, dict | list):
+            raise BadRequestError(f"{verb}: {name[:80]} must be text, a number, true, false or null")
+    if field := not_finite_field(content):
         raise BadRequestError(f"{verb}: {field[:80]} is not a finite number")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 import zmq
 from zmq.utils import z85
@@ -40,11 +41,14 @@ class Gate:
         """Descriptor to wait for. ZeroMQ signals edges only: call `answer` many times a second too."""
         return int(self._socket.getsockopt(zmq.FD))
 
-    def answer(self) -> None:
-        """Answer the requests that have arrived, LARGEST_BATCH at most."""
+    def answer(self, time_is_up: Callable[[], bool] = lambda: False) -> bool:
+        """Answer the requests that have arrived: one at least, LARGEST_BATCH at most, and no more when `time_is_up`.
+
+        True if there may be more.
+        """
         for _ in range(LARGEST_BATCH):
             if not int(self._socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN:
-                return
+                return False
             route, empty, version, request, _domain, address, _identity, mechanism, *proof = (
                 self._socket.recv_multipart()
             )
@@ -54,6 +58,9 @@ class Gate:
             # The key is the peer's user id: libzmq adds it to all its messages, and `key_of` reads it.
             answer = (b"200", b"OK", z85.encode(proof[0])) if allowed else (b"400", b"unknown key", b"")
             self._socket.send_multipart((route, empty, version, request, *answer, b""))
+            if time_is_up():
+                break
+        return True
 
     def close(self) -> None:
         # libzmq closes in another thread, later; without unbind the endpoint would stay in use until then.

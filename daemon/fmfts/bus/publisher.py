@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import zmq
 
@@ -29,7 +29,10 @@ BUS_HIGH_MARK = 256
 SAMPLES_A_FRAME = 5  # messages of a pad that publishes each sample: of four chips, and of the frame
 MOST_ON_BUS = PEER_BYTES // (1200 + MESSAGE_BYTES)
 FRAMES_HIGH_MARK = PEER_BYTES // (200 + MESSAGE_BYTES)
-LARGEST_SUBSCRIPTION = 1024
+# The longest topic has 40 bytes, ZeroMQ's command around it 10, and other libraries' greetings a little more.
+LARGEST_SUBSCRIPTION = 128
+# libzmq itself handles subscriptions, in the loop's thread, while it sends: of each peer so many at a time.
+SUBSCRIPTIONS_OF_A_PEER = 16
 # Interval of the looks for new subscriptions: one look takes twice as long as sending a contact.
 LOOK_NS = 50_000_000
 # Plain integers: calculating with zmq's enumerations takes longer than a send.
@@ -65,14 +68,15 @@ class Publisher:
         self._valid_topics = {prefix for pad in names for topic in _raw_topics(pad) for prefix in _prefixes(topic)}
         self._subscriptions: set[bytes] = set()
         self._look_ns = 0
-        self._has_new_subscriber = False
+        self._has_new_subscriber = self.may_have_more = False
         self._states_sent: set[str] = set()
         # PUB handles subscriptions by itself; XPUB, below, hands them to this program.
         second = BUS_HIGH_MARK * (max(len(names), 1) + (SAMPLES_A_FRAME - 1) * of_samples)
         high_mark = min(second, MOST_ON_BUS)
-        self._bus = BoundSocket(zmq.PUB, endpoints.bus, high_mark, LARGEST_SUBSCRIPTION, key)
+        limits = LARGEST_SUBSCRIPTION, key, SUBSCRIPTIONS_OF_A_PEER
+        self._bus = BoundSocket(zmq.PUB, endpoints.bus, high_mark, *limits)
         try:
-            self._frames = BoundSocket(zmq.XPUB, endpoints.frames, FRAMES_HIGH_MARK, LARGEST_SUBSCRIPTION, key)
+            self._frames = BoundSocket(zmq.XPUB, endpoints.frames, FRAMES_HIGH_MARK, *limits)
         except Exception:
             self._bus.close()
             raise
@@ -121,10 +125,10 @@ class Publisher:
             self._is_subscribed(f"frame/{pad}") or self._is_subscribed(f"early/{pad}")
         )
 
-    def has_new_subscriber(self) -> bool:
+    def has_new_subscriber(self, time_is_up: Callable[[], bool]) -> bool:
         """Has a client subscribed to raw frames since the last call? Call it when `fileno` is readable, and now and
-        then."""
-        self._follow_subscriptions()
+        then. It looks at one change at least, and at no more when `time_is_up`: then `may_have_more` is True."""
+        self._follow_subscriptions(time_is_up)
         has_new, self._has_new_subscriber = self._has_new_subscriber, False
         return has_new
 
@@ -132,7 +136,8 @@ class Publisher:
         """Descriptor that becomes readable when subscriptions to raw frames may have changed. It signals edges only."""
         return int(self._frames.zmq.getsockopt(zmq.FD))
 
-    def _follow_subscriptions(self) -> None:
+    def _follow_subscriptions(self, time_is_up: Callable[[], bool] = lambda: False) -> None:
+        self.may_have_more = False
         for _ in range(LARGEST_BATCH):
             if not self._frames.readable():
                 return
@@ -144,7 +149,10 @@ class Publisher:
                 self._states_sent.clear()
             elif change[:1] == b"\x00":
                 self._subscriptions.discard(change[1:])
-        self._look_ns = 0  # there may be more: look again with the next frame
+            if time_is_up():
+                break
+        self.may_have_more = True
+        self._look_ns = 0  # look again with the next frame
 
     def state_wanted(self, pad: str) -> bool:
         """Does a client wait for this pad's state? Call it after `frames_wanted`."""

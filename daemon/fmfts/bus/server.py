@@ -27,6 +27,7 @@ HANDSHAKE_MS = 5000
 PEER_BYTES = 2_000_000
 # Beside the body: libzmq keeps 64 bytes for each of two parts, and its own head of a body, for which malloc rounds up.
 MESSAGE_BYTES = 256
+LARGEST_HANDSHAKE = 512  # of an encrypted connection; MAXMSGSIZE limits it too
 log = logging.getLogger(__name__)
 
 
@@ -65,7 +66,10 @@ class BoundSocket:
         self.zmq.setsockopt(zmq.SNDHWM, send_high_mark)
         if receive_high_mark is not None:
             self.zmq.setsockopt(zmq.RCVHWM, receive_high_mark)
-        self.zmq.setsockopt(zmq.MAXMSGSIZE, largest_received)
+        is_encrypted = path is None and key is not None
+        self.zmq.setsockopt(
+            zmq.MAXMSGSIZE, max(largest_received, LARGEST_HANDSHAKE) if is_encrypted else largest_received
+        )
         self.zmq.setsockopt(zmq.HANDSHAKE_IVL, HANDSHAKE_MS)
         if path is None and key is not None:
             self.zmq.setsockopt(zmq.CURVE_SERVER, 1)

@@ -16,7 +16,6 @@ from fmfts.runtime.schedule import NEVER_NS, Schedule
 BUDGET_NS = 500_000
 # Afterwards frames have the loop for so many times as long: peers take a fifth of a processor at most.
 PAUSES = 4
-LONGEST_PAUSE_NS = 50_000_000
 
 
 class Peers:
@@ -72,21 +71,24 @@ class Peers:
 
     def _serve_until(self, end_ns: int) -> bool:
         """True if there may be more."""
-        if self._publisher.has_new_subscriber():
+
+        def time_is_up() -> bool:
+            return self._clock() >= end_ns
+
+        if self._publisher.has_new_subscriber(time_is_up):
             self._fast_loop.end_recorded(self._clock())
-        if self._gate is not None:
-            self._gate.answer()
+        more_knock = self._gate is not None and self._gate.answer(time_is_up)
         served = 0
         while self._control.serve_one(self._handle):
             served += 1
-            if self._clock() >= end_ns:
+            if time_is_up():
                 break
         if served:
             self._schedule.review()
-        return self._control.may_have_more
+        return self._control.may_have_more or self._publisher.may_have_more or more_knock
 
     def _pause(self, begun_ns: int) -> None:
         now_ns = self._clock()
-        self.due_ns = now_ns + min(PAUSES * (now_ns - begun_ns), LONGEST_PAUSE_NS)
+        self.due_ns = now_ns + PAUSES * (now_ns - begun_ns)
         self._schedule.sleep_through(self._doors.fileno())
         self._is_silenced = True
