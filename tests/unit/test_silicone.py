@@ -37,11 +37,13 @@ def test_without_counting_silicone_its_recovery_would_be_a_touch() -> None:
 
 
 def test_what_a_recovering_pad_may_hide_is_in_the_deviation_of_its_force() -> None:
-    """The pad reads a force that is not there. Without a touch, none is within the deviations of it."""
+    """It sinks by what 0.02 N would do, and more. Without a touch it publishes none, and a deviation that covers it."""
     later = [one for one in after_squeeze(1.0, counted=True) if one.t_sample_ns * 1e-9 > SQUEEZE.end_s + 1.0]
+    mistaken = [one.force_n for one in after_squeeze(1.0, counted=False) if one.contact][-100:]
     forces = np.array([(one.force_n, one.force_sd_n) for one in later], dtype=float)
-    assert forces[:, 0].max() > 0.02
-    assert (forces[:, 0] < 2.0 * forces[:, 1]).all()
+    assert max(mistaken) > 0.02
+    assert (forces[:, 0] == 0.0).all()
+    assert max(mistaken) < 2.0 * forces[:, 1].min()
 
 
 @pytest.mark.long

@@ -15,7 +15,7 @@ import struct
 import zmq
 from zmq.utils.monitor import recv_monitor_message
 
-SO_ATTACH_FILTER, SO_DETACH_FILTER = 26, 27  # <asm-generic/socket.h>; Python has no names for them
+SO_ATTACH_FILTER, SO_DETACH_FILTER = 26, 27  # of Linux; Python has no names for them
 DROP_ALL = struct.pack("=HBBI", 0x06, 0, 0, 0)  # struct sock_filter, BPF_RET: keep no byte of the packet
 
 

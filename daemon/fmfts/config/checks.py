@@ -137,7 +137,7 @@ def _sensors(pad: PadConfig) -> Iterator[Problem]:
     elif len(places) > MAX_SENSORS:
         yield ("geometry", "sensors_mm"), f"at most {MAX_SENSORS} sensors"
     if len(places) > 1 and max(math.dist(places[0], place) for place in places) < SENSOR_SPACING_MM:
-        farthest_mm = max(math.hypot(*place) for place in places)
+        farthest_mm = max(math.sqrt(sum(one * one for one in place)) for place in places)
         yield (
             ("geometry", "sensors_mm"),
             f"all sensors are within {farthest_mm:.3g} mm of the origin: is it in metres? Give millimetres",

@@ -303,9 +303,9 @@ class Estimator:
         if contact.lifted_m > 0.0:
             self._touch.forget()
             return Reading("disturbed", PULLED.format(contact.lifted_m * 1e3), track.used, track.estimate)
-        if touched and contact.over_range and has_jumped(aligned):
-            track = degraded(track, JUMPED)
         touching = None if touched is None else self._touch.presses(contact)
+        if touching and contact.over_range and has_jumped(aligned):
+            track = degraded(track, JUMPED)
         force_sd_n = published_force_sd_n(contact, self._touch.memory, self.detection_limit_n)
         return Reading(
             *(track.health, track.reason, track.used, track.estimate, contact, touching, force_sd_n),
