@@ -82,12 +82,13 @@ class Door:
     def _set_open(self, is_open: bool, opened: int) -> None:
         if is_open == self.is_open and not self._stuck:
             return
-        stuck = [str(error) for move in self._moves(is_open) if (error := _error_of(move)) is not None]
+        moves = list(self._moves(is_open))
+        stuck = [str(error) for move in moves if (error := _error_of(move)) is not None]
         if stuck and stuck != self._stuck:  # not at each look, which tries again
             log.error("the bus cannot be %s to new programs: %s", "opened" if is_open else "closed", "; ".join(stuck))
         if is_open != self.is_open and is_open:
             log.info("programs may connect to the bus again")
-        elif is_open != self.is_open:
+        elif is_open != self.is_open and len(stuck) < len(moves):
             log.warning(
                 "%d connections and files are open: no other program may connect to the bus until some leave; "
                 "`ss -xp` (tcp: `ss -tp`) shows who they are",
