@@ -90,7 +90,7 @@ def control(dice: Random) -> None:
     body = [spoilt(request | (more if dice.random() < 0.5 else {}), dice)]
     identity: int | str | None = None
     try:
-        content = _decode(body * dice.choice((1, 1, 1, 1, 1, 1, 1, 0, 2)))
+        content = _decode(body * dice.choice((1, 1, 1, 1, 1, 1, 1, 0, 2)), dice.random() < 0.05)
         identity = _identity(content)
         _check(content)
         server: Any = ControlServer

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Mapping, Sequence
 
 from fmfts.baseline import Baseline, BaselineError
-from fmfts.baseline.files import stored
+from fmfts.baseline.files import StateError, stored
 from fmfts.baseline.origin import unbound
 from fmfts.baseline.recording import ForeignError
 from fmfts.bus.publisher import Publisher
@@ -135,6 +135,8 @@ def use_baseline(channel: Channel, config: PadConfig, pads: Sequence[PadConfig])
     except BaselineError as error:
         log.error("%s", error)
         pipeline.refuse(str(error))
+    except StateError:  # of no pad: no baseline can be kept
+        raise
     except Exception as error:
         log.exception("pad '%s': internal error with its baseline, worth reporting", pad.name)
         pipeline.refuse(f"its baseline cannot be used: internal error: {sentence_of(error)}")
