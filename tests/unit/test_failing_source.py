@@ -20,6 +20,7 @@ from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime import daemon as running
 from fmfts.runtime import guarded
 from fmfts.runtime.daemon import Daemon
+from fmfts.runtime.opening import open_guarded
 from fmfts.sensor import SourceError
 from fmfts.sensor.flaw import flaw_of
 from fmfts.simulation.source import Simulated
@@ -178,4 +179,4 @@ def run(daemon: Daemon, until: Callable[[], bool]) -> None:
 def test_daemon_whose_only_recording_is_away_does_not_start(tmp_path: Path) -> None:
     away = PadConfig(name="played", source=ReplaySource(file=str(tmp_path / "away.mcap")))
     with pytest.raises(SourceError, match=r"away\.mcap"):
-        guarded.open_guarded(devices((away,)))
+        open_guarded(devices((away,)))

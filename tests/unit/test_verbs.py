@@ -348,8 +348,8 @@ def fresh(daemon: Daemon, verb: str) -> Any:
     """The answer of verbs that have kept nothing."""
     with ThreadPoolExecutor(max_workers=1) as executor:
         verbs = Verbs({"left": CONFIG}, [daemon.channel], executor)
-        verbs.last_status = daemon.verbs.last_status
-        return msgpack.unpackb(verbs._kept[verb].whole())
+        verbs.last_status.update(daemon.verbs.last_status)
+        return msgpack.unpackb(verbs._overview.of_all_pads(verb))
 
 
 @pytest.mark.parametrize("verb", ["status", "pads", "probe"])

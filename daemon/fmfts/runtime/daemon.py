@@ -25,8 +25,15 @@ from fmfts.config import Config, ReplaySource
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.failure import Contained
 from fmfts.runtime.fast_loop import FastLoop
-from fmfts.runtime.guarded import GuardedSource, open_guarded
-from fmfts.runtime.opening import channel_of, introduce_neighbours, load_models, tell_models, use_baseline
+from fmfts.runtime.guarded import GuardedSource
+from fmfts.runtime.opening import (
+    channel_of,
+    introduce_neighbours,
+    load_models,
+    open_guarded,
+    tell_models,
+    use_baseline,
+)
 from fmfts.runtime.peers import Peers
 from fmfts.runtime.requests import Verbs
 from fmfts.runtime.schedule import Schedule

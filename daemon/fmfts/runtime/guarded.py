@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 
 from fmfts.common.reading import shortened
@@ -16,7 +16,6 @@ from fmfts.sensor import ByteSource, Frame, Source, SourceError, SourceState
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.patience import Patience
 from fmfts.sensor.source import CannotError
-from fmfts.sources import Device
 
 log = logging.getLogger(__name__)
 
@@ -54,6 +53,7 @@ class GuardedSource:
         self._bytes: ByteSource | None = None  # the device, if it is one
         self._patience: Patience | None = None
         self._failure = ""  # why the next poll gives the device up
+        self._contexts: dict[tuple[str, tuple[type[BaseException], ...]], Contained] = {}
         self._renewal: Renewal | None = None
         self._pause_s = FIRST_PAUSE_S
         self._opened_ns = self._look_ns = self._polled_ns = 0
@@ -180,7 +180,11 @@ class GuardedSource:
                 self._bytes.passed(pad_index, sequence)
 
     def _contained(self, where: str, *passes: type[BaseException]) -> Contained:
-        return Contained(partial(self.fail, where), *passes)
+        # Each is made once: a frame enters several.
+        key = where, passes
+        if key not in self._contexts:
+            self._contexts[key] = Contained(partial(self.fail, where), *passes)
+        return self._contexts[key]
 
     def _adopt(self, device: Source) -> None:
         self.device = device  # at once, so that it is closed if it can do nothing else
@@ -216,31 +220,6 @@ class GuardedSource:
             with self._contained("its constructor"):
                 self._adopt(renewal.result())
                 self.changed = True
-
-
-def open_guarded(
-    devices: Sequence[Device], rates_hz: Mapping[str, float] | None = None
-) -> list[tuple[GuardedSource, Mapping[int, str]]]:
-    """A guarded source for each device. A recording that cannot be read is tried again later.
-
-    rates_hz: the nominal ones, by pad. A recording may have another rate, and may be played faster.
-    SourceError if a device cannot do what is configured, or if nothing at all can be read.
-    """
-    opened: list[tuple[GuardedSource, Mapping[int, str]]] = []
-    for device in devices:
-        rate_hz = None if rates_hz is None or device.is_file else sum(rates_hz[name] for name in device.names.values())
-        source = GuardedSource(device.open, device.names, device.description, rate_hz)
-        try:
-            source.open()
-        except SourceError as error:
-            if not device.is_file:
-                raise
-            source.fail("its constructor", error)
-            log.error("%s: %s; it is tried again every %g s", ", ".join(device.names.values()), error, LONGEST_PAUSE_S)
-        opened.append((source, device.names))
-    if all(source.device is None for source, _ in opened):
-        raise SourceError("\n".join(source.state.reason for source, _ in opened))
-    return opened
 
 
 def device_of(source: Source) -> Source | None:

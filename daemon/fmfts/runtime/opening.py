@@ -1,4 +1,4 @@
-"""Makes what a pad needs before its first frame: its contact model, its pipeline, its baseline, its neighbours."""
+"""Makes what a pad needs before its first frame: contact model, source, pipeline, baseline, neighbours."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.recording.baseline import recorded_baseline
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.failure import sentence_of
-from fmfts.runtime.guarded import device_of
+from fmfts.runtime.guarded import LONGEST_PAUSE_S, GuardedSource, device_of
 from fmfts.scene import advice
 from fmfts.scene.tracking import observability_warnings, scene_model_of
-from fmfts.sensor import Source
+from fmfts.sensor import Source, SourceError
 from fmfts.simulation.baseline import simulated_baseline
-from fmfts.sources import origin_of
+from fmfts.sources import Device, origin_of
 
 log = logging.getLogger(__name__)
 
@@ -34,6 +34,31 @@ NEIGHBOURS_WITHOUT_BARE = (
     "it has neighbours, and its baseline no bare recording, so their fields count as errors of mounting: "
     "`fmfts-daemon baseline --bare` without this pad and with its neighbours, then `--rest`"
 )
+
+
+def open_guarded(
+    devices: Sequence[Device], rates_hz: Mapping[str, float] | None = None
+) -> list[tuple[GuardedSource, Mapping[int, str]]]:
+    """A guarded source for each device. A recording that cannot be read is tried again later.
+
+    rates_hz: the nominal ones, by pad. A recording may have another rate, and may be played faster.
+    SourceError if a device cannot do what is configured, or if nothing at all can be read.
+    """
+    opened: list[tuple[GuardedSource, Mapping[int, str]]] = []
+    for device in devices:
+        rate_hz = None if rates_hz is None or device.is_file else sum(rates_hz[name] for name in device.names.values())
+        source = GuardedSource(device.open, device.names, device.description, rate_hz)
+        try:
+            source.open()
+        except SourceError as error:
+            if not device.is_file:
+                raise
+            source.fail("its constructor", error)
+            log.error("%s: %s; it is tried again every %g s", ", ".join(device.names.values()), error, LONGEST_PAUSE_S)
+        opened.append((source, device.names))
+    if all(source.device is None for source, _ in opened):
+        raise SourceError("\n".join(source.state.reason for source, _ in opened))
+    return opened
 
 
 def load_models(config: Config) -> dict[str, AnyModel]:

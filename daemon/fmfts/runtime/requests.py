@@ -15,22 +15,15 @@ from fmfts.baseline.job import BaselineJob, GainTest, Restoration
 from fmfts.baseline.origin import Origin
 from fmfts.baseline.request import BaselineRequest, Recorded
 from fmfts.bus.control import AbsentError, BadRequestError, NoSuchPadError, Request
-from fmfts.bus.messages import StatusMessage
 from fmfts.common.names import no_such_pad
 from fmfts.config import PadConfig
-from fmfts.config.pad_facts import pad_facts
-from fmfts.contact import NoContactModel
-from fmfts.contact.array_model import ArrayModel
-from fmfts.contact.skin_model import SkinModel
-from fmfts.pipeline.configured import AnyModel
 from fmfts.pipeline.press_of_one_newton import gained, press_of_one_newton
 from fmfts.recording.baseline import require_device
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.guarded import device_of
-from fmfts.runtime.kept import KeptAnswer
+from fmfts.runtime.overview import Overview
 from fmfts.runtime.pending import Pending, fail_internally
 from fmfts.sensor import Source, SourceError
-from fmfts.sensor.probing import probe_facts
 from fmfts.sensor.tasks import Task
 from fmfts.simulation.hands import UNSETTLED_FRAMES, Hands
 from fmfts.simulation.source import Simulated
@@ -69,28 +62,23 @@ class Verbs:
         take_back: Callable[[Source], object] = lambda source: None,
     ) -> None:
         """take_back: lets Python use a source that C may be reading. What only reads goes without it."""
-        self.last_status: dict[str, StatusMessage] = {}
         self._configs = configs
         self._channels = {channel.name: channel for channel in channels}
+        self._overview = Overview(configs, self._channels)
+        self.last_status = self._overview.last_status
         self._executor = executor
         self._take_back = take_back
-        self._facts = {name: pad_facts(config) for name, config in configs.items()}
-        self._kept = {
-            "status": KeptAnswer(lambda: self.last_status, self._status_of),
-            "pads": KeptAnswer(lambda: self._channels, self._pad_of, self._now_of),
-            "probe": KeptAnswer(lambda: self._channels, self._probe_of),
-        }
         self._pending: list[Pending] = []
         self._hands: dict[str, Hands] = {}  # by pad: of simulated pads whose baseline is being recorded
         self._handlers: dict[str, Callable[[Request], None]] = {
-            **dict.fromkeys(self._kept, self._about_all_pads),
+            **dict.fromkeys(self._overview.verbs, self._about_all_pads),
             "baseline": self._baseline,
             "selftest": self._selftest,
         }
 
     def handle(self, request: Request) -> None:
-        if request.verb not in self._kept:
-            self.forget_kept()
+        if request.verb not in self._overview.verbs:
+            self._overview.forget()
         try:
             self._handlers[request.verb](request)
         except (BadRequestError, SourceError, BaselineError, StateError) as error:
@@ -102,9 +90,8 @@ class Verbs:
             fail_internally(request, error)
 
     def forget_kept(self) -> None:
-        """A frame, or what was asked, may have changed the answers. Call it in each turn of the loop."""
-        for kept in self._kept.values():
-            kept.forget()
+        """See Overview.forget. Call it in each turn of the loop."""
+        self._overview.forget()
 
     @property
     def is_busy(self) -> bool:
@@ -126,25 +113,7 @@ class Verbs:
 
     def _about_all_pads(self, request: Request) -> None:
         request.arguments_as(_Nothing)
-        request.reply(pads=self._kept[request.verb].whole())
-
-    def _status_of(self, name: str) -> StatusMessage:
-        return _renewed(self._channels[name], self.last_status[name])
-
-    def _pad_of(self, name: str) -> dict[str, object]:
-        health, baseline = self._now_of(name)
-        now = {"pad": name, "health": health, "baseline": baseline}
-        return now | self._facts[name] | _range_of(self._channels[name].pipeline.model)
-
-    def _now_of(self, name: str) -> tuple[str, str | None]:
-        """What changes of a pad: its health and its baseline."""
-        channel = self._channels[name]
-        baseline = channel.pipeline.baseline
-        return channel.health, None if baseline is None else baseline.id
-
-    def _probe_of(self, name: str) -> dict[str, object]:
-        channel = self._channels[name]
-        return probe_facts(name, channel.source, channel.pad_index, _silence(channel), channel.pipeline.missing)
+        request.reply(pads=self._overview.of_all_pads(request.verb))
 
     def _selftest(self, request: Request) -> None:
         channel = self._named(request.arguments_as(_OfPad).pad)
@@ -222,37 +191,6 @@ class Verbs:
         return self._channels[pad]
 
 
-def _range_of(model: AnyModel) -> dict[str, object]:
-    """The places and forces that the contact model was calibrated for."""
-    if isinstance(model, NoContactModel):
-        return {}
-    if isinstance(model, ArrayModel):
-        along_m = [model.response.first_mm * 1e-3, model.response.last_mm * 1e-3]
-        return {
-            "calibrated_x_m": along_m,
-            "calibrated_y_m": along_m,
-            "calibrated_force_n": model.response.scale_n,
-        }
-    if isinstance(model, SkinModel):
-        return _range_of_skin(model)
-    envelope = model.facts.envelope
-    return {
-        "calibrated_x_m": [value * 1e-3 for value in envelope.x_mm],
-        "calibrated_y_m": [value * 1e-3 for value in envelope.y_mm],
-        "calibrated_force_n": envelope.force_max_n,
-    }
-
-
-def _range_of_skin(model: SkinModel) -> dict[str, object]:
-    facts: dict[str, object] = {}
-    for axis in model.response.axes:
-        if axis.name == "force_n":
-            facts["calibrated_force_n"] = axis.last
-        elif axis.name != "depth_mm":
-            facts[f"calibrated_{axis.name[0]}_m"] = [axis.first * 1e-3, axis.last * 1e-3]
-    return facts
-
-
 def _origin(channel: Channel) -> Origin | None:
     """The sensors that there are now, as far as they are known."""
     return None if channel.origin is None else channel.origin.on(channel.source.state.board)
@@ -279,28 +217,6 @@ def _without_drift(channel: Channel) -> dict[str, object]:
     channel.use(recorded)
     channel.announcer.event("baseline", f"{recorded.kind} {recorded.id}, its drift undone")
     return {"pad": channel.name, "baseline": recorded.id, "kind": recorded.kind}
-
-
-def _renewed(channel: Channel, status: StatusMessage) -> StatusMessage:
-    """The status of the last interval, with the health of now."""
-    health, reason = channel.told()
-    return msgspec.structs.replace(
-        status,
-        health=health,
-        reason=reason,
-        since_ns=channel.announcer.health_since_ns,
-        connected=channel.source.state.connected,
-        sensor_faults=channel.faults,
-        board=dict(channel.source.state.board),
-    )
-
-
-def _silence(channel: Channel) -> str:
-    """Why no frame of a pad is used whose source is open, "" where frames are used."""
-    health, reason = channel.told()
-    if health not in ("stale", "disconnected"):
-        return ""
-    return f"it is open, but no frame of it is used: {reason.removeprefix(f'{channel.source.state.description}: ')}"
 
 
 def _use(channel: Channel, recorded: Recorded) -> None:
