@@ -100,7 +100,7 @@ class ClientList:
             except KeysError as error:
                 if error.__cause__ is not None:  # it could not be opened or read, which may be over the next time
                     raise
-                self._damage = str(error)  # a damaged list is not read again for each peer that knocks
+                self._damage = str(error)  # a damaged list is not read again for each peer that connects
             self._read_at = version
         if self._damage:
             raise KeysError(self._damage)

@@ -32,7 +32,7 @@ class Gate:
     def __init__(self, keys: KeyFolder) -> None:
         self._keys = keys
         self.refused = 0
-        self._said = ""
+        self._logged = ""
         self._socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.ROUTER)
         self._socket.setsockopt(zmq.LINGER, 0)
         self._socket.bind(ZAP_ENDPOINT)
@@ -72,8 +72,8 @@ class Gate:
         try:
             return self._keys.client_with(public) is not None
         except KeysError as error:
-            if str(error) != self._said:  # not for each peer that knocks
-                self._said = str(error)
+            if str(error) != self._logged:  # not for each peer that connects
+                self._logged = str(error)
                 log.error("no client is let in: %s", error)
             return False
 

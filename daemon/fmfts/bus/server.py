@@ -20,7 +20,7 @@ from fmfts_client.keys import is_loopback
 GROUP = "fmfts"
 # Plain integers: zmq's enumerations would take longer than the call.
 EVENTS, POLLIN = int(zmq.EVENTS), int(zmq.POLLIN)
-# Who has not said by then that it speaks ZeroMQ is hung up on. Over ipc that takes well under a millisecond.
+# ZeroMQ ends a connection without its handshake after so long. Over ipc a handshake takes well under a millisecond.
 HANDSHAKE_MS = 5000
 # What one peer that reads nothing may make this process keep; door.py adds it up. Peers share a message's body, but
 # those that stopped reading at different times keep different ones, so each is counted as if it kept them alone.
@@ -47,8 +47,8 @@ class BoundSocket:
         key: ServerKey | None = None,
         receive_high_mark: int | None = None,
     ) -> None:
-        """Bind `endpoint`. key: encrypts tcp; without one, tcp must be on the loopback interface. Of one peer at most
-        so many messages wait: receive_high_mark, ZeroMQ's default without it.
+        """Bind `endpoint`. key: encrypts tcp; without one, tcp must be on the loopback interface. send_high_mark,
+        receive_high_mark: how many messages for or of one peer may wait.
 
         Raises BusError: another daemon serves the endpoint, it cannot be accessed, or it is open to the network.
         """
@@ -66,12 +66,10 @@ class BoundSocket:
         self.zmq.setsockopt(zmq.SNDHWM, send_high_mark)
         if receive_high_mark is not None:
             self.zmq.setsockopt(zmq.RCVHWM, receive_high_mark)
-        is_encrypted = path is None and key is not None
-        self.zmq.setsockopt(
-            zmq.MAXMSGSIZE, max(largest_received, LARGEST_HANDSHAKE) if is_encrypted else largest_received
-        )
+        self.zmq.setsockopt(zmq.MAXMSGSIZE, largest_received)
         self.zmq.setsockopt(zmq.HANDSHAKE_IVL, HANDSHAKE_MS)
         if path is None and key is not None:
+            self.zmq.setsockopt(zmq.MAXMSGSIZE, max(largest_received, LARGEST_HANDSHAKE))
             self.zmq.setsockopt(zmq.CURVE_SERVER, 1)
             self.zmq.setsockopt(zmq.CURVE_SECRETKEY, key.secret)
             self.zmq.setsockopt(zmq.ZAP_DOMAIN, b"fmfts")

@@ -1,7 +1,8 @@
 """Keeps answers for peers that ask and do not read. What such a peer costs is bounded, and no other peer waits for it.
 
-ZeroMQ holds the first answers for a peer (`send_high_mark`). Beyond them each request is refused with a short sentence,
-and that waits here. A peer with MOST_OF_A_PEER bytes of them has stopped reading: later ones are dropped, and logged.
+ZeroMQ holds the first answers for a peer (`send_high_mark`). Beyond them the daemon refuses each request with a short
+sentence, which waits here. A peer with MOST_OF_A_PEER bytes of them has stopped reading: later ones are dropped, and
+logged.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from fmfts.bus.server import PEER_BYTES
 MOST_OF_A_PEER = PEER_BYTES
 MOST_IN_ALL = 20_000_000
 OF_AN_ANSWER = 300  # Python's objects around the bytes of an answer
-PEERS_AT_ONCE = 16  # so many are tried at once: four tries take as long as a request
+PEERS_AT_ONCE = 16  # to which sending is tried in one call: four tries take as long as a request
 
 log = logging.getLogger(__name__)
 Route = tuple[bytes, ...]

@@ -31,8 +31,8 @@ from fmfts.sensor.probing import faults_of
 log = logging.getLogger(__name__)
 
 SHORTEST_SILENCE_NS = 150_000_000
-FLAW_NS = 10_000_000_000  # so long the status names a frame that no driver may give; the log once in that time
-ANEW_NS = 1_000_000_000  # between two times that an error makes a pipeline forget all frames, which takes some time
+FLAW_NS = 10_000_000_000  # the status names an impossible frame for so long; the log names one in that time
+ANEW_NS = 1_000_000_000  # shortest time between two errors that make a pipeline forget all frames: forgetting is slow
 UNKNOWN_BOARD = "frames come, but the board has not said yet which one it is, and the baseline is one board's"
 
 
@@ -62,7 +62,7 @@ class Channel:
         self._silent_ns = max(SHORTEST_SILENCE_NS, int(3e9 / rate_hz))
         self._last_frame_ns: int | None = None
         self._last_used_ns: int | None = None
-        self._flaw, self._flaw_ns, self._flaw_told_ns = "", 0, 0  # of the last frame that no driver may give
+        self._flaw, self._flaw_ns, self._flaw_logged_ns = "", 0, 0  # of the last impossible frame
         self._anew_ns = 0  # when an error last made the pipeline forget all frames
         self._logged: set[str] = set()  # kinds of errors whose traceback is in the log
         self.is_recorded = False
@@ -132,21 +132,21 @@ class Channel:
             self.announcer.event("baseline", drifted)
 
     def _leave_out(self, flaw: str, now_ns: int) -> None:
-        """Count a frame that no driver may give, and name what is wrong with it."""
+        """Count an impossible frame, and name what is wrong with it."""
         self._statistics.reject()
         self._flaw, self._flaw_ns = flaw, now_ns
-        if now_ns - self._flaw_told_ns >= FLAW_NS:
-            self._flaw_told_ns = now_ns
+        if now_ns - self._flaw_logged_ns >= FLAW_NS:
+            self._flaw_logged_ns = now_ns
             self._log.tell(logging.WARNING, f"a frame is left out: {flaw}", now_ns)
             self.announcer.event("health", f"{self.health}: a frame is left out: {flaw}")
 
     def break_off(self, error: BaseException) -> None:
-        """Publish an error in this pad's work as "lost", and forget all frames: they may be what it comes from."""
+        """Publish an error in this pad's work as "lost", and forget all frames: one of them may have caused it."""
         now_ns, sentence = time.monotonic_ns(), sentence_of(error)
         if type(error).__name__ not in self._logged:
             self._logged.add(type(error).__name__)
-            told = "pad '%s': internal error, worth reporting; its contacts are published as lost\n%s"
-            log.error(told, self.name, trace_of(error))
+            text = "pad '%s': internal error, worth reporting; its contacts are published as lost\n%s"
+            log.error(text, self.name, trace_of(error))
         self._statistics.dropped += 1
         self._last_used_ns = now_ns  # silence is not what is wrong
         with Contained(lambda again: log.error("pad '%s': internal error\n%s", self.name, trace_of(again))):
@@ -156,7 +156,7 @@ class Channel:
             self.announcer.send(self.pipeline.absent("lost", f"internal error: {sentence}"))
 
     def source_changed(self, now_ns: int) -> None:
-        """The source was given up after an error, or another one took its place: what came before is past."""
+        """Begin anew: the source was given up after an error, or another one took its place."""
         with Contained(self.break_off):
             self._statistics.start_anew()
             self._last_frame_ns = None

@@ -205,7 +205,7 @@ class Daemon:
             self._schedule.served(source, had_frames=bool(frames))
 
     def _begin_anew(self, source: GuardedSource, now_ns: int) -> None:
-        """Let the pads of a source know that it failed, or that another took its place, whose recording may be new."""
+        """Begin anew with a source's pads: it failed, or another took its place, whose recording may be new."""
         for channel in self._channels.values():
             if channel.source is source:
                 channel.source_changed(now_ns)

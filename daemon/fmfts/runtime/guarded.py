@@ -21,8 +21,8 @@ log = logging.getLogger(__name__)
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 5.0
 LOOK_NS = 20_000_000  # so often the loop looks whether a source is open again
-# A poll that computes for longer is followed by a rest, so that the others have nine tenths of the time. It is far more
-# than a driver needs, and less than the queue of a board holds.
+# A poll that computes for longer is followed by a rest of REST times as long, so that other sources have nine tenths of
+# the time. A driver needs far less, and a board's queue holds more.
 GREEDY_NS, REST = 10_000_000, 9
 SHORTEST_WAIT_NS = 500_000  # a source whose deadline is always now must not take the whole processor
 # No poll may wait. This computer may be to blame for one slow poll, hardly for three in a row.

@@ -11,10 +11,10 @@ from fmfts.bus.encoding import encoded
 
 
 class KeptAnswer:
-    """What `facts_of` says of each pad, encoded. A pad is encoded again when `key_of` says something else.
+    """The facts of all pads, encoded. A pad is encoded again when its `key_of` changes.
 
-    facts_of: the facts of the pad of this name, or a message. key_of: what of them may change; cheap, because each new
-    answer asks for all pads. Without it, the facts are compared.
+    facts_of: the facts of the pad of this name, or a message. key_of: the part of them that may change; it must be
+    cheap, because each new answer computes it for all pads. Without it, the facts are compared.
     """
 
     def __init__(

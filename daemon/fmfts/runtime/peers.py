@@ -77,7 +77,7 @@ class Peers:
 
         if self._publisher.has_new_subscriber(time_is_up):
             self._fast_loop.end_recorded(self._clock())
-        more_knock = self._gate is not None and self._gate.answer(time_is_up)
+        more_keys = self._gate is not None and self._gate.answer(time_is_up)
         served = 0
         while self._control.serve_one(self._handle):
             served += 1
@@ -85,7 +85,7 @@ class Peers:
                 break
         if served:
             self._schedule.review()
-        return self._control.may_have_more or self._publisher.may_have_more or more_knock
+        return self._control.may_have_more or self._publisher.may_have_more or more_keys
 
     def _pause(self, begun_ns: int) -> None:
         now_ns = self._clock()

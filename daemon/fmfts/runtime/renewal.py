@@ -63,6 +63,6 @@ class Renewal:
 
 def close(source: Source) -> None:
     """Close a source, whatever it raises then."""
-    told = "%s: it failed while it was closed, and its device may still be open\n%s"
-    with Contained(lambda error: log.error(told, type(source).__name__, trace_of(error))):
+    text = "%s: closing it failed, and its device may still be open\n%s"
+    with Contained(lambda error: log.error(text, type(source).__name__, trace_of(error))):
         source.close()

@@ -18,8 +18,7 @@ class PadStatistics:
     gaps: frames that are missing between two frames of one run of the source. How many were lost between two runs is
     not known, because a board that restarts counts from 0 again.
     dropped: frames that arrived and were not used. repeated: those of them that came again, or after a newer one.
-    overloaded: share of the last interval's frames that were left out
-    because this computer was late.
+    overloaded: share of the last interval's frames that were left out because this computer was late.
     """
 
     frames: int = 0
@@ -42,7 +41,7 @@ class PadStatistics:
         """Count a frame, and the frames missing before it: the jump of the sequence number within a run.
 
         False if the frame came before, or if its number cannot be: so many frames cannot be missing. Two frames with
-        such numbers in a row that go on from each other are believed, unless they are no newer than the last one: any
+        such numbers in a row that go on from each other are accepted, unless they are no newer than the last one: any
         number of frames may come again in their order.
         """
         self._arrive(1)
@@ -66,7 +65,7 @@ class PadStatistics:
         self._last = self._expected = None
 
     def reject(self) -> None:
-        """Count a frame that arrived and is none that its pad can have."""
+        """Count an impossible frame: it arrived, and is not used."""
         self._arrive(1)
         self.dropped += 1
 

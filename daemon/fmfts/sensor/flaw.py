@@ -1,4 +1,4 @@
-"""Says what is wrong with a frame that no working driver gives, before anybody computes with it."""
+"""Finds impossible frames, such as no working driver gives, before anybody computes with them."""
 
 from __future__ import annotations
 
@@ -40,6 +40,6 @@ def flaw_of(frame: Frame, sensors: int, now_ns: int) -> str:
     ):
         array = getattr(frame, name)
         if not isinstance(array, np.ndarray) or array.dtype != kind or array.shape != shape:
-            told = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
-            return f"a frame's {name} are {told} and not {np.dtype(kind)} {shape}"
+            found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+            return f"a frame's {name} are {found} and not {np.dtype(kind)} {shape}"
     return ""

@@ -7,10 +7,10 @@ MOST_MISSING = 1 << 16  # five minutes at 220 Hz: longer than any computer stall
 
 
 def missing(number: int, before: int) -> int:
-    """How many are missing between two; more than MOST_MISSING if `number` was there before, or cannot be."""
+    """How many numbers are missing between two. More than MOST_MISSING if `number` came before, or is impossible."""
     return (number - before - 1) % NUMBERS
 
 
 def is_next(number: int, before: int) -> bool:
-    """Whether `number` goes on from `before`: a packet that comes again does not."""
+    """Whether `number` follows `before`. That of a packet that comes again does not."""
     return missing(number, before) <= MOST_MISSING
