@@ -74,10 +74,17 @@ def require_clean() -> None:
 
 
 def tag(name: str, text: str, root: Path = ROOT) -> None:
-    command = ["git", "tag", tag_option(), "--cleanup=verbatim", name, "-m", text]
-    ended = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    """SystemExit where it is not made, or is to be signed and is not: git 2.39 then says so, and makes it all the same."""
+
+    def run(*words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(["git", *words], cwd=root, capture_output=True, text=True, check=False)
+
+    ended = run("tag", tag_option(), "--cleanup=verbatim", name, "-m", text)
     if ended.returncode != 0:
         raise SystemExit(f"the tag {name} was not made: {ended.stderr}")
+    if signs() and "\n-----BEGIN " not in run("cat-file", "tag", name).stdout:
+        run("tag", "--delete", name)
+        raise SystemExit(f"the tag {name} was not signed, and is removed: {ended.stderr}")
     print(f"tagged {name}, signed" if signs() else f"tagged {name}; {UNSIGNED}")
 
 

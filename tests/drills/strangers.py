@@ -14,13 +14,15 @@ GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x00" + b"NULL".ljust(20, b"\0")
 METADATA = b"\x0bSocket-Type" + (3).to_bytes(4, "big") + b"SUB"
 READY = b"\x04" + bytes([6 + len(METADATA)]) + b"\x05READY" + METADATA
 SUBSCRIBE_TO_ALL = b"\x00\x01\x01"
-SILENT, SUBSCRIBED = b"", GREETING + READY + SUBSCRIBE_TO_ALL
+GREETING_BYTES, HEAD_BYTES = len(GREETING), 2  # of the other end's greeting, and before its READY
+SILENT, SUBSCRIBED = b"", SUBSCRIBE_TO_ALL
 FULL_FOR_S = 10.0  # so long a full queue of connections may stay full before the door counts as closed
 
 
 @contextmanager
 def strangers(path: Path, count: int, says: bytes) -> Iterator[int]:
-    """Connects up to `count` times, says `says` each time, and never reads. Gives how many were let in."""
+    """Connects up to `count` times, introduces itself where it `says` something, and never reads. Gives how many were
+    let in."""
     with ExitStack() as held:
         let_in = 0
         for _ in range(count):
@@ -29,8 +31,26 @@ def strangers(path: Path, count: int, says: bytes) -> Iterator[int]:
                 break
             let_in += 1
             if says:
-                stranger.send(says)
+                introduce(stranger)
+                stranger.sendall(says)
         yield let_in
+
+
+def introduce(peer: socket.socket) -> None:
+    """Greets, and waits until the other end is ready: libzmq hangs up on whoever subscribes before."""
+    peer.sendall(GREETING + READY)
+    head = _received(peer, GREETING_BYTES + HEAD_BYTES)
+    _received(peer, head[-1])
+
+
+def _received(peer: socket.socket, count: int) -> bytes:
+    received = b""
+    while len(received) < count:
+        part = peer.recv(count - len(received))
+        if not part:
+            raise ConnectionResetError("the other end hung up amid its greeting")
+        received += part
+    return received
 
 
 def _connected(stranger: socket.socket, path: Path) -> bool:

@@ -80,8 +80,9 @@ def test_guided_first_use_of_a_simulated_pad_goes_to_its_end_and_says_what_each_
         for card in (4, 5):
             place, force, measured = brought(page, card)
             assert measured < 1.0
-            # A pad's silicone, and where its magnet sits, leave more open than what is measured here.
-            assert place < 1.5
+            # What is measured here is a small part of them, beside the pad's silicone and where its magnet sits: they
+            # stay the same but for the last of two digits.
+            assert place < 1.1
             assert force < 1.1
         until(page, f"{HEALTH} === 'ok'")
         assert page.complaints == []  # type: ignore[attr-defined]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import select
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -15,7 +16,7 @@ import pytest
 import zmq
 from bus_messages import BOOT, contact_message, event_message, frame_message, status_message
 
-from drills.strangers import GREETING, READY
+from drills.strangers import introduce
 from fmfts.bus.publisher import BUS_HIGH_MARK, LARGEST_BATCH, LARGEST_SUBSCRIPTION, SUBSCRIPTIONS_OF_A_PEER, Publisher
 from fmfts_client import Client, Endpoints, SchemaError, Subscription
 
@@ -322,12 +323,12 @@ def test_what_peers_subscribe_to_on_the_bus_is_nobodys_work(publisher: Publisher
 
 
 @contextmanager
-def stranger(endpoint: str, says: bytes) -> Iterator[socket.socket]:
+def stranger(endpoint: str) -> Iterator[socket.socket]:
     """A subscriber that speaks ZeroMQ by itself."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as peer:
         peer.settimeout(LIVENESS_S)
         peer.connect(endpoint.removeprefix("ipc://"))
-        peer.sendall(GREETING + READY + says)
+        introduce(peer)
         yield peer
 
 
@@ -339,8 +340,17 @@ def subscription_to(topic: bytes) -> bytes:
 def test_subscription_longer_than_any_topic_is_hung_up_on(
     publisher: Publisher, endpoints: Endpoints, door: str
 ) -> None:
-    with stranger(getattr(endpoints, door), subscription_to(b"x" * LARGEST_SUBSCRIPTION)) as peer:
-        while peer.recv(4096):  # the server's greeting, then the end
+    with stranger(getattr(endpoints, door)) as peer:
+        peer.sendall(subscription_to(b"x" * (LARGEST_SUBSCRIPTION - 1)) + subscription_to(b""))
+
+        def hears() -> bool:
+            publisher.send_contact("demo", contact_message())
+            publisher.send_frame("demo", frame_message())
+            return bool(select.select([peer], [], [], 0.02)[0] and peer.recv(1 << 16))
+
+        eventually(hears)
+        peer.sendall(subscription_to(b"x" * LARGEST_SUBSCRIPTION))
+        while peer.recv(1 << 16):  # what is still under way, then the end
             pass
 
 

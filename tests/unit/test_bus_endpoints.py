@@ -20,7 +20,7 @@ from fmfts.bus.control import ControlServer
 from fmfts.bus.lock import BusError, serving_pid
 from fmfts.bus.publisher import Publisher
 from fmfts_client import Client, EndpointError, Endpoints
-from fmfts_client.endpoints import for_client, for_daemon
+from fmfts_client.endpoints import for_client, for_daemon, trusted_owners
 from ports import tcp_base
 
 
@@ -109,6 +109,30 @@ def test_endpoint_open_to_the_network_is_refused(base: str) -> None:
 def test_directory_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     with pytest.raises(BusError, match="missing/fmfts: No such file"):
         Publisher(Endpoints.from_base(f"ipc://{tmp_path}/missing/fmfts"), BOOT)
+
+
+def test_folder_that_the_daemon_makes_is_closed_to_others(tmp_path: Path) -> None:
+    before = os.umask(0)
+    try:
+        Publisher(Endpoints.from_base(f"ipc://{tmp_path}/made"), BOOT).close()
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "made").stat().st_mode) == 0o750
+
+
+def test_link_in_place_of_the_lock_is_not_followed(tmp_path: Path) -> None:
+    """In a folder of the group's, a member could have the daemon empty another file of its user."""
+    (tmp_path / "precious").write_text("kept")
+    (tmp_path / "bus.lock").symlink_to(tmp_path / "precious")
+    with pytest.raises(BusError, match=r"bus\.lock: "):
+        Publisher(Endpoints.from_base(f"ipc://{tmp_path}"), BOOT)
+    assert (tmp_path / "precious").read_text() == "kept"
+
+
+def test_root_is_trusted_by_every_user(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "getuid", lambda: 4711)
+    assert trusted_owners() >= {4711, 0}
+    assert 4712 not in trusted_owners()
 
 
 def of_another_user(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[2]
 RELEASE = ROOT / "release"
 sys.path.insert(0, str(RELEASE))
 
+import sbom  # noqa: E402
 from constraints import requirements as needed  # noqa: E402
 from dist import repack  # noqa: E402
 from release import tag  # noqa: E402
@@ -25,6 +26,7 @@ from sbom import bill, requirements  # noqa: E402
 from signing import sign, write_checksums  # noqa: E402
 
 COMMITTED_S = 1_700_000_000
+NOTES = "first\n\n# As a heading\n"
 FILES = ["constraints.txt", "constraints-extras.txt", "constraints-build.txt"]
 WHEEL, DEB, CLIENT = "fmfts-0.1.0-cp311-abi3-linux_x86_64.whl", "fmfts_0.1.0_amd64.deb", "fmfts_client-0.1.0.tar.gz"
 
@@ -82,6 +84,30 @@ def test_bill_of_materials_names_what_each_file_carries(dist: Path) -> None:
     assert [each["name"] for each in found["fmfts-rp2040"]["components"]] == ["libgcc"]
 
 
+def test_bill_of_materials_says_what_each_file_needs(dist: Path) -> None:
+    document = bill(dist, COMMITTED_S)
+    needs = {each["ref"]: set(each["dependsOn"]) for each in document["dependencies"]}
+    of_index = {f"pkg:pypi/{name}@{version}": hashes for name, version, hashes in requirements(RELEASE / FILES[0])}
+    assert needs[WHEEL] == of_index.keys()
+    # pyzmq has cffi, and that pycparser, on PyPy.
+    assert {ref[9:].partition("@")[0] for ref in needs[CLIENT]} == {"pyzmq", "msgpack", "cffi", "pycparser"}
+    assert "pkg:deb/debian/python3-zmq" in needs[DEB]
+    assert all(ref.startswith("pkg:deb/debian/python3") for ref in needs[DEB])
+    assert needs["fmfts"] == {WHEEL, DEB, CLIENT, "firmware/stm32f103", "firmware/rp2040"}
+    found = {part["bom-ref"]: part for part in document["components"]}
+    assert {ref: [each["content"] for each in found[ref]["hashes"]] for ref in of_index} == of_index
+    assert found["pkg:deb/debian/python3-zmq"]["properties"][0]["value"] == "24"
+    assert "components" not in found["firmware/stm32f103"]
+    assert document["metadata"]["timestamp"] == "2023-11-14T22:13:20Z"  # date -u -d @1700000000
+
+
+def test_faulty_bill_of_materials_is_not_written(dist: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sbom, "fault_of", lambda text: "no such licence")
+    with pytest.raises(SystemExit, match="is no CycloneDX: no such licence"):
+        sbom.written_bill(dist, COMMITTED_S)
+    assert not list(dist.glob("*.cdx.json"))
+
+
 def test_bill_of_materials_has_every_vendored_file(dist: Path) -> None:
     (wheel,) = [part for part in bill(dist, COMMITTED_S)["components"] if part["name"] == WHEEL]
     named = {file["name"]: file["hashes"][0]["content"] for part in wheel["components"] for file in part["components"]}
@@ -109,15 +135,19 @@ def test_source_archive_has_no_trace_of_its_computer(tmp_path: Path) -> None:
         with tarfile.open(tmp_path / name, "w:gz") as file:
             for path in ("p/b", "p/a") if owner == "me" else ("p/a", "p/b"):
                 member = tarfile.TarInfo(path)
-                member.size, member.mode, member.mtime, member.uname, member.uid = 1, mode, time_s, owner, time_s
+                member.size, member.uname, member.uid = 1, owner, time_s
+                member.mode = mode | 0o100 if path == "p/a" else mode
+                member.mtime = time_s + 0.5  # such a time stands in an extra header
                 file.addfile(member, io.BytesIO(b"x"))
         repack(tmp_path / name, COMMITTED_S)
     assert (tmp_path / "a.tar.gz").read_bytes() == (tmp_path / "b.tar.gz").read_bytes()
     with tarfile.open(tmp_path / "a.tar.gz") as file:
         assert [(each.name, each.mode, each.mtime) for each in file] == [
-            ("p/a", 0o644, COMMITTED_S),
+            ("p/a", 0o755, COMMITTED_S),
             ("p/b", 0o644, COMMITTED_S),
         ]
+    written_s = int.from_bytes((tmp_path / "a.tar.gz").read_bytes()[4:8], "little")  # RFC 1952, MTIME
+    assert written_s == COMMITTED_S
 
 
 @pytest.fixture
@@ -153,7 +183,9 @@ def committed(place: Path) -> None:
 
 
 def kind_of_tag(place: Path) -> str:
+    """Its text must be whole, too."""
     shown = subprocess.run(["git", "cat-file", "tag", "v1"], cwd=place, check=True, capture_output=True, text=True)
+    assert NOTES in shown.stdout
     return "signed" if "-----BEGIN SSH SIGNATURE-----" in shown.stdout else "annotated"
 
 
@@ -162,11 +194,12 @@ def test_tag_and_checksums_are_signed_where_a_key_is_given(
     dist: Path, key: Path, repository: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     committed(repository)
-    tag("v1", "first\n", repository)
+    tag("v1", NOTES, repository)
     assert kind_of_tag(repository) == "signed"
     assert capsys.readouterr().out == "tagged v1, signed\n"
     sums = write_checksums(dist)
-    assert sign(sums) == "SHA256SUMS: signed, in SHA256SUMS.sig"
+    for _ in range(2):  # the second signature replaces the first
+        assert sign(sums) == "SHA256SUMS: signed, in SHA256SUMS.sig"
     (dist / "allowed").write_text(f"releases {key.with_suffix('.pub').read_text()}")
     words = ["ssh-keygen", "-Y", "verify", "-f", dist / "allowed", "-I", "releases", "-n", "file", "-s", f"{sums}.sig"]
     assert subprocess.run(words, input=sums.read_bytes(), capture_output=True, check=False).returncode == 0
@@ -178,17 +211,31 @@ def test_release_without_a_key_says_that_it_is_not_signed(
 ) -> None:
     use_settings(monkeypatch, {})
     committed(repository)
-    tag("v1", "first\n", repository)
+    tag("v1", NOTES, repository)
     assert kind_of_tag(repository) == "annotated"
     assert (
         "tagged v1; not signed, for there is no key: set one with `git config user.signing" in capsys.readouterr().out
     )
+    with pytest.raises(SystemExit, match=r"the tag v1 was not made: .*already exists"):
+        tag("v1", "first\n", repository)
     assert "not signed" in sign(write_checksums(dist))
     assert not list(dist.glob("SHA256SUMS.*"))
 
 
+@pytest.mark.needs("ssh-keygen")
+def test_release_that_cannot_be_signed_ends(dist: Path, key: Path, repository: Path) -> None:
+    key.unlink()
+    committed(repository)
+    with pytest.raises(SystemExit, match=r"the tag v1 was not (made|signed)"):
+        tag("v1", NOTES, repository)
+    assert not list((repository / ".git/refs/tags").iterdir())
+    with pytest.raises(SystemExit, match="SHA256SUMS was not signed: ssh-keygen "):
+        sign(write_checksums(dist))
+
+
 def test_checksums_are_those_that_sha256sum_finds(dist: Path) -> None:
     write_checksums(dist)
+    write_checksums(dist)  # it is not among its own files
     words = ["sha256sum", "--check", "--strict", "SHA256SUMS"]
     assert subprocess.run(words, cwd=dist, capture_output=True, check=False).returncode == 0
     (dist / WHEEL).write_text("damaged")

@@ -10,30 +10,38 @@ from fmfts.collect.plan import PlanError, read_plan
 from fmfts.common.toml import LARGEST_BYTES, MOST_PARTS, parse
 from fmfts.config.file import MOST_PADS, ConfigError, load
 
+MANY_PARTS = f"begins a key of more than {MOST_PARTS} parts"
 HARMFUL = {
-    "long": "#" * (LARGEST_BYTES + 1),
-    "key of many parts": "a." * 20_000 + "a = 1",
-    "key of quoted parts": '"". ' * 20_000 + "a = 1",
-    "header of many parts": "[" + "a . " * 20_000 + "a]",
-    "nested lists": "a = " + "[" * 50_000,
-    "nested tables": "a = " + "{a = " * 20_000,
-    "huge integer": "a = " + "9" * 100_000,
+    "long": ("#" * (LARGEST_BYTES + 1), f"longer than {LARGEST_BYTES} bytes"),
+    "key of many parts": ("a." * 20_000 + "a = 1", MANY_PARTS),
+    "key of one part too many": ("a." * MOST_PARTS + "a = 1", MANY_PARTS),
+    "key of quoted parts": ('"". ' * 20_000 + "a = 1", MANY_PARTS),
+    "key of literal parts": ("''. " * 20_000 + "a = 1", MANY_PARTS),
+    "key of long parts": (f"{'b' * 1000}." * 100 + "a = 1", MANY_PARTS),
+    "header of many parts": ("[" + "a . " * 20_000 + "a]", MANY_PARTS),
+    "nested lists": ("a = " + "[" * 50_000, "nested too deep"),
+    "nested tables": ("a = " + "{a = " * 20_000, "nested too deep"),
+    "huge integer": ("a = " + "9" * 100_000, "integer"),
 }
 
 
-@pytest.mark.parametrize("text", HARMFUL.values(), ids=HARMFUL)
-def test_harmful_toml_is_refused(text: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("text", "why"), HARMFUL.values(), ids=HARMFUL)
+def test_harmful_toml_is_refused(text: str, why: str, tmp_path: Path) -> None:
     path = tmp_path / "a.toml"
     path.write_text(text)
-    with pytest.raises(ConfigError, match=r"a\.toml: ") as refusal:
+    with pytest.raises(ConfigError, match=rf"a\.toml: .*{why}") as refusal:
         load(path)
     assert len(str(refusal.value)) < 1000
-    with pytest.raises(PlanError, match=r"a\.toml: "):
+    with pytest.raises(PlanError, match=rf"a\.toml: .*{why}"):
         read_plan(str(path))
 
 
 def test_key_of_as_many_parts_as_allowed_is_read() -> None:
     assert list(parse(".".join("a" * MOST_PARTS) + " = 1\nb = '1.2.3'\n[c]\nd = [1.5, 2.5]\n")) == ["a", "b", "c"]
+
+
+def test_configuration_as_long_as_that_of_64_pads_is_read() -> None:
+    assert parse("a = 1\n" + "#" * 100_000) == {"a": 1}
 
 
 def test_configuration_of_too_many_pads_is_refused(tmp_path: Path) -> None:

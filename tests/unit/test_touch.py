@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -70,6 +73,29 @@ def test_contact_stays_until_its_force_is_within_one_deviation() -> None:
     detector = touched()
     forces = (0.19, 0.21, 0.19, 0.11, 0.09, 0.19)
     assert [detector.presses(estimate(force, 0.1)) for force in forces] == [False, True, True, True, False, False]
+
+
+def test_certain_force_of_a_magnet_at_rest_is_no_contact() -> None:
+    assert not TouchDetector(rate_hz=220.0).presses(estimate(5.0, 0.1))
+
+
+def test_contact_of_which_no_number_can_be_trusted_is_one() -> None:
+    assert touched().presses(replace(estimate(0.0, 0.1), refused=True))
+
+
+def test_contact_must_be_certain_anew_after_a_gap_and_a_baseline() -> None:
+    def gap(detector: TouchDetector) -> None:
+        for _ in range(RELEASE_FRAMES):
+            detector.unseen()
+
+    afterwards: list[Callable[[TouchDetector], None]] = [gap, TouchDetector.forget]
+    for forgotten in afterwards:
+        detector = touched()
+        assert detector.presses(estimate(0.21, 0.1))
+        forgotten(detector)
+        assert not detector.memory.touched
+        detector.update(at_chi2(100.0), COVARIANCE)
+        assert not detector.presses(estimate(0.15, 0.1))
 
 
 def test_moved_magnet_without_a_certain_force_may_press_as_hard_as_it_seems() -> None:
