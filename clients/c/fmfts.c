@@ -635,7 +635,7 @@ static bool go_up(char *path)
     return true;
 }
 
-/* Users whose sockets may be trusted wherever they are: this one, root, and the service's. */
+/* Users whose sockets are trusted in any folder: this one, root, and the service's. */
 static bool is_trusted(uid_t owner)
 {
     char text[4096];
@@ -644,8 +644,8 @@ static bool is_trusted(uid_t owner)
            (getpwnam_r("fmfts", &entry, text, sizeof text, &service) == 0 && service && service->pw_uid == owner);
 }
 
-/* Is the folder, or one on the way to it, a stranger's in a place in which any user may make one? */
-static bool has_no_stranger(const char *folder, char why[FMFTS_TEXT_SIZE])
+/* False, with the reason in `why`, if an untrusted user made the folder, or one above it, where any user may. */
+static bool is_of_trusted_users(const char *folder, char why[FMFTS_TEXT_SIZE])
 {
     char path[PATH_MAX], place[PATH_MAX];
     struct stat found, above;
@@ -662,8 +662,8 @@ static bool has_no_stranger(const char *folder, char why[FMFTS_TEXT_SIZE])
     }
 }
 
-/* May only those whom the user means put a socket into a named folder? A folder of another user may be meant; but in a
- * place like /tmp the name does not say whose the folder is. */
+/* False, with the reason in `why`, if an untrusted user could put a socket into a named folder. The user may mean a folder
+ * of another user. But in a place like /tmp the name does not say whose the folder is. */
 static bool is_guarded(const char *directory, char why[FMFTS_TEXT_SIZE])
 {
     char nearest[LONGEST_SOCKET_PATH + 1], resolved[PATH_MAX];
@@ -683,7 +683,7 @@ static bool is_guarded(const char *directory, char why[FMFTS_TEXT_SIZE])
                          "first, or name a folder in your home", directory, nearest);
     if (!realpath(nearest, resolved))
         return fail(why, "cannot see where %.120s leads: %s", nearest, strerror(errno));
-    return has_no_stranger(nearest, why) && has_no_stranger(resolved, why);
+    return is_of_trusted_users(nearest, why) && is_of_trusted_users(resolved, why);
 }
 
 static bool bus_of(const char *base, char endpoint[ENDPOINT_SIZE], char why[FMFTS_TEXT_SIZE])

@@ -28,7 +28,6 @@ from drills.chaos.pressed import RATE_HZ, Library
 from emulator.priority import put_ahead
 from end_to_end.processes import PATIENCE_S, RunningDaemon
 from fmfts.baseline.origin import Origin
-from fmfts_client import UnreachableError
 
 POWERS = range(20, 63)
 OLD_US = 2**47  # of every board, so that its clock has room to leap back
@@ -100,7 +99,7 @@ class Drill:
 
     def run(self) -> dict[str, Any]:
         put_ahead()
-        self._wait_until_serving()
+        self._daemon.wait_until_serving(self._tick, answer_s=0.05)
         judge = Heard(f"{self._daemon.base}/bus", self.boards)
         try:
             self._wait_until_ok(judge)
@@ -119,17 +118,6 @@ class Drill:
         for board in self.boards.values():
             board.tick(time.monotonic_ns())
         time.sleep(1e-3)
-
-    def _wait_until_serving(self) -> None:
-        until = time.monotonic() + 3 * PATIENCE_S
-        while time.monotonic() < until:
-            self._tick()
-            try:
-                self._daemon.request("pads", timeout_s=0.05)
-                return
-            except UnreachableError:
-                assert self._daemon.process.poll() is None, self._daemon.log.read_text()
-        raise AssertionError(self._daemon.log.read_text())
 
     def _wait_until_ok(self, judge: Heard) -> None:
         until = time.monotonic() + PATIENCE_S

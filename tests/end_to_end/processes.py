@@ -127,11 +127,13 @@ class RunningDaemon:
             )
         put_ahead(self.process.pid)  # as its service does
 
-    def wait_until_serving(self) -> None:
+    def wait_until_serving(self, meanwhile: Callable[[], None] = lambda: None, answer_s: float = 1.0) -> None:
+        """meanwhile: called before each request. answer_s: how long to wait for its answer."""
         until = time.monotonic() + START_PATIENCE_S
         while True:
+            meanwhile()
             try:
-                self.request("pads", timeout_s=1.0)
+                self.request("pads", timeout_s=answer_s)
                 return
             except UnreachableError:
                 assert self.process.poll() is None, self.log.read_text()

@@ -45,14 +45,14 @@ int main(int count, char **words)
     if (!fmfts_why(client, 1000, why)) /* before the loop: it may take a second */
         fprintf(stderr, "gripper: %s\n", why);
     struct fmfts_contact contact = {.health = FMFTS_DISCONNECTED};
-    const char *said = ""; /* the reason that was printed last; NULL: the gripper may close */
+    const char *printed = ""; /* the last printed reason; NULL: the gripper may close */
     enum fmfts_result result;
     struct timespec period;
     clock_gettime(CLOCK_MONOTONIC, &period);
     while ((result = fmfts_latest(client, &contact, 0)) >= 0) {
         const char *reason = why_open(client, &contact);
-        if (reason != said) { /* each is a constant */
-            said = reason;
+        if (reason != printed) { /* each is a constant */
+            printed = reason;
             /* Your gripper's command goes here. */
             bool explained = reason == fmfts_health_name(contact.health) && contact.reason[0];
             if (reason)

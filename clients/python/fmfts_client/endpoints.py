@@ -104,7 +104,7 @@ def for_daemon(configured: Optional[str] = None, environ: Mapping[str, str] = os
     """
     base = named_base(configured, environ)
     if base:
-        return _guarded(base, must_be_there=False)  # it makes the folder, and looks then whose it is
+        return _guarded(base, must_be_there=False)  # the daemon makes the folder, and then checks its owner
     service = environ.get("RUNTIME_DIRECTORY", "").split(":")[0]
     return Endpoints._in_directory(Path(service) if service else _own_directory(environ))
 
@@ -112,8 +112,8 @@ def for_daemon(configured: Optional[str] = None, environ: Mapping[str, str] = os
 def _guarded(base: str, must_be_there: bool) -> Endpoints:
     """The endpoints of a named base. EndpointError if any user may put a socket there (also with the sticky bit).
 
-    A folder of another user, or of a group, may be meant: who named it trusts them. But in a place like /tmp the name
-    does not say whose the folder is. must_be_there: so is one refused there that anybody could still make.
+    The user may mean a folder of another user or of a group, and trust them. But in a place like /tmp the name does not
+    say whose the folder is. must_be_there: also refuse a folder there that does not exist: anybody could make it.
     """
     endpoints = Endpoints.from_base(base)
     if base.startswith("ipc://"):
@@ -146,8 +146,10 @@ def _nearest(path: Path) -> tuple[Path, int]:
 
 
 def _require_no_stranger(directory: Path) -> None:
-    """EndpointError where the folder, or one on the way to it, is a stranger's in a place in which any user may make
-    one. directory: absolute."""
+    """Raise EndpointError if another user made the folder, or one above it, in a place where any user may make folders.
+
+    directory: absolute.
+    """
     for path in (directory, *directory.parents):
         place, owner = path.parent.stat(), path.lstat().st_uid
         if place.st_mode & stat.S_IWOTH and owner not in trusted_owners():
@@ -159,7 +161,7 @@ def _require_no_stranger(directory: Path) -> None:
 
 
 def trusted_owners() -> set[int]:
-    """Users whose sockets may be trusted wherever they are: this one, root, and the service's."""
+    """Users whose sockets are trusted in any folder: this one, root, and the service's."""
     import pwd  # Windows has none, and no owners of sockets
 
     owners = {os.getuid(), 0}

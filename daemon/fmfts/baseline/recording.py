@@ -125,7 +125,7 @@ def summarise(frames: Sequence[Frame]) -> Recording:
 
 
 def _silent(frames: Sequence[Frame], answers: NDArray[np.int64]) -> str:
-    """Who fell silent, and from when. answers (N,): in how many frames each sensor answered."""
+    """Which sensors stopped answering, and when. answers (N,): in how many frames each one answered."""
     since_s = [
         next((_seconds_between(frames[0], after) for after in _silent_at_the_end(frames, sensor)), None)
         for sensor in range(len(answers))
@@ -136,7 +136,7 @@ def _silent(frames: Sequence[Frame], answers: NDArray[np.int64]) -> str:
         if len(ended) == len(since_s):
             text += f", and in none after {max(ended):.2f} s"
         return f"{text}: check what they share, the plugs, supply, SDA and SCL of the mux or board"
-    # The one that fell silent most: where a computer is late, others miss a frame now and then, too.
+    # Only the one with the fewest answers: on a busy computer the others miss a frame now and then, too.
     sensor = int(np.argmin(answers))
     moment = since_s[sensor]
     when = "" if moment is None or not answers[sensor] else f", and in none after {moment:.2f} s"

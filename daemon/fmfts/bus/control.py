@@ -151,7 +151,7 @@ class ControlServer:
         self._socket.close()
 
     def _receive(self) -> Received:
-        """The first MOST_PARTS parts of the next message. A stranger's message may have any number."""
+        """The first MOST_PARTS parts of the next message. A peer may send any number."""
         frames = [self._socket.zmq.recv(zmq.NOBLOCK, copy=False)]
         while frames[-1].more and len(frames) < MOST_PARTS:
             frames.append(self._socket.zmq.recv(zmq.NOBLOCK, copy=False))

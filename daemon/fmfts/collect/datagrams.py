@@ -1,8 +1,8 @@
 """Receives a gauge's lines over UDP, from the configured sender or, on this machine, from the same user alone.
 
 Any local user can send to a port of this machine, and a forged force would let the machine press on. On the loopback
-interface the kernel's table of sockets says whose a sender's socket is, as long as the socket is open. In a network
-only the address can be compared, and a machine there may forge it.
+interface the kernel's table of sockets names the owner of the sender's socket, while that is open. In a network only
+the address can be compared, and a machine there may forge it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ WorkClock = Callable[[], int]  # nanoseconds that this thread has worked; what o
 
 
 class Datagrams:
-    """Lines that arrive at a UDP port; what is not from the gauge is dropped, and `refused` says why."""
+    """Lines that arrive at a UDP port. `refused`: what was dropped last, and why it is not the gauge's."""
 
     def __init__(self, config: UdpGauge, worked_ns: WorkClock = time.thread_time_ns) -> None:
         """Raises AbsentError where the port cannot be opened."""
@@ -110,7 +110,7 @@ class Owners:
         self._allowed = {os.geteuid(), ROOT}
         self._worked_ns = worked_ns
         self._of_port: dict[int, set[int]] = {}
-        self._whole: set[int] = set()
+        self._unshared: set[int] = set()
         self._unreadable = ""
         self._read_ns: int | None = None
 
@@ -119,7 +119,7 @@ class Owners:
         if self._read_ns is None or now_ns - self._read_ns > OWNERS_NS:
             self._unreadable, self._read_ns = "", now_ns
             try:
-                self._of_port, self._whole = _owners_by_port(self._worked_ns)
+                self._of_port, self._unshared = _owners_by_port(self._worked_ns)
             except (OSError, ValueError) as error:
                 self._unreadable = f"the kernel's table of sockets cannot be used to see whose it is: {error}"
         if self._unreadable:
@@ -138,7 +138,7 @@ class Owners:
             )
         return (
             ""
-            if port in self._whole
+            if port in self._unshared
             else "another user's program could share that port: let the program send from an IPv4 socket that is "
             "neither connected nor bound to an address"
         )
@@ -150,7 +150,7 @@ def _owners_by_port(worked_ns: WorkClock) -> tuple[dict[int, set[int]], set[int]
     Raises OSError or ValueError where not all sockets can be read soon enough.
     """
     owners: dict[int, set[int]] = {}
-    whole: set[int] = set()
+    unshared: set[int] = set()
     sockets, end_ns = 0, worked_ns() + LONGEST_READ_NS
     for path in TABLES:
         try:
@@ -169,10 +169,10 @@ def _owners_by_port(worked_ns: WorkClock) -> tuple[dict[int, set[int]], set[int]
                     port = int(digits, 16)
                     owners.setdefault(port, set()).add(int(owner))
                     if address == EVERY_ADDRESS:
-                        whole.add(port)
+                        unshared.add(port)
                 if worked_ns() > end_ns:
                     raise ValueError(f"reading it takes longer than {LONGEST_READ_NS / 1e6:g} ms")
-    return owners, whole
+    return owners, unshared
 
 
 def _is_of_this_machine(host: str) -> bool:

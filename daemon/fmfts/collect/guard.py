@@ -1,4 +1,4 @@
-"""Lifts the rod, in a process of its own, when the collector dies or hangs with the rod down: by `kill -9`, or a crash.
+"""Lifts the rod, in a process of its own, when the collector hangs, crashes or is killed with the rod down.
 
 The guard shares the machine's serial port and a pipe with the collector. While the rod is down, the collector writes
 DOWN into the pipe at each poll, 20 times a second at most; when the rod is up again, UP; before it ends by itself,
@@ -24,7 +24,7 @@ from fmfts.collect.errors import StoppedError
 DOWN, UP, DONE = b"d", b"u", b"."
 GOOD, NOT_LIFTED = 0, 1  # exit codes
 BEAT_S = 0.05
-HANG_S = 1.0  # a collector polls each millisecond; on a computer that is busy it may be late by some tenths of a second
+HANG_S = 1.0  # a collector polls each millisecond; on a busy computer it may be late by some tenths of a second
 PATIENCE_S = 2.0
 TURN_S = 0.01
 

@@ -1,4 +1,4 @@
-"""Parses TOML that a person or a stranger wrote, within limits: tomllib takes minutes for a key of many parts."""
+"""Parses TOML within limits, because anybody may have written it: tomllib takes minutes for a key of many parts."""
 
 from __future__ import annotations
 

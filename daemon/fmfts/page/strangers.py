@@ -1,7 +1,7 @@
 """Bounds the connections that have not shown the token. They never take the place of a page that has.
 
-They are counted from the moment at which the kernel hands them over, so before TLS. The oldest is dropped for a new
-one: a program that opens a thousand and says nothing keeps nobody out.
+Each counts from the moment at which the kernel hands it over, so before TLS. A new one takes the place of the oldest: a
+program that opens a thousand silent connections cannot lock others out.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from fmfts.sensor import Frame
 
 
 class LastFrame:
-    """sequence: its number. times: on the board's clock (µs), and on the host's (ns); zeros before the first frame."""
+    """sequence: its number. times: on the board's clock (µs) and on the host's (ns). All are 0 before any frame."""
 
     def __init__(self, rate_hz: float) -> None:
         self.sequence = 0
@@ -23,8 +23,8 @@ class LastFrame:
     def leap_us(self, frame: Frame) -> int:
         """By how much the board's clock leapt between this frame and `frame`, beyond the time that passed.
 
-        Short steps forward are gaps: the samples say what passed. After others as much time passed as on the host's
-        clock. That may have stood in a suspended computer; then the board made frames meanwhile, and numbered them.
+        Short steps forward are gaps: the samples' times say how long they are. For other steps the host's clock says
+        how much time passed. In a suspended computer that clock stands; then the numbers of the frames say it.
         """
         there_us, (began_ns, number) = frame.device_time_us - self.times[0], self._began
         if not began_ns or 0 <= there_us <= LONGEST_GAP_US:
@@ -36,7 +36,7 @@ class LastFrame:
         return max(there_us - max(passed_us, round(made_us)), 0)
 
     def aligned(self, frame: Frame, field_t: Array, alignment: Alignment) -> Aligned:
-        """Align `frame`, which is the last one then. field_t (N, 3): its field."""
+        """Align `frame`, and take it as the last one. field_t (N, 3): its field."""
         leap_us = self.leap_us(frame)
         self.become(frame.sequence, frame.device_time_us, frame.host_time_ns)
         return alignment.push(
@@ -44,7 +44,7 @@ class LastFrame:
         )
 
     def become(self, sequence: int, device_time_us: int, host_time_ns: int) -> None:
-        """Another frame, with this number and these times, is the last one now."""
+        """Take a frame with this number and these times as the last one."""
         if device_time_us != self.times[0]:
             self._began = host_time_ns, sequence
         self.sequence, self.times = sequence, (device_time_us, host_time_ns)

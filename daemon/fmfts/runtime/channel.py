@@ -64,6 +64,7 @@ class Channel:
         self._last_used_ns: int | None = None
         self._flaw, self._flaw_ns, self._flaw_logged_ns = "", 0, 0  # of the last impossible frame
         self._anew_ns = 0  # when an error last made the pipeline forget all frames
+        self._contained = Contained(self.break_off)
         self._logged: set[str] = set()  # kinds of errors whose traceback is in the log
         self.is_recorded = False
         self.recorders = Recorders(pipeline, publisher, boot)
@@ -92,7 +93,7 @@ class Channel:
 
         An error in this makes the pad "lost" until the next frame, and no more: the other pads go on.
         """
-        with Contained(self.break_off):
+        with self._contained:
             self._take(frame, superseded)
 
     def _take(self, frame: Frame, superseded: bool) -> None:
@@ -157,7 +158,7 @@ class Channel:
 
     def source_changed(self, now_ns: int) -> None:
         """Begin anew: the source was given up after an error, or another one took its place."""
-        with Contained(self.break_off):
+        with self._contained:
             self._statistics.start_anew()
             self._last_frame_ns = None
             self.pipeline.start_anew()
@@ -168,7 +169,7 @@ class Channel:
 
         Where it says nothing new, nothing is published: the frame that holds it comes soon.
         """
-        with Contained(self.break_off):
+        with self._contained:
             self._take_early(early)
 
     def _take_early(self, early: EarlySample) -> None:
@@ -190,7 +191,7 @@ class Channel:
         clock = None if self._lines is None else self._lines.clock_line
         if not in_python and self.announcer.kind is not None and clock is not None:
             overdue_ns = self._lateness.overdue_ns
-            with Contained(self.break_off):
+            with self._contained:
                 self._lane = self.pipeline.begin(clock, contact_topic(self.name), self.pad_index, overdue_ns)
                 return self._lane
         return None
@@ -203,7 +204,7 @@ class Channel:
         lane, self._lane = self._lane, None
         number = None
         if lane is not None:
-            with Contained(self.break_off):
+            with self._contained:
                 number = self._take_back(lane)
         return number
 
@@ -269,7 +270,7 @@ class Channel:
 
     def tick(self, now_ns: int) -> None:
         """Publish the health of a silent pad. The daemon calls this twenty times a second while a pad is silent."""
-        with Contained(self.break_off):
+        with self._contained:
             if self.is_silent(now_ns):
                 self.announcer.send(self.pipeline.absent(*self._absence(now_ns)))
 

@@ -10,7 +10,6 @@ import socket
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from itertools import cycle
 from pathlib import Path
 from types import FrameType
@@ -201,7 +200,7 @@ class Daemon:
                 channel.frame(frame, superseded=channel.wants_all and age_us > IN_TIME.longest_us)
         if early:
             self._pass_early(source, frames, early)
-        with Contained(partial(source.fail, "its descriptor")):
+        with source.contained("its descriptor"):
             self._schedule.served(source, had_frames=bool(frames))
 
     def _begin_anew(self, source: GuardedSource, now_ns: int) -> None:

@@ -63,7 +63,7 @@ class GuardedSource:
 
     def open(self) -> None:
         """Open the device for the first time. Raises the SourceError of its constructor, if there is one."""
-        with self._contained("its constructor", SourceError):
+        with self.contained("its constructor", SourceError):
             self._adopt(self._open_device())
 
     def fail(self, where: str, error: BaseException) -> None:
@@ -85,13 +85,13 @@ class GuardedSource:
 
     def fileno(self) -> int | None:
         if self.device is not None and not self._failure:
-            with self._contained("fileno"):
+            with self.contained("fileno"):
                 return checked.whole(self.device.fileno())
         return None
 
     def deadline_ns(self) -> int | None:
         if self.device is not None and not self._failure:
-            with self._contained("deadline_ns"):
+            with self.contained("deadline_ns"):
                 due_ns = checked.whole(self.device.deadline_ns())
                 return None if due_ns is None else max(due_ns, self._polled_ns + self._rest_ns)
         return 0 if self._failure else self._look_ns
@@ -101,7 +101,7 @@ class GuardedSource:
         if self._renewal is not None:
             self._look(self._renewal, now_ns)
         elif self.device is not None and not self._failure:
-            with self._contained("poll"):
+            with self.contained("poll"):
                 begun_ns, computed_ns = time.monotonic_ns(), time.thread_time_ns()
                 frames = checked.frames_of(self._pads, self.device.poll(now_ns))
                 self._polled_ns = time.monotonic_ns()
@@ -116,13 +116,13 @@ class GuardedSource:
 
     def request_selftest(self, pad_index: int) -> None:
         if self.device is not None:
-            with self._contained("request_selftest", SourceError):
+            with self.contained("request_selftest", SourceError):
                 return self.device.request_selftest(pad_index)
         raise CannotError(f"{self.state.description}: {self.state.reason}")
 
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:
         if self.device is not None:
-            with self._contained("selftest_result", SourceError):
+            with self.contained("selftest_result", SourceError):
                 return self.device.selftest_result(pad_index)
         raise CannotError(f"{self.state.description}: {self.state.reason}")
 
@@ -140,46 +140,47 @@ class GuardedSource:
     def patience(self, patience: Patience | None) -> None:
         self._patience = patience
         if self._bytes is not None and not self._failure:
-            with self._contained("patience"):
+            with self.contained("patience"):
                 self._bytes.patience = patience
 
     @property
     def clock_line(self) -> bytearray | None:
         if self._bytes is not None and not self._failure:
-            with self._contained("clock_line"):
+            with self.contained("clock_line"):
                 return checked.clock_line(self._bytes.clock_line)
         return None
 
     def take_early(self) -> Sequence[tuple[int, EarlySample]]:
         if self._bytes is not None and not self._failure:
-            with self._contained("take_early"):
+            with self.contained("take_early"):
                 return checked.early(self._bytes.take_early())
         return ()
 
     def lendable(self) -> frozenset[int]:
         if self._bytes is not None and not self._failure:
-            with self._contained("lendable"):
+            with self.contained("lendable"):
                 return checked.lendable(self._pads, self._bytes.lendable())
         return frozenset()
 
     def lend(self) -> tuple[int, bytes]:
         """SourceError where the device cannot lend its descriptor after all."""
         if self._bytes is not None and not self._failure:
-            with self._contained("lend"):
+            with self.contained("lend"):
                 return checked.lent(self._bytes.fileno(), self._bytes.lend())
         raise CannotError(f"{self.state.description}: {self.state.reason}")
 
     def give_back(self, unread: bytes, heard_ns: int, left_out: Sequence[int]) -> None:
         if self._bytes is not None:
-            with self._contained("give_back"):
+            with self.contained("give_back"):
                 self._bytes.give_back(unread, heard_ns, left_out)
 
     def passed(self, pad_index: int, sequence: int) -> None:
         if self._bytes is not None:
-            with self._contained("passed"):
+            with self.contained("passed"):
                 self._bytes.passed(pad_index, sequence)
 
-    def _contained(self, where: str, *passes: type[BaseException]) -> Contained:
+    def contained(self, where: str, *passes: type[BaseException]) -> Contained:
+        """A context in which an error gives the device up, unless `passes` names its type."""
         # Each is made once: a frame enters several.
         key = where, passes
         if key not in self._contexts:
@@ -217,7 +218,7 @@ class GuardedSource:
         self._look_ns = now_ns + LOOK_NS
         if renewal.is_over:
             self._renewal = None
-            with self._contained("its constructor"):
+            with self.contained("its constructor"):
                 self._adopt(renewal.result())
                 self.changed = True
 

@@ -29,7 +29,7 @@ def faults_of(source: Source, pad_index: int, missing: Mapping[int, str] = NOTHI
 
 
 def silence_of(source: Source, pad_index: int, patience_s: float) -> str:
-    """Why no frame came within `patience_s`: what the source says of itself, of the pad and of its sensors."""
+    """Why no frame came within `patience_s`: what is wrong with the source, the pad or its sensors."""
     state = source.state
     if not state.connected or state.reason:
         return f"{state.description}: {state.reason}"

@@ -35,7 +35,6 @@ from drills.strangers import SUBSCRIBED, strangers
 from emulator.priority import put_ahead
 from end_to_end.processes import PATIENCE_S, RunningDaemon
 from fmfts.baseline.origin import Origin
-from fmfts_client import UnreachableError
 
 CONFIG = """
 [[pad]]
@@ -98,7 +97,7 @@ class Drill:
     def run(self, frames: int, seconds: float) -> dict[str, Any]:
         """Until so many frames were made, or so many seconds have passed."""
         put_ahead()
-        self._wait_until_serving()
+        self._daemon.wait_until_serving(self._tick, answer_s=0.05)
         judge = Judge(f"{self._daemon.base}/bus", self._boards)
         try:
             self._turn_until(lambda: len(judge.ok_ns) == self.pads, judge, PATIENCE_S)
@@ -118,17 +117,6 @@ class Drill:
             self._end_meanwhile()
             self._daemon.__exit__()
         return self._facts(judge, status, time.monotonic() - begun)
-
-    def _wait_until_serving(self) -> None:
-        until = time.monotonic() + 3 * PATIENCE_S
-        while time.monotonic() < until:
-            self._tick()
-            try:
-                self._daemon.request("pads", timeout_s=0.05)
-                return
-            except UnreachableError:
-                assert self._daemon.process.poll() is None, self._daemon.log.read_text()
-        raise AssertionError(self._daemon.log.read_text())
 
     def _turn_until(self, condition: Any, judge: Judge, patience_s: float) -> None:
         until = time.monotonic() + patience_s

@@ -38,7 +38,7 @@ class LineGuard:
         return self.crowd
 
     def passed(self, counted: object, number: int) -> None:
-        """Somebody else read samples: see TimeGate."""
+        """Another reader read samples: see TimeGate."""
         self._times.passed(counted, number)
 
     def why_not(

@@ -219,8 +219,8 @@ class Link:
         self._guard.passed(pad_index, sequence)
 
     def _host_time_ns(self, time_us: int, now_ns: int, counted: object, number: int) -> int | None:
-        """When a packet's sample was taken, on this host; None if it cannot be believed. number: the packet's, of what
-        is `counted`."""
+        """When a packet's sample was taken, on this host; None if it is refused. number: the packet's, in the series
+        `counted`."""
         if (why := self._guard.why_not(self._clock, time_us, now_ns, counted, number)) is not None:
             if why is not NOT_YET:
                 self._leave_out("sample", why)

@@ -49,12 +49,12 @@ class TimeGate:
         self._hello = True
 
     def passed(self, counted: object, number: int) -> None:
-        """Somebody else admitted packets, and this was the last number of what is `counted`."""
+        """Another reader admitted packets; `number` was the last one of the series `counted`."""
         self._numbers[counted] = number
 
     def admits(self, clock: DeviceClock, device_us: int, arrival_ns: int, counted: object, number: int) -> bool:
-        """Whether `clock` may learn from a packet with this time. number: the packet's, of what is `counted`: each pad
-        counts its own."""
+        """Whether `clock` may learn from a packet with this time. number: the packet's, in the series `counted`: each
+        pad has its own."""
         before = self._numbers.get(counted)
         has_next_number = before is not None and is_next(number, before)
         was_here_before = clock.has_begun and clock.is_plausible(device_us, arrival_ns) and device_us <= clock.newest_us
