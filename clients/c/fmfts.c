@@ -677,7 +677,8 @@ static bool is_guarded(const char *directory, char why[FMFTS_TEXT_SIZE])
     }
     if (found.st_mode & S_IWOTH && strcmp(nearest, directory) == 0)
         return fail(why, "%.80s may be written to by every user: any of them could send false forces through it. Name "
-                         "a folder that is yours alone (mkdir -m 700), or chmod o-w it", directory);
+                         "a folder inside it that is yours alone (mkdir -m 700)%s", directory,
+                    found.st_mode & S_ISVTX ? "" : ", or chmod o-w it");
     if (found.st_mode & S_IWOTH)
         return fail(why, "%.80s is not there, and any user may make it in %.40s and send false forces: start the daemon "
                          "first, or name a folder in your home", directory, nearest);
@@ -826,11 +827,11 @@ static bool set_key(void *socket, const char *path, char why[FMFTS_TEXT_SIZE])
     for (int i = 0; set && i < KEYS; i++)
         if (!key_named(content, halves[i].name, keys[i]) ||
             zmq_setsockopt(socket, halves[i].option, keys[i], KEY_SIZE) != 0)
-            set = fail(why, "key %.120s has no usable %s: make another with `fmfts-daemon keys new`", path,
+            set = fail(why, "key %.120s has no usable %s: make another with `fmfts-daemon keys new NAME`", path,
                        halves[i].name);
     if (set && (zmq_curve_public(fitting, keys[SECRET]) != 0 || strcmp(fitting, keys[PUBLIC]) != 0))
         set = fail(why, "key %.80s is damaged: its public and its secret key are no pair: make another with "
-                        "`fmfts-daemon keys new`", path);
+                        "`fmfts-daemon keys new NAME`", path);
     explicit_bzero(content, sizeof content);
     explicit_bzero(keys, sizeof keys);
     return set;

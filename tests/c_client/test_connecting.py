@@ -170,7 +170,9 @@ def test_folder_that_everybody_may_write_to_is_refused(program: Path, tmp_path: 
     shared = tmp_path / "shared"
     shared.mkdir()
     shared.chmod(0o1777)
-    assert "may be written to by every user" in refused(program, "demo", f"ipc://{shared}")
+    assert refused(program, "demo", f"ipc://{shared}").endswith("yours alone (mkdir -m 700)"), "/tmp must stay as it is"
+    shared.chmod(0o777)
+    assert "or chmod o-w it" in refused(program, "demo", f"ipc://{shared}")
 
 
 def test_missing_folder_in_a_shared_place_is_refused(program: Path, tmp_path: Path) -> None:

@@ -175,6 +175,7 @@ SIMULATED = "pad 'a' (first [[pad]]): "
     [
         (PAD + "rate_hz = 5000", SIMULATED + "source.rate_hz = 5000: must be a whole number from 1 to 1000"),
         (PAD + "rate_hz = 219.5", SIMULATED + "source.rate_hz = 219.5: must be a whole number from 1 to 1000"),
+        (PAD + "seed = -1", SIMULATED + "source.seed = -1: must be a whole number at least 0"),
         (PAD + 'rate_hz = "fast"', SIMULATED + "source.rate_hz = 'fast': must be a whole number from 1 to 1000"),
         (PAD + "rate = 100", SIMULATED + "source.rate: there is no such key; did you mean rate_hz, in hertz?"),
         (PAD + "[pad.magnet]\ndiameter = 2", SIMULATED + "magnet.diameter: there is no such key; did you mean diameter_mm, in millimetres?"),

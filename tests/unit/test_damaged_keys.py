@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from fmfts.bus.client_list import LARGEST_LIST, ClosedKeysError, KeysError
+from fmfts.bus.client_list import HEAD, LARGEST_LIST, ClosedKeysError, KeysError
 from fmfts.bus.keys import KeyFolder
 from fmfts.cli.main import main
 from fmfts.common import exit_codes
@@ -248,6 +248,22 @@ def test_damaged_list_is_named_with_its_line(keys: Path, line: str) -> None:
         file.write(line + "\n")
     with pytest.raises(KeysError, match="line 4"):
         KeyFolder(keys).clients()
+
+
+def test_list_that_lost_its_first_line_is_told_that_line(keys: Path) -> None:
+    """Who removed its clients, line by line, would lock them out."""
+    (keys / "clients").write_text((keys / "clients").read_text().removeprefix(f"{HEAD}\n"))
+    with pytest.raises(KeysError, match=f"line 1: it has rights, so this line must stand before it: {HEAD}$"):
+        KeyFolder(keys).clients()
+
+
+def test_remedy_for_the_daemons_key_is_its_own(keys: Path) -> None:
+    (keys / "server.key").write_bytes(b"")
+    with pytest.raises(KeysError, match="no usable public, secret: take it from a copy, or delete it"):
+        KeyFolder(keys).check()
+    (keys / "server.key").chmod(0o644)
+    with pytest.raises(KeysError, match=r"open to others \(mode 0644\): chmod 600 \S+$"):
+        KeyFolder(keys).check()
 
 
 def test_a_key_on_two_lines_is_refused(keys: Path) -> None:

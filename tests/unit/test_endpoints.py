@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import os
 import socket
+import tempfile
 from pathlib import Path
 
 import pytest
 
+import permitted
 from fmfts_client import EndpointError, Endpoints, endpoints
 from fmfts_client.endpoints import OVERRIDE, for_client, for_daemon
+
+NOBODY = 65534
 
 
 @pytest.fixture(autouse=True)
@@ -145,12 +149,26 @@ def test_named_folder_that_everybody_may_write_to_is_refused_with_what_to_do(tmp
     """Also with the sticky bit, as /tmp has it: whoever makes the socket first gets the clients."""
     shared = tmp_path / "shared"
     shared.mkdir()
-    shared.chmod(0o1777)
     base = f"ipc://{shared}"
-    for find in (for_daemon, for_client):
-        for given in ({"FMFTS_BUS": base}, {}):
-            with pytest.raises(EndpointError, match=r"every user .*false forces.*mkdir -m 700 .*chmod o-w"):
-                find(base if not given else None, given)
+    for mode, may_be_closed in ((0o777, True), (0o1777, False)):
+        shared.chmod(mode)
+        for find in (for_daemon, for_client):
+            for given in ({"FMFTS_BUS": base}, {}):
+                with pytest.raises(EndpointError, match=r"every user .*false forces.*mkdir -m 700 ") as refused:
+                    find(base if not given else None, given)
+                assert ("chmod o-w" in str(refused.value)) is may_be_closed, "/tmp must stay as it is"
     shared.chmod(0o775)
     assert for_daemon(base, {}) == for_client(base, {}) == Endpoints.from_base(base)
     assert for_client(f"{base}/not-there-yet", {}) == Endpoints.from_base(f"{base}/not-there-yet")
+
+
+@pytest.mark.skipif(not permitted.another_user(), reason="only root can act as another user")
+def test_folder_that_is_closed_to_this_user_is_named_with_what_to_do() -> None:
+    with tempfile.TemporaryDirectory(dir="/tmp") as closed:  # mode 0700
+        os.seteuid(NOBODY)
+        try:
+            for find in (for_daemon, for_client):
+                with pytest.raises(EndpointError, match=rf"{closed}/fmfts: Permission denied: .*group, or .*FMFTS_BUS"):
+                    find(None, {"FMFTS_BUS": f"ipc://{closed}/fmfts"})
+        finally:
+            os.seteuid(0)

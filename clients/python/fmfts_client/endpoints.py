@@ -72,7 +72,13 @@ class Endpoints:
 def _directory_of(base: str) -> Path:
     """The directory of a base that begins with ipc://."""
     path = Path(base[len("ipc://") :])
-    return path.parent if path.is_socket() else path
+    try:
+        return path.parent if path.is_socket() else path
+    except OSError as error:
+        raise EndpointError(
+            f"cannot see whether a daemon serves {base}: {error.strerror}: run this as the daemon's user or a member of "
+            f"its group, or name another place with {OVERRIDE}"
+        ) from error
 
 
 def named_base(configured: Optional[str] = None, environ: Mapping[str, str] = os.environ) -> Optional[str]:
@@ -121,11 +127,12 @@ def _guarded(base: str, must_be_there: bool) -> Endpoints:
         for path in (directory.absolute(), directory.resolve()):
             nearest, mode = _nearest(path)
             if mode & stat.S_IWOTH and nearest == path:
+                # A place like /tmp is meant for every user: who closes it stops other programs.
+                close = "" if mode & stat.S_ISVTX else f", or close this one (chmod o-w {directory})"
                 raise EndpointError(
                     f"{directory} may be written to by every user ({stat.filemode(mode)}): any of them could send "
                     f"false forces through a socket there. Name a folder inside it that is yours alone "
-                    f"(mkdir -m 700 {directory}/fmfts; {OVERRIDE}=ipc://{directory}/fmfts), or close this one "
-                    f"(chmod o-w {directory})"
+                    f"(mkdir -m 700 {directory}/fmfts; {OVERRIDE}=ipc://{directory}/fmfts){close}"
                 )
             if mode & stat.S_IWOTH and must_be_there:
                 raise EndpointError(

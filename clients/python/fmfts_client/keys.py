@@ -25,6 +25,8 @@ FORBIDDEN_MODE = 0o037
 # Without O_NONBLOCK a pipe in the file's place would make the reader wait for ever. Windows lacks two of these flags.
 READ_ONLY = os.O_RDONLY | sum(getattr(os, flag, 0) for flag in ("O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
 
+ANOTHER_KEY = "make another with `fmfts-daemon keys new NAME` on the daemon's machine"
+
 _LINE = re.compile(r'(\w+) = "([^"]*)"')
 
 
@@ -49,12 +51,11 @@ def decoded(key: str) -> Optional[bytes]:
         return None
 
 
-def read_fields(path: Path, names: tuple[str, ...]) -> list[bytes]:
-    """The keys of these names in a key file, `public` and `secret` among them.
+def read_fields(path: Path, names: tuple[str, ...], remedy: str = ANOTHER_KEY) -> list[bytes]:
+    """The keys of these names in a key file, `public` and `secret` among them. remedy: what to do with a damaged file.
 
     Raises BadKeyError where others may read it, where a key is missing or damaged, or where the two are no pair.
     """
-    remedy = "make another with `fmfts-daemon keys new`"
     text = _private_text(path)
     keys = {line[1]: line[2] for line in map(_LINE.fullmatch, text.splitlines()) if line}
     missing = [name for name in names if decoded(keys.get(name, "")) is None]

@@ -271,7 +271,10 @@ def load(path: Path, pad: Pad, origin: Origin | None = None) -> Baseline | None:
     except FileNotFoundError:
         return None
     except OSError as error:
-        raise BaselineError(f"pad '{pad.name}': baseline {path} cannot be read: {error.strerror}") from error
+        raise BaselineError(
+            f"pad '{pad.name}': baseline {path} cannot be read: {error.strerror}: mend that, or name another folder with "
+            "XDG_STATE_HOME (a service: StateDirectory=)"
+        ) from error
     if len(text) > LARGEST_BYTES:
         larger = f"larger than {LARGEST_BYTES / 1e6:g} MB, and no baseline is"
         raise BaselineError(f"pad '{pad.name}': baseline {path} is {larger}: {again}")

@@ -109,6 +109,8 @@ class ClientList:
     def _parsed(self, text: str) -> Iterator[tuple[int, Client]]:
         lines = text.splitlines()
         has_rights = lines[:1] == [HEAD]
+        if not has_rights and lines and lines[0].endswith((f" {MAY_CHANGE}", f" {READ_ONLY}")):
+            raise KeysError(f"{self._line(1)}: it has rights, so this line must stand before it: {HEAD}")
         for number, line in enumerate(lines[has_rights:], 1 + has_rights):
             key, _, rest = line.partition(" ")
             name, _, right = rest.partition(" ") if has_rights else (rest, "", MAY_CHANGE)
@@ -128,6 +130,7 @@ def unreadable(what: str, error: OSError | ValueError) -> KeysError:
         return KeysError(f"{what} is not there: `fmfts-daemon keys new NAME` makes what is missing")
     if isinstance(error, PermissionError):
         return ClosedKeysError(
-            f"{what} is closed to this user: `chown -R fmfts:` its folder, where fmfts is the service"
+            f"{what} is closed to this user: `sudo chown -R fmfts:` its folder, where fmfts is the service, or the user "
+            "who runs the daemon"
         )
     return KeysError(f"{what} cannot be read: {getattr(error, 'strerror', None) or error}")

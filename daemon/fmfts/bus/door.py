@@ -41,14 +41,21 @@ log = logging.getLogger(__name__)
 class Door:
     """Looks at the number of open files, in a thread of its own, and closes or opens the doors of `sockets`.
 
-    limit: how many files this process may open. priority: real-time priority of the thread, 0: none.
+    limit: how many files this process may open. priority: real-time priority of the thread, 0: none. Raises BusError
+    where the daemon's own files leave none for a connection.
     """
 
     def __init__(self, sockets: Sequence[BoundSocket], limit: int, priority: int = 0) -> None:
         paths = [socket.path for socket in sockets if socket.path is not None]
         self._paths = [(path, path.with_name(f"{path.name}.full")) for path in paths]
         self._listeners = [socket.listener for socket in sockets if socket.listener is not None]
-        self._most = min(open_files.count() + MOST_CONNECTIONS, limit // SHARE_OF_LIMIT)
+        own = open_files.count()
+        self._most = min(own + MOST_CONNECTIONS, limit // SHARE_OF_LIMIT)
+        if self._most <= own:
+            raise BusError(
+                f"this process may open only {limit} files and needs {own} without a client, of which it must have more "
+                f"than {SHARE_OF_LIMIT} times as many: raise the limit (ulimit -n {SAFE_LIMIT}; a service: LimitNOFILE=)"
+            )
         self._priority = priority
         self._look_s = min((limit - self._most) / FASTEST_PER_S, LONGEST_LOOK_S)
         self._ended = threading.Event()

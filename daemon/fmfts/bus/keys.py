@@ -24,6 +24,9 @@ from fmfts.service.state import give_to
 from fmfts_client.keys import BadKeyError, read_fields
 
 PRIVATE = 0o600
+NEW_SERVER_KEY = (
+    "take it from a copy, or delete it and all clients' keys, and make new ones with `fmfts-daemon keys new NAME`"
+)
 
 
 class NotWrittenError(BusError):
@@ -53,14 +56,11 @@ class KeyFolder:
     def server(self) -> ServerKey:
         """The daemon's keys, read from `server.key`."""
         try:
-            return ServerKey(*read_fields(self._server, ("public", "secret")))
+            return ServerKey(*read_fields(self._server, ("public", "secret"), NEW_SERVER_KEY))
         except BadKeyError as error:
             if isinstance(error.__cause__, OSError):
                 raise unreadable(f"key {self._server}", error.__cause__) from error
-            raise KeysError(
-                f"{error}; or take it from a copy, or delete it and all clients' keys, and make new ones with "
-                "`fmfts-daemon keys new NAME`"
-            ) from error
+            raise KeysError(str(error)) from error
 
     def clients(self) -> dict[str, Client]:
         """The clients that may connect, by their names."""

@@ -8,6 +8,7 @@ import socket
 from pathlib import Path
 
 CONNECT_S = 1.0
+ANOTHER_PLACE = "name another place with FMFTS_BUS (ipc:///directory or tcp://127.0.0.1:port) or [bus] endpoint"
 
 
 class BusError(Exception):
@@ -79,8 +80,7 @@ def _take(path: Path, endpoint: str) -> int:
     try:
         descriptor = os.open(_lock_file(path), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o660)
     except OSError as error:
-        other = "; another place: FMFTS_BUS=ipc:///another/directory, or [bus] endpoint"
-        raise BusError(f"cannot serve {endpoint}: {_lock_file(path)}: {error.strerror}{other}") from error
+        raise BusError(f"cannot serve {endpoint}: {_lock_file(path)}: {error.strerror}; {ANOTHER_PLACE}") from error
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

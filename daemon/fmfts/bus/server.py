@@ -92,7 +92,7 @@ class BoundSocket:
 
 def _advice(error: zmq.ZMQError | OSError) -> str:
     if error.errno != errno.EADDRINUSE:
-        return ""
+        return f"; {ANOTHER_PLACE}"
     return ": another program, perhaps another fmfts-daemon, serves there: stop it, or choose another with FMFTS_BUS"
 
 
@@ -124,7 +124,7 @@ def _prepare_directory(directory: Path, endpoint: str) -> None:
         directory.mkdir(mode=0o750, exist_ok=True)
         status = directory.stat()
     except OSError as error:
-        raise BusError(f"cannot serve {endpoint}: {directory}: {error.strerror}") from error
+        raise BusError(f"cannot serve {endpoint}: {directory}: {error.strerror}; {ANOTHER_PLACE}") from error
     if status.st_uid not in trusted_owners() or status.st_mode & stat.S_IWOTH:
         raise BusError(
             f"cannot serve {endpoint}: {directory} belongs to {name_of(status.st_uid)} "

@@ -117,7 +117,7 @@ Imperfection = Literal[
 
 
 class SimulatedSource(_HardwareSource, frozen=True, tag="simulated", tag_field="type", kw_only=True):
-    seed: int = 1
+    seed: Annotated[int, Meta(ge=0)] = 1
     finger: Literal["script", "none"] = "script"
     fingers: Literal[1, 2] = 1  # 2: of a pad with several magnets
     finger_friction: Annotated[float, Meta(ge=0, le=0.5)] = 0.0

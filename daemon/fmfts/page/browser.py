@@ -52,5 +52,10 @@ def shown_in_browser(address: str, folder: Path | None = None) -> Iterator[None]
         file.touch(mode=0o600)
         file.write_text(LEADS_ON.format(html.escape(address)))
         # `webbrowser` waits for the end of a program that BROWSER names, so it has a thread of its own.
-        threading.Thread(target=webbrowser.open, args=(file.as_uri(),), daemon=True).start()
+        threading.Thread(target=_open, args=(file.as_uri(),), daemon=True).start()
         yield
+
+
+def _open(file: str) -> None:
+    if not webbrowser.open(file):
+        print("no browser opened: open the address yourself; BROWSER names another program", file=sys.stderr)

@@ -80,7 +80,14 @@ class Feed:
         self._topics = (*TOPICS, GHOST, CAPTION) if beside else TOPICS
         self._socket.connect(endpoints.bus)
         for endpoint in beside:
-            self._socket.connect(endpoint)
+            try:
+                self._socket.connect(endpoint)
+            except zmq.ZMQError as error:
+                self._socket.close()
+                raise EndpointError(
+                    f"cannot connect to {endpoint!r} ({error.strerror}): give the other program's own endpoint, such as "
+                    "ipc:///directory/socket or tcp://127.0.0.1:port"
+                ) from error
 
     def add(self, viewer: Viewer) -> None:
         if not self.viewers:
