@@ -101,7 +101,7 @@ class Score:
         self.told = {"daemon": 0, "ghost": 0}
         self.wrong = {"daemon": 0, "ghost": 0}
         self.worst_n = {"daemon": 0.0, "ghost": 0.0}
-        self.unknown = 0
+        self.unknown = self.false_contacts = 0
 
     def moved(self, forces_n: list[float]) -> None:
         """The boards have these forces from now on."""
@@ -111,7 +111,10 @@ class Score:
         sampled_s = body["t_sample_ns"] * 1e-9
         number = NAMES.index(pad)
         around = [forces[number] for moment, forces in self._forces if abs(moment - sampled_s) < SETTLED_S]
-        if len(around) < FEWEST_MOVES or max(around) - min(around) > STEADY_N or body.get("over_range"):
+        if len(around) < FEWEST_MOVES or max(around) - min(around) > STEADY_N:
+            return
+        self.false_contacts += who == "daemon" and body["contact"] is True and max(around) == 0.0
+        if body.get("over_range"):
             return
         force_n = 0.0 if body.get("contact") is False else body["force_n"]
         if force_n is None or (who == "daemon" and body["contact"] is None):
@@ -132,7 +135,8 @@ class Score:
             f"wrong by more than {WRONG_N:g} N:",
             of("ghost", "a fixed baseline"),
             of("daemon", "fmfts-daemon    "),
-            f"  fmfts-daemon said {self.unknown} times that the force is not known, with the reason",
+            f"  fmfts-daemon said {self.unknown} times that the force is not known, with the reason,",
+            f"  and {self.false_contacts} times that something touches where nothing does",
         ]
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from bisect import bisect
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
@@ -32,6 +34,8 @@ ROTATIONS_DEG, GAINS = (0.0, 0.5, 1.0, 2.0), (0.005, 0.05)
 # RELEASE_FRAMES quiet frames end a contact, and one frame in a hundred is not quiet by noise alone.
 RELEASE_S = 0.2
 WITHIN_DEVIATIONS = 2.0
+# Touches are counted by force between these (N).
+LIGHT_N = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0)
 
 
 @dataclass(slots=True)
@@ -49,6 +53,8 @@ class Cell:
     errors: list[list[float]] = field(default_factory=list)
     off_m: list[float] = field(default_factory=list)
     off_n: list[float] = field(default_factory=list)
+    light: Counter[int] = field(default_factory=Counter)  # frames of a touch, by its place in LIGHT_N
+    noticed: Counter[int] = field(default_factory=Counter)  # and of those, with contact
 
     @property
     def line(self) -> str:
@@ -62,9 +68,16 @@ class Cell:
             f"{self.wrong:4d} wrong of {self.frames}, worst {self.worst:5.1f} sd, "
             f"within 2 sd {within:6.2%}, error {error}, "
             f"false contact {self.false_contacts / max(self.rest_frames, 1):.2%}, "
-            f"refused {self.refused.total()}"
+            f"refused {self.refused.total()}\n    touches noticed: "
+            + ", ".join(f"{low:g} to {high:g} N {share:.1%}" for low, high, share in self.noticed_shares)
             + "".join(f"\n    {count} × {reason}" for reason, count in self.refused.items())
         )
+
+    @property
+    def noticed_shares(self) -> list[tuple[float, float, float]]:
+        """Between which forces (N), and the share of the published frames of such touches that say contact."""
+        bins = list(pairwise(LIGHT_N))
+        return [(*bins[place], self.noticed[place] / frames) for place, frames in sorted(self.light.items())]
 
     @property
     def facts(self) -> dict[str, object]:
@@ -81,6 +94,7 @@ class Cell:
             "force_error_n": float(np.mean(self.off_n)) if self.off_n else None,
             "false_contact_frames": self.false_contacts,
             "rest_frames": self.rest_frames,
+            "noticed_shares": self.noticed_shares,
         }
 
     def saw(self, messages: Iterable[ContactMessage], truth: Truth, finger: Finger) -> None:
@@ -96,6 +110,10 @@ class Cell:
             if touch.force_n == finger(time_s - RELEASE_S).force_n == 0.0:
                 self.rest_frames += 1
                 self.false_contacts += message.contact is True
+            place = bisect(LIGHT_N, touch.force_n) - 1
+            if 0 <= place < len(LIGHT_N) - 1 and message.health in PUBLISHED:
+                self.light[place] += 1
+                self.noticed[place] += message.contact is True
             if (
                 message.x_m is not None
                 and message.y_m is not None
