@@ -56,7 +56,7 @@ BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || ec
 	$(shell $(PYTHON) -c 'import os, sysconfig, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' 2>/dev/null || echo python3-dev)
 missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' $(package) 2>/dev/null | grep -q 'ok installed' || echo $(package)))
 # Packages for tests. umockdev emulates the kernel's I2C interface, and needs the system's own Python (python3-gi).
-TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi faketime g++ openscad gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium)
+TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi faketime g++ openscad gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium openssh-client)
 
 .PHONY: demo test lint unit processes clock slow long bench cold-starts clean wheel
 .PHONY: first-uses transcript recordings kept-report model pictures chips-page mould sample-times

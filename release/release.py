@@ -74,7 +74,7 @@ def require_clean() -> None:
 
 
 def tag(name: str, text: str, root: Path = ROOT) -> None:
-    """SystemExit where it is not made, or is to be signed and is not: git 2.39 then says so, and makes it all the same."""
+    """SystemExit where it is not made, or is to be signed and is not: git 2.39 then says so, and makes it unsigned."""
 
     def run(*words: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(["git", *words], cwd=root, capture_output=True, text=True, check=False)

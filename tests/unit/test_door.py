@@ -18,6 +18,7 @@ from fmfts.bus.control import LARGEST_RECEIVED, MOST_UNREAD, MOST_WAITING, Contr
 from fmfts.bus.door import LONGEST_LOOK_S, MEASURED_PER_S, MOST_CONNECTIONS, MOST_OF_A_CONNECTION, OF_THE_DAEMON, Door
 from fmfts.bus.encoding import encode
 from fmfts.bus.listener import Listener
+from fmfts.bus.lock import BusError
 from fmfts.bus.publisher import Publisher
 from fmfts.bus.server import MESSAGE_BYTES, PEER_BYTES
 from fmfts.service import open_files
@@ -71,6 +72,13 @@ class Peer:
     def is_answered(self, within_ms: int) -> bool:
         self.socket.send(b"\x82\xa2id\x01\xa4verb\xa4pads")
         return bool(self.socket.poll(within_ms)) and bool(self.socket.recv())
+
+
+def test_limit_that_leaves_no_client_a_file_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(open_files, "count", lambda: 60)
+    with pytest.raises(BusError, match=r"only 120 files, .* the 60 .*LimitNOFILE"):
+        Door([], limit=120)
+    Door([], limit=122).close()
 
 
 def test_full_daemon_lets_nobody_in_until_some_leave(

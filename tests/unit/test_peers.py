@@ -126,6 +126,7 @@ def test_flood_takes_its_budget_and_then_leaves_the_loop_alone(loop: Loop) -> No
     while sum(turns) < 500:
         loop.pause()
         turns.append(loop.turn())
+        loop.settle()  # whose answers have not left is refused more
         assert time.monotonic() < until
     assert max(turns) == BUDGET_NS // REQUEST_NS
     for number in range(500):
@@ -163,7 +164,7 @@ def test_what_waits_of_one_peer_is_bounded(loop: Loop) -> None:
     while poller.poll(200):
         peer.send(filler)
         sent += 1
-        assert sent < 200, "there are 10 in the peer, MOST_WAITING in the daemon, and some fifty in the kernel"
+        assert sent < 500, "there are 10 in the peer, MOST_WAITING in the daemon, and up to 300 in the kernel"
     answers = [received(peer, loop) for _ in range(sent)]
     assert [answer["id"] for answer in answers] == [1] * sent
     assert loop.control._unread.of((b"",)) == 0

@@ -76,8 +76,8 @@ def _directory_of(base: str) -> Path:
         return path.parent if path.is_socket() else path
     except OSError as error:
         raise EndpointError(
-            f"cannot see whether a daemon serves {base}: {error.strerror}: run this as the daemon's user or a member of "
-            f"its group, or name another place with {OVERRIDE}"
+            f"cannot see whether a daemon serves {base}: {error.strerror}: run this as the daemon's user or a member "
+            f"of its group, or name another place with {OVERRIDE}"
         ) from error
 
 

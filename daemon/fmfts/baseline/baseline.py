@@ -272,8 +272,8 @@ def load(path: Path, pad: Pad, origin: Origin | None = None) -> Baseline | None:
         return None
     except OSError as error:
         raise BaselineError(
-            f"pad '{pad.name}': baseline {path} cannot be read: {error.strerror}: mend that, or name another folder with "
-            "XDG_STATE_HOME (a service: StateDirectory=)"
+            f"pad '{pad.name}': baseline {path} cannot be read: {error.strerror}: mend that, or name another folder "
+            "with XDG_STATE_HOME (a service: StateDirectory=)"
         ) from error
     if len(text) > LARGEST_BYTES:
         larger = f"larger than {LARGEST_BYTES / 1e6:g} MB, and no baseline is"

@@ -130,7 +130,7 @@ def unreadable(what: str, error: OSError | ValueError) -> KeysError:
         return KeysError(f"{what} is not there: `fmfts-daemon keys new NAME` makes what is missing")
     if isinstance(error, PermissionError):
         return ClosedKeysError(
-            f"{what} is closed to this user: `sudo chown -R fmfts:` its folder, where fmfts is the service, or the user "
-            "who runs the daemon"
+            f"{what} is closed to this user: `sudo chown -R fmfts:` its folder, where fmfts is the service, or the "
+            "user who runs the daemon"
         )
     return KeysError(f"{what} cannot be read: {getattr(error, 'strerror', None) or error}")

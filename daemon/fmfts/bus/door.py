@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 
+from fmfts.bus.lock import BusError
 from fmfts.bus.server import BoundSocket
 from fmfts.service import open_files
 from fmfts.service.realtime import RealtimeError, take_thread_priority
@@ -53,8 +54,8 @@ class Door:
         self._most = min(own + MOST_CONNECTIONS, limit // SHARE_OF_LIMIT)
         if self._most <= own:
             raise BusError(
-                f"this process may open only {limit} files and needs {own} without a client, of which it must have more "
-                f"than {SHARE_OF_LIMIT} times as many: raise the limit (ulimit -n {SAFE_LIMIT}; a service: LimitNOFILE=)"
+                f"this process may open only {limit} files, and must have more than {SHARE_OF_LIMIT} times the {own} "
+                f"that it needs without a client: raise the limit (ulimit -n {SAFE_LIMIT}; a service: LimitNOFILE=)"
             )
         self._priority = priority
         self._look_s = min((limit - self._most) / FASTEST_PER_S, LONGEST_LOOK_S)

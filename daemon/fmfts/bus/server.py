@@ -13,7 +13,7 @@ import zmq
 
 from fmfts.bus.keys import ServerKey
 from fmfts.bus.listener import Listener, bound_to_tcp
-from fmfts.bus.lock import BusError, EndpointLock, socket_path
+from fmfts.bus.lock import ANOTHER_PLACE, BusError, EndpointLock, socket_path
 from fmfts_client.endpoints import name_of, trusted_owners
 from fmfts_client.keys import is_loopback
 

@@ -85,8 +85,8 @@ class Feed:
             except zmq.ZMQError as error:
                 self._socket.close()
                 raise EndpointError(
-                    f"cannot connect to {endpoint!r} ({error.strerror}): give the other program's own endpoint, such as "
-                    "ipc:///directory/socket or tcp://127.0.0.1:port"
+                    f"cannot connect to {endpoint!r} ({error.strerror}): give the other program's own endpoint, such "
+                    "as ipc:///directory/socket or tcp://127.0.0.1:port"
                 ) from error
 
     def add(self, viewer: Viewer) -> None:
