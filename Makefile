@@ -30,6 +30,8 @@
 #              (SHORT=1: a minute)
 # make fuzz    a million inputs to each decoder, or FUZZ_SECONDS=300 of each: 50 minutes; make fuzz-short: a minute
 # make fuzz-files    a million damaged files
+# make golden  every frame of the frozen worlds against what was said of it: some minutes; make golden-freeze: keep what is
+#              said now, and say in the commit why    (GOLDEN="--way python healthy")
 # make test-versions         each installed Python with the oldest, newest and pinned dependencies: half an hour
 # make wheel   a wheel for this architecture; fails if a compiled part is missing
 # make dist    wheels for x86-64 and aarch64, and source archives, in dist/, as a package index takes them (root: aarch64);
@@ -279,6 +281,12 @@ lerobot: $(VENV)/.installed-test
 recordings: $(VENV)/.installed-test firmware
 	$(BIN)/python tests/data/make_recordings.py
 	$(BIN)/python tests/data/make_paper_recording.py
+
+# All 240,000 frames of tests/golden; `make test` takes the first of each world.
+GOLDEN ?=
+.PHONY: golden golden-freeze
+golden golden-freeze: $(VENV)/.installed-test
+	PYTHONPATH=tests $(BIN)/python -m golden $(if $(filter golden-freeze,$@),--freeze) $(GOLDEN)
 
 # Makes the report that tests/unit/test_kept_reports.py replays, and what that test demands of it.
 kept-report: $(VENV)/.installed-test

@@ -23,13 +23,14 @@ from repeating import REPEATED
 ROOT = Path(__file__).parents[1]
 LOGS = Path("build/test-logs")
 PYTEST = ["-m", "pytest", "-o", "junit_logging=no", "-o", "junit_family=xunit1"]  # the older one names files
-WHOLE = ["--dist", "worksteal", "--ignore", "tests/unit"]
+OF_FUNCTIONS = ["tests/unit", "tests/oracle", "tests/golden"]
+WHOLE = ["--dist", "worksteal", *(word for folder in OF_FUNCTIONS for word in ("--ignore", folder))]
 # Tests of whole processes mostly wait, so that four share two cores. What is judged by the clock comes last, and
 # computes little; where this user may say so, other programs have to wait for it. Browsers and drills need a processor.
 PARTS = {
     "lint": [["-m", "ruff", "check", "."], ["-m", "ruff", "format", "--check", "."],
              ["-m", "mypy", "daemon", "lab", "clients/python"]],
-    "unit": [[*PYTEST, "-n", "3", "--dist", "loadfile", "tests/unit", "-m", "not long"]],
+    "unit": [[*PYTEST, "-n", "3", "--dist", "loadfile", *OF_FUNCTIONS, "-m", "not long"]],
     "processes": [[*PYTEST, "-n", "4", *WHOLE, "-m", "not real_time and not slow"]],
     "clock": [[*PYTEST, "-n", "2", *WHOLE, "-m", "real_time and not slow"]],
     "slow": [[*PYTEST, "--ignore", "tests/unit", "-m", "slow"]],

@@ -1,0 +1,72 @@
+"""The first messages of each frozen world are what they were (`make golden`: all of 240,000 frames)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from golden.__main__ import frozen_file, judged
+from golden.noise import noise
+from golden.replayed import replay
+from golden.said import BLOCK, compare, decoded
+from golden.world import FOLDER, load, names
+
+# So that all of them take some seconds; a frame that only Python judges takes a millisecond.
+FIRST = {
+    "fingers": 400, "fingers-faulty": 300, "poses": 400, "faulty": 1500, "healthy": 2000, "noisy": 200, "cold": 500,
+    "turning-constant": 300, "skin": 300,
+}  # fmt: skip
+FIRST_OF_OTHERS = 700
+LARGEST_BYTES = 3_000_000
+
+
+@pytest.mark.parametrize("name", names())
+def test_frozen_world_is_answered_as_before(name: str) -> None:
+    for pad, verdict in judged(name, FIRST.get(name, FIRST_OF_OTHERS)).items():
+        assert verdict.compared > 30, pad
+        assert verdict.differences == [], pad
+
+
+def test_frozen_worlds_are_many_and_small() -> None:
+    assert sum(load(name)[0].frames for name in names()) >= 200_000
+    assert sum(path.stat().st_size for path in FOLDER.iterdir()) < LARGEST_BYTES
+    assert {path.name for path in FOLDER.glob("*.said.xz")} == {frozen_file(name).name for name in names()}
+
+
+def test_frames_are_those_that_were_frozen() -> None:
+    """Of one world: `make golden` asks it of all."""
+    world, digest = load("steel")
+    assert world.digest == digest
+    world.pads[0].stream.counts[1000, 2, 1] += 1
+    assert world.digest != digest
+
+
+def test_noise_is_normal_and_white() -> None:
+    drawn = noise(3, 4000, 12, 1320).astype(float)
+    # 48,000 numbers: the mean to 5 / sqrt(48000) = 0.023 deviations, the deviation to 1.6 %; rounding adds 1/12.
+    assert abs(drawn.mean()) < 0.03
+    assert drawn.std() == pytest.approx(np.hypot(1.32, np.sqrt(1.0 / 12.0)), rel=0.02)
+    assert np.abs(np.corrcoef(drawn.T) - np.eye(12)).max() < 0.08
+    assert abs(np.corrcoef(drawn[:-1, 0], drawn[1:, 0])[0, 1]) < 0.08
+
+
+def test_difference_that_matters_is_found_and_another_is_not() -> None:
+    said = replay(load("without-model")[0], 4 * BLOCK)["left"]
+    frozen = decoded(frozen_file("without-model").read_bytes())["left"]
+    assert compare(said, frozen).differences == []
+    place = frozen.names.index("pose.position_m[2]")
+    sd_m = frozen.first[2, frozen.names.index("pose.position_sd_m[2]")]
+    for off_m, is_found in ((0.005 * sd_m, False), (0.02 * sd_m, True)):
+        moved = frozen.first.copy()
+        moved[2, place] += off_m
+        assert bool(compare(said, replace(frozen, first=moved)).differences) == is_found
+        mean = frozen.mean.copy()
+        mean[2, place] += off_m
+        assert bool(compare(said, replace(frozen, mean=mean)).differences) == is_found
+    words = list(frozen.words)
+    words[60] = words[60].replace('"health":"ok"', '"health":"lost"')
+    (counted, named) = compare(said, replace(frozen, words=words)).differences
+    assert counted == "1 messages say something else; there are 4 changes"
+    assert named == "message 60: health is 'ok', was 'lost'"

@@ -1,0 +1,186 @@
+"""The compiled solver against SciPy and the potential: derivatives, answers, covariance, NEES and coverage."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import chi2 as chi2_distribution
+
+from fmfts.pose import STOP_CONVERGED, Prior, Problem, State, Status, parts_of, solve_problem
+from fmfts.pose.problem import MEASUREMENT
+from fmfts.pose.state import Neighbour
+from oracle.field import Array, OneMagnet, reading
+from oracle.problems import Pose, covariance, solved
+
+NOISE_T = 2e-7
+POSE, FIELD, ALL = [0, 1, 2, 3, 4], [0, 1, 2, 3, 4, 6, 7, 8], list(range(14))
+
+
+def unit(random: np.random.Generator) -> Array:
+    vector = random.normal(size=3)
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def pose_of(
+    seed: int, sensors: int = 4, neighbours: int = 0, octupole: bool = True, noise: float = 1.0
+) -> tuple[Pose, Array]:
+    """A start, and the step from there to the truth whose field is measured."""
+    random = np.random.default_rng(seed)
+    place = np.repeat(random.uniform([-12e-3, -12e-3, -2e-3], [12e-3, 12e-3, 2e-3], (sensors, 3)), 3, axis=0)
+    direction = np.linalg.qr(random.normal(size=(sensors, 3, 3)))[0].reshape(-1, 3)
+    kappa = 2.5e-7 if octupole else 0.0
+    own = OneMagnet(
+        random.uniform([-2e-3, -2e-3, 9e-3], [2e-3, 2e-3, 14e-3]), unit(random), 0.05 * random.normal(), 6.15e-10, kappa
+    )
+    others = [
+        OneMagnet(np.array([0, 0, 12e-3]) + 35e-3 * unit(random), unit(random), 0.0, 6.15e-10, kappa)
+        for _ in range(neighbours)
+    ]
+    deviation = NOISE_T * random.uniform(0.5, 2.0, 3 * sensors)
+    start = Pose(
+        place,
+        direction,
+        np.zeros(3 * sensors),
+        deviation,
+        [own, *others],
+        2e-5 * random.normal(size=3),
+        1e-5 * random.normal(size=5),
+    )
+    step = np.zeros(len(start.steps))
+    step[:5] = random.normal(size=5) * [1e-4, 1e-4, 1e-4, 0.03, 0.03]
+    step[6:9] = random.normal(size=3) * 2e-6
+    value = reading(place, direction, *start.stepped(step)) + noise * deviation * random.normal(size=3 * sensors)
+    return Pose(place, direction, value, deviation, start.magnets, start.ambient_t, start.gradient_t_per_m), step
+
+
+def problem_of(pose: Pose, free: list[int], considered: list[int] = [], prior: Array | None = None) -> Problem:  # noqa: B006
+    rows = np.zeros((len(pose.value_t), MEASUREMENT))
+    rows[:, :3], rows[:, 3:6], rows[:, 6], rows[:, 7] = pose.place_m, pose.direction, pose.value_t, pose.deviation_t
+    own, *others = pose.magnets
+    neighbours = tuple(Neighbour(one.position_m, one.axis, one.log_moment) for one in others)
+    start = State(own.position_m, own.axis, own.log_moment, pose.ambient_t, pose.gradient_t_per_m, neighbours)
+    magnets = np.array([(one.strength_t_m3, one.kappa_m2) for one in pose.magnets])
+    parts = parts_of(start.columns, **{"free" if prior is None else "prior": free, "considered": considered})
+    told = None if prior is None else Prior(start, prior)
+    return Problem(rows, magnets, parts, start, told, stop_chi2=STOP_CONVERGED, max_iterations=200)
+
+
+def prior_of(random: np.random.Generator, pose: Pose) -> Array:
+    deviation = np.array(
+        [2e-4] * 3
+        + [0.05] * 2
+        + [0.02]
+        + [5e-6] * 3
+        + [5e-5] * 5
+        + [3e-4, 3e-4, 3e-4, 0.05, 0.05, 0.02] * (len(pose.magnets) - 1)
+    )
+    mixed = np.eye(len(deviation)) + 0.2 * random.normal(size=(len(deviation), len(deviation))) / np.sqrt(
+        len(deviation)
+    )
+    return np.asarray((mixed @ mixed.T) * deviation[:, None] * deviation)
+
+
+@pytest.mark.parametrize("octupole", [True, False])
+@pytest.mark.parametrize("neighbours", [0, 2])
+def test_each_derivative_is_the_potentials(neighbours: int, octupole: bool) -> None:
+    """Two at a time: the inverse of their covariance is the product of their derivatives. Tilts go together."""
+    pose, _ = pose_of(1, 4, neighbours, octupole, noise=0.0)
+    columns = len(pose.steps)
+    jacobian = 1e3 * pose.jacobian(np.zeros(columns))
+    value = reading(pose.place_m, pose.direction, *pose.stepped(np.zeros(columns)))
+    sure_t = 1e-3 * pose.deviation_t  # no unknown of a pair is too uncertain to be told
+    at = Pose(pose.place_m, pose.direction, value, sure_t, pose.magnets, pose.ambient_t, pose.gradient_t_per_m)
+    for first in range(columns):
+        for second in range(first):
+            pair = sorted({second, first} | {3, 4} if {second, first} & {3, 4} else {second, first})
+            for tilts in ({17, 18}, {23, 24}):
+                pair = sorted({*pair} | tilts) if {*pair} & tilts else pair
+            told = solve_problem(problem_of(at, pair)).covariance[np.ix_(pair, pair)]
+            normal = jacobian[:, pair].T @ jacobian[:, pair]
+            wanted = np.linalg.inv(normal)
+            # What differences of fourth order leave is 1e-8 of a derivative; a pair may be nearly parallel.
+            deviation = np.sqrt(np.diag(wanted))
+            assert (np.abs(told - wanted) < 1e-5 * deviation[:, None] * deviation).all(), pair
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_answer_and_covariance_are_scipys(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    pose, _ = pose_of(100 + seed, sensors=4 + seed % 3, neighbours=seed % 2, octupole=seed % 3 > 0)
+    free = POSE if seed % 4 == 0 else FIELD
+    prior, considered = None, list[int]()
+    if seed % 2:
+        free, considered, prior = [*FIELD, *range(14, 20)], [5], prior_of(random, pose)
+    told = solve_problem(problem_of(pose, free, considered, prior))
+    assert told.status is Status.CONVERGED
+    unlinked = None
+    if prior is not None:  # the estimate holds what is considered: given it, the prior of the others is narrower
+        cross = prior[np.ix_(free, considered)] @ np.linalg.inv(prior[np.ix_(considered, considered)])
+        unlinked = prior.copy()
+        unlinked[np.ix_(free, free)] -= cross @ prior[np.ix_(considered, free)]
+    step, chi2 = solved(pose, free, unlinked)
+    magnets, ambient, gradient = pose.stepped(step)
+    there = Pose(pose.place_m, pose.direction, pose.value_t, pose.deviation_t, magnets, ambient, gradient)
+    wanted = covariance(there.jacobian(0.0 * step), free, considered, prior)
+    deviation = np.sqrt(np.diag(wanted))
+    assert np.abs(told.state.position_m - magnets[0].position_m).max() < 1e-4 * deviation[:3].min()
+    assert np.abs(told.state.axis - magnets[0].axis).max() < 1e-4 * deviation[3:5].min()
+    assert np.abs(told.state.ambient_t - ambient).max() <= 1e-4 * deviation[6:9].max()
+    if prior is None:
+        assert told.chi2 == pytest.approx(chi2, rel=1e-6)
+        assert np.abs(told.covariance - wanted).max() <= 1e-4 * np.outer(deviation, deviation).max()
+    used = [*free, *considered]
+    share = np.outer(deviation, deviation)[np.ix_(used, used)]
+    # A prior's tangent plane is the start's, the answer's is another: the second order of a turn by 0.1.
+    assert (np.abs(told.covariance - wanted)[np.ix_(used, used)] <= (1e-4 if prior is None else 2e-2) * share).all()
+
+
+@pytest.mark.parametrize(("free", "name"), [(POSE, "pose"), (FIELD, "pose and ambient field")])
+def test_errors_over_random_pads_are_what_the_covariance_says(free: list[int], name: str) -> None:
+    """NEES and χ² of 400 pads, each with another geometry, pose and noise: sums of χ² are within their 1e-6 quantiles;
+    coverage of one and two deviations is within five of its own."""
+    nees, chi2, inside, count = 0.0, 0.0, np.zeros(2), 400
+    rows = 0
+    for seed in range(count):
+        pose, truth = pose_of(1000 + seed, sensors=5)
+        if free is POSE:
+            start = pose.stepped(np.concatenate([np.zeros(6), truth[6:9], np.zeros(5)]))
+            pose = Pose(pose.place_m, pose.direction, pose.value_t, pose.deviation_t, start[0], start[1], start[2])
+        told = solve_problem(problem_of(pose, free))
+        assert told.status is Status.CONVERGED
+        magnets, ambient, gradient = pose.stepped(np.concatenate([truth[:6], np.zeros(8)]) if free is POSE else truth)
+        true = State(magnets[0].position_m, magnets[0].axis, magnets[0].log_moment, ambient, gradient)
+        off = told.state.step_from(true)[free]
+        own = told.covariance[np.ix_(free, free)]
+        nees += off @ np.linalg.solve(own, off)
+        chi2 += told.chi2
+        rows += told.rows - len(free)
+        inside += [np.mean(np.abs(off) < times * np.sqrt(np.diag(own))) for times in (1.0, 2.0)]
+    for total, freedom in ((nees, count * len(free)), (chi2, rows)):
+        low, high = chi2_distribution.ppf([1e-6, 1.0 - 1e-6], freedom)
+        assert low < total < high
+    for share, wanted in zip(inside / count, (0.6827, 0.9545), strict=True):
+        assert abs(share - wanted) < 5.0 * np.sqrt(wanted * (1.0 - wanted) / count)
+
+
+def test_considered_moment_covers_what_it_does() -> None:
+    """2 % of the moment, drawn anew for each of 300 pads and never told: the covariance holds it."""
+    nees, count = 0.0, 300
+    for seed in range(count):
+        random = np.random.default_rng(seed)
+        pose, truth = pose_of(5000 + seed, sensors=5, noise=0.0)
+        truth[5] = 0.02 * random.normal()
+        value = reading(pose.place_m, pose.direction, *pose.stepped(truth)) + pose.deviation_t * random.normal(size=15)
+        measured = Pose(
+            pose.place_m, pose.direction, value, pose.deviation_t, pose.magnets, pose.ambient_t, pose.gradient_t_per_m
+        )
+        prior = np.diag(np.full(14, 1e6))
+        prior[5, 5] = 0.02**2
+        told = solve_problem(problem_of(measured, FIELD, [5], prior))
+        magnets, ambient, gradient = pose.stepped(truth)
+        true = State(magnets[0].position_m, magnets[0].axis, magnets[0].log_moment, ambient, gradient)
+        used = [*FIELD, 5]
+        off = told.state.step_from(true)[used]
+        nees += off @ np.linalg.solve(told.covariance[np.ix_(used, used)], off)
+    low, high = chi2_distribution.ppf([1e-6, 1.0 - 1e-6], count * 9)
+    assert low < nees < high
