@@ -16,6 +16,7 @@ pytestmark = [pytest.mark.needs(CHROMIUM), pytest.mark.real_time, pytest.mark.sl
 TOAST = "document.querySelector('#toast').textContent"
 LINK = "document.querySelector('#link').textContent"
 FORCE = "document.querySelector('#force').dataset.kind"
+PLACE = "document.querySelector('#replay').textContent"
 TOUCHED_S = 2.0  # longer than the second after which the page says that it shows a recording
 
 
@@ -42,7 +43,7 @@ def test_a_recording_is_made_and_its_contacts_are_shown_again_on_the_same_page(b
     ended_ns = time.monotonic_ns()
     show(page, f"Show {name}")
     until(page, f"{LINK}.startsWith('replay of {name}')")
-    until(page, f"document.querySelector('#replay').textContent.includes('Replay of {name} at its own speed')")
+    until(page, f"/Replay of {name} at its own speed, [1-9] s of /.test({PLACE})")
     assert not page.is_visible("#record")
     page.keyboard.press("r")
     until(page, f"{TOAST}.includes('this is a replay')")
@@ -59,6 +60,11 @@ def test_a_recording_is_made_and_its_contacts_are_shown_again_on_the_same_page(b
     assert page.evaluate(FORCE) == "touch"
     page.keyboard.press("Space")
     until(page, "document.querySelector('#reason').textContent === 'of the recording'")
+    page.press("#replay-place", "Home")  # to its beginning
+    until(page, f"{LINK}.startsWith('replay of {name}') && {FORCE} === 'touch'")
+    lasts_s = float(page.get_attribute("#replay-place", "max") or "0")
+    page.press("#replay-place", "End")
+    until(page, f"{PLACE}.includes('is over, {lasts_s:.0f} s of {lasts_s:.0f} s')")
     show(page, "Back the daemon, live")
     until(page, f"{LINK}.startsWith('live')")
     until(page, f"Number({NEWEST}.t_publish_ns) > {ended_ns}")

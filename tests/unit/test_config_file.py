@@ -176,7 +176,7 @@ SIMULATED = "pad 'a' (first [[pad]]): "
         (PAD + "rate_hz = 5000", SIMULATED + "source.rate_hz = 5000: must be a whole number from 1 to 1000"),
         (PAD + "rate_hz = 219.5", SIMULATED + "source.rate_hz = 219.5: must be a whole number from 1 to 1000"),
         (PAD + "seed = -1", SIMULATED + "source.seed = -1: must be a whole number at least 0"),
-        (PAD + 'rate_hz = "fast"', SIMULATED + "source.rate_hz = 'fast': must be a whole number from 1 to 1000"),
+        (PAD + 'rate_hz = "220"', SIMULATED + "source.rate_hz = '220': must be a whole number from 1 to 1000, without quotes"),
         (PAD + "rate = 100", SIMULATED + "source.rate: there is no such key; did you mean rate_hz, in hertz?"),
         (PAD + "[pad.magnet]\ndiameter = 2", SIMULATED + "magnet.diameter: there is no such key; did you mean diameter_mm, in millimetres?"),
         (PAD + "[pad.scene]\nx = 2", SIMULATED + "scene.x: there is no such key (there are ambient, remanence, neighbours, steel_nearby)"),
@@ -300,7 +300,8 @@ def test_limits_themselves_are_allowed(tmp_path: Path, text: str) -> None:
     [
         ("rate_hz = 2,0", "rate_hz = 2,0; a decimal number has a point: 2.0"),
         ("port = /dev/ttyUSB0", 'port = /dev/ttyUSB0; text stands in quotes: "/dev/ttyUSB0"'),
-        ("name = left  # mine", 'name = left  # mine; text stands in quotes: "left"'),
+        ("name = left  # mine", 'name = left; text stands in quotes: "left"'),
+        ("name = “left”  # mine", 'name = “left”; quotes are straight: "left"'),
         ("loop = True", "loop = True; TOML writes true"),
     ],
 )

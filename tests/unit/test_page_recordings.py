@@ -62,5 +62,6 @@ def test_each_kind_of_message_is_shown_at_its_time(tmp_path: Path) -> None:
         writer.add(kind, "demo", msgspec.to_builtins(message))
     writer.finish()
     writer.close()
+    assert list(messages_of(tmp_path / "a.mcap", lambda: False, since_ns=2**62)) == []
     shown = [(sent_ns, topic) for sent_ns, topic, _ in messages_of(tmp_path / "a.mcap", lambda: False)]
     assert shown == [(0, b"contact/demo"), (5, b"status/demo"), (7, b"event/demo")]

@@ -367,25 +367,30 @@ class TestFeed:
                     pass
         raise AssertionError("nothing of the bus arrives any more")
 
-    def test_every_message_of_a_recording_is_shown_in_its_order_and_then_its_end(self, served: Served) -> None:
+    @pytest.mark.parametrize("first", [0, 300])
+    def test_every_message_of_a_recording_is_shown_in_its_order_and_then_its_end(
+        self, served: Served, first: int
+    ) -> None:
+        """From the place in it that the page asks for."""
         began_ns, count = 1_000_000_000, 450
-        writer = RecordingWriter(served.folder / "whole.mcap")
+        writer = RecordingWriter(served.folder / f"{first}.mcap")
         for seq in range(count):
             at_ns = began_ns + seq * 1_000_000
-            told = contact_message(pad="left", seq=seq, t_sample_ns=at_ns, t_publish_ns=at_ns)
+            told = contact_message(pad="left", seq=seq, t_sample_ns=at_ns, t_publish_ns=at_ns, utc_ns=at_ns)
             writer.add("contact", "left", msgspec.to_builtins(told))
         writer.finish()
         writer.close()
         with served.page() as page:
-            page.send(json.dumps({"ask": "replay", "id": 1, "name": "whole.mcap"}))
-            assert answered(page, "done")["done"] == {"pads": [], "recording": "whole.mcap"}
+            page.send(json.dumps({"ask": "replay", "id": 1, "name": f"{first}.mcap", "from_s": first * 1e-3}))
+            done = answered(page, "done")["done"]
+            assert done == {"pads": [], "recording": f"{first}.mcap", "lasts_s": pytest.approx((count - 1) * 1e-3)}
             shown: list[tuple[str, Any]] = []
             while not shown or shown[-1][0] != "replayed":
                 batch = page.recv(timeout=5.0)
                 if isinstance(batch, bytes):
                     values = list(msgpack.Unpacker(io.BytesIO(batch)))
                     shown += zip(values[::2], values[1::2], strict=True)
-        assert [body["seq"] for topic, body in shown if topic == "contact/left"] == list(range(count))
+        assert [body["seq"] for topic, body in shown if topic == "contact/left"] == list(range(first, count))
         assert shown[-1][1] == {"why": ""}
         clocks = [body["now_ns"] for topic, body in shown if topic == "clock"]
         assert clocks == sorted(clocks)

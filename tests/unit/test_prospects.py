@@ -18,9 +18,9 @@ SHIPPED = ToleranceConfig().si()
 
 
 def said_n(mounting: Mounting, pad: Pad) -> dict[str, float]:
-    """Step → the deviation of 1 N that it is said to leave."""
+    """Step → the deviation of the depth of 1 N that it is said to leave."""
     found = (
-        re.match(r"(\S+): force ±([\d.]+) N instead of .* magnet's way sideways ±\d+ µm", one)
+        re.match(r"(\S+): sideways ±\d+ µm instead of .* in depth, as a force, ±([\d.]+) N", one)
         for one in prospects(mounting, pad)
     )
     return {match[1]: float(match[2]) for match in found if match is not None}

@@ -26,10 +26,11 @@ WORTH = 0.9
 
 
 def prospects(mounting: Mounting, pad: Pad) -> list[str]:
-    """For each step that would make a press of 1 N at least a tenth more certain, what it would bring, easiest first.
+    """For each step that would make the magnet's way in a press of 1 N at least a tenth more certain, what it would
+    bring, easiest first.
 
-    The figures are deviations of the force, and of how far the magnet moves sideways: the place of the press is known
-    to more than that.
+    The figures are deviations of that way. Place and force of the press have more, because the contact model has errors
+    of its own.
     """
     now = accuracy(mounting, pad)
     if not now:
@@ -39,7 +40,9 @@ def prospects(mounting: Mounting, pad: Pad) -> list[str]:
         then = accuracy(_informed(mounting, information), pad)
         if min(then[key] / now[key] for key in ("press_1n_sideways_sd_m", "press_1n_force_sd_n")) < WORTH:
             (then_n, then_m), (now_n, now_m) = _figures(then), _figures(now)
-            told.append(f"{name}: force {then_n} instead of {now_n}; magnet's way sideways {then_m} instead of {now_m}")
+            told.append(
+                f"{name}: sideways {then_m} instead of {now_m}; in depth, as a force, {then_n} instead of {now_n}"
+            )
     return told
 
 

@@ -23,6 +23,7 @@ from fmfts.contact.shipped import SHIPPED_PATHS
 ENVIRONMENT = "FMFTS_CONFIG"
 OTHER_MAGNET = re.compile(r"other_magnets, value (\d+)")
 MOST_PADS = 256
+CURLY = "\u201c\u201d\u201e\u2018\u2019"  # what a word processor puts in the place of " and '
 DEFAULT_PATHS = (Path("/etc/fmfts/config.toml"), Path("config.toml"), Path("pad.toml"))
 
 
@@ -115,13 +116,15 @@ def _line_shown(text: str, error: str) -> str:
     number = re.search(r"at line (\d+)", error)
     if number is None:
         return ""
-    line = text.splitlines()[int(number[1]) - 1].strip()
+    line = text.splitlines()[int(number[1]) - 1].partition("#")[0].strip()
     return f": {shortened(line)}{_slip(line)}"
 
 
 def _slip(line: str) -> str:
     """What was probably meant by a line that is not TOML."""
-    value = line.partition("=")[2].partition("#")[0].strip()
+    value = line.partition("=")[2].strip()
+    if value.strip(CURLY) != value:
+        return f'; quotes are straight: "{value.strip(CURLY)}"'
     if re.fullmatch(r"[-+]?\d+,\d+", value):
         return f"; a decimal number has a point: {value.replace(',', '.')}"
     if value in ("True", "False"):

@@ -64,7 +64,9 @@ def explain(data: dict[str, Any], error: str, mended: dict[str, Any]) -> str:
 
 
 def _meant(kind: inspect.Type, keys: Sequence[Key], value: Any) -> str:
-    """The word of a list of words that was probably meant, or the unit."""
+    """The word of a list of words that was probably meant, the number in a text, or the unit."""
+    if isinstance(kind, inspect.IntType | inspect.FloatType) and isinstance(value, str):
+        return ", without quotes"
     if isinstance(kind, inspect.FloatType) and str(keys[-1]).endswith("_mm") and isinstance(value, float):
         return IN_METRES if kind.ge is not None and 0.0 < value < kind.ge <= value * 1e3 else ""
     if not isinstance(kind, inspect.LiteralType) or not isinstance(value, str):

@@ -65,11 +65,12 @@ class ListRecordings(Struct, forbid_unknown_fields=True, tag="recordings", tag_f
 
 
 class Replay(Struct, forbid_unknown_fields=True, tag="replay", tag_field="ask"):
-    """Shows a recording in place of the bus; name None: the bus again."""
+    """Shows a recording in place of the bus, from a place in it on; name None: the bus again."""
 
     id: Number
     name: Name | None
     speed: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.0
+    from_s: Annotated[float, Meta(ge=0.0, le=1e9)] = 0.0
 
 
 Asked = Watch | Ping | Read | Selftest | RecordBaseline | Record | ListRecordings | Replay

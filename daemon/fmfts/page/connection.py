@@ -21,6 +21,7 @@ from fmfts.page.commands import ERRORS, Commands, Ping, Replay, Watch, decode
 from fmfts.page.feed import Feed, Viewer
 from fmfts.page.guard import Guard
 from fmfts.page.recordings import messages_of, pads_of
+from fmfts.recording.file import time_span_ns
 
 HELLO_S = 5.0
 REQUESTS_AT_ONCE = 4
@@ -152,19 +153,23 @@ class PageConnection:
         try:
             path = self._commands.recordings.path_of(asked.name)
             pads = await asyncio.to_thread(pads_of, path)
+            first_ns, last_ns = await asyncio.to_thread(time_span_ns, path)
         except ERRORS as error:
             self._say({"id": asked.id, "error": str(error)})
             return
         self._end_replay()
         self._feed.remove(self._viewer)
-        self._say({"id": asked.id, "done": {"pads": pads, "recording": asked.name}})
-        self._replay = asyncio.create_task(self._play(path, asked.speed))
+        self._say(
+            {"id": asked.id, "done": {"pads": pads, "recording": asked.name, "lasts_s": (last_ns - first_ns) * 1e-9}}
+        )
+        since_ns = first_ns + round(asked.from_s * 1e9)
+        self._replay = asyncio.create_task(self._play(path, asked.speed, since_ns))
 
-    async def _play(self, path: Path, speed: float) -> None:
+    async def _play(self, path: Path, speed: float, since_ns: int) -> None:
         over = threading.Event()
         why = ""
         try:
-            messages = messages_of(path, over.is_set)
+            messages = messages_of(path, over.is_set, since_ns)
             first_ns = 0
             begun_s = time.monotonic()
             while chunk := await asyncio.to_thread(lambda: list(islice(messages, AT_ONCE))):

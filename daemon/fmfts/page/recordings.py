@@ -166,10 +166,13 @@ def _facts(path: Path, state: StateMessage) -> dict[str, Any]:
         return {"pad": state.pad} | pad_facts(msgspec.convert(state.config, PadConfig))
 
 
-def messages_of(path: Path, stopped: Callable[[], bool]) -> Iterator[tuple[int, bytes, bytes]]:
-    """Yields (time of sending in ns, topic, body) of each message that a page shows, in order."""
+def messages_of(path: Path, stopped: Callable[[], bool], since_ns: int = 0) -> Iterator[tuple[int, bytes, bytes]]:
+    """Yields (time of sending in ns, topic, body) of each message that a page shows, in order.
+
+    since_ns: UTC; earlier messages are left out.
+    """
     encode = msgspec.msgpack.encode
-    for one in read(path):
+    for one in read(path, since_ns):
         if stopped():
             return
         if one.kind in SHOWN:

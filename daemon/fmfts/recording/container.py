@@ -45,6 +45,7 @@ PART_BYTES, RECORD_BYTES = 1 << 16, 1 << 10
 
 HEAD = struct.Struct("<BQ")  # kind and length of a record
 HEAD_OF_MESSAGE = struct.Struct("<HIQQ")
+HEAD_OF_CHUNK = struct.Struct("<QQ")
 FOOTER_BYTES = HEAD.size + 20
 LIMITS = {Opcode.CHUNK: LARGEST_CHUNK + 1024, Opcode.ATTACHMENT: LARGEST_ATTACHMENT + 1024}
 
@@ -100,6 +101,19 @@ def attachments(path: Path) -> Iterator[Attachment]:
         if raw is not None:
             with damage_told(RecordingError, f"{path} is damaged in the attachment that ends at byte {raw.end}"):
                 yield Attachment.read(_Content(raw.content))
+
+
+def time_span_ns(path: Path) -> tuple[int, int]:
+    """The times of the first and the last message, in UTC ns, as the chunks' heads have them. Reads no message.
+
+    (0, 0) without a chunk. Raises RecordingError, as `chunk_records`.
+    """
+    heads = [
+        HEAD_OF_CHUNK.unpack_from(raw.content)
+        for raw in _raw_records(path, {Opcode.CHUNK})
+        if raw is not None and len(raw.content) >= HEAD_OF_CHUNK.size
+    ]
+    return (min(first for first, _ in heads), max(last for _, last in heads)) if heads else (0, 0)
 
 
 def is_whole(path: Path) -> bool:

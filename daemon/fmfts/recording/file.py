@@ -23,7 +23,7 @@ from fmfts.bus.messages import (
     StatusMessage,
 )
 from fmfts.common.reading import damage_told
-from fmfts.recording.container import Record, attachments, chunk_records, is_whole
+from fmfts.recording.container import Record, attachments, chunk_records, is_whole, time_span_ns
 from fmfts.recording.output import McapFile, NotWrittenError, RecordingError
 from fmfts.recording.plain_schema import plain_schema, with_nulls, without_nulls
 from fmfts.recording.scene import Drawn
@@ -48,6 +48,7 @@ __all__ = [
     "read",
     "read_in_parts",
     "records",
+    "time_span_ns",
 ]
 
 PROFILE = "fmfts"
@@ -117,18 +118,20 @@ class CopyWriter(McapFile):
                 self.messages += 1
 
 
-def read(path: Path) -> Iterator[Recorded]:
+def read(path: Path, since_ns: int = 0) -> Iterator[Recorded]:
     """Yields the messages in their order; of a file that was cut off (see `is_whole`), those before the cut.
+
+    since_ns: UTC; earlier messages are left out.
 
     Raises RecordingError where the file is not a recording, damaged, or larger in a part than this program reads.
     """
-    return (one for one in read_in_parts(path) if one is not None)
+    return (one for one in read_in_parts(path, since_ns=since_ns) if one is not None)
 
 
 def read_in_parts(
-    path: Path, kinds: Collection[str] = KINDS.keys(), largest: int = LARGEST_MESSAGE
+    path: Path, kinds: Collection[str] = KINDS.keys(), largest: int = LARGEST_MESSAGE, since_ns: int = 0
 ) -> Iterator[Recorded | None]:
-    """As `read`, but decodes messages of these kinds only, and of at most `largest` bytes.
+    """As `read`, but decodes messages of these kinds only, of at most `largest` bytes, and from `since_ns` (UTC) on.
 
     None marks the end of a part, as in `chunk_records`.
     """
@@ -141,7 +144,7 @@ def read_in_parts(
         elif isinstance(record, Message):
             kind, _, pad = topics.get(record.channel_id, "").partition("/")
             # Others are drawings, or another program's: MCAP files may be merged.
-            if kind in kinds and len(record.data) <= largest:
+            if kind in kinds and len(record.data) <= largest and record.log_time >= since_ns:
                 yield Recorded(kind, pad, _decoded(path, kind, pad, record.data))
 
 

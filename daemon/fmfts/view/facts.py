@@ -44,7 +44,7 @@ LABELS = {
     "missed_contacts": "missed contacts (this computer was too slow)",
     "unreplayed": "contacts not replayed",
     "without_their_other": "contacts at the ends, in the recording or the replay alone",
-    "could_gain": "a press of 1 N could be known better",
+    "could_gain": "the magnet's way in a press of 1 N could be known better",
 }
 HEXADECIMAL = ("address",)  # keys whose value is written as boards and data sheets do
 

@@ -9,7 +9,7 @@ import { asJson, sentence } from "./numbers.js";
 import { PadState } from "./pads.js";
 import { readColours } from "./paint.js";
 import { setText, showReadings } from "./readings.js";
-import { Replays, sayReplay } from "./replays.js";
+import { playedByDaemon, Replays } from "./replays.js";
 import { sayRobot } from "./robot.js";
 import { drawLens, drawSection } from "./section.js";
 import { drawTop } from "./top.js";
@@ -125,6 +125,7 @@ function nowMs() {
 }
 
 function switched(shapes) {
+  const chosen = page.chosen;
   if (page.paused !== null) pause(false);
   page.pads.clear();
   page.chosen = page.paused = page.clockMs = null;
@@ -132,6 +133,7 @@ function switched(shapes) {
   element("legend-ghost").hidden = true;
   if (shapes) setShapes(shapes);
   else askShapes();
+  choose(chosen);
 }
 
 // At its end a recording stands still, so that its last ten seconds can be looked at.
@@ -200,7 +202,7 @@ setInterval(() => {
   const said = pad ? sentence(contactOf(pad)) : "nothing arrives";
   for (const id of ["top", "section", "lens"]) element(id).setAttribute("aria-label", `${id === "top" ? "from above" : id === "section" ? "section" : "magnet, enlarged"}: ${said}`);
   hand.describe(page.chosen, contactOf);
-  sayReplay(element("replay"), replays, page.clockMs);
+  replays.say(page.paused === null ? page.clockMs?.ms ?? null : page.paused * 1e3);
   for (const id of ["record", "first-use"]) element(id).hidden = replays.shown !== null && !(id === "record" && replays.under_way);
   const words = `${pad?.name ?? ""} ${pad?.contact?.health ?? ""}`;
   if (words !== page.saidWords) setText(element("said"), `pad ${words.replace("_", " ")}`);
@@ -209,9 +211,10 @@ setInterval(() => {
   page.picturesPerSecond = pictures;
   const slow = arriving && pictures < FEW_PICTURES && page.paused === null && !document.hidden && (pad.rate() ?? 0) > FEW_PICTURES + 10;
   const chip = element("link");
-  const state = page.linkState !== "open" ? "gone" : page.paused !== null ? "paused" : replays.shown ? "replay" : arriving ? "live" : "wait";
+  const played = playedByDaemon(pad?.status);
+  const state = page.linkState !== "open" ? "gone" : page.paused !== null ? "paused" : replays.shown || (played && arriving) ? "replay" : arriving ? "live" : "wait";
   chip.dataset.state = state;
-  const word = { gone: "no connection", paused: "paused", replay: `replay of ${replays.shown}`, live: "live", wait: "waiting for messages" }[state];
+  const word = { gone: "no connection", paused: "paused", replay: `replay of ${replays.shown ?? `${played} by the daemon`}`, live: "live", wait: "waiting for messages" }[state];
   setText(chip, `${word}${state === "live" ? `, ${pictures} pictures a second` : ""}${slow ? ": this computer shows less often" : ""}${page.leftOut ? `; ${page.leftOut} messages left out` : ""}`);
   page.dirty = true;
 }, SLOW_MS);

@@ -2,7 +2,10 @@
 
 import { toast } from "./words.js";
 
-const SPEEDS = { 0.25: "a quarter of its", 1: "its own", 4: "four times its" };
+const SPEEDS = { 0.25: "at a quarter of its speed", 1: "at its own speed", 4: "at four times its speed" };
+
+// The file that the daemon plays in place of a board, from a pad's status (recording/source.py); null where there is a board.
+export const playedByDaemon = (status) => (status?.source.startsWith("recording ") ? status.source.split("/").at(-1) : null);
 
 export class Replays {
   // switched(facts): facts of the pads in a recording, or null when the daemon is shown again.
@@ -14,6 +17,11 @@ export class Replays {
     this.shown = null;
     this.over = false; // the recording that is shown was shown to its end
     this.failure = null;
+    this.bar = document.getElementById("replay");
+    this.place = document.getElementById("replay-place");
+    this.bar.querySelector("button").addEventListener("click", () => this.back());
+    this.place.addEventListener("input", () => (this.held = true)); // it is being moved
+    this.place.addEventListener("change", () => this.show(this.shown, this.speed, Number(this.place.value)));
     link.addEventListener("said", ({ detail }) => {
       if ("recording" in detail) this.mark(detail.recording);
       if ("recording_failed" in detail && detail.recording_failed !== this.failure) {
@@ -54,7 +62,7 @@ export class Replays {
       const { done } = await this.link.request("recordings");
       folder.textContent = done.recordings.length ? `In ${done.folder}, the newest first.` : `There is none in ${done.folder} yet: press Record.`;
       if (this.shown) list.append(this.row("the daemon, live", "Back", () => this.back()));
-      list.append(...done.recordings.map((name) => this.row(name, "Show", () => this.show(name))));
+      list.append(...done.recordings.map((name) => this.row(name, "Show", () => this.show(name, Number(this.dialog.querySelector("#speed").value)))));
     } catch (error) {
       folder.textContent = error.message;
     }
@@ -71,15 +79,13 @@ export class Replays {
     return row;
   }
 
-  async show(name) {
+  // fromS: the place in the recording, in s after its beginning.
+  async show(name, speed, fromS = 0) {
     try {
-      const speed = Number(this.dialog.querySelector("#speed").value);
-      const { done } = await this.link.request("replay", { name, speed });
-      this.shown = name;
-      this.speed = speed;
-      this.over = false;
-      this.begunMs = null;
+      const { done } = await this.link.request("replay", { name, speed, from_s: fromS });
+      Object.assign(this, { shown: name, speed, fromS, lastsS: done.lasts_s, over: false, begunMs: null, held: false });
       this.switched(done.pads);
+      this.say(null);
     } catch (error) {
       toast(error.message);
     }
@@ -97,19 +103,23 @@ export class Replays {
       this.shown = null;
       this.over = false;
       this.switched(null);
+      this.say(null);
     } catch (error) {
       toast(error.message);
     }
   }
-}
 
-// The line above a replay: of which recording, how fast, and how far into it. clockMs: {ms} on the recording's clock.
-export function sayReplay(line, replays, clockMs) {
-  line.hidden = replays.shown === null;
-  if (line.hidden) return;
-  replays.begunMs ??= clockMs?.ms ?? null;
-  const into = clockMs && replays.begunMs !== null ? `, ${((clockMs.ms - replays.begunMs) / 1e3).toFixed(0)} s after its beginning` : "";
-  line.children[0].textContent = `Replay of ${replays.shown}`;
-  line.children[1].textContent = replays.over ? "is over" : `at ${SPEEDS[replays.speed] ?? replays.speed} speed${into}`;
-  line.children[2].onclick = () => replays.back();
+  // The line above a replay: of which recording, how fast, and the place in it. ms: what is shown, on the recording's
+  // clock; null before its first message.
+  say(ms) {
+    this.bar.hidden = this.shown === null;
+    if (this.bar.hidden) return;
+    this.begunMs ??= ms;
+    const atS = this.fromS + (ms === null ? 0 : (ms - this.begunMs) / 1e3);
+    this.bar.querySelector("b").textContent = `Replay of ${this.shown}`;
+    this.bar.querySelector("span").textContent = `${this.over ? "is over" : SPEEDS[this.speed]}, ${atS.toFixed(0)} s of ${this.lastsS.toFixed(0)} s`;
+    if (this.held) return;
+    this.place.max = this.lastsS;
+    this.place.value = atS;
+  }
 }
