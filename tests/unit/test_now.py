@@ -99,6 +99,17 @@ def replace_valid(frame: Frame) -> Frame:
     )
 
 
+def test_now_has_a_force_where_the_contact_has_one(model: ContactModel) -> None:
+    """Near a corner the force of a steady press has a large deviation; `now` said 0 N beside `contact: true`."""
+
+    def at_a_corner(time_s: float) -> Touch:
+        return Touch(11e-3, 11e-3, 0.4 if time_s > 0.2 else 0.0)
+
+    contacts = [one for one in messages_of(pipeline_with(model), frames_of(at_a_corner, 1.0)) if one.contact]
+    assert len(contacts) > 100
+    assert all(one.now is None or one.now.force_n > 0.0 for one in contacts)
+
+
 def test_an_axis_that_jumps_is_never_told_as_a_press(model: ContactModel) -> None:
     """100 mG on one axis: the aligned solve sees nothing for up to two frames; `now` is null in the first."""
     for axis in range(3):

@@ -279,8 +279,9 @@ class NowEstimator:
         rates, rate_sd = shrunk(product(slope, memory.motion_state[RATE]), variance, float(memory.modes[MOVING]))
         values, deviations = contact.values, np.sqrt(np.diagonal(contact.covariance))
         deviations[2] = published_force_sd_n(contact, touch, detection_limit_n)
-        # No finger lifts the magnet. Near rest, noise and what the baseline leaves unknown look like corner presses.
-        is_certain = doubt(contact.force_n, square(contact.force_sd_n)) < 1.0
+        # No finger lifts the magnet. Near rest, noise and what the baseline leaves unknown look like corner presses. In
+        # a contact the message has a force already, and both say the same.
+        is_certain = touch.in_contact or doubt(contact.force_n, square(contact.force_sd_n)) < 1.0
         pressed = bool(memory.motion_state[2] < 0.0) and chi2 is not None and chi2 > self._rest_chi2 and is_certain
         return carried(publish_us, lead_s, values, deviations, rates, rate_sd, pressed, touch.in_contact)
 

@@ -142,7 +142,8 @@ static bool tell(const fmfts_pad *pad, fmfts_memory *memory, double time_us, fmf
     now.deviation[2] = fmfts_force_sd_n(&parameters->message, &estimate, &memory->contact);
     rates(&parameters->pose, &memory->motion, &displacement, estimate.by_pose, &now);
     fmfts_shrink(own, memory->motion.modes[MOVING], &now);
-    bool pressed = memory->motion.motion_state[2] < 0.0 && chi2 > parameters->contact.release_chi2[0] && estimate.doubt < 1.0;
+    bool is_certain = touching || estimate.doubt < 1.0;
+    bool pressed = memory->motion.motion_state[2] < 0.0 && chi2 > parameters->contact.release_chi2[0] && is_certain;
     fmfts_carry(own, lead_s, pressed, &now);
     if (!is_finite(&now)) {
         return false;
