@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from itertools import combinations, count
@@ -16,7 +17,7 @@ from background import repeating
 from page.made_up_bus import Bus
 from page.rig import CHROMIUM, TWO_PICTURES, View, opened, until
 from page.views import SIZES, look_at_all_views
-from unit.bus_messages import contact_message, event_message, pose_message
+from unit.bus_messages import contact_message, event_message, pose_message, two_fingers
 
 pytestmark = [pytest.mark.needs(CHROMIUM), pytest.mark.slow]
 
@@ -24,13 +25,14 @@ PERIOD_S = 0.02
 SIDE_M = 0.042  # of a pad with a little room: the next one begins there
 PLACES_M = [[x * SIDE_M, y * SIDE_M, 0.0] for x, y in ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1))]
 PADS = {"demo": {}} | {f"finger{number}": {} for number in range(1, 5)}
+EIGHT_M = [[x * 12e-3, y * 12e-3, 0.0] for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y]
 NOWHERE: dict[str, Any] = dict.fromkeys(("x_m", "x_sd_m", "y_m", "y_sd_m", "force_n", "force_sd_n"))
 OVER = NOWHERE | {"over_range": True, "force_min_n": 2.13}
-# Boxes [left, top, right, bottom] of all that is written on the drawing of all pads, with its text.
-WRITTEN = """() => new Promise((done) => {
+# Boxes [left, top, right, bottom] of all that is written on the drawing of this id, with its text.
+WRITTEN = """(id) => new Promise((done) => {
     const written = [], write = CanvasRenderingContext2D.prototype.fillText;
     CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
-        if (this.canvas.id === "hand-drawing") {
+        if (this.canvas.id === id) {
             const at = this.getTransform().transformPoint({ x, y }), scale = this.getTransform().a;
             const canvas = this.canvas.getBoundingClientRect(), half = this.measureText(text).width / 2;
             const [cx, cy] = [canvas.left + at.x / scale, canvas.top + at.y / scale];
@@ -197,11 +199,29 @@ def test_label_of_a_force_covers_no_sensor(page: Page) -> None:
     assert covered == 0
 
 
+@pytest.mark.parametrize("width", [390, 1024, 1440])
+def test_labels_of_fingers_and_bad_sensors_lie_apart(shows: Callable[..., Page], width: int) -> None:
+    """On a pad with eight sensors, of which none is good, and two fingers that are near each other."""
+    page = shows(untouched)
+    standard = page.evaluate("fmfts.pads.get('demo').shape.sensors_m")
+    page.set_viewport_size({"width": width, "height": 900})
+    page.evaluate("(all) => { fmfts.pads.get('demo').shape.sensors_m = all; }", EIGHT_M)
+    two = {"contacts": list(two_fingers()), "more": False}
+    shows(**two, sensors_ok=0)
+    said = [
+        (text, box) for text, box in page.evaluate(WRITTEN, "top") if re.fullmatch(r"\d: .* N|[1-8]( left out)?", text)
+    ]
+    page.evaluate("(all) => { fmfts.pads.get('demo').shape.sensors_m = all; }", standard)
+    assert len(said) == 2 + len(EIGHT_M)
+    for (one, a), (other, b) in combinations(said, 2):
+        assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], f"{one} lies over {other}"
+
+
 @pytest.mark.parametrize("said", [{"force_n": 1.0}, OVER], ids=["touched", "over range"])
 def test_labels_of_pads_lie_over_no_other_pad(shows: Callable[..., Page], said: dict[str, Any]) -> None:
     page = shows(**said)
     pads = dict(zip(PADS, [each.evaluate(BOX) for each in page.locator("#hand-pads button").all()], strict=True))
-    labels = {text.split()[0]: box for text, box in page.evaluate(WRITTEN) if text.split()[0] in PADS}
+    labels = {text.split()[0]: box for text, box in page.evaluate(WRITTEN, "hand-drawing") if text.split()[0] in PADS}
     assert labels.keys() == pads.keys()
     over = [(name, pad) for name, box in labels.items() for pad in pads if pad != name and _overlap(box, pads[pad])]
     assert over == []

@@ -42,8 +42,14 @@ export function drawSection(canvas, pad, contact) {
   if (over && !touchesOf(contact).length) label(ctx, "▲ place not known", 0, -top * scale - 26, { px: 13, weight: 650, fill: colour.bad });
   for (const touch of touchesOf(contact)) drawForce(ctx, touch, over, over ? contact.force_min_n : touch.force_n, top, scale);
   label(ctx, "sensors", half * scale, -0.0022 * scale - 6, { px: 11, align: "right" });
-  const heights = (poses.length ? poses.map((pose) => pose.position_m) : [shape.rest_position_m]).map(([, , z]) => shown(z * 1e3, 2));
-  label(ctx, `z ${heights.join(", ")} mm`, -half * scale, (-top * scale) - 9, { px: 11.5, align: "left" });
+  if (poses.length) label(ctx, heightOf(poses), -half * scale, -0.0022 * scale - 6, { px: 11, align: "left" });
+}
+
+// The height of the magnet, or of the lowest and the highest of several.
+function heightOf(poses) {
+  const heights = poses.map((pose) => pose.position_m[2] * 1e3), decimals = poses.length > 1 ? 1 : 2;
+  const [low, high] = [Math.min(...heights), Math.max(...heights)].map((height) => shown(height, decimals));
+  return `z ${low === high ? low : `${low} to ${high}`} mm`;
 }
 
 // North's half in its own colour, turned as the magnet's axis is in this plane.

@@ -2,6 +2,12 @@
 
 const overlap = (a, b) => Math.max(0, (a.wide + b.wide) / 2 - Math.abs(a.x - b.x)) * Math.max(0, (a.tall + b.tall) / 2 - Math.abs(a.y - b.y));
 
+// How wide labels below places [x, y] m may be, in pixels, so that none lies over one beside it. tall: of a label, pixels.
+export function widestLabel(places, scale, tall) {
+  const gaps = places.flatMap(([x, y], one) => places.slice(one + 1).filter(([, other]) => Math.abs(y - other) * scale < tall).map(([other]) => Math.abs(x - other) * scale));
+  return Math.min(...gaps, Infinity) - 4;
+}
+
 // The first of the spots that lies over none of the boxes, else the one that covers least of them.
 export function leastCovering(spots, boxes) {
   const covered = spots.map((spot) => boxes.reduce((sum, box) => sum + overlap(spot, box), 0));

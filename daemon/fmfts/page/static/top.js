@@ -3,7 +3,7 @@
 import { atMost, forceText, known, posesOf, touchesOf, touchOf, shown } from "./numbers.js";
 import { begin, colour, disc, faded, font, forceRadius, halfSide, hatch, label } from "./paint.js";
 import { sensorStates } from "./pads.js";
-import { freeSpot } from "./spots.js";
+import { freeSpot, widestLabel } from "./spots.js";
 
 const SENSOR_M = 0.0026, UNSEEN = ["stale", "disconnected", "no_baseline", "lost", "disturbed"];
 
@@ -94,6 +94,7 @@ const sensorSide = (scale, full) => Math.max(SENSOR_M * scale, full ? 14 : 4);
 
 function drawSensors(ctx, pad, contact, scale, full) {
   const side = sensorSide(scale, full), states = sensorStates(contact, pad.status, pad.shape.sensors_m.length);
+  const room = widestLabel(pad.shape.sensors_m, scale, 14);
   pad.shape.sensors_m.forEach(([x, y], number) => {
     const state = states[number], px = x * scale, py = -y * scale, tone = colour[SENSOR_COLOUR[state]];
     ctx.strokeStyle = ctx.fillStyle = tone;
@@ -118,7 +119,11 @@ function drawSensors(ctx, pad, contact, scale, full) {
       }
       ctx.stroke();
     }
-    if (full) label(ctx, state === "good" ? `${number + 1}` : `${number + 1} ${state}`, px, py + (state === "good" ? 0.5 : side * 0.5 + 9), { px: 11, weight: 600, fill: tone, halo: state !== "good" });
+    if (!full) return;
+    const style = { px: 11, weight: 600, fill: tone, halo: state !== "good" }, words = `${number + 1} ${state}`;
+    ctx.font = font(style.px, style.weight);
+    const fits = state !== "good" && ctx.measureText(words).width < room; // else the list beside the drawing has the words
+    label(ctx, fits ? words : `${number + 1}`, px, py + (state === "good" ? 0.5 : side * 0.5 + 9), style);
   });
 }
 
@@ -180,12 +185,14 @@ function drawContact(ctx, pad, contact, scale, half, full) {
   if (touch === "over") {
     if (!touches.length) drawOverSomewhere(ctx, contact, half, full);
     touches.forEach((each, number) => drawOver(ctx, pad, contact, each.x_m * scale, -each.y_m * scale, scale, half, full, number === 0));
-  } else if (touches.length) touches.forEach((each) => drawTouch(ctx, pad, contact, each, scale, half, full));
-  else label(ctx, "touched", 0, full ? half - 16 : 0, { px: full ? 15 : 10, weight: 700, fill: colour.contact });
+  } else if (touches.length) {
+    for (const each of touches) drawTouch(ctx, each, scale, half, full);
+    if (full) nameTouches(ctx, pad, contact, touches, scale, half);
+  } else label(ctx, "touched", 0, full ? half - 16 : 0, { px: full ? 15 : 10, weight: 700, fill: colour.contact });
 }
 
-// One finger of the message, or its contact; a finger has its number.
-function drawTouch(ctx, pad, message, contact, scale, half, full) {
+// One finger of the message, or its contact.
+function drawTouch(ctx, contact, scale, half, full) {
   const x = contact.x_m * scale, y = -contact.y_m * scale, radius = forceRadius(contact.force_n ?? 0) * scale;
   disc(ctx, x, y, Math.max(radius, 2));
   ctx.fillStyle = colour.contact;
@@ -204,12 +211,20 @@ function drawTouch(ctx, pad, message, contact, scale, half, full) {
     ctx.stroke();
     ctx.restore();
   }
-  if (!full) return;
-  cross(ctx, x, y, 5);
-  const number = known(contact.id) ? `${contact.id}: ` : "";
-  const text = `${number}${known(contact.force_n) ? `${shown(contact.force_n, 2)} N` : "force not known"}`;
-  const reach = Math.max(radius, 2 * Math.max(contact.x_sd_m ?? 0, contact.y_sd_m ?? 0) * scale);
-  labelBeside(ctx, pad, message, text, { x, y, radius: reach }, scale, half, colour.ink);
+  if (full) cross(ctx, x, y, 5);
+}
+
+// The force of each finger beside it, with the finger's number, over no other finger.
+function nameTouches(ctx, pad, message, touches, scale, half) {
+  const discs = touches.map(({ x_m, y_m, x_sd_m, y_sd_m, force_n }) => ({
+    x: x_m * scale, y: -y_m * scale, radius: Math.max(forceRadius(force_n ?? 0), 2 * Math.max(x_sd_m ?? 0, y_sd_m ?? 0)) * scale,
+  }));
+  const taken = discs.map(({ x, y, radius }) => ({ x, y, wide: 1.7 * radius, tall: 1.7 * radius })), labels = [];
+  touches.forEach(({ id, force_n }, number) => {
+    const text = `${known(id) ? `${id}: ` : ""}${known(force_n) ? `${shown(force_n, 2)} N` : "force not known"}`;
+    const others = [...taken.filter((_, other) => other !== number), ...labels];
+    labels.push(labelBeside(ctx, pad, message, text, discs[number], scale, half, colour.ink, others));
+  });
 }
 
 // Over range at a place that is not known: the whole pad, lest a disc be taken for a place.
@@ -266,8 +281,8 @@ function cross(ctx, x, y, arm) {
   ctx.stroke();
 }
 
-// A label beside a disc, where it covers no sensor and no magnet.
-function labelBeside(ctx, pad, contact, text, { x, y, radius }, scale, half, fill) {
+// A label beside a disc, where it covers no sensor, no magnet and none of the boxes `others`. Returns its own box.
+function labelBeside(ctx, pad, contact, text, { x, y, radius }, scale, half, fill, others = []) {
   const style = { px: 18, weight: 700, fill };
   ctx.font = font(style.px, style.weight);
   const side = sensorSide(scale, true), states = sensorStates(contact, pad.status, pad.shape.sensors_m.length);
@@ -276,5 +291,8 @@ function labelBeside(ctx, pad, contact, text, { x, y, radius }, scale, half, fil
   }));
   const wide = Math.max(pad.shape.magnet_diameter_m * scale, 6);
   const magnets = posesOf(contact).map(({ position_m: [mx, my] }) => ({ x: mx * scale, y: -my * scale, wide, tall: wide }));
-  label(ctx, text, ...freeSpot({ x, y, radius }, { wide: ctx.measureText(text).width + 6, tall: 22 }, [...sensors, ...magnets], half), style);
+  const size = { wide: ctx.measureText(text).width + 6, tall: 22 };
+  const [atX, atY] = freeSpot({ x, y, radius }, size, [...sensors, ...magnets, ...others], half);
+  label(ctx, text, atX, atY, style);
+  return { x: atX, y: atY, ...size };
 }
