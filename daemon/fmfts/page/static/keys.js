@@ -13,9 +13,10 @@ export class Keys {
 
   press(event, actions) {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
-    const inside = event.target.closest("input, select, textarea, dialog");
+    const inside = event.target.closest("input:not([type=range]), select, textarea, dialog");
     if (event.key === "Escape" && inside?.id === "guide") inside.close();
-    if (inside || (event.key === " " && event.target.closest("button, summary"))) return;
+    const isSlider = event.target.type === "range";
+    if (inside || (isSlider && event.key.startsWith("Arrow")) || (event.key === " " && event.target.closest("button, summary"))) return;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (key in LETTERS) actions[LETTERS[key]]();
     else if (key === "m") actions.seconds();
