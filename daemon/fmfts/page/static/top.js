@@ -219,7 +219,8 @@ function nameTouches(ctx, pad, message, touches, scale, half) {
   const discs = touches.map(({ x_m, y_m, x_sd_m, y_sd_m, force_n }) => ({
     x: x_m * scale, y: -y_m * scale, radius: Math.max(forceRadius(force_n ?? 0), 2 * Math.max(x_sd_m ?? 0, y_sd_m ?? 0)) * scale,
   }));
-  const taken = discs.map(({ x, y, radius }) => ({ x, y, wide: 1.7 * radius, tall: 1.7 * radius })), labels = [];
+  // With room around each: a label beside another finger would be read as its own.
+  const taken = discs.map(({ x, y, radius }) => ({ x, y, wide: 2 * radius + 24, tall: 2 * radius + 24 })), labels = [];
   touches.forEach(({ id, force_n }, number) => {
     const text = `${known(id) ? `${id}: ` : ""}${known(force_n) ? `${shown(force_n, 2)} N` : "force not known"}`;
     const others = [...taken.filter((_, other) => other !== number), ...labels];
