@@ -32,7 +32,8 @@ from page.rig import View, chromium, opened, until
 
 DOCS = ROOT / "docs"
 COLOURS = 160
-MOVING_S, MOVING_HZ = 6.0, 6
+MOVING_S, MOVING_HZ, MOVING_COLOURS = 6.0, 5, 96
+LARGEST_BYTES = 200_000  # of one picture: each is loaded with the README or a page of the manual
 TRIES = 5
 HEALTH = "document.querySelector('#health').dataset.health"
 FORCE = "document.querySelector('#force').dataset.kind"
@@ -49,7 +50,15 @@ def keep(shot: bytes, name: str) -> None:
     """A picture with few colours takes a third of the bytes, and looks the same."""
     picture = Image.open(io.BytesIO(shot)).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
     picture.save(DOCS / name, optimize=True)
-    print(f"{DOCS / name}: {(DOCS / name).stat().st_size // 1024} kB", flush=True)
+    weigh(DOCS / name)
+
+
+def weigh(path: Path) -> None:
+    """Print the size of a picture; UnfitError where it is too large."""
+    size = path.stat().st_size
+    print(f"{path}: {size // 1000} kB", flush=True)
+    if size > LARGEST_BYTES:
+        raise UnfitError(f"{path} has {size // 1000} kB: take fewer colours, or a smaller part of the page")
 
 
 def slide(time_s: float) -> Touch:
@@ -112,21 +121,32 @@ def guided(page: Page, board: FirmwareHost, at_rest: object) -> None:
     page.keyboard.press("Escape")
 
 
+DRAWINGS = """() => {
+    const [pad, side] = ["pad", "side"].map((id) => document.getElementById(id).getBoundingClientRect());
+    const x = pad.left - 6, y = pad.top - 6;
+    return { x, y, width: side.right + 6 - x, height: pad.bottom + 6 - y };
+}"""
+
+
 def moving(page: Page) -> None:
     """An animation of one round of the finger, of the pad and its section."""
+    clip = page.evaluate(DRAWINGS)
+    size = (700, round(700 * clip["height"] / clip["width"]))
     pictures, began = [], time.monotonic()
     for number in range(int(MOVING_S * MOVING_HZ)):
         page.wait_for_timeout(max(0.0, (began + number / MOVING_HZ - time.monotonic()) * 1e3))
-        shot = page.screenshot(clip={"x": 0, "y": 56, "width": 1050, "height": 530})
-        pictures.append(Image.open(io.BytesIO(shot)).convert("RGB").resize((700, 353), Image.Resampling.LANCZOS))
-    every = Image.new("RGB", (700, 353 * len(pictures)))
+        shot = page.screenshot(clip=clip)
+        pictures.append(Image.open(io.BytesIO(shot)).convert("RGB").resize(size, Image.Resampling.LANCZOS))
+    if why := why_unfit(page):
+        raise UnfitError(f"page-touch.png is not taken: {why}: take pictures on a computer that does nothing else")
+    every = Image.new("RGB", (size[0], size[1] * len(pictures)))
     for number, picture in enumerate(pictures):
-        every.paste(picture, (0, 353 * number))
-    palette = every.quantize(COLOURS, dither=Image.Dither.NONE)
+        every.paste(picture, (0, size[1] * number))
+    palette = every.quantize(MOVING_COLOURS, dither=Image.Dither.NONE)
     few = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in pictures]
     path = DOCS / "page-touch.png"
     few[0].save(path, save_all=True, append_images=few[1:], duration=round(1000 / MOVING_HZ), loop=0, optimize=True)
-    print(f"{path}: {path.stat().st_size // 1024} kB", flush=True)
+    weigh(path)
 
 
 def hand(browser: Browser, folder: Path) -> None:
