@@ -17,7 +17,7 @@ from background import repeating
 from page.made_up_bus import Bus
 from page.rig import CHROMIUM, TWO_PICTURES, View, opened, until
 from page.views import SIZES, look_at_all_views
-from unit.bus_messages import contact_message, event_message, pose_message, two_fingers
+from unit.bus_messages import contact_message, event_message, pose_message, status_message, two_fingers
 
 pytestmark = [pytest.mark.needs(CHROMIUM), pytest.mark.slow]
 
@@ -129,6 +129,15 @@ def test_over_range_without_a_place_is_drawn_at_no_place(shows: Callable[..., Pa
     assert page.inner_text("#place") == "place not known"
     middle, *corners = (page.evaluate(RED, [x, y, 60]) for x, y in ((0, 0), (-90, 90), (90, 90), (90, -40)))
     assert min(corners) > 0.5 * middle > 0
+
+
+def test_recording_that_the_daemon_plays_is_not_called_live(page: Page, bus: tuple[Bus, str]) -> None:
+    link = "document.querySelector('#link').textContent"
+    until(page, f"{link}.startsWith('live')")
+    bus[0].publisher.send_status("demo", status_message(source="recording /data/touch.mcap"))
+    until(page, f"{link}.startsWith('replay of touch.mcap by the daemon')")
+    bus[0].publisher.send_status("demo", status_message(source="simulated pad, seed 1"))
+    until(page, f"{link}.startsWith('live')")
 
 
 def test_over_range_is_not_called_ok(shows: Callable[..., Page]) -> None:
