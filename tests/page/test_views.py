@@ -46,6 +46,7 @@ WRITTEN = """(id) => new Promise((done) => {
         done([...new Map(written.map(([text, box]) => [text, [text, box]])).values()]);
     }, 400);
 })"""
+CUT_OFF = "(all) => all.filter((each) => each.scrollWidth > each.clientWidth).length"
 BOX = "(e) => { const { left, top, right, bottom } = e.getBoundingClientRect(); return [left, top, right, bottom]; }"
 RED = """([x, y, size]) => {
     const canvas = document.getElementById("top"), ratio = canvas.width / canvas.clientWidth;
@@ -181,12 +182,26 @@ def test_every_colour_of_the_drawings_has_a_legend(page: Page) -> None:
         assert "magnet" in page.inner_text(f"{panel} .legend")
 
 
+def test_four_magnets_are_seen_at_once_on_a_desk(shows: Callable[..., Page]) -> None:
+    """With two fingers, and eight sensors of which four are left out."""
+    page = shows(untouched)
+    standard = page.evaluate("fmfts.pads.get('demo').shape.sensors_m")
+    page.evaluate("(all) => { fmfts.pads.get('demo').shape.sensors_m = all; }", EIGHT_M)
+    poses = [pose_message() for _ in range(4)]
+    shows(pose=None, poses=poses, contacts=list(two_fingers()), more=False, sensors_ok=0b1111)
+    tall = page.evaluate("document.documentElement.scrollHeight")
+    cut = page.eval_on_selector_all(
+        "#sensors li", "(all) => all.filter((li) => li.scrollWidth > li.clientWidth).length"
+    )
+    page.evaluate("(all) => { fmfts.pads.get('demo').shape.sensors_m = all; }", standard)
+    assert (tall, cut) == (SIZES["desk"][1], 0)
+
+
 def test_facts_of_four_magnets_are_not_cut_off(shows: Callable[..., Page]) -> None:
     poses = [pose_message(remanence_t=1.2 + 0.01 * number) for number in range(4)]
     page = shows(pose=None, poses=poses, contacts=[], more=False)
     assert page.inner_text("#facts dd:nth-of-type(1)").count("±") == 4
-    cut = "(all) => all.filter((dd) => dd.scrollWidth > dd.clientWidth).length"
-    assert page.eval_on_selector_all("#facts dd:nth-of-type(-n+2)", cut) == 0
+    assert page.eval_on_selector_all("#facts dd:nth-of-type(-n+2)", CUT_OFF) == 0
 
 
 def test_label_of_a_force_covers_no_sensor(page: Page) -> None:

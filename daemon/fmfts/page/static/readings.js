@@ -74,6 +74,7 @@ function showFacts(pad, contact, ageMs) {
     Lost: status ? `${status.gaps} frames, ${status.crc_errors} CRC` : "–",
     Baseline: contact?.baseline ? `${contact.baseline}${status?.gains_from ? `, ${status.gains_from}` : ""}` : "none",
   };
+  element("readings").classList.toggle("magnets", poses.length > 1);
   const list = element("facts");
   if (!list.children.length) {
     for (const name of Object.keys(facts)) list.append(Object.assign(document.createElement("dt"), { textContent: name }), document.createElement("dd"));
