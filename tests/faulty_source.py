@@ -6,6 +6,7 @@ import asyncio
 import errno
 import os
 import struct
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import repeat
@@ -64,10 +65,11 @@ ERRORS: dict[str, Callable[[], None]] = {
     "SystemExit": raising(SystemExit(3)),
     "GeneratorExit": raising(GeneratorExit()),
     "CancelledError": raising(asyncio.CancelledError()),
-    "ExceptionGroup": raising(ExceptionGroup("several", [ValueError("one"), OSError("two")])),
     "UnprintableError": raising(UnprintableError()),
     "surrogates": raising(RuntimeError("\udcff\udcfe" * 300)),
 }
+if sys.version_info >= (3, 11):
+    ERRORS["ExceptionGroup"] = raising(ExceptionGroup("several", [ValueError("one"), OSError("two")]))  # noqa: F821
 
 
 def frames_with(**changes: Any) -> Callable[[Sequence[Frame]], object]:

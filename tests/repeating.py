@@ -11,7 +11,6 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Self
 
 import pytest
 from _pytest.runner import runtestprotocol
@@ -69,7 +68,7 @@ class OthersShare:
     def said(self) -> str:
         return f"other programs took {self.largest:.0%} of a processor in the busiest second"
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> OthersShare:
         self._thread.start()
         return self
 

@@ -10,7 +10,6 @@ import threading
 import time
 import tty
 from contextlib import suppress
-from typing import Self
 
 NAP_S = 0.005
 LONGEST_WAIT_S = 0.05  # for a processor, on a computer whose programs share it
@@ -67,7 +66,7 @@ class StandingStill:
         os.close(master)
         os.close(slave)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> StandingStill:
         for thread in self._threads:
             thread.start()
         return self

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,12 +39,12 @@ class SensorArray:
     axes: Array
 
     @classmethod
-    def aligned(cls, position_m: Array) -> Self:
+    def aligned(cls, position_m: Array) -> SensorArray:
         """Sensors whose axes are parallel to the pad's."""
         position_m = np.asarray(position_m, dtype=float)
         return cls(position_m, np.broadcast_to(np.eye(3), (len(position_m), 3, 3)).copy())
 
-    def mirrored(self) -> Self:
+    def mirrored(self) -> SensorArray:
         """The same sensors with their z turned over."""
         return type(self)(self.position_m, self.axes * np.array([1.0, 1.0, -1.0]))
 
@@ -104,12 +103,12 @@ class Magnet:
         moment_m4 = length_2 * length_2 / 16.0 - 5.0 * length_2 * radius_2 / 8.0 + 5.0 * radius_2 * radius_2 / 8.0
         return 6.0 * self.strength_t_m3 * abs(moment_m4) / float(power(distance_m, 7))
 
-    def seen_from(self, distance_m: float) -> Self:
+    def seen_from(self, distance_m: float) -> Magnet:
         """This magnet; as_cylinder if a sensor at `distance_m` feels its octupole (4 B_T κ/r⁵ on the axis)."""
         octupole_t = 4.0 * self.strength_t_m3 * abs(self.octupole_m2) / power(distance_m, 5)
         return replace(self, as_cylinder=octupole_t > NEGLECTED_OCTUPOLE_T)
 
-    def with_remanence(self, remanence_t: float) -> Self:
+    def with_remanence(self, remanence_t: float) -> Magnet:
         return replace(self, remanence_t=remanence_t)
 
 
@@ -224,7 +223,7 @@ class Placement:
     rotation: Array
     tolerance_m: float
 
-    def seen_from(self, other: Self) -> Self:
+    def seen_from(self, other: Placement) -> Placement:
         """This placement in the axes of another pad; both are given in one frame."""
         offset_m = product(other.rotation.T, self.position_m - other.position_m)
         tolerance_m = float(root_of_squares(self.tolerance_m, other.tolerance_m))

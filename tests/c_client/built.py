@@ -9,7 +9,7 @@ import subprocess
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from fmfts.bus.publisher import Publisher
 from needed import missing
@@ -100,7 +100,7 @@ class Talker:
         answer: dict[str, Any] = json.loads(line)
         return answer
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> Talker:
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:

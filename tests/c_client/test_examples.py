@@ -9,7 +9,6 @@ import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Self
 
 import pytest
 
@@ -104,7 +103,7 @@ class Gripper:
         self._said += self._process.stdout.read() or b""
         self.lines = self._said.decode().splitlines()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> Gripper:
         return self
 
     def __exit__(self, *_: object) -> None:

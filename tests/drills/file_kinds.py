@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tomllib
 import zlib
 from collections import Counter
 from collections.abc import Callable
@@ -26,6 +25,7 @@ from fmfts.calibrate.field_table import DataError
 from fmfts.collect.errors import RefusedError
 from fmfts.collect.machine_log import read_log
 from fmfts.collect.plan import PRESETS, PlanError, read_plan
+from fmfts.common.toml import parse
 from fmfts.config import PadConfig, ReplaySource, SimulatedSource, file
 from fmfts.config.file import ConfigError
 from fmfts.contact import ContactModel, ModelError, comparison
@@ -202,7 +202,7 @@ def _packed(document: Any) -> Remade:
 
 
 def _toml(text: bytes) -> Remade:
-    document = tomllib.loads(text.decode())
+    document = parse(text.decode())
     return lambda dice: retokened(text, dice) if dice.random() < 0.5 else toml_of(mutated(document, dice))
 
 

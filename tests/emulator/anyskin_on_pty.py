@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -40,7 +39,7 @@ class Board:
             self.sent += 1
             time.sleep(max(0.0, start_s + self.sent / self._rate_hz - time.monotonic()))
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> Board:
         self._thread.start()
         return self
 

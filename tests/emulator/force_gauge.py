@@ -6,7 +6,6 @@ import socket
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -39,7 +38,7 @@ class ForceGauge:
         self._past: deque[tuple[float, float]] = deque()
         self._now = self._due = 0.0
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> ForceGauge:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -12,7 +12,6 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 from emulator.pty_port import PtyPort
 
@@ -60,7 +59,7 @@ class GcodeMachine:
         self._relative = self._alarm = False
         self._rest = b""
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> GcodeMachine:
         self._say("Grbl 1.1h ['$' for help]" if self._grbl else "start")
         return self
 

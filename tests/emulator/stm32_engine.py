@@ -14,7 +14,6 @@ import subprocess
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Self
 
 from unicorn import (
     UC_ARCH_ARM,
@@ -85,7 +84,7 @@ class Unicorn(ctypes.Structure):
     ]
 
     @classmethod
-    def loaded(cls) -> Self:
+    def loaded(cls) -> Unicorn:
         functions = (uclib.uc_emu_stop, uclib.uc_emu_start, uclib.uc_reg_read_batch, uclib.uc_reg_write_batch)
         functions += (uclib.uc_mem_read, uclib.uc_mem_write)
         return cls(*map(_address, functions), (ctypes.c_int * len(FRAME))(*FRAME), UC_ARM_REG_SP)

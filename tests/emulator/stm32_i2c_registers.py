@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import StrEnum, auto
+from enum import Enum, auto
 from typing import NamedTuple
 
 from emulator.stm32_engine import TICKS_PER_S
@@ -18,7 +18,7 @@ FAST_MAX_HZ = 400_000
 BYTE_BITS = 9  # eight and the acknowledge
 
 
-class Phase(StrEnum):
+class Phase(Enum):
     """What a port is doing; in the AT_ phases it holds SCL low and waits for the software."""
 
     IDLE = auto()

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -176,7 +176,7 @@ class PressedBench:
     def _made_board(self) -> FirmwareHost:
         return FirmwareHost(self.folder, *(["--stepped"] if self._stepped else []))
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> PressedBench:
         self.board.tell(f"noise 0 {self._chip_noise_ut}")
         self._tell_field()
         self.machine.__enter__()

@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -94,7 +93,7 @@ class PressedPad:
         self._thread = threading.Thread(target=follow, daemon=True)
         self._thread.start()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> PressedPad:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +75,7 @@ class FirmwareHost:
         self._process.kill()
         self._process.communicate()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> FirmwareHost:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -170,7 +170,7 @@ class RunningDaemon:
         self.process.send_signal(signal.SIGTERM)
         return self.process.wait(PATIENCE_S)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> RunningDaemon:
         return self
 
     def __exit__(self, *_: object) -> None:

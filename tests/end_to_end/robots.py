@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
@@ -90,7 +90,7 @@ class OpenPage:
             if isinstance(text, str) and (answer := json.loads(text)).get("id") == 1 and "progress" not in answer:
                 return dict(answer)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> OpenPage:
         self.socket = self._open.__enter__()
         self.socket.send(json.dumps({"token": self._token}))
         return self

@@ -10,7 +10,6 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 import pytest
@@ -81,7 +80,7 @@ class Person:
             self._gauge.turn(now_s - before_s)
             before_s = now_s
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> Person:
         self._acting.start()
         return self
 

@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 ROOT = Path(__file__).parents[2]
 SAMPLE, HELLO, STATUS, REPLY, SELFTEST = 1, 2, 3, 4, 5
@@ -55,7 +54,7 @@ class Sample:
     counts: list[tuple[int, int, int]]
 
     @classmethod
-    def parse(cls, packet: bytes) -> Self:
+    def parse(cls, packet: bytes) -> Sample:
         pad, sequence, low, high, flags, valid, fresh, temperature = struct.unpack_from("<xBIIHBBBh", packet)
         sensors = [struct.unpack_from("<hhh", packet, 17 + 8 * i) for i in range(pad >> 4)]
         return cls(pad & 15, sequence, low + (high << 32), flags & 7, valid, fresh, temperature, sensors)
@@ -81,7 +80,7 @@ class HostBoard:
         self.path = first.split()[1]
         self.port = os.open(self.path, os.O_RDWR | os.O_NOCTTY)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> HostBoard:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from fmfts.common.toml import parse
 from fmfts.pose import Problem, Status
 from fmfts.pose.kernel import STATUSES
 from fmfts.pose.reference import solve_reference
@@ -23,7 +23,7 @@ STRICT = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wshadow",
 
 def kernel_sources() -> list[Path]:
     """What pyproject.toml compiles, without the binding."""
-    modules = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"]
+    modules = parse((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"]
     extension = next(module for module in modules if module["name"] == "fmfts.pose._kernel")
     return [ROOT / source for source in extension["sources"] if not source.endswith("_kernel.c")]
 

@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -72,7 +71,7 @@ class HandledBoard:
             at_s = time.monotonic()
             time_s, last_s = time_s + min(at_s - last_s, LONGEST_STEP_S), at_s
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> HandledBoard:
         return self
 
     def __exit__(self, *_: object) -> None:

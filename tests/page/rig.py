@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
@@ -67,7 +67,7 @@ class View:
         fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / 100.0
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> View:
         return self
 
     def __exit__(self, *_: object) -> None:

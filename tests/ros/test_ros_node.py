@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import pytest
@@ -107,7 +107,7 @@ class RosProcess:
             stream.close()
         return code
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> RosProcess:
         return self
 
     def __exit__(self, *_: object) -> None:

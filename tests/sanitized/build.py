@@ -9,11 +9,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sysconfig
-import tomllib
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
+
+from fmfts.common.toml import parse
 
 ROOT = Path(__file__).parents[2]
 BUILD = ROOT / "build/sanitized"
@@ -36,9 +37,7 @@ def compiled(sources: Sequence[Path], library: Path, flags: Sequence[str] = ("-s
 
 def parts() -> list[dict[str, Any]]:
     """The compiled parts that pyproject.toml names."""
-    modules: list[dict[str, Any]] = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"][
-        "ext-modules"
-    ]
+    modules: list[dict[str, Any]] = parse((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"]
     return modules
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import importlib
 import shutil
 import sysconfig
-import tomllib
 from pathlib import Path
 
 import pytest
 
+from fmfts.common.toml import parse
+
 ROOT = Path(__file__).parents[2]
-PARTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"]
+PARTS = parse((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"]
 
 
 @pytest.mark.skipif(

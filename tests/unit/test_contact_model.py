@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 import onnxruntime
@@ -50,7 +49,7 @@ class Frames:
     tracked: Tracked
 
     @classmethod
-    def of(cls, pad: Pad, press: Array, noise_t: float = 0.0, remanence_t: float = 1.23, seed: int = 0) -> Self:
+    def of(cls, pad: Pad, press: Array, noise_t: float = 0.0, remanence_t: float = 1.23, seed: int = 0) -> Frames:
         magnet = pad.magnet.with_remanence(remanence_t)
         field = pressed_fields(pad, press, magnet)
         noise = noise_t * np.random.default_rng(seed).standard_normal(field.shape)
@@ -58,7 +57,7 @@ class Frames:
         return cls(press, solver.solved(field + noise))
 
     @classmethod
-    def drawn(cls, pad: Pad, count: int, lowest_n: float, highest_n: float, reach_m: float, seed: int) -> Self:
+    def drawn(cls, pad: Pad, count: int, lowest_n: float, highest_n: float, reach_m: float, seed: int) -> Frames:
         """Noisy frames of presses within a radius."""
         random = np.random.default_rng(seed)
         radius, angle = reach_m * 1e3 * np.sqrt(random.uniform(0, 1, count)), random.uniform(0, 2 * np.pi, count)

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import re
 import sys
-import tomllib
 from importlib.metadata import Distribution, distributions
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from fmfts.common.toml import parse
+
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "release"))
 
+pytest.importorskip("tomllib", reason="releases are made by Python 3.11 or later")
 from release import NotReadyError, notes, the_version, versions  # noqa: E402
 
 # The packages that the project promises to whoever installs it.
@@ -24,7 +26,7 @@ PROJECTS = [ROOT, ROOT / "clients/python", ROOT / "lab"]
 
 
 def project(folder: Path) -> dict[str, Any]:
-    found: dict[str, Any] = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+    found: dict[str, Any] = parse((folder / "pyproject.toml").read_text())["project"]
     return found
 
 
@@ -85,7 +87,7 @@ def licence_of(package: Distribution) -> str:
 
 
 def test_only_the_client_distribution_has_the_clients_files() -> None:
-    packages = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]["find"]
+    packages = parse((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]["find"]
     assert packages["where"] == ["daemon"]
     assert not (ROOT / "daemon/fmfts_client").exists()
 
@@ -93,7 +95,7 @@ def test_only_the_client_distribution_has_the_clients_files() -> None:
 @pytest.mark.parametrize("folder", PROJECTS, ids=lambda folder: folder.name)
 def test_every_file_that_a_program_reads_is_packed(folder: Path) -> None:
     """An installation without the sources has what `package-data` names, and nothing else."""
-    built_in = tomllib.loads((folder / "pyproject.toml").read_text())["tool"]["setuptools"]
+    built_in = parse((folder / "pyproject.toml").read_text())["tool"]["setuptools"]
     where = folder / ("daemon" if folder == ROOT else ".")
     for package, patterns in built_in["package-data"].items():
         packed = {path for pattern in patterns for path in (where / package).glob(pattern)}

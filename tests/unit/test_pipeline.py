@@ -5,7 +5,7 @@ import tempfile
 import time
 from collections import Counter
 from dataclasses import replace
-from typing import Literal, Self
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -179,7 +179,7 @@ class Bench:
         self._publisher.send_packed = keep_packed  # type: ignore[method-assign]
         self.channel = Channel(self.source, 0, self.pipeline, self._publisher, "boot", rate_hz)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> Bench:
         return self
 
     def __exit__(self, *_: object) -> None:

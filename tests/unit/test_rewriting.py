@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 
 import pytest
 
+from fmfts.common.toml import parse
 from fmfts.config.example import EXAMPLE_PATH
 from fmfts.config.file import load
 from fmfts.config.rewriting import RewritingError, rewrite, with_geometry
@@ -21,7 +21,7 @@ def test_shipped_example_keeps_all_other_lines() -> None:
     assert [line.split(" = ")[0] for line in changed] == ["sensors_mm", "sensors_mirrored"]
     assert "`baseline --rest` tells" in changed[1]
     assert len(before.splitlines()) == len(after.splitlines())
-    assert tomllib.loads(after)["pad"][0]["geometry"]["sensors_mirrored"] is True
+    assert parse(after)["pad"][0]["geometry"]["sensors_mirrored"] is True
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ def test_shipped_example_keeps_all_other_lines() -> None:
     ],
 )  # fmt: skip
 def test_only_the_named_pad_changes(text: str) -> None:
-    before, after = tomllib.loads(text), tomllib.loads(with_geometry(text, "a", VALUES))
+    before, after = parse(text), parse(with_geometry(text, "a", VALUES))
     assert after["pad"][0]["geometry"] == {"sensors_mm": [[1, 2, 0], [3, 4, 0]], "sensors_mirrored": True}
     del after["pad"][0]["geometry"]
     before["pad"][0].pop("geometry", None)

@@ -1,7 +1,8 @@
 /* fmfts.arithmetic._arithmetic: matrix.c and elementary.h for Python, through the stable ABI. matrix.py allocates the
  * arrays. */
 #define PY_SSIZE_T_CLEAN
-#define Py_LIMITED_API 0x030B0000
+#include "../common/stable_abi.h"
+
 #include <Python.h>
 
 #include <stdlib.h>

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +32,7 @@ class ArrayUnknowns:
     precision: Array
 
     @classmethod
-    def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool, measured: Sensitivity) -> Self:
+    def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool, measured: Sensitivity) -> ArrayUnknowns:
         drawn, count = Magnets.drawn(pad), len(pad.sensors)
         each = np.array(
             [tolerance.magnet_position_m] * 3 + [tolerance.magnet_tilt_rad] * 2 + [tolerance.remanence], dtype=float

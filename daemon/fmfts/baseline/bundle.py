@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +28,7 @@ class Reduced:
     _residual: Array
 
     @classmethod
-    def of(cls, own: Array, shared: Array, residual: Array) -> Self:
+    def of(cls, own: Array, shared: Array, residual: Array) -> Reduced:
         """own (K, R, P), shared (K, R, M), residual (K, R), all in standard deviations; R > P."""
         # Only the part perpendicular to a block's own columns tells about the shared unknowns.
         basis, own_answer = (np.stack(parts) for parts in zip(*map(pseudo_inverse, own), strict=True))

@@ -7,7 +7,6 @@ everything that mounting and manufacture leave open, with the tolerances as prio
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +70,7 @@ class Mounting:
     surprise: float = 0.0
     press_chi2: Array = field(default_factory=lambda: np.zeros(0))
 
-    def drifted(self, moved: Array) -> Self:
+    def drifted(self, moved: Array) -> Mounting:
         """A copy with the magnet's rest pose moved by (5,), in m, and in rad in the tangent plane of its axis."""
         return replace(self, rest=self.rest.stepped(moved))
 

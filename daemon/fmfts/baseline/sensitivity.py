@@ -8,7 +8,6 @@ three degrees the second order is a thousandth, and the tolerances of gain and c
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +30,7 @@ class Sensitivity:
     covariance: Array
 
     @classmethod
-    def tested(cls, gain: Array, deviation: float, tolerance: Tolerance) -> Self:
+    def tested(cls, gain: Array, deviation: float, tolerance: Tolerance) -> Sensitivity:
         """Of chips whose gains (N, 3) a self-test measured, each with this deviation."""
         known, mean = cls.untested(len(gain), tolerance), ideal(len(gain))
         variance = np.diagonal(known.covariance).copy()
@@ -39,7 +38,7 @@ class Sensitivity:
         return cls(mean, np.diag(variance))
 
     @classmethod
-    def untested(cls, count: int, tolerance: Tolerance) -> Self:
+    def untested(cls, count: int, tolerance: Tolerance) -> Sensitivity:
         """Of chips of which only the tolerances are known."""
         return cls(ideal(count), np.diag(square(deviations(count, tolerance))))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +45,7 @@ class Unknowns:
     precision: Array
 
     @classmethod
-    def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool, measured: Sensitivity | None = None) -> Self:
+    def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool, measured: Sensitivity | None = None) -> Unknowns:
         """ambient_free: the ambient field is unknown; else only its change since a bare recording is.
 
         measured: the sensitivities, None: only their tolerances are known. What has no tolerance counts as exact.

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Self
 
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
@@ -28,7 +27,7 @@ class Layers:
     bias: tuple[Array, ...]
 
     @classmethod
-    def drawn(cls, sizes: tuple[int, ...], random: np.random.Generator) -> Self:
+    def drawn(cls, sizes: tuple[int, ...], random: np.random.Generator) -> Layers:
         """Random weights with a spread (Glorot) that keeps the activations in the curved part of tanh."""
         pairs = list(pairwise(sizes))
         return cls(
@@ -46,7 +45,7 @@ class Layers:
     def vector(self) -> Array:
         return np.concatenate([array.ravel() for pair in zip(self.weight, self.bias, strict=True) for array in pair])
 
-    def with_vector(self, vector: Array) -> Self:
+    def with_vector(self, vector: Array) -> Layers:
         """Layers of the same sizes, with the parameters of `vector`."""
         weights, biases, position = [], [], 0
         for weight, bias in zip(self.weight, self.bias, strict=True):
@@ -55,7 +54,7 @@ class Layers:
             position += weight.size + bias.size
         return type(self)(tuple(weights), tuple(biases))
 
-    def scaled(self, shift: Array, scale: Array) -> Self:
+    def scaled(self, shift: Array, scale: Array) -> Layers:
         """The network whose outputs are `shift` + `scale` · the outputs of this one."""
         weight, bias = (*self.weight[:-1], self.weight[-1] * scale), (*self.bias[:-1], self.bias[-1] * scale + shift)
         return type(self)(weight, bias)

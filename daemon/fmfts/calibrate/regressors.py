@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Protocol
 
 import numpy as np
 from sklearn.cluster import KMeans
@@ -24,7 +24,7 @@ from fmfts.pad import Array
 class Regressor(Protocol):
     """fit: inputs (K, d), target (K, m), weight (K,) of each row's squared error; None: equal weights."""
 
-    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Self: ...
+    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Regressor: ...
 
     def predict(self, inputs: Array) -> Array: ...
 
@@ -37,7 +37,7 @@ class Span:
     half: Array
 
     @classmethod
-    def of(cls, values: Array) -> Self:
+    def of(cls, values: Array) -> Span:
         low, high = values.min(axis=0), values.max(axis=0)
         return cls((low + high) / 2.0, np.where(high > low, (high - low) / 2.0, 1.0))
 
@@ -58,7 +58,7 @@ class BackPropagation:
         self.steps = steps
         self.seed = seed
 
-    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Self:
+    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> BackPropagation:
         self._inputs, self._target = Span.of(inputs), Span.of(target)
         start = Layers.drawn((inputs.shape[1], *self.hidden, target.shape[1]), np.random.default_rng(self.seed))
         even = np.ones(target.shape) if weight is None else np.repeat(weight[:, None], target.shape[1], axis=1)
@@ -81,7 +81,7 @@ class RadialBasis:
         self.ridge = ridge
         self.seed = seed
 
-    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Self:
+    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> RadialBasis:
         self._inputs, self._target = Span.of(inputs), Span.of(target)
         shrunk = self._inputs.shrunk(inputs)
         with threadpool_limits(1):
@@ -113,7 +113,7 @@ class GaussianProcess:
         self.most = most
         self.seed = seed
 
-    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Self:
+    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> GaussianProcess:
         if weight is not None:
             raise ValueError("a Gaussian process takes no weights: it estimates the noise itself")
         rows = np.random.default_rng(self.seed).permutation(len(inputs))[: self.most]

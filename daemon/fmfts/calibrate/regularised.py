@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
-from typing import Self
 
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
@@ -36,7 +35,7 @@ class Components:
     turn: Array
 
     @classmethod
-    def of(cls, values: Array) -> Self:
+    def of(cls, values: Array) -> Components:
         span = Span.of(values)
         shrunk = span.shrunk(values)
         mean = shrunk.mean(axis=0)
@@ -106,7 +105,7 @@ class BayesianNetwork:
         self.starts = starts
         self.seed = seed
 
-    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Self:
+    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> BayesianNetwork:
         """Fit, and keep the start with the smallest generalised cross-validation error."""
         if weight is not None:
             raise ValueError("a Bayesian network takes no weights: it estimates the noise itself")
@@ -148,7 +147,7 @@ class RegularisedBasis:
         self.ridge = ridge
         self.decorrelated = decorrelated
 
-    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Self:
+    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> RegularisedBasis:
         if weight is not None:
             raise ValueError("these radial bases take no weights: all rows are smoothed alike")
         self._inputs, self._target = scaling(inputs, self.decorrelated), Span.of(target)

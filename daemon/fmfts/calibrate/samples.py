@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Self
 
 import numpy as np
 
@@ -32,14 +31,14 @@ class Samples:
         return len(self.press)
 
     @classmethod
-    def expected(cls, response: Response, solver: FrameSolver, press: Array) -> Self:
+    def expected(cls, response: Response, solver: FrameSolver, press: Array) -> Samples:
         """Noise-free samples of presses (K, 2 + L)."""
         change, slope = response.change_and_slope(press)
         pose = np.column_stack([solver.rest_pose[:5] + change, np.zeros(len(press))])
         tracked = solver.at(upright(pose))
         return cls(press, tracked.pose, tracked.covariance, bound_of(slope, tracked.covariance))
 
-    def noisy(self, copies: int, random: np.random.Generator) -> Self:
+    def noisy(self, copies: int, random: np.random.Generator) -> Samples:
         """Each press `copies` times, with noise drawn from the covariance added to its pose."""
         press, pose, covariance, bound = (
             np.repeat(values, copies, axis=0) for values in (self.press, self.pose, self.covariance, self.bound)

@@ -8,7 +8,7 @@ percent more certain. Models are trained on single frames, which need no history
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Self
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ class Tracked:
     def __len__(self) -> int:
         return len(self.pose)
 
-    def some(self, rows: NDArray[np.bool_]) -> Self:
+    def some(self, rows: NDArray[np.bool_]) -> Tracked:
         """The poses of the rows (K,) that are True."""
         return type(self)(self.pose[rows], self.covariance[rows], self.remanence_t[rows], self.residual_t[rows])
 

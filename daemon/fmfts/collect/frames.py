@@ -9,7 +9,6 @@ import secrets
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Self
 
 import msgspec
 
@@ -40,7 +39,7 @@ class Frames:
         self._utc_ahead_ns = time.time_ns() - clock.now_ns()
         self._writer: RecordingWriter | None = None
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> Frames:
         return self
 
     def __exit__(self, *_: object) -> None:

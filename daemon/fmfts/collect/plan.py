@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import tomllib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 from msgspec import Meta
 
 from fmfts.common.reading import damage_told, read_regular
-from fmfts.common.toml import LARGEST_BYTES, parse
+from fmfts.common.toml import LARGEST_BYTES, NotToml, parse
 from fmfts.config.section import PositiveFloat, Section
 
 PRESETS = Path(__file__).with_name("presets")
@@ -101,7 +100,7 @@ def read_plan(name: str) -> Plan:
 def _plan(path: Path, content: bytes) -> Plan:
     try:
         file = msgspec.convert(parse(content.decode("utf-8")), _File)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (NotToml, UnicodeDecodeError) as error:
         raise PlanError(f"{path}: is not TOML: {error}") from error
     except msgspec.ValidationError as error:
         raise PlanError(f"{path}: {error}") from error

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from itertools import groupby
 
 import numpy as np
@@ -175,7 +175,7 @@ def row_of(
         force_sd_n=averaged.force_sd_n,
         frames=len(averaged.frames),
         temperature_c=averaged.field.temperature_c,
-        utc=datetime.now(UTC).isoformat(timespec="milliseconds"),
+        utc=datetime.now(timezone.utc).isoformat(timespec="milliseconds"),
         baseline=identity.baseline,
         pad=identity.pad,
         board=identity.board,

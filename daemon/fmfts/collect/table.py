@@ -12,7 +12,6 @@ import io
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Self
 
 import msgspec
 
@@ -104,7 +103,7 @@ class Table:
         except OSError as error:
             raise NotWrittenError(f"{error.filename or path}: {why_not_written(error)}") from error
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> Table:
         return self
 
     def __exit__(self, *_: object) -> None:

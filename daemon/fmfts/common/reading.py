@@ -45,8 +45,11 @@ def open_text(path: Path) -> TextIO:
 
 def digest_of(path: Path) -> str:
     """The SHA-256 of a file, in hex. OSError as from `open_regular`."""
+    digest = hashlib.sha256()
     with open_regular(path) as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        while block := file.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
 
 
 @contextmanager

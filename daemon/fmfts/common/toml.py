@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import re
-import tomllib
+import sys
 from typing import Any
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 LARGEST_BYTES = 200_000  # a configuration of 64 pads has 100,000
 MOST_PARTS = 32  # of one dotted key
+NotToml = tomllib.TOMLDecodeError
 _PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*"""
 _LONG_KEY = re.compile(rf"(?<![\w-])(?:{_PART}){{{MOST_PARTS}}}", re.ASCII)
 
 
 def parse(text: str) -> dict[str, Any]:
-    """The tables of a text. tomllib.TOMLDecodeError or another ValueError where it is no TOML, or exceeds a limit."""
+    """The tables of a text. NotToml or another ValueError where it is no TOML, or exceeds a limit."""
     if len(text) > LARGEST_BYTES:
         raise ValueError(f"it is longer than {LARGEST_BYTES} bytes")
     if (long := _LONG_KEY.search(text)) is not None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 import msgspec
 
 from fmfts.common.reading import damage_told, read_regular, shortened
-from fmfts.common.toml import LARGEST_BYTES, parse
+from fmfts.common.toml import LARGEST_BYTES, NotToml, parse
 from fmfts.config import Config, ReplaySource, SimulatedSource
 from fmfts.config.checks import problems_in
 from fmfts.config.conversion import MOST, convert
@@ -106,7 +105,7 @@ def _read(file: Path) -> dict[str, Any]:
         raise ConfigError(f"{file}: is not UTF-8 text (byte {error.start})") from error
     try:
         return parse(text)
-    except tomllib.TOMLDecodeError as error:
+    except NotToml as error:
         raise ConfigError(f"{file}: is not TOML: {error}{_line_shown(text, str(error))}") from error
     except ValueError as error:
         raise ConfigError(f"{file}: is no configuration: {error}") from error

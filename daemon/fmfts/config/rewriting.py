@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import tomllib
 from collections.abc import Mapping
 from itertools import count
 from pathlib import Path
@@ -31,7 +30,7 @@ def with_geometry(text: str, pad: str, values: Mapping[str, str]) -> str:
     """
     due = parse(text)
     numbers = [number for number, table in enumerate(due["pad"]) if table.get("name") == pad]
-    written = tomllib.loads("\n".join(f"{key} = {value}" for key, value in values.items()))
+    written = parse("\n".join(f"{key} = {value}" for key, value in values.items()))
     without = {"sensors_mm", "sensor_rotations_deg"} if "board" in values else {"board"}
     before = due["pad"][numbers[0]].get("geometry", {})
     due["pad"][numbers[0]]["geometry"] = {key: before[key] for key in before if key not in without} | written

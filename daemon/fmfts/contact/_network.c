@@ -1,6 +1,7 @@
 /* fmfts.contact._network: network.c for Python, through the stable ABI. Only inference.py calls it. */
 #define PY_SSIZE_T_CLEAN
-#define Py_LIMITED_API 0x030B0000
+#include "../common/stable_abi.h"
+
 #include <Python.h>
 
 #include "../common/aligned.h"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -32,7 +31,7 @@ class ArrayModel:
     hash: str
 
     @classmethod
-    def load(cls, path: Path, pad: Pad) -> Self:
+    def load(cls, path: Path, pad: Pad) -> ArrayModel:
         """ModelError if the file cannot be used, OtherPadError if it is for other magnets.
 
         A file made for the pad's magnets over the standard sensors is for this pad too, whatever its own sensors are.

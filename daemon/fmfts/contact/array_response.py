@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -114,12 +114,12 @@ class ArrayResponse:
         )
 
     @classmethod
-    def unknown(cls, magnets: int) -> Self:
+    def unknown(cls, magnets: int) -> ArrayResponse:
         """Of a pad whose presses nobody knows: none of them moves anything."""
         nothing = np.zeros((5, 5, 1, CHANGE * magnets))
         return cls(0.0, 1.0, 1.0, nothing, np.zeros((5, 5, 2, CHANGE * magnets)), "")
 
-    def only(self, magnets: Sequence[int]) -> Self:
+    def only(self, magnets: Sequence[int]) -> ArrayResponse:
         """Of some of the magnets, in this order: each one moves as if the others were not there."""
         numbers = [CHANGE * magnet + number for magnet in magnets for number in range(CHANGE)]
         return replace(self, coefficient=self.coefficient[..., numbers], shear=self.shear[..., numbers])
@@ -178,7 +178,7 @@ class ArrayResponse:
         return int(self.coefficient.shape[3]) // CHANGE
 
     @classmethod
-    def of(cls, content: bytes, whose: str) -> Self:
+    def of(cls, content: bytes, whose: str) -> ArrayResponse:
         """Of a file's content. ResponseError where it is no such response. whose: the file's name, for the error."""
         with damage_told(ResponseError, f"{whose}: is no response of several magnets"):
             stored = msgspec.msgpack.decode(content, type=_Stored)

@@ -21,6 +21,8 @@ Poses = NDArray[np.float32]
 
 # Random presses, each at several shares of its displacement: near rest the direction changes fast.
 RANDOM_POSES = 64
+# Nothing is imported from the working directory, which `-c` puts first. Python 3.10 has no -P.
+SESSION = "import sys; sys.path = [*filter(None, sys.path)]; from fmfts.contact.session import main; main()"
 PROBED_EVERY = 29  # of these poses, by require_modest: from each share, corners and others
 SHARES = (1e-3, 1e-2, 0.1, 0.3, 1.0)
 # Both round to 2⁻²⁴ in some 150 additions in a row (two layers of 48, forwards and backwards), in different orders.
@@ -90,12 +92,7 @@ def require_modest(content: bytes, facts: Facts) -> None:
 
 
 def _asked(content: bytes, poses: Poses) -> bytes:
-    command = [
-        sys.executable,
-        "-P",
-        "-m",
-        "fmfts.contact.session",
-    ]  # -P: nothing is imported from the working directory
+    command = [sys.executable, "-c", SESSION]
     question = struct.pack("<I", len(content)) + content + poses.tobytes()
     try:
         ended = subprocess.run(command, input=question, capture_output=True, timeout=LONGEST_S, check=False)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -138,7 +138,7 @@ class FieldResponse:
         """Which axis is the load: the last."""
         return len(self.axes) - 1
 
-    def only(self, values: NDArray[np.intp]) -> Self:
+    def only(self, values: NDArray[np.intp]) -> FieldResponse:
         """The table of some of its values of field: of the sensors that there are."""
         return replace(
             self,
@@ -188,7 +188,7 @@ class FieldResponse:
         return msgspec.msgpack.encode(stored)
 
     @classmethod
-    def of(cls, content: bytes, whose: str) -> Self:
+    def of(cls, content: bytes, whose: str) -> FieldResponse:
         """Of a file's content. FieldResponseError where it is none. whose: the file's name, for the error."""
         with damage_told(FieldResponseError, f"{whose}: is no field response"):
             stored = msgspec.msgpack.decode(content, type=_Stored)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from math import sqrt
 from pathlib import Path
-from typing import Self
 
 import msgspec
 import numpy as np
@@ -131,7 +130,7 @@ class ContactModel:
     @classmethod
     def load(
         cls, path: str, pad: Pad, *, refine: bool = False, friction: float = 0.0, smoothing_s: float = 0.0
-    ) -> Self:
+    ) -> ContactModel:
         """Load and verify a model for `pad`. path: or a name in contact/shipped.py. ModelError says what is wrong."""
         file = path_of(path)
         try:
@@ -144,7 +143,7 @@ class ContactModel:
             raise ModelError(f"contact model {file}: damaged ({type(error).__name__}: {error}); {REMEDY}") from error
 
     @classmethod
-    def _load(cls, file: Path, pad: Pad, refine: bool, friction: float, smoothing_s: float) -> Self:
+    def _load(cls, file: Path, pad: Pad, refine: bool, friction: float, smoothing_s: float) -> ContactModel:
         content = unsealed(read(file))
         parsed = parse(content)
         check_versions(parsed)

@@ -11,7 +11,6 @@ Units are those of the contact model: mm, N, and components of the axis. `refine
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +49,7 @@ class Response:
         last: Array = self.first_mm + self.spacing_mm * (np.array(self.coefficient.shape[:2]) - 3)
         return last
 
-    def without_shear(self) -> Self:
+    def without_shear(self) -> Response:
         """The response to normal forces alone."""
         normal = (self.exponent[:, 1:] == 0).all(axis=1)
         return replace(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 from fmfts.common.reading import read_regular
 from fmfts.contact.contract import ModelError, OtherPadError
@@ -29,7 +28,7 @@ class SkinModel:
         return " and ".join(filter(None, (place, "force" if self.response.axes[-1].name == "force_n" else "")))
 
     @classmethod
-    def load(cls, path: Path, sensors: int) -> Self:
+    def load(cls, path: Path, sensors: int) -> SkinModel:
         """ModelError if the file cannot be used, OtherPadError if it is for another number of sensors."""
         try:
             content = read_regular(path, LARGEST_BYTES)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +55,9 @@ class BaselinedPad:
         self._change_error_rows = self.change_error.reshape(8, -1)
 
     @classmethod
-    def of(cls, drawing: Pad, baseline: Baseline, tracking: TrackingModel, mounting: Mounting | None = None) -> Self:
+    def of(
+        cls, drawing: Pad, baseline: Baseline, tracking: TrackingModel, mounting: Mounting | None = None
+    ) -> BaselinedPad:
         """mounting: computed from the baseline if None. BaselineError if the baseline does not fit the pad."""
         return cls(drawing, baseline, mounting or baseline.mounting(drawing), tracking)
 

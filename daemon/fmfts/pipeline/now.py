@@ -6,7 +6,7 @@ The time comes from the frame's number and the board's clock alone, never from a
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,7 +155,7 @@ class NowEstimator:
         hidden_gradient: HiddenGradient,
         rate_hz: float,
         lead: Lead,
-    ) -> Self | None:
+    ) -> NowEstimator | None:
         """silicone, hidden_gradient: follow this pad. None if the pad's response, or its rest, is not known."""
         if isinstance(model, NoContactModel) or model.response is None or not baselined.at_rest:
             return None

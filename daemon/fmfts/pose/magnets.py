@@ -8,7 +8,6 @@ rest (mechanics move the axis of a magnet that lies upside down like that of any
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +32,7 @@ class Magnets:
     octupole_m2: Array
 
     @classmethod
-    def drawn(cls, pad: Pad) -> Self:
+    def drawn(cls, pad: Pad) -> Magnets:
         """As in the drawing, at rest."""
         magnets = pad.magnets
         return cls(
@@ -46,12 +45,12 @@ class Magnets:
     def __len__(self) -> int:
         return len(self.position_m)
 
-    def stronger(self, log_moment: Array) -> Self:
+    def stronger(self, log_moment: Array) -> Magnets:
         """With other moments. log_moment (M,): ln of the ratio."""
         ratio = np.array([exp(one) for one in log_moment.tolist()])
         return replace(self, strength_t_m3=self.strength_t_m3 * ratio)
 
-    def changed(self, change: Array, frames: Array) -> Self:
+    def changed(self, change: Array, frames: Array) -> Magnets:
         """After a change of pose (5M,), in m and components of the axis. frames (M, 3, 3): `rest_frames` of these."""
         moved = change.reshape(-1, CHANGE)
         tilt = moved[:, 3:]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import IntEnum, StrEnum
+from enum import Enum, IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +45,7 @@ class Part(IntEnum):
     PRIOR = 3
 
 
-class Status(StrEnum):
+class Status(str, Enum):
     CONVERGED = "converged"
     AT_LIMIT = "at limit"
     UNOBSERVABLE = "unobservable"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +40,7 @@ class Neighbour:
     axis: Array
     log_moment: float
 
-    def stepped(self, step: Array) -> Self:
+    def stepped(self, step: Array) -> Neighbour:
         """Moved by `step` (6,)."""
         moved = self.position_m + step[POSITION]
         return replace(
@@ -74,11 +73,11 @@ class State:
     neighbours: tuple[Neighbour, ...] = ()
 
     @classmethod
-    def at_rest(cls, pad: Pad) -> Self:
+    def at_rest(cls, pad: Pad) -> State:
         return cls(pad.rest_position_m, pad.rest_axis, 0.0, np.zeros(3))
 
     @classmethod
-    def from_vector(cls, values: Array) -> Self:
+    def from_vector(cls, values: Array) -> State:
         """The inverse of `vector`."""
         others = values[VALUES:].reshape(-1, NEIGHBOUR_VALUES)
         neighbours = tuple(Neighbour(other[:3], other[3:6], float(other[6])) for other in others)
@@ -96,7 +95,7 @@ class State:
             parts += [other.position_m, other.axis, np.array([other.log_moment])]
         return np.concatenate(parts)
 
-    def stepped(self, step: Array) -> Self:
+    def stepped(self, step: Array) -> State:
         """The state moved by `step` (columns, or fewer: the others stay), in SI units and radians."""
         whole = np.zeros(self.columns)
         whole[: len(step)] = step

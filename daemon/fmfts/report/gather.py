@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +59,7 @@ class Gathering:
         self.show(0.9, "chips and their registers")
         facts = {
             "format": FORMAT,
-            "made_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+            "made_utc": datetime.now(timezone.utc).isoformat(timespec="seconds"),
             "missing": self.missing,
             "versions": machine.versions(),
             "machine": machine.machine(),

@@ -13,7 +13,6 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import cycle
 from pathlib import Path
 from types import FrameType
-from typing import Self
 
 from fmfts.bus.control import ControlServer
 from fmfts.bus.door import Door
@@ -116,7 +115,7 @@ class Daemon:
         self._wake_read, self._wake_write = socket.socketpair()
         log.info("publishing on %s, control on %s", endpoints.bus, endpoints.control)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> Daemon:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 from fmfts.sensor.chips import Chip
 from fmfts.sensor.chips.rates import highest_rate_hz, no_trigger
@@ -79,7 +78,7 @@ class Settings:
     trigger: int
 
     @classmethod
-    def of(cls, pad: WiredPad) -> Self:
+    def of(cls, pad: WiredPad) -> Settings:
         """SourceError where no chip can do what is asked."""
         if pad.trigger == "simultaneous" and not pad.chip.has_trigger:
             raise SourceError(f"pad {pad.name!r}: {no_trigger(pad.chip)}")

@@ -3,7 +3,8 @@
 #define FMFTS_SEVERAL_ARRAYS_H
 
 #define PY_SSIZE_T_CLEAN
-#define Py_LIMITED_API 0x030B0000
+#include "../common/stable_abi.h"
+
 #include <Python.h>
 
 #include "../common/aligned.h"

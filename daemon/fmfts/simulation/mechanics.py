@@ -8,7 +8,6 @@ as one on its edge. docs/pad-model.md tells where the standard pad's table comes
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +32,7 @@ class Mechanics:
     sheared: Mechanics | None = None
 
     @classmethod
-    def from_table(cls, grid_m: Array, force_n: Array, response: Array) -> Self:
+    def from_table(cls, grid_m: Array, force_n: Array, response: Array) -> Mechanics:
         """Make it from `response` (X, X, L, 5), which is dx, dy, dz in m, axis x, y, at `grid_m` (X,) × `grid_m` ×
         `force_n` (L,)."""
         degree = np.arange(1, len(force_n) + 1, dtype=np.intp)
@@ -42,7 +41,7 @@ class Mechanics:
         return cls.from_terms(grid_m, float(force_n[-1]), exponents, powers)
 
     @classmethod
-    def from_terms(cls, grid_m: Array, largest_force_n: float, exponents: NDArray[np.intp], terms: Array) -> Self:
+    def from_terms(cls, grid_m: Array, largest_force_n: float, exponents: NDArray[np.intp], terms: Array) -> Mechanics:
         """Make it from the polynomial's terms (X, X, T, 5) on an evenly spaced grid (X,), X ≥ 5, for both x and y."""
         spline = np.linalg.inv(spline_collocation(len(grid_m)))[:, 1:-1]
         coefficient = np.einsum("ai,bj,ijpc->abpc", spline, spline, terms)

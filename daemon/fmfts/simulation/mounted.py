@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Self
 
 import numpy as np
 
@@ -47,7 +46,7 @@ class MountedPad:
         mechanics: Mechanics | None = None,
         sensor_rotation_rad: float = SENSOR_ROTATION_RAD,
         cross_axis: float = CROSS_AXIS,
-    ) -> Self:
+    ) -> MountedPad:
         """A pad with random building errors, in the Earth's field of random direction."""
         tilt = np.append(random.normal(0.0, MAGNET_TILT_RAD, 2), 0.0)
         turn = _rotation_from_z(drawing.rest_axis) @ rotation_from_vector(tilt)
@@ -72,7 +71,7 @@ class MountedPad:
         return cls(whole, gain, ambient_t, turn, mechanics or standard_mechanics(), upper + upper.transpose(0, 2, 1))
 
     @classmethod
-    def exact(cls, drawing: Pad, mechanics: Mechanics | None = None) -> Self:
+    def exact(cls, drawing: Pad, mechanics: Mechanics | None = None) -> MountedPad:
         """A pad without building errors and without an ambient field."""
         gain, turn = np.ones((len(drawing.sensors), 3)), _rotation_from_z(drawing.rest_axis)
         return cls(drawing, gain, np.zeros(3), turn, mechanics or standard_mechanics())

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Self
 
 import numpy as np
 
@@ -37,13 +36,13 @@ class MountedMagnets:
     off_mm: Array
 
     @classmethod
-    def of(cls, config: PadConfig, random: np.random.Generator | None) -> Self:
+    def of(cls, config: PadConfig, random: np.random.Generator | None) -> MountedMagnets:
         """With random building errors; without, if `random` is None. ValueError where no such pad is simulated."""
         drawing = config.pad()
         return cls.built(drawing, _response_of(drawing), random)
 
     @classmethod
-    def built(cls, drawing: Pad, response: ArrayResponse, random: np.random.Generator | None) -> Self:
+    def built(cls, drawing: Pad, response: ArrayResponse, random: np.random.Generator | None) -> MountedMagnets:
         """With random building errors; without, if `random` is None."""
         drawn, count = Magnets.drawn(drawing), len(drawing.magnets)
         frames = rest_frames(drawn.axis)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +56,7 @@ class BuiltPad:
     mounting: Mounting
 
     @classmethod
-    def of(cls, config: PadConfig) -> Self:
+    def of(cls, config: PadConfig) -> BuiltPad:
         baseline = simulated_baseline(config)
         return cls(config, load_contact_model(config), baseline, baseline.mounting(config.pad()))
 

@@ -6,7 +6,6 @@ from argparse import Namespace
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Self
 
 import numpy as np
 
@@ -73,7 +72,7 @@ class Gains:
     deviation: Array
 
     @classmethod
-    def off_by(cls, pad: Pad, deviation: float) -> Self:
+    def off_by(cls, pad: Pad, deviation: float) -> Gains:
         shape = len(pad.sensors), 3
         return cls(np.ones(shape), np.full(shape, deviation))
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
@@ -34,7 +33,9 @@ class Influence:
     response: Array
 
     @classmethod
-    def of(cls, slab: Slab, element_m: float = ELEMENT_M, show: Callable[[float], None] = lambda share: None) -> Self:
+    def of(
+        cls, slab: Slab, element_m: float = ELEMENT_M, show: Callable[[float], None] = lambda share: None
+    ) -> Influence:
         """`show` is called with the share that is done."""
         pressed = PressedSlab(slab, element_m)
         surface = []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +31,7 @@ class SlabMesh:
     fixed_points: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, slab: Slab, element_m: float) -> Self:
+    def of(cls, slab: Slab, element_m: float) -> SlabMesh:
         """Elements of about `element_m`. The magnet's faces and the rim's edge lie on grid lines."""
         radius, half_width = MM * slab.magnet_diameter_m / 2.0, MM * slab.width_m / 2.0
         span = half_width - MM * slab.rim_m

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from fmfts.common.toml import parse
 from fmfts.sensor.chips import CHIPS, Chip
 
 SOURCES = Path(__file__).with_name("chip_facts.toml")
@@ -25,7 +25,7 @@ class Fact(NamedTuple):
 
 def facts() -> Iterator[Fact]:
     """ValueError where a fact lacks its source, or a source its fact."""
-    sources = tomllib.loads(SOURCES.read_text(encoding="utf-8"))
+    sources = parse(SOURCES.read_text(encoding="utf-8"))
     for chip in (each for each in CHIPS.values() if not each.streamed):
         values = {fact: value for fact, show in _SHOWN.items() if (value := show(chip))}
         known = sources.get(chip.name, {})

@@ -10,7 +10,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -125,7 +125,7 @@ class Study:
         whole = {
             "study": self.name,
             "finished": finished,
-            "written_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+            "written_utc": datetime.now(timezone.utc).isoformat(timespec="seconds"),
             "runs": self._runs,
             "machine": machine(),
             "versions": versions(),

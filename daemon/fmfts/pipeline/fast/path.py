@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,12 +85,12 @@ class Missing:
         return used
 
     @classmethod
-    def of(cls, frame: Frame) -> Self:
+    def of(cls, frame: Frame) -> Missing:
         silent, overflow = ~frame.valid, frame.overflow
         saturated = overflow & frame.valid[:, None]
         return cls(silent, saturated, frame.gain_code if silent.any() or saturated.any() else -1)
 
-    def without(self, sensor: int, gain_code: int, most: float) -> Self:
+    def without(self, sensor: int, gain_code: int, most: float) -> Missing:
         """The same, and this sensor is left out."""
         return replace(self, blamed=sensor, gain_code=gain_code, most=most)
 
@@ -137,7 +137,7 @@ class FastPath:
         stopped_us: float,
         detection_limit_n: float,
         now: NowParameters | None = None,
-    ) -> Self | None:
+    ) -> FastPath | None:
         """A fast path; None if C cannot serve this pad.
 
         C serves contact models of the compiled network, whose error tables fit into tables.h. change_error (8, 5, M),

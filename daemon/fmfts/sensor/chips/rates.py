@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 from fmfts.sensor.chips.chip import Chip
 
@@ -58,7 +58,7 @@ class BusLoad(NamedTuple):
     changes: int = 0
 
     @classmethod
-    def of(cls, pads: Iterable[tuple[int, Sequence[int]]]) -> Self:
+    def of(cls, pads: Iterable[tuple[int, Sequence[int]]]) -> BusLoad:
         """pads: of each its number of sensors, and the mux of each sensor (none without a mux)."""
         each = list(pads)
         return cls(

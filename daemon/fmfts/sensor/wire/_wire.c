@@ -1,6 +1,7 @@
 /* fmfts.sensor.wire._wire: sample.c and clock.c for Python, through the stable ABI. framing.py and clock.py call it. */
 #define PY_SSIZE_T_CLEAN
-#define Py_LIMITED_API 0x030B0000
+#include "../../common/stable_abi.h"
+
 #include <Python.h>
 #include <string.h>
 
