@@ -11,8 +11,11 @@ INSTALL_LIB := $(PREFIX)/lib/fmfts
 INSTALL_FILES := $(PREFIX)/bin/fmfts-daemon $(PREFIX)/lib/systemd/system/fmfts.service \
 	$(PREFIX)/lib/sysusers.d/fmfts.conf $(PREFIX)/lib/udev/rules.d/60-fmfts.rules
 # umask 022: root's own umask may be stricter, and then the service's user could not read the files.
-PIP_TARGET = umask 022 && $(SYSTEM_PYTHON) -m pip install --quiet --disable-pip-version-check --no-warn-script-location \
-	--root-user-action=ignore --no-compile --target "$(DESTDIR)$(INSTALL_LIB)"
+# Ubuntu 22.04's pip takes no --root-user-action, but leaves out a variable that it does not know; and without this layout it
+# does not find the setuptools that it fetched for the build.
+LAYOUT := $(shell grep -qs '^VERSION_CODENAME=jammy' /etc/os-release && echo DEB_PYTHON_INSTALL_LAYOUT=deb_system)
+PIP_TARGET = umask 022 && PIP_ROOT_USER_ACTION=ignore $(LAYOUT) $(SYSTEM_PYTHON) -m pip install --quiet --disable-pip-version-check --no-warn-script-location \
+	--no-compile --target "$(DESTDIR)$(INSTALL_LIB)"
 IN_PLACE = sed -e 's|@LIB@|$(INSTALL_LIB)|' -e 's|@PYTHON@|$(SYSTEM_PYTHON)|' -e 's|/usr/bin/fmfts-daemon|$(PREFIX)/bin/fmfts-daemon|'
 
 INSTALL_PACKAGES = $(call missing_packages,python3-pip python3-dev gcc)
@@ -24,7 +27,7 @@ install:
 	@$(call need,$(INSTALL_PACKAGES),exit 1)
 	rm -rf "$(DESTDIR)$(INSTALL_LIB)"
 	$(PIP_TARGET) $(if $(WITHOUT_DEPENDENCIES),--no-deps) ./clients/python .
-	rm -rf "$(DESTDIR)$(INSTALL_LIB)/bin"
+	find "$(DESTDIR)$(INSTALL_LIB)/bin" -type f ! -name fmfts-daemon -delete
 	install -d -m 755 $(foreach file,$(INSTALL_FILES),"$(DESTDIR)$(dir $(file))") "$(DESTDIR)/etc/fmfts"
 	$(IN_PLACE) systemd/fmfts-daemon.sh | install -m 755 /dev/stdin "$(DESTDIR)$(PREFIX)/bin/fmfts-daemon"
 	$(IN_PLACE) systemd/fmfts.service | install -m 644 /dev/stdin "$(DESTDIR)$(PREFIX)/lib/systemd/system/fmfts.service"
@@ -47,17 +50,18 @@ VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 DEB_BUILD := build/deb
 # The time of the commit, so that the same commit gives the same package; without git, that of CHANGELOG.md.
 SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || stat -c %Y CHANGELOG.md)
-DEB_SOURCES := Makefile pyproject.toml README.md CHANGELOG.md LICENSE config.toml daemon docs clients/python systemd
+DEB_SOURCES := Makefile pyproject.toml setup.py README.md CHANGELOG.md LICENSE config.toml daemon docs clients/python systemd
 
-# A package for Debian 12, in build/. It fetches what Debian lacks from PyPI, by hash (systemd/debian/vendored.txt).
+# A package for the Debian or Ubuntu that builds it, in build/. It fetches what that lacks from PyPI, by hash
+# (systemd/debian/vendored.txt).
 deb:
 	@$(call need,$(DEB_PACKAGES),exit 1)
 	rm -rf $(DEB_BUILD) && mkdir -p $(DEB_BUILD)/fmfts
 	tar -c --exclude=__pycache__ --exclude='*.so' --exclude='*.egg-info' --mtime=@$(SOURCE_DATE_EPOCH) $(DEB_SOURCES) | tar -x -C $(DEB_BUILD)/fmfts
 	sed -n 's/^\(setuptools==[^ ]*\).*/\1/p' release/constraints-build.txt > $(DEB_BUILD)/fmfts/setuptools.txt
 	cp -r systemd/debian $(DEB_BUILD)/fmfts/debian
-	printf 'fmfts (%s) bookworm; urgency=medium\n\n  * See CHANGELOG.md.\n\n -- The fmfts authors <fmfts@example.invalid>  %s\n' \
-		$(VERSION) "$$(LC_ALL=C date -u -R -d @$(SOURCE_DATE_EPOCH))" > $(DEB_BUILD)/fmfts/debian/changelog
+	printf 'fmfts (%s) %s; urgency=medium\n\n  * See CHANGELOG.md.\n\n -- The fmfts authors <fmfts@example.invalid>  %s\n' \
+		$(VERSION) "$$(. /etc/os-release && echo $$VERSION_CODENAME)" "$$(LC_ALL=C date -u -R -d @$(SOURCE_DATE_EPOCH))" > $(DEB_BUILD)/fmfts/debian/changelog
 	cd $(DEB_BUILD)/fmfts && SOURCE_DATE_EPOCH=$(SOURCE_DATE_EPOCH) dpkg-buildpackage --no-sign --build=binary
 	mv $(DEB_BUILD)/fmfts_$(VERSION)_*.deb build/
 	@ls -l build/fmfts_$(VERSION)_*.deb
@@ -77,6 +81,14 @@ lint-deb: deb
 drill-service: deb firmware
 	@$(call need,$(call missing_packages,debootstrap systemd-container),exit 1)
 	$(PYTHON) tests/drills/service.py build/fmfts_$(VERSION)_$(shell dpkg --print-architecture).deb
+
+# The package and an installation with pip on plain trees of Debian 12 and 13, Ubuntu 22.04 and 24.04 (root; network; ten minutes
+# each). Only some: SYSTEMS="ubuntu-22.04".
+SYSTEMS ?=
+.PHONY: test-systems
+test-systems:
+	@$(call need,$(call missing_packages,debootstrap systemd-container git),exit 1)
+	$(PYTHON) tests/drills/systems.py $(SYSTEMS)
 
 # A fresh clone of HEAD on a plain Debian 12 (root). QUICK=1: the installation, lint and unit tests (ten minutes). CPU=v1, v2
 # or v3: the arithmetic that an older processor would choose.

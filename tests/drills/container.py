@@ -1,4 +1,4 @@
-"""A plain Debian 12 with its own systemd: debootstrap makes the tree, systemd-nspawn boots a copy of it."""
+"""A plain Debian or Ubuntu with its own systemd: debootstrap makes the tree, systemd-nspawn boots a copy of it."""
 
 from __future__ import annotations
 
@@ -13,10 +13,25 @@ import time
 import weakref
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 BOOTED = ["systemd", "systemd-sysv", "dbus", "udev"]  # what a minimal installation has beyond the base
+
+
+@dataclass(frozen=True)
+class System:
+    """A release, and where debootstrap finds it."""
+
+    name: str
+    codename: str
+    mirror: str = "http://deb.debian.org/debian"
+    components: str = "main"
+    keyring: Path = Path("/usr/share/keyrings/debian-archive-keyring.gpg")
+    script: str = "sid"  # of debootstrap, for releases that are newer than it
+
+
+DEBIAN_12 = System("debian-12", "bookworm")
 
 
 def debian_tree(
@@ -24,13 +39,16 @@ def debian_tree(
     name: str = "debian-12",
     packages: Sequence[str] = BOOTED,
     prepare: Callable[[Path], object] = lambda tree: None,
+    system: System = DEBIAN_12,
 ) -> Path:
     """The tree, made by debootstrap when it is not there yet (two minutes; 300 MB), and then prepared."""
     tree = cache / name
     if not tree.exists():
         cache.mkdir(parents=True, exist_ok=True)
         making = Path(tempfile.mkdtemp(dir=cache, prefix=f"{name}."))
-        command = ["debootstrap", "--variant=minbase", f"--include={','.join(packages)}", "bookworm", str(making)]
+        command = ["debootstrap", "--variant=minbase", f"--include={','.join(packages)}"]
+        command += [f"--components={system.components}", f"--keyring={system.keyring}"]
+        command += [system.codename, str(making), system.mirror, system.script]
         try:
             subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
             making.chmod(0o755)
@@ -61,7 +79,8 @@ class Container:
 
     def boot(self) -> None:
         words = ["systemd-nspawn", "--quiet", *self._options(), "--resolv-conf=off", "--private-network", "--boot"]
-        words.append("--console=pipe")
+        # systemd 256 and later refuse the cgroups of an older computer without it; others leave it out.
+        words += ["--console=pipe", "SYSTEMD_CGROUP_ENABLE_LEGACY_FORCE=1"]
         self._process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
         children = Path(f"/proc/{self._process.pid}/task/{self._process.pid}/children")
         wait_for(lambda: children.read_text().split(), "the container's init")
@@ -98,9 +117,9 @@ class Container:
             self._process = None
 
     def _options(self) -> list[str]:
-        return [f"--directory={self.root}", f"--machine={self.name}", "--register=no", "--keep-unit"]
+        return [f"--directory={self.root}", f"--machine={self.name}", "--register=no", "--keep-unit", "--timezone=off"]
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> Container:
         return self
 
     def __exit__(self, *_: object) -> None:

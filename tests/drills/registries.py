@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-import platform
 import re
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
-CODENAME = "bookworm"
 CERTIFICATES = ("etc/ssl/certs", "usr/share/ca-certificates", "usr/local/share/ca-certificates")
 APT = ("etc/apt/apt.conf.d", "usr/share/keyrings", "etc/apt/trusted.gpg.d")
 APT_SOURCES = ("etc/apt/sources.list", "etc/apt/sources.list.d")
@@ -18,13 +16,18 @@ VARIABLES = re.compile(r"PIP_.*|.*_(proxy|PROXY)|SSL_CERT_FILE|REQUESTS_CA_BUNDL
 
 
 def carry_into(tree: Path) -> None:
-    """The sources of packages only from another such Debian: those of another release are no use to it."""
-    same = platform.freedesktop_os_release().get("VERSION_CODENAME") == CODENAME
+    """The sources of packages only into the same release: those of another are no use to it."""
+    same = _codename(Path("/")) == _codename(tree)
     for name in (*CERTIFICATES, *APT, *(APT_SOURCES if same else ()), PIP_OF_ALL):
         copy(Path("/", name), tree / name)
     if same and not (Path("/") / APT_SOURCES[0]).exists():
         (tree / APT_SOURCES[0]).unlink(missing_ok=True)
     carry_to_user(tree / "root")
+
+
+def _codename(tree: Path) -> str:
+    found = re.search(r"^VERSION_CODENAME=(\w+)$", (tree / "etc/os-release").read_text(), re.MULTILINE)
+    return found[1] if found else ""
 
 
 def carry_to_user(home: Path) -> None:

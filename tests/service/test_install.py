@@ -6,13 +6,24 @@ import os
 import shutil
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
 
+from fmfts.common.toml import parse
+
 ROOT = Path(__file__).parents[2]
-SOURCES = ("Makefile", "pyproject.toml", "README.md", "LICENSE", "config.toml", "daemon", "clients", "systemd")
+SOURCES = (
+    "Makefile",
+    "pyproject.toml",
+    "setup.py",
+    "README.md",
+    "LICENSE",
+    "config.toml",
+    "daemon",
+    "clients",
+    "systemd",
+)
 CONFIG, MINE = "etc/fmfts/config.toml", "# described by its owner\n"
 LIBRARY = "usr/local/lib/fmfts"
 PATIENCE_S = 300.0
@@ -53,7 +64,7 @@ def test_what_is_installed_is_the_services_to_read_runs_and_goes_again(tmp_path:
 
 def compiled_parts() -> list[str]:
     """By pyproject.toml, where a compiler is optional."""
-    modules = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"]
+    modules = parse((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"]
     return [module["name"].replace(".", "/") + ".abi3.so" for module in modules]
 
 
@@ -67,7 +78,8 @@ def assert_starts_from_there(tree: Path) -> None:
     assert "ExecStart=/usr/local/bin/fmfts-daemon run\n" in unit
     launcher = tree / "usr/local/bin/fmfts-daemon"
     assert os.access(launcher, os.X_OK)
-    assert f"PYTHONPATH=/{LIBRARY} exec {sys.executable} -sP -m fmfts" in launcher.read_text()
+    assert f"PYTHONPATH=/{LIBRARY} exec {sys.executable} -s /{LIBRARY}/bin/fmfts-daemon" in launcher.read_text()
+    assert [path.name for path in (tree / LIBRARY / "bin").iterdir()] == ["fmfts-daemon"]
 
 
 def assert_runs(tree: Path) -> None:
@@ -77,11 +89,12 @@ def assert_runs(tree: Path) -> None:
     words = [sys.executable, "-sP", "-c", code]
     said = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
     assert said.stdout.startswith(f"{library}/fmfts/__init__.py\nfmfts-daemon "), said.stdout + said.stderr
-    words = [sys.executable, "-sP", "-m", "fmfts", "init", "--simulated", "--config", str(tree / "written.toml")]
+    command = [sys.executable, "-s", str(library / "bin/fmfts-daemon")]
+    words = [*command, "init", "--simulated", "--config", str(tree / "written.toml")]
     subprocess.run(words, env=environment, capture_output=True, check=True)
     assert (tree / "written.toml").read_text() == (ROOT / "config.toml").read_text(), "it ships in the package"
     (tree / "written.toml").unlink()
-    words = [sys.executable, "-sP", "-m", "fmfts", "check-config", "--config", str(library / "fmfts/config/array.toml")]
+    words = [*command, "check-config", "--config", str(library / "fmfts/config/array.toml")]
     said = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
     assert said.returncode == 0, f"the second standard pad and its table of presses ship in the package: {said.stderr}"
     assert [part for part in compiled_parts() if not (library / part).exists()] == []
