@@ -16,7 +16,7 @@ INSTALL_FILES := $(PREFIX)/bin/fmfts-daemon $(PREFIX)/lib/systemd/system/fmfts.s
 LAYOUT := $(shell grep -qs '^VERSION_CODENAME=jammy' /etc/os-release && echo DEB_PYTHON_INSTALL_LAYOUT=deb_system)
 PIP_TARGET = umask 022 && PIP_ROOT_USER_ACTION=ignore $(LAYOUT) $(SYSTEM_PYTHON) -m pip install --quiet --disable-pip-version-check --no-warn-script-location \
 	--no-compile --target "$(DESTDIR)$(INSTALL_LIB)"
-IN_PLACE = sed -e 's|@LIB@|$(INSTALL_LIB)|' -e 's|@PYTHON@|$(SYSTEM_PYTHON)|' -e 's|/usr/bin/fmfts-daemon|$(PREFIX)/bin/fmfts-daemon|'
+IN_PLACE = sed -e 's|@LIB@|$(INSTALL_LIB)|g' -e 's|@PYTHON@|$(SYSTEM_PYTHON)|' -e 's|/usr/bin/fmfts-daemon|$(PREFIX)/bin/fmfts-daemon|'
 
 INSTALL_PACKAGES = $(call missing_packages,python3-pip python3-dev gcc)
 DEB_PACKAGES = $(call missing_packages,debhelper dh-python build-essential python3-pip python3-dev)
