@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 
 from fmfts.baseline import Baseline
+from fmfts.bus.messages import ContactMessage
 from fmfts.config import ContactConfig, PadConfig
 from fmfts.pipeline.configured import Pipeline, contact_model_of, feel_neighbours, pipeline_of
 from fmfts.pipeline.contact_message import PackedMessage
@@ -35,29 +36,38 @@ AS_ALWAYS = Way()
 
 def replay(world: World, messages: int | None = None, way: Way = AS_ALWAYS) -> dict[str, Said]:
     """What each pad says. messages: of each pad at most so many."""
+    said = {pad.settings.name: Said() for pad in world.pads}
+    for name, message, sent_ns in answers(world, way):
+        if message is None:
+            continue
+        if messages is None or len(said[name].words) < messages:
+            said[name].add(message, sent_ns)
+        elif all(len(each.words) >= messages for each in said.values()):
+            break
+    return said
+
+
+def answers(world: World, way: Way = AS_ALWAYS) -> Iterator[tuple[str, ContactMessage | None, int]]:
+    """Yields the message of all that arrives, with its pad, and when it was sampled, on the host's clock.
+
+    None: a sample that came before its frame, and says nothing new.
+    """
     with pipelines_of(world) as pipelines:
-        said = {name: Said() for name in pipelines}
         for pipeline in pipelines.values():
             if isinstance(pipeline, PadPipeline) and pipeline._estimator is not None and not way.in_c:
                 pipeline._estimator._path = None
         numbers = dict.fromkeys(pipelines, 0)
         for name, event in world.events():
-            pipeline, own = pipelines[name], said[name]
+            pipeline = pipelines[name]
             if isinstance(event, EarlySample):
                 answer = pipeline.early(event)
-                if answer is None:
-                    continue
                 sent_ns = pipeline.host_time_ns(event.device_time_us)
             else:
                 numbers[name] += 1
                 if way.snapshots and numbers[name] % way.snapshots == 0:
                     snapshot(pipeline)
                 answer, sent_ns = pipeline.answer(event), event.host_time_ns
-            if messages is None or len(own.words) < messages:
-                own.add(answer.message if isinstance(answer, PackedMessage) else answer, sent_ns)
-            elif all(len(each.words) >= messages for each in said.values()):
-                break
-    return said
+            yield name, answer.message if isinstance(answer, PackedMessage) else answer, sent_ns
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import pytest
 from golden.__main__ import frozen_file, judged
 from golden.noise import noise
 from golden.replayed import replay
-from golden.said import BLOCK, compare, decoded
+from golden.said import BLOCK, OF_A_DEVIATION, compare, decoded, floor_of
 from golden.world import FOLDER, load, names
 
 # So that all of them take some seconds; a frame that only Python judges takes a millisecond.
@@ -58,7 +58,8 @@ def test_difference_that_matters_is_found_and_another_is_not() -> None:
     assert compare(said, frozen).differences == []
     place = frozen.names.index("pose.position_m[2]")
     sd_m = frozen.first[2, frozen.names.index("pose.position_sd_m[2]")]
-    for off_m, is_found in ((0.005 * sd_m, False), (0.02 * sd_m, True)):
+    allowed_m = max(OF_A_DEVIATION * sd_m, floor_of("position_m"))
+    for off_m, is_found in ((0.5 * allowed_m, False), (1.5 * allowed_m, True)):
         moved = frozen.first.copy()
         moved[2, place] += off_m
         assert bool(compare(said, replace(frozen, first=moved)).differences) == is_found
