@@ -28,10 +28,10 @@ class UnfitError(Exception):
     """The page shows something that should not be in a picture; the text says what."""
 
 
-def why_unfit(page: Page, health: Sequence[str] = ("ok",)) -> str:
+def why_unfit(page: Page, health: Sequence[str] = ("ok",), fewest_pictures: int = FEWEST_PICTURES) -> str:
     """What is not as it should be: health, rate and age of the pads, pictures a second, or the width; "" if all is.
 
-    health: of the pads, what the picture is meant to show.
+    health: of the pads, what the picture is meant to show. fewest_pictures: a second, that the page draws.
     """
     found = []
     for pad in page.evaluate(LOOK):
@@ -45,7 +45,7 @@ def why_unfit(page: Page, health: Sequence[str] = ("ok",)) -> str:
             found.append(f"pad {pad['name']}: {pad['rate']:.0f} of {pad['nominal']:.0f} Hz")
         if pad["chosen"] and (pad["age"] is None or pad["age"] > OLDEST_MS):
             found.append(f"pad {pad['name']}: a message is {pad['age']} ms old when it is drawn")
-    if (pictures := page.evaluate("fmfts.picturesPerSecond ?? 0")) < FEWEST_PICTURES:
+    if (pictures := page.evaluate("fmfts.picturesPerSecond ?? 0")) < fewest_pictures:
         found.append(f"{pictures} pictures a second")
     if page.evaluate("fmfts.leftOut ?? 0"):
         found.append("messages were left out")
