@@ -47,8 +47,12 @@ ALL_TOUCHED = """(() => {
 
 
 def keep(shot: bytes, name: str) -> None:
-    """A picture with few colours takes a third of the bytes, and looks the same."""
-    picture = Image.open(io.BytesIO(shot)).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    """A picture with few colours takes a third of the bytes, and looks the same. Rare colours, as red, are kept."""
+    picture = (
+        Image.open(io.BytesIO(shot))
+        .convert("RGB")
+        .quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    )
     picture.save(DOCS / name, optimize=True)
     weigh(DOCS / name)
 
@@ -142,7 +146,7 @@ def moving(page: Page) -> None:
     every = Image.new("RGB", (size[0], size[1] * len(pictures)))
     for number, picture in enumerate(pictures):
         every.paste(picture, (0, size[1] * number))
-    palette = every.quantize(MOVING_COLOURS, dither=Image.Dither.NONE)
+    palette = every.quantize(MOVING_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     few = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in pictures]
     path = DOCS / "page-touch.png"
     few[0].save(path, save_all=True, append_images=few[1:], duration=round(1000 / MOVING_HZ), loop=0, optimize=True)
