@@ -86,8 +86,28 @@ static int measure_axis(struct emulated_chip *chip, int axis, uint8_t gain_code)
     return chip->strap_leaves_external ? second : second - first;
 }
 
+static void glide_until(struct emulated_chip *chip, uint64_t time_ns)
+{
+    if (chip->glided_ns >= chip->glide_until_ns || time_ns <= chip->glided_ns)
+        return; // it has arrived
+    bool arrived = time_ns >= chip->glide_until_ns;
+    double share = (double)(time_ns - chip->glided_ns) / (double)(chip->glide_until_ns - chip->glided_ns);
+    for (int axis = 0; axis < 3; axis++)
+        chip->field_ut[axis] += (chip->glide_ut[axis] - chip->field_ut[axis]) * (arrived ? 1.0 : share);
+    chip->glided_ns = time_ns;
+}
+
+void emulated_chip_glide(struct emulated_chip *chip, const double target_ut[3], uint64_t duration_ns)
+{
+    glide_until(chip, chip->now_ns);
+    memcpy(duration_ns == 0 ? chip->field_ut : chip->glide_ut, target_ut, sizeof chip->field_ut);
+    chip->glided_ns = chip->now_ns;
+    chip->glide_until_ns = chip->now_ns + duration_ns;
+}
+
 static void convert(struct emulated_chip *chip)
 {
+    glide_until(chip, chip->next_conversion_ns);
     static const int axis_order[3] = {0, 2, 1};
     uint8_t gain_code = chip->old_gain_pending ? chip->old_gain_code : (uint8_t)(chip->config_b >> 5);
     chip->old_gain_pending = false;

@@ -2,18 +2,38 @@
 
 #include <string.h>
 
+// The field of each of the pad's chips, from `first` word on.
+static const char *read_field(double field_ut[PAD_SENSORS_MAX][3], int chips, const struct words *words, int first)
+{
+    if (words->count != first + 3 * chips)
+        return "three numbers for each of the pad's sensors are due";
+    for (int i = 0; i < 3 * chips; i++)
+        if (!number(words->word[first + i], -1e5, 1e5, &field_ut[i / 3][i % 3]))
+            return wrong_number;
+    return NULL;
+}
+
+static const char *lead(struct session *session, struct place place, double field_ut[PAD_SENSORS_MAX][3], double ms)
+{
+    for (int i = 0; i < session->emulation.chip_count[place.pad]; i++)
+        emulated_chip_glide(&session->emulation.chips[place.pad][i], field_ut[i], (uint64_t)(ms * 1e6));
+    return NULL;
+}
+
 const char *execute_field(struct session *session, const struct words *words, struct place place)
 {
-    double values[3 * PAD_SENSORS_MAX];
-    int count = 3 * session->emulation.chip_count[place.pad];
-    if (words->count != 2 + count)
-        return "three numbers for each of the pad's sensors are due";
-    for (int i = 0; i < count; i++)
-        if (!number(words->word[2 + i], -1e5, 1e5, &values[i]))
-            return wrong_number;
-    for (int i = 0; i < count; i++)
-        session->emulation.chips[place.pad][i / 3].field_ut[i % 3] = values[i];
-    return NULL;
+    double field_ut[PAD_SENSORS_MAX][3];
+    const char *wrong = read_field(field_ut, session->emulation.chip_count[place.pad], words, 2);
+    return wrong ? wrong : lead(session, place, field_ut, 0);
+}
+
+const char *execute_glide(struct session *session, const struct words *words, struct place place)
+{
+    double field_ut[PAD_SENSORS_MAX][3], ms;
+    const char *wrong = read_field(field_ut, session->emulation.chip_count[place.pad], words, 3);
+    if (wrong || !number(words->word[2], 0, 1e6, &ms))
+        return wrong ? wrong : wrong_number;
+    return lead(session, place, field_ut, ms);
 }
 
 const char *execute_temperature(struct session *session, const struct words *words, struct place place)

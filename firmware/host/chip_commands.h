@@ -12,6 +12,6 @@ struct place {
 
 typedef const char *execute(struct session *session, const struct words *words, struct place place);
 
-execute execute_field, execute_temperature, execute_noise, execute_ppm, execute_fault, execute_mux, execute_load;
+execute execute_field, execute_glide, execute_temperature, execute_noise, execute_ppm, execute_fault, execute_mux, execute_load;
 
 #endif

@@ -9,6 +9,7 @@ const char commands_help[] =
     "Commands on standard input, one a line; each is answered by `ok` or `error: …`. PAD (its mux) and SENSOR\n"
     "(its channel) count from 0.\n"
     "  field PAD b1x b1y b1z … b4x b4y b4z   field at the four (--array: eight) sensors, microtesla, sensor axes; holds until changed\n"
+    "  glide PAD MS b1x …                    the same, reached evenly within so many milliseconds of the board's time\n"
     "  temperature PAD CELSIUS\n"
     "  noise PAD MICROTESLA                  standard deviation per axis (0.2 at start)\n"
     "  ppm PAD SENSOR PPM                    how much faster than nominal this chip's clock runs\n"
@@ -151,6 +152,7 @@ static const struct command {
     execute *execute;
 } commands[] = {
     {"field", 0, true, false, execute_field},
+    {"glide", 0, true, false, execute_glide},
     {"temperature", 3, true, false, execute_temperature},
     {"noise", 3, true, false, execute_noise},
     {"ppm", 4, true, true, execute_ppm},

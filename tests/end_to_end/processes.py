@@ -69,6 +69,10 @@ class FirmwareHost:
         """The field (4, 3) in tesla at the chips, in their own axes."""
         self.tell(f"field {pad} " + " ".join(f"{value * 1e6:.6f}" for value in field_t.ravel()))
 
+    def glide(self, field_t: np.ndarray, within_s: float, pad: int = 0) -> None:
+        """As `field`; it gets there evenly within this time of the board."""
+        self.tell(f"glide {pad} {within_s * 1e3:.3f} " + " ".join(f"{value * 1e6:.6f}" for value in field_t.ravel()))
+
     def kill(self) -> None:
         """Pull the plug. Its name goes too, as udev would see to: the pty's number may be another board's at once."""
         self.port.unlink(missing_ok=True)

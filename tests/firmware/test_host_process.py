@@ -230,6 +230,27 @@ def test_stepped_board_sends_what_its_time_allows_and_nothing_by_itself() -> Non
         assert len(list(board.samples(0.2))) == pytest.approx(11, abs=2)
 
 
+def test_gliding_field_changes_evenly_and_stays_where_it_arrives() -> None:
+    end_ut, glide_ms = 200.0, 200.0
+    with HostBoard("--stepped") as board:
+        assert board.command("noise 0 0") == "ok"
+        assert board.command("run 300000") == "ok"
+        assert board.command(f"glide 0 {glide_ms} " + " ".join([str(end_ut)] * 12)) == "ok"
+        before = list(board.samples(0.3))
+        assert board.command("run 300000") == "ok"
+        first_us, samples = before[-1].time_us, list(board.samples(0.3))
+    assert before[-1].counts[0] == (0, 0, 0)
+    counts = [sample.counts[0][0] for sample in samples]
+    full = 6.6 * end_ut
+    # A frame is younger than the newest conversion in it by up to a period of 1/220 s, and the glide began as late.
+    for sample, count in zip(samples, counts, strict=True):
+        expected = full * min((sample.time_us - first_us) * 1e-3 / glide_ms, 1.0)
+        assert count == pytest.approx(expected, abs=full * 10.0 / glide_ms)
+    steps = [later - earlier for earlier, later in pairwise(counts)]
+    assert max(steps) < 2.5 * full / (0.22 * glide_ms)
+    assert counts[-10:] == [round(full)] * 10
+
+
 def test_board_whose_time_runs_is_not_stepped(board: HostBoard) -> None:
     assert board.command("run 1000") == "error: time passes by itself: start with --stepped"
 
