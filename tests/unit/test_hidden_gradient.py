@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 from mounted_world import TOLERANCE, World
@@ -11,6 +12,7 @@ from test_healthy_path import assert_same, python_only
 from test_pipeline import config_of
 
 from fmfts.baseline import make_bare, make_rest
+from fmfts.config import SceneConfig
 from fmfts.pad import Pad, Placement, rotation_from_vector
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.contact_message import PackedMessage
@@ -24,6 +26,7 @@ from fmfts.pose.hidden_gradient import (
     FADES_S,
     GRADIENT_PER_T,
     HEALTHY,
+    IRON_T,
     STANDS_STILL,
     HiddenGradient,
     Reference,
@@ -40,6 +43,7 @@ from fmfts_lab.bench.tools import BesideTool, Scene, baseline_of, drilled, pad_c
 
 EARTH_T = np.array([2e-5, -1e-5, -4.5e-5])
 NOISE_T = np.full((4, 3), 2e-7)
+TURNED = baseline_of(pad_config("turned", 1, "drawn"), "turned")
 MEASURED = Reference(EARTH_T, 0.0)
 
 
@@ -234,6 +238,31 @@ def test_beside_a_tool_c_says_the_same_as_python(scene: Scene) -> None:
     assert own is not None
     assert other is not None
     assert own.hidden_gradient.foreign_t == pytest.approx(other.hidden_gradient.foreign_t, rel=1e-6)
+
+
+def test_unseen_field_leaves_the_earth_s_as_strong_as_it_was(pad: Pad) -> None:
+    """It is at a right angle to the Earth's; what a robot that was never turned carries hides a larger one."""
+    measured, unmeasured = follower(pad), follower(pad, Reference(EARTH_T, IRON_T))
+    across = np.cross(EARTH_T, [0.0, 0.0, 1.0])
+    beside_t = EARTH_T + measured.unseen_t * across / np.linalg.norm(across)
+    assert np.linalg.norm(beside_t) - np.linalg.norm(EARTH_T) == pytest.approx(HEALTHY * EVEN_T)
+    assert measured.unseen_t < unmeasured.unseen_t == unmeasured.strongest_t
+    assert follower(pad, STANDS_STILL).unseen_t == pytest.approx(HEALTHY * EVEN_T)
+    assert follower(pad, reference_of(pad, None, None)).unseen_t == unmeasured.strongest_t
+
+
+# Of tools that pass, two that looked like contacts: one of 6.6 N without one sensor, one of 0.04 N in 82 frames.
+@pytest.mark.parametrize(("way", "seed"), [(0, 1), (2, 7)])
+def test_tool_beside_a_turned_pad_is_no_contact(way: int, seed: int) -> None:
+    config, passing = pad_config("turned", 1, "drawn"), WAYS[way]
+    config = msgspec.structs.replace(config, scene=SceneConfig(steel_nearby=True))
+    pipeline = without_baseline(config, load_contact_model(config))
+    pipeline.use(TURNED)
+    source = BesideTool(config, Tool(passing, 0.02, np.random.default_rng(seed)))
+    answers = [pipeline.answer(frame) for batch in source.batches(round(passing.seconds * 220)) for frame in batch]
+    messages = [answer.message if isinstance(answer, PackedMessage) else answer for answer in answers]
+    assert not any(message.contact for message in messages)
+    assert sum(message.health == "ok" for message in messages) > 0.5 * len(messages)
 
 
 # Of the ways of `bench tools`, one on which a third of the frames told a contact that was none.

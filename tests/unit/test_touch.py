@@ -75,6 +75,13 @@ def test_contact_stays_until_its_force_is_within_one_deviation() -> None:
     assert [detector.presses(estimate(force, 0.1)) for force in forces] == [False, True, True, True, False, False]
 
 
+def test_force_that_a_hidden_field_looks_like_is_no_contact() -> None:
+    detector = touched()
+    detector.hidden_force_sd_n = 0.1
+    forces = (0.19, 0.21, 0.11, 0.09)
+    assert [detector.presses(estimate(force, 1e-3)) for force in forces] == [False, True, True, False]
+
+
 def test_certain_force_of_a_magnet_at_rest_is_no_contact() -> None:
     assert not TouchDetector(rate_hz=220.0).presses(estimate(5.0, 0.1))
 

@@ -69,6 +69,19 @@ def test_contradicting_sensor_is_named_and_left_out(pad: Pad, rest: State, press
         assert track.estimate.position_m == pytest.approx(pressed.position_m, abs=6e-5)
 
 
+def test_contradicting_sensor_near_steel_is_disturbed(pad: Pad, rest: State, pressed: State) -> None:
+    """A tool that passes makes one sensor contradict the others, too, and without it a force of 4 N."""
+    tracker = Tracker(pad, rest, replace(CONSTANT, steel_nearby=True))
+    field = field_at(pad, pressed)
+    field[2, 1] += 1e-5
+    track = tracker.update(field, DEVIATION)
+    assert (track.health, track.estimate) == ("disturbed", None)
+    assert track.reason.startswith("sensor 3 contradicts the others")
+    assert "steel or a magnet is near" in track.reason
+    field[2] = np.nan  # one that does not answer is left out there, too
+    assert tracker.update(field, DEVIATION).health == "degraded"
+
+
 def test_turned_robot_is_disturbed_not_a_contact(pad: Pad, tracker: Tracker, rest: State) -> None:
     """Half a gauss from nowhere: no sensor is to blame, and no pose explains it."""
     track = tracker.update(field_at(pad, rest) + np.array([3e-5, -3e-5, 2e-5]), DEVIATION)

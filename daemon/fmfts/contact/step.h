@@ -26,6 +26,7 @@ enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = FMFTS_M
     X(certain_deviations, 1)                                                                                           \
     X(kept_force_deviations, 1)                                                                                        \
     X(certain_force_deviations, 1)                                                                                     \
+    X(hidden_force_sd_n, 1)                                                                                            \
     X(straight_share, 1)                                                                                               \
     X(bend_deviations, 1)                                                                                              \
     X(trained_top_mm, 1)                                                                                               \

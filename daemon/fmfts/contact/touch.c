@@ -53,6 +53,8 @@ bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memor
 void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const fmfts_estimate *estimate)
 {
     double needed = memory->in_contact[0] != 0.0 ? parameters->kept_force_deviations[0] : parameters->certain_force_deviations[0];
-    bool is_certain = estimate->refused || estimate->place[2] > needed * estimate->pose_force_sd_n;
+    double hidden_n = parameters->hidden_force_sd_n[0];
+    double deviation_n = estimate->pose_force_sd_n > hidden_n ? estimate->pose_force_sd_n : hidden_n;
+    bool is_certain = estimate->refused || estimate->place[2] > needed * deviation_n;
     memory->in_contact[0] = memory->touched[0] != 0.0 && is_certain ? 1.0 : 0.0;
 }

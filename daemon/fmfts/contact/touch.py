@@ -1,7 +1,7 @@
 """Decides whether the pad is in contact: a χ² test of the magnet's displacement from rest, and a force that is certain.
 
-Both have hysteresis. Steel near a pad that was never turned moves the estimate sideways by many deviations, while the
-force may be none: no controller should close or open on that.
+Both have hysteresis. Steel near a pad moves the estimate sideways by many deviations, while the force may be none: no
+controller should close or open on that.
 """
 
 from __future__ import annotations
@@ -39,15 +39,22 @@ class TouchDetector:
 
     A contact begins with one frame whose χ² exceeds a threshold. At `rate_hz`, an unloaded pad exceeds that threshold
     `false_contacts_per_hour` times in an hour, if frames are independent and the covariance is right. magnets: of the
-    pad.
+    pad. hidden_force_sd_n: deviation of a force that no covariance of a pose counts, because nothing betrays its cause.
     """
 
-    def __init__(self, rate_hz: float, false_contacts_per_hour: float = 1.0, magnets: int = 1) -> None:
+    def __init__(
+        self,
+        rate_hz: float,
+        false_contacts_per_hour: float = 1.0,
+        magnets: int = 1,
+        hidden_force_sd_n: float = 0.0,
+    ) -> None:
         per_frame = false_contacts_per_hour / (3600.0 * rate_hz)
         self.onset_chi2 = quantile(min(per_frame, RELEASE_PROBABILITY), DEGREES_OF_FREEDOM * magnets)
         self.release_chi2 = quantile(RELEASE_PROBABILITY, DEGREES_OF_FREEDOM * magnets)
         # After a longer gap, the finger may be gone. Half a period is for jitter.
         self.longest_gap_s = (RELEASE_FRAMES + 0.5) / rate_hz
+        self.hidden_force_sd_n = hidden_force_sd_n
         self.memory = TouchMemory()
 
     def update(self, displacement: Array | None, covariance: Array | None) -> bool | None:
@@ -73,7 +80,8 @@ class TouchDetector:
         """
         memory = self.memory
         needed = KEPT_FORCE_DEVIATIONS if memory.in_contact else CERTAIN_FORCE_DEVIATIONS
-        is_certain = contact.refused or contact.force_n > needed * contact.pose_force_sd_n
+        deviation_n = max(contact.pose_force_sd_n, self.hidden_force_sd_n)
+        is_certain = contact.refused or contact.force_n > needed * deviation_n
         memory.in_contact = memory.touched and is_certain
         return memory.in_contact
 

@@ -17,6 +17,7 @@ from fmfts.pad import Array
 from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.deviations import published_force_sd_n
 from fmfts.pipeline.fast import FastPath, Missing
+from fmfts.pipeline.hidden_force import hidden_force_n
 from fmfts.pipeline.now import Early, Lead, NowEstimator, NowMemory, Taken
 from fmfts.pipeline.reading import JUMPED, Reading, degraded, held, without_model
 from fmfts.pose import Aligned, Alignment, displacement
@@ -82,9 +83,10 @@ class Estimator:
         self._model = model
         self._tracker = baselined.tracker()
         self._ambient_motion = baselined.ambient_motion()
-        self._touch = TouchDetector(rate_hz)
-        self._silicone = SiliconeFollower(baselined.drawing.silicone, self._touch.longest_gap_s)
         self._hidden_gradient = baselined.hidden_gradient()
+        hidden_n = hidden_force_n(baselined, self._hidden_gradient, model)
+        self._touch = TouchDetector(rate_hz, hidden_force_sd_n=hidden_n)
+        self._silicone = SiliconeFollower(baselined.drawing.silicone, self._touch.longest_gap_s)
         self._smoother = Smoother(model.smoothing_s)
         ambient_motion = None if self._ambient_motion is None else self._ambient_motion.memory
         self.memory = EstimatorMemory(

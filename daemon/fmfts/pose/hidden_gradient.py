@@ -15,12 +15,16 @@ field is b has gradients of 3b/r; NEAREST_M is the smallest r at which no residu
 makes of a gradient:
 
     covariance of the change of pose += (3·foreign/NEAREST_M)²·SSᵀ
+
+A foreign field at a right angle to the Earth's leaves its strength as it is, and a smaller one is within HEALTHY·σ: see
+`unseen_t`. Where the scene has steel nearby, no contact is certain below the force that such a field looks like.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,11 +92,26 @@ class HiddenGradient:
 
     def __init__(self, pad: Pad, rest: State, reference: Reference, ambient_error: Array, effect: Array) -> None:
         self._pad, self._rest, self.reference, self.ambient_error = pad, rest, reference, ambient_error
+        self._effect = effect
         self.unit: Array = square(GRADIENT_PER_T) * product(effect, effect.T)
         # A position that is known no better than VAGUE_M cannot be used (gate.py).
         self.strongest_t = VAGUE_M / float(np.sqrt(np.trace(self.unit[POSITION, POSITION])))
         self._error_rows = ambient_error.reshape(8, -1)
         self.memory = HiddenGradientMemory()
+
+    @property
+    def unseen_t(self) -> float:
+        """The strongest foreign field that may leave the ambient field as strong as the reference."""
+        strength_t = length(self.reference.field_t)
+        if not isfinite(strength_t):
+            return self.strongest_t
+        margin_t = HEALTHY * length(np.array([EVEN_T, self.reference.iron_t]))
+        return min(float(np.sqrt(margin_t * (2.0 * strength_t + margin_t))), self.strongest_t)
+
+    def unseen_changes(self) -> Array:
+        """(10, 5) changes of the pose that each component of such a field's gradient looks like, of both signs."""
+        changes: Array = GRADIENT_PER_T * self.unseen_t * np.concatenate([self._effect.T, -self._effect.T])
+        return changes
 
     def judge(self, track: Track, elapsed_s: float, neighbours: Sequence[NeighbourEstimate] = ()) -> Track:
         """Note a frame. Returns `track`, its covariance widened; `disturbed` if the foreign field is too strong."""

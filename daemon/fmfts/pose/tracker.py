@@ -34,6 +34,10 @@ WARMED_K = 5.0
 OR_DRIFTED = (
     "; or offsets of chips drifted, as the pad is over {:g} K from its baseline's temperature: record --rest again"
 )
+OR_STEEL = (
+    "; or steel or a magnet is near, as [pad.scene] says that it may be. If this stays without it, run selftest, and "
+    "look at that sensor's wires"
+)
 NOTHING_SAID: Mapping[int, str] = MappingProxyType({})
 # Solve to a thousandth of a deviation: before rest is recorded, deviations include the mounting's tolerances (0.4 mm).
 STOP_TRACKING = 1e-6
@@ -90,6 +94,8 @@ class Tracker:
             return False
         if self.memory.since_good_s != 0.0 or self._monitor is None:
             return False
+        if self._model.steel_nearby and self._monitor.blamed is not None:
+            return False
         return self._monitor.memory.finding is None or self._monitor.blamed is not None
 
     @property
@@ -126,6 +132,22 @@ class Tracker:
         since the last frame. temperature_c: of the pad; None keeps the last one. neighbours: felt magnets.
         missing: sensor → what is wrong with it, for the reason, where field_t is NaN.
         """
+        track = self._judged(field_t, deviation_t, elapsed_s, temperature_c, lasting_t, neighbours, missing)
+        if not self._model.steel_nearby or track.health != "degraded" or not (np.isfinite(field_t) & ~track.used).any():
+            return track
+        return Track(None, track.used, "disturbed", f"{track.reason}{OR_STEEL}")
+
+    def _judged(
+        self,
+        field_t: Array,
+        deviation_t: Array,
+        elapsed_s: float,
+        temperature_c: float | None,
+        lasting_t: Array | None,
+        neighbours: Sequence[NeighbourEstimate],
+        missing: Mapping[int, str],
+    ) -> Track:
+        """See `update`. A sensor that contradicts the others is left out."""
         self._neighbours, self._missing = neighbours, missing
         self.memory.since_good_s += max(elapsed_s, 0.0)
         self._nearest = None

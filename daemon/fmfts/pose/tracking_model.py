@@ -22,7 +22,8 @@ class TrackingModel:
     growth of that variance per second. moment_per_k, moment_per_k_deviation: change of the log moment per kelvin.
     offset_t_per_k: deviation of the drift of a chip's offset on each axis.
     unread_warming_k: deviation of the pad's warming since the baseline, until a temperature is read. ambient_turns: the
-    ambient field may change by the robot's turning; else only by what is foreign.
+    ambient field may change by the robot's turning; else only by what is foreign. steel_nearby: steel or other magnets
+    pass the pad.
     """
 
     parts: Parts
@@ -33,6 +34,7 @@ class TrackingModel:
     unread_warming_k: float = 0.0
     ambient_turns: bool = True
     offset_t_per_k: float = 0.0
+    steel_nearby: bool = False
 
     @property
     def has_prior(self) -> bool:

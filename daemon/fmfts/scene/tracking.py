@@ -84,7 +84,9 @@ def tracking_model_for(scene: SceneConfig, magnet: MagnetConfig, chip: Chip = DE
     unread_k = 0.0 if chip.thermometer is None else UNREAD_WARMING_K
     turns = scene.ambient == "drifting"
     tracking = TrackingModel(
-        *(parts, initial, walk, per_k, abs(per_k) * COEFFICIENT_SHARE, unread_k, turns), chip.offset_t_per_k
+        *(parts, initial, walk, per_k, abs(per_k) * COEFFICIENT_SHARE, unread_k, turns),
+        chip.offset_t_per_k,
+        scene.steel_nearby,
     )
     return SceneModel(tracking, why)
 

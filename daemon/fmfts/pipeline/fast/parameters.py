@@ -155,6 +155,7 @@ def put_touch(
     parameters.put("release_chi2", touch.release_chi2)
     parameters.put("release_frames", RELEASE_FRAMES)
     parameters.put("longest_gap_s", touch.longest_gap_s)
+    parameters.put("hidden_force_sd_n", touch.hidden_force_sd_n)
     parameters.put("drawn_rest_m", drawing.rest_position_m)
     parameters.put("drawn_turn", shortest_rotation(mounting.rest.axis, drawing.rest_axis))
 
