@@ -1,7 +1,9 @@
 # make demo    install into .venv, run the simulated pad, show its contacts    (SECONDS=10 ends by itself; PAD=array
 #              FINGERS=2: four magnets, two fingers that meet and part; PAPER=1: the
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board;
-#              HAND=1: five boards on a page in a browser, beside what a fixed baseline would say)
+#              HAND=1: five boards on a page in a browser, beside what a fixed baseline and a hand that was never turned say;
+#              RUNS=20: twenty whole cycles of it, each of another world, judged together: half an hour)
+# make first-minute   how soon `make demo` shows the first `ok`, its deviations at 1 N, lost frames    (DEMO="PAD=array")
 # make chips-for-a-day   every driver on its emulated chips for a day of their time: 6 to 15 minutes for each chip
 # make sample-times      when samples were measured, and whether any comes twice: eight minutes
 # make magnet-check   what `probe --magnet` says of 200 random mistakes and 50 good boards: five minutes    (MAGNET_CHECK="--seed 2")
@@ -53,6 +55,7 @@ SECONDS ?=
 PAPER ?=
 FIRMWARE ?=
 HAND ?=
+RUNS ?=
 
 # Packages that a bare Debian lacks: python3-venv, and python3-dev with Python.h for the compiled parts.
 BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || echo python3-venv) \
@@ -63,7 +66,7 @@ TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi
 
 .PHONY: demo test lint unit processes clock slow long bench cold-starts clean wheel
 .PHONY: first-uses transcript recordings kept-report model pictures chips-page mould sample-times
-.PHONY: magnet-check chaos clock-leaps failing-source chips-for-a-day fuzz fuzz-short fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
+.PHONY: first-minute magnet-check chaos clock-leaps failing-source chips-for-a-day fuzz fuzz-short fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
 
 # Ends a demo on Ctrl-C without an error. Programs that sh starts with & ignore Ctrl-C; sh catches it and sends SIGTERM
@@ -76,10 +79,13 @@ ifneq ($(PAPER),)
 else ifneq ($(FIRMWARE),)
 	@$(call until_interrupted,$(BIN)/python tests/end_to_end/firmware_demo.py $(if $(SECONDS),--seconds $(SECONDS)))
 else ifneq ($(HAND),)
-	@$(call until_interrupted,$(BIN)/python tests/end_to_end/hand_demo.py $(if $(SECONDS),--seconds $(SECONDS)))
+	@$(call until_interrupted,$(BIN)/python tests/end_to_end/hand_demo.py $(if $(SECONDS),--seconds $(SECONDS)) $(if $(RUNS),--runs $(RUNS)))
 else
 	@$(call until_interrupted,$(BIN)/python -m fmfts.cli.demo $(if $(SECONDS),--seconds $(SECONDS)) $(if $(PAD),--pad $(PAD)) $(if $(FINGERS),--fingers $(FINGERS)))
 endif
+
+first-minute: $(VENV)/.installed
+	$(BIN)/python tests/drills/first_minute.py $(DEMO)
 
 magnet-check: $(VENV)/.installed-test
 	$(BIN)/python tests/drills/magnet_check.py $(MAGNET_CHECK)

@@ -55,6 +55,15 @@ def first_line(process: subprocess.Popen[str]) -> str:
     return process.stdout.readline()
 
 
+def read_until(process: subprocess.Popen[str], beginning: str) -> list[str]:
+    """The lines up to the first that begins so."""
+    lines = []
+    while not lines or not lines[-1].startswith(beginning):
+        lines.append(first_line(process))
+        assert lines[-1], process.communicate()
+    return lines
+
+
 def gone(pid: int) -> bool:
     try:
         os.kill(pid, 0)
@@ -69,7 +78,7 @@ def test_interrupted_demo_ends_quietly_and_takes_its_daemon_along(number: signal
     with started(DEMO) as demo:
         daemon = child_of(demo)
         if when == "listening":
-            first_line(demo)
+            read_until(demo, "the page: ")
         if number == signal.SIGINT:
             os.killpg(demo.pid, number)
         else:
@@ -134,6 +143,16 @@ def test_demo_of_a_wrong_configuration_says_what_is_wrong(tmp_path: Path) -> Non
     assert demo.returncode == 78
     assert "wrong.toml" in stderr
     assert "Traceback" not in stderr
+
+
+def test_demo_says_first_how_its_pad_was_set_up() -> None:
+    with started(DEMO) as demo:
+        said, *_ = read_until(demo, "demo: health ok")
+        demo.send_signal(signal.SIGTERM)
+        demo.communicate(timeout=PATIENCE_S)
+    found = re.match(r"pad demo: self-test, bare, rest and turn were simulated in .* known to ± (0\.\d+) N\n", said)
+    assert found, said
+    assert float(found[1]) <= 0.1
 
 
 def test_line_that_the_demo_prints_listens_to_it_from_another_shell() -> None:

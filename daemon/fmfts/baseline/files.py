@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -25,10 +26,13 @@ class StateError(Exception):
     """A file of state cannot be written; the text says where, why, and what to do."""
 
 
-def path_of(pad_name: str, kind: str = "baseline") -> Path:
-    """The file of the baseline in use, or of another `kind` of state. StateError if there is no folder for it."""
+def path_of(pad_name: str, kind: str = "baseline", environ: Mapping[str, str] = os.environ) -> Path:
+    """The file of the baseline in use, or of another `kind` of state. StateError if there is no folder for it.
+
+    environ: of the program that uses it.
+    """
     try:
-        return state_directory() / kind / f"{pad_name}.json"
+        return state_directory(environ) / kind / f"{pad_name}.json"
     except OSError as error:
         raise StateError(f"no folder for {kind}s: {error.filename}: {why_not_written(error, ELSEWHERE)}") from error
     except RuntimeError as error:
@@ -55,12 +59,12 @@ def stored(pad: Pad, origin: Origin | None = None) -> Baseline | None:
         raise BaselineError(f"{error}; or bring the one before back, from {previous}: {restore}") from error
 
 
-def store(baseline: Baseline, pad: Pad) -> Path:
-    """Write a baseline to the file that the daemon reads at its start. StateError if that fails.
+def store(baseline: Baseline, pad: Pad, environ: Mapping[str, str] = os.environ) -> Path:
+    """Write a baseline to the file that the daemon reads at its start. StateError if that fails. environ: the daemon's.
 
     The one before is kept as `….previous.json`, unless it is damaged: then the older file of that name stays.
     """
-    path = path_of(pad.name)
+    path = path_of(pad.name, environ=environ)
     try:
         path.parent.mkdir(exist_ok=True)
         if _is_good(path, pad):

@@ -1,4 +1,7 @@
-"""`fmfts-daemon demo`: runs the daemon, a live view in the terminal and the page, with their own sockets and state."""
+"""`fmfts-daemon demo`: runs the daemon, a live view in the terminal and the page, with their own sockets and state.
+
+Its simulated pads are set up before the daemon starts, as a user sets up a real one.
+"""
 
 # Slow imports are in `main`, where Ctrl-C is handled.
 from __future__ import annotations
@@ -11,7 +14,8 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -28,10 +32,7 @@ def running_daemon(config: Path, folder: Path) -> Iterator[str]:
     The caller handles Ctrl-C; it also gets a KeyboardInterrupt when the daemon ends by itself. If the daemon ends or
     does not start, prints the end of its log and raises SystemExit.
     """
-    from fmfts_client.endpoints import OVERRIDE
-
-    base = f"ipc://{folder}"
-    environment = os.environ | {OVERRIDE: base, "XDG_STATE_HOME": str(folder / "state")}
+    base, environment = _base(folder), _environment(folder)
     serving, daemon = False, None
     try:
         with child_daemon(config, folder, environment) as daemon:
@@ -43,6 +44,17 @@ def running_daemon(config: Path, folder: Path) -> Iterator[str]:
         ended = None if daemon is None else daemon.ended
         if ended is not None or (not serving and sys.exc_info()[0] is None):
             _explain(folder / "daemon.log", ended)
+
+
+def _base(folder: Path) -> str:
+    return f"ipc://{folder}"
+
+
+def _environment(folder: Path) -> dict[str, str]:
+    """The daemon's."""
+    from fmfts_client.endpoints import OVERRIDE
+
+    return os.environ | {OVERRIDE: _base(folder), "XDG_STATE_HOME": str(folder / "state")}
 
 
 @contextmanager
@@ -103,18 +115,55 @@ def main() -> int:
 
 
 def _demo(options: argparse.Namespace) -> int:
+    end_on_signals()
+    with tempfile.TemporaryDirectory(prefix="fmfts-demo-") as name:
+        folder = Path(name)
+        config = options.config or _config(options, folder)
+        set_up_pads(config, _environment(folder))
+        return _shown(config, folder, options.seconds)
+
+
+def _shown(config: Path, folder: Path, seconds: float | None) -> int:
     from fmfts.cli.page_beside import page_beside
     from fmfts.view.listen import listen
 
-    end_on_signals()
-    with (
-        tempfile.TemporaryDirectory(prefix="fmfts-demo-") as folder,
-        running_daemon(options.config or _config(options, Path(folder)), Path(folder)) as base,
-        page_beside(Path(folder), base) as page_line,
-    ):
+    with running_daemon(config, folder) as base, page_beside(folder, base) as page_line:
         print(page_line(), flush=True)
         print(f"another terminal: {command_beside(base)} listen    (or status)", flush=True)
-        return listen(None, options.seconds, endpoint=base)
+        return listen(None, seconds, endpoint=base)
+
+
+def set_up_pads(config: Path, environ: Mapping[str, str]) -> None:
+    """Store baselines of the simulated pads after self-test, bare, rest and turn, and say how good they are.
+
+    environ: of the daemon that will use them. Says nothing of a file that is wrong, because the daemon does.
+    """
+    from fmfts.baseline.files import store
+    from fmfts.config import SimulatedSource, neighbours_of
+    from fmfts.config.file import ConfigError, load
+    from fmfts.pipeline.configured import contact_model_of, pipeline_of
+    from fmfts.pipeline.press_of_one_newton import press_of_one_newton
+    from fmfts.simulation.set_up import set_up
+
+    try:
+        pads = load(config)[0].pad
+    except ConfigError:
+        return
+    for pad in pads:
+        if not isinstance(pad.source, SimulatedSource):
+            continue
+        begun_s = time.monotonic()
+        baseline, steps = set_up(pad, neighbours_of(pad, pads))
+        store(baseline, pad.pad(), environ)
+        pipeline = pipeline_of(pad, contact_model_of(pad), "demo")
+        pipeline.use(baseline)
+        press = press_of_one_newton(pipeline)
+        accuracy = f"; 1 N in the middle is known to ± {press['middle_1n_force_sd_n']:.2f} N" if press else ""
+        print(
+            f"pad {pad.name}: {', '.join(steps[:-1])} and {steps[-1]} were simulated in "
+            f"{time.monotonic() - begun_s:.1f} s, as one sets up a real pad{accuracy}",
+            flush=True,
+        )
 
 
 def command_beside(base: str) -> str:

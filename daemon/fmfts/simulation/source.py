@@ -235,7 +235,7 @@ class Simulated:
     def _ambient(self, sampled_s: Array) -> Array:
         """(N, 3) the Earth's field in pad axes, while the robot turns about an axis along no symmetry of the pad."""
         if self.tumbling:
-            return np.array([_tumbled(moment) @ self._built.ambient_t for moment in sampled_s])
+            return tumbled(self._built.ambient_t, sampled_s)
         if self.turning_rad_per_s == 0.0:
             return np.tile(self._built.ambient_t, (len(sampled_s), 1))
         angles = self.turning_rad_per_s * (sampled_s - self.turning_since_s)
@@ -259,12 +259,17 @@ class Simulated:
         return (self._start_ns or 0) - (-sequence * SECOND_NS // self._rate_hz)
 
 
-def _tumbled(moment_s: float) -> Array:
-    """Rotation (3, 3): once about each axis in turn, so that the Earth's field spans space whatever its start."""
-    shares = np.clip(3.0 * (moment_s % TUMBLE_S) / TUMBLE_S - np.arange(3.0), 0.0, 1.0)
-    turned = np.eye(3)
-    for axis, share in zip(np.eye(3), shares, strict=True):
-        turned = rotation_from_vector(2.0 * np.pi * share * axis) @ turned
+def tumbled(ambient_t: Array, moments_s: Array) -> Array:
+    """(N, 3) a field, turned once about each axis in turn, so that it spans space whatever its start."""
+    shares = np.clip(3.0 * (moments_s[:, None] % TUMBLE_S) / TUMBLE_S - np.arange(3.0), 0.0, 1.0)
+    turned = np.tile(ambient_t, (len(moments_s), 1))
+    for axis in range(3):
+        one, other = (axis + 1) % 3, (axis + 2) % 3
+        cosine, sine = np.cos(2.0 * np.pi * shares[:, axis]), np.sin(2.0 * np.pi * shares[:, axis])
+        turned[:, one], turned[:, other] = (
+            cosine * turned[:, one] - sine * turned[:, other],
+            sine * turned[:, one] + cosine * turned[:, other],
+        )
     return turned
 
 
