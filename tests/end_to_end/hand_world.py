@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import cos, pi, sin
 from typing import NamedTuple
 
@@ -13,12 +12,14 @@ from fmfts.pad import Array, Placement, rotation_from_vector
 from fmfts.pose import dipole_field
 from fmfts.simulation.cylinder import cylinder_field
 from fmfts.simulation.mounted import MountedPad
+from fmfts.simulation.source import tumbled
 
 NAMES = ("thumb", "index", "middle", "ring", "little")
 # Where the pads sit on an open hand, in mm and degrees about z.
 PLACES = ((-72, 12, 38), (-46, 78, 9), (1, 90, 0), (48, 80, -7), (91, 55, -16))
 SEED = 5
-EARTH_T = np.array([1.9e-5, 0.4e-5, -4.4e-5])
+EARTH_T = 4.8e-5
+TURNING_RAD_PER_S = 0.54
 CYCLE_S = 44.0
 FELT_M = 0.1  # of another pad's magnet
 TOOL_A_M2 = 0.02  # dipole moment of a magnetised screwdriver
@@ -82,17 +83,23 @@ def _between(time_s: float, begin_s: float, end_s: float, ramp_s: float) -> floa
     return (1.0 - cos(pi * rise)) / 2.0
 
 
-class HandWorld:
-    """The built pads, with errors as mounting leaves them, and what moves around them."""
+def _direction(chance: np.random.Generator) -> Array:
+    """A unit vector of any direction."""
+    vector = chance.standard_normal(3)
+    unit: Array = vector / np.linalg.norm(vector)
+    return unit
 
-    def __init__(self, config: Config) -> None:
+
+class HandWorld:
+    """The built pads, with errors as mounting leaves them, and what moves around them. Each seed is another world."""
+
+    def __init__(self, config: Config, seed: int = SEED) -> None:
         self._configs: list[PadConfig] = list(config.pad)
-        chance = np.random.default_rng(SEED)
-        self._pads = [
-            replace(MountedPad.built(pad.pad(), chance, None, CHIP_TURN_RAD, CROSS_AXIS), ambient_t=EARTH_T.copy())
-            for pad in self._configs
-        ]
+        chance = np.random.default_rng(seed)
+        self._pads = [MountedPad.built(pad.pad(), chance, None, CHIP_TURN_RAD, CROSS_AXIS) for pad in self._configs]
         self._placements = [pad.placement.si() for pad in self._configs]
+        self._earth_t = EARTH_T * _direction(chance)
+        self._turning_axis, self._tool_axis = _direction(chance), _direction(chance)
 
     def touch(self, number: int, time_s: float) -> tuple[float, float, float]:
         """x and y (m) and force (N) of the grip on this pad."""
@@ -100,21 +107,30 @@ class HandWorld:
         force = (0.7 + 0.15 * number) * _between(now, 11.0 + 0.15 * number, 17.4, 0.5)
         return (-1) ** number * 3e-3 + 2e-3 * sin(0.9 * now), 2e-3 * cos(0.8 * now + number), force
 
-    def turned(self, time_s: float) -> Array:
-        """The Earth's field in the hand's axes."""
-        angle = 0.55 * time_s
-        turn = rotation_from_vector(np.array([0.75, 0.35, 0.55]) * angle)
-        field: Array = turn.T @ EARTH_T
+    def earth_t(self, time_s: float) -> Array:
+        """The Earth's field in the hand's axes; at 0 s it stands as while its baselines are recorded."""
+        field: Array = rotation_from_vector(self._turning_axis * TURNING_RAD_PER_S * time_s).T @ self._earth_t
+        return field
+
+    def tumbling_t(self, time_s: float) -> Array:
+        """The same while it is turned for `baseline --turn`: once about each axis, from the standing hand on."""
+        field: Array = tumbled(self._earth_t, np.array([time_s]))[0]
         return field
 
     def warming_k(self, number: int, time_s: float) -> float:
         return WARMER_K * _between(time_s % CYCLE_S, 34.0, 44.0, 3.0) if number == len(NAMES) - 1 else 0.0
 
-    def field(self, number: int, time_s: float, *, still: bool = False, mounted: bool = True) -> Array:
-        """(N, 3) what the chips of pad `number` sense. still: as while baselines are recorded."""
+    def untouched(self, number: int, earth_t: Array, *, mounted: bool = True) -> Array:
+        """(N, 3) what the chips of pad `number` sense while nothing touches the hand and no tool is near."""
+        return self._sensed(number, 0.0, earth_t, still=True, mounted=mounted)
+
+    def field(self, number: int, time_s: float) -> Array:
+        """(N, 3) what the chips of pad `number` sense at a moment of the play."""
+        return self._sensed(number, time_s, self.earth_t(time_s), still=False, mounted=True)
+
+    def _sensed(self, number: int, time_s: float, earth_t: Array, *, still: bool, mounted: bool) -> Array:
         built, placement = self._pads[number], self._placements[number]
-        earth = placement.rotation.T @ (EARTH_T if still else self.turned(time_s))
-        field = np.tile(earth, (len(built.pad.sensors), 1))
+        field = np.tile(placement.rotation.T @ earth_t, (len(built.pad.sensors), 1))
         for other in range(len(NAMES)):
             if other == number and not mounted:
                 continue
@@ -144,7 +160,7 @@ class HandWorld:
         now = time_s % CYCLE_S
         share = min(max((now - 18.5) / 7.0, 0.0), 1.0)
         at = np.array([-0.16 + 0.30 * share, 0.085, 0.045])
-        moment = TOOL_A_M2 * np.array([0.9, 0.2, -0.4]) * _between(now, 18.5, 25.5, 1.0)
+        moment = TOOL_A_M2 * self._tool_axis * _between(now, 18.5, 25.5, 1.0)
         way = placement.position_m + built.pad.sensors.position_m @ placement.rotation.T - at
         distance = np.linalg.norm(way, axis=1)[:, None]
         along = (way @ moment)[:, None]

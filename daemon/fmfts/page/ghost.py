@@ -5,7 +5,8 @@ magnet's six unknowns are solved for. Nothing asks whether the field has changed
 gets the same gains, sensor places and contact model as the daemon, so that only the way differs.
 
 A process of its own, `python -m fmfts.page.ghost --bind ENDPOINT`, publishes `ghost/<pad>`: {pad, t_sample_ns,
-magnet_m, x_m, y_m, force_n}; null where the solver finds no pose.
+magnet_m, x_m, y_m, force_n, force_sd_n}; null where the solver finds no pose. force_sd_n: of noise
+and of the model alone, for the method knows no other cause.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from fmfts_client import EndpointError, Subscription
 
 INTERVAL_S = 1.0 / 40.0  # as often as the page draws
 LEAST_AXES = 6  # as many as there are unknowns
-NOTHING: dict[str, object] = dict.fromkeys(("magnet_m", "x_m", "y_m", "force_n"))
+NOTHING: dict[str, object] = dict.fromkeys(("magnet_m", "x_m", "y_m", "force_n", "force_sd_n"))
 log = logging.getLogger(__name__)
 
 
@@ -51,7 +52,7 @@ class FixedBaseline:
         self.chip = drawing.chip
 
     def answer(self, frame: Frame) -> dict[str, object]:
-        """The magnet's place (3,), the contact's place (m) and its force (N); empty where no pose is found."""
+        """The magnet's place (3,), the contact's place (m), and its force (N); empty where no pose is found."""
         field_t = self._known.mounting.magnet_field(frame.field_t)
         if int(np.isfinite(field_t).sum()) < LEAST_AXES:
             return {}
@@ -63,7 +64,8 @@ class FixedBaseline:
             told = self._model.estimate(position_m, axis, covariance)
         except ValueError:  # not a finite pose
             return {}
-        return {"magnet_m": position_m.tolist(), "x_m": told.x_m, "y_m": told.y_m, "force_n": max(told.force_n, 0.0)}
+        force = {"force_n": max(told.force_n, 0.0), "force_sd_n": told.force_sd_n}
+        return {"magnet_m": position_m.tolist(), "x_m": told.x_m, "y_m": told.y_m, **force}
 
 
 class Ghosts:
