@@ -80,6 +80,10 @@ def test_force_that_a_hidden_field_looks_like_is_no_contact() -> None:
     detector.hidden_force_sd_n = 0.1
     forces = (0.19, 0.21, 0.11, 0.09)
     assert [detector.presses(estimate(force, 1e-3)) for force in forces] == [False, True, True, False]
+    # Where the place is doubtful, the model's own error is as large as the force that a passing tool looks like.
+    at_the_rim = replace(estimate(0.48, 0.1), covariance=np.diag([1e-6, 1e-6, 0.3**2]))
+    assert not detector.presses(at_the_rim)
+    assert touched().presses(at_the_rim)
 
 
 def test_certain_force_of_a_magnet_at_rest_is_no_contact() -> None:

@@ -39,7 +39,8 @@ class TouchDetector:
 
     A contact begins with one frame whose χ² exceeds a threshold. At `rate_hz`, an unloaded pad exceeds that threshold
     `false_contacts_per_hour` times in an hour, if frames are independent and the covariance is right. magnets: of the
-    pad. hidden_force_sd_n: deviation of a force that no covariance of a pose counts, because nothing betrays its cause.
+    pad. hidden_force_sd_n: deviation of a force that no covariance of a pose counts, because nothing betrays its cause;
+    0 where there is no such cause. Else the whole deviation of a force counts, the model's own error included.
     """
 
     def __init__(
@@ -80,7 +81,11 @@ class TouchDetector:
         """
         memory = self.memory
         needed = KEPT_FORCE_DEVIATIONS if memory.in_contact else CERTAIN_FORCE_DEVIATIONS
-        deviation_n = max(contact.pose_force_sd_n, self.hidden_force_sd_n)
+        deviation_n = contact.pose_force_sd_n
+        if (
+            self.hidden_force_sd_n > 0.0
+        ):  # what shifts the magnet also makes the place, and so the model's error, doubtful
+            deviation_n = max(contact.force_sd_n, self.hidden_force_sd_n)
         is_certain = contact.refused or contact.force_n > needed * deviation_n
         memory.in_contact = memory.touched and is_certain
         return memory.in_contact
