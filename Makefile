@@ -34,7 +34,8 @@
 # make fuzz    a million inputs to each decoder, or FUZZ_SECONDS=300 of each: 50 minutes; make fuzz-short: a minute
 # make fuzz-files    a million damaged files
 # make golden  every frame of the frozen worlds against what was said of it: some minutes; make golden-freeze: keep what is
-#              said now, and say in the commit why    (GOLDEN="--way python healthy")
+#              said now, and say in the commit why    (GOLDEN="--way python healthy"); make net-catches: forty deliberate
+#              changes of equations, gates and memories, each of which the oracle or a frozen world must find
 # make test-versions         each installed Python with the oldest, newest and pinned dependencies: half an hour
 # make wheel   a wheel for this architecture; fails if a compiled part is missing
 # make dist    wheels for x86-64 and aarch64, and source archives, in dist/, as a package index takes them (root: aarch64);
@@ -291,9 +292,14 @@ recordings: $(VENV)/.installed-test firmware
 
 # All 240,000 frames of tests/golden; `make test` takes the first of each world.
 GOLDEN ?=
-.PHONY: golden golden-freeze
+.PHONY: golden golden-freeze net-catches
 golden golden-freeze: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python -m golden $(if $(filter golden-freeze,$@),--freeze) $(GOLDEN)
+
+# NET="--only tracker": changes whose area or file has this.
+NET ?=
+net-catches: $(VENV)/.installed-test
+	$(BIN)/python tests/drills/net_catches.py $(NET)
 
 # Makes the report that tests/unit/test_kept_reports.py replays, and what that test demands of it.
 kept-report: $(VENV)/.installed-test

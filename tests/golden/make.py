@@ -17,6 +17,7 @@ from msgspec.structs import replace
 from fmfts.baseline import Baseline
 from fmfts.baseline.request import BaselineRequest
 from fmfts.config import (
+    BridgeSource,
     ContactConfig,
     GeometryConfig,
     PadConfig,
@@ -45,7 +46,8 @@ SOONER_S = 3.7  # the scripted finger lets a pad alone for its first 4 s
 
 @dataclass(slots=True)
 class Plan:
-    """One pad of a world. noise: in multiples of the chip's. disturbing: adds itself to what is near the pad."""
+    """One pad of a world. noise: in multiples of the chip's. tools: what is near the pad. is_on_board: its samples come
+    over a serial line, which makes them older."""
 
     config: PadConfig
     frames: int
@@ -57,6 +59,7 @@ class Plan:
     is_early: bool = False
     turned: bool = False
     baseline: str = "rest"
+    is_on_board: bool = False
 
 
 def pad(seed: int, ambient: str = "drifting", turning: float = 0.0, name: str = "left", **other: Any) -> PadConfig:
@@ -69,6 +72,10 @@ def pad(seed: int, ambient: str = "drifting", turning: float = 0.0, name: str = 
         scene=scene,
         **({"tolerance": AS_DRAWN} | other),
     )
+
+
+def on_board(config: PadConfig) -> PadConfig:
+    return replace(config, source=BridgeSource(port="/dev/null", rate_hz=RATE_HZ, publish=config.source.publish))
 
 
 class Beside:
@@ -132,7 +139,7 @@ def made(name: str, *plans: Plan) -> World:
         step_t = float(np.asarray(chip.step_t[frames[0].gain_code]).ravel()[0])
         pads.append(
             world_pad(
-                *(config, baseline_of(plan, beside), frames),
+                *(on_board(config) if plan.is_on_board else config, baseline_of(plan, beside), frames),
                 noise=round(plan.noise * chip.noise_t / step_t * 1000),
                 seed=len(name) * 1000 + sum(map(ord, name)) + 7919 * number,
                 faults=plan.faults,
@@ -266,6 +273,10 @@ WORLDS: dict[str, Callable[[], list[Plan]]] = {
     "samples": lambda: [
         Plan(pad(18, turning=20.0, publish="sample"), 9000, is_early=True, faults=FAULTS_BETWEEN_SAMPLES)
     ],
+    "samples-on-board": lambda: [
+        Plan(pad(27, turning=20.0, publish="sample"), 2500, is_early=True, is_on_board=True)
+    ],
+    "slightly-off": lambda: [Plan(pad(28, "constant"), 2500, faults=SLIGHT_FAULTS)],
     "fingers": lambda: [Plan(of_array(3, "4 over 8", 20.0), 9000, *meeting(3))],
     "fingers-faulty": lambda: [Plan(of_array(4, "4 over 8", 0.0), 5000, *meeting(4), faults=FAULTS_OF_FINGERS)],
     "poses": lambda: [
@@ -286,6 +297,14 @@ WORLDS: dict[str, Callable[[], list[Plan]]] = {
 FAULTS_OF_EIGHT: list[list[Any]] = [
     ["offset", 300, 500, 5, 1, 60], ["silent", 600, 700, 7], ["gain", 1500, 3000, 2, 2, 1030],
     ["stuck", 4000, 4800, 0, 0],
+]  # fmt: skip
+# By less than is certain to be found: the deviations grow.
+SLIGHT_FAULTS: list[list[Any]] = [
+    ["offset", first, first + 250, sensor, axis, counts]
+    for first, sensor, axis, counts in (
+        (100, 1, 0, 2), (400, 1, 0, 3), (700, 2, 2, 2), (1000, 2, 2, 3), (1300, 0, 1, 2),
+        (1600, 3, 0, 3), (1900, 3, 1, 4),
+    )
 ]  # fmt: skip
 FAULTS_BETWEEN_SAMPLES: list[list[Any]] = [
     ["offset", 2500, 2700, 1, 0, 120], ["silent", 3000, 3300, 0], ["lost", 3600, 3900, 5, 1]
