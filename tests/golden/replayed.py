@@ -38,8 +38,6 @@ def replay(world: World, messages: int | None = None, way: Way = AS_ALWAYS) -> d
     """What each pad says. messages: of each pad at most so many."""
     said = {pad.settings.name: Said() for pad in world.pads}
     for name, message, sent_ns in answers(world, way):
-        if message is None:
-            continue
         if messages is None or len(said[name].words) < messages:
             said[name].add(message, sent_ns)
         elif all(len(each.words) >= messages for each in said.values()):

@@ -108,8 +108,9 @@ class Said:
     digest: str = ""
     _digits: Any = field(default_factory=hashlib.sha256)
 
-    def add(self, message: ContactMessage, sent_ns: int) -> None:
-        words, numbers = split(message, sent_ns)
+    def add(self, message: ContactMessage | None, sent_ns: int) -> None:
+        """None: a sample that came before its frame, and said nothing new. It counts, so that all keep their places."""
+        words, numbers = ("{}", {}) if message is None else split(message, sent_ns)
         if len(self.words) % BLOCK == 0:
             self.blocks.append(Block(numbers))
         self.words.append(words)
