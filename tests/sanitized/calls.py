@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmfts.arithmetic import matrix
-from fmfts.arithmetic.compiled import _arithmetic
+from fmfts.arithmetic import _arithmetic, matrix
 from fmfts.contact import ContactModel, _network, _refine
 from fmfts.pipeline.fast.compiled import _fast
 from fmfts.pose import _alignment, _kernel

@@ -10,7 +10,7 @@ import pytest
 from several_world import models_of
 from test_refine import RESPONSES
 
-from fmfts.arithmetic.compiled import _arithmetic
+from fmfts.arithmetic import _arithmetic
 from fmfts.contact import _network, _refine
 from fmfts.contact.refinement import Refiner, packed
 from fmfts.pose import _kernel

@@ -1,22 +1,17 @@
 """Computes exp and log with the same bits on every processor.
 
 The C library and NumPy do not: they choose variants of exp, log and pow by the processor (fused multiply-add, wide
-vectors), and these round differently. The functions here use only +, −, × and ÷, which IEEE 754 rounds the same
-everywhere. They are elementary.h, or elementary_reference.py where that was not compiled.
+vectors), and these round differently. The functions here (elementary.h) use only +, −, × and ÷, which IEEE 754 rounds
+the same everywhere.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from fmfts.arithmetic.compiled import AVAILABLE, _arithmetic
+from fmfts.arithmetic._arithmetic import exp, log
 
 __all__ = ["exp", "log", "power", "square"]
-
-if AVAILABLE:
-    exp, log = _arithmetic.exp, _arithmetic.log
-else:
-    from fmfts.arithmetic.elementary_reference import exp, log
 
 
 def square(x: Any) -> Any:

@@ -1,21 +1,20 @@
 """Algebra of small matrices with the same bits on every processor.
 
 BLAS and LAPACK do not give that: OpenBLAS chooses its kernels by the processor, and they add in different orders. Here
-every sum has one order, the same in matrix.c and in matrix_reference.py, and only +, −, ×, ÷ and √ are used, which
-IEEE 754 rounds the same everywhere. Matrices have up to about sixty rows; BLAS would not be faster for them.
+every sum has one order (matrix.c), and only +, −, ×, ÷ and √ are used, which IEEE 754 rounds the same everywhere.
+Matrices have up to about sixty rows; BLAS would not be faster for them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, Literal
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fmfts.arithmetic import matrix_reference as reference
-from fmfts.arithmetic.compiled import AVAILABLE, _arithmetic
+from fmfts.arithmetic import _arithmetic
 from fmfts.arithmetic.elementary import log
 
 Array = NDArray[np.float64]
@@ -54,11 +53,7 @@ def _product(a: Array, b: Array) -> Any:
         batch = batch or b.shape[:-2]
         count = math.prod(batch)
     out = np.empty(batch + a.shape[-2:-1] * (a.ndim > 1) + b.shape[-1:] * (b.ndim > 1))
-    if AVAILABLE:
-        _arithmetic.product(count, m, k, n, np.ascontiguousarray(a), np.ascontiguousarray(b), out)
-    else:
-        left, right = a if a.ndim > 1 else a[None], b if b.ndim > 1 else b[:, None]
-        out[...] = reference.product(left, right).reshape(out.shape)
+    _arithmetic.product(count, m, k, n, np.ascontiguousarray(a), np.ascontiguousarray(b), out)
     return out if out.ndim else float(out)
 
 
@@ -66,11 +61,7 @@ def cholesky(matrix: Array) -> Array:
     """Lower triangle L with L·Lᵀ = `matrix` (…, n, n); SingularError unless it is positive definite."""
     lower: Array = np.array(matrix, dtype=np.float64, order="C")
     size = lower.shape[-1]
-    if AVAILABLE:
-        good = not lower.size or _arithmetic.cholesky(lower.size // (size * size), size, lower)
-    else:
-        good = all(reference.cholesky(one) for one in _each(lower))
-    if not good:
+    if lower.size and not _arithmetic.cholesky(lower.size // (size * size), size, lower):
         kind = "positive definite" if np.isfinite(matrix).all() else "finite"
         raise SingularError(f"a matrix of {size} × {size} is not {kind}")
     return lower
@@ -78,24 +69,18 @@ def cholesky(matrix: Array) -> Array:
 
 def solve_lower(lower: Array, right: Array) -> Array:
     """L⁻¹ · `right`, for a lower triangle (n, n) and right (n,) or (n, columns); or (…, n, n) and (…, n, columns)."""
-    return _solve(lower, right, "solve_lower")
+    return _solve(lower, right, _arithmetic.solve_lower)
 
 
 def solve_lower_transposed(lower: Array, right: Array) -> Array:
     """L⁻ᵀ · `right`; shapes as in `solve_lower`."""
-    return _solve(lower, right, "solve_lower_transposed")
+    return _solve(lower, right, _arithmetic.solve_lower_transposed)
 
 
-def _solve(lower: Array, right: Array, name: Literal["solve_lower", "solve_lower_transposed"]) -> Array:
-    """By the function of that name, of the compiled arithmetic or of the reference."""
+def _solve(lower: Array, right: Array, overwrite: Callable[[int, int, int, Array, Array], object]) -> Array:
     x: Array = np.array(right, dtype=np.float64, order="C")
-    if not x.size:
-        return x
-    if AVAILABLE:
-        getattr(_arithmetic, name)(*_sizes(lower, x), np.ascontiguousarray(lower), x)
-    else:
-        for one, values in zip(_each(lower), _columns_of(lower, x), strict=True):
-            getattr(reference, name)(one, values)
+    if x.size:
+        overwrite(*_sizes(lower, x), np.ascontiguousarray(lower), x)
     return x
 
 
@@ -105,15 +90,6 @@ def _sizes(lower: Array, x: Array) -> tuple[int, int, int]:
     if x.shape[: lower.ndim - 1] != lower.shape[:-1] or not lower.ndim - 1 <= x.ndim <= lower.ndim:
         raise ValueError(f"equations of {lower.shape} with a right-hand side of {x.shape}")
     return lower.size // (size * size), size, x.size * size // lower.size
-
-
-def _each(matrices: Array) -> Array:
-    return matrices.reshape(-1, *matrices.shape[-2:]) if matrices.size else matrices[:0]
-
-
-def _columns_of(lower: Array, x: Array) -> Array:
-    count, size, columns = _sizes(lower, x)
-    return x.reshape(count, size, columns)
 
 
 def solve(matrix: Array, right: Array) -> Array:
@@ -147,11 +123,7 @@ def singular_values(matrix: Array) -> tuple[Array, Array, Array]:
     rotated: Array = np.array(matrix, dtype=np.float64, order="C")
     columns = rotated.shape[1]
     right: Array = np.empty((columns, columns))
-    converged = (
-        _arithmetic.rotate_columns(len(rotated), columns, rotated, right)
-        if AVAILABLE
-        else reference.rotate_columns(rotated, right)
-    )
+    converged = _arithmetic.rotate_columns(len(rotated), columns, rotated, right)
     if not np.isfinite(rotated).all():
         raise SingularError(f"a matrix of {len(rotated)} × {columns} is not finite")
     if not converged:
@@ -199,10 +171,7 @@ def complement(matrix: Array) -> Array:
     reflected: Array = np.array(matrix, dtype=np.float64, order="C")
     rows, columns = reflected.shape
     out: Array = np.empty((rows, rows - columns))
-    if AVAILABLE:
-        _arithmetic.complement(rows, columns, reflected, out)
-    else:
-        reference.complement(reflected, out)
+    _arithmetic.complement(rows, columns, reflected, out)
     return out
 
 

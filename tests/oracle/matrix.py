@@ -1,4 +1,8 @@
-"""Does what matrix.c does, in NumPy, with the same bits: every sum adds its terms in the same order."""
+"""Triangles, rotations and reflections of small matrices, each sum added term by term in the order of the textbook.
+
+G. H. Golub, C. F. Van Loan, "Matrix Computations": outer-product Cholesky (4.2), column-oriented substitution (3.1),
+one-sided Jacobi (8.6), Householder (5.1). An order that changes, or a fused multiply-add, changes the last bit.
+"""
 
 from __future__ import annotations
 
