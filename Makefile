@@ -237,7 +237,7 @@ model: $(VENV)/.installed-test
 	$(BIN)/python -m fmfts.calibrate.solved_set $(SOLVED) --mirrored --largest-force-n 2 -o build/sheared.csv
 	$(BIN)/python -m fmfts.calibrate.default_model tests/data/calibration_1.23T.csv build/sheared.csv
 
-# A wheel must have every compiled part; only an installation from source may do without a compiler.
+# A wheel must have every compiled part.
 wheel: $(VENV)/.installed-test
 	rm -rf build/wheel
 	$(BIN)/pip wheel -q --no-deps -w build/wheel .

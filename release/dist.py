@@ -132,7 +132,7 @@ def repaired(built: Path, dist: Path) -> Path:
 
 
 def require_compiled(built: Path) -> None:
-    """Compiled parts are optional to setuptools; a wheel without one of them would be slow and say nothing."""
+    """SystemExit where the wheel lacks one of the compiled parts."""
     modules = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"]
     with zipfile.ZipFile(built) as file:
         files = set(file.namelist())

@@ -1,12 +1,11 @@
 """`python tests/several_speed.py`: how long the estimator of several magnets takes, call by call, in µs.
 
-Four magnets, eight sensors, 48 causes of errors, a table of 15 × 15 knots. The least of several runs. NUMPY=1: of the
-NumPy reference. A warm fit starts where the finger was a frame before, 0.05 mm and 0.01 N beside.
+Four magnets, eight sensors, 48 causes of errors, a table of 15 × 15 knots. The least of several runs. A
+warm fit starts where the finger was a frame before, 0.05 mm and 0.01 N beside.
 """
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from collections.abc import Callable
@@ -45,9 +44,9 @@ def cold(fitter: Fitter, root: np.ndarray, measured: object) -> None:
 
 
 def main() -> None:
-    fitter = Fitter(models_of(1, knots=15, terms=1)[1 if os.environ.get("NUMPY") else 0])
+    fitter = Fitter(models_of(1, knots=15, terms=1)[0])
     random = np.random.default_rng(1)
-    print(f"{'C' if fitter.compiled else 'NumPy'}, µs")
+    print("µs")
     for count in range(3):
         fingers = TRUE[:count]
         measured = measured_of(random, fitter.model, fingers)

@@ -268,7 +268,6 @@ static const struct field contact_fields[] = {
     {"pose", POSE, offsetof(struct fmfts_contact, pose.known), offsetof(struct fmfts_contact, pose), false},
     {"poses", POSES, offsetof(struct fmfts_contact, poses.known), offsetof(struct fmfts_contact, poses), true},
     FIELD(INTEGER, fmfts_contact, sensors_ok),
-    FIELD(WORD, fmfts_contact, solver),
     FIELD(WORD, fmfts_contact, model),
     NULLABLE(WORD, fmfts_contact, baseline),
 };

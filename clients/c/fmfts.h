@@ -139,7 +139,6 @@ struct fmfts_contact {
     struct fmfts_pose pose; /* not known of a pad with several magnets */
     struct fmfts_poses poses; /* of each magnet, of a pad with several */
     int64_t sensors_ok; /* bit i: sensor i was used */
-    char solver[FMFTS_WORD_SIZE];
     char model[FMFTS_WORD_SIZE];
     struct fmfts_word baseline;
     struct fmfts_now now; /* not known from a daemon that does not send it */

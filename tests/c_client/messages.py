@@ -26,7 +26,6 @@ BY_HINT: dict[str, st.SearchStrategy[Any]] = {
     "bool | None": st.booleans() | st.none(),
     "str": words,
     "str | None": words | st.none(),
-    "Solver": st.sampled_from(["c", "numpy"]),
     "Health": st.sampled_from(["ok", "degraded", "disturbed", "lost", "stale", "disconnected", "no_baseline"]),
 }
 

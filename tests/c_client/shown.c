@@ -176,7 +176,6 @@ void show_contact(const struct fmfts_contact *contact)
     printf(", ");
     show_poses(&contact->poses);
     integer("sensors_ok", contact->sensors_ok);
-    show_text("solver", contact->solver);
     show_text("model", contact->model);
     if (contact->baseline.known)
         show_text("baseline", contact->baseline.value);

@@ -29,12 +29,10 @@ TESTS += ["smoothing", "contact_network", "refine", "near_magnet", "hmc5983", "w
 TESTS += ["arithmetic", "bridge", "messages", "config_file", "schedule", "pipeline", "healthy_path", "express*"]
 TESTS += ["neighbours_in_c", "models_in_c"]
 NEIGHBOURS = "neighbours_in_c.py::test_two_pads_that_feel_each_other_say_the_same_in_c_and_in_python"
-ANOTHER_PYTHON = "starts another Python, and the host's kernel does not run an emulated one"
 ONNXRUNTIME = "asks onnxruntime"
 ONE_SEED = "half a minute, and another seed runs"
 STATISTICS = "a long count of noise in plain Python"
 LEFT_OUT = {
-    "pose_kernel.py::test_without_the_kernel_the_reference_serves": ANOTHER_PYTHON,
     "contact_network.py::test_any_other_graph_is_left_to_onnxruntime": ONNXRUNTIME,
     "contact_network.py::test_network_that_answers_otherwise_is_not_used": ONNXRUNTIME,
     "contact_network.py::test_process_that_ends_without_an_answer_is_no_answer": ONNXRUNTIME,

@@ -20,7 +20,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from drills.versions import Project, uv  # noqa: E402
+from drills.versions import Project, find_uv_bin, uv  # noqa: E402
 
 DIST = ROOT / "dist"
 DEMO_S = 10
@@ -81,9 +81,8 @@ def demo_runs(folder: Path, pad: str) -> int:
 
 
 def is_compiled(folder: Path) -> bool:
-    code = "import fmfts.pose, fmfts.pipeline.fast._fast; print(fmfts.pose.SOLVER)"
-    command = [folder / "venv/bin/python", "-c", code]
-    return subprocess.run(command, cwd=folder, env=clean_variables(), capture_output=True, text=True).stdout == "c\n"
+    command = [folder / "venv/bin/python", "-c", "import fmfts.pose, fmfts.pipeline.fast._fast"]
+    return subprocess.run(command, cwd=folder, env=clean_variables(), capture_output=True).returncode == 0
 
 
 def sizes(folder: Path) -> dict[str, float]:
@@ -116,6 +115,17 @@ def tried_from_source(python: str) -> None:
         print(f"Python {python}: source archive, demo, {demos_run(folder)}", flush=True)
 
 
+def refused_without_a_compiler(python: str) -> None:
+    with environment(python, built("fmfts_client-*.tar.gz")) as folder:
+        command = [find_uv_bin(), "pip", "install", "--python", folder / "venv", "--no-deps", built("fmfts-*.tar.gz")]
+        variables = clean_variables() | {"CC": "/missing/gcc"}
+        ended = subprocess.run(command, env=variables, capture_output=True, text=True, check=False)
+        require(
+            ended.returncode != 0 and "install a C compiler" in ended.stderr, f"without a compiler:\n{ended.stderr}"
+        )
+        print(f"Python {python}: without a compiler, refused with what to install", flush=True)
+
+
 def client_alone(python: str) -> None:
     with environment(python, built("fmfts_client-*.whl")) as folder:
         code = "import fmfts_client, importlib.util; print(importlib.util.find_spec('fmfts'))"
@@ -135,6 +145,7 @@ def main() -> int:
     for python in wanted:
         tried_with(python)
     tried_from_source(wanted[-1])
+    refused_without_a_compiler(wanted[-1])
     client_alone(client_pythons[0])
     if chosen.sizes:
         client, wheel = built("fmfts_client-*.whl"), built(f"fmfts-*_{os.uname().machine}.whl")

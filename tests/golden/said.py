@@ -40,7 +40,7 @@ FLOOR = {
 }  # fmt: skip
 LONGEST_SHIFT, MOST_SHIFTED, REMEMBERED = 2, 0.05, 200
 # Left out: what differs in every run, and what names versions instead of what is measured.
-UNCOMPARED = {"v", "boot", "pad", "seq", "t_publish_ns", "utc_ns", "solver", "model", "baseline", "t_sample_ns"}
+UNCOMPARED = {"v", "boot", "pad", "seq", "t_publish_ns", "utc_ns", "model", "baseline", "t_sample_ns"}
 NOTHING = -(1 << 40)
 Numbers = dict[str, float]
 

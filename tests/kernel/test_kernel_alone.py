@@ -12,9 +12,9 @@ import pytest
 from fmfts.common.toml import parse
 from fmfts.pose import Problem, Status
 from fmfts.pose.kernel import STATUSES
-from fmfts.pose.reference import solve_reference
 from kernel.problems import random_problem
 from needed import missing
+from oracle.solver import solve_reference
 
 ROOT = Path(__file__).parents[2]
 POSE = ROOT / "daemon/fmfts/pose"

@@ -22,7 +22,6 @@ def pads(magnets: int, sensors: int, terms: int) -> tuple[FieldModel, Pad]:
     random = np.random.default_rng(magnets)
     drawn = pad_of(random, magnets, sensors)
     model = FieldModel(drawn, mounting_of(random, drawn, 20), response_of(random, drawn, 10, terms), SCENE)
-    assert model.compiled
     return model, Pad(model, np.array([one.rest_position_m for one in drawn.magnets]))
 
 

@@ -52,7 +52,6 @@ CONTACT = ContactMessage(
     displacement_sd_m=None,
     pose=POSE,
     sensors_ok=15,
-    solver="c",
     model="ad969445ebda",
     baseline="0123456789ab",
 )

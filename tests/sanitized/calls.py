@@ -14,10 +14,10 @@ import numpy as np
 
 from fmfts.arithmetic import _arithmetic, matrix
 from fmfts.contact import ContactModel, _network, _refine
-from fmfts.pipeline.fast.compiled import _fast
+from fmfts.pipeline.fast import _fast
 from fmfts.pose import _alignment, _kernel
 from fmfts.pose.alignment import Alignment
-from fmfts.pose.kernel import solve_kernel
+from fmfts.pose.kernel import solve_problem
 from fmfts.sensor.wire import _wire
 from fmfts.sensor.wire.framing import Decoder, encode
 from fmfts.several import _several
@@ -114,7 +114,7 @@ def _poses(_: np.random.Generator) -> None:
     from kernel.problems import random_problem
 
     for seed in range(MOST_KEPT):
-        solve_kernel(random_problem(seed, 3 + seed % 6, seed % 3, seed % 4 == 0))
+        solve_problem(random_problem(seed, 3 + seed % 6, seed % 3, seed % 4 == 0))
 
 
 def _samples(random: np.random.Generator) -> None:

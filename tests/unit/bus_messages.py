@@ -78,7 +78,6 @@ def contact_message(**changes: Any) -> ContactMessage:
         "now": now_message(1_000_000_000),
         "pose": pose_message(),
         "sensors_ok": 0b1111,
-        "solver": "numpy",
         "model": "0123456789ab",
         "baseline": "2025-01-01T00:00:00Z-abcd",
     }

@@ -13,8 +13,7 @@ from fmfts.baseline import Baseline
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import BridgeSource, PadConfig
 from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.fast import Lane
-from fmfts.pipeline.fast.compiled import _fast
+from fmfts.pipeline.fast import Lane, _fast
 from fmfts.pipeline.now import Lead
 from fmfts.runtime.fast_loop import send_function
 from fmfts.sensor import Frame

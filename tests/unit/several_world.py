@@ -12,6 +12,7 @@ from fmfts.pose import FieldErrors
 from fmfts.pose.magnets import Magnets, field_of, rest_frames
 from fmfts.several.field_model import FieldModel, Scene
 from fmfts.several.fit import Measured
+from oracle.several import NumPyModel
 
 Array = NDArray[np.float64]
 
@@ -110,7 +111,7 @@ def models_of(
     random = np.random.default_rng(seed)
     pad = pad_of(random, magnets, sensors)
     response, mounting = response_of(random, pad, knots, terms, reach_mm), mounting_of(random, pad, causes)
-    return FieldModel(pad, mounting, response, SCENE), FieldModel(pad, mounting, response, SCENE, compiled=False)
+    return FieldModel(pad, mounting, response, SCENE), NumPyModel(pad, mounting, response, SCENE)
 
 
 def fingers_of(random: np.random.Generator, count: int, beyond: bool = False) -> Array:

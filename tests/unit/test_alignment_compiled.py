@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from fmfts.pose import Aligned
-from fmfts.pose.alignment import AVAILABLE, JUMP_T, LONGEST_GAP_US, Alignment, has_jumped
+from fmfts.pose.alignment import JUMP_T, LONGEST_GAP_US, Alignment, has_jumped
+from oracle.alignment import NumPyAlignment
 
-pytestmark = pytest.mark.skipif(not AVAILABLE, reason="the alignment was not compiled")
 PERIOD_US = 4545
 FRAMES = 400
 
@@ -54,11 +54,11 @@ def frames_of(random: np.random.Generator, count: int) -> list[tuple[np.ndarray 
 @pytest.mark.parametrize("seed", range(3))
 def test_alignment_has_the_same_bits_in_c(count: int, seed: int) -> None:
     random = np.random.default_rng((seed, count))
-    compiled, reference = Alignment(count, PERIOD_US), Alignment(count, PERIOD_US)
+    compiled, reference = Alignment(count, PERIOD_US), NumPyAlignment(count, PERIOD_US)
     met: Counter[str] = Counter()
     before_us = 0
     for number, frame in enumerate(frames_of(random, count)):
-        there, here = compiled.compiled_push(*frame), reference.reference_push(*frame)  # type: ignore[arg-type]
+        there, here = compiled._push(*frame), reference._push(*frame)  # type: ignore[arg-type]
         assert of_aligned(there) == of_aligned(here), number
         assert there.noise_share.shape == here.noise_share.shape == (count, 1)
         one, other = compiled.memory, reference.memory
@@ -82,5 +82,5 @@ def test_c_refuses_a_frame_of_another_number_of_sensors_and_changes_nothing() ->
     alignment.push(np.ones((4, 3)), np.full(4, 1000), np.ones(4, dtype=bool))
     before = alignment.memory.time_us.copy()
     with pytest.raises(ValueError, match="array 0 has 288 bytes, 360 expected for 5 sensors"):
-        alignment.compiled_push(np.ones((5, 3)), np.full(5, 6000), np.ones(5, dtype=bool))
+        alignment.push(np.ones((5, 3)), np.full(5, 6000), np.ones(5, dtype=bool))
     assert (alignment.memory.time_us == before).all()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -101,6 +102,13 @@ def test_a_damaged_file_is_refused_by_name(damage: str, tmp_path: Path) -> None:
         ArrayModel.load(path, PAD)
     with pytest.raises(ResponseError):
         ArrayResponse.of(content, "it")
+
+
+def test_table_that_is_wider_than_the_search_is_refused() -> None:
+    knots = SHIPPED.coefficient.shape[0] - 3
+    wide = replace(SHIPPED, first_mm=-35.0, spacing_mm=70.0 / knots)
+    with pytest.raises(ResponseError, match="its table is 70 mm wide: at most 60"):
+        ArrayResponse.of(wide.encoded(), "it")
 
 
 def test_a_model_of_another_pad_is_refused() -> None:

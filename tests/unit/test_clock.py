@@ -210,7 +210,6 @@ def test_a_source_on_this_host_needs_no_map() -> None:
     assert HostClock().to_host_ns(1234, 1_000_000) == 1_000_000
 
 
-@pytest.mark.skipif(_wire is None, reason="the wire was not compiled")
 @pytest.mark.parametrize("seed", range(4))
 def test_c_and_python_learn_the_same_of_every_packet(seed: int) -> None:
     """Stalls, resets, packets out of order, a clock that stands: to the last bit, whoever learnt of the one before."""

@@ -18,7 +18,6 @@ from test_pipeline import pipeline_of
 from test_time_gate import PERIOD_NS, PERIOD_US, line_after, of
 
 from examples import examples
-from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.pipeline.last_frame import LastFrame
 from fmfts.pose.alignment import Alignment
 from fmfts.runtime.statistics import PadStatistics
@@ -226,7 +225,6 @@ def with_early(frames: list[Frame], copies: int) -> Iterator[tuple[bytes, int]]:
         late = early if copies else b""
 
 
-@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 @pytest.mark.parametrize("in_c", [True, False])
 def test_early_samples_count_once_however_often_they_come(in_c: bool) -> None:
     bus, published = Bus(), []

@@ -1,4 +1,4 @@
-"""Compiled parts are optional where somebody installs; here they are tested, and must be those of today's sources."""
+"""The compiled parts that are tested must be those of today's sources."""
 
 from __future__ import annotations
 

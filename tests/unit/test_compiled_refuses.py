@@ -14,11 +14,9 @@ from fmfts.arithmetic import _arithmetic
 from fmfts.contact import _network, _refine
 from fmfts.contact.refinement import Refiner, packed
 from fmfts.pose import _kernel
-from fmfts.pose.alignment import AVAILABLE, Alignment
+from fmfts.pose.alignment import Alignment
 from fmfts.sensor.wire import _wire
 from fmfts.sensor.wire.clock import DeviceClock
-
-pytestmark = pytest.mark.skipif(not AVAILABLE or _wire is None, reason="the package was not compiled")
 
 
 def misaligned(numbers: np.ndarray) -> memoryview:

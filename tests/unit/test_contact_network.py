@@ -19,12 +19,12 @@ from examples import examples
 from fmfts.contact import ContactModel, ModelError, comparison, recognition, verified
 from fmfts.contact.comparison import NotComparedError, answers, answers_of_onnxruntime, difference, poses_of
 from fmfts.contact.inference import CompiledInference, _network
-from fmfts.contact.network import ReferenceInference
 from fmfts.contact.onnx_file import parse
 from fmfts.contact.recognition import network_of
 from fmfts.contact.seal import unsealed
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
+from oracle.network import ReferenceInference
 
 pytestmark = pytest.mark.skipif(_network is None, reason="the network was not compiled")
 

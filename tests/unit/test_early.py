@@ -19,7 +19,6 @@ from fmfts.offline.replay import essence
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.estimator import Estimator
-from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.pipeline.now import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import restore, snapshot
@@ -102,7 +101,7 @@ def test_what_frames_say_is_the_same_to_the_last_bit(model: ContactModel) -> Non
             assert without(message, "seq", "now") == without(frame, "seq", "now")
 
 
-@pytest.mark.parametrize("in_c", [pytest.param(True, marks=pytest.mark.skipif(not AVAILABLE, reason="no C")), False])
+@pytest.mark.parametrize("in_c", [True, False])
 def test_a_pad_that_publishes_frames_uses_no_other_sample(
     model: ContactModel, in_c: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -205,7 +204,6 @@ def test_after_a_silence_samples_wait_for_a_frame(model: ContactModel) -> None:
     assert all(pipeline.early(packet) is None for packet in packets[-20:] if isinstance(packet, EarlySample))
 
 
-@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 def test_c_tells_what_python_tells(model: ContactModel, monkeypatch: pytest.MonkeyPatch) -> None:
     # C begins with the first frame that it judges, some samples later: let both begin with frames.
     packets = [one for n, one in enumerate(sent_of(tapped, 0.4)) if n > 60 or not isinstance(one, EarlySample)]
@@ -243,7 +241,6 @@ def test_frames_alone_are_as_good_as_ever(model: ContactModel) -> None:
     assert all(one.now is not None for one in messages_of(pipeline_with(model), frames)[30:])
 
 
-@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 def test_c_publishes_from_the_line_what_python_publishes(bus: Bus) -> None:  # noqa: F811
     """Frames and samples as a line brings them, several in a read, with a status now and then that Python must read."""
 

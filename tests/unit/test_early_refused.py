@@ -19,7 +19,6 @@ from fmfts.bus.frame_message import early_message, early_of, frame_message, fram
 from fmfts.bus.messages import ContactMessage, EarlyMessage
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.estimator import Estimator
-from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.runtime.lateness import OVERDUE_NS
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.rates import fastest_on_board_hz
@@ -40,7 +39,6 @@ def arrival_ns(packet: Sent) -> int:
     return 5 * 10**9 + packet.device_time_us * 1000 + ON_THE_LINE_NS
 
 
-@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 def test_a_frame_that_is_refused_says_nothing_in_the_samples_after_it(bus: Bus) -> None:  # noqa: F811
     """A healthy frame of another board, pressed harder, with the next number and a clock that is 0.2 s ahead."""
     host = Host(CONFIG, BASELINE, bus)
@@ -68,7 +66,7 @@ def test_a_frame_that_is_refused_says_nothing_in_the_samples_after_it(bus: Bus) 
     assert told == pytest.approx([0.5] * len(told), abs=0.1)
 
 
-@pytest.mark.parametrize("in_c", [pytest.param(True, marks=pytest.mark.skipif(not AVAILABLE, reason="no C")), False])
+@pytest.mark.parametrize("in_c", [True, False])
 def test_an_old_frame_that_comes_again_ends_now_and_makes_no_number_that_is_none(
     in_c: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -23,14 +23,12 @@ from emulator.board import Board
 from fmfts.baseline import Baseline
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig
-from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
+from fmfts.pipeline.fast import _fast
 from fmfts.sensor import Frame
 from fmfts.sensor.bridge.bridge import Bridge
 from fmfts.sensor.patience import BEHIND, IN_TIME
 from fmfts.sensor.wire.framing import encode
 from fmfts.simulation.baseline import simulated_baseline
-
-pytestmark = pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 
 Read = tuple[bytes, int]
 

@@ -21,14 +21,11 @@ from test_pipeline import config_of
 from emulator.board import Board
 from fmfts import baseline as baselines
 from fmfts.config import BridgeSource, BusConfig, Config
-from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.runtime.daemon import Daemon
 from fmfts.sensor import Frame
 from fmfts.sensor.wire.framing import encode
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts_client import Message, Subscription
-
-pytestmark = pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 
 PATIENCE_S = 20.0
 SECONDS = 2.0

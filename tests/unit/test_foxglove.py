@@ -42,7 +42,7 @@ def contact(index: int, **changed: Any) -> dict[str, Any]:
         "reason": "", "contact": True, "x_m": 2e-3, "x_sd_m": 1e-4, "y_m": -1e-3, "y_sd_m": 2e-4, "force_n": 1.5,
         "force_sd_n": 0.02, "shear_x_n": None, "shear_x_sd_n": None, "shear_y_n": None, "shear_y_sd_n": None,
         "over_range": False, "force_min_n": None, "displacement_m": None, "displacement_sd_m": None, "pose": POSE,
-        "now": None, "sensors_ok": 15, "solver": "c", "model": "m", "baseline": None,
+        "now": None, "sensors_ok": 15, "model": "m", "baseline": None,
     }  # fmt: skip
     return fields | changed
 

@@ -21,8 +21,7 @@ from fmfts.common.memory import hand_over
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
 from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.fast import Kind
-from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
+from fmfts.pipeline.fast import Kind, _fast
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
@@ -30,8 +29,6 @@ from fmfts.sensor.frame import WireFrame
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Touch, no_finger
 from fmfts.simulation.source import Simulated
-
-pytestmark = pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 
 # Sums are ordered differently in C. What is near zero (an offset from rest in metres, a field in tesla) has an absolute
 # rounding error too: of a thousandth of what a sensor resolves.

@@ -16,7 +16,6 @@ from fmfts.config import SceneConfig
 from fmfts.pad import Pad, Placement, rotation_from_vector
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.pose import FREE_FIELD, dipole_field, solve
 from fmfts.pose.change import change_from
 from fmfts.pose.field_errors import change_since
@@ -214,7 +213,6 @@ def test_ambient_field_is_as_uncertain_as_claimed(pad: Pad, gain: float) -> None
     assert 3.0 - 4 * 0.39 < np.mean(normalised) < 3.0 + 4 * 0.39
 
 
-@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 @pytest.mark.parametrize("scene", ["steel", pytest.param("turned", marks=pytest.mark.long)])
 def test_beside_a_tool_c_says_the_same_as_python(scene: Scene) -> None:
     config, way = pad_config(scene, 1, "drawn"), WAYS[4]

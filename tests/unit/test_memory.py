@@ -15,7 +15,7 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import GeometryConfig, PadConfig, SceneConfig, SimulatedSource
 from fmfts.contact import ContactModel
 from fmfts.offline.replay import essence
-from fmfts.pipeline.fast.compiled import _fast
+from fmfts.pipeline.fast import _fast
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
 from fmfts.pose import State

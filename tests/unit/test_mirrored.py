@@ -10,7 +10,6 @@ from test_pipeline import config_of, pipeline_of
 
 from fmfts.config import PadConfig
 from fmfts.pipeline.fast import Kind
-from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import steady_finger
 from fmfts.simulation.source import Simulated
@@ -42,6 +41,5 @@ def test_z_alone_is_turned_over(config: PadConfig) -> None:
     assert sensors.to_pad(sensors.to_sensor(field_t)).tolist() == field_t.tolist()
 
 
-@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 def test_c_says_the_same_of_it_as_python(config: PadConfig) -> None:
     assert both(config, frames_of(config, 2.0))[Kind.QUIET] > 100

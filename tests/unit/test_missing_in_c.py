@@ -13,13 +13,10 @@ from test_pipeline import PERIOD_NS, config_of, pipeline_of
 from fmfts.config import PadConfig
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Kind
-from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Touch, no_finger
 from fmfts.simulation.source import Simulated
-
-pytestmark = pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 
 Spoil = Callable[[Frame], Frame]
 BEGINS, ENDS = 110, 660

@@ -15,15 +15,12 @@ from fmfts.contact import ContactModel
 from fmfts.contact.no_model import no_model_for
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Kind
-from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Touch, no_finger
 from fmfts.simulation.source import Simulated
-
-pytestmark = pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 
 MODELS = {
     "shear": {"path": "shear"},

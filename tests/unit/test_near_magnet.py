@@ -12,7 +12,6 @@ from test_pipeline import config_of
 from fmfts.baseline import Recording, make_bare, make_rest
 from fmfts.config import MagnetConfig, PadConfig, SceneConfig, SimulatedSource
 from fmfts.pad import Magnet
-from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.pose import FREE_PAPER, solve
 from fmfts.simulation.cylinder import cylinder_field
 
@@ -76,7 +75,6 @@ def test_baseline_and_solver_place_a_near_magnet_where_it_is() -> None:
     assert off_m(False) > 30e-6
 
 
-@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 def test_compiled_path_counts_with_the_octupole_as_python_does() -> None:
     assert config_of(3).pad().magnet.as_cylinder
     kinds = both(config_of(3), frames_of(config_of(3), 6.0))

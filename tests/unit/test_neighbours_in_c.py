@@ -18,8 +18,7 @@ from fmfts.baseline import Baseline
 from fmfts.config import PadConfig, neighbours_of
 from fmfts.pipeline.configured import contact_model_of, feel_neighbours, pipeline_of
 from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.fast import Kind
-from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
+from fmfts.pipeline.fast import Kind, _fast
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pose.sighting import sighting_layout
 from fmfts.sensor import Frame
@@ -28,8 +27,6 @@ from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch
 from fmfts_lab.bench.drills import FRAME_NS, RATE_HZ, Ambient
 from fmfts_lab.bench.neighbours import pair, source_of
-
-pytestmark = pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 
 
 def taps(later_s: float) -> Finger:

@@ -26,16 +26,17 @@ from wire_packets import make_early
 from emulator.board import Board
 from examples import examples
 from fmfts.config import Config, PadConfig, SimulatedSource
-from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
+from fmfts.pipeline.fast import _fast
 from fmfts.runtime.daemon import SILENT_AT_ONCE, Daemon
 from fmfts.runtime.lateness import OVERDUE_NS
 from fmfts.sensor import Frame
 from fmfts.sensor.patience import BEHIND, IN_TIME, Patience
 from fmfts.sensor.wire.framing import Decoder, encode
-from fmfts.sensor.wire.newest import _in_python, _wire, keep_newest
+from fmfts.sensor.wire.newest import _wire, keep_newest
 from fmfts.sensor.wire.packets import Sample
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts_client import Subscription
+from oracle.newest import keep_newest as one_by_one
 
 STALL_S = 0.5
 PERIOD_US = 4545
@@ -113,15 +114,13 @@ PIECES = st.one_of(
 )
 
 
-@pytest.mark.skipif(_wire is None, reason="the wire was not compiled")
 @given(st.lists(PIECES, max_size=30), st.sampled_from([IN_TIME, BEHIND, Patience(2, 30_000)]))
 @settings(examples(200))
 def test_c_and_python_leave_out_the_same(pieces: list[bytes], patience: Patience) -> None:
     data = b"".join(pieces)
-    assert _wire.keep_newest(data, *patience) == _in_python(data, patience)
+    assert _wire.keep_newest(data, *patience) == one_by_one(data, patience)
 
 
-@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 def test_frames_that_came_while_the_daemon_stood_still_are_left_out_and_counted(
     daemon: Daemon,  # noqa: F811
     board: Board,  # noqa: F811
@@ -146,7 +145,6 @@ def test_frames_that_came_while_the_daemon_stood_still_are_left_out_and_counted(
     assert re.fullmatch(r"this computer is overloaded: \d+ % of the frames left out", told[0])
 
 
-@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 def test_an_overdue_frame_is_left_out_without_python(bus: Any) -> None:  # noqa: F811
     host, data, arrival_ns = settled_to_be_overdue(bus)
     number = host.pipeline.messages
@@ -182,7 +180,6 @@ def with_gaps(frames: list[Frame]) -> Iterator[Frame]:
             yield frame
 
 
-@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 def test_c_goes_on_after_a_gap_and_says_what_python_says() -> None:
     """Python would take twenty times as long, after each gap: who is late would be later with every frame left out."""
     config = config_of(3)
@@ -191,7 +188,6 @@ def test_c_goes_on_after_a_gap_and_says_what_python_says() -> None:
     assert sum(kinds.values()) > 700
 
 
-@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 def test_a_loop_is_behind_while_something_is_always_ready() -> None:
     ours, theirs = os.pipe()
     with select.epoll() as epoll:

@@ -17,7 +17,7 @@ import pytest
 
 from fmfts.bus.messages import ContactMessage, FingerMessage, Health, NowMessage, PoseMessage
 from fmfts.config import BridgeSource
-from fmfts.pipeline.fast.compiled import NUMBERS
+from fmfts.pipeline.fast._fast import NUMBERS
 from fmfts.pipeline.fast.template import INTEGERS
 from fmfts.sensor.chips import CHIPS, HMC5983, Chip, ChipName
 from fmfts.sensor.chips.rates import BOARD_READ_US, BRIDGE_HZ, highest_rate_hz
@@ -41,7 +41,6 @@ KIND_OF = {
     "bool": "FIELD FLAG",
     "bool | None": "FIELD TOUCH",
     "Health": "FIELD HEALTH",
-    "Solver": "FIELD WORD",
     "str | None": "NULLABLE WORD",
 }
 # Text of 64 bytes, but for sentences: those may be longer.

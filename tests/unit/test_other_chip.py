@@ -13,15 +13,13 @@ from test_pipeline import config_of, pipeline_of
 
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pipeline.fast import Kind
-from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.sensor.chips import CHIPS, HMC5983
 from fmfts.sensor.chips.chip import Thermometer
 from fmfts.sensor.chips.rates import highest_rate_hz
 from fmfts.sensor.frame import Frame, WireFrame
-from fmfts.sensor.wire.framing import _wire, encode
+from fmfts.sensor.wire.framing import encode
 from fmfts.simulation.baseline import simulated_baseline
 
-COMPILED = _wire is not None
 OTHER = replace(
     HMC5983,
     name="other",
@@ -62,7 +60,6 @@ def test_a_gain_code_that_the_chip_has_not_is_no_field() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 def test_session_says_the_same_in_c_and_in_python(config: PadConfig) -> None:
     frames = frames_of(config, 8.0)
     assert {frame.chip for frame in frames} == {OTHER}
@@ -71,7 +68,6 @@ def test_session_says_the_same_in_c_and_in_python(config: PadConfig) -> None:
     assert kinds[Kind.TOUCHED] > 50
 
 
-@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 def test_axis_that_saturates_at_another_count_is_said_the_same_in_c_and_in_python(config: PadConfig) -> None:
     frames = frames_of(config, 1.0)
     for index in range(100, 110):
@@ -95,7 +91,7 @@ def test_board_says_what_its_chip_says(monkeypatch: pytest.MonkeyPatch) -> None:
         followed = sample(temperature_raw=128, sequence=1, time_us=2 * 4545)
         (first,) = line.feed(sample(temperature_raw=128))
         (second,) = line.link.feed(encode(followed), line.now_ns + 4_545_000)
-        assert (type(first), type(second)) == (Frame, WireFrame if COMPILED else Frame)
+        assert (type(first), type(second)) == (Frame, WireFrame)
         for frame in (first, second):
             assert frame.chip is CHIPS[chip]
             assert frame.temperature_c == (temperature_c if temperature_c is None else pytest.approx(temperature_c))

@@ -22,11 +22,11 @@ from fmfts.pose import (
     parts_of,
 )
 from fmfts.pose.acquisition import starts_around
-from fmfts.pose.kernel import solve_kernel
+from fmfts.pose.kernel import solve_problem
 from fmfts.pose.model import predict
 from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
-from fmfts.pose.reference import solve_reference
 from fmfts.pose.state import SIZE
+from oracle.solver import solve_reference
 
 NOISE_T = 2e-7
 DRAWS = 300
@@ -120,7 +120,7 @@ def test_kernel_and_reference_project_to_the_same_state(pad: Pad, roles: str) ->
         )
         # Where no step is taken, the state is that of the projection alone.
         for limit in (0, 200):
-            kernel = solve_kernel(replace(problem, max_iterations=limit))
+            kernel = solve_problem(replace(problem, max_iterations=limit))
             reference = solve_reference(replace(problem, max_iterations=limit))
             assert kernel.status is reference.status is (Status.CONVERGED if limit else Status.AT_LIMIT)
             assert kernel.state.vector() == pytest.approx(reference.state.vector(), rel=1e-9, abs=1e-13)

@@ -1,10 +1,7 @@
-"""The C kernel against the NumPy reference: the same problem, the same answer."""
+"""The solver against NumPy's in tests/oracle: the same problem, the same answer."""
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
@@ -17,7 +14,6 @@ from hypothesis import strategies as st
 from examples import examples
 from fmfts.pad import Pad
 from fmfts.pose import (
-    SOLVER,
     STOP_CONVERGED,
     Prior,
     Problem,
@@ -27,15 +23,15 @@ from fmfts.pose import (
     parts_of,
     tangent_basis,
 )
-from fmfts.pose.kernel import Batch, _kernel, solve_kernel
+from fmfts.pose.kernel import Batch, _kernel, solve_problem
 from fmfts.pose.model import predict
 from fmfts.pose.problem import (
     NOISE,
     VALUE,
 )
-from fmfts.pose.reference import solve_reference
 from fmfts.pose.state import AXIS, SIZE
 from kernel.problems import NOISE_T, TRUTH, problem_at, random_problem
+from oracle.solver import solve_reference
 
 
 @st.composite
@@ -50,14 +46,10 @@ def _blocks(magnets: int) -> list[slice]:
     return [slice(start, end) for start, end in pairwise(ends)]
 
 
-def test_the_kernel_was_built_and_serves() -> None:
-    assert SOLVER == "c"
-
-
 @examples(400)
 @given(problem=problems())
 def test_kernel_and_reference_agree_to_a_billionth(problem: Problem) -> None:
-    kernel, reference = solve_kernel(problem), solve_reference(problem)
+    kernel, reference = solve_problem(problem), solve_reference(problem)
     # Without a limit but rounding (stop_chi2 = 1e-20), rounding decides whether the last of all steps is one too many.
     settled = {Status.CONVERGED, Status.AT_LIMIT}
     assert kernel.status is reference.status or {kernel.status, reference.status} == settled
@@ -78,7 +70,7 @@ def test_kernel_and_reference_agree_to_a_billionth(problem: Problem) -> None:
     assert (kernel.rows, kernel.unknowns) == (reference.rows, reference.unknowns)
 
 
-@pytest.fixture(params=[solve_kernel, solve_reference], ids=["c", "numpy"])
+@pytest.fixture(params=[solve_problem, solve_reference], ids=["c", "numpy"])
 def solver(request: pytest.FixtureRequest) -> Callable[[Problem], Solution]:
     return request.param
 
@@ -185,7 +177,7 @@ def test_a_batch_is_its_single_solves(pad: Pad) -> None:
     batch = Batch.of(rows, problems[0].magnets, problems[0].parts, TRUTH.vector())
     batch.solve(STOP_CONVERGED, 50)
     for index, problem in enumerate(problems):
-        alone, together = solve_kernel(problem), batch.solution(index)
+        alone, together = solve_problem(problem), batch.solution(index)
         assert together.status is alone.status
         assert np.array_equal(together.state.vector(), alone.state.vector())
         assert np.array_equal(together.covariance, alone.covariance, equal_nan=True)
@@ -199,54 +191,3 @@ def test_arrays_of_the_wrong_size_are_refused(pad: Pad) -> None:
     crowd = np.tile(problem.magnets, (_kernel.MAX_MAGNETS + 1, 1))
     with pytest.raises(ValueError, match="magnets"):
         replace(batch, magnets=crowd[None]).solve(1e-3, 50)
-
-
-def test_a_batch_without_the_kernel_is_solved_by_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Priors, considered parts, ages and what is refused included; to convergence, the same."""
-    seeds = (3, 5, 8, 13)
-    several = [random_problem(seed, 4, 1, True) for seed in seeds]
-    several[2].measurements[0, NOISE] = -1.0
-
-    def stacked(of: Callable[[Problem], object]) -> np.ndarray:
-        return np.array([of(problem) for problem in several])
-
-    batch = Batch.of(
-        stacked(lambda p: p.measurements),
-        stacked(lambda p: p.magnets),
-        stacked(lambda p: p.parts),
-        stacked(lambda p: p.start.vector()),
-        *(stacked(lambda p: p.prior.mean.vector()), stacked(lambda p: p.prior.covariance)),
-        diffusion=np.full((4, SIZE + 6), 1e-14),
-    )
-    results = []
-    for solver in ("c", "numpy"):
-        monkeypatch.setattr("fmfts.pose.kernel.SOLVER", solver)
-        if solver == "numpy":
-            monkeypatch.setattr("fmfts.pose.kernel._kernel", None)
-        batch.solve(STOP_CONVERGED, 50)
-        results.append([batch.state.copy(), batch.covariance.copy(), batch.summary[:, [0, 1, 2, 4, 5]].copy()])
-        assert batch.solution(2).status is Status.INVALID
-    for compiled, reference in zip(*results, strict=True):
-        np.testing.assert_allclose(compiled, reference, rtol=1e-6, atol=1e-15)
-
-
-def test_without_the_kernel_the_reference_serves() -> None:
-    """Also what `FMFTS_SOLVER=numpy` asks for: the same pose, and the name that says so."""
-    script = (
-        "import numpy as np\n"
-        "from fmfts_lab.bench.workspace import standard_pad\n"
-        "from fmfts.pose import SOLVER, dipole_field, solve\n"
-        "pad = standard_pad()\n"
-        "place, strength = pad.sensors.position_m, pad.magnet.strength_t_m3\n"
-        "field = dipole_field(place, np.array([0, 0, 11e-3]), pad.rest_axis, strength)\n"
-        "print(SOLVER, *solve(field, pad, octupole=False).position_m)\n"
-    )
-    environment = os.environ | {"FMFTS_SOLVER": "numpy"}
-    run = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
-    solver, *position = run.stdout.split()
-    assert solver == "numpy"
-    assert [float(value) for value in position] == pytest.approx([0.0, 0.0, 11e-3], abs=1e-8)
-    # Where no compiler was there, the import fails, and that is all it takes.
-    hidden = "import sys; sys.modules['fmfts.pose._kernel'] = None\n" + script
-    run = subprocess.run([sys.executable, "-c", hidden], capture_output=True, text=True, check=True)
-    assert run.stdout.split()[0] == "numpy"

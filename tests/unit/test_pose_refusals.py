@@ -10,14 +10,14 @@ import pytest
 
 from fmfts.pad import Pad
 from fmfts.pose import Motion, Part, Prior, Problem, Solution, Status
-from fmfts.pose.kernel import solve_kernel
+from fmfts.pose.kernel import solve_problem
 from fmfts.pose.problem import AGE, NOISE, PROPORTIONAL, VALUE
-from fmfts.pose.reference import solve_reference
 from fmfts.pose.state import SIZE
 from kernel.problems import TRUTH, problem_at
+from oracle.solver import solve_reference
 
 
-@pytest.fixture(params=[solve_kernel, solve_reference], ids=["c", "numpy"])
+@pytest.fixture(params=[solve_problem, solve_reference], ids=["c", "numpy"])
 def solver(request: pytest.FixtureRequest) -> Callable[[Problem], Solution]:
     return request.param
 

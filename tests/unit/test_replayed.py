@@ -28,7 +28,6 @@ def state(pad: str, config: PadConfig = RECORDED, baseline: dict[str, Any] | Non
         utc_ns=1,
         config=msgspec.to_builtins(config),
         model="",
-        solver="c",
         baseline=baseline,
         memory=b"",
     )

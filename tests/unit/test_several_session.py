@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -14,13 +15,15 @@ import pytest
 
 from fmfts.offline.replay import essence
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
-from fmfts.pose import alignment
+from fmfts.pose import Alignment
 from fmfts.sensor import Frame
-from fmfts.several import compiled, field_model, fit, poses, scan, valley
+from fmfts.several import _several, estimator, field_model, fit, poses, scan, valley
 from fmfts.simulation.array import SimulatedArray
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch
 from fmfts_lab.finite_elements.array_pad import array_config
+from oracle.alignment import NumPyAlignment
+from oracle.several import NumPyFitter, NumPyModel, across_in_numpy, poses_in_numpy
 
 RATE_HZ, FRAMES = 220, 58
 CONFIG = array_config(seed=4)
@@ -59,14 +62,17 @@ def session() -> list[str]:
     return [msgspec.json.encode(each).decode() for each in said]
 
 
-@pytest.mark.skipif(not compiled.AVAILABLE, reason="the estimator of several magnets was not compiled")
 def test_a_session_says_the_same_bits_in_c_and_in_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
     in_c = session()
-    monkeypatch.setattr(compiled, "AVAILABLE", False)
-    monkeypatch.setattr(alignment, "AVAILABLE", False)
-    monkeypatch.setattr(alignment, "_alignment", None)
+    monkeypatch.setattr(Alignment, "_push", NumPyAlignment._push)
+    monkeypatch.setattr(Alignment, "_new", NumPyAlignment._new, raising=False)
+    monkeypatch.setattr(estimator, "FieldModel", NumPyModel)
+    monkeypatch.setattr(estimator, "Fitter", NumPyFitter)
+    monkeypatch.setattr(estimator, "poses_of", poses_in_numpy)
+    monkeypatch.setattr(valley, "fitted_across", across_in_numpy)
+    constants = SimpleNamespace(**{name: number for name, number in vars(_several).items() if name.isupper()})
     for module in (field_model, fit, poses, scan, valley):
-        monkeypatch.setattr(module, "_several", None)  # so that nothing can call it
+        monkeypatch.setattr(module, "_several", constants)  # so that nothing can call a function of it
     in_numpy = session()
     assert len(in_c) == len(in_numpy) >= FRAMES
     assert [(one, other) for one, other in zip(in_c, in_numpy, strict=True) if one != other] == []

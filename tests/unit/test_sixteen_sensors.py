@@ -20,7 +20,6 @@ from fmfts.config import PadConfig
 from fmfts.offline.replay import Replay, essence
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.fast import Kind
-from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.pipeline.snapshot import restore, snapshot, state_message
 from fmfts.recording.file import RecordingWriter
@@ -70,7 +69,6 @@ def pressed(config: PadConfig) -> list[Frame]:
     return [frame for step in range(100) for frame in source.poll(step * PERIOD_NS)]
 
 
-@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 @pytest.mark.parametrize(
     "sensors", [pytest.param(9, marks=pytest.mark.long), pytest.param(12, marks=pytest.mark.long), 16]
 )

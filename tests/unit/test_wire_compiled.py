@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,8 +13,6 @@ from fmfts.sensor.frame import WireFrame, bits
 from fmfts.sensor.wire import framing
 from fmfts.sensor.wire.framing import Decoder, encode
 from fmfts.sensor.wire.packets import Early, Packet, Reply, Sample
-
-pytestmark = pytest.mark.skipif(framing._wire is None, reason="the wire was not compiled")
 
 i16, u16, mask = st.integers(-32768, 32767), st.integers(0, 65535), st.integers(0, 255)
 axes = st.tuples(i16, i16, i16)

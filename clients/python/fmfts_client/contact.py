@@ -77,7 +77,6 @@ class Contact:
     displacement_sd_m: Optional[float]
     pose: Optional[Pose]
     sensors_ok: int
-    solver: str
     model: str
     baseline: Optional[str]
     # The contact when this was published; None where it is not known, and from a daemon that does not send it.

@@ -12,7 +12,6 @@ import msgspec
 from fmfts_client.fields import SCHEMA_VERSION
 
 Health = Literal["ok", "degraded", "disturbed", "lost", "stale", "disconnected", "no_baseline"]
-Solver = Literal["c", "numpy"]
 EventKind = Literal["onset", "release", "over_range", "health", "baseline"]
 Vector = tuple[float, float, float]
 
@@ -117,7 +116,6 @@ class ContactMessage(_Message, frozen=True, kw_only=True):
     pose: PoseMessage | None
     poses: list[PoseMessage] | msgspec.UnsetType | None = msgspec.UNSET
     sensors_ok: int
-    solver: Solver
     model: str
     baseline: str | None
 
@@ -216,7 +214,6 @@ class StateMessage(_Message, frozen=True, kw_only=True):
     utc_ns: int
     config: dict[str, Any]
     model: str
-    solver: Solver
     baseline: dict[str, Any] | None
     memory: bytes
 

@@ -29,7 +29,9 @@ Array = NDArray[np.float64]
 CHANGE = 5
 FORMAT = "fmfts array response 1"
 # The table that ships has 0.28 MB, 17 knots and 4 terms.
-LARGEST_BYTES, MOST_KNOTS, MOST_TERMS = 4_000_000, 66, 16
+LARGEST_BYTES, MOST_KNOTS = 4_000_000, 66
+# As several.h has room for them: terms, and places of a grid (several/scan.py).
+MOST_TERMS, WIDEST_MM = 8, 60.0
 # Of the change of a pose, relative: of the table that ships (docs/results/several.md).
 SHIPPED_ERROR, LARGEST_ERROR = 0.005, 0.2
 
@@ -206,6 +208,9 @@ class ArrayResponse:
                 and possible.PLACE_MM.holds(response.first_mm)
             ):
                 raise ValueError("its knots or its largest force are impossible")
+            width_mm = response.last_mm - response.first_mm
+            if width_mm > WIDEST_MM:
+                raise ValueError(f"its table is {width_mm:g} mm wide: at most {WIDEST_MM:g}")
             if not 0.0 < response.error <= LARGEST_ERROR:
                 raise ValueError("its error is impossible")
             return response

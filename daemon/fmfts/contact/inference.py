@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import os
 from abc import ABC, abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
 
-try:
-    from fmfts.contact import _network
-except ImportError:  # no compiler was there when the package was built
-    _network = None  # type: ignore[assignment]
+from fmfts.contact import _network
 
 POSE = 6
-# FMFTS_SOLVER=numpy turns off all compiled code, for comparisons.
-AVAILABLE = _network is not None and os.environ.get("FMFTS_SOLVER") != "numpy"
 LARGEST_HIDDEN = 256  # network.h; onnxruntime evaluates larger ones
 
 
 class Inference(ABC):
     """Write `pose` (6,), call run(), then read `contact` (m,) and `jacobian` (m, 6): float32, in the model's units.
 
-    by: what evaluates the model: "compiled", "numpy" (its reference) or "onnxruntime".
+    by: what evaluates the model: "compiled" or "onnxruntime".
 
     It takes no batches: in a batch, onnxruntime rounds each row differently. What a pad publishes would then depend on
     when frames of other pads arrive, and a recording could not be replayed bit by bit.

@@ -106,11 +106,6 @@ class ContactModel:
         self.spread_m = np.diff(self.edges_m, axis=1)[:, 0] * EVEN_SPREAD
 
     @property
-    def plain(self) -> bool:
-        """Whether the fast path can serve this model."""
-        return self.refiner is None or self.refiner.compiled
-
-    @property
     def shear_is_unknown(self) -> bool:
         """Whether the finger may shear, and nothing tells what that does to this model's answers."""
         return self.friction > 0.0 and not self.has_shear and self.facts.friction_error is None

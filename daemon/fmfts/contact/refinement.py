@@ -4,43 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmfts.contact.response import CHANGE, Array, Response, most_likely
-
-try:
-    from fmfts.contact import _refine
-except ImportError:  # no compiler was there when the package was built
-    _refine = None  # type: ignore[assignment]
+from fmfts.contact import _refine
+from fmfts.contact.response import Array, Response
 
 STEPS = 2
-MOST_MONOMIALS = 16
 
 
 class Refiner:
-    """Refines answers with a pad's response, in C if it could be compiled. packed: the response as in refine.h."""
+    """Refines answers with a pad's response. packed: the response as in refine.h."""
 
     def __init__(self, response: Response) -> None:
         self.response = response
         self.packed = packed(response)
-        self.compiled = _refine is not None and response.coefficient.shape[2] <= MOST_MONOMIALS
 
     def refined(self, press: Array, change: Array, covariance: Array, steps: int = STEPS) -> tuple[Array, Array]:
         """The most likely press (2 + L,) in mm and N, and its covariance. press (2 + L,): where to start.
 
         change (5,): of pose, in mm and components of the axis; covariance (5, 5): ValueError if it is not one.
         """
-        if not self.compiled:
-            return self.reference(press, change, covariance, steps)
         found, spread = np.array(press, dtype=float), np.empty((len(press), len(press)))
         change, covariance = np.ascontiguousarray(change, dtype=float), np.ascontiguousarray(covariance, dtype=float)
         if not _refine.refine(self.packed, change, covariance, steps, found, spread):
             raise ValueError("a press cannot be refined: the covariance is not positive definite")
         return found, spread
-
-    def reference(self, press: Array, change: Array, covariance: Array, steps: int = STEPS) -> tuple[Array, Array]:
-        """refined() in NumPy."""
-        whole = np.broadcast_to(covariance, (1, CHANGE, CHANGE))
-        found, spread, _ = most_likely(self.response, change[None], whole, press[None], steps)
-        return found[0], spread[0]
 
 
 def packed(response: Response) -> bytes:

@@ -8,8 +8,7 @@ from pathlib import Path
 from fmfts.common.reading import read_regular
 from fmfts.contact.comparison import NotComparedError, difference, require_modest
 from fmfts.contact.contract import IR_VERSION, OPSET, SIZE_LIMIT_BYTES, Facts
-from fmfts.contact.inference import AVAILABLE, CompiledInference, Inference, NetworkInference
-from fmfts.contact.network import ReferenceInference
+from fmfts.contact.inference import CompiledInference, Inference, NetworkInference
 from fmfts.contact.onnx_file import Graph, OnnxFile
 from fmfts.contact.recognition import network_of
 
@@ -34,10 +33,10 @@ def check_versions(model: OnnxFile) -> None:
 
 
 def inference_of(content: bytes, graph: Graph, facts: Facts) -> Inference:
-    """Our own network, compiled or its reference, if it knows the graph; else onnxruntime. ValueError if that fails."""
+    """Our own network if it knows the graph; else onnxruntime. ValueError if that fails."""
     network = network_of(graph)
     if network is not None:
-        return CompiledInference(network) if AVAILABLE else ReferenceInference(network)
+        return CompiledInference(network)
     return _by_onnxruntime(content, facts)
 
 

@@ -28,7 +28,6 @@ from fmfts.pipeline.configured import (
 )
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.snapshot import restore
-from fmfts.pose import SOLVER
 from fmfts.recording.file import RecordingError, is_whole, read
 
 Key = tuple[str, str, int]  # boot, pad, number
@@ -109,12 +108,10 @@ class Replay:
         self._boot = ""
         self._first: dict[str, dict[str, StateMessage]] = {}  # boot → pad → first state
         self._silences: dict[tuple[str, str, int], ContactMessage] = {}
-        self.solvers: set[str] = set()
         self._digest = hashlib.sha256()
         for one in read(path):
             if isinstance(one.message, StateMessage):
                 self._first.setdefault(one.message.boot, {}).setdefault(one.pad, one.message)
-                self.solvers.add(one.message.solver)
             elif isinstance(one.message, ContactMessage) and one.message.health in SILENT:
                 self._silences[one.message.boot, one.pad, one.message.seq] = one.message
         if not self._first:
@@ -151,8 +148,6 @@ class Replay:
             "first_differences": [f"{pad} {seq}: {', '.join(names)}" for pad, seq, names in compared.different[:3]],
             "unreplayed": compared.unreplayed,
             "without_their_other": compared.alone,
-            "recorded_with": sorted(self.solvers),
-            "replayed_with": SOLVER,
             "sha256": self._digest.hexdigest(),  # of all replayed contacts; the same on every processor
         }
 

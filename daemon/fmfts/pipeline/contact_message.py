@@ -18,7 +18,7 @@ from fmfts.contact import ContactEstimate
 from fmfts.contact.now import ContactNow
 from fmfts.pipeline.fast import FastPath, Judged, Kind, Lane, Passed, Template, Verdict
 from fmfts.pipeline.reading import Reading
-from fmfts.pose import AMBIENT, SOLVER, PoseEstimate, Status
+from fmfts.pose import AMBIENT, PoseEstimate, Status
 from fmfts.pose.state import SIZE
 from fmfts.sensor import Frame
 
@@ -167,7 +167,6 @@ class MessageWriter:
             reason=reading.reason,
             **estimates,
             sensors_ok=mask_of(reading.used),
-            solver=SOLVER,
             model=self._model,
             baseline=None if baseline is None else baseline.id,
         )

@@ -17,7 +17,7 @@ from fmfts.common.chi2 import quantile
 from fmfts.contact import ContactEstimate, ContactModel, NoContactModel, doubt
 from fmfts.contact.drive import Drive, to_pose
 from fmfts.contact.now import ContactNow, carried, shrunk
-from fmfts.contact.refinement import MOST_MONOMIALS, packed
+from fmfts.contact.refinement import packed
 from fmfts.contact.response import Response
 from fmfts.contact.touch import DEGREES_OF_FREEDOM, RELEASE_PROBABILITY, TouchMemory, chi2_from_rest
 from fmfts.pad import Array
@@ -160,8 +160,6 @@ class NowEstimator:
         if isinstance(model, NoContactModel) or model.response is None or not baselined.at_rest:
             return None
         response = model.response if model.has_shear else model.response.without_shear()
-        if response.coefficient.shape[2] > MOST_MONOMIALS:
-            return None
         return cls(baselined, model, silicone, hidden_gradient, response, rate_hz, lead)
 
     @property

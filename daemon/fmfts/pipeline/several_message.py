@@ -10,7 +10,6 @@ from fmfts.bus.messages import NO_ESTIMATE_OF_SEVERAL, ContactMessage
 from fmfts.pipeline.contact_message import mask_of
 from fmfts.pipeline.fingers_message import fingers_told
 from fmfts.pipeline.poses_message import poses_told
-from fmfts.pose import SOLVER
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.poses_estimator import PosesEstimator
 from fmfts.several.reading import FingersReading, PosesReading
@@ -50,7 +49,6 @@ class SeveralWriter:
             reason=reading.reason,
             **estimates,
             sensors_ok=mask_of(reading.used),
-            solver=SOLVER,
             model=self._model,
             baseline=None if baseline is None else baseline.id,
         )

@@ -22,7 +22,7 @@ from fmfts.pad import Pad
 from fmfts.pipeline.contact_message import mask_of
 from fmfts.pipeline.last_frame import LastFrame
 from fmfts.pipeline.pad_pipeline import NO_BASELINE
-from fmfts.pose import SOLVER, Alignment, repeats_allowed
+from fmfts.pose import Alignment, repeats_allowed
 from fmfts.pose.alignment import AlignmentMemory
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
@@ -142,7 +142,6 @@ class SkinPipeline:
             reason=reading.reason,
             **(NO_ESTIMATE | {"over_range": False} | self._estimates(reading)),
             sensors_ok=mask_of(reading.used),
-            solver=SOLVER,
             model=self.model.hash,
             baseline=None if self._baseline is None else self._baseline.id,
         )

@@ -19,7 +19,6 @@ from fmfts.pipeline.configured import Pipeline
 from fmfts.pipeline.pad_pipeline import PadPipeline, PipelineMemory
 from fmfts.pipeline.several_pipeline import SeveralMemory, SeveralPipeline
 from fmfts.pipeline.skin_pipeline import SkinPipeline, SkinPipelineMemory
-from fmfts.pose import SOLVER
 
 FORMAT = 2
 LARGEST = 1 << 20
@@ -43,7 +42,6 @@ def state_message(pipeline: Pipeline, config: PadConfig, boot: str) -> StateMess
         utc_ns=time.time_ns(),
         config=msgspec.to_builtins(config),
         model=pipeline.model_hash,
-        solver=SOLVER,
         baseline=None if baseline is None else msgspec.to_builtins(baseline),
         memory=snapshot(pipeline),
     )

@@ -5,7 +5,7 @@ from fmfts.pose.alignment import Aligned, Alignment, repeats_allowed
 from fmfts.pose.change import change_from, displacement, in_nominal_frame, widened
 from fmfts.pose.dipole import dipole_derivatives, dipole_field, octupole_m2
 from fmfts.pose.field_errors import FieldErrors, SensorErrors
-from fmfts.pose.kernel import SOLVER, Batch, solve_problem
+from fmfts.pose.kernel import Batch, solve_problem
 from fmfts.pose.problem import STOP_CHI2, STOP_CONVERGED, Motion, Part, Prior, Problem, Solution, Status, parts_of
 from fmfts.pose.residual_monitor import TrackHealth
 from fmfts.pose.solver import FREE_FIELD, FREE_PAPER, FREE_POSE, PoseEstimate, solve, solve_batch
@@ -24,7 +24,6 @@ __all__ = [
     "PAPER",
     "POSITION",
     "SIZE",
-    "SOLVER",
     "STOP_CHI2",
     "STOP_CONVERGED",
     "Acquired",

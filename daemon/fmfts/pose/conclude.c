@@ -1,7 +1,9 @@
 /* The end of a search: the covariance, or the direction that no measurement determines. */
 #include "search.h"
 
-#define UNCERTAIN 0.25 /* see reference.py */
+/* A deviation above this share of the distance to the nearest sensor, or of a radian, is meaningless: the field falls with
+ * the third power of the distance, so the model is not linear over it, and the covariance is wrong. */
+#define UNCERTAIN 0.25
 
 /* Whether a position or an axis is so uncertain that its covariance is meaningless. */
 static bool uncertain(const fmfts_search *search, const double *state, fmfts_matrix inverse)

@@ -1,27 +1,17 @@
-"""Chooses the solver: the compiled kernel if it could be built, else the NumPy reference."""
+"""Calls the compiled solver, solver.c: for one problem, or for many at once."""
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.pose.problem import Motion, Parts, Prior, Problem, Solution, Status
-from fmfts.pose.reference import solve_reference
+from fmfts.pose import _kernel
+from fmfts.pose.problem import Parts, Problem, Solution, Status
 from fmfts.pose.state import NEIGHBOUR_SIZE, SIZE, State
 
-try:
-    from fmfts.pose import _kernel
-except ImportError:  # no compiler was there when the package was built
-    _kernel = None  # type: ignore[assignment]
-
 Array = NDArray[np.float64]
-
-# FMFTS_SOLVER=numpy turns the kernel off, for comparisons.
-SOLVER: Literal["c", "numpy"] = "numpy" if _kernel is None or os.environ.get("FMFTS_SOLVER") == "numpy" else "c"
 
 STATUSES = (Status.CONVERGED, Status.AT_LIMIT, Status.UNOBSERVABLE, Status.INVALID)
 # The columns of a summary, in the order in which _kernel.c writes them.
@@ -91,14 +81,7 @@ class Batch:
         )
 
     def solve(self, stop_chi2: float, max_iterations: int, project: bool = False) -> None:
-        """Fill the results: with one call of the kernel, which releases the GIL, or one by one with the reference."""
-        if SOLVER == "c":
-            self.solve_compiled(stop_chi2, max_iterations, project)
-            return
-        for index in range(len(self.summary)):
-            self._put(index, solve_reference(self._problem(index, stop_chi2, max_iterations, project)))
-
-    def solve_compiled(self, stop_chi2: float, max_iterations: int, project: bool = False) -> None:
+        """Fill the results, with one call that releases the GIL."""
         count, rows, _ = self.measurements.shape
         _kernel.solve(
             count,
@@ -119,36 +102,6 @@ class Batch:
             self.covariance,
             self.direction,
             self.summary,
-        )
-
-    def _problem(self, index: int, stop_chi2: float, max_iterations: int, project: bool) -> Problem:
-        prior = motion = None
-        if self.prior_mean is not None and self.prior_covariance is not None:
-            prior = Prior(State.from_vector(self.prior_mean[index]), self.prior_covariance[index])
-        if self.rate is not None or self.diffusion is not None:
-            none = np.zeros(self.parts.shape[1])
-            rate = none if self.rate is None else self.rate[index]
-            motion = Motion(rate, none if self.diffusion is None else self.diffusion[index])
-        return Problem(
-            self.measurements[index],
-            self.magnets[index],
-            self.parts[index],
-            State.from_vector(self.start[index]),
-            prior,
-            motion,
-            stop_chi2,
-            max_iterations,
-            project,
-        )
-
-    def _put(self, index: int, solution: Solution) -> None:
-        self.state[index] = solution.state.vector()
-        self.covariance[index] = solution.covariance
-        self.direction[index] = solution.direction
-        # In the order of STATUS … UNKNOWNS.
-        self.summary[index] = (
-            *(STATUSES.index(solution.status), solution.chi2, solution.residual_t),
-            *(solution.iterations, solution.rows, solution.unknowns),
         )
 
     def solution(self, index: int) -> Solution:
@@ -172,10 +125,6 @@ def columns_of(magnets: int) -> int:
 
 def solve_problem(problem: Problem) -> Solution:
     """The most probable state; see fmfts.pose.problem."""
-    return solve_kernel(problem) if SOLVER == "c" else solve_reference(problem)
-
-
-def solve_kernel(problem: Problem) -> Solution:
     prior, motion = problem.prior, problem.motion
     batch = Batch.of(
         problem.measurements[None],
@@ -187,5 +136,5 @@ def solve_kernel(problem: Problem) -> Solution:
         None if motion is None else motion.rate[None],
         None if motion is None else motion.diffusion[None],
     )
-    batch.solve_compiled(problem.stop_chi2, problem.max_iterations, problem.project)
+    batch.solve(problem.stop_chi2, problem.max_iterations, problem.project)
     return batch.solution(0)

@@ -47,8 +47,8 @@ FMFTS_INLINE void add_rows(size_t n, const fmfts_search *search, const double *s
     }
 }
 
-/* away: the step from the prior's mean. turn: the derivative of each magnet's two tilts (_from_mean in reference.py).
- * False if an axis is 90° or more from the mean's. */
+/* away: the step from the prior's mean; of an axis a, with the mean's axis m and its tangent basis T, d = Tᵀa/(a·m).
+ * turn: the derivative of each magnet's two tilts. False if an axis is 90° or more from the mean's. */
 static bool step_from_mean(const fmfts_search *search, const double *state, double *away, double turn[][2][2])
 {
     const double *mean = search->problem->prior_mean;

@@ -1,4 +1,4 @@
-"""The problem and the solution of a solver: the same for the C kernel and the NumPy reference."""
+"""The problem and the solution of the solver."""
 
 from __future__ import annotations
 

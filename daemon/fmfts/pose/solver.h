@@ -1,7 +1,6 @@
 /* The pose of magnets from magnetic measurements: Levenberg–Marquardt on measurements and a Gaussian prior.
  *
- * Equations and conventions are those of reference.py (the oracle in tests), problem.py and state.py, which are easier to
- * read. Re-entrant: no allocation, no globals. SI units. Arrays are row-major.
+ * Conventions are those of problem.py and state.py. Re-entrant: no allocation, no globals. SI units. Arrays are row-major.
  */
 #ifndef FMFTS_SOLVER_H
 #define FMFTS_SOLVER_H

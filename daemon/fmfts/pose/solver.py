@@ -1,4 +1,4 @@
-"""Solves for a pad's magnet from one field, with the kernel if there is one."""
+"""Solves for a pad's magnet from one field."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from functools import partial
 import zmq
 
 from fmfts.bus.publisher import Publisher
-from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
+from fmfts.pipeline.fast import _fast
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.failure import Contained
 from fmfts.runtime.guarded import GuardedSource
@@ -47,7 +47,7 @@ class FastLoop:
         self._unserved: set[int] = set()  # descriptors where end() got back whole packets; the next wait() returns them
         self._offered: set[int] = set()  # those of them that the last wait() returned
         self._loop = None
-        send = send_function() if AVAILABLE else None
+        send = send_function()
         if send is not None:
             self._loop = _fast.Loop(self._epoll.fileno(), send, publisher.address, IN_TIME, BEHIND)
 

@@ -1,30 +1,20 @@
-"""The compiled module, if it could be built, whether to use it, and what goes to it."""
+"""What goes to the compiled part, and how much of it there is room for."""
 
 from __future__ import annotations
-
-import os
 
 import numpy as np
 from numpy.typing import NDArray
 
-try:
-    from fmfts.several import _several as _several
-except ImportError:  # no compiler was there when the package was built
-    _several = None  # type: ignore[assignment]
-
-__all__ = ["AVAILABLE", "MOST", "_several", "doubles", "finite", "padded", "room"]
+from fmfts.several._several import LANES, MOST
 
 Array = NDArray[np.float64]
 
-# FMFTS_SOLVER=numpy turns off all compiled code, for comparisons.
-AVAILABLE = _several is not None and os.environ.get("FMFTS_SOLVER") != "numpy"
-# Of what there is room for; the NumPy reference takes more.
-MOST: dict[str, int] = _several.MOST if AVAILABLE else {}
 
-
-def room(**counts: int) -> bool:
-    """Whether the compiled module is there, and has room for so many magnets, sensors, fingers …"""
-    return AVAILABLE and all(count <= MOST[name] for name, count in counts.items())
+def require_room(**counts: int) -> None:
+    """ValueError where a pad has more magnets, sensors, fingers … than several.h has room for."""
+    for name, count in counts.items():
+        if count > MOST[name]:
+            raise ValueError(f"a pad with several magnets may have {MOST[name]} {name}, and this one has {count}")
 
 
 def doubles(values: Array) -> Array:
@@ -34,7 +24,7 @@ def doubles(values: Array) -> Array:
 
 def padded(rows: Array) -> Array:
     """Rows (…, n), filled with zeros to as many doubles as C adds up at once."""
-    missing = -rows.shape[-1] % _several.LANES
+    missing = -rows.shape[-1] % LANES
     return np.concatenate([rows, np.zeros((*rows.shape[:-1], missing))], axis=-1)
 
 

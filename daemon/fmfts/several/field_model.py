@@ -20,14 +20,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.elementary import square
-from fmfts.arithmetic.matrix import added, cholesky, product
+from fmfts.arithmetic.matrix import cholesky
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.common.double_table import DoubleTable
 from fmfts.contact.array_response import ArrayResponse, Pressed
 from fmfts.pad import Pad
 from fmfts.pose.magnets import field_and_slope, field_of
-from fmfts.several.compiled import _several, doubles, finite, padded, room
+from fmfts.several import _several
+from fmfts.several.compiled import doubles, finite, padded, require_room
 
 Array = NDArray[np.float64]
 
@@ -66,14 +66,9 @@ class Predicted(NamedTuple):
 
 
 class FieldModel:
-    """The fields of one mounted pad under fingers (K, 3): x and y in mm, force in N.
+    """The fields of one mounted pad under fingers (K, 3): x and y in mm, force in N."""
 
-    compiled: whether C may compute them, where it was built and has room for the pad. The numbers are the same.
-    """
-
-    def __init__(
-        self, pad: Pad, mounting: ArrayMounting, response: ArrayResponse, scene: Scene, compiled: bool = True
-    ) -> None:
+    def __init__(self, pad: Pad, mounting: ArrayMounting, response: ArrayResponse, scene: Scene) -> None:
         self.mounting, self.response, self.scene = mounting, response, scene
         self._si = np.tile(MM, len(mounting.magnets))
         count = len(mounting.sensors)
@@ -87,29 +82,25 @@ class FieldModel:
         )
         self._rest_slope = field_and_slope(mounting.magnets, mounting.frames, mounting.sensors)[1]
         causes, terms = mounting.errors.by_pose.shape[2], response.coefficient.shape[2]
-        self.compiled = compiled and room(magnets=len(drawn), sensors=count, causes=causes, terms=terms)
-        if self.compiled:
-            # As several.h reads them, and where C computes.
-            self.packed, self.work = self._packed(), np.zeros(_several.WORK_BYTES // 8)
+        require_room(magnets=len(drawn), sensors=count, causes=causes, terms=terms)
+        # As several.h reads them, and where C computes.
+        self.packed, self.work = self._packed(), np.zeros(_several.WORK_BYTES // 8)
 
     def predict(self, fingers: Array) -> Predicted:
         """The change of the field by `fingers` (K, 3)."""
-        if not (self.compiled and room(fingers=len(fingers))):
-            return self.reference_predict(fingers)
-        field, slope, by_pose, change, pressed = self._compiled_predict(fingers)
+        field, slope, by_pose, change, pressed = self._predicted(fingers)
         return Predicted(field, slope, by_pose, change, tuple(map(_unpacked, pressed)))
 
     def field_of(self, fingers: Array) -> Array:
         """(3N,) as `predict` has it, and all that is asked for in most frames."""
-        if not (self.compiled and room(fingers=len(fingers))):
-            return self.reference_predict(fingers).field_t
-        return self._compiled_predict(fingers)[0]
+        return self._predicted(fingers)[0]
 
-    def _compiled_predict(self, fingers: Array) -> tuple[Array, Array, Array, Array, Array]:
+    def _predicted(self, fingers: Array) -> tuple[Array, Array, Array, Array, Array]:
         """As Predicted; what each finger does alone, (K, …), is still packed."""
         values, poses, unknowns = len(self.at_rest), len(self._si), FINGER * len(fingers)
         field, slope, by_pose = np.empty(values), np.empty((values, unknowns)), np.empty((values, poses))
         change, pressed = np.empty(poses), np.empty((len(fingers), PRESSED * poses))
+        require_room(fingers=len(fingers))
         fingers = doubles(fingers)
         if not _several.predict(self.packed, self.work, fingers, field, slope, by_pose, change, pressed):
             finite(fingers=fingers)
@@ -118,8 +109,6 @@ class FieldModel:
     def covariance(self, fingers: Array, predicted: Predicted, variance_t2: Array, ambient_t: Array) -> Array:
         """C (3N, 3N) of the module's docstring. variance_t2 (3N,): of noise. ambient_t (3,): the change of the ambient
         field, as far as it is known, which chips that are turned read wrong."""
-        if not (self.compiled and room(fingers=len(fingers))):
-            return self.reference_covariance(fingers, predicted, variance_t2, ambient_t)
         covariance = np.empty((len(self.at_rest), len(self.at_rest)))
         each = [np.concatenate([part.ravel() for part in one]) for one in predicted.pressed]
         pressed = np.concatenate(each) if each else np.empty(0)
@@ -137,101 +126,6 @@ class FieldModel:
             covariance,
         )
         return covariance
-
-    def reference_predict(self, fingers: Array) -> Predicted:
-        """predict() in NumPy."""
-        finite(fingers=fingers)
-        if not len(fingers):
-            nothing = np.zeros(len(self._si))
-            return Predicted(
-                np.zeros(len(self.at_rest)), np.zeros((len(self.at_rest), 0)), self._rest_slope, nothing, ()
-            )
-        pressed = tuple(self.response.pressed(x, y, force) for x, y, force in fingers.tolist())
-        change = np.zeros(len(self._si))
-        for one in pressed:
-            change = change + one.change - self._shifted(one, self._off_mm)
-        change = change * self._si
-        mounting = self.mounting
-        moved = mounting.magnets.changed(change, mounting.frames)
-        field, by_pose = field_and_slope(moved, mounting.frames, mounting.sensors)
-        by_finger = np.concatenate([one.slope for one in pressed], axis=1) * self._si[:, None]
-        return Predicted(field.ravel() - self.at_rest, product(by_pose, by_finger), by_pose, change, pressed)
-
-    def by_shear(self, fingers: Array, predicted: Predicted) -> Array:
-        """(3N, 2K) what shear of one deviation does to the field, of each finger along x and y."""
-        if not len(fingers):
-            return np.zeros((len(self.at_rest), 0))
-        causes = [
-            self.scene.friction * force * one.by_shear
-            for (_, _, force), one in zip(fingers.tolist(), predicted.pressed, strict=True)
-        ]
-        by_shear: Array = product(predicted.by_pose * self._si, np.concatenate(causes, axis=1))
-        return by_shear
-
-    def by_finger(self, predicted: Predicted) -> Array:
-        """(5M, 3K) the derivative of the change of the poses by the fingers."""
-        slopes = [one.slope for one in predicted.pressed] or [np.zeros((len(self._si), 0))]
-        by_finger: Array = np.concatenate(slopes, axis=1) * self._si[:, None]
-        return by_finger
-
-    def reference_covariance(self, fingers: Array, predicted: Predicted, variance_t2: Array, ambient_t: Array) -> Array:
-        """covariance() in NumPy."""
-        scene = self.scene
-        columns = [
-            scene.ambient_t * self.by_ambient,
-            scene.moment * (predicted.field_t + self.at_rest)[:, None],
-            self.mounting.errors.at(predicted.change, ambient_t),
-        ]
-        if len(fingers):
-            by_pose = predicted.by_pose * self._si
-            columns.append(product(by_pose, self._moves(fingers, predicted)))
-            columns.append(by_pose * self._response_error(fingers, predicted))
-        factor = np.concatenate(columns, axis=1)
-        covariance: Array = product(factor, factor.T)
-        covariance[range(len(variance_t2)), range(len(variance_t2))] += variance_t2
-        return covariance
-
-    def considered_moves(self, fingers: Array, predicted: Predicted) -> Array:
-        """(5M, C) what moves the poses besides the places and forces of the fingers, each by one deviation, in SI."""
-        if not len(fingers):
-            return np.zeros((len(self._si), 0))
-        of_table = np.diag(self._response_error(fingers, predicted))
-        moves: Array = self._si[:, None] * np.concatenate([self._moves(fingers, predicted), of_table], axis=1)
-        return moves
-
-    def _moves(self, fingers: Array, predicted: Predicted) -> Array:
-        """(5M, 3K + 2M) as `considered_moves`, without the errors of the table, in the response's units."""
-        causes = []
-        for (_, _, force), one in zip(fingers.tolist(), predicted.pressed, strict=True):
-            causes += [self.scene.friction * force * one.by_shear, 0.5 * PATCH_MM2 * one.laplacian[:, None]]
-        moved = [self._by_place(one) for one in predicted.pressed]
-        return np.concatenate([*causes, product(added(moved), self._off_root_mm)], axis=1)
-
-    def _shifted(self, one: Pressed, off_mm: Array) -> Array:
-        """(5M,) how much more the magnets move in the drawing's places than `off_mm` (M, 2) beside them."""
-        slope = one.slope.reshape(len(off_mm), -1, FINGER)
-        shifted: Array = (slope[:, :, 0] * off_mm[:, :1] + slope[:, :, 1] * off_mm[:, 1:]).ravel()
-        return shifted
-
-    def _by_place(self, one: Pressed) -> Array:
-        """(5M, 2M) derivative of a change by the magnets' places, in mm."""
-        count = len(self._off_mm)
-        slope = one.slope.reshape(count, -1, FINGER)
-        by_place = np.zeros((count, slope.shape[1], count, 2))
-        for magnet in range(count):
-            by_place[magnet, :, magnet] = -slope[magnet, :, :2]
-        return by_place.reshape(count * slope.shape[1], 2 * count)
-
-    def _response_error(self, fingers: Array, predicted: Predicted) -> Array:
-        """(5M,) deviation of each number of pose, in the response's units."""
-        variance = np.zeros(len(self._si))
-        for one in predicted.pressed:
-            variance = variance + square(self.response.error * one.change)
-        for i, one in enumerate(predicted.pressed):
-            for j, other in enumerate(predicted.pressed[:i]):
-                both = np.abs(one.change) * fingers[j, 2] + np.abs(other.change) * fingers[i, 2]
-                variance = variance + square(0.5 * SUM_ERROR_PER_N * both)
-        return np.sqrt(variance)
 
     def _packed(self) -> Array:
         """All of this as several.h has it."""

@@ -12,12 +12,12 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import SingularError, cholesky, inverse, product, solve, solve_lower
 from fmfts.common.double_table import DoubleTable, Numbers
-from fmfts.several.compiled import _several, doubles, room
-from fmfts.several.field_model import FINGER, FieldModel, Predicted
+from fmfts.several import _several
+from fmfts.several.compiled import doubles, require_room
+from fmfts.several.field_model import FINGER, FieldModel
 from fmfts.several.measured import Measured, refuse
-from fmfts.several.scan import APART_MM, GRID_FORCE_N, GRID_MM, LEAST, NEAR_MM, STARTS, Another, CompiledScan, Scan
+from fmfts.several.scan import APART_MM, GRID_FORCE_N, GRID_MM, LEAST, NEAR_MM, STARTS, Another, Grid, Scan
 
 __all__ = ["APART_MM", "GRID_FORCE_N", "GRID_MM", "STARTS", "Fit", "Fitter", "Measured"]
 
@@ -64,7 +64,7 @@ class Fit:
 
 
 class Fitter:
-    """Fits fingers to the fields of one mounted pad, in C where the model is, and where there is room for the grid.
+    """Fits fingers to the fields of one mounted pad.
 
     A number that is not finite, of a value that there is, is refused by a ValueError that names it. One Fitter is for
     one thread.
@@ -76,21 +76,17 @@ class Fitter:
         farthest = FARTHEST_LOAD * response.scale_n
         self._lowest = np.array([response.first_mm, response.first_mm, 0.0])
         self._highest = np.array([response.last_mm, response.last_mm, farthest])
-        self.reference_scan = Scan(model)
-        self.places = self.reference_scan.places
-        self.compiled = model.compiled and room(places=len(self.places))
-        self._scan: Scan | CompiledScan = self.reference_scan
-        if self.compiled:
-            grid, scan_room = self.reference_scan.packed()
-            self.search, self._short_search = (
-                np.concatenate([self._head(iterations).values, grid]) for iterations in (ITERATIONS, FEW_ITERATIONS)
-            )
-            self._scan = CompiledScan(self.reference_scan, self.search, model.work, scan_room)
+        self.grid = Grid(model)
+        self.places = self.grid.places
+        packed, scan_room = self.grid.packed()
+        self.search, self._short_search = (
+            np.concatenate([self._head(iterations).values, packed]) for iterations in (ITERATIONS, FEW_ITERATIONS)
+        )
+        self._scan = Scan(self.grid, self.search, model.work, scan_room)
 
     def whitener(self, fingers: Array, measured: Measured, ambient_t: Array) -> Array:
         """The lower triangle of C at `fingers`, for the values that there are."""
-        if not (self.compiled and room(fingers=len(fingers))):
-            return self.reference_whitener(fingers, measured, ambient_t)
+        require_room(fingers=len(fingers))
         there = measured.there
         used = int(there.sum())
         root = np.empty((used, used))
@@ -109,8 +105,7 @@ class Fitter:
 
     def chi2_with(self, root: Array, fingers: Array, measured: Measured) -> float:
         """χ² of `fingers` under another covariance, whose lower triangle is `root`."""
-        if not (self.compiled and room(fingers=len(fingers))):
-            return self.reference_chi2_with(root, fingers, measured)
+        require_room(fingers=len(fingers))
         wrong, size, chi2 = _several.chi2_with(
             self.model.packed,
             self.model.work,
@@ -127,8 +122,7 @@ class Fitter:
 
         few_iterations: to see soon whether they are near it, FEW_ITERATIONS in place of ITERATIONS.
         """
-        if not (self.compiled and room(fingers=len(start))):
-            return self.reference_fit(start, measured, ambient_t, few_iterations)
+        require_room(fingers=len(start))
         unknowns, values = FINGER * len(start), len(measured.field_t)
         fingers, covariance = np.empty((len(start), FINGER)), np.empty((unknowns, unknowns))
         misfit, ambient = np.empty(values), np.empty(3)
@@ -171,97 +165,9 @@ class Fitter:
 
     def sizes(self, root: Array, measured: Measured) -> Array:
         """(places,) by how much a finger of 1 N at each place of the grid would raise χ²."""
-        templates, _ = self.reference_scan.white(root, measured)
+        templates, _ = self.grid.white(root, measured)
         size: Array = (templates * templates).sum(axis=1)
         return size
-
-    def reference_whitener(self, fingers: Array, measured: Measured, ambient_t: Array) -> Array:
-        """whitener() in NumPy."""
-        measured.checked("variance_t2", fingers=fingers, ambient_t=ambient_t)
-        return self._root(fingers, self.model.predict(fingers), measured, ambient_t)
-
-    def reference_chi2_with(self, root: Array, fingers: Array, measured: Measured) -> float:
-        """chi2_with() in NumPy."""
-        measured.checked("field_t", root=root, fingers=fingers)
-        residual = (measured.field_t - self.model.predict(fingers).field_t)[measured.used]
-        white = solve_lower(root, residual)
-        return float(product(white, white))
-
-    def reference_fit(self, start: Array, measured: Measured, ambient_t: Array, few_iterations: bool = False) -> Fit:
-        """fit() in NumPy."""
-        measured.checked("field_t", "variance_t2", start=start, ambient_t=ambient_t)
-        fingers, used = np.clip(start, self._lowest, self._highest), measured.used
-        predicted = self.model.predict(fingers)
-        root = self._root(fingers, predicted, measured, ambient_t)
-        damping, white = DAMPING, solve_lower(root, (measured.field_t - predicted.field_t)[used])
-        floor = np.tile(FLOOR, len(fingers))
-        most = FEW_ITERATIONS if few_iterations else ITERATIONS
-        for _ in range(most if len(fingers) else 0):
-            slope = solve_lower(root, predicted.slope[used])
-            normal = product(slope.T, slope)
-            diagonal = np.diagonal(normal)
-            step = solve(normal + np.diag(damping * diagonal + floor), product(slope.T, white))
-            if not np.isfinite(step).all():
-                raise SingularError(f"a matrix of {len(step)} × {len(step)} is not finite")
-            step = step.reshape(-1, FINGER)
-            longest = np.abs(step[:, :2]).max()
-            step *= min(1.0, LONGEST_STEP_MM / max(float(longest), LEAST_STEP_MM))
-            trial = np.clip(fingers + step, self._lowest, self._highest)
-            tried = self.model.predict(trial)
-            after = solve_lower(root, (measured.field_t - tried.field_t)[used])
-            if product(after, after) > product(white, white) * (1.0 + ROUNDING):
-                damping *= DAMPING_FACTOR
-                if damping > MOST_DAMPING:
-                    break
-                continue
-            small = float(np.abs((trial - fingers).ravel() * np.sqrt(diagonal)).max()) < SETTLED
-            fingers, predicted, damping = trial, tried, damping / DAMPING_FACTOR
-            # The covariance goes with the forces; near the end it stays.
-            root = self._root(fingers, predicted, measured, ambient_t)
-            white = solve_lower(root, (measured.field_t - predicted.field_t)[used])
-            if small:
-                break
-        return self._told(fingers, predicted, root, measured)
-
-    def _root(self, fingers: Array, predicted: Predicted, measured: Measured, ambient_t: Array) -> Array:
-        covariance = self.model.covariance(fingers, predicted, measured.variance_t2, ambient_t)
-        if measured.foreign_t2 is not None:
-            covariance = covariance + measured.foreign_t2
-        return cholesky(covariance[np.ix_(measured.used, measured.used)])
-
-    def _told(self, fingers: Array, predicted: Predicted, root: Array, measured: Measured) -> Fit:
-        """root: of the covariance at the fingers themselves, and what is predicted there."""
-        used = measured.used
-        residual = measured.field_t - predicted.field_t
-        white, slope = solve_lower(root, residual[used]), solve_lower(root, predicted.slope[used])
-        normal = product(slope.T, slope)
-        try:
-            covariance = inverse(normal + np.diag(np.tile(FLOOR, len(fingers))))
-        except SingularError:
-            covariance = np.full(normal.shape, np.inf)
-        # The most likely ambient field, given the residual: σ² A' C⁻¹ r.
-        toward = solve_lower(root, self.model.by_ambient[used])
-        ambient = self.model.scene.ambient_t * self.model.scene.ambient_t * product(toward.T, white)
-        by_shear = solve_lower(root, self.model.by_shear(fingers, predicted)[used])
-        shear = self._shear_of(fingers, covariance, by_shear, white, slope)
-        return Fit(fingers, covariance, float(product(white, white)), residual, ambient, *shear)
-
-    def _shear_of(
-        self, fingers: Array, covariance: Array, by_shear: Array, white: Array, slope: Array
-    ) -> tuple[Array, Array]:
-        """The shear (K, 2) of each finger and its deviation. shear.c does the same.
-
-        Of a considered cause of deviation one, whose effect on the field is g, the residual r tells g'C⁻¹r, with the
-        variance 1 − g'C⁻¹g + h'Σh; h = J'C⁻¹g, J and Σ the slope by the fingers and their covariance.
-        """
-        prior_n = np.repeat(self.model.scene.friction * fingers[:, 2], 2)
-        if not np.isfinite(covariance).all():
-            return np.zeros((len(fingers), 2)), prior_n.reshape(-1, 2)
-        by_finger = product(slope.T, by_shear)
-        size = np.diagonal(product(by_shear.T, by_shear))
-        spent = np.diagonal(product(by_finger.T, covariance, by_finger))
-        share = np.sqrt(np.maximum(1.0 - size + spent, 0.0))
-        return (prior_n * product(by_shear.T, white)).reshape(-1, 2), (prior_n * share).reshape(-1, 2)
 
     def _head(self, iterations: int) -> DoubleTable:
         """The constants of the search, as fit.h has them."""

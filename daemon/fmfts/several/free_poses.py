@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import cholesky, inverse, product, solve, solve_lower
 from fmfts.baseline.array_mounting import HALF_A_PRESS
 from fmfts.common.chi2 import quantile
 from fmfts.pose.magnets import CHANGE, Magnets, field_and_slope
 from fmfts.pose.observable import taken_values
-from fmfts.several.compiled import _several, doubles
+from fmfts.several import _several
+from fmfts.several.compiled import doubles
 from fmfts.several.field_model import FieldModel, Predicted
 from fmfts.several.fit import DAMPING, DAMPING_FACTOR, ITERATIONS, MOST_DAMPING, ROUNDING, SETTLED
 from fmfts.several.measured import Measured, refuse
@@ -71,8 +71,6 @@ def free_poses(model: FieldModel, start: Array, measured: Measured, around_t: Ar
 
     around_t (3,): the change of the field around, as `Fitter.fit` has it.
     """
-    if not model.compiled:
-        return reference_free_poses(model, start, measured, around_t)
     rest, poses, values = model.mounting.magnets, len(start), len(measured.field_t)
     change, covariance, misfit, ambient = np.empty(poses), np.empty((poses, poses)), np.empty(values), np.empty(3)
     position, axis = np.empty((len(rest), 3)), np.empty((len(rest), 3))
@@ -98,43 +96,6 @@ def free_poses(model: FieldModel, start: Array, measured: Measured, around_t: Ar
     return FreePoses(magnets, change, covariance, chi2, misfit, ambient)
 
 
-def reference_free_poses(model: FieldModel, start: Array, measured: Measured, around_t: Array) -> FreePoses:
-    """free_poses() in NumPy."""
-    measured.checked("field_t", "variance_t2", start=start, ambient_t=around_t)
-    used, farthest = measured.used, np.tile(FARTHEST, len(start) // CHANGE)
-    floor = 1.0 / (farthest * farthest)
-    change, damping = np.clip(start, -farthest, farthest), DAMPING
-    predicted = at(model, change)
-    root = _root(model, predicted, measured, around_t)
-    white = solve_lower(root, (measured.field_t - predicted.field_t)[used])
-    for _ in range(ITERATIONS):
-        slope = solve_lower(root, predicted.by_pose[used])
-        normal = product(slope.T, slope)
-        diagonal = np.diagonal(normal)
-        step = solve(normal + np.diag(damping * diagonal + floor), product(slope.T, white))
-        trial = np.clip(change + step, -farthest, farthest)
-        tried = at(model, trial)
-        after = solve_lower(root, (measured.field_t - tried.field_t)[used])
-        if product(after, after) > product(white, white) * (1.0 + ROUNDING):
-            damping *= DAMPING_FACTOR
-            if damping > MOST_DAMPING:
-                break
-            continue
-        small = float(np.abs((trial - change) * np.sqrt(diagonal)).max()) < SETTLED
-        change, predicted, damping = trial, tried, damping / DAMPING_FACTOR
-        root = _root(model, predicted, measured, around_t)
-        white = solve_lower(root, (measured.field_t - predicted.field_t)[used])
-        if small:
-            break
-    slope = solve_lower(root, predicted.by_pose[used])
-    covariance = inverse(product(slope.T, slope) + np.diag(floor))
-    toward = solve_lower(root, model.by_ambient[used])
-    ambient = model.scene.ambient_t * model.scene.ambient_t * product(toward.T, white)
-    magnets = model.mounting.magnets.changed(change, model.mounting.frames)
-    misfit = measured.field_t - predicted.field_t
-    return FreePoses(magnets, change, covariance, float(product(white, white)), misfit, ambient)
-
-
 def at(model: FieldModel, change: Array) -> Predicted:
     """What magnets that have moved by `change` (5M,) do to the field. Its `change` is the one that errors go with."""
     mounting = model.mounting
@@ -155,10 +116,3 @@ def _counted(model: FieldModel, change: Array) -> Array:
         square = nearer * nearer
         counted[first : first + CHANGE] *= square * square * nearer
     return counted
-
-
-def _root(model: FieldModel, predicted: Predicted, measured: Measured, around_t: Array) -> Array:
-    covariance = model.reference_covariance(np.zeros((0, 3)), predicted, measured.variance_t2, around_t)
-    if measured.foreign_t2 is not None:
-        covariance = covariance + measured.foreign_t2
-    return cholesky(covariance[np.ix_(measured.used, measured.used)])

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import square
-from fmfts.arithmetic.matrix import product, solve_lower
+from fmfts.arithmetic.matrix import product
 from fmfts.pose.magnets import CHANGE, Magnets
-from fmfts.several.compiled import _several, doubles, room
+from fmfts.several import _several
+from fmfts.several.compiled import doubles, require_room
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Fit, Fitter
 from fmfts.several.measured import Measured, refuse
@@ -57,8 +58,9 @@ def poses_of(fitter: Fitter, fit: Fit, measured: Measured, around_t: Array) -> P
     around_t (3,): the change of the field around, as `Fitter.fit` has it.
     """
     model, fingers = fitter.model, len(fit.fingers)
-    if not (fingers and model.compiled and room(fingers=fingers)):
-        return reference_poses(fitter, fit, measured, around_t)
+    if not fingers:
+        return _untouched(model.mounting.magnets, fit)
+    require_room(fingers=fingers)
     rest, there, unknowns = model.mounting.magnets, measured.there, FINGER * fingers
     count = len(rest)
     poses, causes = CHANGE * count, unknowns + 2 * count
@@ -89,23 +91,7 @@ def poses_of(fitter: Fitter, fit: Fit, measured: Measured, around_t: Array) -> P
     return Poses(magnets, change, variance, moves, told, by_finger, fit.covariance)
 
 
-def reference_poses(fitter: Fitter, fit: Fit, measured: Measured, around_t: Array) -> Poses:
-    """poses_of() in NumPy."""
-    model, used = fitter.model, measured.used
-    predicted = model.predict(fit.fingers)
-    change = predicted.change
-    moves = np.diag(np.tile(UNFELT, len(change) // CHANGE))
-    told = left = np.zeros((len(moves), 0))
-    if len(fit.fingers):
-        root, poses = fitter.whitener(fit.fingers, measured, around_t), len(change)
-        white = solve_lower(root, np.column_stack([predicted.by_pose, predicted.slope, fit.misfit_t])[used])
-        considered = model.considered_moves(fit.fingers, predicted)
-        # Of what is considered: B (L⁻¹ P B)', with C = L L'.
-        told = product(considered, product(white[:, :poses], considered).T)
-        change = change + product(told, white[:, -1])
-        left = model.by_finger(predicted) - product(told, white[:, poses:-1])
-        moves = np.concatenate([moves, considered], axis=1)
-    own = square(moves).sum(axis=1) - square(told).sum(axis=1)
-    variance = np.maximum(own + (product(left, fit.covariance) * left).sum(axis=1), 0.0)
-    magnets = model.mounting.magnets.changed(change, model.mounting.frames)
-    return Poses(magnets, change, variance, moves, told, left, fit.covariance)
+def _untouched(rest: Magnets, fit: Fit) -> Poses:
+    """At rest, but for what is too weak to be told as a finger."""
+    unfelt, nothing = np.tile(UNFELT, len(rest)), np.zeros((CHANGE * len(rest), 0))
+    return Poses(rest, np.zeros(len(unfelt)), square(unfelt), np.diag(unfelt), nothing, nothing, fit.covariance)

@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import product, solve, solve_lower
-from fmfts.several.compiled import MOST, _several, doubles
+from fmfts.arithmetic.matrix import solve_lower
+from fmfts.several import _several
+from fmfts.several.compiled import doubles, require_room
 from fmfts.several.field_model import FieldModel, Predicted
 from fmfts.several.measured import Measured, refuse
 
@@ -40,7 +41,7 @@ class Another(NamedTuple):
     by_force: Array
 
 
-class Scan:
+class Grid:
     """The grid of one mounted pad. places (G, 3): x, y in mm, and the force. templates (G, 3N)."""
 
     def __init__(self, model: FieldModel) -> None:
@@ -48,10 +49,7 @@ class Scan:
         along = np.arange(response.first_mm, response.last_mm + GRID_MM / 2.0, GRID_MM)
         self.places = np.array([[x, y, GRID_FORCE_N] for x in along for y in along])
         self.templates = np.array([model.predict(place[None]).field_t for place in self.places])
-        apart = self.places[:, None, :2] - self.places[None, :, :2]
-        number = np.arange(len(self.places))
-        far = (apart * apart).sum(axis=2) >= APART_MM * APART_MM
-        self.pairs = np.column_stack(np.where(far & (number[:, None] < number)))
+        require_room(places=len(self.places))
 
     def packed(self) -> tuple[Array, Array]:
         """Places and templates as fit.h has them, and room for a scan."""
@@ -61,67 +59,6 @@ class Scan:
         panels = templates.reshape(-1, _several.PANEL, templates.shape[1]).swapaxes(1, 2)
         room = np.empty((templates.shape[1] + 3) * len(templates))
         return np.concatenate([places.ravel(), panels.ravel()]), room
-
-    def best_single(self, root: Array, measured: Measured) -> tuple[Array, float]:
-        """The best finger (1, 3), and by how much it lowers χ²."""
-        templates, white = self.white(root, measured)
-        along = product(templates, white)
-        size = product(templates[:, None, :], templates[:, :, None])[:, 0, 0]
-        size = np.where(size > 0.0, size, 1.0)
-        gain = np.where(along > 0.0, along * along / size, 0.0)
-        best = int(np.argmax(gain))
-        place = self.places[best].copy()
-        place[2] *= along[best] / size[best]
-        return place[None], float(gain[best])
-
-    def best_pairs(self, root: Array, measured: Measured, most: int) -> list[Array]:
-        """The best pairs of fingers (2, 3), at different places, the best first."""
-        templates, white = self.white(root, measured)
-        along, gram = product(templates, white), product(templates, templates.T)
-        one, other = self.pairs.T
-        size = np.diagonal(gram)
-        cross = gram[one, other]
-        determinant = size[one] * size[other] - cross * cross
-        first = along[one] * size[other] - along[other] * cross
-        second = along[other] * size[one] - along[one] * cross
-        good = (first > 0.0) & (second > 0.0) & (determinant > 0.0)
-        whole = np.where(good, determinant, 1.0)
-        gain = np.where(good, (first * along[one] + second * along[other]) / whole, 0.0)
-        starts: list[Array] = []
-        for best in np.argsort(-gain, kind="stable"):
-            if gain[best] <= 0.0 or len(starts) == most:
-                break
-            pair = self.places[[one[best], other[best]]].copy()
-            pair[:, 2] *= first[best] / whole[best], second[best] / whole[best]
-            if all(np.abs(pair[:, :2] - known[:, :2]).max() > NEAR_MM for known in starts):
-                starts.append(pair)
-        return starts
-
-    def best_seconds(
-        self, root: Array, finger: Array, predicted: Predicted, measured: Measured, most: int
-    ) -> list[Array]:
-        """The best fingers beside a first one, `finger` (1, 3), which may move a little for each: pairs (2, 3).
-
-        A second finger that is much weaker than the first one is lost in `best_pairs`, where the first one's press is
-        only as its share of a press of 1 N. predicted: of the first finger.
-        """
-        return _best_beside(finger, self.another(root, finger, predicted, measured), most)
-
-    def another(self, root: Array, fingers: Array, predicted: Predicted, measured: Measured) -> Another:
-        """One more finger at each place of the grid beside `fingers` (K, 3), which may move a little for it."""
-        templates, _ = self.white(root, measured)
-        used = measured.used
-        white = solve_lower(root, (measured.field_t - predicted.field_t)[used])
-        slope = solve_lower(root, predicted.slope[used])
-        # What a small move of the others explains as well is no sign of one more.
-        both = np.column_stack([templates.T, white])
-        normal = product(slope.T, slope) + LEAST * np.eye(slope.shape[1])
-        moved = solve(normal, product(slope.T, both))
-        left = both - product(slope, moved)
-        along, size = product(left[:, :-1].T, left[:, -1]), (left[:, :-1] * left[:, :-1]).sum(axis=0)
-        size = np.where(size > 0.0, size, 1.0)
-        gain = np.where((along > 0.0) & self.apart_from(fingers), along * along / size, 0.0)
-        return Another(self.places, gain, along / size, moved[:, :-1])
 
     def apart_from(self, fingers: Array) -> NDArray[np.bool_]:
         """(G,) which places are not too near to any of `fingers` (K, 3)."""
@@ -136,7 +73,7 @@ class Scan:
         return templates, solve_lower(root, measured.field_t[measured.used])
 
 
-def _best_beside(finger: Array, another: Another, most: int) -> list[Array]:
+def best_beside(finger: Array, another: Another, most: int) -> list[Array]:
     """The best pairs (2, 3) of `finger` (1, 3) and another one, at different places, the best first."""
     starts: list[Array] = []
     for best in np.argsort(-another.gain, kind="stable"):
@@ -149,13 +86,14 @@ def _best_beside(finger: Array, another: Another, most: int) -> list[Array]:
     return starts
 
 
-class CompiledScan:
-    """The same in C. search, work, room: as several.h and fit.h have them."""
+class Scan:
+    """search, work, room: as several.h and fit.h have them."""
 
-    def __init__(self, reference: Scan, search: Array, work: Array, room: Array) -> None:
-        self._reference, self._search, self._work, self._room = reference, search, work, room
+    def __init__(self, grid: Grid, search: Array, work: Array, room: Array) -> None:
+        self._grid, self._search, self._work, self._room = grid, search, work, room
 
     def best_single(self, root: Array, measured: Measured) -> tuple[Array, float]:
+        """The best finger (1, 3), and by how much it lowers χ²."""
         found = np.empty((1, 3))
         field, there = doubles(measured.field_t), measured.there
         wrong, size, gain = _several.best_single(
@@ -165,8 +103,8 @@ class CompiledScan:
         return found, gain
 
     def best_pairs(self, root: Array, measured: Measured, most: int) -> list[Array]:
-        if most > MOST["starts"]:
-            return self._reference.best_pairs(root, measured, most)
+        """The best pairs of fingers (2, 3), at different places, the best first."""
+        require_room(starts=most)
         found = np.empty((most, 2, 3))
         field, there = doubles(measured.field_t), measured.there
         wrong, size, count = _several.best_pairs(
@@ -178,12 +116,17 @@ class CompiledScan:
     def best_seconds(
         self, root: Array, finger: Array, predicted: Predicted, measured: Measured, most: int
     ) -> list[Array]:
-        return _best_beside(finger, self.another(root, finger, predicted, measured), most)
+        """The best fingers beside a first one, `finger` (1, 3), which may move a little for each: pairs (2, 3).
+
+        A second finger that is much weaker than the first one is lost in `best_pairs`, where the first one's press is
+        only as its share of a press of 1 N. predicted: of the first finger.
+        """
+        return best_beside(finger, self.another(root, finger, predicted, measured), most)
 
     def another(self, root: Array, fingers: Array, predicted: Predicted, measured: Measured) -> Another:
-        if len(fingers) > MOST["fingers"]:
-            return self._reference.another(root, fingers, predicted, measured)
-        found = np.empty((2 + predicted.slope.shape[1], len(self._reference.places)))
+        """One more finger at each place of the grid beside `fingers` (K, 3), which may move a little for it."""
+        require_room(fingers=len(fingers))
+        found = np.empty((2 + predicted.slope.shape[1], len(self._grid.places)))
         wrong, size, _ = _several.another(
             self._search,
             self._work,
@@ -196,5 +139,5 @@ class CompiledScan:
             found,
         )
         refuse(wrong, size, measured, root=root)
-        gain = np.where(self._reference.apart_from(fingers), found[0], 0.0)
-        return Another(self._reference.places, gain, found[1], found[2:])
+        gain = np.where(self._grid.apart_from(fingers), found[0], 0.0)
+        return Another(self._grid.places, gain, found[1], found[2:])

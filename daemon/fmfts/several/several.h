@@ -1,5 +1,5 @@
 /* A pad with several magnets: what fingers do to its field, and how wrong that may be. The Python file of the same name as
- * each C file explains it and has the same bits: every sum adds the same terms in the same order.
+ * each C file has the equations. tests/oracle/several.py has the same bits: every sum adds the same terms in the same order.
  *
  * Re-entrant: no allocation, no globals. Units are those of the Python. Arrays are row-major and as long as the pad needs;
  * the sizes below are the most that there is room for. */
@@ -35,7 +35,7 @@ enum {
     FMFTS_SEVERAL_COLUMNS = 3 + 1 + FMFTS_SEVERAL_CAUSES + FMFTS_SEVERAL_MOVES + FMFTS_SEVERAL_POSES,
 };
 
-/* The numbers at the head of a packed model; compiled.py reads their names. */
+/* The numbers at the head of a packed model; field_model.py reads their names. */
 #define FMFTS_SEVERAL_HEAD(X)                                                                                          \
     X(magnets, 1)                                                                                                      \
     X(sensors, 1)                                                                                                      \

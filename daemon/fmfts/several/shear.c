@@ -1,4 +1,7 @@
-/* The shear of each finger, as far as the residual tells it: shear_of of fit.py explains it. */
+/* The shear of each finger, as far as the residual tells it.
+ *
+ * Of a considered cause of deviation one, whose effect on the field is g, the residual r tells g'C⁻¹r, with the variance
+ * 1 − g'C⁻¹g + h'Σh; h = J'C⁻¹g, J and Σ the slope by the fingers and their covariance. */
 #include "fit.h"
 
 #include <math.h>

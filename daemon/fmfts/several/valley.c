@@ -5,7 +5,7 @@
 
 #include "../arithmetic/matrix.h"
 
-/* _on_the_table of valley.py, of number `i` of the fingers. */
+/* Keeps number `i` of the fingers on the table, and a force at least as large as what still presses. */
 static double on_the_table(const fmfts_search *search, double least_force_n, size_t i, double value)
 {
     size_t axis = i % FMFTS_FINGER;

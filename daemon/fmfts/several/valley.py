@@ -13,10 +13,11 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import SingularError, added, inverse, product, solve_lower
-from fmfts.several.compiled import _several, doubles, room
+from fmfts.arithmetic.matrix import added, product
+from fmfts.several import _several
+from fmfts.several.compiled import doubles, require_room
 from fmfts.several.field_model import FINGER
-from fmfts.several.fit import FLOOR, Fit, Fitter
+from fmfts.several.fit import Fit, Fitter
 from fmfts.several.measured import Measured, refuse
 
 Array = NDArray[np.float64]
@@ -70,8 +71,7 @@ def fitted_across(
 ) -> tuple[Array, Array]:
     """The most likely fingers (W, 2, K, 3) that are `away` along `directions`, both (W, 3K), to either side, and χ²
     (W, 2) of them under the covariance at `fit`; infinite where there are none."""
-    if not (fitter.compiled and room(fingers=len(fit.fingers))):
-        return reference_across(fitter, fit, away, directions, measured, around_t)
+    require_room(fingers=len(fit.fingers))
     there, chi2 = np.empty((len(away), len(SIDES), *fit.fingers.shape)), np.empty((len(away), len(SIDES)))
     wrong, size, _ = _several.valley(
         fitter.model.packed,
@@ -91,49 +91,6 @@ def fitted_across(
     )
     refuse(wrong, size, measured, fingers=fit.fingers, away=away, directions=directions, ambient_t=around_t)
     return there, chi2
-
-
-def reference_across(
-    fitter: Fitter, fit: Fit, away: Array, directions: Array, measured: Measured, around_t: Array
-) -> tuple[Array, Array]:
-    """fitted_across() in NumPy."""
-    root = fitter.whitener(fit.fingers, measured, around_t)
-    there, chi2 = [], []
-    for step, direction in zip(away, directions, strict=True):
-        for side in SIDES:
-            fingers, told = _on_the_table(fitter, fit.fingers.ravel() + side * step), np.inf
-            try:
-                for _ in range(STEPS):
-                    fingers = _step_across(fitter, root, fingers, direction, measured)
-                told = fitter.chi2_with(root, fingers, measured)
-            except SingularError:
-                pass  # it is not known there
-            there.append(fingers)
-            chi2.append(told)
-    return np.array(there).reshape(len(away), len(SIDES), *fit.fingers.shape), np.array(chi2).reshape(len(away), -1)
-
-
-def _step_across(fitter: Fitter, root: Array, fingers: Array, direction: Array, measured: Measured) -> Array:
-    """One step of Gauss–Newton that leaves the fingers where they are along `direction`."""
-    used, predicted = measured.used, fitter.model.predict(fingers)
-    slope = solve_lower(root, predicted.slope[used])
-    residual = solve_lower(root, (measured.field_t - predicted.field_t)[used])
-    spread = inverse(product(slope.T, slope) + np.diag(np.tile(FLOOR, len(fingers))))
-    step, along = product(spread, product(slope.T, residual)), product(spread, direction)
-    across = product(direction, along)
-    moved = fingers
-    if across > 0.0:
-        moved = _on_the_table(fitter, fingers.ravel() + (step - along * (product(direction, step) / across)))
-    if not (across > 0.0 and np.isfinite(moved).all()):
-        raise SingularError("a step across a valley leads nowhere")
-    return moved
-
-
-def _on_the_table(fitter: Fitter, fingers: Array) -> Array:
-    response = fitter.model.response
-    each = fingers.reshape(-1, FINGER)
-    place = np.clip(each[:, :2], response.first_mm, response.last_mm)
-    return np.column_stack([place, np.maximum(each[:, 2], LEAST_FORCE_N)])
 
 
 def _whole_and_each(fingers: Array) -> Array:

@@ -7,8 +7,7 @@ from fmfts.config import PadConfig
 from fmfts.pipeline.configured import contact_model_of
 from fmfts.pipeline.configured import pipeline_of as configured_pipeline
 from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.fast import Lane
-from fmfts.pipeline.fast.compiled import _fast
+from fmfts.pipeline.fast import Lane, _fast
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.fast_loop import send_function
 from fmfts.sensor.patience import BEHIND, IN_TIME

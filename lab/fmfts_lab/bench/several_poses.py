@@ -20,6 +20,7 @@ from fmfts.pose.observable import FREE_FIELD
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
 from fmfts.several.odd_sensor import UNEXPLAINED
+from fmfts_lab.bench.several_moves import by_finger, considered_moves
 from fmfts_lab.bench.several_world import BUILT, EXACT, NOISE_T, Press, World, any_press, two_places, worlds
 from fmfts_lab.bench.workspace import standard_pad
 from fmfts_lab.finite_elements.array_pad import array_config
@@ -158,7 +159,7 @@ def _fingers_of(one: World, change: Array, covariance: Array, truth: Array) -> A
     fingers, model, table = truth.copy(), one.fitter.model, one.response
     for _ in range(ITERATIONS):
         predicted = model.predict(fingers)
-        moves, slope = model.considered_moves(fingers, predicted), model.by_finger(predicted)
+        moves, slope = considered_moves(model, fingers, predicted), by_finger(model, predicted)
         weight = np.linalg.inv(covariance + moves @ moves.T)
         step = np.linalg.solve(slope.T @ weight @ slope, slope.T @ weight @ (change - predicted.change)).reshape(-1, 3)
         step *= min(1.0, 2.0 / max(float(np.abs(step[:, :2]).max()), 1e-9))

@@ -17,7 +17,7 @@ from fmfts.bus.encoding import encode
 from fmfts.config import SimulatedSource
 from fmfts.pipeline.configured import Pipeline, contact_model_of, pipeline_of
 from fmfts.sensor import Frame
-from fmfts.several.poses import poses_of, reference_poses
+from fmfts.several.poses import poses_of
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, no_finger, steady_finger
 from fmfts_lab.bench import several_searches
@@ -70,14 +70,13 @@ def _searches(options: Namespace) -> None:
 
 
 def _poses(options: Namespace) -> None:
-    """Where the magnets are, once the fingers are known: as the daemon does, and as the reference does."""
+    """Where the magnets are, once the fingers are known."""
     one = world(options.seed, BUILT)
     for name, presses in (("one finger", SINGLE), ("two fingers", PAIR)):
         measured = one.measured(one.pressed(presses))
         fit = one.fitter.fit(np.array([press[:3] for press in presses]), measured, NOTHING)
-        for how, found in (("poses", poses_of), ("poses, in NumPy", reference_poses)):
-            work = partial(found, one.fitter, fit, measured, NOTHING)
-            _print(f"{how}: {name}", [_seconds(work) for _ in range(options.repeats)])
+        work = partial(poses_of, one.fitter, fit, measured, NOTHING)
+        _print(f"poses: {name}", [_seconds(work) for _ in range(options.repeats)])
 
 
 def _chains(options: Namespace) -> None:

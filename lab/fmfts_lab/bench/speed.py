@@ -16,7 +16,6 @@ from fmfts.pose import STOP_CHI2, Batch, Part, Problem, State
 from fmfts.pose.kernel import ITERATIONS, STATUS, columns_of
 from fmfts.pose.model import predict
 from fmfts.pose.problem import MAX_ITERATIONS, VALUE, magnet_rows
-from fmfts.pose.reference import solve_reference
 from fmfts.pose.state import Neighbour
 from fmfts_lab.bench.other_kernel import loaded, ratio
 from fmfts_lab.bench.rivals import moment_vector_solvers
@@ -143,9 +142,8 @@ def _beside(kernel_us: float, random: np.random.Generator) -> None:
         Problem(rows, magnet_rows(pad.magnet, octupole=False), parts, State.from_vector(start))
         for rows, parts, start in zip(batch.measurements, batch.parts, batch.start, strict=True)
     ]
-    solvers: dict[str, Callable[[Problem], object]] = {"NumPy reference": solve_reference}
     print("\nsix unknowns by                             |      µs | times the kernel's")
-    for name, solver in (solvers | moment_vector_solvers(pad)).items():
+    for name, solver in moment_vector_solvers(pad).items():
         each = _median(partial(_all, solver, problems)) / len(problems)
         print(f"{name:43} | {each:7.1f} | {each / kernel_us:5.0f}")
 

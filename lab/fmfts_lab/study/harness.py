@@ -19,7 +19,6 @@ import msgspec
 
 from fmfts import __version__
 from fmfts.config import PadConfig
-from fmfts.pose import SOLVER
 from fmfts.view.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -137,7 +136,7 @@ class Study:
 
 def machine() -> Facts:
     """The facts about this computer on which measured times depend."""
-    return {"processor": _processor(), "cores": os.cpu_count(), "system": platform.platform(), "solver": SOLVER}
+    return {"processor": _processor(), "cores": os.cpu_count(), "system": platform.platform()}
 
 
 def versions() -> Facts:

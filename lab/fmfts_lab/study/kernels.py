@@ -1,4 +1,4 @@
-"""The project's own solvers as methods: the kernel with every model, the NumPy reference, tracker and daemon."""
+"""The project's own solvers as methods: the kernel with every model, tracker and daemon."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from fmfts.common.chi2 import quantile
 from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.pose import STOP_CHI2, Batch, PoseEstimate, Problem, SensorErrors, Solution, State, Status, Tracker, parts_of
+from fmfts.pose import STOP_CHI2, Batch, PoseEstimate, Problem, SensorErrors, State, Tracker, parts_of
 from fmfts.pose.gate import FALSE_ALARM
 from fmfts.pose.kernel import CHI2, ROWS, STATUS, UNKNOWNS
 from fmfts.pose.problem import MAX_ITERATIONS, NOISE, VALUE, magnet_rows, measurement_rows
-from fmfts.pose.reference import solve_reference
 from fmfts.pose.tracking_model import TrackingModel
 from fmfts.scene.tracking import tracking_model_for
 from fmfts_lab.bench.workspace import MODELS
@@ -103,7 +102,7 @@ def default(world: World, cylinder: bool | None = None) -> Kernel | KernelFilter
 
 
 class Solved:
-    """Any solver of `Problem`, started warm: the NumPy reference, or a foreign one."""
+    """Any solver of `Problem`, started warm."""
 
     def __init__(
         self, world: World, solver: Callable[[Problem], Any], told: Callable[[Any], Answer], unknowns: int = 6
@@ -128,18 +127,6 @@ class Solved:
 
     def told(self, raw: Answer) -> Answer:
         return raw
-
-
-def reference(world: World) -> Solved:
-    """The NumPy reference, six unknowns, warm."""
-
-    def told(solution: Solution) -> Answer:
-        if solution.status is not Status.CONVERGED:
-            return NOTHING
-        deviation = np.sqrt(np.diagonal(solution.covariance)[:3])
-        return Answer(solution.state.position_m, solution.state.axis, deviation, False)
-
-    return Solved(world, solve_reference, told)
 
 
 class Tracking:

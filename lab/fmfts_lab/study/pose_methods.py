@@ -15,7 +15,7 @@ from fmfts.pose.kernel import STATUS
 from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.bench.rivals import POSITION_UNIT_M, moment_vector_solvers
 from fmfts_lab.study.filters import ExtendedKalman, UnscentedKalman
-from fmfts_lab.study.kernels import Kernel, Solved, Tracking, default, reference
+from fmfts_lab.study.kernels import Kernel, Solved, Tracking, default
 from fmfts_lab.study.learned import SEED, Nearest, Network, examples
 from fmfts_lab.study.method import NOTHING, Answer, Maker, Method
 from fmfts_lab.study.world import Sample, World, drawn_world
@@ -158,7 +158,6 @@ def pose_methods() -> list[PoseMethod]:
         PoseMethod(
             "the daemon's model, dipole", KERNEL, partial(default, cylinder=False), "no octupole; as the daemon's"
         ),
-        PoseMethod("NumPy reference, 6", NUMPY, reference, WARM),
         PoseMethod("Gauss–Newton, NumPy, 8, float64", NUMPY, partial(_plain, np.float64), "two steps, warm"),
         PoseMethod("Gauss–Newton, NumPy, 8, float32", NUMPY, partial(_plain, np.float32), "two steps, warm"),
         *(

@@ -1,6 +1,6 @@
 """The fast path: C does for healthy frames what pad_pipeline.py does in Python.
 
-The stages in Python judge every other frame, and all frames where fmfts was built without a compiler.
+The stages in Python judge every other frame.
 """
 
 from fmfts.pipeline.fast.lane import Kind, Lane, Passed

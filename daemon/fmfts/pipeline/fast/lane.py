@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
-from fmfts.pipeline.fast.compiled import _fast
+from fmfts.pipeline.fast import _fast
 from fmfts.pipeline.fast.template import Template
 
 

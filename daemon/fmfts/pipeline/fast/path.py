@@ -16,7 +16,7 @@ from fmfts.common.memory import hand_over, resume
 from fmfts.contact import ContactModel, NoContactModel, TouchDetector
 from fmfts.contact.inference import CompiledInference
 from fmfts.pad import Pad
-from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
+from fmfts.pipeline.fast import _fast
 from fmfts.pipeline.fast.lane import KINDS, Kind, Lane
 from fmfts.pipeline.fast.now_parameters import NowParameters, put_now
 from fmfts.pipeline.fast.parameters import (
@@ -143,11 +143,9 @@ class FastPath:
         C serves contact models of the compiled network, whose error tables fit into tables.h. change_error (8, 5, M),
         repeats_allowed (N, 3).
         """
-        if not AVAILABLE:
-            return None
         network, refiner = None, None
         if isinstance(model, ContactModel):
-            if not (model.plain and isinstance(model.inference, CompiledInference)):
+            if not isinstance(model.inference, CompiledInference):
                 return None
             network, refiner = model.inference.network, model.refiner
         parameters = DoubleTable(_fast.PARAMETERS)

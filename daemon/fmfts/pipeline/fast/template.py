@@ -11,7 +11,7 @@ import numpy as np
 
 from fmfts.bus.encoding import encode
 from fmfts.bus.messages import ContactMessage, NowMessage, PoseMessage
-from fmfts.pipeline.fast.compiled import NUMBERS
+from fmfts.pipeline.fast._fast import NUMBERS
 
 INTEGERS = ("seq", "t_sample_ns", "t_publish_ns", "utc_ns", "now_t_ns")
 OF_NOW = "now_"  # before the names of numbers in the message's map `now`

@@ -16,10 +16,7 @@ import math
 import struct
 from itertools import chain, pairwise
 
-try:
-    from fmfts.sensor.wire import _wire
-except ImportError:  # no compiler was there when the package was built
-    _wire = None  # type: ignore[assignment]
+from fmfts.sensor.wire import _wire
 
 BUCKET_US = 250_000
 SLOPE_BUCKETS = 128  # 32 s: the drift of a crystal is constant over that, that of an RC oscillator nearly
@@ -145,7 +142,7 @@ class DeviceClock:
 
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         """Host time of `device_us`, never later than its arrival at `arrival_ns`. Learns from the arrival."""
-        host_ns = None if _wire is None else _wire.host_time(self.line, device_us, arrival_ns)
+        host_ns = _wire.host_time(self.line, device_us, arrival_ns)
         return self._in_python(device_us, arrival_ns) if host_ns is None else host_ns
 
     def _in_python(self, device_us: int, arrival_ns: int) -> int:

@@ -6,13 +6,9 @@ from binascii import crc_hqx
 from collections.abc import Sequence
 
 from fmfts.sensor.frame import Packed
+from fmfts.sensor.wire import _wire
 from fmfts.sensor.wire.codec import VERSION, MalformedError, pack, unpack
 from fmfts.sensor.wire.packets import Packet
-
-try:
-    from fmfts.sensor.wire import _wire
-except ImportError:  # no compiler was there when the package was built
-    _wire = None  # type: ignore[assignment]
 
 MAX_LINE_BYTES = 255  # 254 bytes of packet and one of COBS, without the closing zero
 _CRC_INITIAL = 0xFFFF
@@ -73,8 +69,6 @@ class Decoder:
 
     def leading_samples(self, data: bytes) -> tuple[Sequence[PackedSample | PackedEarly], bytes]:
         """The samples and early samples at the beginning of `data`, unpacked in C, and the rest, for `feed`."""
-        if _wire is None:
-            return (), data
         data = self._pending + data
         samples, end = _wire.samples(data)
         self._pending = b""

@@ -1,4 +1,4 @@
-"""The contact network in NumPy: the reference of network.c, equal to the last bit (float32, the same order of sums)."""
+"""The contact network of contact/graph.py in NumPy, in float32; network.c has the same bits."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ HEAD = 3  # hidden units, outputs, softening
 
 
 class ReferenceInference(NetworkInference):
-    """Evaluates the network in NumPy. network: as `network_of` returns it."""
+    """network: as `network_of` returns it."""
 
     by = "numpy"
 

@@ -1,9 +1,8 @@
-"""The reference solver, written to be read: Levenberg–Marquardt on measurements and prior, in NumPy.
+"""The solver, written to be read: Levenberg–Marquardt on measurements and prior, in NumPy.
 
 The residuals are ρ = (measured − predicted)/deviation, and J is the Jacobian of the prediction. d is the step from the
 prior's mean, and Ω = P⁻¹ the prior's information. Each step h solves (A + λ diag A) h = g, where A = JᵀJ + DᵀΩD,
-g = Jᵀρ − DᵀΩd, and D is the derivative of d: the identity, except for the axis, which lies on a sphere. This is the
-oracle of solver.c, and replaces it where there is no compiler.
+g = Jᵀρ − DᵀΩd, and D is the derivative of d: the identity, except for the axis, which lies on a sphere (docs/pose.md).
 """
 
 from __future__ import annotations
@@ -16,10 +15,10 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import length, product, solve
 from fmfts.pose.model import UNIT, brought_to_now, magnets_of, predict, usable_rows
-from fmfts.pose.normal_matrix import damped_step, inverse_of, weakest_step
 from fmfts.pose.problem import PLACE, VALUE, Part, Parts, Problem, Solution, Status
 from fmfts.pose.projection import best_linear_parts
 from fmfts.pose.state import AXIS, POSITION, State, tangent_basis
+from oracle.normal_matrix import damped_step, inverse_of, weakest_step
 
 Array = NDArray[np.float64]
 
