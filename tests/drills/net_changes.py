@@ -28,7 +28,7 @@ class Change:
 
 
 SOLVER, SAMPLING, SEVERAL = (f"tests/oracle/test_{name}.py" for name in ("solver", "sampling", "several"))
-TOUCH, LINE = "tests/oracle/test_touch.py", "tests/oracle/test_line.py"
+TOUCH, LINE = "tests/oracle/test_touch_gates.py", "tests/oracle/test_line.py"
 CHANGES = [
     Change("field", "pose/model.h", "further * w * (52.5 - 157.5 * uw)", "further * w * (52.5 - 152.5 * uw)",
            (SOLVER,)),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmfts.sensor.wire import clock as clocks
 from fmfts.sensor.wire.clock import SLOPE_BUCKETS, DeviceClock, HostClock, _wire
 
 PERIOD_US = 4545
@@ -108,7 +107,7 @@ def test_packets_that_waited_because_the_host_did_not_read_are_no_standstill(
 ) -> None:
     """A host that reads four times a second, and each time what is 0.2 s old, for ten seconds."""
     if not in_c:
-        monkeypatch.setattr(clocks, "_wire", None)
+        monkeypatch.setattr(DeviceClock, "to_host_ns", DeviceClock._in_python)
     board, clock = Board(50), DeviceClock(tolerance=200e-6)
     errors_us(clock, board, board.packets(10))
     for read in range(40):

@@ -1,4 +1,4 @@
-"""What the C kernel and the NumPy reference refuse alike: numbers that are no measurement, start, motion or prior."""
+"""What the kernel and NumPy refuse alike: numbers that are no measurement, start, motion or prior."""
 
 from __future__ import annotations
 
