@@ -82,9 +82,8 @@ class TouchDetector:
         memory = self.memory
         needed = KEPT_FORCE_DEVIATIONS if memory.in_contact else CERTAIN_FORCE_DEVIATIONS
         deviation_n = contact.pose_force_sd_n
-        if (
-            self.hidden_force_sd_n > 0.0
-        ):  # what shifts the magnet also makes the place, and so the model's error, doubtful
+        if self.hidden_force_sd_n > 0.0:
+            # What shifts the magnet also makes the place, and so the model's error, doubtful.
             deviation_n = max(contact.force_sd_n, self.hidden_force_sd_n)
         is_certain = contact.refused or contact.force_n > needed * deviation_n
         memory.in_contact = memory.touched and is_certain
