@@ -96,23 +96,27 @@ class ArrayResponse:
 
     def pressed(self, x_mm: float, y_mm: float, force_n: float) -> Pressed:
         """What a finger does without shear; see Pressed."""
+        return Pressed(*(each[0] for each in self.pressed_alone(*np.array([[x_mm], [y_mm], [force_n]], float))))
+
+    def pressed_alone(self, x_mm: Array, y_mm: Array, force_n: Array) -> Pressed:
+        """What each of K fingers (K,) does alone: as `pressed`, K in front."""
         column, (x0, x1, x2) = self._stencil(x_mm)
         row, (y0, y1, y2) = self._stencil(y_mm)
-        weight = np.array(
-            [
-                [a * b for a in x0 for b in y0],
-                [a * b for a in x1 for b in y0],
-                [a * b for a in x0 for b in y1],
-                [a * d + c * b for a, c in zip(x0, x2, strict=True) for b, d in zip(y0, y2, strict=True)],
-            ]
-        )
+
+        def weight(along: Array, across: Array) -> Array:
+            return (along[:, :, None] * across[:, None, :]).reshape(len(along), -1)
+
+        weights = np.stack([weight(x0, y0), weight(x1, y0), weight(x0, y1), weight(x0, y2) + weight(x2, y0)], axis=1)
         terms, numbers = self.coefficient.shape[2:]
-        table = product(weight, self._patches[column, row]).reshape(4, terms + 2, numbers)
+        table = product(weights, self._patches[column, row]).reshape(len(x_mm), 4, terms + 2, numbers)
         value, slope = self._powers(force_n)
-        of_force = product(value, table[:, :terms])
-        by_force = product(slope, table[:1, :terms])
+        of_force = product(value[:, None, None, :], table[:, :, :terms])[:, :, 0]
+        by_force = product(slope[:, None, :], table[:, 0, :terms])[:, 0]
         return Pressed(
-            of_force[0], np.stack([of_force[1], of_force[2], by_force[0]], axis=1), table[0, terms:].T, of_force[3]
+            of_force[:, 0],
+            np.stack([of_force[:, 1], of_force[:, 2], by_force], axis=2),
+            table[:, 0, terms:].swapaxes(1, 2),
+            of_force[:, 3],
         )
 
     @classmethod
@@ -126,39 +130,38 @@ class ArrayResponse:
         numbers = [CHANGE * magnet + number for magnet in magnets for number in range(CHANGE)]
         return replace(self, coefficient=self.coefficient[..., numbers], shear=self.shear[..., numbers])
 
-    def _powers(self, force_n: float) -> tuple[Array, Array]:
-        """F, F² …, and their derivatives; above scale_n the powers follow their tangents."""
-        inside, terms = min(force_n, self.scale_n), self.coefficient.shape[2]
-        value, slope = np.empty(terms), np.empty(terms)
-        power = 1.0
-        for term in range(terms):
-            slope[term] = (term + 1) * power
-            power *= inside
-            value[term] = power + slope[term] * (force_n - inside)
-        return value, slope
+    def _powers(self, force_n: Array) -> tuple[Array, Array]:
+        """F, F² … (K, T), and their derivatives; above scale_n the powers follow their tangents."""
+        inside = np.minimum(force_n, self.scale_n)
+        power, values, slopes = np.ones(len(force_n)), [], []
+        for term in range(self.coefficient.shape[2]):
+            slopes.append((term + 1) * power)
+            power = power * inside
+            values.append(power + slopes[-1] * (force_n - inside))
+        return np.stack(values, axis=1), np.stack(slopes, axis=1)
 
-    def _stencil(self, along_mm: float) -> tuple[int, tuple[tuple[float, ...], ...]]:
-        """The cell, and the four cubic B-splines that cover the place: their values, slopes and second derivatives."""
+    def _stencil(self, along_mm: Array) -> tuple[NDArray[np.intp], tuple[Array, Array, Array]]:
+        """The cells (K,), and the four cubic B-splines (K, 4) that cover each place: their values, slopes and second
+        derivatives."""
         cells = self.coefficient.shape[0] - 3
-        place = min(max((along_mm - self.first_mm) / self.spacing_mm, 0.0), float(cells))
-        cell = min(int(place), cells - 1)
+        place = np.clip((along_mm - self.first_mm) / self.spacing_mm, 0.0, float(cells))
+        cell = np.minimum(place.astype(np.intp), cells - 1)
         u, h = place - cell, self.spacing_mm
         v = 1.0 - u
-        return cell, (
-            (
-                v * v * v / 6.0,
-                (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0,
-                (3.0 * v * v * v - 6.0 * v * v + 4.0) / 6.0,
-                u * u * u / 6.0,
-            ),
-            (
-                -v * v / 2.0 / h,
-                (3.0 * u * u - 4.0 * u) / 2.0 / h,
-                -(3.0 * v * v - 4.0 * v) / 2.0 / h,
-                u * u / 2.0 / h,
-            ),
-            (v / (h * h), (3.0 * u - 2.0) / (h * h), (3.0 * v - 2.0) / (h * h), u / (h * h)),
+        value = (
+            v * v * v / 6.0,
+            (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0,
+            (3.0 * v * v * v - 6.0 * v * v + 4.0) / 6.0,
+            u * u * u / 6.0,
         )
+        slope = (
+            -v * v / 2.0 / h,
+            (3.0 * u * u - 4.0 * u) / 2.0 / h,
+            -(3.0 * v * v - 4.0 * v) / 2.0 / h,
+            u * u / 2.0 / h,
+        )
+        second = (v / (h * h), (3.0 * u - 2.0) / (h * h), (3.0 * v - 2.0) / (h * h), u / (h * h))
+        return cell, (np.stack(value, axis=1), np.stack(slope, axis=1), np.stack(second, axis=1))
 
     def encoded(self) -> bytes:
         """The content of a file that `of` reads."""

@@ -69,22 +69,30 @@ class MountedMagnets:
 
     def moved(self, touches: Sequence[Sequence[Touch]]) -> list[Magnets]:
         """The magnets under each of these sets of fingers."""
-        changes = {touch: self._change(touch) for own in touches for touch in own}  # one that holds still: once
+        each = list(dict.fromkeys(touch for own in touches for touch in own))  # one that holds still: once
+        changes = dict(zip(each, self._changes(each), strict=True))
         rest = np.zeros((len(self.remanence_t), CHANGE))
         sums = (sum((changes[touch] for touch in own), rest) for own in touches)
         return [self.magnets.changed((change * MM).ravel(), self.frames) for change in sums]
 
-    def _change(self, touch: Touch) -> Array:
-        """(M, 5) of the magnets under one finger."""
+    def _changes(self, touches: Sequence[Touch]) -> Array:
+        """(T, M, 5) of the magnets under each finger alone."""
         count = len(self.remanence_t)
-        change = np.zeros((count, CHANGE))
-        if touch.force_n == 0.0 and touch.shear_x_n == 0.0 and touch.shear_y_n == 0.0:
-            return change
-        for number, (x, y) in enumerate(self.off_mm.tolist()):
-            pressed = self.response.pressed(touch.x_m * 1e3 - x, touch.y_m * 1e3 - y, touch.force_n)
-            own = pressed.change + pressed.by_shear @ np.array([touch.shear_x_n, touch.shear_y_n])
-            change[number] = own.reshape(count, CHANGE)[number]
-        return change
+        changes = np.zeros((len(touches), count, CHANGE))
+        pressing = [number for number, one in enumerate(touches) if one.force_n or one.shear_x_n or one.shear_y_n]
+        if not pressing:
+            return changes
+        place_mm = 1e3 * np.array([(touches[number].x_m, touches[number].y_m) for number in pressing])
+        force_n = np.repeat([touches[number].force_n for number in pressing], count)
+        shear_n = np.array([(touches[number].shear_x_n, touches[number].shear_y_n) for number in pressing])
+        x_mm, y_mm = (place_mm[:, None] - self.off_mm).reshape(-1, 2).T
+        pressed = self.response.pressed_alone(x_mm, y_mm, force_n)
+        # Of what the press of each magnet's own place would do to all of them, only what it does to this one.
+        each = np.arange(count)
+        own = pressed.change.reshape(-1, count, count, CHANGE)[:, each, each]
+        by_shear = pressed.by_shear.reshape(-1, count, count, CHANGE, 2)[:, each, each]
+        changes[pressing] = own + by_shear[..., 0] * shear_n[:, None, :1] + by_shear[..., 1] * shear_n[:, None, 1:]
+        return changes
 
     def fields_of(self, moved: Sequence[Magnets], place_m: Array, warmer: float) -> list[Array]:
         """As `field_at`, of each magnet alone. moved: all magnets as they are for each place, or for all of them."""
