@@ -34,7 +34,7 @@
 # make fuzz    a million inputs to each decoder, or FUZZ_SECONDS=300 of each: 50 minutes; make fuzz-short: a minute
 # make fuzz-files    a million damaged files
 # make golden  every frame of the frozen worlds against what was said of it: some minutes; make golden-freeze: keep what is
-#              said now, and say in the commit why    (GOLDEN="--way python healthy"); make net-catches: forty deliberate
+#              said now, and say in the commit why    (GOLDEN="--way python healthy"); make net-catches: 49 deliberate
 #              changes of equations, gates and memories, each of which the oracle or a frozen world must find
 # make test-versions         each installed Python with the oldest, newest and pinned dependencies: half an hour
 # make wheel   a wheel for this architecture; fails if a compiled part is missing
@@ -290,7 +290,7 @@ recordings: $(VENV)/.installed-test firmware
 	$(BIN)/python tests/data/make_recordings.py
 	$(BIN)/python tests/data/make_paper_recording.py
 
-# All 240,000 frames of tests/golden; `make test` takes the first of each world.
+# All 252,009 frames of tests/golden; `make test` takes the first of each world.
 GOLDEN ?=
 .PHONY: golden golden-freeze net-catches
 golden golden-freeze: $(VENV)/.installed-test

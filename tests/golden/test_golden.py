@@ -1,4 +1,4 @@
-"""The first messages of each frozen world are what they were (`make golden`: all of 240,000 frames)."""
+"""The first messages of each frozen world are what they were (`make golden`: all of 252,009 frames)."""
 
 from __future__ import annotations
 
