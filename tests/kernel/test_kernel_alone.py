@@ -14,7 +14,7 @@ from fmfts.pose import Problem, Status
 from fmfts.pose.kernel import STATUSES
 from kernel.problems import random_problem
 from needed import missing
-from oracle.solver import solve_reference
+from twins.solver import solve_reference
 
 ROOT = Path(__file__).parents[2]
 POSE = ROOT / "daemon/fmfts/pose"

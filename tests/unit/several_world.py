@@ -12,7 +12,7 @@ from fmfts.pose import FieldErrors
 from fmfts.pose.magnets import Magnets, field_of, rest_frames
 from fmfts.several.field_model import FieldModel, Scene
 from fmfts.several.fit import Measured
-from oracle.several import NumPyModel
+from twins.several import NumPyModel
 
 Array = NDArray[np.float64]
 

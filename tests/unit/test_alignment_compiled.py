@@ -9,7 +9,7 @@ import pytest
 
 from fmfts.pose import Aligned
 from fmfts.pose.alignment import JUMP_T, LONGEST_GAP_US, Alignment, has_jumped
-from oracle.alignment import NumPyAlignment
+from twins.alignment import NumPyAlignment
 
 PERIOD_US = 4545
 FRAMES = 400

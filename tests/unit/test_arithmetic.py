@@ -17,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 import fmfts.arithmetic
 from fmfts.arithmetic import _arithmetic, elementary, matrix, series, tables
 from fmfts.pad import Array
-from oracle import matrix as in_order
+from twins import matrix as in_order
 
 # Rounding leaves half of a unit in the last place, Tang's table and Dekker's product up to 0.04 more.
 IN_THE_LAST_PLACE = 0.54

@@ -24,9 +24,7 @@ from fmfts.contact.recognition import network_of
 from fmfts.contact.seal import unsealed
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
-from oracle.network import ReferenceInference
-
-pytestmark = pytest.mark.skipif(_network is None, reason="the network was not compiled")
+from twins.network import ReferenceInference
 
 CONTENT = unsealed(DEFAULT_PATH.read_bytes())
 Edit = Callable[[onnx.ModelProto], None]

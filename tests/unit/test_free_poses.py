@@ -18,7 +18,8 @@ from fmfts.several.measured import Measured
 from fmfts.several.odd_pose_sensor import odd_pose_sensor
 from fmfts_lab.bench.several_layouts import LAYOUTS
 from fmfts_lab.bench.several_world import BUILT, BY_HAND, World, any_press, world
-from oracle.several import NumPyModel, free_poses_in_numpy
+from twins.several import NumPyModel
+from twins.several_poses import free_poses_in_numpy
 
 MOVED = np.array([2e-4, 2e-4, 3e-4, 0.05, 0.05])
 OBSERVABLE = ["2 over 8", "3 over 8", "4 over 12", pytest.param("4 over 16", marks=pytest.mark.long)]

@@ -36,7 +36,7 @@ from fmfts.sensor.wire.newest import _wire, keep_newest
 from fmfts.sensor.wire.packets import Sample
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts_client import Subscription
-from oracle.newest import keep_newest as one_by_one
+from twins.newest import keep_newest as one_by_one
 
 STALL_S = 0.5
 PERIOD_US = 4545

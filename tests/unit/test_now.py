@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from test_healthy_path import python_only
 
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import BridgeSource, GeometryConfig, PadConfig
@@ -99,13 +100,17 @@ def replace_valid(frame: Frame) -> Frame:
     )
 
 
-def test_now_has_a_force_where_the_contact_has_one(model: ContactModel) -> None:
+@pytest.mark.parametrize("in_c", [True, False])
+def test_now_has_a_force_where_the_contact_has_one(model: ContactModel, in_c: bool) -> None:
     """Near a corner the force of a steady press has a large deviation; `now` said 0 N beside `contact: true`."""
 
     def at_a_corner(time_s: float) -> Touch:
         return Touch(11e-3, 11e-3, 0.4 if time_s > 0.2 else 0.0)
 
-    contacts = [one for one in messages_of(pipeline_with(model), frames_of(at_a_corner, 1.0)) if one.contact]
+    pipeline = pipeline_with(model)
+    if not in_c:
+        python_only(pipeline)
+    contacts = [one for one in messages_of(pipeline, frames_of(at_a_corner, 1.0)) if one.contact]
     assert len(contacts) > 100
     assert all(one.now is None or one.now.force_n > 0.0 for one in contacts)
 

@@ -26,7 +26,7 @@ from fmfts.pose.kernel import solve_problem
 from fmfts.pose.model import predict
 from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
 from fmfts.pose.state import SIZE
-from oracle.solver import solve_reference
+from twins.solver import solve_reference
 
 NOISE_T = 2e-7
 DRAWS = 300

@@ -1,4 +1,4 @@
-"""The solver against NumPy's in tests/oracle: the same problem, the same answer."""
+"""The solver against NumPy's in tests/twins: the same problem, the same answer."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from fmfts.pose.problem import (
 )
 from fmfts.pose.state import AXIS, SIZE
 from kernel.problems import NOISE_T, TRUTH, problem_at, random_problem
-from oracle.solver import solve_reference
+from twins.solver import solve_reference
 
 
 @st.composite

@@ -14,7 +14,7 @@ from fmfts.pose.kernel import solve_problem
 from fmfts.pose.problem import AGE, NOISE, PROPORTIONAL, VALUE
 from fmfts.pose.state import SIZE
 from kernel.problems import TRUTH, problem_at
-from oracle.solver import solve_reference
+from twins.solver import solve_reference
 
 
 @pytest.fixture(params=[solve_problem, solve_reference], ids=["c", "numpy"])

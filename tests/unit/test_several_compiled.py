@@ -15,7 +15,8 @@ from fmfts.several.field_model import FieldModel, Predicted
 from fmfts.several.fit import STARTS, Fit, Fitter, Measured
 from fmfts.several.poses import Poses, poses_of
 from fmfts.several.valley import fitted_across
-from oracle.several import NumPyFitter, NumPyModel, across_in_numpy, poses_in_numpy
+from twins.several import NumPyFitter, NumPyModel
+from twins.several_poses import across_in_numpy, poses_in_numpy
 
 # Magnets, sensors, causes, knots, terms: the usual pad, the least, the most, and sizes that fill no register.
 PADS = [(4, 8, 48, 15, 1), (1, 2, 1, 4, 3), (9, 16, 96, 12, 8), (3, 5, 7, 6, 2), (2, 7, 0, 31, 2)]

@@ -22,8 +22,9 @@ from fmfts.simulation.array import SimulatedArray
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch
 from fmfts_lab.finite_elements.array_pad import array_config
-from oracle.alignment import NumPyAlignment
-from oracle.several import NumPyFitter, NumPyModel, across_in_numpy, poses_in_numpy
+from twins.alignment import NumPyAlignment
+from twins.several import NumPyFitter, NumPyModel
+from twins.several_poses import across_in_numpy, poses_in_numpy
 
 RATE_HZ, FRAMES = 220, 58
 CONFIG = array_config(seed=4)

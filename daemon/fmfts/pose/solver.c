@@ -3,7 +3,7 @@
  * The residuals are ρ = (measured − predicted)/deviation, and J is the Jacobian of the prediction. d is the step from the
  * prior's mean, and Ω = P⁻¹ the prior's information. Each step h solves (A + λ diag A) h = g, where A = JᵀJ + DᵀΩD,
  * g = Jᵀρ − DᵀΩd, and D is the derivative of d: the identity, except for the axis, which lies on a sphere (docs/pose.md).
- * tests/oracle/solver.py has the same in NumPy. */
+ * tests/twins/solver.py has the same in NumPy. */
 #include "solver.h"
 
 #include <string.h>

@@ -27,7 +27,7 @@ from fmfts.contact.array_response import ArrayResponse, Pressed
 from fmfts.pad import Pad
 from fmfts.pose.magnets import field_and_slope, field_of
 from fmfts.several import _several
-from fmfts.several.compiled import doubles, finite, padded, require_room
+from fmfts.several.arrays import doubles, finite, padded, require_room
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fmfts.common.double_table import DoubleTable, Numbers
 from fmfts.several import _several
-from fmfts.several.compiled import doubles, require_room
+from fmfts.several.arrays import doubles, require_room
 from fmfts.several.field_model import FINGER, FieldModel
 from fmfts.several.measured import Measured, refuse
 from fmfts.several.scan import APART_MM, GRID_FORCE_N, GRID_MM, LEAST, NEAR_MM, STARTS, Another, Grid, Scan

@@ -21,7 +21,7 @@ from fmfts.common.chi2 import quantile
 from fmfts.pose.magnets import CHANGE, Magnets, field_and_slope
 from fmfts.pose.observable import taken_values
 from fmfts.several import _several
-from fmfts.several.compiled import doubles
+from fmfts.several.arrays import doubles
 from fmfts.several.field_model import FieldModel, Predicted
 from fmfts.several.fit import DAMPING, DAMPING_FACTOR, ITERATIONS, MOST_DAMPING, ROUNDING, SETTLED
 from fmfts.several.measured import Measured, refuse

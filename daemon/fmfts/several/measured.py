@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError
-from fmfts.several.compiled import finite
+from fmfts.several.arrays import finite
 
 Array = NDArray[np.float64]
 

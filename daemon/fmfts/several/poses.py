@@ -19,7 +19,7 @@ from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import product
 from fmfts.pose.magnets import CHANGE, Magnets
 from fmfts.several import _several
-from fmfts.several.compiled import doubles, require_room
+from fmfts.several.arrays import doubles, require_room
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Fit, Fitter
 from fmfts.several.measured import Measured, refuse

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import solve_lower
 from fmfts.several import _several
-from fmfts.several.compiled import doubles, require_room
+from fmfts.several.arrays import doubles, require_room
 from fmfts.several.field_model import FieldModel, Predicted
 from fmfts.several.measured import Measured, refuse
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import added, product
 from fmfts.several import _several
-from fmfts.several.compiled import doubles, require_room
+from fmfts.several.arrays import doubles, require_room
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Fit, Fitter
 from fmfts.several.measured import Measured, refuse

@@ -1,4 +1,7 @@
-"""The contact network of contact/graph.py in NumPy, in float32; network.c has the same bits."""
+"""The contact network of contact/graph.py in NumPy, in float32.
+
+Not a witness: it was the daemon's own, and holds network.c to the last bit. onnxruntime judges both.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Alignment in NumPy, as docs/tracking.md and the docstrings of pose/alignment.py say it; push.c has the same bits."""
+"""Alignment in NumPy, as docs/tracking.md and the docstrings of pose/alignment.py say it.
+
+Not a witness: it was the daemon's own, and holds push.c to the last bit. tests/oracle/sampling.py judges both.
+"""
 
 from __future__ import annotations
 

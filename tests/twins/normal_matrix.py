@@ -1,4 +1,4 @@
-"""What the reference solver computes from a normal matrix: a damped step, an inverse, the weakest direction."""
+"""What solver.py computes from a normal matrix: a damped step, an inverse, the weakest direction."""
 
 from __future__ import annotations
 

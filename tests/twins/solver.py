@@ -3,6 +3,8 @@
 The residuals are ρ = (measured − predicted)/deviation, and J is the Jacobian of the prediction. d is the step from the
 prior's mean, and Ω = P⁻¹ the prior's information. Each step h solves (A + λ diag A) h = g, where A = JᵀJ + DᵀΩD,
 g = Jᵀρ − DᵀΩd, and D is the derivative of d: the identity, except for the axis, which lies on a sphere (docs/pose.md).
+
+Not a witness: it was the daemon's own NumPy, and holds solver.c to a billionth. tests/oracle judges both.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from fmfts.pose.model import UNIT, brought_to_now, magnets_of, predict, usable_r
 from fmfts.pose.problem import PLACE, VALUE, Part, Parts, Problem, Solution, Status
 from fmfts.pose.projection import best_linear_parts
 from fmfts.pose.state import AXIS, POSITION, State, tangent_basis
-from oracle.normal_matrix import damped_step, inverse_of, weakest_step
+from twins.normal_matrix import damped_step, inverse_of, weakest_step
 
 Array = NDArray[np.float64]
 

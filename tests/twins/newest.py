@@ -1,4 +1,7 @@
-"""Which samples newer ones supersede, packet by packet, as the docstring of sensor/wire/newest.py says it."""
+"""Which samples newer ones supersede, packet by packet, as the docstring of sensor/wire/newest.py says it.
+
+Not a witness: it was the daemon's own, and holds newest.c to the last byte.
+"""
 
 from __future__ import annotations
 
