@@ -49,6 +49,26 @@ def test_check_config_refuses_the_model_of_another_pad_as_run_would(
     assert "sensors_mm" not in said.split("configuration")[0]
 
 
+SLOW_LOG = """
+import sys, time, types
+import fmfts.service.log
+fmfts.service.log.select = types.SimpleNamespace(select=lambda *_: time.sleep(0.3))
+from fmfts.cli.main import main
+sys.exit(main(["run", "--config", sys.argv[1]]))
+"""
+
+
+def test_why_the_daemon_ended_is_its_last_line_however_slow_the_log_is(tmp_path: Path) -> None:
+    """A thread writes the log. `report` and the demo show its end to whoever asks for why."""
+    (tmp_path / "own.onnx").write_text("no model")
+    config = changed(tmp_path, 'model = "default"', 'model = "own.onnx"')
+    ended = subprocess.run([sys.executable, "-c", SLOW_LOG, config], capture_output=True, text=True, check=False)
+    assert ended.returncode == exit_codes.CONFIG
+    lines = ended.stderr.splitlines()
+    assert len(lines) > 1, "the log has a line of its own"
+    assert lines[-1].startswith("fmfts-daemon run: contact model ")
+
+
 def test_absent_package_comes_with_the_line_that_installs_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

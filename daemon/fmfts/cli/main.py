@@ -53,6 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _handled(options)
     except VerbError as failure:
+        for handler in logging.getLogger().handlers:
+            handler.flush()  # a thread writes the log, and whoever reads its last line looks for why this ended
         print(f"{command}: {failure}", file=sys.stderr)
         return failure.code
     except KeyboardInterrupt:
