@@ -241,7 +241,7 @@ model: $(VENV)/.installed-test
 wheel: $(VENV)/.installed-test
 	rm -rf build/wheel
 	$(BIN)/pip wheel -q --no-deps -w build/wheel .
-	@for part in arithmetic/_arithmetic pose/_kernel pose/_alignment pipeline/fast/_fast sensor/wire/_wire contact/_refine contact/_network several/_several; do \
+	@for part in arithmetic/_arithmetic pose/_kernel pose/_alignment pipeline/_pad sensor/wire/_wire contact/_refine contact/_network several/_several; do \
 	  $(BIN)/python -m zipfile -l build/wheel/*.whl | grep "fmfts/$$part.*so" >/dev/null || \
 	    { echo "the wheel has no fmfts/$$part: is there a C compiler?" >&2; rm -rf build/wheel; exit 1; }; done
 	@$(BIN)/python -m zipfile -l build/wheel/fmfts-*.whl | grep "fmfts/page/static/vendor/uPlot.esm.js" >/dev/null || \

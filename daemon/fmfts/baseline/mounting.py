@@ -166,7 +166,7 @@ def estimate_mounting(
     place_deviation = np.sqrt(np.diagonal(covariance)[9 : 9 + 3 * count]).reshape(count, 3)
     chi2 = float(np.sum(square(weight * misfit.ravel())) + product(scaled, unknowns.precision, scaled))
     told = np.sqrt(np.maximum(1.0 - np.diagonal(scaled_covariance)[:5], TELLS_LITTLE))
-    # A misfit above what tolerances explain makes the pose as uncertain as it is large (Birge's ratio: tracker.py).
+    # A misfit above what tolerances explain makes the pose as uncertain as it is large (Birge's ratio: tracker.c).
     birge = max(chi2 / float(believed.sum()), 1.0)
     return Mounting(
         rest=replace(state, ambient_t=np.zeros(3)),

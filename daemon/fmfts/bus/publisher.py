@@ -96,7 +96,7 @@ class Publisher:
         _send(self._bus, contact_topic(pad), payload)
         return message
 
-    def send_packed(self, topic: bytes, payload: bytes) -> None:
+    def send_encoded(self, topic: bytes, payload: bytes) -> None:
         """Send a contact that is encoded already, and has only finite numbers."""
         self._send_part(topic, NO_WAIT_AND_MORE)
         self._send_part(payload, NO_WAIT)

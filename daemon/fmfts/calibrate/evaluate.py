@@ -77,7 +77,7 @@ def judge(labelled: CalibrationSet, tracked: Tracked, model: ContactModel) -> Ev
                 / CONTACT_UNIT[: len(model.facts.outputs)]
             )[:outputs]
         )
-        deviation.append((np.sqrt(np.diagonal(contact.covariance)) / unit)[:outputs])
+        deviation.append((contact.deviations / unit)[:outputs])
         in_range.append(not (contact.over_range or contact.refused))
     press = labelled.press[:, :outputs]
     return Evaluation(

@@ -1,10 +1,9 @@
 """Pose → contact: whether, where and how hard the pad is touched, and how uncertain all that is."""
 
 from fmfts.contact.contract import ModelError, OtherPadError
-from fmfts.contact.estimate import ContactEstimate, doubt
+from fmfts.contact.estimate import ContactEstimate
 from fmfts.contact.model import ContactModel
 from fmfts.contact.no_model import NoContactModel
-from fmfts.contact.smoothing import Smoother
 from fmfts.contact.touch import TouchDetector
 
 __all__ = [
@@ -13,7 +12,5 @@ __all__ = [
     "ModelError",
     "NoContactModel",
     "OtherPadError",
-    "Smoother",
     "TouchDetector",
-    "doubt",
 ]

@@ -1,4 +1,11 @@
-/* How a finger may accelerate the magnet: drive.py. */
+/* How a finger may accelerate the magnet: along the directions in which presses move it.
+ *
+ * The finger's force and place are taken for twice integrated white noise. With S [5][outputs] the slopes of the pad's response at the
+ * last contact, the magnet's pose accelerates as white noise of the power density
+ *
+ *     W = S diag(q) S^T,  q: drive_power, for x, y and each load
+ *
+ * While nothing touches the pad, the next place is unknown: W is then the mean over the pad (drive.py). */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,5 @@
-/* The contact model's answer and its variance: ContactModel.estimate. */
+/* The contact model's answer and its variance. The variance is that of the pose, carried over by the Jacobian and widened by its bend,
+ * plus the model's own error. */
 #include <math.h>
 
 #include "step.h"
@@ -10,6 +11,21 @@ typedef struct {
     double variance[CONTACT];
     double *by_pose;
 } found;
+
+/* A pose or a force is over range if it is so many deviations outside of what the model was trained on (parameters). The lower bound
+ * of a force over range is the model's force less CERTAIN_DEVIATIONS. */
+#define CERTAIN_DEVIATIONS 3.0
+/* A magnet is lifted if it is higher than in training by so many deviations and HYSTERESIS_MM. */
+#define LIFTED_DEVIATIONS 6.0
+#define HYSTERESIS_MM 0.02
+
+/* How much a model bends over the deviations of a pose. A force grows faster than the displacement. Where the true force is larger
+ * than the model's answer, the slope of the answer is too small, and so is the deviation that it carries over from the pose. So the
+ * mean of two slopes counts: that of the answer, and that of a force which is larger by BEND_DEVIATIONS. By the trapezium rule this is
+ * the slope of the chord between both. Where the true force is smaller, the deviation is a little too large. If the force's deviation
+ * is a smaller share of it than STRAIGHT_SHARE, the bend makes no deviation larger by more than a twentieth. */
+#define BEND_DEVIATIONS 3.0
+#define STRAIGHT_SHARE 0.02
 
 static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0, 1.0, 1.0}; /* mm → m; newtons stay */
 
@@ -30,14 +46,14 @@ static int bin_of(double count, const double *upper, double value)
 
 static int radius_bin(const fmfts_contact_parameters *parameters, const double *contact)
 {
-    return bin_of(parameters->radius_bins[0], parameters->radius_bin_m, root_of_squares(contact[0], contact[1]));
+    return bin_of(parameters->radius_bins, parameters->radius_bin_m, root_of_squares(contact[0], contact[1]));
 }
 
-/* ContactModel._too_hard */
+/* Whether the force is certainly above the calibrated one. Its deviation through shear does not count here. */
 static bool too_hard(const fmfts_contact_parameters *parameters, const double *contact, double variance)
 {
-    double beyond = contact[2] - parameters->force_max_n[0], slipping = parameters->slipping_n[radius_bin(parameters, contact)];
-    double outside = parameters->outside_deviations[0];
+    double beyond = contact[2] - parameters->force_max_n, slipping = parameters->slipping_n[radius_bin(parameters, contact)];
+    double outside = parameters->outside_deviations;
     return beyond > 0.0 && beyond * beyond > outside * outside * (variance - slipping * slipping);
 }
 
@@ -62,28 +78,29 @@ static void answer_of(const fmfts_network *network, const fmfts_question *questi
     }
 }
 
-/* doubt of estimate.py: Fieller's theorem */
-static double doubt(const fmfts_contact_parameters *parameters, double force_n, double variance)
+/* How far noise of this variance alone could explain the force, from 0 to 1: g of Fieller's theorem. A place is a ratio: how far the
+ * magnet tilts and shifts, over how far it sinks. The deviation of such a ratio grows by 1/sqrt(1 - g). */
+static double doubt(double force_n, double variance)
 {
-    double least_square = parameters->certain_force_deviations[0] * parameters->certain_force_deviations[0] * variance;
+    double least_square = FMFTS_CERTAIN_FORCE_DEVIATIONS * FMFTS_CERTAIN_FORCE_DEVIATIONS * variance;
     return force_n > 0.0 && least_square < force_n * force_n ? least_square / (force_n * force_n) : 1.0;
 }
 
-/* bend.py: the factor of each variance because the model bends over the pose's deviations. */
-static void bend_of(const fmfts_contact_parameters *parameters, const fmfts_network *network,
-                    const fmfts_question *question, const found *found, double bend[CONTACT])
+/* The factor of each variance because the model bends over the pose's deviations. Where noise may be all of the force, it has no place
+ * and its bend means nothing. */
+static void bend_of(const fmfts_network *network, const fmfts_question *question, const found *found, double bend[CONTACT])
 {
     float pose[POSE], contact[CONTACT], jacobian[CONTACT * POSE];
     const double *by_force = found->by_pose + POSE * 2, *covariance = question->covariance;
-    double force_n = found->contact[2], variance = found->variance[2], straight = parameters->straight_share[0] * force_n;
+    double force_n = found->contact[2], variance = found->variance[2], straight = STRAIGHT_SHARE * force_n;
     for (int i = 0; i < found->outputs; i++) {
         bend[i] = 1.0;
     }
     bool has_shear = found->outputs == CONTACT; /* whose deviations are careful as they are: model.py */
-    if (has_shear || !(variance > straight * straight) || !(doubt(parameters, force_n, variance) < 1.0)) {
+    if (has_shear || !(variance > straight * straight) || !(doubt(force_n, variance) < 1.0)) {
         return;
     }
-    double steps = parameters->bend_deviations[0] / sqrt(variance);
+    double steps = BEND_DEVIATIONS / sqrt(variance);
     for (int i = 0; i < POSE; i++) {
         double along = 0.0;
         for (int k = 0; k < POSE; k++) {
@@ -121,10 +138,10 @@ static bool refine(const fmfts_contact_parameters *parameters, const fmfts_quest
         moved[i] = question->pose[i] - parameters->model_rest[i];
         for (int j = 0; j < FMFTS_MOVED; j++) {
             covariance[FMFTS_MOVED * i + j] =
-                question->covariance[POSE * i + j] + (i == j ? parameters->least_variance[0] : 0.0);
+                question->covariance[POSE * i + j] + (i == j ? parameters->least_variance : 0.0);
         }
     }
-    if (!fmfts_refine(response, moved, covariance, (int)parameters->refine_steps[0], found->contact, spread)) {
+    if (!fmfts_refine(response, moved, covariance, (int)parameters->refine_steps, found->contact, spread)) {
         return false;
     }
     for (int i = 0; i < outputs; i++) {
@@ -133,23 +150,21 @@ static bool refine(const fmfts_contact_parameters *parameters, const fmfts_quest
     return true;
 }
 
-bool fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_question *question)
+void fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_question *question)
 {
     double slack[6];
     question->share = 1.0;
     for (int i = 0; i < 6; i++) {
-        slack[i] = parameters->outside_deviations[0] * sqrt(fmax(question->covariance[7 * i], 0.0));
+        slack[i] = parameters->outside_deviations * sqrt(fmax(question->covariance[7 * i], 0.0));
         double moved = question->pose[i] - parameters->model_rest[i];
         double edge = moved > 0.0 ? parameters->highest[i] + slack[i] : parameters->lowest[i] - slack[i];
         if (fabs(moved) > 1e-9) {
             question->share = fmin(question->share, (edge - parameters->model_rest[i]) / moved);
         }
     }
-    double certain = parameters->lifted_deviations[0] * slack[2] / parameters->outside_deviations[0];
-    if (!(question->pose[2] - parameters->lifted_above_mm[0] - certain <= 0.0)) {
-        return false;
-    }
-    question->pose[2] = fmin(question->pose[2], parameters->trained_top_mm[0]);
+    double certain = LIFTED_DEVIATIONS * slack[2] / parameters->outside_deviations;
+    question->lifted_m = fmax(question->pose[2] - parameters->trained_top_mm - HYSTERESIS_MM - certain, 0.0) * 1e-3;
+    question->pose[2] = fmin(question->pose[2], parameters->trained_top_mm);
     if (question->share < 1.0) {
         for (int i = 0; i < 6; i++) {
             question->pose[i] = parameters->model_rest[i] + question->share * (question->pose[i] - parameters->model_rest[i]);
@@ -158,10 +173,9 @@ bool fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_questio
             question->covariance[i] *= question->share * question->share;
         }
     }
-    return true;
 }
 
-/* astray_share of estimate.py */
+/* The probability that a place is far from the true one: the doubt of its force, to the power of 2.5. */
 static double astray_share(double doubt)
 {
     return doubt * doubt * sqrt(doubt);
@@ -169,11 +183,11 @@ static double astray_share(double doubt)
 
 static int bin_in_tables(const fmfts_contact_parameters *parameters, const double *contact, int radius_bin)
 {
-    int force_bin = bin_of(parameters->force_bins[0], parameters->force_bin_n, contact[2]);
-    return force_bin * (int)parameters->radius_bins[0] + radius_bin;
+    int force_bin = bin_of(parameters->force_bins, parameters->force_bin_n, contact[2]);
+    return force_bin * (int)parameters->radius_bins + radius_bin;
 }
 
-/* ContactEstimate.central_force_sd_n */
+/* The deviation of the same force in the middle of the pad: without a touch there is no place whose errors could count. */
 static double central_force_sd_n(const fmfts_contact_parameters *parameters, const double *contact, const found *found)
 {
     int bin = bin_in_tables(parameters, contact, 0);
@@ -197,9 +211,9 @@ static void spread_of(const fmfts_contact_parameters *parameters, const double *
         variance[i] = found[i] * bend[i] * UNIT[i] * UNIT[i] + own[i] * own[i];
         variance[i] += i < 2 ? parameters->magnet_off_m[i] * parameters->magnet_off_m[i] : 0.0;
     }
-    double certain = 1.0 - doubt(parameters, contact[2], found[2]);
+    double certain = 1.0 - doubt(contact[2], found[2]);
     double trained = found[2] + parameters->trained_force_n[bin] * parameters->trained_force_n[bin];
-    double astray = certain * astray_share(doubt(parameters, contact[2], trained));
+    double astray = certain * astray_share(doubt(contact[2], trained));
     for (int i = 0; i < 2; i++) {
         double even = parameters->spread_m[i] * parameters->spread_m[i];
         double ratio = variance[i] + astray * even;
@@ -213,9 +227,9 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
 {
     found found = {.outputs = (int)network->outputs, .by_pose = estimate->by_pose};
     fmfts_response table;
-    double variance[FMFTS_CONTACT], bend[FMFTS_CONTACT], *place = estimate->place, limit = parameters->force_max_n[0];
+    double variance[FMFTS_CONTACT], bend[FMFTS_CONTACT], *place = estimate->place, limit = parameters->force_max_n;
     answer_of(network, question, &found);
-    bend_of(parameters, network, question, &found, bend);
+    bend_of(network, question, &found, bend);
     if (response && !(fmfts_view_response(response, response_bytes, &table) &&
                       refine(parameters, question, &table, &found))) {
         return false;
@@ -230,9 +244,9 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
         estimate->deviation[i] = sqrt(variance[i]);
     }
     estimate->over_range = question->share < 1.0 || too_hard(parameters, place, variance[2]);
-    estimate->force_min_n = fmax(fmin(place[2], limit) - parameters->certain_deviations[0] * estimate->deviation[2], 0.0);
+    estimate->force_min_n = fmax(fmin(place[2], limit) - CERTAIN_DEVIATIONS * estimate->deviation[2], 0.0);
     estimate->central_force_sd_n = central_force_sd_n(parameters, place, &found);
     estimate->pose_force_sd_n = sqrt(found.variance[2]);
-    estimate->doubt = doubt(parameters, place[2], variance[2]);
+    estimate->doubt = doubt(place[2], variance[2]);
     return isfinite(place[2]);
 }

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.contact import _network
+from fmfts.contact import _contact
 
 POSE = 6
 LARGEST_HIDDEN = 256  # network.h; onnxruntime evaluates larger ones
@@ -29,6 +29,11 @@ class Inference(ABC):
         self.contact = np.zeros(outputs, dtype=np.float32)
         self.jacobian = np.zeros((outputs, POSE), dtype=np.float32)
 
+    @property
+    def for_c(self) -> bytes | Inference:
+        """What C evaluates the model with: the weights of a network that it knows, or a call of run()."""
+        return self
+
     @abstractmethod
     def run(self) -> None: ...
 
@@ -39,6 +44,10 @@ class NetworkInference(Inference):
     def __init__(self, network: NDArray[np.float32]) -> None:
         super().__init__(outputs=int(network[1]))
         self.network = network.tobytes()
+
+    @property
+    def for_c(self) -> bytes:
+        return self.network
 
 
 class CompiledInference(NetworkInference):
@@ -52,4 +61,4 @@ class CompiledInference(NetworkInference):
         self.run()
 
     def run(self) -> None:
-        _network.infer(self.network, *self._buffers)
+        _contact.infer(self.network, *self._buffers)

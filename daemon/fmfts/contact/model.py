@@ -9,8 +9,9 @@ import msgspec
 import numpy as np
 
 from fmfts.arithmetic.elementary import square
-from fmfts.arithmetic.matrix import cholesky, product, root_of_squares, solve_lower
-from fmfts.contact.bend import bend_of, larger_force
+from fmfts.arithmetic.matrix import cholesky, root_of_squares, solve_lower
+from fmfts.common.record import Numbers, Record
+from fmfts.contact import _contact
 from fmfts.contact.contract import (
     SHEAR_OUTPUT_ORDER,
     Facts,
@@ -19,11 +20,11 @@ from fmfts.contact.contract import (
     parse_facts,
     parse_response,
 )
-from fmfts.contact.estimate import ContactEstimate, astray_share, doubt
+from fmfts.contact.estimate import ContactEstimate
 from fmfts.contact.finger_shape import shape_deviation_of
 from fmfts.contact.inference import Inference
 from fmfts.contact.onnx_file import parse
-from fmfts.contact.refinement import Refiner
+from fmfts.contact.refinement import STEPS, Refiner
 from fmfts.contact.response import CHANGE, Response
 from fmfts.contact.seal import hash_of, unsealed
 from fmfts.contact.shipped import path_of
@@ -35,11 +36,6 @@ REMEDY = "make it again with `fmfts-daemon calibrate`, or set [pad.contact] mode
 
 # A pose or force is over range if it is this many deviations outside the envelope.
 OUTSIDE_DEVIATIONS = 3.0
-# The lower bound of a force over range is the model's force less this many deviations.
-CERTAIN_DEVIATIONS = 3.0
-# A magnet is lifted if it is higher than in training by this many deviations and HYSTERESIS_MM.
-LIFTED_DEVIATIONS = 6.0
-HYSTERESIS_MM = 0.02
 POSE_UNIT = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])  # m → mm; the axis is a number
 CONTACT_UNIT = np.array([1e-3, 1e-3, 1.0, 1.0, 1.0])  # mm → m; newtons stay
 # Added to a pose's covariance so that it can be inverted even if the pose is called certain: (0.1 µm)², (0.1 mrad)².
@@ -104,6 +100,32 @@ class ContactModel:
         self.force_bins_n, self.radius_bins_m = np.array(own.force_n[:-1]), np.array(own.radius_mm[:-1]) * 1e-3
         self.edges_m = np.array([facts.envelope.x_mm, facts.envelope.y_mm]) * 1e-3
         self.spread_m = np.diff(self.edges_m, axis=1)[:, 0] * EVEN_SPREAD
+        self.parameters = Record(_contact.PARAMETERS)
+        self.parameters.fill(self.for_c)
+
+    @property
+    def for_c(self) -> dict[str, Numbers]:
+        """What estimate.c needs of this model: contact/step.h."""
+        return {
+            "refine_steps": STEPS if self.refines else 0,
+            "least_variance": TINY[0, 0],
+            "model_rest": self.rest_pose,
+            "lowest": self.lowest,
+            "highest": self.highest,
+            "outside_deviations": OUTSIDE_DEVIATIONS,
+            "trained_top_mm": self.trained_top_mm,
+            "force_max_n": self.facts.envelope.force_max_n,
+            "edges_m": self.edges_m,
+            "spread_m": self.spread_m,
+            "force_bins": self.own_deviation.shape[0],
+            "force_bin_n": self.force_bins_n,
+            "radius_bins": self.own_deviation.shape[1],
+            "radius_bin_m": self.radius_bins_m,
+            "own_deviation": self.own_deviation,
+            "trained_force_n": self.trained_force_n,
+            "slipping_n": self.slipping_n,
+            "smoothing_s": self.smoothing_s,
+        }
 
     @property
     def shear_is_unknown(self) -> bool:
@@ -175,43 +197,22 @@ class ContactModel:
         on a wide pad is told from the magnet, one on a narrow pad from its rim. ValueError if a number is not finite.
         """
         pose = np.concatenate([position_m, axis]) * POSE_UNIT
-        pose_covariance = covariance * POSE_UNIT * POSE_UNIT[:, None]
+        pose_covariance = np.ascontiguousarray(covariance * POSE_UNIT * POSE_UNIT[:, None])
         if not (np.isfinite(pose).all() and np.isfinite(pose_covariance).all()):
             raise ValueError("the pose of a contact is not finite")
-        slack = OUTSIDE_DEVIATIONS * np.sqrt(np.maximum(np.diagonal(pose_covariance), 0.0))
-        lifted_mm = pose[2] - self.trained_top_mm - LIFTED_DEVIATIONS * slack[2] / OUTSIDE_DEVIATIONS
-        share = self._share_inside(pose, slack)
-        # No press puts the magnet above its rest. The network is not trained there: it could answer any force.
-        pose[2] = min(pose[2], self.trained_top_mm)
-        if share < 1.0:
-            pose = self.rest_pose + share * (pose - self.rest_pose)
-            # A displacement's deviation grows with it. A lower bound must not fall because the press became harder.
-            pose_covariance = pose_covariance * square(share)
-        contact, spread, central_variance, pose_variance = self._contact(pose, pose_covariance, magnet_off_m)
-        limit_n = self.facts.envelope.force_max_n
-        force_sd = float(np.sqrt(spread[2, 2]))
-        over_range = share < 1.0 or self._too_hard(contact, spread)
-        certain_n = max(min(float(contact[2]), limit_n) - CERTAIN_DEVIATIONS * force_sd, 0.0)
-        x_m, y_m, force_n = contact[:3].tolist()
-        lifted_m = max(float(lifted_mm) - HYSTERESIS_MM, 0.0) * 1e-3
-        return ContactEstimate(
-            x_m,
-            y_m,
-            force_n,
-            spread,
-            over_range,
-            certain_n if over_range else None,
-            lifted_m,
-            float(np.sqrt(central_variance)),
-            float(np.sqrt(pose_variance)),
-            contact[3:] if self.has_shear else None,
-            self.has_shear and self._outside(contact),
+        self.parameters.put("magnet_off_m", magnet_off_m)
+        response = None if self.refiner is None else self.refiner.packed
+        values, deviations = np.empty(len(self._unit)), np.empty(len(self._unit))
+        over_range, refused, force_min_n, lifted_m = _contact.estimate(
+            self.parameters.buffer,
+            self.inference.for_c,
+            response,
+            pose.data,
+            pose_covariance.ravel().data,
+            values.data,
+            deviations.data,
         )
-
-    def slope(self) -> Array:
-        """Derivative (m, 6) of the last answer of estimate() by position (m) and axis; per m, and in m and N."""
-        slope: Array = self._jacobian * self._unit[:, None] * POSE_UNIT
-        return slope
+        return ContactEstimate(values, deviations, over_range, force_min_n if over_range else None, lifted_m, refused)
 
     def detection_limit_n(self, covariance: Array, chi2: float) -> float:
         """The largest force (N) that the touch test may miss: where the pad is least sensitive, usually at a corner.
@@ -231,68 +232,6 @@ class ContactModel:
     @property
     def _sides_mm(self) -> tuple[tuple[float, float], tuple[float, float]]:
         return self.facts.envelope.x_mm, self.facts.envelope.y_mm
-
-    def _outside(self, contact: Array) -> bool:
-        """Whether the place is outside of the calibrated places."""
-        return bool((contact[:2] < self.edges_m[:, 0]).any() or (contact[:2] > self.edges_m[:, 1]).any())
-
-    def _too_hard(self, contact: Array, spread: Array) -> bool:
-        """Whether the force is certainly above the calibrated one. Its deviation through shear does not count here."""
-        beyond_n = contact[2] - self.facts.envelope.force_max_n
-        slipping_n = self.slipping_n[np.searchsorted(self.radius_bins_m, root_of_squares(contact[0], contact[1]))]
-        return bool(
-            beyond_n > 0.0 and square(beyond_n) > square(OUTSIDE_DEVIATIONS) * (spread[2, 2] - square(slipping_n))
-        )
-
-    def _share_inside(self, pose: Array, slack: Array) -> float:
-        """The largest share (at most 1) of the displacement from rest that is inside the envelope, widened by `slack`.
-
-        At every place the displacement grows with force, so a share of it never means a larger force.
-        """
-        displacement = pose - self.rest_pose
-        room = np.where(displacement > 0.0, self.highest + slack, self.lowest - slack) - self.rest_pose
-        moved = np.abs(displacement) > 1e-9
-        return float(min(np.min(room[moved] / displacement[moved], initial=1.0), 1.0))
-
-    def _contact(self, pose: Array, pose_covariance: Array, magnet_off_m: Array) -> tuple[Array, Array, float, float]:
-        """Contact (m,), covariance (m, m), the variance that the same force has in the middle of the pad, and the part
-        of the force's variance that the pose causes; in SI.
-
-        The covariance is that of the pose, carried over by the Jacobian and widened by its bend, plus the model's own
-        error.
-        """
-        contact, jacobian = self._infer(pose)
-        carried = product(jacobian, pose_covariance, jacobian.T)
-        # With shear, deviations of places and forces are careful as they are: a seventh larger than the errors.
-        ahead = None if self.has_shear else larger_force(pose_covariance, contact, jacobian, carried)
-        bend = np.ones(len(contact))
-        if ahead is not None:
-            bend = bend_of(pose_covariance, jacobian, self._infer(pose + ahead)[1], carried)
-        self._jacobian = jacobian
-        if self.refiner is not None:
-            change = (pose - self.rest_pose)[:CHANGE]
-            contact, carried = self.refiner.refined(contact, change, pose_covariance[:CHANGE, :CHANGE] + TINY)
-        contact = contact * self._unit
-        force_bin = np.searchsorted(self.force_bins_n, contact[2])
-        radius_bin = np.searchsorted(self.radius_bins_m, root_of_squares(contact[0], contact[1]))
-        carried = carried * self._unit * self._unit[:, None]
-        spread = carried * np.sqrt(bend) * np.sqrt(bend)[:, None] + np.diag(
-            square(self.own_deviation[force_bin, radius_bin])
-        )
-        spread[[0, 1], [0, 1]] += square(magnet_off_m)
-        central_variance = float(carried[2, 2] + square(self.own_deviation[force_bin, 0, 2]))
-        certain, even = 1.0 - doubt(float(contact[2]), float(carried[2, 2])), square(self.spread_m)
-        # A light touch in the middle may look like a harder one at the rim: no Jacobian shows that.
-        variance = float(carried[2, 2] + square(self.trained_force_n[force_bin, radius_bin]))
-        spread[[0, 1], [0, 1]] += certain * astray_share(doubt(float(contact[2]), variance)) * even
-        wider = np.ones(len(contact))
-        wider[:2] = np.sqrt(even / np.maximum(np.diagonal(spread)[:2], certain * even))
-        spread = spread * wider * wider[:, None]
-        # The model was not trained beyond the pad's edge: its Jacobian is meaningless there.
-        for axis in np.flatnonzero((contact[:2] < self.edges_m[:, 0]) | (contact[:2] > self.edges_m[:, 1])):
-            spread[axis], spread[:, axis] = 0.0, 0.0
-            spread[axis, axis] = square(self.spread_m[axis])
-        return contact, spread, central_variance, float(carried[2, 2])
 
     def _infer(self, pose: Array) -> tuple[Array, Array]:
         self.inference.pose[:] = pose

@@ -23,6 +23,7 @@ bool fmfts_view_network(const float *vector, size_t count, fmfts_network *networ
     const size_t size[] = {POSE,   POSE * SCALED,    FEATURES * hidden, hidden, hidden * hidden,
                            hidden, hidden * outputs, outputs};
     const float *next = vector + HEAD;
+    network->evaluate = NULL;
     network->hidden = hidden;
     network->outputs = outputs;
     network->softening = vector[2];
@@ -118,6 +119,10 @@ static void chain(const fmfts_network *network, const float feature[FEATURES], f
 
 void fmfts_infer(const fmfts_network *network, const float *pose, float *contact, float *jacobian)
 {
+    if (network->evaluate) {
+        network->evaluate(network->context, pose, contact, jacobian);
+        return;
+    }
     size_t hidden = network->hidden, outputs = network->outputs;
     float feature[FEATURES], h1[FMFTS_MAX_HIDDEN], slope1[FMFTS_MAX_HIDDEN], h2[FMFTS_MAX_HIDDEN],
         slope2[FMFTS_MAX_HIDDEN], by_a2[FMFTS_MAX_HIDDEN], by_a1[FMFTS_MAX_HIDDEN], by_feature[FEATURES];

@@ -17,8 +17,11 @@ enum {
     FMFTS_MAX_OUTPUTS = 5,
 };
 
-/* Views into one vector of floats. */
+/* Views into one vector of floats. evaluate: what answers instead of them, with `context`, if the model is another graph; else
+ * NULL. */
 typedef struct {
+    void (*evaluate)(void *context, const float *pose, float *contact, float *jacobian);
+    void *context;
     size_t hidden, outputs;
     float softening;
     const float *rest;     /* [pose] */

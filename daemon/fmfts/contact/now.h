@@ -4,24 +4,17 @@
 
 #include "step.h"
 
-#define FMFTS_NOW_PARAMETERS(X)                                                                                        \
-    X(tells_now, 1)             /* 0: the pad's response is not known */                                               \
-    X(period_us, 1)             /* pipeline/now.py */                                                                  \
-    X(lead_us, 1)                                                                                                      \
-    X(early_lead_us, 1)                                                                                                \
-    X(let_go, 1)                                                                                                       \
-    X(jump_periods, 1)                                                                                                 \
-    X(settled_frames, 1)                                                                                               \
-    X(longest_lead_s, 1)                                                                                               \
-    X(to_pose, FMFTS_MOVED * FMFTS_MOVED)          /* drive.py */                                                      \
-    X(untouched_drive, FMFTS_MOVED * FMFTS_MOVED)                                                                      \
-    X(drive_power, FMFTS_CONTACT)                                                                                      \
-    X(usual_rate, FMFTS_CONTACT)                   /* now.py: m/s and N/s */                                           \
-    X(acceleration_power, FMFTS_CONTACT)                                                                               \
-    X(lead_share, 1)                                                                                                   \
-    X(ahead_s, 1)
+#define FMFTS_NOW_PARAMETERS(ONE, MANY)                                                                                        \
+    ONE(double, tells_now) /* 0: the pad's response is not known */                                                    \
+    ONE(double, lead_us)                                                                                               \
+    ONE(double, early_lead_us)                                                                                         \
+    MANY(double, to_pose, FMFTS_MOVED * FMFTS_MOVED) /* drive.py */                                                    \
+    MANY(double, untouched_drive, FMFTS_MOVED * FMFTS_MOVED)                                                           \
+    MANY(double, drive_power, FMFTS_CONTACT)
 
-#define FMFTS_NOW_MEMORY(X) X(made_us, 1) X(told_us, 1)
+/* made_us: when frame 0 would have been made, on the board's clock, as far as recent frames tell. told_us: the time that the last
+ * message was about. */
+#define FMFTS_NOW_MEMORY(ONE, MANY) ONE(double, made_us) ONE(double, told_us)
 
 FMFTS_STRUCT(fmfts_now_parameters, FMFTS_NOW_PARAMETERS)
 FMFTS_STRUCT(fmfts_now_memory, FMFTS_NOW_MEMORY)
@@ -40,6 +33,6 @@ bool fmfts_drive(const fmfts_now_parameters *parameters, const void *response, s
 void fmfts_shrink(const fmfts_now_parameters *parameters, double moving, fmfts_contact_now *now);
 
 /* now.c: carries the contact on by lead_s. pressed: whether the magnet is certainly below its rest. */
-void fmfts_carry(const fmfts_now_parameters *parameters, double lead_s, bool pressed, fmfts_contact_now *now);
+void fmfts_carry(double lead_s, bool pressed, fmfts_contact_now *now);
 
 #endif

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmfts.contact import _refine
+from fmfts.contact import _contact
 from fmfts.contact.response import Array, Response
 
 STEPS = 2
@@ -24,7 +24,9 @@ class Refiner:
         """
         found, spread = np.array(press, dtype=float), np.empty((len(press), len(press)))
         change, covariance = np.ascontiguousarray(change, dtype=float), np.ascontiguousarray(covariance, dtype=float)
-        if not _refine.refine(self.packed, change, covariance, steps, found, spread):
+        if not _contact.refine(
+            self.packed, change.data, covariance.ravel().data, steps, found.data, spread.ravel().data
+        ):
             raise ValueError("a press cannot be refined: the covariance is not positive definite")
         return found, spread
 

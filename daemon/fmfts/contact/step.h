@@ -5,67 +5,67 @@
 
 #include <stdbool.h>
 
-#include "../common/double_table.h"
+#include "../common/fields.h"
 #include "network.h"
 #include "refine.h"
 
 enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = FMFTS_MAX_OUTPUTS };
 
-/* What these steps need of a contact model and a touch detector. Units of the model: mm, N, and components of the axis. */
-#define FMFTS_CONTACT_PARAMETERS(X)                                                                                    \
-    X(onset_chi2, 1)            /* touch.py */                                                                         \
-    X(release_chi2, 1)                                                                                                 \
-    X(release_frames, 1)                                                                                               \
-    X(longest_gap_s, 1)                                                                                                \
-    X(refine_steps, 1)          /* refinement.py, if the model refines */                                              \
-    X(least_variance, 1)        /* added to each component of the covariance */                                        \
-    X(model_rest, 6)            /* model.py */                                                                         \
-    X(lowest, 6)                                                                                                       \
-    X(highest, 6)                                                                                                      \
-    X(outside_deviations, 1)                                                                                           \
-    X(certain_deviations, 1)                                                                                           \
-    X(kept_force_deviations, 1)                                                                                        \
-    X(certain_force_deviations, 1)                                                                                     \
-    X(hidden_force_sd_n, 1)                                                                                            \
-    X(straight_share, 1)                                                                                               \
-    X(bend_deviations, 1)                                                                                              \
-    X(trained_top_mm, 1)                                                                                               \
-    X(lifted_above_mm, 1)                                                                                              \
-    X(lifted_deviations, 1)                                                                                            \
-    X(force_max_n, 1)                                                                                                  \
-    X(edges_m, 4)               /* the calibrated range of x and y */                                                  \
-    X(magnet_off_m, 2)          /* from the drawing's place */                                                         \
-    X(spread_m, 2)                                                                                                     \
-    X(force_bins, 1)                                                                                                   \
-    X(force_bin_n, FMFTS_BINS)  /* upper ends of all bins but the last */                                              \
-    X(radius_bins, 1)                                                                                                  \
-    X(radius_bin_m, FMFTS_BINS)                                                                                        \
-    X(own_deviation, FMFTS_CONTACT * FMFTS_BINS * FMFTS_BINS) /* [force][radius][outputs] */                           \
-    X(trained_force_n, FMFTS_BINS * FMFTS_BINS)                                                                        \
-    X(slipping_n, FMFTS_BINS)   /* by radius */                                                                        \
-    X(smoothing_s, 1)           /* smoothing.py; 0: none */                                                            \
-    X(smoothing_jump_chi2, 1)
+/* A force is certain, and a contact begins, if it is so many deviations above zero. */
+#define FMFTS_CERTAIN_FORCE_DEVIATIONS 2.0
 
-#define FMFTS_CONTACT_MEMORY(X)                                                                                        \
-    X(touched, 1)                                                                                                      \
-    X(quiet_frames, 1)                                                                                                 \
-    X(in_contact, 1)                                                                                                   \
-    X(pose, 6)                  /* smoothing.py, in m and components of the axis */                                    \
-    X(speed, 6)                                                                                                        \
-    X(acceleration, 6)
+/* What these steps need of a contact model and a touch detector. Units of the model: mm, N, and components of the axis. */
+#define FMFTS_CONTACT_PARAMETERS(ONE, MANY)                                                                                    \
+    ONE(double, onset_chi2) /* touch.py */                                                                             \
+    ONE(double, release_chi2)                                                                                          \
+    ONE(double, longest_gap_s)                                                                                         \
+    ONE(double, refine_steps) /* refinement.py, if the model refines */                                                \
+    ONE(double, least_variance) /* added to each component of the covariance */                                        \
+    MANY(double, model_rest, 6) /* model.py */                                                                         \
+    MANY(double, lowest, 6)                                                                                            \
+    MANY(double, highest, 6)                                                                                           \
+    ONE(double, outside_deviations)                                                                                    \
+    ONE(double, hidden_force_sd_n)                                                                                     \
+    ONE(double, trained_top_mm)                                                                                        \
+    ONE(double, force_max_n)                                                                                           \
+    MANY(double, edges_m, 4) /* the calibrated range of x and y */                                                     \
+    MANY(double, magnet_off_m, 2) /* from the drawing's place */                                                       \
+    MANY(double, spread_m, 2)                                                                                          \
+    ONE(double, force_bins)                                                                                            \
+    MANY(double, force_bin_n, FMFTS_BINS) /* upper ends of all bins but the last */                                    \
+    ONE(double, radius_bins)                                                                                           \
+    MANY(double, radius_bin_m, FMFTS_BINS)                                                                             \
+    MANY(double, own_deviation, FMFTS_CONTACT * FMFTS_BINS * FMFTS_BINS) /* [force][radius][outputs] */                \
+    MANY(double, trained_force_n, FMFTS_BINS * FMFTS_BINS)                                                             \
+    MANY(double, slipping_n, FMFTS_BINS) /* by radius */                                                               \
+    ONE(double, smoothing_s) /* smooth.c; 0: none */                                                               \
+    ONE(double, smoothing_jump_chi2)
+
+#define FMFTS_CONTACT_MEMORY(ONE, MANY)                                                                                        \
+    ONE(double, touched)                                                                                               \
+    ONE(double, quiet_frames)                                                                                          \
+    ONE(double, in_contact)                                                                                            \
+    ONE(int64_t, smooths) /* smooth.c: whether there was a pose before */                                              \
+    MANY(double, pose, 6) /* in m and components of the axis */                                                        \
+    MANY(double, speed, 6)                                                                                             \
+    MANY(double, acceleration, 6)
 
 FMFTS_STRUCT(fmfts_contact_parameters, FMFTS_CONTACT_PARAMETERS)
 FMFTS_STRUCT(fmfts_contact_memory, FMFTS_CONTACT_MEMORY)
 
-/* The input of the contact model, in its units. share: see ContactModel._share_inside. */
+/* The input of the contact model, in its units. share: the largest share (at most 1) of the displacement from rest that is inside
+ * of what the model was trained on: at every place the displacement grows with force, so a share of it never means a larger force.
+ * lifted_m: how far the magnet certainly is above all that training saw; 0 if it is not. */
 typedef struct {
     double pose[FMFTS_POSE];
     double covariance[FMFTS_POSE * FMFTS_POSE];
-    double share;
+    double share, lifted_m;
 } fmfts_question;
 
-/* place: x, y (m), force and, of a model that tells them, two shears (N), with deviations. The others are as in ContactEstimate.
- * doubt: see estimate.py. */
+/* place: x, y (m), force and, of a model that tells them, two shears (N), with deviations. central_force_sd_n: the deviation
+ * of the same force in the middle of the pad; pose_force_sd_n: the part of it that the pose causes; refused: shear cannot be told from
+ * place here, so that no number means anything.
+ * doubt: see estimate.c. */
 typedef struct {
     int outputs; /* 3 or 5 */
     double place[FMFTS_CONTACT];
@@ -78,20 +78,26 @@ typedef struct {
 /* touch.c: χ² of a change of pose [5] with its covariance [5][5]. False if that is not one. */
 bool fmfts_chi2_from_rest(const double *change, const double *covariance, double *chi2);
 
-/* touch.c: updates memory->touched from the change of pose [5] and its covariance [5][5]. elapsed_s: since the frame
- * before. False if that is no covariance. */
+/* touch.c: updates memory->touched from the change of pose [5] and its covariance [5][5]. False, and nothing changes, if χ² is not
+ * known. */
 bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const double *change,
-                 const double *covariance, double elapsed_s);
+                 const double *covariance);
 
 /* touch.c: updates memory->in_contact, by the estimate of the frame that fmfts_touch judged. */
 void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const fmfts_estimate *estimate);
 
-/* smooth.c: smooths the pose of the question, if that is configured. False if its covariance is none. */
-bool fmfts_smooth(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double elapsed_s,
+/* touch.c: a frame without a pose. After some of them the contact is released, and a new one needs an onset. */
+void fmfts_unseen(fmfts_contact_memory *memory);
+
+/* touch.c: begins again, untouched. */
+void fmfts_forget_touch(fmfts_contact_memory *memory);
+
+/* smooth.c: smooths the pose of the question, if that is configured. */
+void fmfts_smooth(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double elapsed_s,
                   fmfts_question *question);
 
-/* estimate.c: moves the question into the range that the model was trained on. False if the magnet is lifted. */
-bool fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_question *question);
+/* estimate.c: moves the question into the range that the model was trained on. */
+void fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_question *question);
 
 /* estimate.c: the network's answer; if response is not NULL, the most likely press near it. False if the answer is not
  * finite. */

@@ -1,10 +1,18 @@
-/* Decides whether the pad is touched: touch.py. */
+/* Decides whether the pad is in contact: a χ² test of the magnet's displacement from rest, and a force that is certain.
+ *
+ * Both have hysteresis. Steel near a pad moves the estimate sideways by many deviations, while the force may be none: no
+ * controller should close or open on that.
+ */
 #include <math.h>
 
 #include "../pose/algebra.h"
 #include "step.h"
 
-/* χ² of the change. False if the covariance is not positive definite. */
+/* A contact ends when so many frames in a row are as close to rest as 99 % of unloaded frames. */
+#define RELEASE_FRAMES 5.0
+/* A contact begins when its force exceeds FMFTS_CERTAIN_FORCE_DEVIATIONS of its deviations, and ends below so many. */
+#define KEPT_FORCE_DEVIATIONS 1.0
+
 bool fmfts_chi2_from_rest(const double *change, const double *covariance, double *chi2)
 {
     fmfts_matrix a, work;
@@ -28,21 +36,18 @@ bool fmfts_chi2_from_rest(const double *change, const double *covariance, double
 
 static void follow(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double chi2)
 {
-    memory->quiet_frames[0] = chi2 < parameters->release_chi2[0] ? memory->quiet_frames[0] + 1.0 : 0.0;
-    if (chi2 > parameters->onset_chi2[0]) {
-        memory->touched[0] = 1.0;
-    } else if (memory->quiet_frames[0] >= parameters->release_frames[0]) {
-        memory->touched[0] = 0.0;
+    memory->quiet_frames = chi2 < parameters->release_chi2 ? memory->quiet_frames + 1.0 : 0.0;
+    if (chi2 > parameters->onset_chi2) {
+        memory->touched = 1.0;
+    } else if (memory->quiet_frames >= RELEASE_FRAMES) {
+        memory->touched = 0.0;
     }
 }
 
 bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const double *change,
-                 const double *covariance, double elapsed_s)
+                 const double *covariance)
 {
     double chi2;
-    if (elapsed_s > parameters->longest_gap_s[0]) { /* who touched may be gone: TouchDetector.forget */
-        memory->touched[0] = memory->quiet_frames[0] = memory->in_contact[0] = 0.0;
-    }
     if (!fmfts_chi2_from_rest(change, covariance, &chi2)) {
         return false;
     }
@@ -50,14 +55,30 @@ bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memor
     return true;
 }
 
+/* One of which no number can be trusted counts as certain. hidden_force_sd_n: of a force that no covariance of a pose counts,
+ * because nothing betrays its cause: what shifts the magnet also makes the place, and so the model's error, doubtful. */
 void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const fmfts_estimate *estimate)
 {
-    double needed = memory->in_contact[0] != 0.0 ? parameters->kept_force_deviations[0] : parameters->certain_force_deviations[0];
-    double hidden_n = parameters->hidden_force_sd_n[0];
+    double needed = memory->in_contact != 0.0 ? KEPT_FORCE_DEVIATIONS : FMFTS_CERTAIN_FORCE_DEVIATIONS;
+    double hidden_n = parameters->hidden_force_sd_n;
     double deviation_n = estimate->pose_force_sd_n;
     if (hidden_n > 0.0) {
         deviation_n = estimate->deviation[2] > hidden_n ? estimate->deviation[2] : hidden_n;
     }
     bool is_certain = estimate->refused || estimate->place[2] > needed * deviation_n;
-    memory->in_contact[0] = memory->touched[0] != 0.0 && is_certain ? 1.0 : 0.0;
+    memory->in_contact = memory->touched != 0.0 && is_certain ? 1.0 : 0.0;
+}
+
+/* Otherwise a false contact would follow each gap as often as one unloaded frame in a hundred is not close to rest. */
+void fmfts_unseen(fmfts_contact_memory *memory)
+{
+    memory->quiet_frames = fmin(memory->quiet_frames + 1.0, RELEASE_FRAMES);
+    if (memory->quiet_frames == RELEASE_FRAMES) {
+        memory->touched = memory->in_contact = 0.0;
+    }
+}
+
+void fmfts_forget_touch(fmfts_contact_memory *memory)
+{
+    memory->touched = memory->quiet_frames = memory->in_contact = 0.0;
 }

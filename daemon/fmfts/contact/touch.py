@@ -1,8 +1,4 @@
-"""Decides whether the pad is in contact: a χ² test of the magnet's displacement from rest, and a force that is certain.
-
-Both have hysteresis. Steel near a pad moves the estimate sideways by many deviations, while the force may be none: no
-controller should close or open on that.
-"""
+"""A χ² test of the displacement from rest of several magnets; touch.c does it for one. And the thresholds of both."""
 
 from __future__ import annotations
 
@@ -11,27 +7,20 @@ from math import isfinite
 
 from fmfts.arithmetic.matrix import SingularError, cholesky, product, solve_lower
 from fmfts.common.chi2 import quantile
-from fmfts.contact.estimate import CERTAIN_FORCE_DEVIATIONS, ContactEstimate
 from fmfts.pad import Array
 
 DEGREES_OF_FREEDOM = 5  # position, and the axis's two tangents, of each magnet
 # A contact ends when RELEASE_FRAMES in a row are as close to rest as 99 % of unloaded frames.
 RELEASE_PROBABILITY = 0.01
 RELEASE_FRAMES = 5
-# A contact begins when its force exceeds CERTAIN_FORCE_DEVIATIONS of its deviations, and ends below so many.
-KEPT_FORCE_DEVIATIONS = 1.0
 
 
 @dataclass(slots=True)
 class TouchMemory:
-    """touched: the magnet has moved. quiet_frames: how many frames in a row were as close to rest as unloaded ones.
-
-    in_contact: touched, with a force that is certain.
-    """
+    """touched: a magnet has moved. quiet_frames: how many frames in a row were as close to rest as unloaded ones."""
 
     touched: bool = False
     quiet_frames: int = 0
-    in_contact: bool = False
 
 
 class TouchDetector:
@@ -39,8 +28,7 @@ class TouchDetector:
 
     A contact begins with one frame whose χ² exceeds a threshold. At `rate_hz`, an unloaded pad exceeds that threshold
     `false_contacts_per_hour` times in an hour, if frames are independent and the covariance is right. magnets: of the
-    pad. hidden_force_sd_n: deviation of a force that no covariance of a pose counts, because nothing betrays its cause;
-    0 where there is no such cause. Else the whole deviation of a force counts, the model's own error included.
+    pad.
     """
 
     def __init__(
@@ -48,14 +36,12 @@ class TouchDetector:
         rate_hz: float,
         false_contacts_per_hour: float = 1.0,
         magnets: int = 1,
-        hidden_force_sd_n: float = 0.0,
     ) -> None:
         per_frame = false_contacts_per_hour / (3600.0 * rate_hz)
         self.onset_chi2 = quantile(min(per_frame, RELEASE_PROBABILITY), DEGREES_OF_FREEDOM * magnets)
         self.release_chi2 = quantile(RELEASE_PROBABILITY, DEGREES_OF_FREEDOM * magnets)
         # After a longer gap, the finger may be gone. Half a period is for jitter.
         self.longest_gap_s = (RELEASE_FRAMES + 0.5) / rate_hz
-        self.hidden_force_sd_n = hidden_force_sd_n
         self.memory = TouchMemory()
 
     def update(self, displacement: Array | None, covariance: Array | None) -> bool | None:
@@ -74,21 +60,6 @@ class TouchDetector:
             memory.touched = False
         return memory.touched
 
-    def presses(self, contact: ContactEstimate) -> bool:
-        """Whether the frame that `update` judged last is a contact: the pad is touched, and the force is certain.
-
-        contact: of this frame. One of which no number can be trusted counts as certain.
-        """
-        memory = self.memory
-        needed = KEPT_FORCE_DEVIATIONS if memory.in_contact else CERTAIN_FORCE_DEVIATIONS
-        deviation_n = contact.pose_force_sd_n
-        if self.hidden_force_sd_n > 0.0:
-            # What shifts the magnet also makes the place, and so the model's error, doubtful.
-            deviation_n = max(contact.force_sd_n, self.hidden_force_sd_n)
-        is_certain = contact.refused or contact.force_n > needed * deviation_n
-        memory.in_contact = memory.touched and is_certain
-        return memory.in_contact
-
     def unseen(self) -> None:
         """A frame without a pose. After RELEASE_FRAMES of them the contact is released, and a new one needs an onset.
 
@@ -97,11 +68,11 @@ class TouchDetector:
         memory = self.memory
         memory.quiet_frames = min(memory.quiet_frames + 1, RELEASE_FRAMES)
         if memory.quiet_frames == RELEASE_FRAMES:
-            memory.touched = memory.in_contact = False
+            memory.touched = False
 
     def forget(self) -> None:
         """Begin again, untouched."""
-        self.memory.touched, self.memory.quiet_frames, self.memory.in_contact = False, 0, False
+        self.memory.touched, self.memory.quiet_frames = False, 0
 
 
 def chi2_from_rest(displacement: Array | None, covariance: Array | None) -> float | None:

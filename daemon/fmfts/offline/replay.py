@@ -26,7 +26,7 @@ from fmfts.pipeline.configured import (
     load_any_model,
     pipeline_of,
 )
-from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.encoded import message_of
 from fmfts.pipeline.snapshot import restore
 from fmfts.recording.file import RecordingError, is_whole, read
 
@@ -162,7 +162,7 @@ class Replay:
                 answer = pipeline.early(early_of(message, chip))
             if answer is None:
                 return
-            contact = answer.message if isinstance(answer, PackedMessage) else answer
+            contact = message_of(answer)
         else:
             with damage_told(
                 RecordingError, f"{self.path}: frame {message.sequence} of pad '{message.pad}' is damaged"

@@ -11,20 +11,15 @@ from fmfts.arithmetic.matrix import product, root_of_squares
 from fmfts.baseline import Baseline, Mounting
 from fmfts.pad import Pad
 from fmfts.pose import (
-    AMBIENT,
     PAPER,
-    Part,
     PoseEstimate,
-    SensorErrors,
     Status,
-    Tracker,
     TrackingModel,
     in_nominal_frame,
     repeats_allowed,
     solve,
     widened,
 )
-from fmfts.pose.ambient_motion import AmbientMotionDetector
 from fmfts.pose.field_errors import change_since
 from fmfts.pose.hidden_gradient import STANDS_STILL, HiddenGradient, Reference, effect_of_gradient, reference_of
 
@@ -60,15 +55,6 @@ class BaselinedPad:
     ) -> BaselinedPad:
         """mounting: computed from the baseline if None. BaselineError if the baseline does not fit the pad."""
         return cls(drawing, baseline, mounting or baseline.mounting(drawing), tracking)
-
-    def tracker(self) -> Tracker:
-        errors = SensorErrors(self.mounting.noise_t, self.mounting.field_errors()) if self.at_rest else None
-        return Tracker(self.pad, self.mounting.rest, self.tracking, self.temperature_c, errors)
-
-    def ambient_motion(self) -> AmbientMotionDetector | None:
-        """A detector for a scene whose ambient field is constant; None if the field may change."""
-        is_constant = self.at_rest and self.tracking.parts[AMBIENT.start] == Part.FIXED
-        return AmbientMotionDetector(self.pad, self.mounting.rest) if is_constant else None
 
     def hidden_gradient(self) -> HiddenGradient:
         mounting, solved = self.mounting, self.tracking.estimated

@@ -12,7 +12,7 @@ from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
 from fmfts.contact.no_model import NO_MODEL, no_model_for
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.contact.skin_model import SkinModel
-from fmfts.pipeline.now import Lead
+from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.pipeline.skin_pipeline import SkinPipeline

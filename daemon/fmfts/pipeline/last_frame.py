@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from fmfts.pose.alignment import LONGEST_GAP_US, Aligned, Alignment, Array
+from fmfts.pose import _alignment
+from fmfts.pose.alignment import Aligned, Alignment, Array
 from fmfts.sensor import Frame
 
 
@@ -21,19 +22,10 @@ class LastFrame:
         return frame_ns + 1000 * (device_time_us - frame_us)
 
     def leap_us(self, frame: Frame) -> int:
-        """By how much the board's clock leapt between this frame and `frame`, beyond the time that passed.
-
-        Short steps forward are gaps: the samples' times say how long they are. For other steps the host's clock says
-        how much time passed. In a suspended computer that clock stands; then the numbers of the frames say it.
-        """
-        there_us, (began_ns, number) = frame.device_time_us - self.times[0], self._began
-        if not began_ns or 0 <= there_us <= LONGEST_GAP_US:
-            return 0
-        passed_us = max(frame.host_time_ns - began_ns, 0) // 1000
-        if there_us < 0:
-            return there_us - passed_us
-        made_us = max(frame.sequence - number, 0) * self._period_us
-        return max(there_us - max(passed_us, round(made_us)), 0)
+        """By how much the board's clock leapt between this frame and `frame`, beyond the time that passed."""
+        began_ns, number = self._began
+        times = frame.device_time_us, frame.host_time_ns, frame.sequence
+        return _alignment.leap_us(self.times[0], began_ns, number, *times, self._period_us)
 
     def aligned(self, frame: Frame, field_t: Array, alignment: Alignment) -> Aligned:
         """Align `frame`, and take it as the last one. field_t (N, 3): its field."""

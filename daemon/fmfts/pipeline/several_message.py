@@ -7,9 +7,9 @@ from typing import Any
 
 from fmfts.baseline import Baseline
 from fmfts.bus.messages import NO_ESTIMATE_OF_SEVERAL, ContactMessage
-from fmfts.pipeline.contact_message import mask_of
 from fmfts.pipeline.fingers_message import fingers_told
 from fmfts.pipeline.poses_message import poses_told
+from fmfts.pipeline.sensors_ok import mask_of
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.poses_estimator import PosesEstimator
 from fmfts.several.reading import FingersReading, PosesReading

@@ -22,8 +22,8 @@ from fmfts.contact import NoContactModel
 from fmfts.contact.array_model import ArrayModel
 from fmfts.pad import Array, Pad, Placement
 from fmfts.pipeline.last_frame import LastFrame
-from fmfts.pipeline.pad_pipeline import NO_BASELINE
 from fmfts.pipeline.several_message import SeveralWriter
+from fmfts.pipeline.words import NO_BASELINE
 from fmfts.pose import Aligned, Alignment, repeats_allowed
 from fmfts.pose.alignment import AlignmentMemory
 from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView
@@ -219,7 +219,7 @@ class SeveralPipeline:
     def early(self, early: EarlySample) -> None:
         """A sample that comes before its frame says nothing new: there is no `now` of several fingers."""
 
-    def begin(self, clock: bytearray, topic: bytes, pad_index: int, overdue_ns: int) -> None:
+    def begin(self, clock: memoryview, topic: bytes, pad_index: int, overdue_ns: int) -> None:
         """No C handles the frames of such a pad from the board's bytes."""
 
     @property

@@ -19,9 +19,9 @@ from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health
 from fmfts.common.memory import require_alike
 from fmfts.contact.skin_model import SkinModel
 from fmfts.pad import Pad
-from fmfts.pipeline.contact_message import mask_of
 from fmfts.pipeline.last_frame import LastFrame
-from fmfts.pipeline.pad_pipeline import NO_BASELINE
+from fmfts.pipeline.sensors_ok import mask_of
+from fmfts.pipeline.words import NO_BASELINE
 from fmfts.pose import Alignment, repeats_allowed
 from fmfts.pose.alignment import AlignmentMemory
 from fmfts.sensor import Frame
@@ -173,7 +173,7 @@ class SkinPipeline:
     def early(self, early: EarlySample) -> None:
         """A sample that comes before its frame says nothing new."""
 
-    def begin(self, clock: bytearray, topic: bytes, pad_index: int, overdue_ns: int) -> None:
+    def begin(self, clock: memoryview, topic: bytes, pad_index: int, overdue_ns: int) -> None:
         """No C handles the frames of such a pad from the board's bytes."""
 
     def hand_back(self) -> None:

@@ -1,7 +1,7 @@
 """A pipeline's memory of earlier frames, as bytes. A recording starts with it, so a replay continues bit for bit.
 
-Each filter declares its memory beside its equations (`…Memory`); `PipelineMemory` contains all of them. Format 1, which
-had no format number, can still be read: snapshot_v1.py.
+Of a pad with one magnet it holds each field of FMFTS_MEMORY (frame.h) by its name, which the C beside its equation
+uses.
 """
 
 from __future__ import annotations
@@ -12,15 +12,14 @@ import msgspec
 
 from fmfts.baseline import Baseline, Mounting
 from fmfts.bus.messages import StateMessage
-from fmfts.common.memory import convert, decode, encode
+from fmfts.common.memory import decode, encode
 from fmfts.config import PadConfig
-from fmfts.pipeline import snapshot_v1
 from fmfts.pipeline.configured import Pipeline
 from fmfts.pipeline.pad_pipeline import PadPipeline, PipelineMemory
 from fmfts.pipeline.several_pipeline import SeveralMemory, SeveralPipeline
 from fmfts.pipeline.skin_pipeline import SkinPipeline, SkinPipelineMemory
 
-FORMAT = 2
+FORMAT = 3
 LARGEST = 1 << 20
 
 
@@ -48,7 +47,7 @@ def state_message(pipeline: Pipeline, config: PadConfig, boot: str) -> StateMess
 
 
 def snapshot(pipeline: Pipeline) -> bytes:
-    """The pipeline's memory as bytes. Afterwards Python judges the next frame, here as in a replay: both stay equal."""
+    """The pipeline's memory as bytes."""
     return msgspec.msgpack.encode(Snapshot(FORMAT, msgspec.Raw(encode(pipeline.memory))))
 
 
@@ -72,20 +71,13 @@ def restore(pipeline: Pipeline, content: bytes) -> None:
         elif isinstance(pipeline, SkinPipeline):
             pipeline.recall(decode(_unwrapped(content), SkinPipelineMemory))
         else:
-            pipeline.recall(_read(content))
+            pipeline.recall(decode(_unwrapped(content), PipelineMemory))
     except (msgspec.MsgspecError, KeyError, ValueError, TypeError) as error:
         raise BadMemoryError(f"the state is not one of this version: {type(error).__name__}: {error}") from error
-
-
-def _read(content: bytes) -> PipelineMemory:
-    values = msgspec.msgpack.decode(content)
-    if isinstance(values, dict) and "format" not in values:
-        return convert(snapshot_v1.converted(values), PipelineMemory)
-    return decode(_unwrapped(content), PipelineMemory)
 
 
 def _unwrapped(content: bytes) -> bytes:
     wrapped = msgspec.msgpack.decode(content, type=Snapshot)
     if wrapped.format != FORMAT:
-        raise ValueError(f"format {wrapped.format}, but this version reads only 1 and {FORMAT}: update fmfts")
+        raise ValueError(f"format {wrapped.format}, but this version of fmfts reads only {FORMAT}")
     return bytes(wrapped.memory)

@@ -7,11 +7,8 @@ from fmfts.pose.dipole import dipole_derivatives, dipole_field, octupole_m2
 from fmfts.pose.field_errors import FieldErrors, SensorErrors
 from fmfts.pose.kernel import Batch, solve_problem
 from fmfts.pose.problem import STOP_CHI2, STOP_CONVERGED, Motion, Part, Prior, Problem, Solution, Status, parts_of
-from fmfts.pose.residual_monitor import TrackHealth
 from fmfts.pose.solver import FREE_FIELD, FREE_PAPER, FREE_POSE, PoseEstimate, solve, solve_batch
 from fmfts.pose.state import AMBIENT, AXIS, LOG_MOMENT, POSITION, SIZE, State, tangent_basis
-from fmfts.pose.track import Track
-from fmfts.pose.tracker import Tracker
 from fmfts.pose.tracking_model import PAPER, TrackingModel
 
 __all__ = [
@@ -40,9 +37,6 @@ __all__ = [
     "Solution",
     "State",
     "Status",
-    "Track",
-    "TrackHealth",
-    "Tracker",
     "TrackingModel",
     "acquire",
     "change_from",

@@ -44,28 +44,26 @@ static int times_are_possible(const int64_t *time, Py_ssize_t sensors, long long
     return possible;
 }
 
-/* push(fields, times, repeats, field, time, fresh, timed, aligned, share, bend, repeated, stopped, longest_gap, old, gap_share,
- * unseen_share, jump, most_without_news, without_news, has_time, frame): the instant, whether it is old, whether the clock
- * began anew, and how many frames in a row brought nothing. */
+/* push(fields, times, repeats, field, time, fresh, timed, aligned, share, bend, repeated, period, without_news, has_time,
+ * frame): the instant, whether it is old, whether the clock began anew, and how many frames in a row brought nothing. */
 static PyObject *push(PyObject *module, PyObject *args)
 {
     Py_buffer b[BUFFERS] = {{0}};
-    fmfts_periods periods;
-    long long most, without_news, frame_us;
+    double period_us;
+    long long without_news, frame_us;
     int has_time;
     PyObject *result = NULL;
     (void)module;
-    if (!PyArg_ParseTuple(args, "w*w*w*y*y*y*z*w*w*w*w*ddddddLLpL", &b[FIELDS], &b[TIMES], &b[REPEATS], &b[FIELD], &b[TIME],
-                          &b[FRESH], &b[TIMED], &b[ALIGNED], &b[SHARE], &b[BEND], &b[REPEATED], &periods.stopped_us,
-                          &periods.longest_gap_us, &periods.old_us, &periods.gap_share, &periods.unseen_share,
-                          &periods.jump_t, &most, &without_news, &has_time, &frame_us)) {
+    if (!PyArg_ParseTuple(args, "w*w*w*y*y*y*z*w*w*w*w*dLpL", &b[FIELDS], &b[TIMES], &b[REPEATS], &b[FIELD], &b[TIME],
+                          &b[FRESH], &b[TIMED], &b[ALIGNED], &b[SHARE], &b[BEND], &b[REPEATED], &period_us,
+                          &without_news, &has_time, &frame_us)) {
         return NULL;
     }
     Py_ssize_t sensors = b[FRESH].len;
     if (sensors < 1) {
         PyErr_SetString(PyExc_ValueError, "a frame of no sensors");
     } else if (sizes_agree(b, sensors) && times_are_possible(b[TIME].buf, sensors, frame_us)) {
-        periods.most_without_news = most;
+        const fmfts_periods periods = fmfts_periods_of(period_us);
         fmfts_samples samples = {(size_t)sensors, b[FIELDS].buf, b[TIMES].buf, b[REPEATS].buf, without_news};
         fmfts_pushed frame = {b[FIELD].buf, b[TIME].buf, b[FRESH].buf, b[TIMED].buf, has_time != 0, frame_us};
         fmfts_aligned aligned = {
@@ -80,13 +78,43 @@ static PyObject *push(PyObject *module, PyObject *args)
     return result;
 }
 
+/* leap_us(last frame_us, stood_ns, stood_sequence, frame_us, host_ns, sequence, period_us) → the leap. */
+static PyObject *leap_us(PyObject *module, PyObject *args)
+{
+    fmfts_last last;
+    long long last_us, stood_ns, stood_sequence, frame_us, host_ns, sequence;
+    double period_us;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "LLLLLLd", &last_us, &stood_ns, &stood_sequence, &frame_us, &host_ns, &sequence, &period_us)) {
+        return NULL;
+    }
+    last = (fmfts_last){last_us, stood_ns, stood_sequence};
+    return PyLong_FromLongLong(fmfts_leap_us(&last, frame_us, host_ns, sequence, period_us));
+}
+
 static PyMethodDef methods[] = {
+    {"leap_us", leap_us, METH_VARARGS, "By how much a board's clock leapt; see push.h."},
     {"push", push, METH_VARARGS, "Add a frame, and align; see alignment.py."},
     {NULL, NULL, 0, NULL},
 };
 
+static int set_up(PyObject *module)
+{
+    PyObject *jump_t = PyFloat_FromDouble(FMFTS_JUMP_T), *gap_us = PyFloat_FromDouble(FMFTS_LONGEST_GAP_US);
+    int failed = !jump_t || !gap_us || PyModule_AddObjectRef(module, "JUMP_T", jump_t) < 0 ||
+                 PyModule_AddObjectRef(module, "LONGEST_GAP_US", gap_us) < 0;
+    Py_XDECREF(jump_t);
+    Py_XDECREF(gap_us);
+    return failed ? -1 : 0;
+}
+
+static PyModuleDef_Slot slots[] = {
+    {Py_mod_exec, (void *)set_up},
+    {0, NULL},
+};
+
 static PyModuleDef definition = {
-    .m_base = PyModuleDef_HEAD_INIT, .m_name = "_alignment", .m_size = 0, .m_methods = methods};
+    .m_base = PyModuleDef_HEAD_INIT, .m_name = "_alignment", .m_size = 0, .m_methods = methods, .m_slots = slots};
 
 PyMODINIT_FUNC PyInit__alignment(void)
 {

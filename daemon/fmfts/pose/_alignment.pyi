@@ -14,15 +14,15 @@ def push(
     share: NDArray[Any],
     bend: NDArray[Any],
     repeated: NDArray[Any],
-    stopped_us: float,
-    longest_gap_us: float,
-    old_us: float,
-    gap_share: float,
-    unseen_share: float,
-    jump_t: float,
-    most_without_news: int,
+    period_us: float,
     without_news: int,
     has_time: bool,
     frame_us: int,
     /,
 ) -> tuple[int, bool, bool, int]: ...
+def leap_us(
+    last_us: int, stood_ns: int, stood_sequence: int, frame_us: int, host_ns: int, sequence: int, period_us: float, /
+) -> int: ...
+
+JUMP_T: float
+LONGEST_GAP_US: float

@@ -1,159 +1,115 @@
-/* From counts to the field at one instant, baseline subtracted: alignment.py and Estimator.read. */
+/* From a frame's counts to the magnet's field at one instant, with the deviations of its errors. */
 #include <math.h>
 #include <string.h>
 
-#include "../sensor/reading.h"
+#include "model.h"
+#include "push.h"
 #include "step.h"
 
-enum { AMBIENT_VALUE = 7, AGE_UNKNOWN_US = 65535 };
-static const double GAP_SHARE = 0.6, UNSEEN_SHARE = 0.2; /* see alignment.py */
+enum { AGE_UNKNOWN_US = 65535 }; /* frame.py: of a sample as old as this, nobody knows when it was taken */
 
-static int little_endian(const uint8_t *bytes)
+static unsigned little_endian(const uint8_t *bytes)
 {
-    return bytes[0] | bytes[1] << 8;
+    return bytes[0] | (unsigned)bytes[1] << 8;
 }
 
-static int age_us(const fmfts_frame *frame, int sensor)
+static int count_of(const fmfts_frame *frame, int axis)
+{
+    return (int16_t)little_endian(frame->readings + FMFTS_READING_BYTES * (axis / 3) + 2 * (axis % 3));
+}
+
+static unsigned age_us(const fmfts_frame *frame, int sensor)
 {
     return little_endian(frame->readings + FMFTS_READING_BYTES * sensor + 6);
 }
 
-static double sampled_us(const fmfts_frame *frame, int sensor)
-{
-    return frame->time_us - age_us(frame, sensor);
-}
+/* The frame as push.c takes it. */
+typedef struct {
+    double field_t[FMFTS_AXES];
+    int64_t time_us[FMFTS_SENSORS];
+    uint8_t fresh[FMFTS_SENSORS], timed[FMFTS_SENSORS];
+} samples;
 
-/* Whether a sensor's samples may be used: not if the frames that are judged here are those without it. */
-static bool is_there(const fmfts_pose_memory *memory, int sensor)
+static void read_samples(const fmfts_pose_parameters *parameters, const fmfts_frame *frame, fmfts_missing *missing, samples *taken)
 {
-    return !((unsigned)memory->silent[0] >> sensor & 1);
-}
-
-/* Forgets all samples if no frame came for long. False if the board was reset: Python knows what that ends. */
-static bool forget_before_gap(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame)
-{
-    int sensors = (int)parameters->sensors[0];
-    double newest = 0.0, before = 0.0;
-    for (int i = 0; i < sensors; i++) {
-        newest = is_there(memory, i) ? fmax(newest, sampled_us(frame, i)) : newest;
-        before = fmax(before, memory->time_us[i]);
-    }
-    if (before != 0.0 && newest < before - parameters->stopped_us[0]) {
-        return false;
-    }
-    if (before == 0.0 || newest <= before + parameters->longest_gap_us[0]) {
-        return true;
-    }
-    for (int i = 0; i < 3 * sensors; i++) {
-        memory->time_us[i] = 0.0;
-    }
-    for (int i = 0; i < 9 * sensors; i++) {
-        memory->field_t[i] = NAN;
-    }
-    return true;
-}
-
-/* Which samples are not in the memory: the fresh ones, and those that were fresh in a frame unseen here; of the sensors that
- * are there. */
-static unsigned new_samples(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const fmfts_frame *frame)
-{
-    unsigned new = frame->fresh;
-    double newest = -INFINITY, before = 0.0;
-    for (int i = 0; i < (int)parameters->sensors[0]; i++) {
-        newest = frame->fresh >> i & 1 ? fmax(newest, sampled_us(frame, i)) : newest;
-        before = fmax(before, memory->time_us[i]);
-    }
-    for (int i = 0; newest - before > GAP_SHARE * parameters->stopped_us[0] && i < (int)parameters->sensors[0]; i++) {
-        bool later = sampled_us(frame, i) - memory->time_us[i] > UNSEEN_SHARE * parameters->stopped_us[0];
-        new |= (unsigned)(later && is_there(memory, i) && age_us(frame, i) < AGE_UNKNOWN_US) << i;
-    }
-    return new;
-}
-
-/* Puts one axis' count into the memory. False if it is stuck, if it cannot be, or if it is saturated and was not before. */
-static bool push_axis(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame, int axis,
-                      bool is_new)
-{
-    int sensors = (int)parameters->sensors[0], axes = 3 * sensors;
-    int count = (int16_t)little_endian(frame->readings + FMFTS_READING_BYTES * (axis / 3) + 2 * (axis % 3));
-    int saturated = (int)parameters->saturated_count[0], largest = (int)parameters->largest_count[0];
-    double *sample = memory->field_t + axis, *repeats = memory->repeats + axis;
-    bool is_saturated = count == saturated;
-    if (is_saturated != (memory->saturated[axis] != 0.0) || (!is_saturated && (count > largest || count < -largest - 1))) {
-        return false;
-    }
-    if (is_new) {
-        *sample = is_saturated ? NAN : count * parameters->step_t[3 * frame->gain_code + axis % 3];
-        *repeats = *sample == sample[axes] ? *repeats + 1.0 : 0.0;
-    }
-    /* Without three samples of an axis Python judges, unless C itself has just forgotten those before a gap. */
-    bool is_known = memory->passed[0] != 0.0 || (isfinite(sample[2 * axes]) && isfinite(sample[axes]));
-    return is_saturated || (is_known && *repeats <= parameters->repeats_allowed[axis]);
-}
-
-/* Puts the new samples into the memory. False if none is new, if one is stuck, or if others are missing than in the frames
- * before. */
-static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame)
-{
-    int sensors = (int)parameters->sensors[0];
-    unsigned all = (1u << sensors) - 1, there = all & ~(unsigned)memory->silent[0];
-    /* What is said of a saturated axis depends on the range. */
-    bool is_as_before = (frame->valid & all) == there && !(frame->fresh & all & ~there) &&
-                        (memory->gain_code[0] < 0.0 || frame->gain_code == memory->gain_code[0]);
-    if (!is_as_before || frame->gain_code >= FMFTS_GAIN_CODES || !forget_before_gap(parameters, memory, frame)) {
-        return false;
-    }
-    unsigned new = new_samples(parameters, memory, frame);
-    if (!(new & all)) {
-        return false;
-    }
-    for (int i = 0; i < sensors; i++) {
-        double *sample = memory->field_t + 3 * i, *time = memory->time_us + i;
-        int axes = 3 * sensors;
-        bool is_new = new >> i & 1;
-        if (is_new) {
-            memcpy(sample + 2 * axes, sample + axes, 3 * sizeof(double));
-            memcpy(sample + axes, sample, 3 * sizeof(double));
-            time[2 * sensors] = time[sensors];
-            time[sensors] = time[0];
-            time[0] = sampled_us(frame, i);
-        }
-        for (int axis = 3 * i; is_there(memory, i) && axis < 3 * i + 3; axis++) {
-            if (!push_axis(parameters, memory, frame, axis, is_new)) {
-                return false;
-            }
+    int saturated = (int)parameters->saturated_count, largest = (int)parameters->largest_count;
+    for (int i = 0; i < (int)parameters->sensors; i++) {
+        bool valid = frame->valid >> i & 1;
+        missing->silent[i] = !valid;
+        missing->saturated[i] = missing->untellable[i] = missing->stuck[i] = 0;
+        taken->time_us[i] = frame->time_us - age_us(frame, i);
+        taken->fresh[i] = frame->fresh >> i & 1;
+        taken->timed[i] = valid && age_us(frame, i) < AGE_UNKNOWN_US;
+        for (int k = 0; k < 3; k++) {
+            int axis = 3 * i + k, count = count_of(frame, axis);
+            bool is_saturated = count == saturated, cannot_be = !is_saturated && (count > largest || count < -largest - 1);
+            missing->saturated[i] |= (unsigned char)(is_saturated << k);
+            missing->untellable[i] |= (unsigned char)(cannot_be << k);
+            taken->field_t[axis] =
+                valid && !is_saturated && !cannot_be ? count * parameters->step_t[3 * frame->gain_code + k] : NAN;
         }
     }
-    return true;
 }
 
-/* Interpolates one axis to the instant, subtracts the baseline, and computes the variance of what one sample adds. */
-static void interpolate(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axis, double instant,
-                        fmfts_field *field)
+static void remember_frame(fmfts_pose_memory *memory, const fmfts_frame *frame)
 {
-    int sensors = (int)parameters->sensors[0], axes = 3 * sensors;
-    const double *time = memory->time_us + axis / 3;
-    double newest = memory->field_t[axis], previous = memory->field_t[axes + axis],
-           oldest = memory->field_t[2 * axes + axis];
-    double behind = time[0] - instant, gap = fmax(time[0] - time[sensors], 1.0),
-           gap_before = fmax(time[sensors] - time[2 * sensors], 1.0);
-    double share = fmin(fmax(behind / gap, 0.0), 1.0);
-    bool linear = isfinite(previous) && time[sensors] > 0.0;
-    double aligned = linear ? (1.0 - share) * newest + share * previous : newest;
-    double slopes = (newest - previous) / gap - (previous - oldest) / gap_before;
-    double bend = 2.0 * behind * fmax(gap - behind, 0.0) / (gap + gap_before) * slopes, jump = fabs(slopes) * gap;
-    if (jump > parameters->jump_t[0] && share > 0.0) {
-        bend = fmax(share, 1.0 - share) * jump;
+    if (frame->time_us != memory->frame_us) {
+        memory->stood_ns = frame->host_ns;
+        memory->stood_sequence = frame->sequence;
     }
-    if (!isfinite(bend)) { /* without a third sample the step itself bounds the error */
-        double step = share * (newest - previous);
-        bend = isfinite(step) ? step : 0.0;
+    memory->sequence = frame->sequence;
+    memory->frame_us = frame->time_us;
+    memory->frame_ns = frame->host_ns;
+}
+
+/* Without a new sample the instant stays where it was: after a leap, where the board's clock now says that it was. */
+static int64_t instant_us(fmfts_pose_memory *memory, int64_t aligned_us, int64_t leap_us)
+{
+    if (!memory->without_news) {
+        memory->leapt_us = 0;
+        return aligned_us;
     }
-    double noise_square = parameters->noise_t[axis] * parameters->noise_t[axis] *
-                          (share * share + (1.0 - share) * (1.0 - share));
-    field->field_t[axis] = aligned / parameters->gain[axis] - parameters->offset_t[axis];
-    field->lasting_t2[axis] = bend * bend;
-    field->variance_t2[axis] = bend * bend + noise_square;
+    memory->leapt_us += leap_us;
+    return (aligned_us ? aligned_us : memory->newest_us) + memory->leapt_us; /* 0: all samples were forgotten */
+}
+
+static void note_stuck(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, fmfts_missing *missing)
+{
+    for (int axis = 0; axis < 3 * (int)parameters->sensors; axis++) {
+        bool is_stuck = (double)memory->repeats[axis] > parameters->repeats_allowed[axis];
+        missing->stuck[axis / 3] |= (unsigned char)(is_stuck << axis % 3);
+    }
+}
+
+void fmfts_align(fmfts_step *step, const fmfts_frame *frame)
+{
+    const fmfts_pose_parameters *parameters = step->parameters;
+    fmfts_pose_memory *memory = step->memory;
+    fmfts_field *field = &step->field;
+    size_t sensors = (size_t)parameters->sensors;
+    const fmfts_periods periods = fmfts_periods_of(parameters->period_us);
+    int64_t repeats[FMFTS_AXES];
+    samples taken;
+    read_samples(parameters, frame, &step->missing, &taken);
+    step->missing.gain_code = frame->gain_code;
+    const fmfts_last last = {memory->frame_us, memory->stood_ns, memory->stood_sequence};
+    field->leap_us = fmfts_leap_us(&last, frame->time_us, frame->host_ns, frame->sequence, parameters->period_us);
+    remember_frame(memory, frame);
+    int64_t newest_us = fmfts_latest(sensors, memory->time_us);
+    memory->newest_us = newest_us ? newest_us : memory->newest_us;
+    fmfts_samples samples = {sensors, memory->field_t, memory->time_us, memory->repeats, memory->without_news};
+    const fmfts_pushed pushed = {taken.field_t, taken.time_us, taken.fresh, taken.timed, true, frame->time_us};
+    fmfts_aligned aligned = {
+        .field_t = field->field_t, .noise_share = field->noise_share, .bend_t = field->bend_t, .repeats = repeats};
+    fmfts_push(&periods, &samples, &pushed, &aligned);
+    memory->without_news = samples.without_news;
+    field->is_old = aligned.is_old;
+    field->began_anew = aligned.began_anew;
+    field->instant_us = instant_us(memory, aligned.time_us, field->leap_us);
+    double passed_us = (double)field->instant_us - memory->last_us - (double)field->leap_us; /* NaN: there was none before */
+    field->elapsed_s = passed_us > 0.0 ? passed_us * 1e-6 : 0.0;
+    memory->last_us = (double)field->instant_us;
+    note_stuck(parameters, memory, &step->missing);
 }
 
 double fmfts_lasting_variance(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axis,
@@ -166,60 +122,54 @@ double fmfts_lasting_variance(const fmfts_pose_parameters *parameters, const fmf
     for (int k = 0; k < 3; k++) {
         variance += deviation[k] * change[k] * (deviation[k] * change[k]);
     }
-    return variance + (by_place * by_place + parameters->systematic_t[0] * parameters->systematic_t[0]);
+    return variance + (by_place * by_place + parameters->systematic_t * parameters->systematic_t);
 }
 
-static void add_lasting(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int sensor, fmfts_field *field)
+/* What offsets of the chips have drifted since rest, by the last temperature: its variance. */
+static double drift_t2(fmfts_step *step)
 {
-    double change[3];
+    double warmed_k = step->temperature_c - step->parameters->rest_temperature_c;
+    step->memory->warmed_k = isnan(warmed_k) ? step->memory->warmed_k : warmed_k;
+    double drift_t = step->parameters->offset_t_per_k * step->memory->warmed_k;
+    return drift_t * drift_t;
+}
+
+/* The variances of one sensor's axes, whose field differs from that at rest. */
+static void add_up(fmfts_step *step, int sensor, double drift_t2)
+{
+    const fmfts_pose_parameters *parameters = step->parameters;
+    fmfts_field *field = &step->field;
+    double change[3], share = field->noise_share[sensor];
     for (int k = 0; k < 3; k++) {
         change[k] = field->field_t[3 * sensor + k] - parameters->rest_field_t[3 * sensor + k];
         change[k] = isnan(change[k]) ? 0.0 : change[k]; /* what was not measured says nothing of the other axes */
     }
     for (int axis = 3 * sensor; axis < 3 * sensor + 3; axis++) {
-        field->unknown_t2[axis] = fmfts_lasting_variance(parameters, memory, axis, change);
-        field->variance_t2[axis] += field->unknown_t2[axis] + field->other_t2[axis];
+        double noise_t = parameters->noise_t[axis] * share;
+        field->unknown_t2[axis] = fmfts_lasting_variance(parameters, step->memory, axis, change);
+        field->other_t2[axis] = field->bend_t[axis] * field->bend_t[axis] + drift_t2;
+        field->variance_t2[axis] = field->unknown_t2[axis] + field->other_t2[axis] + noise_t * noise_t;
     }
 }
 
-bool fmfts_align(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame, fmfts_field *field)
+void fmfts_subtract(fmfts_step *step)
 {
-    int sensors = (int)parameters->sensors[0];
-    if (!(memory->passed[0] < memory->most[0]) || !push(parameters, memory, frame)) {
-        return false;
-    }
-    double latest = -INFINITY, instant = INFINITY;
-    for (int i = 0; i < sensors; i++) {
-        latest = fmax(latest, memory->time_us[i]);
-        instant = is_there(memory, i) ? fmin(instant, memory->time_us[i]) : instant;
-    }
-    if (!(latest - instant <= parameters->stopped_us[0])) {
-        return false;
-    }
-    field->instant_us = instant;
-    double warmed_k = frame->temperature_c - parameters->rest_temperature_c[0];
-    memory->warmed_k[0] = isnan(warmed_k) ? memory->warmed_k[0] : warmed_k;
-    double drift_t = parameters->offset_t_per_k[0] * memory->warmed_k[0];
-    for (int axis = 0; axis < 3 * sensors; axis++) {
-        field->other_t2[axis] = drift_t * drift_t;
-        if (is_there(memory, axis / 3)) {
-            interpolate(parameters, memory, axis, instant, field);
-        } else {
-            field->field_t[axis] = NAN;
-            field->lasting_t2[axis] = field->variance_t2[axis] = 0.0;
+    const fmfts_pose_parameters *parameters = step->parameters;
+    double drifted_t2 = drift_t2(step);
+    for (int sensor = 0; sensor < (int)parameters->sensors; sensor++) {
+        for (int axis = 3 * sensor; axis < 3 * sensor + 3; axis++) {
+            double *field_t = step->field.field_t + axis;
+            bool is_stuck = step->missing.stuck[sensor] >> axis % 3 & 1;
+            *field_t = is_stuck ? NAN : *field_t / parameters->gain[axis] - parameters->offset_t[axis];
         }
+        add_up(step, sensor, drifted_t2);
     }
-    for (int i = 0; i < sensors; i++) {
-        add_lasting(parameters, memory, i, field);
-    }
-    return true;
 }
 
-bool fmfts_has_jumped(const fmfts_pose_parameters *parameters, const fmfts_field *field)
+bool fmfts_has_jumped(const fmfts_step *step)
 {
-    double most_t2 = parameters->jump_t[0] * parameters->jump_t[0] / 4.0;
-    for (int axis = 0; axis < 3 * (int)parameters->sensors[0]; axis++) {
-        if (field->lasting_t2[axis] > most_t2) {
+    for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {
+        if (step->field.bend_t[axis] > FMFTS_JUMP_T / 2.0) {
             return true;
         }
     }

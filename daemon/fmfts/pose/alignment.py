@@ -1,9 +1,4 @@
-"""Interpolates the samples of chips that run on their own clocks to one instant.
-
-The samples of a frame are up to one period (4.5 ms) apart; in that time a tap changes the field by more than its noise.
-The instant is the newest that every chip has passed, so it lies between two samples of each chip. Interpolation adds no
-noise; it neglects only the curvature of the motion, which is added to the deviation.
-"""
+"""Aligns the samples of a pad with several magnets, or with unknown ones: push.c, which alignment.c calls for one."""
 
 from __future__ import annotations
 
@@ -20,21 +15,8 @@ from fmfts.pose import _alignment
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
-# A chip that is this many periods behind the others has stopped: the others do not wait for it.
-STOPPED_PERIODS = 2.5
-# Shares of STOPPED_PERIODS. After 1.5 periods without a frame, one was lost, or left out as newer ones superseded it.
-# Then a sample is new, too, that is half a period later than the last one: the frame that had it first never came here.
-GAP_SHARE, UNSEEN_SHARE = 0.6, 0.2
-# After so many frames without any new sample, or periods of them, none of a chip is in them: the next one tells of the
-# past. Frames are left out by a computer that has too little time, so that they alone do not count it.
-MOST_WITHOUT_NEWS = 3
-# After a longer gap than this (or STOPPED_PERIODS, at low rates) the samples before it say nothing of the motion since:
-# the line from them to the next sample would make that as uncertain as the whole way that the pad moved in the gap.
-LONGEST_GAP_US = 300_000.0
 # Probability that a healthy axis repeats one value so often: once in ten hours on a pad of twelve axes at 220 Hz.
 FALSE_STANDSTILL = 1e-8
-# A sample jumps if it is half a gauss off the line through the two before; a tap of 1 N in 50 ms is off by a tenth.
-JUMP_T = 5e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,12 +62,8 @@ class Alignment:
         self.memory = AlignmentMemory(
             np.full((3, count, 3), np.nan), np.zeros((3, count), dtype=np.int64), np.zeros((count, 3), dtype=np.int64)
         )
-        self.stopped_us = STOPPED_PERIODS * period_us
-        self._old_us = (MOST_WITHOUT_NEWS + 1) * period_us
+        self._period_us = period_us
         self._newest_us = self._leap_us = 0  # of the newest sample, on its clock; how far the board's has leapt since
-        # As push.c takes them.
-        limits_us = self.stopped_us, longest_gap_us(self.stopped_us), self._old_us
-        self._periods = *limits_us, GAP_SHARE, UNSEEN_SHARE, JUMP_T, MOST_WITHOUT_NEWS
 
     def push(
         self,
@@ -135,7 +113,7 @@ class Alignment:
             share,
             bend,
             repeats,
-            *self._periods,
+            self._period_us,
             memory.without_news,
             frame_us is not None,
             frame_us or 0,
@@ -144,13 +122,8 @@ class Alignment:
 
 
 def has_jumped(aligned: Aligned) -> bool:
-    """Whether an axis has a sample of which it is not known when its field changed. alignment.c does the same."""
-    return bool((aligned.bend_t > JUMP_T / 2.0).any())
-
-
-def longest_gap_us(stopped_us: float) -> float:
-    """The longest time between two frames over which samples are interpolated. stopped_us: see Alignment."""
-    return max(LONGEST_GAP_US, stopped_us)
+    """Whether an axis has a sample of which it is not known when its field changed."""
+    return bool((aligned.bend_t > _alignment.JUMP_T / 2.0).any())
 
 
 def repeats_allowed(noise_t: Array, step_t: Array | float) -> Array:

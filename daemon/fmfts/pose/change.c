@@ -8,7 +8,7 @@
 static void leftover_covariance(const fmfts_pose_parameters *parameters, const double *change, const double *ambient_t,
                                 double covariance[5][5])
 {
-    int leftovers = (int)parameters->leftovers[0];
+    int leftovers = (int)parameters->leftovers;
     double since[FMFTS_CHANGE], error[5][FMFTS_LEFTOVERS];
     for (int by = 0; by < FMFTS_CHANGE; by++) {
         since[by] = by < 5 ? change[by] : ambient_t[by - 5];

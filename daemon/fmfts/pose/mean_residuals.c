@@ -1,185 +1,231 @@
-/* Averages the residual of each axis, and judges whether the sensors are healthy: residual_monitor.py, mean_residuals.py. */
-#include <math.h>
+/* Finds small faults that last: the mean residual of a quarter of a second shows what one frame's χ² does not.
+ *
+ * A residual z − h(x̂) is weighed by R (mean_residuals.h), for which R·J = 0: no pose can change it. So it does not depend on
+ * the estimate, to first order, and a sensor that is left out is still judged. R is the square of a projection on parity
+ * space: J. J. Gertler, "Survey of model-based failure detection and isolation", IEEE Control Systems 8 (1988) 3.
+ */
+#include "mean_residuals.h"
 
-#include "model.h"
-#include "step.h"
+#include <string.h>
 
-/* The mean residuals of the axes that are there, as a least-squares problem, in units of their noise. jacobian: over the
- * unknowns; its last column is the mean. patterns: errors that healthy sensors have, one deviation each. */
-typedef struct {
-    int axes, unknowns, patterns;
-    double jacobian[FMFTS_AXES][BASE_COLUMNS + 1];
-    double pattern[FMFTS_AXES][1 + FMFTS_FIELD_ERRORS];
-} mean_problem;
+/* The mean forgets over so many frames (0.25 s at 220 Hz), and is judged once in so many. */
+enum { MEMORY_FRAMES = 55, JUDGED_EVERY = 8 };
 
-static void push_change(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory)
+void fmfts_forget_means(fmfts_pose_memory *memory)
 {
-    double change[FMFTS_CHANGE], basis[2][3];
-    tangent_basis(parameters->rest + AXIS_VALUE, basis);
-    for (int i = 0; i < 3; i++) {
-        change[i] = memory->state[i] - parameters->rest[i];
-        change[5 + i] = memory->state[AMBIENT_VALUE + i];
-    }
-    change[3] = dot3(basis[0], memory->state + AXIS_VALUE);
-    change[4] = dot3(basis[1], memory->state + AXIS_VALUE);
-    memory->pushed[0] = fmin(memory->pushed[0] + 1.0, parameters->memory_frames[0]);
-    memory->recent[0] += 1.0;
+    memset(memory->mean_t, 0, sizeof memory->mean_t);
+    memset(memory->frames, 0, sizeof memory->frames);
+    memset(memory->recent_t, 0, sizeof memory->recent_t);
+    memory->pushed = memory->recent = 0.0;
+}
+
+/* The mean change of pose and ambient field since rest, to which errors are proportional. */
+static void push_change(const fmfts_step *step)
+{
+    fmfts_pose_memory *memory = step->memory;
+    const double *state = step->nearest.state;
+    double change[FMFTS_CHANGE];
+    fmfts_change(step->parameters, state, change);
+    memcpy(change + 5, state + AMBIENT_VALUE, 3 * sizeof(double));
+    memory->pushed = fmin(memory->pushed + 1.0, MEMORY_FRAMES);
     for (int i = 0; i < FMFTS_CHANGE; i++) {
-        memory->change[i] += (change[i] - memory->change[i]) / memory->pushed[0];
+        memory->change[i] += (change[i] - memory->change[i]) / memory->pushed;
     }
 }
 
-/* Adds a frame's residuals. jacobian [axes]: receives the derivatives of the prediction by a step. */
-static void push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field,
-                 double jacobian[][FMFTS_STEP])
+bool fmfts_push_means(fmfts_step *step, const double *residual_t)
 {
-    const double magnet[FMFTS_MAGNET] = {parameters->strength_t_m3[0], parameters->octupole_m2[0]};
-    fmfts_sources sources = {.count = 1, .log_moment = {NAN}};
-    fmfts_sight sight[FMFTS_MAX_MAGNETS];
-    place_sources(magnet, memory->state, &sources);
-    for (int i = 0; i < (int)parameters->sensors[0]; i++) {
-        const double *place = parameters->place_m + 3 * i;
-        look_all(&sources, place, sight);
-        for (int axis = 3 * i; axis < 3 * i + 3; axis++) {
-            const double *direction = parameters->direction + 3 * axis;
-            double predicted = sense_all(&sources, sight, memory->state, place, direction, false, jacobian[axis]);
-            double *frames = &memory->frames[axis], *recent = &memory->recent_t[axis];
-            double before = memory->recent[0] > 1.0 ? *recent : 0.0;
-            *recent = before + (field->field_t[axis] - predicted - before) / memory->recent[0];
-            if (isnan(field->field_t[axis])) {
-                *frames = memory->mean_t[axis] = memory->lasting_t2[axis] = 0.0;
-                continue;
-            }
-            *frames = fmin(*frames + 1.0, parameters->memory_frames[0]);
-            memory->mean_t[axis] += (field->field_t[axis] - predicted - memory->mean_t[axis]) / *frames;
-            memory->lasting_t2[axis] += (field->lasting_t2[axis] + field->other_t2[axis] - memory->lasting_t2[axis]) / *frames;
+    fmfts_pose_memory *memory = step->memory;
+    push_change(step);
+    memory->recent += 1.0;
+    memory->since += 1.0;
+    for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {
+        double *frames = &memory->frames[axis], *recent = &memory->recent_t[axis];
+        *recent += (residual_t[axis] - *recent) / memory->recent;
+        if (isnan(residual_t[axis])) {
+            *frames = memory->mean_t[axis] = memory->lasting_t2[axis] = 0.0;
+            continue;
         }
+        *frames = fmin(*frames + 1.0, MEMORY_FRAMES);
+        memory->mean_t[axis] += (residual_t[axis] - memory->mean_t[axis]) / *frames;
+        memory->lasting_t2[axis] += (step->field.other_t2[axis] - memory->lasting_t2[axis]) / *frames;
     }
+    return fmod(memory->since, JUDGED_EVERY) == 0.0;
 }
 
 /* The error of an axis from one deviation of a cause: FieldErrors.at. */
-static double error_of(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axes, int axis, int cause)
+static double error_of(const fmfts_pose_parameters *parameters, const double *change, int axis, int cause)
 {
-    int causes = (int)parameters->field_errors[0];
-    double sum = 0.0, by_field = 0.0;
+    int causes = (int)parameters->field_errors, axes = 3 * (int)parameters->sensors;
+    double by_pose = 0.0, by_field = 0.0;
     for (int by = 0; by < 5; by++) {
-        sum += memory->change[by] * parameters->by_pose[(by * axes + axis) * causes + cause];
+        by_pose += change[by] * parameters->by_pose[(by * axes + axis) * causes + cause];
     }
     for (int along = 0; along < 3; along++) {
-        by_field += memory->change[5 + along] * parameters->by_field[(axis * 3 + along) * causes + cause];
+        by_field += change[5 + along] * parameters->by_field[(axis * 3 + along) * causes + cause];
     }
-    return sum + by_field;
+    return by_pose + by_field;
 }
 
-static void collect(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, double jacobian[][FMFTS_STEP],
-                    mean_problem *p)
+/* The covariance of the errors that all axes of healthy sensors have in common: that of the moment, and of what the baseline
+ * leaves unknown. */
+static void find_common(const fmfts_step *step, double common[][FMFTS_AXES])
 {
-    double moment_deviation = sqrt(memory->covariance[LOG_COLUMN * FMFTS_STEP + LOG_COLUMN]);
-    int axes = 3 * (int)parameters->sensors[0];
-    p->axes = p->unknowns = 0;
-    p->patterns = 1 + (int)parameters->field_errors[0];
-    for (int axis = 0; axis < axes; axis++) {
-        if (memory->frames[axis] == 0.0) {
-            continue;
+    const fmfts_pose_memory *memory = step->memory;
+    int axes = 3 * (int)step->parameters->sensors, causes = (int)step->parameters->field_errors;
+    double moment_deviation = sqrt(memory->covariance[(FMFTS_STEP + 1) * LOG_COLUMN]), error[FMFTS_AXES];
+    memset(common, 0, FMFTS_AXES * sizeof common[0]);
+    for (int cause = -1; cause < causes; cause++) {
+        for (int axis = 0; axis < axes; axis++) {
+            error[axis] = cause < 0 ? step->slopes[axis][LOG_COLUMN] * moment_deviation
+                                    : error_of(step->parameters, memory->change, axis, cause);
         }
-        double *row = p->jacobian[p->axes], *pattern = p->pattern[p->axes];
-        p->axes++;
-        double frames = memory->frames[axis], memory_frames = parameters->memory_frames[0], noise = parameters->noise_t[axis];
-        double effective = frames < memory_frames ? frames : 2.0 * memory_frames - 1.0;
-        double weight = 1.0 / sqrt(noise * noise / effective + memory->lasting_t2[axis]);
-        p->unknowns = 0;
-        for (int c = 0; c < BASE_COLUMNS; c++) {
-            if (parameters->part[c] == FMFTS_FREE || parameters->part[c] == FMFTS_PRIOR) {
-                row[p->unknowns++] = weight * jacobian[axis][c];
+        for (int i = 0; i < axes; i++) {
+            for (int j = i; j < axes; j++) {
+                common[i][j] += error[i] * error[j];
             }
-        }
-        row[p->unknowns] = weight * memory->mean_t[axis];
-        pattern[0] = weight * jacobian[axis][LOG_COLUMN] * moment_deviation;
-        for (int cause = 1; cause < p->patterns; cause++) {
-            pattern[cause] = weight * error_of(parameters, memory, axes, axis, cause - 1);
         }
     }
 }
 
-/* χ² of the mean beyond what the unknowns explain, for the covariance S = I + PPᵀ of noise and patterns P. Generalised
- * least squares gives the same as the projection on parity space in mean_residuals.py. False if the matrix is singular. */
-static bool chi2_of(const mean_problem *p, double *chi2)
+/* The axes of which own_t2 [axes], the variance of errors that no other axis has, is known. */
+static void choose_axes(const fmfts_step *step, const double *own_t2, fmfts_judged_axes *judged)
 {
-    fmfts_matrix normal, factored_normal;
-    double spread[FMFTS_AXES][FMFTS_AXES], factored[FMFTS_AXES][FMFTS_AXES];
-    double solved[BASE_COLUMNS + 1][FMFTS_AXES], step[BASE_COLUMNS + 1];
-    size_t axes = (size_t)p->axes, last = (size_t)p->unknowns;
-    for (size_t i = 0; i < axes; i++) {
-        for (size_t j = i; j < axes; j++) {
-            spread[i][j] = i == j;
-            for (int k = 0; k < p->patterns; k++) {
-                spread[i][j] += p->pattern[i][k] * p->pattern[j][k];
-            }
+    judged->axes = judged->unknowns = 0;
+    for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {
+        if (isfinite(own_t2[axis])) {
+            judged->axis[judged->axes++] = axis;
         }
     }
-    if (!factor_of_stride(FMFTS_AXES, axes, spread, 0.0, factored)) {
+    for (int c = 0; c < FMFTS_STEP; c++) {
+        if (step->parameters->part[c] == FMFTS_FREE || step->parameters->part[c] == FMFTS_PRIOR) {
+            for (size_t i = 0; i < judged->axes; i++) {
+                judged->jacobian[judged->unknowns][i] = step->slopes[judged->axis[i]][c];
+            }
+            judged->unknowns++;
+        }
+    }
+}
+
+static double along(size_t count, const double *a, const double *b)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        sum += a[i] * b[i];
+    }
+    return sum;
+}
+
+/* False if the unknowns leave nothing of these axes to judge, or are not determined by them. */
+static bool solve_axes(const fmfts_step *step, double common[][FMFTS_AXES], const double *own_t2, fmfts_judged_axes *judged)
+{
+    double covariance[FMFTS_AXES][FMFTS_AXES];
+    fmfts_matrix normal;
+    choose_axes(step, own_t2, judged);
+    for (size_t i = 0; i < judged->axes; i++) {
+        for (size_t j = i; j < judged->axes; j++) {
+            covariance[i][j] = common[judged->axis[i]][judged->axis[j]] + (i == j ? own_t2[judged->axis[i]] : 0.0);
+        }
+    }
+    if (judged->axes <= judged->unknowns ||
+        !factor_of_stride(FMFTS_AXES, judged->axes, covariance, 0.0, judged->covariance)) {
         return false;
     }
-    for (size_t c = 0; c <= last; c++) {
-        for (size_t i = 0; i < axes; i++) {
-            solved[c][i] = p->jacobian[i][c];
-        }
-        solve_factored_of_stride(FMFTS_AXES, axes, factored, solved[c]);
+    for (size_t c = 0; c < judged->unknowns; c++) {
+        memcpy(judged->solved[c], judged->jacobian[c], judged->axes * sizeof(double));
+        solve_factored_of_stride(FMFTS_AXES, judged->axes, judged->covariance, judged->solved[c]);
         for (size_t r = 0; r <= c; r++) {
-            normal[r][c] = 0.0;
-            for (size_t i = 0; i < axes; i++) {
-                normal[r][c] += p->jacobian[i][r] * solved[c][i];
-            }
+            normal[r][c] = along(judged->axes, judged->jacobian[r], judged->solved[c]);
         }
     }
-    if (!factor(last, normal, 0.0, factored_normal)) {
-        return false;
-    }
-    for (size_t i = 0; i < last; i++) {
-        step[i] = normal[i][last];
-    }
-    solve_factored(last, factored_normal, step);
-    *chi2 = normal[last][last];
-    for (size_t i = 0; i < last; i++) {
-        *chi2 -= normal[i][last] * step[i];
-    }
-    return true;
+    return factor(judged->unknowns, normal, 0.0, judged->normal);
 }
 
-bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field,
-                           double slopes[][FMFTS_STEP])
+void fmfts_weigh(fmfts_judged_axes *judged, const double *value, double *weighed)
 {
-    double chi2;
-    mean_problem problem;
-    int ready = 0, seen = 0, axes = 3 * (int)parameters->sensors[0];
-    push_change(parameters, memory);
-    push(parameters, memory, field, slopes);
-    memory->since[0] += 1.0;
-    if (fmod(memory->since[0], parameters->judged_every[0]) != 0.0) {
-        return true;
+    double unknown[FMFTS_STEP];
+    for (size_t c = 0; c < judged->unknowns; c++) {
+        unknown[c] = along(judged->axes, judged->solved[c], value);
     }
-    if (memory->blamed[0] >= 0.0) {
-        return false; /* Python looks whether the fault has ended */
+    solve_factored(judged->unknowns, judged->normal, unknown);
+    memcpy(weighed, value, judged->axes * sizeof(double));
+    solve_factored_of_stride(FMFTS_AXES, judged->axes, judged->covariance, weighed);
+    for (size_t c = 0; c < judged->unknowns; c++) {
+        for (size_t i = 0; i < judged->axes; i++) {
+            weighed[i] -= judged->solved[c][i] * unknown[c];
+        }
     }
-    memory->recent[0] = 0.0;
-    for (int axis = 0; axis < axes; axis++) {
-        memory->recent_t[axis] = 0.0;
-        seen += memory->frames[axis] > 0.0;
-        ready += memory->frames[axis] >= 2.0 * parameters->judged_every[0];
+}
+
+/* χ² of what no unknown explains. value: of the pad's axes; own: receives those that are judged. */
+static double chi2_of(fmfts_judged_axes *judged, const double *value, double own[FMFTS_AXES])
+{
+    double weighed[FMFTS_AXES];
+    for (size_t i = 0; i < judged->axes; i++) {
+        own[i] = value[judged->axis[i]];
     }
-    if (ready != 0 && ready < seen) {
+    fmfts_weigh(judged, own, weighed);
+    return along(judged->axes, own, weighed);
+}
+
+/* Whether a fault that was found ended: the last frames are sound, and would not be with the mean's residuals. Without this a
+ * large fault outlives its cause by the seconds in which the mean forgets it. A small one is not seen in so few frames. */
+static bool is_over(const fmfts_step *step, double common[][FMFTS_AXES], const double *recent_t)
+{
+    const fmfts_pose_parameters *parameters = step->parameters;
+    double own_t2[FMFTS_AXES], chosen[FMFTS_AXES];
+    fmfts_judged_axes judged;
+    for (int axis = 0; axis < 3 * (int)parameters->sensors; axis++) {
+        double noise_t = parameters->noise_t[axis];
+        own_t2[axis] = isfinite(recent_t[axis]) ? noise_t * noise_t / JUDGED_EVERY + step->memory->lasting_t2[axis] : NAN;
+    }
+    if (!solve_axes(step, common, own_t2, &judged)) {
         return false;
     }
-    collect(parameters, memory, slopes, &problem);
-    int freedom = ready - problem.unknowns;
-    memory->lasting_misfit[0] = 1.0;
-    if (freedom > 0) { /* else there are too few frames since a disturbance, or too few axes */
-        if (!chi2_of(&problem, &chi2) || !(chi2 < parameters->alarm_chi2[freedom])) {
-            return false;
-        }
-        memory->lasting_misfit[0] = fmax(chi2 / parameters->sound_chi2[freedom], 1.0);
-        memory->sound[0] = chi2 < parameters->sound_chi2[freedom];
+    size_t freedom = judged.axes - judged.unknowns;
+    return chi2_of(&judged, recent_t, chosen) < parameters->sound_chi2[freedom] &&
+           chi2_of(&judged, step->memory->mean_t, chosen) > parameters->alarm_chi2[freedom];
+}
+
+/* The variance of the mean of each axis; NaN where it is of too few frames. A mean of n frames; once the memory is full, an
+ * exponential mean, which is worth 2·memory − 1 frames. */
+static void find_own(const fmfts_step *step, double *own_t2)
+{
+    for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {
+        double frames = step->memory->frames[axis], noise_t = step->parameters->noise_t[axis];
+        double effective = frames < MEMORY_FRAMES ? frames : 2.0 * MEMORY_FRAMES - 1.0;
+        bool is_ready = frames >= 2 * JUDGED_EVERY;
+        own_t2[axis] = is_ready ? noise_t * noise_t / effective + step->memory->lasting_t2[axis] : NAN;
     }
-    memory->was_sound[0] = fmax(memory->was_sound[0], memory->sound[0]);
-    return true;
+}
+
+fmfts_finding fmfts_judge_means(fmfts_step *step)
+{
+    const fmfts_finding nothing = {.sensor = -1};
+    const fmfts_pose_parameters *parameters = step->parameters;
+    fmfts_pose_memory *memory = step->memory;
+    double common[FMFTS_AXES][FMFTS_AXES], own_t2[FMFTS_AXES], recent_t[FMFTS_AXES], mean_t[FMFTS_AXES];
+    bool forgives = memory->found, has_recent = memory->recent == JUDGED_EVERY;
+    fmfts_judged_axes judged;
+    memcpy(recent_t, memory->recent_t, sizeof recent_t);
+    memset(memory->recent_t, 0, sizeof memory->recent_t);
+    memory->recent = 0.0;
+    memory->lasting_misfit = 1.0;
+    find_own(step, own_t2);
+    find_common(step, common);
+    if (!solve_axes(step, common, own_t2, &judged)) {
+        return nothing;
+    }
+    size_t freedom = judged.axes - judged.unknowns;
+    double chi2 = chi2_of(&judged, memory->mean_t, mean_t), sound_chi2 = parameters->sound_chi2[freedom];
+    memory->sound = chi2 < sound_chi2;
+    if (forgives && has_recent && is_over(step, common, recent_t)) {
+        fmfts_forget_means(memory);
+        return nothing;
+    }
+    if (chi2 < (forgives ? sound_chi2 : parameters->alarm_chi2[freedom])) {
+        memory->lasting_misfit = fmax(chi2 / sound_chi2, 1.0);
+        return nothing;
+    }
+    return fmfts_blame(step, &judged, mean_t);
 }

@@ -1,211 +1,76 @@
-/* The filter of motion.py. Of covariances only the upper triangle is kept up to date. */
-#include "motion.h"
-
+/* The magnet's pose and its rate at the newest sample, from each chip's samples at their own times.
+ *
+ * tracker.c solves for the pose at the newest instant that all chips have passed, some 4 ms ago; a tap moves on in that time.
+ * This filter predicts to each sample instead: an extended Kalman filter of two modes. The magnet is STILL (its rates die out)
+ * or MOVING (its acceleration is white noise, along the directions in which presses move the magnet). After each frame the
+ * modes are merged into one state, so that the memory is one state, its covariance and two probabilities (GPB1: Ackerson and
+ * Fu, IEEE Trans. Automatic Control 15 (1970) 10; Bar-Shalom, Li, Kirubarajan, "Estimation with applications to tracking and
+ * navigation" (2001), chapter 11).
+ *
+ * State x (13): change of the pose from rest (position in m, axis in the rest axis's tangent plane), its rates, and the change
+ * of the ambient field since the baseline. Between samples, dt apart, with the drive W (5, 5) of MOVING:
+ *
+ *     pose += g·rate, rate *= e
+ *     MOVING: e = 1, g = dt;  STILL: e: exponential of −dt/CALM_S, g = CALM_S·(1 − e)
+ *     P += W·[dt³/3, dt²/2; dt²/2, dt]  (white acceleration: Bar-Shalom et al., chapter 6)
+ *
+ * Each axis of a sample is one scalar measurement z = field + ambient along the axis, with h its derivative by x:
+ *
+ *     s = hPhᵀ + r,  ν = z − ẑ,  x += Phᵀν/s,  P −= Phᵀ(Phᵀ)ᵀ/s,  mode's log likelihood −= (ν²/s + ln(s/r))/2
+ */
 #include <math.h>
 #include <string.h>
 
 #include "model.h"
+#include "motion_modes.h"
 
-enum { N = FMFTS_MOTION_STATES, RATE = FMFTS_RATE, AMBIENT = FMFTS_AMBIENT_CHANGE };
-enum { STILL, MOVING, MODES };
-enum { SEEN = 8 };
-static const int STATE[SEEN] = {0, 1, 2, 3, 4, 10, 11, 12}; /* what a sample depends on */
+/* The filter begins with the solver's pose, which shares samples with the next frame: so much of its covariance. */
+#define FIRST_COVARIANCE 4.0
+/* The variance of the first rates is that of the drive in this time. */
+#define FIRST_RATE_S 0.02
+/* Boards read chips by turns, so that samples of two chips may come in the wrong order; older ones are not used. */
+#define LATE_US 1000.0
 
-/* chi2: sum of ν²/s. widths: product of s/r. */
-typedef struct {
-    double x[N], p[N][N], chi2, widths;
-} mode;
+enum { N = FMFTS_MOTION_STATES, RATE = FMFTS_RATE, AMBIENT = FMFTS_AMBIENT_CHANGE, MODES = FMFTS_MODES };
+enum { KNOWN = 8 }; /* states that the solver knows: pose and ambient field */
 
-void fmfts_pose_after(const fmfts_pose_parameters *parameters, const double *change, double position[3], double axis[3],
-                      double turn[2][3])
+void fmfts_forget_motion(fmfts_motion_memory *memory)
 {
-    const double *rest = parameters->rest + AXIS_VALUE, m = change[3], n = change[4];
-    double basis[2][3], upright = sqrt(1.0 - (m * m + n * n));
-    tangent_basis(rest, basis);
-    for (int i = 0; i < 3; i++) {
-        position[i] = parameters->rest[i] + change[i];
-        axis[i] = upright * rest[i] + (m * basis[0][i] + n * basis[1][i]);
-        turn[0][i] = basis[0][i] - rest[i] * m / upright;
-        turn[1][i] = basis[1][i] - rest[i] * n / upright;
-    }
+    memory->motion_us = 0.0;
 }
 
-/* P ← F P Fᵀ for pose += reach·rate, rate *= keeps. */
-static void transport(mode *own, double reach_s, double keeps)
+void fmfts_begin_motion(const fmfts_step *step, const double *drive, fmfts_motion_memory *memory)
 {
-    double(*p)[N] = own->p;
-    for (int i = 0; i < RATE; i++) {
-        own->x[i] += reach_s * own->x[RATE + i];
-        own->x[RATE + i] *= keeps;
-        for (int k = i; k < RATE; k++) {
-            p[i][k] += reach_s * (p[i][RATE + k] + p[k][RATE + i] + reach_s * p[RATE + i][RATE + k]);
-        }
-    }
-    for (int i = 0; i < RATE; i++) {
-        for (int k = 0; k < RATE; k++) {
-            p[i][RATE + k] = keeps * (p[i][RATE + k] + reach_s * (i <= k ? p[RATE + i][RATE + k] : p[RATE + k][RATE + i]));
-        }
-        for (int k = AMBIENT; k < N; k++) {
-            p[i][k] += reach_s * p[RATE + i][k];
-        }
-    }
-    for (int i = RATE; i < AMBIENT; i++) {
-        for (int k = i; k < N; k++) {
-            p[i][k] *= k < AMBIENT ? keeps * keeps : keeps;
-        }
-    }
-}
-
-static void predict(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own, double passed_s,
-                    const double *drive, mode modes[MODES])
-{
-    double calm = fmfts_exp(-passed_s / own->calm_s[0]), square_s2 = passed_s * passed_s;
-    double(*p)[N] = modes[MOVING].p;
-    transport(&modes[STILL], own->calm_s[0] * (1.0 - calm), calm);
-    transport(&modes[MOVING], passed_s, 1.0);
-    for (int i = 0; i < RATE; i++) {
-        for (int k = 0; k < RATE; k++) {
-            double power = drive[RATE * i + k];
-            p[i][RATE + k] += square_s2 / 2.0 * power;
-            if (k >= i) {
-                p[i][k] += square_s2 * passed_s / 3.0 * power;
-                p[RATE + i][RATE + k] += passed_s * power;
-            }
-        }
-    }
-    for (int m = 0; m < MODES; m++) {
-        for (int i = 0; i < 3; i++) {
-            modes[m].p[AMBIENT + i][AMBIENT + i] += parameters->walk_per_s[AMBIENT_COLUMN + i] * passed_s;
-        }
-    }
-}
-
-/* Takes one scalar: motion.py's _measure. slope: by STATE. ahead: what the axis would read. */
-static void measure(mode *own, double value, double ahead, const double *slope, double r)
-{
-    double spread[N], s = r;
-    for (int i = 0; i < N; i++) {
-        spread[i] = 0.0;
-    }
-    for (int k = 0; k < SEEN; k++) {
-        int column = STATE[k];
-        for (int i = 0; i <= column; i++) {
-            spread[i] += own->p[i][column] * slope[k];
-        }
-        for (int i = column + 1; i < N; i++) {
-            spread[i] += own->p[column][i] * slope[k];
-        }
-    }
-    for (int k = 0; k < SEEN; k++) {
-        s += slope[k] * spread[STATE[k]];
-    }
-    double innovation = value - ahead, inverse = 1.0 / s;
-    for (int i = 0; i < N; i++) {
-        double gain = spread[i] * inverse;
-        own->x[i] += gain * innovation;
-        for (int k = i; k < N; k++) {
-            own->p[i][k] -= gain * spread[k];
-        }
-    }
-    own->chi2 += innovation * innovation * inverse;
-    own->widths *= s / r;
-}
-
-/* Takes a chip's sample in one mode. */
-static void take(const fmfts_pose_parameters *parameters, int sensor, double strength, const double *value, const double *r,
-                 mode *own)
-{
-    fmfts_source source = {.strength = strength, .octupole = parameters->octupole_m2[0]};
-    fmfts_sight sight;
-    double position[3], axis[3], at[SEEN];
-    fmfts_pose_after(parameters, own->x, position, axis, source.basis);
-    source.position = position;
-    source.axis = axis;
-    look(&source, parameters->place_m + 3 * sensor, &sight);
-    for (int k = 0; k < SEEN; k++) {
-        at[k] = own->x[STATE[k]];
-    }
-    for (int k = 0; k < 3; k++) {
-        const double *direction = parameters->direction + 9 * sensor + 3 * k;
-        double slope[SEEN + 1], ahead = sense(&source, &sight, direction, slope) + dot3(at + RATE, direction);
-        memcpy(slope + RATE, direction, 3 * sizeof(double));
-        for (int i = 0; i < SEEN; i++) {
-            ahead += slope[i] * (own->x[STATE[i]] - at[i]);
-        }
-        measure(own, value[k], ahead, slope, r[k]);
-    }
-}
-
-/* The field of a sensor's sample (field_t [3], as measured), baseline subtracted, and the variance of its errors. */
-static void read_sample(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
-                        const fmfts_pose_memory *pose, int sensor, const double *field_t, double value[3], double r[3])
-{
-    double change[3];
-    for (int k = 0; k < 3; k++) {
-        int axis = 3 * sensor + k;
-        value[k] = field_t[k] / parameters->gain[axis] - parameters->offset_t[axis];
-        change[k] = value[k] - parameters->rest_field_t[axis];
-    }
-    for (int k = 0; k < 3; k++) {
-        int axis = 3 * sensor + k;
-        double noise = parameters->noise_t[axis];
-        r[k] = noise * noise + own->lasting_share[0] * own->lasting_share[0] *
-                                   fmfts_lasting_variance(parameters, pose, axis, change);
-    }
-}
-
-static bool is_upright(const fmfts_motion_parameters *own, const double *x)
-{
-    return x[3] * x[3] + x[4] * x[4] < own->largest_tilt[0] * own->largest_tilt[0];
-}
-
-/* shares: the modes' probabilities after the last frame. */
-static void merge(const fmfts_motion_parameters *own, double elapsed_s, const mode modes[MODES], const double *shares,
-                  fmfts_motion_memory *memory)
-{
-    double likelihood[MODES], best = -INFINITY, share[MODES], sum = 0.0, before = 0.0;
-    double leaves = fmin(1.0 - fmfts_exp(-own->switches_per_s[0] * elapsed_s), 1.0 / MODES), stays = 1.0 - (MODES - 1) * leaves;
-    for (int m = 0; m < MODES; m++) {
-        likelihood[m] = -0.5 * (modes[m].chi2 + fmfts_log(modes[m].widths));
-        best = fmax(best, likelihood[m]);
-        before += shares[m];
-    }
-    for (int m = 0; m < MODES; m++) {
-        double arrived = leaves * (before - shares[m]) + stays * shares[m];
-        share[m] = arrived * own->weights[m] * fmfts_exp(likelihood[m] - best);
-        sum += share[m];
-    }
-    for (int m = 0; m < MODES; m++) {
-        memory->modes[m] = share[m] / sum;
-    }
-    for (int i = 0; i < N; i++) {
-        memory->motion_state[i] = 0.0;
-        for (int m = 0; m < MODES; m++) {
-            memory->motion_state[i] += memory->modes[m] * modes[m].x[i];
-        }
-    }
+    static const int STATE_OF[KNOWN] = {0, 1, 2, 3, 4, AMBIENT, AMBIENT + 1, AMBIENT + 2};
+    static const int COLUMN_OF[KNOWN] = {0, 1, 2, 3, 4, AMBIENT_COLUMN, AMBIENT_COLUMN + 1, AMBIENT_COLUMN + 2};
+    double change[5];
+    fmfts_change(step->parameters, step->memory->state, change);
+    memset(memory->motion_state, 0, sizeof memory->motion_state);
     memset(memory->motion_covariance, 0, sizeof memory->motion_covariance);
-    for (int m = 0; m < MODES; m++) {
-        double off[N];
-        for (int i = 0; i < N; i++) {
-            off[i] = modes[m].x[i] - memory->motion_state[i];
-        }
-        for (int i = 0; i < N; i++) {
-            for (int k = i; k < N; k++) {
-                memory->motion_covariance[N * i + k] += memory->modes[m] * (modes[m].p[i][k] + off[i] * off[k]);
-            }
+    memset(memory->early_us, 0, sizeof memory->early_us);
+    memory->motion_us = (double)step->field.instant_us;
+    memory->followed = 0.0;
+    memcpy(memory->motion_state, change, sizeof change);
+    memcpy(memory->motion_state + AMBIENT, step->memory->state + AMBIENT_VALUE, 3 * sizeof(double));
+    for (int i = 0; i < KNOWN; i++) {
+        for (int k = 0; k < KNOWN; k++) {
+            memory->motion_covariance[N * STATE_OF[i] + STATE_OF[k]] =
+                FIRST_COVARIANCE * step->pose.covariance[FMFTS_STEP * COLUMN_OF[i] + COLUMN_OF[k]];
         }
     }
-    for (int i = 1; i < N; i++) {
-        for (int k = 0; k < i; k++) {
-            memory->motion_covariance[N * i + k] = memory->motion_covariance[N * k + i];
+    for (int i = 0; i < RATE; i++) {
+        for (int k = 0; k < RATE; k++) {
+            memory->motion_covariance[N * (RATE + i) + RATE + k] = FIRST_RATE_S * drive[RATE * i + k];
         }
+    }
+    for (int m = 0; m < MODES; m++) {
+        memory->modes[m] = 1.0 / MODES;
     }
 }
 
-static bool had_early(const fmfts_pose_parameters *parameters, const fmfts_motion_memory *memory)
+static bool had_early(const fmfts_motion_memory *memory)
 {
-    for (int i = 0; i < (int)parameters->sensors[0]; i++) {
+    for (int i = 0; i < FMFTS_SENSORS; i++) {
         if (memory->early_us[i] != 0.0) {
             return true;
         }
@@ -215,10 +80,9 @@ static bool had_early(const fmfts_pose_parameters *parameters, const fmfts_motio
 
 /* The modes since the last frame: those of the samples that came before their frame, or else the merged state. shares: their
  * probabilities after that frame. Returns the time of its newest sample. */
-static double begin_modes(const fmfts_pose_parameters *parameters, const fmfts_motion_memory *memory, mode modes[MODES],
-                          double shares[MODES])
+static double begin_modes(const fmfts_motion_memory *memory, fmfts_mode modes[MODES], double shares[MODES])
 {
-    bool goes_on = had_early(parameters, memory);
+    bool goes_on = had_early(memory);
     for (int m = 0; m < MODES; m++) {
         const double *x = goes_on ? memory->early_state + N * m : memory->motion_state;
         memcpy(modes[m].x, x, sizeof modes[m].x);
@@ -227,115 +91,129 @@ static double begin_modes(const fmfts_pose_parameters *parameters, const fmfts_m
         modes[m].widths = goes_on ? memory->early_widths[m] : 1.0;
         shares[m] = goes_on ? memory->early_modes[m] : memory->modes[m];
     }
-    return goes_on ? memory->early_from_us[0] : memory->motion_us[0];
+    return goes_on ? memory->early_from_us : memory->motion_us;
 }
 
-/* Takes a sensor's sample in every mode. False if a mode is lost. */
-static bool take_sample(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
-                        const fmfts_pose_memory *pose, int sensor, const double *field_t, double time_us,
-                        const double *drive, mode modes[MODES], fmfts_motion_memory *memory)
+/* Whether the innovations are those of a healthy pad, by the mode that they fit best, whose sum was `before`. */
+static bool is_sound(const fmfts_mode modes[MODES], const double *before, double most)
 {
-    double value[3], r[3], passed_s = (time_us - memory->motion_us[0]) * 1e-6;
-    double strength = parameters->strength_t_m3[0] * fmfts_exp(pose->state[LOG_VALUE]);
-    if (passed_s > 0.0) {
-        predict(parameters, own, passed_s, drive, modes);
-        memory->motion_us[0] = time_us;
-    }
-    read_sample(parameters, own, pose, sensor, field_t, value, r);
+    double chi2 = INFINITY;
     for (int m = 0; m < MODES; m++) {
-        if (!is_upright(own, modes[m].x)) {
-            return false;
-        }
-        take(parameters, sensor, strength, value, r, &modes[m]);
+        chi2 = fmin(chi2, modes[m].chi2 - before[m]);
     }
-    return true;
+    return chi2 < most;
 }
 
-bool fmfts_is_next(const fmfts_motion_parameters *own, const fmfts_motion_memory *memory, int sensor, double time_us)
+bool fmfts_is_next(const fmfts_motion_memory *memory, int sensor, double time_us)
 {
-    return memory->motion_us[0] > 0.0 && time_us > fmax(memory->early_us[sensor], memory->motion_us[0] - own->late_us[0]);
+    return memory->motion_us > 0.0 && time_us > fmax(memory->early_us[sensor], memory->motion_us - LATE_US);
 }
 
-static const double *newest_of(const double *time_us, int sensors)
+/* The sensors (mask) whose samples are taken with their frame. */
+static unsigned left_of(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *pose, unsigned fresh,
+                        const fmfts_motion_memory *memory)
 {
-    const double *newest = time_us;
-    for (int i = 1; i < sensors; i++) {
-        newest = time_us[i] > *newest ? time_us + i : newest;
+    unsigned left = 0;
+    bool early = had_early(memory);
+    for (int i = 0; i < (int)parameters->sensors; i++) {
+        bool is_left = (fresh >> i & 1) && (!early || fmfts_is_next(memory, i, (double)pose->time_us[i]));
+        left |= (unsigned)is_left << i;
     }
-    return newest;
+    return left;
 }
 
-static int oldest_of(const fmfts_pose_memory *pose, unsigned left, int sensors)
+static int oldest_of(const fmfts_pose_memory *pose, unsigned left)
 {
     int oldest = -1;
-    for (int i = 0; i < sensors; i++) {
+    for (int i = 0; i < FMFTS_SENSORS; i++) {
         oldest = (left >> i & 1) && (oldest < 0 || pose->time_us[i] < pose->time_us[oldest]) ? i : oldest;
     }
     return oldest;
 }
 
-bool fmfts_follow(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
-                  const fmfts_pose_memory *pose, unsigned fresh, const double *drive, fmfts_motion_memory *memory)
+/* Whether all samples are older than those that came before their frame: an old frame, sent again. */
+static bool is_old(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *pose, const fmfts_motion_memory *memory)
 {
-    mode modes[MODES];
-    int sensors = (int)parameters->sensors[0];
-    double shares[MODES], newest_us = memory->motion_us[0], chi2 = INFINITY;
-    bool early = had_early(parameters, memory);
-    if (!(memory->motion_us[0] > 0.0)) {
-        return false;
-    }
-    fresh &= (1u << sensors) - 1;
-    if (early && *newest_of(pose->time_us, sensors) <= memory->motion_us[0] - own->late_us[0]) {
-        return false; /* an old frame, sent again */
-    }
-    for (int i = 0; early && i < sensors; i++) {
-        fresh &= ~((unsigned)!fmfts_is_next(own, memory, i, pose->time_us[i]) << i);
-    }
-    if (!fresh && !early) {
-        return true;
-    }
-    double from_us = begin_modes(parameters, memory, modes, shares);
-    while (fresh) {
-        int sensor = oldest_of(pose, fresh, sensors);
-        fresh &= ~(1u << sensor);
-        newest_us = pose->time_us[sensor];
-        if (!take_sample(parameters, own, pose, sensor, pose->field_t + 3 * sensor, newest_us, drive, modes, memory)) {
+    for (int i = 0; i < (int)parameters->sensors; i++) {
+        if ((double)pose->time_us[i] > memory->motion_us - LATE_US) {
             return false;
         }
     }
-    merge(own, fmax(newest_us - from_us, 0.0) * 1e-6, modes, shares, memory);
-    memory->followed[0] += 1.0;
-    memset(memory->early_us, 0, sizeof memory->early_us);
-    for (int m = 0; m < MODES; m++) {
-        chi2 = fmin(chi2, modes[m].chi2);
-    }
-    return chi2 < own->surprise_chi2[0] && is_upright(own, memory->motion_state);
+    return had_early(memory);
 }
 
-bool fmfts_follow_early(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
-                        const fmfts_pose_memory *pose, int sensor, const double *field_t, double time_us,
-                        const double *drive, fmfts_motion_memory *memory)
+bool fmfts_follow(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
+                  const fmfts_pose_memory *pose, unsigned fresh, const double *drive, fmfts_motion_memory *memory)
 {
-    mode modes[MODES];
-    double shares[MODES], before[MODES], from_us = begin_modes(parameters, memory, modes, shares);
-    double chi2 = INFINITY, step_chi2 = INFINITY;
-    for (int m = 0; m < MODES; m++) {
-        before[m] = modes[m].chi2;
-    }
-    if (!take_sample(parameters, own, pose, sensor, field_t, time_us, drive, modes, memory)) {
+    const fmfts_driven driven = {parameters, pose, drive};
+    const double none[MODES] = {0.0};
+    fmfts_mode modes[MODES];
+    double shares[MODES], newest_us = memory->motion_us;
+    unsigned left = left_of(parameters, pose, fresh, memory);
+    if (is_old(parameters, pose, memory)) {
+        fmfts_forget_motion(memory);
         return false;
     }
-    merge(own, fmax(time_us - from_us, 0.0) * 1e-6, modes, shares, memory);
-    memory->early_us[sensor] = time_us;
-    memory->early_from_us[0] = from_us;
+    if (!left && !had_early(memory)) {
+        return true;
+    }
+    double from_us = begin_modes(memory, modes, shares);
+    while (left) {
+        fmfts_early sample = {.sensor = oldest_of(pose, left)};
+        left &= ~(1u << sample.sensor);
+        sample.time_us = pose->time_us[sample.sensor];
+        newest_us = (double)sample.time_us;
+        memcpy(sample.field_t, pose->field_t + 3 * sample.sensor, sizeof sample.field_t);
+        if (!fmfts_take_sample(&driven, &sample, modes, memory)) {
+            fmfts_forget_motion(memory);
+            return false;
+        }
+    }
+    fmfts_merge(own, fmax(newest_us - from_us, 0.0) * 1e-6, modes, shares, memory);
+    memory->followed += 1.0;
+    memset(memory->early_us, 0, sizeof memory->early_us);
+    if (!is_sound(modes, none, own->surprise_chi2) || !fmfts_is_upright(memory->motion_state)) {
+        fmfts_forget_motion(memory);
+        return false;
+    }
+    return true;
+}
+
+/* The modes until the next sample that comes before its frame. */
+static void keep_modes(const fmfts_mode modes[MODES], fmfts_motion_memory *memory)
+{
     for (int m = 0; m < MODES; m++) {
-        memory->early_modes[m] = shares[m];
         memcpy(memory->early_state + N * m, modes[m].x, sizeof modes[m].x);
         memcpy(memory->early_covariance + N * N * m, modes[m].p, sizeof modes[m].p);
         memory->early_chi2_sum[m] = modes[m].chi2;
         memory->early_widths[m] = modes[m].widths;
-        chi2 = fmin(chi2, modes[m].chi2);
-        step_chi2 = fmin(step_chi2, modes[m].chi2 - before[m]);
     }
-    return step_chi2 < own->early_chi2[0] && chi2 < own->surprise_chi2[0] && is_upright(own, memory->motion_state);
+}
+
+bool fmfts_follow_early(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
+                        const fmfts_pose_memory *pose, const fmfts_early *early, const double *drive,
+                        fmfts_motion_memory *memory)
+{
+    const fmfts_driven driven = {parameters, pose, drive};
+    const double none[MODES] = {0.0};
+    fmfts_mode modes[MODES];
+    double shares[MODES], before[MODES], from_us = begin_modes(memory, modes, shares);
+    for (int m = 0; m < MODES; m++) {
+        before[m] = modes[m].chi2;
+    }
+    if (!fmfts_take_sample(&driven, early, modes, memory)) {
+        fmfts_forget_motion(memory);
+        return false;
+    }
+    fmfts_merge(own, fmax((double)early->time_us - from_us, 0.0) * 1e-6, modes, shares, memory);
+    keep_modes(modes, memory);
+    memory->early_us[early->sensor] = (double)early->time_us;
+    memory->early_from_us = from_us;
+    memcpy(memory->early_modes, shares, sizeof shares);
+    if (!is_sound(modes, before, own->early_chi2) || !is_sound(modes, none, own->surprise_chi2) ||
+        !fmfts_is_upright(memory->motion_state)) {
+        fmfts_forget_motion(memory);
+        return false;
+    }
+    return true;
 }

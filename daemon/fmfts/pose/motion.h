@@ -1,4 +1,4 @@
-/* The pose and its rate at the newest sample, from each chip's samples at their own times: motion.py explains it. */
+/* The pose and its rate at the newest sample, from each chip's samples at their own times: motion.c explains it. */
 #ifndef FMFTS_MOTION_H
 #define FMFTS_MOTION_H
 
@@ -6,45 +6,56 @@
 
 enum { FMFTS_MOTION_STATES = 13, FMFTS_MODES = 2, FMFTS_RATE = 5, FMFTS_AMBIENT_CHANGE = 10 };
 
-#define FMFTS_MOTION_PARAMETERS(X)                                                                                     \
-    X(weights, FMFTS_MODES)                                                                                            \
-    X(switches_per_s, 1)                                                                                               \
-    X(calm_s, 1)                                                                                                       \
-    X(lasting_share, 1)                                                                                                \
-    X(largest_tilt, 1)                                                                                                 \
-    X(surprise_chi2, 1)                                                                                                \
-    X(early_chi2, 1)                                                                                                   \
-    X(late_us, 1)
+/* weights: 0 for a mode that is left out: `bench now --ablation` shows what each of them brings. surprise_chi2: frames with
+ * larger innovations are not those of a healthy pad; early_chi2: the same of a sample that came before its frame. */
+#define FMFTS_MOTION_PARAMETERS(ONE, MANY)                                                                                     \
+    MANY(double, weights, FMFTS_MODES)                                                                                 \
+    ONE(double, surprise_chi2)                                                                                         \
+    ONE(double, early_chi2)
 
-#define FMFTS_MOTION_MEMORY(X)                                                                                         \
-    X(motion_us, 1)                                                                                                    \
-    X(motion_state, FMFTS_MOTION_STATES)                                                                                     \
-    X(motion_covariance, FMFTS_MOTION_STATES * FMFTS_MOTION_STATES)                                                    \
-    X(modes, FMFTS_MODES)                                                                                              \
-    X(followed, 1)                                                                                                     \
-    X(early_us, FMFTS_SENSORS)                                                                                         \
-    X(early_from_us, 1)                                                                                                \
-    X(early_modes, FMFTS_MODES)                                                                                        \
-    X(early_state, FMFTS_MODES * FMFTS_MOTION_STATES)                                                                  \
-    X(early_covariance, FMFTS_MODES * FMFTS_MOTION_STATES * FMFTS_MOTION_STATES)                                       \
-    X(early_chi2_sum, FMFTS_MODES)                                                                                     \
-    X(early_widths, FMFTS_MODES)
+/* early_…: of samples that came before their frame, since the last frame. */
+#define FMFTS_MOTION_MEMORY(ONE, MANY)                                                                                         \
+    ONE(double, motion_us) /* time of the newest sample on the board's clock; 0 while the filter does not run */       \
+    MANY(double, motion_state, FMFTS_MOTION_STATES) /* merged */                                                       \
+    MANY(double, motion_covariance, FMFTS_MOTION_STATES * FMFTS_MOTION_STATES)                                         \
+    MANY(double, modes, FMFTS_MODES) /* probabilities */                                                               \
+    ONE(double, followed) /* frames since the filter began */                                                          \
+    MANY(double, early_us, FMFTS_SENSORS) /* time of each sensor's newest; 0 before the first */                       \
+    ONE(double, early_from_us) /* motion_us and modes after the last frame */                                          \
+    MANY(double, early_modes, FMFTS_MODES)                                                                             \
+    MANY(double, early_state, FMFTS_MODES * FMFTS_MOTION_STATES) /* of each mode, as the rest */                       \
+    MANY(double, early_covariance, FMFTS_MODES * FMFTS_MOTION_STATES * FMFTS_MOTION_STATES)                            \
+    MANY(double, early_chi2_sum, FMFTS_MODES)                                                                          \
+    MANY(double, early_widths, FMFTS_MODES)
 
 FMFTS_STRUCT(fmfts_motion_parameters, FMFTS_MOTION_PARAMETERS)
 FMFTS_STRUCT(fmfts_motion_memory, FMFTS_MOTION_MEMORY)
 
-/* Takes the fresh samples (bit i of `fresh`: of sensor i) that `pose` holds, but for those that came before their frame. drive
- * [5][5]: W of motion.py. False if the filter does not run, or if the samples contradict what was predicted. */
+/* One sensor's sample that came before its frame. field_t: as measured; NaN where an axis holds no measurement. */
+typedef struct {
+    int sensor;
+    int64_t time_us;
+    double field_t[3];
+} fmfts_early;
+
+/* Stops the filter. It does not run until it begins. */
+void fmfts_forget_motion(fmfts_motion_memory *memory);
+
+/* Begins with the frame's pose at its instant. drive [5][5]: W of motion.c, as below. */
+void fmfts_begin_motion(const fmfts_step *step, const double *drive, fmfts_motion_memory *memory);
+
+/* Takes the fresh samples (bit i of `fresh`: of sensor i) that `pose` holds, but for those that came before their frame. False
+ * if they contradict what was predicted: the filter has stopped then. */
 bool fmfts_follow(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
                   const fmfts_pose_memory *pose, unsigned fresh, const double *drive, fmfts_motion_memory *memory);
 
 /* Whether a sample that came before its frame goes on from those that the filter took. */
-bool fmfts_is_next(const fmfts_motion_parameters *own, const fmfts_motion_memory *memory, int sensor, double time_us);
+bool fmfts_is_next(const fmfts_motion_memory *memory, int sensor, double time_us);
 
-/* Takes one sensor's sample (field_t [3], as measured) that came before its frame and is next. Otherwise as fmfts_follow. */
+/* Takes one sensor's sample that came before its frame and is next. Otherwise as fmfts_follow. */
 bool fmfts_follow_early(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
-                        const fmfts_pose_memory *pose, int sensor, const double *field_t, double time_us,
-                        const double *drive, fmfts_motion_memory *memory);
+                        const fmfts_pose_memory *pose, const fmfts_early *early, const double *drive,
+                        fmfts_motion_memory *memory);
 
 /* The pose after a change [5] from rest. turn: derivative of the axis by the tilt. */
 void fmfts_pose_after(const fmfts_pose_parameters *parameters, const double *change, double position[3], double axis[3],

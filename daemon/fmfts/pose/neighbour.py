@@ -1,15 +1,15 @@
-"""Neighbouring pads' magnets as unknowns in a pad's state. Their prior is where their own pad saw them last.
+"""Neighbouring pads' magnets for a pad with several: where they are, and by how much they change its field.
 
-The baseline already subtracts the field of the neighbours at rest. The modelled rest field is therefore added again,
-and the solve models the magnets where they are now: only the change between the two counts. A pad with several magnets
-does not solve them, but considers them: it subtracts the change, and widens the covariance of its field (`change_of`).
+Such a pad does not solve them, but considers them: it subtracts the change, and widens the covariance of its field
+(`change_of`). A pad with one magnet solves them: neighbour.c; and so does `fmfts-daemon
+pose` (`joined`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, islice
+from itertools import chain
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from fmfts.pad import Array, Magnet, Placement, SensorArray
 from fmfts.pose.dipole import dipole_derivatives, dipole_field
 from fmfts.pose.problem import Part, Parts, Prior
 from fmfts.pose.sighting import COLUMNS, Sighting, Where
-from fmfts.pose.solver import PoseEstimate
 from fmfts.pose.state import AXIS, POSITION, SIZE, Neighbour, State, tangent_basis
 
 # The largest speed of a magnet in a tap of 1 N in 50 ms: how far it may have moved since it was seen.
@@ -118,20 +117,6 @@ class NeighbourView:
         return tuple(Neighbour(place.point(one.position_m), product(turn, one.axis), one.log_moment) for one in magnets)
 
 
-def with_rest(field_t: Array, sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> Array:
-    """Add the field of the neighbours at rest, which the baseline subtracted, to the field (N, 3) T again."""
-    return field_t + sum(other.field(sensors, other.rest) for other in seen)
-
-
-def placement_deviation(sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> Array:
-    """Deviation (N, 1) T of the change of the neighbours' field, from errors of placement."""
-    variance = np.zeros(len(sensors))
-    for other in seen:
-        changes = _less(other.fields(sensors, other.now), other.fields(sensors, other.rest))
-        variance += other.placement_variance(sensors, changes)
-    return np.sqrt(variance)[:, None]
-
-
 def change_of(sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> tuple[Array, Array]:
     """By how much the neighbours have changed the field since they rested, (N, 3) T in sensor axes, and the covariance
     (3N, 3N) of that."""
@@ -147,6 +132,11 @@ def change_of(sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> tuple[
 
 def _less(fields: Sequence[Array], others: Sequence[Array]) -> list[Array]:
     return [field - other for field, other in zip(fields, others, strict=True)]
+
+
+def with_rest(field_t: Array, sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> Array:
+    """Add the field of the neighbours at rest, which the baseline subtracted, to the field (N, 3) T again."""
+    return field_t + sum(other.field(sensors, other.rest) for other in seen)
 
 
 def joined(start: State, parts: Parts, prior: Prior, seen: Sequence[NeighbourEstimate]) -> tuple[State, Parts, Prior]:
@@ -170,14 +160,3 @@ def joined(start: State, parts: Parts, prior: Prior, seen: Sequence[NeighbourEst
 def their_magnets(seen: Sequence[NeighbourEstimate]) -> list[Magnet]:
     """Of the neighbours that `joined` adds, in its order."""
     return [magnet for other in seen for magnet in other.magnets]
-
-
-def without_neighbours(
-    field_t: Array, estimate: PoseEstimate | None, seen: Sequence[NeighbourEstimate], sensors: SensorArray
-) -> tuple[Array, PoseEstimate | None]:
-    """Subtract the neighbours, where the estimate has them, from the field (N, 3), and drop them from the estimate."""
-    if estimate is None or not seen:
-        return field_t, estimate
-    where = iter(estimate.state.neighbours)
-    fields = [other.field(sensors, tuple(islice(where, len(other.magnets)))) for other in seen]
-    return field_t - sum(fields), replace(estimate, state=replace(estimate.state, neighbours=()))

@@ -1,10 +1,23 @@
-/* What both a frame's covariance and the baseline's leftovers contain: overlap.py explains it. */
+/* The errors that both a frame's covariance and the baseline's leftovers contain.
+ *
+ * What the baseline leaves unknown of the chips is in the deviation of each measurement, so that the solver trusts those least
+ * that it knows least. So it is in the frame's covariance C, as if it were new in each measurement. The error of a change of
+ * pose (change_error) is that of the same causes, and knows how they act together. Only one may count. With H the slopes of
+ * the measurements, W their weights, and L² the lasting part of their variances (unknown_t2), a frame's estimate moves by
+ * C·Hᵀ·W per measurement, so the part of C to take away is
+ *
+ *     C·Hᵀ·W·L²·W·H·C
+ *
+ * With N² the other part of the variances and Ω the prior's information, C·(HᵀWH + Ω)·C = C and W = (N² + L²)⁻¹. So what is
+ * left of C is C·(HᵀW·N²·WH + Ω)·C: it never has a negative variance.
+ */
 #include <string.h>
 
 #include "model.h"
 #include "step.h"
 
-static const double NEGLIGIBLE = 1e-3; /* see overlap.py */
+/* A smaller share of every measurement's variance is not taken away: deviations would change by half a thousandth. */
+static const double NEGLIGIBLE = 1e-3;
 
 enum { SOLVED = GRADIENT_COLUMN }; /* the columns that a frame may estimate come first: pose, moment, ambient field */
 
@@ -28,7 +41,7 @@ static void rows_of_pose(const fmfts_pose_parameters *parameters, const double *
 /* Whether what the baseline leaves unknown is too small a part of every measurement to matter: mostly at rest. */
 static bool is_negligible(const fmfts_pose_parameters *parameters, const fmfts_field *field)
 {
-    for (int axis = 0; axis < 3 * (int)parameters->sensors[0]; axis++) {
+    for (int axis = 0; axis < 3 * (int)parameters->sensors; axis++) {
         if (field->unknown_t2[axis] > NEGLIGIBLE * field->variance_t2[axis]) {
             return false;
         }
@@ -36,21 +49,22 @@ static bool is_negligible(const fmfts_pose_parameters *parameters, const fmfts_f
     return true;
 }
 
-void fmfts_overlap(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const fmfts_field *field,
-                   const double slopes[][FMFTS_STEP], double overlap[5][5])
+void fmfts_overlap(const fmfts_step *step, double overlap[5][5])
 {
+    const fmfts_pose_parameters *parameters = step->parameters;
+    const fmfts_field *field = &step->field;
     double own[5][SOLVED], sum[5][5] = {{0}};
     if (is_negligible(parameters, field)) {
         memset(overlap, 0, sizeof sum);
         return;
     }
-    rows_of_pose(parameters, memory->covariance, own);
-    for (int axis = 0; axis < 3 * (int)parameters->sensors[0]; axis++) {
+    rows_of_pose(parameters, step->memory->covariance, own);
+    for (int axis = 0; axis < 3 * (int)parameters->sensors; axis++) {
         double moved[5], variance = field->variance_t2[axis], weight = field->unknown_t2[axis] / (variance * variance);
         for (int i = 0; i < 5; i++) {
             moved[i] = 0.0;
             for (int c = 0; c < SOLVED; c++) {
-                moved[i] += own[i][c] * slopes[axis][c];
+                moved[i] += own[i][c] * step->slopes[axis][c];
             }
             for (int j = 0; j <= i; j++) {
                 sum[i][j] += weight * moved[i] * moved[j];

@@ -1,16 +1,56 @@
-/* Alignment.push of alignment.py, with the same bits. */
+/* Interpolates the samples of chips that run on their own clocks to one instant.
+ *
+ * The samples of a frame are up to one period (4.5 ms) apart; in that time a tap changes the field by more than its noise. The
+ * instant is the newest that every chip has passed, so it lies between two samples of each chip. Interpolation adds no noise; it
+ * neglects only the curvature of the motion, which is added to the deviation. */
 #include "push.h"
 
 #include <math.h>
 #include <string.h>
 
-static int64_t latest(size_t count, const int64_t *time_us)
+/* Shares of the time after which a chip has stopped. After 1.5 periods without a frame, one was lost, or left out as newer ones
+ * superseded it. Then a sample is new, too, that is half a period later than the last one: the frame that had it first never came
+ * here. */
+#define GAP_SHARE 0.6
+#define UNSEEN_SHARE 0.2
+/* After so many frames without any new sample, or periods of them, none of a chip is in them: the next one tells of the past.
+ * Frames are left out by a computer that has too little time, so that they alone do not count it. */
+enum { MOST_WITHOUT_NEWS = 3 };
+
+fmfts_periods fmfts_periods_of(double period_us)
+{
+    double stopped_us = FMFTS_STOPPED_PERIODS * period_us;
+    return (fmfts_periods){
+        .stopped_us = stopped_us,
+        .longest_gap_us = stopped_us > FMFTS_LONGEST_GAP_US ? stopped_us : FMFTS_LONGEST_GAP_US,
+        .old_us = (MOST_WITHOUT_NEWS + 1) * period_us,
+    };
+}
+
+int64_t fmfts_latest(size_t count, const int64_t *time_us)
 {
     int64_t most = time_us[0];
     for (size_t i = 1; i < count; i++) {
         most = time_us[i] > most ? time_us[i] : most;
     }
     return most;
+}
+
+/* Short steps forward are gaps: the samples' times say how long they are. For other steps the host's clock says how much time
+ * passed. In a suspended computer that clock stands; then the numbers of the frames say it. */
+int64_t fmfts_leap_us(const fmfts_last *last, int64_t frame_us, int64_t host_ns, int64_t sequence, double period_us)
+{
+    int64_t there_us = frame_us - last->frame_us, passed_ns = host_ns - last->stood_ns, frames = sequence - last->stood_sequence;
+    if (!last->stood_ns || (0 <= there_us && (double)there_us <= FMFTS_LONGEST_GAP_US)) {
+        return 0;
+    }
+    int64_t passed_us = passed_ns > 0 ? passed_ns / 1000 : 0;
+    if (there_us < 0) {
+        return there_us - passed_us;
+    }
+    int64_t made_us = llrint((double)(frames > 0 ? frames : 0) * period_us);
+    int64_t beyond_us = there_us - (passed_us > made_us ? passed_us : made_us);
+    return beyond_us > 0 ? beyond_us : 0;
 }
 
 static bool is_timed(const fmfts_pushed *frame, size_t sensor)
@@ -34,7 +74,7 @@ static bool forget_before_gap(const fmfts_periods *periods, fmfts_samples *sampl
     if (!any || !began) {
         return false;
     }
-    double later_us = (double)(newest - latest(sensors, samples->time_us));
+    double later_us = (double)(newest - fmfts_latest(sensors, samples->time_us));
     bool began_anew = later_us < -periods->stopped_us;
     if (began_anew || later_us > periods->longest_gap_us) {
         memset(samples->time_us, 0, 3 * sensors * sizeof(int64_t));
@@ -56,8 +96,8 @@ static bool has_gap(const fmfts_periods *periods, const fmfts_samples *samples, 
             any = true;
         }
     }
-    int64_t before = latest(samples->sensors, samples->time_us);
-    return any && (double)(newest - before) > periods->gap_share * periods->stopped_us;
+    int64_t before = fmfts_latest(samples->sensors, samples->time_us);
+    return any && (double)(newest - before) > GAP_SHARE * periods->stopped_us;
 }
 
 /* Puts the new samples into the memory. */
@@ -70,7 +110,7 @@ static void remember(const fmfts_periods *periods, fmfts_samples *samples, const
         int64_t *time = samples->time_us + i;
         bool is_new = frame->fresh[i];
         if (lost && !is_new && is_timed(frame, i)) {
-            is_new = (double)(frame->time_us[i] - time[0]) > periods->unseen_share * periods->stopped_us;
+            is_new = (double)(frame->time_us[i] - time[0]) > UNSEEN_SHARE * periods->stopped_us;
         }
         if (!is_new) {
             continue;
@@ -123,8 +163,7 @@ static between between_samples(const int64_t *time, size_t sensors, int64_t inst
     };
 }
 
-static void interpolate(const fmfts_periods *periods, const fmfts_samples *samples, size_t axis, const between *b,
-                        fmfts_aligned *aligned)
+static void interpolate(const fmfts_samples *samples, size_t axis, const between *b, fmfts_aligned *aligned)
 {
     size_t axes = 3 * samples->sensors;
     double newest = samples->field_t[axis], previous = samples->field_t[axes + axis],
@@ -132,7 +171,7 @@ static void interpolate(const fmfts_periods *periods, const fmfts_samples *sampl
     bool linear = b->linear && isfinite(previous);
     double slopes = (newest - previous) / b->gap - (previous - oldest) / b->gap_before;
     double bend = fabs(b->reach * slopes), jump = fabs(slopes) * b->gap;
-    if (jump > periods->jump_t && share > 0.0) {
+    if (jump > FMFTS_JUMP_T && share > 0.0) {
         bend = (share > 1.0 - share ? share : 1.0 - share) * jump;
     }
     if (!isfinite(bend)) { /* without a third sample the step itself bounds the error */
@@ -157,8 +196,8 @@ void fmfts_push(const fmfts_periods *periods, fmfts_samples *samples, const fmft
     aligned->began_anew = forget_before_gap(periods, samples, frame);
     remember(periods, samples, frame);
     memcpy(aligned->repeats, samples->repeats, 3 * sensors * sizeof(int64_t));
-    int64_t newest = latest(sensors, samples->time_us), instant = newest;
-    aligned->is_old = samples->without_news > periods->most_without_news ||
+    int64_t newest = fmfts_latest(sensors, samples->time_us), instant = newest;
+    aligned->is_old = samples->without_news > MOST_WITHOUT_NEWS ||
                       (samples->without_news && frame->has_time && (double)(frame->frame_us - newest) > periods->old_us);
     bool any = false;
     for (size_t i = 0; i < sensors; i++) {
@@ -178,7 +217,7 @@ void fmfts_push(const fmfts_periods *periods, fmfts_samples *samples, const fmft
         bool runs = is_running(periods, samples, frame, i, newest);
         aligned->noise_share[i] = sqrt(b.share * b.share + (1.0 - b.share) * (1.0 - b.share));
         for (size_t axis = 3 * i; axis < 3 * i + 3; axis++) {
-            interpolate(periods, samples, axis, &b, aligned);
+            interpolate(samples, axis, &b, aligned);
             aligned->field_t[axis] = runs ? aligned->field_t[axis] : NAN;
             aligned->bend_t[axis] = runs ? aligned->bend_t[axis] : 0.0; /* what is not told has no error */
         }

@@ -23,11 +23,18 @@ typedef struct {
     int64_t frame_us; /* of the frame itself, if it has one */
 } fmfts_pushed;
 
-/* What Alignment knows of the period: see alignment.py. */
+/* After a longer gap than this (or the time after which a chip counts as stopped, at low rates) the samples before it say nothing
+ * of the motion since: the line from them to the next sample would make that as uncertain as the whole way that the pad moved in
+ * the gap. */
+#define FMFTS_LONGEST_GAP_US 300000.0
+/* A chip that is this many periods behind the others has stopped: the others do not wait for it. */
+#define FMFTS_STOPPED_PERIODS 2.5
+/* A sample jumps if it is half a gauss off the line through the two before; a tap of 1 N in 50 ms is off by a tenth. */
+#define FMFTS_JUMP_T 5e-5
+
+/* stopped_us: how far behind the others a chip has stopped. old_us: how old the newest sample of all may be. */
 typedef struct {
     double stopped_us, longest_gap_us, old_us;
-    double gap_share, unseen_share, jump_t;
-    int64_t most_without_news;
 } fmfts_periods;
 
 /* As Aligned; whoever calls gives the arrays [sensors][3], and noise_share [sensors]. */
@@ -37,7 +44,21 @@ typedef struct {
     bool is_old, began_anew;
 } fmfts_aligned;
 
+/* Of the frame before: its time on the board's clock, and the host's time and the number of the first frame with that time, as the
+ * board's clock may stand. stood_ns: 0 before any frame. */
+typedef struct {
+    int64_t frame_us, stood_ns, stood_sequence;
+} fmfts_last;
+
+/* By how much the board's clock leapt between the last frame and this one, beyond the time that passed. */
+int64_t fmfts_leap_us(const fmfts_last *last, int64_t frame_us, int64_t host_ns, int64_t sequence, double period_us);
+
 /* There is at least one sensor. */
 void fmfts_push(const fmfts_periods *periods, fmfts_samples *samples, const fmfts_pushed *frame, fmfts_aligned *aligned);
+
+fmfts_periods fmfts_periods_of(double period_us);
+
+/* The time of the newest of `count` samples. */
+int64_t fmfts_latest(size_t count, const int64_t *time_us);
 
 #endif

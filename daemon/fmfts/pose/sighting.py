@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmfts.common.double_table import DoubleTable
+from fmfts.common.record import Field, Record
 from fmfts.pad import Array, Magnet, Pad
 from fmfts.pose.state import NEIGHBOUR_SIZE, NEIGHBOUR_VALUES, Neighbour, State
 
@@ -25,15 +25,15 @@ class SightingMemory:
     time_ns: int | None
 
 
-def sighting_layout(magnets: int) -> dict[str, int]:
-    """The parts of a Sighting, and how many doubles each has. C knows that of one magnet: FMFTS_SIGHTING in step.h."""
-    return {
-        "last": NEIGHBOUR_VALUES * magnets,
-        "covariance": COLUMNS * magnets * COLUMNS * magnets,
-        "time_ns": 1,
-        "rest": NEIGHBOUR_VALUES * magnets,
-        "rest_error": 2 * magnets,
-    }
+def sighting_fields(magnets: int) -> list[Field]:
+    """The fields of a Sighting; C takes them in this order (fmfts_sighting in step.h)."""
+    return [
+        ("last", "<f8", NEIGHBOUR_VALUES * magnets),
+        ("covariance", "<f8", COLUMNS * magnets * COLUMNS * magnets),
+        ("time_ns", "<f8", 0),
+        ("rest", "<f8", NEIGHBOUR_VALUES * magnets),
+        ("rest_error", "<f8", 2 * magnets),
+    ]
 
 
 class Sighting:
@@ -41,7 +41,7 @@ class Sighting:
 
     time_ns: when, on the host's clock; None if never: the magnets are then assumed at rest. rest_error (M, 2): what the
     baseline left open, which `covariance` does not contain: deviations of each magnet's place in m, and of its field
-    relative to that. table: all of it as doubles, which C reads and writes, too.
+    relative to that. table: all of it, which C reads and writes, too.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Sighting:
         rest_error: Array,
         time_ns: int | None = None,
     ) -> None:
-        self.magnets, self.table = magnets, DoubleTable(sighting_layout(len(magnets)))
+        self.magnets, self.table = magnets, Record(sighting_fields(len(magnets)))
         self.rest, self.last, self.covariance = rest, last, covariance
         self.rest_error, self.time_ns = rest_error, time_ns
 

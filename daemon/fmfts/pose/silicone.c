@@ -1,4 +1,9 @@
-/* What silicone adds to the uncertainty of a change of pose: silicone.py. */
+/* What silicone adds to the uncertainty of a change of pose: it creeps under a load, and recovers slowly afterwards.
+ *
+ * A spring would move the magnet by the same way whenever the same force acts. Silicone moves it further the longer the load
+ * lasts, and lets it back as slowly. How much differs from pad to pad, so nothing is corrected: it is counted. The change of
+ * pose, filtered with a time constant for each decade, tells how much each decade can have crept, and where to.
+ */
 #include <string.h>
 
 #include "step.h"
@@ -12,14 +17,16 @@ static double square_of(const double change[5])
     return sum;
 }
 
+/* After a gap, the load before or after it counts for all of it, whichever is larger. */
 void fmfts_follow_creep(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, double elapsed_s)
 {
-    double change[5];
+    double change[5], unseen_s = memory->unseen_s + elapsed_s;
     fmfts_change(parameters, memory->state, change);
-    bool before = elapsed_s > parameters->unseen_gap_s[0] && square_of(memory->pressed) > square_of(change);
+    bool before = unseen_s > parameters->unseen_gap_s && square_of(memory->pressed) > square_of(change);
     const double *held = before ? memory->pressed : change;
+    memory->unseen_s = 0.0;
     for (int decade = 0; decade < FMFTS_DECADES; decade++) {
-        double gained = elapsed_s / (elapsed_s + parameters->creep_time_s[decade]);
+        double gained = unseen_s / (unseen_s + parameters->creep_time_s[decade]);
         for (int i = 0; i < 5; i++) {
             memory->crept[5 * decade + i] += gained * (held[i] - memory->crept[5 * decade + i]);
         }
@@ -27,11 +34,13 @@ void fmfts_follow_creep(const fmfts_pose_parameters *parameters, fmfts_pose_memo
     memcpy(memory->pressed, change, sizeof memory->pressed);
 }
 
+/* The share of the change itself: hysteresis, and what creeps faster than a calibration measures. The rest: what earlier loads
+ * have left. Decades count as independent, but all creep the same way. */
 void fmfts_creep(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double change[5],
                  double covariance[5][5])
 {
-    double share = parameters->silicone_share[0] * parameters->silicone_share[0];
-    double creep = parameters->creep_share[0] * parameters->creep_share[0];
+    double share = parameters->silicone_share * parameters->silicone_share;
+    double creep = parameters->creep_share * parameters->creep_share;
     for (int i = 0; i < 5; i++) {
         for (int j = 0; j < 5; j++) {
             double sum = 0.0;

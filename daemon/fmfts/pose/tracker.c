@@ -1,147 +1,212 @@
-/* The magnet's state from a field and the state before: Tracker._follow for a frame that fits. */
-#include <math.h>
+/* Follows the magnet from frame to frame: solves each frame from the last good one, and gates it by χ². */
 #include <string.h>
 
 #include "model.h"
-#include "solver.h"
-#include "step.h"
+#include "tracking.h"
 
-/* since_good_s of tracker.py: the frame before was healthy, too. */
-static double elapsed_s(const fmfts_pose_memory *memory, const fmfts_field *field)
+/* Misfit is averaged over so many frames: a fault shows within 40 ms, even before it is found, and the deviations of healthy
+ * frames become half a per cent wider. */
+static const double MISFIT_FRAMES = 8.0;
+
+/* Moves the memory's state by a step [FMFTS_STEP]; the axis stays a unit vector. */
+static void move(fmfts_pose_memory *memory, const double *step)
 {
-    return fmax(field->instant_us - memory->last_us[0], 0.0) * 1e-6;
+    double *state = memory->state, *axis = state + AXIS_VALUE, basis[2][3];
+    tangent_basis(axis, basis);
+    for (int i = 0; i < 3; i++) {
+        state[i] += step[i];
+        axis[i] += basis[0][i] * step[TILT_COLUMN] + basis[1][i] * step[TILT_COLUMN + 1];
+    }
+    double length = sqrt(dot3(axis, axis));
+    for (int i = 0; i < 3; i++) {
+        axis[i] /= length;
+    }
+    for (int c = LOG_COLUMN; c < FMFTS_STEP; c++) {
+        state[LOG_VALUE + c - LOG_COLUMN] += step[c];
+    }
 }
 
-/* Makes the last state the prior of this frame: Tracker._predicted. */
-static void predict(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, double elapsed, double temperature_c)
+/* Removes the unknown warming from the error of the moment, and from all that correlates with it: a Kalman update by a part of
+ * the error that is now exactly known. */
+static void learn_first_temperature(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, double warmer_k)
 {
-    for (int c = 0; c < FMFTS_STEP; c++) {
-        memory->covariance[c * FMFTS_STEP + c] += parameters->walk_per_s[c] * elapsed;
-    }
-    double warmer_k = temperature_c - parameters->rest_temperature_c[0];
-    if (!isfinite(warmer_k)) {
+    double by_moment[FMFTS_STEP], step[FMFTS_STEP], variance = memory->covariance[(FMFTS_STEP + 1) * LOG_COLUMN];
+    if (!(memory->unread_variance > 0.0)) {
         return;
     }
-    double warmth = parameters->moment_per_k_deviation[0] * warmer_k;
-    memory->covariance[LOG_COLUMN * FMFTS_STEP + LOG_COLUMN] += fmax(warmth * warmth - memory->warmth_variance[0], 0.0);
-    memory->warmth_variance[0] = fmax(warmth * warmth, memory->warmth_variance[0]);
-    if (parameters->part[LOG_COLUMN] == FMFTS_CONSIDERED) {
-        memory->state[LOG_VALUE] = parameters->rest[LOG_VALUE] + parameters->moment_per_k[0] * warmer_k;
+    for (int c = 0; c < FMFTS_STEP; c++) {
+        by_moment[c] = memory->covariance[FMFTS_STEP * c + LOG_COLUMN] / variance;
+        step[c] = by_moment[c] * (parameters->moment_per_k * warmer_k);
     }
-}
-
-static void write_measurements(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const fmfts_field *field,
-                               double *rows)
-{
-    for (int axis = 0; axis < 3 * (int)parameters->sensors[0]; axis++) {
-        double *row = rows + FMFTS_MEASUREMENT * axis;
-        memcpy(row, parameters->place_m + axis / 3 * 3, 3 * sizeof(double));
-        memcpy(row + 3, parameters->direction + 3 * axis, 3 * sizeof(double));
-        row[6] = axis / 3 == (int)memory->blamed[0] ? NAN : field->field_t[axis]; /* the solver leaves NaN out */
-        row[7] = sqrt(field->variance_t2[axis]);
-        row[8] = row[9] = 0.0;
-    }
-}
-
-/* Degrees of freedom: the values that were measured, without the unknowns. */
-static int freedom_of(const fmfts_pose_parameters *parameters, const fmfts_summary *found)
-{
-    return (int)found->rows - (int)parameters->unknowns[0];
-}
-
-static bool fits(const fmfts_pose_parameters *parameters, const fmfts_summary *found, const double *state, const double *covariance)
-{
-    int freedom = freedom_of(parameters, found);
-    double square = 0.0, trace = 0.0, stronger = state[LOG_VALUE] - parameters->rest[LOG_VALUE];
-    for (int i = 0; i < 3; i++) {
-        square += (state[i] - parameters->rest[i]) * (state[i] - parameters->rest[i]);
-        trace += covariance[(FMFTS_STEP + 1) * i];
-    }
-    return found->status == FMFTS_CONVERGED && sqrt(square) < parameters->reach_m[0] &&
-           trace < parameters->vague_m[0] * parameters->vague_m[0] &&
-           stronger > -parameters->log_moment_reach[0] && stronger < parameters->strongest[0] &&
-           freedom > 0 && found->chi2 < parameters->gate_chi2[freedom];
-}
-
-enum { MOST_MAGNETS = 1 + FMFTS_NEIGHBOURS };
-
-/* The pad's own magnet and its neighbours as one problem: `joined` of neighbour.py. */
-typedef struct {
-    double magnet[FMFTS_MAGNET * MOST_MAGNETS], state[FMFTS_VALUES(MOST_MAGNETS)];
-    double covariance[FMFTS_COLUMNS(MOST_MAGNETS) * FMFTS_COLUMNS(MOST_MAGNETS)];
-    uint8_t part[FMFTS_COLUMNS(MOST_MAGNETS)];
-} joined_problem;
-
-static void join(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const fmfts_felt *felt,
-                 joined_problem *joined)
-{
-    size_t columns = FMFTS_COLUMNS(1 + felt->count);
-    joined->magnet[0] = parameters->strength_t_m3[0];
-    joined->magnet[1] = parameters->octupole_m2[0];
-    memcpy(joined->magnet + FMFTS_MAGNET, felt->magnet, felt->count * sizeof felt->magnet[0]);
-    memcpy(joined->state, memory->state, sizeof memory->state);
-    memcpy(joined->state + FMFTS_STATE, felt->now, felt->count * sizeof felt->now[0]);
-    memset(joined->covariance, 0, columns * columns * sizeof joined->covariance[0]);
-    for (size_t c = 0; c < FMFTS_STEP; c++) {
-        joined->part[c] = (uint8_t)parameters->part[c];
-        memcpy(joined->covariance + columns * c, memory->covariance + FMFTS_STEP * c, FMFTS_STEP * sizeof(double));
-    }
-    for (size_t n = 0; n < felt->count; n++) {
-        for (size_t c = first_column(1 + n), i = 0; i < FMFTS_MOVES; i++) {
-            joined->part[c + i] = FMFTS_PRIOR;
-            memcpy(joined->covariance + columns * (c + i) + c, felt->covariance[n][i], sizeof felt->covariance[n][i]);
+    move(memory, step);
+    for (int i = 0; i < FMFTS_STEP; i++) {
+        for (int j = 0; j < FMFTS_STEP; j++) {
+            memory->covariance[FMFTS_STEP * i + j] -= memory->unread_variance * (by_moment[i] * by_moment[j]);
         }
     }
+    memory->unread_variance = 0.0;
 }
 
-bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_felt *felt, fmfts_field *field,
-                 double temperature_c, fmfts_pose *pose)
+/* The prior of this frame: the last good state at this temperature, widened by time and warming since then. */
+static void predict(const fmfts_step *step, fmfts_prior *prior)
 {
-    double rows[FMFTS_AXES * FMFTS_MEASUREMENT], work[FMFTS_WORK(FMFTS_AXES)], state[FMFTS_VALUES(MOST_MAGNETS)],
-        covariance[FMFTS_COLUMNS(MOST_MAGNETS) * FMFTS_COLUMNS(MOST_MAGNETS)], direction[FMFTS_COLUMNS(MOST_MAGNETS)],
-        placed[FMFTS_NEIGHBOURS][FMFTS_PLACED];
-    bool has_prior = felt->count > 0;
-    size_t columns = FMFTS_COLUMNS(1 + felt->count);
-    joined_problem joined;
-    double elapsed = elapsed_s(memory, field);
-    predict(parameters, memory, elapsed, temperature_c);
-    write_measurements(parameters, memory, field, rows);
-    join(parameters, memory, felt, &joined);
+    const fmfts_pose_parameters *parameters = step->parameters;
+    fmfts_pose_memory *memory = step->memory;
+    double moment = memory->state[LOG_VALUE], warmer_k = step->temperature_c - parameters->rest_temperature_c;
+    prior->warmth_variance = memory->warmth_variance;
+    if (isfinite(warmer_k)) {
+        double warmth = parameters->moment_per_k_deviation * warmer_k;
+        learn_first_temperature(parameters, memory, warmer_k);
+        prior->warmth_variance = fmax(warmth * warmth, memory->warmth_variance);
+        if (parameters->part[LOG_COLUMN] == FMFTS_CONSIDERED) {
+            moment = parameters->rest[LOG_VALUE] + parameters->moment_per_k * warmer_k;
+        }
+    }
+    memcpy(prior->state, memory->state, sizeof prior->state);
+    memcpy(prior->covariance, memory->covariance, sizeof prior->covariance);
+    prior->state[LOG_VALUE] = moment;
     for (int c = 0; c < FMFTS_STEP; c++) {
-        has_prior |= joined.part[c] == FMFTS_PRIOR || joined.part[c] == FMFTS_CONSIDERED;
+        prior->covariance[(FMFTS_STEP + 1) * c] += parameters->walk_per_s[c] * memory->since_good_s;
     }
-    const fmfts_problem problem = {
-        .measurements = rows,
-        .rows = 3 * (size_t)parameters->sensors[0],
-        .magnets = joined.magnet,
-        .magnet_count = 1 + felt->count,
-        .parts = joined.part,
-        .start = joined.state,
-        .prior_mean = has_prior ? joined.state : NULL,
-        .prior_covariance = has_prior ? joined.covariance : NULL,
-        .stop_chi2 = parameters->stop_chi2[0],
-        .max_iterations = (int)parameters->max_iterations[0],
-    };
-    fmfts_summary found = fmfts_solve(&problem, work, state, covariance, direction);
-    for (size_t c = 0; c < FMFTS_STEP; c++) {
-        memcpy(pose->covariance + FMFTS_STEP * c, covariance + columns * c, FMFTS_STEP * sizeof(double));
+    prior->covariance[(FMFTS_STEP + 1) * LOG_COLUMN] += prior->warmth_variance - memory->warmth_variance;
+}
+
+unsigned fmfts_whole_sensors(const fmfts_pose_parameters *parameters, const double field_t[FMFTS_AXES])
+{
+    unsigned whole = 0;
+    for (int sensor = 0; sensor < (int)parameters->sensors; sensor++) {
+        const double *own = field_t + 3 * sensor;
+        whole |= (unsigned)(isfinite(own[0]) && isfinite(own[1]) && isfinite(own[2])) << sensor;
     }
-    if (!fits(parameters, &found, state, pose->covariance)) {
-        return false;
+    return whole;
+}
+
+int fmfts_count(unsigned mask)
+{
+    int count = 0;
+    for (; mask; mask &= mask - 1) {
+        count++;
     }
-    pose->chi2 = found.chi2;
-    pose->residual_t = found.residual_t;
-    pose->elapsed_s = elapsed;
-    memcpy(memory->state, state, sizeof memory->state);
-    memcpy(memory->covariance, pose->covariance, sizeof memory->covariance);
-    memcpy(placed, state + FMFTS_STATE, felt->count * sizeof placed[0]);
-    fmfts_take_neighbours(parameters, felt, (const double(*)[FMFTS_PLACED])placed, field);
-    memory->misfit[0] += (found.chi2 / freedom_of(parameters, &found) - memory->misfit[0]) / parameters->misfit_frames[0];
-    double misfit = fmax(memory->misfit[0], memory->lasting_misfit[0]);
+    return count;
+}
+
+/* Leaves out the sensor that its mean residual blames, if enough others remain. */
+static void leave_out_blamed(const fmfts_step *step, double field_t[FMFTS_AXES])
+{
+    int blamed = fmfts_blamed(step->memory);
+    unsigned whole = fmfts_whole_sensors(step->parameters, field_t);
+    if (blamed >= 0 && fmfts_count(whole & ~(1u << blamed)) >= FMFTS_FEWEST_SENSORS) {
+        field_t[3 * blamed] = field_t[3 * blamed + 1] = field_t[3 * blamed + 2] = NAN;
+    }
+}
+
+void fmfts_say_why_not(const fmfts_step *step, unsigned whole, fmfts_text *text)
+{
+    int blamed = fmfts_blamed(step->memory);
+    const char *before = "";
+    for (int sensor = 0; sensor < (int)step->parameters->sensors; sensor++) {
+        if (whole >> sensor & 1) {
+            continue;
+        }
+        fmfts_say(text, "%ssensor %d is ", before, sensor + 1);
+        if (!fmfts_say_missing(&step->missing, sensor, text)) {
+            fmfts_say(text, sensor == blamed ? "at odds with the others" : "without a new sample");
+        }
+        before = "; ";
+    }
+}
+
+void fmfts_note_nearest(fmfts_step *step, const fmfts_solved *solved)
+{
+    step->nearest.known = true;
+    memcpy(step->nearest.state, solved->state, sizeof solved->state);
+    memcpy(step->nearest.placed, solved->placed, step->felt.count * sizeof solved->placed[0]);
+}
+
+/* The factor that widens the covariance. Residuals that are larger than their deviations show an error that is not found yet; the
+ * pose's errors are then larger by the same factor. R. T. Birge, "The calculation of errors by the method of least squares",
+ * Phys. Rev. 40 (1932) 207. */
+static double misfit_of(const fmfts_step *step)
+{
+    double lasting = step->parameters->at_rest != 0.0 ? step->memory->lasting_misfit : 1.0;
+    return fmax(step->memory->misfit, lasting);
+}
+
+void fmfts_accept(fmfts_step *step, const fmfts_prior *prior, const fmfts_solved *solved)
+{
+    fmfts_pose_memory *memory = step->memory;
+    memory->misfit += (solved->chi2 / solved->freedom - memory->misfit) / MISFIT_FRAMES;
+    memcpy(memory->state, solved->state, sizeof memory->state);
+    memcpy(memory->covariance, solved->covariance, sizeof memory->covariance);
+    memory->warmth_variance = prior->warmth_variance;
+    memory->since_good_s = 0.0;
+    memory->disturbed_frames = 0;
+    fmfts_note_nearest(step, solved);
+    double misfit = misfit_of(step);
     for (int i = 0; i < FMFTS_STEP * FMFTS_STEP; i++) {
-        pose->covariance[i] *= misfit;
+        step->pose.covariance[i] = misfit * solved->covariance[i];
     }
-    memory->last_us[0] = field->instant_us;
-    memory->passed[0] += 1.0;
-    return true;
+    step->pose.chi2 = solved->chi2;
+    step->pose.residual_t = solved->residual_t;
+    step->verdict.has_estimate = true;
+}
+
+/* Without a pose yet. */
+static void begin(fmfts_step *step, const double field_t[FMFTS_AXES])
+{
+    fmfts_verdict *verdict = &step->verdict;
+    fmfts_clear(&verdict->reason);
+    verdict->has_estimate = verdict->stronger = step->nearest.known = false;
+    for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {
+        verdict->used[axis] = isfinite(field_t[axis]);
+    }
+    step->memory->since_good_s += fmax(step->field.elapsed_s, 0.0);
+}
+
+void fmfts_track(fmfts_step *step)
+{
+    const fmfts_pose_parameters *parameters = step->parameters;
+    fmfts_verdict *verdict = &step->verdict;
+    fmfts_prior prior;
+    fmfts_solved solved;
+    fmfts_attempt attempt = {.step = step, .prior = &prior};
+    memcpy(attempt.field_t, step->field.field_t, sizeof attempt.field_t);
+    leave_out_blamed(step, attempt.field_t);
+    begin(step, attempt.field_t);
+    unsigned whole = fmfts_whole_sensors(parameters, attempt.field_t), all = (1u << (int)parameters->sensors) - 1;
+    if (fmfts_count(whole) < FMFTS_FEWEST_SENSORS) {
+        verdict->health = FMFTS_LOST;
+        fmfts_say_why_not(step, whole, &verdict->reason);
+        fmfts_say(&verdict->reason, ": fewer than three sensors are left");
+        return;
+    }
+    predict(step, &prior);
+    fmfts_solve_frame(&attempt, &solved);
+    if (!fmfts_fits(parameters, &solved, fmfts_strongest(parameters))) {
+        fmfts_explain(&attempt, &solved);
+        return;
+    }
+    fmfts_accept(step, &prior, &solved);
+    verdict->health = whole == all ? FMFTS_OK : FMFTS_DEGRADED;
+    if (whole != all) {
+        fmfts_say_why_not(step, whole, &verdict->reason);
+        fmfts_say(&verdict->reason, ": left out");
+    }
+}
+
+void fmfts_doubt_beside_steel(fmfts_step *step)
+{
+    fmfts_verdict *verdict = &step->verdict;
+    bool is_unused = false;
+    for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {
+        is_unused |= isfinite(step->field.field_t[axis]) && !verdict->used[axis];
+    }
+    if (step->parameters->steel_nearby == 0.0 || verdict->health != FMFTS_DEGRADED || !is_unused) {
+        return;
+    }
+    verdict->health = FMFTS_DISTURBED;
+    verdict->has_estimate = false;
+    fmfts_say(&verdict->reason,
+              "; or steel or a magnet is near, as [pad.scene] says that it may be. If this stays without it, run selftest, and "
+              "look at that sensor's wires");
 }

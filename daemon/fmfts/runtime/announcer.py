@@ -7,14 +7,13 @@ import time
 
 from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health
 from fmfts.bus.publisher import Publisher, contact_topic
-from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.fast import Kind
+from fmfts.pipeline.encoded import Answer, EncodedMessage, message_of
 from fmfts.runtime.sparing_log import SparingLog
 from fmfts.sensor import Source
 
 
 class Announcer:
-    """kind: of the last message, if the fast path made it. health_since_ns: when the health became what it is."""
+    """health_since_ns: when the health became what it is."""
 
     def __init__(
         self, name: str, source: Source, publisher: Publisher, boot: str, started_ns: int, log: SparingLog
@@ -25,47 +24,43 @@ class Announcer:
         self._publisher = publisher
         self._boot = boot
         self._topic = contact_topic(name)
-        self._last: ContactMessage | PackedMessage | None = None
+        self._last: Answer | None = None
         self.is_touched = False
         self._touched_since_ns = started_ns
         self.health_since_ns = started_ns
-        self.kind: Kind | None = None
         self._told_opening = False  # the reason that was told last is that the source is being opened
 
     @property
     def last(self) -> ContactMessage | None:
-        return self._last.message if isinstance(self._last, PackedMessage) else self._last
+        return None if self._last is None else message_of(self._last)
 
     @property
     def health(self) -> Health:
-        last = self.last
-        return "disconnected" if last is None else last.health
+        return "disconnected" if self._last is None else self._last.health
 
-    def send(self, answer: ContactMessage | PackedMessage) -> None:
-        """Send the message of a frame, and the events of its changes."""
-        if isinstance(answer, PackedMessage) and answer.kind is self.kind:
-            # Health and touch are the same as in the message before, so there is no event.
-            self._publisher.send_packed(self._topic, answer.payload)
-            self._last = answer
-            return
-        # The publisher may remove an estimate.
-        message = answer.message if isinstance(answer, PackedMessage) else answer
-        self._tell(self._publisher.send_contact(self._name, message))
-        self.kind = answer.kind if isinstance(answer, PackedMessage) else None
+    def send(self, answer: Answer) -> None:
+        """Send a message, and the events of what it changes."""
+        self._follow(self._send(answer))
 
-    def send_early(self, answer: ContactMessage | PackedMessage) -> None:
-        """Send the message of a sample: it says what the last frame said, so there is no event."""
-        if isinstance(answer, PackedMessage):
-            self._publisher.send_packed(self._topic, answer.payload)
-            self._last = answer
-        else:
-            self._last = self._publisher.send_contact(self._name, answer)
-
-    def sent_in_c(self, changes: list[ContactMessage], last: PackedMessage) -> None:
+    def sent_in_c(self, changes: list[ContactMessage], last: EncodedMessage) -> None:
         """Tell of the messages that C has sent since `begin`: those that changed something, and the last one."""
         for message in changes:
-            self._tell(message)
-        self._last, self.kind = last, last.kind
+            self._follow(message)
+        self._follow(last)
+
+    def _send(self, answer: Answer) -> Answer:
+        """Returns it as it was sent: the publisher may remove an estimate."""
+        if not isinstance(answer, EncodedMessage):
+            return self._publisher.send_contact(self._name, answer)
+        self._publisher.send_encoded(self._topic, answer.payload)
+        return answer
+
+    def _follow(self, answer: Answer) -> None:
+        """Tell what a message that was sent has changed, if it has: mostly nothing, and then it is not decoded."""
+        before = self._last
+        if before is None or self._told_opening or _gist(answer) != _gist(before):
+            self._tell(message_of(answer))
+        self._last = answer
 
     def event(self, kind: EventKind, detail: str) -> None:
         now = EventMessage(
@@ -75,7 +70,7 @@ class Announcer:
 
     def _tell(self, message: ContactMessage) -> None:
         """Publish an event for each thing that changed with a message that was sent."""
-        before, self._last, self.kind = self.last, message, None
+        before = self._last
         is_change = before is None or before.health != message.health
         # A source that is being opened for the first time is nothing to warn of; why it cannot be opened, is.
         is_opening = not self._source.state.since_ns
@@ -101,6 +96,10 @@ class Announcer:
             self.event("release", f"after {(message.t_sample_ns - self._touched_since_ns) * 1e-9:.2f} s")
         if message.contact != self.is_touched:
             self.is_touched, self._touched_since_ns = bool(message.contact), message.t_sample_ns
+
+
+def _gist(answer: Answer) -> tuple[Health, bool | None, bool]:
+    return answer.health, answer.contact, answer.over_range
 
 
 def _place(message: ContactMessage) -> str:

@@ -11,8 +11,8 @@ from fmfts.baseline.origin import Origin, foreign
 from fmfts.bus.encoding import decode_contact
 from fmfts.bus.messages import ContactMessage, Health, StatusMessage, Vector
 from fmfts.bus.publisher import Publisher, contact_topic
+from fmfts.pipeline._pad import Pad
 from fmfts.pipeline.configured import Pipeline
-from fmfts.pipeline.fast import Lane
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.runtime.announcer import Announcer
@@ -70,7 +70,7 @@ class Channel:
         self.recorders = Recorders(pipeline, publisher, boot)
         self._log = SparingLog(self.name, self._lateness)
         self.announcer = Announcer(self.name, source, publisher, boot, self._started_ns, self._log)
-        self._lane: Lane | None = None  # set while C handles the frames
+        self._lent: Pad | None = None  # set while C handles the frames
 
     @property
     def wants_all(self) -> bool:
@@ -182,18 +182,19 @@ class Channel:
             return
         answer = self.pipeline.early(early)
         if answer is not None:
-            self.announcer.send_early(answer)
+            self.announcer.send(answer)
 
-    def begin(self, now_ns: int) -> Lane | None:
-        """Let C handle healthy frames from now on; None if Python must see the frames."""
+    def begin(self, now_ns: int) -> Pad | None:
+        """Let C handle the frames from now on; None if Python must see them."""
         self.is_recorded = self.recorders.are_there(now_ns)
-        in_python = self.is_recorded or self.job is not None or self._rebaselining is not None
         clock = None if self._lines is None else self._lines.clock_line
-        if not in_python and self.announcer.kind is not None and clock is not None:
-            overdue_ns = self._lateness.overdue_ns
-            with self._contained:
-                self._lane = self.pipeline.begin(clock, contact_topic(self.name), self.pad_index, overdue_ns)
-                return self._lane
+        if self.wants_all or clock is None:
+            return None
+        with self._contained:
+            if self._board_is_known():
+                topic, overdue_ns = contact_topic(self.name), self._lateness.overdue_ns
+                self._lent = self.pipeline.begin(clock, topic, self.pad_index, overdue_ns)
+                return self._lent
         return None
 
     def end(self) -> int | None:
@@ -201,15 +202,15 @@ class Channel:
 
         Returns the number of the last frame that C handled; None if there is none.
         """
-        lane, self._lane = self._lane, None
+        lent, self._lent = self._lent, None
         number = None
-        if lane is not None:
+        if lent is not None:
             with self._contained:
-                number = self._take_back(lane)
+                number = self._take_back(lent)
         return number
 
-    def _take_back(self, lane: Lane) -> int | None:
-        ended = self.pipeline.end(lane) if isinstance(self.pipeline, PadPipeline) else None
+    def _take_back(self, lent: Pad) -> int | None:
+        ended = self.pipeline.end(lent) if isinstance(self.pipeline, PadPipeline) else None
         if self._lateness.count_left_out():
             self._last_frame_ns = time.monotonic_ns()
         if ended is not None:
@@ -264,8 +265,8 @@ class Channel:
 
     def is_silent(self, now_ns: int) -> bool:
         last_ns = self._last_used_ns
-        if last_ns is not None and self._lane is not None:
-            last_ns = max(last_ns, self._lane.last_ns())
+        if last_ns is not None and self._lent is not None:
+            last_ns = max(last_ns, self._lent.last_ns())
         return last_ns is None or now_ns - last_ns >= self._silent_ns
 
     def tick(self, now_ns: int) -> None:

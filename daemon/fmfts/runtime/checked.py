@@ -37,9 +37,9 @@ def early(samples: Sequence[tuple[int, EarlySample]]) -> Sequence[tuple[int, Ear
     return samples
 
 
-def clock_line(line: bytearray) -> bytearray:
-    if not isinstance(line, bytearray) or len(line) != LINE_BYTES:
-        raise TypeError(f"a {type(line).__name__} came instead of a bytearray of {LINE_BYTES} bytes")
+def clock_line(line: memoryview) -> memoryview:
+    if not isinstance(line, memoryview) or line.readonly or line.nbytes != LINE_BYTES:
+        raise TypeError(f"a {type(line).__name__} came instead of a memoryview of {LINE_BYTES} bytes to write to")
     return line
 
 

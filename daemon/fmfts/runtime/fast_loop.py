@@ -1,7 +1,7 @@
-"""Waits for bytes. Meanwhile C reads healthy frames from a board's line and publishes their contacts, without Python.
+"""Waits for bytes. Meanwhile C reads frames from a board's line, judges them and publishes their contacts.
 
-C takes over after a healthy frame. Anything else on the line (a fault, a status) or a request ends that: then `poll` of
-the source reads the bytes, and the stages in Python process them.
+C takes over after a frame. Anything else on the line (a status, a board that was reset), a request, a recorder or a
+baseline that is being made ends that: then `poll` of the source reads the bytes, and Python has each frame judged.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from functools import partial
 import zmq
 
 from fmfts.bus.publisher import Publisher
-from fmfts.pipeline.fast import _fast
+from fmfts.pipeline import _pad
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.failure import Contained
 from fmfts.runtime.guarded import GuardedSource
@@ -49,7 +49,7 @@ class FastLoop:
         self._loop = None
         send = send_function()
         if send is not None:
-            self._loop = _fast.Loop(self._epoll.fileno(), send, publisher.address, IN_TIME, BEHIND)
+            self._loop = _pad.Loop(self._epoll.fileno(), send, publisher.address, IN_TIME, BEHIND)
 
     def add(self, source: Source, channels: Sequence[Channel]) -> None:
         """Allow C to handle this source's frames, if it is a ByteSource."""
@@ -78,14 +78,14 @@ class FastLoop:
     def begin(self, source: Source, now_ns: int) -> None:
         """Let C handle the source's frames from now on, if that is possible."""
         line = self._boards.get(id(source))
-        if line is None or self._loop is None or not (pads := line.source.lendable()):
+        if line is None or self._loop is None or not (lendable := line.source.lendable()):
             return
-        channels = [channel for channel in line.channels if channel.pad_index in pads]
-        lanes = tuple(lane.compiled for channel in channels if (lane := channel.begin(now_ns)) is not None)
-        if lanes:
+        channels = [channel for channel in line.channels if channel.pad_index in lendable]
+        pads = tuple(pad for channel in channels if (pad := channel.begin(now_ns)) is not None)
+        if pads:
             with Contained(partial(self._not_begun, line)):
                 descriptor, unread = line.source.lend()
-                self._loop.begin(descriptor, unread, lanes)
+                self._loop.begin(descriptor, unread, pads)
                 line.descriptor = descriptor
                 self._unserved.discard(descriptor)
 

@@ -144,7 +144,7 @@ class GuardedSource:
                 self._bytes.patience = patience
 
     @property
-    def clock_line(self) -> bytearray | None:
+    def clock_line(self) -> memoryview | None:
         if self._bytes is not None and not self._failure:
             with self.contained("clock_line"):
                 return checked.clock_line(self._bytes.clock_line)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import logging
+from math import sqrt
 
 import numpy as np
 
+from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import product
 from fmfts.baseline import Baseline, DriftFollower, Mounting, Quiet
 from fmfts.baseline.drift import size_of
 from fmfts.bus.messages import ContactMessage
 from fmfts.pad import DriftLimits
-from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.deviations import felt_force_sd_n
-from fmfts.pipeline.fast import Kind
+from fmfts.pipeline.encoded import Answer, message_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import follow
 from fmfts.pose.silicone import SiliconeFollower
@@ -21,9 +21,9 @@ from fmfts.pose.state import tangent_basis
 
 log = logging.getLogger(__name__)
 
-# Between the frames that are unpacked, and many more.
+# Between the frames that are decoded, and many more.
 LONGEST_GAP_S = 1.0
-# Every frame must be quiet, but only one in so many is unpacked for the mean; that is more than enough.
+# Every frame must be quiet, but only one in so many is decoded for the mean; that is more than enough.
 LOOKED_AT = 11
 
 
@@ -46,12 +46,12 @@ class Rebaselining:
     def size_m(self) -> float:
         return self._follower.size_m
 
-    def saw(self, answer: ContactMessage | PackedMessage) -> bool:
+    def saw(self, answer: Answer) -> bool:
         """Take the pipeline's answer to a frame. True if the pipeline now uses another rest pose."""
         self._frames += 1
-        if isinstance(answer, PackedMessage) and answer.kind is Kind.QUIET and self._frames % LOOKED_AT:
+        if _is_untouched(answer) and self._frames % LOOKED_AT:
             return False
-        message = answer.message if isinstance(answer, PackedMessage) else answer
+        message = message_of(answer)
         reading = _quiet(message, self._pipeline.detection_limit_n)
         if self._is_recovering(message) or reading is None:
             self._follower.disturbed()
@@ -77,12 +77,21 @@ class Rebaselining:
         return size_of(np.sqrt(np.diagonal(self._silicone.left_behind()))) > self._largest_recovery_m
 
 
+def _is_untouched(answer: Answer) -> bool:
+    """Whether it says for certain that nothing touches the pad."""
+    return answer.health == "ok" and answer.contact is False and not answer.over_range
+
+
 def _quiet(message: ContactMessage, detection_limit_n: float) -> Quiet | None:
     """The reading of an untouched pad; None if the message leaves it open whether something touches the pad."""
     pose, force_n, force_sd_n = message.pose, message.force_n, message.force_sd_n
-    if message.health != "ok" or message.contact is not False or message.over_range:
-        return None
-    if pose is None or force_n is None or force_sd_n is None:
+    if not _is_untouched(message) or pose is None or force_n is None or force_sd_n is None:
         return None
     place, axis = np.array(pose.position_m), np.array(pose.axis)
-    return Quiet(message.t_sample_ns * 1e-9, place, axis, force_n, felt_force_sd_n(force_sd_n, detection_limit_n))
+    return Quiet(message.t_sample_ns * 1e-9, place, axis, force_n, _felt_force_sd_n(force_sd_n, detection_limit_n))
+
+
+def _felt_force_sd_n(quiet_sd_n: float, detection_limit_n: float) -> float:
+    """Deviation (N) of the force of an untouched pad, without the detection limit that its message counts: the inverse
+    of `quiet_force_sd_n` of pipeline/contact_of_pose.c."""
+    return sqrt(max(square(quiet_sd_n) - square(detection_limit_n) / 3.0, 0.0))

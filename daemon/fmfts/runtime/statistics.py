@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from fmfts.pipeline.fast import Passed
+from fmfts.pipeline.encoded import Passed
 from fmfts.sensor import Frame
 from fmfts.sensor.numbering import MOST_MISSING, NUMBERS, missing
 
@@ -104,6 +104,8 @@ class PadStatistics:
 
     def passed(self, passed: Passed) -> None:
         """Count the frames that C handled; they are of the same run as the last one."""
+        if not passed.frames:
+            return
         self._arrive(passed.frames)
         before = passed.first_sequence - 1
         if self._last is not None:
@@ -111,7 +113,7 @@ class PadStatistics:
             self._last = run, passed.sequence
             self._last_times = passed.frame_us, passed.frame_ns
         self._miss(passed.sequence - before - passed.frames)
-        self._published += len(passed.latencies_s)
+        self._published += passed.frames
         self._latencies_s += passed.latencies_s
         self._sampled_ns = passed.t_sample_ns
 

@@ -32,17 +32,27 @@ def missing_sensors(frame: Frame, stuck: NDArray[np.bool_] | None = None) -> dic
 
 def saturated(chip: Chip, gain_code: int, axes: NDArray[np.bool_]) -> str:
     """What is wrong with a sensor whose `axes` (3,) are saturated, and the range to set."""
+    return f"saturated on {_named(axes)}{saturated_at(chip, gain_code)}"
+
+
+def saturated_at(chip: Chip, gain_code: int) -> str:
+    """The range that a sensor is saturated at, and what to do: to follow the axes."""
     now = chip.ranges_gauss[gain_code] if gain_code < len(chip.ranges_gauss) else 0.0
     larger = [each for each in chip.ranges_gauss if each > now]
     do = f"set range_gauss = {larger[0]:g}" if larger else "no range is larger: is another magnet near?"
     if chip.streamed:
         do = "the board's firmware sets this range: take a weaker magnet, or set a lower gain there"
-    return f"saturated on {_named(axes)} at ±{now:g} G ({do})"
+    return f" at ±{now:g} G ({do})"
 
 
 def untellable(chip: Chip, axes: NDArray[np.bool_]) -> str:
     """What is wrong with a sensor whose `axes` (3,) tell a count that `chip` has not."""
-    return f"telling on {_named(axes)} what its converter cannot (is it {chip.named}?)"
+    return f"telling on {_named(axes)}{untellable_by(chip)}"
+
+
+def untellable_by(chip: Chip) -> str:
+    """That a count is none of the chip's: to follow the axes."""
+    return f" what its converter cannot (is it {chip.named}?)"
 
 
 def _named(axes: NDArray[np.bool_]) -> str:

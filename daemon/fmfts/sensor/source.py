@@ -102,7 +102,7 @@ class ByteSource(Source, Protocol):
     patience: Patience | None  # set by the daemon: which frames `poll` leaves out as superseded; None: none
 
     @property
-    def clock_line(self) -> bytearray:
+    def clock_line(self) -> memoryview:
         """`DeviceClock.line` of the board's clock."""
 
     def take_early(self) -> Sequence[tuple[int, EarlySample]]:

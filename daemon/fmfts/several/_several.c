@@ -1,5 +1,7 @@
 /* fmfts.several._several: the C of this room for Python, through the stable ABI. */
 #include "_arrays.h"
+
+#include "../common/_named.h"
 #include "fit.h"
 
 static PyMethodDef methods[] = {
@@ -17,15 +19,13 @@ static PyMethodDef methods[] = {
     {NULL, NULL, 0, NULL},
 };
 
-#define FMFTS_NAMED(name, count) {#name, count},
-
 typedef struct {
     const char *name;
     long count;
 } part;
 
-/* A dictionary from the names of a table to their counts, in order. */
-static int add_layout(PyObject *module, const char *name, const part *parts, size_t count)
+/* A dictionary of numbers by their names. */
+static int add_numbers(PyObject *module, const char *name, const part *parts, size_t count)
 {
     PyObject *layout = PyDict_New();
     for (size_t i = 0; layout && i < count; i++) {
@@ -40,18 +40,25 @@ static int add_layout(PyObject *module, const char *name, const part *parts, siz
     return done;
 }
 
+static int add_fields(PyObject *module, const char *name, const fmfts_field_name *field, size_t count)
+{
+    PyObject *fields = fmfts_list_of(field, count);
+    int done = fields ? PyModule_AddObjectRef(module, name, fields) : -1;
+    Py_XDECREF(fields);
+    return done;
+}
+
 static int set_constants(PyObject *module)
 {
-    static const part head[] = {FMFTS_SEVERAL_HEAD(FMFTS_NAMED)};
-    static const part search[] = {FMFTS_SEARCH_HEAD(FMFTS_NAMED)};
+    static const fmfts_field_name head[] = FMFTS_NAMES(FMFTS_SEVERAL_HEAD), search[] = FMFTS_NAMES(FMFTS_SEARCH_HEAD);
     static const part most[] = {
         {"magnets", FMFTS_SEVERAL_MAGNETS}, {"sensors", FMFTS_SEVERAL_SENSORS}, {"fingers", FMFTS_SEVERAL_FINGERS},
         {"causes", FMFTS_SEVERAL_CAUSES},   {"terms", FMFTS_SEVERAL_TERMS},     {"places", FMFTS_SEVERAL_PLACES},
         {"starts", FMFTS_SEVERAL_STARTS},
     };
-    return add_layout(module, "HEAD", head, sizeof head / sizeof *head) ||
-                   add_layout(module, "SEARCH_HEAD", search, sizeof search / sizeof *search) ||
-                   add_layout(module, "MOST", most, sizeof most / sizeof *most) ||
+    return add_fields(module, "HEAD", head, sizeof head / sizeof *head) ||
+                   add_fields(module, "SEARCH_HEAD", search, sizeof search / sizeof *search) ||
+                   add_numbers(module, "MOST", most, sizeof most / sizeof *most) ||
                    PyModule_AddIntConstant(module, "WORK_BYTES", (long)sizeof(fmfts_several_work)) ||
                    PyModule_AddIntConstant(module, "LANES", FMFTS_LANES) ||
                    PyModule_AddIntConstant(module, "PANEL", FMFTS_PANEL)

@@ -2,12 +2,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-HEAD: dict[str, int]
+HEAD: list[tuple[str, str, int]]
 MOST: dict[str, int]
 WORK_BYTES: int
 LANES: int
 PANEL: int
-SEARCH_HEAD: dict[str, int]
+SEARCH_HEAD: list[tuple[str, str, int]]
 
 def predict(
     model: NDArray[Any],

@@ -81,7 +81,7 @@ fmfts_refusal fmfts_another(const fmfts_search *search, const double *root, cons
     if (!fmfts_white_templates(search, root, measured, work, room)) {
         return (fmfts_refusal){FMFTS_NOT_FINITE, 0};
     }
-    if (!begin(root, measured, unknowns, predicted_t, slope, search->head->least[0], work, across, normal, &refusal)) {
+    if (!begin(root, measured, unknowns, predicted_t, slope, search->head->least, work, across, normal, &refusal)) {
         return refusal;
     }
     const others o = {work->used, unknowns, work->slope, across, normal};

@@ -57,7 +57,7 @@ size_t fmfts_considered_moves(const fmfts_several *model, size_t fingers, const 
     size_t poses = model->poses, count = 0, places = 2 * model->magnets;
     for (size_t f = 0; f < fingers; f++, count += 3) {
         const double *by_shear = predicted->pressed[f] + 4 * poses, *laplacian = by_shear + 2 * poses;
-        double shear_n = model->head->friction[0] * finger[FMFTS_FINGER * f + 2], wider = 0.5 * model->head->patch_mm2[0];
+        double shear_n = model->head->friction * finger[FMFTS_FINGER * f + 2], wider = 0.5 * model->head->patch_mm2;
         for (size_t p = 0; p < poses; p++) {
             move[count * poses + p] = shear_n * by_shear[2 * p];
             move[(count + 1) * poses + p] = shear_n * by_shear[2 * p + 1];
@@ -83,7 +83,7 @@ size_t fmfts_considered_moves(const fmfts_several *model, size_t fingers, const 
 void fmfts_response_error(const fmfts_several *model, size_t fingers, const double *finger,
                           const fmfts_predicted *predicted, double *deviation)
 {
-    double of_table = model->head->response_error[0], of_sum = 0.5 * model->head->sum_error_per_n[0];
+    double of_table = model->head->response_error, of_sum = 0.5 * model->head->sum_error_per_n;
     for (size_t p = 0; p < model->poses; p++) {
         double variance = 0.0;
         for (size_t f = 0; f < fingers; f++) {
@@ -136,10 +136,10 @@ void fmfts_several_covariance(const fmfts_several *model, size_t fingers, const 
     size_t values = model->values, stride = model->stride, columns = 3 + 1 + model->causes;
     double *moment = work->factor + 3 * stride;
     for (size_t i = 0; i < 3 * stride; i++) {
-        work->factor[i] = model->head->ambient_t[0] * model->by_ambient[i];
+        work->factor[i] = model->head->ambient_t * model->by_ambient[i];
     }
     for (size_t v = 0; v < stride; v++) {
-        moment[v] = v < values ? model->head->moment[0] * (predicted->field[v] + model->at_rest[v]) : 0.0;
+        moment[v] = v < values ? model->head->moment * (predicted->field[v] + model->at_rest[v]) : 0.0;
     }
     lasting(model, predicted->change, ambient_t, moment + stride);
     if (fingers) {

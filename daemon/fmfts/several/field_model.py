@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import cholesky
 from fmfts.baseline.array_mounting import ArrayMounting
-from fmfts.common.double_table import DoubleTable
+from fmfts.common.record import Record
 from fmfts.contact.array_response import ArrayResponse, Pressed
 from fmfts.pad import Pad
 from fmfts.pose.magnets import field_and_slope, field_of
@@ -131,26 +131,27 @@ class FieldModel:
         """All of this as several.h has it."""
         mounting, response, scene = self.mounting, self.response, self.scene
         magnets, sensors, errors = mounting.magnets, mounting.sensors, mounting.errors
-        head = DoubleTable(_several.HEAD)
-        for name, number in {
-            "magnets": len(magnets),
-            "sensors": len(sensors),
-            "causes": errors.by_pose.shape[2],
-            "width": len(response.coefficient),
-            "terms": response.coefficient.shape[2],
-            "first_mm": response.first_mm,
-            "spacing_mm": response.spacing_mm,
-            "scale_n": response.scale_n,
-            "ambient_t": scene.ambient_t,
-            "moment": scene.moment,
-            "friction": scene.friction,
-            "patch_mm2": PATCH_MM2,
-            "response_error": response.error,
-            "sum_error_per_n": SUM_ERROR_PER_N,
-        }.items():
-            head.put(name, number)
-        head.put("unit", MM)
-        parts = [head.values, magnets.position_m, magnets.strength_t_m3, magnets.octupole_m2, mounting.frames]
+        head = Record(_several.HEAD)
+        head.fill(
+            {
+                "magnets": len(magnets),
+                "sensors": len(sensors),
+                "causes": errors.by_pose.shape[2],
+                "width": len(response.coefficient),
+                "terms": response.coefficient.shape[2],
+                "first_mm": response.first_mm,
+                "spacing_mm": response.spacing_mm,
+                "scale_n": response.scale_n,
+                "ambient_t": scene.ambient_t,
+                "moment": scene.moment,
+                "friction": scene.friction,
+                "patch_mm2": PATCH_MM2,
+                "response_error": response.error,
+                "sum_error_per_n": SUM_ERROR_PER_N,
+                "unit": MM,
+            }
+        )
+        parts = [head.flat, magnets.position_m, magnets.strength_t_m3, magnets.octupole_m2, mounting.frames]
         parts += [sensors.position_m, sensors.axes, self.at_rest, self._rest_slope, padded(self.by_ambient.T)]
         parts += [self._off_mm, self._off_root_mm, padded(errors.by_pose.swapaxes(1, 2))]
         parts += [padded(errors.by_field.transpose(1, 2, 0))]

@@ -73,8 +73,8 @@ static bool step_from(const fmfts_search *search, size_t unknowns, const double 
             longest = fabs(step[i]);
         }
     }
-    double least = search->head->least_step_mm[0];
-    double share = search->head->longest_step_mm[0] / (least > longest ? least : longest);
+    double least = search->head->least_step_mm;
+    double share = search->head->longest_step_mm / (least > longest ? least : longest);
     for (size_t i = 0; i < unknowns; i++) {
         trial[i] = within(search, i, finger[i] + step[i] * (share < 1.0 ? share : 1.0));
     }
@@ -91,21 +91,21 @@ static const fmfts_predicted *descend(const fmfts_several *model, const fmfts_se
     size_t unknowns = FMFTS_FINGER * fingers;
     fmfts_predicted *here = &work->predicted[0], *there = &work->predicted[1];
     double diagonal[FMFTS_SEVERAL_UNKNOWNS], trial[FMFTS_SEVERAL_UNKNOWNS], after[FMFTS_SEVERAL_VALUES];
-    double damping = head->damping[0];
+    double damping = head->damping;
     fmfts_predict(model, fingers, finger, here);
     if (!fmfts_root_of(model, fingers, finger, here, measured, ambient_t, work, refusal)) {
         return NULL;
     }
     *chi2 = fmfts_whiten(work, work->root, measured, here->field, work->white);
     fmfts_whiten_slope(here, unknowns, work);
-    for (size_t i = 0; unknowns && i < (size_t)head->iterations[0]; i++) {
+    for (size_t i = 0; unknowns && i < (size_t)head->iterations; i++) {
         if (!step_from(search, unknowns, finger, damping, work, diagonal, trial, refusal)) {
             return NULL;
         }
         fmfts_predict(model, fingers, trial, there);
-        if (fmfts_whiten(work, work->root, measured, there->field, after) > *chi2 * (1.0 + head->rounding[0])) {
-            damping *= head->damping_factor[0];
-            if (damping > head->most_damping[0]) {
+        if (fmfts_whiten(work, work->root, measured, there->field, after) > *chi2 * (1.0 + head->rounding)) {
+            damping *= head->damping_factor;
+            if (damping > head->most_damping) {
                 break;
             }
             continue;
@@ -119,13 +119,13 @@ static const fmfts_predicted *descend(const fmfts_several *model, const fmfts_se
         fmfts_predicted *before = here;
         here = there;
         there = before;
-        damping /= head->damping_factor[0];
+        damping /= head->damping_factor;
         if (!fmfts_root_of(model, fingers, finger, here, measured, ambient_t, work, refusal)) {
             return NULL;
         }
         *chi2 = fmfts_whiten(work, work->root, measured, here->field, work->white);
         fmfts_whiten_slope(here, unknowns, work);
-        if (longest < head->settled[0]) {
+        if (longest < head->settled) {
             break;
         }
     }
@@ -164,7 +164,7 @@ bool fmfts_spread(const fmfts_search *search, size_t n, const fmfts_several_work
 
 void fmfts_ambient_of(const fmfts_several *model, const fmfts_several_work *work, double *ambient)
 {
-    double toward[FMFTS_SEVERAL_VALUES * 3], sigma = model->head->ambient_t[0];
+    double toward[FMFTS_SEVERAL_VALUES * 3], sigma = model->head->ambient_t;
     for (size_t i = 0; i < 3 * work->used; i++) {
         toward[i] = model->by_ambient[i % 3 * model->stride + work->index[i / 3]];
     }

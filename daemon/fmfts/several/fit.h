@@ -7,23 +7,23 @@
 enum { FMFTS_PANEL = 16 }; /* so many places of the grid stand beside each other: with all values, they fit into L1 */
 
 /* The numbers at the head of a packed search: fit.py, scan.py. */
-#define FMFTS_SEARCH_HEAD(X)                                                                                           \
-    X(iterations, 1)                                                                                                   \
-    X(settled, 1)                                                                                                      \
-    X(rounding, 1)                                                                                                     \
-    X(damping, 1)                                                                                                      \
-    X(damping_factor, 1)                                                                                               \
-    X(most_damping, 1)                                                                                                 \
-    X(longest_step_mm, 1)                                                                                              \
-    X(least_step_mm, 1)                                                                                                \
-    X(lowest, FMFTS_FINGER)                                                                                            \
-    X(highest, FMFTS_FINGER)                                                                                           \
-    X(floor, FMFTS_FINGER)                                                                                             \
-    X(places, 1)                                                                                                       \
-    X(force_n, 1)                                                                                                      \
-    X(apart_mm, 1)                                                                                                     \
-    X(near_mm, 1)                                                                                                      \
-    X(least, 1)
+#define FMFTS_SEARCH_HEAD(ONE, MANY)                                                                                   \
+    ONE(double, iterations)                                                                                            \
+    ONE(double, settled)                                                                                               \
+    ONE(double, rounding)                                                                                              \
+    ONE(double, damping)                                                                                               \
+    ONE(double, damping_factor)                                                                                        \
+    ONE(double, most_damping)                                                                                          \
+    ONE(double, longest_step_mm)                                                                                       \
+    ONE(double, least_step_mm)                                                                                         \
+    MANY(double, lowest, FMFTS_FINGER)                                                                                 \
+    MANY(double, highest, FMFTS_FINGER)                                                                                \
+    MANY(double, floor, FMFTS_FINGER)                                                                                  \
+    ONE(double, places)                                                                                                \
+    ONE(double, force_n)                                                                                               \
+    ONE(double, apart_mm)                                                                                              \
+    ONE(double, near_mm)                                                                                               \
+    ONE(double, least)
 
 FMFTS_STRUCT(fmfts_search_head, FMFTS_SEARCH_HEAD)
 

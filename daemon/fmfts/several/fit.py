@@ -12,7 +12,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.common.double_table import DoubleTable, Numbers
+from fmfts.common.record import Record
 from fmfts.several import _several
 from fmfts.several.arrays import doubles, require_room
 from fmfts.several.field_model import FINGER, FieldModel
@@ -80,7 +80,7 @@ class Fitter:
         self.places = self.grid.places
         packed, scan_room = self.grid.packed()
         self.search, self._short_search = (
-            np.concatenate([self._head(iterations).values, packed]) for iterations in (ITERATIONS, FEW_ITERATIONS)
+            np.concatenate([self._head(iterations).flat, packed]) for iterations in (ITERATIONS, FEW_ITERATIONS)
         )
         self._scan = Scan(self.grid, self.search, model.work, scan_room)
 
@@ -169,27 +169,27 @@ class Fitter:
         size: Array = (templates * templates).sum(axis=1)
         return size
 
-    def _head(self, iterations: int) -> DoubleTable:
+    def _head(self, iterations: int) -> Record:
         """The constants of the search, as fit.h has them."""
-        head = DoubleTable(_several.SEARCH_HEAD)
-        numbers: dict[str, Numbers] = {
-            "iterations": iterations,
-            "settled": SETTLED,
-            "rounding": ROUNDING,
-            "damping": DAMPING,
-            "damping_factor": DAMPING_FACTOR,
-            "most_damping": MOST_DAMPING,
-            "longest_step_mm": LONGEST_STEP_MM,
-            "least_step_mm": LEAST_STEP_MM,
-            "lowest": self._lowest,
-            "highest": self._highest,
-            "floor": FLOOR,
-            "places": len(self.places),
-            "force_n": GRID_FORCE_N,
-            "apart_mm": APART_MM,
-            "near_mm": NEAR_MM,
-            "least": LEAST,
-        }
-        for name, number in numbers.items():
-            head.put(name, number)
+        head = Record(_several.SEARCH_HEAD)
+        head.fill(
+            {
+                "iterations": iterations,
+                "settled": SETTLED,
+                "rounding": ROUNDING,
+                "damping": DAMPING,
+                "damping_factor": DAMPING_FACTOR,
+                "most_damping": MOST_DAMPING,
+                "longest_step_mm": LONGEST_STEP_MM,
+                "least_step_mm": LEAST_STEP_MM,
+                "lowest": self._lowest,
+                "highest": self._highest,
+                "floor": FLOOR,
+                "places": len(self.places),
+                "force_n": GRID_FORCE_N,
+                "apart_mm": APART_MM,
+                "near_mm": NEAR_MM,
+                "least": LEAST,
+            }
+        )
         return head

@@ -13,11 +13,11 @@ static const double *next(const double **at, size_t count)
 
 static bool sizes_fit(const fmfts_several_head *head)
 {
-    return head->magnets[0] >= 1.0 && head->magnets[0] <= FMFTS_SEVERAL_MAGNETS && head->sensors[0] >= 1.0 &&
-           head->sensors[0] <= FMFTS_SEVERAL_SENSORS && head->causes[0] >= 0.0 &&
-           head->causes[0] <= FMFTS_SEVERAL_CAUSES && head->width[0] >= 4.0 && head->width[0] <= 10000.0 &&
-           head->terms[0] >= 1.0 && head->terms[0] <= FMFTS_SEVERAL_TERMS && isfinite(head->first_mm[0]) &&
-           head->spacing_mm[0] > 0.0 && isfinite(head->spacing_mm[0]);
+    return head->magnets >= 1.0 && head->magnets <= FMFTS_SEVERAL_MAGNETS && head->sensors >= 1.0 &&
+           head->sensors <= FMFTS_SEVERAL_SENSORS && head->causes >= 0.0 &&
+           head->causes <= FMFTS_SEVERAL_CAUSES && head->width >= 4.0 && head->width <= 10000.0 &&
+           head->terms >= 1.0 && head->terms <= FMFTS_SEVERAL_TERMS && isfinite(head->first_mm) &&
+           head->spacing_mm > 0.0 && isfinite(head->spacing_mm);
 }
 
 bool fmfts_view_several(const double *packed, size_t count, fmfts_several *model)
@@ -27,8 +27,8 @@ bool fmfts_view_several(const double *packed, size_t count, fmfts_several *model
     if (count < numbers || !sizes_fit(head)) {
         return false;
     }
-    size_t magnets = (size_t)head->magnets[0], sensors = (size_t)head->sensors[0], causes = (size_t)head->causes[0];
-    size_t width = (size_t)head->width[0], terms = (size_t)head->terms[0];
+    size_t magnets = (size_t)head->magnets, sensors = (size_t)head->sensors, causes = (size_t)head->causes;
+    size_t width = (size_t)head->width, terms = (size_t)head->terms;
     size_t values = 3 * sensors, poses = FMFTS_POSE_CHANGE * magnets;
     size_t stride = (values + FMFTS_LANES - 1) / FMFTS_LANES * FMFTS_LANES;
     const double *at = packed + numbers;
@@ -64,10 +64,10 @@ bool fmfts_view_search(const double *packed, size_t count, size_t values, fmfts_
 {
     const fmfts_search_head *head = (const fmfts_search_head *)packed;
     const size_t numbers = sizeof *head / sizeof(double);
-    if (count < numbers || !(head->places[0] >= 1.0 && head->places[0] <= FMFTS_SEVERAL_PLACES)) {
+    if (count < numbers || !(head->places >= 1.0 && head->places <= FMFTS_SEVERAL_PLACES)) {
         return false;
     }
-    size_t places = (size_t)head->places[0], panels = (places + FMFTS_PANEL - 1) / FMFTS_PANEL;
+    size_t places = (size_t)head->places, panels = (places + FMFTS_PANEL - 1) / FMFTS_PANEL;
     size_t padded = panels * FMFTS_PANEL;
     *search = (fmfts_search){
         .head = head,

@@ -10,8 +10,8 @@ enum { COVERING = 4 }; /* cubic B-splines that cover a place, along one axis */
 static size_t stencil(const fmfts_several *model, double along_mm, double value[COVERING], double slope[COVERING],
                       double second[COVERING])
 {
-    double cells = (double)(model->width - 3), h = model->head->spacing_mm[0];
-    double place = (along_mm - model->head->first_mm[0]) / h;
+    double cells = (double)(model->width - 3), h = model->head->spacing_mm;
+    double place = (along_mm - model->head->first_mm) / h;
     place = 0.0 > place ? 0.0 : place;
     place = cells < place ? cells : place;
     size_t cell = (size_t)place, last = model->width - 4;
@@ -35,7 +35,7 @@ static size_t stencil(const fmfts_several *model, double along_mm, double value[
 /* F, F² …, and their derivatives; above scale_n they follow their tangents. */
 static void powers(const fmfts_several *model, double force_n, double *value, double *slope)
 {
-    double scale_n = model->head->scale_n[0], inside = scale_n < force_n ? scale_n : force_n, power = 1.0;
+    double scale_n = model->head->scale_n, inside = scale_n < force_n ? scale_n : force_n, power = 1.0;
     for (size_t term = 0; term < model->terms; term++) {
         slope[term] = (double)(term + 1) * power;
         power *= inside;

@@ -71,7 +71,7 @@ static void put_finger(const fmfts_search *search, size_t place, double share, d
 {
     finger[0] = search->x_mm[place];
     finger[1] = search->y_mm[place];
-    finger[2] = search->head->force_n[0] * share;
+    finger[2] = search->head->force_n * share;
 }
 
 bool fmfts_best_single(const fmfts_search *search, const double *root, const fmfts_measured *measured,
@@ -133,7 +133,7 @@ static bool taken(const scan *s, size_t i, size_t j)
         farthest = fmax(farthest, fabs(search->y_mm[i] - search->y_mm[s->start[n][0]]));
         farthest = fmax(farthest, fabs(search->x_mm[j] - search->x_mm[s->start[n][1]]));
         farthest = fmax(farthest, fabs(search->y_mm[j] - search->y_mm[s->start[n][1]]));
-        if (!(farthest > search->head->near_mm[0])) {
+        if (!(farthest > search->head->near_mm)) {
             return true;
         }
     }
@@ -144,7 +144,7 @@ static bool taken(const scan *s, size_t i, size_t j)
 static void best_of_rows(scan *s, size_t first)
 {
     const fmfts_search *search = s->search;
-    double apart = squared(search->head->apart_mm[0]);
+    double apart = squared(search->head->apart_mm);
     for (size_t i = first; i < first + FMFTS_LANES; i++) {
         s->best[i] = 0.0;
     }

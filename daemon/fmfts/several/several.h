@@ -10,7 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "../common/double_table.h"
+#include "../common/fields.h"
 
 enum {
     FMFTS_SEVERAL_MAGNETS = 9,
@@ -36,22 +36,22 @@ enum {
 };
 
 /* The numbers at the head of a packed model; field_model.py reads their names. */
-#define FMFTS_SEVERAL_HEAD(X)                                                                                          \
-    X(magnets, 1)                                                                                                      \
-    X(sensors, 1)                                                                                                      \
-    X(causes, 1)          /* of the baseline's errors */                                                               \
-    X(width, 1)           /* of the table: X + 2 */                                                                    \
-    X(terms, 1)           /* powers of the force */                                                                    \
-    X(first_mm, 1)                                                                                                     \
-    X(spacing_mm, 1)                                                                                                   \
-    X(scale_n, 1)                                                                                                      \
-    X(ambient_t, 1)       /* Scene */                                                                                  \
-    X(moment, 1)                                                                                                       \
-    X(friction, 1)                                                                                                     \
-    X(patch_mm2, 1)       /* field_model.py */                                                                         \
-    X(response_error, 1)                                                                                               \
-    X(sum_error_per_n, 1)                                                                                              \
-    X(unit, FMFTS_POSE_CHANGE) /* from the response's units to SI */
+#define FMFTS_SEVERAL_HEAD(ONE, MANY)                                                                                  \
+    ONE(double, magnets)                                                                                               \
+    ONE(double, sensors)                                                                                               \
+    ONE(double, causes) /* of the baseline's errors */                                                                 \
+    ONE(double, width) /* of the table: X + 2 */                                                                       \
+    ONE(double, terms) /* powers of the force */                                                                       \
+    ONE(double, first_mm)                                                                                              \
+    ONE(double, spacing_mm)                                                                                            \
+    ONE(double, scale_n)                                                                                               \
+    ONE(double, ambient_t) /* Scene */                                                                                 \
+    ONE(double, moment)                                                                                                \
+    ONE(double, friction)                                                                                              \
+    ONE(double, patch_mm2) /* field_model.py */                                                                        \
+    ONE(double, response_error)                                                                                        \
+    ONE(double, sum_error_per_n)                                                                                       \
+    MANY(double, unit, FMFTS_POSE_CHANGE) /* from the response's units to SI */
 
 FMFTS_STRUCT(fmfts_several_head, FMFTS_SEVERAL_HEAD)
 

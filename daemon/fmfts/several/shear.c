@@ -31,7 +31,7 @@ void fmfts_shear_of(const fmfts_several *model, size_t fingers, const double *fi
     fmfts_solve_lower(work->used, columns, work->root, white);
     for (size_t i = 0; i < columns; i++) {
         double along = 0.0, size = 0.0, by_finger[FMFTS_SEVERAL_UNKNOWNS], spent = 0.0;
-        double prior_n = model->head->friction[0] * finger[FMFTS_FINGER * (i / 2) + 2];
+        double prior_n = model->head->friction * finger[FMFTS_FINGER * (i / 2) + 2];
         for (size_t v = 0; v < work->used; v++) {
             along += white[v * columns + i] * work->white[v];
             size += white[v * columns + i] * white[v * columns + i];

@@ -5,6 +5,7 @@
 #include <Python.h>
 #include <string.h>
 
+#include "../../common/_named.h"
 #include "../../common/aligned.h"
 #include "clock.h"
 #include "newest.h"
@@ -74,44 +75,108 @@ static PyObject *keep_newest(PyObject *module, PyObject *args)
     return result;
 }
 
-/* Whether sums of these times fit into 64 bits, as those of a board's clock of 48 bits do. Python's have no limit. */
-static int are_possible(long long device_us, long long arrival_ns)
+/* Takes (line) or (line, device_us, arrival_ns) of a clock. NULL and an exception if the line is none, or sums of the times do not fit
+ * into 64 bits, as those of a board's clock of 48 bits do. */
+static fmfts_clock_line *take_clock(PyObject *args, Py_buffer *line, long long *device_us, long long *arrival_ns)
 {
-    return 0 <= device_us && device_us < 1LL << 48 && 0 <= arrival_ns && arrival_ns < 1LL << 62;
-}
-
-/* host_time(line, device_us, arrival_ns) → ns on the host's clock, or None when Python must decide; see clock.h. */
-static PyObject *host_time(PyObject *module, PyObject *args)
-{
-    Py_buffer line = {0};
-    long long device_us, arrival_ns;
-    int64_t host_ns;
-    PyObject *result = NULL;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "w*LL", &line, &device_us, &arrival_ns)) {
+    *device_us = *arrival_ns = 0;
+    if (!PyArg_ParseTuple(args, "w*|LL", line, device_us, arrival_ns)) {
         return NULL;
     }
-    if (line.len != (Py_ssize_t)sizeof(fmfts_clock_line)) {
-        PyErr_Format(PyExc_ValueError, "line: %zd bytes, %zu expected", line.len, sizeof(fmfts_clock_line));
-    } else if (!fmfts_is_aligned(&line, sizeof(double))) {
+    if (line->len != (Py_ssize_t)sizeof(fmfts_clock_line)) {
+        PyErr_Format(PyExc_ValueError, "line: %zd bytes, %zu expected", line->len, sizeof(fmfts_clock_line));
+    } else if (!fmfts_is_aligned(line, sizeof(double))) {
         /* it has raised */
-    } else if (are_possible(device_us, arrival_ns) && fmfts_host_time(line.buf, device_us, arrival_ns, &host_ns)) {
-        result = PyLong_FromLongLong(host_ns);
+    } else if (*device_us < 0 || *device_us >= 1LL << 48 || *arrival_ns < 0 || *arrival_ns >= 1LL << 62) {
+        PyErr_Format(PyExc_ValueError, "a packet at %lld us of its board that arrived at %lld ns: no clock tells that", *device_us,
+                     *arrival_ns);
     } else {
-        result = Py_NewRef(Py_None);
+        return line->buf;
     }
-    PyBuffer_Release(&line);
+    return NULL;
+}
+
+/* host_time(line, device_us, arrival_ns) → ns on the host's clock; see clock.h. */
+static PyObject *host_time(PyObject *module, PyObject *args)
+{
+    Py_buffer buffer = {0};
+    long long device_us, arrival_ns;
+    fmfts_clock_line *line = take_clock(args, &buffer, &device_us, &arrival_ns);
+    PyObject *result = line ? PyLong_FromLongLong(fmfts_host_time(line, device_us, arrival_ns)) : NULL;
+    (void)module;
+    PyBuffer_Release(&buffer);
     return result;
 }
 
+/* goes_on(line, device_us, arrival_ns) → bool. */
+static PyObject *goes_on(PyObject *module, PyObject *args)
+{
+    Py_buffer buffer = {0};
+    long long device_us, arrival_ns;
+    fmfts_clock_line *line = take_clock(args, &buffer, &device_us, &arrival_ns);
+    PyObject *result = line ? PyBool_FromLong(fmfts_goes_on(line, device_us, arrival_ns)) : NULL;
+    (void)module;
+    PyBuffer_Release(&buffer);
+    return result;
+}
+
+/* above_line(line, device_us, arrival_ns) → ns. */
+static PyObject *above_line(PyObject *module, PyObject *args)
+{
+    Py_buffer buffer = {0};
+    long long device_us, arrival_ns;
+    fmfts_clock_line *line = take_clock(args, &buffer, &device_us, &arrival_ns);
+    PyObject *result = line ? PyFloat_FromDouble(fmfts_above_line(line, device_us, arrival_ns)) : NULL;
+    (void)module;
+    PyBuffer_Release(&buffer);
+    return result;
+}
+
+/* restart(line). */
+static PyObject *restart(PyObject *module, PyObject *args)
+{
+    Py_buffer buffer = {0};
+    long long unused_us, unused_ns;
+    fmfts_clock_line *line = take_clock(args, &buffer, &unused_us, &unused_ns);
+    (void)module;
+    if (line) {
+        fmfts_restart_clock(line);
+    }
+    PyBuffer_Release(&buffer);
+    return line ? Py_NewRef(Py_None) : NULL;
+}
+
 static PyMethodDef methods[] = {
-    {"host_time", host_time, METH_VARARGS, "Maps a board's time to the host's; see clock.py."},
+    {"above_line", above_line, METH_VARARGS, "How far a packet is above the clock's line; see clock.h."},
+    {"goes_on", goes_on, METH_VARARGS, "Whether a packet goes on from those before; see clock.h."},
+    {"host_time", host_time, METH_VARARGS, "Maps a board's time to the host's; see clock.h."},
     {"keep_newest", keep_newest, METH_VARARGS, "Leaves out superseded samples; see newest.py."},
+    {"restart", restart, METH_VARARGS, "Forgets a clock's packets; see clock.h."},
     {"samples", samples, METH_VARARGS, "The sample packets at the beginning of bytes; see framing.py."},
     {NULL, NULL, 0, NULL},
 };
 
+/* The fields of fmfts_clock_line; a packet is two numbers. */
+static const fmfts_field_name CLOCK[] = {
+    {"empty_ns", "<i8", 0},        {"is_host", "<i8", 0},      {"fixed_delay_ns", "<i8", 0}, {"tolerance_ns_per_us", "<f8", 0},
+    {"begun", "<i8", 0},           {"newest_us", "<i8", 0},    {"height_ns", "<f8", 0},      {"slope_ns_per_us", "<f8", 0},
+    {"origin", "<i8", 2},          {"lowest", "<i8", 2},       {"bucket_end_us", "<i8", 0},  {"late_packets", "<i8", 0},
+    {"late_ns", "<i8", 0},         {"least_late_ns", "<f8", 0}, {"minima", "<i8", 0},        {"minimum", "<i8", 2 * FMFTS_SLOPE_BUCKETS},
+};
+
+_Static_assert(sizeof(fmfts_clock_line) == 8 * (17 + 2 * FMFTS_SLOPE_BUCKETS), "a clock of other fields");
+
+static int set_up(PyObject *module)
+{
+    PyObject *fields = fmfts_list_of(CLOCK, sizeof CLOCK / sizeof *CLOCK);
+    int failed = !fields || PyModule_AddObjectRef(module, "CLOCK", fields) < 0 ||
+                 PyModule_AddIntConstant(module, "JUMP_NS", (long)FMFTS_JUMP_NS) < 0;
+    Py_XDECREF(fields);
+    return failed ? -1 : 0;
+}
+
 static PyModuleDef_Slot slots[] = {
+    {Py_mod_exec, (void *)set_up},
     {0, NULL},
 };
 

@@ -1,21 +1,62 @@
-/* DeviceClock.to_host_ns: the same sums in the same order. */
 #include "clock.h"
 
 #include <math.h>
 #include <string.h>
 
-/* The longest time between minima: then products of two differences fit into 64 bits. Python's integers have no limit. */
-enum { LONGEST_SPAN_US = 100000000 };
+enum {
+    BUCKET_US = 250000,
+    HEIGHT_BUCKETS = 16, /* 4 s: longer than a short stall of the host, so short that an error of the slope does not matter */
+    /* Only late packets for so long: the board's clock stood still. At a few Hz two late packets in a row may be chance, and a backlog
+     * comes in a few bursts. So a standstill needs this many late packets, each this long after the last one that counted. */
+    STANDSTILL_NS = 400000000,
+    STANDSTILL_PACKETS = 8,
+    LATE_APART_NS = STANDSTILL_NS / (STANDSTILL_PACKETS - 1),
+    /* A minimum that is older says nothing of the slope now; and products of two differences fit into 64 bits. */
+    LONGEST_SPAN_US = 100000000,
+};
 
-static double above_line(const fmfts_clock_line *line, const fmfts_packet *p)
+static fmfts_packet packet_of(const fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns)
+{
+    return (fmfts_packet){device_us - line->origin.us, arrival_ns - 1000 * device_us - line->origin.ns};
+}
+
+static double above(const fmfts_clock_line *line, const fmfts_packet *p)
 {
     return (double)p->ns - line->height_ns - line->slope_ns_per_us * (double)p->us;
 }
 
+/* How wrong the line may be: the slope may be off by the tolerance since the lowest packet of this bucket. */
 static double unsure_ns(const fmfts_clock_line *line, const fmfts_packet *p)
 {
     int64_t since_us = p->us - line->lowest.us;
-    return line->jump_ns + line->tolerance_ns_per_us * (double)(since_us > 0 ? since_us : 0);
+    return FMFTS_JUMP_NS + line->tolerance_ns_per_us * (double)(since_us > 0 ? since_us : 0);
+}
+
+static void forget_late(fmfts_clock_line *line)
+{
+    line->late_ns = line->late_packets = 0;
+    line->least_late_ns = INFINITY;
+}
+
+void fmfts_restart_clock(fmfts_clock_line *line)
+{
+    line->begun = line->newest_us = line->bucket_end_us = line->minima = 0;
+    line->height_ns = line->slope_ns_per_us = 0.0;
+    line->origin = line->lowest = (fmfts_packet){0, 0};
+    forget_late(line);
+}
+
+bool fmfts_goes_on(const fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns)
+{
+    fmfts_packet p = packet_of(line, device_us, arrival_ns);
+    return line->is_host || !line->begun ||
+           ((double)(1000 * (line->newest_us - device_us)) < FMFTS_JUMP_NS && above(line, &p) > -unsure_ns(line, &p));
+}
+
+double fmfts_above_line(const fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns)
+{
+    fmfts_packet p = packet_of(line, device_us, arrival_ns);
+    return above(line, &p);
 }
 
 static bool turns_down(const fmfts_packet *a, const fmfts_packet *b, const fmfts_packet *c)
@@ -23,7 +64,7 @@ static bool turns_down(const fmfts_packet *a, const fmfts_packet *b, const fmfts
     return (b->ns - a->ns) * (c->us - a->us) >= (c->ns - a->ns) * (b->us - a->us);
 }
 
-/* Slope of the edge of the lower convex hull that contains the mean time of the points. */
+/* Slope of the edge of the lower convex hull that contains the mean time of the points; 0 for a single point. */
 static double hull_slope(const fmfts_packet *point, int64_t count)
 {
     fmfts_packet hull[FMFTS_SLOPE_BUCKETS];
@@ -44,18 +85,26 @@ static double hull_slope(const fmfts_packet *point, int64_t count)
     return 0.0;
 }
 
+/* Adds the lowest packet of the bucket to the minima, of which those that are too old go. */
+static void keep_lowest(fmfts_clock_line *line)
+{
+    int64_t old = line->minima == FMFTS_SLOPE_BUCKETS;
+    while (old < line->minima && line->lowest.us - line->minimum[old].us > LONGEST_SPAN_US) {
+        old++;
+    }
+    line->minima -= old;
+    memmove(line->minimum, line->minimum + old, (size_t)line->minima * sizeof *line->minimum);
+    line->minimum[line->minima++] = line->lowest;
+}
+
 static void close_bucket(fmfts_clock_line *line, const fmfts_packet *first)
 {
-    if (line->minima == FMFTS_SLOPE_BUCKETS) {
-        memmove(line->minimum, line->minimum + 1, (FMFTS_SLOPE_BUCKETS - 1) * sizeof *line->minimum);
-        line->minima--;
-    }
-    line->minimum[line->minima++] = line->lowest;
-    line->bucket_end_us = (first->us / line->bucket_us + 1) * line->bucket_us;
+    keep_lowest(line);
+    line->bucket_end_us = (first->us / BUCKET_US + 1) * BUCKET_US;
     line->lowest = *first;
     double limit = line->tolerance_ns_per_us, slope = hull_slope(line->minimum, line->minima);
     line->slope_ns_per_us = fmin(limit, fmax(-limit, slope));
-    int64_t recent = line->minima - line->height_buckets;
+    int64_t recent = line->minima - HEIGHT_BUCKETS;
     line->height_ns = INFINITY;
     for (int64_t i = recent > 0 ? recent : 0; i < line->minima; i++) {
         line->height_ns = fmin(line->height_ns,
@@ -67,67 +116,70 @@ static void learn(fmfts_clock_line *line, const fmfts_packet *p)
 {
     if (p->us >= line->bucket_end_us) {
         close_bucket(line, p);
-    } else if (line->lowest.us < p->us && above_line(line, p) < above_line(line, &line->lowest)) {
+    } else if (line->lowest.us < p->us && above(line, p) < above(line, &line->lowest)) {
         line->lowest = *p;
     }
     line->height_ns = fmin(line->height_ns, (double)p->ns - line->slope_ns_per_us * (double)p->us);
 }
 
-/* How long the packet may have waited because the host did not read. */
+/* When only late packets came for long enough, moves the line up by the delay of the least late one. */
+static void note_late(fmfts_clock_line *line, const fmfts_packet *p, int64_t arrival_ns)
+{
+    line->least_late_ns = fmin(line->least_late_ns, above(line, p));
+    if (line->late_packets && arrival_ns - line->late_ns < LATE_APART_NS) {
+        return; /* of the burst of the last one */
+    }
+    line->late_packets++;
+    line->late_ns = arrival_ns;
+    if (line->late_packets < STANDSTILL_PACKETS) {
+        return;
+    }
+    int64_t step_ns = (int64_t)line->least_late_ns;
+    for (int64_t i = 0; i < line->minima; i++) {
+        line->minimum[i].ns += step_ns;
+    }
+    line->lowest.ns += step_ns;
+    line->height_ns += (double)step_ns;
+    forget_late(line);
+    learn(line, p);
+}
+
+/* How long the packet may have waited because the host did not read; 0 if nobody ever told. */
 static double unread_ns(const fmfts_clock_line *line, int64_t arrival_ns)
 {
     return line->empty_ns ? (double)(arrival_ns - line->empty_ns) : 0.0;
 }
 
-/* Whether a late packet counts toward a standstill of the clock: not if it belongs to the burst of the last one. */
-static bool is_another_late(const fmfts_clock_line *line, int64_t arrival_ns)
+static void begin(fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns)
 {
-    return !line->late_packets || arrival_ns - line->late_ns >= line->standstill_ns / (line->standstill_packets - 1);
+    line->begun = 1;
+    line->origin = (fmfts_packet){device_us, arrival_ns - 1000 * device_us};
+    line->newest_us = device_us;
+    line->bucket_end_us = BUCKET_US;
 }
 
-static bool goes_on(const fmfts_clock_line *line, int64_t device_us, const fmfts_packet *p)
-{
-    return (double)(1000 * (line->newest_us - device_us)) < line->jump_ns && above_line(line, p) > -unsure_ns(line, p);
-}
-
-bool fmfts_is_plausible(const fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns)
-{
-    fmfts_packet p = {device_us - line->origin.us, arrival_ns - 1000 * device_us - line->origin.ns};
-    return line->is_host || (line->bucket_end_us && goes_on(line, device_us, &p));
-}
-
-bool fmfts_host_time(fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns, int64_t *host_ns)
+int64_t fmfts_host_time(fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns)
 {
     if (line->is_host) {
-        *host_ns = 1000 * device_us < arrival_ns ? 1000 * device_us : arrival_ns;
-        return true;
+        return 1000 * device_us < arrival_ns ? 1000 * device_us : arrival_ns;
     }
-    if (!line->bucket_end_us) {
-        return false; /* no packet yet */
+    if (!fmfts_goes_on(line, device_us, arrival_ns)) {
+        fmfts_restart_clock(line);
     }
-    fmfts_packet p = {device_us - line->origin.us, arrival_ns - 1000 * device_us - line->origin.ns};
-    int64_t begun_us = line->minima ? line->minimum[0].us : line->lowest.us;
-    double above_ns = above_line(line, &p), unsure = unsure_ns(line, &p);
-    if (!goes_on(line, device_us, &p) || p.us < 0 || p.us - begun_us > LONGEST_SPAN_US) {
-        return false;
+    if (!line->begun) {
+        begin(line, device_us, arrival_ns);
     }
+    fmfts_packet p = packet_of(line, device_us, arrival_ns);
+    double above_ns = above(line, &p), unsure = unsure_ns(line, &p);
     if (above_ns > unsure && above_ns - unread_ns(line, arrival_ns) <= unsure) {
         /* The host itself may be the cause: the packet says nothing of the board's clock. */
     } else if (above_ns > unsure) {
-        bool another = is_another_late(line, arrival_ns);
-        if (another && line->late_packets + 1 >= line->standstill_packets) {
-            return false;
-        }
-        line->late_ns = another ? arrival_ns : line->late_ns;
-        line->late_packets += another;
-        line->least_late_ns = fmin(line->least_late_ns, above_ns);
+        note_late(line, &p, arrival_ns);
     } else {
-        line->late_ns = line->late_packets = 0;
-        line->least_late_ns = INFINITY;
+        forget_late(line);
         learn(line, &p);
-        above_ns = above_line(line, &p);
     }
+    above_ns = above(line, &p);
     line->newest_us = device_us > line->newest_us ? device_us : line->newest_us;
-    *host_ns = arrival_ns - (above_ns > 0.0 ? (int64_t)above_ns : 0) - line->fixed_delay_ns;
-    return true;
+    return arrival_ns - (above_ns > 0.0 ? (int64_t)above_ns : 0) - line->fixed_delay_ns;
 }

@@ -34,7 +34,7 @@ class PacketSource:
         return self._descriptor
 
     @property
-    def clock_line(self) -> bytearray:
+    def clock_line(self) -> memoryview:
         return self._clock.line
 
     def take_early(self) -> Sequence[tuple[int, EarlySample]]:

@@ -15,7 +15,8 @@ for younger than it is by as much. The next packet tells, if it is read later, a
 from __future__ import annotations
 
 from fmfts.sensor.numbering import is_next
-from fmfts.sensor.wire.clock import JUMP_NS, DeviceClock
+from fmfts.sensor.wire._wire import JUMP_NS
+from fmfts.sensor.wire.clock import DeviceClock
 
 # So many packets in a row that go on from each other are a clock's: a reset board, whose hello was lost.
 CONVINCING = 3

@@ -1,0 +1,158 @@
+/* fmfts.contact._contact: the contact model for Python, through the stable ABI. Only inference.py, refinement.py and model.py call
+ * it. */
+#include "_evaluated.h"
+
+#include "../common/_named.h"
+#include "../common/aligned.h"
+#include "step.h"
+
+static void release(Py_buffer *buffer, int count)
+{
+    for (int i = 0; i < count; i++) {
+        PyBuffer_Release(&buffer[i]);
+    }
+}
+
+static int has_size(const Py_buffer *buffer, size_t bytes, size_t unit, const char *what)
+{
+    if ((size_t)buffer->len != bytes) {
+        PyErr_Format(PyExc_ValueError, "%s has %zd bytes, %zu expected", what, buffer->len, bytes);
+        return 0;
+    }
+    return fmfts_is_aligned(buffer, unit);
+}
+
+/* infer(vector, pose, contact, jacobian): all float32. ValueError if their sizes do not fit each other. */
+static PyObject *infer(PyObject *module, PyObject *args)
+{
+    Py_buffer b[4] = {{0}};
+    fmfts_network network;
+    PyObject *result = NULL;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "y*y*w*w*", &b[0], &b[1], &b[2], &b[3])) {
+        return NULL;
+    }
+    const size_t pose = FMFTS_NETWORK_POSE * sizeof(float);
+    if (!fmfts_is_aligned(&b[0], sizeof(float))) {
+        /* it has raised */
+    } else if (!fmfts_view_network(b[0].buf, (size_t)b[0].len / sizeof(float), &network)) {
+        PyErr_SetString(PyExc_ValueError, "the vector is none of a network");
+    } else if (has_size(&b[1], pose, sizeof(float), "pose") &&
+               has_size(&b[2], network.outputs * sizeof(float), sizeof(float), "contact") &&
+               has_size(&b[3], network.outputs * pose, sizeof(float), "jacobian")) {
+        fmfts_infer(&network, b[1].buf, b[2].buf, b[3].buf);
+        result = Py_NewRef(Py_None);
+    }
+    release(b, 4);
+    return result;
+}
+
+/* refine(response, change, covariance, steps, press, spread): as fmfts_refine. False if the covariance is not one. */
+static PyObject *refine(PyObject *module, PyObject *args)
+{
+    enum { RESPONSE, CHANGE, COVARIANCE, PRESS, SPREAD, BUFFERS };
+    int steps;
+    Py_buffer b[BUFFERS] = {{0}};
+    fmfts_response response;
+    PyObject *result = NULL;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "y*y*y*iw*w*", &b[RESPONSE], &b[CHANGE], &b[COVARIANCE], &steps, &b[PRESS], &b[SPREAD])) {
+        return NULL;
+    }
+    if (!fmfts_is_aligned(&b[RESPONSE], sizeof(double))) {
+        /* it has raised */
+    } else if (!fmfts_view_response(b[RESPONSE].buf, (size_t)b[RESPONSE].len, &response)) {
+        PyErr_SetString(PyExc_ValueError, "the response has another size than can be refined with");
+    } else {
+        const size_t press = 2 + response.loads, moved = FMFTS_MOVED, unit = sizeof(double);
+        if (has_size(&b[CHANGE], moved * unit, unit, "change") && has_size(&b[COVARIANCE], moved * moved * unit, unit, "covariance") &&
+            has_size(&b[PRESS], press * unit, unit, "press") && has_size(&b[SPREAD], press * press * unit, unit, "spread")) {
+            result = PyBool_FromLong(
+                fmfts_refine(&response, b[CHANGE].buf, b[COVARIANCE].buf, steps, b[PRESS].buf, b[SPREAD].buf));
+        }
+    }
+    release(b, BUFFERS);
+    return result;
+}
+
+/* The answer in Python's words; see estimate() in _contact.pyi. */
+static PyObject *told(const fmfts_question *question, const fmfts_estimate *estimate, double *places, double *deviations)
+{
+    for (int i = 0; i < estimate->outputs; i++) {
+        places[i] = estimate->place[i];
+        deviations[i] = estimate->deviation[i];
+    }
+    return Py_BuildValue("(NNdd)", PyBool_FromLong(estimate->over_range), PyBool_FromLong(estimate->refused),
+                         estimate->force_min_n, question->lifted_m);
+}
+
+/* estimate(parameters, model, response, pose, covariance, places, deviations): as fmfts_estimate_contact, of the pose moved into what
+ * the model was trained on. */
+static PyObject *estimate(PyObject *module, PyObject *args)
+{
+    enum { PARAMETERS, RESPONSE, POSE, COVARIANCE, PLACES, DEVIATIONS, BUFFERS };
+    Py_buffer b[BUFFERS] = {{0}};
+    PyObject *model, *result = NULL;
+    fmfts_model_given given = {.run = NULL};
+    fmfts_network network;
+    (void)module;
+    if (PyArg_ParseTuple(args, "y*Oz*y*y*w*w*", &b[PARAMETERS], &model, &b[RESPONSE], &b[POSE], &b[COVARIANCE], &b[PLACES],
+                         &b[DEVIATIONS]) &&
+        fmfts_take_model(model, &given, &network)) {
+        const size_t unit = sizeof(double), pose = FMFTS_POSE, answer = network.outputs * unit;
+        if (has_size(&b[PARAMETERS], sizeof(fmfts_contact_parameters), unit, "parameters") &&
+            has_size(&b[POSE], pose * unit, unit, "pose") &&
+            has_size(&b[COVARIANCE], pose * pose * unit, unit, "covariance") && has_size(&b[PLACES], answer, unit, "places") &&
+            has_size(&b[DEVIATIONS], answer, unit, "deviations") && fmfts_is_aligned(&b[RESPONSE], unit)) {
+            fmfts_question question;
+            fmfts_estimate found;
+            const double *from = b[POSE].buf, *spread = b[COVARIANCE].buf;
+            for (size_t i = 0; i < pose * pose; i++) {
+                question.covariance[i] = spread[i];
+                question.pose[i % pose] = from[i % pose];
+            }
+            fmfts_keep_inside(b[PARAMETERS].buf, &question);
+            bool is_known = fmfts_estimate_contact(b[PARAMETERS].buf, &question, &network, b[RESPONSE].buf, (size_t)b[RESPONSE].len,
+                                                   &found);
+            if (is_known && !PyErr_Occurred()) {
+                result = told(&question, &found, b[PLACES].buf, b[DEVIATIONS].buf);
+            } else if (!PyErr_Occurred()) {
+                PyErr_SetString(PyExc_ValueError, "the contact model gives no number for this pose, or its covariance is none");
+            }
+        }
+    }
+    release(b, BUFFERS);
+    fmfts_release_model(&given);
+    return result;
+}
+
+static PyMethodDef methods[] = {
+    {"estimate", estimate, METH_VARARGS, "Place and force of one pose; see _contact.pyi."},
+    {"infer", infer, METH_VARARGS, "Contact and Jacobian of one pose; see _contact.pyi."},
+    {"refine", refine, METH_VARARGS, "The press that most likely caused a change; see _contact.pyi."},
+    {NULL, NULL, 0, NULL},
+};
+
+static const fmfts_field_name PARAMETER_NAMES[] = FMFTS_NAMES(FMFTS_CONTACT_PARAMETERS);
+
+static int set_up(PyObject *module)
+{
+    PyObject *names = fmfts_list_of(PARAMETER_NAMES, sizeof PARAMETER_NAMES / sizeof *PARAMETER_NAMES);
+    int failed = !names || PyModule_AddObjectRef(module, "PARAMETERS", names) < 0 ||
+                 PyModule_AddIntConstant(module, "MAX_HIDDEN", FMFTS_MAX_HIDDEN) < 0;
+    Py_XDECREF(names);
+    return failed ? -1 : 0;
+}
+
+static PyModuleDef_Slot slots[] = {
+    {Py_mod_exec, (void *)set_up},
+    {0, NULL},
+};
+
+static PyModuleDef definition = {
+    .m_base = PyModuleDef_HEAD_INIT, .m_name = "_contact", .m_size = 0, .m_methods = methods, .m_slots = slots};
+
+PyMODINIT_FUNC PyInit__contact(void)
+{
+    return PyModuleDef_Init(&definition);
+}

@@ -1,0 +1,41 @@
+"""The contact model in C: network.h, refine.h and step.h say what is computed."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from typing_extensions import Buffer
+
+PARAMETERS: list[tuple[str, str, int]]  # of fmfts_contact_parameters, as common/record.py takes them
+MAX_HIDDEN: int
+
+class Evaluated(Protocol):
+    """A contact model that Python runs: inference.py. pose, contact, jacobian: buffers of float32."""
+
+    @property
+    def pose(self) -> NDArray[np.float32]: ...
+    @property
+    def contact(self) -> NDArray[np.float32]: ...
+    @property
+    def jacobian(self) -> NDArray[np.float32]: ...
+    def run(self) -> None: ...
+
+def infer(vector: Buffer, pose: Buffer, contact: Buffer, jacobian: Buffer, /) -> None: ...
+def refine(
+    response: bytes, change: Buffer, covariance: Buffer, steps: int, press: Buffer, spread: Buffer, /
+) -> bool: ...
+def estimate(
+    parameters: Buffer,
+    model: Buffer | Evaluated,
+    response: bytes | None,
+    pose: Buffer,
+    covariance: Buffer,
+    places: Buffer,
+    deviations: Buffer,
+    /,
+) -> tuple[bool, bool, float, float]:
+    """Writes place, force and shear, and their deviations, in SI. pose (6,), covariance (6, 6): in the model's units.
+
+    response: None to leave the network's answer as it is. Returns over_range, refused, force_min_n, lifted_m.
+    ValueError if the model gives no number; what `model` raises.
+    """

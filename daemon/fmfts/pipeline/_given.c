@@ -1,0 +1,176 @@
+/* Checks what Python hands over of a pad, and holds it. */
+#include "_pad.h"
+
+#include <string.h>
+
+#include "../common/aligned.h"
+
+enum { WORDS_ROOM = 2048 }; /* of the words that are in every message, so that it always has room */
+
+int fmfts_has_size(const Py_buffer *buffer, size_t size, const char *what)
+{
+    if (buffer->len == (Py_ssize_t)size) {
+        return fmfts_is_aligned(buffer, sizeof(double));
+    }
+    PyErr_Format(PyExc_ValueError, "%s: %zd bytes, %zu expected", what, buffer->len, size);
+    return 0;
+}
+
+/* The parts of a sighting, in the order of sighting.py. 0 and ValueError if the buffer is not of so many magnets. */
+static int view_sighting(const Py_buffer *buffer, size_t magnets, fmfts_sighting *sighting)
+{
+    size_t placed = FMFTS_PLACED * magnets, columns = FMFTS_MOVES * magnets;
+    if (!fmfts_has_size(buffer, (placed + columns * columns + 1 + placed + 2 * magnets) * sizeof(double), "sighting")) {
+        return 0;
+    }
+    sighting->magnets = magnets;
+    sighting->last = buffer->buf;
+    sighting->covariance = sighting->last + placed;
+    sighting->time_ns = sighting->covariance + columns * columns;
+    sighting->rest = sighting->time_ns + 1;
+    sighting->rest_error = sighting->rest + placed;
+    return 1;
+}
+
+/* neighbour: a tuple of its sighting's buffer and its number of magnets. felt: how many magnets are felt besides. */
+static int take_neighbour(fmfts_pad_object *self, PyObject *neighbour, size_t *felt)
+{
+    int i = self->given.neighbours;
+    Py_ssize_t magnets;
+    if (!PyTuple_Check(neighbour)) {
+        PyErr_SetString(PyExc_TypeError, "a neighbour is a tuple of its sighting and its number of magnets");
+        return 0;
+    }
+    if (!PyArg_ParseTuple(neighbour, "y*n", &self->given.neighbour[i], &magnets)) {
+        return 0;
+    }
+    if (magnets < 1 || (size_t)magnets > FMFTS_FELT - *felt) {
+        PyErr_Format(PyExc_ValueError, "neighbours have one magnet each at least, and %d together at most", FMFTS_FELT);
+        return 0;
+    }
+    *felt += (size_t)magnets;
+    self->given.neighbours++;
+    return view_sighting(&self->given.neighbour[i], (size_t)magnets, &self->pad.neighbour[i]);
+}
+
+static int take_neighbours(fmfts_pad_object *self, PyObject *neighbours)
+{
+    size_t felt = 0;
+    for (Py_ssize_t i = 0; i < PyTuple_Size(neighbours); i++) {
+        if (i == FMFTS_FELT) {
+            PyErr_Format(PyExc_ValueError, "%zd neighbours, %d at most", PyTuple_Size(neighbours), FMFTS_FELT);
+            return 0;
+        }
+        if (!take_neighbour(self, PyTuple_GetItem(neighbours, i), &felt)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* What is printed, even where nobody thought it would be. */
+static const char *or_nothing(const char *words)
+{
+    return words ? words : "";
+}
+
+static size_t length_of(const char *words)
+{
+    return strlen(or_nothing(words));
+}
+
+/* given: as Words of words.py. */
+static int take_words(fmfts_words *words, PyObject *given)
+{
+    long long version;
+    PyObject *saturated;
+    if (!PyArg_ParseTuple(given, "Lzzzzzzz(O!z);words: see words.py", &version, &words->pad, &words->boot, &words->model,
+                          &words->baseline, &words->no_model, &words->no_baseline, &words->lifted, &PyTuple_Type, &saturated,
+                          &words->chip.untellable)) {
+        return 0;
+    }
+    words->version = version;
+    const char **spoken[] = {&words->no_model, &words->no_baseline, &words->lifted, &words->chip.untellable};
+    for (size_t i = 0; i < sizeof spoken / sizeof *spoken; i++) {
+        *spoken[i] = or_nothing(*spoken[i]);
+    }
+    for (Py_ssize_t i = 0; i < FMFTS_GAIN_CODES; i++) {
+        PyObject *text = i < PyTuple_Size(saturated) ? PyTuple_GetItem(saturated, i) : NULL;
+        words->chip.saturated[i] = text ? PyUnicode_AsUTF8AndSize(text, NULL) : "";
+        if (!words->chip.saturated[i]) {
+            return 0;
+        }
+    }
+    if (length_of(words->pad) + length_of(words->boot) + length_of(words->model) + length_of(words->baseline) > WORDS_ROOM) {
+        PyErr_Format(PyExc_ValueError, "words: the names in a message have more than %d bytes", WORDS_ROOM);
+        return 0;
+    }
+    return 1;
+}
+
+static bool has_neighbours(const fmfts_pad_object *self)
+{
+    const fmfts_pose_parameters *parameters = &self->pad.parameters->pose;
+    bool agrees = parameters->neighbours == self->given.neighbours;
+    for (int i = 0; i < self->given.neighbours; i++) {
+        agrees = agrees && parameters->neighbour_magnets[i] == (double)self->pad.neighbour[i].magnets;
+    }
+    return agrees;
+}
+
+int fmfts_still_fits(const fmfts_pad_object *self)
+{
+    const fmfts_parameters *parameters = self->pad.parameters;
+    if (!self->memory) {
+        PyErr_SetString(PyExc_ValueError, "this Pad failed to initialise");
+    } else if (!(parameters->pose.sensors >= 1.0 && parameters->pose.sensors <= FMFTS_SENSORS)) {
+        PyErr_Format(PyExc_ValueError, "parameters: a pad has 1 to %d sensors", FMFTS_SENSORS);
+    } else if (!has_neighbours(self)) {
+        PyErr_SetString(PyExc_ValueError, "parameters: of other neighbours than those given");
+    } else if (parameters->message.has_model != 0.0 && self->pad.network.outputs == 0) {
+        PyErr_SetString(PyExc_ValueError, "parameters: of a pad with a contact model, and none is given");
+    } else {
+        return 1;
+    }
+    return 0;
+}
+
+int fmfts_take(fmfts_pad_object *self, PyObject *args)
+{
+    fmfts_given *given = &self->given;
+    PyObject *model, *words, *neighbours;
+    if (!PyArg_ParseTuple(args, "w*w*Oz*O!w*O!", &given->parameters, &given->memory, &model, &given->response, &PyTuple_Type,
+                          &words, &given->own, &PyTuple_Type, &neighbours)) {
+        return 0;
+    }
+    given->words = Py_NewRef(words);
+    self->pad.parameters = given->parameters.buf;
+    self->pad.response = given->response.buf;
+    self->pad.response_bytes = (size_t)given->response.len;
+    if (!fmfts_has_size(&given->parameters, sizeof(fmfts_parameters), "parameters") ||
+        !fmfts_has_size(&given->memory, sizeof(fmfts_memory), "memory") ||
+        !fmfts_is_aligned(&given->response, sizeof(double)) || !view_sighting(&given->own, 1, &self->pad.own) ||
+        !take_neighbours(self, neighbours) || !take_words(&self->pad.words, words) ||
+        (model != Py_None && !fmfts_take_model(model, &given->model, &self->pad.network))) {
+        return 0;
+    }
+    self->memory = given->memory.buf;
+    if (!fmfts_still_fits(self)) {
+        self->memory = NULL;
+        return 0;
+    }
+    return 1;
+}
+
+void fmfts_release(fmfts_given *given)
+{
+    PyBuffer_Release(&given->parameters);
+    PyBuffer_Release(&given->memory);
+    PyBuffer_Release(&given->response);
+    PyBuffer_Release(&given->own);
+    for (int i = 0; i < FMFTS_FELT; i++) {
+        PyBuffer_Release(&given->neighbour[i]);
+    }
+    fmfts_release_model(&given->model);
+    Py_CLEAR(given->words);
+}

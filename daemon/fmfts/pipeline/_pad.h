@@ -1,0 +1,109 @@
+/* fmfts.pipeline._pad: a pad for Python, and the loop in which pads are judged without Python. */
+#ifndef FMFTS_PAD_H
+#define FMFTS_PAD_H
+
+#include "../contact/_evaluated.h" /* with Python.h first: it chooses what the system's headers declare */
+
+#include "../sensor/wire/clock.h"
+#include "frame.h"
+
+enum {
+    FMFTS_CHANGES = 8,   /* so many changes may wait for Python */
+    FMFTS_TALLIED = 256, /* the most frames before Python must look */
+};
+
+/* What Python handed over, held as long as the pad. */
+typedef struct {
+    Py_buffer parameters, memory, response, own, neighbour[FMFTS_FELT];
+    fmfts_model_given model;
+    PyObject *words;
+    int neighbours;
+} fmfts_given;
+
+/* A pad whose samples come from a board's line without Python, since `begin`. overdue_ns: a frame that is older is left out. */
+typedef struct {
+    Py_buffer clock_buffer, topic;
+    fmfts_clock_line *clock;
+    unsigned pad_index;
+    int64_t overdue_ns;
+    PyObject *change[FMFTS_CHANGES]; /* messages that Python tells of: health or contact changed */
+    size_t changes;
+    size_t frames, early;              /* messages of frames, and of samples before their frames */
+    uint32_t first_sequence, sequence; /* of the first frame and the last; without any, of the one before */
+    int64_t arrival_ns;                /* of the last frame */
+    size_t latencies;
+    double latency_s[FMFTS_TALLIED]; /* sample → publish, of frames with a new sample */
+} fmfts_lent;
+
+/* What a message says that Python may have to tell, too. health is FMFTS_HEALTHS before the first message. */
+typedef struct {
+    fmfts_health health;
+    fmfts_contact contact;
+    bool over_range;
+} fmfts_gist;
+
+/* reading, gist, times, message: of the last message. */
+typedef struct {
+    PyObject_HEAD
+    fmfts_pad pad;
+    fmfts_memory *memory;
+    fmfts_reading reading;
+    fmfts_gist gist;
+    fmfts_times times;
+    uint8_t message[FMFTS_MESSAGE_ROOM];
+    size_t message_bytes;
+    fmfts_given given;
+    fmfts_lent lent;
+    bool is_lent, is_unsent; /* is_unsent: the message is one of the bus's unsent ones */
+} fmfts_pad_object;
+
+extern PyType_Spec fmfts_pad_spec, fmfts_loop_spec;
+
+/* The Python type that fmfts_pad_spec describes. */
+extern PyTypeObject *fmfts_pad_type;
+
+/* The time of CLOCK_MONOTONIC or CLOCK_REALTIME. */
+int64_t fmfts_now_ns(int clock);
+
+/* _given.c: takes the arguments of Pad(…), which _pad.pyi explains. 0 and an exception if they do not fit together. */
+int fmfts_take(fmfts_pad_object *self, PyObject *args);
+
+/* _given.c: whether what Python may have changed since then still fits. 0 and ValueError if not. */
+int fmfts_still_fits(const fmfts_pad_object *self);
+
+/* _given.c: gives all of it back. */
+void fmfts_release(fmfts_given *given);
+
+/* 0 and ValueError if the buffer has another size, or begins where no double may. */
+int fmfts_has_size(const Py_buffer *buffer, size_t size, const char *what);
+
+/* _pad.c: judges a frame, and writes its message. False if a number of it is not finite, or with an exception that the contact
+ * model raised. */
+bool fmfts_tell(fmfts_pad_object *self, const fmfts_frame *frame);
+
+/* _pad.c: the same of a sample that came before its frame. False without an exception if it tells nothing new. */
+bool fmfts_tell_early(fmfts_pad_object *self, int sensor, unsigned gain_code, const int16_t counts[3], int64_t time_us);
+
+/* What becomes of a packet: Python must read it; its message is written; it is left out because it is overdue; it is a sample
+ * before its frame that tells nothing; or there is an exception. */
+typedef enum { FMFTS_FOR_PYTHON, FMFTS_WRITTEN, FMFTS_OVERDUE, FMFTS_SILENT, FMFTS_FAILED } fmfts_handled;
+
+/* _lent.c: handles one packet of the board's line, without its closing zero. It is for Python, and nothing changes, if it is
+ * neither a frame nor an early sample of this pad, or one of which Python decides. */
+fmfts_handled fmfts_handle_line(fmfts_pad_object *self, const uint8_t *line, size_t size, int64_t arrival_ns);
+
+/* _field.c: track_field(), which _pad.pyi explains. */
+PyObject *fmfts_track_field(PyObject *module, PyObject *args);
+
+/* _lent.c: methods of Pad, which _pad.pyi explains. */
+PyObject *fmfts_pad_begin(PyObject *object, PyObject *args);
+PyObject *fmfts_pad_end(PyObject *object, PyObject *unused);
+PyObject *fmfts_pad_last_ns(PyObject *object, PyObject *unused);
+
+/* _lent.c: ends it, whatever was handled. */
+void fmfts_end(fmfts_pad_object *self);
+
+/* _lent.c: the object as a pad. NULL and TypeError if it is another object, ValueError if it was not begun. */
+fmfts_pad_object *fmfts_lent_pad(PyObject *object);
+
+#endif

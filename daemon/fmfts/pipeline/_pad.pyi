@@ -1,0 +1,108 @@
+"""One pad's frames judged in C; frame.h says how."""
+
+from typing_extensions import Buffer
+
+from fmfts.bus.messages import Health
+from fmfts.contact._contact import Evaluated
+from fmfts.pipeline.words import Words
+
+Field = tuple[str, str, int]  # name, type as NumPy names it, and how many; 0: one, which is no array
+
+PARAMETERS: list[Field]  # of fmfts_parameters
+MEMORY: list[Field]  # of fmfts_memory
+FELT: int  # magnets of neighbouring pads, at most
+
+# health, contact, over_range, t_sample_ns, t_publish_ns of a message.
+Gist = tuple[Health, bool | None, bool, int, int]
+# See encoded.py.
+Passed = tuple[int, int, int, int, int, int, int, bytes, tuple[bytes, ...], list[float]]
+
+def track_field(
+    parameters: Buffer,
+    memory: Buffer,
+    field_t: Buffer,
+    deviation_t: Buffer,
+    lasting_t: Buffer,
+    covariance: Buffer,
+    elapsed_s: float,
+    temperature_c: float,
+    /,
+) -> tuple[str, str, int, bool, float, float]:
+    """The tracker alone, on the magnet's field (3N) in sensor axes. lasting_t (3N): the part of the deviations that
+    averaging does not reduce. Writes the covariance (14, 14) of the memory's `state`.
+
+    Returns health, reason, mask of the sensors used, whether there is an estimate, χ², residual_t.
+    """
+
+class Pad:
+    """Judges frames with what it was given, which it holds as long as it lives; the memory is a record of MEMORY, which
+    Python may write to between two calls. ValueError where the parts do not fit each other.
+
+    network: of a contact model, as in network.h; None without a model. response: as in refine.h. own: the doubles of
+    the pad's own Sighting; neighbours: the same of those that it feels, each with its number of magnets.
+    """
+
+    def __init__(
+        self,
+        parameters: Buffer,
+        memory: Buffer,
+        network: Buffer | Evaluated | None,
+        response: Buffer | None,
+        words: Words,
+        own: Buffer,
+        neighbours: tuple[tuple[Buffer, int], ...],
+        /,
+    ) -> None: ...
+    @property
+    def last(self) -> Gist | None:
+        """What the last message says; None before the first."""
+
+    def judge(
+        self,
+        gain_code: int,
+        valid: int,
+        fresh: int,
+        readings: bytes,
+        sequence: int,
+        time_us: int,
+        host_ns: int,
+        temperature_c: float,
+        /,
+    ) -> bytes:
+        """The encoded message of a frame. gain_code … readings: Frame.packed. temperature_c: NaN if unknown.
+
+        ArithmeticError, and the frame changes nothing, if a number of its message is not finite. What `network` raises.
+        """
+
+    def early(self, sensor: int, gain_code: int, x: int, y: int, z: int, time_us: int, /) -> bytes | None:
+        """The message of a sample that came before its frame: the last one with another `now`. None: it has no news."""
+
+    def absent(self, health: str, reason: str, /) -> bytes:
+        """A message without an estimate, while no frame can be used. Whoever touches the pad may be gone."""
+
+    def missing(self) -> dict[int, str]:
+        """Sensor (from 0) → why the last frame could not use it."""
+
+    def begin(self, clock: Buffer, topic: bytes, pad_index: int, overdue_ns: int, /) -> None:
+        """Until `end`, a Loop judges the frames, whatever their health.
+
+        clock: `DeviceClock.line`. topic: of the messages on the bus. overdue_ns: older frames are left out.
+        """
+
+    def end(self) -> Passed | None:
+        """What was handled since `begin`; None if there was no message."""
+
+    def last_ns(self) -> int:
+        """When the last frame since `begin` arrived (host clock, ns); 0 if there was none."""
+
+class Loop:
+    """Waits for bytes, and lets pads judge the frames in them: runtime/fast_loop.py."""
+
+    def __init__(
+        self, epoll: int, send: int, socket: int, in_time: tuple[int, int], behind: tuple[int, int], /
+    ) -> None: ...
+    def begin(self, descriptor: int, unread: bytes, pads: tuple[Pad, ...], /) -> None: ...
+    def end(self, descriptor: int, /) -> tuple[bytes, int, tuple[int, int, int], int] | None: ...
+    def is_behind(self) -> bool: ...
+    def take(self, descriptor: int, data: bytes, arrival_ns: int, /) -> bool: ...
+    def wait(self, until_ns: int, /) -> list[int]: ...

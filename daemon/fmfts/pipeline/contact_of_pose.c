@@ -1,0 +1,157 @@
+/* From a trusted pose to touch, place and force: the gaps, the lift and the deviations around contact/step.h. */
+#include <math.h>
+
+#include "steps.h"
+
+#define MM_PER_M 1e3
+/* A finger never lifts the magnet. If it stays lifted for this long, its baseline was recorded under load. */
+#define LIFTED_S 0.6
+/* Something that pulls at the pad lifts it too. If the magnet is back at rest for this long, the baseline was good: a load that
+ * is put on again passes by that place, to within 20 mN, in less time. */
+#define RESTED_S 0.15
+static const char JUMPED[] = "the field jumped between two samples by more than a finger can change it: a wire that was moved, a "
+                             "blow, a magnet, or frames that this computer left out";
+/* A board warms by 20 K in ten minutes. So within this time the last temperature is off by a fifth of a kelvin at most. */
+#define HELD_S 5.0
+
+bool fmfts_has_trusted_pose(fmfts_frame_work *work)
+{
+    const fmfts_verdict *verdict = &work->step.verdict;
+    if (work->step.parameters->at_rest == 0.0) {
+        return false;
+    }
+    if (!verdict->has_estimate || verdict->health == FMFTS_DISTURBED) {
+        fmfts_unseen(&work->memory->contact);
+        work->memory->pose.rested_s = 0.0;
+        work->memory->pose.unseen_s += work->step.field.elapsed_s;
+        return false;
+    }
+    return true;
+}
+
+void fmfts_follow_gaps(fmfts_frame_work *work)
+{
+    const fmfts_pose_parameters *parameters = work->step.parameters;
+    fmfts_pose_memory *memory = &work->memory->pose;
+    /* Before the first temperature its error is in every deviation. */
+    bool matters = parameters->unread_warming_k > 0.0 && !isnan(parameters->rest_temperature_c) && memory->unread_variance == 0.0;
+    memory->unread_s = isnan(work->step.temperature_c) && matters ? memory->unread_s + work->step.field.elapsed_s : 0.0;
+    if (memory->unread_s > HELD_S) {
+        fmfts_text why;
+        fmfts_clear(&why);
+        fmfts_say(&why, "no temperature that the chips can have for %.0f s: the last good one is held (thermometer, wiring)",
+                  memory->unread_s);
+        fmfts_degrade(&work->step.verdict, why.text);
+    }
+}
+
+/* Whether the pose's covariance and what the baseline leaves unknown count the same errors: the leftovers are those of a
+ * solution from all sensors and without neighbours; another one keeps both. */
+static bool counts_twice(const fmfts_step *step)
+{
+    for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {
+        if (!step->verdict.used[axis]) {
+            return false;
+        }
+    }
+    return step->felt.count == 0;
+}
+
+void fmfts_find_change(const fmfts_pad *pad, fmfts_frame_work *work)
+{
+    const fmfts_contact_parameters *contact = &pad->parameters->contact;
+    fmfts_step *step = &work->step;
+    double overlap[5][5], elapsed_s = step->field.elapsed_s;
+    bool overlaps = counts_twice(step);
+    if (elapsed_s > contact->longest_gap_s) {
+        fmfts_forget_touch(&work->memory->contact); /* who touched may be gone */
+    }
+    fmfts_follow_creep(step->parameters, step->memory, elapsed_s);
+    if (overlaps) {
+        fmfts_overlap(step, overlap);
+    }
+    fmfts_displace(step->parameters, step->memory, step->memory->state, &step->pose,
+                   overlaps ? (const double(*)[5])overlap : NULL, &work->displacement);
+    work->touch_is_known =
+        fmfts_touch(contact, &work->memory->contact, work->displacement.change, work->displacement.at_rest);
+}
+
+bool fmfts_find_contact(const fmfts_pad *pad, fmfts_frame_work *work)
+{
+    const fmfts_contact_parameters *contact = &pad->parameters->contact;
+    fmfts_step *step = &work->step;
+    fmfts_question question;
+    if (pad->parameters->message.has_model == 0.0) {
+        return true;
+    }
+    fmfts_draw(step->parameters, step->memory->state, &work->displacement, MM_PER_M, question.pose, question.covariance);
+    fmfts_smooth(contact, &work->memory->contact, step->field.elapsed_s, &question);
+    fmfts_keep_inside(contact, &question);
+    work->lifted_m = question.lifted_m;
+    work->has_estimate = true;
+    return fmfts_estimate_contact(contact, &question, &pad->network, contact->refine_steps > 0.0 ? pad->response : NULL,
+                                  pad->response_bytes, &work->estimate);
+}
+
+/* Counts for how long the magnet is above its rest, and then, for how long it has been back at rest. A press that brings it
+ * exactly there, where a baseline under load found it, does not hold it there. */
+static void follow_lift(fmfts_pose_memory *memory, bool lifted, bool resting, double elapsed_s)
+{
+    memory->rested_s = memory->lifted_s > 0.0 && resting && !lifted ? memory->rested_s + elapsed_s : 0.0;
+    if (lifted) {
+        memory->lifted_s += elapsed_s;
+    } else if (memory->lifted_s < LIFTED_S || memory->rested_s >= RESTED_S) {
+        memory->lifted_s = memory->rested_s = 0.0;
+    }
+}
+
+void fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work)
+{
+    fmfts_memory *memory = work->memory;
+    fmfts_verdict *verdict = &work->step.verdict;
+    if (!work->has_estimate) {
+        return; /* without a contact model it is not known whether a press can lift this pad's magnet */
+    }
+    bool lifted = work->lifted_m > 0.0, resting = work->touch_is_known && memory->contact.touched == 0.0;
+    follow_lift(&memory->pose, lifted, resting, work->step.field.elapsed_s);
+    if (memory->pose.lifted_s >= LIFTED_S) {
+        verdict->health = FMFTS_NO_BASELINE;
+        fmfts_clear(&verdict->reason);
+        fmfts_say(&verdict->reason, "%s", pad->words.lifted);
+        work->has_estimate = false;
+    } else if (lifted) {
+        fmfts_forget_touch(&memory->contact);
+        verdict->health = FMFTS_DISTURBED;
+        fmfts_clear(&verdict->reason);
+        fmfts_say(&verdict->reason,
+                  "the magnet is %.2f mm above its rest: something pulls at the pad, or its baseline was recorded under load",
+                  work->lifted_m * MM_PER_M);
+        work->has_estimate = false;
+    } else if (work->touch_is_known) {
+        fmfts_press(&pad->parameters->contact, &memory->contact, &work->estimate);
+        if (memory->contact.in_contact != 0.0 && work->estimate.over_range && fmfts_has_jumped(&work->step)) {
+            fmfts_degrade(verdict, JUMPED);
+        }
+    }
+}
+
+/* The deviation of the force while no touch is felt: it may be anything up to the detection limit, counted as a uniform
+ * distribution. detection_limit_n: where on the pad a touch is felt least. */
+static double quiet_force_sd_n(double force_sd_n, double detection_limit_n)
+{
+    double uniform_sd_n = detection_limit_n / sqrt(3.0);
+    return sqrt(force_sd_n * force_sd_n + uniform_sd_n * uniform_sd_n);
+}
+
+/* Of the estimate in contact, of 0 without one. The less a felt force exceeds its noise, the more the detection limit counts. If
+ * the magnet has moved and the force is not certain, 0 is wrong by up to all of the estimate. */
+double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate,
+                        const fmfts_contact_memory *touch)
+{
+    double limit_n = parameters->detection_limit_n, force_n = estimate->place[2];
+    if (touch->touched == 0.0) {
+        return quiet_force_sd_n(estimate->central_force_sd_n, limit_n);
+    }
+    double deviation_n = quiet_force_sd_n(estimate->deviation[2], estimate->doubt * limit_n);
+    return touch->in_contact != 0.0 ? deviation_n : sqrt(deviation_n * deviation_n + force_n * force_n);
+}

@@ -1,0 +1,55 @@
+"""What a pad remembers before its first frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmfts.arithmetic.elementary import square
+from fmfts.common.record import Numbers
+from fmfts.pad import Pad
+from fmfts.pipeline._pad import MEMORY
+from fmfts.pipeline.baselined_pad import BaselinedPad
+from fmfts.pose.state import LOG_MOMENT
+
+KEPT = ("number", "sampled_ns")  # of the last message: numbers go on
+# What alignment.c keeps of the last frames.
+OF_SAMPLES = (
+    *("field_t", "time_us", "repeats", "without_news", "newest_us", "leapt_us"),
+    *("frame_us", "frame_ns", "sequence", "stood_ns", "stood_sequence"),
+)
+
+# What is not 0, and is the same of every pad.
+FIRST: dict[str, Numbers] = {
+    "last_us": np.nan,
+    "misfit": 1.0,
+    "lasting_misfit": 1.0,
+    "sound": 1,
+    "found_sensor": -1,
+    "lowest_t": np.full(3, np.inf),
+    "highest_t": np.full(3, -np.inf),
+    "modes": np.full(2, 0.5),
+    "early_widths": np.ones(2),
+}
+
+
+def first_memory(pad: Pad, baselined: BaselinedPad | None) -> dict[str, Numbers]:
+    """Every field of FMFTS_MEMORY (frame.h) but those that a pad keeps. baselined: None without a baseline."""
+    memory: dict[str, Numbers] = {
+        name: np.zeros(count) if count else 0.0 for name, _, count in MEMORY if name not in KEPT
+    }
+    memory |= FIRST | {"field_t": np.full(9 * len(pad.sensors), np.nan)}
+    if baselined is None:
+        return memory
+    tracking = baselined.tracking
+    covariance, unread_variance = np.diag(tracking.initial), square(tracking.moment_per_k * tracking.unread_warming_k)
+    covariance[LOG_MOMENT, LOG_MOMENT] += unread_variance
+    return memory | {
+        "state": baselined.mounting.rest.vector(),
+        "covariance": covariance,
+        "unread_variance": unread_variance,
+    }
+
+
+def without_samples(memory: dict[str, Numbers]) -> dict[str, Numbers]:
+    """The same, for a pad that gets another baseline: its samples go on."""
+    return {name: value for name, value in memory.items() if name not in OF_SAMPLES}

@@ -1,0 +1,39 @@
+/* The way of every frame of a pad, from counts to what its message tells, in order. Each step is in the file that its comment
+ * names. What it remembers is in fmfts_memory; what it says in fmfts_reading. */
+#include "steps.h"
+
+bool fmfts_judge(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *frame, fmfts_reading *reading)
+{
+    const fmfts_parameters *parameters = pad->parameters;
+    fmfts_memory next = *memory; /* a frame that fails leaves the memory as it was */
+    fmfts_frame_work work;
+    fmfts_step *step = &work.step;
+    fmfts_begin(pad, &next, frame, &work, reading);          /* reading.c */
+    fmfts_align(step, frame);                                /* pose/alignment.c: samples to one instant; what is missing, stuck */
+    fmfts_date(frame, &work);                                /* reading.c: when the sample was taken */
+    if (parameters->message.has_baseline != 0.0) {
+        fmfts_subtract(step);                                /* pose/alignment.c: baseline, deviations */
+        fmfts_feel(step, pad->neighbour, (double)next.message.sampled_ns); /* pose/neighbour.c: magnets of other pads */
+        fmfts_track(step);                                   /* pose/tracker.c: pose; pose/fault_search.c: a faulty sensor */
+        fmfts_watch_residuals(step);                         /* pose/residual_monitor.c: small faults that last */
+        fmfts_doubt_beside_steel(step);                      /* pose/tracker.c */
+        fmfts_watch_ambient(step);                           /* pose/ambient_motion.c: a robot that turns */
+        fmfts_follow_foreign(step);                          /* pose/hidden_gradient.c: a tool that no residual shows */
+        if (fmfts_has_trusted_pose(&work)) {                 /* contact_of_pose.c, as the next four */
+            fmfts_follow_gaps(&work);                        /* a temperature that is missing; a finger that may be gone */
+            fmfts_find_change(pad, &work);                   /* pose/silicone.c, overlap.c, change.c: from rest; contact/touch.c */
+            if (!fmfts_find_contact(pad, &work)) {           /* contact/smooth.c, estimate.c, network.c, refine.c */
+                return false;
+            }
+            fmfts_doubt_contact(pad, &work);                 /* something pulls, or the field jumped; contact/touch.c: is it certain */
+        }
+        fmfts_find_now(pad, frame, &work, reading);          /* now.c: the contact when the message is published */
+    }
+    fmfts_read(pad, &work, reading);                         /* reading.c: what the message tells of all this */
+    if (!fmfts_is_finite(reading)) {
+        return false;
+    }
+    fmfts_show_others(pad, &work);                           /* reading.c: to pads that feel this one's magnet */
+    *memory = next;
+    return true;
+}

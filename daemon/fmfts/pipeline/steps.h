@@ -1,0 +1,63 @@
+/* The steps of fmfts_judge that belong to no equation: what reading.c, contact_of_pose.c and now.c add to pose/step.h and
+ * contact/step.h. */
+#ifndef FMFTS_STEPS_H
+#define FMFTS_STEPS_H
+
+#include "frame.h"
+
+/* What the steps of one frame hand on. touched: whether χ² of the change from rest is known; the answer is in the memory. */
+typedef struct {
+    fmfts_step step;
+    fmfts_memory *memory;
+    fmfts_displacement displacement;
+    bool touch_is_known, has_estimate; /* has_estimate: of the contact model */
+    double lifted_m;                   /* how far the magnet certainly is above all that training saw */
+    fmfts_estimate estimate;
+} fmfts_frame_work;
+
+/* reading.c: an empty verdict. */
+void fmfts_begin_step(const fmfts_parameters *parameters, fmfts_memory *memory, double temperature_c, fmfts_frame_work *work);
+
+/* reading.c: the same, and an empty reading. */
+void fmfts_begin(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *frame, fmfts_frame_work *work,
+                 fmfts_reading *reading);
+
+/* reading.c: notes the host's time of the sample. Without a new one the newest is still the last. */
+void fmfts_date(const fmfts_frame *frame, fmfts_frame_work *work);
+
+/* reading.c: what the message tells. */
+void fmfts_read(const fmfts_pad *pad, fmfts_frame_work *work, fmfts_reading *reading);
+
+/* reading.c: the sensors of which every axis is used, as a mask. */
+unsigned fmfts_sensors_used(const fmfts_step *step);
+
+/* reading.c: tells pads that feel this one's magnet where it is. */
+void fmfts_show_others(const fmfts_pad *pad, const fmfts_frame_work *work);
+
+/* reading.c: says this, too, of a frame that then is degraded. */
+void fmfts_degrade(fmfts_verdict *verdict, const char *why);
+
+/* contact_of_pose.c: whether the frame has a pose to make a contact of. A touch without one ends after some frames. */
+bool fmfts_has_trusted_pose(fmfts_frame_work *work);
+
+/* contact_of_pose.c: counts for how long the temperature is missing, and forgets the touch after a gap. */
+void fmfts_follow_gaps(fmfts_frame_work *work);
+
+/* contact_of_pose.c: the change of pose from rest, with all that is uncertain of it, and whether it is a touch. */
+void fmfts_find_change(const fmfts_pad *pad, fmfts_frame_work *work);
+
+/* contact_of_pose.c: place and force, if there is a contact model, and whether that is a contact. False if the model gives no
+ * number. */
+bool fmfts_find_contact(const fmfts_pad *pad, fmfts_frame_work *work);
+
+/* contact_of_pose.c: whether something lifts the magnet, which no press does; else, whether the touch is a contact. */
+void fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work);
+
+/* contact_of_pose.c: the deviation of the force to publish. */
+double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate,
+                        const fmfts_contact_memory *touch);
+
+/* now.c: what holds when the message is published; it is known of healthy frames without neighbours only. */
+void fmfts_find_now(const fmfts_pad *pad, const fmfts_frame *frame, fmfts_frame_work *work, fmfts_reading *reading);
+
+#endif

@@ -1,0 +1,166 @@
+/* Says why a frame does not fit: finds one faulty sensor and leaves it out, or tells what else it may be. */
+#include "../arithmetic/elementary.h"
+#include "model.h"
+#include "tracking.h"
+
+/* The sensors [mask] without each of which the others fit, better than with a foreign field. last: the last one, with its
+ * solution. */
+typedef struct {
+    unsigned sensors;
+    int count, last;
+    fmfts_solved without_last;
+} suspicion;
+
+static void solve_with_foreign_field(const fmfts_attempt *attempt, fmfts_solved *foreign)
+{
+    fmfts_attempt with_field = *attempt;
+    with_field.has_foreign_field = true;
+    fmfts_solve_frame(&with_field, foreign);
+}
+
+static void suspect_sensors(const fmfts_attempt *attempt, const fmfts_solved *foreign, suspicion *found)
+{
+    const fmfts_pose_parameters *parameters = attempt->step->parameters;
+    double of_foreign_field = fmfts_probability(parameters, foreign);
+    unsigned whole = fmfts_whole_sensors(parameters, attempt->field_t);
+    found->sensors = 0;
+    found->count = 0;
+    if (fmfts_count(whole) <= FMFTS_FEWEST_SENSORS) {
+        return;
+    }
+    for (int sensor = 0; sensor < (int)parameters->sensors; sensor++) {
+        fmfts_attempt others = *attempt;
+        fmfts_solved solved;
+        others.field_t[3 * sensor] = others.field_t[3 * sensor + 1] = others.field_t[3 * sensor + 2] = NAN;
+        fmfts_solve_frame(&others, &solved);
+        if (fmfts_fits(parameters, &solved, fmfts_strongest(parameters)) &&
+            fmfts_probability(parameters, &solved) > of_foreign_field) {
+            found->sensors |= 1u << sensor;
+            found->count++;
+            found->last = sensor;
+            found->without_last = solved;
+        }
+    }
+}
+
+/* One sensor alone is suspected: leaves it out. */
+static void blame(const fmfts_attempt *attempt, const fmfts_solved *whole, const suspicion *found)
+{
+    fmfts_step *step = attempt->step;
+    int sensor = found->last;
+    if (step->parameters->at_rest != 0.0 && !fmfts_confirms(step->parameters, step->memory, sensor)) {
+        step->verdict.health = FMFTS_LOST;
+        fmfts_say(&step->verdict.reason, "sensor %d may be at fault, or the field has turned", sensor + 1);
+        return;
+    }
+    for (int axis = 3 * sensor; axis < 3 * sensor + 3; axis++) {
+        step->verdict.used[axis] = false;
+    }
+    step->verdict.health = FMFTS_DEGRADED;
+    fmfts_say(&step->verdict.reason, "sensor %d contradicts the others (χ² %.0f with it): left out", sensor + 1, whole->chi2);
+    fmfts_accept(step, attempt->prior, &found->without_last);
+}
+
+/* What the search found, if neither a pose nor a single sensor explains the frame. Two faulty sensors of four look like a
+ * foreign field, and one of three does. */
+static fmfts_cause cause_of(const fmfts_pose_parameters *parameters, const fmfts_solved *whole, const fmfts_solved *foreign,
+                            const suspicion *found)
+{
+    if (found->count > 0) {
+        return FMFTS_SENSOR_AT_FAULT;
+    }
+    bool explains = fmfts_fits(parameters, foreign, FMFTS_LOG_MOMENT_REACH);
+    return explains || fmfts_has_plausible_pose(parameters, whole, FMFTS_LOG_MOMENT_REACH) ? FMFTS_NOT_ALONE : FMFTS_NO_POSE;
+}
+
+static void say_suspects(const fmfts_step *step, fmfts_text *reason)
+{
+    const char *before = "sensor ";
+    for (int sensor = 0; sensor < (int)step->parameters->sensors; sensor++) {
+        if ((unsigned)step->memory->searched_sensors >> sensor & 1) {
+            fmfts_say(reason, "%s%d", before, sensor + 1);
+            before = " or ";
+        }
+    }
+    fmfts_say(reason, " may be at fault: it is not clear which");
+}
+
+/* whole: the sensors [mask] that were solved with. */
+static void say_not_alone(const fmfts_step *step, unsigned whole, fmfts_text *reason)
+{
+    const char *alone = "the field does not come from this magnet alone: steel, a magnet, or a turned robot";
+    unsigned all = (1u << (int)step->parameters->sensors) - 1;
+    int blamed = fmfts_blamed(step->memory);
+    /* A sensor that was left out, as it contradicted the others, is not to blame: without it they do not fit either. */
+    if (blamed >= 0 && !fmfts_is_missing(&step->missing, blamed)) {
+        whole |= 1u << blamed;
+    }
+    if (whole == all) {
+        fmfts_say(reason, "%s; or two sensors are wrong (run selftest)", alone);
+        return;
+    }
+    fmfts_say_why_not(step, whole, reason);
+    fmfts_say(reason, ", and %s; or another sensor is wrong (run selftest)", alone);
+}
+
+/* The verdict by the last search. */
+static void say_cause(fmfts_step *step, unsigned whole)
+{
+    fmfts_text *reason = &step->verdict.reason;
+    step->verdict.health = FMFTS_LOST;
+    switch ((fmfts_cause)step->memory->searched) {
+    case FMFTS_SENSOR_AT_FAULT:
+        say_suspects(step, reason);
+        break;
+    case FMFTS_NO_POSE:
+        fmfts_say(reason, "no pose of this magnet explains the field: is the pad mounted, and is the magnet whole?");
+        break;
+    case FMFTS_NOT_ALONE:
+        step->verdict.health = FMFTS_DISTURBED;
+        say_not_alone(step, whole, reason);
+        break;
+    case FMFTS_NOT_SEARCHED:
+    default:
+        break;
+    }
+}
+
+/* The frame fits a magnet that is stronger than at its baseline. */
+static void say_stronger(fmfts_step *step, const fmfts_solved *whole)
+{
+    double stronger = fmfts_exp(whole->state[LOG_VALUE] - step->parameters->rest[LOG_VALUE]) - 1.0;
+    step->verdict.health = FMFTS_DISTURBED;
+    step->verdict.stronger = true;
+    fmfts_say(&step->verdict.reason,
+              "the magnet looks %.0f%% stronger than its baseline says: steel touches the pad or is near it, or it is another "
+              "magnet: then record `fmfts-daemon baseline --rest --replaced`",
+              100.0 * stronger);
+}
+
+void fmfts_explain(const fmfts_attempt *attempt, const fmfts_solved *whole)
+{
+    fmfts_step *step = attempt->step;
+    fmfts_pose_memory *memory = step->memory;
+    if (fmfts_fits(step->parameters, whole, FMFTS_LOG_MOMENT_REACH)) {
+        memory->disturbed_frames++;
+        say_stronger(step, whole);
+        return;
+    }
+    if (fmfts_has_plausible_pose(step->parameters, whole, FMFTS_LOG_MOMENT_REACH)) {
+        fmfts_note_nearest(step, whole);
+    }
+    if (memory->disturbed_frames % FMFTS_SEARCH_EVERY == 0) {
+        suspicion found;
+        fmfts_solved foreign;
+        solve_with_foreign_field(attempt, &foreign);
+        suspect_sensors(attempt, &foreign, &found);
+        if (found.count == 1) {
+            blame(attempt, whole, &found);
+            return;
+        }
+        memory->searched = cause_of(step->parameters, whole, &foreign, &found);
+        memory->searched_sensors = found.sensors;
+    }
+    memory->disturbed_frames++;
+    say_cause(step, fmfts_whole_sensors(step->parameters, attempt->field_t));
+}

@@ -1,0 +1,42 @@
+/* The mean residual of each axis of a pad: mean_residuals.c averages and judges them, blame.c finds what is wrong. */
+#ifndef FMFTS_MEAN_RESIDUALS_H
+#define FMFTS_MEAN_RESIDUALS_H
+
+#include "model.h"
+#include "step.h"
+
+/* What is wrong, if anything: the faulty sensor (negative: none alone), or a foreign field, which explains it better. Neither:
+ * it is not clear which of the suspects (mask). */
+typedef struct {
+    bool is_wrong, foreign;
+    int sensor;
+    unsigned suspects;
+} fmfts_finding;
+
+/* Some axes of a pad as one problem of generalised least squares: V is the covariance of their errors, J the derivatives of
+ * their prediction by the unknowns. Both matrices are factored as algebra.h does it. */
+typedef struct {
+    size_t axes, unknowns;
+    int axis[FMFTS_AXES]; /* of the pad */
+    double jacobian[FMFTS_STEP][FMFTS_AXES];
+    double covariance[FMFTS_AXES][FMFTS_AXES]; /* V */
+    double solved[FMFTS_STEP][FMFTS_AXES];     /* V⁻¹J */
+    fmfts_matrix normal;                       /* JᵀV⁻¹J */
+} fmfts_judged_axes;
+
+/* mean_residuals.c: begins anew. */
+void fmfts_forget_means(fmfts_pose_memory *memory);
+
+/* mean_residuals.c: adds a frame's residuals [axes], NaN where an axis is silent. True if it is time to judge the means. */
+bool fmfts_push_means(fmfts_step *step, const double *residual_t);
+
+/* mean_residuals.c: what is wrong by the means. A fault that was found before counts as over only once the mean is sound. */
+fmfts_finding fmfts_judge_means(fmfts_step *step);
+
+/* mean_residuals.c: values of the judged axes times R = V⁻¹ − V⁻¹J(JᵀV⁻¹J)⁻¹JᵀV⁻¹. */
+void fmfts_weigh(fmfts_judged_axes *judged, const double *value, double *weighed);
+
+/* blame.c: what is wrong with a mean that is not that of healthy sensors. mean_t: of the judged axes. */
+fmfts_finding fmfts_blame(const fmfts_step *step, fmfts_judged_axes *judged, const double *mean_t);
+
+#endif
