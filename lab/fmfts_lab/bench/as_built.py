@@ -21,7 +21,7 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import ContactConfig, PadConfig, SceneConfig, SiliconeConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.encoded import message_of
 from fmfts.simulation.finger import Finger, no_finger
 from fmfts_lab.bench.built_world import CROSS_AXIS, BuiltSource, Defects, Presses
 from fmfts_lab.bench.tapped import without_baseline
@@ -198,7 +198,7 @@ def trial(
         source.mounted, source.finger = True, finger
         source.attitude = "turning" if defects.turning else "still"
         answers = [pipeline.answer(frame) for frame in source.recorded(seconds)]
-        messages = (one.message if isinstance(one, PackedMessage) else one for one in answers)
+        messages = (message_of(one) for one in answers)
         cell.saw(messages, Truth(source.built, finger), finger)
 
 

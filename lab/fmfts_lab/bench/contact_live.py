@@ -10,13 +10,14 @@ from fmfts.calibrate.evaluation import rounded
 from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
 from fmfts.config import MagnetConfig, SceneConfig
-from fmfts.contact import ContactModel, Smoother, TouchDetector
+from fmfts.contact import ContactModel, TouchDetector
 from fmfts.pad import Pad
-from fmfts.pose import STOP_CONVERGED, Tracker, in_nominal_frame, solve
+from fmfts.pose import STOP_CONVERGED, in_nominal_frame, solve
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.source import ROOM_C
 from fmfts_lab.bench.contact_answers import estimates
+from fmfts_lab.bench.field_tracker import FieldTracker
 from fmfts_lab.bench.workspace import Array, standard_pad
 
 RATE_HZ = 220.0
@@ -94,13 +95,16 @@ def motion(model: ContactModel, random: np.random.Generator) -> dict[str, Any]:
             field = pressed_fields(pad, press)
             noisy = field + random.normal(0.0, NOISE_T, field.shape)
             tracking = tracking_model_for(SceneConfig(), MagnetConfig()).tracking
-            tracker, smoother = Tracker(pad, rest, tracking, ROOM_C), Smoother(MEMORY_S)
+            tracker, poses = FieldTracker(pad, rest, tracking, ROOM_C), []
             found: dict[str, list[list[float]]] = {name: [] for name in errors}
             for frame in noisy:
                 estimate = tracker.update(frame, np.full(frame.shape, NOISE_T), 1.0 / RATE_HZ, ROOM_C).estimate
                 assert estimate is not None
-                pose = in_nominal_frame(estimate, rest, pad)
-                for name, asked in (("single frames", pose), ("smoothed", smoother.update(*pose, 1.0 / RATE_HZ))):
+                position_m, axis, covariance = in_nominal_frame(estimate, rest, pad)
+                poses.append(np.concatenate([position_m, axis]))
+                smooth = _smoothed(np.array(poses))
+                single = position_m, axis, covariance
+                for name, asked in (("single frames", single), ("smoothed", (smooth[:3], smooth[3:], covariance))):
                     contact = model.estimate(*asked)
                     found[name].append([contact.x_m * 1e3, contact.y_m * 1e3, contact.force_n])
             axes = np.array([[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
@@ -114,6 +118,18 @@ def motion(model: ContactModel, random: np.random.Generator) -> dict[str, Any]:
     share = mae["smoothed"] / mae["single frames"]
     print("  smoothed over single" + "".join(f"{value:9.3f}" for value in share))
     return {"share": [rounded(value) for value in share], "lag_ms": rounded(lag_ms["smoothed"])}
+
+
+def _smoothed(poses: Array) -> Array:
+    """(6,) the last pose by what smooth.c computes step by step: a parabola through all (K, 6), whose weight fades."""
+    last: Array = poses[-round(10.0 * MEMORY_S * RATE_HZ) :]
+    age_s = np.arange(len(last) - 1, -1, -1) / RATE_HZ
+    if len(last) < 4:
+        newest: Array = last[-1]
+        return newest
+    fitted = np.polynomial.polynomial.polyfit(-age_s, last, 2, w=np.exp(-age_s / (2.0 * MEMORY_S)))[0]
+    smooth: Array = np.concatenate([fitted[:3], fitted[3:] / np.linalg.norm(fitted[3:])])
+    return smooth
 
 
 def squeezes(model: ContactModel, random: np.random.Generator) -> dict[str, Any]:

@@ -20,7 +20,6 @@ from fmfts.contact import ContactModel
 from fmfts.contact.session import SessionInference
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.contact.verified import read
-from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.sensor.source import SourceState
 from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.framing import encode
@@ -63,9 +62,9 @@ def costs(
 ) -> dict[str, list[int]]:
     """Nanoseconds of each frame after the first SETTLED; `before` is called before each stage."""
     found: dict[str, list[int]] = {}
-    link, reference_link = (Link({0: on_board(config)}, SourceState("bench"), DeviceClock()) for _ in range(2))
+    link = Link({0: on_board(config)}, SourceState("bench"), DeviceClock())
     topic = contact_topic(config.name)
-    compiled, in_python, whole = pipeline_of(config), pipeline_of(config), Whole(config, publisher)
+    pipeline, whole = pipeline_of(config), Whole(config, publisher)
     model = ContactModel.load("default", config.pad())
     session = SessionInference(read(DEFAULT_PATH))
 
@@ -80,14 +79,10 @@ def costs(
         if not timed("from bytes to bus in one call", whole.take, line, number * PERIOD_NS):
             whole.take_in_python(line, number * PERIOD_NS)
         for frame in timed("unpack, board's clock, frame", link.feed, line, number * PERIOD_NS):
-            answer = timed("judge, contact model, message", compiled.answer, frame)
-            if isinstance(answer, PackedMessage):
-                timed("send (two parts)", publisher.send_packed, topic, answer.payload)
+            answer = timed("judge, contact model, message", pipeline.answer, frame)
+            timed("send (two parts)", publisher.send_encoded, topic, answer.payload)
             timed("the contact model alone: compiled", model.inference.run)
     # Apart from the rows above: what they have in the caches is what this would push out.
-    for number, line in enumerate(lines):
-        for frame in reference_link.feed(line, number * PERIOD_NS):
-            timed("the contact model alone: onnxruntime", session.run)
-            in_python.hand_back()
-            timed("judge and contact by the stages in Python", in_python._judge, frame)
+    for _ in lines:
+        timed("the contact model alone: onnxruntime", session.run)
     return {name: values[SETTLED:] for name, values in found.items()}

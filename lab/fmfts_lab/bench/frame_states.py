@@ -1,6 +1,6 @@
 """What a frame costs by the state of its pad: healthy, without a sensor, disturbed, with another model, recorded.
 
-From the bytes on the line to the bus, as the daemon does it: in C as long as C takes the frames, else in Python. The
+From the bytes on the line to the bus, as the daemon does it: without Python as long as its loop takes the frames. The
 processor time of the thread is counted, so that other programs do not matter; ZeroMQ's own thread is not in it.
 """
 
@@ -19,10 +19,8 @@ from msgspec.structs import replace
 from fmfts.bus.publisher import Publisher
 from fmfts.config import BridgeSource, ContactConfig, PadConfig, PlacementConfig, SceneConfig, SimulatedSource
 from fmfts.pipeline.configured import contact_model_of, feel_neighbours, pipeline_of
-from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.recorders import Recorders
-from fmfts.sensor import Frame
 from fmfts.sensor.chips import DEFAULT_CHIP
 from fmfts.sensor.source import SourceState
 from fmfts.sensor.wire.clock import DeviceClock
@@ -35,11 +33,11 @@ from fmfts.simulation.source import Simulated
 from fmfts.sources import on_board
 from fmfts_client.endpoints import for_daemon
 from fmfts_lab.bench import latency_rig as rig
-from fmfts_lab.bench.frame_whole import PERIOD_NS, Whole, leave_to_python
+from fmfts_lab.bench.frame_whole import PERIOD_NS, Whole
 from fmfts_lab.bench.latency import pad_of
 from fmfts_lab.bench.overload_rig import random_finger
 
-SETTLED, FRAMES, FRAMES_IN_PYTHON = 440, 880, 220  # not measured, and measured
+SETTLED, FRAMES = 440, 880  # not measured, and measured
 OFFSET_COUNTS = 150  # 23 µT
 PRESS = steady_finger(2e-3, 1e-3, 0.8)
 RATE_HZ = 220
@@ -114,32 +112,31 @@ STATES = (
 
 
 def run() -> None:
-    print("| state | median µs | mean µs | in C, % | of a core at 220 Hz, % | by Python alone, median µs | times |")
-    print("| --- | --- | --- | --- | --- | --- | --- |")
+    print("| state | median µs | mean µs | without Python, % | of a core at 220 Hz, % |")
+    print("| --- | --- | --- | --- | --- |")
     with tempfile.TemporaryDirectory(prefix="fmfts-states-") as folder:
         publisher = Publisher(for_daemon(f"ipc://{folder}"), "bench")
         for state in STATES:
-            costs_ns, in_c = measured(state, publisher, FRAMES)
-            oracle_ns, _ = measured(state, publisher, FRAMES_IN_PYTHON, without_c=True)
+            costs_ns, taken = measured(state, publisher)
             median, mean = np.median(costs_ns) * 1e-3, np.mean(costs_ns) * 1e-3
-            share, alone = 100.0 * RATE_HZ * mean * 1e-6, np.median(oracle_ns) * 1e-3
-            row = f"| {state.name} | {median:.0f} | {mean:.0f} | {100 * in_c:.0f} | {share:.1f} "
-            print(f"{row}| {alone:.0f} | {alone / median:.0f} |", flush=True)
+            share = 100.0 * RATE_HZ * mean * 1e-6
+            print(f"| {state.name} | {median:.0f} | {mean:.0f} | {100 * taken:.0f} | {share:.1f} |", flush=True)
         publisher.close()
 
 
-def measured(state: State, publisher: Publisher, frames: int, without_c: bool = False) -> tuple[list[int], float]:
-    """Nanoseconds of each frame, and the share of the frames that C judged. without_c: all are Python's."""
+def measured(state: State, publisher: Publisher) -> tuple[list[int], float]:
+    """Nanoseconds of each frame, and the share of the frames that the loop took."""
     simulated = msgspec.structs.replace(pad_of(0), contact=state.contact)
     source = Simulated(simulated)
     source.finger = state.finger
-    samples = rig.samples_of(source, (SETTLED + frames) / RATE_HZ)
+    samples = rig.samples_of(source, (SETTLED + FRAMES) / RATE_HZ)
     spoilt = [sample if state.spoil is None else state.spoil(sample, at) for at, sample in enumerate(samples)]
     lines = [encode(sample) for sample in spoilt]
     config = msgspec.structs.replace(simulated, source=BridgeSource(port="bench"))
-    if state.beside or state.recorded:
-        return _in_python(config, state, lines, publisher, without_c)
-    whole, costs_ns, in_c = Whole(config, publisher, without_c), [], 0
+    pipeline = _beside_another(config) if state.beside else _alone(config)
+    if state.recorded:
+        return _recorded(config, pipeline, lines, publisher), 0.0
+    whole, costs_ns, in_c = Whole(config, publisher, pipeline), [], 0
     for number, line in enumerate(lines):
         begun = time.thread_time_ns()
         taken = whole.take(line, number * PERIOD_NS)
@@ -147,36 +144,20 @@ def measured(state: State, publisher: Publisher, frames: int, without_c: bool = 
             whole.take_in_python(line, number * PERIOD_NS)
         costs_ns.append(time.thread_time_ns() - begun)
         in_c += taken and number >= SETTLED
-    return costs_ns[SETTLED:], in_c / frames
+    return costs_ns[SETTLED:], in_c / FRAMES
 
 
-def _in_python(
-    config: PadConfig, state: State, lines: list[bytes], publisher: Publisher, without_c: bool
-) -> tuple[list[int], float]:
-    """Frames that Python must see: C may still judge them."""
+def _recorded(config: PadConfig, pipeline: PadPipeline, lines: list[bytes], publisher: Publisher) -> list[int]:
+    """Nanoseconds of each frame while somebody records: Python must see them."""
     link = Link({0: on_board(config)}, SourceState("bench"), DeviceClock())
-    pipeline = _beside_another(config) if state.beside else _alone(config)
-    if without_c:
-        leave_to_python(pipeline)
-    recorders, costs_ns, in_c = Recorders(pipeline, publisher, "bench"), [], 0
+    recorders, costs_ns = Recorders(pipeline, publisher, "bench"), []
     for number, line in enumerate(lines):
         begun = time.thread_time_ns()
         for frame in link.feed(line, number * PERIOD_NS):
-            packed = _answer(pipeline, frame, recorders if state.recorded else None, publisher)
-            in_c += packed and number >= SETTLED
+            recorders.frame(frame, used=True)
+            publisher.send_encoded(b"contact/p0", pipeline.answer(frame).payload)
         costs_ns.append(time.thread_time_ns() - begun)
-    return costs_ns[SETTLED:], in_c / (len(lines) - SETTLED)
-
-
-def _answer(pipeline: PadPipeline, frame: Frame, recorders: Recorders | None, publisher: Publisher) -> bool:
-    if recorders is not None:
-        recorders.frame(frame, used=True)
-    answer = pipeline.answer(frame)
-    if isinstance(answer, PackedMessage):
-        publisher.send_packed(b"contact/p0", answer.payload)
-        return True
-    publisher.send_contact("p0", answer)
-    return False
+    return costs_ns[SETTLED:]
 
 
 def _alone(config: PadConfig) -> PadPipeline:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.config import PadConfig
+from fmfts.pipeline import _pad
 from fmfts.pipeline.configured import contact_model_of
 from fmfts.pipeline.configured import pipeline_of as configured_pipeline
-from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.fast import Lane, _fast
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.fast_loop import send_function
 from fmfts.sensor.patience import BEHIND, IN_TIME
@@ -24,39 +23,34 @@ PERIOD_NS = round(1e9 / rig.RATE_HZ)
 
 
 class Whole:
-    """A pad whose frames go from their bytes to the bus in one call, as in the daemon's fast path."""
+    """A pad whose frames go from their bytes to the bus in one call, as in the daemon's loop."""
 
     LINE = 0  # stands for a descriptor; nothing reads it
 
-    def __init__(self, config: PadConfig, publisher: Publisher, without_c: bool = False) -> None:
-        self._clock, self._topic, self._name = DeviceClock(), contact_topic(config.name), config.name
+    def __init__(self, config: PadConfig, publisher: Publisher, pipeline: PadPipeline | None = None) -> None:
+        """pipeline: None: that of the pad alone."""
+        self._clock, self._topic = DeviceClock(), contact_topic(config.name)
         self._link = Link({0: on_board(config)}, SourceState("bench"), self._clock)
         self._publisher = publisher
-        self._pipeline = pipeline_of(config)
-        if without_c:
-            leave_to_python(self._pipeline)
+        self._pipeline = pipeline_of(config) if pipeline is None else pipeline
         send = send_function()
         assert send is not None
-        self._loop = _fast.Loop(-1, send, publisher.address, IN_TIME, BEHIND)
-        self._lane: Lane | None = None
+        self._loop = _pad.Loop(-1, send, publisher.address, IN_TIME, BEHIND)
+        self._lent: _pad.Pad | None = None
 
     def take(self, line: bytes, arrival_ns: int) -> bool:
-        return self._lane is not None and self._loop.take(self.LINE, line, arrival_ns)
+        return self._lent is not None and self._loop.take(self.LINE, line, arrival_ns)
 
     def take_in_python(self, line: bytes, arrival_ns: int) -> None:
-        """Process in Python a line that C did not take; C may take the next ones."""
-        if self._lane is not None:
+        """Process by way of Python a line that the loop did not take; it may take the next ones."""
+        if self._lent is not None:
             self._loop.end(self.LINE)
-            self._pipeline.end(self._lane)
+            self._pipeline.end(self._lent)
         for frame in self._link.feed(line, arrival_ns):
-            answer = self._pipeline.answer(frame)
-            if isinstance(answer, PackedMessage):
-                self._publisher.send_packed(self._topic, answer.payload)
-            else:
-                self._publisher.send_contact(self._name, answer)
-        self._lane = self._pipeline.begin(self._clock.line, self._topic, 0, NEVER_NS)
-        if self._lane is not None:
-            self._loop.begin(self.LINE, b"", (self._lane.compiled,))
+            self._publisher.send_encoded(self._topic, self._pipeline.answer(frame).payload)
+        self._lent = self._pipeline.begin(self._clock.line, self._topic, 0, NEVER_NS)
+        if self._lent is not None:
+            self._loop.begin(self.LINE, b"", (self._lent,))
 
 
 def pipeline_of(config: PadConfig) -> PadPipeline:
@@ -65,9 +59,3 @@ def pipeline_of(config: PadConfig) -> PadPipeline:
     assert isinstance(pipeline, PadPipeline)
     pipeline.use(simulated_baseline(pad_of(0)))
     return pipeline
-
-
-def leave_to_python(pipeline: PadPipeline) -> None:
-    """Let the stages in Python judge every frame."""
-    assert pipeline._estimator is not None
-    pipeline._estimator._path = None

@@ -9,9 +9,10 @@ import numpy as np
 
 from fmfts.common.chi2 import quantile
 from fmfts.config import MagnetConfig, SceneConfig
-from fmfts.pose import LOG_MOMENT, PoseEstimate, State, Tracker, change_from, dipole_field
+from fmfts.pose import LOG_MOMENT, PoseEstimate, State, change_from, dipole_field
 from fmfts.scene.tracking import MOMENT_DEVIATION, tracking_model_for
 from fmfts.sensor.chips import NOISE_T
+from fmfts_lab.bench.field_tracker import FieldTracker
 from fmfts_lab.bench.workspace import Array, standard_pad
 
 RATE_HZ = 55.0
@@ -77,7 +78,7 @@ def _warmed(force_n: float, since_s: float, random: np.random.Generator) -> tupl
     """Mean error and deviation (2,) in mN over the last seconds, with the moment held and with the moment followed."""
     pad, rest = standard_pad(), State.at_rest(standard_pad())
     model = tracking_model_for(SceneConfig(ambient="drifting"), MagnetConfig()).tracking
-    tracker, follower, shown = Tracker(pad, rest, model, 25.0), Follower(rest), []
+    tracker, follower, shown = FieldTracker(pad, rest, model, 25.0), Follower(rest), []
     for frame in range(round(END_S * RATE_HZ)):
         time_s = frame / RATE_HZ
         warmer_k = WARM_K * min(time_s / WARMING_S, 1.0)

@@ -16,7 +16,7 @@ import numpy as np
 
 from fmfts.bus.messages import ContactMessage
 from fmfts.pad import Array
-from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.encoded import message_of
 from fmfts.sensor.early import EarlySample
 from fmfts_lab.bench import now_faults
 from fmfts_lab.bench.motions import DRAWN, Draw, Motion
@@ -169,7 +169,7 @@ def measure(
 def _messages(pad: BuiltPad, motion: Motion, seconds: float) -> tuple[Array, list[ContactMessage]]:
     """When the messages are published, and they themselves."""
     pipeline = pad.pipeline()
-    messages = [_unpacked(pipeline.answer(frame)) for frame in pad.frames(motion, seconds)]
+    messages = [message_of(pipeline.answer(frame)) for frame in pad.frames(motion, seconds)]
     return published_s(len(messages)), messages
 
 
@@ -179,12 +179,8 @@ def _early_messages(pad: BuiltPad, motion: Motion, seconds: float) -> tuple[Arra
         answer = pipeline.early(packet) if isinstance(packet, EarlySample) else pipeline.answer(packet)
         if answer is not None:
             published.append(at_s - BEFORE_S)
-            messages.append(_unpacked(answer))
+            messages.append(message_of(answer))
     return np.array(published), messages
-
-
-def _unpacked(answer: ContactMessage | PackedMessage) -> ContactMessage:
-    return answer.message if isinstance(answer, PackedMessage) else answer
 
 
 HEADER = """\

@@ -1,4 +1,4 @@
-"""What each part of the filter behind `now` brings: the same motions without it, side by side."""
+"""What parts of the filter behind `now` bring: the same motions without them, side by side."""
 
 from __future__ import annotations
 
@@ -7,26 +7,15 @@ from contextlib import contextmanager
 from typing import Any
 
 from fmfts.contact import drive
-from fmfts.contact import now as carrying
-from fmfts.pipeline.fast import now_parameters
-from fmfts.pose import motion
+from fmfts.pipeline import parameters
 
 # Name of a variant → (module, constant, value) that it changes.
 VARIANTS: dict[str, tuple[tuple[Any, str, Any], ...]] = {
     "as it ships": (),
-    "without STILL": ((motion, "WEIGHTS", (0.0, 1.0)),),
-    "modes 3 × as lasting": ((motion, "SWITCHES_PER_S", 10.0),),
-    "modes 1/3 as lasting": ((motion, "SWITCHES_PER_S", 90.0),),
-    "lasting errors in full": ((motion, "LASTING_SHARE", 1.0),),
-    "no lasting errors": ((motion, "LASTING_SHARE", 0.0),),
-    "force drive / 4": tuple((one, "FORCE_DRIVE_N2_PER_S3", 5e4) for one in (drive, carrying, now_parameters)),
-    "force drive × 4": tuple((one, "FORCE_DRIVE_N2_PER_S3", 8e5) for one in (drive, carrying, now_parameters)),
-    "place drive / 10": tuple((one, "PLACE_DRIVE_MM2_PER_S3", 3e5) for one in (drive, carrying, now_parameters)),
-    "none of the lead": ((carrying, "LEAD_SHARE", 0.0),),
-    "all of the lead": ((carrying, "LEAD_SHARE", 1.0),),
-    "rates not shrunk": tuple(
-        (one, name, 1e9) for one in (carrying, now_parameters) for name in ("FORCE_RATE_N_PER_S", "PLACE_RATE_M_PER_S")
-    ),
+    "without STILL": ((parameters, "MODE_WEIGHTS", (0.0, 1.0)),),
+    "force drive / 4": ((drive, "FORCE_DRIVE_N2_PER_S3", 5e4),),
+    "force drive × 4": ((drive, "FORCE_DRIVE_N2_PER_S3", 8e5),),
+    "place drive / 10": ((drive, "PLACE_DRIVE_MM2_PER_S3", 3e5),),
 }
 
 

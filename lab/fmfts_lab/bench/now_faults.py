@@ -9,7 +9,7 @@ import numpy as np
 
 from fmfts.bus.messages import ContactMessage
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.encoded import message_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
@@ -72,7 +72,7 @@ def _messages(pipeline: PadPipeline, frames: Iterable[Frame], early: bool) -> It
         for sample in samples_of(frame) if early else ():
             answer = pipeline.early(sample)
             if answer is not None:
-                yield answer.message if isinstance(answer, PackedMessage) else answer
+                yield message_of(answer)
         yield pipeline.process(frame)
 
 

@@ -13,7 +13,7 @@ from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
 from fmfts.pad import Array
 from fmfts.pipeline.configured import HOST_S, READ_S, load_contact_model
-from fmfts.pipeline.now import Lead
+from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.frame import WireFrame

@@ -19,7 +19,7 @@ from fmfts.config import ContactConfig, Imperfection, PadConfig, SceneConfig, Si
 from fmfts.contact import ContactModel
 from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.encoded import message_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.sensor.frame import Frame, WireFrame
 from fmfts.simulation.finger import Finger, Touch, no_finger
@@ -230,7 +230,7 @@ def frames_of(source: RealPad, config: PadConfig, seconds: float) -> Sequence[Fr
 
 def messages_of(pipeline: PadPipeline, frames: Iterable[Frame | WireFrame]) -> list[ContactMessage]:
     answers = (pipeline.answer(frame) for frame in frames)
-    return [one.message if isinstance(one, PackedMessage) else one for one in answers]
+    return [message_of(one) for one in answers]
 
 
 def run(options: Namespace) -> None:

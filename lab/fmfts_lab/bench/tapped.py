@@ -14,7 +14,7 @@ from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
 from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.encoded import message_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.frame import READING_BYTES, WireFrame
@@ -88,7 +88,7 @@ def tapped(ambient: Ambient, seeds: Iterable[int], seconds: float) -> Well:
         was_ok = True
         for frames in source.batches(round(seconds * RATE_HZ)):
             answers = [pipeline.answer(frame) for frame in frames]
-            messages = [answer.message if isinstance(answer, PackedMessage) else answer for answer in answers]
+            messages = [message_of(answer) for answer in answers]
             well.saw(messages, truth.all_deviations(messages), was_ok)
             was_ok = messages[-1].health == "ok"
     return well

@@ -19,7 +19,7 @@ from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfi
 from fmfts.contact import ContactModel
 from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.encoded import message_of
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, no_finger
 from fmfts_lab.bench.drills import AS_DRAWN, RATE_HZ, live_finger
@@ -166,7 +166,7 @@ def messages_beside(
     pipeline.use(baseline)
     source.finger = finger
     answers = [pipeline.answer(frame) for batch in source.batches(round(seconds * RATE_HZ)) for frame in batch]
-    messages = [answer.message if isinstance(answer, PackedMessage) else answer for answer in answers]
+    messages = [message_of(answer) for answer in answers]
     return messages, Truth(source.built, finger)
 
 

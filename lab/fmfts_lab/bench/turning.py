@@ -23,12 +23,13 @@ from fmfts.config import MagnetConfig, PadConfig, SceneConfig, SimulatedSource, 
 from fmfts.contact.touch import RELEASE_FRAMES
 from fmfts.pad import Pad, rotation_from_vector
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.pose import FREE_FIELD, State, Tracker, dipole_field, solve
+from fmfts.pose import FREE_FIELD, State, dipole_field, solve
 from fmfts.scene.tracking import COEFFICIENT_SHARE, tracking_model_for
 from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.finger import Touch
 from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.drills import AS_DRAWN, Ambient
+from fmfts_lab.bench.field_tracker import FieldTracker
 from fmfts_lab.bench.tapped import pipeline_of
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
 from fmfts_lab.bench.workspace import Array, standard_pad
@@ -143,7 +144,7 @@ def _turn(
     gains: the true gains for a change, and how well they are known.
     """
     pad, rest = standard_pad(), State.at_rest(standard_pad())
-    tracker = Tracker(pad, rest, tracking_model_for(SceneConfig(ambient=ambient), MagnetConfig()).tracking, 25.0)
+    tracker = FieldTracker(pad, rest, tracking_model_for(SceneConfig(ambient=ambient), MagnetConfig()).tracking, 25.0)
     # The moment absorbs what all gains have in common.
     gain_deviation = gains.deviation * np.sqrt(1.0 - 1.0 / gains.true.size)
     at_rest, ratios, nees = _field(pad, rest), [], []

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from msgspec import structs
 
-from fmfts.bus.messages import ContactMessage
 from fmfts.calibrate.likelihood import invert
 from fmfts.calibrate.regressors import BackPropagation, RadialBasis
 from fmfts.calibrate.samples import Samples, presses_within
@@ -19,7 +18,7 @@ from fmfts.calibrate.tracked import FrameSolver
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
 from fmfts.pad import Array
-from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.encoded import Answer, message_of
 from fmfts.pose import State, in_nominal_frame
 from fmfts.pose.solver import estimate_of
 from fmfts.sensor.chips import NOISE_T
@@ -39,11 +38,11 @@ class Whole:
         told = structs.replace(config, contact=structs.replace(config.contact, refine=refine))
         self.ask_frame = daemon(replace(bench.world, config=told)).answer
 
-    def ask(self, sample: Sample) -> ContactMessage | PackedMessage:
+    def ask(self, sample: Sample) -> Answer:
         return self.ask_frame(sample.frame)
 
-    def told(self, raw: ContactMessage | PackedMessage) -> Array | None:
-        message = raw.message if isinstance(raw, PackedMessage) else raw
+    def told(self, raw: Answer) -> Array | None:
+        message = message_of(raw)
         if message.x_m is None or message.y_m is None or message.force_n is None:
             return None
         return np.array([message.x_m * 1e3, message.y_m * 1e3, message.force_n])

@@ -11,12 +11,13 @@ from fmfts.common.chi2 import quantile
 from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.pose import STOP_CHI2, Batch, PoseEstimate, Problem, SensorErrors, State, Tracker, parts_of
-from fmfts.pose.gate import FALSE_ALARM
+from fmfts.pose import STOP_CHI2, Batch, PoseEstimate, Problem, SensorErrors, State, parts_of
+from fmfts.pose.gates import FALSE_ALARM
 from fmfts.pose.kernel import CHI2, ROWS, STATUS, UNKNOWNS
 from fmfts.pose.problem import MAX_ITERATIONS, NOISE, VALUE, magnet_rows, measurement_rows
 from fmfts.pose.tracking_model import TrackingModel
 from fmfts.scene.tracking import tracking_model_for
+from fmfts_lab.bench.field_tracker import FieldTracker
 from fmfts_lab.bench.workspace import MODELS
 from fmfts_lab.study.method import NOTHING, Answer
 from fmfts_lab.study.world import Sample, World
@@ -137,11 +138,11 @@ class Tracking:
         self._noise = np.full(shape, world.noise_t)
         self._nothing = np.zeros(shape)
         errors = SensorErrors(self._noise)
-        self._tracker = Tracker(world.drawing, world.rest, tracking_of(world), 25.0, errors)
+        self._tracker = FieldTracker(world.drawing, world.rest, tracking_of(world), 25.0, errors)
 
     def ask(self, sample: Sample) -> PoseEstimate | None:
         track = self._tracker.update(
-            sample.field_t, self._noise, sample.elapsed_s, sample.frame.temperature_c, self._nothing
+            sample.field_t, self._noise, sample.elapsed_s, _number(sample.frame.temperature_c), self._nothing
         )
         return track.estimate if track.health in ("ok", "degraded") else None
 
@@ -149,6 +150,10 @@ class Tracking:
         if raw is None:
             return NOTHING
         return Answer(raw.position_m, raw.axis, np.sqrt(np.diagonal(raw.covariance)[:3]), False)
+
+
+def _number(temperature_c: float | None) -> float:
+    return np.nan if temperature_c is None else temperature_c
 
 
 def daemon(world: World) -> PadPipeline:

@@ -14,7 +14,7 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import SceneConfig
 from fmfts.contact import ContactModel, ModelError
 from fmfts.pad import Array
-from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.encoded import message_of
 from fmfts_lab.bench.truth import PUBLISHED, WRONG_DEVIATIONS
 from fmfts_lab.study import heat_map
 from fmfts_lab.study.dimensions import HAZARDS
@@ -49,7 +49,7 @@ class Daemon:
 
     def ask(self, sample: Sample) -> ContactMessage:
         answer = self._pipeline.answer(sample.frame)
-        return answer.message if isinstance(answer, PackedMessage) else answer
+        return message_of(answer)
 
     def told(self, raw: ContactMessage) -> Answer:
         if raw.health not in PUBLISHED or raw.pose is None:
