@@ -81,7 +81,7 @@ def demo_runs(folder: Path, pad: str) -> int:
 
 
 def is_compiled(folder: Path) -> bool:
-    command = [folder / "venv/bin/python", "-c", "import fmfts.pose, fmfts.pipeline.fast._fast"]
+    command = [folder / "venv/bin/python", "-c", "import fmfts.pose, fmfts.pipeline._pad"]
     return subprocess.run(command, cwd=folder, env=clean_variables(), capture_output=True).returncode == 0
 
 

@@ -20,7 +20,7 @@ from fmfts.bus.messages import FrameMessage
 from fmfts.config import Config
 from fmfts.config.file import load
 from fmfts.pipeline.configured import Pipeline, contact_model_of, feel_neighbours, pipeline_of
-from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.encoded import EncodedMessage
 from fmfts_client import Subscription
 
 
@@ -52,7 +52,7 @@ def publish(config: Path, baselines: Path, base: str, bind: str) -> None:
             if frame.used:
                 pipeline = pipelines[message.pad]
                 answer = pipeline.answer(frame_of(frame, chip=pipeline.pad.chip))
-                payload = answer.payload if isinstance(answer, PackedMessage) else encode(answer)
+                payload = answer.payload if isinstance(answer, EncodedMessage) else encode(answer)
                 out.send_multipart((f"contact/{message.pad}".encode(), payload))
 
 

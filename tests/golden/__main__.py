@@ -1,6 +1,6 @@
 """Replays all frozen worlds and judges them (`make golden`), or freezes what is said now (`make golden-freeze`).
 
---way python: without the compiled path; --way recorded: with a snapshot of the state after every 500th frame.
+--way recorded: with a snapshot of the state after every 500th frame.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from golden.replayed import AS_ALWAYS, Way, replay
 from golden.said import Verdict, compare, decoded, encoded
 from golden.world import FOLDER, load, names
 
-WAYS = {"always": AS_ALWAYS, "python": Way(in_c=False), "recorded": Way(snapshots=500)}
+WAYS = {"always": AS_ALWAYS, "recorded": Way(snapshots=500)}
 
 
 def frozen_file(name: str):  # type: ignore[no-untyped-def]

@@ -27,7 +27,7 @@ class Stream:
 def apply(stream: Stream, faults: Sequence[Sequence[Any]], largest: int, saturated: int) -> NDArray[np.bool_]:
     """Change the frames. faults: (kind, first frame, frame after the last, arguments…). Returns which frames arrive."""
     arrive = np.ones(len(stream.sequence), np.bool_)
-    counts = stream.counts
+    counts, untellable = stream.counts, []
     for kind, first, end, *args in faults:
         span = slice(first, end)
         number = np.arange(first, min(end, len(arrive)))
@@ -41,6 +41,8 @@ def apply(stream: Stream, faults: Sequence[Sequence[Any]], largest: int, saturat
             counts[number[number % args[3] == 0], args[0], args[1]] += args[2]
         elif kind == "saturated":
             counts[span, args[0], args[1]] = saturated
+        elif kind == "untellable":  # a count that the chip has not
+            untellable.append((span, args))
         elif kind == "silent":
             stream.valid[span, args[0]] = 0
         elif kind == "old":  # the sensor's samples come again
@@ -56,10 +58,20 @@ def apply(stream: Stream, faults: Sequence[Sequence[Any]], largest: int, saturat
         elif kind == "reset":  # of the board's clock
             stream.device_time_us[first:] -= stream.device_time_us[first] - 1000
             stream.age_us[first] = 0
+        elif kind == "leap":  # of the board's clock, by so many µs
+            stream.device_time_us[first:] += args[0]
+        elif kind == "stands":  # the board's clock, which then goes on as if it had not
+            stream.device_time_us[span] = stream.device_time_us[first]
+        elif kind == "suspended":  # the host, whose clock stands for so many ns
+            stream.host_time_ns[first:] -= args[0]
         elif kind == "cold":  # no thermometer
             stream.temperature[span] = -1
+        elif kind == "as warm":  # as in another frame
+            stream.temperature[span] = stream.temperature[args[0]]
         else:
             raise ValueError(f"unknown fault {kind}")
     told = counts != saturated
     counts[told & (np.abs(counts) > largest)] = saturated
+    for span, (sensor, axis, count) in untellable:
+        counts[span, sensor, axis] = count
     return arrive

@@ -292,11 +292,31 @@ WORLDS: dict[str, Callable[[], list[Plan]]] = {
         Plan(pad(25, warming_k_per_minute=30.0), 5000, faults=[
             ["cold", 0, 300], ["cold", 900, 2600], ["reset", 3000, 0]])
     ],
-    "pulled": lambda: [Plan(pad(26), 3000, tools=[Lifting()])],
+    "leaps": lambda: [Plan(pad(29, turning=10.0), 4500, faults=LEAPS)],
+    "growing": lambda: [Plan(pad(30, "constant"), 3200, faults=GROWING_FAULTS)],
+    "cooling": lambda: [
+        Plan(pad(31, warming_k_per_minute=30.0), 2200, faults=[
+            ["as warm", 700, 2200, 2100], ["as warm", 1000, 2200, 100], ["cold", 1400, 1500],
+            ["as warm", 1700, 2200, 900]])
+    ],
+    "steel-faulty": lambda: [Plan(pad(32, scene=STEEL), 1500, faults=FAULTS_BESIDE_STEEL)],
+    "lifted": lambda: [Plan(pad(33), 2500, tools=[Lifting(LIFTED_SLOWLY)])],
+    "gradients": lambda: [Plan(pad(34), 2500, tools=[Gradient()])],
+    "pulled": lambda: [Plan(pad(26), 3000, tools=[Lifting(LIFTED_AT_ONCE)])],
 }  # fmt: skip
 FAULTS_OF_EIGHT: list[list[Any]] = [
     ["offset", 300, 500, 5, 1, 60], ["silent", 600, 700, 7], ["gain", 1500, 3000, 2, 2, 1030],
     ["stuck", 4000, 4800, 0, 0],
+]  # fmt: skip
+EVERY_SENSOR = range(4)
+# Of the board's clock alone; among lost frames; twice while no sample is new; while the computer is suspended.
+LEAPS: list[list[Any]] = [
+    ["leap", 300, 0, 1_000_000], ["leap", 500, 0, -2_000_000], ["leap", 700, 0, 10_000],
+    ["lost", 900, 960, 1, 1], ["leap", 930, 0, 5_000_000], ["lost", 1200, 1290, 1, 1], ["leap", 1230, 0, -3_000_000],
+    *(["old", 1500, 1503, sensor, 9999] for sensor in EVERY_SENSOR), ["leap", 1500, 0, 700_000], ["leap", 1501, 0, 400_000],  # noqa: E501
+    ["lost", 1800, 1900, 1, 1], ["suspended", 1850, 0, 440_000_000], ["stands", 2200, 2300],
+    *(["old", 2600, 2620, sensor, 9999] for sensor in EVERY_SENSOR), ["leap", 2610, 0, -900_000],
+    ["leap", 3000, 0, 1 << 40], ["leap", 3001, 0, -(1 << 40)], ["leap", 3600, 0, -(1 << 21)],
 ]  # fmt: skip
 # By less than is certain to be found: the deviations grow.
 SLIGHT_FAULTS: list[list[Any]] = [
@@ -305,6 +325,22 @@ SLIGHT_FAULTS: list[list[Any]] = [
         (100, 1, 0, 2), (400, 1, 0, 3), (700, 2, 2, 2), (1000, 2, 2, 3), (1300, 0, 1, 2),
         (1600, 3, 0, 3), (1900, 3, 1, 4),
     )
+]  # fmt: skip
+# The mean residual suspects more than one sensor before single frames blame one; and counts that no chip has.
+GROWING_FAULTS: list[list[Any]] = [
+    *(["offset", first + 60 * step, first + 60 * step + 60, sensor, axis, counts]
+      for first, sensor, axis, sizes in (
+          (100, 1, 0, (4, 6, 9, 14, 30)), (600, 2, 2, (4, 7, 12, 40)), (1000, 0, 1, (5, 40, 7)), (1400, 3, 2, (6, 10, 30)),  # noqa: E501
+          (1800, 1, 1, (8, 14, 8, 100)))
+      for step, counts in enumerate(sizes)),
+    ["field", 3015, 3055, 71, -146, 41],
+    ["gradient", 3015, 3055, -44, 37, -29, 42, -37, 17, 49, -39, -50, -22, -14, -1],
+    ["offset", 2100, 2159, 3, 2, -11], ["offset", 2159, 2184, 3, 2, 66],
+    ["untellable", 2300, 2400, 2, 1, 2600], ["untellable", 2500, 2600, 0, 0, -2700],
+]  # fmt: skip
+FAULTS_BESIDE_STEEL: list[list[Any]] = [
+    ["silent", 200, 320, 1], ["offset", 400, 520, 2, 0, 120], ["stuck", 600, 720, 0, 1], ["saturated", 800, 920, 3, 2],
+    ["offset", 1000, 1150, 1, 2, 8], ["silent", 1250, 1400, 3],
 ]  # fmt: skip
 FAULTS_BETWEEN_SAMPLES: list[list[Any]] = [
     ["offset", 2500, 2700, 1, 0, 120], ["silent", 3000, 3300, 0], ["lost", 3600, 3900, 5, 1]
@@ -407,19 +443,43 @@ def recorded() -> World:
 OTHERS: dict[str, Callable[[], World]] = {"skin": skin, "recorded": recorded}
 
 
+# Times in s, and the share of the magnet's field that is taken away.
+LIFTED_AT_ONCE = (
+    (0.0, 1.499, 1.5, 3.5, 3.501, 5.0, 5.001, 5.299, 5.3),
+    (0.0, 0.0, 0.08, 0.08, 0.0, 0.0, 0.05, 0.05, 0.0),
+)
+LIFTED_SLOWLY = (0.0, 1.0, 4.0, 5.0, 6.0, 7.0, 10.0), (0.0, 0.0, 0.03, 0.0, 0.0, 0.012, 0.0)
+
+
 class Lifting:
     """A field that grows as the magnet's does where it is pulled up: a weaker field at all sensors."""
 
+    def __init__(self, course: tuple[tuple[float, ...], tuple[float, ...]]) -> None:
+        self._course = course
+
     def field_t(self, places_m: Array, time_s: Array) -> Array:
-        share = np.where((time_s > 1.5) & (time_s < 3.5), -0.08, 0.0) + np.where(
-            (time_s > 5.0) & (time_s < 5.3), -0.05, 0.0
-        )
+        share = -np.interp(time_s, *self._course)
         r = places_m - np.array([0.0, 0.0, 12e-3])
         square = np.sum(r * r, axis=-1, keepdims=True)
         moment = np.array([0.0, 0.0, 6.15e-10])
         along = np.sum(r * moment, axis=-1, keepdims=True)
         field_t: Array = share[..., None] * (3.0 * along * r / square - moment) / square**1.5
         return field_t
+
+
+class Gradient:
+    """A field of a constant gradient, one after the other, stronger and stronger: things that are not near one sensor."""  # noqa: E501
+
+    def field_t(self, places_m: Array, time_s: Array) -> Array:
+        random = np.random.default_rng(34)
+        total = np.zeros(np.broadcast_shapes(places_m.shape, (*np.shape(time_s), 1)))
+        for number in range(12):
+            gradient = np.triu(random.normal(size=(3, 3)))
+            gradient += gradient.T
+            gradient -= np.eye(3) * np.trace(gradient) / 3.0
+            there = (time_s >= 0.8 + 0.8 * number) & (time_s < 1.4 + 0.8 * number)
+            total = total + there[..., None] * 5e-4 * 1.35**number * (places_m @ gradient)
+        return total
 
 
 def main() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,9 +14,8 @@ from fmfts.baseline import Baseline
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import ContactConfig, PadConfig
 from fmfts.pipeline.configured import Pipeline, contact_model_of, feel_neighbours, pipeline_of
-from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.pipeline.snapshot import snapshot
+from fmfts.pipeline.encoded import message_of
+from fmfts.pipeline.snapshot import restore, snapshot
 from fmfts.sensor.early import EarlySample
 from golden.said import Said
 from golden.world import World, WorldPad
@@ -24,11 +23,13 @@ from golden.world import World, WorldPad
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """How frames are judged. in_c: by the compiled path where it can. snapshots: after how many frames of a pad its
-    state is taken, as where somebody begins to record; 0: never."""
+    """snapshots: after how many frames of a pad its state is taken, as where somebody begins to record; 0: never.
 
-    in_c: bool = True
+    anew: with which frame of the first pad other pipelines go on from the states of all, as a replay does; 0: never.
+    """
+
     snapshots: int = 0
+    anew: int = 0
 
 
 AS_ALWAYS = Way()
@@ -50,22 +51,27 @@ def answers(world: World, way: Way = AS_ALWAYS) -> Iterator[tuple[str, ContactMe
 
     None: a sample that came before its frame, and says nothing new.
     """
-    with pipelines_of(world) as pipelines:
-        for pipeline in pipelines.values():
-            if isinstance(pipeline, PadPipeline) and pipeline._estimator is not None and not way.in_c:
-                pipeline._estimator._path = None
-        numbers = dict.fromkeys(pipelines, 0)
+    with ExitStack() as folders:
+        pipelines = folders.enter_context(pipelines_of(world))
+        first, numbers = next(iter(pipelines)), dict.fromkeys(pipelines, 0)
         for name, event in world.events():
-            pipeline = pipelines[name]
             if isinstance(event, EarlySample):
-                answer = pipeline.early(event)
-                sent_ns = pipeline.host_time_ns(event.device_time_us)
+                answer = pipelines[name].early(event)
+                sent_ns = pipelines[name].host_time_ns(event.device_time_us)
             else:
                 numbers[name] += 1
                 if way.snapshots and numbers[name] % way.snapshots == 0:
-                    snapshot(pipeline)
-                answer, sent_ns = pipeline.answer(event), event.host_time_ns
-            yield name, answer.message if isinstance(answer, PackedMessage) else answer, sent_ns
+                    snapshot(pipelines[name])
+                if name == first and numbers[name] == way.anew:
+                    pipelines = _anew(pipelines, folders.enter_context(pipelines_of(world)))
+                answer, sent_ns = pipelines[name].answer(event), event.host_time_ns
+            yield name, None if answer is None else message_of(answer), sent_ns
+
+
+def _anew(pipelines: dict[str, Pipeline], others: dict[str, Pipeline]) -> dict[str, Pipeline]:
+    for name, pipeline in pipelines.items():
+        restore(others[name], snapshot(pipeline))
+    return others
 
 
 @contextmanager

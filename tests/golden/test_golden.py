@@ -1,24 +1,34 @@
-"""The first messages of each frozen world are what they were (`make golden`: all of 252,009 frames)."""
+"""The first messages of each frozen world are what they were (`make golden`: all of 268,409 frames)."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import islice
+from typing import Any
 
 import numpy as np
 import pytest
 
+from fmfts.offline.replay import essence
+from fmfts.pipeline.encoded import EncodedMessage
 from golden.__main__ import frozen_file, judged
 from golden.noise import noise
-from golden.replayed import replay
+from golden.replayed import AS_ALWAYS, Way, answers, pipelines_of, replay
 from golden.said import BLOCK, OF_A_DEVIATION, compare, decoded, floor_of
 from golden.world import FOLDER, load, names
 
-# So that all of them take some seconds; a frame that only Python judges takes a millisecond.
+# So that all of them take some seconds; a frame of a pad with several magnets takes up to a millisecond.
 FIRST = {
     "fingers": 400, "fingers-faulty": 300, "poses": 400, "faulty": 1500, "healthy": 2000, "noisy": 200, "cold": 500,
     "turning-constant": 300, "skin": 300,
 }  # fmt: skip
 FIRST_OF_OTHERS = 700
+# So many messages of worlds that remember different things, each amid what it remembers.
+RECORDED = {
+    "cold": 500, "faulty": 750, "fingers-faulty": 160, "growing": 500, "healthy": 400, "leaps": 700, "lifted": 900,
+    "neighbours": 300, "poses": 160, "samples-on-board": 800, "skin": 100, "smoothed": 300, "steel-faulty": 900,
+    "turning-constant": 400,
+}  # fmt: skip
 LARGEST_BYTES = 3_000_000
 
 
@@ -27,6 +37,35 @@ def test_frozen_world_is_answered_as_before(name: str) -> None:
     for pad, verdict in judged(name, FIRST.get(name, FIRST_OF_OTHERS)).items():
         assert verdict.compared > 30, pad
         assert verdict.differences == [], pad
+
+
+def said_by(name: str, way: Way) -> list[Any]:
+    """All that the first messages of a world say, but for the times of their sending."""
+    some = islice(answers(load(name)[0], way), RECORDED[name])
+    return [(pad, None if message is None else essence(message)) for pad, message, _ in some]
+
+
+@pytest.mark.parametrize("name", RECORDED)
+def test_snapshots_and_a_replay_change_no_bit(name: str) -> None:
+    """A snapshot is taken where a recording begins: the pad goes on as if there were none, and so does a replay."""
+    frames = RECORDED[name] // (4 if "samples" in name else len(load(name)[0].pads))
+    assert said_by(name, Way(snapshots=50, anew=frames // 2)) == said_by(name, AS_ALWAYS)
+
+
+def test_what_goes_with_a_message_is_what_it_says() -> None:
+    (pad,), told = load("faulty-constant")[0].pads, set()
+    with pipelines_of(load("faulty-constant")[0]) as pipelines:
+        (pipeline,) = pipelines.values()
+        for number, (_, events) in enumerate(islice(pad.events(), 600)):
+            answer = pipeline.answer(events[0])
+            assert isinstance(answer, EncodedMessage)
+            message = answer.message
+            for name in ("health", "contact", "over_range", "t_sample_ns", "t_publish_ns"):
+                assert getattr(answer, name) == getattr(message, name)
+            assert message.t_sample_ns <= message.t_publish_ns
+            assert message.seq == number + 1
+            told.add((message.health, message.contact))
+    assert len(told) > 3
 
 
 def test_frozen_worlds_are_many_and_small() -> None:

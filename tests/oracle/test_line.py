@@ -109,10 +109,7 @@ def test_early_samples_are_read_as_the_page_says(in_c: bool) -> None:
             assert list(packet.counts) == counts
 
 
-@pytest.mark.parametrize("in_c", [True, False])
-def test_boards_clock_is_the_line_below_all_arrivals(in_c: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    if not in_c:
-        monkeypatch.setattr(DeviceClock, "to_host_ns", DeviceClock._in_python)
+def test_boards_clock_is_the_line_below_all_arrivals() -> None:
     random, delay_ns = np.random.default_rng(3), 150_000
     clock = DeviceClock(tolerance=0.02, fixed_delay_ns=delay_ns)
     device_us = 1_000_000 + 4545 * np.arange(8800)

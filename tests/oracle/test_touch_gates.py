@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+import ctypes
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from fmfts.contact import Smoother, TouchDetector
+from fmfts.common.record import Record
+from fmfts.contact import TouchDetector
+from fmfts.contact._contact import PARAMETERS
 from fmfts.contact.touch import chi2_from_rest
+from fmfts.pose.gates import JUMP_PROBABILITY
+from oracle.compiled import library_of, memory_between, part_of, pointer
 from oracle.field import Array
 
 RATE_HZ = 220.0
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    library = library_of(tmp_path_factory.mktemp("touch"), "contact/touch.c", "contact/smooth.c")
+    library.fmfts_chi2_from_rest.restype = library.fmfts_touch.restype = ctypes.c_bool
+    library.fmfts_smooth.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p]
+    return library
 
 
 def covariance_of(random: np.random.Generator, size: int = 5) -> Array:
@@ -19,18 +33,27 @@ def covariance_of(random: np.random.Generator, size: int = 5) -> Array:
     return np.asarray((mixed @ mixed.T) * scale[:, None] * scale)
 
 
-def test_chi2_from_rest_is_that_of_the_inverse() -> None:
+def test_chi2_from_rest_is_that_of_the_inverse(compiled: ctypes.CDLL) -> None:
     random = np.random.default_rng(1)
     for _ in range(50):
-        covariance = covariance_of(random)
+        covariance, found = covariance_of(random), np.zeros(1)
         moved = np.linalg.cholesky(covariance) @ random.normal(size=5) * 3.0
-        assert chi2_from_rest(moved, covariance) == pytest.approx(moved @ np.linalg.solve(covariance, moved), rel=1e-9)
+        expected = pytest.approx(moved @ np.linalg.solve(covariance, moved), rel=1e-9)
+        assert chi2_from_rest(moved, covariance) == expected
+        assert compiled.fmfts_chi2_from_rest(pointer(moved), pointer(covariance), pointer(found))
+        assert found[0] == expected
 
 
-def test_touch_begins_and_ends_as_docs_say() -> None:
-    """Once an hour an unloaded pad exceeds the onset; five frames within the nearest 99 % end it."""
+def test_touch_begins_and_ends_as_docs_say(compiled: ctypes.CDLL) -> None:
+    """Once an hour an unloaded pad exceeds the onset; five frames within the nearest 99 % end it. Of one magnet and of
+    several."""
     random, detector, touched, quiet = np.random.default_rng(2), TouchDetector(RATE_HZ), False, 0
     onset, release = chi2.isf(1.0 / 3600.0 / RATE_HZ, 5), chi2.isf(0.01, 5)
+    assert detector.onset_chi2 == pytest.approx(onset, rel=1e-9)
+    assert detector.release_chi2 == pytest.approx(release, rel=1e-9)
+    assert detector.longest_gap_s == pytest.approx(5.5 / RATE_HZ)
+    parameters, memory = Record(PARAMETERS), memory_between("touched", "acceleration")
+    parameters.fill({"onset_chi2": detector.onset_chi2, "release_chi2": detector.release_chi2})
     covariance, changes = covariance_of(random), 0
     root = np.linalg.cholesky(covariance)
     for frame in range(3000):
@@ -41,21 +64,27 @@ def test_touch_begins_and_ends_as_docs_say() -> None:
         before, touched = touched, distance > onset or (touched and quiet < 5)
         changes += before != touched
         assert detector.update(moved, covariance) == touched
+        assert compiled.fmfts_touch(part_of(parameters), part_of(memory), pointer(moved), pointer(covariance))
+        assert bool(memory.number("touched")) == touched
+        assert memory.number("quiet_frames") == quiet
     assert changes > 20
-    assert detector.longest_gap_s == pytest.approx(5.5 / RATE_HZ)
 
 
-def test_smoothed_pose_is_the_parabola_of_fading_least_squares() -> None:
+def test_smoothed_pose_is_the_parabola_of_fading_least_squares(compiled: ctypes.CDLL) -> None:
     """Morrison (1969): with weights θ^k, where the start is forgotten. 0.03 s of memory, 400 frames."""
     random, memory_s, count = np.random.default_rng(3), 0.03, 400
     time_s = np.arange(count) / RATE_HZ
-    covariance = np.diag([1e-5, 1e-5, 4e-6, 2e-3, 2e-3, 1e-9]) ** 2
+    in_its_units = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])
+    covariance = np.diag(in_its_units * [1e-5, 1e-5, 4e-6, 2e-3, 2e-3, 1e-9]) ** 2
     poses = np.zeros((count, 6))
     poses[:, 2], poses[:, 5] = 12e-3, 1.0
     poses[:, 0] = 1e-5 * np.sin(5.0 * time_s) + 1e-6 * random.normal(size=count)
-    smoother = Smoother(memory_s)
+    parameters, memory = Record(PARAMETERS), memory_between("touched", "acceleration")
+    parameters.fill({"smoothing_s": memory_s, "smoothing_jump_chi2": chi2.isf(JUMP_PROBABILITY, 5)})
     for pose in poses:
-        told = smoother.update(pose[:3], pose[3:], covariance, 1.0 / RATE_HZ)[0]
+        question = np.concatenate([pose * in_its_units, covariance.ravel(), np.zeros(2)])
+        compiled.fmfts_smooth(part_of(parameters), part_of(memory), 1.0 / RATE_HZ, pointer(question))
     ago = (time_s - time_s[-1]) / memory_s
     weight = np.exp(0.5 * ago)  # polyfit squares it
-    assert told[0] == pytest.approx(np.polyval(np.polyfit(ago, poses[:, 0], 2, w=weight), 0.0), abs=1e-12)
+    parabola = np.polyval(np.polyfit(ago, poses[:, 0], 2, w=weight), 0.0)
+    assert question[0] * 1e-3 == pytest.approx(parabola, abs=1e-12)

@@ -13,8 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmfts.arithmetic import _arithmetic, matrix
-from fmfts.contact import ContactModel, _network, _refine
-from fmfts.pipeline.fast import _fast
+from fmfts.contact import ContactModel, _contact
+from fmfts.pipeline import _pad
+from fmfts.pipeline.parameters import packed_response
+from fmfts.pipeline.words import words_of
 from fmfts.pose import _alignment, _kernel
 from fmfts.pose.alignment import Alignment
 from fmfts.pose.kernel import solve_problem
@@ -25,10 +27,30 @@ from fmfts.several import _several
 sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[1] / "unit"))
 
+PADS = ModuleType("pads")  # functions in the place of methods
+
+
+def judged(parts: tuple[Any, ...], frame: tuple[Any, ...]) -> bytes:
+    """A frame, by a pad that is made of these parts."""
+    return _pad.Pad(*parts).judge(*frame)
+
+
+def followed(parts: tuple[Any, ...], frame: tuple[Any, ...], early: tuple[Any, ...]) -> bytes | None:
+    """The sample that comes after this frame, and before the next."""
+    pad = _pad.Pad(*parts)
+    pad.judge(*frame)
+    return pad.early(*early)
+
+
+def absent(parts: tuple[Any, ...], health: str, reason: str) -> bytes:
+    return _pad.Pad(*parts).absent(health, reason)
+
+
+for function in (judged, followed, absent):
+    setattr(PADS, function.__name__, function)
+
 MODULES: dict[str, ModuleType] = {
-    module.__name__: module
-    for module in (_arithmetic, _kernel, _alignment, _wire, _refine, _network, _several, _fast)
-    if module is not None
+    module.__name__: module for module in (_arithmetic, _kernel, _alignment, _wire, _contact, _several, PADS)
 }
 MOST_KEPT = 12  # of one function: calls that differ in their sizes
 
@@ -46,7 +68,7 @@ class Call(NamedTuple):
 
 
 def functions() -> list[tuple[str, str]]:
-    """Module and name of every exported function. Lane and Loop are classes, and have tests of their own."""
+    """Module and name of every exported function. Loop is a class, and has tests of its own."""
     return [
         (module.__name__, name)
         for module in MODULES.values()
@@ -136,15 +158,18 @@ def _contacts(random: np.random.Generator) -> None:
     for response in RESPONSES:
         press = np.array([1.0, 2.0, *[0.5] * response.loads])
         Refiner(response).refined(press, response.change(press[None])[0], 1e-6 * np.eye(5))
-    model = ContactModel.load(str(DEFAULT_PATH), config_of(3).pad())
+    pad = config_of(3).pad()
+    model = ContactModel.load(str(DEFAULT_PATH), pad)
     for _ in range(3):
         model.inference.pose[:] = random.normal(size=6)
         model.inference.run()
+        place_m = pad.rest_position_m - np.array([0.0, 0.0, 2e-4 * random.random()])
+        model.estimate(place_m, pad.rest_axis, 1e-9 * np.eye(6))
 
 
 def _wire_lines(_: np.random.Generator) -> None:
     from fast_loop_host import sample_of
-    from test_healthy_path import frames_of
+    from pad_frames import frames_of
     from test_pipeline import config_of
 
     from fmfts.sensor.patience import BEHIND, IN_TIME
@@ -164,12 +189,33 @@ def _wire_lines(_: np.random.Generator) -> None:
 
 
 def _frames(_: np.random.Generator) -> None:
-    from test_early import BASELINE, CONFIG, messages_of, pipeline_with, sent_of, tapped
+    from test_early import CONFIG, messages_of, pipeline_with, sent_of, tapped
 
     from fmfts.pipeline.configured import load_contact_model
+    from fmfts.sensor import Frame
+    from fmfts.sensor.early import EarlySample
 
-    messages_of(pipeline_with(load_contact_model(CONFIG)), sent_of(tapped, 0.3))
-    assert BASELINE is not None
+    pipeline, packets = pipeline_with(load_contact_model(CONFIG)), sent_of(tapped, 0.3)
+    model = pipeline.model
+    for number in range(len(packets) - 1):
+        frame, after = packets[number], packets[number + 1]
+        if number > 100 and isinstance(frame, Frame) and isinstance(after, EarlySample):
+            parts = (
+                bytearray(pipeline._parameters.buffer.tobytes()),
+                bytearray(pipeline._memory.buffer.tobytes()),
+                model.inference.for_c,
+                packed_response(model),
+                tuple(words_of(pipeline.pad, "boot", model, pipeline.baselined, "")),
+                bytearray(pipeline.be_felt().table.buffer.tobytes()),
+                (),
+            )
+            times = frame.device_time_us, frame.host_time_ns
+            taken = (*frame.packed, frame.sequence, *times, frame.temperature_c or 20.0)
+            early = (after.sensor, after.gain_code, *after.counts, after.device_time_us)
+            PADS.judged(parts, taken)
+            PADS.followed(parts, taken, early)
+            PADS.absent(parts, "lost", "an error")
+        messages_of(pipeline, [frame])
 
 
 def _fingers(random: np.random.Generator) -> None:

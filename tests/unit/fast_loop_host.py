@@ -12,9 +12,9 @@ from test_pipeline import pipeline_of
 from fmfts.baseline import Baseline
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import BridgeSource, PadConfig
-from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.fast import Lane, _fast
-from fmfts.pipeline.now import Lead
+from fmfts.pipeline import _pad
+from fmfts.pipeline.encoded import Answer, message_of
+from fmfts.pipeline.lead import Lead
 from fmfts.runtime.fast_loop import send_function
 from fmfts.sensor import Frame
 from fmfts.sensor.patience import BEHIND, IN_TIME
@@ -75,7 +75,7 @@ class Bus:
         self._heard: dict[bytes, list[bytes]] = {}
         send = send_function()
         assert send is not None
-        self.loop = _fast.Loop(epoll, send, int(self._ours.underlying), IN_TIME, BEHIND)
+        self.loop = _pad.Loop(epoll, send, int(self._ours.underlying), IN_TIME, BEHIND)
         while not self._theirs.poll(0):  # until the subscription has arrived
             self._ours.send_multipart((TOPIC, b""))
         self.heard()
@@ -102,15 +102,16 @@ class Host:
         self, config: PadConfig, baseline: Baseline, bus: Bus, may_express: bool = True, line: int = LINE
     ) -> None:
         self.line, self._topic = line, TOPIC if line == self.LINE else TOPIC + bytes([line])
+        self.baseline = baseline
         self.link, self.clock = link_of(config)
         self.pipeline, self._bus, self._may_express = pipeline_of(config, baseline, LEAD), bus, may_express
-        self.lane: Lane | None = None
+        self.lent: _pad.Pad | None = None
         self.told = Told([], 0)
 
     def take(self, data: bytes, arrival_ns: int) -> None:
-        if self.lane is not None and self._bus.loop.take(self.line, data, arrival_ns):
+        if self.lent is not None and self._bus.loop.take(self.line, data, arrival_ns):
             return
-        if self.lane is not None:
+        if self.lent is not None:
             data = self.end()
         frames = self.link.feed(data, arrival_ns)
         for number, frame in enumerate(frames):
@@ -119,34 +120,33 @@ class Host:
         self._tell(self.pipeline.early(early) for before, early in self.link.early if before == len(frames))
         self.begin()
 
-    def _tell(self, answers: Iterable[ContactMessage | PackedMessage | None]) -> None:
+    def _tell(self, answers: Iterable[Answer | None]) -> None:
         for answer in answers:
             if answer is not None:
-                self.told.messages.append(answer.message if isinstance(answer, PackedMessage) else answer)
+                self.told.messages.append(message_of(answer))
 
     def begin(self) -> None:
         if not (self._may_express and self.link.accepts(0)):
             return
-        self.lane = self.pipeline.begin(self.clock.line, self._topic, 0, self.overdue_ns)
-        if self.lane is not None:
-            self._bus.loop.begin(self.line, self.link.give_back(), (self.lane.compiled,))
+        self.lent = self.pipeline.begin(self.clock.line, self._topic, 0, self.overdue_ns)
+        if self.lent is not None:
+            self._bus.loop.begin(self.line, self.link.give_back(), (self.lent,))
 
     def end(self) -> bytes:
         """What the loop has left unread."""
-        assert self.lane is not None
+        assert self.lent is not None
         left = self._bus.loop.end(self.line)
         assert left is not None
-        ended, payloads = self.pipeline.end(self.lane), self._bus.heard(self._topic)
-        self.lane = None
+        ended, payloads = self.pipeline.end(self.lent), self._bus.heard(self._topic)
+        self.lent = None
         if ended is not None:
             passed, last = ended
-            assert passed.frames == len(passed.latencies_s) <= len(payloads)
+            assert len(passed.latencies_s) <= passed.frames <= len(payloads)
             assert payloads[-1] == passed.payload == last.payload
-            assert last.message.t_sample_ns == passed.t_sample_ns
-            assert last.kind is passed.kind
+            assert last.message.t_sample_ns == last.t_sample_ns == passed.t_sample_ns
+            assert last.message.seq == self.pipeline.messages
             self.told.changes += len(passed.changes)
             assert set(passed.changes) <= set(payloads)
-            assert last.message.seq == passed.number == self.pipeline.messages
             self.told.expressed += len(payloads)
             self.told.messages += [msgspec.msgpack.decode(payload, type=ContactMessage) for payload in payloads]
         return left[0]

@@ -187,3 +187,12 @@ def test_sample_whose_time_is_not_known_is_not_taken_for_a_new_one() -> None:
     before = alignment.memory.time_us.copy()
     alignment.push(_rows(1.0, 1.0, 1.0, 1.0), np.full(4, 200_000), ~FRESH, ~FRESH)
     assert (alignment.memory.time_us == before).all()
+
+
+def test_frame_of_another_number_of_sensors_changes_nothing() -> None:
+    alignment = Alignment(4, PERIOD_US)
+    alignment.push(np.ones((4, 3)), np.full(4, 1000), FRESH)
+    before = alignment.memory.time_us.copy()
+    with pytest.raises(ValueError, match="array 0 has 288 bytes, 360 expected for 5 sensors"):
+        alignment.push(np.ones((5, 3)), np.full(5, 6000), np.ones(5, dtype=bool))
+    assert (alignment.memory.time_us == before).all()

@@ -225,14 +225,14 @@ def with_early(frames: list[Frame], copies: int) -> Iterator[tuple[bytes, int]]:
         late = early if copies else b""
 
 
-@pytest.mark.parametrize("in_c", [True, False])
-def test_early_samples_count_once_however_often_they_come(in_c: bool) -> None:
+@pytest.mark.parametrize("in_the_loop", [True, False])
+def test_early_samples_count_once_however_often_they_come(in_the_loop: bool) -> None:
     bus, published = Bus(), []
     for copies in (0, 1, 2):
-        host = Host(CONFIG, BASELINE, bus, may_express=in_c)
+        host = Host(CONFIG, BASELINE, bus, may_express=in_the_loop)
         for data, arrival_ns in with_early(tapped()[100:250], copies):
             host.take(data, arrival_ns)
-        if host.lane is not None:
+        if host.lent is not None:
             host.end()
         published.append([(message.t_sample_ns, message.force_n, message.now) for message in host.told.messages])
     bus.close()

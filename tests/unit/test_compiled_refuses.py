@@ -11,7 +11,7 @@ from several_world import models_of
 from test_refine import RESPONSES
 
 from fmfts.arithmetic import _arithmetic
-from fmfts.contact import _network, _refine
+from fmfts.contact import _contact
 from fmfts.contact.refinement import Refiner, packed
 from fmfts.pose import _kernel
 from fmfts.pose.alignment import Alignment
@@ -44,7 +44,7 @@ def test_more_columns_than_rows_have_no_complement() -> None:
 def test_arrays_at_an_odd_address_are_refused() -> None:
     network = np.ones(3, np.float32)
     with pytest.raises(ValueError, match="odd address"):
-        _network.infer(misaligned(network), network, network.copy(), network.copy())
+        _contact.infer(misaligned(network), network, network.copy(), network.copy())
     with pytest.raises(ValueError, match="odd address"):
         _arithmetic.cholesky(1, 2, misaligned(np.eye(2)))
 
@@ -63,7 +63,7 @@ def test_response_without_a_spacing_or_a_scale_is_refused(number: int, value: fl
     table = bytearray(packed(RESPONSES[0]))
     np.frombuffer(table, count=9)[number] = value
     with pytest.raises(ValueError, match="response"):
-        _refine.refine(table, np.zeros(5), np.eye(5), 2, np.zeros(3), np.empty((3, 3)))
+        _contact.refine(table, np.zeros(5), np.eye(5), 2, np.zeros(3), np.empty((3, 3)))
 
 
 @pytest.mark.parametrize(("number", "value"), [(5, np.nan), (6, 0.0), (6, -1.0), (6, np.nan), (6, np.inf)])
@@ -74,11 +74,12 @@ def test_table_of_fingers_without_a_spacing_is_refused(number: int, value: float
         model.predict(np.array([[1.0, 1.0, 0.5]]))
 
 
-def test_times_that_no_board_counts_are_refused_or_left_to_python() -> None:
+def test_times_that_no_board_counts_are_refused() -> None:
     clock = DeviceClock()
     clock.to_host_ns(1_000_000, 2_000_000_000)
-    assert _wire.host_time(clock.line, 2**63 - 1, 2_000_000_000) is None
-    assert _wire.host_time(clock.line, 1_000_000, -(2**63)) is None
+    for device_us, arrival_ns in ((2**63 - 1, 2_000_000_000), (1_000_000, -(2**63))):
+        with pytest.raises(ValueError, match="no clock tells that"):
+            _wire.host_time(clock.line, device_us, arrival_ns)
     fresh = np.ones(4, bool)
     with pytest.raises(ValueError, match="no board's clock counts so far"):
         Alignment(4, 4545).push(np.zeros((4, 3)), np.full(4, 2**63 - 1), fresh, fresh, None)

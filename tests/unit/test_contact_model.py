@@ -213,8 +213,8 @@ def test_answer_is_finite_for_any_finite_pose_and_refused_for_others(pad: Pad, m
             root = random.standard_normal((6, 6)) * size
             estimate = model.estimate(random.standard_normal(3) * size, axis / np.linalg.norm(axis), root @ root.T)
             assert np.isfinite([estimate.x_m, estimate.y_m, estimate.force_n]).all()
-            assert np.isfinite(estimate.covariance).all()
-            assert (np.diagonal(estimate.covariance) > 0.0).all()
+            assert np.isfinite(estimate.deviations).all()
+            assert (estimate.deviations > 0.0).all()
             assert estimate.force_min_n is None or 0.0 <= estimate.force_min_n < 2.0
     with pytest.raises(ValueError, match="not finite"):
         model.estimate(np.array([0.0, np.nan, 0.012]), pad.rest_axis, CERTAIN)

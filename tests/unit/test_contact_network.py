@@ -13,17 +13,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from onnx import TensorProto, helper
-from test_healthy_path import both, config_of, frames_of
+from pad_frames import frames_of
+from test_pipeline import config_of, pipeline_of
 
 from examples import examples
 from fmfts.contact import ContactModel, ModelError, comparison, recognition, verified
 from fmfts.contact.comparison import NotComparedError, answers, answers_of_onnxruntime, difference, poses_of
-from fmfts.contact.inference import CompiledInference, _network
+from fmfts.contact.inference import CompiledInference, _contact
 from fmfts.contact.onnx_file import parse
 from fmfts.contact.recognition import network_of
 from fmfts.contact.seal import unsealed
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
+from fmfts.simulation.baseline import simulated_baseline
 from twins.network import ReferenceInference
 
 CONTENT = unsealed(DEFAULT_PATH.read_bytes())
@@ -287,7 +289,7 @@ def test_networks_of_any_size_are_those_of_the_equations(hidden: int, outputs: i
     parts = [np.array([hidden, outputs, 0.01]), rest, by_scale, w1, b1, w2, b2, w3, b3]
     vector = np.concatenate([part.ravel() for part in parts]).astype(np.float32)
     contact, jacobian = np.zeros(outputs, np.float32), np.zeros(outputs * 6, np.float32)
-    _network.infer(vector.tobytes(), pose.astype(np.float32).data, contact.data, jacobian.data)
+    _contact.infer(vector.tobytes(), pose.astype(np.float32).data, contact.data, jacobian.data)
 
     def forward(at: NDArray[np.float64]) -> NDArray[np.float64]:
         scaled = (at - rest) @ by_scale
@@ -315,8 +317,8 @@ def test_vector_of_another_size_is_refused() -> None:
     assert vector is not None
     room = [np.zeros(count, np.float32).data for count in (6, 3, 18)]
     for wrong in (vector[:-1], np.append(vector, np.float32(0.0)), vector[:2], np.full(9, np.nan, np.float32)):
-        with pytest.raises(ValueError, match="not of one network"):
-            _network.infer(wrong.tobytes(), *room)
+        with pytest.raises(ValueError, match=r"none of a network|expected"):
+            _contact.infer(wrong.tobytes(), *room)
 
 
 @pytest.mark.parametrize("name", ["default", "shear"])
@@ -340,8 +342,19 @@ def test_reference_of_any_size_answers_the_same_to_the_last_bit(hidden: int, out
     assert answers(reference, poses).tobytes() == answers(compiled, poses).tobytes()
 
 
-def test_frames_of_a_model_that_onnxruntime_evaluates_are_judged_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_model_that_onnxruntime_evaluates_says_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To single precision: it sums in another order."""
+    config, frames = config_of(3), frames_of(config_of(3), 8.0)[5 * 220 :]
+    baseline = simulated_baseline(config)
+    pipeline = pipeline_of(config, baseline)
+    ours = [pipeline.process(frame) for frame in frames]
     monkeypatch.setattr(recognition, "LARGEST_HIDDEN", 0)
-    assert ContactModel.load("default", config_of(3).pad()).inference.by == "onnxruntime"
-    kinds = both(config_of(3), frames_of(config_of(3), 0.5))
-    assert kinds == {None: 110}
+    assert ContactModel.load("default", config.pad()).inference.by == "onnxruntime"
+    pipeline = pipeline_of(config, baseline)
+    theirs = [pipeline.process(frame) for frame in frames]
+    assert any(message.contact for message in ours)
+    for one, other in zip(ours, theirs, strict=True):
+        assert (one.health, one.contact) == (other.health, other.contact)
+        if one.force_n is not None:
+            assert other.force_n == pytest.approx(one.force_n, rel=1e-4, abs=1e-6)
+            assert other.force_sd_n == pytest.approx(one.force_sd_n, rel=1e-3)

@@ -91,7 +91,7 @@ def test_model_of_five_outputs_tells_shear_and_refuses_the_edge(tmp_path: Path, 
     inside = model.estimate(pad.rest_position_m, pad.rest_axis, CERTAIN)
     assert inside.shear_n is not None
     np.testing.assert_allclose(inside.shear_n, [0.2, -0.1], rtol=1e-6)
-    assert inside.covariance.shape == (5, 5)
+    assert inside.deviations.shape == (5,)
     assert not inside.refused
     moved = replace(network, layers=network.layers.scaled(np.array([6.0, 0.0, 0.0, 0.0, 0.0]), np.ones(5)))
     path.write_bytes(export(moved, facts, None))

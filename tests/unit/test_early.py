@@ -17,9 +17,8 @@ from fmfts.config import ContactConfig
 from fmfts.contact import ContactModel
 from fmfts.offline.replay import essence
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.estimator import Estimator
-from fmfts.pipeline.now import Lead
+from fmfts.pipeline.encoded import message_of
+from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import restore, snapshot
 from fmfts.scene.tracking import tracking_model_for
@@ -66,7 +65,7 @@ def pressed(time_s: float) -> Touch:
 
 def answer(pipeline: PadPipeline, packet: Sent) -> ContactMessage | None:
     told = pipeline.early(packet) if isinstance(packet, EarlySample) else pipeline.answer(packet)
-    return told.message if isinstance(told, PackedMessage) else told
+    return message_of(told)
 
 
 def messages_of(pipeline: PadPipeline, packets: Iterable[Sent]) -> list[ContactMessage]:
@@ -101,12 +100,7 @@ def test_what_frames_say_is_the_same_to_the_last_bit(model: ContactModel) -> Non
             assert without(message, "seq", "now") == without(frame, "seq", "now")
 
 
-@pytest.mark.parametrize("in_c", [True, False])
-def test_a_pad_that_publishes_frames_uses_no_other_sample(
-    model: ContactModel, in_c: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if not in_c:
-        monkeypatch.setattr(Estimator, "hand_over", lambda *_: None)
+def test_a_pad_that_publishes_frames_uses_no_other_sample(model: ContactModel) -> None:
     packets, of_frames = sent_of(tapped, 0.3), Lead(LEAD.frame_s)
     with_early, alone = (messages_of(pipeline_with(model, of_frames), some) for some in (packets, frames_only(packets)))
     assert [essence(one) for one in with_early] == [essence(one) for one in alone]
@@ -204,23 +198,6 @@ def test_after_a_silence_samples_wait_for_a_frame(model: ContactModel) -> None:
     assert all(pipeline.early(packet) is None for packet in packets[-20:] if isinstance(packet, EarlySample))
 
 
-def test_c_tells_what_python_tells(model: ContactModel, monkeypatch: pytest.MonkeyPatch) -> None:
-    # C begins with the first frame that it judges, some samples later: let both begin with frames.
-    packets = [one for n, one in enumerate(sent_of(tapped, 0.4)) if n > 60 or not isinstance(one, EarlySample)]
-    compiled = messages_of(pipeline_with(model), packets)
-    monkeypatch.setattr(Estimator, "hand_over", lambda *_: None)
-    reference = messages_of(pipeline_with(model), packets)
-    assert len(compiled) == len(reference)
-    for one, other in zip(compiled[20:], reference[20:], strict=True):
-        ours, theirs = one.now, other.now
-        assert ours is not None
-        assert theirs is not None
-        assert ours.t_ns == theirs.t_ns
-        assert ours.force_n == pytest.approx(theirs.force_n, abs=1e-7)
-        assert ours.force_sd_n == pytest.approx(theirs.force_sd_n, rel=1e-5)
-        assert ours.force_rate_n_per_s == pytest.approx(theirs.force_rate_n_per_s, abs=1e-4)
-
-
 @pytest.mark.parametrize("begins", [180, 181, 182, 183, 184])
 def test_a_replay_that_begins_anywhere_says_the_same(model: ContactModel, begins: int) -> None:
     """A state is taken before a frame, with samples before it in the filter; what follows is repeated bit for bit."""
@@ -241,7 +218,7 @@ def test_frames_alone_are_as_good_as_ever(model: ContactModel) -> None:
     assert all(one.now is not None for one in messages_of(pipeline_with(model), frames)[30:])
 
 
-def test_c_publishes_from_the_line_what_python_publishes(bus: Bus) -> None:  # noqa: F811
+def test_a_line_says_in_the_loop_what_its_frames_say(bus: Bus) -> None:  # noqa: F811
     """Frames and samples as a line brings them, several in a read, with a status now and then that Python must read."""
 
     def told(may_express: bool) -> Told:
@@ -255,7 +232,7 @@ def test_c_publishes_from_the_line_what_python_publishes(bus: Bus) -> None:  # n
             if number % 7 not in (2, 3):
                 host.take(pending, 5 * 10**9 + packet.device_time_us * 1000 + 900_000)
                 pending = b""
-        if host.lane is not None:
+        if host.lent is not None:
             host.end()
         return host.told
 

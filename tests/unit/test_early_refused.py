@@ -18,7 +18,6 @@ from test_pipeline import Bench
 from fmfts.bus.frame_message import early_message, early_of, frame_message, frame_of
 from fmfts.bus.messages import ContactMessage, EarlyMessage
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.pipeline.estimator import Estimator
 from fmfts.runtime.lateness import OVERDUE_NS
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.rates import fastest_on_board_hz
@@ -59,19 +58,14 @@ def test_a_frame_that_is_refused_says_nothing_in_the_samples_after_it(bus: Bus) 
     host.take(encode(ahead), arrival_ns(mine[-1]) + 100_000)
     for packet in rest:
         host.take(encode(on_the_wire(packet)), arrival_ns(packet))
-    if host.lane is not None:
+    if host.lent is not None:
         host.end()
     assert len(host.told.messages) > 400
     told = [one.force_n for one in host.told.messages[-20:] if one.force_n is not None]
     assert told == pytest.approx([0.5] * len(told), abs=0.1)
 
 
-@pytest.mark.parametrize("in_c", [True, False])
-def test_an_old_frame_that_comes_again_ends_now_and_makes_no_number_that_is_none(
-    in_c: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if not in_c:
-        monkeypatch.setattr(Estimator, "hand_over", lambda *_: None)
+def test_an_old_frame_that_comes_again_ends_now_and_makes_no_number_that_is_none() -> None:
     model, packets = load_contact_model(CONFIG), sent_of(tapped, 0.4)
     frames = [number for number, packet in enumerate(packets) if not isinstance(packet, EarlySample)]
     # Where the filter took such a frame, its covariance was none any more.

@@ -162,11 +162,11 @@ def test_recording_that_is_away_is_its_pads_health(tmp_path: Path, monkeypatch: 
         assert simulated.health == "ok"
         assert isinstance(played.source, guarded.GuardedSource)
         assert isinstance(played.pipeline, PadPipeline)
-        estimator = played.pipeline._estimator
+        baselined = played.pipeline.baselined
         played.source.fail("poll", SourceError("read it again"))
         run(daemon, lambda: played.health == "disconnected")
         run(daemon, lambda: played.health == "ok")
-        assert played.pipeline._estimator is estimator, "a new one takes 15 ms, in which the other pads wait"
+        assert played.pipeline.baselined is baselined, "a new one takes 15 ms, in which the other pads wait"
 
 
 def run(daemon: Daemon, until: Callable[[], bool]) -> None:

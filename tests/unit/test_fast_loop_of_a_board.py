@@ -14,8 +14,8 @@ from typing import Any
 import msgspec
 import pytest
 from fast_loop_host import sample_of
+from pad_frames import frames_of
 from test_bridge import plugged
-from test_healthy_path import frames_of
 from test_pipeline import config_of
 
 from emulator.board import Board

@@ -7,8 +7,9 @@ import pytest
 
 from fmfts.config import MagnetConfig, SceneConfig
 from fmfts.pad import Pad
-from fmfts.pose import SensorErrors, State, Track, Tracker, dipole_field, repeats_allowed
+from fmfts.pose import SensorErrors, State, dipole_field, repeats_allowed
 from fmfts.scene.tracking import tracking_model_for
+from fmfts_lab.bench.field_tracker import FieldTracker, Tracked
 
 NOISE_T = 2e-7
 NOISE = np.full((4, 3), NOISE_T)
@@ -24,11 +25,11 @@ class Watched:
         model = tracking_model_for(
             SceneConfig(ambient="drifting" if ambient == "drifting" else "constant"), MagnetConfig()
         )
-        self._tracker = Tracker(pad, rest, model.tracking, 25.0, SensorErrors(NOISE))
+        self._tracker = FieldTracker(pad, rest, model.tracking, 25.0, SensorErrors(NOISE))
         self._random = np.random.default_rng(seed)
         self._field = dipole_field(pad.sensors.position_m, rest.position_m, rest.axis, pad.magnet.strength_t_m3)
 
-    def run(self, frames: int, added_t: np.ndarray = NOTHING) -> list[Track]:
+    def run(self, frames: int, added_t: np.ndarray = NOTHING) -> list[Tracked]:
         tracks = []
         for _ in range(frames):
             field = self._field + added_t + self._random.normal(0.0, NOISE_T, (4, 3))
@@ -58,7 +59,7 @@ def test_offset_that_one_frame_lets_through_is_named_within_half_a_second(pad: P
     assert tracks[0].health == "ok"
     assert {track.health for track in tracks[110:]} == {"degraded"}
     assert all(track.reason.startswith(f"sensor {sensor + 1} ") for track in tracks[110:])
-    assert all(not track.used[sensor].any() for track in tracks[110:])
+    assert all(not track.sensors_ok >> sensor & 1 for track in tracks[110:])
 
 
 def test_sensor_is_believed_again_when_its_fault_is_over(pad: Pad) -> None:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -15,10 +13,8 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import GeometryConfig, PadConfig, SceneConfig, SimulatedSource
 from fmfts.contact import ContactModel
 from fmfts.offline.replay import essence
-from fmfts.pipeline.fast import _fast
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
-from fmfts.pose import State
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
@@ -30,7 +26,6 @@ CONSTANT = PadConfig(name="left", source=SimulatedSource(turning_deg_per_s=0.0),
 # The scripted finger begins to touch after 4 s, which are not worth the time.
 SKIPPED_S = UNLOADED_AT_START_S - 0.3
 COUNT = 640
-# Each snapshot has the next frame judged in Python: up to the next one, both go the same way.
 EVERY = 90
 Fault = Callable[[int, Frame], Frame]
 
@@ -110,18 +105,16 @@ def test_restored_pipeline_goes_on_bit_for_bit(config: PadConfig, fault: Fault) 
             assert essence(later.process(frame)) == essence(expected)
 
 
-def test_snapshot_changes_nothing_but_last_digits() -> None:
-    """Of them, because the frame after it is judged in Python."""
-    given = frames(DRIFTING, healthy)[:300]
+@pytest.mark.parametrize("fault", [healthy, sensor_that_lies, steel])
+def test_snapshot_changes_nothing(fault: Fault) -> None:
+    given = frames(DRIFTING, fault)[:300]
     watched, alone = pipeline(DRIFTING), pipeline(DRIFTING)
     baseline = simulated_baseline(DRIFTING)
     watched.use(baseline)
     alone.use(baseline)
     for frame in given:
         assert snapshot(watched) == snapshot(watched)
-        one, other = watched.process(frame), alone.process(frame)
-        assert (one.health, one.contact, one.seq) == (other.health, other.contact, other.seq)
-        assert one.force_n == pytest.approx(other.force_n, rel=1e-6, abs=1e-9)
+        assert essence(watched.process(frame)) == essence(alone.process(frame))
 
 
 def test_memory_tells_where_the_pipeline_stands() -> None:
@@ -142,54 +135,18 @@ def test_damaged_memory_is_refused(damage: bytes) -> None:
         restore(pipeline(DRIFTING), damage)
 
 
-def test_memory_of_format_1_is_read() -> None:
-    """What the version before wrote: 1.5 s into a lying sensor, and one second into a session of a turning robot."""
-    given = msgspec.msgpack.decode((Path(__file__).parents[1] / "data/memories_v1.msgpack").read_bytes())
-    lying, turning = pipeline(DRIFTING), pipeline(CONSTANT)
-    lying.use(simulated_baseline(DRIFTING))
-    turning.use(simulated_baseline(CONSTANT))
-    restore(lying, given["a sensor that lies"])
-    restore(turning, given["a turned robot"])
-    memory = lying.memory
-    assert memory.number == 330
-    assert memory.estimator is not None
-    assert memory.estimator.tracker.watch is not None
-    finding = memory.estimator.tracker.watch.finding
-    assert finding is not None
-    assert finding.sensor == 1
-    assert memory.estimator.tracker.watch.residuals.pushed == 55
-    next_frame = frames(DRIFTING, sensor_that_lies)[330]
-    assert lying.process(next_frame).health == "degraded"
-    memory = turning.memory
-    assert memory.estimator is not None
-    assert memory.estimator.ambient_motion is not None
-    assert memory.estimator.ambient_motion.frames_seen == 230
-    assert 0 < len(memory.estimator.ambient_motion.explained) <= 12
-    assert memory.estimator.tracker.disturbed_frames > 0
+@pytest.mark.parametrize("number", [1, 2, 4])
+def test_memory_of_another_format_is_refused_with_its_number(number: int) -> None:
+    other = msgspec.msgpack.encode({"format": number, "memory": {}})
+    with pytest.raises(BadMemoryError, match=f"format {number}, but this version of fmfts reads only 3"):
+        restore(pipeline(DRIFTING), other)
 
 
-def test_memory_of_a_later_format_is_refused_with_what_to_do() -> None:
-    later = msgspec.msgpack.encode({"format": 3, "memory": {}})
-    with pytest.raises(BadMemoryError, match=r"format 3, .*update fmfts"):
-        restore(pipeline(DRIFTING), later)
-
-
-def test_every_memory_of_the_compiled_path_is_declared_once() -> None:
-    """Others count since the hand-over, or say for which frames it is, and are of C alone."""
-    of_c = {"passed", "was_sound", "silent", "saturated", "gain_code", "blamed", "most"}
-    first = pipeline(CONSTANT)
-    first.use(simulated_baseline(CONSTANT))
-    declared = list(names(first.memory))
-    for name in set(_fast.MEMORY) - of_c:
-        assert declared.count(name) == 1, name
-
-
-def names(memory: object) -> Iterator[str]:
-    for each in dataclasses.fields(memory):  # type: ignore[arg-type]
-        value = getattr(memory, each.name)
-        yield each.name
-        if dataclasses.is_dataclass(value) and not isinstance(value, State):
-            yield from names(value)
+def test_memory_with_another_field_is_refused() -> None:
+    content = msgspec.msgpack.decode(snapshot(pipeline(DRIFTING)))
+    content["memory"]["fields"]["foreign_mt"] = content["memory"]["fields"].pop("foreign_t")
+    with pytest.raises(BadMemoryError, match="other fields than this version has"):
+        restore(pipeline(DRIFTING), msgspec.msgpack.encode(content))
 
 
 def test_memory_of_another_number_of_sensors_is_refused_and_changes_nothing() -> None:
@@ -206,7 +163,7 @@ def test_memory_of_another_number_of_sensors_is_refused_and_changes_nothing() ->
     )
     content = snapshot(other)
     was = snapshot(before)
-    with pytest.raises(BadMemoryError, match=r"alignment.field_t has the shape \(3, 3, 3\), not \(3, 4, 3\)"):
+    with pytest.raises(BadMemoryError, match="of a pad with 3 sensors, and this one has 4"):
         restore(before, content)
     assert snapshot(before) == was
 
@@ -214,5 +171,5 @@ def test_memory_of_another_number_of_sensors_is_refused_and_changes_nothing() ->
 def test_memory_of_a_pad_with_a_baseline_is_refused_by_one_without() -> None:
     with_baseline = pipeline(DRIFTING)
     with_baseline.use(simulated_baseline(DRIFTING))
-    with pytest.raises(BadMemoryError):
+    with pytest.raises(BadMemoryError, match="of a pad with a baseline"):
         restore(pipeline(DRIFTING), snapshot(with_baseline))

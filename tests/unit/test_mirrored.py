@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from msgspec.structs import replace as changed
-from test_healthy_path import both, frames_of
 from test_pipeline import config_of, pipeline_of
 
 from fmfts.config import PadConfig
-from fmfts.pipeline.fast import Kind
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import steady_finger
 from fmfts.simulation.source import Simulated
@@ -39,7 +37,3 @@ def test_z_alone_is_turned_over(config: PadConfig) -> None:
     sensors = config.pad().sensors
     assert sensors.to_sensor(field_t).tolist() == np.tile([1e-5, 2e-5, -3e-5], (4, 1)).tolist()
     assert sensors.to_pad(sensors.to_sensor(field_t)).tolist() == field_t.tolist()
-
-
-def test_c_says_the_same_of_it_as_python(config: PadConfig) -> None:
-    assert both(config, frames_of(config, 2.0))[Kind.QUIET] > 100

@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_healthy_path import both, frames_of
-from test_pipeline import config_of
 
 from fmfts.baseline import Recording, make_bare, make_rest
 from fmfts.config import MagnetConfig, PadConfig, SceneConfig, SimulatedSource
@@ -73,9 +71,3 @@ def test_baseline_and_solver_place_a_near_magnet_where_it_is() -> None:
     # What is left are the terms after the octupole, (3 mm/13 mm)² times a few of it.
     assert off_m(True) < 0.33 * off_m(False)
     assert off_m(False) > 30e-6
-
-
-def test_compiled_path_counts_with_the_octupole_as_python_does() -> None:
-    assert config_of(3).pad().magnet.as_cylinder
-    kinds = both(config_of(3), frames_of(config_of(3), 6.0))
-    assert sum(count for kind, count in kinds.items() if kind is not None) > 1000

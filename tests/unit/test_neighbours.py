@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from fmfts.config import PadConfig, PlacementConfig, SimulatedSource
 from fmfts.pad import Pad, Placement, rotation_from_vector
-from fmfts.pose import PAPER, State, Tracker, dipole_field
-from fmfts.pose.neighbour import MOMENT_DEVIATION, REACH_M, REACH_RAD, NeighbourView, with_rest
+from fmfts.pose import PAPER, Prior, State, dipole_field, solve
+from fmfts.pose.neighbour import MOMENT_DEVIATION, REACH_M, REACH_RAD, NeighbourView, joined, their_magnets, with_rest
 from fmfts.pose.sighting import Sighting
+from fmfts.pose.state import SIZE
 from fmfts.scene.neighbours import neighbours_around
 from fmfts_lab.bench.neighbours import pair, pressed_pair
 
@@ -86,10 +87,11 @@ def test_pose_beside_an_uncertain_neighbour_is_as_uncertain_as_it_says(pad: Pad)
         # What a baseline leaves: this magnet, and what the neighbour has changed since.
         change = seen.field(pad.sensors, truth) - seen.field(pad.sensors, seen.rest)
         field = with_rest(own + change + random.normal(0.0, NOISE_T, (4, 3)), pad.sensors, [seen])
-        track = Tracker(pad, rest, PAPER).update(field, np.full((4, 3), NOISE_T), neighbours=[seen])
-        assert track.estimate is not None, track.reason
-        error = replace(track.estimate.state, neighbours=()).step_from(rest)[:5]
-        nees.append(float(error @ np.linalg.solve(track.estimate.covariance[:5, :5], error)))
+        start, parts, prior = joined(rest, PAPER.parts, Prior(rest, np.zeros((SIZE, SIZE))), [seen])
+        magnets = their_magnets([seen])
+        estimate = solve(field, pad, start, deviation_t=NOISE_T, parts=parts, prior=prior, neighbours=magnets)
+        error = replace(estimate.state, neighbours=()).step_from(rest)[:5]
+        nees.append(float(error @ np.linalg.solve(estimate.covariance[:5, :5], error)))
     assert abs(np.mean(nees) - 5.0) < 4.0 * np.sqrt(10.0 / 300.0)
 
 

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from test_healthy_path import python_only
 
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import BridgeSource, GeometryConfig, PadConfig
 from fmfts.contact import ContactModel, NoContactModel
-from fmfts.contact.drive import Drive
-from fmfts.contact.now import AHEAD_S, LEAD_SHARE, carried, shrunk
+from fmfts.contact.drive import untouched_drive
 from fmfts.pipeline.configured import HOST_S, lead_of, load_contact_model
-from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.now import Lead
+from fmfts.pipeline.encoded import message_of
+from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
@@ -36,9 +34,9 @@ def model() -> ContactModel:
     return load_contact_model(CONFIG)
 
 
-def pipeline_with(model: ContactModel | NoContactModel) -> PadPipeline:
+def pipeline_with(model: ContactModel | NoContactModel, lead: Lead = Lead(LEAD_S)) -> PadPipeline:  # noqa: B008
     tracking = tracking_model_for(CONFIG.scene, CONFIG.magnet).tracking
-    pipeline = PadPipeline(CONFIG.pad(), model, "now", float(RATE_HZ), tracking, lead=Lead(LEAD_S))
+    pipeline = PadPipeline(CONFIG.pad(), model, "now", float(RATE_HZ), tracking, lead=lead)
     pipeline.use(simulated_baseline(CONFIG))
     return pipeline
 
@@ -51,7 +49,7 @@ def frames_of(finger: Finger, seconds: float) -> list[WireFrame]:
 
 def messages_of(pipeline: PadPipeline, frames: Sequence[Frame]) -> list[ContactMessage]:
     answers = [pipeline.answer(frame) for frame in frames]
-    return [answer.message if isinstance(answer, PackedMessage) else answer for answer in answers]
+    return [message_of(answer) for answer in answers]
 
 
 def pressed(time_s: float) -> Touch:
@@ -100,16 +98,13 @@ def replace_valid(frame: Frame) -> Frame:
     )
 
 
-@pytest.mark.parametrize("in_c", [True, False])
-def test_now_has_a_force_where_the_contact_has_one(model: ContactModel, in_c: bool) -> None:
+def test_now_has_a_force_where_the_contact_has_one(model: ContactModel) -> None:
     """Near a corner the force of a steady press has a large deviation; `now` said 0 N beside `contact: true`."""
 
     def at_a_corner(time_s: float) -> Touch:
         return Touch(11e-3, 11e-3, 0.4 if time_s > 0.2 else 0.0)
 
     pipeline = pipeline_with(model)
-    if not in_c:
-        python_only(pipeline)
     contacts = [one for one in messages_of(pipeline, frames_of(at_a_corner, 1.0)) if one.contact]
     assert len(contacts) > 100
     assert all(one.now is None or one.now.force_n > 0.0 for one in contacts)
@@ -164,41 +159,54 @@ def test_a_model_that_tells_shear_tells_its_rate(model: ContactModel) -> None:
     assert last.shear_x_rate_sd_n_per_s is not None
 
 
-def test_a_force_never_pulls_and_is_none_above_rest() -> None:
-    values, none = np.array([0.0, 0.0, 0.01]), np.zeros(3)
-    falling = carried(0.0, 5e-3, values, none, np.array([0.0, 0.0, -60.0]), none, True, True)
-    assert falling.values[2] == 0.0
-    lifted = carried(0.0, 5e-3, values, none, np.array([0.0, 0.0, 60.0]), none, False, True)
-    assert lifted.values[2] == lifted.rates[2] == 0.0
+def test_a_force_never_pulls_and_is_none_above_rest(model: ContactModel) -> None:
+    """While a fast tap lets go, the force carried on would be below zero."""
+
+    def tapping(time_s: float) -> Touch:
+        return Touch(0.0, 0.0, max(0.0, 1.5 * np.sin(2.0 * np.pi * (time_s - 0.2) / 0.06)) if time_s > 0.2 else 0.0)
+
+    told = [one.now for one in messages_of(pipeline_with(model), frames_of(tapping, 1.5)) if one.now is not None]
+    assert min(one.force_n for one in told) == 0.0
+    assert min(one.force_rate_n_per_s for one in told) < -30.0, "it lets go fast"
+    assert all(one.force_rate_n_per_s == 0.0 for one in told if one.x_m is None and one.force_n == 0.0)
 
 
-def test_deviations_grow_with_the_lead() -> None:
-    values, rates = np.array([1e-3, 0.0, 1.0]), np.array([0.1, 0.0, 20.0])
-    deviations, rate_deviations = np.array([1e-4, 1e-4, 0.02]), np.array([0.01, 0.01, 4.0])
-    ahead = carried(0.0, 3e-3, values, deviations, rates, rate_deviations, True, True)
-    assert ahead.values.tolist() == pytest.approx([1.3e-3, 0.0, 1.0 + LEAD_SHARE * 0.06])
-    assert ahead.deviations.tolist() == pytest.approx([1.3e-4, 1.3e-4, 0.032])
+def test_deviations_grow_with_the_lead(model: ContactModel) -> None:
+    """The same session published later: values carried on by their rates, deviations by those of the rates."""
+    frames = frames_of(pressed, 0.6)
+    soon, late = (
+        messages_of(pipeline_with(model, lead=Lead(lead_s)), frames)[-1].now for lead_s in (LEAD_S, LEAD_S + 3e-3)
+    )
+    assert soon is not None
+    assert late is not None
+    assert None not in (soon.x_m, late.x_m, soon.x_sd_m, late.x_sd_m, soon.x_rate_m_per_s, soon.x_rate_sd_m_per_s)
+    assert late.x_m == pytest.approx(soon.x_m + 3e-3 * soon.x_rate_m_per_s, abs=1e-12)  # type: ignore[operator]
+    assert late.x_sd_m == pytest.approx(soon.x_sd_m + 3e-3 * soon.x_rate_sd_m_per_s, abs=1e-12)  # type: ignore[operator]
+    assert late.force_n == pytest.approx(soon.force_n + 0.75 * 3e-3 * soon.force_rate_n_per_s, abs=1e-9)
 
 
-def test_a_rate_that_is_not_known_is_taken_for_none() -> None:
-    rates, deviations = shrunk(np.array([0.1, 0.1, 50.0]), np.array([1e6, 0.0, 1e12]), 0.0)
-    assert rates[0] == pytest.approx(0.0, abs=1e-6)
-    assert rates[1] == 0.1
-    assert deviations[2] == pytest.approx(60.0)
-    assert shrunk(np.zeros(3), np.zeros(3), 1.0)[1][2] == pytest.approx(np.sqrt(2e5 * AHEAD_S))
+def test_rates_of_a_steady_press_are_small_and_their_deviations_honest(model: ContactModel) -> None:
+    told = [one.now for one in messages_of(pipeline_with(model), frames_of(pressed, 2.0))[220:] if one.now is not None]
+    off = np.array([one.force_rate_n_per_s / one.force_rate_sd_n_per_s for one in told])
+    assert len(told) > 200
+    assert np.abs(off).max() < 5.0
+    assert max(one.force_rate_sd_n_per_s for one in told) < 60.0, "no more than is known of fingers"
 
 
-def test_the_drive_is_along_the_slopes_of_the_response(model: ContactModel) -> None:
-    """Twice the integral of the drive's force noise moves the pose as the response says."""
+def test_the_drive_of_an_untouched_pad_is_the_mean_along_the_slopes(model: ContactModel) -> None:
+    """Twice the integral of the drive's force noise moves the pose as the response says, at places all over the pad."""
     assert model.response is not None
-    drive = Drive(model.response, np.eye(5))
-    _, slope = model.response.change_and_slope(np.array([[3.0, -2.0, 1.0]]))
-    from fmfts.contact.estimate import ContactEstimate
-
-    contact = ContactEstimate(3e-3, -2e-3, 1.0, np.eye(3), False, None, 0.0, 0.1, 0.1)
+    response = model.response
+    half = (response.last_mm - response.first_mm) / 2.0 * 5.0 / 7.0
+    middle = (response.first_mm + response.last_mm) / 2.0
     power = np.diag([3e6, 3e6, 2e5])
-    np.testing.assert_allclose(drive.at(contact), slope[0] @ power @ slope[0].T, rtol=1e-12)
-    assert drive.at(None) is drive.untouched
+    drives = []
+    for x in np.linspace(-1.0, 1.0, 9):
+        for y in np.linspace(-1.0, 1.0, 9):
+            press = np.array([[middle[0] + x * half[0], middle[1] + y * half[1], 0.1]])
+            slope = response.change_and_slope(press)[1][0]
+            drives.append(slope @ power @ slope.T)
+    np.testing.assert_allclose(untouched_drive(response, np.eye(5)), np.mean(drives, axis=0), rtol=1e-12, atol=1e-10)
 
 
 def test_the_lead_is_the_frames_time_on_the_line() -> None:

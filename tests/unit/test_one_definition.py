@@ -15,10 +15,8 @@ from typing import get_args
 import msgspec
 import pytest
 
-from fmfts.bus.messages import ContactMessage, FingerMessage, Health, NowMessage, PoseMessage
+from fmfts.bus.messages import ContactMessage, FingerMessage, Health, PoseMessage
 from fmfts.config import BridgeSource
-from fmfts.pipeline.fast._fast import NUMBERS
-from fmfts.pipeline.fast.template import INTEGERS
 from fmfts.sensor.chips import CHIPS, HMC5983, Chip, ChipName
 from fmfts.sensor.chips.rates import BOARD_READ_US, BRIDGE_HZ, highest_rate_hz
 from fmfts.sensor.frame import AGE_UNKNOWN_US, READING_BYTES
@@ -27,9 +25,7 @@ from fmfts.sensor.wire.framing import MAX_LINE_BYTES
 from fmfts_client.fields import SCHEMA_VERSION
 
 REPOSITORY = Path(__file__).parents[2]
-CORE, FAST, WIRE = (
-    REPOSITORY / path for path in ("firmware/core", "daemon/fmfts/pipeline/fast", "daemon/fmfts/sensor/wire")
-)
+CORE, WIRE = (REPOSITORY / path for path in ("firmware/core", "daemon/fmfts/sensor/wire"))
 C_CLIENT = REPOSITORY / "clients/c"
 # What the C client calls the annotation of a field of messages.py: its macro and its kind.
 KIND_OF = {
@@ -66,12 +62,6 @@ def hints(*kinds: type[msgspec.Struct]) -> dict[str, str]:
 # Messages
 
 
-def filled_hints() -> dict[str, str]:
-    """The fields that the compiled path can fill, by its own names: those of the map `now` begin so."""
-    of_now = {f"now_{name}": hint for name, hint in hints(NowMessage).items()}
-    return hints(ContactMessage, PoseMessage) | of_now
-
-
 def in_c_client(table: str) -> list[tuple[str, str]]:
     """Name and kind of each field in a table of fmfts.c."""
     text = (C_CLIENT / "fmfts.c").read_text()
@@ -106,20 +96,6 @@ def test_c_client_knows_the_schema_and_every_word_of_health() -> None:
     assert header["FMFTS_SCHEMA_VERSION"] == SCHEMA_VERSION
     words = re.findall(r'"(\w+)"', text[text.index("health_names[] =") :].partition("};")[0])
     assert words == ["unknown", *get_args(Health)]
-
-
-@pytest.mark.skipif(not NUMBERS, reason="without a compiler there is no compiled path")
-def test_compiled_path_fills_fields_that_the_message_has() -> None:
-    wide = {name: 3 if hint.startswith("Vector") else 1 for name, hint in filled_hints().items()}
-    assert {name: wide.get(name) for name in NUMBERS} == NUMBERS
-    assert next(iter(NUMBERS)) == "temperature_c", "lane.c reads the first one's place"
-    unfilled = {name for name, hint in filled_hints().items() if hint.startswith(("float", "Vector"))}
-    assert unfilled <= set(NUMBERS)
-
-
-def test_compiled_path_fills_as_many_integers_as_the_template_marks() -> None:
-    assert constants(FAST / "tables.h")["FMFTS_MESSAGE_INTEGERS"] == len(INTEGERS)
-    assert all(filled_hints()[name] == "int" for name in INTEGERS)
 
 
 # The wire

@@ -19,7 +19,7 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.bus.publisher import Publisher
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
-from fmfts.pipeline.now import Lead
+from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.sparing_log import SparingLog
@@ -172,11 +172,11 @@ class Bench:
             self.sent.append(send(pad, message))
             return self.sent[-1]
 
-        def keep_packed(topic: bytes, payload: bytes) -> None:
+        def keep_encoded(topic: bytes, payload: bytes) -> None:
             self.sent.append(decode_contact(payload))
 
         self._publisher.send_contact = keep  # type: ignore[method-assign]
-        self._publisher.send_packed = keep_packed  # type: ignore[method-assign]
+        self._publisher.send_encoded = keep_encoded  # type: ignore[method-assign]
         self.channel = Channel(self.source, 0, self.pipeline, self._publisher, "boot", rate_hz)
 
     def __enter__(self) -> Bench:

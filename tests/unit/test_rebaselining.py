@@ -10,7 +10,7 @@ import pytest
 
 from fmfts.config import Imperfection, PadConfig, RebaselineConfig, SceneConfig, SimulatedSource
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.encoded import message_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.rebaselining import Rebaselining
 from fmfts.scene.tracking import tracking_model_for
@@ -67,7 +67,7 @@ def life(
             source._built = replace(built, pad=replace(built.pad, magnet=aged))
         for frame in source.poll(number * round(1e9 / RATE_HZ)):
             answer = pipeline.answer(frame)
-            message = answer.message if isinstance(answer, PackedMessage) else answer
+            message = message_of(answer)
             if on:
                 rebaselining.saw(answer)
                 run.sizes_m.append(rebaselining.size_m)

@@ -17,7 +17,7 @@ FLOORS = [
     {"common", "pad", "sensor"},
     {"pose", "contact", "sensor/wire", "bus", "view"},
     {"baseline", "sensor/bridge", "sensor/i2c", "config"},
-    {"pipeline/fast", "scene", "several", "simulation", "skin", "magnet_check", "recording", "sensor/anyskin"},
+    {"scene", "several", "simulation", "skin", "magnet_check", "recording", "sensor/anyskin"},
     {"sources", "pipeline", "calibrate"},
     {"runtime", "offline", "collect", "page", "report"},
     {"cli"},

@@ -8,8 +8,9 @@ import pytest
 
 from fmfts.config import GeometryConfig, MagnetConfig, PadConfig, SceneConfig, SimulatedSource
 from fmfts.pad import Pad, rotation_from_vector
-from fmfts.pose import LOG_MOMENT, State, Tracker, dipole_field, parts_of
+from fmfts.pose import LOG_MOMENT, State, dipole_field, parts_of
 from fmfts.scene.tracking import MOMENT_DEVIATION, observability_warnings, tracking_model_for
+from fmfts_lab.bench.field_tracker import FieldTracker
 
 NOISE_T = 2e-7
 FRAME_S = 1 / 220
@@ -25,7 +26,7 @@ class Hand:
         self._rest = State.at_rest(pad)
         self._turn = turn_rad_per_s
         self._warm = warm_k_per_s
-        self._tracker = Tracker(pad, self._rest, tracking_model_for(scene, MagnetConfig()).tracking, 25.0)
+        self._tracker = FieldTracker(pad, self._rest, tracking_model_for(scene, MagnetConfig()).tracking, 25.0)
         self._random = np.random.default_rng(4)
         self.health: Counter[str] = Counter()
         self.errors: list[np.ndarray] = []
@@ -82,7 +83,7 @@ def test_magnet_that_warms_while_turning_stays_within_its_deviations(pad: Pad) -
 def test_pad_that_stays_warm_does_not_become_vaguer_with_every_frame(pad: Pad) -> None:
     """10 K with a fifth of 0.12 % per K unknown are 0.24 % of the moment, however many frames have been there."""
     scene, rest = tracking_model_for(SceneConfig(ambient="drifting"), MagnetConfig()).tracking, State.at_rest(pad)
-    tracker = Tracker(pad, rest, scene, 25.0)
+    tracker = FieldTracker(pad, rest, scene, 25.0)
     strength = pad.magnet.strength_t_m3 * (1.0 - 0.0012 * 10.0)
     field = dipole_field(pad.sensors.position_m, rest.position_m, rest.axis, strength)
     for _ in range(220):
@@ -96,7 +97,7 @@ def test_field_that_steps_is_disturbed_for_a_moment_and_then_learnt(pad: Pad) ->
     """A motor's brake lets go: 30 mG at once."""
     scene = tracking_model_for(SceneConfig(ambient="drifting"), MagnetConfig()).tracking
     rest = State.at_rest(pad)
-    tracker, random = Tracker(pad, rest, scene, 25.0), np.random.default_rng(3)
+    tracker, random = FieldTracker(pad, rest, scene, 25.0), np.random.default_rng(3)
     field = dipole_field(pad.sensors.position_m, rest.position_m, rest.axis, pad.magnet.strength_t_m3)
     healths = []
     for frame in range(440):
@@ -122,7 +123,7 @@ def test_magnet_hotter_than_its_board_needs_a_drifting_remanence(pad: Pad) -> No
     """8 K beyond the thermometer are 1 % of the moment and 70 µm of height: unsaid, 15 published deviations."""
     for remanence, is_honest in (("measured", False), ("drifting", True)):
         scene = replace_scene(remanence=remanence)
-        tracker = Tracker(pad, State.at_rest(pad), tracking_model_for(scene, MagnetConfig()).tracking, 25.0)
+        tracker = FieldTracker(pad, State.at_rest(pad), tracking_model_for(scene, MagnetConfig()).tracking, 25.0)
         random = np.random.default_rng(5)
         strength = pad.magnet.strength_t_m3 * (1.0 - 0.0012 * 8.0)
         field = dipole_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, strength)

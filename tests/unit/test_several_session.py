@@ -1,5 +1,7 @@
 """A whole session of a pad with four magnets says the same in C and in NumPy, to the last bit: frames to messages.
 
+But for the alignment of the samples, which tests/oracle/test_sampling.py judges.
+
 Nobody, one finger, two, one again, a sensor that is wrong, and nobody.
 """
 
@@ -15,14 +17,12 @@ import pytest
 
 from fmfts.offline.replay import essence
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
-from fmfts.pose import Alignment
 from fmfts.sensor import Frame
 from fmfts.several import _several, estimator, field_model, fit, poses, scan, valley
 from fmfts.simulation.array import SimulatedArray
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch
 from fmfts_lab.finite_elements.array_pad import array_config
-from twins.alignment import NumPyAlignment
 from twins.several import NumPyFitter, NumPyModel
 from twins.several_poses import across_in_numpy, poses_in_numpy
 
@@ -65,8 +65,6 @@ def session() -> list[str]:
 
 def test_a_session_says_the_same_bits_in_c_and_in_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
     in_c = session()
-    monkeypatch.setattr(Alignment, "_push", NumPyAlignment._push)
-    monkeypatch.setattr(Alignment, "_new", NumPyAlignment._new, raising=False)
     monkeypatch.setattr(estimator, "FieldModel", NumPyModel)
     monkeypatch.setattr(estimator, "Fitter", NumPyFitter)
     monkeypatch.setattr(estimator, "poses_of", poses_in_numpy)

@@ -1,3 +1,5 @@
+"""The verdict of the tracker on single fields: pose/tracker.c, gate.c and fault_search.c."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -6,10 +8,11 @@ import numpy as np
 import pytest
 
 from fmfts.pad import Pad
-from fmfts.pose import State, Tracker, TrackingModel, dipole_field, parts_of
-from fmfts.pose.tracker import SEARCH_EVERY
+from fmfts.pose import State, TrackingModel, dipole_field, parts_of
+from fmfts_lab.bench.field_tracker import FieldTracker
 
 NOISE_T = 2e-7
+SEARCH_EVERY = 8  # fault_search.c: frames of a disturbance in which a cause is sought
 DEVIATION = np.full((4, 3), NOISE_T)
 CONSTANT = TrackingModel(parts_of(free=np.arange(6)))
 
@@ -31,11 +34,11 @@ def pressed(rest: State) -> State:
 
 
 @pytest.fixture
-def tracker(pad: Pad, rest: State) -> Tracker:
-    return Tracker(pad, rest, CONSTANT)
+def tracker(pad: Pad, rest: State) -> FieldTracker:
+    return FieldTracker(pad, rest, CONSTANT)
 
 
-def test_healthy_noise_is_never_an_alarm(pad: Pad, tracker: Tracker, pressed: State) -> None:
+def test_healthy_noise_is_never_an_alarm(pad: Pad, tracker: FieldTracker, pressed: State) -> None:
     random = np.random.default_rng(1)
     field = field_at(pad, pressed)
     # 2000 frames at a gate that passes all but one in a million.
@@ -44,7 +47,7 @@ def test_healthy_noise_is_never_an_alarm(pad: Pad, tracker: Tracker, pressed: St
         assert track.health == "ok"
 
 
-def test_saturated_axis_is_dropped_and_flagged(pad: Pad, tracker: Tracker, pressed: State) -> None:
+def test_saturated_axis_is_dropped_and_flagged(pad: Pad, tracker: FieldTracker, pressed: State) -> None:
     field = field_at(pad, pressed)
     field[1, 2] = np.nan
     track = tracker.update(field, DEVIATION)
@@ -52,12 +55,12 @@ def test_saturated_axis_is_dropped_and_flagged(pad: Pad, tracker: Tracker, press
     assert "sensor 2" in track.reason
     assert track.estimate is not None
     assert track.estimate.position_m == pytest.approx(pressed.position_m, abs=1e-6)
-    assert not track.used[1, 2]
+    assert track.sensors_ok == 0b1101
 
 
 @pytest.mark.parametrize("sensor", range(4))
 def test_contradicting_sensor_is_named_and_left_out(pad: Pad, rest: State, pressed: State, sensor: int) -> None:
-    tracker, random = Tracker(pad, rest, CONSTANT), np.random.default_rng(sensor)
+    tracker, random = FieldTracker(pad, rest, CONSTANT), np.random.default_rng(sensor)
     field = field_at(pad, pressed)
     field[sensor, sensor % 3] += 1e-5  # 100 mG
     for _ in range(20):
@@ -71,7 +74,7 @@ def test_contradicting_sensor_is_named_and_left_out(pad: Pad, rest: State, press
 
 def test_contradicting_sensor_near_steel_is_disturbed(pad: Pad, rest: State, pressed: State) -> None:
     """A tool that passes makes one sensor contradict the others, too, and without it a force of 4 N."""
-    tracker = Tracker(pad, rest, replace(CONSTANT, steel_nearby=True))
+    tracker = FieldTracker(pad, rest, replace(CONSTANT, steel_nearby=True))
     field = field_at(pad, pressed)
     field[2, 1] += 1e-5
     track = tracker.update(field, DEVIATION)
@@ -82,14 +85,14 @@ def test_contradicting_sensor_near_steel_is_disturbed(pad: Pad, rest: State, pre
     assert tracker.update(field, DEVIATION).health == "degraded"
 
 
-def test_turned_robot_is_disturbed_not_a_contact(pad: Pad, tracker: Tracker, rest: State) -> None:
+def test_turned_robot_is_disturbed_not_a_contact(pad: Pad, tracker: FieldTracker, rest: State) -> None:
     """Half a gauss from nowhere: no sensor is to blame, and no pose explains it."""
     track = tracker.update(field_at(pad, rest) + np.array([3e-5, -3e-5, 2e-5]), DEVIATION)
     assert track.health in ("disturbed", "lost")
     assert "not come from this magnet alone" in track.reason
 
 
-def test_vanished_magnet_is_lost_and_found_again(pad: Pad, tracker: Tracker, pressed: State) -> None:
+def test_vanished_magnet_is_lost_and_found_again(pad: Pad, tracker: FieldTracker, pressed: State) -> None:
     field = field_at(pad, pressed)
     assert tracker.update(field, DEVIATION).health == "ok"
     random = np.random.default_rng(2)
@@ -102,14 +105,14 @@ def test_vanished_magnet_is_lost_and_found_again(pad: Pad, tracker: Tracker, pre
     assert found.estimate.position_m == pytest.approx(pressed.position_m, abs=1e-6)
 
 
-def test_a_pose_from_which_nothing_is_found_is_left_for_rest(pad: Pad, tracker: Tracker, rest: State) -> None:
+def test_a_pose_from_which_nothing_is_found_is_left_for_rest(pad: Pad, tracker: FieldTracker, rest: State) -> None:
     """A magnet that was seen upside down, then steel, then the pad as it should be: no search from there leads back."""
     fallen = replace(
         rest,
         position_m=np.array([1.14964e-3, 1.80606e-3, 8.66247e-3]),
         axis=np.array([0.65950428, -0.08882453, -0.7464344]) / np.linalg.norm([0.65950428, -0.08882453, -0.7464344]),
     )
-    tracker.memory.state = fallen
+    tracker.memory.put("state", fallen.vector())
     assert tracker.update(field_at(pad, fallen), DEVIATION).health == "ok"
     steel = np.random.default_rng(5).normal(0.0, 1e-4, (4, 3))
     assert tracker.update(field_at(pad, fallen) + steel, DEVIATION).estimate is None
@@ -119,7 +122,7 @@ def test_a_pose_from_which_nothing_is_found_is_left_for_rest(pad: Pad, tracker: 
     assert health[SEARCH_EVERY:] == ["ok"] * SEARCH_EVERY
 
 
-def test_a_disturbed_frame_has_no_pose_to_be_believed(pad: Pad, tracker: Tracker, rest: State) -> None:
+def test_a_disturbed_frame_has_no_pose_to_be_believed(pad: Pad, tracker: FieldTracker, rest: State) -> None:
     """Its χ² has failed, so its covariance says nothing: a robot that has turned in 60 mG."""
     for _ in range(2 * SEARCH_EVERY):
         track = tracker.update(field_at(pad, rest) + np.array([3e-6, -3e-6, 4e-6]), DEVIATION)
@@ -127,7 +130,7 @@ def test_a_disturbed_frame_has_no_pose_to_be_believed(pad: Pad, tracker: Tracker
         assert track.estimate is None
 
 
-def test_two_sensors_are_too_few(pad: Pad, tracker: Tracker, pressed: State) -> None:
+def test_two_sensors_are_too_few(pad: Pad, tracker: FieldTracker, pressed: State) -> None:
     field = field_at(pad, pressed)
     field[0] = np.nan
     field[3, 0] = np.nan
@@ -137,7 +140,7 @@ def test_two_sensors_are_too_few(pad: Pad, tracker: Tracker, pressed: State) -> 
     assert track.reason.startswith("sensor 1 is without a new sample; sensor 4 is without")
 
 
-def test_jump_across_the_pad_is_followed_within_one_frame(pad: Pad, tracker: Tracker, rest: State) -> None:
+def test_jump_across_the_pad_is_followed_within_one_frame(pad: Pad, tracker: FieldTracker, rest: State) -> None:
     far = rest.stepped(np.array([1e-3, -1e-3, -2e-3, 0.5, -0.4, 0.0, 0, 0, 0]))
     tracker.update(field_at(pad, rest), DEVIATION)
     track = tracker.update(field_at(pad, far), DEVIATION)
@@ -151,7 +154,7 @@ def test_misfit_that_no_gate_stops_makes_the_answer_less_certain(pad: Pad, rest:
     field, random = field_at(pad, rest), np.random.default_rng(4)
     deviations = {}
     for share in (1.0, 2.0):
-        tracker, seen = Tracker(pad, rest, CONSTANT), []
+        tracker, seen = FieldTracker(pad, rest, CONSTANT), []
         for _ in range(400):
             track = tracker.update(field + random.normal(0.0, share * NOISE_T, (4, 3)), DEVIATION)
             if track.health == "ok":
@@ -164,7 +167,7 @@ def test_misfit_that_no_gate_stops_makes_the_answer_less_certain(pad: Pad, rest:
     assert 1.6 < deviations[2.0] / exact < 2.1
 
 
-def test_place_known_no_better_than_a_millimetre_is_lost(pad: Pad, tracker: Tracker, pressed: State) -> None:
+def test_place_known_no_better_than_a_millimetre_is_lost(pad: Pad, tracker: FieldTracker, pressed: State) -> None:
     field = field_at(pad, pressed)
     assert tracker.update(field, np.full((4, 3), 2e-6)).health == "ok"
     track = tracker.update(field, np.full((4, 3), 2.5e-5))

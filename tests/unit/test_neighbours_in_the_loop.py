@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
-import numpy as np
-import pytest
 from fast_loop_host import Bus, Host, sample_of
 from test_fast_loop import at_no_time
-from test_healthy_path import assert_same, python_only
 from test_link import hello
 
 from fmfts.baseline import Baseline
 from fmfts.config import PadConfig, neighbours_of
 from fmfts.pipeline.configured import contact_model_of, feel_neighbours, pipeline_of
-from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.fast import Kind, _fast
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.pose.sighting import sighting_layout
 from fmfts.sensor import Frame
 from fmfts.sensor.wire.framing import encode
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch
-from fmfts_lab.bench.drills import FRAME_NS, RATE_HZ, Ambient
+from fmfts_lab.bench.drills import FRAME_NS, RATE_HZ
 from fmfts_lab.bench.neighbours import pair, source_of
 
 
@@ -58,51 +50,6 @@ def pipelines_of(pads: tuple[PadConfig, PadConfig], baselines: dict[str, Baselin
     return pipelines
 
 
-def lasting_t2(pipeline: PadPipeline) -> np.ndarray:
-    """Of each axis, what the mean residuals take for lasting: curvature, and the neighbours' places."""
-    estimator = pipeline.memory.estimator
-    assert estimator is not None
-    assert estimator.tracker.watch is not None
-    return estimator.tracker.watch.residuals.lasting_t2
-
-
-def without_one(frame: Frame) -> Frame:
-    """As the firmware tells of a sensor that does not answer."""
-    there = np.array([True, False, True, True])
-    return replace(frame, valid=there, fresh=frame.fresh & there)
-
-
-@pytest.mark.parametrize("ambient", ["constant", pytest.param("drifting", marks=pytest.mark.long)])
-@pytest.mark.parametrize("distance_mm", [25.0, pytest.param(50.0, marks=pytest.mark.long)])
-def test_two_pads_that_feel_each_other_say_the_same_in_c_and_in_python(distance_mm: float, ambient: Ambient) -> None:
-    """Also while one of them has lost a sensor."""
-    pads = pair(distance_mm, ambient, seed=3)
-    baselines = {pad.name: simulated_baseline(pad, neighbours_of(pad, pads)) for pad in pads}
-    compiled, oracle = pipelines_of(pads, baselines), pipelines_of(pads, baselines)
-    for pipeline in oracle.values():
-        python_only(pipeline)
-    kinds: Counter[Kind | None] = Counter()
-    for number, (name, whole) in enumerate(frames_of(pads, 3.0)):
-        frame = without_one(whole) if name == "first" and 400 < number < 800 else whole
-        answer = compiled[name].answer(frame)
-        packed = isinstance(answer, PackedMessage)
-        kinds[answer.kind if packed else None] += 1
-        assert_same(answer.message if packed else answer, oracle[name].process(frame))
-    assert kinds[None] < 40
-    assert min(kinds[Kind.QUIET], kinds[Kind.TOUCHED]) > 300
-    for pad in pads:  # what each remembers of the other, too
-        ours, theirs = compiled[pad.name].be_felt(), oracle[pad.name].be_felt()
-        assert ours.time_ns == theirs.time_ns
-        np.testing.assert_allclose(ours.table["last"], theirs.table["last"], rtol=1e-9, atol=1e-12)
-        np.testing.assert_allclose(ours.covariance, theirs.covariance, rtol=1e-8, atol=1e-18)
-        ours_t2, theirs_t2 = (lasting_t2(each[pad.name]) for each in (compiled, oracle))
-        np.testing.assert_allclose(ours_t2, theirs_t2, rtol=1e-8)
-
-
-def test_where_a_magnet_was_seen_is_laid_out_in_c_as_in_python() -> None:
-    assert list(_fast.SIGHTING.items()) == list(sighting_layout(1).items())
-
-
 def test_two_boards_whose_pads_feel_each_other_say_the_same_by_express() -> None:
     """From the bytes of both boards to the bus in C, and by way of frames: equal to the last bit."""
     pads = pair(30.0, "drifting", seed=4)
@@ -121,7 +68,7 @@ def test_two_boards_whose_pads_feel_each_other_say_the_same_by_express() -> None
         for name, frame in frames:
             hosts[name].take(encode(sample_of(frame)), 10**9 + 1000 * frame.device_time_us)
         for host in hosts.values():
-            if host.lane is not None:
+            if host.lent is not None:
                 host.end()
         told[may_express] = hosts
         bus.close()
