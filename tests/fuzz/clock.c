@@ -10,25 +10,10 @@
 enum { PIECE = 6 };
 
 // The board's clock leaps; the packet is late; so many packets alike; the arrival does not go on with the board's clock; the
-// host found no byte unread; Python, where it decides, begins anew.
+// host found no byte unread; the line to the board was opened anew.
 enum { LEAP = 1, LATE = 2, ALONE = 4, EMPTY = 8, ANEW = 16, OFTEN = 32 };
 
 static const int64_t MOST_US = (INT64_C(1) << 48) - 1, MOST_NS = (INT64_C(1) << 62) - 1;
-
-// As DeviceClock begins with its first packet.
-static void begin(fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns, double tolerance)
-{
-    memset(line, 0, sizeof *line);
-    line->newest_us = device_us;
-    line->origin = (fmfts_packet){device_us, arrival_ns - 1000 * device_us};
-    line->bucket_us = line->bucket_end_us = 250000;
-    line->least_late_ns = INFINITY;
-    line->standstill_ns = 400000000;
-    line->standstill_packets = 8;
-    line->height_buckets = 16;
-    line->jump_ns = 20e6;
-    line->tolerance_ns_per_us = 1000.0 * tolerance;
-}
 
 static int64_t within(int64_t value, int64_t most)
 {
@@ -42,14 +27,15 @@ static int64_t step_of(const uint8_t *bytes, unsigned shift)
 
 static void take(fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns, bool anew)
 {
-    int64_t host_ns;
-    bool plausible = fmfts_is_plausible(line, device_us, arrival_ns);
-    if (fmfts_host_time(line, device_us, arrival_ns, &host_ns)) {
-        require(plausible, "no time is used that does not go on from what was learned");
-        require(host_ns <= arrival_ns, "no sample was taken after it arrived");
-    } else if (anew || !plausible) {
-        begin(line, device_us, arrival_ns, line->tolerance_ns_per_us / 1000.0);
-    }
+    if (anew)
+        fmfts_restart_clock(line);
+    bool is_first = !line->begun, goes_on = fmfts_goes_on(line, device_us, arrival_ns);
+    int64_t origin_us = line->origin.us, host_ns = fmfts_host_time(line, device_us, arrival_ns);
+    require(host_ns <= arrival_ns, "no sample was taken after it arrived");
+    require(line->begun, "a clock learns from every packet");
+    require(!is_first || goes_on, "the first packet goes on");
+    require(goes_on || (line->origin.us == device_us && line->minima == 0), "a packet that does not go on is the first one");
+    require(is_first || line->origin.us == device_us || line->origin.us == origin_us, "only a packet begins the clock anew");
     require(line->minima >= 0 && line->minima <= FMFTS_SLOPE_BUCKETS, "minima have places");
     require(isfinite(line->height_ns) && fabs(line->slope_ns_per_us) <= line->tolerance_ns_per_us, "the line is one");
 }
@@ -58,7 +44,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     fmfts_clock_line line;
     int64_t device_us = 1000000, arrival_ns = 2000000000;
-    begin(&line, device_us, arrival_ns, size && data[0] % 2 ? 0.02 : 200e-6);
+    memset(&line, 0, sizeof line);
+    line.tolerance_ns_per_us = 1000.0 * (size && data[0] % 2 ? 0.02 : 200e-6); // DeviceClock gives it
+    fmfts_restart_clock(&line);
     for (size_t at = 1; at + PIECE <= size; at += PIECE) {
         const uint8_t *piece = data + at;
         unsigned us_shift = piece[0] & LEAP ? piece[1] % 33 : 3, ns_shift = piece[0] & LATE ? piece[1] % 46 : 8;

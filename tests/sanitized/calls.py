@@ -146,6 +146,8 @@ def _samples(random: np.random.Generator) -> None:
             time_us = 10_000_000 + 4545 * number + random.integers(0, 4545, sensors)
             fresh = random.uniform(size=sensors) < 0.8
             alignment.push(random.normal(0.0, 1e-5, (sensors, 3)), time_us, fresh, None if number % 2 else fresh, None)
+    for leap_us in (0, 2**20, -(2**46)):
+        _alignment.leap_us(10_000_000, 1_000_000_000, 7, 10_004_545 + leap_us, 1_004_545_000, 8, 4545.0)
 
 
 def _contacts(random: np.random.Generator) -> None:
@@ -186,6 +188,7 @@ def _wire_lines(_: np.random.Generator) -> None:
     clock = DeviceClock()
     for sample in samples:
         clock.to_host_ns(sample.time_us, 1_000_000_000 + 1000 * sample.time_us)
+        clock.at_ns(sample.time_us, 1_000_000_000 + 1000 * sample.time_us)
 
 
 def _frames(_: np.random.Generator) -> None:

@@ -20,10 +20,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from sanitized.build import BUILD, ROOT, SUFFIX, build, compiled, environment, library_of, parts
 
 UNIT = "tests/unit/test_{}.py"
-SHORT = ("compiled_refuses", "wire_compiled", "alignment_compiled", "arithmetic")
+SHORT = ("compiled_refuses", "wire_compiled", "arithmetic")
 LONG = (
-    "refine", "contact_network", "pose_kernel", "several_compiled", "free_poses", "valley", "healthy_path",
-    "fast_loop", "fast_loop_of_a_board", "neighbours_in_c", "missing_in_c", "early", "now", "clock",
+    "refine", "contact_network", "pose_kernel", "several_compiled", "free_poses", "valley", "every_frame",
+    "fast_loop", "fast_loop_of_a_board", "frame_beside", "missing_sensors", "pad_arguments", "tracker", "early", "now", "clock",
 )  # fmt: skip
 CLIENT = ("tests/c_client/test_decoder.py", "tests/c_client/test_connecting.py")
 MISTAKES = {

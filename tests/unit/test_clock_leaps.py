@@ -155,7 +155,7 @@ class TestTimePassed:
     def test_gap_is_no_leap(self, there_us: int) -> None:
         assert self.leap_us(there_us) == 0
 
-    @pytest.mark.parametrize("there_us", [2**20, 2**62, -(2**20), -(2**62)])
+    @pytest.mark.parametrize("there_us", [2**20, 2**52, -(2**20), -(2**52)])
     def test_leap_is_what_did_not_pass_here(self, there_us: int) -> None:
         assert self.leap_us(there_us) == there_us - 10_000
 

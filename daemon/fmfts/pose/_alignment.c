@@ -44,6 +44,19 @@ static int times_are_possible(const int64_t *time, Py_ssize_t sensors, long long
     return possible;
 }
 
+/* Whether differences of these fit into 64 bits. */
+static int numbers_are_possible(const int64_t *number, int count)
+{
+    const int64_t most = (int64_t)1 << 61;
+    for (int i = 0; i < count; i++) {
+        if (number[i] < -most || number[i] > most) {
+            PyErr_SetString(PyExc_ValueError, "a time of the host, or a frame's number, is more than 2^61: nothing counts so far");
+            return 0;
+        }
+    }
+    return 1;
+}
+
 /* push(fields, times, repeats, field, time, fresh, timed, aligned, share, bend, repeated, period, without_news, has_time,
  * frame): the instant, whether it is old, whether the clock began anew, and how many frames in a row brought nothing. */
 static PyObject *push(PyObject *module, PyObject *args)
@@ -86,6 +99,10 @@ static PyObject *leap_us(PyObject *module, PyObject *args)
     double period_us;
     (void)module;
     if (!PyArg_ParseTuple(args, "LLLLLLd", &last_us, &stood_ns, &stood_sequence, &frame_us, &host_ns, &sequence, &period_us)) {
+        return NULL;
+    }
+    if (!times_are_possible((const int64_t[2]){last_us, frame_us}, 2, 0) ||
+        !numbers_are_possible((const int64_t[4]){stood_ns, host_ns, stood_sequence, sequence}, 4)) {
         return NULL;
     }
     last = (fmfts_last){last_us, stood_ns, stood_sequence};

@@ -48,7 +48,7 @@ int64_t fmfts_leap_us(const fmfts_last *last, int64_t frame_us, int64_t host_ns,
     if (there_us < 0) {
         return there_us - passed_us;
     }
-    int64_t made_us = llrint((double)(frames > 0 ? frames : 0) * period_us);
+    int64_t made_us = llrint(fmin((double)(frames > 0 ? frames : 0) * period_us, 0x1p53)); /* a board's time is less */
     int64_t beyond_us = there_us - (passed_us > made_us ? passed_us : made_us);
     return beyond_us > 0 ? beyond_us : 0;
 }

@@ -29,7 +29,7 @@ static double above(const fmfts_clock_line *line, const fmfts_packet *p)
 static double unsure_ns(const fmfts_clock_line *line, const fmfts_packet *p)
 {
     int64_t since_us = p->us - line->lowest.us;
-    return FMFTS_JUMP_NS + line->tolerance_ns_per_us * (double)(since_us > 0 ? since_us : 0);
+    return FMFTS_JUMP_NS + line->tolerance_ns_per_us * fmin(fmax((double)since_us, 0.0), LONGEST_SPAN_US);
 }
 
 static void forget_late(fmfts_clock_line *line)
@@ -141,7 +141,9 @@ static void note_late(fmfts_clock_line *line, const fmfts_packet *p, int64_t arr
     line->lowest.ns += step_ns;
     line->height_ns += (double)step_ns;
     forget_late(line);
-    learn(line, p);
+    if (above(line, p) <= unsure_ns(line, p)) { /* else it is later than another late one */
+        learn(line, p);
+    }
 }
 
 /* How long the packet may have waited because the host did not read; 0 if nobody ever told. */
@@ -163,7 +165,8 @@ int64_t fmfts_host_time(fmfts_clock_line *line, int64_t device_us, int64_t arriv
     if (line->is_host) {
         return 1000 * device_us < arrival_ns ? 1000 * device_us : arrival_ns;
     }
-    if (!fmfts_goes_on(line, device_us, arrival_ns)) {
+    bool was_silent = line->begun && device_us - line->newest_us > LONGEST_SPAN_US;
+    if (was_silent || !fmfts_goes_on(line, device_us, arrival_ns)) {
         fmfts_restart_clock(line);
     }
     if (!line->begun) {

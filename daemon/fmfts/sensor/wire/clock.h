@@ -49,7 +49,8 @@ bool fmfts_goes_on(const fmfts_clock_line *line, int64_t device_us, int64_t arri
 /* How far a packet is above the line, in ns, after the first one. */
 double fmfts_above_line(const fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns);
 
-/* The host's time of `device_us`, never later than its arrival; learns from the arrival. A packet that does not go on restarts. */
+/* The host's time of `device_us`, never later than its arrival; learns from the arrival. A packet that does not go on
+ * restarts, and one after 100 s of silence: by then the slope may have changed. */
 int64_t fmfts_host_time(fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns);
 
 #endif
