@@ -237,11 +237,16 @@ model: $(VENV)/.installed-test
 	$(BIN)/python -m fmfts.calibrate.solved_set $(SOLVED) --mirrored --largest-force-n 2 -o build/sheared.csv
 	$(BIN)/python -m fmfts.calibrate.default_model tests/data/calibration_1.23T.csv build/sheared.csv
 
-# A wheel must have every compiled part.
+# A wheel must have every compiled part, as pyproject.toml lists them.
+COMPILED_PARTS = $(shell sed -n '/^name = "fmfts[.]/s|[.]|/|g; s|^name = "fmfts/\(.*\)"|\1|p' pyproject.toml)
+.PHONY: compiled-parts
+compiled-parts:
+	@printf '%s\n' $(COMPILED_PARTS)
+
 wheel: $(VENV)/.installed-test
 	rm -rf build/wheel
 	$(BIN)/pip wheel -q --no-deps -w build/wheel .
-	@for part in arithmetic/_arithmetic pose/_kernel pose/_alignment pipeline/_pad sensor/wire/_wire contact/_refine contact/_network several/_several; do \
+	@for part in $(COMPILED_PARTS); do \
 	  $(BIN)/python -m zipfile -l build/wheel/*.whl | grep "fmfts/$$part.*so" >/dev/null || \
 	    { echo "the wheel has no fmfts/$$part: is there a C compiler?" >&2; rm -rf build/wheel; exit 1; }; done
 	@$(BIN)/python -m zipfile -l build/wheel/fmfts-*.whl | grep "fmfts/page/static/vendor/uPlot.esm.js" >/dev/null || \

@@ -23,7 +23,8 @@ UNIT = "tests/unit/test_{}.py"
 SHORT = ("compiled_refuses", "wire_compiled", "arithmetic")
 LONG = (
     "refine", "contact_network", "pose_kernel", "several_compiled", "free_poses", "valley", "every_frame",
-    "fast_loop", "fast_loop_of_a_board", "frame_beside", "missing_sensors", "pad_arguments", "tracker", "early", "now", "clock",
+    "fast_loop", "fast_loop_of_a_board", "frame_beside", "missing_sensors", "pad_arguments", "tracker",
+    "early", "now", "clock",
 )  # fmt: skip
 CLIENT = ("tests/c_client/test_decoder.py", "tests/c_client/test_connecting.py")
 MISTAKES = {
