@@ -3,34 +3,21 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.common.chi2 import quantile
-from fmfts.common.record import Field, Record
+from fmfts.common.record import Record
 from fmfts.contact import TouchDetector, _contact
 from fmfts.pipeline import _pad
 from fmfts.pose.gates import JUMP_PROBABILITY
+from oracle.compiled import memory_between, part_of, pointer
 
 Array = NDArray[np.float64]
 COMPILED = ctypes.CDLL(_pad.__file__)
 COMPILED.fmfts_touch.restype = ctypes.c_bool
-COMPILED.fmfts_chi2_from_rest.restype = ctypes.c_bool
 COMPILED.fmfts_force_sd_n.restype = ctypes.c_double
-
-
-def part(fields: list[Field], first: str, last: str) -> Record:
-    """A record of the fields from one name to another: a struct inside of a larger one."""
-    names = [name for name, _, _ in fields]
-    return Record(fields[names.index(first) : names.index(last) + 1])
-
-
-def at(record: Record | Array) -> Any:
-    """As C takes it."""
-    buffer = record.buffer if isinstance(record, Record) else record
-    return ctypes.c_void_p(np.frombuffer(buffer, np.uint8).ctypes.data)
 
 
 class Estimate(ctypes.Structure):
@@ -65,13 +52,6 @@ class Question(ctypes.Structure):
     )
 
 
-def chi2_from_rest(displacement: Array, covariance: Array) -> float | None:
-    """dᵀΣ⁻¹d; None where it is not known."""
-    found = ctypes.c_double()
-    taken = np.ascontiguousarray(displacement), np.ascontiguousarray(covariance)
-    return found.value if COMPILED.fmfts_chi2_from_rest(*map(at, taken), ctypes.byref(found)) else None
-
-
 class TouchInC:
     """touch.c, as a TouchDetector, whose thresholds it gets."""
 
@@ -82,7 +62,7 @@ class TouchInC:
         self._parameters.put("onset_chi2", self.onset_chi2)
         self._parameters.put("release_chi2", self.release_chi2)
         self._parameters.put("hidden_force_sd_n", hidden_n)
-        self.memory = part(_pad.MEMORY, "touched", "acceleration")
+        self.memory = memory_between("touched", "acceleration")
 
     @property
     def touched(self) -> bool:
@@ -90,25 +70,26 @@ class TouchInC:
 
     def update(self, displacement: Array, covariance: Array) -> bool | None:
         taken = np.ascontiguousarray(displacement), np.ascontiguousarray(covariance)
-        known = COMPILED.fmfts_touch(at(self._parameters), at(self.memory), *map(at, taken))
+        known = COMPILED.fmfts_touch(part_of(self._parameters), part_of(self.memory), *map(pointer, taken))
         return self.touched if known else None
 
     def presses(self, estimate: Estimate) -> bool:
         """Whether the frame that `update` judged last is a contact."""
-        COMPILED.fmfts_press(at(self._parameters), at(self.memory), ctypes.byref(estimate))
+        COMPILED.fmfts_press(part_of(self._parameters), part_of(self.memory), ctypes.byref(estimate))
         return self.memory.number("in_contact") != 0.0
 
     def unseen(self) -> None:
-        COMPILED.fmfts_unseen(at(self.memory))
+        COMPILED.fmfts_unseen(part_of(self.memory))
 
     def forget(self) -> None:
-        COMPILED.fmfts_forget_touch(at(self.memory))
+        COMPILED.fmfts_forget_touch(part_of(self.memory))
 
     def force_sd_n(self, estimate: Estimate, detection_limit_n: float) -> float:
         """The deviation to publish."""
-        parameters = part(_pad.PARAMETERS, "has_baseline", "ambient_variance")
+        names = [name for name, _, _ in _pad.PARAMETERS]
+        parameters = Record(_pad.PARAMETERS[names.index("has_baseline") :])
         parameters.put("detection_limit_n", detection_limit_n)
-        return float(COMPILED.fmfts_force_sd_n(at(parameters), ctypes.byref(estimate), at(self.memory)))
+        return float(COMPILED.fmfts_force_sd_n(part_of(parameters), ctypes.byref(estimate), part_of(self.memory)))
 
 
 class SmootherInC:
@@ -120,14 +101,14 @@ class SmootherInC:
         self._parameters = Record(_contact.PARAMETERS)
         self._parameters.put("smoothing_s", memory_s)
         self._parameters.put("smoothing_jump_chi2", quantile(JUMP_PROBABILITY, 5))
-        self.memory = part(_pad.MEMORY, "touched", "acceleration")
+        self.memory = memory_between("touched", "acceleration")
 
     def update(self, position_m: Array, axis: Array, covariance: Array, elapsed_s: float) -> tuple[Array, Array, Array]:
         """Position (3,), axis (3,) and covariance (6, 6) after smoothing."""
         question = Question()
         question.pose[:] = (np.concatenate([position_m, axis]) * self.UNIT).tolist()
         question.covariance[:] = (covariance * self.UNIT * self.UNIT[:, None]).ravel().tolist()
-        taken = at(self._parameters), at(self.memory), ctypes.c_double(elapsed_s), ctypes.byref(question)
+        taken = part_of(self._parameters), part_of(self.memory), ctypes.c_double(elapsed_s), ctypes.byref(question)
         COMPILED.fmfts_smooth(*taken)
         pose = np.array(question.pose) / self.UNIT
         return pose[:3], pose[3:], np.array(question.covariance).reshape(6, 6) / self.UNIT / self.UNIT[:, None]
