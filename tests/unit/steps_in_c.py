@@ -1,23 +1,29 @@
-"""Single steps of a frame, as C takes them: functions of the part that is compiled, which contact/step.h declares."""
+"""Single steps of a frame, as C takes them: functions of the part that is compiled, which step.h declares."""
 
 from __future__ import annotations
 
 import ctypes
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.baseline import Mounting
 from fmfts.common.chi2 import quantile
 from fmfts.common.record import Record
 from fmfts.contact import TouchDetector, _contact
+from fmfts.pad import Pad
 from fmfts.pipeline import _pad
+from fmfts.pose import SIZE, State
 from fmfts.pose.gates import JUMP_PROBABILITY
-from oracle.compiled import memory_between, part_of, pointer
+from fmfts.pose.model import predict
+from fmfts.pose.problem import Parts, magnet_rows, measurement_rows
+from oracle.compiled import library_of, memory_between, part_of, pointer
 
 Array = NDArray[np.float64]
 COMPILED = ctypes.CDLL(_pad.__file__)
 COMPILED.fmfts_touch.restype = ctypes.c_bool
-COMPILED.fmfts_force_sd_n.restype = ctypes.c_double
+COMPILED.fmfts_force_sd_n.restype = COMPILED.fmfts_lasting_variance.restype = ctypes.c_double
 
 
 class Estimate(ctypes.Structure):
@@ -112,3 +118,51 @@ class SmootherInC:
         COMPILED.fmfts_smooth(*taken)
         pose = np.array(question.pose) / self.UNIT
         return pose[:3], pose[3:], np.array(question.covariance).reshape(6, 6) / self.UNIT / self.UNIT[:, None]
+
+
+def lasting_deviation_t(mounting: Mounting, pad: Pad, field_t: Array, ambient_t: Array) -> Array:
+    """(N, 3) deviation of the magnet's field (N, 3) that the baseline leaves, without noise. ambient_t (3,): the change
+    of the ambient field since then, in the pad's axes."""
+    parameters, memory = Record(_pad.PARAMETERS), Record(_pad.MEMORY)
+    parameters.fill(
+        {
+            "direction": pad.sensors.axes.transpose(0, 2, 1),
+            "sensitivity_deviation": mounting.sensitivity_deviation,
+            "place_deviation": mounting.place_deviation,
+            "systematic_t": mounting.systematic_t,
+        }
+    )
+    memory.put("state", np.concatenate([np.zeros(7), ambient_t]))
+    change = field_t - mounting.rest_field_t
+    variance = [
+        COMPILED.fmfts_lasting_variance(part_of(parameters), part_of(memory), axis, pointer(change[axis // 3]))
+        for axis in range(change.size)
+    ]
+    return np.sqrt(variance).reshape(change.shape)
+
+
+class Overlap:
+    """overlap.c."""
+
+    SOURCES = (str(Path(__file__).with_name("count_overlap.c")), "pose/overlap.c")
+
+    def __init__(self, folder: Path) -> None:
+        self._library = library_of(folder, *self.SOURCES)
+
+    def __call__(
+        self, pad: Pad, state: State, covariance: Array, parts: Parts, deviation_t: Array, lasting_t: Array
+    ) -> Array:
+        """(5, 5) the part of a pose's covariance that `lasting_t` (N, 3) has brought into it.
+
+        pad: as mounted. state, covariance (SIZE, SIZE): the solution of a frame. deviation_t (N, 3): of the
+        measurements, lasting part included.
+        """
+        rows = measurement_rows(np.zeros(deviation_t.shape), pad.sensors, 1.0)
+        _, slopes = predict(rows, magnet_rows(pad.magnet), state)
+        parameters, memory = Record(_pad.PARAMETERS), Record(_pad.MEMORY)
+        parameters.fill({"sensors": len(pad.sensors), "part": parts[:SIZE]})
+        memory.put("covariance", covariance[:SIZE, :SIZE])
+        given = [np.ascontiguousarray(each) for each in (lasting_t**2, deviation_t**2, slopes[:, :SIZE])]
+        found = np.zeros((5, 5))
+        self._library.count_overlap(part_of(parameters), part_of(memory), *map(pointer, given), pointer(found))
+        return found

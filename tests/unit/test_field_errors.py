@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from mounted_world import FRAMES, NOISE_T, TOLERANCE, World
+from steps_in_c import lasting_deviation_t
 
 from fmfts.baseline import Mounting
 from fmfts.pad import Pad, rotation_from_vector
@@ -44,8 +45,7 @@ def _misfit(world: World, patterns: bool) -> float:
         change = change_since(mounting.rest, state)
         spread = parity @ errors.at(change[:5], change[5:])
     else:
-        turned = np.tile(state.ambient_t, (4, 1))
-        spread = parity @ np.diag(mounting.lasting_deviation_t(field, turned).ravel())
+        spread = parity @ np.diag(lasting_deviation_t(mounting, pad, field, state.ambient_t).ravel())
     return float(seen @ np.linalg.solve(spread @ spread.T + REST_NOISE_T**2 * np.eye(4), seen)) / 4.0
 
 

@@ -91,21 +91,6 @@ class Mounting:
         """The magnet's field along `axes` from the measured field, both (N, 3): removes gains and ambient field."""
         return measured_t / self.gain - self.offset_t
 
-    def lasting_deviation_t(self, magnet_field_t: Array, ambient_t: Array) -> Array:
-        """(N, 3) standard deviation of the magnet's field without noise. ambient_t (N, 3): the part of it, in sensor
-        axes, that is a change of the ambient field since the baseline.
-
-        The errors are proportional to the field. The estimate contains those at rest, so only those of the change
-        count. An error of a sensor's place affects only the magnet's field.
-        """
-        change = magnet_field_t - self.rest_field_t
-        place = self.place_deviation * (change - ambient_t)
-        # An axis that was not measured (NaN) says nothing about the errors of the others.
-        seen = np.where(np.isfinite(change), change, 0.0)[:, None]
-        variance = square(self.sensitivity_deviation * seen).sum(axis=2) + place * place + square(self.systematic_t)
-        deviation: Array = np.sqrt(variance)
-        return deviation
-
     def field_errors(self) -> FieldErrors | None:
         """The errors of the field that the baseline leaves; None before rest was recorded."""
         return None if self.leftover is None else self.leftover.field_errors()

@@ -251,9 +251,6 @@ class SeveralPipeline:
         if memory.sighting is not None:
             self._sighting.recall(memory.sighting)
 
-    def hand_back(self) -> None:
-        """Nothing is lent to C."""
-
     def absent(self, health: Health, reason: str) -> ContactMessage:
         """The message to publish while no frame can be used. It ends the touch: whoever touched may be gone."""
         if self._estimator is not None:

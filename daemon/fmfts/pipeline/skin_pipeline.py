@@ -176,9 +176,6 @@ class SkinPipeline:
     def begin(self, clock: memoryview, topic: bytes, pad_index: int, overdue_ns: int) -> None:
         """No C handles the frames of such a pad from the board's bytes."""
 
-    def hand_back(self) -> None:
-        """Nothing is lent to C."""
-
     @property
     def memory(self) -> SkinPipelineMemory:
         """What the pipeline remembers between two frames."""

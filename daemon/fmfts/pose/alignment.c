@@ -118,6 +118,7 @@ double fmfts_lasting_variance(const fmfts_pose_parameters *parameters, const fmf
     const double *uniform = memory->state + AMBIENT_VALUE;
     const double *direction = parameters->direction + 3 * axis, *deviation = parameters->sensitivity_deviation + 3 * axis;
     double ambient = direction[0] * uniform[0] + direction[1] * uniform[1] + direction[2] * uniform[2];
+    /* An error of a sensor's place affects only the magnet's field. */
     double by_place = parameters->place_deviation[axis / 3] * (change[axis % 3] - ambient), variance = 0.0;
     for (int k = 0; k < 3; k++) {
         variance += deviation[k] * change[k] * (deviation[k] * change[k]);

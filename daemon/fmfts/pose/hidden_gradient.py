@@ -26,8 +26,6 @@ NEAREST_M = 0.06
 GRADIENT_PER_T = 3.0 / NEAREST_M
 # What the robot carries and nobody has measured: unknown by a tenth of the Earth's field.
 IRON_T = 5e-6
-# A tool that passes turns its field: for moments it is as strong as the Earth's alone. What was seen fades slowly.
-FADES_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -117,8 +117,8 @@ void fmfts_subtract(fmfts_step *step);
 /* alignment.c: whether an axis has a sample of which it is not known when its field changed. */
 bool fmfts_has_jumped(const fmfts_step *step);
 
-/* alignment.c: the variance of what the baseline leaves unknown of an axis, at a change [3] of its sensor's field from rest:
- * Mounting.lasting_deviation_t, squared. */
+/* alignment.c: the variance of what the baseline leaves unknown of an axis, at a change [3] of its sensor's field from rest. The
+ * errors are proportional to the field. The pose at rest contains those at rest, so only those of the change count. */
 double fmfts_lasting_variance(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axis,
                               const double change[3]);
 
