@@ -60,3 +60,19 @@ def test_deviations_of_single_axes_are_careful(pad: Pad) -> None:
     """They do not know how errors go together, and must not be too small for it."""
     ratios = [_misfit(World(pad, np.random.default_rng(seed)), patterns=False) for seed in range(PADS)]
     assert np.mean(ratios) < 1.0
+
+
+def test_ambient_field_says_nothing_of_a_sensors_place(pad: Pad) -> None:
+    """Of a pressed pad on a robot that has turned: errors of gains and axes act on the whole change."""
+    world = World(pad, np.random.default_rng(1))
+    mounting = world.baseline(TOLERANCE).mounting(pad)
+    turned = np.array([3e-5, -4e-5, 2e-5])
+    ambient = pad.sensors.to_sensor(np.tile(turned, (4, 1)))
+    change = ambient + world.random.normal(0.0, 1e-4, (4, 3))
+    of_gains = mounting.sensitivity_deviation * change[:, None]
+    expected = np.sqrt(
+        (of_gains**2).sum(axis=2) + (mounting.place_deviation * (change - ambient)) ** 2 + mounting.systematic_t**2
+    )
+    found = lasting_deviation_t(mounting, pad, mounting.rest_field_t + change, turned)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    assert (mounting.place_deviation * np.abs(change - ambient)).max() > 0.1 * expected.max()

@@ -76,14 +76,14 @@ static PyObject *refine(PyObject *module, PyObject *args)
 }
 
 /* The answer in Python's words; see estimate() in _contact.pyi. */
-static PyObject *told(const fmfts_question *question, const fmfts_estimate *estimate, double *places, double *deviations)
+static PyObject *told(const fmfts_estimate *estimate, double *places, double *deviations)
 {
     for (int i = 0; i < estimate->outputs; i++) {
         places[i] = estimate->place[i];
         deviations[i] = estimate->deviation[i];
     }
-    return Py_BuildValue("(NNdd)", PyBool_FromLong(estimate->over_range), PyBool_FromLong(estimate->refused),
-                         estimate->force_min_n, question->lifted_m);
+    return Py_BuildValue("(NNd)", PyBool_FromLong(estimate->over_range), PyBool_FromLong(estimate->refused),
+                         estimate->force_min_n);
 }
 
 /* estimate(parameters, model, response, pose, covariance, places, deviations): as fmfts_estimate_contact, of the pose moved into what
@@ -115,7 +115,7 @@ static PyObject *estimate(PyObject *module, PyObject *args)
             bool is_known = fmfts_estimate_contact(b[PARAMETERS].buf, &question, &network, b[RESPONSE].buf, (size_t)b[RESPONSE].len,
                                                    &found);
             if (is_known && !PyErr_Occurred()) {
-                result = told(&question, &found, b[PLACES].buf, b[DEVIATIONS].buf);
+                result = told(&found, b[PLACES].buf, b[DEVIATIONS].buf);
             } else if (!PyErr_Occurred()) {
                 PyErr_SetString(PyExc_ValueError, "the contact model gives no number for this pose, or its covariance is none");
             }

@@ -33,9 +33,9 @@ def estimate(
     places: Buffer,
     deviations: Buffer,
     /,
-) -> tuple[bool, bool, float, float]:
+) -> tuple[bool, bool, float]:
     """Writes place, force and shear, and their deviations, in SI. pose (6,), covariance (6, 6): in the model's units.
 
-    response: None to leave the network's answer as it is. Returns over_range, refused, force_min_n, lifted_m.
+    response: None to leave the network's answer as it is. Returns over_range, refused, force_min_n.
     ValueError if the model gives no number; what `model` raises.
     """

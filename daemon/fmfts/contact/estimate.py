@@ -13,15 +13,14 @@ class ContactEstimate:
 
     over_range: the pose or the force is beyond what the model was trained on. The values are then those of the nearest
     pose that it knows; only force_min_n, a lower bound of the force, can be trusted. Else that is None.
-    lifted_m: how far the magnet certainly is above all that training saw; 0 if it is not. refused: a model of five
-    outputs found the press outside of where it can tell shear from place: none of its numbers can be trusted.
+    refused: a model of five outputs found the press outside of where it can tell shear from place: none of its numbers
+    can be trusted.
     """
 
     values: Array
     deviations: Array
     over_range: bool
     force_min_n: float | None
-    lifted_m: float
     refused: bool = False
 
     @property

@@ -203,7 +203,7 @@ class ContactModel:
         self.parameters.put("magnet_off_m", magnet_off_m)
         response = None if self.refiner is None else self.refiner.packed
         values, deviations = np.empty(len(self._unit)), np.empty(len(self._unit))
-        over_range, refused, force_min_n, lifted_m = _contact.estimate(
+        over_range, refused, force_min_n = _contact.estimate(
             self.parameters.buffer,
             self.inference.for_c,
             response,
@@ -212,7 +212,7 @@ class ContactModel:
             values.data,
             deviations.data,
         )
-        return ContactEstimate(values, deviations, over_range, force_min_n if over_range else None, lifted_m, refused)
+        return ContactEstimate(values, deviations, over_range, force_min_n if over_range else None, refused)
 
     def detection_limit_n(self, covariance: Array, chi2: float) -> float:
         """The largest force (N) that the touch test may miss: where the pad is least sensitive, usually at a corner.

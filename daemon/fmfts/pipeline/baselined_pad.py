@@ -70,17 +70,8 @@ class BaselinedPad:
         turned_t = turn.turn().field_t / mounting.gain - mounting.rest_field_t
         return reference_of(self.pad, mounting.offset_t, turned_t)
 
-    def with_calibration_uncertainty(
-        self, estimate: PoseEstimate, of_silicone: Array, counted: Array | None = None
-    ) -> PoseEstimate:
-        """Add to the covariance what the baseline leaves unknown of the pad, and what silicone does (5, 5).
-
-        counted (5, 5): what the covariance of this pose contains of the same unknowns: see `overlap`.
-        """
-        if counted is not None:
-            covariance = estimate.covariance.copy()
-            covariance[:5, :5] -= counted
-            estimate = replace(estimate, covariance=covariance)
+    def with_calibration_uncertainty(self, estimate: PoseEstimate, of_silicone: Array) -> PoseEstimate:
+        """Add to the covariance what the baseline leaves unknown of the pad, and what silicone does (5, 5)."""
         error = product(change_since(self.mounting.rest, estimate.state), self._change_error_rows).reshape(5, -1)
         return widened(estimate, self.mounting.rest, product(error, error.T) + of_silicone)
 
