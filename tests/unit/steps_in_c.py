@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +16,11 @@ from fmfts.common.record import Record
 from fmfts.contact import TouchDetector, _contact
 from fmfts.pad import Pad
 from fmfts.pipeline import _pad
+from fmfts.pipeline.parameters import put_neighbours
 from fmfts.pose import SIZE, State
 from fmfts.pose.gates import JUMP_PROBABILITY
 from fmfts.pose.model import predict
+from fmfts.pose.neighbour import NeighbourView
 from fmfts.pose.problem import Parts, magnet_rows, measurement_rows
 from oracle.compiled import library_of, memory_between, part_of, pointer
 
@@ -141,15 +145,15 @@ def lasting_deviation_t(mounting: Mounting, pad: Pad, field_t: Array, ambient_t:
     return np.sqrt(variance).reshape(change.shape)
 
 
-class Overlap:
-    """overlap.c."""
+class SingleSteps:
+    """Steps that need the whole of a frame: single_steps.c."""
 
-    SOURCES = (str(Path(__file__).with_name("count_overlap.c")), "pose/overlap.c")
+    SOURCES = (str(Path(__file__).with_name("single_steps.c")), "pose/overlap.c", "pose/neighbour.c")
 
     def __init__(self, folder: Path) -> None:
         self._library = library_of(folder, *self.SOURCES)
 
-    def __call__(
+    def overlap(
         self, pad: Pad, state: State, covariance: Array, parts: Parts, deviation_t: Array, lasting_t: Array
     ) -> Array:
         """(5, 5) the part of a pose's covariance that `lasting_t` (N, 3) has brought into it.
@@ -166,3 +170,26 @@ class Overlap:
         found = np.zeros((5, 5))
         self._library.count_overlap(part_of(parameters), part_of(memory), *map(pointer, given), pointer(found))
         return found
+
+    def felt(self, pad: Pad, views: Sequence[NeighbourView], time_ns: int) -> Felt:
+        """What C makes of neighbours at that time on the host's clock."""
+        parameters, count = Record(_pad.PARAMETERS), sum(len(each.sighting.magnets) for each in views)
+        put_neighbours(parameters, views)
+        sensors = {"place_m": pad.sensors.position_m, "direction": pad.sensors.axes.transpose(0, 2, 1)}
+        parameters.fill({"sensors": len(pad.sensors), **sensors})
+        shapes = (len(pad.sensors), 3), (len(pad.sensors), 3), (count, 7), (count, 7), (6 * count, 6 * count)
+        felt = Felt(*map(np.zeros, shapes))
+        tables = (ctypes.c_void_p * len(views))(*(part_of(each.sighting.table).value for each in views))
+        self._library.feel(part_of(parameters), tables, ctypes.c_double(time_ns), *map(pointer, felt))
+        return felt
+
+
+class Felt(NamedTuple):
+    """added_t, added_t2 (N, 3): to the field and its variance. rest, now (M, 7): values of all magnets. covariance
+    (6M, 6M): of a step of all."""
+
+    added_t: Array
+    added_t2: Array
+    rest: Array
+    now: Array
+    covariance: Array

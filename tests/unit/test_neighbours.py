@@ -8,14 +8,21 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.linalg import block_diag
+from steps_in_c import SingleSteps
 
+from fmfts.baseline import Mounting
 from fmfts.config import PadConfig, PlacementConfig, SimulatedSource
+from fmfts.contact.no_model import no_model_for
 from fmfts.pad import Pad, Placement, rotation_from_vector
-from fmfts.pose import PAPER, Prior, State, dipole_field, solve
-from fmfts.pose.neighbour import MOMENT_DEVIATION, REACH_M, REACH_RAD, NeighbourView, joined, their_magnets, with_rest
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.pose import PAPER, SIZE, State, dipole_field
+from fmfts.pose.neighbour import MOMENT_DEVIATION, REACH_M, REACH_RAD, NeighbourEstimate, NeighbourView, with_rest
 from fmfts.pose.sighting import Sighting
-from fmfts.pose.state import SIZE
 from fmfts.scene.neighbours import neighbours_around
+from fmfts.sensor import Frame
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.neighbours import pair, pressed_pair
 
 NOISE_T = 2e-7
@@ -72,26 +79,98 @@ def test_neighbour_is_less_certain_the_longer_it_was_not_seen(pad: Pad) -> None:
     np.testing.assert_allclose(np.sqrt(np.diagonal(neighbour.at(0).covariance)), deviation[10_000_000_000])
 
 
-def test_pose_beside_an_uncertain_neighbour_is_as_uncertain_as_it_says(pad: Pad) -> None:
+@pytest.mark.parametrize("magnets", [(1,), (4,), (1, 1, 2)], ids=str)
+def test_neighbours_in_c_are_those_of_pads_with_several(
+    pad: Pad, magnets: tuple[int, ...], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """The same is in Python for pads with several magnets: where the others are, their field, and how certain."""
+    steps, random = SingleSteps(tmp_path_factory.mktemp("felt")), np.random.default_rng(sum(magnets))
+    mounted = replace(pad, sensors=replace(pad.sensors, axes=pad.sensors.axes + 0.02 * random.normal(size=(4, 3, 3))))
+    for seen_ns in (None, 0, 7_000_000, 4_000_000_000):
+        views = [drawn_view(pad, count, seen_ns, random) for count in magnets]
+        felt, time_ns = steps.felt(mounted, views, 9_000_000), 9_000_000
+        seen = [each.at(time_ns) for each in views]
+        rest, now = (
+            [[*one.position_m, *one.axis, one.log_moment] for each in seen for one in getattr(each, name)]
+            for name in ("rest", "now")
+        )
+        np.testing.assert_allclose(felt.rest, rest, rtol=1e-12, atol=1e-15)
+        np.testing.assert_allclose(felt.now, now, rtol=1e-12, atol=1e-15)
+        covariance = block_diag(*(each.covariance for each in seen))
+        np.testing.assert_allclose(felt.covariance, covariance, rtol=1e-9, atol=1e-20)
+        nothing = np.zeros((4, 3))
+        np.testing.assert_allclose(felt.added_t, with_rest(nothing, mounted.sensors, seen), rtol=1e-9, atol=1e-17)
+        variance = sum(variance_of(each, mounted) for each in seen)
+        np.testing.assert_allclose(felt.added_t2, np.tile(variance, (3, 1)).T, rtol=1e-9)
+
+
+def drawn_view(pad: Pad, magnets: int, seen_ns: int | None, random: np.random.Generator) -> NeighbourView:
+    """Of a pad with so many magnets, anywhere in their reach."""
+    where = [
+        tuple(State.at_rest(pad).stepped(np.append(STEP_SD[:5], 0.01) * random.normal(size=6)) for _ in range(magnets))
+        for _ in range(2)
+    ]
+    root = STEP_SD.repeat(magnets)[:, None] * random.normal(size=(6 * magnets, 6 * magnets))
+    rest_error = random.uniform(0.0, 1.0, (magnets, 2)) * [1e-4, 0.01]
+    sighting = Sighting((pad.magnet,) * magnets, *where, root @ root.T, rest_error, seen_ns)
+    turn = rotation_from_vector(random.normal(size=3))
+    return NeighbourView(sighting, Placement(np.array([0.03, 0.0, 0.0]) + 0.01 * random.normal(size=3), turn, 2e-4))
+
+
+def variance_of(seen: NeighbourEstimate, pad: Pad) -> np.ndarray:
+    now, rest = seen.fields(pad.sensors, seen.now), seen.fields(pad.sensors, seen.rest)
+    return seen.placement_variance(pad.sensors, [one - other for one, other in zip(now, rest, strict=True)])
+
+
+def certain(mounting: Mounting) -> Mounting:
+    """A baseline that leaves nothing unknown but the noise of a frame."""
+    nothing = np.zeros_like
+    return replace(
+        mounting,
+        noise_t=np.full_like(mounting.noise_t, NOISE_T),
+        sensitivity_deviation=nothing(mounting.sensitivity_deviation),
+        place_deviation=nothing(mounting.place_deviation),
+        systematic_t=0.0,
+    )
+
+
+def measured(frame: Frame, mounting: Mounting, field_t: np.ndarray) -> Frame:
+    """A frame in which all chips have just measured that, which is what a baseline leaves."""
+    step_t = frame.chip.step_t[frame.gain_code]
+    counts = np.round((field_t + mounting.offset_t) * mounting.gain / step_t).astype(np.int16)
+    return replace(frame, counts=counts, age_us=np.zeros(len(counts), np.uint16))
+
+
+def test_pose_beside_an_uncertain_neighbour_is_as_uncertain_as_it_says() -> None:
     """NEES of five unknowns over 300 frames: 5 ± 4·√(10/300)."""
-    neighbour, random, nees = view(pad, position_m=(0.02, 0.0, 0.0)), np.random.default_rng(1), []
-    rest = State.at_rest(pad)
-    own = dipole_field(pad.sensors.position_m, rest.position_m, rest.axis, pad.magnet.strength_t_m3)
-    sighting = neighbour.sighting
-    last = rest.stepped(np.array([1e-4, 0.0, -3e-4, 0.05, 0.0]))
+    config = PadConfig(name="one", source=SimulatedSource())
+    drawing, baseline = config.pad(), simulated_baseline(config)
+    pipeline = PadPipeline(drawing, no_model_for("none"), "boot", 220.0, PAPER)
+    mounting = pipeline.use(baseline, certain(baseline.mounting(drawing)))
+    pad, rest = mounting.mounted(drawing), mounting.rest
+    neighbour, random, nees = view(drawing, position_m=(0.02, 0.0, 0.0)), np.random.default_rng(1), []
+    pipeline.feel(neighbour.sighting, neighbour.placement)
+    strength, octupole_m2 = pad.magnet.strength_t_m3 * np.exp(rest.log_moment), pad.magnet.modelled_octupole_m2
+    own = pad.sensors.to_sensor(
+        dipole_field(pad.sensors.position_m, rest.position_m, rest.axis, strength, octupole_m2) + rest.ambient_t
+    )
+    frame = Simulated(config).poll(10**9)[-1]
+    sighting, last = neighbour.sighting, State.at_rest(drawing).stepped(np.array([1e-4, 0.0, -3e-4, 0.05, 0.0]))
     sighting.last = (last,)
-    sighting.covariance, sighting.time_ns = np.diag(STEP_SD**2 - np.eye(6)[5] * MOMENT_DEVIATION**2), 0
-    seen = neighbour.at(0)
+    sighting.covariance = np.diag(STEP_SD**2 - np.eye(6)[5] * MOMENT_DEVIATION**2)
+    sighting.time_ns = frame.host_time_ns
+    seen, untouched = neighbour.at(frame.host_time_ns), pipeline.memory
     for _ in range(300):
         truth = neighbour._placed([last.stepped(STEP_SD * random.standard_normal(6))])
         # What a baseline leaves: this magnet, and what the neighbour has changed since.
         change = seen.field(pad.sensors, truth) - seen.field(pad.sensors, seen.rest)
-        field = with_rest(own + change + random.normal(0.0, NOISE_T, (4, 3)), pad.sensors, [seen])
-        start, parts, prior = joined(rest, PAPER.parts, Prior(rest, np.zeros((SIZE, SIZE))), [seen])
-        magnets = their_magnets([seen])
-        estimate = solve(field, pad, start, deviation_t=NOISE_T, parts=parts, prior=prior, neighbours=magnets)
-        error = replace(estimate.state, neighbours=()).step_from(rest)[:5]
-        nees.append(float(error @ np.linalg.solve(estimate.covariance[:5, :5], error)))
+        pipeline.recall(untouched)
+        message = pipeline.process(measured(frame, mounting, own + change + random.normal(0.0, NOISE_T, (4, 3))))
+        assert message.health == "ok", message.reason
+        memory = pipeline.memory.fields
+        found, covariance = State.from_vector(memory["state"]), memory["covariance"].reshape(SIZE, SIZE)[:5, :5]
+        error = found.step_from(rest)[:5]
+        nees.append(float(error @ np.linalg.solve(covariance, error)))
     assert abs(np.mean(nees) - 5.0) < 4.0 * np.sqrt(10.0 / 300.0)
 
 

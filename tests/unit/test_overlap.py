@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from mounted_world import NOISE_T, TOLERANCE, World
-from steps_in_c import Overlap, lasting_deviation_t
+from steps_in_c import SingleSteps, lasting_deviation_t
 
 from fmfts.baseline import make_bare, make_rest
 from fmfts.config import MagnetConfig, SceneConfig
@@ -31,12 +32,13 @@ from fmfts.scene.tracking import tracking_model_for
 HAND_PLACED = replace(TOLERANCE, sensor_rotation_rad=np.radians(1.5), cross_axis=0.002)
 PRESS = np.array([3e-4, -2e-4, -7e-4, 0.08, 0.05, 0.0, 0.0, 0.0, 0.0])
 DRIFTING = tracking_model_for(SceneConfig(ambient="drifting"), MagnetConfig()).tracking
+Overlap = Callable[..., np.ndarray]
 SCENES = pytest.mark.parametrize("tracking", [PAPER, DRIFTING], ids=["constant", "drifting"])
 
 
 @pytest.fixture(scope="module")
 def overlap(tmp_path_factory: pytest.TempPathFactory) -> Overlap:
-    return Overlap(tmp_path_factory.mktemp("overlap"))
+    return SingleSteps(tmp_path_factory.mktemp("overlap")).overlap
 
 
 def pressed_field(pad: Pad) -> tuple[State, np.ndarray]:
