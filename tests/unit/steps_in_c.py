@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,14 +15,15 @@ from fmfts.baseline import Mounting
 from fmfts.common.chi2 import quantile
 from fmfts.common.record import Record
 from fmfts.contact import TouchDetector, _contact
-from fmfts.pad import Pad
+from fmfts.pad import Pad, Silicone
 from fmfts.pipeline import _pad
 from fmfts.pipeline.parameters import put_neighbours
-from fmfts.pose import SIZE, State
+from fmfts.pose import SIZE, State, tangent_basis
 from fmfts.pose.gates import JUMP_PROBABILITY
 from fmfts.pose.model import predict
 from fmfts.pose.neighbour import NeighbourView
 from fmfts.pose.problem import Parts, magnet_rows, measurement_rows
+from fmfts.pose.silicone import TIMES_S, SiliconeFollower
 from oracle.compiled import library_of, memory_between, part_of, pointer
 
 Array = NDArray[np.float64]
@@ -122,6 +124,43 @@ class SmootherInC:
         COMPILED.fmfts_smooth(*taken)
         pose = np.array(question.pose) / self.UNIT
         return pose[:3], pose[3:], np.array(question.covariance).reshape(6, 6) / self.UNIT / self.UNIT[:, None]
+
+
+class SiliconeInC:
+    """silicone.c, as a SiliconeFollower, whose shares it gets."""
+
+    def __init__(self, silicone: Silicone, longest_gap_s: float) -> None:
+        of_python = SiliconeFollower(silicone, longest_gap_s)
+        self._rest = State(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0, np.zeros(3))
+        self._parameters, self._memory = Record(_pad.PARAMETERS), Record(_pad.MEMORY)
+        self._parameters.fill(
+            {
+                "rest": self._rest.vector(),
+                "silicone_share": of_python.share,
+                "creep_share": of_python.creep_share,
+                "unseen_gap_s": longest_gap_s,
+                "creep_time_s": TIMES_S,
+            }
+        )
+        self._elapsed_s = 0.0
+
+    @property
+    def crept(self) -> Array:
+        """(4, 5) the change of pose, filtered with TIMES_S."""
+        return self._memory["crept"].reshape(len(TIMES_S), 5)
+
+    def passed(self, elapsed_s: float) -> None:
+        self._elapsed_s = elapsed_s
+
+    def update(self, change: Array) -> Array:
+        tilt = tangent_basis(self._rest.axis) @ change[3:]
+        axis = tilt + np.sqrt(1.0 - tilt @ tilt) * self._rest.axis
+        self._memory.put("state", replace(self._rest, position_m=change[:3], axis=axis).vector())
+        given = part_of(self._parameters), part_of(self._memory)
+        COMPILED.fmfts_follow_creep(*given, ctypes.c_double(self._elapsed_s))
+        covariance = np.zeros((5, 5))
+        COMPILED.fmfts_creep(*given, pointer(np.ascontiguousarray(change)), pointer(covariance))
+        return covariance
 
 
 def lasting_deviation_t(mounting: Mounting, pad: Pad, field_t: Array, ambient_t: Array) -> Array:

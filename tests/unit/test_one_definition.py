@@ -17,6 +17,9 @@ import pytest
 
 from fmfts.bus.messages import ContactMessage, FingerMessage, Health, PoseMessage
 from fmfts.config import BridgeSource
+from fmfts.config.checks import FEWEST_SENSORS
+from fmfts.contact.touch import RELEASE_FRAMES
+from fmfts.pose.gates import VAGUE_M
 from fmfts.sensor.chips import CHIPS, HMC5983, Chip, ChipName
 from fmfts.sensor.chips.rates import BOARD_READ_US, BRIDGE_HZ, highest_rate_hz
 from fmfts.sensor.frame import AGE_UNKNOWN_US, READING_BYTES
@@ -25,6 +28,7 @@ from fmfts.sensor.wire.framing import MAX_LINE_BYTES
 from fmfts_client.fields import SCHEMA_VERSION
 
 REPOSITORY = Path(__file__).parents[2]
+DAEMON = REPOSITORY / "daemon/fmfts"
 CORE, WIRE = (REPOSITORY / path for path in ("firmware/core", "daemon/fmfts/sensor/wire"))
 C_CLIENT = REPOSITORY / "clients/c"
 # What the C client calls the annotation of a field of messages.py: its macro and its kind.
@@ -96,6 +100,23 @@ def test_c_client_knows_the_schema_and_every_word_of_health() -> None:
     assert header["FMFTS_SCHEMA_VERSION"] == SCHEMA_VERSION
     words = re.findall(r'"(\w+)"', text[text.index("health_names[] =") :].partition("};")[0])
     assert words == ["unknown", *get_args(Health)]
+
+
+# Frames
+
+
+def number_in(path: str, name: str) -> float:
+    """A number that a C file of the daemon defines."""
+    (value,) = re.findall(rf"\b{name}(?: =)? ([0-9.e+-]+)", (DAEMON / path).read_text())
+    return float(value)
+
+
+def test_frames_have_the_same_limits_in_c_and_in_python() -> None:
+    """C judges pads with one magnet; Python those with several, and what may be configured."""
+    assert number_in("pose/pose_fields.h", "FMFTS_FEWEST_SENSORS") == FEWEST_SENSORS
+    assert number_in("pose/alignment.c", "AGE_UNKNOWN_US") == AGE_UNKNOWN_US
+    assert number_in("pose/gate.c", "VAGUE_M") == VAGUE_M
+    assert number_in("contact/touch.c", "RELEASE_FRAMES") == RELEASE_FRAMES
 
 
 # The wire

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from steps_in_c import SiliconeInC
 from test_rebaselining import life
 
 from fmfts.bus.messages import ContactMessage
@@ -68,8 +69,14 @@ def test_nothing_of_a_recovery_is_learnt_as_a_drift() -> None:
     assert max(run.sizes_m) < 1e-6
 
 
-def test_deviation_of_a_held_press_grows_by_decades_and_goes_as_slowly() -> None:
-    follower, press = SiliconeFollower(Silicone(0.02, 0.01), 0.1), np.array([0.0, 0.0, -1e-3, 0.0, 0.0])
+# Of pads with several magnets and with one.
+BOTH = pytest.mark.parametrize("kind", [SiliconeFollower, SiliconeInC])
+Kind = type[SiliconeFollower] | type[SiliconeInC]
+
+
+@BOTH
+def test_deviation_of_a_held_press_grows_by_decades_and_goes_as_slowly(kind: Kind) -> None:
+    follower, press = kind(Silicone(0.02, 0.01), 0.1), np.array([0.0, 0.0, -1e-3, 0.0, 0.0])
 
     def height_sd(change: np.ndarray, seconds: float) -> float:
         for _ in range(round(seconds / 0.05)):
@@ -84,14 +91,29 @@ def test_deviation_of_a_held_press_grows_by_decades_and_goes_as_slowly() -> None
     assert later < 0.6 * released
 
 
-def test_load_of_a_gap_is_the_larger_one() -> None:
+@BOTH
+def test_load_of_a_gap_is_the_larger_one(kind: Kind) -> None:
     """Nobody saw when it ended: a squeeze that saturates the chips may have lasted to the last moment."""
-    follower, press = SiliconeFollower(Silicone(0.02), 0.1), np.array([0.0, 0.0, -1e-3, 0.0, 0.0])
+    follower, press = kind(Silicone(0.02), 0.1), np.array([0.0, 0.0, -1e-3, 0.0, 0.0])
     follower.passed(0.01)
     follower.update(press)
     follower.passed(1000.0)
     follower.update(0.0 * press)
-    assert follower.memory.crept[TIMES_S < 50.0, 2] == pytest.approx(-1e-3, rel=0.02)
+    crept = follower.crept if isinstance(follower, SiliconeInC) else follower.memory.crept
+    assert crept[TIMES_S < 50.0, 2] == pytest.approx(-1e-3, rel=0.02)
+
+
+def test_silicone_in_c_is_that_of_pads_with_several_magnets() -> None:
+    """Loads that come and go, and gaps between frames."""
+    random, silicone = np.random.default_rng(1), Silicone(0.02, 0.01)
+    here, there = SiliconeFollower(silicone, 0.1), SiliconeInC(silicone, 0.1)
+    change = np.zeros(5)
+    for _ in range(500):
+        change = random.normal(size=5) * [1e-4, 1e-4, 1e-3, 0.05, 0.05] if random.random() < 0.2 else change
+        elapsed_s = random.choice([0.005, 0.09, 0.5, 60.0])
+        here.passed(elapsed_s)
+        there.passed(elapsed_s)
+        np.testing.assert_allclose(there.update(change), here.update(change), rtol=1e-9, atol=1e-24)
 
 
 def test_simulated_silicone_creeps_by_its_share_each_decade_and_comes_back() -> None:
