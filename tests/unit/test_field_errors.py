@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from mounted_world import FRAMES, NOISE_T, TOLERANCE, World
-from steps_in_c import lasting_deviation_t
+from pose_steps_in_c import lasting_deviation_t
 
 from fmfts.baseline import Mounting
 from fmfts.pad import Pad, rotation_from_vector

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pose_steps_in_c import SingleSteps
 from scipy.linalg import block_diag
-from steps_in_c import SingleSteps
 
 from fmfts.baseline import Mounting
 from fmfts.config import PadConfig, PlacementConfig, SimulatedSource

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mounted_world import NOISE_T, TOLERANCE, World
-from steps_in_c import SingleSteps, lasting_deviation_t
+from pose_steps_in_c import SingleSteps, lasting_deviation_t
 
 from fmfts.baseline import make_bare, make_rest
 from fmfts.config import MagnetConfig, SceneConfig

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from steps_in_c import SiliconeInC
+from pose_steps_in_c import SiliconeInC
 from test_rebaselining import life
 
 from fmfts.bus.messages import ContactMessage

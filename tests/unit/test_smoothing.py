@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from contact_steps_in_c import SmootherInC
 from numpy.typing import NDArray
 from scipy.stats import chi2
-from steps_in_c import SmootherInC
 
 Array = NDArray[np.float64]
 PERIOD_S = 1.0 / 220.0

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from contact_steps_in_c import Estimate, TouchInC
 from scipy.stats import chi2
-from steps_in_c import Estimate, TouchInC
 
 from fmfts.contact.touch import RELEASE_FRAMES, TouchDetector
 
