@@ -33,8 +33,8 @@
 #              (SHORT=1: a minute)
 # make fuzz    a million inputs to each decoder, or FUZZ_SECONDS=300 of each: 50 minutes; make fuzz-short: a minute
 # make fuzz-files    a million damaged files
-# make golden  every frame of the frozen worlds against what was said of it: some minutes; make golden-freeze: keep what is
-#              said now, and say in the commit why    (GOLDEN="--way python healthy"); make net-catches: 49 deliberate
+# make golden  every frame of the frozen worlds against what was said of it: a minute; make golden-freeze: keep what is
+#              said now, and say in the commit why    (GOLDEN="--way recorded healthy"); make net-catches: 92 deliberate
 #              changes of equations, gates and memories, each of which the oracle or a frozen world must find
 # make test-versions         each installed Python with the oldest, newest and pinned dependencies: half an hour
 # make wheel   a wheel for this architecture; fails if a compiled part is missing
@@ -295,7 +295,7 @@ recordings: $(VENV)/.installed-test firmware
 	$(BIN)/python tests/data/make_recordings.py
 	$(BIN)/python tests/data/make_paper_recording.py
 
-# All 252,009 frames of tests/golden; `make test` takes the first of each world.
+# All 269,909 frames of tests/golden; `make test` takes the first of each world.
 GOLDEN ?=
 .PHONY: golden golden-freeze net-catches
 golden golden-freeze: $(VENV)/.installed-test

@@ -57,6 +57,7 @@ class Plan:
     faults: list[list[Any]] = field(default_factory=list)
     tools: Sequence[Tool] = ()
     is_early: bool = False
+    comes_again: bool = False
     turned: bool = False
     baseline: str = "rest"
     is_on_board: bool = False
@@ -144,6 +145,7 @@ def made(name: str, *plans: Plan) -> World:
                 seed=len(name) * 1000 + sum(map(ord, name)) + 7919 * number,
                 faults=plan.faults,
                 is_early=plan.is_early,
+                comes_again=plan.comes_again,
             )
         )
     return World(name, pads)
@@ -276,6 +278,9 @@ WORLDS: dict[str, Callable[[], list[Plan]]] = {
     "samples-on-board": lambda: [
         Plan(pad(27, turning=20.0, publish="sample"), 2500, is_early=True, is_on_board=True)
     ],
+    "samples-again": lambda: [
+        Plan(pad(35, turning=20.0, publish="sample"), 1500, is_early=True, comes_again=True, faults=JUMPS)
+    ],
     "slightly-off": lambda: [Plan(pad(28, "constant"), 2500, faults=SLIGHT_FAULTS)],
     "fingers": lambda: [Plan(of_array(3, "4 over 8", 20.0), 9000, *meeting(3))],
     "fingers-faulty": lambda: [Plan(of_array(4, "4 over 8", 0.0), 5000, *meeting(4), faults=FAULTS_OF_FINGERS)],
@@ -313,7 +318,8 @@ EVERY_SENSOR = range(4)
 LEAPS: list[list[Any]] = [
     ["leap", 300, 0, 1_000_000], ["leap", 500, 0, -2_000_000], ["leap", 700, 0, 10_000],
     ["lost", 900, 960, 1, 1], ["leap", 930, 0, 5_000_000], ["lost", 1200, 1290, 1, 1], ["leap", 1230, 0, -3_000_000],
-    *(["old", 1500, 1503, sensor, 9999] for sensor in EVERY_SENSOR), ["leap", 1500, 0, 700_000], ["leap", 1501, 0, 400_000],  # noqa: E501
+    *(["old", 1500, 1503, sensor, 9999] for sensor in EVERY_SENSOR),
+    ["leap", 1500, 0, 700_000], ["leap", 1501, 0, 400_000],
     ["lost", 1800, 1900, 1, 1], ["suspended", 1850, 0, 440_000_000], ["stands", 2200, 2300],
     *(["old", 2600, 2620, sensor, 9999] for sensor in EVERY_SENSOR), ["leap", 2610, 0, -900_000],
     ["leap", 3000, 0, 1 << 40], ["leap", 3001, 0, -(1 << 40)], ["leap", 3600, 0, -(1 << 21)],
@@ -330,8 +336,8 @@ SLIGHT_FAULTS: list[list[Any]] = [
 GROWING_FAULTS: list[list[Any]] = [
     *(["offset", first + 60 * step, first + 60 * step + 60, sensor, axis, counts]
       for first, sensor, axis, sizes in (
-          (100, 1, 0, (4, 6, 9, 14, 30)), (600, 2, 2, (4, 7, 12, 40)), (1000, 0, 1, (5, 40, 7)), (1400, 3, 2, (6, 10, 30)),  # noqa: E501
-          (1800, 1, 1, (8, 14, 8, 100)))
+          (100, 1, 0, (4, 6, 9, 14, 30)), (600, 2, 2, (4, 7, 12, 40)), (1000, 0, 1, (5, 40, 7)),
+          (1400, 3, 2, (6, 10, 30)), (1800, 1, 1, (8, 14, 8, 100)))
       for step, counts in enumerate(sizes)),
     ["field", 3015, 3055, 71, -146, 41],
     ["gradient", 3015, 3055, -44, 37, -29, 42, -37, 17, 49, -39, -50, -22, -14, -1],
@@ -345,6 +351,10 @@ FAULTS_BESIDE_STEEL: list[list[Any]] = [
 FAULTS_BETWEEN_SAMPLES: list[list[Any]] = [
     ["offset", 2500, 2700, 1, 0, 120], ["silent", 3000, 3300, 0], ["lost", 3600, 3900, 5, 1]
 ]  # fmt: skip
+# Of a sample, by less than shows among those of all sensors.
+JUMPS: list[list[Any]] = [
+    ["offset", 60 * number + 60, 60 * number + 90, number % 4, number % 3, 6 + number // 2] for number in range(22)
+]
 FAULTS_OF_FINGERS: list[list[Any]] = [
     ["offset", 700, 900, 5, 0, 270], ["silent", 1200, 1500, 2], ["saturated", 1700, 1900, 1, 2],
     ["stuck", 2200, 2600, 6, 1], ["gradient", 3000, 3200, *([60, -40, 20] + [0] * 21)], ["lost", 3500, 3700, 7, 2],
@@ -468,7 +478,7 @@ class Lifting:
 
 
 class Gradient:
-    """A field of a constant gradient, one after the other, stronger and stronger: things that are not near one sensor."""  # noqa: E501
+    """Fields of a constant gradient, each stronger than the one before: of things that are near no sensor alone."""
 
     def field_t(self, places_m: Array, time_s: Array) -> Array:
         random = np.random.default_rng(34)

@@ -5,7 +5,7 @@ over the fifty messages, so that no frame goes unseen.
 
 Tolerance. A number may differ by `OF_A_DEVIATION` of its own published deviation, or by `FLOOR` of its unit, whichever
 is more. Two thousandths of a deviation are as much less than what noise does to the number from frame to frame; no
-controller decides by them, and they are 10⁸ times what another order of sums does (`python -m golden.beside`). The
+controller decides by them, and they are 10⁸ times what another order of sums does. The
 floors are below what any reader resolves: 10 nm, 10 µN, 0.1 nT. A deviation itself may differ by `OF_ITSELF`.
 
 What is no number may come up to `LONGEST_SHIFT` messages sooner or later, at up to `MOST_SHIFTED` of all changes, for a

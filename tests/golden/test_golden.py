@@ -1,4 +1,4 @@
-"""The first messages of each frozen world are what they were (`make golden`: all of 268,409 frames)."""
+"""The first messages of each frozen world are what they were (`make golden`: all of 269,909 frames)."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import pytest
 
 from fmfts.offline.replay import essence
 from fmfts.pipeline.encoded import EncodedMessage
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.pipeline.snapshot import restore, snapshot
 from golden.__main__ import frozen_file, judged
 from golden.noise import noise
 from golden.replayed import AS_ALWAYS, Way, answers, pipelines_of, replay
@@ -50,6 +52,21 @@ def test_snapshots_and_a_replay_change_no_bit(name: str) -> None:
     """A snapshot is taken where a recording begins: the pad goes on as if there were none, and so does a replay."""
     frames = RECORDED[name] // (4 if "samples" in name else len(load(name)[0].pads))
     assert said_by(name, Way(snapshots=50, anew=frames // 2)) == said_by(name, AS_ALWAYS)
+
+
+def test_each_number_of_a_memory_is_in_its_snapshot() -> None:
+    random = np.random.default_rng(1)
+    with pipelines_of(load("faulty")[0]) as some, pipelines_of(load("faulty")[0]) as others:
+        (one,), (other,) = some.values(), others.values()
+        assert isinstance(one, PadPipeline)
+        assert isinstance(other, PadPipeline)
+        memory = one.memory
+        for name, values in memory.fields.items():
+            memory.fields[name] = np.asarray(1000.0 * random.normal(size=values.shape)).astype(values.dtype)
+        one.recall(memory)
+        restore(other, snapshot(one))
+        for name, values in other.memory.fields.items():
+            assert np.array_equal(values, memory.fields[name]), name
 
 
 def test_what_goes_with_a_message_is_what_it_says() -> None:

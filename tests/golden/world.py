@@ -37,7 +37,8 @@ Event = Frame | EarlySample
 @dataclass(slots=True)
 class WorldPad:
     """noise: deviation in thousandths of a count; faults: see faults.py. is_early: each sample also comes before its
-    frame. baseline: as a file has it; None: there is none. response: the file of a skin's contact model."""
+    frame; comes_again: and once more after it. baseline: as a file has it; None: there is none. response: the file of a
+    skin's contact model."""
 
     config: dict[str, Any]
     baseline: dict[str, Any] | None
@@ -48,6 +49,7 @@ class WorldPad:
     seed: int = 0
     faults: list[list[Any]] = field(default_factory=list)
     is_early: bool = False
+    comes_again: bool = False
     response: bytes | None = None
 
     @property
@@ -73,7 +75,8 @@ class WorldPad:
                 temperature_c=None if temperature < 0 else self.temperatures_c[temperature],
                 chip=chip,
             )
-            yield number, [*(self._early(frame) if self.is_early else ()), frame]
+            early = [*self._early(frame)] if self.is_early else []
+            yield number, [*early, frame, *(early if self.comes_again and number else ())]
 
     def read(self) -> Stream:
         """The stream with its noise. A sample that is not fresh is the one before."""
