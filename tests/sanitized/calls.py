@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,12 +16,16 @@ import numpy as np
 from fmfts.arithmetic import _arithmetic, matrix
 from fmfts.contact import ContactModel, _contact
 from fmfts.pipeline import _pad
+from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.parameters import packed_response
 from fmfts.pipeline.words import words_of
 from fmfts.pose import _alignment, _kernel
 from fmfts.pose.alignment import Alignment
 from fmfts.pose.kernel import solve_problem
+from fmfts.sensor import Frame
+from fmfts.sensor.patience import BEHIND, IN_TIME
 from fmfts.sensor.wire import _wire
+from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.framing import Decoder, encode
 from fmfts.several import _several
 
@@ -46,13 +51,41 @@ def absent(parts: tuple[Any, ...], health: str, reason: str) -> bytes:
     return _pad.Pad(*parts).absent(health, reason)
 
 
-for function in (judged, followed, absent):
+def missing(parts: tuple[Any, ...], frame: tuple[Any, ...]) -> dict[int, str]:
+    pad = _pad.Pad(*parts)
+    pad.judge(*frame)
+    return pad.missing()
+
+
+@ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
+def _sent(_socket: int, _data: int, size: int, _flags: int) -> int:
+    return size
+
+
+def lent(
+    parts: tuple[Any, ...], loan: tuple[Any, ...], unread: bytes, line: bytes, arrival_ns: int, descriptor: int
+) -> tuple[Any, ...]:
+    """Bytes of a board, by a loop that has the pad."""
+    pad = _pad.Pad(*parts)
+    pad.begin(*loan)
+    loop = _pad.Loop(-1, ctypes.cast(_sent, ctypes.c_void_p).value or 0, 0, IN_TIME, BEHIND)
+    loop.begin(descriptor, unread, (pad,))
+    return loop.take(descriptor, line, arrival_ns), pad.last_ns(), loop.end(descriptor), pad.end(), pad.last
+
+
+for function in (judged, followed, absent, missing, lent):
     setattr(PADS, function.__name__, function)
 
 MODULES: dict[str, ModuleType] = {
-    module.__name__: module for module in (_arithmetic, _kernel, _alignment, _wire, _contact, _several, PADS)
+    module.__name__: module for module in (_arithmetic, _kernel, _alignment, _wire, _contact, _several, _pad, PADS)
 }
-MOST_KEPT = 12  # of one function: calls that differ in their sizes
+MOST_KEPT = 16  # of one function: calls that differ in their sizes, or in what came before
+# Frozen worlds, with a frame of each, amid what it is about.
+AMID = {
+    "bare": 60, "cold": 120, "eight-sensors": 350, "faulty": 280, "faulty-constant": 200, "gradients": 190,
+    "growing": 2310, "healthy": 250, "leaps": 501, "neighbours": 300, "samples-again": 260, "smoothed": 150,
+    "steel-faulty": 620, "turning-constant": 260, "without-model": 300,
+}  # fmt: skip
 
 
 class Call(NamedTuple):
@@ -116,6 +149,7 @@ def recorded() -> dict[tuple[str, str], list[Call]]:
     with _recorded(calls):
         for scenario in (_matrices, _poses, _samples, _contacts, _wire_lines, _frames, _fingers):
             scenario(np.random.default_rng(1))
+    assert not [name for name in functions() if name not in calls], "a function that no scenario calls"
     return calls
 
 
@@ -187,38 +221,76 @@ def _wire_lines(_: np.random.Generator) -> None:
         keep_newest(lines, patience)
     clock = DeviceClock()
     for sample in samples:
-        clock.to_host_ns(sample.time_us, 1_000_000_000 + 1000 * sample.time_us)
-        clock.at_ns(sample.time_us, 1_000_000_000 + 1000 * sample.time_us)
+        arrival_ns = 1_000_000_000 + 1000 * sample.time_us
+        clock.is_plausible(sample.time_us, arrival_ns)
+        clock.to_host_ns(sample.time_us, arrival_ns)
+        clock.at_ns(sample.time_us, arrival_ns)
+    clock.restart()
 
 
 def _frames(_: np.random.Generator) -> None:
-    from test_early import CONFIG, messages_of, pipeline_with, sent_of, tapped
+    """Of every health, each with a sample that comes before the next, and both as a board's bytes."""
+    from golden.replayed import pipelines_of
+    from golden.world import load
 
-    from fmfts.pipeline.configured import load_contact_model
-    from fmfts.sensor import Frame
-    from fmfts.sensor.early import EarlySample
+    healths = set()
+    for name, number in AMID.items():
+        (pad, *_), last = load(name)[0].pads, None
+        with pipelines_of(load(name)[0]) as pipelines:
+            pipeline = pipelines[pad.settings.name]
+            assert isinstance(pipeline, PadPipeline)
+            for place, events in pad.events():
+                frame = next(event for event in events if isinstance(event, Frame))
+                if place == number:
+                    healths.add(_of_one_frame(pipeline, last or frame, frame))
+                    break
+                pipeline.answer(frame)
+                last = frame
+    assert healths == {"ok", "degraded", "disturbed", "lost", "no_baseline"}
 
-    pipeline, packets = pipeline_with(load_contact_model(CONFIG)), sent_of(tapped, 0.3)
+
+def parts_of(pipeline: PadPipeline) -> tuple[Any, ...]:
+    """What its Pad is made of, in copies."""
     model = pipeline.model
-    for number in range(len(packets) - 1):
-        frame, after = packets[number], packets[number + 1]
-        if number > 100 and isinstance(frame, Frame) and isinstance(after, EarlySample):
-            parts = (
-                bytearray(pipeline._parameters.buffer.tobytes()),
-                bytearray(pipeline._memory.buffer.tobytes()),
-                model.inference.for_c,
-                packed_response(model),
-                tuple(words_of(pipeline.pad, "boot", model, pipeline.baselined, "")),
-                bytearray(pipeline.be_felt().table.buffer.tobytes()),
-                (),
-            )
-            times = frame.device_time_us, frame.host_time_ns
-            taken = (*frame.packed, frame.sequence, *times, frame.temperature_c or 20.0)
-            early = (after.sensor, after.gain_code, *after.counts, after.device_time_us)
-            PADS.judged(parts, taken)
-            PADS.followed(parts, taken, early)
-            PADS.absent(parts, "lost", "an error")
-        messages_of(pipeline, [frame])
+    return (
+        bytearray(pipeline._parameters.buffer.tobytes()),
+        bytearray(pipeline._memory.buffer.tobytes()),
+        model.inference.for_c if isinstance(model, ContactModel) else None,
+        packed_response(model),
+        tuple(words_of(pipeline.pad, "boot", model, pipeline.baselined, "no baseline")),
+        bytearray(pipeline.be_felt().table.buffer.tobytes()),
+        tuple(
+            (bytearray(each.sighting.table.buffer.tobytes()), len(each.sighting.magnets))
+            for each in pipeline._neighbours
+        ),
+    )
+
+
+def _of_one_frame(pipeline: PadPipeline, before: Frame, frame: Frame) -> str:
+    """Returns the frame's health. before: the frame before it."""
+    from fast_loop_host import sample_of
+
+    from fmfts.sensor.wire.packets import Early
+
+    taken = (*frame.packed, frame.sequence, frame.device_time_us, frame.host_time_ns, frame.temperature_c or 20.0)
+    sensor, after_us, counts = 1, 2000, (100, -200, 50)
+    early = sensor, frame.gain_code, *counts, frame.device_time_us + after_us
+    PADS.judged(parts_of(pipeline), taken)
+    PADS.missing(parts_of(pipeline), taken)
+    PADS.followed(parts_of(pipeline), taken, early)
+    PADS.absent(parts_of(pipeline), "lost", "an error")
+    one, other = sample_of(before), sample_of(frame)
+    clock, arrival_ns = DeviceClock(), 10_000_000_000
+    clock.to_host_ns(one.time_us, arrival_ns)
+    loan = bytearray(clock.line), b"contact/pad", 0, 1 << 62
+    line = encode(other) + encode(Early(0, sensor, frame.gain_code, other.time_us + after_us, counts))
+    PADS.lent(parts_of(pipeline), loan, b"", line, arrival_ns + 1000 * (other.time_us - one.time_us), 3)
+    if pipeline.baselined is not None:
+        none = np.zeros(3 * len(pipeline.pad.sensors))
+        parameters, memory, *_ = parts_of(pipeline)
+        covariance = bytearray(8 * 14 * 14)
+        _pad.track_field(parameters, memory, none.data, (none + 2e-7).data, none.data, covariance, 4.5e-3, 25.0)
+    return pipeline.answer(frame).health
 
 
 def _fingers(random: np.random.Generator) -> None:

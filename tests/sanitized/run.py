@@ -20,12 +20,13 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from sanitized.build import BUILD, ROOT, SUFFIX, build, compiled, environment, library_of, parts
 
 UNIT = "tests/unit/test_{}.py"
-SHORT = ("compiled_refuses", "wire_compiled", "arithmetic")
+SHORT = ("compiled_refuses", "wire_compiled", "arithmetic", "pad_arguments", "bend", "touch")
 LONG = (
-    "refine", "contact_network", "pose_kernel", "several_compiled", "free_poses", "valley", "every_frame",
-    "fast_loop", "fast_loop_of_a_board", "frame_beside", "missing_sensors", "pad_arguments", "tracker",
-    "early", "now", "clock",
+    "refine", "contact_network", "pose_kernel", "several_compiled", "free_poses", "valley", "every_frame", "fast_loop",
+    "fast_loop_of_a_board", "frame_beside", "neighbours_in_the_loop", "missing_sensors", "early", "now", "clock",
+    "memory", "tracker", "mean_residuals",
 )  # fmt: skip
+NET = ("tests/golden", "tests/oracle")
 CLIENT = ("tests/c_client/test_decoder.py", "tests/c_client/test_connecting.py")
 MISTAKES = {
     "read_behind(bytes(64))": "heap-buffer-overflow",
@@ -76,6 +77,8 @@ def main() -> int:
     calls = "150" if options.short else "5000"
     good = run("odd calls", "tests/sanitized/odd_calls.py", "--calls", calls)
     good &= pytest("unit tests", [UNIT.format(name) for name in (SHORT if options.short else SHORT + LONG)])
+    if not options.short:
+        good &= pytest("frozen worlds and oracle", NET)
     if not options.short:  # `make test` runs these, too: the programs have sanitizers of their own
         words = [sys.executable, "-m", "pytest", "-q", "-n", "2", "-p", "no:cacheprovider", *CLIENT]
         good &= subprocess.run(words, cwd=ROOT, check=False).returncode == 0

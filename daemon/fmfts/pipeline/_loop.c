@@ -8,6 +8,7 @@
 
 enum {
     EVENTS = 256,
+    MOST_DESCRIPTORS = 1 << 24, /* more than Linux gives */
     /* After so many waits in a row in which something was ready at once, the loop is behind. The first waits after a stall
      * of the computer are not enough, so that its backlog is not lost. */
     BUSY_WAITS = 4,
@@ -111,7 +112,7 @@ static PyObject *loop_begin(PyObject *object, PyObject *args)
     if (!PyArg_ParseTuple(args, "iy#O!", &descriptor, &unread, &unread_bytes, &PyTuple_Type, &pads)) {
         return NULL;
     }
-    if (descriptor < 0 || unread_bytes > FMFTS_ROOM || line_of(self, descriptor)) {
+    if (descriptor < 0 || descriptor >= MOST_DESCRIPTORS || unread_bytes > FMFTS_ROOM || line_of(self, descriptor)) {
         PyErr_Format(PyExc_ValueError, "descriptor %d with %zd bytes unread is no line that could begin", descriptor,
                      unread_bytes);
         return NULL;
@@ -184,6 +185,10 @@ static PyObject *loop_take(PyObject *object, PyObject *args)
         return NULL;
     }
     fmfts_board_line *line = line_of(self, descriptor);
+    if (arrival_ns < 0 || arrival_ns >= INT64_C(1) << 62) {
+        PyErr_Format(PyExc_ValueError, "bytes that arrived at %lld ns: no clock tells that", arrival_ns);
+        return NULL;
+    }
     if (!line || size > FMFTS_READ_BYTES) {
         PyErr_Format(PyExc_ValueError, "descriptor %d: no line that takes %zd bytes", descriptor, size);
         return NULL;
