@@ -62,7 +62,8 @@ def test_each_number_of_a_memory_is_in_its_snapshot() -> None:
         assert isinstance(other, PadPipeline)
         memory = one.memory
         for name, values in memory.fields.items():
-            memory.fields[name] = np.asarray(1000.0 * random.normal(size=values.shape)).astype(values.dtype)
+            drawn = random.normal(size=values.shape) if values.dtype.kind == "f" else random.random(values.shape) < 0.5
+            memory.fields[name] = np.asarray(drawn).astype(values.dtype)
         one.recall(memory)
         restore(other, snapshot(one))
         for name, values in other.memory.fields.items():

@@ -18,6 +18,7 @@ from fmfts.pipeline.encoded import EncodedMessage, Passed
 from fmfts.pipeline.first_memory import first_memory, without_samples
 from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.parameters import packed_response, parameters_of, put_neighbours
+from fmfts.pipeline.possible_memory import require_alike, require_possible
 from fmfts.pipeline.words import NO_BASELINE, words_of
 from fmfts.pose import TrackingModel
 from fmfts.pose.neighbour import NeighbourView
@@ -201,6 +202,8 @@ class PadPipeline:
             raise ValueError(f"of a pad with {memory.sensors} sensors, and this one has {len(self.pad.sensors)}")
         if memory.has_baseline != (self._baselined is not None):
             raise ValueError("of a pad with a baseline, and this one has none, or the other way round")
+        require_possible(memory.fields, memory.sensors)
+        require_alike(memory.sighting, self._sighting)
         self._memory.recall(memory.fields)
         self._has_frame = False
         self._sighting.recall(memory.sighting)

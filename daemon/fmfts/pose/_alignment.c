@@ -75,7 +75,8 @@ static PyObject *push(PyObject *module, PyObject *args)
     Py_ssize_t sensors = b[FRESH].len;
     if (sensors < 1) {
         PyErr_SetString(PyExc_ValueError, "a frame of no sensors");
-    } else if (sizes_agree(b, sensors) && times_are_possible(b[TIME].buf, sensors, frame_us)) {
+    } else if (sizes_agree(b, sensors) && times_are_possible(b[TIME].buf, sensors, frame_us) &&
+               times_are_possible(b[TIMES].buf, 3 * sensors, 0)) {
         const fmfts_periods periods = fmfts_periods_of(period_us);
         fmfts_samples samples = {(size_t)sensors, b[FIELDS].buf, b[TIMES].buf, b[REPEATS].buf, without_news};
         fmfts_pushed frame = {b[FIELD].buf, b[TIME].buf, b[FRESH].buf, b[TIMED].buf, has_time != 0, frame_us};

@@ -1,0 +1,37 @@
+"""What a pad's memory may hold: C takes an index and a time of it as they are, and a recording may claim any number."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmfts.common.possible import Range
+from fmfts.common.record import Values
+from fmfts.pose.sighting import Sighting, SightingMemory
+
+# Sums of two of them, in ns, fit into 64 bits. A board counts 48 bits.
+MICROSECONDS = Range(-(2.0**50), 2.0**50, "time of a board in µs")
+WHOLE = Range(-(2.0**61), 2.0**61, "time in ns, or count")
+LOOKS = Range(0, 2**12 - 1, "frames that ambient_motion.c looked at")
+CAUSES = Range(0, 3, "cause that fault_search.c finds")
+
+
+def require_possible(fields: Values, sensors: int) -> None:
+    """ValueError names the first number that no pad with so many sensors remembers."""
+    mask = Range(0, 2**sensors - 1, f"set of {sensors} sensors")
+    of_name = {
+        "found_sensor": Range(-1, sensors - 1, f"sensor of {sensors}"),
+        **dict.fromkeys(("heard", "suspects", "searched_sensors"), mask),
+        "explained": LOOKS,
+        "searched": CAUSES,
+    }
+    for name, values in fields.items():
+        if values.dtype.kind == "i":
+            usual = MICROSECONDS if name.endswith("_us") else WHOLE
+            of_name.get(name, usual).require(np.ravel(values).tolist())
+
+
+def require_alike(memory: SightingMemory, sighting: Sighting) -> None:
+    """ValueError where it is of another number of magnets."""
+    own = sighting.memory
+    if memory.values.shape != own.values.shape or memory.covariance.shape != own.covariance.shape:
+        raise ValueError(f"magnets were seen at {memory.values.shape[0]} places, and this pad has {len(own.values)}")
