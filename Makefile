@@ -31,7 +31,7 @@
 # make flood   contacts and their ages while 1 to 64 programs flood the control socket, six minutes    (FLOOD="--pads 8 --over ipc")
 # make sanitize    the compiled parts and the C client under AddressSanitizer and UndefinedBehaviorSanitizer; long
 #              (SHORT=1: a minute)
-# make fuzz    a million inputs to each decoder, or FUZZ_SECONDS=300 of each: 50 minutes; make fuzz-short: a minute
+# make fuzz    a million inputs to each decoder, or FUZZ_SECONDS=300 of each: 50 minutes; make fuzz-short: some minutes
 # make fuzz-files    a million damaged files
 # make golden  every frame of the frozen worlds against what was said of it: a minute; make golden-freeze: keep what is
 #              said now, and say in the commit why    (GOLDEN="--way recorded healthy"); make net-catches: 92 deliberate
@@ -179,14 +179,14 @@ fuzz: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/firmware/fuzz/python_decoder.py --inputs 1000000
 	$(BIN)/python tests/drills/anyskin_fuzz.py --inputs 1000000
 	$(MAKE) -C firmware fuzz
-	$(MAKE) fuzz-c-client fuzz-wire fuzz-clock fuzz-tables fuzz-peers
+	$(MAKE) fuzz-c-client fuzz-wire fuzz-clock fuzz-tables fuzz-frame fuzz-peers
 
 # The same from the kept corpora on, a few seconds each.
 fuzz-short: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/firmware/fuzz/python_decoder.py --inputs 20000
 	$(BIN)/python tests/drills/anyskin_fuzz.py --inputs 10000
 	$(MAKE) -C firmware fuzz FUZZ_RUNS=3000
-	$(MAKE) fuzz-c-client fuzz-wire fuzz-clock fuzz-tables fuzz-peers FUZZ_SECONDS=5 C_CLIENT_FUZZ_RUNS=50000
+	$(MAKE) fuzz-c-client fuzz-wire fuzz-clock fuzz-tables fuzz-frame fuzz-peers FUZZ_SECONDS=5 C_CLIENT_FUZZ_RUNS=50000
 
 # An access outside of an array, and an integer that overflows, end the process. build/sanitized holds what is built for it.
 SHORT ?=

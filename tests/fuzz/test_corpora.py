@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import peers
 
 ROOT = Path(__file__).parents[2]
-TARGETS = ("wire", "clock", "tables")
+TARGETS = ("wire", "clock", "tables", "frame")
 
 
 @pytest.fixture(scope="module")

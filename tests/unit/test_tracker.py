@@ -9,6 +9,7 @@ import pytest
 
 from fmfts.pad import Pad
 from fmfts.pose import State, TrackingModel, dipole_field, parts_of
+from fmfts.pose.field_errors import SensorErrors
 from fmfts_lab.bench.field_tracker import FieldTracker
 
 NOISE_T = 2e-7
@@ -90,6 +91,22 @@ def test_turned_robot_is_disturbed_not_a_contact(pad: Pad, tracker: FieldTracker
     track = tracker.update(field_at(pad, rest) + np.array([3e-5, -3e-5, 2e-5]), DEVIATION)
     assert track.health in ("disturbed", "lost")
     assert "not come from this magnet alone" in track.reason
+
+
+def test_cause_is_of_this_disturbance_not_of_another(pad: Pad, rest: State) -> None:
+    """After a frame that fits a stronger magnet, which needs no search, and a disturbance of another cause before."""
+    tracker = FieldTracker(pad, rest, CONSTANT, errors=SensorErrors(DEVIATION, None))
+    stronger = rest.stepped(np.array([0, 0, 0, 0, 0, 0.2, 0, 0, 0]))
+    two_sensors = field_at(pad, rest)
+    two_sensors[0, 0] += 3e-5
+    two_sensors[3, 2] -= 3e-5
+    for before in (None, np.full((4, 3), 1e-3)):
+        if before is not None:
+            assert "no pose of this magnet" in tracker.update(before, DEVIATION).reason
+            assert tracker.update(field_at(pad, rest), DEVIATION).health == "ok"
+        assert "stronger" in tracker.update(field_at(pad, stronger), DEVIATION).reason
+        assert "does not come from this magnet alone" in tracker.update(two_sensors, DEVIATION).reason
+        assert tracker.update(field_at(pad, rest), DEVIATION).health == "ok"
 
 
 def test_vanished_magnet_is_lost_and_found_again(pad: Pad, tracker: FieldTracker, pressed: State) -> None:

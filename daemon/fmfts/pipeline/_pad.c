@@ -85,7 +85,7 @@ bool fmfts_tell_early(fmfts_pad_object *self, int sensor, unsigned gain_code, co
 /* Whether sums of these fit into 64 bits, and the time into a double. A recording may claim anything. */
 static int are_possible(int64_t sequence, int64_t time_us, int64_t host_ns)
 {
-    const int64_t most = INT64_C(1) << 61, most_us = INT64_C(1) << 52;
+    const int64_t most = INT64_C(1) << 61, most_us = INT64_C(1) << 53;
     if (0 <= sequence && sequence < most && 0 <= time_us && time_us < most_us && -most < host_ns && host_ns < most) {
         return 1;
     }

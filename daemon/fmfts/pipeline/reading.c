@@ -30,11 +30,19 @@ void fmfts_begin(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *
     reading->now.known = reading->judged.known = false;
 }
 
+/* When the instant was on the host's clock. Of a memory that a recording claims, it may be any time. */
+static int64_t host_ns_at(const fmfts_frame *frame, int64_t instant_us)
+{
+    const double most_ns = 2305843009213693952.0; /* 2^61, as the host's own times */
+    double ago_ns = 1000.0 * (double)(frame->time_us - instant_us);
+    return frame->host_ns - (int64_t)fmin(fmax(ago_ns, -most_ns), most_ns);
+}
+
 void fmfts_date(const fmfts_frame *frame, fmfts_frame_work *work)
 {
     const fmfts_field *field = &work->step.field;
     if (frame->valid && !field->is_old) {
-        work->memory->message.sampled_ns = frame->host_ns - 1000 * (frame->time_us - field->instant_us);
+        work->memory->message.sampled_ns = host_ns_at(frame, field->instant_us);
     }
     if (field->began_anew) {
         fmfts_forget_touch(&work->memory->contact); /* nobody knows for how long nothing was seen: the finger may be gone */

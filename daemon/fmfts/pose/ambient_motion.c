@@ -67,7 +67,7 @@ static int explained_of(const fmfts_pose_memory *memory)
 {
     int count = 0;
     for (int i = 0; i < LOOKS; i++) {
-        count += memory->explained >> i & 1;
+        count += (int)(memory->explained >> i & 1);
     }
     return count;
 }

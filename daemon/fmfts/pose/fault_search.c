@@ -149,7 +149,7 @@ void fmfts_explain(const fmfts_attempt *attempt, const fmfts_solved *whole)
     if (fmfts_has_plausible_pose(step->parameters, whole, FMFTS_LOG_MOMENT_REACH)) {
         fmfts_note_nearest(step, whole);
     }
-    if (memory->disturbed_frames % FMFTS_SEARCH_EVERY == 0) {
+    if (memory->disturbed_frames % FMFTS_SEARCH_EVERY == 0 || memory->searched == FMFTS_NOT_SEARCHED) {
         suspicion found;
         fmfts_solved foreign;
         solve_with_foreign_field(attempt, &foreign);

@@ -141,6 +141,7 @@ void fmfts_accept(fmfts_step *step, const fmfts_prior *prior, const fmfts_solved
     memory->warmth_variance = prior->warmth_variance;
     memory->since_good_s = 0.0;
     memory->disturbed_frames = 0;
+    memory->searched = FMFTS_NOT_SEARCHED; /* another disturbance has another cause */
     fmfts_note_nearest(step, solved);
     double misfit = misfit_of(step);
     for (int i = 0; i < FMFTS_STEP * FMFTS_STEP; i++) {
