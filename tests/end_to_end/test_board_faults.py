@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -224,9 +227,20 @@ class TestSecondDaemon:
 
     def test_probe_beside_a_running_daemon_goes_through_it(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
         found = daemon.command("probe", "--config", daemon.config)
-        assert found.returncode == 0, found.stderr
+        assert found.returncode == 0, found.stdout + found.stderr
         assert "connected: yes" in found.stdout
         daemon.wait_for(lambda contact: contact.health == "ok")
+
+    def test_probe_waits_for_a_board_that_is_silent_for_a_moment(
+        self, host: FirmwareHost, daemon: RunningDaemon
+    ) -> None:
+        os.kill(host.pid, signal.SIGSTOP)
+        daemon.wait_for(lambda contact: contact.health == "stale")
+        goes_on = threading.Timer(1.0, os.kill, (host.pid, signal.SIGCONT))
+        goes_on.start()
+        found = daemon.command("probe", "--config", daemon.config)
+        goes_on.join()
+        assert found.returncode == 0, found.stdout + found.stderr
 
     def test_selftest_goes_through_the_running_daemon(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
         tested = daemon.command("selftest", "--config", daemon.config)

@@ -28,6 +28,7 @@ from fmfts_client import BadKeyError, ControlError, EndpointError, RefusedError,
 from fmfts_client.endpoints import for_client, named_base
 
 TURN_S = 0.002
+AGAIN_S = 0.1
 
 
 class AbsentError(Exception):
@@ -132,6 +133,19 @@ def run_selftest(pad: PadConfig, pads: Sequence[PadConfig]) -> dict[str, Any]:
             _require_no_problem(pad.name, first_frame.problem(time.monotonic()))
         task = GainTest(pad.pad(), source, pad_index, executor, origin_of(pad))
         return _finished(pad.name, task, _turns(source, pad_index, lambda frame: None), show)
+
+
+def probe_running(base: str | None) -> dict[str, Any] | None:
+    """Facts about every device, as the daemon on the endpoint `base` sees them; None where none runs.
+
+    A board may be silent for a moment, where the computer is busy: it gets as long as `probe` gives one.
+    """
+    until = time.monotonic() + PATIENCE_S
+    while True:
+        facts = ask_daemon("probe", base)
+        if facts is None or all(pad["connected"] for pad in facts["pads"]) or time.monotonic() >= until:
+            return facts
+        time.sleep(AGAIN_S)
 
 
 def probe(config: Config) -> dict[str, Any]:

@@ -117,8 +117,7 @@ def _probe(options: argparse.Namespace) -> int:
         raise VerbError(exit_codes.USAGE, "--pole and --write belong to --magnet: `fmfts-daemon probe --magnet`")
     with ended_by(*direct.ERRORS):
         config = configuration_if_any(options)
-        facts = direct.ask_daemon("probe", _endpoint_in(config))
-        facts = facts or direct.probe(config or configuration(options))
+        facts = direct.probe_running(_endpoint_in(config)) or direct.probe(config or configuration(options))
     words = _config_words(options)
     if options.pad is not None:
         known = {pad["pad"]: pad for pad in facts["pads"]}
