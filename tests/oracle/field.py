@@ -57,12 +57,17 @@ def reading(
     return np.asarray((direction * total).sum(axis=1))
 
 
-def turned(axis: Array, step: Array) -> Array:
-    """docs/pose.md: a ⊞ h = (a + T h)/|a + T h|, T from T. Duff et al., JCGT 6 (2017)."""
+def tangents(axis: Array) -> Array:
+    """T (3, 2): T. Duff et al., JCGT 6 (2017)."""
     x, y, z = axis
     sign = 1.0 if z >= 0.0 else -1.0
     first = np.array([1.0 - sign * x * x / (sign + z), -sign * x * y / (sign + z), -sign * x])
-    second = np.array([-x * y / (sign + z), sign - y * y / (sign + z), -y])
+    return np.stack([first, np.array([-x * y / (sign + z), sign - y * y / (sign + z), -y])], axis=1)
+
+
+def turned(axis: Array, step: Array) -> Array:
+    """docs/pose.md: a ⊞ h = (a + T h)/|a + T h|."""
+    first, second = tangents(axis).T
     moved = axis + step[0] * first + step[1] * second
     return np.asarray(moved / np.sqrt(moved @ moved))
 

@@ -68,26 +68,28 @@ def solved(pose: Pose, free: list[int], prior: Array | None = None) -> tuple[Arr
     return step, float(2.0 * found.cost)
 
 
-def covariance(jacobian: Array, free: list[int], considered: list[int], prior: Array | None) -> Array:
-    """(columns, columns). jacobian: at the solution. prior: of free and considered columns; None: none."""
-    columns = jacobian.shape[1]
-    J, C = jacobian[:, free], jacobian[:, considered]
-    A, A_xc = J.T @ J, J.T @ C
-    information = np.zeros((columns, columns))
-    both = [*free, *considered]
-    if prior is not None:
-        information[np.ix_(both, both)] = np.linalg.inv(prior[np.ix_(both, both)])
-        A = A + information[np.ix_(free, free)]
-        A_xc = A_xc + information[np.ix_(free, considered)]
+def covariance(normal: Array, free: list[int], considered: list[int], held: Array | None) -> Array:
+    """(columns, columns). normal: A, at the solution. held: the prior's covariance, of which that of the considered
+    columns counts."""
+    columns = len(normal)
+    A, A_xc = normal[np.ix_(free, free)], normal[np.ix_(free, considered)]
     scale = 1.0 / np.sqrt(np.diag(A))
     inverse = scale[:, None] * np.linalg.inv(A * scale[:, None] * scale) * scale
     whole = np.zeros((columns, columns))
     whole[np.ix_(free, free)] = inverse
     if considered:
-        assert prior is not None
-        P, S = prior[np.ix_(considered, considered)], -inverse @ A_xc
+        assert held is not None
+        P, S = held[np.ix_(considered, considered)], -inverse @ A_xc
         whole[np.ix_(free, free)] += S @ P @ S.T
         whole[np.ix_(free, considered)] = S @ P
         whole[np.ix_(considered, free)] = (S @ P).T
         whole[np.ix_(considered, considered)] = P
+    return whole
+
+
+def information(prior: Array | None, columns: int, told: list[int]) -> Array:
+    """(columns, columns): P⁻¹ of the columns that have a prior."""
+    whole = np.zeros((columns, columns))
+    if prior is not None:
+        whole[np.ix_(told, told)] = np.linalg.inv(prior[np.ix_(told, told)])
     return whole

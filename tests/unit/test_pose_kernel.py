@@ -1,23 +1,16 @@
-"""The solver against NumPy's in tests/twins: the same problem, the same answer."""
+"""What the compiled solver says of one pad: what it cannot tell, what a prior and a held part do, and batches."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from examples import examples
 from fmfts.pad import Pad
 from fmfts.pose import (
     STOP_CONVERGED,
     Prior,
-    Problem,
-    Solution,
     State,
     Status,
     parts_of,
@@ -30,54 +23,12 @@ from fmfts.pose.problem import (
     VALUE,
 )
 from fmfts.pose.state import AXIS, SIZE
-from kernel.problems import NOISE_T, TRUTH, problem_at, random_problem
-from twins.solver import solve_reference
+from kernel.problems import NOISE_T, TRUTH, problem_at
 
 
-@st.composite
-def problems(draw: st.DrawFn) -> Problem:
-    seed, sensors, neighbours = draw(st.integers(0, 2**32 - 1)), draw(st.integers(3, 8)), draw(st.integers(0, 2))
-    return random_problem(seed, sensors, neighbours, draw(st.booleans()))
-
-
-def _blocks(magnets: int) -> list[slice]:
-    """The vectors in `State.vector`: position, axis, log moment, ambient, gradient; and of each neighbour."""
-    ends = [0, 3, 6, 7, 10, 15] + [15 + 7 * other + end for other in range(magnets - 1) for end in (3, 6, 7)]
-    return [slice(start, end) for start, end in pairwise(ends)]
-
-
-@examples(400)
-@given(problem=problems())
-def test_kernel_and_reference_agree_to_a_billionth(problem: Problem) -> None:
-    kernel, reference = solve_problem(problem), solve_reference(problem)
-    # Without a limit but rounding (stop_chi2 = 1e-20), rounding decides whether the last of all steps is one too many.
-    settled = {Status.CONVERGED, Status.AT_LIMIT}
-    assert kernel.status is reference.status or {kernel.status, reference.status} == settled
-    if reference.status not in settled:
-        # Too little is measured for what is free: two in a thousand of these problems.
-        assert np.isnan(kernel.covariance).all() == np.isnan(reference.covariance).all()
-        return
-    values, expected = kernel.state.vector(), reference.state.vector()
-    for block in _blocks(len(problem.magnets)):
-        assert np.linalg.norm(values[block] - expected[block]) <= 1e-9 * np.linalg.norm(expected[block])
-    deviation = np.sqrt(np.diagonal(reference.covariance))
-    step = kernel.state.step_from(reference.state)
-    assert (np.abs(step) <= 1e-9 * deviation + 1e-15).all()  # no more than rounding where a part is fixed
-    limit = 1e-9 * deviation[:, None] * deviation
-    assert (np.abs(kernel.covariance - reference.covariance) <= limit).all()
-    assert kernel.chi2 == pytest.approx(reference.chi2, rel=1e-9, abs=1e-9)
-    assert kernel.residual_t == pytest.approx(reference.residual_t, rel=1e-9)
-    assert (kernel.rows, kernel.unknowns) == (reference.rows, reference.unknowns)
-
-
-@pytest.fixture(params=[solve_problem, solve_reference], ids=["c", "numpy"])
-def solver(request: pytest.FixtureRequest) -> Callable[[Problem], Solution]:
-    return request.param
-
-
-def test_nine_unknowns_at_rest_name_what_trades_off(solver, pad: Pad) -> None:
+def test_nine_unknowns_at_rest_name_what_trades_off(pad: Pad) -> None:
     rest = State.at_rest(pad)
-    solution = solver(problem_at(pad, rest, parts=parts_of(free=np.arange(9))))
+    solution = solve_problem(problem_at(pad, rest, parts=parts_of(free=np.arange(9))))
     assert solution.status is Status.UNOBSERVABLE
     assert set(solution.unobservable) == {"z", "moment", "ambient z"}
     assert np.isnan(solution.covariance).all()
@@ -88,59 +39,61 @@ def test_nine_unknowns_at_rest_name_what_trades_off(solver, pad: Pad) -> None:
     assert np.linalg.norm(jacobian / NOISE_T @ (solution.direction / scale)) < 1e-6
 
 
-def test_a_height_known_to_half_a_centimetre_is_unobservable(solver, pad: Pad) -> None:
+def test_a_height_known_to_half_a_centimetre_is_unobservable(pad: Pad) -> None:
     """The bound there is 4.95 mm, of 16 mm to the sensors; where it is 0.8 mm, the answer stands."""
     lateral = State(np.array([0.3e-3, 0.0, 12e-3]), np.array([0.05, 0.0, 1.0]) / np.hypot(0.05, 1.0), 0.0, np.zeros(3))
     parts = parts_of(free=np.arange(9))
-    solution = solver(problem_at(pad, lateral, parts=parts, max_iterations=0))
+    solution = solve_problem(problem_at(pad, lateral, parts=parts, max_iterations=0))
     assert solution.status is Status.UNOBSERVABLE
     assert "z" in solution.unobservable
     pressed = State(np.array([0.5e-3, 0.3e-3, 10.5e-3]), np.array([0.1, 0.05, 0.99]), 0.0, np.zeros(3))
     pressed = replace(pressed, axis=pressed.axis / np.linalg.norm(pressed.axis))
-    solution = solver(problem_at(pad, pressed, parts=parts))
+    solution = solve_problem(problem_at(pad, pressed, parts=parts))
     assert solution.status is Status.CONVERGED
     assert np.sqrt(solution.covariance[2, 2]) == pytest.approx(827e-6, rel=0.01)
 
 
-def test_one_sensor_alone_is_unobservable(solver, pad: Pad) -> None:
+def test_one_sensor_alone_is_unobservable(pad: Pad) -> None:
     problem = problem_at(pad)
-    solution = solver(replace(problem, measurements=problem.measurements[:3]))
+    solution = solve_problem(replace(problem, measurements=problem.measurements[:3]))
     assert solution.status is Status.UNOBSERVABLE
 
 
-def test_a_search_that_may_not_go_on_says_so(solver, pad: Pad) -> None:
+def test_a_search_that_may_not_go_on_says_so(pad: Pad) -> None:
     far = TRUTH.stepped(np.array([1e-3, 0, 1e-3, 0.2, 0.2]))
-    solution = solver(replace(problem_at(pad), start=far, max_iterations=1))
+    solution = solve_problem(replace(problem_at(pad), start=far, max_iterations=1))
     assert solution.status is Status.AT_LIMIT
     assert np.isfinite(solution.covariance).all()
 
 
-def test_considered_moment_widens_the_covariance_and_is_not_updated(solver, pad: Pad) -> None:
-    sure = solver(problem_at(pad))
+def test_considered_moment_widens_the_covariance_and_is_not_updated(pad: Pad) -> None:
+    sure = solve_problem(problem_at(pad))
     covariance = np.zeros((SIZE, SIZE))
     covariance[5, 5] = 0.02**2
     parts = parts_of(free=[0, 1, 2, 3, 4, 6, 7, 8], considered=5)
-    held = solver(problem_at(pad, parts=parts, prior=Prior(TRUTH, covariance)))
+    held = solve_problem(problem_at(pad, parts=parts, prior=Prior(TRUTH, covariance)))
     assert held.state.log_moment == TRUTH.log_moment
     assert held.covariance[5, 5] == pytest.approx(0.02**2, rel=1e-12)
     # The estimate's shift per unit of moment, by solving again with another moment: linear to its curvature.
-    shifted = solver(problem_at(pad, start=replace(TRUTH, log_moment=TRUTH.log_moment + 1e-6)))
+    shifted = solve_problem(problem_at(pad, start=replace(TRUTH, log_moment=TRUTH.log_moment + 1e-6)))
     slope = shifted.state.step_from(sure.state)[:9] / 1e-6
     assert held.covariance[:9, 5] == pytest.approx(slope * 0.02**2, rel=1e-4, abs=1e-12)
     extra = held.covariance[:5, :5] - sure.covariance[:5, :5]
     assert extra == pytest.approx(np.outer(slope[:5], slope[:5]) * 0.02**2, rel=1e-4, abs=1e-14)
 
 
-def test_prior_from_one_frame_makes_the_next_twice_as_good(solver, pad: Pad) -> None:
+def test_prior_from_one_frame_makes_the_next_twice_as_good(pad: Pad) -> None:
     """Two frames fused by the prior equal both solved at once, in the state and in its covariance."""
     random = np.random.default_rng(3)
     frames = [problem_at(pad), problem_at(pad)]
     for frame in frames:
         frame.measurements[:, VALUE] += random.normal(0.0, NOISE_T, 12)
-    first = solver(frames[0])
+    first = solve_problem(frames[0])
     after = parts_of(prior=[0, 1, 2, 3, 4, 6, 7, 8])
-    chained = solver(replace(frames[1], parts=after, prior=Prior(first.state, first.covariance), start=first.state))
-    both = solver(replace(frames[0], measurements=np.concatenate([frame.measurements for frame in frames])))
+    chained = solve_problem(
+        replace(frames[1], parts=after, prior=Prior(first.state, first.covariance), start=first.state)
+    )
+    both = solve_problem(replace(frames[0], measurements=np.concatenate([frame.measurements for frame in frames])))
     deviation = np.sqrt(np.diagonal(both.covariance))[:9]
     # The prior is the first frame's posterior only as far as that is Gaussian: curvature over a deviation of 1e-3.
     assert (np.abs(chained.state.step_from(both.state)[:9]) <= 0.01 * deviation + 1e-15).all()
@@ -148,7 +101,7 @@ def test_prior_from_one_frame_makes_the_next_twice_as_good(solver, pad: Pad) -> 
     assert chained.degrees_of_freedom == 12
 
 
-def test_prior_is_transported_to_where_the_axis_is(solver, pad: Pad) -> None:
+def test_prior_is_transported_to_where_the_axis_is(pad: Pad) -> None:
     """A prior that knows one tilt and not the other still knows that one after the basis has flipped at z = 0."""
     flat = replace(TRUTH, axis=np.array([0.6, 0.8, 0.0]))
     mean = flat.stepped(np.array([0.0, 0.0, 0.0, 0.02, -0.01]))
@@ -160,7 +113,7 @@ def test_prior_is_transported_to_where_the_axis_is(solver, pad: Pad) -> None:
         covariance = np.eye(SIZE)
         covariance[AXIS, AXIS] = tilt
         problem = problem_at(pad, flat, parts=parts_of(free=[0, 1, 2], prior=[3, 4]), start=flat)
-        solution = solver(replace(problem, prior=Prior(origin, covariance)))
+        solution = solve_problem(replace(problem, prior=Prior(origin, covariance)))
         own = tangent_basis(solution.state.axis)
         spread = own @ solution.covariance[AXIS, AXIS] @ own.T
         assert known @ spread @ known < 1.1e-10

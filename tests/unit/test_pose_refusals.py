@@ -1,26 +1,18 @@
-"""What the kernel and NumPy refuse alike: numbers that are no measurement, start, motion or prior."""
+"""What the kernel refuses: numbers that are no measurement, start, motion or prior."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fmfts.pad import Pad
-from fmfts.pose import Motion, Part, Prior, Problem, Solution, Status
+from fmfts.pose import Motion, Part, Prior, Status
 from fmfts.pose.kernel import solve_problem
 from fmfts.pose.problem import AGE, NOISE, PROPORTIONAL, VALUE
 from fmfts.pose.state import SIZE
 from kernel.problems import TRUTH, problem_at
-from twins.solver import solve_reference
-
-
-@pytest.fixture(params=[solve_problem, solve_reference], ids=["c", "numpy"])
-def solver(request: pytest.FixtureRequest) -> Callable[[Problem], Solution]:
-    return request.param
-
 
 BAD_ROWS = {
     "zero noise": (NOISE, 0.0),
@@ -39,30 +31,30 @@ BAD_ROWS = {
 
 
 @pytest.mark.parametrize("what", BAD_ROWS)
-def test_a_row_that_is_no_measurement_is_refused(solver, pad: Pad, what: str) -> None:
+def test_a_row_that_is_no_measurement_is_refused(pad: Pad, what: str) -> None:
     problem = problem_at(pad)
     column, value = BAD_ROWS[what]
     problem.measurements[4, column] = value
-    solution = solver(problem)
+    solution = solve_problem(problem)
     assert solution.status is Status.INVALID
     assert np.isnan(solution.covariance).all()
     assert np.isnan([solution.chi2, solution.residual_t]).all()
 
 
 @pytest.mark.parametrize(("column", "value"), [(VALUE, np.nan), (VALUE, np.inf), (VALUE, -np.inf), (NOISE, np.inf)])
-def test_a_row_that_holds_no_value_is_left_out(solver, pad: Pad, column: int, value: float) -> None:
+def test_a_row_that_holds_no_value_is_left_out(pad: Pad, column: int, value: float) -> None:
     problem = problem_at(pad)
     without = replace(problem, measurements=np.delete(problem.measurements, 4, axis=0))
     problem.measurements[4, column] = value
-    left_out, absent = solver(problem), solver(without)
+    left_out, absent = solve_problem(problem), solve_problem(without)
     assert left_out.rows == absent.rows == 11
     assert left_out.covariance == pytest.approx(absent.covariance, rel=1e-12)
 
 
-def test_a_value_too_large_to_square_is_refused(solver, pad: Pad) -> None:
+def test_a_value_too_large_to_square_is_refused(pad: Pad) -> None:
     problem = problem_at(pad)
     problem.measurements[4, VALUE] = 1e300
-    assert solver(problem).status is Status.INVALID
+    assert solve_problem(problem).status is Status.INVALID
 
 
 BAD_STARTS = {
@@ -73,8 +65,8 @@ BAD_STARTS = {
 
 
 @pytest.mark.parametrize("what", BAD_STARTS)
-def test_a_start_that_is_no_state_is_refused(solver, pad: Pad, what: str) -> None:
-    assert solver(replace(problem_at(pad), start=BAD_STARTS[what])).status is Status.INVALID
+def test_a_start_that_is_no_state_is_refused(pad: Pad, what: str) -> None:
+    assert solve_problem(replace(problem_at(pad), start=BAD_STARTS[what])).status is Status.INVALID
 
 
 NONE, ONE = np.zeros(SIZE), np.eye(SIZE)[6]
@@ -87,37 +79,37 @@ BAD_MOTIONS = {
 
 
 @pytest.mark.parametrize("what", BAD_MOTIONS)
-def test_a_motion_that_is_none_is_refused(solver, pad: Pad, what: str) -> None:
+def test_a_motion_that_is_none_is_refused(pad: Pad, what: str) -> None:
     problem = problem_at(pad)
     problem.measurements[:, AGE] = 1e-3
-    assert solver(replace(problem, motion=Motion(NONE, 1e-12 * ONE))).status is Status.CONVERGED
-    assert solver(replace(problem, motion=BAD_MOTIONS[what])).status is Status.INVALID
+    assert solve_problem(replace(problem, motion=Motion(NONE, 1e-12 * ONE))).status is Status.CONVERGED
+    assert solve_problem(replace(problem, motion=BAD_MOTIONS[what])).status is Status.INVALID
 
 
-def test_a_part_that_is_none_is_refused(solver, pad: Pad) -> None:
+def test_a_part_that_is_none_is_refused(pad: Pad) -> None:
     problem = problem_at(pad)
     problem.parts[12] = 7
-    assert solver(problem).status is Status.INVALID
+    assert solve_problem(problem).status is Status.INVALID
 
 
 @pytest.mark.parametrize("stop_chi2", [0.0, -1.0, np.inf, np.nan])
-def test_a_search_that_would_never_or_always_end_is_refused(solver, pad: Pad, stop_chi2: float) -> None:
-    assert solver(problem_at(pad, stop_chi2=stop_chi2)).status is Status.INVALID
+def test_a_search_that_would_never_or_always_end_is_refused(pad: Pad, stop_chi2: float) -> None:
+    assert solve_problem(problem_at(pad, stop_chi2=stop_chi2)).status is Status.INVALID
 
 
 @pytest.mark.parametrize("part", [Part.PRIOR, Part.CONSIDERED])
-def test_a_prior_that_is_none_is_refused(solver, pad: Pad, part: Part) -> None:
+def test_a_prior_that_is_none_is_refused(pad: Pad, part: Part) -> None:
     problem = problem_at(pad)
     problem.parts[5] = part
-    assert solver(problem).status is Status.INVALID
+    assert solve_problem(problem).status is Status.INVALID
     for variance in (0.0, -1.0, np.nan, np.inf):
         covariance = np.diag(np.r_[np.ones(5), variance, np.ones(8)])
-        assert solver(replace(problem, prior=Prior(TRUTH, covariance))).status is Status.INVALID
+        assert solve_problem(replace(problem, prior=Prior(TRUTH, covariance))).status is Status.INVALID
 
 
-def test_noise_of_zero_is_refused_also_beside_a_proportional_part(solver, pad: Pad) -> None:
+def test_noise_of_zero_is_refused_also_beside_a_proportional_part(pad: Pad) -> None:
     problem = problem_at(pad)
     problem.measurements[:, PROPORTIONAL] = 0.01
-    assert solver(problem).status is Status.CONVERGED
+    assert solve_problem(problem).status is Status.CONVERGED
     problem.measurements[4, NOISE] = 0.0
-    assert solver(problem).status is Status.INVALID
+    assert solve_problem(problem).status is Status.INVALID

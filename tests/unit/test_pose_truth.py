@@ -28,7 +28,7 @@ from fmfts.pose import (
     solve,
     tangent_basis,
 )
-from fmfts.pose.acquisition import starts_around
+from fmfts.pose.acquisition import starts_in_box
 from fmfts.pose.model import predict
 from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
 
@@ -148,7 +148,7 @@ def recorded_error(frame: list[dict[str, float]], sensors: set[int]) -> float:
     nowhere = State(place.mean(axis=0), np.array([0.0, 0.0, 1.0]), 0.0, np.zeros(3))
     magnets = magnet_rows(Magnet(10e-3, 10e-3, remanence), octupole=True)
     problem = Problem(rows, magnets, parts_of(free=FREE_POSE), nowhere)
-    found = acquire(problem, starts_around(rows, 50e-3), chi2_limit=np.inf)
+    found = acquire(problem, starts_in_box(place.mean(axis=0), np.full(3, 50e-3)), chi2_limit=np.inf)
     assert found.best.status is Status.CONVERGED
     return float(np.linalg.norm(found.best.state.position_m * 1e3 - vector(used[0], "magnet_", "mm")))
 

@@ -7,7 +7,7 @@ from fmfts.pose.dipole import dipole_derivatives, dipole_field, octupole_m2
 from fmfts.pose.field_errors import FieldErrors, SensorErrors
 from fmfts.pose.kernel import Batch, solve_problem
 from fmfts.pose.problem import STOP_CHI2, STOP_CONVERGED, Motion, Part, Prior, Problem, Solution, Status, parts_of
-from fmfts.pose.solver import FREE_FIELD, FREE_PAPER, FREE_POSE, PoseEstimate, solve, solve_batch
+from fmfts.pose.solver import FREE_FIELD, FREE_PAPER, FREE_POSE, PoseEstimate, solve
 from fmfts.pose.state import AMBIENT, AXIS, LOG_MOMENT, POSITION, SIZE, State, tangent_basis
 from fmfts.pose.tracking_model import PAPER, TrackingModel
 
@@ -48,7 +48,6 @@ __all__ = [
     "parts_of",
     "repeats_allowed",
     "solve",
-    "solve_batch",
     "solve_problem",
     "tangent_basis",
     "widened",

@@ -1,7 +1,7 @@
 """Cold start: finds the magnet when nothing is known of it, from several start positions.
 
 For a given position, the moment and the ambient field are linear unknowns, so the search has only three dimensions
-(variable projection, fmfts.pose.projection). A few starts together take a few hundred microseconds, and show whether
+(variable projection: projection.c). A few starts together take a few hundred microseconds, and show whether
 there is more than one solution.
 """
 
@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import eigen, length, product, singular_values, solve
+from fmfts.arithmetic.matrix import eigen, length, product, solve
 from fmfts.pose.kernel import Batch
 from fmfts.pose.model import brought_to_now, predict, usable_rows
-from fmfts.pose.problem import PLACE, Part, Problem, Solution, Status
+from fmfts.pose.problem import Part, Problem, Solution, Status
 from fmfts.pose.state import POSITION, State
 
 Array = NDArray[np.float64]
@@ -62,19 +62,6 @@ def acquire(problem: Problem, starts_m: Array, chi2_limit: float) -> Acquired:
         if fits and all(_differ(other, known) for known in (best, *rivals)):
             rivals.append(other)
     return Acquired(best, tuple(rivals), best.status is Status.CONVERGED and _bent(problem, best))
-
-
-def starts_around(measurements: Array, distance_m: float) -> Array:
-    """Start positions (12, 3) m: on both sides of the sensors' plane, near and far, above the middle and beside it."""
-    places = np.unique(measurements[:, PLACE], axis=0)
-    middle = places.mean(axis=0)
-    along, across, normal = singular_values(places - middle)[2].T
-    aside = 0.6 * np.array([along, -along, across, -across])
-    one_side = np.array([0.6 * normal, 1.5 * normal, *(normal + aside)])
-    starts: Array = middle + distance_m * np.concatenate(
-        [one_side, one_side - 2.0 * np.outer(product(one_side, normal), normal)]
-    )
-    return starts
 
 
 def starts_in_box(middle_m: Array, half_m: Array) -> Array:

@@ -1,4 +1,9 @@
-/* Variable projection: projection.py explains it. */
+/* Variable projection: for a given position of the magnet, its moment and the ambient field are linear unknowns.
+ *
+ * They are solved for at each trial position, so Levenberg–Marquardt searches in three dimensions only (Kaufman's form), and a
+ * start needs neither an axis nor a strength. G. Golub, V. Pereyra, "The differentiation of pseudo-inverses…", SIAM J. Numer.
+ * Anal. 10 (1973) 413. Only the dipole is linear: the search's steps fit the octupole.
+ */
 #include "search.h"
 
 #define SECULAR_STEPS 50
@@ -41,7 +46,11 @@ static void eigen3(double a[3][3], double vectors[3][3])
     }
 }
 
-/* The minimum of µᵀAµ − 2bᵀµ over |µ| = length: _of_length in projection.py. */
+/* The lowest minimum of µᵀAµ − 2bᵀµ over |µ| = length: (A − λ)µ = b, with λ below the eigenvalues of A.
+ *
+ * λ is found with Newton's method on 1/|µ(λ)|, which is nearly linear, from the side where it converges monotonically (A. Conn,
+ * N. Gould, P. Toint, "Trust-Region Methods", 2000, section 7.3). Without a component along the weakest direction, both of its
+ * signs are equally good: one is taken. */
 static void of_length(double a[3][3], const double slope[3], double length, double moment[3])
 {
     double vectors[3][3], turned[3], part[3] = {0}, square = dot3(slope, slope), size = 0.0;

@@ -26,7 +26,7 @@ from fmfts.pose.problem import (
 from fmfts.pose.state import State, tangent_basis
 from fmfts.sensor.chips import NOISE_T
 
-__all__ = ["FREE_FIELD", "FREE_PAPER", "FREE_POSE", "PoseEstimate", "Status", "estimate_of", "solve", "solve_batch"]
+__all__ = ["FREE_FIELD", "FREE_PAPER", "FREE_POSE", "PoseEstimate", "Status", "estimate_of", "solve"]
 
 Array = NDArray[np.float64]
 
@@ -118,17 +118,3 @@ def estimate_of(solution: Solution, magnet: Magnet) -> PoseEstimate:
         solution.direction,
         remanence_t,
     )
-
-
-def solve_batch(fields_t: Array, pad: Pad) -> tuple[Array, Array, Array]:
-    """Solve K independent fields (K, N, 3) from rest: positions (K, 3) m, unit axes (K, 3), remanences (K,) T.
-
-    Rows without a solution are NaN.
-    """
-    estimates = [solve(field, pad) for field in fields_t]
-    solved = np.array([estimate.status is Status.CONVERGED for estimate in estimates])
-    position = np.array([estimate.position_m for estimate in estimates])
-    axis = np.array([estimate.axis for estimate in estimates])
-    remanence = np.array([estimate.remanence_t for estimate in estimates])
-    position[~solved], axis[~solved], remanence[~solved] = np.nan, np.nan, np.nan
-    return position, axis, remanence
