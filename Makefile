@@ -50,6 +50,8 @@
 # make bench   time and accuracy of a solve, and latency of a frame; make cold-starts: convergence, half an hour
 
 PYTHON ?= python3
+# Packages of their own, which the robot's package names as extras.
+EXTRAS := $(sort $(patsubst %/pyproject.toml,%,$(wildcard extras/*/pyproject.toml)))
 VENV := .venv
 BIN := $(VENV)/bin
 SECONDS ?=
@@ -245,9 +247,9 @@ compiled-parts:
 
 wheel: $(VENV)/.installed-test
 	rm -rf build/wheel
-	$(BIN)/pip wheel -q --no-deps -w build/wheel .
+	$(BIN)/pip wheel -q --no-deps -w build/wheel . $(EXTRAS:%=./%)
 	@for part in $(COMPILED_PARTS); do \
-	  $(BIN)/python -m zipfile -l build/wheel/*.whl | grep "fmfts/$$part.*so" >/dev/null || \
+	  $(BIN)/python -m zipfile -l build/wheel/fmfts-*.whl | grep "fmfts/$$part.*so" >/dev/null || \
 	    { echo "the wheel has no fmfts/$$part: is there a C compiler?" >&2; rm -rf build/wheel; exit 1; }; done
 	@$(BIN)/python -m zipfile -l build/wheel/fmfts-*.whl | grep "fmfts/page/static/vendor/uPlot.esm.js" >/dev/null || \
 	    { echo "the wheel has no page" >&2; exit 1; }
@@ -316,9 +318,9 @@ $(VENV)/.installed: pyproject.toml $(wildcard daemon/fmfts/*/*.[ch] daemon/fmfts
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e .
 	@touch $@
 
-$(VENV)/.installed-test: pyproject.toml $(VENV)/.installed
+$(VENV)/.installed-test: pyproject.toml $(EXTRAS:%=%/pyproject.toml) $(VENV)/.installed
 	@echo "installing what the tests need into $(VENV)"
-	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[test,fem]' -e ./lab
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[test,fem]' -e ./lab $(EXTRAS:%=-e ./%)
 	@touch $@
 
 base-packages:

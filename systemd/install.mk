@@ -6,6 +6,9 @@ SYSTEM_PYTHON ?= /usr/bin/python3
 # WITHOUT_DEPENDENCIES=1: pip installs no dependencies with the package (the Debian package brings its own).
 WITHOUT_DEPENDENCIES ?=
 
+# Extras that every installation on a system has.
+INSTALL_EXTRAS := extras/collect
+
 INSTALL_LIB := $(PREFIX)/lib/fmfts
 # systemd and udev search for these files below /usr/local/lib as well as /usr/lib.
 INSTALL_FILES := $(PREFIX)/bin/fmfts-daemon $(PREFIX)/lib/systemd/system/fmfts.service \
@@ -26,7 +29,7 @@ DEB_PACKAGES = $(call missing_packages,debhelper dh-python build-essential pytho
 install:
 	@$(call need,$(INSTALL_PACKAGES),exit 1)
 	rm -rf "$(DESTDIR)$(INSTALL_LIB)"
-	$(PIP_TARGET) $(if $(WITHOUT_DEPENDENCIES),--no-deps) ./clients/python .
+	$(PIP_TARGET) $(if $(WITHOUT_DEPENDENCIES),--no-deps) ./clients/python . $(INSTALL_EXTRAS:%=./%)
 	find "$(DESTDIR)$(INSTALL_LIB)/bin" -type f ! -name fmfts-daemon -delete
 	install -d -m 755 $(foreach file,$(INSTALL_FILES),"$(DESTDIR)$(dir $(file))") "$(DESTDIR)/etc/fmfts"
 	$(IN_PLACE) systemd/fmfts-daemon.sh | install -m 755 /dev/stdin "$(DESTDIR)$(PREFIX)/bin/fmfts-daemon"
@@ -50,7 +53,7 @@ VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 DEB_BUILD := build/deb
 # The time of the commit, so that the same commit gives the same package; without git, that of CHANGELOG.md.
 SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || stat -c %Y CHANGELOG.md)
-DEB_SOURCES := Makefile pyproject.toml setup.py README.md CHANGELOG.md LICENSE config.toml daemon docs clients/python systemd
+DEB_SOURCES := Makefile pyproject.toml setup.py README.md CHANGELOG.md LICENSE config.toml daemon docs clients/python $(INSTALL_EXTRAS) systemd
 
 # A package for the Debian or Ubuntu that builds it, in build/. It fetches what that lacks from PyPI, by hash
 # (systemd/debian/vendored.txt).

@@ -6,9 +6,10 @@ from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = ("daemon/fmfts", "lab", "clients", "firmware")
+FOLDERS = ("daemon/fmfts", "lab", "extras", "clients", "firmware")
 SUFFIXES = {".py", ".c", ".h", ".pyi"}
 LONGEST = 250
+DEPTHS = {"daemon": 3, "extras": 2}  # folders that a room's name has
 
 
 def sizes() -> dict[Path, int]:
@@ -25,7 +26,7 @@ def main() -> None:
             print(f"{lines:5} {path}")
     rooms: Counter[str] = Counter()
     for path, lines in found.items():
-        rooms["/".join(path.parts[:3]) if path.parts[0] == "daemon" else path.parts[0]] += lines
+        rooms["/".join(path.parts[: DEPTHS.get(path.parts[0], 1)])] += lines
     print(f"\n{'lines':>5} room")
     for room, lines in rooms.most_common():
         print(f"{lines:5} {room}")

@@ -1,6 +1,7 @@
 """What is in dist/, installed into clean environments of every Python, and the demo from there: `make test-dist`.
 
-In an empty folder, without the repository. Also the source archive, built where no wheel fits, and the client alone.
+In an empty folder, without the repository. Also the source archive, built where no wheel fits, verbs of
+extras, and the client alone.
 Prints how large an installation is, by package, for docs/installing.md.
 """
 
@@ -28,6 +29,7 @@ DEMO_S = 10
 SEEN = re.compile(r"pad (?:demo|array): (\d+) messages; .* ok ")
 LEAST_MESSAGES = 220  # a second of them: a busy computer starts the daemon late
 LARGEST_LISTED = 8
+VERBS_OF_EXTRAS = ("collect",)
 
 
 @contextmanager
@@ -115,6 +117,24 @@ def tried_from_source(python: str) -> None:
         print(f"Python {python}: source archive, demo, {demos_run(folder)}", flush=True)
 
 
+def extras_add_their_verbs(python: str) -> None:
+    """Each verb with its package, and without it a refusal that says how to install it."""
+    client, wheel = built("fmfts_client-*.whl"), built(f"fmfts-*_{os.uname().machine}.whl")
+    for verb in VERBS_OF_EXTRAS:
+        with environment(python, client, wheel) as folder:
+            ended = said_by(folder, verb)
+            require(ended.returncode == 69 and f"'fmfts[{verb}]'" in ended.stderr, f"without its package:\n{ended}")
+        with environment(python, "--find-links", DIST, client, f"fmfts[{verb}] @ file://{wheel}") as folder:
+            ended = said_by(folder, verb, "--help")
+            require(ended.returncode == 0 and "--by-hand" in ended.stdout, f"with its package:\n{ended}")
+        print(f"Python {python}: {verb}, with its package and without it", flush=True)
+
+
+def said_by(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [folder / "venv/bin/fmfts-daemon", *words]
+    return subprocess.run(command, cwd=folder, env=clean_variables(), capture_output=True, text=True, check=False)
+
+
 def refused_without_a_compiler(python: str) -> None:
     with environment(python, built("fmfts_client-*.tar.gz")) as folder:
         command = [find_uv_bin(), "pip", "install", "--python", folder / "venv", "--no-deps", built("fmfts-*.tar.gz")]
@@ -145,13 +165,15 @@ def main() -> int:
     for python in wanted:
         tried_with(python)
     tried_from_source(wanted[-1])
+    extras_add_their_verbs(wanted[-1])
     refused_without_a_compiler(wanted[-1])
     client_alone(client_pythons[0])
     if chosen.sizes:
         client, wheel = built("fmfts_client-*.whl"), built(f"fmfts-*_{os.uname().machine}.whl")
         for extra in ("", *Project(ROOT).described["project"]["optional-dependencies"]):
             if extra not in ("study", "test", "versions", "dist"):
-                with environment(wanted[0], client, f"fmfts[{extra}] @ file://{wheel}" if extra else wheel) as folder:
+                words = ["--find-links", DIST, client, f"fmfts[{extra}] @ file://{wheel}" if extra else wheel]
+                with environment(wanted[0], *words) as folder:
                     print_sizes(f"fmfts[{extra}]" if extra else "fmfts", folder)
     for python in lacking:
         print(f"Python {python}: not tried, for it is not on PATH, and uv cannot fetch it here")

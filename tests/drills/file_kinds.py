@@ -22,9 +22,6 @@ from fmfts.baseline.files import path_of, store_gains, stored_gains
 from fmfts.bus.keys import KeyFolder, KeysError
 from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.field_table import DataError
-from fmfts.collect.errors import RefusedError
-from fmfts.collect.machine_log import read_log
-from fmfts.collect.plan import PRESETS, PlanError, read_plan
 from fmfts.common.toml import parse
 from fmfts.config import PadConfig, ReplaySource, SimulatedSource, file
 from fmfts.config.file import ConfigError
@@ -48,6 +45,9 @@ from fmfts.simulation.pad_file import PadFileError, read_pad_file, write_pad_fil
 from fmfts.simulation.slab import Slab
 from fmfts.simulation.solved_table import standard_mechanics
 from fmfts_client.keys import BadKeyError, client_key
+from fmfts_collect.errors import RefusedError
+from fmfts_collect.machine_log import read_log
+from fmfts_collect.plan import PRESETS, PlanError, read_plan
 
 ROOT = Path(__file__).parents[2]
 CONFIG = PadConfig(name="left", source=SimulatedSource())

@@ -175,8 +175,9 @@ def installed(project: Project, python: str, end: str, folder: Path) -> dict[str
         *extras,
         *client,
     )
-    laboratory = [project.folder / "lab"] if (project.folder / "lab").is_dir() else []  # its verbs are tried, too
-    uv("pip", "install", "--python", folder, "--no-deps", wheel(project, python, end, folder), *laboratory)
+    # Packages whose verbs are tried, too.
+    beside = [path.parent for place in ("lab", "extras/*") for path in project.folder.glob(f"{place}/pyproject.toml")]
+    uv("pip", "install", "--python", folder, "--no-deps", wheel(project, python, end, folder), *beside)
     listed = json.loads(uv("pip", "list", "--python", folder, "--format", "json"))
     return {each["name"]: each["version"] for each in listed if each["name"] in project.bounds}
 

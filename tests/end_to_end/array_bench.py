@@ -93,5 +93,5 @@ class ArrayBench(PressedBench):
     @contextmanager
     def _surroundings(self) -> Iterator[None]:
         pads = [(self.source, {0: "left"})]
-        with super()._surroundings(), patch("fmfts.collect.feed.open_sources", lambda _: pads):
+        with super()._surroundings(), patch("fmfts.cli.feed.open_sources", lambda _: pads):
             yield

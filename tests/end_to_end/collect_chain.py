@@ -19,8 +19,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from end_to_end import collect_judging as judging
 from end_to_end.collecting_bench import PressedBench, exact_pad, magnet_field_t
-from fmfts.collect.errors import CollectError
-from fmfts.collect.plan import read_plan
+from fmfts_collect.errors import CollectError
+from fmfts_collect.plan import read_plan
 
 GRAIN_S = 0.005
 FIELDS = [f"b{sensor}{axis}_ut" for sensor in range(1, 5) for axis in "xyz"]

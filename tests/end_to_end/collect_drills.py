@@ -17,7 +17,7 @@ import pytest
 from end_to_end.collecting_bench import PressedBench
 from end_to_end.test_collect import plan, rows
 from end_to_end.test_collect_faults import ONE_PLACE
-from fmfts.collect.guard import HANG_S
+from fmfts_collect.guard import HANG_S
 
 STOPPED = 69
 LIFTED_WITHIN_S = 0.15  # the issue's, for an unplugged gauge: reading and deciding takes 20 ms, 1 mm at 20 mm/s 50 ms

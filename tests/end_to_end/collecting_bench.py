@@ -29,15 +29,16 @@ from end_to_end.processes import FirmwareHost
 from fmfts.baseline.files import stored
 from fmfts.baseline.job import BaselineJob
 from fmfts.baseline.request import BaselineRequest
-from fmfts.collect.clock import Clock, Monotonic
-from fmfts.collect.feed import DeviceFeed, open_feed
-from fmfts.collect.work import collect
-from fmfts.config import Config, PadConfig, SimulatedSource
-from fmfts.config.file import load
+from fmfts.cli.feed import DeviceFeed, open_feed
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.config.file import load_as
 from fmfts.pad import Array
 from fmfts.sensor.bridge.bridge import Bridge
 from fmfts.simulation.cylinder import cylinder_field
 from fmfts.simulation.mounted import MountedPad
+from fmfts_collect.clock import Clock, Monotonic
+from fmfts_collect.settings import CollectingConfig
+from fmfts_collect.work import collect
 
 ORIGIN_MM, SURFACE_MM, CLEAR_MM = (100.0, 100.0), 10.0, 12.0
 HALF_SPAN_MM = 17.0
@@ -285,8 +286,8 @@ class PressedBench:
         with self._surroundings():
             return collect(config, config.pad[0], str(plan), output, by_hand=False, clock=self.clock)
 
-    def _loaded(self) -> Config:
-        return load(self.config)[0]
+    def _loaded(self) -> CollectingConfig:
+        return load_as(CollectingConfig, self.config)[0]
 
     @contextmanager
     def _surroundings(self) -> Iterator[None]:

@@ -20,12 +20,12 @@ import pytest
 from end_to_end.collecting_bench import PressedBench
 from end_to_end.processes import run_command
 from end_to_end.test_collect import frames_behind, plan, rows
-from fmfts.collect.errors import CollectError, RefusedError, StoppedError
-from fmfts.collect.guard import Guard
-from fmfts.collect.machine import Machine
-from fmfts.collect.stage import Stage
-from fmfts.collect.table import Row, Table
 from fmfts.common import exit_codes
+from fmfts_collect.errors import CollectError, RefusedError, StoppedError
+from fmfts_collect.guard import Guard
+from fmfts_collect.machine import Machine
+from fmfts_collect.stage import Stage
+from fmfts_collect.table import Row, Table
 
 TESTS = Path(__file__).parents[1]
 LIFTED_WITHIN_S = 0.15
@@ -124,7 +124,7 @@ def test_rod_is_lifted_while_the_disk_still_writes(bench: PressedBench, monkeypa
     monkeypatch.setattr(Table, "add", hang)
     monkeypatch.setattr(Stage, "release", told)
     # Of the bench's time, faster than the disk's: a healthy row, and the start of a recording, take a second.
-    monkeypatch.setattr("fmfts.collect.session.DISK_S", 30.0)
+    monkeypatch.setattr("fmfts_collect.session.DISK_S", 30.0)
     end = ended(bench)
     assert isinstance(end, StoppedError)
     assert "did not take press 1 in 30 s; the rod was lifted by" in str(end)

@@ -16,18 +16,18 @@ import pytest
 
 from emulator.gcode_machine import GcodeMachine
 from emulator.priority import put_ahead
-from fmfts.collect import guard
-from fmfts.collect.guard import HANG_S
+from fmfts_collect import guard
+from fmfts_collect.guard import HANG_S
 
 PATIENCE_S = 30.0
 # A collector as far as its machine goes: homed, guarded, the rod pressed down.
 COLLECTOR = """
 import sys, time
-from fmfts.collect.clock import Monotonic
-from fmfts.collect.errors import CollectError
-from fmfts.collect.stage import Stage
-from fmfts.collect.watch import Limits, Watch
-from fmfts.config.collect import StageConfig
+from fmfts_collect.clock import Monotonic
+from fmfts_collect.errors import CollectError
+from fmfts_collect.stage import Stage
+from fmfts_collect.watch import Limits, Watch
+from fmfts_collect.settings import StageConfig
 
 class Silence:
     description, counts = "nobody", None

@@ -13,14 +13,14 @@ import pytest
 
 from emulator.gcode_machine import GcodeMachine
 from end_to_end.collecting_bench import SimulatedClock
-from fmfts.collect.errors import StoppedError
-from fmfts.collect.gauge import Reading
-from fmfts.collect.machine import SHORT_S, Machine
-from fmfts.collect.plan import Press
-from fmfts.collect.stage import Stage
-from fmfts.collect.watch import Limits, Watch
-from fmfts.config.collect import StageConfig
 from fmfts.sensor import Frame
+from fmfts_collect.errors import StoppedError
+from fmfts_collect.gauge import Reading
+from fmfts_collect.machine import SHORT_S, Machine
+from fmfts_collect.plan import Press
+from fmfts_collect.settings import StageConfig
+from fmfts_collect.stage import Stage
+from fmfts_collect.watch import Limits, Watch
 
 CLEAR_MM = 39.0
 PRESS_MM_PER_S = 1.0

@@ -16,9 +16,9 @@ import pytest
 
 import permitted
 from end_to_end.processes import PATIENCE_S, UNTOUCHED_CONFIG, RunningDaemon, run_command
-from fmfts.collect.gauge import open_gauge
-from fmfts.config.collect import UdpGauge
 from fmfts_client.endpoints import EndpointError, for_daemon
+from fmfts_collect.gauge import open_gauge
+from fmfts_collect.settings import UdpGauge
 from page.rig import View
 from page.test_browser import opened_by_view
 from ports import free_udp_port, tcp_base

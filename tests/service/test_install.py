@@ -22,6 +22,7 @@ SOURCES = (
     "config.toml",
     "daemon",
     "clients",
+    "extras",
     "systemd",
 )
 CONFIG, MINE = "etc/fmfts/config.toml", "# described by its owner\n"
@@ -98,3 +99,5 @@ def assert_runs(tree: Path) -> None:
     said = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
     assert said.returncode == 0, f"the second standard pad and its table of presses ship in the package: {said.stderr}"
     assert [part for part in compiled_parts() if not (library / part).exists()] == []
+    said = subprocess.run([*command, "collect", "--help"], env=environment, capture_output=True, text=True, check=False)
+    assert "--by-hand" in said.stdout, f"extras that every system has are found there: {said.stderr}"

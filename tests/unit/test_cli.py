@@ -150,6 +150,14 @@ def test_verb_of_the_laboratory_says_how_to_install_it(
         assert "pip install ./clients/python . ./lab" in capsys.readouterr().err
 
 
+def test_verb_of_an_extra_says_how_to_install_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
+    assert main(["collect", "simulation", "-o", "data.csv", "--by-hand"]) == 69
+    assert "pip install 'fmfts[collect]'\n" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("word", "meant"),
     [("baselin", "baseline"), ("calibrat", "calibrate"), ("stauts", "status"), ("pad-modle", "pad-model")],

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fmfts.collect import machine_log
-from fmfts.collect.alignment import align
-from fmfts.collect.errors import RefusedError
-from fmfts.collect.machine_log import Log, plateaus, read_log
-from fmfts.collect.plan import read_plan
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import DEFAULT_CHIP
 from fmfts.simulation.mounted import MountedPad
+from fmfts_collect import machine_log
+from fmfts_collect.alignment import align
+from fmfts_collect.errors import RefusedError
+from fmfts_collect.machine_log import Log, plateaus, read_log
+from fmfts_collect.plan import read_plan
 
 STEP_T = DEFAULT_CHIP.step_t[3]
 REST_T = np.full((4, 3), 300 * STEP_T)

@@ -16,19 +16,19 @@ from emulator.pty_port import PtyPort
 from fmfts.baseline.files import store
 from fmfts.baseline.origin import Origin
 from fmfts.calibrate.fitting import empty_response
-from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
-from fmfts.collect.gauge import Reading, open_gauge
-from fmfts.collect.hand import Hand
-from fmfts.collect.picture import Picture, cells_of
-from fmfts.collect.plan import PlanError, Press, read_plan
-from fmfts.collect.stage import machine_place, require_within_reach
-from fmfts.collect.watch import Limits, Watch
-from fmfts.collect.weigh import GRAVITY_M_S2, weigh
-from fmfts.collect.work import require_own_baseline
 from fmfts.config import BridgeSource, PadConfig, SimulatedSource
-from fmfts.config.collect import CollectConfig, LoadCellGauge, SerialGauge, StageConfig, UdpGauge, problems
 from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
+from fmfts_collect.errors import AbsentError, RefusedError, StoppedError
+from fmfts_collect.gauge import Reading, open_gauge
+from fmfts_collect.hand import Hand
+from fmfts_collect.picture import Picture, cells_of
+from fmfts_collect.plan import PlanError, Press, read_plan
+from fmfts_collect.settings import CollectConfig, LoadCellGauge, SerialGauge, StageConfig, UdpGauge, problems
+from fmfts_collect.stage import machine_place, require_within_reach
+from fmfts_collect.watch import Limits, Watch
+from fmfts_collect.weigh import GRAVITY_M_S2, weigh
+from fmfts_collect.work import require_own_baseline
 
 
 @pytest.mark.parametrize(
@@ -181,7 +181,7 @@ class Cell:
 
 
 def test_two_weights_tell_what_a_count_is_worth(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fmfts.collect.weigh.LISTEN_S", 0.8)
+    monkeypatch.setattr("fmfts_collect.weigh.LISTEN_S", 0.8)
     cell, hung = Cell(), iter([0.1, 0.5])
 
     def hang(_: str) -> None:
@@ -251,7 +251,7 @@ class Resting:
 
 
 def test_press_that_was_not_felt_is_called_that(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fmfts.collect.hand.PATIENCE_S", 0.6)
+    monkeypatch.setattr("fmfts_collect.hand.PATIENCE_S", 0.6)
     watch = Watch(Cell(), Resting(), Limits(None, 1.0))
     hand, press = Hand(watch, 0.05, lambda _: None, gauge=True), Press(1, 2e-3, -4e-3, 1.0)
     hand.stand_over(press)  # though its zero is not known yet

@@ -12,19 +12,30 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fmfts.cli.main import main
+from fmfts.common import exit_codes
 from fmfts.common.toml import parse
 from fmfts.config import AnyskinSource, BridgeSource, Config, I2cSource, ReplaySource, SimulatedSource
 from fmfts.config import file as config_file
 from fmfts.config.checks import MOST_OTHER_MAGNETS
 from fmfts.config.conversion import convert
 from fmfts.config.example import ARRAY_PATH
-from fmfts.config.file import ConfigError, load
+from fmfts.config.file import ConfigError, load, load_as
 from fmfts.pose import _kernel
+from fmfts_collect.settings import CollectingConfig
 from fmfts_lab.finite_elements.array_pad import array_config
 
 SHIPPED = Path(__file__).parents[2] / "config.toml"
 PAD = '[[pad]]\nname = "a"\n[pad.source]\ntype = "simulated"\n'
 BRIDGE = '[[pad]]\nname = "b"\n[pad.source]\ntype = "bridge"\nport = "/dev/ttyUSB0"\n'
+STAGE = """[collect.stage]
+port = "/dev/ttyACM0"
+dialect = "marlin"
+travel_mm = [[0, 200], [0, 200], [5, 60]]
+force_limit_n = 3
+origin_mm = [100, 100]
+clear_z_mm = 20
+"""
 I2C = '[[pad]]\nname = "i"\n[pad.source]\ntype = "i2c"\nbus = 1\n'
 SIXTEEN = [[i, 0, 0] for i in range(0, 32, 2)]
 TWO_MUXES = (
@@ -43,10 +54,10 @@ def write(folder: Path, text: str) -> Path:
     return file
 
 
-def complaint(folder: Path, text: str) -> str:
+def complaint(folder: Path, text: str, kind: type[Config] = Config) -> str:
     file = write(folder, text)
     with pytest.raises(ConfigError) as error:
-        load(file)
+        load_as(kind, file)
     assert str(error.value).startswith(f"{file}: ")
     return str(error.value).removeprefix(f"{file}: ")
 
@@ -161,7 +172,7 @@ def all_keys(kind: Any) -> set[str]:
 
 def test_every_key_is_explained_in_the_shipped_file() -> None:
     text = SHIPPED.read_text()
-    keys = all_keys(Config)
+    keys = all_keys(CollectingConfig)
     assert {"clock_hz", "uid", "endpoint", "steel_nearby", "sensors_mm"} <= keys, "the walk finds the keys"
     for key in keys - {"other_magnets"}:  # they are tables [[pad.magnet]]
         assert re.search(rf"^(#+ )?(\[+((pad|collect)\.)?{key}\]|{key} = )", text, flags=re.MULTILINE), key
@@ -376,7 +387,7 @@ def test_any_wrong_value_of_any_key_is_an_error_that_names_it(table: str, data: 
     try:
         msgspec.convert(content, Config)
     except msgspec.ValidationError:
-        (said, *_) = convert(content).wrong
+        (said, *_) = convert(content, Config).wrong
         assert key in said or f"{table}." in said
         assert "must be" in said or "is missing" in said or "no such key" in said
 
@@ -410,9 +421,29 @@ def test_wrong_type_is_told_and_the_keys_beside_it_are_judged_as_what_they_fit(t
     port = complaint(tmp_path, usb + 'port = 3\nrate_hz = 100\nchip = "HMC5983"\n')
     for part in (told, "source.port = 3: must be text", "source.chip = 'HMC5983': must be one of"):
         assert part in port
-    gauge = complaint(tmp_path, PAD + '[collect.gauge]\ntype = "usb"\nport = "/dev/ttyUSB0"\n')
+
+
+def test_table_of_another_package_is_judged_by_it_and_left_alone_by_the_daemon(tmp_path: Path) -> None:
+    text = PAD + '[collect.gauge]\ntype = "usb"\nport = "/dev/ttyUSB0"\n'
+    gauge = complaint(tmp_path, text, CollectingConfig)
     assert "collect.gauge.type = 'usb'" in gauge
     assert "simulated" not in gauge
+    assert load(write(tmp_path, text))[0].collect == {"gauge": {"type": "usb", "port": "/dev/ttyUSB0"}}
+    assert "collect.stage: a stage needs" in complaint(tmp_path, PAD + STAGE, CollectingConfig)
+    assert complaint(tmp_path, "collect = 3\n" + PAD) == "collect = 3: must be a table"
+
+
+def test_check_config_judges_the_table_of_a_package_that_is_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["check-config", "--config", str(write(tmp_path, PAD + STAGE))]
+    assert main(words) == exit_codes.CONFIG
+    assert "collect.stage: a stage needs" in capsys.readouterr().err
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
+    assert main(words) == exit_codes.DONE
+    told = capsys.readouterr().err
+    assert "warning: [collect] was not checked" in told
+    assert "pip install 'fmfts[collect]'" in told
 
 
 def test_an_error_brings_no_further_ones_with_it(tmp_path: Path) -> None:

@@ -16,13 +16,13 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "release"))
 
 pytest.importorskip("tomllib", reason="releases are made by Python 3.11 or later")
-from release import NotReadyError, notes, the_version, versions  # noqa: E402
+from release import EXTRAS, NotReadyError, notes, the_version, versions  # noqa: E402
 
 # The packages that the project promises to whoever installs it.
 PROMISED = {"pyserial", "smbus2", "numpy", "scipy", "pyzmq", "msgpack", "onnxruntime"}
 COPYLEFT = re.compile(r"\b[AL]?GPL|\bMPL|\bEPL|\bEUPL|GNU|Mozilla|Eclipse")
 SOURCES = {".py", ".pyi", ".c", ".h", ".so"}
-PROJECTS = [ROOT, ROOT / "clients/python", ROOT / "lab"]
+PROJECTS = [ROOT, ROOT / "clients/python", ROOT / "lab", *EXTRAS]
 
 
 def project(folder: Path) -> dict[str, Any]:
@@ -30,10 +30,13 @@ def project(folder: Path) -> dict[str, Any]:
     return found
 
 
-def test_all_distributions_have_one_version_and_the_daemon_wants_that_client() -> None:
+def test_all_distributions_have_one_version_and_want_that_of_each_other() -> None:
     found = versions()
-    assert "pyproject.toml: fmfts-client" in found
-    assert len(found) == 5
+    assert {"pyproject.toml: fmfts-client", "daemon/fmfts/__init__.py"} <= found.keys()
+    assert {str(folder.relative_to(ROOT) / "pyproject.toml") for folder in PROJECTS} <= found.keys()
+    for folder in EXTRAS:
+        assert f"pyproject.toml: fmfts-{folder.name}" in found
+        assert f"extras/{folder.name}/pyproject.toml: fmfts" in found
     assert set(found.values()) == {the_version()}
 
 
@@ -53,8 +56,10 @@ def test_licence_is_an_spdx_expression(folder: Path) -> None:
     assert project(folder)["license"] == "MIT"
 
 
-def test_client_carries_the_licence() -> None:
-    assert (ROOT / "clients/python/LICENSE").read_text() == (ROOT / "LICENSE").read_text()
+@pytest.mark.parametrize("folder", [ROOT / "clients/python", *EXTRAS], ids=lambda folder: folder.name)
+def test_what_is_published_carries_the_licence(folder: Path) -> None:
+    assert (folder / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
+    assert project(folder)["readme"] == "README.md"
 
 
 def test_promised_packages_come_with_the_daemon() -> None:
@@ -66,7 +71,7 @@ def test_gpl_comes_with_no_extra_but_its_own() -> None:
     extras = project(ROOT)["optional-dependencies"]
     words = [
         *project(ROOT)["dependencies"],
-        *project(ROOT / "lab")["dependencies"],
+        *(word for folder in (ROOT / "lab", *EXTRAS) for word in project(folder)["dependencies"]),
         *(word for extra in extras.values() for word in extra),
     ]
     assert [word for word in words if word.startswith("felupe")] == extras["fem"]

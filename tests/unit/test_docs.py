@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = sorted(
     [
         *ROOT.glob("*.md"),
-        *(page for folder in ("docs", "clients", "firmware") for page in (ROOT / folder).rglob("*.md")),
+        *(page for folder in ("docs", "clients", "extras", "firmware") for page in (ROOT / folder).rglob("*.md")),
     ]
 )
 # Their files in backticks are exact; a path that begins with a room is inside the robot's package.
@@ -85,7 +85,7 @@ def test_every_page_that_is_named_exists(page: Path) -> None:
 
 
 def test_every_page_that_the_code_names_exists() -> None:
-    folders = [ROOT / name for name in ("daemon", "lab", "clients", "firmware", "tests", "systemd")]
+    folders = [ROOT / name for name in ("daemon", "lab", "extras", "clients", "firmware", "tests", "systemd")]
     files = [path for folder in folders for path in folder.rglob("*") if path.suffix in (".py", ".c", ".h", ".mk")]
     named = {
         (str(path.relative_to(ROOT)), name)

@@ -33,7 +33,7 @@ def patterns(path: Path) -> Iterator[str]:
                 yield text
 
 
-@pytest.mark.parametrize("folder", ["daemon", "clients", "lab", "systemd"])
+@pytest.mark.parametrize("folder", ["daemon", "clients", "lab", "extras", "systemd"])
 def test_no_pattern_ends_with_a_dollar(folder: str) -> None:
     """`\\Z` or fullmatch; `$` alone stands for the end of each line."""
     wrong = [

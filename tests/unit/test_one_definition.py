@@ -265,7 +265,7 @@ def tree_of(path: Path) -> ast.Module:
 
 
 def python_files() -> list[Path]:
-    return [path for folder in ("daemon", "lab") for path in sorted((REPOSITORY / folder).rglob("*.py"))]
+    return [path for folder in ("daemon", "lab", "extras") for path in sorted((REPOSITORY / folder).rglob("*.py"))]
 
 
 def test_nobody_asks_for_a_chips_name() -> None:
@@ -298,7 +298,7 @@ OF_OTHERS = {"Python.h", "protocol.c", "zmq.h", "mman.h", "sysexits.h"}
 
 
 def sources() -> list[Path]:
-    folders = ("daemon", "lab", "firmware", "clients")
+    folders = ("daemon", "lab", "extras", "firmware", "clients")
     return [path for folder in folders for path in sorted((REPOSITORY / folder).rglob("*.*")) if _is_source(path)]
 
 

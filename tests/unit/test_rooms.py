@@ -11,6 +11,10 @@ import pytest
 import fmfts
 
 PACKAGE = Path(fmfts.__file__).parent
+BESIDE = [PACKAGE.parents[1] / "lab", *sorted((PACKAGE.parents[1] / "extras").glob("*"))]
+# What a package of extras/ may use: all rooms but those of the running daemon, and of the verbs what they share.
+CLOSED = {"runtime", "offline", "report"}
+OPEN_VERBS = {"fmfts.cli.verb", "fmfts.cli.feed"}
 # The lowest first: each may import those that stand before it, and of its own floor none.
 FLOORS = [
     {"arithmetic", "service", "sensor/chips"},
@@ -19,7 +23,7 @@ FLOORS = [
     {"baseline", "sensor/bridge", "sensor/i2c", "config"},
     {"scene", "several", "simulation", "skin", "magnet_check", "recording", "sensor/anyskin"},
     {"sources", "pipeline", "calibrate"},
-    {"runtime", "offline", "collect", "page", "report"},
+    {"runtime", "offline", "page", "report"},
     {"cli"},
 ]
 FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
@@ -55,6 +59,10 @@ def modules() -> list[Path]:
     )
 
 
+def extra_modules() -> list[Path]:
+    return sorted(path for folder in BESIDE[1:] for path in folder.rglob("*.py"))
+
+
 @pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_a_room_imports_only_from_the_floors_below(path: Path) -> None:
     own = room_of("fmfts." + ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"))
@@ -65,8 +73,21 @@ def test_a_room_imports_only_from_the_floors_below(path: Path) -> None:
         assert "config" not in others, f"{own} is part of a stage: give it plain values, not the configuration"
 
 
-def test_robot_knows_nothing_of_the_laboratory() -> None:
-    assert not [path for path in PACKAGE.rglob("*.py") if any(name.startswith("fmfts_lab") for name in imported(path))]
+def test_robot_knows_nothing_of_the_packages_beside_it() -> None:
+    """Entry points lead to them; cli/elsewhere.py names their verbs."""
+    packages = {path.parent.name for folder in BESIDE for path in folder.glob("*/py.typed")}
+    assert {"fmfts_lab", "fmfts_collect"} <= packages
+    found = [path for path in PACKAGE.rglob("*.py") if {name.partition(".")[0] for name in imported(path)} & packages]
+    assert found == []
+
+
+@pytest.mark.parametrize("path", extra_modules(), ids=lambda path: path.name)
+def test_an_extra_uses_what_is_open_to_it(path: Path) -> None:
+    names = {name for name in imported(path) if name == "fmfts" or name.startswith("fmfts.")}
+    closed = {name for name in names if room_of(name) in CLOSED or (room_of(name) == "cli" and name not in OPEN_VERBS)}
+    assert not closed, f"{path.name} imports {', '.join(sorted(closed))}: move what it needs to where both may use it"
+    of_others = {name.partition(".")[0] for name in imported(path)} - {path.parent.name}
+    assert not [name for name in of_others if name.startswith("fmfts_") and name != "fmfts_client"]
 
 
 def test_few_modules_stand_in_no_room() -> None:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from fmfts.collect.plan import PlanError, read_plan
 from fmfts.common.toml import LARGEST_BYTES, MOST_PARTS, parse
 from fmfts.config.file import MOST_PADS, ConfigError, load
+from fmfts_collect.plan import PlanError, read_plan
 
 MANY_PARTS = f"begins a key of more than {MOST_PARTS} parts"
 HARMFUL = {

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from fmfts.collect import datagrams
-from fmfts.collect.clock import Clock
-from fmfts.collect.datagrams import (
+from fmfts.sensor import Frame
+from fmfts_collect import datagrams
+from fmfts_collect.clock import Clock
+from fmfts_collect.datagrams import (
     FLOODED_NS,
     LARGEST_DATAGRAM,
     LONGEST_POLL_NS,
@@ -26,11 +27,10 @@ from fmfts.collect.datagrams import (
     Datagrams,
     Owners,
 )  # fmt: skip
-from fmfts.collect.errors import AbsentError, StoppedError
-from fmfts.collect.gauge import Gauge, open_gauge
-from fmfts.collect.watch import Limits, Watch
-from fmfts.config.collect import CollectConfig, UdpGauge, problems
-from fmfts.sensor import Frame
+from fmfts_collect.errors import AbsentError, StoppedError
+from fmfts_collect.gauge import Gauge, open_gauge
+from fmfts_collect.settings import CollectConfig, UdpGauge, problems
+from fmfts_collect.watch import Limits, Watch
 from ports import free_udp_port
 
 NOT_MORE = MOST_AT_ONCE + 10  # the kernel's own buffer takes some 300

@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmfts.cli.verb import VerbError, configuration_and_path
+from fmfts.cli import elsewhere
+from fmfts.cli.verb import VerbError, configuration_as
 from fmfts.common import exit_codes
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def run(options: argparse.Namespace) -> int:
-    from fmfts.config import I2cSource
+    from fmfts.config import Config, I2cSource
     from fmfts.config.checks import other_silicone
     from fmfts.config.i2c_checks import rates_carried
     from fmfts.contact import ContactModel, ModelError, NoContactModel
@@ -24,7 +25,8 @@ def run(options: argparse.Namespace) -> int:
     from fmfts.runtime.opening import load_models
     from fmfts.sensor import SourceError
 
-    config, path = configuration_and_path(options)
+    collecting = elsewhere.configuration_with("collect")
+    config, path = configuration_as(collecting or Config, options)
     closed_keys = _why_keys_are_closed(config)
     try:
         models = load_models(config)
@@ -37,6 +39,8 @@ def run(options: argparse.Namespace) -> int:
         print(json.dumps(msgspec.to_builtins(config), indent=1))
     else:
         print(f"good: {len(config.pad)} pad{'s' if len(config.pad) > 1 else ''} in {path}")
+        if collecting is None and config.collect:
+            print(f"warning: [collect] was not checked: it {elsewhere.how_to_install('collect')}", file=sys.stderr)
         if closed_keys:
             print(f"warning: the keys were not checked: {closed_keys}", file=sys.stderr)
         for pad in config.pad:

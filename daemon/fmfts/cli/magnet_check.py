@@ -19,7 +19,7 @@ from fmfts.cli.verb import VerbError, configuration_and_path, ended_by, not_writ
 from fmfts.common import exit_codes
 
 if TYPE_CHECKING:
-    from fmfts.collect.feed import Feed
+    from fmfts.cli.feed import Feed
     from fmfts.config import PadConfig
     from fmfts.magnet_check import Readings, Verdict
     from fmfts.magnet_check.holding import Held
@@ -40,15 +40,14 @@ POLES = {"up": 1, "down": -1, None: 0}
 
 
 def run(options: argparse.Namespace) -> int:
-    from fmfts.collect.errors import CollectError
-    from fmfts.collect.feed import open_feed
+    from fmfts.cli.feed import FeedError, open_feed
     from fmfts.magnet_check import TooLittleError
     from fmfts.magnet_check.holding import readings_of
 
     config, path = configuration_and_path(options)
     pad = pad_named(config, options.pad)
     _require_hand(pad)
-    with ended_by(CollectError):
+    with ended_by(FeedError):
         feed = open_feed(config, pad)
         try:
             before, *steps = _steps(feed)

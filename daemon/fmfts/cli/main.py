@@ -12,8 +12,7 @@ from typing import Any
 
 from fmfts import __version__
 from fmfts.cli import calibrate as calibration_verbs
-from fmfts.cli import check_config, on_device
-from fmfts.cli import collect as collect_verb
+from fmfts.cli import check_config, elsewhere, on_device
 from fmfts.cli import companions as companion_verbs
 from fmfts.cli import demo as demo_verb
 from fmfts.cli import init_config as init_verb
@@ -22,13 +21,12 @@ from fmfts.cli import pose as pose_verb
 from fmfts.cli import record as record_verbs
 from fmfts.cli import report as report_verb
 from fmfts.cli import view as view_verb
-from fmfts.cli.verb import AddVerb, VerbError, configuration, ended_by, lacking, seconds, serving_base, with_json
+from fmfts.cli.verb import VerbError, configuration, ended_by, lacking, seconds, serving_base, with_json
 from fmfts.common import exit_codes
 
 DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or the first of /etc/fmfts/config.toml, ./config.toml or ./pad.toml"
 LISTENERS_CONFIG = "the daemon's file, if that sets [bus] endpoint; not needed otherwise"
-VERBS = "fmfts.verbs"  # entry points: functions that take an AddVerb
-LABORATORY = {"study": "compare methods on this pad", "pad-model": "make a simulated pad by finite elements"}
+OWN_PACKAGES = ("fmfts", "fmfts_client", *elsewhere.PACKAGES)
 EPILOG = """\
 A new pad: init, check-config, probe, selftest, baseline --bare, baseline --rest, run; then listen and status.
 If a daemon runs, probe, selftest and baseline go through it.
@@ -43,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     words = sys.argv[1:] if arguments is None else arguments
     options, surplus = _parser(words[0] if words else None).parse_known_args(words)
-    if surplus and options.handler is not _without_laboratory:
+    if surplus and options.handler is not elsewhere.refuse:
         options.parser.error(_unexpected(surplus, takes_pad=hasattr(options, "pad")))
     command = f"fmfts-daemon {options.verb}"
     if options.verb == "run":
@@ -70,7 +68,7 @@ def _handled(options: argparse.Namespace) -> int:
         code: int = options.handler(options)
         return code
     except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] in ("fmfts", "fmfts_client", "fmfts_lab"):
+        if error.name is None or error.name.partition(".")[0] in OWN_PACKAGES:
             raise
         raise lacking(error) from error  # installed with --no-deps
 
@@ -83,11 +81,11 @@ def _unexpected(words: Sequence[str], takes_pad: bool) -> str:
 
 
 def command_line() -> argparse.ArgumentParser:
-    """The parser of this package's own verbs: for manual pages and completion."""
-    return _parser("run")
+    """The parser of the verbs that are installed: for manual pages and completion."""
+    return _parser(None, only_installed=True)
 
 
-def _parser(requested: str | None) -> argparse.ArgumentParser:
+def _parser(requested: str | None, only_installed: bool = False) -> argparse.ArgumentParser:
     """The parser of all verbs. requested: the first word of the command line; None where there is none."""
     parser = argparse.ArgumentParser(
         prog="fmfts-daemon",
@@ -120,10 +118,9 @@ def _parser(requested: str | None) -> argparse.ArgumentParser:
     report_verb.add_to(verb)
     pose_verb.add_to(verb)
     calibration_verbs.add_to(verb)
-    collect_verb.add_to(verb)
     companion_verbs.add_to(verb)
     if requested not in verbs.choices:
-        _add_laboratory(verb)
+        elsewhere.add_to(verb, only_installed)
         if requested is not None and not requested.startswith("-") and requested not in verbs.choices:
             parser.error(_no_such_verb(requested, list(verbs.choices)))
     return parser
@@ -135,28 +132,6 @@ def _no_such_verb(word: str, verbs: Sequence[str]) -> str:
     near = get_close_matches(word.lower(), verbs, n=1)
     return f"there is no verb {word!r}; " + (
         f"did you mean {near[0]}?" if near else f"the verbs are {', '.join(verbs)}"
-    )
-
-
-def _add_laboratory(verb: AddVerb) -> None:
-    """Adds the verbs of another package (lab/). Called only if the command line names none of this package's verbs."""
-    from importlib.metadata import entry_points
-
-    installed = {point.name: point for point in entry_points(group=VERBS)}
-    for name, text in LABORATORY.items():
-        if name in installed:
-            installed.pop(name).load()(verb)
-        else:
-            verb(name, _without_laboratory, f"{text} (not installed)").add_argument("rest", nargs=argparse.REMAINDER)
-    for point in installed.values():
-        point.load()(verb)
-
-
-def _without_laboratory(options: argparse.Namespace) -> int:
-    raise VerbError(
-        exit_codes.UNAVAILABLE,
-        f"{options.verb} belongs to the laboratory, a separate package; install it in a checkout of fmfts with\n"
-        f"    {sys.executable} -m pip install ./clients/python . ./lab",
     )
 
 

@@ -8,7 +8,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from fmfts.common import exit_codes
 from fmfts.common.exit_codes import code_of
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 # Makes a verb's parser from its name, its handler and a line of help.
 AddVerb = Callable[..., argparse.ArgumentParser]
+Kind = TypeVar("Kind", bound="Config")
 
 log = logging.getLogger("fmfts")
 
@@ -76,10 +77,17 @@ def configuration(options: argparse.Namespace) -> Config:
 
 def configuration_and_path(options: argparse.Namespace) -> tuple[Config, Path]:
     """The same, and its file."""
-    from fmfts.config.file import ConfigError, load
+    from fmfts.config import Config
+
+    return configuration_as(Config, options)
+
+
+def configuration_as(kind: type[Kind], options: argparse.Namespace) -> tuple[Kind, Path]:
+    """The same, as another package's kind of configuration."""
+    from fmfts.config.file import ConfigError, load_as
 
     try:
-        return load(options.config)
+        return load_as(kind, options.config)
     except ConfigError as error:
         raise VerbError(exit_codes.CONFIG, str(error)) from error
 
@@ -120,13 +128,18 @@ def configured_pad(options: argparse.Namespace, several: bool = False) -> PadCon
             f"pad {pad.name!r} holds {len(pad.other_magnets) + 1} magnets, and this verb is for pads with one: "
             "docs/several.md says what such a pad can do",
         )
+    require_known_magnets(pad)
+    return pad
+
+
+def require_known_magnets(pad: PadConfig) -> None:
+    """Raise VerbError for a pad whose magnets nobody knows."""
     if pad.is_skin:
         raise VerbError(
             exit_codes.CONFIG,
             f"the magnets of pad {pad.name!r} are unknown, and this verb is for pads with one that is known: "
             "docs/anyskin.md says what such a pad can do",
         )
-    return pad
 
 
 def configured_or_standard_pad(options: argparse.Namespace, several: bool = False) -> PadConfig:

@@ -34,7 +34,6 @@ OF_ERROR = {
     "BaselineError": DATA,
     "BadRequestError": DATA,
     "CannotError": DATA,
-    "CollectError": UNAVAILABLE,
     "DataError": DATA,
     "RecordingError": DATA,
     "RefusedError": DATA,
@@ -44,6 +43,7 @@ OF_ERROR = {
     "ClusterError": UNAVAILABLE,
     "ControlError": UNAVAILABLE,
     "EndpointError": UNAVAILABLE,
+    "FeedError": UNAVAILABLE,
     "NothingCameError": UNAVAILABLE,
     "SchemaError": UNAVAILABLE,
     # a place cannot be written
@@ -61,7 +61,7 @@ OF_ERROR = {
 
 
 def code_of(error: BaseException) -> int:
-    """The exit code of this error's cause. An answer of the daemon (`RefusedError`) brings its own, as `code`."""
+    """The exit code of this error's cause. A daemon's answer, or another package's error, brings its `code`."""
     told = getattr(error, "code", None)
     if isinstance(told, int):
         return told

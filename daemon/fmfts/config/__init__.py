@@ -6,17 +6,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Annotated, Literal
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta, field
 from msgspec.structs import force_setattr
 
 from fmfts.arithmetic.matrix import length, lengths
-from fmfts.config.collect import CollectConfig
 from fmfts.config.layouts import BoardName, Vector, layout
-from fmfts.config.section import Fraction, NonNegativeFloat, PositiveFloat
+from fmfts.config.section import Fraction, NonNegativeFloat, PositiveFloat, Problem
 from fmfts.config.section import Section as _Section
 from fmfts.pad import (
     Array,
@@ -291,7 +290,11 @@ class Config(_Section, frozen=True):
     pad: tuple[PadConfig, ...]
     bus: BusConfig = field(default_factory=BusConfig)
     service: ServiceConfig = field(default_factory=ServiceConfig)
-    collect: CollectConfig = field(default_factory=CollectConfig)
+    collect: dict[str, Any] = field(default_factory=dict)  # of the package fmfts-collect, which reads and checks it
+
+    def problems_of_extras(self) -> Iterator[Problem]:
+        """What is wrong in the tables of other packages, beyond their types; a package's own configuration tells it."""
+        return iter(())
 
 
 def neighbours_of(pad: PadConfig, pads: Sequence[PadConfig]) -> list[PadConfig]:

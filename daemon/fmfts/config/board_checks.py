@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from fmfts.config import BridgeSource, PadConfig
-from fmfts.config.i2c_checks import Problem
+from fmfts.config.section import Problem
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.rates import single_on_board_hz
 from fmfts.sensor.wire.packets import ALL_BOARD_SENSORS, BOARD_SENSORS, FOUND_SENSORS

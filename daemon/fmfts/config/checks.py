@@ -17,11 +17,10 @@ from fmfts.config import (
     ReplaySource,
     SimulatedSource,
     board_checks,
-    collect,
     i2c_checks,
 )
-from fmfts.config.i2c_checks import Key, Problem
 from fmfts.config.layouts import layout
+from fmfts.config.section import Key, Problem
 from fmfts.config.several_checks import MAGNETS_APART_MM, several_problems
 from fmfts.config.skin_checks import skin_problems
 from fmfts.config.wording import IN_METRES
@@ -44,7 +43,7 @@ MOST_OTHER_MAGNETS = 8  # of the neighbours of a pad with one magnet: the solver
 def problems_in(config: Config) -> list[Problem]:
     """All problems of `config`. What pads share is looked at only if each pad alone is good."""
     problems = [*_of_the_bus(config), *_of_the_keys(config), *_of_pads(config)]
-    problems += ((("collect", *keys), text) for keys, text in collect.problems(config.collect))
+    problems += config.problems_of_extras()
     problems += _names(config.pad)
     if not problems:
         for check in (_neighbours, _shared_sensors, i2c_checks.of_buses, board_checks.of_boards):

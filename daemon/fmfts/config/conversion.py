@@ -10,22 +10,24 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import msgspec
 from msgspec import inspect
 
 from fmfts.config import Config
-from fmfts.config.wording import Key, explain, keys_in, numbers, place, type_at, value_at
+from fmfts.config.section import Key
+from fmfts.config.wording import explain, keys_in, numbers, place, type_at, value_at
 
 MOST = 50  # errors that are told
+Kind = TypeVar("Kind", bound=Config)
 
 
 @dataclass(frozen=True, slots=True)
-class Converted:
+class Converted(Generic[Kind]):
     """config: None if nothing can be made of the file. wrong: sentences. mended: paths to values that are not its."""
 
-    config: Config | None
+    config: Kind | None
     wrong: tuple[str, ...]
     mended: tuple[tuple[Key, ...], ...]
 
@@ -34,7 +36,7 @@ class Converted:
         return any(tuple(keys[: len(path)]) == path or path[: len(keys)] == tuple(keys) for path in self.mended)
 
 
-def convert(data: dict[str, Any]) -> Converted:
+def convert(data: dict[str, Any], kind: type[Kind]) -> Converted[Kind]:
     """Read the tables of a file. If `wrong` is not empty, `config` is only good for looking for more errors."""
     left = copy.deepcopy(data)
     wrong: list[str] = []
@@ -45,7 +47,7 @@ def convert(data: dict[str, Any]) -> Converted:
             mended.append(_mend(left, keys))
     while len(wrong) < MOST:
         try:
-            return Converted(msgspec.convert(left, Config), tuple(wrong), tuple(mended))
+            return Converted(msgspec.convert(left, kind), tuple(wrong), tuple(mended))
         except msgspec.ValidationError as error:
             text = str(error)
             keys = tuple(keys_in(text))
@@ -54,8 +56,8 @@ def convert(data: dict[str, Any]) -> Converted:
             path = (*keys, named[1]) if named else keys
             # Which keys a table has depends on its type: of a type that is not the file's nobody asked for them.
             if not (missing and path in mended) and not (named and (*keys, "type") in mended):
-                wrong.append(explain(data, text, left))
-            if not (_fill(left, path) if missing else path):
+                wrong.append(explain(data, text, left, kind))
+            if not (_fill(left, path, kind) if missing else path):
                 break
             mended.append(path if missing else _mend(left, path))
     return Converted(None, tuple(wrong), tuple(mended))
@@ -71,16 +73,16 @@ def _mend(data: dict[str, Any], keys: Sequence[Key]) -> tuple[Key, ...]:
     return tuple(path)
 
 
-def _fill(data: dict[str, Any], keys: Sequence[Key]) -> bool:
+def _fill(data: dict[str, Any], keys: Sequence[Key], whole: type[Config]) -> bool:
     """Put something allowed where a required key is missing. False if nothing is known that would be."""
     table, name = value_at(data, keys[:-1]), str(keys[-1])
     if not isinstance(table, dict) or name in table:
         return False
-    kind = type_at(data, keys)
+    kind = type_at(data, keys, whole)
     if name == "source":
         table[name] = {"type": "simulated"}
     elif name == "type":
-        table[name] = _likely_type(type_at(data, keys[:-1]), table)
+        table[name] = _likely_type(type_at(data, keys[:-1], whole), table)
     elif name == "name":
         table[name] = f"unnamed{keys[1]}"
     elif isinstance(kind, inspect.StrType):

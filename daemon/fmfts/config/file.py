@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -26,6 +26,9 @@ CURLY = "\u201c\u201d\u201e\u2018\u2019"  # what a word processor puts in the pl
 DEFAULT_PATHS = (Path("/etc/fmfts/config.toml"), Path("config.toml"), Path("pad.toml"))
 
 
+Kind = TypeVar("Kind", bound=Config)
+
+
 class ConfigError(Exception):
     """The configuration cannot be used (exit code 78)."""
 
@@ -35,16 +38,21 @@ def load(path: Path | None = None, environ: Mapping[str, str] = os.environ) -> t
 
     Relative paths in the file are relative to its folder, and are absolute in the result. Raises ConfigError.
     """
+    return load_as(Config, path, environ)
+
+
+def load_as(kind: type[Kind], path: Path | None = None, environ: Mapping[str, str] = os.environ) -> tuple[Kind, Path]:
+    """The same, read as another package's kind of configuration, which knows a table of its own."""
     file = find(path, environ)
     with damage_told(ConfigError, f"{file}: cannot be used"):
-        return _loaded(file), file
+        return _loaded(file, kind), file
 
 
-def _loaded(file: Path) -> Config:
+def _loaded(file: Path, kind: type[Kind]) -> Kind:
     data = _first_magnet_apart(_read(file))
     if isinstance(pads := data.get("pad"), list) and len(pads) > MOST_PADS:
         raise ConfigError(f"{file}: has {len(pads)} pads, and may have {MOST_PADS}: another daemon serves the others")
-    converted = convert(data)
+    converted = convert(data, kind)
     wrong, config = list(converted.wrong), converted.config
     if config is not None:
         config = _with_absolute_paths(config, file.absolute().parent)
@@ -133,7 +141,7 @@ def _slip(line: str) -> str:
     return ""
 
 
-def _with_absolute_paths(config: Config, folder: Path) -> Config:
+def _with_absolute_paths(config: Kind, folder: Path) -> Kind:
     pads = []
     for pad in config.pad:
         if pad.contact.model not in (NO_MODEL, *SHIPPED_PATHS):

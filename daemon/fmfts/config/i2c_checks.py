@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from fmfts.config import I2cSource, PadConfig
+from fmfts.config.section import Problem
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.rates import BusLoad, i2c_rate_hz
 from fmfts.sensor.wire.packets import MOST_DESCRIBED
-
-Key = str | int
-Problem = tuple[tuple[Key, ...], str]  # the path of keys to a value, and what is wrong with it
 
 FIRST_MUX = 0x70
 MUX_CLOCK_HZ = 400_000  # SCPS207, f_scl

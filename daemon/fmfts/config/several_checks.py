@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.config.i2c_checks import Problem
+from fmfts.config.section import Problem
 from fmfts.contact.no_model import NO_MODEL
 from fmfts.pose.observable import are_observable, needed_sensors
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.config.i2c_checks import Problem
+from fmfts.config.section import Problem
 
 
 def skin_problems(pad: PadConfig) -> Iterator[Problem]:

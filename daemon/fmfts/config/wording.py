@@ -10,8 +10,8 @@ from typing import Any
 from msgspec import inspect
 
 from fmfts.config import BoardUid, Config, PadName
+from fmfts.config.section import Key
 
-Key = str | int
 # What the items of a list are called; people count them from 1.
 ITEMS = {
     "sensors_mm": "sensor",
@@ -47,18 +47,19 @@ def keys_in(error: str) -> list[Key]:
     return [int(index) if index else name for name, index in re.findall(r"\.(\w[\w-]*)|\[(\d+)\]", path)]
 
 
-def explain(data: dict[str, Any], error: str, mended: dict[str, Any]) -> str:
+def explain(data: dict[str, Any], error: str, mended: dict[str, Any], whole: type[Config]) -> str:
     """Rewrites msgspec's text of an error for a person who edits the file.
 
-    mended: `data` with a known type in each table, which tells what may stand there.
+    mended: `data` with a known type in each table, which tells what may stand there. whole: of the file.
     """
     what, keys = error.partition(" - at ")[0], keys_in(error)
     if missing := re.search(r"missing required field `(.*)`", what):
-        table = type_at(mended, keys)
+        table = type_at(mended, keys, whole)
         return f"{place(data, [*keys, missing[1]])} is missing: give {_allowed(_field_type(table, missing[1]))}"
     if unknown := re.search(r"unknown field `(.*)`", what):
-        return f"{place(data, [*keys, unknown[1]])}: there is no such key{_nearest(mended, keys, unknown[1])}"
-    kind = type_at(mended, keys)
+        nearest = _nearest(type_at(mended, keys, whole), unknown[1])
+        return f"{place(data, [*keys, unknown[1]])}: there is no such key{nearest}"
+    kind = type_at(mended, keys, whole)
     meant = _meant(kind, keys, value_at(data, keys))
     return f"{place(data, keys)}{value_shown(data, keys)}: must be {_allowed(kind)}{meant}"
 
@@ -75,8 +76,8 @@ def _meant(kind: inspect.Type, keys: Sequence[Key], value: Any) -> str:
     return f'; did you mean "{near[0]}"?' if near else ""
 
 
-def _nearest(data: dict[str, Any], keys: Sequence[Key], unknown: str) -> str:
-    fields = _fields(type_at(data, keys))
+def _nearest(table: inspect.Type, unknown: str) -> str:
+    fields = _fields(table)
     within = next((field.name for field in fields if _has(field.type, unknown)), None)
     if within:
         return f"; did you mean {within}.{unknown}?"
@@ -138,8 +139,8 @@ def numbers(value: Any, keys: tuple[Key, ...] = ()) -> Iterator[tuple[tuple[Key,
         yield from numbers(child, (*keys, key))
 
 
-def type_at(data: Any, keys: Sequence[Key]) -> inspect.Type:
-    kind: inspect.Type = inspect.type_info(Config)
+def type_at(data: Any, keys: Sequence[Key], whole: type[Config]) -> inspect.Type:
+    kind: inspect.Type = inspect.type_info(whole)
     for key in keys:
         if isinstance(kind, inspect.UnionType):
             kind = _chosen(kind, data)

@@ -15,8 +15,6 @@ import msgspec
 from fmfts.baseline import Baseline
 from fmfts.bus.frame_message import frame_message
 from fmfts.bus.messages import StateMessage
-from fmfts.collect.clock import Clock
-from fmfts.collect.errors import RefusedError
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel, ModelError, NoContactModel
 from fmfts.contact.array_model import ArrayModel
@@ -26,6 +24,8 @@ from fmfts.pipeline.snapshot import state_message
 from fmfts.pose.observable import are_observable
 from fmfts.recording.file import RecordingError, RecordingWriter
 from fmfts.sensor import Frame
+from fmfts_collect.clock import Clock
+from fmfts_collect.errors import RefusedError
 
 
 class Frames:

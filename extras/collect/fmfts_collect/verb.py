@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import signal
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from fmfts.cli.verb import AddVerb, VerbError, configured_pad, ended_by
+from fmfts.cli.verb import AddVerb, VerbError, configuration_as, ended_by, pad_named, require_known_magnets
 from fmfts.common import exit_codes
+
+if TYPE_CHECKING:
+    from fmfts.config import PadConfig
+    from fmfts_collect.settings import CollectingConfig
+
+
+log = logging.getLogger("fmfts")
 
 
 def add_to(verb: AddVerb) -> None:
@@ -33,17 +41,20 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _collect(options: argparse.Namespace) -> int:
-    from fmfts.collect.errors import CollectError
-    from fmfts.config.file import load
+    from fmfts.cli.feed import FeedError
     from fmfts.view.facts import print_facts
+    from fmfts_collect.errors import CollectError
+    from fmfts_collect.settings import CollectingConfig
 
-    pad = configured_pad(options, several=True)
-    config, _ = load(options.config)
+    config, path = configuration_as(CollectingConfig, options)
+    log.info("configuration: %s", path)
+    pad = pad_named(config, options.pad)
+    require_known_magnets(pad)
     # Signals that end the program lift the rod first. Ctrl-Z would stop the program with the rod down: ignore it.
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.default_int_handler)
     signal.signal(signal.SIGTSTP, signal.SIG_IGN)
-    with ended_by(CollectError):
+    with ended_by(CollectError, FeedError):
         facts = _carry_out(options, config, pad)
     print_facts(facts, as_json=options.json)
     return 0
@@ -53,10 +64,10 @@ def _ask(text: str) -> None:
     input(f"{text} ")
 
 
-def _carry_out(options: argparse.Namespace, config: Any, pad: Any) -> dict[str, Any]:
+def _carry_out(options: argparse.Namespace, config: CollectingConfig, pad: PadConfig) -> dict[str, Any]:
     if options.weigh_g is not None:
-        from fmfts.collect.feed import open_feed
-        from fmfts.collect.weigh import weigh
+        from fmfts.cli.feed import open_feed
+        from fmfts_collect.weigh import weigh
 
         feed = open_feed(config, pad)
         try:
@@ -66,13 +77,13 @@ def _carry_out(options: argparse.Namespace, config: Any, pad: Any) -> dict[str, 
     if options.output is None:
         raise VerbError(exit_codes.USAGE, "where to? -o DATA.csv")
     if options.merge is not None:
-        from fmfts.collect.merging import merge
+        from fmfts_collect.merging import merge
 
         if options.frames is None:
             raise VerbError(exit_codes.USAGE, "--merge needs --frames RECORDING, which fmfts-daemon record wrote")
         return merge(config, pad, options.merge, options.frames, options.output)
     if options.plan is None:
         raise VerbError(exit_codes.USAGE, "which plan? GRID.toml, or a preset")
-    from fmfts.collect.work import collect
+    from fmfts_collect.work import collect
 
     return collect(config, pad, options.plan, options.output, options.by_hand)

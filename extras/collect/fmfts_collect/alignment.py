@@ -15,9 +15,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from fmfts.collect.errors import RefusedError
-from fmfts.collect.machine_log import EDGE_S, Log
 from fmfts.sensor import Frame
+from fmfts_collect.errors import RefusedError
+from fmfts_collect.machine_log import EDGE_S, Log
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table as Grid
 from rich.text import Text
 
-from fmfts.collect.plan import Plan, Press
+from fmfts_collect.plan import Plan, Press
 
 COLUMNS, ROWS = 41, 21  # for places that form no lattice; a row is twice as high as a column is wide
 REFRESHED_HZ = 5

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol
 
-from fmfts.collect.datagrams import Datagrams
-from fmfts.collect.errors import AbsentError
-from fmfts.config.collect import GaugeConfig, LoadCellGauge, SerialGauge, UdpGauge
+from fmfts.cli.feed import Counts
 from fmfts.sensor.bridge import serial_port
+from fmfts_collect.datagrams import Datagrams
+from fmfts_collect.errors import AbsentError
+from fmfts_collect.settings import GaugeConfig, LoadCellGauge, SerialGauge, UdpGauge
 
 ASK_NS = 20_000_000  # interval at which a gauge that does not stream is asked again, if it has not answered
 LONGEST_LINE = 256
@@ -41,10 +42,6 @@ class Gauge(Protocol):
 
     def close(self) -> None:
         """Close the device."""
-
-
-# Returns (time_ns, counts) of the board's load cell since the last call; they arrive with the frames of the board.
-Counts = Callable[[], Sequence[tuple[int, int]]]
 
 
 def open_gauge(config: GaugeConfig, counts: Counts | None) -> Gauge:

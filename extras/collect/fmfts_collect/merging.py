@@ -12,20 +12,21 @@ import numpy as np
 
 from fmfts.bus.frame_message import frame_of
 from fmfts.bus.messages import FrameMessage
-from fmfts.collect.alignment import Alignment, align
-from fmfts.collect.average import Averaged, RowError, Unmoved, average, require_touched
-from fmfts.collect.errors import RefusedError
-from fmfts.collect.gauge import Reading
-from fmfts.collect.machine_log import Log, Plateau, plateaus, read_log
-from fmfts.collect.plan import Press
-from fmfts.collect.session import Identity, row_of
-from fmfts.collect.table import FORMAT, UNTOUCHED, Header, Row, Table
-from fmfts.collect.work import averaging_s, unmoved_since_baseline
 from fmfts.common.reading import damage_told, digest_of
-from fmfts.config import Config, PadConfig
+from fmfts.config import PadConfig
 from fmfts.recording.file import RecordingError, read
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import CHIPS
+from fmfts_collect.alignment import Alignment, align
+from fmfts_collect.average import Averaged, RowError, Unmoved, average, require_touched
+from fmfts_collect.errors import RefusedError
+from fmfts_collect.gauge import Reading
+from fmfts_collect.machine_log import Log, Plateau, plateaus, read_log
+from fmfts_collect.plan import Press
+from fmfts_collect.session import Identity, row_of
+from fmfts_collect.settings import CollectingConfig
+from fmfts_collect.table import FORMAT, UNTOUCHED, Header, Row, Table
+from fmfts_collect.work import averaging_s, unmoved_since_baseline
 
 ZERO_DRIFT_N = 0.05  # largest believable drift of the log's zero between two pauses
 
@@ -43,7 +44,7 @@ class MeasuredPlateau:
         return self.averaged.force_n
 
 
-def merge(config: Config, pad: PadConfig, log_path: Path, recording: Path, output: Path) -> dict[str, Any]:
+def merge(config: CollectingConfig, pad: PadConfig, log_path: Path, recording: Path, output: Path) -> dict[str, Any]:
     """Write the new table `output`; returns its facts. Raises RefusedError where log and recording make no table."""
     if output.exists():
         raise RefusedError(f"{output} exists already: give another file with -o, or remove that one")

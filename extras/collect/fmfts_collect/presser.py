@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from fmfts.collect.plan import Press
+from fmfts_collect.plan import Press
 
 
 class Presser(Protocol):

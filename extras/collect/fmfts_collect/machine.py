@@ -8,12 +8,12 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fmfts.collect.clock import Clock
-from fmfts.collect.dialect import DIALECTS, Answer, Dialect, Place
-from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
-from fmfts.collect.guard import Rescue
-from fmfts.config.collect import StageConfig
 from fmfts.sensor.bridge import serial_port
+from fmfts_collect.clock import Clock
+from fmfts_collect.dialect import DIALECTS, Answer, Dialect, Place
+from fmfts_collect.errors import AbsentError, RefusedError, StoppedError
+from fmfts_collect.guard import Rescue
+from fmfts_collect.settings import StageConfig
 
 BOOT_S = 8.0  # opening the port resets many boards; a boot loader takes its time
 ANSWER_S = 1.0

@@ -16,10 +16,10 @@ from pathlib import Path
 import msgspec
 
 from fmfts.calibrate.field_table import field_columns
-from fmfts.collect.errors import NotWrittenError, RefusedError
 from fmfts.common.reading import damage_told, read_regular
 from fmfts.common.writing import why_not_written
 from fmfts.service.state import write_atomically
+from fmfts_collect.errors import NotWrittenError, RefusedError
 
 FORMAT = 2
 LARGEST_HEADER_BYTES = 100_000

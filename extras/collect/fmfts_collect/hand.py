@@ -9,9 +9,9 @@ from collections.abc import Callable
 from statistics import fmean, pstdev
 from typing import TextIO
 
-from fmfts.collect.errors import StoppedError
-from fmfts.collect.plan import Press
-from fmfts.collect.watch import Watch
+from fmfts_collect.errors import StoppedError
+from fmfts_collect.plan import Press
+from fmfts_collect.watch import Watch
 
 RELEASED_N = 0.05
 STEADY_S = 0.3  # the force counts as held after so long

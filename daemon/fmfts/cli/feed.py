@@ -1,8 +1,8 @@
-"""Reads the pad's frames for collecting: from a running daemon, or, if none runs, from the device itself."""
+"""Reads a pad's frames for a verb: from a running daemon, or, if none runs, from the device itself."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import msgspec
@@ -10,14 +10,19 @@ import msgspec
 from fmfts.bus.frame_message import frame_of
 from fmfts.bus.lock import serving_pid
 from fmfts.bus.messages import FrameMessage
-from fmfts.collect.errors import AbsentError
-from fmfts.collect.gauge import Counts
 from fmfts.config import Config, PadConfig
 from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.chips import CHIPS
 from fmfts.sources import open_sources
 from fmfts_client import Subscription, request
 from fmfts_client.endpoints import for_client, named_base
+
+# Returns (time_ns, counts) of the board's load cell since the last call; they arrive with the frames of the board.
+Counts = Callable[[], Sequence[tuple[int, int]]]
+
+
+class FeedError(Exception):
+    """The pad's frames cannot be read (exit code 69)."""
 
 
 class Feed(Protocol):
@@ -37,7 +42,7 @@ class Feed(Protocol):
 
 
 def open_feed(config: Config, pad: PadConfig) -> Feed:
-    """The feed of a pad. Raises AbsentError where neither a daemon nor the device can be opened."""
+    """The feed of a pad. Raises FeedError where neither a daemon nor the device can be opened."""
     endpoints = for_client(named_base(config.bus.endpoint))
     if serving_pid(endpoints.control) is not None:
         return DaemonFeed(pad, endpoints)
@@ -51,7 +56,7 @@ class DeviceFeed:
         try:
             ((self.source, names),) = open_sources([pad])
         except SourceError as error:
-            raise AbsentError(str(error)) from error
+            raise FeedError(str(error)) from error
         self._pad_index = next(iter(names))
         self.description = self.source.state.description
         self.counts = _load_cell(self.source)

@@ -10,30 +10,30 @@ from typing import Any
 from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.files import StateError, stored
 from fmfts.baseline.origin import Origin
-from fmfts.collect.average import Unmoved
-from fmfts.collect.clock import Clock
-from fmfts.collect.errors import RefusedError
-from fmfts.collect.feed import open_feed
-from fmfts.collect.frames import Frames
-from fmfts.collect.gauge import Gauge, open_gauge
-from fmfts.collect.hand import Hand
-from fmfts.collect.picture import Picture, shown
-from fmfts.collect.plan import Plan, PlanError, Press, read_plan
-from fmfts.collect.presser import Presser
-from fmfts.collect.session import Identity, Session, Timing
-from fmfts.collect.stage import Stage, require_within_reach
-from fmfts.collect.table import FORMAT, Header, Table
-from fmfts.collect.watch import Limits, Watch
-from fmfts.config import Config, PadConfig
-from fmfts.config.collect import CollectConfig
+from fmfts.cli.feed import open_feed
+from fmfts.config import PadConfig
 from fmfts.pad import Pad
 from fmfts.sources import origin_of
+from fmfts_collect.average import Unmoved
+from fmfts_collect.clock import Clock
+from fmfts_collect.errors import RefusedError
+from fmfts_collect.frames import Frames
+from fmfts_collect.gauge import Gauge, open_gauge
+from fmfts_collect.hand import Hand
+from fmfts_collect.picture import Picture, shown
+from fmfts_collect.plan import Plan, PlanError, Press, read_plan
+from fmfts_collect.presser import Presser
+from fmfts_collect.session import Identity, Session, Timing
+from fmfts_collect.settings import CollectConfig, CollectingConfig
+from fmfts_collect.stage import Stage, require_within_reach
+from fmfts_collect.table import FORMAT, Header, Table
+from fmfts_collect.watch import Limits, Watch
 
 FRAMES_A_ROW = 64  # `average` refuses fewer
 
 
 def collect(
-    config: Config, pad: PadConfig, plan_name: str, output: Path, by_hand: bool, clock: Clock | None = None
+    config: CollectingConfig, pad: PadConfig, plan_name: str, output: Path, by_hand: bool, clock: Clock | None = None
 ) -> dict[str, Any]:
     """Make the presses of the plan that are not in `output` yet; returns facts of the table. Raises CollectError.
 
@@ -99,7 +99,9 @@ def unmoved_since_baseline(drawing: Pad, settings: CollectConfig) -> Unmoved:
 
 
 @contextmanager
-def _opened(config: Config, pad: PadConfig, by_hand: bool, clock: Clock | None) -> Iterator[tuple[Watch, Any]]:
+def _opened(
+    config: CollectingConfig, pad: PadConfig, by_hand: bool, clock: Clock | None
+) -> Iterator[tuple[Watch, Any]]:
     """Opens the pad and the gauge; yields their Watch and the board's id function. A hand has no force limit."""
     settings = config.collect
     feed = open_feed(config, pad)

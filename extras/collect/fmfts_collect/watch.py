@@ -8,12 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import takewhile
 
-from fmfts.collect.clock import Clock, Monotonic
-from fmfts.collect.errors import AbsentError, CollectError, RefusedError, StoppedError
-from fmfts.collect.feed import Feed
-from fmfts.collect.gauge import Gauge, Reading
-from fmfts.config.collect import LONGEST_SILENCE_MS
+from fmfts.cli.feed import Feed
 from fmfts.sensor import Frame
+from fmfts_collect.clock import Clock, Monotonic
+from fmfts_collect.errors import AbsentError, CollectError, RefusedError, StoppedError
+from fmfts_collect.gauge import Gauge, Reading
+from fmfts_collect.settings import LONGEST_SILENCE_MS
 
 TURN_S = 0.001
 KEPT_S = 30.0

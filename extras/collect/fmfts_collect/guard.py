@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from fmfts.collect.errors import StoppedError
+from fmfts_collect.errors import StoppedError
 
 DOWN, UP, DONE = b"d", b"u", b"."
 GOOD, NOT_LIFTED = 0, 1  # exit codes
@@ -43,7 +43,7 @@ class Guard:
         words = [str(port), *(f"{data.hex()}:{seconds:.3f}" for data, seconds in rescue.steps)]
         # A session of its own, so that Ctrl-C and a closed terminal do not end the guard.
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "fmfts.collect.guard", *words],
+            [sys.executable, "-m", "fmfts_collect.guard", *words],
             stdin=subprocess.PIPE,
             pass_fds=(port,),
             start_new_session=True,

@@ -10,12 +10,12 @@ import numpy as np
 from fmfts.baseline import BaselineError, Mounting
 from fmfts.baseline.array_mounting import ArrayMounting, moved_since
 from fmfts.baseline.recording import Recording, summarise
-from fmfts.collect.errors import RefusedError
-from fmfts.collect.gauge import Reading
 from fmfts.common.chi2 import quantile
 from fmfts.pad import Array, Pad
 from fmfts.pose import FREE_FIELD, solve
 from fmfts.sensor import Frame
+from fmfts_collect.errors import RefusedError
+from fmfts_collect.gauge import Reading
 
 # Probability that noise alone makes an untouched pad look touched.
 FALSE_TOUCH = 1e-4

@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
-from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
-from fmfts.collect.guard import Guard
-from fmfts.collect.machine import SHORT_S, Machine
-from fmfts.collect.plan import Press
-from fmfts.collect.watch import Watch
-from fmfts.config.collect import StageConfig
+from fmfts_collect.errors import AbsentError, RefusedError, StoppedError
+from fmfts_collect.guard import Guard
+from fmfts_collect.machine import SHORT_S, Machine
+from fmfts_collect.plan import Press
+from fmfts_collect.settings import StageConfig
+from fmfts_collect.watch import Watch
 
 TOUCH_N = 0.03  # more than a gauge of ±5 mN reads by chance
 NEAR_MM = 0.3  # the steps begin so far above the surface that the last press found

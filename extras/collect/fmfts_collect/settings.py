@@ -1,4 +1,4 @@
-"""Defines and checks `[collect]`: the machine that presses the pad, and the gauge that measures the force."""
+"""Defines and checks `[collect]` of the configuration: the machine that presses the pad, and the force gauge."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import re
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from msgspec import Meta
+from msgspec import Meta, field
 
-from fmfts.config.section import NonNegativeFloat, PositiveFloat, Section
+from fmfts.config import Config
+from fmfts.config.section import NonNegativeFloat, PositiveFloat, Problem, Section
 
 Span = tuple[float, float]
 Port = Annotated[int, Meta(ge=1, le=65535)]
 LONGEST_SILENCE_MS = 1000
-Problem = tuple[tuple[str | int, ...], str]
 DECIMAL = r"([-+]?\d+(?:\.\d+)?)"
 
 
@@ -74,6 +74,16 @@ class CollectConfig(Section, frozen=True):
     force_tolerance: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # of a reached force, relative to the plan's
     moved_limit_mm: PositiveFloat = 0.05  # for the unloaded magnet, from its place in the baseline
     ambient_limit_ut: PositiveFloat = 2.0  # for the unloaded pad's field, from the baseline's, in µT
+
+
+class CollectingConfig(Config, frozen=True):
+    """The whole file, with its table [collect], which the daemon leaves unread."""
+
+    collect: CollectConfig = field(default_factory=CollectConfig)  # type: ignore[assignment]
+
+    def problems_of_extras(self) -> Iterator[Problem]:
+        for keys, text in problems(self.collect):
+            yield ("collect", *keys), text
 
 
 def problems(collect: CollectConfig) -> Iterator[Problem]:

@@ -12,13 +12,13 @@ import numpy as np
 
 from fmfts.baseline import Mounting
 from fmfts.baseline.array_mounting import ArrayMounting
-from fmfts.collect.average import Averaged, RowError, Unmoved, average, require_touched
-from fmfts.collect.errors import CollectError, StoppedError
-from fmfts.collect.frames import Frames
-from fmfts.collect.plan import Plan, Press
-from fmfts.collect.presser import Presser
-from fmfts.collect.table import UNTOUCHED, Row, Table
-from fmfts.collect.watch import Watch
+from fmfts_collect.average import Averaged, RowError, Unmoved, average, require_touched
+from fmfts_collect.errors import CollectError, StoppedError
+from fmfts_collect.frames import Frames
+from fmfts_collect.plan import Plan, Press
+from fmfts_collect.presser import Presser
+from fmfts_collect.table import UNTOUCHED, Row, Table
+from fmfts_collect.watch import Watch
 
 DISK_S = 60.0
 ARRIVAL_S = 0.03  # time in which a frame or a reading arrives

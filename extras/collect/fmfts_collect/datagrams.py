@@ -15,8 +15,8 @@ from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
-from fmfts.collect.errors import AbsentError
-from fmfts.config.collect import UdpGauge
+from fmfts_collect.errors import AbsentError
+from fmfts_collect.settings import UdpGauge
 
 LARGEST_DATAGRAM = 512
 MOST_LINES = 16  # of a datagram
@@ -43,7 +43,7 @@ class Datagrams:
         self.refused = ""
         self._host, _, self._port = config.sender.partition(":")
         self._full_since_ns: int | None = None
-        # Without a sender the port is on the loopback interface (config/collect.py).
+        # Without a sender the port is on the loopback interface (settings.py).
         self._worked_ns = worked_ns
         self._owners = Owners(worked_ns) if not self._host or _is_of_this_machine(self._host) else None
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

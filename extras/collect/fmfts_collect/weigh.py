@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from fmfts.collect.errors import AbsentError, RefusedError
-from fmfts.collect.feed import Feed
+from fmfts.cli.feed import Feed
+from fmfts_collect.errors import AbsentError, RefusedError
 
 GRAVITY_M_S2 = 9.80665  # standard; 0.3 % less at the equator, 0.2 % more at the poles
 LISTEN_S = 2.0

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.collect.errors import RefusedError
 from fmfts.common.reading import MOST_COLUMNS, open_text, shortened
+from fmfts_collect.errors import RefusedError
 
 Array = NDArray[np.float64]
 

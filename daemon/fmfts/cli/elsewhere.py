@@ -1,0 +1,68 @@
+"""What other packages add to `fmfts-daemon`; where one is not installed, its verb says how to install it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING, Any
+
+from fmfts.cli.verb import AddVerb, VerbError
+from fmfts.common import exit_codes
+
+if TYPE_CHECKING:
+    from fmfts.config import Config
+
+VERBS = "fmfts.verbs"  # entry points: functions that take an AddVerb
+CONFIGURATIONS = "fmfts.configurations"  # by the name of the table that it reads: a subclass of Config
+PACKAGES = ("fmfts_lab", "fmfts_collect")
+LABORATORY = "lab"
+IN_CHECKOUT = "./clients/python ."
+# Each verb's line of help, and its package: the laboratory, or an extra of this one.
+OF_VERB = {
+    "collect": ("press a plan of places and forces, and write the calibration data", "collect"),
+    "study": ("compare methods on this pad", LABORATORY),
+    "pad-model": ("make a simulated pad by finite elements", LABORATORY),
+}
+
+
+def add_to(verb: AddVerb, only_installed: bool = False) -> None:
+    """Add their verbs. Called only if the command line names none of this package's: a look for packages takes time."""
+    installed = {point.name: point for point in _entry_points(VERBS)}
+    for name, (text, _) in OF_VERB.items():
+        if name in installed:
+            installed.pop(name).load()(verb)
+        elif not only_installed:
+            verb(name, refuse, f"{text} (not installed)").add_argument("rest", nargs=argparse.REMAINDER)
+    for point in installed.values():
+        point.load()(verb)
+
+
+def refuse(options: argparse.Namespace) -> int:
+    """The handler of a verb whose package is not installed."""
+    raise not_installed(options.verb, OF_VERB[options.verb][1])
+
+
+def not_installed(what: str, package: str) -> VerbError:
+    return VerbError(exit_codes.UNAVAILABLE, f"{what} {how_to_install(package)}")
+
+
+def how_to_install(package: str) -> str:
+    """The rest of a sentence about what a package brings."""
+    pip = f"{sys.executable} -m pip install"
+    if package == LABORATORY:
+        return f"belongs to the laboratory; install it in a checkout of fmfts with\n    {pip} {IN_CHECKOUT} ./lab"
+    return (
+        f"belongs to a package of its own; install it with\n    {pip} 'fmfts[{package}]'\n"
+        f"or in a checkout of fmfts with\n    {pip} {IN_CHECKOUT} ./extras/{package}"
+    )
+
+
+def configuration_with(table: str) -> type[Config] | None:
+    """The configuration of the package that reads this table of the file; None where it is not installed."""
+    return next((point.load() for point in _entry_points(CONFIGURATIONS) if point.name == table), None)
+
+
+def _entry_points(group: str) -> Any:
+    from importlib.metadata import entry_points
+
+    return entry_points(group=group)
