@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fmfts.baseline import Baseline, Means, Recording, make_bare, make_rest, means
-from fmfts.baseline.turn import STRENGTH_DEVIATION, UNEVEN_DEVIATION_T
+from fmfts.baseline import Baseline, Means, Recording, make_bare, make_rest, means, turning_means
+from fmfts.baseline.evenness import STRENGTH_DEVIATION
+from fmfts.baseline.turn import UNEVEN_DEVIATION_T
 from fmfts.baseline.unknowns import STANDING_AMBIENT_T
 from fmfts.pad import Pad, Tolerance, rotation_from_vector
 from fmfts.pose import State
@@ -109,12 +110,12 @@ RATE_HZ = 220.0
 Fields = Callable[[np.ndarray], np.ndarray]
 
 
-def frames_of(fields: Fields, seconds: float, random: np.random.Generator) -> list[Frame]:
+def frames_of(fields: Fields, seconds: float, random: np.random.Generator, noise_t: float = NOISE_T) -> list[Frame]:
     """Frames of free-running chips. `fields`: times (K, 4) of each sensor's samples → (K, 4, 3) in sensor axes."""
     count = round(seconds * RATE_HZ)
     age_s = np.append(0.0, random.uniform(0.0, 1.0 / RATE_HZ, 3))
     time_s = np.arange(1, count + 1)[:, None] / RATE_HZ
-    seen = fields(time_s - age_s) + random.normal(0.0, NOISE_T, (count, 4, 3))
+    seen = fields(time_s - age_s) + random.normal(0.0, noise_t, (count, 4, 3))
     counts = np.rint(seen / 1e-4 * 660).astype(np.int16)
     age_us, yes = np.rint(age_s * 1e6).astype(np.uint16), np.ones(4, bool)
     return [
@@ -132,12 +133,19 @@ def _rotations(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
 
 def turned(
-    world: World, *, about: float = 1.0, touched: bool = False, seconds: float = 12.0, soft_iron: float = 0.0
+    world: World,
+    *,
+    about: float = 1.0,
+    touched: bool = False,
+    seconds: float = 12.0,
+    soft_iron: float = 0.0,
+    speed: float = 1.0,
+    noise_t: float = NOISE_T,
 ) -> Means:
     """The robot turned by hand in a workshop, at up to 2 rad/s: the field is as uneven as `--turn` counts with.
 
     about: share of the tilting that makes one turn three-dimensional. soft_iron: steel in the mount makes the field
-    along x larger by this share, and smaller along y.
+    along x larger by this share, and smaller along y. speed: how much faster, and as many times around.
     """
     random = world.random
     strength = random.normal(0.0, STRENGTH_DEVIATION, (3, 3))
@@ -151,7 +159,7 @@ def turned(
     across /= np.linalg.norm(across)
 
     def fields(times_s: np.ndarray) -> np.ndarray:
-        angle = 2.0 * np.pi * times_s / seconds
+        angle = 2.0 * np.pi * speed * times_s / seconds
         tilt = _rotations(np.cross(direction, across), about * 1.2 * np.sin(2.0 * angle))
         attitude = tilt @ _rotations(across, 2.0 * angle)
         unit = attitude @ direction
@@ -161,7 +169,7 @@ def turned(
         earth = earth * (1.0 + soft_iron * np.array([1.0, -1.0, 0.0]))
         return at_rest + world.sensed(earth + here[..., 0]) + pressing * press
 
-    return means(frames_of(fields, seconds, random))
+    return turning_means(frames_of(fields, seconds, random, noise_t))
 
 
 def pressing(world: World, count: int = 30, seconds: float = 40.0, robot_rad: float = 0.0) -> Means:

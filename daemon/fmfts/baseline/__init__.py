@@ -5,7 +5,7 @@ from fmfts.baseline.baseline import Baseline, encode, load, make_bare, make_refi
 from fmfts.baseline.drift import DriftFollower, Quiet
 from fmfts.baseline.mounting import Mounting, estimate_mounting
 from fmfts.baseline.recording import BaselineError, Recording, summarise
-from fmfts.baseline.window_means import Means, means
+from fmfts.baseline.window_means import Means, means, turning_means
 
 __all__ = [
     "Baseline",
@@ -25,4 +25,5 @@ __all__ = [
     "make_turn",
     "means",
     "summarise",
+    "turning_means",
 ]

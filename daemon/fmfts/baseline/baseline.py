@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.matrix import length
 from fmfts.baseline.array_mounting import ArrayMounting, estimate_array_mounting, moved_since
 from fmfts.baseline.diagnosis import MisfitError, check_bare, estimate_and_judge
+from fmfts.baseline.evenness import STEEL_TURNS
 from fmfts.baseline.file_format import StoredGains, StoredPresses, StoredRecording, StoredTurn
 from fmfts.baseline.mounting import Mounting, nominal_mounting
 from fmfts.baseline.origin import Origin, foreign
@@ -20,7 +21,7 @@ from fmfts.baseline.recording import BaselineError, ForeignError, Recording, sol
 from fmfts.baseline.refine import AtRest, pick, refined
 from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.baseline.skin_mounting import SkinMounting
-from fmfts.baseline.turn import STEEL_TURNS, Turn, sensitivity_from_turn
+from fmfts.baseline.turn import Turn, sensitivity_from_turn
 from fmfts.baseline.window_means import Means
 from fmfts.common.reading import damage_told, read_regular
 from fmfts.pad import Pad, Tolerance

@@ -47,8 +47,7 @@ class TurnCoverage:
 
     def __init__(self, pad: Pad) -> None:
         self._pad = pad
-        self._block: list[Array] = []
-        self._means: list[Array] = []
+        self._seen: list[Array] = []
         self._frames = 0
         self._sweep_t = np.zeros(3)
         self._least_swept = np.zeros(3)
@@ -56,20 +55,18 @@ class TurnCoverage:
     def take(self, frame: Frame) -> None:
         field_t = frame.field_t
         self._frames += 1
-        if np.isfinite(field_t).all():
-            self._block.append(self._pad.sensors.to_pad(field_t[None])[0].mean(axis=0))
-        if len(self._block) == MEAN_OF:
-            self._means.append(np.mean(self._block, axis=0))
-            self._block.clear()
-        if self._frames % LOOK_FRAMES == 0 and len(self._means) >= 3:
-            swept = np.array(self._means) - np.mean(self._means, axis=0)
+        # Single frames: a mean of a field that turns fast is too short, and their noise is nothing beside the sweep.
+        if self._frames % MEAN_OF == 0 and np.isfinite(field_t).all():
+            self._seen.append(self._pad.sensors.to_pad(field_t[None])[0].mean(axis=0))
+        if self._frames % LOOK_FRAMES == 0 and len(self._seen) >= 3:
+            swept = np.array(self._seen) - np.mean(self._seen, axis=0)
             directions = singular_values(swept)[2]
             self._sweep_t = np.array(sorted(np.ptp(product(swept, directions), axis=0).tolist(), reverse=True))
             self._least_swept = directions[:, -1]
 
     @property
     def enough(self) -> bool:
-        return len(self._means) >= ORIENTATIONS and not self._missing
+        return len(self._seen) >= ORIENTATIONS and not self._missing
 
     @property
     def hint(self) -> str:
@@ -77,7 +74,7 @@ class TurnCoverage:
             return "start now: turn the unloaded robot half around about one axis; nothing may touch the pad"
         if self._missing:
             return self._missing
-        done = min(len(self._means) / ORIENTATIONS, 1.0)
+        done = min(len(self._seen) / ORIENTATIONS, 1.0)
         return f"all directions are there: go on turning ({100 * done:.0f} % of the orientations)"
 
     @property

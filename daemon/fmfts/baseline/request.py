@@ -21,6 +21,7 @@ from fmfts.baseline import (
     make_turn,
     means,
     summarise,
+    turning_means,
 )
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.baseline.baseline import AnyMounting, require_rest
@@ -136,7 +137,7 @@ class BaselineRequest:
     def _make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, AnyMounting | None]:
         try:
             if self.turn:
-                return make_turn(self.pad, means(frames), before)
+                return make_turn(self.pad, turning_means(frames), before)
             if self.refine:
                 return make_refined(self.pad, means(frames), before)
             recording = summarise(frames)

@@ -1,4 +1,7 @@
-"""Averages the frames of a moving field over short windows, each with its time."""
+"""Averages the frames of a moving field over short windows, each with its time.
+
+A field that turns by θ within a window has a mean that is θ²/24 too short: whoever turns fast gets shorter windows.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import lengths
 from fmfts.baseline.recording import FEW_FRAMES, MINIMUM_FRAMES, BaselineError
 from fmfts.pose import Alignment
 from fmfts.sensor.frame import Frame
@@ -18,23 +22,54 @@ Array = NDArray[np.float64]
 
 # 50 ms at 220 Hz: a third of the noise of one sample, and a hand moves little in that time.
 MEAN_OF = 11
+# The mean over this arc is a quarter of a percent too short, half of what a workshop's field differs.
+LARGEST_ARC = 0.25
+STILLEST = 0.1  # share of the samples of a fast turn that tell the noise
 
 
 @dataclass(frozen=True, slots=True)
 class Means:
-    """field_t (K, N, 3) in sensor axes, each the mean of MEAN_OF frames. wander_t (K,): how far the field moved in it.
+    """field_t (K, N, 3) in sensor axes, each the mean of `mean_of` frames.
 
-    time_s (K,) since the recording began. noise_t (N, 3): standard deviation of one sample.
+    wander_t (K,): how far the field moved in it. time_s (K,) since the recording began. noise_t (N, 3): standard
+    deviation of one sample.
     """
 
     field_t: Array
     wander_t: Array
     time_s: Array
     noise_t: Array
+    mean_of: int = MEAN_OF
 
 
 def means(frames: Sequence[Frame]) -> Means:
     """Average frames, each brought to one instant first (chips run free). BaselineError if too few are complete."""
+    fields, times = _whole(frames)
+    return _means_of(fields, times, _noise(frames), MEAN_OF)
+
+
+def turning_means(frames: Sequence[Frame]) -> Means:
+    """As `means`, over windows as short as the speed needs with which the field turns."""
+    fields, times = _whole(frames)
+    window = turning_window(fields)
+    return _means_of(fields, times, _noise(frames, 1.0 if window == MEAN_OF else STILLEST), window)
+
+
+def turning_window(fields: Array) -> int:
+    """The largest number of frames, up to MEAN_OF, within which fields (K, N, 3) that turn go at most LARGEST_ARC.
+
+    Judged by nine in ten windows, and by the middle one of the sensors, since a chip may jump.
+    """
+    radius = np.ptp(fields, axis=0).max(axis=1) / 2.0
+    for window in range(MEAN_OF, 1, -1):
+        chord = lengths(fields[window - 1 :] - fields[: len(fields) - window + 1]) / radius
+        if np.quantile(np.median(chord, axis=1), 0.9) <= LARGEST_ARC:
+            return window
+    return 1
+
+
+def _whole(frames: Sequence[Frame]) -> tuple[Array, Array]:
+    """Fields (K, N, 3) of the frames without a missing value, at one instant each, and those instants (K,) in µs."""
     if len(frames) < MINIMUM_FRAMES:
         raise BaselineError(f"only {len(frames)} frames arrived of at least {MINIMUM_FRAMES}: {FEW_FRAMES}")
     if len({frame.gain_code for frame in frames}) > 1:
@@ -48,15 +83,19 @@ def means(frames: Sequence[Frame]) -> Means:
             f"only {whole.sum()} of {len(frames)} frames are whole: in {absent[:, sensor].sum()}, sensor {sensor + 1} "
             f"is {_what_is_wrong(frames, sensor)}"
         )
-    fields, times = fields[whole], times[whole]
-    count = len(fields) // MEAN_OF
-    blocks = fields[: count * MEAN_OF].reshape(count, MEAN_OF, *fields.shape[1:])
-    half = MEAN_OF // 2
+    return fields[whole], times[whole]
+
+
+def _means_of(fields: Array, times: Array, noise_t: Array, mean_of: int) -> Means:
+    count = len(fields) // mean_of
+    blocks = fields[: count * mean_of].reshape(count, mean_of, *fields.shape[1:])
+    half = max(mean_of // 2, 1)
     return Means(
         field_t=blocks.mean(axis=1),
         wander_t=np.abs(blocks[:, :half].mean(axis=1) - blocks[:, -half:].mean(axis=1)).max(axis=(1, 2)),
-        time_s=(times[: count * MEAN_OF].reshape(count, MEAN_OF).mean(axis=1) - times[0]) * 1e-6,
-        noise_t=_noise(frames),
+        time_s=(times[: count * mean_of].reshape(count, mean_of).mean(axis=1) - times[0]) * 1e-6,
+        noise_t=noise_t,
+        mean_of=mean_of,
     )
 
 
@@ -75,17 +114,25 @@ def _aligned(frames: Sequence[Frame]) -> tuple[Array, Array]:
     return np.array([one.field_t for one in pushed]), np.array([one.time_us for one in pushed], dtype=np.float64)
 
 
-def _noise(frames: Sequence[Frame]) -> Array:
+def _noise(frames: Sequence[Frame], stillest: float = 1.0) -> Array:
     """(N, 3) standard deviation of one sample, from the samples themselves: interpolation would smooth the noise.
 
-    Second differences show the noise (times √6) without a turn or a press.
+    Second differences show the noise (times √6) without a turn or a press; of a field that turns fast, only this share
+    of them, where it moves least. How far it moves from the sample before to the one after shares no noise with them.
     """
     fields, fresh = np.array([frame.field_t for frame in frames]), np.array([frame.fresh for frame in frames])
-    differences = (np.diff(fields[fresh[:, sensor], sensor], 2, axis=0) for sensor in range(fields.shape[1]))
-    noise = np.array([_robust_deviation(of_sensor) for of_sensor in differences]) / np.sqrt(6.0)
+    noise = np.array([_noise_of(fields[fresh[:, sensor], sensor], stillest) for sensor in range(fields.shape[1])])
     # Rounding to counts sets the lower limit of the noise.
     floored: Array = np.maximum(noise, frames[0].chip.coarseness_t(frames[0].gain_code) / np.sqrt(12.0))
     return floored
+
+
+def _noise_of(samples: Array, stillest: float) -> Array:
+    """(3,) of one sensor's samples (K, 3)."""
+    moved = lengths(samples[2:] - samples[:-2])
+    still = ~(moved > np.nanquantile(moved, stillest))
+    noise: Array = _robust_deviation(np.diff(samples, 2, axis=0)[still]) / np.sqrt(6.0)
+    return noise
 
 
 def _robust_deviation(differences: Array) -> Array:

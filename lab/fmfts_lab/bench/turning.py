@@ -9,15 +9,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fmfts.baseline.evenness import INDEPENDENT, STRENGTH_DEVIATION
 from fmfts.baseline.sensitivity import Sensitivity, relative_deviation
-from fmfts.baseline.turn import (
-    INDEPENDENT,
-    ORIENTATIONS,
-    STRENGTH_DEVIATION,
-    UNEVEN_DEVIATION_T,
-    Turn,
-    sensitivity_from_turn,
-)
+from fmfts.baseline.turn import ORIENTATIONS, UNEVEN_DEVIATION_T, Turn, sensitivity_from_turn
 from fmfts.baseline.window_means import MEAN_OF
 from fmfts.config import MagnetConfig, PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact.touch import RELEASE_FRAMES

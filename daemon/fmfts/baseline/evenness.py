@@ -1,0 +1,78 @@
+"""How even the strength of the ambient field was while the robot turned: by the chips' noise, its way, or its attitude.
+
+The field's strength at orientation k is |f_k| with f_k = (HᵀWH)⁻¹HᵀW(y_k − o), where H are the chips' sensitivities. Of
+its logarithm's variance the noise makes uᵀ(HᵀWH)⁻¹u/|f|² with u = f/|f|. Steel that turns with the pad makes the rest
+depend on the attitude: by a quadratic form of u, as it multiplies the field by a matrix. What is left depends on where
+the pad was: a workshop's field, which is uneven from place to place, and tells less of the gains.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import log, square
+from fmfts.arithmetic.matrix import inverse, least_squares, lengths, product
+from fmfts.baseline.recording import BaselineError
+
+Array = NDArray[np.float64]
+
+# In a workshop the strength of the field differs by this over the path of a turned pad. It changes smoothly: of many
+# orientations only so many count as independent.
+STRENGTH_DEVIATION, INDEPENDENT = 0.005, 10
+# Of what depends on the attitude. The workshop's own share, which no gain explains, is below STRENGTH_DEVIATION; screws
+# that reach three times that made a sound sensor look wrong.
+LARGEST_BY_ATTITUDE = 3.0 * STRENGTH_DEVIATION
+# A board that was waved over a desk with steel in it met 3.6 %, and its gains came out as those of a quiet place.
+LARGEST_ON_THE_WAY = 0.1
+STEEL_TURNS = (
+    "Steel turns with the pad, as screws in its mount do, or stands near: move it 30 mm away from the sensors, and "
+    "turn again; bare and rest alone do not mind it"
+)
+
+
+def unevenness(reported: Array, by_field: Array, deviation: Array) -> float:
+    """Standard deviation of the field's strength on its way, relative, without noise; at least STRENGTH_DEVIATION.
+
+    reported (K, N, 3): without offsets. by_field (N, 3, 3): what the chips report of unit fields. deviation (N, 3).
+    BaselineError if the strength depends on the attitude as by no workshop, or on the place as by no gain's use.
+    """
+    matrix = (by_field / deviation[:, :, None]).reshape(-1, 3)
+    covariance = inverse(product(matrix.T, matrix))
+    field = product((reported / deviation).reshape(len(reported), -1), matrix, covariance)
+    sizes = lengths(field)
+    unit = field / sizes[:, None]
+    by_noise = float(((product(unit, covariance) * unit).sum(axis=1) / square(sizes)).mean())
+    strength = np.array([log(size) for size in sizes])
+    strength = strength - strength.mean()
+    by_attitude = _quadratic(unit)
+    left = strength - product(by_attitude, least_squares(by_attitude, strength))
+    whole = max(_variance(strength, 1) - by_noise, 0.0)
+    on_the_way = min(max(_variance(left, by_attitude.shape[1]) - by_noise, 0.0), whole)
+    _require(float(np.sqrt(whole - on_the_way)), float(np.sqrt(on_the_way)))
+    return max(float(np.sqrt(on_the_way)), STRENGTH_DEVIATION)
+
+
+def _quadratic(unit: Array) -> Array:
+    """(K, 6) of unit vectors (K, 3): one, and the five quadratic terms that are not one."""
+    x, y, z = unit.T
+    return np.column_stack([np.ones(len(unit)), x * y, y * z, z * x, square(x), square(y)])
+
+
+def _variance(values: Array, fitted: int) -> float:
+    return float(square(values).sum() / max(len(values) - fitted, 1))
+
+
+def _require(by_attitude: float, on_the_way: float) -> None:
+    """BaselineError if the strength (relative deviations) depends on attitude or place more than a turn allows."""
+    stronger = "the ambient field became stronger and weaker by"
+    if by_attitude > LARGEST_BY_ATTITUDE:
+        raise BaselineError(
+            f"{stronger} {by_attitude * 1e2:.1f} % (mean) with the robot's attitude, where "
+            f"{STRENGTH_DEVIATION * 1e2:.1f} % is usual. {STEEL_TURNS}"
+        )
+    if on_the_way > LARGEST_ON_THE_WAY:
+        raise BaselineError(
+            f"{stronger} {on_the_way * 1e2:.0f} % (mean) from place to place, where {STRENGTH_DEVIATION * 1e2:.1f} % "
+            "is usual: turn the robot in one place, away from steel furniture and motors"
+        )
