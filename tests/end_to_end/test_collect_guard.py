@@ -19,6 +19,8 @@ from emulator.priority import put_ahead
 from fmfts_collect import guard
 from fmfts_collect.guard import HANG_S
 
+pytestmark = pytest.mark.real_time  # a machine whose move ends two seconds late counts as stalled
+
 PATIENCE_S = 30.0
 # A collector as far as its machine goes: homed, guarded, the rod pressed down.
 COLLECTOR = """
