@@ -11,6 +11,7 @@ from fmfts.cli.main import main
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts_lab.study import stability
 from fmfts_lab.study.hazards import Cell
+from fmfts_lab.study.kernels import misfits
 from fmfts_lab.study.method import Answer
 from fmfts_lab.study.world import Sample, World, drawn_world, frame_times, pressed, presses
 
@@ -28,6 +29,12 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def methods(out: Path) -> dict[str, dict[str, float]]:
     found: dict[str, dict[str, float]] = json.loads((out / "stability.json").read_text())["methods"]
     return found
+
+
+def test_gate_refuses_nothing_where_there_are_as_many_unknowns_as_values() -> None:
+    assert not misfits(0.0, 0)
+    assert misfits(100.0, 4)
+    assert misfits(np.nan, 4)
 
 
 @pytest.mark.long
