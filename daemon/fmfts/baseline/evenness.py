@@ -2,8 +2,9 @@
 
 The field's strength at orientation k is |f_k| with f_k = (HᵀWH)⁻¹HᵀW(y_k − o), where H are the chips' sensitivities. Of
 its logarithm's variance the noise makes uᵀ(HᵀWH)⁻¹u/|f|² with u = f/|f|. Steel that turns with the pad makes the rest
-depend on the attitude: by a quadratic form of u, as it multiplies the field by a matrix. What is left depends on where
-the pad was: a workshop's field, which is uneven from place to place, and tells less of the gains.
+depend on the attitude: by a quadratic form of u, as it multiplies the field by a matrix, and by a linear one, as the
+offsets o take a part of it in. What is left depends on where the pad was: a workshop's field is uneven from place to
+place, and tells less of the gains.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def unevenness(reported: Array, by_field: Array, deviation: Array) -> float:
     by_noise = float(((product(unit, covariance) * unit).sum(axis=1) / square(sizes)).mean())
     strength = np.array([log(size) for size in sizes])
     strength = strength - strength.mean()
-    by_attitude = _quadratic(unit)
+    by_attitude = _attitude_terms(unit)
     left = strength - product(by_attitude, least_squares(by_attitude, strength))
     whole = max(_variance(strength, 1) - by_noise, 0.0)
     on_the_way = min(max(_variance(left, by_attitude.shape[1]) - by_noise, 0.0), whole)
@@ -53,10 +54,10 @@ def unevenness(reported: Array, by_field: Array, deviation: Array) -> float:
     return max(float(np.sqrt(on_the_way)), STRENGTH_DEVIATION)
 
 
-def _quadratic(unit: Array) -> Array:
-    """(K, 6) of unit vectors (K, 3): one, and the five quadratic terms that are not one."""
+def _attitude_terms(unit: Array) -> Array:
+    """(K, 9) of unit vectors (K, 3): one, the three linear terms, and the five quadratic ones that are not one."""
     x, y, z = unit.T
-    return np.column_stack([np.ones(len(unit)), x * y, y * z, z * x, square(x), square(y)])
+    return np.column_stack([np.ones(len(unit)), unit, x * y, y * z, z * x, square(x), square(y)])
 
 
 def _variance(values: Array, fitted: int) -> float:
