@@ -169,6 +169,23 @@ def test_steel_in_the_mount_that_turns_along_is_named(pad: Pad, tolerance: Toler
         make_turn(pad, turned(world, soft_iron=share), world.baseline(tolerance))
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(("share", "least", "most"), [(0.0, 0, 0), (0.08, 48, 50)])
+def test_of_fifty_boards_those_with_steel_are_refused_and_no_other(
+    pad: Pad, share: float, least: int, most: int
+) -> None:
+    """Turned a little further than needed, so that steel takes away no axis of the sweep, which is another cause."""
+    refused = 0
+    for seed in range(50):
+        world = _world(pad, 1000 + seed, GAINS_KNOWN)
+        try:
+            make_turn(pad, turned(world, about=1.2, soft_iron=share), world.baseline(GAINS_KNOWN))
+        except BaselineError as error:
+            assert "Steel turns with the pad" in str(error)
+            refused += 1
+    assert least <= refused <= most
+
+
 def test_a_pad_that_is_waved_is_as_good_as_one_that_is_turned(pad: Pad) -> None:
     """16 rad/s: means of eleven frames would be up to 2.5 % too short, and look like steel."""
     errors = []
