@@ -1,8 +1,7 @@
 """What is in dist/, installed into clean environments of every Python, and the demo from there: `make test-dist`.
 
-In an empty folder, without the repository. Also the source archive, built where no wheel fits, verbs of
-extras, and the client alone.
-Prints how large an installation is, by package, for docs/installing.md.
+In an empty folder, without the repository. Also the source archive, built where no wheel fits, extras, and the client
+alone. Prints how large an installation is, by package, for docs/installing.md.
 """
 
 from __future__ import annotations
@@ -29,7 +28,11 @@ DEMO_S = 10
 SEEN = re.compile(r"pad (?:demo|array): (\d+) messages; .* ok ")
 LEAST_MESSAGES = 220  # a second of them: a busy computer starts the daemon late
 LARGEST_LISTED = 8
-VERBS_OF_EXTRAS = ("collect",)
+# What no verb does with them: it says so where the extra is installed.
+MISUSED = {
+    "collect": (["collect", "--weigh-g", "100"], "expected 2 arguments"),
+    "fleet": (["view", "--robot", "arm"], "give NAME=ENDPOINT"),
+}
 
 
 @contextmanager
@@ -118,16 +121,17 @@ def tried_from_source(python: str) -> None:
 
 
 def extras_add_their_verbs(python: str) -> None:
-    """Each verb with its package, and without it a refusal that says how to install it."""
+    """What each is for, and without it a refusal that says how to install it."""
     client, wheel = built("fmfts_client-*.whl"), built(f"fmfts-*_{os.uname().machine}.whl")
-    for verb in VERBS_OF_EXTRAS:
-        with environment(python, client, wheel) as folder:
-            ended = said_by(folder, verb)
-            require(ended.returncode == 69 and f"'fmfts[{verb}]'" in ended.stderr, f"without its package:\n{ended}")
-        with environment(python, "--find-links", DIST, client, f"fmfts[{verb}] @ file://{wheel}") as folder:
-            ended = said_by(folder, verb, "--help")
-            require(ended.returncode == 0 and "--by-hand" in ended.stdout, f"with its package:\n{ended}")
-        print(f"Python {python}: {verb}, with its package and without it", flush=True)
+    with environment(python, client, wheel) as folder:
+        for extra, (words, _) in MISUSED.items():
+            ended = said_by(folder, *words)
+            require(ended.returncode == 69 and f"'fmfts[{extra}]'" in ended.stderr, f"without {extra}:\n{ended}")
+    for extra, (words, said) in MISUSED.items():
+        with environment(python, "--find-links", DIST, client, f"fmfts[{extra}] @ file://{wheel}") as folder:
+            ended = said_by(folder, *words)
+            require(ended.returncode == 2 and said in ended.stderr, f"with {extra}:\n{ended}")
+            print(f"Python {python}: {extra}, installed and not installed", flush=True)
 
 
 def said_by(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:

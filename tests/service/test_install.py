@@ -101,3 +101,5 @@ def assert_runs(tree: Path) -> None:
     assert [part for part in compiled_parts() if not (library / part).exists()] == []
     said = subprocess.run([*command, "collect", "--help"], env=environment, capture_output=True, text=True, check=False)
     assert "--by-hand" in said.stdout, f"extras that every system has are found there: {said.stderr}"
+    said = subprocess.run([*command, "view", "--robot", "arm"], env=environment, capture_output=True, text=True)
+    assert "give NAME=ENDPOINT" in said.stderr

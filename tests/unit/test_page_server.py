@@ -42,6 +42,7 @@ from fmfts.page.server import FRONT, HANDSHAKE_S, OPEN_PAGES, PageServer, RobotV
 from fmfts.page.strangers import WAITING
 from fmfts.recording.file import RecordingWriter
 from fmfts_client import Endpoints
+from fmfts_fleet.front import FOLDER as FLEETS
 
 ROOT = Path(__file__).parents[2]
 
@@ -439,17 +440,18 @@ class TestAddress:
 
 
 class TestFiles:
-    @pytest.mark.parametrize("name", ["index.html", "fleet.html"])
-    def test_page_has_no_inline_script_or_style(self, name: str) -> None:
-        page = (FOLDER / name).read_text()
+    @pytest.mark.parametrize("path", [FOLDER / "index.html", FLEETS / "fleet.html"], ids=lambda path: path.name)
+    def test_page_has_no_inline_script_or_style(self, path: Path) -> None:
+        page = path.read_text()
         assert not re.search(r"<script(?![^>]*src=)|<style|\sstyle=|\son\w+=", page)
 
     def test_every_file_that_the_page_names_is_there_and_none_is_elsewhere(self) -> None:
-        for file in FOLDER.glob("*.*"):
+        for file in [*FOLDER.glob("*.*"), *FLEETS.glob("*.*")]:
+            folders = {FOLDER, file.parent}  # the front page is served beside the robot's files
             named = re.findall(
                 r"""(?:src|href|from|import)\s*=?\s*["']([^"'#]+\.(?:js|css|svg|json))["']""", file.read_text()
             )
-            assert all((FOLDER / name).exists() for name in named), file
+            assert all(any((folder / name).exists() for folder in folders) for name in named), file
             assert "https://" not in file.read_text(), file
 
     def test_what_to_do_is_what_the_manual_says(self) -> None:
@@ -469,14 +471,19 @@ class TestFiles:
             assert hashlib.sha256(file.read_bytes()).hexdigest() in table, file.name
 
     def test_unknown_path_is_no_file(self) -> None:
-        files = Files("ws://x", {"/": "fleet.html", "/robot/arm/": "index.html"})
+        files = Files("ws://x", {"/": "fleet.html", "/robot/arm/": "index.html"}, (FOLDER, FLEETS))
         assert files.answer("/nothing").status_code == 404
         assert files.answer("/robot/leg/").status_code == 404
 
     def test_each_place_has_its_page_and_may_connect_to_its_own_socket_alone(self) -> None:
-        files = Files("ws://x", {"/": "fleet.html", "/robot/arm/": "index.html", "/robot/arm-2/": "index.html"})
-        for place, front in (("/", "fleet.html"), ("/robot/arm/", "index.html"), ("/robot/arm-2/", "index.html")):
+        fronts = {
+            "/": FLEETS / "fleet.html",
+            "/robot/arm/": FOLDER / "index.html",
+            "/robot/arm-2/": FOLDER / "index.html",
+        }
+        files = Files("ws://x", {place: front.name for place, front in fronts.items()}, (FOLDER, FLEETS))
+        for place, front in fronts.items():
             answer = files.answer(place)
-            assert answer.body == (FOLDER / front).read_bytes()
+            assert answer.body == front.read_bytes()
             assert f"connect-src 'self' ws://x{place}socket;" in answer.headers["Content-Security-Policy"]
             assert files.answer(f"{place}vendor/msgpack.min.js").status_code == 200

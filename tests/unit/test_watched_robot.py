@@ -16,9 +16,9 @@ from fmfts.bus.messages import Health
 from fmfts.bus.publisher import Publisher
 from fmfts.cli.main import main
 from fmfts.common import exit_codes
-from fmfts.page.fleet import FIRST_S, MOST_PADS, SILENT_S, WatchedRobot
-from fmfts.page.pad_health import WORST_FIRST, PadHealth, facts_of
 from fmfts_client import Endpoints, Status
+from fmfts_fleet.pad_health import WORST_FIRST, PadHealth, facts_of
+from fmfts_fleet.robots import FIRST_S, MOST_PADS, SILENT_S, WatchedRobot
 from ports import tcp_base
 from unit.bus_messages import BOOT, status_message
 
@@ -225,6 +225,15 @@ class TestCommandLine:
         monkeypatch.delenv("FMFTS_KEY", raising=False)
         assert main(["view", "--port", "0", *words]) == code
         assert said in capsys.readouterr().err
+
+    def test_package_that_is_not_installed_is_named_with_how_to_install_it(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
+        assert main(["view", "--port", "0", "--robot", "arm=tcp://127.0.0.1:5570"]) == exit_codes.UNAVAILABLE
+        said = capsys.readouterr().err
+        assert "view --robot belongs to a package of its own" in said
+        assert "pip install 'fmfts[fleet]'\n" in said
 
     def test_key_that_is_missing_is_named_with_how_to_make_it(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from fmfts.cli.verb import AddVerb, VerbError
@@ -13,8 +14,9 @@ if TYPE_CHECKING:
     from fmfts.config import Config
 
 VERBS = "fmfts.verbs"  # entry points: functions that take an AddVerb
+VIEWS = "fmfts.views"  # functions that `view` calls, by their package's extra
 CONFIGURATIONS = "fmfts.configurations"  # by the name of the table that it reads: a subclass of Config
-PACKAGES = ("fmfts_lab", "fmfts_collect")
+PACKAGES = ("fmfts_lab", "fmfts_collect", "fmfts_fleet")
 LABORATORY = "lab"
 IN_CHECKOUT = "./clients/python ."
 # Each verb's line of help, and its package: the laboratory, or an extra of this one.
@@ -57,9 +59,22 @@ def how_to_install(package: str) -> str:
     )
 
 
+def view(package: str, what: str) -> Callable[..., Any]:
+    """What an extra adds to the verb `view`, which `what` names. Raises VerbError where it is not installed."""
+    added: Callable[..., Any] | None = _loaded(VIEWS, package)
+    if added is None:
+        raise not_installed(what, package)
+    return added
+
+
 def configuration_with(table: str) -> type[Config] | None:
     """The configuration of the package that reads this table of the file; None where it is not installed."""
-    return next((point.load() for point in _entry_points(CONFIGURATIONS) if point.name == table), None)
+    kind: type[Config] | None = _loaded(CONFIGURATIONS, table)
+    return kind
+
+
+def _loaded(group: str, name: str) -> Any:
+    return next((point.load() for point in _entry_points(group) if point.name == name), None)
 
 
 def _entry_points(group: str) -> Any:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from fmfts.cli import fleet
+from fmfts.cli import elsewhere
 from fmfts.cli.foxglove import FOXGLOVE_PORT, view_in_foxglove
 from fmfts.cli.verb import AddVerb, VerbError, ended_by, serving_base
 from fmfts.common import exit_codes
@@ -36,7 +36,12 @@ def add_to(verb: AddVerb, listeners_config: str) -> None:
     parser.add_argument(
         "--foxglove", action="store_true", help=f"serve Foxglove instead, on this machine alone, port {FOXGLOVE_PORT}"
     )
-    fleet.add_to(parser)
+    parser.add_argument(
+        "--robot", metavar="NAME=ENDPOINT", action="append", default=[], help="one of several robots: all on one page"
+    )
+    parser.add_argument(
+        "--robot-keys", type=Path, metavar="FOLDER", help="NAME.key for each --robot; default: $FMFTS_KEY for all"
+    )
 
 
 def _view(options: argparse.Namespace) -> int:
@@ -63,7 +68,7 @@ def _view(options: argparse.Namespace) -> int:
 
         guard = Guard(options.host, options.certificate, options.key)
         if options.robot:
-            fleet.view_fleet(options, guard, port, serving)
+            elsewhere.view("fleet", "view --robot")(options, guard, port, serving)
             return 0
         base = serving_base(options)
         where, folder = Where(for_client(base), base), options.recordings.absolute()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from websockets.datastructures import Headers
@@ -39,11 +39,12 @@ class Files:
     connect to the socket in its own place, and to nothing else.
     """
 
-    def __init__(self, server: str, fronts: Mapping[str, str], folder: Path = FOLDER) -> None:
+    def __init__(self, server: str, fronts: Mapping[str, str], folders: Sequence[Path] = (FOLDER,)) -> None:
         self._server = server
         self._fronts = dict(fronts)
         self._files = {
             str(path.relative_to(folder)): (path.read_bytes(), TYPES[path.suffix])
+            for folder in folders
             for path in folder.rglob("*")
             if path.suffix in TYPES
         }

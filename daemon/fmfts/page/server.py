@@ -1,17 +1,16 @@
-"""`fmfts-daemon view`: serves the page of one robot, or of a fleet and of each robot in it, and brings it the buses."""
+"""`fmfts-daemon view`: serves the page of one robot, or of several below a front page, and brings it the buses."""
 
 from __future__ import annotations
 
 import asyncio
 import errno
-import json
 import logging
 import resource
 import signal
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.http11 import Request, Response
@@ -19,9 +18,7 @@ from websockets.http11 import Request, Response
 from fmfts.page.commands import Commands
 from fmfts.page.connection import BATCH_S, TOO_MANY, PageConnection, let_in
 from fmfts.page.feed import Feed
-from fmfts.page.files import SOCKET, Files
-from fmfts.page.fleet import Fleet
-from fmfts.page.fleet_connection import FleetConnection
+from fmfts.page.files import FOLDER, SOCKET, Files
 from fmfts.page.guard import Guard, RefusedAddressError
 from fmfts.page.strangers import ACCEPTED_IN_A_TURN, QUEUE, Door, Strangers, doors_of
 
@@ -29,13 +26,7 @@ FRONT = "/"
 OPEN_PAGES = 32  # that have shown the token
 LARGEST_REQUEST = 16 * 1024
 HANDSHAKE_S = 5.0
-LOOK_S, TELL_S = 0.05, 0.5  # at the fleet, and between two tellings where nobody came or went
 log = logging.getLogger(__name__)
-
-
-def place_of(robot: str) -> str:
-    """Where the server of a fleet has this robot's own view."""
-    return f"/robot/{robot}/"
 
 
 @dataclass(frozen=True)
@@ -47,18 +38,37 @@ class RobotView:
     pages: set[PageConnection] = field(default_factory=set)
 
 
+class FrontPage(Protocol):
+    """The page at FRONT where that is no robot's own: of another package, such as a fleet's."""
+
+    folder: Path  # of its files, which are beside those of a robot's page
+    page: str  # which of them it is
+
+    @property
+    def open_pages(self) -> int:
+        """How many are served."""
+
+    async def serve(self, socket: ServerConnection) -> None:
+        """Serve an open page, which has shown the token, until it goes."""
+
+    async def run(self) -> None:
+        """Feed the open pages as long as the server runs."""
+
+    def close(self) -> None:
+        """Called once, when the server has ended."""
+
+
 class PageServer:
     """Serves pages at `guard`'s host. Use `run`.
 
-    views: by place: FRONT of the only robot, or `place_of` each of the fleet, whose page is then at FRONT.
+    views: by place: FRONT of the only robot, or places below it, where `front` is at FRONT.
     """
 
-    def __init__(self, guard: Guard, views: Mapping[str, RobotView], fleet: Fleet | None = None) -> None:
+    def __init__(self, guard: Guard, views: Mapping[str, RobotView], front: FrontPage | None = None) -> None:
         self._guard = guard
         self._tls = guard.tls()
         self._views = dict(views)
-        self._fleet = fleet
-        self._fleet_pages: set[FleetConnection] = set()
+        self._front = front
         self._sockets = {f"{place}{SOCKET}" for place in (*views, FRONT)}
         self._strangers = Strangers()
         self._files: Files
@@ -85,11 +95,10 @@ class PageServer:
         port = doors[0].getsockname()[1]
         servers = [await self._served(door) for door in doors]
         self._hosts = self._guard.hosts(port)
-        fronts = {FRONT: "fleet.html"} | dict.fromkeys(self._views, "index.html")
-        self._files = Files(self._guard.address(port).partition("/#")[0].replace("http", "ws", 1), fronts)
+        self._files = self._all_files(self._guard.address(port).partition("/#")[0].replace("http", "ws", 1))
         feeding: list[asyncio.Task[Any]] = [asyncio.create_task(over.wait()), asyncio.create_task(self._feed_pages())]
-        if self._fleet is not None:
-            feeding.append(asyncio.create_task(self._watch(self._fleet)))
+        if self._front is not None:
+            feeding.append(asyncio.create_task(self._front.run()))
         serving(self._guard.address(port))
         try:
             await _first_over(feeding)
@@ -102,8 +111,14 @@ class PageServer:
             for view in self._views.values():
                 await asyncio.to_thread(view.commands.recordings.close)
                 view.feed.close()
-            if self._fleet is not None:
-                self._fleet.close()
+            if self._front is not None:
+                self._front.close()
+
+    def _all_files(self, server: str) -> Files:
+        pages = dict.fromkeys(self._views, "index.html")
+        if self._front is None:
+            return Files(server, pages)
+        return Files(server, {FRONT: self._front.page} | pages, (FOLDER, self._front.folder))
 
     async def _served(self, door: Door) -> Server:
         strangers = self._strangers
@@ -142,12 +157,16 @@ class PageServer:
         if not await let_in(socket, self._guard):
             return
         self._strangers.left(socket.transport)
-        if len(self._fleet_pages) + sum(len(view.pages) for view in self._views.values()) >= OPEN_PAGES:
+        open_pages = sum(len(view.pages) for view in self._views.values())
+        if open_pages + (self._front.open_pages if self._front is not None else 0) >= OPEN_PAGES:
             await socket.close(TOO_MANY, f"{OPEN_PAGES} pages are open already: close one")
             return
         assert socket.request is not None
         view = self._views.get(socket.request.path.removesuffix(SOCKET))
-        await (self._serve_fleet(socket) if view is None else self._serve_robot(socket, view))
+        if view is not None:
+            await self._serve_robot(socket, view)
+        elif self._front is not None:
+            await self._front.serve(socket)
 
     async def _serve_robot(self, socket: ServerConnection, view: RobotView) -> None:
         page = PageConnection(socket, view.feed, view.commands)
@@ -157,14 +176,6 @@ class PageServer:
             await page.serve()
         finally:
             view.pages.discard(page)
-
-    async def _serve_fleet(self, socket: ServerConnection) -> None:
-        page = FleetConnection(socket)
-        self._fleet_pages.add(page)
-        try:
-            await page.serve()
-        finally:
-            self._fleet_pages.discard(page)
 
     async def _feed_pages(self) -> None:
         """Brings what has arrived on the buses to the open pages; sleeps while there is none."""
@@ -178,18 +189,6 @@ class PageServer:
                 for page in view.pages:
                     page.wake()
             await asyncio.sleep(BATCH_S)
-
-    async def _watch(self, fleet: Fleet) -> None:
-        """Looks at the fleet with or without an open page: since when a robot is lost, whoever opens one later asks."""
-        told_s = 0.0
-        while True:
-            now_s = time.monotonic()
-            if fleet.look(now_s) or now_s - told_s >= TELL_S:
-                told_s = now_s
-                facts = json.dumps(fleet.facts(now_s)) if self._fleet_pages else ""
-                for page in self._fleet_pages:
-                    page.tell(facts)
-            await asyncio.sleep(LOOK_S)
 
 
 async def _first_over(tasks: list[asyncio.Task[Any]]) -> None:

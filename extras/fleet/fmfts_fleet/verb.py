@@ -20,19 +20,9 @@ ROBOT_NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 OF_ONE_ROBOT = ("config", "fixed_baseline", "ghost_endpoint", "beside", "foxglove")
 
 
-def add_to(parser: argparse.ArgumentParser) -> None:
-    """Add the options to the parser of `view`."""
-    parser.add_argument(
-        "--robot", metavar="NAME=ENDPOINT", action="append", default=[], help="one of several robots: all on one page"
-    )
-    parser.add_argument(
-        "--robot-keys", type=Path, metavar="FOLDER", help="NAME.key for each --robot; default: $FMFTS_KEY for all"
-    )
-
-
 def view_fleet(options: argparse.Namespace, guard: Guard, port: int, serving: Callable[[str], None]) -> None:
     """Serve the fleet's page. Raises VerbError, EndpointError, and RefusedAddressError where the port is taken."""
-    from fmfts.page.serving import serve_fleet
+    from fmfts_fleet.serving import serve_fleet
 
     given = [name for name in OF_ONE_ROBOT if getattr(options, name)]
     if given:

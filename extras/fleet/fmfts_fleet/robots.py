@@ -1,7 +1,7 @@
 """Watches the daemons of several robots: which are there, which are lost and since when, and how their pads are.
 
 It costs a daemon next to nothing: of each pad the status, once a second, and a heartbeat of ZeroMQ ten times a second,
-which ZeroMQ's own thread answers. Contacts are subscribed to only while somebody looks at a robot's own view (feed.py).
+which ZeroMQ's own thread answers. Contacts are subscribed to only while somebody looks at a robot's own view.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import Any
 import zmq
 from zmq.utils.monitor import recv_monitor_message
 
-from fmfts.page.pad_health import PadHealth, facts_of
 from fmfts_client import EndpointError, Endpoints, MessageError, Status, Subscription
 from fmfts_client.diagnosis import why_not_connected
+from fmfts_fleet.pad_health import PadHealth, facts_of
 
 HEARTBEAT_S = 0.1  # no answer for 2.5 of them, and the robot is lost: 0.35 s after its network was cut
 SILENT_S = 2.5  # two statuses: the connection stands, and the daemon's loop does not turn
