@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError
+from fmfts.baseline.alternating import alternation
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.missing import saturated, untellable
 
@@ -113,6 +114,9 @@ def summarise(frames: Sequence[Frame]) -> Recording:
                 f"{wander[sensor, axis] * 1e6:.2f} µT (steady is below {limit[axis] * 1e6:.2f} µT): "
                 "leave pad and robot still, and record again"
             )
+    if alternation(frames) is not None:
+        # Differences of successive samples tell of what is slow against the samples too little.
+        noise = np.maximum(noise, _scatter(fields, fresh))
     temperatures = [frame.temperature_c for frame in frames if frame.temperature_c is not None]
     return Recording(
         mean_t=mean,
@@ -122,6 +126,11 @@ def summarise(frames: Sequence[Frame]) -> Recording:
         temperature_c=float(np.mean(temperatures)) if temperatures else None,
         duration_s=(frames[-1].device_time_us - frames[0].device_time_us) * 1e-6,
     )
+
+
+def _scatter(fields: Array, fresh: NDArray[np.bool_]) -> Array:
+    """(N, 3) standard deviation of the samples about their mean."""
+    return np.array([fields[fresh[:, sensor], sensor].std(axis=0) for sensor in range(fields.shape[1])])
 
 
 def _silent(frames: Sequence[Frame], answers: NDArray[np.int64]) -> str:

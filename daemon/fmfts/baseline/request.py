@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from fmfts.baseline import (
     summarise,
     turning_means,
 )
+from fmfts.baseline.alternating import warnings_of
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.baseline.baseline import AnyMounting, require_rest
 from fmfts.baseline.chips_found import chips_found
@@ -55,10 +56,15 @@ class Recorded:
     mounting: AnyMounting | None  # None of several or unknown magnets before rest was recorded
     path: Path
     gained: dict[str, float]
+    warnings: list[str] = field(default_factory=list)  # what the person should know of the recording
 
     def facts(self, pad: Pad) -> dict[str, Any]:
         """The facts for the person who asked for the baseline."""
-        return _report(self.baseline, self.mounting, pad) | self.gained | {"stored": str(self.path)}
+        return (
+            _report(self.baseline, self.mounting, pad)
+            | self.gained
+            | {"warnings": self.warnings, "stored": str(self.path)}
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +165,8 @@ class BaselineRequest:
         if before is not None and (self.turn or self.refine) and isinstance(mounting, Mounting):
             was, now = (accuracy(known, self.pad) for known in (before.mounting(self.pad), mounting))
             gained = {f"{when}_{name}": facts[name] for name in now for when, facts in (("was", was), ("now", now))}
-        return Recorded(baseline, mounting, store(baseline, self.pad), gained)
+        warnings = [] if self.turn or self.refine else warnings_of(frames)
+        return Recorded(baseline, mounting, store(baseline, self.pad), gained, warnings)
 
 
 def restore(pad: Pad, origin: Origin | None = None) -> Recorded:

@@ -63,7 +63,8 @@ def turning_window(fields: Array) -> int:
     radius = np.ptp(fields, axis=0).max(axis=1) / 2.0
     for window in range(MEAN_OF, 1, -1):
         chord = lengths(fields[window - 1 :] - fields[: len(fields) - window + 1]) / radius
-        if np.quantile(np.median(chord, axis=1), 0.9) <= LARGEST_ARC:
+        of_sensors = np.median(chord, axis=1)
+        if np.count_nonzero(of_sensors <= LARGEST_ARC) >= 0.9 * len(of_sensors):
             return window
     return 1
 
@@ -130,7 +131,7 @@ def _noise(frames: Sequence[Frame], stillest: float = 1.0) -> Array:
 def _noise_of(samples: Array, stillest: float) -> Array:
     """(3,) of one sensor's samples (K, 3)."""
     moved = lengths(samples[2:] - samples[:-2])
-    still = ~(moved > np.nanquantile(moved, stillest))
+    still = np.argsort(moved)[: round(stillest * len(moved))]
     noise: Array = _robust_deviation(np.diff(samples, 2, axis=0)[still]) / np.sqrt(6.0)
     return noise
 

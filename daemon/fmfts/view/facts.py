@@ -44,8 +44,10 @@ LABELS = {
     "missed_contacts": "missed contacts (this computer was too slow)",
     "unreplayed": "contacts not replayed",
     "without_their_other": "contacts at the ends, in the recording or the replay alone",
+    "warnings": "beware",
     "could_gain": "the magnet's way in a press of 1 N could be known better",
 }
+SILENT_IF_EMPTY = ("could_gain", "warnings")
 HEXADECIMAL = ("address",)  # keys whose value is written as boards and data sheets do
 
 
@@ -60,7 +62,7 @@ def fact_lines(facts: dict[str, Any]) -> list[str]:
 
 def _lines(facts: dict[str, Any], indent: str = "") -> Iterator[str]:
     for key, value in facts.items():
-        if value in ("", {}) or (key, value) == ("could_gain", []) or key.startswith("was_"):
+        if value in ("", {}) or (value == [] and key in SILENT_IF_EMPTY) or key.startswith("was_"):
             continue
         if key.startswith("now_"):
             yield indent + _gained(key.removeprefix("now_"), facts)

@@ -112,6 +112,7 @@ function found(step, facts, pad, lines) {
     }
     parts.push(box);
   }
+  for (const warning of facts.warnings ?? []) parts.push(said("error", `${warning[0].toUpperCase()}${warning.slice(1)}.`));
   for (const gain of facts.could_gain ?? []) parts.push(said("", gain.replace("selftest:", "Step 2 would bring the magnet's way").replace("--turn:", "Step 5 would bring the magnet's way").replace("--refine:", "Step 6 would bring the magnet's way")));
   const details = document.createElement("details"), text = node("div", lines.join("\n"));
   text.className = "lines";

@@ -1,0 +1,99 @@
+"""A field that alternates in a baseline's recording: mains as a room has it, against NumPy's own sine."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmfts.baseline.alternating import Alternation, alternation
+from fmfts.baseline.recording import summarise
+from fmfts.baseline.request import BaselineRequest
+from fmfts.pad import Pad, Tolerance
+from fmfts.sensor import Frame
+from fmfts.sensor.chips import NOISE_T
+from fmfts.view.facts import fact_lines
+
+SENSORS, SECONDS = 4, 3.0
+# The direction of a cable's field, in the axes of chips that are turned by right angles.
+DIRECTIONS = np.array([[0.6, 0.0, 0.8], [0.0, -0.6, 0.8], [-0.6, 0.0, 0.8], [0.8, 0.6, 0.0]])
+
+
+def _recorded(hz: float, amplitude_t: float, rate_hz: float = 220.0, seed: int = 0) -> list[Frame]:
+    """Frames of chips on their own clocks, in a field that alternates."""
+    random = np.random.default_rng(seed)
+    age_s = np.append(0.0, random.uniform(0.0, 0.9 / rate_hz, SENSORS - 1))
+    time_s = np.arange(1, round(SECONDS * rate_hz) + 1)[:, None] / rate_hz
+    wave = amplitude_t * np.sin(2.0 * np.pi * hz * (time_s - age_s) + random.uniform(0.0, 2.0 * np.pi))
+    field = 3e-5 + wave[:, :, None] * DIRECTIONS + random.normal(0.0, NOISE_T, (len(time_s), SENSORS, 3))
+    counts = np.rint(field / 1e-4 * 660).astype(np.int16)
+    age_us, yes = np.rint(age_s * 1e6).astype(np.uint16), np.ones(SENSORS, bool)
+    return [
+        Frame(0, step, round(now * 1e6), round(now * 1e9), 3, counts[step], age_us, yes, yes, 25.0)
+        for step, now in enumerate(time_s[:, 0])
+    ]
+
+
+def _found(hz: float, amplitude_t: float, rate_hz: float = 220.0) -> Alternation:
+    found = alternation(_recorded(hz, amplitude_t, rate_hz))
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("amplitude_t", [2e-7, 2e-6, 5e-6])
+@pytest.mark.parametrize("hz", [50.0, 60.0])
+@pytest.mark.parametrize("rate_hz", [75.0, 160.0, 220.0])
+def test_mains_is_named_with_its_frequency_and_amplitude(hz: float, amplitude_t: float, rate_hz: float) -> None:
+    found = _found(hz, amplitude_t, rate_hz)
+    assert f"alternates at {hz:g} Hz, as of mains" in found.sentence
+    # A quarter of a resolution off the grid an amplitude is a tenth too small; noise leaves 0.01 µT of the mean's.
+    assert found.size_t == pytest.approx(amplitude_t, rel=0.12, abs=4e-8)
+
+
+@pytest.mark.parametrize("hz", [7.3, 33.0, 91.7])
+def test_a_motor_is_named_with_its_frequency(hz: float) -> None:
+    found = _found(hz, 1e-6)
+    assert found.frequency_hz == pytest.approx(hz, abs=0.25 / SECONDS + 1e-9)
+    assert f"alternates at {found.frequency_hz:.1f} Hz: " in found.sentence
+
+
+def test_noise_alone_is_no_alternation() -> None:
+    """Expected of these: 4e-5."""
+    assert [alternation(_recorded(50.0, 0.0, seed=seed)) for seed in range(40)] == [None] * 40
+
+
+def test_a_line_far_below_the_noise_is_not_told() -> None:
+    assert alternation(_recorded(50.0, 0.4 * NOISE_T)) is None
+
+
+def _warned(frames: list[Frame], pad: Pad) -> list[str]:
+    """What `baseline --bare` tells the person beside its figures."""
+    request = BaselineRequest(pad, Tolerance(1e-4, 1e-4, 0.02, 0.005, 0.05), bare=True, replaced=False)
+    facts = request.record(frames, None).facts(pad)
+    warnings: list[str] = facts["warnings"]
+    assert all(f"beware: {warning}" in fact_lines(facts) for warning in warnings)
+    assert warnings or not any(line.startswith("beware") for line in fact_lines(facts))
+    return warnings
+
+
+def test_whoever_records_a_baseline_is_told(pad: Pad, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    assert _warned(_recorded(50.0, 0.0), pad) == []
+    (alternates,) = _warned(_recorded(60.0, 2e-6), pad)
+    assert "alternates at 60 Hz, as of mains" in alternates
+    noisy = _recorded(50.0, 0.0)
+    random = np.random.default_rng(9)
+    for frame in noisy:
+        frame.counts[2] += np.rint(random.normal(0.0, 4.0 * NOISE_T, 3) / 1e-4 * 660).astype(np.int16)
+    (loud,) = _warned(noisy, pad)
+    assert re.match(r"sensor 3 has 0\.8\d µT of noise, where an HMC5983 has 0\.20 µT: look for", loud)
+
+
+@pytest.mark.parametrize("hz", [7.3, 50.0])
+def test_what_alternates_is_counted_as_noise(hz: float) -> None:
+    """Differences of samples 4.5 ms apart show a tenth of 7 Hz."""
+    summary = summarise(_recorded(hz, 2e-6))
+    expected = np.sqrt(NOISE_T**2 + 0.5 * (2e-6 * DIRECTIONS) ** 2)
+    assert summary.noise_t == pytest.approx(expected, rel=0.1)  # of 660 values 3 %, and rounding to counts 2 %
