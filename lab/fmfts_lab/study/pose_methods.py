@@ -145,7 +145,7 @@ def pose_methods() -> list[PoseMethod]:
     """In the order of the tables."""
     return [
         PoseMethod(DEFAULT, KERNEL, default, "scene's unknowns, ambient field carried on; χ² gate at 1e-6"),
-        PoseMethod("tracker (gates, faults, in Python)", KERNEL, Tracking, "the daemon's, told the pad exactly"),
+        PoseMethod("tracker (gates, faults)", KERNEL, Tracking, "the daemon's, told the pad exactly"),
         PoseMethod("kernel, 5 unknowns", KERNEL, partial(_kernel, 5), WARM),
         PoseMethod("kernel, 6 unknowns", KERNEL, partial(_kernel, 6), WARM),
         PoseMethod("kernel, 6, from rest (the paper)", KERNEL, partial(_kernel, 6, warm=False), "no memory"),

@@ -33,7 +33,7 @@ SECONDS, QUICK_SECONDS = 1.3, 0.8
 WRONG_M = 0.5e-3
 DAEMON = "the daemon, whole"
 COMPARED = (
-    *(DEFAULT, "tracker (gates, faults, in Python)", "kernel, 5 unknowns", "kernel, 6 unknowns"),
+    *(DEFAULT, "tracker (gates, faults)", "kernel, 5 unknowns", "kernel, 6 unknowns"),
     *("kernel, 6, from rest (the paper)", "kernel, 8 unknowns", "kernel, 8, χ² gate", "kernel, 9 unknowns"),
     *("leastsq, Jacobian", "extended Kalman", "unscented Kalman", "DIRECT: table + one step, 8", "look-up table"),
     *("4 nearest neighbours", "network from field (20)"),
