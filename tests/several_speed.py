@@ -44,7 +44,7 @@ def cold(fitter: Fitter, root: np.ndarray, measured: object) -> None:
 
 
 def main() -> None:
-    fitter = Fitter(models_of(1, knots=15, terms=1)[0])
+    fitter = Fitter(models_of(1, knots=15, terms=1))
     random = np.random.default_rng(1)
     print("µs")
     for count in range(3):

@@ -81,15 +81,19 @@ class Pad:
 
     def covariance(self, fingers: Array, variance_t2: Array, ambient_t: Array) -> Array:
         model, scene = self.model, self.model.scene
-        mounting, response = model.mounting, model.response
-        change = self.change(fingers)
+        mounting, change = model.mounting, self.change(fingers)
         A = mounting.sensors.axes.transpose(0, 2, 1).reshape(-1, 3)
         m = self.field_t(change)[:, None]
         E = mounting.errors.at(change, ambient_t)
         total = np.diag(variance_t2) + scene.ambient_t**2 * A @ A.T + scene.moment**2 * m @ m.T + E @ E.T
         if not len(fingers):
             return np.asarray(total)
-        P = self.by_pose(change) * np.tile(TO_SI, self.count)
+        P = self.by_pose(change)
+        return np.asarray(total + P @ self.considered(fingers) @ P.T)
+
+    def considered(self, fingers: Array) -> Array:
+        """(5M, 5M) in SI: of the changes of pose that no place and force of a finger tells."""
+        mounting, response, scene = self.model.mounting, self.model.response, self.model.scene
         inner, by_place, table = (
             np.zeros((5 * self.count,) * 2),
             np.zeros((5 * self.count, 2 * self.count)),
@@ -112,7 +116,8 @@ class Pad:
         places = [6 * magnet + axis for magnet in range(self.count) for axis in range(2)]
         place_mm2 = 1e6 * mounting.rest_covariance[np.ix_(places, places)]
         inner += by_place @ place_mm2 @ by_place.T + np.diag(table)
-        return np.asarray(total + P @ inner @ P.T)
+        to_si = np.tile(TO_SI, self.count)
+        return np.asarray(inner * to_si * to_si[:, None])
 
     def _curvature(self, finger: Array, axis: int) -> Array:
         step = np.zeros(3)

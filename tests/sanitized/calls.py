@@ -303,7 +303,7 @@ def _fingers(random: np.random.Generator) -> None:
 
     none = np.zeros(3)
     for sizes in ((4, 8, 48, 15, 1), (1, 2, 1, 4, 3), (9, 16, 96, 12, 8)):
-        fitter = Fitter(models_of(1, *sizes)[0])
+        fitter = Fitter(models_of(1, *sizes))
         for count in (1, 2):
             fingers = fingers_of(random, count)
             measured = measured_of(random, fitter.model, fingers)

@@ -12,7 +12,6 @@ from fmfts.pose import FieldErrors
 from fmfts.pose.magnets import Magnets, field_of, rest_frames
 from fmfts.several.field_model import FieldModel, Scene
 from fmfts.several.fit import Measured
-from twins.several import NumPyModel
 
 Array = NDArray[np.float64]
 
@@ -106,12 +105,11 @@ def models_of(
     knots: int = 8,
     terms: int = 2,
     reach_mm: float = 14.0,
-) -> tuple[FieldModel, FieldModel]:
-    """The same pad twice: in C, and in NumPy."""
+) -> FieldModel:
     random = np.random.default_rng(seed)
     pad = pad_of(random, magnets, sensors)
     response, mounting = response_of(random, pad, knots, terms, reach_mm), mounting_of(random, pad, causes)
-    return FieldModel(pad, mounting, response, SCENE), NumPyModel(pad, mounting, response, SCENE)
+    return FieldModel(pad, mounting, response, SCENE)
 
 
 def fingers_of(random: np.random.Generator, count: int, beyond: bool = False) -> Array:
@@ -129,3 +127,16 @@ def measured_of(random: np.random.Generator, model: FieldModel, fingers: Array, 
     return Measured(
         field + ambient + random.normal(0.0, NOISE_T, values), np.full(values, NOISE_T * NOISE_T), np.ones(values, bool)
     )
+
+
+def masked(random: np.random.Generator, measured: Measured, trial: int) -> Measured:
+    """All values, without some sensors, without single values; what there is not is NaN."""
+    used = np.ones(len(measured.used), bool)
+    if trial % 3 == 1:
+        used = np.repeat(random.uniform(size=len(used) // 3) < 0.8, 3)
+    elif trial % 3 == 2:
+        used = random.uniform(size=len(used)) < 0.6
+    variance = measured.variance_t2 * random.uniform(0.5, 2.0, len(used))
+    root = 3e-7 * random.standard_normal((len(used), 6))  # of neighbouring pads, in every other trial
+    foreign = root @ root.T if trial % 2 else None
+    return Measured(np.where(used, measured.field_t, np.nan), np.where(used, variance, np.nan), used, foreign)

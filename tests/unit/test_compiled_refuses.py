@@ -68,7 +68,7 @@ def test_response_without_a_spacing_or_a_scale_is_refused(number: int, value: fl
 
 @pytest.mark.parametrize(("number", "value"), [(5, np.nan), (6, 0.0), (6, -1.0), (6, np.nan), (6, np.inf)])
 def test_table_of_fingers_without_a_spacing_is_refused(number: int, value: float) -> None:
-    model = models_of(1)[0]
+    model = models_of(1)
     model.packed[number] = value
     with pytest.raises(ValueError, match="model"):
         model.predict(np.array([[1.0, 1.0, 0.5]]))

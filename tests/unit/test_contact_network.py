@@ -19,14 +19,13 @@ from test_pipeline import config_of, pipeline_of
 from examples import examples
 from fmfts.contact import ContactModel, ModelError, comparison, recognition, verified
 from fmfts.contact.comparison import NotComparedError, answers, answers_of_onnxruntime, difference, poses_of
-from fmfts.contact.inference import CompiledInference, _contact
+from fmfts.contact.inference import _contact
 from fmfts.contact.onnx_file import parse
 from fmfts.contact.recognition import network_of
 from fmfts.contact.seal import unsealed
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.simulation.baseline import simulated_baseline
-from twins.network import ReferenceInference
 
 CONTENT = unsealed(DEFAULT_PATH.read_bytes())
 Edit = Callable[[onnx.ModelProto], None]
@@ -319,27 +318,6 @@ def test_vector_of_another_size_is_refused() -> None:
     for wrong in (vector[:-1], np.append(vector, np.float32(0.0)), vector[:2], np.full(9, np.nan, np.float32)):
         with pytest.raises(ValueError, match=r"none of a network|expected"):
             _contact.infer(wrong.tobytes(), *room)
-
-
-@pytest.mark.parametrize("name", ["default", "shear"])
-def test_reference_answers_the_same_to_the_last_bit(pad: Pad, name: str) -> None:
-    model = ContactModel.load(name, pad)
-    assert isinstance(model.inference, CompiledInference)
-    network = np.frombuffer(model.inference.network, np.float32)
-    poses = np.concatenate([poses_of(model.facts), np.full((1, 6), 1e6), np.full((1, 6), np.nan)]).astype(np.float32)
-    with np.errstate(invalid="ignore", over="ignore"):
-        assert answers(ReferenceInference(network), poses).tobytes() == answers(model.inference, poses).tobytes()
-
-
-@given(st.integers(1, 40), st.sampled_from([3, 5]), st.integers(0, 2**32 - 1))
-@examples(30)
-def test_reference_of_any_size_answers_the_same_to_the_last_bit(hidden: int, outputs: int, seed: int) -> None:
-    random = np.random.default_rng(seed)
-    count = 6 + 30 + 10 * hidden + hidden + hidden * hidden + hidden + hidden * outputs + outputs
-    network = np.concatenate([[hidden, outputs, 0.01], random.normal(size=count)]).astype(np.float32)
-    poses = random.normal(size=(5, 6)).astype(np.float32)
-    compiled, reference = CompiledInference(network), ReferenceInference(network)
-    assert answers(reference, poses).tobytes() == answers(compiled, poses).tobytes()
 
 
 def test_model_that_onnxruntime_evaluates_says_the_same(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""The poses of all magnets by the field alone: the same bits in C, where the magnets are, when they are not told."""
+"""The poses of all magnets by the field alone: where the magnets are, and when they are not told."""
 
 from __future__ import annotations
 
@@ -8,26 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from several_world import measured_of
-from test_several_compiled import NONE, PADS, bits, fitters_of, masked
+from test_several_compiled import NONE, USUAL, fitter_of
 
 from fmfts.arithmetic.matrix import SingularError
 from fmfts.pose.observable import are_observable, needed_values
 from fmfts.several.field_model import FieldModel
-from fmfts.several.free_poses import FARTHEST, FreePoses, at, free_poses, is_explained
+from fmfts.several.free_poses import FARTHEST, at, free_poses, is_explained
 from fmfts.several.measured import Measured
 from fmfts.several.odd_pose_sensor import odd_pose_sensor
 from fmfts_lab.bench.several_layouts import LAYOUTS
 from fmfts_lab.bench.several_world import BUILT, BY_HAND, World, any_press, world
-from twins.several import NumPyModel
-from twins.several_poses import free_poses_in_numpy
 
 MOVED = np.array([2e-4, 2e-4, 3e-4, 0.05, 0.05])
 OBSERVABLE = ["2 over 8", "3 over 8", "4 over 12", pytest.param("4 over 16", marks=pytest.mark.long)]
-
-
-def of_poses(one: FreePoses) -> list[bytes]:
-    magnets = one.magnets.position_m, one.magnets.axis, one.magnets.strength_t_m3, one.magnets.octupole_m2
-    return bits(*magnets, one.change, one.covariance, one.chi2, one.misfit_t, one.ambient_t)
 
 
 def moved(random: np.random.Generator, model: FieldModel) -> tuple[np.ndarray, Measured]:
@@ -37,37 +30,22 @@ def moved(random: np.random.Generator, model: FieldModel) -> tuple[np.ndarray, M
     return change, replace(rest, field_t=rest.field_t + at(model, change).field_t)
 
 
-@pytest.mark.parametrize("sizes", PADS)
-def test_poses_by_the_field_have_the_same_bits_in_c(sizes: tuple[int, ...]) -> None:
-    fitter, reference = fitters_of(*sizes)
-    random = np.random.default_rng(31)
-    for trial in range(12):
-        change, measured = moved(random, reference.model)
-        measured = masked(random, measured, trial)
-        start = change * random.normal(0.0, 1.5, len(change)) if trial % 2 else np.zeros(len(change))
-        around = random.normal(0.0, 2e-5, 3)
-        here = free_poses_in_numpy(reference.model, start, measured, around)
-        assert of_poses(free_poses(fitter.model, start, measured, around)) == of_poses(here)
-
-
-@pytest.mark.parametrize("which", [0, 1], ids=["compiled", "NumPy"])
-def test_what_is_not_finite_is_refused_by_name(which: int) -> None:
-    model = fitters_of(4, 8, 48, 15, 1)[which].model
-    solve = free_poses_in_numpy if isinstance(model, NumPyModel) else free_poses
+def test_what_is_not_finite_is_refused_by_name() -> None:
+    model = fitter_of(*USUAL).model
     change, good = moved(np.random.default_rng(32), model)
     broken = replace(good, variance_t2=np.where(np.arange(24) == 7, np.inf, good.variance_t2))
     nowhere, negative = replace(good, field_t=good.field_t * np.nan), replace(good, variance_t2=good.variance_t2 - 1.0)
     for name, refused in {
-        "start: number 0 is nan": lambda: solve(model, change * np.nan, good, NONE),
-        "ambient_t: number 0 is nan": lambda: solve(model, change, good, NONE + np.nan),
-        "variance_t2: number 7 is inf": lambda: solve(model, change, broken, NONE),
-        "field_t: number 0 is nan": lambda: solve(model, change, nowhere, NONE),
-        "not positive definite": lambda: solve(model, change, negative, NONE),
+        "start: number 0 is nan": lambda: free_poses(model, change * np.nan, good, NONE),
+        "ambient_t: number 0 is nan": lambda: free_poses(model, change, good, NONE + np.nan),
+        "variance_t2: number 7 is inf": lambda: free_poses(model, change, broken, NONE),
+        "field_t: number 0 is nan": lambda: free_poses(model, change, nowhere, NONE),
+        "not positive definite": lambda: free_poses(model, change, negative, NONE),
     }.items():
         with pytest.raises(ValueError, match=name):
             refused()
     with pytest.raises(SingularError):
-        solve(model, change, negative, NONE)
+        free_poses(model, change, negative, NONE)
 
 
 def pressed_worlds(name: str, pads: int = 6, of_each: int = 5) -> Iterator[tuple[World, np.ndarray, Measured]]:

@@ -1,0 +1,325 @@
+"""The compiled search for fingers and poses against NumPy's linear algebra: what each step says where it ended.
+
+The field, its slope and its covariance C are the product's, which test_several.py judges; of the values that there are,
+with r the residual and J the slope, all that follows is least squares: docs/several.md and the docstrings of several/.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from several_world import fingers_of, masked, measured_of, models_of
+
+from fmfts.pose.magnets import Magnets
+from fmfts.several.field_model import FieldModel, Predicted
+from fmfts.several.fit import FLOOR, STARTS, Fit, Fitter, Measured
+from fmfts.several.free_poses import FARTHEST, at, free_poses
+from fmfts.several.poses import UNFELT, poses_of
+from fmfts.several.valley import LEAST_FORCE_N, fitted_across
+from oracle.field import Array
+from oracle.test_several import pads
+
+# Magnets, sensors, causes, knots, terms: the usual pad, the least, the most, and sizes that fill no register.
+PADS = [(4, 8, 48, 15, 1), (1, 2, 1, 4, 3), (9, 16, 96, 12, 8), (3, 5, 7, 6, 2), (2, 7, 0, 31, 2)]
+SIZES = pytest.mark.parametrize("sizes", PADS)
+# Of numbers that many roundings and a matrix of some condition have gone through.
+CLOSE = 1e-6
+NOBODY, NO_CHANGE = np.zeros((0, 3)), np.zeros(3)
+
+
+class White(NamedTuple):
+    """C (U, U) of the values that there are; r (U,) and J (U, unknowns) in its deviations: L⁻¹r, L⁻¹J."""
+
+    L: Array
+    residual: Array
+    slope: Array
+
+    def of(self, values: Array) -> Array:
+        return np.asarray(np.linalg.solve(self.L, values))
+
+
+def white(model: FieldModel, fingers: Array, measured: Measured, around_t: Array) -> White:
+    predicted = model.predict(fingers)
+    return whitened(model, fingers, predicted, predicted.slope, measured, around_t)
+
+
+def whitened(
+    model: FieldModel, fingers: Array, predicted: Predicted, slope: Array, measured: Measured, around_t: Array
+) -> White:
+    used = measured.used
+    C = model.covariance(fingers, predicted, measured.variance_t2, around_t)
+    if measured.foreign_t2 is not None:
+        C = C + measured.foreign_t2
+    L = np.linalg.cholesky(C[np.ix_(used, used)])
+    residual = np.linalg.solve(L, (measured.field_t - predicted.field_t)[used])
+    return White(L, residual, np.linalg.solve(L, slope[used]))
+
+
+def near(told: Array | float, wanted: Array | float, share: float = CLOSE) -> None:
+    wanted = np.asarray(wanted)
+    assert np.abs(told - wanted).max(initial=0.0) <= share * np.abs(wanted).max(initial=0.0) + 1e-300
+
+
+def near_covariance(told: Array, wanted: Array) -> None:
+    deviation = np.sqrt(np.diag(wanted))
+    assert np.abs((told - wanted) / np.outer(deviation, deviation)).max(initial=0.0) < CLOSE
+
+
+def worlds(sizes: tuple[float, ...], seed: int, count: int) -> list[tuple[Fitter, Measured, Array]]:
+    """Fields of one to three fingers, without some sensors, without single values, and beside other pads."""
+    fitter, random = Fitter(models_of(1, *sizes)), np.random.default_rng(seed)  # type: ignore[arg-type]
+    true = [fingers_of(random, trial % 3 + 1) for trial in range(count)]
+    return [
+        (fitter, masked(random, measured_of(random, fitter.model, each), trial), each)
+        for trial, each in enumerate(true)
+    ]
+
+
+@SIZES
+def test_root_and_chi2_are_those_of_the_covariance(sizes: tuple[int, ...]) -> None:
+    random = np.random.default_rng(7)
+    for fitter, measured, true in worlds(sizes, 7, 24):
+        fingers, around = fingers_of(random, len(true) - 1), random.normal(0.0, 2e-5, 3)
+        known = white(fitter.model, fingers, measured, around)
+        root = fitter.whitener(fingers, measured, around)
+        assert not np.triu(root, 1).any()
+        near(root @ root.T, known.L @ known.L.T)
+        residual = np.linalg.solve(known.L, (measured.field_t - fitter.model.predict(true).field_t)[measured.used])
+        assert fitter.chi2_with(root, true, measured) == pytest.approx(residual @ residual, rel=CLOSE)
+
+
+@SIZES
+@pytest.mark.parametrize("beyond", [False, True], ids=["on the table", "beyond it"])
+def test_fit_tells_the_covariance_chi2_ambient_field_and_shear_of_where_it_ended(
+    sizes: tuple[int, ...], beyond: bool
+) -> None:
+    random, model = np.random.default_rng(6), models_of(1, *sizes)
+    for number, (fitter, measured, true) in enumerate(worlds(sizes, 6, 24)):
+        around = random.normal(0.0, 2e-5, 3)
+        fit = fitter.fit(fingers_of(random, len(true), beyond), measured, around, few_iterations=bool(number // 3 % 2))
+        told, used = white(model, fit.fingers, measured, around), measured.used
+        spread = np.linalg.inv(told.slope.T @ told.slope + np.diag(np.tile(FLOOR, len(true))))
+        near_covariance(fit.covariance, spread)
+        assert fit.chi2 == pytest.approx(told.residual @ told.residual, rel=CLOSE)
+        near(fit.misfit_t[used], (measured.field_t - model.predict(fit.fingers).field_t)[used])
+        toward = told.of(model.by_ambient[used])
+        near(fit.ambient_t, model.scene.ambient_t**2 * toward.T @ told.residual)
+        # Of a cause of deviation one, whose effect is g: g'C⁻¹r, with the variance 1 − g'C⁻¹g + h'Σh, h = J'C⁻¹g.
+        predicted = model.predict(fit.fingers)
+        by_shear = np.concatenate([one.by_shear for one in predicted.pressed], axis=1)
+        prior_n = np.repeat(model.scene.friction * fit.fingers[:, 2], 2)
+        g = told.of((predicted.by_pose @ (model._si[:, None] * by_shear))[used]) * prior_n
+        h = told.slope.T @ g
+        variance = 1.0 - (g * g).sum(axis=0) + (h * (spread @ h)).sum(axis=0)
+        near(fit.shear_n.ravel(), prior_n * (g.T @ told.residual))
+        near(fit.shear_deviation_n.ravel() ** 2, prior_n**2 * np.maximum(variance, 0.0))
+
+
+@pytest.mark.parametrize("sizes", PADS[:4])  # the table of the last one is jagged: it has other minima near
+def test_fit_from_near_ends_where_no_step_is_left(sizes: tuple[int, ...]) -> None:
+    """The search ends where a step is below 0.03 deviations; at the table's edge a finger may go no further."""
+    random, settled, tried = np.random.default_rng(5), 0, 0
+    for fitter, measured, true in worlds(sizes, 5, 24):
+        if measured.used.sum() < 3 * len(true) or (np.diff(true[:, :2], axis=0).size and near_each_other(true)):
+            continue
+        fit = fitter.fit(true + random.normal(0.0, [0.2, 0.2, 0.05], true.shape), measured, NO_CHANGE)
+        if (fit.fingers <= fitter._lowest).any() or (fit.fingers >= fitter._highest).any():
+            continue
+        told = white(fitter.model, fit.fingers, measured, NO_CHANGE)
+        left, deviation = fit.covariance @ told.slope.T @ told.residual, np.sqrt(np.diag(fit.covariance))
+        tried += 1
+        settled += (np.abs(left) < 0.1 * deviation).all()
+    assert settled >= 0.8 * tried > 3
+
+
+def near_each_other(fingers: Array) -> bool:
+    apart = fingers[:, None, :2] - fingers[None, :, :2]
+    return bool((np.linalg.norm(apart, axis=2) + 1e3 * np.eye(len(fingers)) < 8.0).any())
+
+
+@pytest.mark.parametrize("sizes", [*PADS, (9, 16, 64, 12, 8, 30.0)])
+def test_scan_finds_the_best_places_of_the_grid(sizes: tuple[float, ...]) -> None:
+    """The best is as good as any, by least squares of the forces alone; pairs are the best ones that differ."""
+    random, found = np.random.default_rng(8), 0
+    for fitter, measured, true in worlds(sizes, 8, 12 if len(sizes) == 5 else 3):
+        root, places = fitter.whitener(fingers_of(random, len(true) - 1), measured, NO_CHANGE), fitter.places
+        t = np.linalg.solve(root, fitter.grid.templates[:, measured.used].T).T
+        a, s = t @ np.linalg.solve(root, measured.field_t[measured.used]), (t * t).sum(axis=1)
+        single, gain = fitter.best_single(root, measured)
+        gains = np.where(a > 0.0, a * a / np.where(s > 0.0, s, 1.0), 0.0)
+        at_place = number_of(places, single[0])
+        assert gain == pytest.approx(gains.max(), rel=CLOSE)
+        assert gains[at_place] == pytest.approx(gains.max(), rel=CLOSE)
+        assert single[0, 2] == pytest.approx(a[at_place] / s[at_place] if s[at_place] > 0.0 else 0.0, rel=1e-5)
+        one, other = np.triu_indices(len(places), 1)
+        apart = ((places[one, :2] - places[other, :2]) ** 2).sum(axis=1) >= 64.0
+        one, other = one[apart], other[apart]
+        c = (t @ t.T)[one, other]
+        d = s[one] * s[other] - c * c
+        first, second = a[one] * s[other] - a[other] * c, a[other] * s[one] - a[one] * c
+        good = (first > 0.0) & (second > 0.0) & (d > 1e-9 * s[one] * s[other])
+        gain_of = np.where(good, (first * a[one] + second * a[other]) / np.where(good, d, 1.0), 0.0)
+        for most in (1, STARTS, 8):
+            pairs = fitter.best_pairs(root, measured, most)
+            found += len(pairs)
+            left = gain_of.copy()
+            for pair in pairs:
+                numbers = {number_of(places, pair[0]), number_of(places, pair[1])}
+                (which,) = np.flatnonzero((one == min(numbers)) & (other == max(numbers)))
+                # It is the best of those that no better one was near to.
+                assert gain_of[which] == pytest.approx(left.max(), rel=1e-5)
+                forces = np.linalg.lstsq(t[[one[which], other[which]]].T, white_field(root, measured), rcond=None)[0]
+                by_number = dict(zip((one[which], other[which]), forces, strict=True))
+                near(pair[:, 2], np.array([by_number[number_of(places, each)] for each in pair]), 1e-4)
+                near_it = np.abs(places[np.stack([one, other], axis=1), :2] - pair[:, :2]).max(axis=(1, 2)) <= 3.0
+                left[near_it] = 0.0
+            assert len(pairs) == most or left.max() <= 1e-9
+    assert found > 5, "there was nothing to compare"
+
+
+def white_field(root: Array, measured: Measured) -> Array:
+    return np.asarray(np.linalg.solve(root, measured.field_t[measured.used]))
+
+
+def number_of(places: Array, finger: Array) -> int:
+    (number,) = np.flatnonzero((places[:, :2] == finger[:2]).all(axis=1))
+    return int(number)
+
+
+@SIZES
+def test_one_more_finger_lowers_chi2_as_least_squares_says(sizes: tuple[int, ...]) -> None:
+    """Beside others, which may move a little for it."""
+    gained = 0
+    for fitter, measured, true in worlds(sizes, 12, 12):
+        told = replace(fitter.fit(true[:1], measured, NO_CHANGE), fingers=true)
+        root = fitter.whitener(true, measured, NO_CHANGE)
+        known = white(fitter.model, true, measured, NO_CHANGE)
+        another = fitter.another(root, told, measured)
+        normal = known.slope.T @ known.slope + 1e-9 * np.eye(3 * len(true))
+        t = known.of(fitter.grid.templates[:, measured.used].T)
+        moved = np.linalg.solve(normal, known.slope.T @ t)
+        left, r = t - known.slope @ moved, known.residual
+        rest = r - known.slope @ np.linalg.solve(normal, known.slope.T @ r)
+        a, s = left.T @ rest, (left * left).sum(axis=0)
+        s = np.where(s > 0.0, s, 1.0)
+        apart = (np.linalg.norm(fitter.places[:, None, :2] - true[None, :, :2], axis=2) >= 8.0).all(axis=1)
+        certain = s > 1e-6 * (t * t).sum(axis=0)  # of a place that the others explain, rounding is left
+        near(another.gain[certain], np.where((a > 0.0) & apart, a * a / s, 0.0)[certain], 1e-5)
+        near(another.force[certain], (a / s)[certain], 1e-5)
+        near(another.by_force, moved, 1e-5)
+        gained += int((another.gain > 0.0).sum())
+        if len(true) == 1:
+            pairs = fitter.best_seconds(root, told, measured)
+            gains = [another.gain[number_of(fitter.places, pair[1])] for pair in pairs]
+            assert gains == sorted(gains, reverse=True)
+            assert not gains or gains[0] == another.gain.max()
+            assert all(np.array_equal(pair[0], true[0]) for pair in pairs)
+    assert gained > 20, "there was nothing to compare"
+
+
+@SIZES
+def test_fingers_put_elsewhere_are_those_of_two_steps_across(sizes: tuple[int, ...]) -> None:
+    """Each a step of least squares with one sum held: of what is unknown, and the multiplier of what is held."""
+    random, reached, refused = np.random.default_rng(13), 0, 0
+    for trial, (fitter, measured, true) in enumerate(worlds(sizes, 13, 24)):
+        count = len(true)
+        fit = replace(fitter.fit(fingers_of(random, count), measured, NO_CHANGE), fingers=true)
+        directions = np.zeros((1 + trial % 2, 3 * count))
+        directions[:, :2] = random.normal(0.0, 1.0, (len(directions), 2))
+        directions *= trial < 22  # without a direction no step leads anywhere
+        away = random.normal(0.0, 3.0, directions.shape)
+        there, chi2 = fitted_across(fitter, fit, away, directions, measured, np.full(3, 1e-5))
+        assert there.shape == (len(away), 2, count, 3)
+        held = white(fitter.model, true, measured, np.full(3, 1e-5))
+        for number, side in np.ndindex(len(away), 2):
+            if not directions[number].any():
+                assert np.isinf(chi2[number, side])
+                refused += 1
+                continue
+            fingers = clipped(fitter, true.ravel() + (1.0, -1.0)[side] * away[number])
+            for _ in range(2):
+                step = step_across(fitter, held, fingers, directions[number], measured)
+                fingers = clipped(fitter, fingers.ravel() + step)
+            if np.isfinite(chi2[number, side]):
+                near(there[number, side], fingers, 1e-4)
+                residual = held.of((measured.field_t - fitter.model.predict(fingers).field_t)[measured.used])
+                assert chi2[number, side] == pytest.approx(residual @ residual, rel=1e-4)
+                reached += 1
+    assert reached > 20, "there was nothing to compare"
+    assert refused
+
+
+def step_across(fitter: Fitter, held: White, fingers: Array, direction: Array, measured: Measured) -> Array:
+    predicted = fitter.model.predict(fingers)
+    J = held.of(predicted.slope[measured.used])
+    r = held.of((measured.field_t - predicted.field_t)[measured.used])
+    normal = J.T @ J + np.diag(np.tile(FLOOR, len(fingers)))
+    size = np.sqrt(np.diag(normal))
+    bordered = np.block([[normal / size / size[:, None], (direction / size)[:, None]], [direction / size, 0.0]])
+    return np.asarray(np.linalg.solve(bordered, np.append(J.T @ r / size, 0.0))[:-1] / size)
+
+
+def clipped(fitter: Fitter, fingers: Array) -> Array:
+    response, each = fitter.model.response, fingers.reshape(-1, 3)
+    place = np.clip(each[:, :2], response.first_mm, response.last_mm)
+    return np.column_stack([place, np.maximum(each[:, 2], LEAST_FORCE_N)])
+
+
+@pytest.mark.parametrize("sizes", [(4, 8, 2), (2, 9, 3)])
+def test_poses_are_the_tables_and_what_the_residual_tells_besides(sizes: tuple[int, int, int]) -> None:
+    """A x + W r with W = B B' P' C⁻¹, and B B' − W P B B' + (A − W J) Σ (A − W J)': several/poses.py."""
+    random, (model, oracle) = np.random.default_rng(15), pads(*sizes)
+    fitter = Fitter(model)
+    for trial in range(6):
+        fingers = fingers_of(random, trial % 3 + 1)
+        measured, around = masked(random, measured_of(random, model, fingers), trial), random.normal(0.0, 2e-5, 3)
+        used = measured.used
+        fit: Fit = replace(fitter.fit(fingers, measured, around), fingers=fingers)
+        told = poses_of(fitter, fit, measured, around)
+        BB = oracle.considered(fingers)
+        known, predicted = white(model, fingers, measured, around), model.predict(fingers)
+        C = known.L @ known.L.T
+        A = np.concatenate([one.slope for one in predicted.pressed], axis=1) * model._si[:, None]
+        P, J = predicted.by_pose[used], predicted.slope[used]
+        W = BB @ P.T @ np.linalg.inv(C)
+        near(told.change, oracle.change(fingers) + W @ fit.misfit_t[used], 1e-4)
+        near_magnets(model, told.magnets, told.change)
+        left = A - W @ J
+        wanted = np.diag(np.tile(UNFELT, len(BB) // 5) ** 2) + BB - W @ P @ BB + left @ fit.covariance @ left.T
+        deviation = np.sqrt(np.diag(wanted))
+        assert np.abs((told.covariance - wanted) / np.outer(deviation, deviation)).max() < 1e-4
+        assert told.variance == pytest.approx(np.diag(wanted), rel=1e-4)
+
+
+@SIZES
+def test_poses_by_the_field_tell_the_covariance_and_chi2_of_where_they_ended(sizes: tuple[int, ...]) -> None:
+    random = np.random.default_rng(31)
+    farthest, model = np.tile(FARTHEST, int(sizes[0])), models_of(1, *sizes)
+    for trial in range(12):
+        change = random.normal(0.0, np.tile([2e-4, 2e-4, 3e-4, 0.05, 0.05], int(sizes[0])))
+        rest = measured_of(random, model, NOBODY)
+        measured = masked(random, replace(rest, field_t=rest.field_t + at(model, change).field_t), trial)
+        start = change * random.normal(0.0, 1.5, len(change)) if trial % 2 else np.zeros(len(change))
+        around = random.normal(0.0, 2e-5, 3)
+        found = free_poses(model, start, measured, around)
+        predicted = at(model, found.change)
+        told = whitened(model, NOBODY, predicted, predicted.by_pose, measured, around)
+        near_covariance(found.covariance, np.linalg.inv(told.slope.T @ told.slope + np.diag(farthest**-2.0)))
+        assert found.chi2 == pytest.approx(told.residual @ told.residual, rel=CLOSE)
+        near(found.misfit_t[measured.used], (measured.field_t - predicted.field_t)[measured.used])
+        near(found.ambient_t, model.scene.ambient_t**2 * told.of(model.by_ambient[measured.used]).T @ told.residual)
+        assert (np.abs(found.change) <= farthest).all()
+        near_magnets(model, found.magnets, found.change)
+
+
+def near_magnets(model: FieldModel, told: Magnets, change: Array) -> None:
+    """change: of position, and the x and y of the axis in each magnet's own frame."""
+    rest, moved = model.mounting.magnets, change.reshape(-1, 5)
+    axis = np.column_stack([moved[:, 3:], np.sqrt(1.0 - (moved[:, 3:] ** 2).sum(axis=1))])
+    np.testing.assert_allclose(told.position_m, rest.position_m + moved[:, :3], rtol=1e-12)
+    np.testing.assert_allclose(told.axis, np.einsum("mij,mj->mi", model.mounting.frames, axis), atol=1e-12)
+    assert np.array_equal(told.strength_t_m3, rest.strength_t_m3)
+    assert np.array_equal(told.octupole_m2, rest.octupole_m2)
