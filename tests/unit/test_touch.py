@@ -9,8 +9,7 @@ import pytest
 from contact_steps_in_c import Estimate, TouchInC
 from scipy.stats import chi2
 
-from fmfts.contact._contact import RELEASE_FRAMES
-from fmfts.contact.touch import TouchDetector
+from fmfts.contact.touch import RELEASE_FRAMES, TouchDetector
 
 REST = np.zeros(5)
 # Of several magnets and of one.

@@ -1,5 +1,4 @@
-/* The change of pose from rest, and how uncertain it is. Contact depends on it alone, because errors of the mounting cancel in
- * it. */
+/* The change of pose from rest, and how uncertain it is: change.py. */
 #include <string.h>
 
 #include "model.h"
