@@ -31,6 +31,7 @@ def bill(dist: Path, time_s: int) -> dict[str, Any]:
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     whole = component("application", "fmfts", version, "MIT", "fmfts")
     needed = [pinned(*each, licences) for each in requirements(HERE / "constraints.txt")]
+    of_extras = needs_of_extras(licences, needed)
     debian = [on_debian(name, least, licences) for name, least in debian_dependencies()]
     vendored = [of_npm(part) for part in parts["vendored"]]
     carried = [pinned(*each, licences) for each in requirements(DEBIAN / "vendored.txt")]
@@ -42,7 +43,8 @@ def bill(dist: Path, time_s: int) -> dict[str, Any]:
         wanted = of_debian if part["name"].endswith(".deb") else of_index
         if part["name"].startswith("fmfts_client"):
             wanted = [ref for ref in of_index if re.match(r"pkg:pypi/(pyzmq|msgpack|cffi|pycparser)@", ref)]
-        depends.append({"ref": part["bom-ref"], "dependsOn": wanted})
+        own = next((parts for name, parts in of_extras.items() if part["name"].startswith(f"{name}-")), [])
+        depends.append({"ref": part["bom-ref"], "dependsOn": [*wanted, *(each["bom-ref"] for each in own)]})
     described = {
         "bomFormat": "CycloneDX",
         "specVersion": "1.6",
@@ -51,7 +53,7 @@ def bill(dist: Path, time_s: int) -> dict[str, Any]:
             "timestamp": datetime.fromtimestamp(time_s, timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
             "component": whole,
         },
-        "components": [*files, *firmware, *needed, *debian],
+        "components": [*files, *firmware, *needed, *(part for own in of_extras.values() for part in own), *debian],
         "dependencies": depends,
     }
     # The same document has the same number, another one another.
@@ -104,6 +106,19 @@ def pinned(name: str, version: str, hashes: list[str], licences: dict[str, str])
     address = f"pkg:pypi/{name}@{version}"
     listed = [{"alg": "SHA-256", "content": each} for each in hashes]
     return component("library", name, version, licences[name], address, purl=address, hashes=listed)
+
+
+def needs_of_extras(licences: dict[str, str], needed: list[Component]) -> dict[str, list[Component]]:
+    """What each package of extras/ needs beside what the daemon does, by how the names of its files begin."""
+    tested = {name: (name, *rest) for name, *rest in requirements(HERE / "constraints-extras.txt")}
+    known = {part["name"] for part in needed}
+    found = {}
+    for path in sorted(ROOT.glob("extras/*/pyproject.toml")):
+        project = tomllib.loads(path.read_text())["project"]
+        names = [re.split(r"[^\w.-]", word)[0] for word in project["dependencies"]]
+        own = [name for name in names if name not in known and not name.startswith("fmfts")]
+        found[project["name"].replace("-", "_")] = [pinned(*tested[name], licences) for name in own]
+    return found
 
 
 def debian_dependencies() -> list[tuple[str, str]]:

@@ -32,6 +32,7 @@ LARGEST_LISTED = 8
 MISUSED = {
     "collect": (["collect", "--weigh-g", "100"], "expected 2 arguments"),
     "fleet": (["view", "--robot", "arm"], "give NAME=ENDPOINT"),
+    "foxglove": (["view", "--foxglove", "--host", "0.0.0.0"], "serves this machine alone"),
 }
 
 

@@ -77,9 +77,22 @@ class Project:
     def bounds(self) -> dict[str, str]:
         """What each dependency must be at least; "" where any will do."""
         extras = self.described["project"].get("optional-dependencies", {}).values()
-        words = self.described["project"]["dependencies"] + [word for extra in extras for word in extra]
+        words = (
+            self.described["project"]["dependencies"] + self.of_beside + [word for extra in extras for word in extra]
+        )
         found = (re.match(r"([\w.-]+)(?:\[.*\])?(?:>=([\d.]+))?", word) for word in words)
         return {each[1]: each[2] or "" for each in found if each and each[1] != self.name}
+
+    @property
+    def beside(self) -> list[Path]:
+        """Packages whose verbs are tried, too."""
+        return [path.parent for place in ("lab", "extras/*") for path in self.folder.glob(f"{place}/pyproject.toml")]
+
+    @property
+    def of_beside(self) -> list[str]:
+        """What these need of others."""
+        words = [word for folder in self.beside for word in Project(folder).described["project"]["dependencies"]]
+        return [word for word in words if not word.startswith("fmfts")]
 
     def pythons(self) -> tuple[list[str], list[str]]:
         """Those that it names and any other at hand that it allows: what can be had here, and what cannot."""
@@ -174,10 +187,9 @@ def installed(project: Project, python: str, end: str, folder: Path) -> dict[str
         project.folder / "pyproject.toml",
         *extras,
         *client,
+        *project.of_beside,
     )
-    # Packages whose verbs are tried, too.
-    beside = [path.parent for place in ("lab", "extras/*") for path in project.folder.glob(f"{place}/pyproject.toml")]
-    uv("pip", "install", "--python", folder, "--no-deps", wheel(project, python, end, folder), *beside)
+    uv("pip", "install", "--python", folder, "--no-deps", wheel(project, python, end, folder), *project.beside)
     listed = json.loads(uv("pip", "list", "--python", folder, "--format", "json"))
     return {each["name"]: each["version"] for each in listed if each["name"] in project.bounds}
 

@@ -12,6 +12,7 @@ import pytest
 
 from fmfts.cli import manual
 from fmfts.cli.main import command_line, main
+from fmfts.common import exit_codes
 
 VERBS = manual.verbs_of(command_line())
 
@@ -91,6 +92,15 @@ def test_verb_installs_pages_and_completion(tmp_path: Path, capsys: pytest.Captu
     assert (tmp_path / "share/man/man1/fmfts-daemon-baseline.1").exists()
     assert (tmp_path / "share/bash-completion/completions/fmfts-daemon").read_text() == manual.bash_completion()
     assert f"fpath+=({tmp_path}/share/zsh/vendor-completions)" in capsys.readouterr().out
+
+
+def test_layout_of_a_package_that_is_not_installed_says_how_to_install_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
+    for words in (["layout", "foxglove", "--pad", "left"], ["view", "--foxglove"]):
+        assert main(words) == exit_codes.UNAVAILABLE
+        assert "pip install 'fmfts[foxglove]'\n" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("program", ["foxglove", "plotjuggler"])

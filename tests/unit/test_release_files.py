@@ -30,6 +30,7 @@ COMMITTED_S = 1_700_000_000
 NOTES = "first\n\n# As a heading\n"
 FILES = ["constraints.txt", "constraints-extras.txt", "constraints-build.txt"]
 WHEEL, DEB, CLIENT = "fmfts-0.1.0-cp311-abi3-linux_x86_64.whl", "fmfts_0.1.0_amd64.deb", "fmfts_client-0.1.0.tar.gz"
+EXTRA = "fmfts_foxglove-0.1.0-py3-none-any.whl"
 
 
 @pytest.mark.parametrize("file", FILES)
@@ -61,7 +62,7 @@ def test_tested_versions_hold_no_gpl() -> None:
 def dist(tmp_path: Path) -> Path:
     folder = tmp_path / "dist"
     folder.mkdir()
-    for name in (WHEEL, DEB, CLIENT):
+    for name in (WHEEL, DEB, CLIENT, EXTRA):
         (folder / name).write_text(name)
     return folder
 
@@ -77,9 +78,16 @@ def test_bill_of_materials_keeps_to_cyclonedx(dist: Path) -> None:
 
 def test_bill_of_materials_names_what_each_file_carries(dist: Path) -> None:
     found = {part["name"]: part for part in bill(dist, COMMITTED_S)["components"]}
-    inside = {name: {each["name"] for each in found[name].get("components", [])} for name in (WHEEL, DEB, CLIENT)}
+    inside = {
+        name: {each["name"] for each in found[name].get("components", [])} for name in (WHEEL, DEB, CLIENT, EXTRA)
+    }
     page = {"uplot", "@msgpack/msgpack"}
-    assert inside == {WHEEL: page, DEB: page | {"onnxruntime", "msgspec", "websockets", "mcap"}, CLIENT: set()}
+    assert inside == {
+        WHEEL: page,
+        DEB: page | {"onnxruntime", "msgspec", "websockets", "mcap"},
+        CLIENT: set(),
+        EXTRA: set(),
+    }
     assert found[WHEEL]["hashes"][0]["content"] == hashlib.sha256(WHEEL.encode()).hexdigest()
     assert {"fmfts-stm32f103", "fmfts-rp2040", "numpy", "pyzmq", "python3-zmq"} <= found.keys()
     assert [each["name"] for each in found["fmfts-rp2040"]["components"]] == ["libgcc"]
@@ -90,11 +98,12 @@ def test_bill_of_materials_says_what_each_file_needs(dist: Path) -> None:
     needs = {each["ref"]: set(each["dependsOn"]) for each in document["dependencies"]}
     of_index = {f"pkg:pypi/{name}@{version}": hashes for name, version, hashes in requirements(RELEASE / FILES[0])}
     assert needs[WHEEL] == of_index.keys()
+    assert {ref[9:].partition("@")[0] for ref in needs[EXTRA] - needs[WHEEL]} == {"foxglove-sdk"}
     # pyzmq has cffi, and that pycparser, on PyPy.
     assert {ref[9:].partition("@")[0] for ref in needs[CLIENT]} == {"pyzmq", "msgpack", "cffi", "pycparser"}
     assert "pkg:deb/debian/python3-zmq" in needs[DEB]
     assert all(ref.startswith("pkg:deb/debian/python3") for ref in needs[DEB])
-    assert needs["fmfts"] == {WHEEL, DEB, CLIENT, "firmware/stm32f103", "firmware/rp2040"}
+    assert needs["fmfts"] == {WHEEL, DEB, CLIENT, EXTRA, "firmware/stm32f103", "firmware/rp2040"}
     found = {part["bom-ref"]: part for part in document["components"]}
     assert {ref: [each["content"] for each in found[ref]["hashes"]] for ref in of_index} == of_index
     assert found["pkg:deb/debian/python3-zmq"]["properties"][0]["value"] == "24"

@@ -76,7 +76,7 @@ def test_a_room_imports_only_from_the_floors_below(path: Path) -> None:
 def test_robot_knows_nothing_of_the_packages_beside_it() -> None:
     """Entry points lead to them; cli/elsewhere.py names their verbs."""
     packages = {path.parent.name for folder in BESIDE for path in folder.glob("*/py.typed")}
-    assert {"fmfts_lab", "fmfts_collect", "fmfts_fleet"} <= packages
+    assert {"fmfts_lab", "fmfts_collect", "fmfts_fleet", "fmfts_foxglove"} <= packages
     found = [path for path in PACKAGE.rglob("*.py") if {name.partition(".")[0] for name in imported(path)} & packages]
     assert found == []
 

@@ -6,17 +6,19 @@ import argparse
 import sys
 from pathlib import Path
 
+from fmfts.cli import elsewhere
 from fmfts.cli.verb import AddVerb, VerbError, not_written
 from fmfts.common import exit_codes
 
-LAYOUTS = {"foxglove": "foxglove.json", "plotjuggler": "plotjuggler.xml"}
+PROGRAMS = ("foxglove", "plotjuggler")
+OWN_LAYOUTS = {"plotjuggler": Path(__file__).parents[1] / "view" / "layouts" / "plotjuggler.xml"}
 DRAWN_PAD = "left"  # whose layouts the files hold
 
 
 def add_to(verb: AddVerb) -> None:
     """Add both verbs. verb: makes a parser from a name, a handler and a line of help."""
     layout = verb("layout", _layout, "print a layout of Foxglove or PlotJuggler for a pad")
-    layout.add_argument("program", choices=LAYOUTS)
+    layout.add_argument("program", choices=PROGRAMS)
     layout.add_argument("--pad", metavar="NAME", help="the pad's name (default: that of the configuration, else demo)")
     manual = verb("manual", _manual, "install manual pages, and completion for bash and zsh")
     manual.add_argument(
@@ -30,8 +32,9 @@ def add_to(verb: AddVerb) -> None:
 
 
 def layout_for(program: str, pad: str) -> str:
-    """The layout file of `program` (a key of LAYOUTS) for this pad."""
-    drawn = (Path(__file__).parents[1] / "view" / "layouts" / LAYOUTS[program]).read_text(encoding="utf-8")
+    """The layout of `program`, one of PROGRAMS, for this pad. Raises VerbError where its package is not installed."""
+    path = OWN_LAYOUTS[program] if program in OWN_LAYOUTS else elsewhere.layout(program)
+    drawn = path.read_text(encoding="utf-8")
     return drawn.replace(f"/{DRAWN_PAD}", f"/{pad}").replace(f'tab_name="{DRAWN_PAD}"', f'tab_name="{pad}"')
 
 

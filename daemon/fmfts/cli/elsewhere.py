@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmfts.cli.verb import AddVerb, VerbError
@@ -15,8 +16,9 @@ if TYPE_CHECKING:
 
 VERBS = "fmfts.verbs"  # entry points: functions that take an AddVerb
 VIEWS = "fmfts.views"  # functions that `view` calls, by their package's extra
+LAYOUTS = "fmfts.layouts"  # paths, by the program that reads them
 CONFIGURATIONS = "fmfts.configurations"  # by the name of the table that it reads: a subclass of Config
-PACKAGES = ("fmfts_lab", "fmfts_collect", "fmfts_fleet")
+PACKAGES = ("fmfts_lab", "fmfts_collect", "fmfts_fleet", "fmfts_foxglove")
 LABORATORY = "lab"
 IN_CHECKOUT = "./clients/python ."
 # Each verb's line of help, and its package: the laboratory, or an extra of this one.
@@ -61,7 +63,18 @@ def how_to_install(package: str) -> str:
 
 def view(package: str, what: str) -> Callable[..., Any]:
     """What an extra adds to the verb `view`, which `what` names. Raises VerbError where it is not installed."""
-    added: Callable[..., Any] | None = _loaded(VIEWS, package)
+    added: Callable[..., Any] = _required(VIEWS, package, what)
+    return added
+
+
+def layout(package: str) -> Path:
+    """A layout for the program of this name. Raises VerbError like `view`."""
+    path: Path = _required(LAYOUTS, package, f"layout {package}")
+    return path
+
+
+def _required(group: str, package: str, what: str) -> Any:
+    added = _loaded(group, package)
     if added is None:
         raise not_installed(what, package)
     return added

@@ -11,7 +11,6 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from fmfts.cli import elsewhere
-from fmfts.cli.foxglove import FOXGLOVE_PORT, view_in_foxglove
 from fmfts.cli.verb import AddVerb, VerbError, ended_by, serving_base
 from fmfts.common import exit_codes
 
@@ -34,7 +33,7 @@ def add_to(verb: AddVerb, listeners_config: str) -> None:
     )
     parser.add_argument("--beside", metavar="ENDPOINT", action="append", default=[], help="further messages to draw")
     parser.add_argument(
-        "--foxglove", action="store_true", help=f"serve Foxglove instead, on this machine alone, port {FOXGLOVE_PORT}"
+        "--foxglove", action="store_true", help="serve Foxglove instead, on this machine alone, default port 8765"
     )
     parser.add_argument(
         "--robot", metavar="NAME=ENDPOINT", action="append", default=[], help="one of several robots: all on one page"
@@ -48,7 +47,8 @@ def _view(options: argparse.Namespace) -> int:
     if options.robot_keys is not None and not options.robot:
         raise VerbError(exit_codes.USAGE, "--robot-keys is for --robot; the key of one robot is named by FMFTS_KEY")
     if options.foxglove and not options.robot:
-        return view_in_foxglove(options)
+        code: int = elsewhere.view("foxglove", "view --foxglove")(options)
+        return code
     from fmfts.page.browser import shown_in_browser
     from fmfts.page.guard import Guard, RefusedAddressError
     from fmfts.page.serving import Where, serve_page

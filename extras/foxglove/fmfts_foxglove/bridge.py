@@ -1,4 +1,4 @@
-"""Shows a running daemon in Foxglove, live: `fmfts-daemon view --foxglove`, with Foxglove's SDK (extra `foxglove`).
+"""Shows a running daemon in Foxglove, live: `fmfts-daemon view --foxglove`, with Foxglove's SDK.
 
 The SDK's server (0.30) knows neither a token nor allowed Origins, and a server of ours before it would leave its own
 port open. So every user of this machine, and every page that a browser on it has open, can connect: it listens on the

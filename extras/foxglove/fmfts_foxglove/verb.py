@@ -8,7 +8,7 @@ import sys
 from fmfts.cli.verb import VerbError, ended_by, lacking, serving_base
 from fmfts.common import exit_codes
 
-FOXGLOVE_PORT = 8765
+PORT = 8765
 OPEN_TO_ALL = (
     "Foxglove's protocol has no password: while this runs, every user of this machine, and every web page open in a "
     "browser on it, can read contacts. Nobody can change anything through it"
@@ -17,8 +17,8 @@ OPEN_TO_ALL = (
 
 def view_in_foxglove(options: argparse.Namespace) -> int:
     try:
-        from fmfts.page.foxglove_bridge import LOOPBACK, serve
-    except ImportError as error:
+        from fmfts_foxglove.bridge import LOOPBACK, serve
+    except ImportError as error:  # installed with --no-deps
         raise lacking(error, "foxglove") from error
     from fmfts_client import SchemaError
     from fmfts_client.endpoints import EndpointError, for_client
@@ -31,7 +31,7 @@ def view_in_foxglove(options: argparse.Namespace) -> int:
         raise VerbError(
             exit_codes.USAGE, "--foxglove serves this machine alone: its server takes any Origin, and no key"
         )
-    port = FOXGLOVE_PORT if options.port is None else options.port
+    port = PORT if options.port is None else options.port
     try:
         with ended_by(EndpointError, SchemaError):
             serve(for_client(serving_base(options)), port, serving)
