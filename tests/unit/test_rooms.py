@@ -11,7 +11,8 @@ import pytest
 import fmfts
 
 PACKAGE = Path(fmfts.__file__).parent
-BESIDE = [PACKAGE.parents[1] / "lab", *sorted((PACKAGE.parents[1] / "extras").glob("*"))]
+ROOT = Path(__file__).parents[2]
+EXTRAS = sorted(path.parent for path in ROOT.glob("extras/*/pyproject.toml"))
 # What a package of extras/ may use: all rooms but those of the running daemon, and of the verbs what they share.
 CLOSED = {"runtime", "offline", "report"}
 OPEN_VERBS = {"fmfts.cli.verb", "fmfts.cli.feed"}
@@ -60,7 +61,7 @@ def modules() -> list[Path]:
 
 
 def extra_modules() -> list[Path]:
-    return sorted(path for folder in BESIDE[1:] for path in folder.rglob("*.py"))
+    return sorted(path for folder in EXTRAS for path in folder.glob("fmfts_*/**/*.py"))
 
 
 @pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
@@ -75,7 +76,7 @@ def test_a_room_imports_only_from_the_floors_below(path: Path) -> None:
 
 def test_robot_knows_nothing_of_the_packages_beside_it() -> None:
     """Entry points lead to them; cli/elsewhere.py names their verbs."""
-    packages = {path.parent.name for folder in BESIDE for path in folder.glob("*/py.typed")}
+    packages = {path.parent.name for folder in (ROOT / "lab", *EXTRAS) for path in folder.glob("*/py.typed")}
     assert {"fmfts_lab", "fmfts_collect", "fmfts_fleet", "fmfts_foxglove"} <= packages
     found = [path for path in PACKAGE.rglob("*.py") if {name.partition(".")[0] for name in imported(path)} & packages]
     assert found == []
