@@ -246,7 +246,7 @@ compiled-parts:
 	@printf '%s\n' $(COMPILED_PARTS)
 
 wheel: $(VENV)/.installed-test
-	rm -rf build/wheel
+	rm -rf build/wheel $(EXTRAS:%=%/build)
 	$(BIN)/pip wheel -q --no-deps -w build/wheel . $(EXTRAS:%=./%)
 	@for part in $(COMPILED_PARTS); do \
 	  $(BIN)/python -m zipfile -l build/wheel/fmfts-*.whl | grep "fmfts/$$part.*so" >/dev/null || \
@@ -350,4 +350,4 @@ include $(wildcard clients/c/client.mk)
 include $(wildcard tests/fuzz/fuzz.mk)
 
 clean:
-	rm -rf $(VENV) build *.egg-info firmware/build
+	rm -rf $(VENV) build *.egg-info firmware/build $(EXTRAS:%=%/build)

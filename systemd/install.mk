@@ -60,7 +60,7 @@ DEB_SOURCES := Makefile pyproject.toml setup.py README.md CHANGELOG.md LICENSE c
 deb:
 	@$(call need,$(DEB_PACKAGES),exit 1)
 	rm -rf $(DEB_BUILD) && mkdir -p $(DEB_BUILD)/fmfts
-	tar -c --exclude=__pycache__ --exclude='*.so' --exclude='*.egg-info' --mtime=@$(SOURCE_DATE_EPOCH) $(DEB_SOURCES) | tar -x -C $(DEB_BUILD)/fmfts
+	tar -c --exclude=__pycache__ --exclude='*.so' --exclude='*.egg-info' --exclude='extras/*/build' --mtime=@$(SOURCE_DATE_EPOCH) $(DEB_SOURCES) | tar -x -C $(DEB_BUILD)/fmfts
 	sed -n 's/^\(setuptools==[^ ]*\).*/\1/p' release/constraints-build.txt > $(DEB_BUILD)/fmfts/setuptools.txt
 	cp -r systemd/debian $(DEB_BUILD)/fmfts/debian
 	printf 'fmfts (%s) %s; urgency=medium\n\n  * See CHANGELOG.md.\n\n -- The fmfts authors <fmfts@example.invalid>  %s\n' \
