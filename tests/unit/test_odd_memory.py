@@ -24,7 +24,7 @@ NUMBERS = (0.0, -1.0, 1e300, -1e300, np.nan, np.inf, -np.inf, 1e19, 1e-300)
 AMID = {"growing": 2310, "faulty": 290, "healthy": 200}
 OUTSIDE: dict[str, Any] = {
     "found_sensor": (4, -2, 1 << 40), "heard": (16, -1), "suspects": (1 << 62, -(1 << 63)), "searched_sensors": (16,),
-    "searched": (4, -1), "explained": (1 << 12,), "time_us": (1 << 51, -(1 << 63)), "number": (2**63 - 1,),
+    "searched": (5, -1), "explained": (1 << 12,), "time_us": (1 << 51, -(1 << 63)), "number": (2**63 - 1,),
     "stood_ns": (-(1 << 63),), "repeats": (2**63 - 1,),
 }  # fmt: skip
 

@@ -12,7 +12,7 @@ from fmfts.pose.sighting import Sighting, SightingMemory
 MICROSECONDS = Range(-(2.0**50), 2.0**50, "time of a board in µs")
 WHOLE = Range(-(2.0**61), 2.0**61, "time in ns, or count")
 LOOKS = Range(0, 2**12 - 1, "frames that ambient_motion.c looked at")
-CAUSES = Range(0, 3, "cause that fault_search.c finds")
+CAUSES = Range(0, 4, "cause that fault_search.c finds")
 
 
 def require_possible(fields: Values, sensors: int) -> None:

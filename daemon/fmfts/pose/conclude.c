@@ -119,6 +119,9 @@ fmfts_status fmfts_conclude(fmfts_search *search, fmfts_descent *d, const double
     fmfts_matrix inverse;
     if (!invert(n, d, inverse) || uncertain(search, state, inverse)) {
         double own[FMFTS_STRIDE];
+        if (!direction) {
+            return FMFTS_UNOBSERVABLE;
+        }
         weakest(n, d->here->a, d->there->a, *d->work, own);
         fmfts_fill(direction, search->columns, 0.0);
         for (size_t i = 0; i < n; i++) {

@@ -14,7 +14,7 @@ typedef struct {
 static void solve_with_foreign_field(const fmfts_attempt *attempt, fmfts_solved *foreign)
 {
     fmfts_attempt with_field = *attempt;
-    with_field.has_foreign_field = true;
+    with_field.has_foreign_field = with_field.is_doubtful = true;
     fmfts_solve_frame(&with_field, foreign);
 }
 
@@ -31,6 +31,7 @@ static void suspect_sensors(const fmfts_attempt *attempt, const fmfts_solved *fo
     for (int sensor = 0; sensor < (int)parameters->sensors; sensor++) {
         fmfts_attempt others = *attempt;
         fmfts_solved solved;
+        others.is_doubtful = true;
         others.field_t[3 * sensor] = others.field_t[3 * sensor + 1] = others.field_t[3 * sensor + 2] = NAN;
         fmfts_solve_frame(&others, &solved);
         if (fmfts_fits(parameters, &solved, fmfts_strongest(parameters)) &&
@@ -43,16 +44,18 @@ static void suspect_sensors(const fmfts_attempt *attempt, const fmfts_solved *fo
     }
 }
 
-/* One sensor alone is suspected: leaves it out. */
+/* Whether one sensor alone is suspected, and that is to be believed. */
+static bool is_clear(const fmfts_step *step, const suspicion *found)
+{
+    return found->count == 1 &&
+           (step->parameters->at_rest == 0.0 || fmfts_confirms(step->parameters, step->memory, found->last));
+}
+
+/* Leaves out the sensor that is suspected. */
 static void blame(const fmfts_attempt *attempt, const fmfts_solved *whole, const suspicion *found)
 {
     fmfts_step *step = attempt->step;
     int sensor = found->last;
-    if (step->parameters->at_rest != 0.0 && !fmfts_confirms(step->parameters, step->memory, sensor)) {
-        step->verdict.health = FMFTS_LOST;
-        fmfts_say(&step->verdict.reason, "sensor %d may be at fault, or the field has turned", sensor + 1);
-        return;
-    }
     for (int axis = 3 * sensor; axis < 3 * sensor + 3; axis++) {
         step->verdict.used[axis] = false;
     }
@@ -67,7 +70,7 @@ static fmfts_cause cause_of(const fmfts_pose_parameters *parameters, const fmfts
                             const suspicion *found)
 {
     if (found->count > 0) {
-        return FMFTS_SENSOR_AT_FAULT;
+        return found->count == 1 ? FMFTS_NOT_CONFIRMED : FMFTS_SENSOR_AT_FAULT;
     }
     bool explains = fmfts_fits(parameters, foreign, FMFTS_LOG_MOMENT_REACH);
     return explains || fmfts_has_plausible_pose(parameters, whole, FMFTS_LOG_MOMENT_REACH) ? FMFTS_NOT_ALONE : FMFTS_NO_POSE;
@@ -82,7 +85,7 @@ static void say_suspects(const fmfts_step *step, fmfts_text *reason)
             before = " or ";
         }
     }
-    fmfts_say(reason, " may be at fault: it is not clear which");
+    fmfts_say(reason, " may be at fault");
 }
 
 /* whole: the sensors [mask] that were solved with. */
@@ -111,6 +114,11 @@ static void say_cause(fmfts_step *step, unsigned whole)
     switch ((fmfts_cause)step->memory->searched) {
     case FMFTS_SENSOR_AT_FAULT:
         say_suspects(step, reason);
+        fmfts_say(reason, ": it is not clear which");
+        break;
+    case FMFTS_NOT_CONFIRMED:
+        say_suspects(step, reason);
+        fmfts_say(reason, ", or the field has turned");
         break;
     case FMFTS_NO_POSE:
         fmfts_say(reason, "no pose of this magnet explains the field: is the pad mounted, and is the magnet whole?");
@@ -154,7 +162,7 @@ void fmfts_explain(const fmfts_attempt *attempt, const fmfts_solved *whole)
         fmfts_solved foreign;
         solve_with_foreign_field(attempt, &foreign);
         suspect_sensors(attempt, &foreign, &found);
-        if (found.count == 1) {
+        if (is_clear(step, &found)) {
             blame(attempt, whole, &found);
             return;
         }

@@ -7,6 +7,12 @@
 
 /* Solve to a thousandth of a deviation: before rest is recorded, deviations include the mounting's tolerances (0.4 mm). */
 static const double STOP_CHI2 = 1e-6;
+/* Whether an explanation can be right shows long before. A wrong one converges slowly: in fifty steps, to a pose that nobody is
+ * told. */
+static const double ROUGH_CHI2 = 0.1;
+enum { ROUGH_ITERATIONS = 18 };
+/* Of 130,000 solves that ended near rest, none was farther away than 20 mm on its way. */
+static const double REACH_M = 0.03;
 
 /* The pad's own magnet and its neighbours as one problem. A neighbour's prior is where its own pad saw it last. */
 typedef struct {
@@ -94,10 +100,23 @@ static void pose_problem(const fmfts_attempt *attempt, frame_problem *problem)
     memcpy(problem->start, problem->mean, FMFTS_VALUES(1 + felt->count) * sizeof(double));
 }
 
-static void solve_from_start(const fmfts_step *step, const frame_problem *posed, fmfts_solved *solved)
+/* The largest χ² that fits; NaN without a degree of freedom. */
+static double gate_of(const fmfts_step *step, const frame_problem *posed)
+{
+    int freedom = 0;
+    for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {
+        freedom += isfinite(posed->measurements[FMFTS_MEASUREMENT * axis + 6]);
+    }
+    for (size_t c = 0; c < posed->columns; c++) {
+        freedom -= posed->parts[c] == FMFTS_FREE;
+    }
+    return step->parameters->gate_chi2[freedom > 0 ? freedom : 0];
+}
+
+static void solve_from_start(const fmfts_step *step, const frame_problem *posed, bool is_rough, fmfts_solved *solved)
 {
     double work[FMFTS_WORK(FMFTS_AXES)], state[FMFTS_VALUES(FMFTS_MAX_MAGNETS)],
-        covariance[FMFTS_MAX_COLUMNS * FMFTS_MAX_COLUMNS], direction[FMFTS_MAX_COLUMNS];
+        covariance[FMFTS_MAX_COLUMNS * FMFTS_MAX_COLUMNS];
     const fmfts_problem problem = {
         .measurements = posed->measurements,
         .rows = 3 * (size_t)step->parameters->sensors,
@@ -107,10 +126,12 @@ static void solve_from_start(const fmfts_step *step, const frame_problem *posed,
         .start = posed->start,
         .prior_mean = posed->has_prior ? posed->mean : NULL,
         .prior_covariance = posed->has_prior ? posed->covariance : NULL,
-        .stop_chi2 = STOP_CHI2,
-        .max_iterations = FMFTS_MAX_ITERATIONS,
+        .stop_chi2 = is_rough ? ROUGH_CHI2 : STOP_CHI2,
+        .reach_m = REACH_M,
+        .wanted_chi2 = is_rough ? gate_of(step, posed) : 0.0,
+        .max_iterations = is_rough ? ROUGH_ITERATIONS : FMFTS_MAX_ITERATIONS,
     };
-    const fmfts_summary found = fmfts_solve(&problem, work, state, covariance, direction);
+    const fmfts_summary found = fmfts_solve(&problem, work, state, covariance, NULL);
     solved->status = found.status;
     solved->freedom = (int)found.rows - (int)found.unknowns;
     solved->chi2 = found.chi2;
@@ -122,21 +143,41 @@ static void solve_from_start(const fmfts_step *step, const frame_problem *posed,
     }
 }
 
+/* Whether another start would find nothing else. A magnet alone has one plausible pose, which all starts lead to; beside a foreign
+ * field it may have two. */
+static bool is_settled(const fmfts_attempt *attempt, const fmfts_solved *solved)
+{
+    const fmfts_pose_parameters *parameters = attempt->step->parameters;
+    if (attempt->has_foreign_field) {
+        return fmfts_fits(parameters, solved, fmfts_strongest(parameters));
+    }
+    return attempt->is_doubtful || fmfts_has_plausible_pose(parameters, solved, FMFTS_LOG_MOMENT_REACH);
+}
+
+/* Solves from rest, too. That is taken if it converged, and fits better or is the only one that converged. */
+static void solve_from_rest(const fmfts_step *step, frame_problem *problem, bool is_rough, fmfts_solved *solved)
+{
+    fmfts_solved again;
+    memcpy(problem->start, step->parameters->rest, LOG_VALUE * sizeof(double)); /* position and axis */
+    solve_from_start(step, problem, is_rough, &again);
+    if (again.status == FMFTS_CONVERGED && (solved->status != FMFTS_CONVERGED || again.chi2 < solved->chi2)) {
+        *solved = again;
+    }
+}
+
 void fmfts_solve_frame(const fmfts_attempt *attempt, fmfts_solved *solved)
 {
     const fmfts_step *step = attempt->step;
     const fmfts_pose_parameters *parameters = step->parameters;
     frame_problem problem;
-    fmfts_solved again;
     pose_problem(attempt, &problem);
-    solve_from_start(step, &problem, solved);
-    bool fits = fmfts_fits(parameters, solved, fmfts_strongest(parameters));
-    if (fits || step->memory->disturbed_frames % FMFTS_SEARCH_EVERY) {
-        return;
+    solve_from_start(step, &problem, attempt->is_doubtful, solved);
+    if (!is_settled(attempt, solved) && step->memory->disturbed_frames % FMFTS_SEARCH_EVERY == 0) {
+        solve_from_rest(step, &problem, attempt->is_doubtful, solved);
     }
-    memcpy(problem.start, parameters->rest, LOG_VALUE * sizeof(double)); /* position and axis */
-    solve_from_start(step, &problem, &again);
-    if (again.status == FMFTS_CONVERGED && !(again.chi2 >= solved->chi2)) {
-        *solved = again;
+    if (attempt->is_doubtful && !attempt->has_foreign_field && fmfts_fits(parameters, solved, fmfts_strongest(parameters))) {
+        memcpy(problem.start, solved->state, sizeof solved->state);
+        memcpy(problem.start + first_value(1), solved->placed, step->felt.count * sizeof solved->placed[0]);
+        solve_from_start(step, &problem, false, solved);
     }
 }

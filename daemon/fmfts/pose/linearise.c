@@ -149,6 +149,9 @@ double fmfts_linearise(fmfts_search *search, const double *state, fmfts_linear *
     case 9:
         add_rows(9, search, state, out);
         break;
+    case 14:
+        add_rows(14, search, state, out);
+        break;
     default:
         add_rows(n, search, state, out);
     }

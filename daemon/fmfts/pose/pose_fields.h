@@ -83,8 +83,10 @@ enum {
     MANY(double, drawn_turn, 9)
 
 /* What the last search found that no pose explained: nothing, as there was none; one of several sensors is at fault; no pose of
- * this magnet; a field that is not of this magnet alone. */
-typedef enum { FMFTS_NOT_SEARCHED, FMFTS_SENSOR_AT_FAULT, FMFTS_NO_POSE, FMFTS_NOT_ALONE } fmfts_cause;
+ * this magnet; a field that is not of this magnet alone; one sensor is at fault, or the field has turned. */
+typedef enum {
+    FMFTS_NOT_SEARCHED, FMFTS_SENSOR_AT_FAULT, FMFTS_NO_POSE, FMFTS_NOT_ALONE, FMFTS_NOT_CONFIRMED
+} fmfts_cause;
 
 /* What one frame leaves to the next. Arrays over sensors hold only the pad's sensors, one after the other. A mask has bit i
  * for sensor i. */

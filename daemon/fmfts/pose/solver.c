@@ -13,6 +13,8 @@
 #define FIRST_DAMPING 1e-4
 #define NO_DAMPING 1e-7 /* below this, Marquardt's step equals the Gauss–Newton step */
 #define ROUNDING 1e-12  /* relative error of a sum of squares */
+/* Explanations that are right take two steps to the χ² that is wanted, and hardly ever more than ten. */
+#define VAIN_ITERATIONS 12
 
 /* step: Marquardt's step. promised: the decrease of χ² that the linear model predicts for it. */
 FMFTS_INLINE bool damped_step_of(size_t n, size_t last, fmfts_linear *here, double damping, fmfts_matrix work, double *step,
@@ -44,6 +46,10 @@ static bool damped_step(const fmfts_search *search, fmfts_linear *here, double d
         return damped_step_of(6, last, here, damping, work, step, promised);
     case 8:
         return damped_step_of(8, last, here, damping, work, step, promised);
+    case 13:
+        return damped_step_of(13, last, here, damping, work, step, promised);
+    case 14:
+        return damped_step_of(14, last, here, damping, work, step, promised);
     default:
         return damped_step_of(search->active, last, here, damping, work, step, promised);
     }
@@ -77,13 +83,25 @@ static void take_step(const fmfts_search *search, const double *state, const dou
     }
 }
 
+/* Whether the search has taken many steps and is still above what is wanted, or has left where a magnet can be: then it hardly ever
+ * comes to an answer. */
+static bool is_vain(const fmfts_problem *problem, const fmfts_descent *d, const double *state)
+{
+    double away[3];
+    for (int i = 0; i < 3; i++) {
+        away[i] = state[i] - problem->start[i];
+    }
+    return (problem->wanted_chi2 > 0.0 && d->iterations >= VAIN_ITERATIONS && d->chi2 > problem->wanted_chi2) ||
+           (problem->reach_m > 0.0 && dot3(away, away) > problem->reach_m * problem->reach_m);
+}
+
 /* Moves `state` to the minimum, or until the limit of iterations. */
 static void descend(fmfts_search *search, fmfts_descent *d, double *state)
 {
     const fmfts_problem *problem = search->problem;
     size_t values = FMFTS_VALUES(problem->magnet_count);
     double damping = 0.0;
-    while (d->iterations < problem->max_iterations) {
+    while (d->iterations < problem->max_iterations && !is_vain(problem, d, state)) {
         double step[FMFTS_STRIDE], promised, tried[FMFTS_VALUES(FMFTS_MAX_MAGNETS)];
         if (!damped_step(search, d->here, damping, *d->work, step, &promised)) {
             damping = fmax(FIRST_DAMPING, 10.0 * damping);
@@ -126,7 +144,9 @@ static fmfts_summary solve(const fmfts_problem *problem, double *work, double *s
     fmfts_descent d = {.here = &first, .there = &second, .work = &factored};
     fmfts_summary summary = {.status = FMFTS_INVALID, .chi2 = NAN, .residual_t = NAN};
     size_t values = FMFTS_VALUES(problem->magnet_count), columns = FMFTS_COLUMNS(problem->magnet_count);
-    fmfts_fill(direction, columns, NAN);
+    if (direction) {
+        fmfts_fill(direction, columns, NAN);
+    }
     memcpy(state, problem->start, values * sizeof(double));
     for (size_t c = 0; c < columns; c++) {
         summary.unknowns += problem->parts[c] == FMFTS_FREE;

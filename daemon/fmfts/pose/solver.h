@@ -9,7 +9,7 @@
 
 #define FMFTS_MAX_ITERATIONS 50 /* as in problem.py */
 
-/* Results: state [values], covariance [columns × columns], direction [columns]. work: FMFTS_WORK(rows) doubles. */
+/* Results: state [values], covariance [columns × columns], direction [columns] or NULL. work: FMFTS_WORK(rows) doubles. */
 fmfts_summary fmfts_solve(const fmfts_problem *problem, double *work, double *state, double *covariance,
                           double *direction);
 

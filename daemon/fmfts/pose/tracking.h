@@ -20,12 +20,13 @@ typedef struct {
     double state[FMFTS_STATE], covariance[FMFTS_STEP * FMFTS_STEP], warmth_variance;
 } fmfts_prior;
 
-/* One way to solve a frame. field_t: NaN leaves an axis out. has_foreign_field: a foreign field is unknown, too. */
+/* One way to solve a frame. field_t: NaN leaves an axis out. has_foreign_field: a foreign field is unknown, too. is_doubtful: it
+ * hardly fits, so that first a rough solution will do. */
 typedef struct {
     fmfts_step *step;
     const fmfts_prior *prior;
     double field_t[FMFTS_AXES];
-    bool has_foreign_field;
+    bool has_foreign_field, is_doubtful;
 } fmfts_attempt;
 
 /* The most likely state. placed: of the neighbours' magnets in it. Without an estimate, covariance and chi2 are NaN. */
@@ -53,7 +54,8 @@ double fmfts_probability(const fmfts_pose_parameters *parameters, const fmfts_so
 /* frame_solver.c: the field [axes] as measurements [axes][FMFTS_MEASUREMENT], with the deviations of the step's field. */
 void fmfts_write_measurements(const fmfts_step *step, const double *field_t, double *row);
 
-/* frame_solver.c: solves from the prior's state. If that does not fit, also from rest, in each frame that searches. */
+/* frame_solver.c: solves from the prior's state. If that finds no plausible pose, also from rest, in each frame that searches. A
+ * doubtful solution is rough unless it fits. */
 void fmfts_solve_frame(const fmfts_attempt *attempt, fmfts_solved *solved);
 
 /* tracker.c: the sensors [mask] all of whose axes are measured in `field_t`. */
