@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fmfts.baseline.alternating import Alternation, alternation
+from fmfts.baseline.alternating import Alternation, alternation, warnings_of
 from fmfts.baseline.recording import summarise
 from fmfts.baseline.request import BaselineRequest
 from fmfts.pad import Pad, Tolerance
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import NOISE_T
+from fmfts.sensor.frame import AGE_UNKNOWN_US
 from fmfts.view.facts import fact_lines
 
 SENSORS, SECONDS = 4, 3.0
@@ -62,6 +64,19 @@ def test_a_motor_is_named_with_its_frequency(hz: float) -> None:
 def test_noise_alone_is_no_alternation() -> None:
     """Expected of these: 4e-5."""
     assert [alternation(_recorded(50.0, 0.0, seed=seed)) for seed in range(40)] == [None] * 40
+
+
+def test_a_field_that_repeats_one_count_does_not_alternate() -> None:
+    still = [replace(frame, counts=np.full((SENSORS, 3), 20, np.int16)) for frame in _recorded(50.0, 0.0)]
+    assert alternation(still) is None
+    assert warnings_of(still) == []
+
+
+def test_of_samples_whose_time_is_not_known_nothing_is_told() -> None:
+    unknown = np.full(SENSORS, AGE_UNKNOWN_US, np.uint16)
+    frames = [replace(frame, age_us=unknown) for frame in _recorded(50.0, 2e-6)]
+    assert alternation(frames) is None
+    summarise(frames)
 
 
 def test_a_line_far_below_the_noise_is_not_told() -> None:

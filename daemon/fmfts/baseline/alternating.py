@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 # Probability of finding one in white noise.
 FALSE_FINDING = 1e-6
 SLOWEST_HZ = 1.0  # what is slower moves the mean, and the recording is refused for it
+FEWEST_SAMPLES = 25
 # A field of less than this share of a sample's noise changes no deviation.
 SMALLEST_SHARE = 0.5
 # A sample's noise over the chip's own, from which on it is told.
@@ -73,12 +74,18 @@ class Alternation:
 def alternation(frames: Sequence[Frame]) -> Alternation | None:
     """The strongest one in the frames of an untouched pad; None where noise explains all."""
     sampled = [_samples(frames, sensor) for sensor in range(len(frames[0].valid))]
+    if not all(len(times) for times, _ in sampled):
+        return None  # a board that does not tell when it measures
     seconds = min(float(np.ptp(times)) for times, _ in sampled)
     rate_hz = min(len(times) - 1 for times, _ in sampled) / seconds
+    if rate_hz <= 2.0 * SLOWEST_HZ:
+        return None
     # Half a resolution apart, so that none falls between two.
     frequencies = np.arange(SLOWEST_HZ, rate_hz / 2.0, 0.5 / seconds)
     power = np.array([_power(times, values, frequencies) for times, values in sampled])
-    deviation = np.array([values.std(axis=0) for _, values in sampled])
+    # Rounding to counts sets the lower limit of the noise: a quiet axis may repeat one value.
+    rounding_t = frames[0].chip.coarseness_t(frames[0].gain_code) / np.sqrt(12.0)
+    deviation = np.array([np.maximum(values.std(axis=0), rounding_t) for _, values in sampled])
     counts = np.array([len(times) for times, _ in sampled])[:, None]
     chi2 = (2.0 * power / (square(deviation) * counts)[:, None]).sum(axis=(0, 2))
     strongest = int(np.argmax(chi2))
@@ -94,7 +101,11 @@ def _noisy(frames: Sequence[Frame]) -> list[str]:
     """The sensor whose noise is largest, if it is much more than its chip's."""
     chip = frames[0].chip
     usual_t = max(chip.noise_t, chip.single_noise_t or 0.0, *chip.noises_t)
-    noise_t = [float(_samples(frames, sensor)[1].std(axis=0).max()) for sensor in range(len(frames[0].valid))]
+    fields = (
+        np.array([frame.field_t[sensor] for frame in frames if frame.fresh[sensor] and frame.valid[sensor]])
+        for sensor in range(len(frames[0].valid))
+    )
+    noise_t = [float(of_sensor.std(axis=0).max()) for of_sensor in fields]
     sensor = int(np.argmax(noise_t))
     if noise_t[sensor] < MUCH_NOISE * usual_t:
         return []
@@ -106,9 +117,11 @@ def _noisy(frames: Sequence[Frame]) -> list[str]:
 
 
 def _samples(frames: Sequence[Frame], sensor: int) -> tuple[Array, Array]:
-    """Times (K,) in s and fields (K, 3) of one sensor's samples, without mean and slope."""
+    """Times (K,) in s and fields (K, 3) of one sensor's samples, without mean and slope; none if they are too few."""
     chosen = [frame for frame in frames if frame.fresh[sensor] and frame.timed[sensor]]
     times = np.array([frame.sampled_us[sensor] for frame in chosen], dtype=np.float64) * 1e-6
+    if len(times) < FEWEST_SAMPLES or np.ptp(times) == 0.0:
+        return np.empty(0), np.empty((0, 3))
     fields = np.array([frame.field_t[sensor] for frame in chosen])
     times, fields = times - times.mean(), fields - fields.mean(axis=0)
     slope = (times[:, None] * fields).sum(axis=0) / square(times).sum()
