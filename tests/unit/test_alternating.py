@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -70,6 +71,12 @@ def test_a_field_that_repeats_one_count_does_not_alternate() -> None:
     still = [replace(frame, counts=np.full((SENSORS, 3), 20, np.int16)) for frame in _recorded(50.0, 0.0)]
     assert alternation(still) is None
     assert warnings_of(still) == []
+
+
+def test_a_strong_field_on_all_axes_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules[__name__], "DIRECTIONS", np.full((SENSORS, 3), np.sqrt(1.0 / 3.0)))
+    for hz in np.arange(2.0, 109.0, 1.7):
+        assert _found(hz, 5e-5).size_t == pytest.approx(5e-5, rel=0.12)
 
 
 def test_of_samples_whose_time_is_not_known_nothing_is_told() -> None:

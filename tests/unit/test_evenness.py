@@ -7,6 +7,7 @@ import pytest
 
 from fmfts.baseline import BaselineError
 from fmfts.baseline.evenness import STRENGTH_DEVIATION, unevenness
+from fmfts.baseline.window_means import MEAN_OF, turning_window
 
 ORIENTATIONS, SENSORS, EARTH_T = 400, 4, 5e-5
 BY_FIELD = np.broadcast_to(np.eye(3), (SENSORS, 3, 3))
@@ -17,6 +18,14 @@ def _told(random: np.random.Generator, stronger: np.ndarray, attitude: np.ndarra
     field = EARTH_T * (1.0 + stronger)[:, None] * attitude
     reported = field[:, None] + random.normal(0.0, noise_t, (ORIENTATIONS, SENSORS, 3))
     return unevenness(reported, BY_FIELD, np.full((SENSORS, 3), noise_t))
+
+
+def test_a_chip_that_repeats_one_value_does_not_hide_how_fast_the_others_turn() -> None:
+    angle = np.arange(600) / 220.0  # 1 rad/s: an arc of 0.05 rad in eleven frames
+    slow = np.stack([np.cos(angle), np.sin(angle), np.zeros(600)], axis=1)[:, None].repeat(SENSORS, axis=1)
+    slow[:, 2] = 0.3
+    assert turning_window(slow) == MEAN_OF
+    assert turning_window(slow[::40]) < 3
 
 
 @pytest.fixture

@@ -64,7 +64,8 @@ class Alternation:
         of = f"{self.frequency_hz:.1f} Hz" if mains is None else f"{mains:g} Hz, as of mains ({seen})"
         return (
             f"a field of {self.size_t * 1e6:.2f} µT alternates at {of}: move motors, mains cables and power supplies "
-            "away from the pad, and record again; what stays is counted as noise, and is wrong where it comes and goes"
+            "away from the pad, and record again; what stays counts as noise; if it comes and goes later, contacts may "
+            "be wrong"
         )
 
     def _as_sampled(self, frequency_hz: float) -> float:
@@ -93,7 +94,9 @@ def alternation(frames: Sequence[Frame]) -> Alternation | None:
         return None
     amplitude = 2.0 * np.sqrt(power[:, strongest]) / counts
     found = Alternation(float(frequencies[strongest]), amplitude, float(rate_hz), 1.0 / seconds)
-    noise_t = float(np.sqrt(np.median(square(deviation) - 0.5 * square(amplitude))))
+    # Of a strong line the difference may be less than nothing, as sine and cosine are not quite independent.
+    noise = np.maximum(square(deviation) - 0.5 * square(amplitude), square(rounding_t))
+    noise_t = float(np.sqrt(np.median(noise)))
     return found if found.size_t > SMALLEST_SHARE * noise_t else None
 
 

@@ -60,11 +60,11 @@ def turning_window(fields: Array) -> int:
 
     Judged by nine in ten windows, and by the middle one of the sensors, since a chip may jump.
     """
-    radius = np.ptp(fields, axis=0).max(axis=1) / 2.0
+    allowed = LARGEST_ARC * np.ptp(fields, axis=0).max(axis=1) / 2.0
     for window in range(MEAN_OF, 1, -1):
-        chord = lengths(fields[window - 1 :] - fields[: len(fields) - window + 1]) / radius
-        of_sensors = np.median(chord, axis=1)
-        if np.count_nonzero(of_sensors <= LARGEST_ARC) >= 0.9 * len(of_sensors):
+        chord = lengths(fields[window - 1 :] - fields[: len(fields) - window + 1])
+        beyond = np.median(chord - allowed, axis=1)
+        if np.count_nonzero(beyond <= 0.0) >= 0.9 * len(beyond):
             return window
     return 1
 
