@@ -20,7 +20,7 @@ import pytest
 import zmq
 
 from drills.rig import PATIENCE_S, Ear, longest_gap_s, none_wrong, resident_kb
-from end_to_end.kernel_bus import KernelBus
+from end_to_end.kernel_bus import KernelBus, kernel_bus
 from end_to_end.processes import RunningDaemon
 from fmfts.config import SimulatedSource
 from fmfts_client import Contact, Subscription
@@ -70,17 +70,13 @@ def listening(daemon: RunningDaemon, pad: str) -> Subscription:
 
 def wedged_bus(folder: Path, seconds: float) -> Facts:
     """One pad's bus hangs in a system call; a pad on another bus and one on none must not notice. Needs umockdev."""
-    bus = KernelBus()
-    try:
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setenv("LD_PRELOAD", "libumockdev-preload.so.0")
-            patch.setenv("UMOCKDEV_DIR", bus.root)
-            pads = I2C.format(name="left", bus=7) + I2C.format(name="middle", bus=8) + SIMULATED.format(name="right")
+    pads = I2C.format(name="left", bus=7) + I2C.format(name="middle", bus=8) + SIMULATED.format(name="right")
+    with kernel_bus() as bus:
+        try:
             with RunningDaemon(folder, pads) as daemon:
                 return _wedge(daemon, bus, seconds)
-    finally:
-        bus.order(block_s=0)
-        bus.stop()
+        finally:
+            bus.order(block_s=0)
 
 
 def _wedge(daemon: RunningDaemon, bus: KernelBus, seconds: float) -> Facts:

@@ -21,7 +21,10 @@ from end_to_end.processes import (
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts_client import Contact, Status
 
-# 12 µm downward are too little for a touch, and read as a force of about as many mN: with 600 frames, to 0.5 mN.
+# 12 µm downward are too little for a touch. A press of PRESSED_M reads about as many mN more for them: with 600 frames,
+# to 0.5 mN.
+SUNK_M = 12e-6
+PRESSED_M = 500e-6
 FOLLOWING = """
 [pad.scene]
 ambient = "constant"
@@ -59,15 +62,20 @@ def wait_for_status(daemon: RunningDaemon, wanted: Callable[[Status], bool]) -> 
             assert time.monotonic() < deadline, status
 
 
-def force_n(daemon: RunningDaemon, contacts: int = 600) -> float:
+def force_of_press(daemon: RunningDaemon, host: FirmwareHost, contacts: int = 600) -> float:
+    """Presses the sunk pad, reads the force, and lets go."""
+    host.field(sunk(SUNK_M + PRESSED_M))
+    daemon.wait_for(lambda contact: contact.contact is True)
     forces: list[float] = []
     with daemon.subscribe() as messages:
         while len(forces) < contacts:
             message = messages.receive(PATIENCE_S)
             assert message is not None
             contact = Contact.from_message(message.body)
-            if contact.force_n is not None:
-                forces.append(contact.force_n)
+            assert contact.contact is True
+            assert contact.force_n is not None
+            forces.append(contact.force_n)
+    host.field(sunk(SUNK_M))
     return float(np.mean(forces))
 
 
@@ -87,18 +95,17 @@ def test_drift_is_followed_to_its_bound_shown_and_undone(tmp_path: Path, host: F
         daemon.wait_for(lambda contact: contact.health == "ok")
         wait_for_status(daemon, lambda status: status.rest_drift_m is not None)
 
-        host.field(sunk(12e-6))
-        before_n = force_n(daemon)
+        before_n = force_of_press(daemon, host)
         # A window that saw the sinking leaves a last step of any size.
         followed = wait_for_status(daemon, lambda status: (status.rest_drift_m or 0.0) > 9.999e-6)
         assert followed.rest_drift_m == pytest.approx(10e-6, rel=1e-6), "12 µm are beyond the bound"
-        after_n = force_n(daemon)
+        after_n = force_of_press(daemon, host)
         assert wait_for_status(daemon, lambda status: True).rest_drift_m == pytest.approx(10e-6, rel=1e-6)
         assert "10.0 µm followed" in daemon.command("status").stdout
 
         undone = daemon.command("baseline", "--undo-drift", "--config", daemon.config)
         assert undone.returncode == 0, undone.stderr
         assert wait_for_status(daemon, lambda status: True).rest_drift_m == 0.0
-        undone_n = force_n(daemon)
+        undone_n = force_of_press(daemon, host)
         assert before_n - after_n > 3e-3
         assert undone_n - after_n > 3e-3
