@@ -242,13 +242,6 @@ def test_file_with_a_turn_comes_back_the_same(pad: Pad, tmp_path: Path) -> None:
     assert (loaded.mounting(pad).gain == mounting.gain).all()
 
 
-def test_file_without_a_turn_is_as_older_versions_wrote_it(pad: Pad) -> None:
-    """The id covers every field of the file: one more, though empty, would make all old files damaged ones."""
-    text = baselines.encode(_world(pad, 6).baseline(UNTESTED))
-    assert b'"turn"' not in text
-    assert b'"refine"' not in text
-
-
 def test_simulated_pad_tumbles_for_its_turn() -> None:
     """As `fmfts-daemon baseline --turn` does without a daemon, in the source's own fast time."""
     config = PadConfig(name="demo", source=SimulatedSource(finger="none"))

@@ -253,7 +253,7 @@ def test_damaged_list_is_named_with_its_line(keys: Path, line: str) -> None:
 def test_list_that_lost_its_first_line_is_told_that_line(keys: Path) -> None:
     """Who removed its clients, line by line, would lock them out."""
     (keys / "clients").write_text((keys / "clients").read_text().removeprefix(f"{HEAD}\n"))
-    with pytest.raises(KeysError, match=f"line 1: it has rights, so this line must stand before it: {HEAD}$"):
+    with pytest.raises(KeysError, match=f"line 1: this line must stand before it: {HEAD}$"):
         KeyFolder(keys).clients()
 
 

@@ -226,22 +226,6 @@ def test_damaged_list_refuses_those_who_are_connected(service: Service, tmp_path
     assert service.carried_out == ["pads"]
 
 
-def test_keys_of_an_earlier_list_may_change_things(
-    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It had neither rights nor a first line; the next `keys new` writes the rights that it meant."""
-    path = tmp_path / "keys" / "clients"
-    old = [" ".join(line.split()[:2]) for line in path.read_text().splitlines()[1:]]
-    path.write_text("\n".join(old) + "\n")
-    assert refusal(service, "selftest", "friend", monkeypatch) == ""
-    service.keys.add("guest", tmp_path / "guest.key")
-    assert {name: client.right for name, client in service.keys.clients().items()} == {
-        "friend": "may-change",
-        "guest": "read-only",
-    }
-    assert refusal(service, "selftest", "friend", monkeypatch) == ""
-
-
 def test_keys_verb_says_who_may_change_what(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -27,7 +27,7 @@ class UnreachableError(ControlError):
 class RefusedError(ControlError):
     """The daemon answered with an error; the text is the daemon's.
 
-    code: the exit code with which a command ends that meets the same error; None: the daemon is of an older version.
+    code: the exit code with which a command ends that meets the same error; None: the daemon told none.
     """
 
     def __init__(self, text: str, code: Optional[int] = None) -> None:

@@ -39,7 +39,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     """Holds the recordings. The mounting is computed from them, the tolerances and the drawing, each time the same.
 
     `id` is the first twelve hex digits of the SHA-256 of everything else: in a damaged file it does not match. Fields
-    without a recording are left out of the file, so that the ids of older files stay valid.
+    without a recording are left out of the file.
     """
 
     format: int

@@ -1,7 +1,6 @@
 """Keeps the list of the clients that may connect over the network: a file with `key name right`, one client a line.
 
-A right is `may-change` or `read-only`. The first line is HEAD. A list of an earlier version has neither, and all its
-clients may change things; so a line of the present format that lost its right grants nothing.
+A right is `may-change` or `read-only`. The first line is HEAD.
 """
 
 from __future__ import annotations
@@ -108,15 +107,14 @@ class ClientList:
 
     def _parsed(self, text: str) -> Iterator[tuple[int, Client]]:
         lines = text.splitlines()
-        has_rights = lines[:1] == [HEAD]
-        if not has_rights and lines and lines[0].endswith((f" {MAY_CHANGE}", f" {READ_ONLY}")):
-            raise KeysError(f"{self._line(1)}: it has rights, so this line must stand before it: {HEAD}")
-        for number, line in enumerate(lines[has_rights:], 1 + has_rights):
+        if lines and lines[0] != HEAD:
+            raise KeysError(f"{self._line(1)}: this line must stand before it: {HEAD}")
+        for number, line in enumerate(lines[1:], 2):
             key, _, rest = line.partition(" ")
-            name, _, right = rest.partition(" ") if has_rights else (rest, "", MAY_CHANGE)
+            name, _, right = rest.partition(" ")
             public = decoded(key)
             if public is None or not CLIENT_NAME.fullmatch(name) or right not in (MAY_CHANGE, READ_ONLY):
-                form = f"key name {MAY_CHANGE}` or `key name {READ_ONLY}" if has_rights else "key name"
+                form = f"key name {MAY_CHANGE}` or `key name {READ_ONLY}"
                 raise KeysError(f"{self._line(number)}: not `{form}`; remove it")
             yield number, Client(name, public, right == MAY_CHANGE)
 

@@ -159,7 +159,7 @@ class StatusMessage(_Message, frozen=True, kw_only=True):
     rate_nominal_hz: float
     frames: int
     dropped: int
-    repeated: int = 0  # reports of old versions lack it
+    repeated: int
     gaps: int
     crc_errors: int
     garbage_bytes: int

@@ -29,10 +29,7 @@ REPOSITORY = Path(__file__).parents[3]
 WORKER = """
 import base64, sys, time
 import fmfts, msgspec
-try:
-    from fmfts.bus.encoding import encode
-except ImportError:  # of older builds
-    from fmfts.bus.messages import encode
+from fmfts.bus.encoding import encode
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.simulation.baseline import simulated_baseline
