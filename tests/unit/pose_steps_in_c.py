@@ -20,7 +20,7 @@ from fmfts.pose.change import shortest_rotation
 from fmfts.pose.model import predict
 from fmfts.pose.neighbour import NeighbourView
 from fmfts.pose.problem import Parts, magnet_rows, measurement_rows
-from fmfts.pose.silicone import TIMES_S, SiliconeFollower
+from fmfts.pose.silicone import TIMES_S, silicone_fields
 from oracle.compiled import library_of, part_of, pointer
 
 COMPILED = ctypes.CDLL(_pad.__file__)
@@ -28,21 +28,12 @@ COMPILED.fmfts_lasting_variance.restype = ctypes.c_double
 
 
 class SiliconeInC:
-    """silicone.c, as a SiliconeFollower, whose shares it gets."""
+    """silicone.c."""
 
     def __init__(self, silicone: Silicone, longest_gap_s: float) -> None:
-        of_python = SiliconeFollower(silicone, longest_gap_s)
         self._rest = State(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0, np.zeros(3))
         self._parameters, self._memory = Record(_pad.PARAMETERS), Record(_pad.MEMORY)
-        self._parameters.fill(
-            {
-                "rest": self._rest.vector(),
-                "silicone_share": of_python.share,
-                "creep_share": of_python.creep_share,
-                "unseen_gap_s": longest_gap_s,
-                "creep_time_s": TIMES_S,
-            }
-        )
+        self._parameters.fill({"rest": self._rest.vector(), **silicone_fields(silicone, longest_gap_s)})
         self._elapsed_s = 0.0
 
     @property

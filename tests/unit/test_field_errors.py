@@ -9,8 +9,8 @@ from pose_steps_in_c import lasting_deviation_t
 from fmfts.baseline import Mounting
 from fmfts.pad import Pad, rotation_from_vector
 from fmfts.pose import FREE_FIELD, PoseEstimate, solve
+from fmfts.pose.change import change_since
 from fmfts.pose.dipole import dipole_derivatives
-from fmfts.pose.field_errors import change_since
 from fmfts.pose.state import tangent_basis
 
 PADS = 60

@@ -17,7 +17,8 @@ from fmfts.contact.no_model import no_model_for
 from fmfts.pad import Pad, Placement, rotation_from_vector
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pose import PAPER, SIZE, State, dipole_field
-from fmfts.pose.neighbour import MOMENT_DEVIATION, REACH_M, REACH_RAD, NeighbourEstimate, NeighbourView, with_rest
+from fmfts.pose._alignment import MOMENT_DEVIATION, REACH_M, REACH_RAD
+from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView, with_rest
 from fmfts.pose.sighting import Sighting
 from fmfts.scene.neighbours import neighbours_around
 from fmfts.sensor import Frame

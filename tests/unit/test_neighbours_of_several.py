@@ -14,7 +14,8 @@ from fmfts.config import PadConfig, SimulatedSource, neighbours_of
 from fmfts.pad import Pad, Placement, rotation_from_vector
 from fmfts.pipeline.configured import Pipeline, contact_model_of, feel_neighbours, pipeline_of
 from fmfts.pipeline.snapshot import restore, snapshot
-from fmfts.pose.neighbour import REACH_M, NeighbourEstimate, NeighbourView, change_of
+from fmfts.pose._alignment import REACH_M
+from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView, change_of
 from fmfts.pose.sighting import Sighting
 from fmfts.scene.neighbours import neighbours_around
 from fmfts.sensor import Frame

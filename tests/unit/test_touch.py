@@ -9,7 +9,8 @@ import pytest
 from contact_steps_in_c import Estimate, TouchInC
 from scipy.stats import chi2
 
-from fmfts.contact.touch import RELEASE_FRAMES, TouchDetector
+from fmfts.contact._contact import RELEASE_FRAMES
+from fmfts.contact.touch import TouchDetector
 
 REST = np.zeros(5)
 # Of several magnets and of one.

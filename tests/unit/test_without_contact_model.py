@@ -12,9 +12,9 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import ContactConfig, GeometryConfig, MagnetConfig, PadConfig, SimulatedSource
 from fmfts.config.file import load
 from fmfts.contact import ModelError, NoContactModel
+from fmfts.pipeline._pad import distance
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.pose.change import distance
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, no_finger, steady_finger
 from fmfts.simulation.source import Simulated

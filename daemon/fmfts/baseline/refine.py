@@ -17,7 +17,7 @@ from fmfts.baseline.unknowns import TYPICAL_CHANGE
 from fmfts.baseline.window_means import MEAN_OF, Means
 from fmfts.common.chi2 import quantile
 from fmfts.pad import Pad, Tolerance
-from fmfts.pose import FREE_POSE, Status, displacement, solve
+from fmfts.pose import FREE_POSE, Status, change_since, solve
 
 Array = NDArray[np.float64]
 
@@ -96,7 +96,7 @@ def _spread_out(pad: Pad, mounting: Mounting, means: Means) -> Array:
         estimate = solve(mounting.magnet_field(field), mounted, mounting.rest, free=FREE_POSE)
         if estimate.status is Status.CONVERGED:
             fields.append(field)
-            changes.append(displacement(estimate, mounting.rest)[0] / TYPICAL_CHANGE)
+            changes.append(change_since(mounting.rest, estimate.state)[:5] / TYPICAL_CHANGE)
     if not fields:
         raise BaselineError(_too_few(0))
     change = np.array(changes)

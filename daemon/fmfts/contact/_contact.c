@@ -1,6 +1,8 @@
-/* fmfts.contact._contact: the contact model for Python, through the stable ABI. Only inference.py, refinement.py and model.py call
- * it. */
+/* fmfts.contact._contact: the contact model for Python, through the stable ABI. Only inference.py, refinement.py, model.py and
+ * touch.py call it. */
 #include "_evaluated.h"
+
+#include <math.h>
 
 #include "../common/_named.h"
 #include "../common/aligned.h"
@@ -126,7 +128,27 @@ static PyObject *estimate(PyObject *module, PyObject *args)
     return result;
 }
 
+/* touch(onset_chi2, release_chi2, touched, quiet_frames, chi2): both as they are after a frame. NaN: it has no pose. */
+static PyObject *touch(PyObject *module, PyObject *args)
+{
+    fmfts_contact_parameters parameters = {0};
+    fmfts_contact_memory memory = {0};
+    double chi2;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "ddddd", &parameters.onset_chi2, &parameters.release_chi2, &memory.touched, &memory.quiet_frames,
+                          &chi2)) {
+        return NULL;
+    }
+    if (isnan(chi2)) {
+        fmfts_unseen(&memory);
+    } else {
+        fmfts_follow_touch(&parameters, &memory, chi2);
+    }
+    return Py_BuildValue("(Ni)", PyBool_FromLong(memory.touched != 0.0), (int)memory.quiet_frames);
+}
+
 static PyMethodDef methods[] = {
+    {"touch", touch, METH_VARARGS, "Whether a pad is touched after a frame; see _contact.pyi."},
     {"estimate", estimate, METH_VARARGS, "Place and force of one pose; see _contact.pyi."},
     {"infer", infer, METH_VARARGS, "Contact and Jacobian of one pose; see _contact.pyi."},
     {"refine", refine, METH_VARARGS, "The press that most likely caused a change; see _contact.pyi."},
@@ -139,7 +161,8 @@ static int set_up(PyObject *module)
 {
     PyObject *names = fmfts_list_of(PARAMETER_NAMES, sizeof PARAMETER_NAMES / sizeof *PARAMETER_NAMES);
     int failed = !names || PyModule_AddObjectRef(module, "PARAMETERS", names) < 0 ||
-                 PyModule_AddIntConstant(module, "MAX_HIDDEN", FMFTS_MAX_HIDDEN) < 0;
+                 PyModule_AddIntConstant(module, "MAX_HIDDEN", FMFTS_MAX_HIDDEN) < 0 ||
+                 PyModule_AddIntConstant(module, "RELEASE_FRAMES", FMFTS_RELEASE_FRAMES) < 0;
     Py_XDECREF(names);
     return failed ? -1 : 0;
 }

@@ -8,6 +8,7 @@ from typing_extensions import Buffer
 
 PARAMETERS: list[tuple[str, str, int]]  # of fmfts_contact_parameters, as common/record.py takes them
 MAX_HIDDEN: int
+RELEASE_FRAMES: int
 
 class Evaluated(Protocol):
     """A contact model that Python runs: inference.py. pose, contact, jacobian: buffers of float32."""
@@ -19,6 +20,9 @@ class Evaluated(Protocol):
     @property
     def jacobian(self) -> NDArray[np.float32]: ...
     def run(self) -> None: ...
+
+def touch(onset_chi2: float, release_chi2: float, touched: bool, quiet_frames: int, chi2: float, /) -> tuple[bool, int]:
+    """Whether a pad is touched after a frame with this χ² from rest (NaN: none), and how many quiet ones there were."""
 
 def infer(vector: Buffer, pose: Buffer, contact: Buffer, jacobian: Buffer, /) -> None: ...
 def refine(

@@ -1,5 +1,4 @@
-/* A healthy frame, from the change of pose to a contact: touch.c, smooth.c, estimate.c, network.c and refine.c. The reference is the
- * Python beside them. */
+/* A healthy frame, from the change of pose to a contact: touch.c, smooth.c, estimate.c, network.c and refine.c. */
 #ifndef FMFTS_CONTACT_STEP_H
 #define FMFTS_CONTACT_STEP_H
 
@@ -13,6 +12,9 @@ enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = FMFTS_M
 
 /* A force is certain, and a contact begins, if it is so many deviations above zero. */
 #define FMFTS_CERTAIN_FORCE_DEVIATIONS 2.0
+
+/* A contact ends when so many frames in a row are as close to rest as 99 % of unloaded frames. */
+#define FMFTS_RELEASE_FRAMES 5
 
 /* What these steps need of a contact model and a touch detector. Units of the model: mm, N, and components of the axis. */
 #define FMFTS_CONTACT_PARAMETERS(ONE, MANY)                                                                                    \
@@ -82,6 +84,9 @@ bool fmfts_chi2_from_rest(const double *change, const double *covariance, double
  * known. */
 bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const double *change,
                  const double *covariance);
+
+/* touch.c: the same of a χ² from rest. */
+void fmfts_follow_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double chi2);
 
 /* touch.c: updates memory->in_contact, by the estimate of the frame that fmfts_touch judged. */
 void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const fmfts_estimate *estimate);

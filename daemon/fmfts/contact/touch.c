@@ -8,8 +8,6 @@
 #include "../pose/algebra.h"
 #include "step.h"
 
-/* A contact ends when so many frames in a row are as close to rest as 99 % of unloaded frames. */
-#define RELEASE_FRAMES 5.0
 /* A contact begins when its force exceeds FMFTS_CERTAIN_FORCE_DEVIATIONS of its deviations, and ends below so many. */
 #define KEPT_FORCE_DEVIATIONS 1.0
 
@@ -34,12 +32,12 @@ bool fmfts_chi2_from_rest(const double *change, const double *covariance, double
     return isfinite(*chi2);
 }
 
-static void follow(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double chi2)
+void fmfts_follow_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double chi2)
 {
     memory->quiet_frames = chi2 < parameters->release_chi2 ? memory->quiet_frames + 1.0 : 0.0;
     if (chi2 > parameters->onset_chi2) {
         memory->touched = 1.0;
-    } else if (memory->quiet_frames >= RELEASE_FRAMES) {
+    } else if (memory->quiet_frames >= FMFTS_RELEASE_FRAMES) {
         memory->touched = 0.0;
     }
 }
@@ -51,7 +49,7 @@ bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memor
     if (!fmfts_chi2_from_rest(change, covariance, &chi2)) {
         return false;
     }
-    follow(parameters, memory, chi2);
+    fmfts_follow_touch(parameters, memory, chi2);
     return true;
 }
 
@@ -72,8 +70,8 @@ void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memor
 /* Otherwise a false contact would follow each gap as often as one unloaded frame in a hundred is not close to rest. */
 void fmfts_unseen(fmfts_contact_memory *memory)
 {
-    memory->quiet_frames = fmin(memory->quiet_frames + 1.0, RELEASE_FRAMES);
-    if (memory->quiet_frames == RELEASE_FRAMES) {
+    memory->quiet_frames = fmin(memory->quiet_frames + 1.0, FMFTS_RELEASE_FRAMES);
+    if (memory->quiet_frames == FMFTS_RELEASE_FRAMES) {
         memory->touched = memory->in_contact = 0.0;
     }
 }

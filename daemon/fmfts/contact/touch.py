@@ -1,18 +1,19 @@
-"""A χ² test of the displacement from rest of several magnets; touch.c does it for one. And the thresholds of both."""
+"""A χ² test of the displacement from rest: its thresholds, and χ² of several magnets. touch.c does the rest."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, nan
 
 from fmfts.arithmetic.matrix import SingularError, cholesky, product, solve_lower
 from fmfts.common.chi2 import quantile
+from fmfts.contact import _contact
+from fmfts.contact._contact import RELEASE_FRAMES
 from fmfts.pad import Array
 
 DEGREES_OF_FREEDOM = 5  # position, and the axis's two tangents, of each magnet
-# A contact ends when RELEASE_FRAMES in a row are as close to rest as 99 % of unloaded frames.
+# A contact ends when RELEASE_FRAMES in a row are as close to rest as 99 % of unloaded frames (touch.c).
 RELEASE_PROBABILITY = 0.01
-RELEASE_FRAMES = 5
 
 
 @dataclass(slots=True)
@@ -52,23 +53,16 @@ class TouchDetector:
         chi2 = chi2_from_rest(displacement, covariance)
         if chi2 is None:
             return None
-        memory = self.memory
-        memory.quiet_frames = memory.quiet_frames + 1 if chi2 < self.release_chi2 else 0
-        if chi2 > self.onset_chi2:
-            memory.touched = True
-        elif memory.quiet_frames >= RELEASE_FRAMES:
-            memory.touched = False
-        return memory.touched
+        self._follow(chi2)
+        return self.memory.touched
 
     def unseen(self) -> None:
-        """A frame without a pose. After RELEASE_FRAMES of them the contact is released, and a new one needs an onset.
+        """A frame without a pose. After RELEASE_FRAMES of them a contact is released, and a new one needs an onset."""
+        self._follow(nan)
 
-        Otherwise a false contact would follow each gap as often as RELEASE_PROBABILITY says.
-        """
-        memory = self.memory
-        memory.quiet_frames = min(memory.quiet_frames + 1, RELEASE_FRAMES)
-        if memory.quiet_frames == RELEASE_FRAMES:
-            memory.touched = False
+    def _follow(self, chi2: float) -> None:
+        memory, thresholds = self.memory, (self.onset_chi2, self.release_chi2)
+        memory.touched, memory.quiet_frames = _contact.touch(*thresholds, memory.touched, memory.quiet_frames, chi2)
 
     def forget(self) -> None:
         """Begin again, untouched."""

@@ -39,7 +39,9 @@ static int set_up(PyObject *module)
     Py_XDECREF((PyObject *)loop_type);
     return !loop_type || add_fields(module, "PARAMETERS", PARAMETERS, COUNT(PARAMETERS)) < 0 ||
                    add_fields(module, "MEMORY", MEMORY, COUNT(MEMORY)) < 0 ||
-                   PyModule_AddIntConstant(module, "FELT", FMFTS_FELT) < 0
+                   PyModule_AddIntConstant(module, "FELT", FMFTS_FELT) < 0 ||
+                   PyModule_AddIntConstant(module, "STATE", FMFTS_STATE) < 0 ||
+                   PyModule_AddIntConstant(module, "STEP", FMFTS_STEP) < 0
                ? -1
                : 0;
 }
@@ -50,6 +52,9 @@ static PyModuleDef_Slot slots[] = {
 };
 
 static PyMethodDef methods[] = {
+    {"distance", fmfts_distance_from_rest, METH_VARARGS, "How far a change moved a magnet; see _pad.pyi."},
+    {"drawn", fmfts_drawn, METH_VARARGS, "A pose in the drawing's frame; see _pad.pyi."},
+    {"left_behind", fmfts_left_behind, METH_VARARGS, "What earlier loads have left; see _pad.pyi."},
     {"track_field", fmfts_track_field, METH_VARARGS, "Judge a field that is given; see _pad.pyi."},
     {NULL, NULL, 0, NULL},
 };

@@ -95,6 +95,11 @@ fmfts_handled fmfts_handle_line(fmfts_pad_object *self, const uint8_t *line, siz
 /* _field.c: track_field(), which _pad.pyi explains. */
 PyObject *fmfts_track_field(PyObject *module, PyObject *args);
 
+/* _change.c: drawn(), left_behind() and distance(), which _pad.pyi explains. */
+PyObject *fmfts_drawn(PyObject *module, PyObject *args);
+PyObject *fmfts_left_behind(PyObject *module, PyObject *args);
+PyObject *fmfts_distance_from_rest(PyObject *module, PyObject *args);
+
 /* _lent.c: methods of Pad, which _pad.pyi explains. */
 PyObject *fmfts_pad_begin(PyObject *object, PyObject *args);
 PyObject *fmfts_pad_end(PyObject *object, PyObject *unused);

@@ -1,21 +1,42 @@
 """One pad's frames judged in C; frame.h says how."""
 
+from typing import Any
+
+from numpy.typing import NDArray
 from typing_extensions import Buffer
 
 from fmfts.bus.messages import Health
 from fmfts.contact._contact import Evaluated
 from fmfts.pipeline.words import Words
 
+Numbers = NDArray[Any]
 Field = tuple[str, str, int]  # name, type as NumPy names it, and how many; 0: one, which is no array
 
 PARAMETERS: list[Field]  # of fmfts_parameters
 MEMORY: list[Field]  # of fmfts_memory
 FELT: int  # magnets of neighbouring pads, at most
+STATE: int  # numbers of a state, and of a step
+STEP: int
 
 # health, contact, over_range, t_sample_ns, t_publish_ns of a message.
 Gist = tuple[Health, bool | None, bool, int, int]
 # See encoded.py.
 Passed = tuple[int, int, int, int, int, int, int, bytes, tuple[bytes, ...], list[float]]
+
+def distance(change: Numbers, covariance: Numbers, /) -> tuple[float, float]:
+    """How far (m) a change (5,) of pose moved the magnet's centre, and the deviation along that direction.
+
+    covariance (5, 5): of the change. Without a direction, the largest deviation of the three.
+    """
+
+def drawn(parameters: Buffer, state: Numbers, covariance: Numbers, pose: Numbers, spread: Numbers, /) -> None:
+    """Fills pose (6,) and spread (6, 6) with the pose that the drawing's pad would have: NominalFrame of drawn.py.
+
+    state (15,), covariance (14, 14): of the mounted pad.
+    """
+
+def left_behind(parameters: Buffer, memory: Buffer, left: Numbers, elapsed_s: float, /) -> None:
+    """Notes the load of the memory's state. Fills left (5, 5) with the covariance of what earlier loads have left."""
 
 def track_field(
     parameters: Buffer,

@@ -7,20 +7,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import product, root_of_squares
+from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.baseline import Baseline, Mounting
 from fmfts.pad import Pad
+from fmfts.pipeline.drawn import NominalFrame
 from fmfts.pose import (
     PAPER,
     PoseEstimate,
     Status,
     TrackingModel,
-    in_nominal_frame,
     repeats_allowed,
     solve,
-    widened,
 )
-from fmfts.pose.field_errors import change_since
 from fmfts.pose.hidden_gradient import STANDS_STILL, HiddenGradient, Reference, effect_of_gradient, reference_of
 
 Array = NDArray[np.float64]
@@ -47,7 +45,7 @@ class BaselinedPad:
         self.magnet_off_m = (mounting.rest.position_m - drawing.rest_position_m)[:2]
         self.repeats_allowed = repeats_allowed(mounting.noise_t, drawing.chip.coarseness_t(recorded.gain_code))
         self.change_error = mounting.change_error(self.tracking.estimated)
-        self._change_error_rows = self.change_error.reshape(8, -1)
+        self._nominal = NominalFrame(mounting.rest, drawing)
 
     @classmethod
     def of(
@@ -70,14 +68,9 @@ class BaselinedPad:
         turned_t = turn.turn().field_t / mounting.gain - mounting.rest_field_t
         return reference_of(self.pad, mounting.offset_t, turned_t)
 
-    def with_calibration_uncertainty(self, estimate: PoseEstimate, of_silicone: Array) -> PoseEstimate:
-        """Add to the covariance what the baseline leaves unknown of the pad, and what silicone does (5, 5)."""
-        error = product(change_since(self.mounting.rest, estimate.state), self._change_error_rows).reshape(5, -1)
-        return widened(estimate, self.mounting.rest, product(error, error.T) + of_silicone)
-
     def in_nominal_frame(self, estimate: PoseEstimate) -> tuple[Array, Array, Array]:
         """This pad's change of pose, applied to the drawing's rest: position (3,) m, axis (3,), covariance (6, 6)."""
-        return in_nominal_frame(estimate, self.mounting.rest, self.drawing)
+        return self._nominal.pose(estimate)
 
     def resting_covariance(self) -> Array | None:
         """Covariance (6, 6) of one frame's pose at rest, in the nominal frame; None if there is no such pose."""

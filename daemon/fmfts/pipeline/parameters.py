@@ -27,7 +27,7 @@ from fmfts.pose.gates import FALSE_ALARM, FALSE_INNOVATION, FALSE_MEAN_ALARM, JU
 from fmfts.pose.hidden_gradient import EVEN_T, HEALTHY, HiddenGradient
 from fmfts.pose.neighbour import NeighbourView
 from fmfts.pose.problem import Part
-from fmfts.pose.silicone import TIMES_S, SiliconeFollower
+from fmfts.pose.silicone import silicone_fields
 from fmfts.pose.solver import FREE_FIELD
 from fmfts.pose.state import SIZE, tangent_basis
 from fmfts.sensor.chips import Chip
@@ -58,7 +58,7 @@ def parameters_of(
     parameters.fill(_message(baselined.mounting, drawing.magnet.remanence_t))
     if baselined.at_rest:
         touch, hidden = TouchDetector(rate_hz), baselined.hidden_gradient()
-        parameters.fill(_silicone(drawing, touch))
+        parameters.fill(silicone_fields(drawing.silicone, touch.longest_gap_s))
         parameters.fill(hidden_gradient_fields(hidden))
         parameters.fill(_touch(baselined, touch))
         parameters.put("hidden_force_sd_n", hidden_force_n(baselined, hidden, model))
@@ -169,16 +169,6 @@ def _residuals(baselined: BaselinedPad) -> Values:
 def _quantiles(probability: float, most: int) -> Array:
     """(most + 1,) by degrees of freedom: a sensor that is missing takes some."""
     return np.array([np.nan] + [quantile(probability, freedom) for freedom in range(1, most + 1)])
-
-
-def _silicone(drawing: Pad, touch: TouchDetector) -> Values:
-    silicone = SiliconeFollower(drawing.silicone, touch.longest_gap_s)
-    return {
-        "silicone_share": silicone.share,
-        "creep_share": silicone.creep_share,
-        "unseen_gap_s": silicone.longest_gap_s,
-        "creep_time_s": TIMES_S,
-    }
 
 
 def hidden_gradient_fields(hidden: HiddenGradient) -> Values:

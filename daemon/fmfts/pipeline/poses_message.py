@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import product, root_of_squares
 from fmfts.bus.messages import PoseMessage, Vector
-from fmfts.pose.change import distance
+from fmfts.pipeline import _pad
 from fmfts.pose.magnets import CHANGE, Magnets
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.free_poses import FreePoses
@@ -39,7 +39,7 @@ def poses_told(reading: PosesReading, estimator: PosesEstimator) -> dict[str, An
 def _distances(poses: FreePoses) -> list[tuple[float, float]]:
     """How far each magnet is from rest, and the deviation of that."""
     each = [slice(first, first + CHANGE) for first in range(0, len(poses.change), CHANGE)]
-    return [distance(poses.change[own], poses.covariance[own, own]) for own in each]
+    return [_pad.distance(poses.change[own], poses.covariance[own, own].copy()) for own in each]
 
 
 def residual_of(misfit_t: Array, used: NDArray[np.bool_]) -> float:

@@ -8,9 +8,8 @@ import numpy as np
 
 from fmfts.contact import ContactModel
 from fmfts.pipeline.configured import Pipeline
+from fmfts.pipeline.drawn import NominalFrame
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.pose.change import change_from
-from fmfts.pose.silicone import SiliconeFollower
 from fmfts.pose.state import turned
 
 
@@ -33,9 +32,9 @@ def press_of_one_newton(pipeline: Pipeline) -> dict[str, float]:
     state = resting.state
     pressed = replace(state, position_m=state.position_m + change[:3] * 1e-3, axis=turned(state.axis, change[3:]))
     estimate = replace(resting, state=pressed)
-    of_silicone = SiliconeFollower(baselined.drawing.silicone, 0.0).covariance(change_from(state, estimate))
-    estimate = baselined.with_calibration_uncertainty(estimate, of_silicone)
-    contact = model.estimate(*baselined.in_nominal_frame(estimate), baselined.magnet_off_m)
+    drawing = baselined.drawing
+    nominal = NominalFrame(baselined.mounting.rest, drawing, baselined.change_error, drawing.silicone)
+    contact = model.estimate(*nominal.pose(estimate), baselined.magnet_off_m)
     return {
         "middle_1n_place_sd_m": max(contact.x_sd_m, contact.y_sd_m),
         "middle_1n_force_sd_n": contact.force_sd_n,

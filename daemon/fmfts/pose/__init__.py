@@ -2,7 +2,7 @@
 
 from fmfts.pose.acquisition import Acquired, acquire
 from fmfts.pose.alignment import Aligned, Alignment, repeats_allowed
-from fmfts.pose.change import change_from, displacement, in_nominal_frame, widened
+from fmfts.pose.change import change_since
 from fmfts.pose.dipole import dipole_derivatives, dipole_field, octupole_m2
 from fmfts.pose.field_errors import FieldErrors, SensorErrors
 from fmfts.pose.kernel import Batch, solve_problem
@@ -39,16 +39,13 @@ __all__ = [
     "Status",
     "TrackingModel",
     "acquire",
-    "change_from",
+    "change_since",
     "dipole_derivatives",
     "dipole_field",
-    "displacement",
-    "in_nominal_frame",
     "octupole_m2",
     "parts_of",
     "repeats_allowed",
     "solve",
     "solve_problem",
     "tangent_basis",
-    "widened",
 ]

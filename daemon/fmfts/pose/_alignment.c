@@ -5,6 +5,7 @@
 #include <Python.h>
 
 #include "../common/aligned.h"
+#include "limits.h"
 #include "push.h"
 
 /* The memory, the frame, and what is written, in the order of the arguments. */
@@ -116,13 +117,28 @@ static PyMethodDef methods[] = {
     {NULL, NULL, 0, NULL},
 };
 
+static const struct {
+    const char *name;
+    double value;
+} LIMITS[] = {
+    {"JUMP_T", FMFTS_JUMP_T},
+    {"LONGEST_GAP_US", FMFTS_LONGEST_GAP_US},
+    {"VAGUE_M", FMFTS_VAGUE_M},
+    {"SPEED_M_PER_S", FMFTS_SPEED_M_PER_S},
+    {"TURN_RAD_PER_S", FMFTS_TURN_RAD_PER_S},
+    {"REACH_M", FMFTS_REACH_M},
+    {"REACH_RAD", FMFTS_REACH_RAD},
+    {"MOMENT_DEVIATION", FMFTS_MOMENT_DEVIATION},
+};
+
 static int set_up(PyObject *module)
 {
-    PyObject *jump_t = PyFloat_FromDouble(FMFTS_JUMP_T), *gap_us = PyFloat_FromDouble(FMFTS_LONGEST_GAP_US);
-    int failed = !jump_t || !gap_us || PyModule_AddObjectRef(module, "JUMP_T", jump_t) < 0 ||
-                 PyModule_AddObjectRef(module, "LONGEST_GAP_US", gap_us) < 0;
-    Py_XDECREF(jump_t);
-    Py_XDECREF(gap_us);
+    int failed = 0;
+    for (size_t i = 0; !failed && i < sizeof LIMITS / sizeof *LIMITS; i++) {
+        PyObject *value = PyFloat_FromDouble(LIMITS[i].value);
+        failed = !value || PyModule_AddObjectRef(module, LIMITS[i].name, value) < 0;
+        Py_XDECREF(value);
+    }
     return failed ? -1 : 0;
 }
 

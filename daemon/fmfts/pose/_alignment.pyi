@@ -26,3 +26,9 @@ def leap_us(
 
 JUMP_T: float
 LONGEST_GAP_US: float
+VAGUE_M: float
+SPEED_M_PER_S: float
+TURN_RAD_PER_S: float
+REACH_M: float
+REACH_RAD: float
+MOMENT_DEVIATION: float

@@ -1,4 +1,5 @@
-/* The change of pose from rest, and how uncertain it is: change.py. */
+/* The change of pose from rest, and how uncertain it is. Contact depends on it alone, because errors of the mounting cancel in
+ * it. */
 #include <string.h>
 
 #include "model.h"

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import product
-from fmfts.pose.state import State, tangent_basis
 
 Array = NDArray[np.float64]
 
@@ -37,10 +36,3 @@ class SensorErrors:
 
     noise_t: Array
     lasting: FieldErrors | None = None
-
-
-def change_since(rest: State, state: State) -> Array:
-    """Change (8,) of position (m) and of the axis in the rest axis's tangent plane (rad), and the ambient field (T)."""
-    return np.concatenate(
-        [state.position_m - rest.position_m, product(tangent_basis(rest.axis).T, state.axis), state.ambient_t]
-    )

@@ -1,12 +1,11 @@
 /* The gate: whether a frame fits a plausible pose of the pad's magnet. */
 #include "../common/chi2.h"
+#include "limits.h"
 #include "model.h"
 #include "tracking.h"
 
 /* A magnet that is farther from rest than this is not the pad's. */
 static const double REACH_M = 8e-3;
-/* A position that is known no better than this cannot be used: contact is not linear over it. Also in gates.py. */
-static const double VAGUE_M = 1e-3;
 /* No magnet becomes stronger than at its baseline, but for the cold (2.4 % in 20 K) and errors of calibration (1.3 % under a
  * press, of gains good to 5 %). Steel above it looks just like that: like a stronger magnet, farther away. Here: by 5 %. */
 static const double LOG_STRONGER = 0.04879016416943205;
@@ -24,7 +23,7 @@ bool fmfts_has_plausible_pose(const fmfts_pose_parameters *parameters, const fmf
         variance += solved->covariance[(FMFTS_STEP + 1) * i];
     }
     return solved->status == FMFTS_CONVERGED && sqrt(dot3(away_m, away_m)) < REACH_M &&
-           variance < VAGUE_M * VAGUE_M && stronger > -FMFTS_LOG_MOMENT_REACH && stronger < strongest;
+           variance < FMFTS_VAGUE_M * FMFTS_VAGUE_M && stronger > -FMFTS_LOG_MOMENT_REACH && stronger < strongest;
 }
 
 bool fmfts_fits(const fmfts_pose_parameters *parameters, const fmfts_solved *solved, double strongest)

@@ -16,5 +16,3 @@ MOVED_MISFIT = 1e-4
 FALSE_INNOVATION = 1e-6
 # The share of poses that jump from those before by noise alone: [pad.contact] smoothing_ms.
 JUMP_PROBABILITY = 1e-3
-# A position that is known no better than this cannot be used: contact is not linear over it.
-VAGUE_M = 1e-3

@@ -6,16 +6,11 @@
 #include <math.h>
 #include <string.h>
 
+#include "limits.h"
 #include "model.h"
 #include "step.h"
 
 enum { TILTS = 2 };
-/* As in neighbour.py. The largest speed of a magnet in a tap of 1 N in 50 ms: how far it may have moved since it was seen. */
-static const double SPEED_M_PER_S = 0.02, TURN_RAD_PER_S = 2.0;
-/* A magnet that was not seen for long is still in its pad: the paper's hardest press moves it by 1.2 mm and 0.2 rad. */
-static const double REACH_M = 1.2e-3, REACH_RAD = 0.2;
-/* A log moment is never known better: it warms between two temperatures, and a dipole stands for a cylinder. */
-static const double MOMENT_DEVIATION = 1e-3;
 
 /* out = m·v */
 static void turn3(const double m[9], const double v[3], double out[3])
@@ -101,11 +96,11 @@ static void turn_covariance(const double rotation[9], const fmfts_sighting *seen
 /* Widens it by the time since the magnets were seen. age_s: NaN if they never were. */
 static void widen_by_age(double age_s, range own, fmfts_felt *felt)
 {
-    double moved_m = isnan(age_s) ? REACH_M : fmin(SPEED_M_PER_S * age_s, REACH_M);
-    double turned_rad = isnan(age_s) ? REACH_RAD : fmin(TURN_RAD_PER_S * age_s, REACH_RAD);
+    double moved_m = isnan(age_s) ? FMFTS_REACH_M : fmin(FMFTS_SPEED_M_PER_S * age_s, FMFTS_REACH_M);
+    double turned_rad = isnan(age_s) ? FMFTS_REACH_RAD : fmin(FMFTS_TURN_RAD_PER_S * age_s, FMFTS_REACH_RAD);
     for (size_t c = FMFTS_MOVES * own.first; c < FMFTS_MOVES * (own.first + own.magnets); c++) {
         size_t i = c % FMFTS_MOVES;
-        double moved = i < TILT_COLUMN ? moved_m : i < LOG_COLUMN ? turned_rad : MOMENT_DEVIATION;
+        double moved = i < TILT_COLUMN ? moved_m : i < LOG_COLUMN ? turned_rad : FMFTS_MOMENT_DEVIATION;
         felt->covariance[(own.width + 1) * c] += moved * moved;
     }
 }

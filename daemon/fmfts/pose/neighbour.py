@@ -16,17 +16,11 @@ import numpy as np
 from fmfts.arithmetic.elementary import exp, square
 from fmfts.arithmetic.matrix import added, lengths, product
 from fmfts.pad import Array, Magnet, Placement, SensorArray
+from fmfts.pose._alignment import MOMENT_DEVIATION, REACH_M, REACH_RAD, SPEED_M_PER_S, TURN_RAD_PER_S
 from fmfts.pose.dipole import dipole_derivatives, dipole_field
 from fmfts.pose.problem import Part, Parts, Prior
 from fmfts.pose.sighting import COLUMNS, Sighting, Where
 from fmfts.pose.state import AXIS, POSITION, SIZE, Neighbour, State, tangent_basis
-
-# The largest speed of a magnet in a tap of 1 N in 50 ms: how far it may have moved since it was seen.
-SPEED_M_PER_S, TURN_RAD_PER_S = 0.02, 2.0
-# A magnet that was not seen for long is still in its pad: the paper's hardest press moves it by 1.2 mm and 0.2 rad.
-REACH_M, REACH_RAD = 1.2e-3, 0.2
-# A log moment is never known better: it warms between two temperatures, and a dipole stands for a cylinder.
-MOMENT_DEVIATION = 1e-3
 
 
 @dataclass(frozen=True, slots=True)

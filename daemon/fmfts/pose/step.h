@@ -163,7 +163,8 @@ void fmfts_change(const fmfts_pose_parameters *parameters, const double *state, 
 void fmfts_displace(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double *state,
                     const fmfts_pose *pose, const double overlap[5][5], fmfts_displacement *d);
 
-/* change.c: how far (m) the change moved the magnet's centre, and the deviation along that direction: distance of change.py. */
+/* change.c: how far (m) the change moved the magnet's centre, and the deviation along that direction: without one, the
+ * largest deviation of the three. */
 void fmfts_distance(const fmfts_displacement *d, double *moved_m, double *deviation_m);
 
 /* silicone.c: notes in `memory` the load of its state. elapsed_s: since the last frame. Whoever does not call it, as the pose of a
@@ -185,7 +186,7 @@ void fmfts_follow_foreign(fmfts_step *step);
 void fmfts_widen_by_foreign(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double *state,
                             fmfts_pose *pose);
 
-/* change.c: in_nominal_frame. pose [6]: position (× unit_per_m) and axis; covariance [6][6]. */
+/* change.c: the pose in the drawing's frame: NominalFrame of drawn.py. pose [6]: position (× unit_per_m) and axis; covariance [6][6]. */
 void fmfts_draw(const fmfts_pose_parameters *parameters, const double *state, const fmfts_displacement *d,
                 double unit_per_m, double pose[6], double covariance[36]);
 

@@ -13,10 +13,10 @@ from fmfts.baseline import Baseline, DriftFollower, Mounting, Quiet
 from fmfts.baseline.drift import size_of
 from fmfts.bus.messages import ContactMessage
 from fmfts.pad import DriftLimits
+from fmfts.pipeline.creep import Creep
 from fmfts.pipeline.encoded import Answer, message_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import follow
-from fmfts.pose.silicone import SiliconeFollower
 from fmfts.pose.state import tangent_basis
 
 log = logging.getLogger(__name__)
@@ -36,7 +36,7 @@ class Rebaselining:
         self._mounting = mounting
         self._follower = DriftFollower(mounting.rest, limits)
         self._frames = 0
-        self._silicone = SiliconeFollower(pipeline.pad.silicone, LONGEST_GAP_S)
+        self._silicone = Creep(pipeline.pad.silicone, LONGEST_GAP_S)
         self._basis = tangent_basis(mounting.rest.axis)
         self._seen_s: float | None = None
         # What silicone may still recover by must not be larger than one step.
@@ -69,12 +69,11 @@ class Rebaselining:
         if message.pose is None:
             return True
         now_s, rest = message.t_sample_ns * 1e-9, self._mounting.rest
-        self._silicone.passed(max(now_s - (now_s if self._seen_s is None else self._seen_s), 0.0))
-        self._seen_s = now_s
+        elapsed_s, self._seen_s = max(now_s - (now_s if self._seen_s is None else self._seen_s), 0.0), now_s
         axis = product(self._basis.T, np.array(message.pose.axis))
         change = np.append(np.array(message.pose.position_m) - rest.position_m, axis) - self._follower.moved
-        self._silicone.update(change)
-        return size_of(np.sqrt(np.diagonal(self._silicone.left_behind()))) > self._largest_recovery_m
+        left = self._silicone.left_behind(change, elapsed_s)
+        return size_of(np.sqrt(np.diagonal(left))) > self._largest_recovery_m
 
 
 def _is_untouched(answer: Answer) -> bool:

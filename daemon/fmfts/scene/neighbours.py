@@ -11,7 +11,8 @@ from fmfts.arithmetic.elementary import power
 from fmfts.arithmetic.matrix import lengths
 from fmfts.config import PadConfig, neighbours_of
 from fmfts.pad import Placement
-from fmfts.pose.neighbour import REACH_M, REACH_RAD, NeighbourEstimate, NeighbourView
+from fmfts.pose._alignment import REACH_M, REACH_RAD
+from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView
 from fmfts.pose.sighting import Sighting
 
 

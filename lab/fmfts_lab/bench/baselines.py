@@ -10,7 +10,8 @@ import numpy as np
 from fmfts.baseline import Mounting
 from fmfts.contact import ContactEstimate, ContactModel
 from fmfts.pad import Pad, Tolerance
-from fmfts.pose import FREE_FIELD, in_nominal_frame, solve
+from fmfts.pipeline.drawn import in_nominal_frame
+from fmfts.pose import FREE_FIELD, solve
 from fmfts.simulation.mounted import CROSS_AXIS, MountedPad
 from fmfts_lab.bench.recorded import KINDS, bare_and_rest, mountings, pressed_field, selftested
 from fmfts_lab.bench.workspace import standard_pad

@@ -12,7 +12,8 @@ from fmfts.calibrate.tracked import FrameSolver
 from fmfts.config import MagnetConfig, SceneConfig
 from fmfts.contact import ContactModel, TouchDetector
 from fmfts.pad import Pad
-from fmfts.pose import STOP_CONVERGED, in_nominal_frame, solve
+from fmfts.pipeline.drawn import in_nominal_frame
+from fmfts.pose import STOP_CONVERGED, solve
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.source import ROOM_C

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmfts.common.chi2 import quantile
 from fmfts.config import MagnetConfig, SceneConfig
-from fmfts.pose import LOG_MOMENT, PoseEstimate, State, change_from, dipole_field
+from fmfts.pose import LOG_MOMENT, PoseEstimate, State, change_since, dipole_field
 from fmfts.scene.tracking import MOMENT_DEVIATION, tracking_model_for
 from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.bench.field_tracker import FieldTracker
@@ -40,7 +40,7 @@ class Follower:
         self.variance += max(held - self.held_variance, 0.0)
         self.held_variance = max(held, self.held_variance)
         by_moment = estimate.covariance[:5, LOG_MOMENT] / held
-        self.changes.append(change_from(self.rest, estimate) - by_moment * self.error)
+        self.changes.append(change_since(self.rest, estimate.state)[:5] - by_moment * self.error)
         if len(self.changes) == WINDOW_FRAMES:
             own = (estimate.covariance[:5, :5] - held * np.outer(by_moment, by_moment)) / WINDOW_FRAMES
             self._learn(np.mean(self.changes, axis=0), own, by_moment)

@@ -9,7 +9,8 @@ import numpy as np
 
 from fmfts.contact import ContactModel
 from fmfts.pad import Array, Tolerance
-from fmfts.pose import FREE_FIELD, in_nominal_frame, solve
+from fmfts.pipeline.drawn import in_nominal_frame
+from fmfts.pose import FREE_FIELD, solve
 from fmfts.simulation.mounted import MountedPad
 from fmfts_lab.bench.recorded import bare_and_rest, pressed_field
 from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, NOISE_T, WITHIN_MM, Press, worlds

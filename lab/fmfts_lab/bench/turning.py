@@ -14,7 +14,7 @@ from fmfts.baseline.sensitivity import Sensitivity, relative_deviation
 from fmfts.baseline.turn import ORIENTATIONS, UNEVEN_DEVIATION_T, Turn, sensitivity_from_turn
 from fmfts.baseline.window_means import MEAN_OF
 from fmfts.config import MagnetConfig, PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
-from fmfts.contact.touch import RELEASE_FRAMES
+from fmfts.contact._contact import RELEASE_FRAMES
 from fmfts.pad import Pad, rotation_from_vector
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pose import FREE_FIELD, State, dipole_field, solve

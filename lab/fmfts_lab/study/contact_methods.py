@@ -18,8 +18,9 @@ from fmfts.calibrate.tracked import FrameSolver
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
 from fmfts.pad import Array
+from fmfts.pipeline.drawn import in_nominal_frame
 from fmfts.pipeline.encoded import Answer, message_of
-from fmfts.pose import State, in_nominal_frame
+from fmfts.pose import State
 from fmfts.pose.solver import estimate_of
 from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.study.contact_bench import Bench, ContactFinder, regressor_of

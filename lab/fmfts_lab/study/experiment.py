@@ -17,7 +17,8 @@ from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact import ContactModel
 from fmfts.pad import Array, Pad, SensorArray, Tolerance
-from fmfts.pose import FREE_FIELD, in_nominal_frame, solve
+from fmfts.pipeline.drawn import in_nominal_frame
+from fmfts.pose import FREE_FIELD, solve
 from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.mounted import (
     CROSS_AXIS,
