@@ -49,17 +49,14 @@ def make_model(
     sheared: a set with shear, for the errors that shear causes in a model without it. Raises DataError for a wrong set,
     OSError where the files cannot be written.
     """
-    report = target.with_suffix(".json")
-    if report == target:
-        raise DataError(f"{target}: the model's report would have the same name, {report}: choose another (MODEL.onnx)")
-    _require_writable(target)
+    report = report_of(target, "MODEL.onnx")
     calibration = read_calibration_set(source, pad, pad_size_mm, baseline)
     shear_set = None
     if sheared is not None:
         shear_set = str(sheared), read_calibration_set(sheared, pad, pad_size_mm, baseline)
     calibrated = calibrate(str(source), calibration, options, say, shear_set, show)
-    _replace(report, (json.dumps(calibrated.report, indent=1) + "\n").encode())
-    _replace(target, calibrated.model)
+    replace_file(report, (json.dumps(calibrated.report, indent=1) + "\n").encode())
+    replace_file(target, calibrated.model)
     say("on the calibration set, as it is:\n" + printed(calibrated.report["on_the_calibration_set"]))
     say("on new presses, with the noise of one frame:\n" + printed(calibrated.report["on_new_presses_with_noise"]))
     say(calibrated.report["firm_and_central"])
@@ -84,10 +81,7 @@ def make_array_response(source: Path, target: Path, job: ArrayJob, start: Path |
 
     Writes it and its report; returns the report. Raises as `make_model`.
     """
-    report = target.with_suffix(".json")
-    if report == target:
-        raise DataError(f"{target}: the report would have the same name: choose another (MODEL.response)")
-    _require_writable(target)
+    report = report_of(target, "MODEL.response")
     data = read_array_set(source, job.pad, job.pad_size_mm, job.baseline, say)
     made = fit_table(data, str(source), starting_table(start, job.pad), job.noise_t, say)
     content = made.response.encoded()
@@ -107,8 +101,8 @@ def make_array_response(source: Path, target: Path, job: ArrayJob, start: Path |
         "error": made.response.error,
         "on_the_calibration_set": judged.facts(),
     }
-    _replace(report, (json.dumps(facts, indent=1) + "\n").encode())
-    _replace(target, content)
+    replace_file(report, (json.dumps(facts, indent=1) + "\n").encode())
+    replace_file(target, content)
     return facts
 
 
@@ -124,10 +118,7 @@ def make_field_response(source: Path, target: Path, say: Say) -> dict[str, Any]:
 
     Raises as `make_model`.
     """
-    report = target.with_suffix(".json")
-    if report == target:
-        raise DataError(f"{target}: the report would have the same name: choose another (MODEL.response)")
-    _require_writable(target)
+    report = report_of(target, "MODEL.response")
     data = read_field_set(source)
     response = make_response(data, f"{source.name} {data.digest[:12]}", say)
     content = response.encoded()
@@ -142,9 +133,18 @@ def make_field_response(source: Path, target: Path, say: Say) -> dict[str, Any]:
         "deviation_ut": np.sqrt(np.diagonal(response.covariance.mean(axis=0))).round(1).tolist(),
         "on_the_calibration_set": evaluate_field(response, data, str(source)).facts(),
     }
-    _replace(report, (json.dumps(facts, indent=1) + "\n").encode())
-    _replace(target, content)
+    replace_file(report, (json.dumps(facts, indent=1) + "\n").encode())
+    replace_file(target, content)
     return facts
+
+
+def report_of(target: Path, example: str) -> Path:
+    """Where a model's report goes: beside it. DataError where that is the model itself, OSError if not writable."""
+    report = target.with_suffix(".json")
+    if report == target:
+        raise DataError(f"{target}: the model's report would have the same name: choose another ({example})")
+    _require_writable(target)
+    return report
 
 
 def _require_writable(target: Path) -> None:
@@ -155,7 +155,7 @@ def _require_writable(target: Path) -> None:
         pass
 
 
-def _replace(target: Path, content: bytes) -> None:
+def replace_file(target: Path, content: bytes) -> None:
     """Replaces the file in one step, because a running daemon may be reading it."""
     new = target.with_name(f"{target.name}.new")
     new.write_bytes(content)

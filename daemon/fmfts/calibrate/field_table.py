@@ -45,6 +45,21 @@ def read(path: Path, sensors: int, largest_ut: float = LARGEST_FIELD_UT) -> Fiel
 
     largest_ut: of a field that is possible; the default is for a pad with one magnet.
     """
+    line, cells = read_cells(path)
+    fields = field_columns(sensors)
+    missing = [name for name in fields if name not in cells]
+    if missing:
+        raise DataError(f"{path}: row 1 has no column {', '.join(missing)} ({sensors} sensors are configured)")
+    values = [[_number(path, at, name, cells[name][row], largest_ut) for name in fields] for row, at in enumerate(line)]
+    return FieldTable(
+        field_t=np.array(values).reshape(len(line), sensors, 3) * 1e-6,
+        others={name: column for name, column in cells.items() if name not in fields},
+        line=line,
+    )
+
+
+def read_cells(path: Path) -> tuple[list[int], dict[str, list[str]]]:
+    """The line at which each row ends, and the columns by name, as text. Raises DataError where it is no table."""
     try:
         with open_text(path) as file:  # of at most as many bytes: a day of one frame a second
             text = file.read()
@@ -53,10 +68,10 @@ def read(path: Path, sensors: int, largest_ut: float = LARGEST_FIELD_UT) -> Fiel
     except UnicodeDecodeError as error:
         raise DataError(f"{path}: is not UTF-8 text (byte {error.start})") from error
     with damage_told(DataError, f"{path}: is not a table"):  # csv.Error: a cell is too long, or holds a zero byte
-        return _table(path, text, sensors, largest_ut)
+        return _cells(path, text)
 
 
-def _table(path: Path, text: str, sensors: int, largest_ut: float) -> FieldTable:
+def _cells(path: Path, text: str) -> tuple[list[int], dict[str, list[str]]]:
     lines = csv.DictReader(io.StringIO(text))
     header = list(lines.fieldnames or [])
     if not header:
@@ -67,21 +82,12 @@ def _table(path: Path, text: str, sensors: int, largest_ut: float) -> FieldTable
         raise DataError(
             f"{path}: row 1: columns are separated by {other[0]!r}, not by ','; numbers need a decimal point"
         )
-    fields = field_columns(sensors)
-    missing = [name for name in fields if name not in header]
-    if missing:
-        raise DataError(f"{path}: row 1 has no column {', '.join(missing)} ({sensors} sensors are configured)")
     rows = [(lines.line_num, row) for row in lines]
     if not rows:
         raise DataError(f"{path}: there is no row below the header")
     for line, row in rows:
         _require_as_many(path, line, row, header)
-    values = np.array([[_number(path, line, name, row[name], largest_ut) for name in fields] for line, row in rows])
-    return FieldTable(
-        field_t=values.reshape(len(rows), sensors, 3) * 1e-6,
-        others={name: [row[name] for _, row in rows] for name in header if name not in fields},
-        line=[line for line, _ in rows],
-    )
+    return [line for line, _ in rows], {name: [row[name] for _, row in rows] for name in header}
 
 
 def write(columns: Mapping[str, Sequence[str]], out: TextIO) -> None:

@@ -18,6 +18,7 @@ from fmfts.pad import Array, Pad
 from fmfts.pose import FREE_FIELD, FREE_PAPER, STOP_CONVERGED, Batch, State, parts_of, solve, tangent_basis
 from fmfts.pose.change import shortest_rotation
 from fmfts.pose.kernel import RESIDUAL, STATUS
+from fmfts.pose.model import predict
 from fmfts.pose.problem import MAX_ITERATIONS, VALUE, magnet_rows, measurement_rows
 
 Scene = Literal["drifting", "constant"]
@@ -91,6 +92,32 @@ class FrameSolver:
         if len(unsolved):
             raise UnsolvedError(int(unsolved[0]))
         return self._tracked(batch)
+
+    def solved_if_possible(self, field_t: Array, bound_t: Array) -> Array:
+        """(K, 6) poses as `solved`; NaN where the values of a row tell none.
+
+        bound_t (K, N, 3): where a value was clipped the end of its range, with its sign; else NaN. A pose that puts
+        such a value inside of the range is solved again with the value at its end: the nearest that is possible.
+        """
+        batch = self._solved(field_t)
+        inside = np.abs(self._predicted(batch.state)) < np.abs(bound_t)
+        again = np.flatnonzero(inside.any(axis=(1, 2)) & (batch.summary[:, STATUS] == 0))
+        pose = self._possible(batch)
+        if len(again):
+            pose[again] = self._possible(self._solved(np.where(inside, bound_t, field_t)[again]))
+        return pose
+
+    def _possible(self, batch: Batch) -> Array:
+        solved = batch.summary[:, STATUS] == 0
+        pose: Array = np.where(solved[:, None], self._tracked(batch).pose, np.nan)
+        return pose
+
+    def _predicted(self, state: Array) -> Array:
+        """(K, N, 3): what the sensors would read in the states (K, columns)."""
+        sensors, magnet = self._geometry.sensors, magnet_rows(self._geometry.magnet)
+        rows = measurement_rows(np.zeros((len(sensors), 3)), sensors, self.noise_t)
+        each = [predict(rows, magnet, State.from_vector(one))[0] for one in state]
+        return np.array(each).reshape(len(state), len(sensors), 3)
 
     def common_field_t(self, field_t: Array) -> Array:
         """(3,) median ambient field in the fields (K, N, 3), which was not subtracted.

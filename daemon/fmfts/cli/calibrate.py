@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from fmfts.cli import calibrate_array, calibrate_fields
+from fmfts.cli import calibrate_array, calibrate_fields, calibrate_forces
 from fmfts.cli.verb import AddVerb, VerbError, configured_or_standard_pad, lacking, not_written
 from fmfts.cli.workers import add_workers, workers_of
 from fmfts.common import exit_codes
@@ -35,6 +35,11 @@ def add_to(verb: AddVerb) -> None:
         metavar="TABLE.response",
         help="of a pad with several magnets: the table of presses to correct (the shipped one)",
     )
+    calibrate.add_argument(
+        "--route",
+        choices=("field", "pose"),
+        help="of a set with force_x_n, force_y_n and force_z_n: how to go to the forces (the better of both)",
+    )
     add_workers(calibrate, "for the folds by which --hidden is found")
     evaluate = verb("evaluate", _evaluate, "compare a contact model's answers with a CSV file of labelled fields")
     evaluate.add_argument("data", type=Path, metavar="TEST.csv")
@@ -50,6 +55,13 @@ def add_to(verb: AddVerb) -> None:
     )
     evaluate.add_argument("--plot", type=Path, metavar="FILE.png", help="draw a map of the errors")
     for added in (calibrate, evaluate):
+        added.add_argument(
+            "sessions",
+            type=Path,
+            nargs="*",
+            metavar="SESSION.csv",
+            help="of sets with force_x_n, force_y_n and force_z_n: further sessions (another day, another mounting)",
+        )
         added.add_argument(
             "--pad", metavar="NAME", help="pad with this geometry and magnet; needed if there are several"
         )
@@ -67,6 +79,11 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
+    if calibrate_forces.is_of_forces(options.data):
+        return calibrate_forces.calibrate(options, _noise_t(options))
+    _require_one_file(options)
+    if options.route is not None:
+        raise VerbError(exit_codes.USAGE, f"--route: {options.data} has no forces in three directions (force_z_n)")
     if calibrate_fields.is_of_fields(options.data):
         return calibrate_fields.calibrate(options)
     pad = configured_or_standard_pad(options, several=True)
@@ -123,6 +140,9 @@ def _calibrate(options: argparse.Namespace) -> int:
 
 
 def _evaluate(options: argparse.Namespace) -> int:
+    if options.model is not None and calibrate_forces.is_force_model(Path(options.model)):
+        return calibrate_forces.evaluate(options, _noise_t(options))
+    _require_one_file(options)
     if options.model is not None and calibrate_fields.is_response(Path(options.model)):
         return calibrate_fields.evaluate(options)
     pad = configured_or_standard_pad(options, several=True)
@@ -162,6 +182,11 @@ def _evaluate(options: argparse.Namespace) -> int:
         print(firm_and_central(evaluation.press[evaluation.in_range], evaluation.found[evaluation.in_range]))
         print("mae, rmse: mean absolute and rms errors; in_sd: rms of error / the model's deviation, ideally 1")
     return 0
+
+
+def _require_one_file(options: argparse.Namespace) -> None:
+    if options.sessions:
+        raise VerbError(exit_codes.USAGE, f"{options.sessions[0]}: several files are for sets with forces (force_z_n)")
 
 
 def _draw(evaluation: object, target: Path) -> None:

@@ -1,0 +1,88 @@
+"""What `calibrate` and `evaluate` do with sets of forces in three directions."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fmfts.calibrate.command import replace_file, report_of
+from fmfts.calibrate.field_table import DataError
+from fmfts.calibrate.force_fit import GAIN, OFFSET, ROTATION_RAD, Presses, Say
+from fmfts.calibrate.force_judge import Judged, choose, make_route
+from fmfts.calibrate.force_pose import pose_presses
+from fmfts.calibrate.force_set import ForceSet, read_force_set
+from fmfts.calibrate.tracked import Scene
+from fmfts.common.reading import read_regular
+from fmfts.contact.force_model import LARGEST_BYTES, ForceModel, Route
+from fmfts.pad import Pad
+
+
+@dataclass(frozen=True, slots=True)
+class KnownMagnet:
+    """The pad of the pose route. baseline: a file; None: each session's own rest tells the magnet."""
+
+    pad: Pad
+    scene: Scene
+    noise_t: float
+    baseline: Path | None
+
+
+def make_force_file(
+    sources: Sequence[Path], target: Path, magnet: KnownMagnet | None, only: Route | None, say: Say
+) -> dict[str, Any]:
+    """Make a force model of the sets; write it and its report (.json); return the report.
+
+    magnet: None: its pose is not known, so there is only the field route. only: the route to take; None: the better.
+    Raises DataError, and OSError where the files cannot be written.
+    """
+    report = report_of(target, "MODEL.force")
+    data = read_force_set(sources)
+    origin = f"{', '.join(source.name for source in sources)} {data.digest[:12]}"
+    routes = [make_route(presses, data.clipped, data.sessions, origin, say) for presses in _presses(data, magnet, only)]
+    chosen = choose(routes)
+    content = chosen.model.encoded()
+    facts = {
+        "model": hashlib.sha256(content).hexdigest()[:12],
+        "file_bytes": len(content),
+        "data": [source.name for source in sources],
+        "data_sha256": data.digest,
+        "sessions": list(data.sessions),
+        "rows": len(data.force_n),
+        "another_day": {"gain": GAIN, "rotation_rad": ROTATION_RAD, "rest": OFFSET, "force": chosen.model.day_share},
+        "routes": [route.facts() for route in routes],
+        "chosen": chosen.model.route,
+    }
+    replace_file(report, (json.dumps(facts, indent=1) + "\n").encode())
+    replace_file(target, content)
+    return facts
+
+
+def evaluate_force_file(sources: Sequence[Path], model: Path, magnet: KnownMagnet | None) -> Judged:
+    """What the model at `model` says of the sets. DataError, ForceModelError."""
+    loaded = ForceModel.of(read_regular(model, LARGEST_BYTES), str(model))
+    data = read_force_set(sources)
+    if loaded.route == "pose" and magnet is None:
+        raise DataError(f"{model}: goes from poses to forces, so it needs the pad's configuration: --config pad.toml")
+    (presses,) = _presses(data, magnet, loaded.route)
+    if presses.names != loaded.names:
+        raise DataError(
+            f"{sources[0]}: has values {', '.join(presses.names)}; the model is of {', '.join(loaded.names)}"
+        )
+    names = tuple(data.sessions[one] for one in data.session)
+    return Judged(data.force_n, loaded.find(presses.values), data.clipped, names)
+
+
+def _presses(data: ForceSet, magnet: KnownMagnet | None, only: Route | None) -> list[Presses]:
+    out = []
+    if only != "pose":
+        field = data.change(), data.sensor, data.axis
+        out.append(Presses("field", data.names, *field, data.force_n, data.session))
+    if magnet is not None and only != "field":
+        out.append(pose_presses(data, magnet.pad, magnet.scene, magnet.noise_t, magnet.baseline))
+    if not out:
+        raise DataError("the pose route needs the pad's configuration: --config pad.toml")
+    return out

@@ -1,0 +1,138 @@
+"""Makes a force model by each route, judges both on left-out sessions, and chooses one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fmfts.calibrate.evaluation import Row, rounded
+from fmfts.calibrate.field_fit import LOAD_SHARE
+from fmfts.calibrate.field_table import DataError
+from fmfts.calibrate.force_fit import Presses, Say, fit_maps
+from fmfts.contact.force_model import DIRECTIONS, Coverage, ForceModel, FoundForces, Mask
+from fmfts.pad import Array
+
+HONEST, WRONG = 2.0, 5.0  # deviations
+# The stated prior weighs as much as so many left-out sessions.
+PRIOR_SESSIONS = 2.0
+UNLEARNT = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """force_n (K, 3): the labels. found: the answers. clipped (K,): rows with a clipped value. session (K,): names."""
+
+    force_n: Array
+    found: FoundForces
+    clipped: Mask
+    session: tuple[str, ...]
+
+    def rows(self) -> list[Row]:
+        """Errors of all rows, by session, and with and without clipped values."""
+        names = np.array(self.session)
+        groups: list[tuple[str, Mask]] = [("all", np.ones(len(names), dtype=np.bool_))]
+        if len(set(self.session)) > 1:
+            groups += [(f"session {name}", names == name) for name in dict.fromkeys(self.session)]
+        if self.clipped.any():
+            groups += [("no value clipped", ~self.clipped), ("a value clipped", self.clipped)]
+        return [self._row(name, members) for name, members in groups]
+
+    def _row(self, name: str, members: Mask) -> Row:
+        answered = members & np.isfinite(self.found.force).all(axis=1)
+        row: Row = {"rows": name, "count": int(members.sum()), "answered": int(answered.sum())}
+        if answered.any():
+            one = coverage_of(self.force_n[answered], self.found.force[answered], self.found.variance[answered])
+            row |= dict(zip(("rms_x_n", "rms_y_n", "rms_z_n"), one.rms_n, strict=True))
+            row |= {"within_2": one.within_2, "beyond_5": one.beyond_5}
+        return row
+
+
+def coverage_of(force_n: Array, found: Array, variance: Array) -> Coverage:
+    error = found - force_n
+    in_deviations = np.abs(error) / np.sqrt(variance)
+    x, y, z = (rounded(np.sqrt(np.mean(error[:, i] ** 2))) for i in range(DIRECTIONS))
+    within, beyond = float(np.mean(in_deviations <= HONEST)), float(np.mean(in_deviations > WRONG))
+    return Coverage("sessions", len(error), (x, y, z), rounded(within), rounded(beyond))
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """What one route gives: the model of all presses, and what it says of left-out ones."""
+
+    model: ForceModel
+    left_out: Judged
+
+    def facts(self) -> dict[str, Any]:
+        return {
+            "route": self.model.route,
+            "power": self.model.maps[0].power,
+            "widened": [rounded(one) for one in self.model.widened],
+            "left_out": self.model.coverage.left_out,
+            "rows": self.left_out.rows(),
+        }
+
+
+def make_route(presses: Presses, clipped: Mask, sessions: tuple[str, ...], origin: str, say: Say) -> Route:
+    """Fit the presses, and judge fits of a part of them on what was left out. sessions: their names."""
+    folds = presses.folds()
+    several = len(np.unique(presses.session)) > 1
+    found = FoundForces(
+        np.full(presses.force_n.shape, np.nan), np.full(presses.force_n.shape, np.nan), np.full(len(folds), np.nan)
+    )
+    for fold in np.unique(folds):
+        out = folds == fold
+        told = _model(presses.rows(~out), UNLEARNT, None, origin, _silent)
+        for target, answer in zip(found, told.find(presses.values[out]), strict=True):
+            target[out] = answer
+    names = tuple(sessions[one] for one in presses.session)
+    judged = Judged(presses.force_n, found, clipped, names)
+    known = np.isfinite(found.force).all(axis=1)
+    if not known.any():
+        raise DataError(f"{origin}: no left-out row can be answered: too few values are known")
+    coverage = coverage_of(presses.force_n[known], found.force[known], found.variance[known])
+    if not several:
+        coverage = Coverage("eighths of the time", coverage.rows, coverage.rms_n, coverage.within_2, coverage.beyond_5)
+    widened = _learnt(presses, found) if several else UNLEARNT
+    return Route(_model(presses, widened, coverage, origin, say), judged)
+
+
+def _learnt(presses: Presses, found: FoundForces) -> tuple[float, float, float]:
+    """By what factor left-out sessions are missed by more than the deviations say; the prior says 1."""
+    square = (found.force - presses.force_n) ** 2 / found.variance
+    each = [np.nanmean(square[presses.session == one], axis=0) for one in np.unique(presses.session)]
+    factor = np.sqrt((PRIOR_SESSIONS + np.sum(each, axis=0)) / (PRIOR_SESSIONS + len(each)))
+    x, y, z = np.maximum(factor, 1.0).tolist()
+    return x, y, z
+
+
+def _model(
+    presses: Presses, widened: tuple[float, float, float], coverage: Coverage | None, origin: str, say: Say
+) -> ForceModel:
+    unjudged = Coverage("sessions", 0, (0.0, 0.0, 0.0), 0.0, 0.0)
+    return ForceModel(
+        presses.route,
+        presses.names,
+        fit_maps(presses, origin, say),
+        len(np.unique(presses.session)),
+        LOAD_SHARE["force_n"],
+        widened,
+        float(np.linalg.norm(presses.force_n, axis=1).max()),
+        coverage or unjudged,
+        origin,
+    )
+
+
+def choose(routes: list[Route]) -> Route:
+    """The route with the smaller error on left-out rows, each direction by the forces' own size."""
+    size = np.sqrt(np.mean(routes[0].left_out.force_n ** 2, axis=0))
+
+    def error(route: Route) -> float:
+        return float(np.sum((np.array(route.model.coverage.rms_n) / size) ** 2))
+
+    return min(routes, key=error)
+
+
+def _silent(_: str) -> None:
+    """Fits that only judge say nothing."""
