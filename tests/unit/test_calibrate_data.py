@@ -6,6 +6,7 @@ import csv
 import json
 import re
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -73,12 +74,19 @@ def weakest_labelled_as_strongest(rows: Rows) -> None:
     light.update({name: firm[name] for name in ("x_mm", "y_mm", "force_n")})
 
 
+def only_five_values_in_row_7(rows: Rows) -> None:
+    for sensor, axis in product("34", "xyz"):
+        at(7, f"b{sensor}{axis}_ut", "")(rows)
+    at(7, "b2z_ut", "")(rows)
+
+
 @pytest.mark.parametrize(
     ("edit", "complaint"),
     [
         (without("b3y_ut"), "row 1 has no column b3y_ut"),
         (without("force_n"), "row 1 has no column force_n"),
-        (at(7, "b2z_ut", ""), "row 7, column b2z_ut: no number"),
+        (only_five_values_in_row_7, "row 7: 5 of its values are known; a pose needs 6"),
+        (at(7, "b2z_ut", "<80"), "row 7, column b2z_ut: '<80': a clipped value is >LIMIT or <-LIMIT"),
         (at(7, "b2z_ut", "nan"), "row 7, column b2z_ut: 'nan' is not a number"),
         (at(9, "x_mm", "nan"), "row 9, column x_mm: 'nan' is not a number"),
         (at(9, "force_n", "much"), "row 9, column force_n: 'much' is not a number"),
@@ -174,7 +182,7 @@ def config(tmp_path: Path) -> str:
 
 
 def test_verbs_refuse_bad_data_with_65(tmp_path: Path, config: str, capsys: pytest.CaptureFixture[str]) -> None:
-    bad = str(written(tmp_path, at(7, "b2z_ut", "")))
+    bad = str(written(tmp_path, at(7, "b2z_ut", "?")))
     assert main(["calibrate", bad, "-o", str(tmp_path / "m.onnx"), "--config", config]) == exit_codes.DATA
     assert "row 7, column b2z_ut" in capsys.readouterr().err
     assert not (tmp_path / "m.onnx").exists()

@@ -162,7 +162,7 @@ def test_clipped_value_bounds_the_pose() -> None:
     ("edit", "message"),
     [
         (lambda row: row.update(force_z_n="heavy"), "row 22, column force_z_n: 'heavy' is no number"),
-        (lambda row: row.update(b1x_ut="1e9"), "row 22, column b1x_ut: '1e9' is no number"),
+        (lambda row: row.update(b1x_ut="1e9"), "row 22, column b1x_ut: 1e9 µT is beyond any range"),
         (lambda row: row.update(b1x_ut=">-3"), "row 22, column b1x_ut: '>-3'.*>LIMIT or <-LIMIT"),
     ],
 )

@@ -122,7 +122,7 @@ def _of_this_baseline(path: Path, table: FieldTable, own: str, say: Say) -> Fiel
             "left out"
         )
     kept = {name: [cells[row] for row in rows] for name, cells in table.others.items()}
-    return FieldTable(table.field_t[rows], kept, [table.line[row] for row in rows])
+    return FieldTable(table.field_t[rows], table.bound_t[rows], kept, [table.line[row] for row in rows])
 
 
 def _require_fields(path: Path, table: FieldTable, field_t: Array, rest_t: Array) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from fmfts.baseline import Mounting
-from fmfts.calibrate.field_table import DataError, FieldTable, field_columns, mounting_of, read
+from fmfts.calibrate.field_table import DataError, FieldTable, mounting_of, read
 from fmfts.calibrate.field_units import drawn_field, other_unit, question, strengths, stronger
 from fmfts.common.reading import digest_of
 from fmfts.config import PadConfig, SimulatedSource
@@ -20,6 +20,7 @@ PAD_SIZE_MM = 40.0
 LARGEST_FORCE_N = 50.0
 # With fewer, the model of the standard pad is wrong, and the presses left out of the fit do not show it.
 FEWEST_PRESSES, FEWEST_PLACES = 150, 8
+FEWEST_VALUES = 6  # the unknowns of the paper; the solver refuses what is too few for its own
 # Largest ratio between a measured field and the drawing's: remanence and place of the magnet explain less.
 LARGEST_RATIO = 3.0
 # A wrong unit shows in the components that are strong at rest: a press changes them by half, a unit by ten or more.
@@ -42,8 +43,10 @@ class CalibrationSet:
     """The presses of a file, and their fields.
 
     press (K, 3 or 5): x and y in mm, force in N, and shear x and y in N if known. field_t (K, N, 3): at the pad's
-    sensors, in their axes. line (K,): its line in the file. digest: SHA-256 of the file. rest_field_t (N, 3): mean of
-    the file's unloaded rows; None where it has none. mounting: from the baseline, if one was given.
+    sensors, in their axes; NaN where a value is missing or clipped. line (K,): its line in the file. digest: SHA-256 of
+    the file. rest_field_t (N, 3): mean of the file's unloaded rows; None where it has none. mounting: from the
+    baseline, if one was given. bound_t (K, N, 3): where a value was clipped the end of the range, with its sign; else
+    NaN. None: nothing was clipped.
     """
 
     pad: Pad
@@ -53,6 +56,7 @@ class CalibrationSet:
     digest: str
     rest_field_t: Array | None
     mounting: Mounting | None = None
+    bound_t: Array | None = None
 
     @property
     def x_m(self) -> Array:
@@ -91,7 +95,10 @@ def read_labelled(
     unloaded = (press[:, 2:] == 0.0).all(axis=1)
     require_consistent(path, table, press)
     mounting = None if baseline is None else mounting_of(baseline, pad)
-    field = table.field_t if mounting is None else np.array([mounting.magnet_field(one) for one in table.field_t])
+    field, bound = (
+        some if mounting is None else np.array([mounting.magnet_field(one) for one in some])
+        for some in (table.field_t, table.bound_t)
+    )
     loaded = np.flatnonzero(~unloaded)
     if not len(loaded):
         raise DataError(f"{path}: column force_n is zero in every row: there is no press to learn from")
@@ -101,20 +108,33 @@ def read_labelled(
         field_t=field[loaded],
         line=tuple(table.line[row] for row in loaded),
         digest=digest_of(path),
-        rest_field_t=field[unloaded].mean(axis=0) if unloaded.any() else None,
+        rest_field_t=mean_of_known(field[unloaded]) if unloaded.any() else None,
         mounting=mounting,
+        bound_t=bound[loaded],
     )
 
 
+def mean_of_known(field: Array) -> Array:
+    """(N, 3) mean over rows (K, N, 3) of those that know each value; NaN where none does."""
+    known = np.isfinite(field)
+    with np.errstate(invalid="ignore"):
+        mean: Array = np.where(known, field, 0.0).sum(axis=0) / known.sum(axis=0)
+    return mean
+
+
 def rest_field(calibration: CalibrationSet) -> Array:
-    """(N, 3) field of the unloaded pad: measured, else the drawing's with the remanence estimated from the presses."""
+    """(N, 3) field of the unloaded pad: measured, else the drawing's with the remanence estimated from the presses.
+
+    NaN at axes that the chips do not have: those without a value in any row.
+    """
     if calibration.rest_field_t is not None:
         return calibration.rest_field_t
     pad = calibration.pad
     drawn = drawn_field(pad)
     estimates = [solve(field, pad).remanence_t for field in calibration.field_t[::8]]
-    measured: Array = drawn * float(np.nanmedian(estimates) / solve(drawn, pad).remanence_t)
-    return measured
+    measured = drawn * float(np.nanmedian(estimates) / solve(drawn, pad).remanence_t)
+    has_axis = np.isfinite(calibration.field_t).any(axis=0)
+    return np.where(has_axis, measured, np.nan)
 
 
 def labels_of(path: Path, table: FieldTable, pad_size_mm: float) -> Array:
@@ -161,11 +181,12 @@ def _label(path: Path, line: int, name: str, cell: str, pad_size_mm: float) -> f
 
 
 def _require_fields(path: Path, table: FieldTable, pad: Pad) -> None:
-    names = field_columns(len(pad.sensors))
-    absent = np.argwhere(~np.isfinite(table.field_t.reshape(len(table.field_t), -1)))
-    if len(absent):
-        row, column = absent[0]
-        raise DataError(f"{path}: row {table.line[row]}, column {names[column]}: no number; leave the row out")
+    known = np.isfinite(table.field_t).sum(axis=(1, 2))
+    few = np.flatnonzero(known < FEWEST_VALUES)
+    if len(few):
+        raise DataError(
+            f"{path}: row {table.line[few[0]]}: {known[few[0]]} of its values are known; a pose needs {FEWEST_VALUES}"
+        )
     ratios = strengths(table, pad)
     wrong = np.flatnonzero((ratios > LARGEST_RATIO) | (ratios < 1.0 / LARGEST_RATIO))
     if len(wrong):
@@ -180,7 +201,9 @@ def _require_fields(path: Path, table: FieldTable, pad: Pad) -> None:
 def _require_one_unit(path: Path, field_t: Array, drawn_t: Array) -> None:
     """Checks that all columns have one unit. field_t (K, N, 3): scaled to the strength of the drawing's field."""
     strong = np.abs(drawn_t) > STRONG_SHARE * np.abs(drawn_t).max()
-    share = np.median(np.abs(field_t), axis=0) / np.where(strong, np.abs(drawn_t), 1.0)
+    strong &= np.isfinite(field_t).any(axis=0)
+    size = np.where(np.isfinite(field_t).any(axis=0), np.abs(field_t), 0.0)
+    share = np.nanmedian(size, axis=0) / np.where(strong, np.abs(drawn_t), 1.0)
     off = np.argwhere(strong & ((share > LEAST_UNIT_RATIO) | (share < 1.0 / LEAST_UNIT_RATIO)))
     if len(off):
         sensor, axis = off[0]
@@ -203,7 +226,7 @@ def require_consistent(path: Path, table: FieldTable, press: Array) -> None:
                 "another press: one of them is a copy with a wrong label"
             )
         earlier = by_press.setdefault(press[row].tobytes(), row)
-        gap_ut = np.abs(table.field_t[earlier] - table.field_t[row]) * 1e6
+        gap_ut = np.nan_to_num(np.abs(table.field_t[earlier] - table.field_t[row]) * 1e6)
         sensor, axis = np.unravel_index(np.argmax(gap_ut), gap_ut.shape)
         allowed_ut = REPEATABLE_UT + REPEATABLE_SHARE * abs(table.field_t[row, sensor, axis]) * 1e6
         if gap_ut[sensor, axis] > allowed_ut:

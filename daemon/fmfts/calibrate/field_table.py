@@ -29,9 +29,14 @@ class DataError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class FieldTable:
-    """field_t (K, N, 3): NaN where a cell is empty. others: all other columns, as text. line: where each row ends."""
+    """field_t (K, N, 3): NaN where a cell is empty, or says that the chip clipped (`>800` or `<-800`).
+
+    bound_t (K, N, 3): the end of the range there, with its sign; else NaN. others: all other columns, as text. line:
+    where each row ends.
+    """
 
     field_t: Array
+    bound_t: Array
     others: dict[str, list[str]]
     line: list[int]
 
@@ -50,9 +55,14 @@ def read(path: Path, sensors: int, largest_ut: float = LARGEST_FIELD_UT) -> Fiel
     missing = [name for name in fields if name not in cells]
     if missing:
         raise DataError(f"{path}: row 1 has no column {', '.join(missing)} ({sensors} sensors are configured)")
-    values = [[_number(path, at, name, cells[name][row], largest_ut) for name in fields] for row, at in enumerate(line)]
+    values = [
+        [value_and_bound(path, at, name, cells[name][row], largest_ut) for name in fields]
+        for row, at in enumerate(line)
+    ]
+    both = np.array(values).reshape(len(line), sensors, 3, 2) * 1e-6
     return FieldTable(
-        field_t=np.array(values).reshape(len(line), sensors, 3) * 1e-6,
+        field_t=both[..., 0],
+        bound_t=both[..., 1],
         others={name: column for name, column in cells.items() if name not in fields},
         line=line,
     )
@@ -116,18 +126,24 @@ def _require_as_many(path: Path, line: int, row: Mapping[str | None, object], he
         raise DataError(f"{path}: row {line} has {cells} cells, the header {len(header)}: was it cut off?")
 
 
-def _number(path: Path, line: int, name: str, cell: str, largest_ut: float) -> float:
-    if not cell.strip():
-        return float("nan")
+def value_and_bound(path: Path, line: int, name: str, cell: str, largest_ut: float) -> tuple[float, float]:
+    """A field in µT and the end of the range at which it was clipped; one of them is NaN, of an empty cell both."""
+    text = cell.strip()
+    if not text:
+        return math.nan, math.nan
     try:
-        value = float(cell)
+        value = float(text.lstrip("<>"))
     except ValueError:
         raise DataError(f"{path}: row {line}, column {name}: '{cell}' is not a number") from None
     if not math.isfinite(value):
-        raise DataError(f"{path}: row {line}, column {name}: '{cell}' is not a number; leave the row out")
+        raise DataError(f"{path}: row {line}, column {name}: '{cell}' is not a number; leave the cell empty")
     if abs(value) > largest_ut:
         raise DataError(
             f"{path}: row {line}, column {name}: {cell} µT is beyond any range of the chips: "
             "is the column in another unit? 1 G = 100 µT"
         )
-    return value
+    if text[0] not in "<>":
+        return value, math.nan
+    if (text[0] == ">") != (value > 0.0):
+        raise DataError(f"{path}: row {line}, column {name}: '{cell}': a clipped value is >LIMIT or <-LIMIT")
+    return math.nan, value

@@ -19,8 +19,11 @@ def drawn_field(pad: Pad) -> Array:
 
 
 def strengths(table: FieldTable, pad: Pad) -> Array:
-    """(K,) size of each row's field as a multiple of that of the drawing; NaN where a value is missing."""
-    sizes: Array = np.linalg.norm(table.field_t, axis=(1, 2)) / np.linalg.norm(drawn_field(pad))
+    """(K,) size of each row's field, in the values that are known, as a multiple of that of the drawing."""
+    known = np.isfinite(table.field_t)
+    drawn = np.linalg.norm(np.where(known, drawn_field(pad), 0.0), axis=(1, 2))
+    with np.errstate(invalid="ignore"):
+        sizes: Array = np.linalg.norm(np.where(known, table.field_t, 0.0), axis=(1, 2)) / drawn
     return sizes
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.calibrate.field_table import DataError, read_cells
+from fmfts.calibrate.field_table import DataError, read_cells, value_and_bound
 from fmfts.common.reading import digest_of
 from fmfts.contact.force_model import FORCE, MOST_VALUES
 from fmfts.pad import Array
@@ -141,7 +141,10 @@ def _read(path: Path) -> ForceSet:
         raise DataError(
             f"{path}: row 1 has {len(columns)} columns b1x_ut, b1y_ut …: from 2 to {MOST_VALUES} are needed"
         )
-    fields = [[_field(path, at, name, cell) for at, cell in zip(line, cells[name], strict=True)] for name in columns]
+    fields = [
+        [value_and_bound(path, at, name, cell, LARGEST_UT) for at, cell in zip(line, cells[name], strict=True)]
+        for name in columns
+    ]
     force = [[_force(path, at, name, cell) for at, cell in zip(line, cells[name], strict=True)] for name in FORCE]
     both = np.array(fields)  # (V, K, 2)
     names = cells.get("session", [path.name] * len(line))
@@ -165,30 +168,13 @@ def _order(name: str) -> tuple[int, str]:
     return int(match[1]), match[2]
 
 
-def _field(path: Path, line: int, name: str, cell: str) -> tuple[float, float]:
-    """The value and the bound of a cell, one of them NaN."""
-    text = cell.strip()
-    if not text:
-        return np.nan, np.nan
-    value = _number(path, line, name, text.lstrip("<>"), LARGEST_UT)
-    if text[0] not in "<>":
-        return value, np.nan
-    if (text[0] == ">") != (value > 0.0):
-        raise DataError(f"{path}: row {line}, column {name}: {cell!r}: a clipped value is >LIMIT or <-LIMIT")
-    return np.nan, value
-
-
 def _force(path: Path, line: int, name: str, cell: str) -> float:
-    return _number(path, line, name, cell, LARGEST_FORCE_N)
-
-
-def _number(path: Path, line: int, name: str, cell: str, largest: float) -> float:
     try:
         value = float(cell)
     except ValueError:
         value = float("nan")
-    if not abs(value) <= largest:
+    if not abs(value) <= LARGEST_FORCE_N:
         raise DataError(
-            f"{path}: row {line}, column {name}: {cell!r} is no number up to {largest:g}: is the unit right?"
+            f"{path}: row {line}, column {name}: {cell!r} is no number up to {LARGEST_FORCE_N:g}: is the unit right?"
         )
     return value

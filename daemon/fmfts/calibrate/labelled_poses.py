@@ -70,7 +70,7 @@ def solved(path: str, calibration: CalibrationSet, solver: FrameSolver) -> Track
         )
 
     try:
-        tracked = solver.solved(calibration.field_t)
+        tracked = solver.solved(calibration.field_t, calibration.bound_t)
     except UnsolvedError as error:
         raise refusal(error.row, "") from error
     worst = int(np.argmax(tracked.residual_t))

@@ -61,8 +61,9 @@ class Tracked:
 class FrameSolver:
     """Solves single frames of one pad, with white noise of `noise_t`.
 
-    rest_field_t (N, 3): field of the unloaded pad without the ambient field; rest pose and moment are estimated from
-    it. mounting: a baseline's, with rest pose, moment and the real places of the sensors; replaces rest_field_t.
+    rest_field_t (N, 3): field of the unloaded pad without the ambient field, NaN at axes that its chips do not have;
+    rest pose and moment are estimated from it. mounting: a baseline's, with rest pose, moment and the real places of
+    the sensors; replaces them.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class FrameSolver:
         self.pad = pad
         self.scene = scene
         self.noise_t = noise_t
+        self._nothing = np.where(np.isfinite(rest_field_t), 0.0, np.nan)
         self._geometry = pad if mounting is None else mounting.mounted(pad)
         self._rest = solve(rest_field_t, pad, stop_chi2=STOP_CONVERGED).state if mounting is None else mounting.rest
         self._turn = shortest_rotation(self._rest.axis, pad.rest_axis)
@@ -85,32 +87,33 @@ class FrameSolver:
         """The remanence estimated from the unloaded pad."""
         return float(self._geometry.magnet.remanence_t * np.exp(self._rest.log_moment))
 
-    def solved(self, field_t: Array) -> Tracked:
-        """Poses of fields (K, N, 3) in sensor axes without the ambient field. Raises UnsolvedError."""
-        batch = self._solved(field_t)
+    def solved(self, field_t: Array, bound_t: Array | None = None) -> Tracked:
+        """Poses of fields (K, N, 3) in sensor axes without the ambient field; NaN values are left out.
+
+        bound_t (K, N, 3): where a value was clipped the end of its range, with its sign; else NaN. A pose that puts
+        such a value inside of the range is solved again with the value at its end: the nearest that is possible. Raises
+        UnsolvedError.
+        """
+        batch = self._within(field_t, bound_t)
         unsolved = np.flatnonzero(batch.summary[:, STATUS] != 0)
         if len(unsolved):
             raise UnsolvedError(int(unsolved[0]))
         return self._tracked(batch)
 
     def solved_if_possible(self, field_t: Array, bound_t: Array) -> Array:
-        """(K, 6) poses as `solved`; NaN where the values of a row tell none.
-
-        bound_t (K, N, 3): where a value was clipped the end of its range, with its sign; else NaN. A pose that puts
-        such a value inside of the range is solved again with the value at its end: the nearest that is possible.
-        """
-        batch = self._solved(field_t)
-        inside = np.abs(self._predicted(batch.state)) < np.abs(bound_t)
-        again = np.flatnonzero(inside.any(axis=(1, 2)) & (batch.summary[:, STATUS] == 0))
-        pose = self._possible(batch)
-        if len(again):
-            pose[again] = self._possible(self._solved(np.where(inside, bound_t, field_t)[again]))
-        return pose
-
-    def _possible(self, batch: Batch) -> Array:
+        """(K, 6) poses as `solved`; NaN where the values of a row tell none."""
+        batch = self._within(field_t, bound_t)
         solved = batch.summary[:, STATUS] == 0
         pose: Array = np.where(solved[:, None], self._tracked(batch).pose, np.nan)
         return pose
+
+    def _within(self, field_t: Array, bound_t: Array | None) -> Batch:
+        batch = self._solved(field_t)
+        if bound_t is None or not np.isfinite(bound_t).any():
+            return batch
+        inside = np.abs(self._predicted(batch.state)) < np.abs(bound_t)
+        inside &= (batch.summary[:, STATUS] == 0)[:, None, None]
+        return self._solved(np.where(inside, bound_t, field_t))
 
     def _predicted(self, state: Array) -> Array:
         """(K, N, 3): what the sensors would read in the states (K, columns)."""
@@ -133,7 +136,7 @@ class FrameSolver:
         state = np.tile(self._rest.vector(), (len(pose), 1))
         state[:, :3] = pose[:, :3] * 1e-3 - self.pad.rest_position_m + self._rest.position_m
         state[:, 3:6] = pose[:, 3:] @ self._turn
-        batch = self._batch(np.zeros((len(pose), len(self.pad.sensors), 3)), state)
+        batch = self._batch(np.tile(self._nothing, (len(pose), 1, 1)), state)
         batch.solve(STOP, 0)
         return self._tracked(batch)
 

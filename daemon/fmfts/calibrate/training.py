@@ -180,6 +180,7 @@ def _where_shear_can_be_told(path: str, calibration: CalibrationSet) -> Calibrat
         calibration,
         press=calibration.press[inside],
         field_t=calibration.field_t[inside],
+        bound_t=None if calibration.bound_t is None else calibration.bound_t[inside],
         line=tuple(calibration.line[row] for row in inside),
     )
 
