@@ -23,6 +23,7 @@ from fmfts_lab.bench import (
     neighbours,
     now,
     overload,
+    real,
     resident,
     several,
     silicone,
@@ -39,7 +40,7 @@ def main() -> None:
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
         "neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | overload | "
-        "frame | resident | now | several | eflesh",
+        "frame | resident | now | several | eflesh | real",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -93,6 +94,10 @@ def main() -> None:
     verb.add_argument("--only", nargs="+", metavar="DRILL", help="drills whose names begin so")
     verb.add_argument("--pads", type=int, default=3, help="how many pads are drilled, or calibrated")
     verb.set_defaults(run=several.run)
+    verb = verbs.add_parser("real", help="what public recordings of real sensors show, and their charts")
+    verb.add_argument("--recordings", type=Path, required=True, metavar="FOLDER", help="see docs/results/real.md")
+    verb.add_argument("--charts", type=Path, metavar="FOLDER", help="draw a chart of each there (needs matplotlib)")
+    verb.set_defaults(run=real.run)
     verb = verbs.add_parser("eflesh", help="a public pad of unknown magnets: what its recordings give")
     verb.add_argument("--recordings", type=Path, required=True, metavar="FOLDER", help="has eflesh_normal_1.csv …")
     verb.set_defaults(run=eflesh.run)

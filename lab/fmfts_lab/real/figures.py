@@ -1,0 +1,150 @@
+"""What each public recording shows, as lines of text, and as curves of a chart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from fmfts.baseline.sensitivity import matrices, relative_deviation
+from fmfts.calibrate.evaluation import printed
+from fmfts.calibrate.force_fit import Presses
+from fmfts.calibrate.force_judge import make_route
+from fmfts.calibrate.force_set import read_force_set
+from fmfts.config import GeometryConfig
+from fmfts.pad import Array
+from fmfts_lab.real.sold_sensor import SESSIONS, written_session
+from fmfts_lab.real.waved_boards import BOARDS, file_of, turned
+
+GAUSS_UT = 100.0
+FORCE_BINS, TIMES = 8, 24
+HMC_SAMPLES_HZ = 74.5
+ALLOWED_UNEVEN_UT = 5.0  # that the model of a skin allows its rest to drift by
+
+
+@dataclass(slots=True)
+class Shown:
+    """A chart: curves by name, each x and y; logarithmic axes where `log`. lines: the same in words."""
+
+    title: str
+    x: str
+    y: str
+    curves: dict[str, tuple[Array, Array]] = field(default_factory=dict)
+    lines: list[str] = field(default_factory=list)
+    log: bool = False
+    points: bool = False
+
+
+def sold_sensor(folder: Path) -> Shown:
+    """Forces of each session by a model of the other."""
+    shown = Shown("Forces of another day, and their stated deviations", "force, N", "N")
+    with TemporaryDirectory() as written:
+        paths = [written_session(name, folder / file, Path(written)) for name, (file, _) in SESSIONS.items()]
+        data = read_force_set(paths)
+    presses = Presses("field", data.names, data.change(), data.sensor, data.axis, data.force_n, data.session)
+    judged = make_route(presses, data.clipped, data.sessions, "two sessions", shown.lines.append).left_out
+    shown.lines.append(printed(judged.rows()))
+    size = np.linalg.norm(judged.force_n, axis=1)
+    edges = np.quantile(size, np.linspace(0.0, 1.0, FORCE_BINS + 1))
+    bins = np.clip(np.searchsorted(edges, size, side="right") - 1, 0, FORCE_BINS - 1)
+    middle = np.array([size[bins == one].mean() for one in range(FORCE_BINS)])
+    square = (judged.found.force - judged.force_n) ** 2
+    for number, direction in enumerate("xyz"):
+        for name, values in (("error", square), ("deviation", judged.found.variance)):
+            each = [np.sqrt(values[bins == one, number].mean()) for one in range(FORCE_BINS)]
+            shown.curves[f"{direction}, {name}"] = middle, np.array(each)
+    return shown
+
+
+def waved_boards(folder: Path) -> Shown:
+    """Gains of the chips of four boards by `--turn`."""
+    shown = Shown("Gains by baseline --turn", "chip", "gain of the board's mean, %", points=True)
+    for board in BOARDS:
+        _, turn, found = turned(folder / file_of(board))
+        gain = np.einsum("iaa->i", matrices(found.mean)) / 3.0
+        shown.curves[board] = np.arange(1.0, len(gain) + 1.0), 100.0 * (gain / gain.mean() - 1.0)
+        worst = 100.0 * float(relative_deviation(found.covariance).max())
+        shown.lines.append(f"{board}: accepted, {len(turn.field_t)} attitudes, deviations up to {worst:.2f} %")
+    return shown
+
+
+def moving_hand(folder: Path) -> Shown:
+    """How uneven the field of four skins becomes while a hand moves and touches nothing."""
+    shown = Shown("A hand that moves and touches nothing", "row", "uneven change, µT rms")
+    rotations = GeometryConfig(board="anyskin5").sensor_rotations_deg
+    turn = np.exp(1j * np.radians([z for *_, z in rotations]))
+    for number in (1, 2):
+        fields = np.loadtxt(folder / f"leaphand_nocontact_{number}.txt")[12:, :60].reshape(-1, 4, 5, 3)
+        change = fields - fields[:15].mean(axis=0)
+        plane = (change[..., 0] + 1j * change[..., 1]) * turn
+        uneven = np.stack([plane.real, plane.imag, change[..., 2]], axis=-1)
+        uneven = uneven - uneven.mean(axis=2, keepdims=True)
+        rms = np.sqrt((uneven**2).mean(axis=(2, 3)))
+        each = ", ".join(f"{one:.0f}" for one in np.median(rms, axis=0))
+        shown.lines.append(
+            f"recording {number}: median over the rows of each skin {each} µT, largest {rms.max():.0f} µT; "
+            f"a skin's rest may drift by {ALLOWED_UNEVEN_UT:g} µT"
+        )
+        if number == 1:
+            step = max(len(rms) // 100, 1)
+            for skin in range(4):
+                shown.curves[f"skin {skin + 1}"] = np.arange(0.0, len(rms), step), rms[::step, skin]
+    return shown
+
+
+def resting_chip(folder: Path) -> Shown:
+    """Noise and drift of an HMC5883L at rest for eleven minutes."""
+    shown = Shown("An HMC5883L at rest", "averaged over, s", "Allan deviation, mG", log=True)
+    try:
+        import h5py  # type: ignore[import-not-found,import-untyped,unused-ignore]
+    except ImportError:
+        raise SystemExit("the HMC5883L's recording is in HDF5: pip install h5py") from None
+    with h5py.File(folder / "sensor_fusion/hmc5883l_compass.mat") as file:
+        values = np.array(file["compassBuffer"])[1:] * 1e3
+    counts = np.unique(np.geomspace(1, values.shape[1] // 6, TIMES).astype(int))
+    for axis, one in zip("xyz", values, strict=True):
+        deviation = allan_deviation(one, counts)
+        shown.curves[axis] = counts / HMC_SAMPLES_HZ, deviation
+        noise = float(np.std(np.diff(one)) / np.sqrt(2.0))
+        shown.lines.append(f"{axis}: noise {noise:.2f} mG, floor {deviation.min():.3f} mG")
+    return shown
+
+
+def allan_deviation(values: Array, counts: Array) -> Array:
+    """The Allan deviation of values (K,) over means of each of `counts`."""
+    out = []
+    for count in counts:
+        means = values[: len(values) // count * count].reshape(-1, count).mean(axis=1)
+        out.append(np.sqrt(0.5 * np.mean(np.diff(means) ** 2)))
+    return np.array(out)
+
+
+def four_sensors(folder: Path) -> Shown:
+    """How far four sensors of unknown places repeat the field of a magnet that comes back to a grid of 1 cm."""
+    shown = Shown(
+        "A magnet brought back to 49 places 80 times", "field at the place, counts", "spread, counts", log=True
+    )
+    rows = np.load(folder / "tongue_drive/tcv_1_80.npy")
+    _, place = np.unique(rows[:, 12:15], axis=0, return_inverse=True)
+    for sensor in range(4):
+        own = rows[:, 3 * sensor : 3 * sensor + 3]
+        each = [own[place == one] for one in range(place.max() + 1)]
+        size = np.array([np.linalg.norm(one.mean(axis=0)) for one in each])
+        spread = np.array([np.sqrt(one.var(axis=0).sum()) for one in each])
+        order = np.argsort(size)
+        shown.curves[f"sensor {sensor + 1}"] = size[order], spread[order]
+        shown.lines.append(f"sensor {sensor + 1}: spread {100.0 * float(np.median(spread / size)):.1f} % of the field")
+    shown.points = True
+    return shown
+
+
+RECORDINGS: dict[str, tuple[Callable[[Path], Shown], str]] = {
+    "sold-sensor": (sold_sensor, SESSIONS["first"][0]),
+    "waved-boards": (waved_boards, file_of(BOARDS[0])),
+    "moving-hand": (moving_hand, "leaphand_nocontact_1.txt"),
+    "resting-chip": (resting_chip, "sensor_fusion/hmc5883l_compass.mat"),
+    "four-sensors": (four_sensors, "tongue_drive/tcv_1_80.npy"),
+}
