@@ -3,17 +3,22 @@
 
 enum { TOGETHER = 3 }; /* rows summed at a time: the three of a sensor, for a third of the loads and stores */
 
+/* What the rows of one place share, and the derivatives of the last one. */
+typedef struct {
+    fmfts_sight sight[FMFTS_MAX_MAGNETS];
+    double column[FMFTS_MAX_COLUMNS];
+} fmfts_view;
+
 /* own: one row of J, then its residual. Returns the residual in tesla. n: search->ordered. */
 FMFTS_INLINE double sense_row(size_t n, const fmfts_search *search, const double *state, const fmfts_row *row,
-                              fmfts_sight *sight, double *column, double *own)
+                              fmfts_view *view, double *own)
 {
     if (row->shares_place == 0.0) {
-        look_all(&search->sources, row->place, sight);
+        look_all(&search->sources, row->place, view->sight);
     }
-    own[n] = row->value - sense_all(&search->sources, sight, state, row->place, row->direction, search->with_gradient,
-                                    column);
+    own[n] = row->value - sense_all(&search->sources, view->sight, state, row->place, row->direction, view->column);
     for (size_t i = 0; i < n; i++) {
-        own[i] = column[search->order[i]];
+        own[i] = view->column[search->order[i]];
     }
     return own[n] * row->deviation;
 }
@@ -21,10 +26,10 @@ FMFTS_INLINE double sense_row(size_t n, const fmfts_search *search, const double
 /* Sums JᵀJ, Jᵀρ and ρᵀρ as outer products of rows of J that end with their residual. n: search->ordered. */
 FMFTS_INLINE void add_rows(size_t n, const fmfts_search *search, const double *state, fmfts_linear *out)
 {
-    double column[FMFTS_MAX_COLUMNS], own[TOGETHER][FMFTS_STRIDE];
-    fmfts_sight sight[FMFTS_MAX_MAGNETS];
+    double own[TOGETHER][FMFTS_STRIDE];
+    fmfts_view view;
     out->raw_square = 0.0;
-    fmfts_fill(column, search->columns, 0.0);
+    fmfts_fill(view.column, search->columns, 0.0);
     for (size_t i = 0; i <= n; i++) {
         for (size_t j = i; j <= n; j++) {
             out->a[i][j] = 0.0;
@@ -33,7 +38,7 @@ FMFTS_INLINE void add_rows(size_t n, const fmfts_search *search, const double *s
     for (size_t first = 0; first < search->row_count; first += TOGETHER) {
         for (size_t r = 0; r < TOGETHER; r++) {
             if (first + r < search->row_count) {
-                double raw = sense_row(n, search, state, &search->rows[first + r], sight, column, own[r]);
+                double raw = sense_row(n, search, state, &search->rows[first + r], &view, own[r]);
                 out->raw_square += raw * raw;
             } else {
                 fmfts_fill(own[r], n + 1, 0.0);

@@ -121,11 +121,13 @@ FMFTS_INLINE size_t first_column(size_t magnet)
 enum { AXIS_VALUE = 3, LOG_VALUE = 6, AMBIENT_VALUE = 7, GRADIENT_VALUE = 10 };
 enum { TILT_COLUMN = 3, LOG_COLUMN = 5, AMBIENT_COLUMN = 6, GRADIENT_COLUMN = 9, BASE_COLUMNS = 14 };
 
-/* The magnets of a state, prepared for look(). log_moment: of which `strength` is, to spare the exponential. */
+/* The magnets of a state, prepared for look(). log_moment: of which `strength` is, to spare the exponential.
+ * with_gradient: whether the state's ambient field has a gradient that counts. */
 typedef struct {
     fmfts_source source[FMFTS_MAX_MAGNETS];
     double log_moment[FMFTS_MAX_MAGNETS];
     size_t count;
+    bool with_gradient;
 } fmfts_sources;
 
 FMFTS_INLINE void place_sources(const double *magnets, const double *state, fmfts_sources *sources)
@@ -154,14 +156,14 @@ FMFTS_INLINE void look_all(const fmfts_sources *sources, const double *place, fm
 
 /* Returns the whole prediction along one direction. column: its derivatives. sight: of each magnet from this place. */
 FMFTS_INLINE double sense_all(const fmfts_sources *sources, const fmfts_sight *sight, const double *state,
-                              const double *place, const double *direction, bool with_gradient, double *column)
+                              const double *place, const double *direction, double *column)
 {
     double sum = sense(&sources->source[0], &sight[0], direction, column);
     for (int i = 0; i < 3; i++) {
         column[AMBIENT_COLUMN + i] = direction[i];
     }
     sum += dot3(state + AMBIENT_VALUE, direction);
-    if (with_gradient) {
+    if (sources->with_gradient) {
         sum += sense_gradient(state + GRADIENT_VALUE, place, direction, column + GRADIENT_COLUMN);
     }
     for (size_t m = 1; m < FMFTS_MAX_MAGNETS && m < sources->count; m++) {

@@ -75,7 +75,7 @@ static void bring_to_now(const fmfts_search *search, const double *place, const 
     double column[FMFTS_MAX_COLUMNS] = {0};
     fmfts_sight sight[FMFTS_MAX_MAGNETS];
     look_all(&search->sources, place, sight);
-    sense_all(&search->sources, sight, problem->start, place, direction, true, column);
+    sense_all(&search->sources, sight, problem->start, place, direction, column);
     for (size_t c = 0; c < search->columns; c++) {
         *value += problem->rate ? age * column[c] * problem->rate[c] : 0.0;
         *variance += problem->diffusion ? age * column[c] * column[c] * problem->diffusion[c] : 0.0;
@@ -143,8 +143,9 @@ bool fmfts_prepare_columns(fmfts_search *search, fmfts_matrix work)
             held[held_count++] = i;
         }
     }
+    search->sources.with_gradient = false;
     for (size_t i = 0; i < 5; i++) {
-        search->with_gradient |= parts[GRADIENT_COLUMN + i] != FMFTS_FIXED || problem->start[GRADIENT_VALUE + i] != 0.0;
+        search->sources.with_gradient |= parts[GRADIENT_COLUMN + i] != FMFTS_FIXED || problem->start[GRADIENT_VALUE + i] != 0.0;
     }
     search->has_prior = held_count > 0;
     if (!search->has_prior) {

@@ -101,8 +101,7 @@ static void collect(fmfts_search *search, const double *state, linear_parts *par
         double column[FMFTS_MAX_COLUMNS], own[7];
         fmfts_sight sight[FMFTS_MAX_MAGNETS];
         look_all(&search->sources, row->place, sight);
-        double others = sense_all(&search->sources, sight, state, row->place, row->direction, search->with_gradient,
-                                  column) - column[LOG_COLUMN];
+        double others = sense_all(&search->sources, sight, state, row->place, row->direction, column) - column[LOG_COLUMN];
         const double *away = sight[0].r;
         double inverse = 1.0 / dot3(away, away), third = unit.strength * inverse * sqrt(inverse);
         double across = 3.0 * dot3(away, row->direction) * inverse;

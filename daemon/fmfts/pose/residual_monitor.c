@@ -107,7 +107,7 @@ static void find_residuals(fmfts_step *step, double *residual_t)
 {
     const fmfts_pose_parameters *parameters = step->parameters;
     const double magnet[FMFTS_MAGNET] = {parameters->strength_t_m3, parameters->octupole_m2}, *state = step->nearest.state;
-    fmfts_sources sources = {.count = 1, .log_moment = {NAN}};
+    fmfts_sources sources = {.count = 1, .log_moment = {NAN}, .with_gradient = true};
     fmfts_sight sight[FMFTS_MAX_MAGNETS];
     place_sources(magnet, state, &sources);
     memcpy(residual_t, step->field.field_t, sizeof step->field.field_t);
@@ -117,7 +117,7 @@ static void find_residuals(fmfts_step *step, double *residual_t)
         look_all(&sources, place, sight);
         for (int axis = 3 * i; axis < 3 * i + 3; axis++) {
             const double *direction = parameters->direction + 3 * axis;
-            residual_t[axis] -= sense_all(&sources, sight, state, place, direction, true, step->slopes[axis]);
+            residual_t[axis] -= sense_all(&sources, sight, state, place, direction, step->slopes[axis]);
         }
     }
 }

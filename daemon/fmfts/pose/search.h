@@ -13,7 +13,6 @@ typedef struct {
     size_t active;
     size_t ordered;
     bool has_prior;
-    bool with_gradient;
     fmfts_matrix information; /* the prior's, over `order` */
     fmfts_sources sources;
 } fmfts_search;

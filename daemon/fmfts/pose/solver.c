@@ -3,7 +3,7 @@
  * The residuals are ρ = (measured − predicted)/deviation, and J is the Jacobian of the prediction. d is the step from the
  * prior's mean, and Ω = P⁻¹ the prior's information. Each step h solves (A + λ diag A) h = g, where A = JᵀJ + DᵀΩD,
  * g = Jᵀρ − DᵀΩd, and D is the derivative of d: the identity, except for the axis, which lies on a sphere (docs/pose.md).
- * tests/twins/solver.py has the same in NumPy. */
+ */
 #include "solver.h"
 
 #include <string.h>
@@ -16,12 +16,12 @@
 /* Explanations that are right take two steps to the χ² that is wanted, and hardly ever more than ten. */
 #define VAIN_ITERATIONS 12
 
-/* step: Marquardt's step. promised: the decrease of χ² that the linear model predicts for it. */
-FMFTS_INLINE bool damped_step_of(size_t n, size_t last, fmfts_linear *here, double damping, fmfts_matrix work, double *step,
-                                 double *promised)
+/* step: Marquardt's step. Returns the decrease of χ² that the linear model promises for it; −∞ if there is no step. */
+FMFTS_INLINE double damped_step_of(size_t n, size_t last, fmfts_linear *here, double damping, fmfts_matrix work,
+                                   double *step)
 {
     if (!factor(n, here->a, damping, work)) {
-        return false;
+        return -INFINITY;
     }
     for (size_t i = 0; i < n; i++) {
         step[i] = here->a[i][last];
@@ -31,27 +31,25 @@ FMFTS_INLINE bool damped_step_of(size_t n, size_t last, fmfts_linear *here, doub
     for (size_t i = 0; i < n; i++) {
         sum += step[i] * (here->a[i][last] + damping * here->a[i][i] * step[i]);
     }
-    *promised = sum;
-    return true;
+    return sum;
 }
 
-static bool damped_step(const fmfts_search *search, fmfts_linear *here, double damping, fmfts_matrix work, double *step,
-                        double *promised)
+static double damped_step(const fmfts_search *search, fmfts_linear *here, double damping, fmfts_matrix work, double *step)
 {
     size_t last = search->ordered;
     switch (search->active) {
     case 5:
-        return damped_step_of(5, last, here, damping, work, step, promised);
+        return damped_step_of(5, last, here, damping, work, step);
     case 6:
-        return damped_step_of(6, last, here, damping, work, step, promised);
+        return damped_step_of(6, last, here, damping, work, step);
     case 8:
-        return damped_step_of(8, last, here, damping, work, step, promised);
+        return damped_step_of(8, last, here, damping, work, step);
     case 13:
-        return damped_step_of(13, last, here, damping, work, step, promised);
+        return damped_step_of(13, last, here, damping, work, step);
     case 14:
-        return damped_step_of(14, last, here, damping, work, step, promised);
+        return damped_step_of(14, last, here, damping, work, step);
     default:
-        return damped_step_of(search->active, last, here, damping, work, step, promised);
+        return damped_step_of(search->active, last, here, damping, work, step);
     }
 }
 
@@ -102,8 +100,9 @@ static void descend(fmfts_search *search, fmfts_descent *d, double *state)
     size_t values = FMFTS_VALUES(problem->magnet_count);
     double damping = 0.0;
     while (d->iterations < problem->max_iterations && !is_vain(problem, d, state)) {
-        double step[FMFTS_STRIDE], promised, tried[FMFTS_VALUES(FMFTS_MAX_MAGNETS)];
-        if (!damped_step(search, d->here, damping, *d->work, step, &promised)) {
+        double step[FMFTS_STRIDE], tried[FMFTS_VALUES(FMFTS_MAX_MAGNETS)];
+        double promised = damped_step(search, d->here, damping, *d->work, step);
+        if (promised == -INFINITY) {
             damping = fmax(FIRST_DAMPING, 10.0 * damping);
             d->iterations++;
             continue;
@@ -154,14 +153,14 @@ static fmfts_summary solve(const fmfts_problem *problem, double *work, double *s
     search.problem = problem;
     search.columns = columns;
     search.active = search.ordered = 0;
-    search.with_gradient = false;
+    search.sources.with_gradient = true; /* until the columns are known */
     search.sources.count = problem->magnet_count;
     if (!fmfts_valid(problem)) {
         return summary;
     }
     fmfts_fill(search.sources.log_moment, problem->magnet_count, NAN);
     place_sources(problem->magnets, problem->start, &search.sources);
-    if (!fmfts_prepare_columns(&search, factored) || !fmfts_prepare_rows(&search, (fmfts_row *)work)) {
+    if (!fmfts_prepare_rows(&search, (fmfts_row *)work) || !fmfts_prepare_columns(&search, factored)) {
         return summary;
     }
     if (problem->project) {

@@ -1,5 +1,5 @@
 /* A pad with several magnets: what fingers do to its field, and how wrong that may be. The Python file of the same name as
- * each C file has the equations. tests/twins/several.py has the same bits: every sum adds the same terms in the same order.
+ * each C file has the equations.
  *
  * Re-entrant: no allocation, no globals. Units are those of the Python. Arrays are row-major and as long as the pad needs;
  * the sizes below are the most that there is room for. */
