@@ -287,7 +287,7 @@ def test_refused_baseline_of_this_board_is_not_used_when_the_board_says_who_it_i
     origin = Origin(kind="bridge", chip="hmc5983", uid=uid)
     bench = Bench(config_of(), has_baseline=False)
     with bench:
-        bench.channel.origin = Origin(kind="bridge", chip="hmc5983")
+        bench.channel.baseline.origin = Origin(kind="bridge", chip="hmc5983")
         with pytest.raises(BaselineError):
             bench.channel.use(msgspec.structs.replace(good, rest=swapped, origin=origin))
         bench.pipeline.refuse("it does not fit")

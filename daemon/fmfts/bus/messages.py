@@ -119,6 +119,12 @@ class ContactMessage(_Message, frozen=True, kw_only=True):
     model: str
     baseline: str | None
 
+    @property
+    def ambient_t(self) -> Vector | None:
+        """The field that is not the pad's own, as its pose has it, or the pose of the first magnet."""
+        pose = self.poses[0] if isinstance(self.poses, list) and self.poses else self.pose
+        return None if pose is None else pose.ambient_t
+
 
 NO_ESTIMATE: dict[str, None] = dict.fromkeys(
     (

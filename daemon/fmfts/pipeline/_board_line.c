@@ -132,3 +132,16 @@ bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, fmfts_p
     }
     return passed;
 }
+
+void fmfts_free_line(fmfts_board_line *line)
+{
+    for (int i = 0; line && i < FMFTS_WIRE_PADS; i++) {
+        Py_XDECREF(line->pad[i]);
+    }
+    PyMem_Free(line);
+}
+
+bool fmfts_waits(const fmfts_board_line *line)
+{
+    return line->needs_python || line->has_news;
+}

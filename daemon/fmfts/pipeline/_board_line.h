@@ -46,4 +46,10 @@ bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, fmfts_p
 /* Sends what fmfts_pass and fmfts_serve left unsent. False and an exception if a contact could not be sent. */
 bool fmfts_send_all(fmfts_bus *bus);
 
+/* Frees the line and lets go of its pads. NULL: nothing. */
+void fmfts_free_line(fmfts_board_line *line);
+
+/* Whether Python has something to do for it. */
+bool fmfts_waits(const fmfts_board_line *line);
+
 #endif

@@ -46,20 +46,12 @@ static int loop_init(PyObject *object, PyObject *args, PyObject *named)
     return 0;
 }
 
-static void free_line(fmfts_board_line *line)
-{
-    for (int i = 0; line && i < FMFTS_WIRE_PADS; i++) {
-        Py_XDECREF(line->pad[i]);
-    }
-    PyMem_Free(line);
-}
-
 static void loop_dealloc(PyObject *object)
 {
     loop_object *self = (loop_object *)object;
     PyTypeObject *type = Py_TYPE(object);
     for (int i = 0; i < self->lines; i++) {
-        free_line(self->line[i]);
+        fmfts_free_line(self->line[i]);
     }
     PyMem_Free(self->line);
     ((freefunc)PyType_GetSlot(type, Py_tp_free))(object);
@@ -69,11 +61,6 @@ static void loop_dealloc(PyObject *object)
 static fmfts_board_line *line_of(const loop_object *self, int descriptor)
 {
     return descriptor >= 0 && descriptor < self->lines ? self->line[descriptor] : NULL;
-}
-
-static bool waits(const fmfts_board_line *line)
-{
-    return line->needs_python || line->has_news;
 }
 
 static int add(PyObject *list, int descriptor)
@@ -130,13 +117,13 @@ static PyObject *loop_begin(PyObject *object, PyObject *args)
             if (pad) {
                 PyErr_Format(PyExc_ValueError, "a board has at most %d pads, and each is one Pad", FMFTS_WIRE_PADS);
             }
-            free_line(line);
+            fmfts_free_line(line);
             return NULL;
         }
         line->pad[pad->lent.pad_index] = Py_NewRef(object);
     }
     line->needs_python = unread_bytes > FMFTS_LONGEST_LINE;
-    self->waiting += waits(line);
+    self->waiting += fmfts_waits(line);
     self->line[descriptor] = line;
     return Py_NewRef(Py_None);
 }
@@ -167,9 +154,9 @@ static PyObject *loop_end(PyObject *object, PyObject *args)
     PyObject *result = Py_BuildValue("(y#L(III)i)", line->unread, (Py_ssize_t)line->unread_bytes,
                                      (long long)line->heard_ns, line->left_out[0], line->left_out[1],
                                      line->left_out[2], (int)line->needs_python);
-    self->waiting -= waits(line);
+    self->waiting -= fmfts_waits(line);
     self->line[descriptor] = NULL;
-    free_line(line);
+    fmfts_free_line(line);
     return result;
 }
 
@@ -193,13 +180,13 @@ static PyObject *loop_take(PyObject *object, PyObject *args)
         PyErr_Format(PyExc_ValueError, "descriptor %d: no line that takes %zd bytes", descriptor, size);
         return NULL;
     }
-    bool waited = waits(line);
+    bool waited = fmfts_waits(line);
     bool passed = line->needs_python ||
                   fmfts_pass(line, &self->bus, data, (size_t)size, (int64_t)arrival_ns, patience(self));
     if (!fmfts_send_all(&self->bus) || !passed) { /* nothing unsent may outlive its pad */
         return NULL;
     }
-    self->waiting += waits(line) - waited;
+    self->waiting += fmfts_waits(line) - waited;
     return PyBool_FromLong(!line->needs_python);
 }
 
@@ -232,9 +219,9 @@ static int serve(loop_object *self, const struct epoll_event *events, int count,
         if (!line) {
             served = add(wanted, events[i].data.fd);
         } else if (!line->needs_python) {
-            bool waited = waits(line);
+            bool waited = fmfts_waits(line);
             served = fmfts_serve(line, &self->bus, events[i].data.fd, patience(self));
-            self->waiting += waits(line) - waited;
+            self->waiting += fmfts_waits(line) - waited;
         }
     }
     return fmfts_send_all(&self->bus) && served; /* nothing unsent may outlive its pad */

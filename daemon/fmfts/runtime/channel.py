@@ -5,20 +5,20 @@ from __future__ import annotations
 import logging
 import time
 
-from fmfts.baseline import Baseline, Mounting
+from fmfts.baseline import Baseline
 from fmfts.baseline.job import BaselineJob
-from fmfts.baseline.origin import Origin, foreign
 from fmfts.bus.encoding import decode_contact
-from fmfts.bus.messages import ContactMessage, Health, StatusMessage, Vector
+from fmfts.bus.messages import Health, StatusMessage
 from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.pipeline._pad import Pad
 from fmfts.pipeline.configured import Pipeline
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.runtime.announcer import Announcer
+from fmfts.runtime.baseline_in_use import BaselineInUse
 from fmfts.runtime.failure import Contained, sentence_of, trace_of
+from fmfts.runtime.impossible_frames import ImpossibleFrames
 from fmfts.runtime.lateness import Lateness
-from fmfts.runtime.rebaselining import Rebaselining
 from fmfts.runtime.recorders import Recorders
 from fmfts.runtime.search_turns import SearchTurns
 from fmfts.runtime.sparing_log import SparingLog
@@ -31,7 +31,6 @@ from fmfts.sensor.probing import faults_of
 log = logging.getLogger(__name__)
 
 SHORTEST_SILENCE_NS = 150_000_000
-FLAW_NS = 10_000_000_000  # the status names an impossible frame for so long; the log names one in that time
 ANEW_NS = 1_000_000_000  # shortest time between two errors that make a pipeline forget all frames: forgetting is slow
 UNKNOWN_BOARD = "frames come, but the board has not said yet which one it is, and the baseline is one board's"
 
@@ -48,10 +47,6 @@ class Channel:
         self.pipeline = pipeline
         self.job: BaselineJob | None = None
         self.turns = SearchTurns(1)  # shared by all pads with several magnets
-        self.origin: Origin | None = None  # the pad's sensors, as the configuration names them; None: do not ask
-        self._baseline: Baseline | None = None  # the last that was to be used, whose board may be away
-        self._board: object = None  # uid of the board that the baseline was last compared with
-        self._rebaselining: Rebaselining | None = None
         self._boot = boot
         self._rate_hz = rate_hz
         self._lines = source if isinstance(source, ByteSource) else None
@@ -62,20 +57,21 @@ class Channel:
         self._silent_ns = max(SHORTEST_SILENCE_NS, int(3e9 / rate_hz))
         self._last_frame_ns: int | None = None
         self._last_used_ns: int | None = None
-        self._flaw, self._flaw_ns, self._flaw_logged_ns = "", 0, 0  # of the last impossible frame
         self._anew_ns = 0  # when an error last made the pipeline forget all frames
         self._contained = Contained(self.break_off)
         self._logged: set[str] = set()  # kinds of errors whose traceback is in the log
         self.is_recorded = False
         self.recorders = Recorders(pipeline, publisher, boot)
+        self.baseline = BaselineInUse(source, pipeline, self.recorders)
         self._log = SparingLog(self.name, self._lateness)
         self.announcer = Announcer(self.name, source, publisher, boot, self._started_ns, self._log)
+        self._impossible = ImpossibleFrames(self._statistics, self._log, self.announcer)
         self._lent: Pad | None = None  # set while C handles the frames
 
     @property
     def wants_all(self) -> bool:
         """Also the frames that newer ones supersede are wanted: by a recorder, or for a baseline."""
-        return self.is_recorded or self.job is not None or self._rebaselining is not None
+        return self.is_recorded or self.job is not None or self.baseline.is_followed
 
     @property
     def health(self) -> Health:
@@ -85,8 +81,7 @@ class Channel:
     def faults(self) -> list[str]:
         """A sentence for each thing that is wrong with the source now."""
         faults = faults_of(self.source, self.pad_index, self.pipeline.missing)
-        is_flawed = self._flaw and time.monotonic_ns() - self._flaw_ns < FLAW_NS
-        return [*faults, self._flaw] if is_flawed else faults
+        return [*faults, *self._impossible.recent(time.monotonic_ns())]
 
     def frame(self, frame: Frame, superseded: bool = False) -> None:
         """Process one frame: publish its contact message, and an event for each change. superseded: only record it.
@@ -100,7 +95,7 @@ class Channel:
         arrived_ns = time.monotonic_ns()
         self._lateness.count_left_out()
         if flaw := flaw_of(frame, len(self.pipeline.pad.sensors), arrived_ns):
-            self._leave_out(flaw, arrived_ns)
+            self._impossible.leave_out(flaw, arrived_ns)
             return
         self._last_frame_ns = arrived_ns
         if not self._statistics.frame(frame):
@@ -109,7 +104,7 @@ class Channel:
             with Contained(self.job.break_off):
                 self.job.take(frame)
         unusable = self._lateness.is_to_be_left_out(frame.host_time_ns, arrived_ns, superseded)
-        if not unusable and not self._board_is_known():
+        if not unusable and not self.baseline.board_is_known():
             self._statistics.dropped += 1
             unusable = True
         if isinstance(self.pipeline, SeveralPipeline) and not unusable:
@@ -127,19 +122,9 @@ class Channel:
         self.announcer.send(answer)
         self._statistics.published(answer.t_sample_ns, answer.t_publish_ns)
         self._last_used_ns = arrived_ns
-        if self._rebaselining is not None and self._rebaselining.saw(answer):
-            self.recorders.state_changed()
-            drifted = f"rest drifted, {self._rebaselining.size_m * 1e6:.1f} µm since it was recorded"
-            self.announcer.event("baseline", drifted)
-
-    def _leave_out(self, flaw: str, now_ns: int) -> None:
-        """Count an impossible frame, and name what is wrong with it."""
-        self._statistics.reject()
-        self._flaw, self._flaw_ns = flaw, now_ns
-        if now_ns - self._flaw_logged_ns >= FLAW_NS:
-            self._flaw_logged_ns = now_ns
-            self._log.tell(logging.WARNING, f"a frame is left out: {flaw}", now_ns)
-            self.announcer.event("health", f"{self.health}: a frame is left out: {flaw}")
+        if self.baseline.has_drifted(answer):
+            drift_um = (self.baseline.drift_m or 0.0) * 1e6
+            self.announcer.event("baseline", f"rest drifted, {drift_um:.1f} µm since it was recorded")
 
     def break_off(self, error: BaseException) -> None:
         """Publish an error in this pad's work as "lost", and forget all frames: one of them may have caused it."""
@@ -174,7 +159,7 @@ class Channel:
 
     def _take_early(self, early: EarlySample) -> None:
         now_ns = time.monotonic_ns()
-        if self.job is not None or not self._board_is_known():
+        if self.job is not None or not self.baseline.board_is_known():
             return
         if self._lateness.is_late(self.pipeline.host_time_ns(early.device_time_us), now_ns):
             return
@@ -191,7 +176,7 @@ class Channel:
         if self.wants_all or clock is None:
             return None
         with self._contained:
-            if self._board_is_known():
+            if self.baseline.board_is_known():
                 topic, overdue_ns = contact_topic(self.name), self._lateness.overdue_ns
                 self._lent = self.pipeline.begin(clock, topic, self.pad_index, overdue_ns)
                 return self._lent
@@ -224,44 +209,7 @@ class Channel:
 
     def use(self, baseline: Baseline) -> None:
         """Use another baseline and forget the learned drift. BaselineError if it does not fit the pad."""
-        mounting = self.pipeline.use(baseline)
-        self._baseline = baseline
-        self._board = self.source.state.board.get("uid")  # who gives a baseline has compared it
-        self._rebaselining = None
-        wanted = None if self.recorders.config is None else self.recorders.config.rebaseline
-        if (
-            wanted is not None
-            and wanted.enabled
-            and baseline.rest is not None
-            and isinstance(self.pipeline, PadPipeline)
-            and isinstance(mounting, Mounting)
-        ):
-            self._rebaselining = Rebaselining(self.pipeline, baseline, mounting, wanted.si())
-        self.recorders.state_changed()
-
-    def _board_is_known(self) -> bool:
-        """Compare the baseline with the board whenever that says who it is. False: it has not said so yet."""
-        baseline, uid = self._baseline, self.source.state.board.get("uid")
-        if baseline is None or baseline.origin is None or baseline.origin.uid is None or self.origin is None:
-            return True
-        if uid is None:
-            self._board = None
-            return False
-        if uid != self._board:
-            self._board = uid
-            self._compare(baseline, baseline.origin, self.origin.on(self.source.state.board))
-        return True
-
-    def _compare(self, baseline: Baseline, whose: Origin, mine: Origin) -> None:
-        """Use the baseline if it is this board's. Else go on without one, until its own board is back."""
-        if not whose.agrees_with(mine):
-            reason = foreign(self.name, whose, mine)
-            log.error("%s", reason)
-            self._rebaselining = None
-            self.pipeline.refuse(reason)
-            self.recorders.state_changed()
-        elif self.pipeline.baseline is None:
-            self.use(baseline)
+        self.baseline.use(baseline)
 
     def is_silent(self, now_ns: int) -> bool:
         last_ns = self._last_used_ns
@@ -285,11 +233,11 @@ class Channel:
         state, last = self.source.state, self._last_frame_ns
         if not state.connected:
             return "disconnected", state.reason
-        if self._flaw_ns > (last or 0):
-            return "stale", f"no frame can be used: {self._flaw}"
+        if self._impossible.last_ns > (last or 0):
+            return "stale", f"no frame can be used: {self._impossible.last}"
         if last is None:
             return "stale", "; ".join(self.faults) or "no frame came yet"
-        if not self._board_is_known():
+        if not self.baseline.board_is_known():
             return "stale", UNKNOWN_BOARD
         if now_ns - last < self._silent_ns:
             return "stale", self._lateness.reason
@@ -335,16 +283,11 @@ class Channel:
             latency_p99_s=latency and latency[1],
             latency_max_s=latency and latency[2],
             temperature_c=None if last is None else last.temperature_c,
-            ambient_t=None if last is None else _ambient_of(last),
+            ambient_t=None if last is None else last.ambient_t,
             gains_from=None if self.pipeline.baseline is None else self.pipeline.baseline.gains_from,
             remanence_t=None if mounting is None else mounting.remanence_t(self.pipeline.pad),
-            rest_drift_m=None if self._rebaselining is None else self._rebaselining.size_m,
+            rest_drift_m=self.baseline.drift_m,
             sensor_faults=self.faults,
             board=state.board,
             uptime_s=(now_ns - self._started_ns) * 1e-9,
         )
-
-
-def _ambient_of(message: ContactMessage) -> Vector | None:
-    pose = message.poses[0] if isinstance(message.poses, list) and message.poses else message.pose
-    return None if pose is None else pose.ambient_t

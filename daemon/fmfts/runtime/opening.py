@@ -124,7 +124,7 @@ def channel_of(
     if isinstance(model, ContactModel) and (doubt := other_silicone(config)) is not None:
         log.warning("pad '%s': %s", pad.name, doubt)
     channel = Channel(source, pad_index, pipeline, publisher, boot, float(config.source.rate_hz))
-    channel.recorders.config, channel.origin = config, origin_of(config)
+    channel.recorders.config, channel.baseline.origin = config, origin_of(config)
     use_baseline(channel, config, pads)
     if isinstance(pipeline, PadPipeline) and isinstance(model, ContactModel | NoContactModel):
         advised = advice(config, pads, model.response, pipeline.mounting)
@@ -152,7 +152,7 @@ def use_baseline(channel: Channel, config: PadConfig, pads: Sequence[PadConfig])
         elif baseline != pipeline.baseline:  # a recording that is played again mostly has the same
             channel.use(baseline)
             if (
-                channel.origin is not None
+                channel.baseline.origin is not None
                 and baseline.origin is None
                 and not isinstance(config.source, SimulatedSource)
             ):

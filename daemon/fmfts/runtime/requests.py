@@ -119,7 +119,9 @@ class Verbs:
         channel = self._named(request.arguments_as(_OfPad).pad)
         self._require_idle(channel, GainTest, "a self-test is running")
         self._take_back(channel.source)
-        task = GainTest(channel.pipeline.pad, channel.source, channel.pad_index, self._executor, channel.origin)
+        task = GainTest(
+            channel.pipeline.pad, channel.source, channel.pad_index, self._executor, channel.baseline.origin
+        )
         self._pending.append(Pending(request, channel.name, task))
 
     def _baseline(self, request: Request) -> None:
@@ -193,7 +195,7 @@ class Verbs:
 
 def _origin(channel: Channel) -> Origin | None:
     """The sensors that there are now, as far as they are known."""
-    return None if channel.origin is None else channel.origin.on(channel.source.state.board)
+    return None if channel.baseline.origin is None else channel.baseline.origin.on(channel.source.state.board)
 
 
 def _recorded(channel: Channel) -> Baseline | None:
