@@ -1,4 +1,4 @@
-"""`make transcript`: types the first use on the firmware's host build, and writes what is said into README."""
+"""`make transcript`: types first use on the firmware's host build, and writes into docs/first-use.md what is said."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from end_to_end.processes import FirmwareHost, resting_field
 from fmfts.config.file import load
 
-README = Path(__file__).parents[2] / "README.md"
+PAGE = Path(__file__).parents[2] / "docs/first-use.md"
 BEGIN, END = "<!-- made by `make transcript`: begin -->\n", "<!-- end -->\n"
 PORT = "/dev/serial/by-id/usb-fmfts"
 COMMANDS = (
@@ -63,18 +63,18 @@ def stable(text: str) -> str:
     return re.sub(r"[-+]?\d+(\.\d+)?", "0", re.sub(r"\b[0-9a-f]{12,}\b", "0", text))
 
 
-def shown(readme: str) -> str:
-    """The transcript that README has now."""
-    inside = readme[readme.index(BEGIN) + len(BEGIN) : readme.index(END)]
+def shown(page: str) -> str:
+    """The transcript that the page has now."""
+    inside = page[page.index(BEGIN) + len(BEGIN) : page.index(END)]
     return inside.strip("\n").removeprefix("```\n").removesuffix("\n```") + "\n"
 
 
 def main() -> None:
     with tempfile.TemporaryDirectory(prefix="fmfts-first-use-") as name:
         made = transcript(Path(name))
-    readme = README.read_text()
-    before, after = readme[: readme.index(BEGIN)], readme[readme.index(END) :]
-    README.write_text(f"{before}{BEGIN}\n```\n{made}```\n\n{after}")
+    page = PAGE.read_text()
+    before, after = page[: page.index(BEGIN)], page[page.index(END) :]
+    PAGE.write_text(f"{before}{BEGIN}\n```\n{made}```\n\n{after}")
 
 
 if __name__ == "__main__":

@@ -1,19 +1,19 @@
-"""The transcript in README is what the commands of the first use print today."""
+"""The transcript in docs/first-use.md is what the commands of the first use print today."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from end_to_end.first_use import COMMANDS, README, shown, stable, transcript
+from end_to_end.first_use import COMMANDS, PAGE, shown, stable, transcript
 
 
-def test_transcript_in_readme_is_what_is_printed_today(tmp_path: Path) -> None:
+def test_transcript_in_the_manual_is_what_is_printed_today(tmp_path: Path) -> None:
     """But for figures and ids. After a change of what is printed: `make transcript`."""
-    assert stable(shown(README.read_text())) == stable(transcript(tmp_path))
+    assert stable(shown(PAGE.read_text())) == stable(transcript(tmp_path))
 
 
 def test_transcript_has_every_command_of_the_list_above_it_up_to_the_rest_baseline() -> None:
-    text = README.read_text()
+    text = PAGE.read_text()
     for command in COMMANDS[1:]:
         words = command.removeprefix("fmfts-daemon ").removesuffix(" --config pad.toml").split()
         assert any(

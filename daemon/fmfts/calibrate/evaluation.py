@@ -62,14 +62,15 @@ def rows(press: Array, found: Array, deviation: Array | None = None) -> list[Row
 
 
 def firm_and_central(press: Array, found: Array) -> str:
-    """A sentence with the mean errors of what README gives figures of; "" where no press is of it."""
+    """A sentence with the mean errors of what docs/limits.md gives figures of; "" where no press is of it."""
     chosen = (np.hypot(press[:, 0], press[:, 1]) <= RELIABLE_MM) & (press[:, 2] >= LIGHT_N)
     if not chosen.any():
         return ""
     error = np.abs(found - press)[chosen]
     x_mm, y_mm, force_n = error.mean(axis=0)[:3]
     return (
-        f"of these, within {RELIABLE_MM:g} mm of the centre and from {LIGHT_N:g} N, as README's figures, mean errors: "
+        f"of these, within {RELIABLE_MM:g} mm of the centre and from {LIGHT_N:g} N, "
+        "as the figures of docs/limits.md, mean errors: "
         f"x {x_mm:.2f} mm, y {y_mm:.2f} mm, force {force_n:.3f} N;\n"
         "lighter touches and the rim, where a place changes the field less, make the rest of `all`"
     )
