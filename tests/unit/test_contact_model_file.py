@@ -16,9 +16,10 @@ from test_contact_model import CALIBRATION
 
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact import ContactModel, ModelError
-from fmfts.contact.contract import METADATA_KEY, RESPONSE_KEY, SHEAR_OUTPUT_ORDER, SIZE_LIMIT_BYTES
-from fmfts.contact.seal import unsealed
+from fmfts.contact.contract import METADATA_KEY, RESPONSE_KEY, SHEAR_OUTPUT_ORDER, SIZE_LIMIT_BYTES, WEIGHTS_KEY
+from fmfts.contact.seal import unsealed, with_seal
 from fmfts.contact.shipped import DEFAULT_PATH, STANDARD_DIMENSIONS, STANDARD_HASH
+from fmfts.contact.structure import shipped_friction_error
 from fmfts.pad import Pad
 
 
@@ -26,8 +27,22 @@ def edited(tmp_path: Path, edit: Callable[[onnx.ModelProto], None]) -> str:
     proto = onnx.load_from_string(unsealed(DEFAULT_PATH.read_bytes()))
     edit(proto)
     path = tmp_path / "edited.onnx"
-    path.write_bytes(proto.SerializeToString())
+    has_weights = any(entry.key == WEIGHTS_KEY for entry in proto.metadata_props)
+    content = proto.SerializeToString()
+    path.write_bytes(with_seal(content) if has_weights else content)
     return str(path)
+
+
+def of_another_program(edit: Callable[[onnx.ModelProto], None]) -> Callable[[onnx.ModelProto], None]:
+    """Without the weights that `calibrate` writes, by which the graph need not be looked at."""
+
+    def edited_too(proto: onnx.ModelProto) -> None:
+        kept = [entry for entry in proto.metadata_props if entry.key != WEIGHTS_KEY]
+        proto.ClearField("metadata_props")
+        proto.metadata_props.extend(kept)
+        edit(proto)
+
+    return edited_too
 
 
 def with_facts(change: Callable[[dict[str, object]], None]) -> Callable[[onnx.ModelProto], None]:
@@ -46,7 +61,9 @@ def model(pad: Pad) -> ContactModel:
 
 
 def test_model_that_ships_is_the_one_its_report_describes(model: ContactModel) -> None:
-    digest = hashlib.sha256(unsealed(DEFAULT_PATH.read_bytes())).hexdigest()[:12]
+    content = unsealed(DEFAULT_PATH.read_bytes())
+    weights = onnx.ModelProto(metadata_props=onnx.load_from_string(content).metadata_props[-1:])
+    digest = hashlib.sha256(content.removesuffix(weights.SerializeToString())).hexdigest()[:12]
     report = json.loads(DEFAULT_PATH.with_suffix(".json").read_text())
     assert model.hash == report["model"] == digest
     over_all = report["on_the_calibration_set"][0]
@@ -80,8 +97,8 @@ def answer_with_nan(proto: onnx.ModelProto) -> None:
 @pytest.mark.parametrize(
     ("edit", "complaint"),
     [
-        (set_versions(9, 18), "opset 18, not 9 and 17"),
-        (set_versions(10, 17), "IR version 10"),
+        (of_another_program(set_versions(9, 18)), "opset 18, not 9 and 17"),
+        (of_another_program(set_versions(10, 17)), "IR version 10"),
         (lambda proto: proto.ClearField("metadata_props"), f"no '{METADATA_KEY}'"),
         (with_facts(lambda facts: facts.pop("envelope")), "missing required field `envelope`"),
         (with_facts(lambda facts: facts.update(contract=1)), "contract"),
@@ -100,9 +117,9 @@ def answer_with_nan(proto: onnx.ModelProto) -> None:
             ),
             "magnet.diameter_mm is 3 in the model and 2 in the configuration",
         ),
-        (double_output, "its tensors are pose, twice, jacobian"),
-        (fixed_batch, "pose has the shape"),
-        (answer_with_nan, "does not answer with numbers"),
+        (of_another_program(double_output), "its tensors are pose, twice, jacobian"),
+        (of_another_program(fixed_batch), "pose has the shape"),
+        (of_another_program(answer_with_nan), "does not answer with numbers"),
     ],
 )
 def test_model_that_breaks_the_contract_is_refused_by_name(
@@ -198,6 +215,13 @@ def test_dimensions_of_the_standard_pad_are_those_of_the_configuration() -> None
     assert (pad.geometry_hash, pad.dimensions) == (STANDARD_HASH, STANDARD_DIMENSIONS)
 
 
+def test_shear_of_the_shipped_model_stands_in_its_report_too(pad: Pad) -> None:
+    told = shipped_friction_error(pad.geometry_hash)
+    assert told is not None
+    assert told == ContactModel.load("default", pad).facts.friction_error
+    assert shipped_friction_error("0123456789ab") is None
+
+
 @pytest.mark.parametrize("place", [0.0, 0.2, 0.5, 0.8, 0.95, 1.0])
 def test_a_file_with_one_other_bit_is_refused(place: float, pad: Pad, tmp_path: Path) -> None:
     """Most bits are a weight's, and the model with another weight would answer forces as well."""
@@ -209,7 +233,7 @@ def test_a_file_with_one_other_bit_is_refused(place: float, pad: Pad, tmp_path: 
 
 
 def test_a_file_whose_seal_and_weights_are_both_damaged_is_refused(pad: Pad, tmp_path: Path) -> None:
-    """Else it would be taken for a model of before there were seals."""
+    """Else it would be taken for a model of another program."""
     content = bytearray(DEFAULT_PATH.read_bytes().replace(b"fmfts.sha256", b"fmvts.sha256"))
     content[len(content) // 2] ^= 0x04
     (tmp_path / "damaged.onnx").write_bytes(content)
@@ -217,6 +241,15 @@ def test_a_file_whose_seal_and_weights_are_both_damaged_is_refused(pad: Pad, tmp
         ContactModel.load(str(tmp_path / "damaged.onnx"), pad)
 
 
-def test_a_model_without_a_seal_is_of_an_older_version_and_loads(pad: Pad, tmp_path: Path) -> None:
-    (tmp_path / "older.onnx").write_bytes(unsealed(DEFAULT_PATH.read_bytes()))
-    assert ContactModel.load(str(tmp_path / "older.onnx"), pad).hash == ContactModel.load("default", pad).hash
+def test_a_model_of_calibrate_without_its_seal_is_refused(pad: Pad, tmp_path: Path) -> None:
+    (tmp_path / "cut.onnx").write_bytes(unsealed(DEFAULT_PATH.read_bytes()))
+    with pytest.raises(ModelError, match="its SHA-256 is not at its end"):
+        ContactModel.load(str(tmp_path / "cut.onnx"), pad)
+
+
+def test_a_sealed_model_without_weights_is_of_a_development_version(pad: Pad, tmp_path: Path) -> None:
+    proto = onnx.load_from_string(unsealed(DEFAULT_PATH.read_bytes()))
+    del proto.metadata_props[-1]
+    (tmp_path / "older.onnx").write_bytes(with_seal(proto.SerializeToString()))
+    with pytest.raises(ModelError, match="of a development version wrote it"):
+        ContactModel.load(str(tmp_path / "older.onnx"), pad)

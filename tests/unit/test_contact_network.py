@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,13 +16,12 @@ from pad_frames import frames_of
 from test_pipeline import config_of, pipeline_of
 
 from examples import examples
-from fmfts.contact import ContactModel, ModelError, comparison, recognition, verified
-from fmfts.contact.comparison import NotComparedError, answers, answers_of_onnxruntime, difference, poses_of
-from fmfts.contact.inference import _contact
-from fmfts.contact.onnx_file import parse
-from fmfts.contact.recognition import network_of
-from fmfts.contact.seal import unsealed
-from fmfts.contact.shipped import DEFAULT_PATH
+from fmfts.contact import ContactModel, ModelError, beside, comparison, verified
+from fmfts.contact.comparison import answers, poses_of
+from fmfts.contact.contract import WEIGHTS_KEY, pack_weights, parse_weights
+from fmfts.contact.inference import NetworkInference, _contact
+from fmfts.contact.seal import unsealed, with_seal
+from fmfts.contact.shipped import DEFAULT_PATH, SHIPPED_PATHS
 from fmfts.pad import Pad
 from fmfts.simulation.baseline import simulated_baseline
 
@@ -34,6 +32,7 @@ Edit = Callable[[onnx.ModelProto], None]
 @pytest.fixture(autouse=True)
 def _ask_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(verified, "_differences", {})
+    beside.told.cache_clear()
 
 
 def edited(edit: Edit) -> bytes:
@@ -41,6 +40,13 @@ def edited(edit: Edit) -> bytes:
     edit(proto)
     content: bytes = proto.SerializeToString()
     return content
+
+
+def without_weights(proto: onnx.ModelProto) -> None:
+    """As another program writes it."""
+    kept = [entry for entry in proto.metadata_props if entry.key != WEIGHTS_KEY]
+    proto.ClearField("metadata_props")
+    proto.metadata_props.extend(kept)
 
 
 def load(folder: Path, pad: Pad, content: bytes) -> ContactModel:
@@ -52,50 +58,35 @@ def load(folder: Path, pad: Pad, content: bytes) -> ContactModel:
 # --- reading the file ---
 
 
-def test_file_says_what_the_onnx_package_finds_in_it() -> None:
-    proto, parsed = onnx.load_from_string(CONTENT), parse(CONTENT)
-    assert (parsed.ir_version, parsed.opset) == (proto.ir_version, proto.opset_import[0].version)
-    assert parsed.metadata == {entry.key: entry.value for entry in proto.metadata_props}
-    assert parsed.graph.nodes is not None
-    assert [(n.operation, *n.inputs, n.output) for n, _ in parsed.graph.nodes] == [
-        (n.op_type, *n.input, *n.output) for n in proto.graph.node
-    ]
-    for tensor in proto.graph.initializer:
-        np.testing.assert_array_equal(parsed.graph.constants[tensor.name], onnx.numpy_helper.to_array(tensor))
+def test_weights_of_the_shipped_models_are_those_of_their_graphs() -> None:
+    for path in SHIPPED_PATHS.values():
+        proto = onnx.load_from_string(unsealed(path.read_bytes()))
+        found = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in proto.graph.initializer}
+        order = ("softening", "rest", "by_scale", "w1", "b1", "w2", "b2", "w3", "b3")
+        wanted = np.concatenate([np.array(found["w3"].shape, np.float32), *(found[name].ravel() for name in order)])
+        weights = parse_weights({entry.key: entry.value for entry in proto.metadata_props})
+        assert weights is not None
+        np.testing.assert_array_equal(weights, wanted)
 
 
-@given(st.binary(max_size=200))
-def test_any_bytes_are_a_model_or_refused(content: bytes) -> None:
-    with_error(content)
+@pytest.mark.parametrize(
+    "packed",
+    ["", "AAAA", "no base64", pack_weights(np.full(9, np.nan, np.float32)), pack_weights(np.full(9, 1e9, np.float32))],
+)
+def test_weights_of_no_network_are_refused(packed: str) -> None:
+    with pytest.raises(ValueError, match=r"base64|padding|number of outputs|multiple"):
+        parse_weights({WEIGHTS_KEY: packed})
 
 
-@given(st.lists(st.tuples(st.integers(0, len(CONTENT) - 1), st.integers(0, 255)), min_size=1, max_size=8))
-@examples(60)
-def test_spoilt_model_is_read_or_refused(changes: list[tuple[int, int]]) -> None:
-    content = bytearray(CONTENT)
-    for place, value in changes:
-        content[place] = value
-    with_error(bytes(content))
+def test_weights_of_another_number_of_outputs_than_the_graph_are_refused(tmp_path: Path, pad: Pad) -> None:
+    def of_five(proto: onnx.ModelProto) -> None:
+        shear = onnx.load_from_string(unsealed(SHIPPED_PATHS["shear"].read_bytes()))
+        (its,) = (entry.value for entry in shear.metadata_props if entry.key == WEIGHTS_KEY)
+        (own,) = (entry for entry in proto.metadata_props if entry.key == WEIGHTS_KEY)
+        own.value = its
 
-
-@given(st.integers(0, len(CONTENT) - 1), st.binary(max_size=12))
-@examples(60)
-def test_model_with_bytes_put_in_is_read_or_refused(place: int, added: bytes) -> None:
-    with_error(CONTENT[:place] + added + CONTENT[place:])
-
-
-def with_error(content: bytes) -> None:
-    """No other error than ValueError, which the loader turns into a sentence; what is read can be looked at."""
-    try:
-        parsed = parse(content)
-    except ValueError:
-        return
-    network_of(parsed.graph)
-
-
-def test_the_word_location_alone_is_no_external_data(tmp_path: Path, pad: Pad) -> None:
-    model = load(tmp_path, pad, edited(lambda proto: proto.metadata_props.add(key="note", value="location")))
-    assert model.inference.by == "compiled"
+    with pytest.raises(ModelError, match="another number of outputs than 5"):
+        load(tmp_path, pad, with_seal(edited(of_five)))
 
 
 def external(tensor: onnx.TensorProto) -> onnx.TensorProto:
@@ -113,48 +104,14 @@ def in_a_branch(proto: onnx.ModelProto) -> None:
 
 @pytest.mark.parametrize("edit", [lambda proto: external(proto.graph.initializer[0]), in_a_branch])
 def test_external_data_is_refused_wherever_it_hides(tmp_path: Path, pad: Pad, edit: Edit) -> None:
+    content = edited(lambda proto: (without_weights(proto), edit(proto)))
     with pytest.raises(ModelError, match="external data"):
-        load(tmp_path, pad, edited(edit))
-
-
-def test_graphs_without_end_are_refused() -> None:
-    with pytest.raises(ValueError, match="nested deeper"):
-        parse(nested(60))
-
-
-def varint(value: int) -> bytes:
-    if value < 128:
-        return bytes([value])
-    return bytes([value & 127 | 128]) + varint(value >> 7)
-
-
-def field(number: int, content: bytes) -> bytes:
-    return varint(number << 3 | 2) + varint(len(content)) + content
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        pytest.param(field(7, field(5, field(1, b"\xff\xff\xff\xff\x0f" * 200_000))), id="dimensions"),
-        pytest.param(field(7, field(5, b"".join(varint(n << 3) + b"\0" for n in range(1, 200_000)))), id="numbers"),
-        pytest.param(field(7, field(1, b"") * 200_000), id="nodes"),
-        pytest.param(field(7, field(1, field(5, b"") * 200_000)), id="attributes"),
-        pytest.param(field(14, b"") * 200_000, id="metadata"),
-    ],
-)
-def test_model_of_too_many_parts_is_refused(content: bytes) -> None:
-    with pytest.raises(ValueError, match="more parts than any contact model"):
-        parse(content)
-
-
-def test_shape_of_many_dimensions_is_no_constant() -> None:
-    """The product of a million factors takes minutes, and NumPy has no array of so many."""
-    tensor = field(1, varint(1) * 90_000) + b"\x10\x01" + field(8, b"w") + field(9, bytes(4))
-    assert parse(field(7, field(5, tensor))).graph.constants == {}
+        load(tmp_path, pad, content)
 
 
 def expanding(proto: onnx.ModelProto, elements: int) -> None:
     """The contact's first node sums so many zeros, which take two bytes in the file."""
+    without_weights(proto)
     node = proto.graph.node
     proto.graph.initializer.append(helper.make_tensor("elements", TensorProto.INT64, [1], [elements]))
     node.insert(0, helper.make_node("ConstantOfShape", ["elements"], ["zeros"]))
@@ -170,50 +127,31 @@ def test_model_that_needs_much_memory_is_refused_before_it_is_loaded(tmp_path: P
         load(tmp_path, pad, edited(lambda proto: expanding(proto, 1 << 28)))
 
 
-def nested(depth: int) -> bytes:
-    """A model whose graph's node's attribute holds a graph, and so on."""
-    content = b""
-    for level in range(depth):
-        number = (1, 5, 6)[-1 - level % 3]  # attribute in node, node in graph, graph in attribute, outwards
-        content = bytes([number << 3 | 2]) + varint(len(content)) + content
-    return bytes([7 << 3 | 2]) + varint(len(content)) + content
-
-
 # --- which evaluates ---
 
 
-def add_identity(proto: onnx.ModelProto) -> None:
-    proto.graph.node.append(helper.make_node("Identity", ["a3"], ["unused"]))
-
-
-def untranspose(proto: onnx.ModelProto) -> None:
-    """The Jacobian is then of another network than the contact."""
-    tensor = next(tensor for tensor in proto.graph.initializer if tensor.name == "w2_t")
-    weight = onnx.numpy_helper.to_array(tensor).copy()
-    weight[3, 4] += 1.0
-    tensor.CopyFrom(onnx.numpy_helper.from_array(weight, "w2_t"))
-
-
-def other_axis(proto: onnx.ModelProto) -> None:
-    (concat,) = (node for node in proto.graph.node if node.op_type == "Concat")
-    concat.attribute[0].i = -1  # the same axis, said in another way
-
-
-def rename(proto: onnx.ModelProto) -> None:
-    for node in proto.graph.node:
-        for names in (node.input, node.output):
-            for index, name in enumerate(names):
-                if name == "h1":
-                    names[index] = "hidden"
-
-
-@pytest.mark.parametrize("edit", [add_identity, untranspose, other_axis, rename])
-def test_any_other_graph_is_left_to_onnxruntime(tmp_path: Path, pad: Pad, edit: Edit) -> None:
-    model = load(tmp_path, pad, edited(edit))
+def test_a_model_without_weights_is_left_to_onnxruntime(tmp_path: Path, pad: Pad) -> None:
+    model = load(tmp_path, pad, edited(without_weights))
     assert model.inference.by == "onnxruntime"
     shipped = ContactModel.load("default", pad)
     pose = shipped.rest_pose - [0.1, 0.0, 0.4, 0.0, 0.0, 0.0]
     np.testing.assert_allclose(model._infer(pose)[0], shipped._infer(pose)[0], atol=1e-4)  # mm, N: float32
+
+
+@pytest.mark.parametrize("wrong", ["w2", "b3"])
+def test_a_graph_with_one_other_weight_is_left_to_onnxruntime(
+    tmp_path: Path, pad: Pad, wrong: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """By a hundredth."""
+
+    def spoil(proto: onnx.ModelProto) -> None:
+        tensor = next(tensor for tensor in proto.graph.initializer if tensor.name == wrong)
+        weight = onnx.numpy_helper.to_array(tensor).copy()
+        weight.ravel()[np.abs(weight).argmax()] *= 1.01
+        tensor.CopyFrom(onnx.numpy_helper.from_array(weight, wrong))
+
+    assert load(tmp_path, pad, with_seal(edited(spoil))).inference.by == "onnxruntime"
+    assert "differs from onnxruntime's" in caplog.text
 
 
 def test_network_that_answers_otherwise_is_not_used(
@@ -225,22 +163,16 @@ def test_network_that_answers_otherwise_is_not_used(
     assert "is not used" in caplog.text
 
 
-def test_without_onnxruntime_the_network_serves_and_the_log_says_so(
-    pad: Pad, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    def none(*_: object) -> None:
-        raise NotComparedError("No module named 'onnxruntime'")
-
-    monkeypatch.setattr(comparison, "answers_of_onnxruntime", none)
-    with caplog.at_level(logging.WARNING):
-        model = ContactModel.load("default", pad)
-    assert model.inference.by == "compiled"
-    assert "could not be compared with onnxruntime: No module" in caplog.text
+def test_process_that_ends_without_an_answer_is_no_answer(monkeypatch: pytest.MonkeyPatch, pad: Pad) -> None:
+    monkeypatch.setattr(beside, "PROCESS", "import os; os.abort()  # {}")
+    with pytest.raises(ModelError, match="onnxruntime, in a process of its own, ended with -6"):
+        ContactModel.load("default", pad)
 
 
-def test_process_that_ends_without_an_answer_is_no_answer() -> None:
-    with pytest.raises(NotComparedError, match="onnxruntime does not load it"):
-        answers_of_onnxruntime(b"no model", np.zeros((1, 6), np.float32), 3)
+def test_model_is_read_once_for_all_pads(monkeypatch: pytest.MonkeyPatch, pad: Pad) -> None:
+    ContactModel.load("default", pad)
+    monkeypatch.setattr(beside, "PROCESS", "raise SystemExit(1)  # {}")
+    ContactModel.load("default", pad)
 
 
 # --- what it answers ---
@@ -255,22 +187,6 @@ def test_it_answers_as_onnxruntime_does_and_repeats_itself(pad: Pad) -> None:
     largest = np.abs(session).max(axis=0) + np.finfo(np.float32).tiny
     assert (np.abs(compiled - session) <= comparison.ROUNDING * largest).all()
     assert compiled.tobytes() == answers(model.inference, poses).tobytes()
-
-
-@pytest.mark.parametrize("wrong", ["w2", "b3"])
-def test_one_wrong_weight_is_found(pad: Pad, wrong: str) -> None:
-    """By a hundredth."""
-
-    def spoil(proto: onnx.ModelProto) -> None:
-        tensor = next(tensor for tensor in proto.graph.initializer if tensor.name == wrong)
-        weight = onnx.numpy_helper.to_array(tensor).copy()
-        weight.ravel()[np.abs(weight).argmax()] *= 1.01
-        tensor.CopyFrom(onnx.numpy_helper.from_array(weight, wrong))
-
-    model = ContactModel.load("default", pad)
-    said = difference(model.inference, edited(spoil), model.facts)  # type: ignore[arg-type]
-    assert said is not None
-    assert "differs from onnxruntime's" in said
 
 
 @given(st.integers(1, 70), st.sampled_from([3, 5]), st.integers(0, 2**32 - 1), st.sampled_from([0.3, 3.0]))
@@ -311,22 +227,24 @@ def test_what_is_no_number_stays_none(pad: Pad) -> None:
     assert np.isnan(inference.contact).all()
 
 
-def test_vector_of_another_size_is_refused() -> None:
-    vector = network_of(parse(CONTENT).graph)
-    assert vector is not None
+def test_vector_of_another_size_is_refused(pad: Pad) -> None:
+    inference = ContactModel.load("default", pad).inference
+    assert isinstance(inference, NetworkInference)
+    vector = np.frombuffer(inference.network, np.float32)
     room = [np.zeros(count, np.float32).data for count in (6, 3, 18)]
     for wrong in (vector[:-1], np.append(vector, np.float32(0.0)), vector[:2], np.full(9, np.nan, np.float32)):
         with pytest.raises(ValueError, match=r"none of a network|expected"):
             _contact.infer(wrong.tobytes(), *room)
 
 
-def test_model_that_onnxruntime_evaluates_says_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_model_that_onnxruntime_evaluates_says_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """To single precision: it sums in another order."""
     config, frames = config_of(3), frames_of(config_of(3), 8.0)[5 * 220 :]
     baseline = simulated_baseline(config)
     pipeline = pipeline_of(config, baseline)
     ours = [pipeline.process(frame) for frame in frames]
-    monkeypatch.setattr(recognition, "LARGEST_HIDDEN", 0)
+    (tmp_path / "own.onnx").write_bytes(edited(without_weights))
+    monkeypatch.setattr("fmfts.contact.model.path_of", lambda _: tmp_path / "own.onnx")
     assert ContactModel.load("default", config.pad()).inference.by == "onnxruntime"
     pipeline = pipeline_of(config, baseline)
     theirs = [pipeline.process(frame) for frame in frames]

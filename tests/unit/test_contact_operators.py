@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +15,9 @@ from onnx import NodeProto, TensorProto, numpy_helper
 from onnx.helper import make_graph, make_model, make_node, make_opsetid, make_tensor_value_info
 
 from fmfts.contact import ContactModel, ModelError
-from fmfts.contact.contract import IR_VERSION, OPSET
+from fmfts.contact.contract import IR_VERSION, OPSET, WEIGHTS_KEY
 from fmfts.contact.inference import POSE
 from fmfts.contact.operators import PLAIN, SIZED_FROM, require_even
-from fmfts.contact.protobuf import MalformedError, Message
 from fmfts.contact.seal import unsealed
 from fmfts.contact.session import session_of
 from fmfts.contact.shipped import DEFAULT_PATH
@@ -57,7 +58,7 @@ def model(*nodes: NodeProto) -> onnx.ModelProto:
         [numpy_helper.from_array(value, name) for name, value in CONSTANTS.items()],
     )
     proto = make_model(graph, opset_imports=[make_opsetid("", OPSET)], ir_version=IR_VERSION)
-    proto.metadata_props.extend(DEFAULT.metadata_props)
+    proto.metadata_props.extend(entry for entry in DEFAULT.metadata_props if entry.key != WEIGHTS_KEY)
     return proto
 
 
@@ -167,10 +168,19 @@ def test_model_with_functions_of_its_own_is_refused() -> None:
         require_even(proto.SerializeToString())
 
 
-def test_field_number_that_others_read_otherwise_is_refused() -> None:
-    """Some keep 32 bits of it, and find a node where this reader sees a field that it does not know."""
-    with pytest.raises(MalformedError, match="32 bits"):
-        Message(b"\x8a\x80\x80\x80\x10\x00")
+def test_what_is_evaluated_is_what_was_looked_at() -> None:
+    """Another reader may find a node where this one sees a field that it does not know: those are not handed on."""
+    proto = model(make_node("Identity", ["low"], ["offset"]))
+    unknown = b"\xfa\x7f\x02no"  # field 2047
+    assert require_even(proto.SerializeToString() + unknown) == proto.SerializeToString()
+
+
+def test_without_the_onnx_package_it_is_said_what_to_install(tmp_path: Path) -> None:
+    hidden = tmp_path / "onnx.py"
+    hidden.write_text("raise ImportError\n")
+    asked = "import sys; sys.path.insert(0, sys.argv[1]); from fmfts.contact import operators as o; o.require_even(b'')"
+    ended = subprocess.run([sys.executable, "-c", asked, tmp_path], capture_output=True, text=True, check=False)
+    assert "pip install 'fmfts[calibrate]'" in ended.stderr
 
 
 def test_model_in_another_format_is_not_loaded() -> None:

@@ -15,10 +15,11 @@ from fmfts.calibrate.fitting import SHEAR_EXPONENTS, fit_response
 from fmfts.calibrate.likelihood import invert
 from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
+from fmfts.contact.beside import told
 from fmfts.contact.contract import RESPONSE_KEY, parse_response
-from fmfts.contact.onnx_file import parse
 from fmfts.contact.refinement import Refiner
 from fmfts.contact.response import Response, most_likely
+from fmfts.contact.seal import unsealed
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.sensor.chips import NOISE_T
@@ -28,7 +29,7 @@ SHEARED = np.array([(1, 0, 0), (2, 0, 0), (3, 0, 0), *SHEAR_EXPONENTS], dtype=np
 
 
 def metadata_of_default() -> dict[str, str]:
-    return parse(DEFAULT_PATH.read_bytes()).metadata
+    return told(unsealed(DEFAULT_PATH.read_bytes())).metadata
 
 
 def shipped() -> Response:

@@ -11,9 +11,9 @@ import onnx
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
+from fmfts.calibrate.graph import AXES, CONCAT_AXIS, NODES, SCALED, constants, weights
 from fmfts.calibrate.network import DIRECTION_GAIN, SOFTENING, ContactNetwork
-from fmfts.contact.contract import IR_VERSION, METADATA_KEY, OPSET, RESPONSE_KEY, Facts, pack_response
-from fmfts.contact.graph import AXES, CONCAT_AXIS, NODES, SCALED, constants
+from fmfts.contact.contract import IR_VERSION, METADATA_KEY, OPSET, RESPONSE_KEY, Facts, pack_response, pack_weights
 from fmfts.contact.response import Response
 from fmfts.contact.seal import sealed
 
@@ -43,7 +43,12 @@ def export(network: ContactNetwork, facts: Facts, response: Response | None) -> 
         properties[RESPONSE_KEY] = pack_response(response)
     helper.set_model_props(model, properties)
     onnx.checker.check_model(model, full_check=True)
-    return sealed(model.SerializeToString(deterministic=True))
+    return sealed(model.SerializeToString(deterministic=True), packed_weights(network))
+
+
+def packed_weights(network: ContactNetwork) -> str:
+    """What stands behind the model for network.c."""
+    return pack_weights(weights(_constants(network)))
 
 
 def _constants(network: ContactNetwork) -> dict[str, NDArray[np.float32]]:

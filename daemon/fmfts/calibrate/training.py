@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
@@ -21,7 +22,7 @@ from fmfts.calibrate.evaluation import (
     rows,
     tables_of_squares,
 )
-from fmfts.calibrate.export import export
+from fmfts.calibrate.export import export, packed_weights
 from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.labelled_poses import LabelledPoses, Say, solver_of
 from fmfts.calibrate.network import ContactNetwork, train_network
@@ -147,7 +148,7 @@ def _calibrated(
     judged = calibration.press[normal, : 2 + response.loads]
     with_noise, firm_and_central_errors = _on_new_presses(network, response, solver)
     report = {
-        "model": hash_of(unsealed(model)),
+        "model": hash_of(unsealed(model), packed_weights(network)),
         "calibration_set_sha256": calibration.digest,
         "sheared_set_sha256": None if facts.friction_error is None else known_shear.calibration.digest,
         "presses": len(calibration.press),
@@ -162,6 +163,7 @@ def _calibrated(
         "on_the_calibration_set": rows(judged, network(tracked.pose[normal])),
         "on_new_presses_with_noise": with_noise,
         "firm_and_central": firm_and_central_errors,
+        "friction_error": msgspec.to_builtins(facts.friction_error),
         "compared": [candidate.facts() for candidate in candidates],
     }
     return Calibrated(model, report)

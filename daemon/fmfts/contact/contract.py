@@ -1,16 +1,19 @@
 """The contract between a calibration and the daemon: what an ONNX contact model must contain.
 
-Its metadata holds `Facts` as JSON under METADATA_KEY and, optionally, `PackedResponse` under RESPONSE_KEY.
+Its metadata holds `Facts` as JSON under METADATA_KEY and, optionally, `PackedResponse` under RESPONSE_KEY. A model of
+`calibrate` has the weights of its graph under WEIGHTS_KEY, too, which network.c evaluates.
 """
 
 from __future__ import annotations
 
+from base64 import b64decode, b64encode
 from math import prod
 from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
 from msgspec import Meta, Struct
+from numpy.typing import NDArray
 
 from fmfts.common import possible
 from fmfts.contact.response import CHANGE, Response
@@ -20,6 +23,9 @@ OPSET = 17
 IR_VERSION = 9
 METADATA_KEY = "fmfts.contact"
 RESPONSE_KEY = "fmfts.response"
+WEIGHTS_KEY = "fmfts.weights"
+INPUT, OUTPUTS = "pose", ("contact", "jacobian")  # tensors of the graph
+EXTERNAL = 'weights in other files ("external data") are not read: save it as one file'
 INPUT_ORDER = ("a_mm", "b_mm", "c_mm", "m", "n", "p")
 OUTPUT_ORDER = ("x_mm", "y_mm", "force_n")
 SHEAR_OUTPUT_ORDER = (*OUTPUT_ORDER, "shear_x_n", "shear_y_n")
@@ -79,9 +85,9 @@ class ErrorTables(Struct, frozen=True, forbid_unknown_fields=True):
 class Facts(Struct, frozen=True, forbid_unknown_fields=True):
     """What a model says of itself.
 
-    dimensions: of the pad, those that geometry_hash is of; None in older models. own_error: errors besides those that
+    dimensions: of the pad, those that geometry_hash is of; None: not known. own_error: errors besides those that
     the Jacobian carries over from the pose. response_error: errors of the response that the network was trained on,
-    measured with presses left out of its fit; None in older models. friction_error: rms error of noise-free answers per
+    measured with presses left out of its fit; None: not known. friction_error: rms error of noise-free answers per
     newton of shear, over its directions, in a model of three outputs; None if the calibration set had no shear. scene,
     noise_ut: what the model was trained for. data: SHA-256 of the calibration set.
     """
@@ -190,3 +196,19 @@ def parse_response(metadata: dict[str, str]) -> Response | None:
         coefficient.reshape(packed.shape),
         packed.friction,
     )
+
+
+def pack_weights(weights: NDArray[np.float32]) -> str:
+    """Encode the weights of a network, as network.h describes them, for a model's metadata."""
+    return b64encode(weights.astype("<f4").tobytes()).decode()
+
+
+def parse_weights(metadata: dict[str, str]) -> NDArray[np.float32] | None:
+    """Read the weights in a model's metadata; None: `calibrate` did not write it. ValueError says what is wrong."""
+    if WEIGHTS_KEY not in metadata:
+        return None
+    packed = b64decode(metadata[WEIGHTS_KEY], validate=True)
+    weights = np.frombuffer(packed, dtype="<f4").astype(np.float32)
+    if len(weights) < 2 or weights[1] not in (len(OUTPUT_ORDER), len(SHEAR_OUTPUT_ORDER)):
+        raise ValueError("its weights are of another number of outputs than any model has")
+    return weights

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from fmfts.contact import _contact
 
 POSE = 6
-LARGEST_HIDDEN = 256  # network.h; onnxruntime evaluates larger ones
 
 
 class Inference(ABC):
@@ -39,7 +38,7 @@ class Inference(ABC):
 
 
 class NetworkInference(Inference):
-    """Evaluates a graph that `calibrate` writes. network: its weights, as `network_of` returns them."""
+    """Evaluates a graph that `calibrate` writes. network: its weights, as network.h describes them."""
 
     def __init__(self, network: NDArray[np.float32]) -> None:
         super().__init__(outputs=int(network[1]))

@@ -12,8 +12,10 @@ from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import cholesky, root_of_squares, solve_lower
 from fmfts.common.record import Numbers, Record
 from fmfts.contact import _contact
+from fmfts.contact.beside import told, tried
 from fmfts.contact.contract import (
     SHEAR_OUTPUT_ORDER,
+    WEIGHTS_KEY,
     Facts,
     ModelError,
     OtherPadError,
@@ -23,13 +25,12 @@ from fmfts.contact.contract import (
 from fmfts.contact.estimate import ContactEstimate
 from fmfts.contact.finger_shape import shape_deviation_of
 from fmfts.contact.inference import Inference
-from fmfts.contact.onnx_file import parse
 from fmfts.contact.refinement import STEPS, Refiner
 from fmfts.contact.response import CHANGE, Response
 from fmfts.contact.seal import hash_of, unsealed
 from fmfts.contact.shipped import path_of
 from fmfts.contact.structure import magnets_differ, shipped_friction_error
-from fmfts.contact.verified import check_versions, compared, inference_of, read
+from fmfts.contact.verified import inference_of, read
 from fmfts.pad import Array, Pad
 
 REMEDY = "make it again with `fmfts-daemon calibrate`, or set [pad.contact] model to one that fits"
@@ -161,16 +162,20 @@ class ContactModel:
 
     @classmethod
     def _load(cls, file: Path, pad: Pad, refine: bool, friction: float, smoothing_s: float) -> ContactModel:
-        content = unsealed(read(file))
-        parsed = parse(content)
-        check_versions(parsed)
-        facts, response = parse_facts(parsed.metadata), parse_response(parsed.metadata)
-        inference = inference_of(content, parsed.graph, facts)
+        whole = read(file)
+        content = unsealed(whole)
+        model = told(content if WEIGHTS_KEY.encode() in content else tried(content))
+        weights = model.metadata.get(WEIGHTS_KEY)
+        if content == whole and weights is not None:
+            raise ValueError("it is damaged, or was edited: `calibrate` wrote it, and its SHA-256 is not at its end")
+        if content != whole and weights is None:
+            raise ValueError("`calibrate` of a development version wrote it, without the weights that this one reads")
+        facts, response = parse_facts(model.metadata), parse_response(model.metadata)
+        inference = inference_of(content, model, facts)
         if refine and response is None:
             raise ValueError("it holds no response of its pad, so its answers cannot be refined: set refine = false")
         if len(inference.contact) != len(facts.outputs):
             raise ValueError("it has another number of outputs than its metadata states")
-        inference = compared(inference, content, facts)
         if other := magnets_differ(facts, pad):
             raise OtherPadError(
                 f"contact model {file} was trained for a pad of other dimensions than pad {pad.name!r} has: {other}: "
@@ -181,12 +186,12 @@ class ContactModel:
         refiner = Refiner(response) if refine and response is not None else None
         of_shape = shape_deviation_of(facts, response) if friction > 0.0 and response is not None else 0.0
         of_shape = of_shape * CONTACT_UNIT[: len(facts.outputs)]
-        model = cls(inference, facts, hash_of(content), refiner, friction, smoothing_s, of_shape)
-        model.response = response
-        contact, jacobian = model._infer(model.rest_pose)  # also warms up the session
+        loaded = cls(inference, facts, hash_of(content, weights), refiner, friction, smoothing_s, of_shape)
+        loaded.response = response
+        contact, jacobian = loaded._infer(loaded.rest_pose)  # also warms up the session
         if not (np.isfinite(contact).all() and np.isfinite(jacobian).all()):
             raise ValueError("it does not answer with numbers for the rest pose")
-        return model
+        return loaded
 
     def estimate(
         self, position_m: Array, axis: Array, covariance: Array, magnet_off_m: Array = CENTRED

@@ -1,4 +1,4 @@
-/* Evaluates the contact network of graph.py, with its Jacobian, without onnxruntime.
+/* Evaluates the contact network of calibrate/graph.py, with its Jacobian, without onnxruntime.
  *
  * In single precision, as in the graph. The order of operations is the same on every machine and for every pose, but not
  * that of onnxruntime. Re-entrant: no allocation, no globals. Arrays are row-major.

@@ -1,11 +1,19 @@
 """Refuses models whose tensors are larger for some poses than for others: evaluating a few poses first tells what every
-pose takes only where no size depends on the pose. Field numbers are those of onnx.proto."""
+pose takes only where no size depends on the pose.
+
+It needs the onnx package. Models that `calibrate` wrote need no look: network.c evaluates them.
+"""
 
 from __future__ import annotations
 
-from fmfts.contact.onnx_file import DEFAULT_DOMAIN
-from fmfts.contact.protobuf import Budget, Message
+from collections.abc import Iterator
+from typing import Any
 
+from fmfts.contact.contract import EXTERNAL, IR_VERSION, OPSET
+
+Part = Any  # of a model, as the onnx package reads it
+
+DEFAULT_DOMAIN = ("", "ai.onnx")
 DOCUMENT = "those that docs/calibration.md lists"
 # The sizes of what they give follow from the sizes of what they get.
 PLAIN = frozenset({
@@ -25,21 +33,54 @@ SIZED_FROM = {
 OF_SIZES = frozenset({"Shape", "Size"})  # what they give is the same for every pose, whatever they get
 
 
-def require_even(content: bytes) -> None:
-    """ValueError with the operator's name if a tensor of the ONNX model may have another size for another pose."""
-    model = Message(content, Budget())
-    if 25 in model:
-        raise ValueError("it defines operators of its own (functions): export it without")
-    graphs = model.messages(7)  # protobuf merges several into one
-    nodes = [node for graph in graphs for node in graph.messages(1)]
-    made = {name for node in nodes for name in node.texts(2)}
-    given = {each.text(1) for graph in graphs for each in graph.messages(11)}
-    fixed = {tensor.text(8) for graph in graphs for tensor in graph.messages(5)} - made - given | {""}  # "": left out
-    for node in nodes:
-        operator, inputs = node.text(4), node.texts(1)
-        if node.text(7) not in DEFAULT_DOMAIN or not (operator in PLAIN or operator in SIZED_FROM):
+def require_even(content: bytes) -> bytes:
+    """The model as it was looked at. ValueError names what is wrong, or the operator if a tensor may have another size
+    for another pose."""
+    try:
+        import onnx
+        from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
+    except ImportError:
+        raise ValueError(
+            "`calibrate` did not write it, and the package that tells its operators is not installed: "
+            "pip install 'fmfts[calibrate]'"
+        ) from None
+    try:
+        model = onnx.load_from_string(content)
+    except DecodeError:
+        raise ValueError("it is not an ONNX file, or a truncated one") from None
+    _require_known(model)
+    graph = model.graph
+    made = {name for node in graph.node for name in node.output}
+    given = {each.name for each in graph.input}
+    fixed = {tensor.name for tensor in graph.initializer} - made - given | {""}  # "": left out
+    for node in graph.node:
+        operator, inputs = node.op_type, node.input
+        if node.domain not in DEFAULT_DOMAIN or not (operator in PLAIN or operator in SIZED_FROM):
             raise ValueError(f"it uses the operator {operator!r}, which is not one of {DOCUMENT}")
         if not fixed.issuperset(inputs[SIZED_FROM.get(operator, len(inputs)) :]):
             raise ValueError(f"a shape, axis or index of its operator {operator!r} depends on the pose")
         if operator in OF_SIZES or fixed.issuperset(inputs):
-            fixed.update(node.texts(2))
+            fixed.update(node.output)
+    model.DiscardUnknownFields()
+    looked_at: bytes = model.SerializeToString()
+    return looked_at
+
+
+def _require_known(model: Part) -> None:
+    opset = max((each.version for each in model.opset_import if each.domain in DEFAULT_DOMAIN), default=0)
+    if (model.ir_version, opset) != (IR_VERSION, OPSET):
+        raise ValueError(f"it has IR version {model.ir_version} and opset {opset}, not {IR_VERSION} and {OPSET}")
+    if model.functions:
+        raise ValueError("it defines operators of its own (functions): export it without")
+    if any(tensor.external_data or tensor.data_location for tensor in _tensors(model)):
+        raise ValueError(EXTERNAL)
+
+
+def _tensors(part: Part) -> Iterator[Part]:
+    """All that are anywhere within."""
+    for field, value in part.ListFields():
+        if field.message_type is not None:
+            for inner in [value] if hasattr(value, "ListFields") else value:
+                if field.message_type.name == "TensorProto":
+                    yield inner
+                yield from _tensors(inner)

@@ -1,4 +1,5 @@
-"""A contact model's own hash, as its last entry of metadata: a damaged file is refused, whatever the damage.
+"""What `calibrate` writes behind a model, as its last entries of metadata: its weights, which network.c evaluates, and
+the SHA-256 of all before. A damaged file is refused, whatever the damage.
 
 A weight with another bit is a number like any other, and the model with it answers forces like any other.
 """
@@ -7,21 +8,26 @@ from __future__ import annotations
 
 import hashlib
 
-KEY = b"fmfts.sha256"
+from fmfts.contact.contract import WEIGHTS_KEY
+
+KEY = "fmfts.sha256"
 METADATA = 14  # the field of a ModelProto with entries of metadata: StringStringEntryProto, key 1, value 2
 BYTES = 2  # protobuf's wire type of a field that tells its length
 
 
-def sealed(model: bytes) -> bytes:
-    """The model, and its SHA-256 behind it. It is the same model to every reader of ONNX."""
-    entry = _field(1, KEY) + _field(2, hashlib.sha256(model).hexdigest().encode())
-    return model + _field(METADATA, entry)
+def sealed(model: bytes, weights: str) -> bytes:
+    """The model, and behind it its weights and the seal. It is the same model to every reader of ONNX."""
+    return with_seal(model + _entry(WEIGHTS_KEY, weights))
+
+
+def with_seal(content: bytes) -> bytes:
+    return content + _entry(KEY, hashlib.sha256(content).hexdigest())
 
 
 def unsealed(content: bytes) -> bytes:
-    """The model without its seal. A model without one is of an older version. ValueError if the seal does not fit."""
+    """The model without its seal. A model of another program has none. ValueError if the seal does not fit."""
     model = content[: -len(SEAL)]
-    right = sealed(model)
+    right = with_seal(model)
     if not _is_like(content[len(model) : -len(DIGEST)], SEAL) and not _is_like(
         content[-len(DIGEST) :], right[-len(DIGEST) :]
     ):
@@ -31,8 +37,12 @@ def unsealed(content: bytes) -> bytes:
     return model
 
 
-def hash_of(model: bytes) -> str:
-    """How messages and recordings name a model: the first twelve hex digits of its SHA-256, without the seal."""
+def hash_of(content: bytes, weights: str | None) -> str:
+    """How messages and recordings name a model: the first twelve hex digits of its SHA-256, without what is behind it.
+
+    content: without its seal. weights: those in its metadata.
+    """
+    model = content if weights is None else content.removesuffix(_entry(WEIGHTS_KEY, weights))
     return hashlib.sha256(model).hexdigest()[:12]
 
 
@@ -41,10 +51,18 @@ def _is_like(found: bytes, right: bytes) -> bool:
     return sum(one == other for one, other in zip(found, right, strict=False)) > len(found) // 2
 
 
+def _entry(key: str, value: str) -> bytes:
+    return _field(METADATA, _field(1, key.encode()) + _field(2, value.encode()))
+
+
 def _field(number: int, content: bytes) -> bytes:
-    assert len(content) < 128  # so that the length is one byte
-    return bytes([number << 3 | BYTES, len(content)]) + content
+    return bytes([number << 3 | BYTES]) + _varint(len(content)) + content
 
 
-SEAL = sealed(b"")
+def _varint(value: int) -> bytes:
+    """Seven bits a byte, the lowest first; all but the last have the highest bit."""
+    return bytes([value]) if value < 128 else bytes([value & 127 | 128]) + _varint(value >> 7)
+
+
+SEAL = with_seal(b"")
 DIGEST = hashlib.sha256(b"").hexdigest().encode()

@@ -1,4 +1,4 @@
-"""onnxruntime: evaluates models whose graph our network does not know, and checks our network.
+"""Evaluates a model with onnxruntime, and looks at one in a process of its own (beside.py).
 
 Import it only where it is needed: it takes 30 MB and a tenth of a second.
 """
@@ -6,20 +6,32 @@ Import it only where it is needed: it takes 30 MB and a tenth of a second.
 from __future__ import annotations
 
 import resource
-import struct
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import onnxruntime
 
-from fmfts.contact.contract import OUTPUT_ORDER, SHEAR_OUTPUT_ORDER
-from fmfts.contact.graph import INPUT, OUTPUTS
+from fmfts.contact.beside import Told
+from fmfts.contact.comparison import Poses, poses_of
+from fmfts.contact.contract import (
+    EXTERNAL,
+    INPUT,
+    OUTPUT_ORDER,
+    OUTPUTS,
+    SHEAR_OUTPUT_ORDER,
+    WEIGHTS_KEY,
+    parse_facts,
+)
 from fmfts.contact.inference import POSE, Inference
 
 # What a model may take: its file has 4 MB at most, and a pad has 4 ms from frame to frame.
 MOST_MORE, LONGEST_CPU_S, SLOWEST_S = 1 << 26, 10, 0.02
+PROBED_EVERY = 29  # of the poses to compare at: from each share, corners and others
 
 
 class SessionInference(Inference):
@@ -49,12 +61,17 @@ def session_of(content: bytes) -> onnxruntime.InferenceSession:
     options.inter_op_num_threads = 1
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.add_session_config_entry("session.inter_op.allow_spinning", "0")
-    options.add_session_config_entry("session.load_model_format", "ONNX")  # the format that was looked at
+    options.add_session_config_entry("session.load_model_format", "ONNX")  # the format that is looked at
     options.log_severity_level = 4  # errors are raised, and reported in our own words
     try:
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's errors have no other common base
-        raise ValueError(f"onnxruntime does not load it ({(str(error).splitlines() or [''])[0]})") from error
+        said = (str(error).splitlines() or [""])[0]
+        if "external" in said.lower():
+            raise ValueError(EXTERNAL) from error
+        if "protobuf" in said.lower():
+            raise ValueError(f"it is not an ONNX file, or a truncated one ({said})") from error
+        raise ValueError(f"onnxruntime does not load it ({said})") from error
 
 
 def _width_of(session: onnxruntime.InferenceSession) -> int:
@@ -73,36 +90,59 @@ def _width_of(session: onnxruntime.InferenceSession) -> int:
     return int(width)
 
 
-def main() -> None:
-    """Serve comparison.py: read a model's size, the model and poses from standard input, and write the answers."""
-    question = sys.stdin.buffer.read()
-    (size,) = struct.unpack_from("<I", question)
-    content, poses = question[4 : 4 + size], np.frombuffer(question, "<f4", offset=4 + size).reshape(-1, POSE)
-    _limit()
-    try:
+def tell() -> None:
+    """Read a model from standard input, and write what `Told` has."""
+    with _said_in_a_line():
+        _limit()
+        session = session_of(sys.stdin.buffer.read())
+        _width_of(session)
+        metadata, answers = dict(session.get_modelmeta().custom_metadata_map), b""
+        if WEIGHTS_KEY in metadata:
+            answers = _answers(session, poses_of(parse_facts(metadata)))
+        sys.stdout.buffer.write(msgspec.msgpack.encode(Told(metadata, answers)))
+
+
+def try_out() -> None:
+    """Read a model from standard input, look at its operators, let it evaluate a few poses, and write it as it was
+    looked at: a few bytes of ONNX may ask for any time and memory."""
+    with _said_in_a_line():
+        from fmfts.contact.operators import require_even
+
+        content = require_even(sys.stdin.buffer.read())
+    with _said_in_a_line("onnxruntime cannot evaluate it within a pad's means: "):
+        _limit()
         session = session_of(content)
         _width_of(session)
+        facts = parse_facts(session.get_modelmeta().custom_metadata_map)
+        poses = np.concatenate([np.zeros((1, POSE), np.float32), poses_of(facts)[::PROBED_EVERY]])
         begun_s = time.process_time()
-        # One at a time, as in the daemon: what a model takes may depend on how many poses it gets.
-        answers = [session.run(list(OUTPUTS), {INPUT: pose[None]}) for pose in poses]
+        _answers(session, poses)
         took_s = (time.process_time() - begun_s) / len(poses)
         if took_s > SLOWEST_S:
             raise ValueError(f"a pose takes {1e3 * took_s:.0f} ms, and may take {1e3 * SLOWEST_S:.0f} ms")
+    sys.stdout.buffer.write(content)
+
+
+def _answers(session: onnxruntime.InferenceSession, poses: Poses) -> bytes:
+    """One at a time, as in the daemon: what a model takes may depend on how many poses it gets."""
+    answers = [session.run(list(OUTPUTS), {INPUT: pose[None]}) for pose in poses]
+    return b"".join(np.concatenate([contact[:, :, None], slope], axis=2).tobytes() for contact, slope in answers)
+
+
+@contextmanager
+def _said_in_a_line(before: str = "") -> Iterator[None]:
+    """Ends the process with the error as the last line of its standard error."""
+    try:
+        yield
     except ValueError as error:
-        raise SystemExit(str(error)) from None
+        raise SystemExit(f"{before}{error}") from None
     except Exception as error:  # noqa: BLE001  # of onnxruntime, which says so where memory is short
-        raise SystemExit((str(error).splitlines() or [type(error).__name__])[0]) from None
-    for contact, jacobian in answers:
-        sys.stdout.buffer.write(np.concatenate([contact[:, :, None], jacobian], axis=2).tobytes())
+        raise SystemExit(f"{before}{(str(error).splitlines() or [type(error).__name__])[0]}") from None
 
 
 def _limit() -> None:
-    """From here on this process may use so much memory more, and so much time: see comparison.py."""
+    """From here on this process may use so much memory more, and so much time."""
     status = Path("/proc/self/status").read_text()
     (used_kb,) = (int(line.split()[1]) for line in status.splitlines() if line.startswith("VmData:"))
     resource.setrlimit(resource.RLIMIT_DATA, ((used_kb << 10) + MOST_MORE, resource.RLIM_INFINITY))
     resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_CPU_S, resource.RLIM_INFINITY))
-
-
-if __name__ == "__main__":
-    main()

@@ -6,15 +6,14 @@ import logging
 from pathlib import Path
 
 from fmfts.common.reading import read_regular
-from fmfts.contact.comparison import NotComparedError, difference, require_modest
-from fmfts.contact.contract import IR_VERSION, OPSET, SIZE_LIMIT_BYTES, Facts
-from fmfts.contact.inference import CompiledInference, Inference, NetworkInference
-from fmfts.contact.onnx_file import Graph, OnnxFile
-from fmfts.contact.recognition import network_of
+from fmfts.contact.beside import Told, tried
+from fmfts.contact.comparison import difference
+from fmfts.contact.contract import SIZE_LIMIT_BYTES, Facts, parse_weights
+from fmfts.contact.inference import CompiledInference, Inference
 
 log = logging.getLogger(__name__)
 
-_differences: dict[bytes, str | None] = {}  # by network: each network is compared only once
+_differences: dict[bytes, str | None] = {}  # by model: each is compared only once
 
 
 def read(file: Path) -> bytes:
@@ -27,45 +26,26 @@ def read(file: Path) -> bytes:
     return content
 
 
-def check_versions(model: OnnxFile) -> None:
-    if (model.ir_version, model.opset) != (IR_VERSION, OPSET):
-        raise ValueError(f"it has IR version {model.ir_version} and opset {model.opset}, not {IR_VERSION} and {OPSET}")
+def inference_of(content: bytes, model: Told, facts: Facts) -> Inference:
+    """Our own network with the weights that the model holds; onnxruntime if there are none, or if it answers otherwise.
 
-
-def inference_of(content: bytes, graph: Graph, facts: Facts) -> Inference:
-    """Our own network if it knows the graph; else onnxruntime. ValueError if that fails."""
-    network = network_of(graph)
-    if network is not None:
-        return CompiledInference(network)
-    return _by_onnxruntime(content, facts)
-
-
-def compared(inference: Inference, content: bytes, facts: Facts) -> Inference:
-    """`inference`, or that of onnxruntime if our network gives different answers."""
-    if not isinstance(inference, NetworkInference):
-        return inference
-    if inference.network not in _differences:
-        _differences[inference.network] = _difference(inference, content, facts)
-    different = _differences[inference.network]
+    ValueError if onnxruntime cannot evaluate it.
+    """
+    weights = parse_weights(model.metadata)
+    if weights is None:
+        return _by_onnxruntime(content)
+    inference = CompiledInference(weights)
+    if content not in _differences:
+        _differences[content] = difference(inference, model.answers_of(len(inference.contact)), facts)
+    different = _differences[content]
     if different is None:
         return inference
     log.error("the compiled contact model is not used: %s; worth reporting", different)
-    return _by_onnxruntime(content, facts)
+    return _by_onnxruntime(content)
 
 
-def _difference(inference: NetworkInference, content: bytes, facts: Facts) -> str | None:
-    try:
-        return difference(inference, content, facts)
-    except NotComparedError as error:
-        log.warning("the compiled contact model could not be compared with onnxruntime: %s", error)
-        return None
-
-
-def _by_onnxruntime(content: bytes, facts: Facts) -> Inference:
-    try:
-        require_modest(content, facts)
-    except NotComparedError as error:
-        raise ValueError(f"onnxruntime cannot evaluate it within a pad's means: {error}") from error
+def _by_onnxruntime(content: bytes) -> Inference:
+    model = tried(content)
     from fmfts.contact.session import SessionInference  # 30 MB that most daemons do not need
 
-    return SessionInference(content)
+    return SessionInference(model)

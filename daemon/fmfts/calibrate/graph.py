@@ -1,6 +1,6 @@
 """The graph that `calibrate` exports: from features of a pose, through tanh layers, to the contact and its Jacobian.
 
-It is defined only here: calibrate/export.py writes it as ONNX, recognition.py recognises it, network.c computes it.
+It is defined only here: export.py writes it as ONNX, and contact/network.c computes it from its `weights`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from fmfts.pad import Array
 
 SCALED = 5  # components of a displacement from rest; the axis's last one follows from the others
 FEATURES = 2 * SCALED
-INPUT, OUTPUTS = "pose", ("contact", "jacobian")
 CONCAT_AXIS = 1
 
 # name = operation(inputs). Shapes: s, u (N, 5); h1, h2 (N, hidden); …3 (N, 1, …) or (N, outputs, …) for the chain rule.
@@ -89,3 +88,10 @@ def constants(
         "w1_t_of_s": w1.T[:, :SCALED], "w1_t_of_u": w1.T[:, SCALED:], "w2_t": w2.T, "w3_t": w3.T[None],
     }  # fmt: skip
     return {name: np.ascontiguousarray(value, dtype=np.float32) for name, value in whole.items()}
+
+
+def weights(constants: dict[str, NDArray[np.float32]]) -> NDArray[np.float32]:
+    """The constants from which the others follow, as network.h describes them."""
+    head = [*constants["w3"].shape, constants["softening"][0]]
+    order = ("rest", "by_scale", "w1", "b1", "w2", "b2", "w3", "b3")
+    return np.concatenate([np.array(head, dtype=np.float32), *(constants[name].ravel() for name in order)])
