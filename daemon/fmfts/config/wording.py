@@ -57,6 +57,11 @@ def explain(data: dict[str, Any], error: str, mended: dict[str, Any], whole: typ
         table = type_at(mended, keys, whole)
         return f"{place(data, [*keys, missing[1]])} is missing: give {_allowed(_field_type(table, missing[1]))}"
     if unknown := re.search(r"unknown field `(.*)`", what):
+        dotted = ".".join(key for key in (*keys, unknown[1]) if isinstance(key, str))
+        if dotted in whole.removed:
+            return (
+                f"{place(data, [*keys, unknown[1]])}: there is no such key any more: {whole.removed[dotted]}. Remove it"
+            )
         nearest = _nearest(type_at(mended, keys, whole), unknown[1])
         return f"{place(data, [*keys, unknown[1]])}: there is no such key{nearest}"
     kind = type_at(mended, keys, whole)

@@ -49,7 +49,7 @@ def merge(config: CollectingConfig, pad: PadConfig, log_path: Path, recording: P
     if output.exists():
         raise RefusedError(f"{output} exists already: give another file with -o, or remove that one")
     settings, drawing = config.collect, pad.pad()
-    unmoved = unmoved_since_baseline(drawing, settings)
+    unmoved = unmoved_since_baseline(drawing)
     log, frames = read_log(log_path), _frames(recording, pad)
     mounting = unmoved.mounting
     alignment = align(log, frames, (mounting.rest_field_t + mounting.offset_t) * mounting.gain)

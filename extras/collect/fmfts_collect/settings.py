@@ -5,8 +5,8 @@ from __future__ import annotations
 import ipaddress
 import math
 import re
-from collections.abc import Iterator
-from typing import Annotated, Literal
+from collections.abc import Iterator, Mapping
+from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta, field
 
@@ -71,14 +71,16 @@ class CollectConfig(Section, frozen=True):
     average_s: Annotated[float, Meta(ge=0.3, le=10)] = 0.3  # each row is the mean of so much time
     settle_s: NonNegativeFloat = 0.3  # wait after the force is reached: silicone creeps
     silence_ms: Annotated[float, Meta(gt=0, le=LONGEST_SILENCE_MS)] = 100.0  # of gauge or board; then the rod is lifted
-    force_tolerance: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # of a reached force, relative to the plan's
-    moved_limit_mm: PositiveFloat = 0.05  # for the unloaded magnet, from its place in the baseline
-    ambient_limit_ut: PositiveFloat = 2.0  # for the unloaded pad's field, from the baseline's, in µT
 
 
 class CollectingConfig(Config, frozen=True):
     """The whole file, with its table [collect], which the daemon leaves unread."""
 
+    removed: ClassVar[Mapping[str, str]] = {
+        "collect.force_tolerance": "a force is reached within 5 % of the plan's: each row has the force that was felt",
+        "collect.moved_limit_mm": "the unloaded magnet may be 0.05 mm from its place in the baseline",
+        "collect.ambient_limit_ut": "the unloaded pad's field may differ by 2 µT from the baseline's",
+    }
     collect: CollectConfig = field(default_factory=CollectConfig)  # type: ignore[assignment]
 
     def problems_of_extras(self) -> Iterator[Problem]:

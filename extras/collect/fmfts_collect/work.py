@@ -30,6 +30,10 @@ from fmfts_collect.table import FORMAT, Header, Table
 from fmfts_collect.watch import Limits, Watch
 
 FRAMES_A_ROW = 64  # `average` refuses fewer
+# Nobody turned these: a row has the force that was felt, and a baseline that fits less well is recorded again.
+FORCE_TOLERANCE = 0.05  # of a reached force, relative to the plan's
+MOVED_LIMIT_M = 5e-5  # for the unloaded magnet, from its place in the baseline
+AMBIENT_LIMIT_T = 2e-6  # for the unloaded pad's field, from the baseline's
 
 
 def collect(
@@ -49,7 +53,7 @@ def collect(
         raise RefusedError("there is no [collect.stage] in the configuration: describe the machine, or use --by-hand")
     if stage is not None:
         require_within_reach(stage, plan.presses)
-    unmoved = unmoved_since_baseline(drawing, settings)
+    unmoved = unmoved_since_baseline(drawing)
     header = Header(FORMAT, plan.name, plan.fingerprint, pad.name, drawing.geometry_hash)
     with (
         Table(output, len(drawing.sensors), header) as table,
@@ -86,15 +90,15 @@ def recorded_rest(drawing: Pad, origin: Origin | None = None) -> Baseline:
     return baseline
 
 
-def unmoved_since_baseline(drawing: Pad, settings: CollectConfig) -> Unmoved:
+def unmoved_since_baseline(drawing: Pad) -> Unmoved:
     """The limits of the pad's deviation from its baseline. Raises RefusedError like recorded_rest."""
     baseline = recorded_rest(drawing)
     return Unmoved(
         drawing,
         baseline.array_mounting(drawing) if drawing.other_magnets else baseline.mounting(drawing),
         baseline.id,
-        settings.moved_limit_mm * 1e-3,
-        settings.ambient_limit_ut * 1e-6,
+        MOVED_LIMIT_M,
+        AMBIENT_LIMIT_T,
     )
 
 
@@ -124,10 +128,10 @@ def _pressing(settings: CollectConfig, watch: Watch, picture: Picture, draw: Any
 
     presser: Presser
     if by_hand:
-        presser = Hand(watch, settings.force_tolerance, say, gauge=settings.gauge is not None)
+        presser = Hand(watch, FORCE_TOLERANCE, say, gauge=settings.gauge is not None)
     else:
         assert settings.stage is not None
-        presser = Stage(settings.stage, watch, settings.force_tolerance)
+        presser = Stage(settings.stage, watch, FORCE_TOLERANCE)
     try:
         yield presser
     finally:
