@@ -19,6 +19,7 @@
 # make test-systems    the Debian package, and pip, on Debian 12 and 13, Ubuntu 22.04 and 24.04, as root    (SYSTEMS=ubuntu-22.04)
 # make test-busy    the demo and all tests five times in fresh clones, beside two busy processes: two hours    (TURNS=5)
 # make long    tests that take more than ten seconds: the laboratory's studies, long runs of pads (four minutes)
+# make mutations    wrong drivers and wrong emulators, each of which a test must catch (two minutes)
 # make slow    the page in Chromium, the fault drills, a whole installation, a drift that is followed (six minutes)
 # make test-firmware-long    half a minute of the emulated board's time
 # make test-rp2040    the firmware for a Raspberry Pi Pico on rp2040js
@@ -67,7 +68,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 # Packages for tests. umockdev emulates the kernel's I2C interface, and needs the system's own Python (python3-gi).
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi faketime g++ openscad gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium openssh-client)
 
-.PHONY: demo test lint unit processes clock slow long bench cold-starts clean wheel
+.PHONY: demo test lint unit processes clock slow long mutations bench cold-starts clean wheel
 .PHONY: first-uses transcript recordings kept-report model pictures chips-page mould sample-times
 .PHONY: first-minute magnet-check chaos clock-leaps failing-source chips-for-a-day fuzz fuzz-short fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
@@ -136,10 +137,10 @@ PARTS ?=
 test: test-packages $(VENV)/.installed-test firmware-for-tests
 	@$(BIN)/python tests/all_parts.py $(PARTS)
 
-lint unit processes clock slow long: $(VENV)/.installed-test
+lint unit processes clock slow long mutations: $(VENV)/.installed-test
 	@$(BIN)/python tests/all_parts.py $@
 
-processes clock slow: firmware-for-tests
+processes clock slow mutations: firmware-for-tests
 
 # Builds the firmware before the tests, so that several tests do not build it at once; the tests report what failed.
 firmware-for-tests: | test-packages

@@ -1,6 +1,6 @@
 """Parts of the tests, one after the other, even if one fails; then one summary, with what to report.
 
-Without a name: all that `make test` consists of. The parts `long` and `slow` are run by their own targets.
+Without a name: all that `make test` consists of. The parts `long`, `mutations` and `slow` are run by their own targets.
 
 Each part's output is shown and kept in build/test-logs/, with pytest's report as XML.
 """
@@ -30,13 +30,14 @@ WHOLE = ["--dist", "worksteal", *(word for folder in OF_FUNCTIONS for word in ("
 PARTS = {
     "lint": [["-m", "ruff", "check", "."], ["-m", "ruff", "format", "--check", "."],
              ["-m", "mypy", "daemon", "lab", "extras", "clients/python"]],
-    "unit": [[*PYTEST, "-n", "3", "--dist", "loadfile", *OF_FUNCTIONS, "-m", "not long"]],
-    "processes": [[*PYTEST, "-n", "4", *WHOLE, "-m", "not real_time and not slow"]],
+    "unit": [[*PYTEST, "-n", "3", "--dist", "loadfile", *OF_FUNCTIONS, "-m", "not long and not mutation"]],
+    "processes": [[*PYTEST, "-n", "4", *WHOLE, "-m", "not real_time and not slow and not mutation"]],
     "clock": [[*PYTEST, "-n", "2", *WHOLE, "-m", "real_time and not slow"]],
     "slow": [[*PYTEST, "--ignore", "tests/unit", "-m", "slow"]],
     "long": [[*PYTEST, "-n", "2", "tests/unit", "-m", "long"]],
+    "mutations": [[*PYTEST, "-n", "3", "tests/unit", "tests/firmware", "-m", "mutation"]],
 }  # fmt: skip
-BY_ITSELF = {"long", "slow"}
+BY_ITSELF = {"long", "mutations", "slow"}
 FAVOURED = {"clock": -5, "slow": -5}  # niceness; with more, the kernel's own workers wait, which carry what a pty gets
 
 

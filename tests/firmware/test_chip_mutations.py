@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.mutation
+
 ROOT = Path(__file__).parents[2]
 CHIPS = ROOT / "firmware/core/chips"
 VECTORS = ROOT / "tests/data/wire_vectors.ini"

@@ -23,6 +23,8 @@ from fmfts.sensor.chips import CHIPS, Chip
 from fmfts.sensor.i2c import selftest as i2c_selftest
 from fmfts.sensor.wire.packets import SensorState
 
+pytestmark = pytest.mark.mutation
+
 __all__ = ["clock"]
 FOLDER = Path(chips_package.__file__).parent
 

@@ -14,6 +14,8 @@ import pytest
 
 from emulator import lis3mdl, memsic, memsic_film, mlx90393, qst
 
+pytestmark = pytest.mark.mutation
+
 HERE = Path(__file__).parent
 
 
