@@ -119,6 +119,7 @@ def _model(
         LOAD_SHARE["force_n"],
         widened,
         float(np.linalg.norm(presses.force_n, axis=1).max()),
+        -1.0 if presses.force_n[:, 2].mean() < 0.0 else 1.0,
         coverage or unjudged,
         origin,
     )

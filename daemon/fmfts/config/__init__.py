@@ -56,7 +56,8 @@ class ServiceConfig(_Section, frozen=True):
     lock_memory: bool = False
 
 
-FIELD_RESPONSE_SUFFIX = ".response"  # of a `[pad.contact] model` that goes from contact to field
+# Of a `[pad.contact] model` that needs no pose: from contact to field, and from field to force.
+FIELD_RESPONSE_SUFFIX, FORCE_MODEL_SUFFIX = ".response", ".force"
 
 
 class _HardwareSource(_Section, frozen=True):
@@ -260,8 +261,9 @@ class PadConfig(_Section, frozen=True, kw_only=True):
 
     @property
     def is_skin(self) -> bool:
-        """Whether nobody knows its magnets: its contact model then goes from contact to field."""
-        return self.contact.model.endswith(FIELD_RESPONSE_SUFFIX) and not self.other_magnets
+        """Whether nobody knows its magnets, or needs to: its contact model then goes without a pose."""
+        no_pose = (FIELD_RESPONSE_SUFFIX, FORCE_MODEL_SUFFIX)
+        return self.contact.model.endswith(no_pose) and not self.other_magnets
 
     def pad(self) -> Pad:
         """The nominal pad, in SI."""

@@ -10,6 +10,7 @@ so no average over frames makes them smaller.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import Literal, NamedTuple
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Route = Literal["field", "pose"]
 FORMAT = "fmfts force model 1"
+# A value of a sensor, counted from 1, and its axis; or a component of a pose.
+VALUE_NAME = re.compile(r"b([1-9][0-9]?)([xyz])|[abcmn]")
 FORCE = ("force_x_n", "force_y_n", "force_z_n")
 DIRECTIONS = 3
 MOST_VALUES, MOST_POWER, MOST_MAPS, LARGEST_BYTES = 64, 3, 256, 16_000_000
@@ -115,6 +118,7 @@ class _Stored(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     day_share: float
     widened: tuple[float, float, float]
     largest_n: float
+    pressed_z: float
     coverage: Coverage
     origin: str
     maps: list[_StoredMap]
@@ -124,7 +128,9 @@ class _Stored(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class ForceModel:
     """names (V,): of the values, in order. sessions: how many the model was trained on. day_share: deviation of another
     day's forces, as a share. widened (3,): factor of the deviations, learnt from left-out sessions; 1: only the stated
-    prior. largest_n: of the presses. origin: what it was made from, for people."""
+    prior. largest_n: of the presses. pressed_z: 1 or -1, the sign of force_z_n under a press. origin: what it was made
+    from, for people.
+    """
 
     route: Route
     names: tuple[str, ...]
@@ -133,6 +139,7 @@ class ForceModel:
     day_share: float
     widened: tuple[float, float, float]
     largest_n: float
+    pressed_z: float
     coverage: Coverage
     origin: str
 
@@ -183,6 +190,7 @@ class ForceModel:
             self.day_share,
             self.widened,
             self.largest_n,
+            self.pressed_z,
             self.coverage,
             self.origin,
             maps,
@@ -201,6 +209,8 @@ class ForceModel:
             numbers = (stored.day_share, *stored.widened, stored.largest_n)
             if not (np.isfinite(numbers).all() and min(numbers) >= 0.0 and stored.largest_n > 0.0):
                 raise ValueError("a deviation or its largest force is impossible")
+            if stored.pressed_z not in (1.0, -1.0) or not all(VALUE_NAME.fullmatch(name) for name in stored.names):
+                raise ValueError("the sign of a press, or the name of a value, is impossible")
             maps = tuple(_map_of(one, len(stored.names)) for one in stored.maps)
             return cls(
                 stored.route,
@@ -210,6 +220,7 @@ class ForceModel:
                 stored.day_share,
                 stored.widened,
                 stored.largest_n,
+                stored.pressed_z,
                 stored.coverage,
                 stored.origin,
             )

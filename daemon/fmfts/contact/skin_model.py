@@ -1,4 +1,4 @@
-"""The contact model of a pad whose magnets are unknown: a table from contact to field, from a file."""
+"""Contact models of a pad whose magnets are unknown, from files: from contact to field, or from field to force."""
 
 from __future__ import annotations
 
@@ -6,9 +6,14 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from fmfts.common.reading import read_regular
 from fmfts.contact.contract import ModelError, OtherPadError
 from fmfts.contact.field_response import LARGEST_BYTES, FieldResponse, FieldResponseError
+from fmfts.contact.force_model import LARGEST_BYTES as FORCE_BYTES
+from fmfts.contact.force_model import ForceModel, ForceModelError
 
 # Loads of which a message has a field, or that at least tell a place.
 TOLD_LOADS = ("force_n", "depth_mm")
@@ -26,6 +31,15 @@ class SkinModel:
         """In words: what a contact has."""
         place = "place" if self.response.load else ""
         return " and ".join(filter(None, (place, "force" if self.response.axes[-1].name == "force_n" else "")))
+
+    @property
+    def told_names(self) -> tuple[str, ...]:
+        """What the numbers of a contact are."""
+        return tuple(axis.name for axis in self.response.axes)
+
+    @property
+    def largest_load(self) -> float:
+        return self.response.axes[-1].last
 
     @classmethod
     def load(cls, path: Path, sensors: int) -> SkinModel:
@@ -50,3 +64,49 @@ class SkinModel:
                 "place or a normal force, so it needs x_mm, y_mm and depth_mm, or force_n"
             )
         return cls(response, hashlib.sha256(content).hexdigest()[:12])
+
+
+@dataclass(frozen=True, slots=True)
+class SkinForceModel:
+    """forces: polynomials from the change of the field. hash: as SkinModel's."""
+
+    forces: ForceModel
+    hash: str
+
+    @property
+    def tells(self) -> str:
+        """In words: what a contact has."""
+        return "force in three directions"
+
+    @property
+    def told_names(self) -> tuple[str, ...]:
+        """What the numbers of a contact are; the last counts a press as positive."""
+        return ("shear_x_n", "shear_y_n", "force_n")
+
+    @property
+    def largest_load(self) -> float:
+        return self.forces.largest_n
+
+    def values(self) -> NDArray[np.intp]:
+        """(V,): which of a frame's (3N,) fields the values are."""
+        return np.array([3 * int(name[1:-1]) - 3 + "xyz".index(name[-1]) for name in self.forces.names])
+
+    @classmethod
+    def load(cls, path: Path, sensors: int) -> SkinForceModel:
+        """ModelError if the file cannot be used, OtherPadError if it is for sensors that the pad does not have."""
+        try:
+            content = read_regular(path, FORCE_BYTES)
+            forces = ForceModel.of(content, str(path))
+        except OSError as error:
+            raise ModelError(f"contact model {path}: cannot be read: {error.strerror}") from error
+        except ForceModelError as error:
+            raise ModelError(f"contact model {error}; `fmfts-daemon calibrate` makes one of forces") from error
+        if forces.route != "field":
+            raise ModelError(
+                f"contact model {path}: goes from poses to forces, which a running pad does not do: "
+                "`calibrate … --route field`"
+            )
+        model = cls(forces, hashlib.sha256(content).hexdigest()[:12])
+        if model.values().max() >= 3 * sensors:
+            raise OtherPadError(f"contact model {path}: has more sensors than the pad's {sensors}: see sensors_mm")
+        return model

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fmfts.arithmetic.matrix import root_of_squares
-from fmfts.config import BridgeSource, PadConfig
+from fmfts.config import FORCE_MODEL_SUFFIX, BridgeSource, PadConfig
 from fmfts.contact import ContactModel, NoContactModel, OtherPadError
 from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
 from fmfts.contact.no_model import NO_MODEL, no_model_for
 from fmfts.contact.shipped import SHIPPED_PATHS
-from fmfts.contact.skin_model import SkinModel
+from fmfts.contact.skin_model import SkinForceModel, SkinModel
 from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.several_pipeline import SeveralPipeline
@@ -29,7 +29,7 @@ from fmfts.scene.tracking import (
 from fmfts.sensor.wire.packets import EARLY_BYTES, LINE_BITS_PER_BYTE, frame_bytes
 from fmfts.several.field_model import Scene
 
-AnyModel = ContactModel | NoContactModel | ArrayModel | SkinModel
+AnyModel = ContactModel | NoContactModel | ArrayModel | SkinModel | SkinForceModel
 Pipeline = PadPipeline | SeveralPipeline | SkinPipeline
 DEFAULT_MODEL = "default"
 # The ambient field since the baseline, along each axis, while a robot turns in the Earth's field: a pad with several
@@ -58,12 +58,13 @@ def load_array_model(config: PadConfig, path: str) -> ArrayModel:
     return ArrayModel.load(ARRAY_PATH if path == DEFAULT_MODEL else Path(path), config.pad())
 
 
-def load_skin_model(config: PadConfig, path: str) -> SkinModel:
+def load_skin_model(config: PadConfig, path: str) -> SkinModel | SkinForceModel:
     """The contact model at `path` of a pad whose magnets are unknown. ModelError if it cannot serve this pad."""
-    return SkinModel.load(Path(path), len(config.geometry.sensors_mm))
+    kind = SkinForceModel if path.endswith(FORCE_MODEL_SUFFIX) else SkinModel
+    return kind.load(Path(path), len(config.geometry.sensors_mm))
 
 
-def load_any_model(config: PadConfig, path: str) -> ContactModel | ArrayModel | SkinModel:
+def load_any_model(config: PadConfig, path: str) -> ContactModel | ArrayModel | SkinModel | SkinForceModel:
     """The contact model at `path`, of the kind that this pad needs. ModelError if it cannot serve this pad."""
     if config.is_skin:
         return load_skin_model(config, path)
@@ -98,7 +99,7 @@ def pipeline_of(config: PadConfig, model: AnyModel, boot: str) -> Pipeline:
     if isinstance(model, ArrayModel) or (config.other_magnets and isinstance(model, NoContactModel)):
         per_k = config.magnet.temperature_coefficient_per_k
         return SeveralPipeline(config.pad(), model, boot, rate_hz, several_scene_of(config), per_k)
-    if isinstance(model, SkinModel):
+    if isinstance(model, SkinModel | SkinForceModel):
         per_k = config.magnet.temperature_coefficient_per_k
         return SkinPipeline(config.pad(), model, boot, rate_hz, several_scene_of(config).ambient_t, per_k)
     tracking = scene_model_of(config).tracking

@@ -17,7 +17,7 @@ from fmfts.baseline import Baseline
 from fmfts.baseline.skin_mounting import SkinMounting
 from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health
 from fmfts.common.memory import require_alike
-from fmfts.contact.skin_model import SkinModel
+from fmfts.contact.skin_model import SkinForceModel, SkinModel
 from fmfts.pad import Pad
 from fmfts.pipeline.last_frame import LastFrame
 from fmfts.pipeline.sensors_ok import mask_of
@@ -28,6 +28,7 @@ from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.missing import missing_sensors
 from fmfts.skin.estimator import SkinEstimator, SkinMemory, SkinReading
+from fmfts.skin.force_estimator import ForceEstimator
 
 BARE_ONLY = "rest not recorded: `fmfts-daemon baseline --rest` while nothing touches the pad"
 
@@ -51,12 +52,18 @@ class SkinPipeline:
     """
 
     def __init__(
-        self, pad: Pad, model: SkinModel, boot: str, rate_hz: float, ambient_t: float, magnet_per_k: float
+        self,
+        pad: Pad,
+        model: SkinModel | SkinForceModel,
+        boot: str,
+        rate_hz: float,
+        ambient_t: float,
+        magnet_per_k: float,
     ) -> None:
         self.pad, self.model, self._boot = pad, model, boot
         self._rate_hz, self._ambient_t, self._magnet_per_k = rate_hz, ambient_t, magnet_per_k
         self._alignment = Alignment(len(pad.sensors), period_us=1e6 / rate_hz)
-        self._estimator: SkinEstimator | None = None
+        self._estimator: SkinEstimator | ForceEstimator | None = None
         self._at_first: SkinMemory | None = None  # the estimator's memory before any frame
         self._why_none = NO_BASELINE
         self._baseline: Baseline | None = None
@@ -86,15 +93,12 @@ class SkinPipeline:
             self._estimator, self._why_none = None, BARE_ONLY
             return None
         mounting = mounting or baseline.skin_mounting()
-        self._estimator = SkinEstimator(
-            self.pad,
-            mounting,
-            self.model.response,
-            self._ambient_t,
-            self._rate_hz,
-            repeats_allowed(mounting.noise_t, self.pad.chip.coarseness_t(baseline.rest.gain_code)),
-            self._magnet_per_k,
-        )
+        repeats = repeats_allowed(mounting.noise_t, self.pad.chip.coarseness_t(baseline.rest.gain_code))
+        around = self._ambient_t, self._rate_hz, repeats, self._magnet_per_k
+        if isinstance(self.model, SkinForceModel):
+            self._estimator = ForceEstimator(self.pad, mounting, self.model, *around)
+        else:
+            self._estimator = SkinEstimator(self.pad, mounting, self.model.response, *around)
         self._at_first = deepcopy(self._estimator.memory)
         return mounting
 
@@ -150,17 +154,21 @@ class SkinPipeline:
         """Beyond the table there is only a lower bound of the force, and no place. Without a contact there is none."""
         if reading.contact is None or reading.deviation is None:
             return {"contact": reading.touching}
-        axes = self.model.response.axes
         values = zip(reading.contact.tolist(), reading.deviation.tolist(), strict=True)
-        told = dict(zip((axis.name for axis in axes), values, strict=True))
+        told = dict(zip(self.model.told_names, values, strict=True))
         found: dict[str, Any] = {"contact": True, "over_range": reading.beyond}
         if reading.beyond:
-            force_n = min(max(told[axes[-1].name][0], 0.0), axes[-1].last)
+            if isinstance(self.model, SkinForceModel):
+                return found
+            force_n = min(max(told[self.model.told_names[-1]][0], 0.0), self.model.largest_load)
             return found | ({"force_min_n": force_n} if "force_n" in told else {})
         for name in ("x", "y"):
             if (key := f"{name}_mm") in told:
                 value, deviation = told[key]
                 found |= {f"{name}_m": value * 1e-3, f"{name}_sd_m": deviation * 1e-3}
+        for name in ("shear_x", "shear_y"):
+            if (key := f"{name}_n") in told:
+                found |= {key: told[key][0], f"{name}_sd_n": told[key][1]}
         if "force_n" in told:
             value, deviation = told["force_n"]
             found |= {"force_n": max(value, 0.0), "force_sd_n": deviation}

@@ -14,7 +14,7 @@ from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neigh
 from fmfts.config.checks import other_silicone
 from fmfts.contact import ContactModel, ModelError, NoContactModel
 from fmfts.contact.array_model import ArrayModel
-from fmfts.contact.skin_model import SkinModel
+from fmfts.contact.skin_model import SkinForceModel, SkinModel
 from fmfts.pad import Pad
 from fmfts.pipeline.configured import AnyModel, Pipeline, contact_model_of, feel_neighbours, pipeline_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
@@ -93,7 +93,7 @@ def tell_models(config: Config, models: Mapping[str, AnyModel]) -> None:
             told = f"{len(pad.other_magnets) + 1} magnets, up to two fingers"
             log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, told)
             continue
-        if isinstance(model, SkinModel):
+        if isinstance(model, SkinModel | SkinForceModel):
             told = f"unknown magnets, {model.tells}"
             log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, told)
             continue

@@ -11,7 +11,7 @@ from fmfts.config import PadConfig
 from fmfts.config.pad_facts import pad_facts
 from fmfts.contact import NoContactModel
 from fmfts.contact.array_model import ArrayModel
-from fmfts.contact.skin_model import SkinModel
+from fmfts.contact.skin_model import SkinForceModel, SkinModel
 from fmfts.pipeline.configured import AnyModel
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.kept import KeptAnswer
@@ -93,6 +93,8 @@ def _range_of(model: AnyModel) -> dict[str, object]:
             "calibrated_y_m": along_m,
             "calibrated_force_n": model.response.scale_n,
         }
+    if isinstance(model, SkinForceModel):
+        return {"calibrated_force_n": model.largest_load}
     if isinstance(model, SkinModel):
         return _range_of_skin(model)
     envelope = model.facts.envelope
