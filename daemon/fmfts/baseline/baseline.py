@@ -10,11 +10,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import length
-from fmfts.baseline.array_mounting import ArrayMounting, estimate_array_mounting, moved_since
+from fmfts.baseline.array_mounting import ArrayMounting, estimate_array_mounting
 from fmfts.baseline.diagnosis import MisfitError, check_bare, estimate_and_judge
 from fmfts.baseline.evenness import STEEL_TURNS
-from fmfts.baseline.file_format import StoredGains, StoredPresses, StoredRecording, StoredTurn
+from fmfts.baseline.file_format import StoredGains, StoredGeometry, StoredPresses, StoredRecording, StoredTurn
 from fmfts.baseline.mounting import Mounting, nominal_mounting
 from fmfts.baseline.origin import Origin, foreign
 from fmfts.baseline.recording import BaselineError, ForeignError, Recording, solvable
@@ -22,10 +21,10 @@ from fmfts.baseline.refine import AtRest, pick, refined
 from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.baseline.skin_mounting import SkinMounting
 from fmfts.baseline.turn import Turn, sensitivity_from_turn
+from fmfts.baseline.unmoved import require_unmoved
 from fmfts.baseline.window_means import Means
 from fmfts.common.reading import damage_told, read_regular
 from fmfts.pad import Pad, Tolerance
-from fmfts.pose import FREE_FIELD, solve
 
 FORMAT = 1
 Array = NDArray[np.float64]
@@ -55,6 +54,8 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     gains: StoredGains | None = None
     # The sensors that it was recorded with; None: it is of an older version, or no file's.
     origin: Origin | None = None
+    # Where the sensors were found to be, of a board whose drawing is rough; then `refine` has the presses that told.
+    learned: StoredGeometry | None = None
     # How far rest has drifted from the recorded one, (5,) in m and rad. Never in a file: a restart undoes it.
     drift: tuple[float, ...] | None = None
 
@@ -99,7 +100,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
 
     def require_sensors(self, sensors: int) -> None:
         """BaselineError unless each recording is one of so many sensors."""
-        parts = (self.bare, self.rest, self.turn, self.refine, self.gains)
+        parts = (self.bare, self.rest, self.turn, self.refine, self.gains, self.learned)
         if any(part is not None and part.sensors != sensors for part in parts):
             raise BaselineError(
                 f"pad '{self.pad}': its baseline is of another number of sensors than {sensors}: record it again"
@@ -110,7 +111,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
         bare = None if self.bare is None else self.bare.recording()
         if self.rest is not None:
             known = self._at_rest(pad, self.rest)
-            mounting = estimate_and_judge(pad, tolerance, known.rest, bare, known.measured)
+            mounting = estimate_and_judge(known.pad, tolerance, known.rest, bare, known.measured)
             mounting = mounting if self.refine is None else refined(known, mounting, self.refine.presses())
             return mounting if self.drift is None else mounting.drifted(np.array(self.drift))
         if bare is not None:
@@ -144,10 +145,14 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
 
     def _at_rest(self, pad: Pad, rest: StoredRecording) -> AtRest:
         tolerance = Tolerance(**self.tolerance)
-        measured = self._before_turn(pad)
+        measured, learned = self._before_turn(pad), None
+        if self.learned is not None and self.refine is not None:  # without its presses it would be taken as exact
+            learned = self.learned.geometry()
+            pad, measured = learned.turned(pad), learned.from_drawing(measured)
         if self.turn is not None:
             measured = sensitivity_from_turn(pad, measured, self.turn.turn())
-        return AtRest(pad, tolerance, rest.recording(), None if self.bare is None else self.bare.recording(), measured)
+        bare = None if self.bare is None else self.bare.recording()
+        return AtRest(pad, tolerance, rest.recording(), bare, measured, learned)
 
     def sealed(self) -> Baseline:
         """A copy with the id that belongs to its content."""
@@ -187,10 +192,10 @@ def make_rest(
     bare = None if before is None else before.bare
     baseline = _baseline(pad, tolerance, bare, StoredRecording.of(recording), before).tested(gains)
     if before is not None and before.rest is not None and not replaced:
-        baseline = msgspec.structs.replace(baseline, refine=before.refine).sealed()
+        baseline = msgspec.structs.replace(baseline, refine=before.refine, learned=before.learned).sealed()
     mounting = baseline.any_mounting(pad)
     if before is not None and before.rest is not None and not replaced:
-        _require_unmoved(pad, tolerance, before, recording)
+        require_unmoved(pad, tolerance, before, recording)
     return baseline, mounting
 
 
@@ -219,6 +224,8 @@ def make_refined(pad: Pad, means: Means, before: Baseline | None) -> tuple[Basel
         raise BaselineError(UNKNOWN_MAGNETS)
     if pad.other_magnets:
         raise BaselineError("a pad with several magnets has no --refine: --turn tells the chips' gains and rotations")
+    if before.learned is not None:
+        raise BaselineError("this pad's geometry was learned from presses: add to them with --learn, not with --refine")
     plain = msgspec.structs.replace(before, refine=None)
     with solvable("the presses fit no pad: keep steel and other magnets away, and press again"):
         fields = pick(plain._at_rest(pad, rest), plain.mounting(pad), means)
@@ -233,31 +240,6 @@ def require_rest(before: Baseline | None, option: str) -> StoredRecording:
             f"rest is not recorded: `fmfts-daemon baseline --rest` while nothing touches the pad, then {option}"
         )
     return before.rest
-
-
-def _require_unmoved(pad: Pad, tolerance: Tolerance, before: Baseline, recording: Recording) -> None:
-    """BaselineError if the magnet, solved with the last baseline, has moved; the ambient field may have turned."""
-    last = before.any_mounting(pad)
-    if isinstance(last, SkinMounting):
-        return  # a change of its field may be its temperature: nobody can tell
-    if isinstance(last, ArrayMounting):
-        moved, _ = moved_since(last, recording)
-    else:
-        estimate = solve(
-            last.magnet_field(recording.mean_t),
-            last.mounted(pad),
-            last.rest,
-            deviation_t=recording.mean_deviation_t,
-            free=FREE_FIELD,
-        )
-        moved = estimate.position_m - last.rest.position_m
-    if not length(moved) < tolerance.magnet_position_m:
-        x, y, z = moved * 1e3
-        raise BaselineError(
-            f"the pad looks loaded: its magnet is ({x:+.2f}, {y:+.2f}, {z:+.2f}) mm away from where baseline "
-            f"{before.id} found it (limit {tolerance.magnet_position_m * 1e3:.2f} mm): unload it. If nothing "
-            "touches it, that baseline was recorded under load or with a bad chip: say --replaced, as for another pad"
-        )
 
 
 def load(path: Path, pad: Pad, origin: Origin | None = None) -> Baseline | None:

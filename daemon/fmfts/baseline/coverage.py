@@ -103,8 +103,9 @@ class PressCoverage:
     silicone moves the magnet (on the standard pad, the part across from the sensor), so parts have no names.
     """
 
-    def __init__(self, pad: Pad) -> None:
+    def __init__(self, pad: Pad, wanted: int = ENOUGH_PRESSES) -> None:
         self._pad = pad
+        self._wanted = wanted
         self._first: list[Array] = []
         self._rest: Array | None = None
         self._peak: Array | None = None  # the largest change of the press that is under way
@@ -140,16 +141,16 @@ class PressCoverage:
 
     @property
     def enough(self) -> bool:
-        return self.presses >= ENOUGH_PRESSES and not self._missing
+        return self.presses >= self._wanted and not self._missing
 
     @property
     def hint(self) -> str:
         if self._rest is None:
             return "do not touch the pad yet"
         if not self.presses:
-            return f"start now: press some {ENOUGH_PRESSES} times, each for a moment, all over the pad"
+            return f"start now: press some {self._wanted} times, each for a moment, all over the pad"
         missing = self._missing
-        counted = f"{self.presses} of {ENOUGH_PRESSES} presses"
+        counted = f"{self.presses} of {self._wanted} presses"
         return f"{counted}; still missing: {missing}" if missing else f"{counted}, well spread: go on"
 
     @property

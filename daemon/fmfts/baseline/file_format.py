@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from fmfts.baseline.learned import LearnedGeometry
 from fmfts.baseline.recording import Recording
 from fmfts.baseline.refine import PressFields
 from fmfts.baseline.sensitivity import Sensitivity
@@ -145,6 +146,35 @@ class StoredPresses(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def presses(self) -> PressFields:
         return PressFields(np.array(self.field_t), np.array(self.deviation_t), np.array(self.rest_t))
+
+
+class StoredGeometry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """`LearnedGeometry` with the time at which it was learned. pose: position in m and axis, of each press."""
+
+    utc: str
+    place_m: Rows
+    rotation_rad: Rows
+    pose: tuple[tuple[float, float, float, float, float, float], ...]
+
+    def __post_init__(self) -> None:
+        possible.PLACE_M.require(chain(*self.place_m, *(one[:3] for one in self.pose)))
+        possible.ROTATION_RAD.require(chain(*self.rotation_rad))
+        possible.UNIT.require(chain(*(one[3:] for one in self.pose)))
+        if len(self.place_m) != len(self.rotation_rad) or len(self.pose) > MOST_FIELDS:
+            raise ValueError("no presses teach such a geometry")
+
+    @property
+    def sensors(self) -> int:
+        return len(self.place_m)
+
+    @classmethod
+    def of(cls, learned: LearnedGeometry) -> StoredGeometry:
+        poses = [[float(value) for value in one] for one in learned.pose]
+        stored = tuple((x, y, z, u, v, w) for x, y, z, u, v, w in poses)
+        return cls(_now(), _rows(learned.place_m), _rows(learned.rotation_rad), stored)
+
+    def geometry(self) -> LearnedGeometry:
+        return LearnedGeometry(np.array(self.place_m), np.array(self.rotation_rad), np.array(self.pose))
 
 
 def require_fields(*fields: Rows, sensors: int | None = None) -> None:

@@ -131,7 +131,9 @@ def estimate_mounting(
     bundle = None if presses is None else PressBundle(presses, unknowns)
     weight = np.where(believed, 1.0 / np.sqrt(variance.ravel()), 0.0)
     iterations = ITERATIONS_TO_COMPARE if to_compare else ITERATIONS
-    scaled, normal = _most_probable(unknowns, data, weight, np.zeros(len(unknowns.deviation)), bundle, iterations)
+    learned_m = None if presses is None else presses.place_m
+    start = np.zeros(len(unknowns.deviation)) if learned_m is None else unknowns.start_at(learned_m)
+    scaled, normal = _most_probable(unknowns, data, weight, start, bundle, iterations)
     # The covariance is of first order. Its second-order error is added to the deviations of the field.
     curvature = np.zeros(data.size)
     if not to_compare:

@@ -21,12 +21,13 @@ Array = NDArray[np.float64]
 class Presses:
     """change_t (K, N, 3): change of the field from rest, in sensor axes; each has deviation_t (N, 3).
 
-    start: rough poses, from which the search starts.
+    start: rough poses, from which the search starts. place_m (N, 3): the same of the sensors, None: the drawing's.
     """
 
     change_t: Array
     deviation_t: Array
     start: tuple[State, ...]
+    place_m: Array | None = None
 
 
 @dataclass

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import lengths, root_of_squares
+from fmfts.baseline.learned import LearnedGeometry
 from fmfts.baseline.mounting import Mounting, estimate_mounting
 from fmfts.baseline.presses import Presses
 from fmfts.baseline.recording import BaselineError, Recording
@@ -49,17 +50,22 @@ class AtRest:
     rest: Recording
     bare: Recording | None
     measured: Sensitivity
+    learned: LearnedGeometry | None = None
 
 
 def refined(known: AtRest, mounting: Mounting, fields: PressFields) -> Mounting:
     """Improves `mounting`, the estimate at rest, with the presses."""
     change = fields.field_t - fields.rest_t
-    mounted = mounting.mounted(known.pad)
-    start = tuple(
-        solve(mounting.magnet_field(known.rest.mean_t + one), mounted, mounting.rest, free=FREE_POSE).state
-        for one in change
-    )
-    presses = Presses(change, root_of_squares(fields.deviation_t, known.rest.mean_deviation_t), start)
+    deviation = root_of_squares(fields.deviation_t, known.rest.mean_deviation_t)
+    if known.learned is not None:
+        presses = Presses(change, deviation, known.learned.states(mounting.rest), known.learned.place_m)
+    else:
+        mounted = mounting.mounted(known.pad)
+        start = tuple(
+            solve(mounting.magnet_field(known.rest.mean_t + one), mounted, mounting.rest, free=FREE_POSE).state
+            for one in change
+        )
+        presses = Presses(change, deviation, start)
     return estimate_mounting(
         known.pad, known.tolerance, known.rest, known.bare, measured=known.measured, presses=presses
     )

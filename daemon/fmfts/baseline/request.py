@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from fmfts.arithmetic.elementary import square
 from fmfts.baseline import (
     Baseline,
     BaselineError,
+    Means,
     Mounting,
     accuracy,
     make_bare,
@@ -40,8 +41,24 @@ from fmfts.sensor import Frame
 # The mean over 3 s at 220 Hz has 1/25 of the noise of one sample; a longer recording would mostly add drift.
 DURATION_S = 3.0
 # The time that a person needs for turning about two axes, and for thirty presses.
-TURN_S, REFINE_S = 20.0, 40.0
+TURN_S, REFINE_S, LEARN_S = 20.0, 40.0, 60.0
+LEARN_PRESSES = 60
+# A drawing whose places are no better is rough: presses tell them better than it does.
+ROUGH_PLACE_M = 5e-4
 SHORTEST_S, LONGEST_S = 0.5, 60.0
+
+
+Made = tuple[Baseline, AnyMounting | None, dict[str, Any]]
+
+
+class Learner(Protocol):
+    """Learns the geometry of a rough drawing from presses (fmfts.learn), where SciPy may be loaded."""
+
+    def require(self, pad: Pad, before: Baseline) -> None:
+        """BaselineError, before anybody presses in vain."""
+
+    def make(self, pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, Mounting, dict[str, Any]]:
+        """`before` with the geometry, its mounting, and facts. BaselineError if the presses do not tell one."""
 
 
 class OptionError(BaselineError):
@@ -55,7 +72,7 @@ class Recorded:
     baseline: Baseline
     mounting: AnyMounting | None  # None of several or unknown magnets before rest was recorded
     path: Path
-    gained: dict[str, float]
+    gained: dict[str, Any]
     warnings: list[str] = field(default_factory=list)  # what the person should know of the recording
 
     def facts(self, pad: Pad) -> dict[str, Any]:
@@ -71,7 +88,8 @@ class Recorded:
 class BaselineRequest:
     """bare: the pad is not mounted; else it is mounted and unloaded. replaced: it is another pad than the last time.
 
-    turn, refine: improve the last baseline by turning the robot, or by presses anywhere. duration_s None: the usual
+    turn, refine: improve the last baseline by turning the robot, or by presses anywhere. learn: by presses, where the
+    drawing is rough. duration_s None: the usual
     time for this kind of recording. origin: the sensors that it is recorded with. gains: of a self-test, None: those of
     the last baseline. BaselineError if the options exclude each other or the duration is out of range.
     """
@@ -85,10 +103,11 @@ class BaselineRequest:
     refine: bool = False
     origin: Origin | None = None
     gains: StoredGains | None = None
+    learn: Learner | None = None
 
     def __post_init__(self) -> None:
-        if self.bare + self.turn + self.refine > 1:
-            raise OptionError(f"pad '{self.pad.name}': one of bare, turn and refine at a time")
+        if self.bare + self.turn + self.refine + (self.learn is not None) > 1:
+            raise OptionError(f"pad '{self.pad.name}': one of bare, turn, refine and learn at a time")
         if not SHORTEST_S <= self.seconds <= LONGEST_S:
             raise OptionError(
                 f"pad '{self.pad.name}': a baseline takes {SHORTEST_S:g} to {LONGEST_S:g} s, not {self.seconds:g} s"
@@ -98,7 +117,12 @@ class BaselineRequest:
     def seconds(self) -> float:
         if self.duration_s is not None:
             return self.duration_s
-        return TURN_S if self.turn else REFINE_S if self.refine else DURATION_S
+        return TURN_S if self.turn else REFINE_S if self.refine else DURATION_S if self.learn is None else LEARN_S
+
+    @property
+    def only_adds(self) -> bool:
+        """To a baseline that must be there, and whose sensors it does not tell."""
+        return self.turn or self.refine or self.learn is not None
 
     @property
     def coverage(self) -> Coverage | None:
@@ -106,16 +130,22 @@ class BaselineRequest:
         if a duration was asked for."""
         if self.duration_s is not None:
             return None
-        return TurnCoverage(self.pad) if self.turn else PressCoverage(self.pad) if self.refine else None
+        if self.turn:
+            return TurnCoverage(self.pad)
+        if self.learn is not None:
+            return PressCoverage(self.pad, LEARN_PRESSES)
+        return PressCoverage(self.pad) if self.refine else None
 
     def require_rest(self, before: Baseline | None) -> None:
         """BaselineError before anybody turns or presses in vain, if there is no rest recording to add to.
 
         ForeignError if it is of other sensors.
         """
-        if self.turn or self.refine:
+        if self.only_adds:
             try:
-                require_rest(before, "--turn" if self.turn else "--refine")
+                require_rest(before, "--turn" if self.turn else "--refine" if self.refine else "--learn")
+                if self.learn is not None and before is not None:
+                    self.learn.require(self.pad, before)
             except BaselineError as error:
                 raise BaselineError(f"pad '{self.pad.name}': baseline refused: {error}") from error
             self._require_own(before)
@@ -123,16 +153,19 @@ class BaselineRequest:
     def make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, AnyMounting | None]:
         """Make a baseline from the frames. BaselineError, with the pad's name, if they are not good enough.
 
-        A `before` of other sensors is left out; `turn` and `refine`, which only add to it, are refused.
+        A `before` of other sensors is left out; what only adds to it is refused.
         """
+        return self._made(frames, before)[:2]
+
+    def _made(self, frames: Sequence[Frame], before: Baseline | None) -> Made:
         if before is not None and before.is_foreign_to(self.origin):
-            if self.turn or self.refine:
+            if self.only_adds:
                 self._require_own(before)
             before = None
-        baseline, mounting = self._make(frames, before and before.tested(self.gains))
+        baseline, mounting, facts = self._make(frames, before and before.tested(self.gains))
         # Turning and presses only add to a baseline, and so do not tell whose it is.
-        origin = baseline.origin if self.turn or self.refine else self.origin
-        return (baseline if baseline.origin == origin else baseline.recorded_on(origin)), mounting
+        origin = baseline.origin if self.only_adds else self.origin
+        return (baseline if baseline.origin == origin else baseline.recorded_on(origin)), mounting, facts
 
     def _require_own(self, before: Baseline | None) -> None:
         if before is None or before.origin is None or self.origin is None:
@@ -140,17 +173,19 @@ class BaselineRequest:
         if not before.origin.agrees_with(self.origin):
             raise ForeignError(foreign(self.pad.name, before.origin, self.origin))
 
-    def _make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, AnyMounting | None]:
+    def _make(self, frames: Sequence[Frame], before: Baseline | None) -> Made:
         try:
+            if self.learn is not None:
+                return self.learn.make(self.pad, means(frames), before)
             if self.turn:
-                return make_turn(self.pad, turning_means(frames), before)
+                return *make_turn(self.pad, turning_means(frames), before), {}
             if self.refine:
-                return make_refined(self.pad, means(frames), before)
+                return *make_refined(self.pad, means(frames), before), {}
             recording = summarise(frames)
             if self.bare:
                 baseline = make_bare(self.pad, self.tolerance, recording, before, self.gains)
-                return baseline, None if _needs_rest(self.pad) else baseline.mounting(self.pad)
-            return make_rest(self.pad, self.tolerance, recording, before, self.replaced, self.gains)
+                return baseline, None if _needs_rest(self.pad) else baseline.mounting(self.pad), {}
+            return *make_rest(self.pad, self.tolerance, recording, before, self.replaced, self.gains), {}
         except BaselineError as error:
             raise BaselineError(f"pad '{self.pad.name}': baseline refused: {error}") from error
 
@@ -160,12 +195,11 @@ class BaselineRequest:
         BaselineError as from `make`, StateError if it cannot be stored.
         """
         tested = replace(self, gains=stored_gains(self.pad, self.origin))
-        baseline, mounting = tested.make(frames, before)
-        gained: dict[str, float] = {}
-        if before is not None and (self.turn or self.refine) and isinstance(mounting, Mounting):
+        baseline, mounting, gained = tested._made(frames, before)
+        if before is not None and self.only_adds and isinstance(mounting, Mounting):
             was, now = (accuracy(known, self.pad) for known in (before.mounting(self.pad), mounting))
-            gained = {f"{when}_{name}": facts[name] for name in now for when, facts in (("was", was), ("now", now))}
-        warnings = [] if self.turn or self.refine else warnings_of(frames)
+            gained |= {f"{when}_{name}": facts[name] for name in now for when, facts in (("was", was), ("now", now))}
+        warnings = [] if self.only_adds else warnings_of(frames)
         return Recorded(baseline, mounting, store(baseline, self.pad), gained, warnings)
 
 
@@ -219,9 +253,17 @@ def _report(baseline: Baseline, mounting: AnyMounting | None, pad: Pad) -> dict[
             "chi2": mounting.chi2,
             "measurements": mounting.measurements,
             "chips": chips_found(mounting),
-            "could_gain": prospects(mounting, pad) if baseline.turn is None and baseline.refine is None else [],
+            "could_gain": _could_gain(baseline, mounting, pad),
         }
     return facts
+
+
+def _could_gain(baseline: Baseline, mounting: Mounting, pad: Pad) -> list[str]:
+    if baseline.turn is not None or baseline.refine is not None:
+        return []
+    if baseline.tolerance["sensor_position_m"] >= ROUGH_PLACE_M and baseline.bare is not None:
+        return [f"--learn: the places and rotations of the sensors, from {LEARN_PRESSES} presses anywhere"]
+    return prospects(mounting, pad)
 
 
 def _of_several(baseline: Baseline, mounting: ArrayMounting, pad: Pad) -> dict[str, Any]:

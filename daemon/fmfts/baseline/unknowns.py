@@ -79,6 +79,16 @@ class Unknowns:
         matrix = sensitivity.matrices(self.sensitivity + values[9 + 3 * count :])
         return State.at_rest(self.pad).stepped(values[:9]), places, matrix
 
+    def start_at(self, place_m: Array) -> Array:
+        """The vector (M,) of sensors at `place_m` (N, 3) that are turned as drawn; all else is as expected."""
+        offset = np.zeros(len(self.deviation))
+        first, count = 9, place_m.size
+        offset[first : first + count] = (place_m - self.pad.sensors.position_m).ravel()
+        offset[first + 2 * count : first + 3 * count] = -self.sensitivity[count : 2 * count]
+        exact = self.deviation == 0.0
+        scaled: Array = np.where(exact, 0.0, offset / np.where(exact, 1.0, self.deviation))
+        return scaled
+
     @property
     def cylinder_m2(self) -> float:
         """κ of the real magnet, even if the tracker uses a dipole."""

@@ -12,7 +12,7 @@ from typing import Any
 from fmfts.baseline import BaselineError
 from fmfts.baseline.files import StateError, stored
 from fmfts.baseline.job import BaselineJob, Collection, GainTest
-from fmfts.baseline.request import BaselineRequest, restore
+from fmfts.baseline.request import BaselineRequest, Learner, restore
 from fmfts.bus.lock import BusError, serving_pid
 from fmfts.config import Config, I2cSource, PadConfig
 from fmfts.recording.baseline import require_device
@@ -88,23 +88,37 @@ def record_baseline(
     turn: bool,
     refine: bool,
     duration_s: float | None,
+    learn: Learner | None = None,
 ) -> dict[str, Any]:
     """Record a baseline on the device itself, judge and store it; returns its facts. pads: all pads of the file."""
     with ThreadPoolExecutor(max_workers=1) as executor:
         require_device(pad)
-        work = BaselineRequest(pad.pad(), pad.tolerance.si(), bare, replaced, duration_s, turn, refine, origin_of(pad))
+        work = BaselineRequest(
+            pad.pad(), pad.tolerance.si(), bare, replaced, duration_s, turn, refine, origin_of(pad), learn=learn
+        )
         try:
             before = stored(work.pad, work.origin)
         except BaselineError:
-            if turn or refine:
+            if work.only_adds:
                 raise
             # The file is damaged, or another board's, and will be replaced; its bare recording cannot be trusted.
             before = None
         with _opened(pad, pads) as (source, pad_index), progress_bar("baseline") as show:
             if isinstance(source, Simulated):
-                Hands(source, bare=bare, turn=turn, refine=refine)
+                Hands(source, bare=bare, turn=turn, refine=refine or learn is not None)
             job = BaselineJob(work, before, source, executor, pad_index=pad_index)
             return _finished(pad.name, job, _turns(source, pad_index, job.take), show)
+
+
+def learn_baseline(pad: PadConfig, pads: Sequence[PadConfig], base: str | None, **options: Any) -> dict[str, Any]:
+    """The same, of presses that teach a geometry. AbsentError where a daemon serves: such work would take the time in
+    which it must read frames."""
+    from fmfts.learn.make import FromPresses
+
+    endpoints = for_client(named_base(base))
+    if serving_pid(endpoints.control) is not None:
+        raise AbsentError("a daemon runs, and --learn computes for a minute: stop it, learn, and start it again")
+    return record_baseline(pad, pads, bare=False, turn=False, refine=False, learn=FromPresses(), **options)
 
 
 def restore_baseline(pad: PadConfig) -> dict[str, Any]:

@@ -27,6 +27,11 @@ def add_to(verb: AddVerb) -> None:
     added = verb(
         "init", _init, "find the board and write a commented configuration for it", f"to write: {DEFAULT_FILE}"
     )
+    added.add_argument(
+        "--learn",
+        action="store_true",
+        help="nobody measured the board: write a sketch with wide tolerances, for `baseline --learn`",
+    )
     where = added.add_mutually_exclusive_group()
     where.add_argument("--port", metavar="PORT", help="the board's serial port; without it, all ports are tried")
     where.add_argument("--i2c", type=int, metavar="BUS", help="a pad on this I2C bus of the computer: 1 for /dev/i2c-1")
@@ -42,11 +47,13 @@ def _init(options: argparse.Namespace) -> int:
             exit_codes.UNWRITABLE, f"{file} exists and is left as it is: remove it, or name another with --config"
         )
     pads: list[FoundPad] = []
+    if options.simulated and options.learn:
+        raise VerbError(exit_codes.USAGE, "--learn is for a board: the simulated pad is as its drawing says")
     if options.simulated:
         text, where = EXAMPLE_PATH.read_text(encoding="utf-8"), "a simulated pad"
     else:
         pads, where = _on_i2c(options.i2c) if options.i2c is not None else _on_ports(options.port)
-        text = written_for(pads, where)
+        text = written_for(pads, where, options.learn)
     try:
         file.write_text(text, encoding="utf-8")
     except OSError as error:
@@ -55,7 +62,10 @@ def _init(options: argparse.Namespace) -> int:
     for remark in filter(None, map(unusual, pads)):
         print(remark)
     check = f"`fmfts-daemon check-config --config {file}`"
-    print(f"next: {check}" if options.simulated else f"next: compare its [pad.geometry] with your pad, then {check}")
+    compare = "compare its [pad.geometry] with your pad"
+    if options.learn:
+        compare = "sketch your board in [pad.geometry] to 2 mm and 10° (a ruler will do)"
+    print(f"next: {check}" if options.simulated else f"next: {compare}, then {check}")
     return 0
 
 

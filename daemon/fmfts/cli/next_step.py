@@ -43,7 +43,7 @@ def after_baseline(facts: Mapping[str, Any], config: str, pad: str, *, is_runnin
         run = f"`fmfts-daemon run{config}`, and `fmfts-daemon listen` in another terminal"
         if is_running:
             run = "`fmfts-daemon listen`: the running daemon uses this baseline"
-        worth = next((step for step in ("--turn", "--refine") if _is_worth(step, facts)), "")
+        worth = next((step for step in ("--learn", "--turn", "--refine") if _is_worth(step, facts)), "")
         return f"{run}; for better accuracy first `fmfts-daemon baseline {worth}{config}{pad}`" if worth else run
     return ""
 

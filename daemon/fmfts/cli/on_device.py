@@ -30,13 +30,20 @@ def add_to(verb: AddVerb) -> None:
     kind.add_argument("--rest", action="store_true", help="the pad is mounted and nothing touches it")
     kind.add_argument("--turn", action="store_true", help="turn the unloaded robot: learn the sensors' gains")
     kind.add_argument("--refine", action="store_true", help="press some 30 times anywhere: learn places and gains")
+    kind.add_argument(
+        "--learn",
+        action="store_true",
+        help="press some 60 times anywhere: learn a geometry of which only a sketch is known",
+    )
     kind.add_argument("--restore", action="store_true", help="record nothing: bring the last good baseline back")
     kind.add_argument(
         "--undo-drift", action="store_true", help="record nothing: forget the drift followed by [pad.rebaseline]"
     )
     baseline.add_argument("--replaced", action="store_true", help="the pad was replaced since the last baseline")
     baseline.add_argument(
-        "--duration-s", type=seconds, help="duration of the recording: 0.5 to 60 (3; --turn 20; --refine 40)"
+        "--duration-s",
+        type=seconds,
+        help="duration of the recording: 0.5 to 60 (3; --turn 20; --refine 40; --learn 60)",
     )
     selftest = verb("selftest", _selftest, "measure every axis in a field that the chip makes itself")
     for added in (baseline, selftest):
@@ -55,6 +62,8 @@ def add_to(verb: AddVerb) -> None:
 def _baseline(options: argparse.Namespace) -> int:
     from fmfts.cli.direct import nothing_to_undo, record_baseline, restore_baseline
 
+    if options.learn:
+        return _learn(options)
     if options.undo_drift:
         return _through_daemon(options, "baseline", {"undo_drift": True}, nothing_to_undo)
     if options.restore:
@@ -62,6 +71,22 @@ def _baseline(options: argparse.Namespace) -> int:
     names = ("bare", "replaced", "turn", "refine", "duration_s")
     arguments = {name: getattr(options, name) for name in names}
     return _through_daemon(options, "baseline", arguments, record_baseline)
+
+
+def _learn(options: argparse.Namespace) -> int:
+    from fmfts.cli import direct
+    from fmfts.view.facts import print_facts
+
+    config = configuration(options)
+    pad = pad_named(config, options.pad)
+    with ended_by(*direct.ERRORS):
+        facts = direct.learn_baseline(
+            pad, config.pad, config.bus.endpoint, replaced=options.replaced, duration_s=options.duration_s
+        )
+    print_facts(facts, as_json=options.json)
+    words = _config_words(options), f" --pad {options.pad}" if options.pad else ""
+    _say_next(options, next_step.after_baseline(facts, *words, is_running=False))
+    return exit_codes.DONE
 
 
 def _selftest(options: argparse.Namespace) -> int:

@@ -37,6 +37,10 @@ GAIN = Range(0.1, 10.0, "gain")
 SHARE = Range(0.0, 1.0, "share")
 # Where silicone, solder and the chips' data sheets end. Each chip's own range is narrower (Thermometer).
 TEMPERATURE_C = Range(-60.0, 150.0, "temperature in °C")
+# A pad, and what is learned of it, fits into a metre; a rotation vector ends at half a turn.
+PLACE_M = Range(-1.0, 1.0, "place in m")
+ROTATION_RAD = Range(-3.2, 3.2, "rotation in rad")
+UNIT = Range(-1.000001, 1.000001, "component of a direction")
 RECORDING_S = Range(0.0, 3600.0, "duration of a recording in s")
 # Of tables of presses: any pad that a hand can hold. Their squares and quotients are numbers, too.
 PLACE_MM = Range(-1e4, 1e4, "place in mm")

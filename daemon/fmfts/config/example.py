@@ -29,15 +29,44 @@ class FoundPad:
     other_half: str = ""
 
 
-def written_for(pads: Sequence[FoundPad], where: str) -> str:
-    """The text of a configuration for these pads; where: says where they were found. Comments are the example's."""
+# Tolerances of a sketch: 2 mm and 10° anywhere, as standard deviations (a number within ±1 has 1/√3).
+ROUGH = {
+    "sensor_position_mm": ("1.2", "of each sensor: a sketch, 2 mm off at most, that `baseline --learn` makes exact"),
+    "sensor_rotation_deg": ("6.0", "of each chip about each axis: 10° off at most"),
+}
+
+
+def written_for(pads: Sequence[FoundPad], where: str, is_sketch: bool = False) -> str:
+    """The text of a configuration for these pads; where: says where they were found. Comments are the example's.
+
+    is_sketch: nobody measured the geometry.
+    """
     text = EXAMPLE_PATH.read_text(encoding="utf-8")
     general, rest = text.split(FIRST_PAD, 1)
     sections = rest[rest.index(GEOMETRY) : rest.index(OTHER_SOURCES)].rstrip()
     collecting = text[text.index(COLLECTING) :]
-    blocks = [_pad(pad, sections if number == 0 else SHORT_GEOMETRY) for number, pad in enumerate(pads)]
+    short = SHORT_GEOMETRY
+    if is_sketch:
+        sections, short = _roughly(sections), f"{short}\n\n[pad.tolerance]\n{_rough_lines()}"
+    blocks = [_pad(pad, sections if number == 0 else short) for number, pad in enumerate(pads)]
     head = f"# Written by `fmfts-daemon init` for {where}.\n# Compare [pad.geometry] and [pad.magnet] with your pad.\n"
     return head + general + "\n\n".join(blocks) + "\n\n" + collecting
+
+
+def _roughly(sections: str) -> str:
+    lines = [_rough_line(line.partition(" = ")[0]) or line for line in sections.splitlines()]
+    return "\n".join(lines)
+
+
+def _rough_lines() -> str:
+    return "\n".join(filter(None, map(_rough_line, ROUGH)))
+
+
+def _rough_line(key: str) -> str | None:
+    if key not in ROUGH:
+        return None
+    value, comment = ROUGH[key]
+    return f"{key} = {value}".ljust(31) + f"# {comment}"
 
 
 def unusual(pad: FoundPad) -> str | None:

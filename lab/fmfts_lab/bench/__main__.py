@@ -18,6 +18,7 @@ from fmfts_lab.bench import (
     frame_cost,
     imperfect_causes,
     latency,
+    learned,
     long_squeeze,
     moment,
     neighbours,
@@ -40,7 +41,7 @@ def main() -> None:
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
         "neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | overload | "
-        "frame | resident | now | several | eflesh | real",
+        "frame | resident | now | several | eflesh | real | learned",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -121,6 +122,12 @@ def main() -> None:
     )
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=as_built.run)
+    verb = verbs.add_parser("learned", help="sensors that nobody measured: after baseline --learn, beside known ones")
+    verb.add_argument("--pads", type=int, default=4, help="how many boards are drawn")
+    verb.add_argument("--seconds", type=float, default=9.1, help="of presses and pauses, for each pad and baseline")
+    verb.add_argument("--remanence", type=float, default=0.05, help="its tolerance; these magnets differ by 5 %%")
+    verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.set_defaults(run=learned.run)
     verb = verbs.add_parser(
         "silicone", help="what real pads do besides: creep, casting, chips, fingers of other shapes"
     )

@@ -1,0 +1,127 @@
+"""A pad's geometry as one vector of errors of its drawing, and what it means for the field that the chips report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.baseline import sensitivity
+from fmfts.pad import Pad, SensorArray, Tolerance, rotation_from_vector
+from fmfts.pose import State, dipole_derivatives, dipole_field
+from fmfts.pose.state import turn_derivative
+
+Array = NDArray[np.float64]
+
+# How far the octupole of a real magnet may be from that of a cylinder of its drawing: 10 % of each of its dimensions.
+OCTUPOLE_SHARE = 0.1
+REST, LOG_MOMENT, OCTUPOLE, FIRST_PLACE = slice(0, 5), 5, 6, 7
+
+
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """A pad as it may be. sensors: places and axes at right angles. matrix (N, 3, 3): what a chip reports of a field in
+    its own axes (gains and cross-axis terms). by_rotation (N, 3, 3): how a change of a chip's rotation vector turns it.
+    octupole_m2: κ of the magnet; rest: its pose and log moment, untouched."""
+
+    rest: State
+    octupole_m2: float
+    sensors: SensorArray
+    matrix: Array
+    by_rotation: Array
+
+    def reported(self) -> SensorArray:
+        """(N,) chips without errors of their own, but for axes that need not be at right angles nor of length one."""
+        rows = self.matrix @ self.sensors.axes.transpose(0, 2, 1)
+        return SensorArray(self.sensors.position_m, rows.transpose(0, 2, 1))
+
+    def at(self, position_m: Array, axis: Array) -> State:
+        return replace(self.rest, position_m=position_m, axis=axis)
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """A pad's drawing and its tolerances: the prior of what is learned.
+
+    The vector (M,) counts deviations from the drawing in its tolerances: rest pose (5), log moment, κ, places (3N),
+    rotation vectors in the chips' own axes (3N), gains (3N), cross-axis terms (3N). free_octupole: κ is unknown, too.
+    """
+
+    pad: Pad
+    tolerance: Tolerance
+    free_octupole: bool = False
+
+    @property
+    def deviation(self) -> Array:
+        """(M,) in SI."""
+        count, given = 3 * len(self.pad.sensors), self.tolerance
+        magnet = self.pad.magnet
+        squares = magnet.length_m**2 / 4.0 + 3.0 * magnet.diameter_m**2 / 16.0
+        return np.concatenate(
+            [
+                np.full(3, given.magnet_position_m),
+                np.full(2, given.magnet_tilt_rad),
+                [given.remanence, 2.0 * OCTUPOLE_SHARE * squares if self.free_octupole else 0.0],
+                np.full(count, given.sensor_position_m),
+                np.full(count, given.sensor_rotation_rad),
+                np.full(count, given.gain),
+                np.full(count, given.cross_axis),
+            ]
+        )
+
+    def geometry(self, vector: Array) -> Geometry:
+        count, values = len(self.pad.sensors), self.deviation * vector
+        places, rotations, gains, cross = values[FIRST_PLACE:].reshape(4, count, 3)
+        turned = np.array([rotation_from_vector(one) for one in rotations])
+        own = np.concatenate([1.0 + gains.ravel(), np.zeros(3 * count), cross.ravel()])
+        return Geometry(
+            State.at_rest(self.pad).stepped(values[:6]),
+            self.pad.magnet.octupole_m2 + float(values[OCTUPOLE]),
+            SensorArray(self.pad.sensors.position_m + places, self.pad.sensors.axes @ turned),
+            sensitivity.matrices(own),
+            np.array([right_jacobian(one) for one in rotations]),
+        )
+
+    def derivatives(self, geometry: Geometry, state: State) -> tuple[Array, Array, Array]:
+        """What the chips report (3N,) of the magnet in `state`, and its derivatives by the pose (3N, 5) and by the
+        vector (3N, M), as if rest and pose were one: who uses a press sets the columns of rest to zero."""
+        sensors, count = geometry.sensors, len(self.pad.sensors)
+        strength = self.pad.magnet.strength_t_m3 * float(np.exp(state.log_moment))
+        to_chip = geometry.matrix @ sensors.axes.transpose(0, 2, 1)
+        here = sensors.position_m, state.position_m, state.axis, strength
+        field, by_position, by_axis = dipole_derivatives(*here, geometry.octupole_m2)
+        own = sensors.to_sensor(field)
+        by_place = to_chip @ by_position
+        columns = np.zeros((count, 3, FIRST_PLACE + 12 * count))
+        columns[:, :, :3] = by_place
+        columns[:, :, 3:5] = to_chip @ by_axis @ turn_derivative(self.pad.rest_axis, state.axis)
+        columns[:, :, LOG_MOMENT] = (to_chip @ field[:, :, None])[:, :, 0]
+        if self.free_octupole:  # the field is linear in κ
+            unit = dipole_field(*here, geometry.octupole_m2 + 1.0) - field
+            columns[:, :, OCTUPOLE] = (to_chip @ unit[:, :, None])[:, :, 0]
+        # Of `sensitivity`, what is the chip's own. Its rotation turns the field before that.
+        gains, turns, cross = np.split(sensitivity.columns(own), 3, axis=2)
+        for sensor in range(count):
+            first = FIRST_PLACE + 3 * sensor
+            own_columns = slice(3 * sensor, 3 * sensor + 3)
+            columns[sensor, :, first : first + 3] = -by_place[sensor]
+            first += 3 * count
+            turn = geometry.matrix[sensor] @ turns[sensor, :, own_columns] @ geometry.by_rotation[sensor]
+            columns[sensor, :, first : first + 3] = turn
+        columns[:, :, FIRST_PLACE + 6 * count : FIRST_PLACE + 9 * count] = gains
+        columns[:, :, FIRST_PLACE + 9 * count :] = cross
+        by_pose = np.concatenate([by_place, to_chip @ by_axis @ turn_derivative(state.axis, state.axis)], axis=2)
+        shared = columns.reshape(3 * count, -1) * self.deviation
+        return (geometry.matrix @ own[:, :, None]).ravel(), by_pose.reshape(3 * count, 5), shared
+
+
+def right_jacobian(vector_rad: Array) -> Array:
+    """J (3, 3): R(v + dv) = R(v)·R(J dv), to first order (Chirikjian, Stochastic Models 2, 2012, section 10.6)."""
+    angle = float(np.linalg.norm(vector_rad))
+    x, y, z = vector_rad
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    if angle < 1e-6:
+        return np.eye(3) - cross / 2.0
+    first, second = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
+    return np.asarray(np.eye(3) - first * cross + second * cross @ cross)
