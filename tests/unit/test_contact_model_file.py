@@ -14,6 +14,7 @@ import pytest
 from onnx import TensorProto, helper
 from test_contact_model import CALIBRATION
 
+from fmfts.calibrate.with_weights import with_weights
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact import ContactModel, ModelError
 from fmfts.contact.contract import METADATA_KEY, RESPONSE_KEY, SHEAR_OUTPUT_ORDER, SIZE_LIMIT_BYTES, WEIGHTS_KEY
@@ -253,3 +254,9 @@ def test_a_sealed_model_without_weights_is_of_a_development_version(pad: Pad, tm
     (tmp_path / "older.onnx").write_bytes(with_seal(proto.SerializeToString()))
     with pytest.raises(ModelError, match="of a development version wrote it"):
         ContactModel.load(str(tmp_path / "older.onnx"), pad)
+
+
+def test_a_development_versions_model_gets_its_weights_and_keeps_its_name() -> None:
+    content = unsealed(DEFAULT_PATH.read_bytes())
+    behind = onnx.ModelProto(metadata_props=onnx.load_from_string(content).metadata_props[-1:]).SerializeToString()
+    assert with_weights(with_seal(content.removesuffix(behind))) == DEFAULT_PATH.read_bytes()

@@ -169,7 +169,10 @@ class ContactModel:
         if content == whole and weights is not None:
             raise ValueError("it is damaged, or was edited: `calibrate` wrote it, and its SHA-256 is not at its end")
         if content != whole and weights is None:
-            raise ValueError("`calibrate` of a development version wrote it, without the weights that this one reads")
+            raise ValueError(
+                "`calibrate` of a development version wrote it, without the weights that this one reads: "
+                f"`python -m fmfts.calibrate.with_weights {file}` adds them"
+            )
         facts, response = parse_facts(model.metadata), parse_response(model.metadata)
         inference = inference_of(content, model, facts)
         if refine and response is None:
