@@ -244,11 +244,28 @@ class Tolerance:
 
     sensor_position_m: float
     magnet_position_m: float
-    magnet_tilt_rad: float
+    magnet_tilt_rad: float  # of the magnet in its silicone
     gain: float
     remanence: float
     sensor_rotation_rad: float = 0.0  # about each axis
     cross_axis: float = 0.0
+    pad_tilt_rad: float = 0.0  # of the silicone against the sensors
+
+    @property
+    def tilt_rad(self) -> float:
+        """Of the magnet against the sensors."""
+        return float(root_of_squares(self.magnet_tilt_rad, self.pad_tilt_rad))
+
+    @property
+    def pad_share(self) -> float:
+        """How much of a tilt that is found at rest is most likely the whole pad's."""
+        whole = self.tilt_rad * self.tilt_rad
+        return self.pad_tilt_rad * self.pad_tilt_rad / whole if whole else 0.0
+
+    @property
+    def unshared_tilt_rad(self) -> float:
+        """What stays unknown of the pad's own tilt where both together are known."""
+        return self.magnet_tilt_rad * float(np.sqrt(self.pad_share))
 
 
 @dataclass(frozen=True, slots=True)

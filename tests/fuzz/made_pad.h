@@ -115,6 +115,7 @@ static void make_gates(fmfts_pose_parameters *p, uint8_t kind)
         p->unit_gradient[6 * i] = i < 3 ? 1e-4 : 10.0;
     p->drawn_rest_m[2] = p->rest[2];
     p->drawn_turn[0] = p->drawn_turn[4] = p->drawn_turn[8] = 1.0;
+    p->pad_turn[0] = p->pad_turn[4] = p->pad_turn[8] = 1.0;
 }
 
 static void make_contact(made_pad *made, uint8_t kind)

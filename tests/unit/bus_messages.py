@@ -169,6 +169,7 @@ def status_message(**changes: Any) -> StatusMessage:
         "gains_from": "selftest",
         "remanence_t": 1.23,
         "rest_drift_m": None,
+        "force_scale_sd": 0.23,
         "sensor_faults": [],
         "board": {"firmware": "0.1.0"},
         "uptime_s": 4.5,

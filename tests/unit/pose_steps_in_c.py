@@ -16,7 +16,7 @@ from fmfts.pad import Array, Pad, Silicone
 from fmfts.pipeline import _pad
 from fmfts.pipeline.parameters import put_neighbours
 from fmfts.pose import SIZE, PoseEstimate, State, tangent_basis
-from fmfts.pose.change import shortest_rotation
+from fmfts.pose.change import UPRIGHT, shortest_rotation
 from fmfts.pose.model import predict
 from fmfts.pose.neighbour import NeighbourView
 from fmfts.pose.problem import Parts, magnet_rows, measurement_rows
@@ -79,7 +79,9 @@ def lasting_deviation_t(mounting: Mounting, pad: Pad, field_t: Array, ambient_t:
 class Displaced:
     """change.c: the change of a pose since rest. pad: as drawn. leftover (8, 5, M): `Mounting.change_error`."""
 
-    def __init__(self, rest: State, pad: Pad, leftover: Array, estimate: PoseEstimate) -> None:
+    def __init__(
+        self, rest: State, pad: Pad, leftover: Array, estimate: PoseEstimate, pad_turn: Array = UPRIGHT
+    ) -> None:
         self._parameters, self._state = Record(_pad.PARAMETERS), estimate.state.vector()
         self._parameters.fill(
             {
@@ -88,6 +90,7 @@ class Displaced:
                 "change_error": leftover,
                 "drawn_rest_m": pad.rest_position_m,
                 "drawn_turn": shortest_rotation(rest.axis, pad.rest_axis),
+                "pad_turn": pad_turn,
             }
         )
         pose = np.concatenate([estimate.covariance.ravel(), np.zeros(2)])

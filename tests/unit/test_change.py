@@ -41,6 +41,7 @@ def test_change_and_its_covariance_are_those_of_a_small_step(pad: Pad, seed: int
     estimate = estimate_at(pad, rest.stepped(press), random)
     leftover = random.normal(size=(8, 5, 9)) * np.array([1e-2] * 3 + [1.0] * 2)[:, None]
     cross, along = np.cross(rest.axis, pad.rest_axis), rest.axis @ pad.rest_axis
+    pad_turn = Rotation.from_rotvec(0.05 * random.normal(size=3)).as_matrix()
     rotation = Rotation.from_rotvec(cross / np.linalg.norm(cross) * np.arctan2(np.linalg.norm(cross), along))
 
     def change(step: Array) -> Array:
@@ -49,9 +50,9 @@ def test_change_and_its_covariance_are_those_of_a_small_step(pad: Pad, seed: int
 
     def drawn(step: Array) -> Array:
         moved = estimate.position_m + step[:3] - rest.position_m
-        return np.concatenate([pad.rest_position_m + moved, rotation.apply(turned(estimate.axis, step[3:]))])
+        return np.concatenate([pad.rest_position_m + pad_turn @ moved, rotation.apply(turned(estimate.axis, step[3:]))])
 
-    here, found = np.zeros(5), Displaced(rest, pad, leftover, estimate)
+    here, found = np.zeros(5), Displaced(rest, pad, leftover, estimate, pad_turn)
     np.testing.assert_allclose(found.change, change(here), rtol=1e-12, atol=1e-18)
     np.testing.assert_allclose(
         change_since(rest, estimate.state), [*change(here), *estimate.state.ambient_t], atol=1e-16
@@ -65,9 +66,9 @@ def test_change_and_its_covariance_are_those_of_a_small_step(pad: Pad, seed: int
     expected = np.linalg.norm(moved), np.sqrt(moved @ spread @ moved) / np.linalg.norm(moved)
     np.testing.assert_allclose(found.distance(), expected, rtol=1e-6)
     np.testing.assert_allclose(_pad.distance(change(here), at_rest), expected, rtol=1e-9)
-    plain, share = in_nominal_frame(estimate, rest, pad), 0.02**2 + 0.01**2
-    with_leftover = NominalFrame(rest, pad, leftover).pose(estimate)
-    with_all = NominalFrame(rest, pad, leftover, Silicone(0.02, 0.01)).pose(estimate)
+    plain, share = in_nominal_frame(estimate, rest, pad, pad_turn), 0.02**2 + 0.01**2
+    with_leftover = NominalFrame(rest, pad, leftover, pad_turn=pad_turn).pose(estimate)
+    with_all = NominalFrame(rest, pad, leftover, Silicone(0.02, 0.01), pad_turn).pose(estimate)
     back = D @ tilted_back(rest, estimate)
     for told, wanted in (
         (plain, D @ own @ D.T),

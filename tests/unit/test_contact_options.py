@@ -40,13 +40,6 @@ def test_refined_answers_are_the_most_likely_and_say_so(pad: Pad, model: Contact
     assert (np.abs(clean.found(refining) - clean.press).mean(axis=0) < [0.02, 0.02, 0.002]).all()
 
 
-@pytest.fixture
-def only_shear(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A finger of the calibrating probe's own shape."""
-    monkeypatch.setattr("fmfts.contact.model.shape_deviation_of", lambda facts, response: 0.0)
-
-
-@pytest.mark.usefixtures("only_shear")
 def test_friction_widens_the_deviations_of_a_model_that_does_not_tell_shear(tmp_path: Path, pad: Pad) -> None:
     """A model that a newton of shear moves by 1 mm and 0.2 N: at µ = 0.3 and 1.6 N, rms shear is 0.3·1.98/√2 N, the
     force being that of the bin's end."""
@@ -115,7 +108,6 @@ def test_error_of_the_response_stays_in_the_deviations_of_a_refined_answer(tmp_p
     assert estimate.force_sd_n > 0.2
 
 
-@pytest.mark.usefixtures("only_shear")
 def test_friction_in_the_last_bin_counts_up_to_the_largest_force(tmp_path: Path, pad: Pad) -> None:
     """A pad for 6 N whose last bin begins at 1.4 N: shear grows with the force, wherever the bins end."""
 

@@ -26,7 +26,7 @@ CONFIG = PadConfig(
     name="left",
     source=SimulatedSource(turning_deg_per_s=0.0),
     tolerance=ToleranceConfig(gain=0.005, sensor_rotation_deg=0.0, cross_axis=0.0),
-    contact=ContactConfig(model="shear"),
+    contact=ContactConfig(model="shear", finger_mm=(6.0, 6.0)),
 )
 
 
@@ -100,9 +100,7 @@ def test_shear_is_told_as_well_as_one_frame_allows_on_directly_solved_presses() 
     assert (np.array(facts["network, 2 mG"]["mae"])[3:] < 0.13).all()
 
 
-def test_shipped_models_deviations_count_the_shear_that_friction_may_exert(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A finger of the calibrating probe's own shape: what another shape adds is told by test_imperfections."""
-    monkeypatch.setattr("fmfts.contact.model.shape_deviation_of", lambda facts, response: 0.0)
+def test_shipped_models_deviations_count_the_shear_that_friction_may_exert() -> None:
     facts = friction("default", np.random.default_rng(3))
     assert facts["finger 0.3, model 0"]["wrong"] > 0.1
     counted = facts["finger 0.3, model 0.3"]

@@ -204,6 +204,7 @@ class Status:
     sensor_faults: tuple[str, ...]
     board: dict[str, Any]
     uptime_s: float
+    force_scale_sd: Optional[float] = field(default=None, metadata=MAY_BE_MISSING)  # of old versions
 
     @classmethod
     def from_message(cls, message: dict[str, Any]) -> Status:

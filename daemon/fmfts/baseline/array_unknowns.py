@@ -35,7 +35,7 @@ class ArrayUnknowns:
     def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool, measured: Sensitivity) -> ArrayUnknowns:
         drawn, count = Magnets.drawn(pad), len(pad.sensors)
         each = np.array(
-            [tolerance.magnet_position_m] * 3 + [tolerance.magnet_tilt_rad] * 2 + [tolerance.remanence], dtype=float
+            [tolerance.magnet_position_m] * 3 + [tolerance.tilt_rad] * 2 + [tolerance.remanence], dtype=float
         )
         spread = np.sqrt(np.diagonal(measured.covariance))
         deviation = np.concatenate(

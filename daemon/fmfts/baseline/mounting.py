@@ -16,7 +16,7 @@ from fmfts.arithmetic.matrix import inverse, lengths, log_determinant, product, 
 from fmfts.baseline.presses import PressBundle, Presses
 from fmfts.baseline.recording import Recording
 from fmfts.baseline.sensitivity import Sensitivity, relative_deviation, split
-from fmfts.baseline.unknowns import Leftover, Unknowns
+from fmfts.baseline.unknowns import TELLS_LITTLE, Leftover, Unknowns
 from fmfts.pad import Pad, SensorArray, Tolerance
 from fmfts.pose import FieldErrors, State, dipole_field
 
@@ -25,7 +25,6 @@ Array = NDArray[np.float64]
 ITERATIONS = 30
 ITERATIONS_TO_COMPARE = 8  # a search that has not settled by then is that of a wrong assumption
 BROKEN_T = 5e-5  # what a broken sensor reads: anything, as the size of the Earth's field
-TELLS_LITTLE = 1e-2  # the share of a tolerance's variance below which a recording tells nothing of a distance
 SETTLED = 1e-6  # the search ends when no step is larger, in prior deviations
 
 
@@ -46,6 +45,8 @@ class Mounting:
     rest_strain: (5,) distance of the estimated rest pose from the drawing's, in deviations of such estimates for pads
     that are within their tolerances: the recording tells only a part of the distance.
     ambient_t, ambient_deviation_t: (3,) from the bare recording, None without one.
+    pad_turn: (3, 3) from the sensors' axes to those of the pad as it most likely stands: presses move its magnet in
+    these.
     press_chi2: (K,) misfit of each press, if there were any, with 3N − 5 degrees of freedom.
     """
 
@@ -69,6 +70,7 @@ class Mounting:
     ambient_deviation_t: Array | None
     surprise: float = 0.0
     press_chi2: Array = field(default_factory=lambda: np.zeros(0))
+    pad_turn: Array = field(default_factory=lambda: np.eye(3))
 
     def drifted(self, moved: Array) -> Mounting:
         """A copy with the magnet's rest pose moved by (5,), in m, and in rad in the tangent plane of its axis."""
@@ -155,6 +157,14 @@ def estimate_mounting(
     told = np.sqrt(np.maximum(1.0 - np.diagonal(scaled_covariance)[:5], TELLS_LITTLE))
     # A misfit above what tolerances explain makes the pose as uncertain as it is large (Birge's ratio: tracker.c).
     birge = max(chi2 / float(believed.sum()), 1.0)
+    leftover = Leftover(
+        unknowns,
+        scaled,
+        scaled_covariance,
+        np.where(believed, 1.0 / rest.noise_t.ravel(), 0.0),
+        tolerance.pad_share,
+        tolerance.unshared_tilt_rad,
+    )
     return Mounting(
         rest=replace(state, ambient_t=np.zeros(3)),
         rest_covariance=birge * covariance[:6, :6],
@@ -167,7 +177,8 @@ def estimate_mounting(
         sensitivity_deviation=relative_deviation(covariance[9 + 3 * count :, 9 + 3 * count :]),
         place_deviation=_by_place(place_deviation, distance),
         systematic_t=0.0,
-        leftover=Leftover(unknowns, scaled, scaled_covariance, np.where(believed, 1.0 / rest.noise_t.ravel(), 0.0)),
+        leftover=leftover,
+        pad_turn=leftover.pad_turn(),
         chi2=chi2,
         measurements=int(believed.sum()),
         misfit_t=misfit,

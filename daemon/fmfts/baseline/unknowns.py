@@ -14,7 +14,8 @@ from fmfts.baseline import sensitivity
 from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FieldErrors, State, dipole_derivatives, octupole_m2
-from fmfts.pose.state import turn_derivative
+from fmfts.pose.change import pad_turn_of
+from fmfts.pose.state import tangent_basis, turn_derivative, turned
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,8 @@ TYPICAL_CHANGE = np.array([3e-4, 3e-4, 5e-4, 0.1, 0.1])
 EXACT = 1e-15
 # Of so many independent causes the errors of a change are kept: FMFTS_LEFTOVERS in pose/step.h.
 MOST_CAUSES = 25
-AMBIENT_COLUMNS = np.arange(6, 9)
+TILT, AMBIENT_COLUMNS = slice(3, 5), np.arange(6, 9)
+TELLS_LITTLE = 1e-2  # the share of a tolerance's variance below which a recording tells nothing of a distance
 # A finger presses down; sideways and in tilt it may move either way.
 HALF_A_PRESS = np.array([0.0, 0.0, -3e-4, 0.0, 0.0])
 
@@ -62,7 +64,7 @@ class Unknowns:
         spread = np.concatenate(
             [
                 np.full(3, tolerance.magnet_position_m),
-                np.full(2, tolerance.magnet_tilt_rad),
+                np.full(2, tolerance.tilt_rad),
                 [tolerance.remanence],
                 np.full(3, AMBIENT_DEVIATION_T if ambient_free else STANDING_AMBIENT_T),
                 np.full(3 * count, tolerance.sensor_position_m),
@@ -155,13 +157,16 @@ class Unknowns:
 class Leftover:
     """What the baseline leaves uncertain: the estimate `scaled` (M,) of the unknowns, and its covariance (M, M).
 
-    weight: (3N,) of the field values of a frame.
+    weight: (3N,) of the field values of a frame. pad_share: how much of the magnet's tilt is the whole pad's;
+    unshared_tilt_rad: what of the pad's tilt stays unknown where the magnet's is known.
     """
 
     unknowns: Unknowns
     scaled: Array
     covariance: Array
     weight: Array
+    pad_share: float = 0.0
+    unshared_tilt_rad: float = 0.0
 
     @property
     def _root(self) -> Array:
@@ -214,12 +219,40 @@ class Leftover:
         the difference of the field's derivatives there and at rest; and another ambient field is read by chips that are
         turned. The tracker's least squares turn both into an error of pose; its unknowns are the columns `solved` (pose
         0–4, log moment 5, ambient field 6–8). Where the ambient field is not solved, it does not change.
+
+        A pad whose own tilt is not known turns the movement of its magnet by that, too.
         """
         # In these units a typical error is one, whichever change causes it.
         typical = np.append(TYPICAL_CHANGE, np.full(3, AMBIENT_DEVIATION_T))[:, None] / TYPICAL_CHANGE
-        errors = self._errors_of_change(solved)[:, :5]
+        errors = np.concatenate([self._errors_of_change(solved)[:, :5], np.zeros((8, 5, 2))], axis=2)
+        errors[:3, :3] += self._errors_of_tilt()
         relative = fewest_causes((errors * typical[:, :, None]).reshape(40, -1)).reshape(8, 5, -1)
         return np.asarray(relative / typical[:, :, None], dtype=np.float64)
+
+    def pad_turn(self) -> Array:
+        """See `Mounting.pad_turn`. The most probable tilt is too small: chips that are all turned look like a tilt, and
+        a part of it is put down to them. That part is given back."""
+        drawn, tilt = (
+            self.unknowns.pad.rest_axis,
+            self.unknowns.deviation[TILT] * self.scaled[TILT] / self._told_of_tilt,
+        )
+        return pad_turn_of(turned(drawn, tilt), drawn, self.pad_share)
+
+    @property
+    def _told_of_tilt(self) -> Array:
+        """(2,) how much of a tilt the most probable one has, on average."""
+        told: Array = np.maximum(1.0 - np.diagonal(self.covariance)[TILT], TELLS_LITTLE)
+        return told
+
+    def _errors_of_tilt(self) -> Array:
+        """(3, 3, M + 2): of a unit movement along each axis, by each deviation of unknowns and of the pad's tilt."""
+        axis = self.unknowns.pad.rest_axis
+        root = self._root[TILT] / np.sqrt(self._told_of_tilt)[:, None]
+        tilts = np.hstack([self.pad_share * root, self.unshared_tilt_rad * np.eye(2)])
+        (a, b, c), (u, v, w) = axis, product(tangent_basis(axis), tilts)
+        x, y, z = b * w - c * v, c * u - a * w, a * v - b * u  # the turn: axis × movement of its end
+        zero = np.zeros(len(x))
+        return np.array([[zero, z, -y], [-z, zero, x], [y, -x, zero]])
 
     def ambient_error(self, solved: NDArray[np.intp]) -> Array:
         """(8, 3, M) as `change_error`, the error of the change of the ambient field; M = 0 where it is not solved."""

@@ -17,6 +17,8 @@ from fmfts.arithmetic.matrix import length, lengths
 from fmfts.config.layouts import BoardName, Vector, layout
 from fmfts.config.section import Fraction, NonNegativeFloat, PositiveFloat, Problem
 from fmfts.config.section import Section as _Section
+from fmfts.contact.shipped import SHIPPED_PATHS
+from fmfts.contact.tolerances import FINGER_M, MODULUS, THICKNESS_M, StructureTolerance
 from fmfts.pad import (
     Array,
     DriftLimits,
@@ -38,6 +40,8 @@ FASTEST_HZ = max(chip.free_rate_hz for chip in CHIPS.values())
 BoardUid = Annotated[str, Meta(pattern=r"^[0-9A-Fa-f]{24}\Z")]
 # Magnets in mm: thinner ones are not made (a smaller number was meant in metres), thicker ones fit no fingertip.
 MagnetSize = Annotated[float, Meta(ge=0.2, le=50.0)]
+# Wider ones touch more than the table of presses knows.
+FingerSize = Annotated[float, Meta(ge=0.0, le=30.0)]
 PadName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}\Z")]
 
 
@@ -170,15 +174,22 @@ class MagnetConfig(_Section, frozen=True):
 
 
 class ToleranceConfig(_Section, frozen=True):
-    """Standard deviations of a pad's building errors: the priors of the baseline's estimate."""
+    """Standard deviations of a pad's building errors: the priors of the baseline's estimate, and what it cannot tell.
+
+    modulus, thickness_mm: None where a file has none: usual ones of a shipped contact model, 0 of one that was
+    calibrated on the pad.
+    """
 
     sensor_position_mm: NonNegativeFloat = 0.1
     magnet_position_mm: NonNegativeFloat = 0.1
-    magnet_tilt_deg: NonNegativeFloat = 1.0
+    magnet_tilt_deg: NonNegativeFloat = 0.25
+    pad_tilt_deg: NonNegativeFloat = 1.0
     gain: Fraction = 0.05
     remanence: Fraction = 0.1
     sensor_rotation_deg: NonNegativeFloat = 1.5
     cross_axis: Fraction = 0.005
+    modulus: Fraction | None = None
+    thickness_mm: NonNegativeFloat | None = None
 
     def si(self) -> Tolerance:
         """The same facts in SI."""
@@ -186,6 +197,7 @@ class ToleranceConfig(_Section, frozen=True):
             sensor_position_m=self.sensor_position_mm * 1e-3,
             magnet_position_m=self.magnet_position_mm * 1e-3,
             magnet_tilt_rad=math.radians(self.magnet_tilt_deg),
+            pad_tilt_rad=math.radians(self.pad_tilt_deg),
             gain=self.gain,
             remanence=self.remanence,
             sensor_rotation_rad=math.radians(self.sensor_rotation_deg),
@@ -227,6 +239,7 @@ class ContactConfig(_Section, frozen=True):
     model: str = "default"
     refine: bool = False
     friction: Annotated[float, Meta(ge=0, le=2)] = 0.3
+    finger_mm: tuple[FingerSize, FingerSize] = (FINGER_M[0] * 1e3, FINGER_M[1] * 1e3)
     smoothing_ms: Annotated[float, Meta(ge=0, le=1000)] = 0.0
 
 
@@ -264,6 +277,15 @@ class PadConfig(_Section, frozen=True, kw_only=True):
         """Whether nobody knows its magnets, or needs to: its contact model then goes without a pose."""
         no_pose = (FIELD_RESPONSE_SUFFIX, FORCE_MODEL_SUFFIX)
         return self.contact.model.endswith(no_pose) and not self.other_magnets
+
+    def structure_tolerance(self, model: str | None = None) -> StructureTolerance:
+        """What silicone and finger leave open of the contacts of a model, in SI; None: of the configured one."""
+        is_shipped = (self.contact.model if model is None else model) in SHIPPED_PATHS
+        usual = (MODULUS, THICKNESS_M * 1e3) if is_shipped else (0.0, 0.0)
+        said = (self.tolerance.modulus, self.tolerance.thickness_mm)
+        modulus, thickness_mm = (one if one is not None else other for one, other in zip(said, usual, strict=True))
+        smallest_mm, largest_mm = self.contact.finger_mm
+        return StructureTolerance(modulus, thickness_mm * 1e-3, (smallest_mm * 1e-3, largest_mm * 1e-3))
 
     def pad(self) -> Pad:
         """The nominal pad, in SI."""

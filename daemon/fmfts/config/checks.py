@@ -76,6 +76,7 @@ def _of_pads(config: Config) -> Iterator[Problem]:
             _sensors,
             _rest,
             _model,
+            _finger,
             several_problems,
             skin_problems,
         )
@@ -116,6 +117,12 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
         yield ("source", "mechanics"), 'neither "standard" nor a file: `fmfts-daemon pad-model -o PAD.npz` makes one'
     if isinstance(source, I2cSource):
         yield from i2c_checks.of_pad(source, len(pad.geometry.sensors_mm))
+
+
+def _finger(pad: PadConfig) -> Iterator[Problem]:
+    smallest_mm, largest_mm = pad.contact.finger_mm
+    if not smallest_mm <= largest_mm:
+        yield ("contact", "finger_mm"), f"the smallest width comes first: [{largest_mm:g}, {smallest_mm:g}]"
 
 
 def _sensors(pad: PadConfig) -> Iterator[Problem]:

@@ -1,5 +1,5 @@
 /* The contact model's answer and its variance. The variance is that of the pose, carried over by the Jacobian and widened by its bend,
- * plus the model's own error. */
+ * plus the model's own error, plus what the pad's structure leaves open (tolerances.c). */
 #include <math.h>
 
 #include "step.h"
@@ -200,15 +200,15 @@ static bool is_beyond_edge(const fmfts_contact_parameters *parameters, const dou
     return contact[axis] < parameters->edges_m[2 * axis] || contact[axis] > parameters->edges_m[2 * axis + 1];
 }
 
-/* The variance in SI: the pose's, and the model's own error. That of a place is at most that of a place on the pad. */
+/* The variance in SI: the pose's, the model's own error, and the structure's. That of a place is at most that of a place on the pad. */
 static void spread_of(const fmfts_contact_parameters *parameters, const double *contact, const found *answer,
-                      const double *bend, double variance[CONTACT])
+                      const double *bend, const double *structure, double variance[CONTACT])
 {
     const double *found = answer->variance;
     int bin = bin_in_tables(parameters, contact, radius_bin(parameters, contact));
     const double *own = parameters->own_deviation + answer->outputs * bin;
     for (int i = 0; i < answer->outputs; i++) {
-        variance[i] = found[i] * bend[i] * UNIT[i] * UNIT[i] + own[i] * own[i];
+        variance[i] = (found[i] * bend[i] + structure[i]) * UNIT[i] * UNIT[i] + own[i] * own[i];
         variance[i] += i < 2 ? parameters->magnet_off_m[i] * parameters->magnet_off_m[i] : 0.0;
     }
     double certain = 1.0 - doubt(contact[2], found[2]);
@@ -227,26 +227,31 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
 {
     found found = {.outputs = (int)network->outputs, .by_pose = estimate->by_pose};
     fmfts_response table;
-    double variance[FMFTS_CONTACT], bend[FMFTS_CONTACT], *place = estimate->place, limit = parameters->force_max_n;
+    double variance[FMFTS_CONTACT], bend[FMFTS_CONTACT], structure[FMFTS_CONTACT];
+    double *place = estimate->place, limit = parameters->force_max_n;
     answer_of(network, question, &found);
     bend_of(network, question, &found, bend);
-    if (response && !(fmfts_view_response(response, response_bytes, &table) &&
-                      refine(parameters, question, &table, &found))) {
+    bool has_table = response && fmfts_view_response(response, response_bytes, &table);
+    if (response && parameters->refine_steps > 0.0 && !(has_table && refine(parameters, question, &table, &found))) {
         return false;
     }
+    fmfts_answer answer = {found.outputs, found.contact, found.by_pose};
+    fmfts_count_tolerances(parameters, has_table ? &table : NULL, question, &answer, structure);
     for (int i = 0; i < found.outputs; i++) {
         place[i] = found.contact[i] * UNIT[i];
     }
-    spread_of(parameters, place, &found, bend, variance);
+    spread_of(parameters, place, &found, bend, structure, variance);
+    double own_variance = variance[2] - structure[2]; /* a scale that is off makes no touch and no squeeze */
     estimate->outputs = found.outputs;
     estimate->refused = found.outputs == CONTACT && (is_beyond_edge(parameters, place, 0) || is_beyond_edge(parameters, place, 1));
     for (int i = 0; i < found.outputs; i++) {
         estimate->deviation[i] = sqrt(variance[i]);
     }
-    estimate->over_range = question->share < 1.0 || too_hard(parameters, place, variance[2]);
+    estimate->over_range = question->share < 1.0 || too_hard(parameters, place, own_variance);
     estimate->force_min_n = fmax(fmin(place[2], limit) - CERTAIN_DEVIATIONS * estimate->deviation[2], 0.0);
     estimate->central_force_sd_n = central_force_sd_n(parameters, place, &found);
     estimate->pose_force_sd_n = sqrt(found.variance[2]);
-    estimate->doubt = doubt(place[2], variance[2]);
+    estimate->own_force_sd_n = sqrt(own_variance);
+    estimate->doubt = doubt(place[2], own_variance);
     return isfinite(place[2]);
 }

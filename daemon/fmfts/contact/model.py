@@ -23,13 +23,13 @@ from fmfts.contact.contract import (
     parse_response,
 )
 from fmfts.contact.estimate import ContactEstimate
-from fmfts.contact.finger_shape import shape_deviation_of
 from fmfts.contact.inference import Inference
-from fmfts.contact.refinement import STEPS, Refiner
+from fmfts.contact.refinement import STEPS, Refiner, packed
 from fmfts.contact.response import CHANGE, Response
 from fmfts.contact.seal import hash_of, unsealed
 from fmfts.contact.shipped import path_of
 from fmfts.contact.structure import magnets_differ, shipped_friction_error
+from fmfts.contact.tolerances import StructureTolerance
 from fmfts.contact.verified import inference_of, read
 from fmfts.pad import Array, Pad
 
@@ -48,6 +48,7 @@ SHEAR_UNKNOWN = (
     "finger that cannot shear and set friction = 0"
 )
 CENTRED = np.zeros(2)
+CALIBRATED = StructureTolerance()
 # Places along each side of the pad at which the detection limit is computed.
 UNFELT_PLACES = 15
 # An unknown place is still on the pad: the deviation of a uniform distribution over its width.
@@ -58,12 +59,13 @@ class ContactModel:
     """A verified model. `hash`: see `hash_of` in seal.py.
 
     refiner: moves each answer to the most likely press, if not None. friction: of the finger; the shear that it may
-    exert widens the deviations of a model of three outputs, and so does its shape. 0: it is the probe that calibrated
-    the pad. smoothing_s: time constant of the `Smoother` of each pad.
+    exert widens the deviations of a model of three outputs. smoothing_s: time constant of the `Smoother` of each pad.
+    tolerance: of the pad's structure, which widens them, too.
     response: of the pad that the model was trained for, None if the file holds none.
     """
 
     response: Response | None = None
+    tolerance = StructureTolerance()
 
     def __init__(
         self,
@@ -73,9 +75,7 @@ class ContactModel:
         refiner: Refiner | None,
         friction: float,
         smoothing_s: float,
-        of_shape: Array | float = 0.0,
     ) -> None:
-        """of_shape: deviation (forces, radii, outputs) through the finger's shape, in SI."""
         self.inference = inference
         self.facts = facts
         self.hash = digest
@@ -92,15 +92,16 @@ class ContactModel:
         own, fit = facts.own_error, facts.response_error
         of_network = np.stack(own.tables, axis=-1) * self._unit
         of_response = 0.0 if fit is None else np.stack(fit.tables, axis=-1) * self._unit
-        of_finger = root_of_squares(np.broadcast_to(self._friction_deviation(friction), of_network.shape), of_shape)
+        of_finger = np.broadcast_to(self._friction_deviation(friction), of_network.shape)
         # Refining removes the network's own error: the error of the response remains.
         trained = of_response if refiner else root_of_squares(of_network, of_response)
         self.own_deviation = root_of_squares(trained, of_finger)
         self.trained_force_n = np.broadcast_to(trained, of_network.shape)[..., 2]
-        self.slipping_n = of_finger[-1, :, 2]  # error of the largest force through shear and shape, by radius
+        self.slipping_n = of_finger[-1, :, 2]  # error of the largest force through shear, by radius
         self.force_bins_n, self.radius_bins_m = np.array(own.force_n[:-1]), np.array(own.radius_mm[:-1]) * 1e-3
         self.edges_m = np.array([facts.envelope.x_mm, facts.envelope.y_mm]) * 1e-3
         self.spread_m = np.diff(self.edges_m, axis=1)[:, 0] * EVEN_SPREAD
+        self._packed: bytes | None = None
         self.parameters = Record(_contact.PARAMETERS)
         self.parameters.fill(self.for_c)
 
@@ -126,7 +127,14 @@ class ContactModel:
             "trained_force_n": self.trained_force_n,
             "slipping_n": self.slipping_n,
             "smoothing_s": self.smoothing_s,
-        }
+        } | self.tolerance.for_c
+
+    @property
+    def packed_response(self) -> bytes | None:
+        """The pad's response to as many loads as the model tells, as C reads it; None if it is not known."""
+        if self._packed is None and self.response is not None:
+            self._packed = packed(self.response if self.has_shear else self.response.without_shear())
+        return self._packed
 
     @property
     def shear_is_unknown(self) -> bool:
@@ -147,12 +155,19 @@ class ContactModel:
 
     @classmethod
     def load(
-        cls, path: str, pad: Pad, *, refine: bool = False, friction: float = 0.0, smoothing_s: float = 0.0
+        cls,
+        path: str,
+        pad: Pad,
+        *,
+        refine: bool = False,
+        friction: float = 0.0,
+        smoothing_s: float = 0.0,
+        tolerance: StructureTolerance = CALIBRATED,
     ) -> ContactModel:
         """Load and verify a model for `pad`. path: or a name in contact/shipped.py. ModelError says what is wrong."""
         file = path_of(path)
         try:
-            return cls._load(file, pad, refine, friction, smoothing_s)
+            return cls._load(file, pad, refine, friction, smoothing_s).with_tolerance(tolerance)
         except ValueError as error:
             raise ModelError(f"contact model {file}: {error}; {REMEDY}") from error
         except (ModelError, MemoryError):
@@ -187,14 +202,18 @@ class ContactModel:
         if friction > 0.0 and facts.friction_error is None and facts.outputs != SHEAR_OUTPUT_ORDER:
             facts = msgspec.structs.replace(facts, friction_error=shipped_friction_error(facts.geometry_hash))
         refiner = Refiner(response) if refine and response is not None else None
-        of_shape = shape_deviation_of(facts, response) if friction > 0.0 and response is not None else 0.0
-        of_shape = of_shape * CONTACT_UNIT[: len(facts.outputs)]
-        loaded = cls(inference, facts, hash_of(content, weights), refiner, friction, smoothing_s, of_shape)
+        loaded = cls(inference, facts, hash_of(content, weights), refiner, friction, smoothing_s)
         loaded.response = response
         contact, jacobian = loaded._infer(loaded.rest_pose)  # also warms up the session
         if not (np.isfinite(contact).all() and np.isfinite(jacobian).all()):
             raise ValueError("it does not answer with numbers for the rest pose")
         return loaded
+
+    def with_tolerance(self, tolerance: StructureTolerance) -> ContactModel:
+        """This model, whose deviations count what the pad's structure leaves open."""
+        self.tolerance = tolerance
+        self.parameters.fill(tolerance.for_c)
+        return self
 
     def estimate(
         self, position_m: Array, axis: Array, covariance: Array, magnet_off_m: Array = CENTRED
@@ -209,12 +228,11 @@ class ContactModel:
         if not (np.isfinite(pose).all() and np.isfinite(pose_covariance).all()):
             raise ValueError("the pose of a contact is not finite")
         self.parameters.put("magnet_off_m", magnet_off_m)
-        response = None if self.refiner is None else self.refiner.packed
         values, deviations = np.empty(len(self._unit)), np.empty(len(self._unit))
         over_range, refused, force_min_n = _contact.estimate(
             self.parameters.buffer,
             self.inference.for_c,
-            response,
+            self.packed_response,
             pose.data,
             pose_covariance.ravel().data,
             values.data,

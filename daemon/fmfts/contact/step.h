@@ -1,4 +1,4 @@
-/* A healthy frame, from the change of pose to a contact: touch.c, smooth.c, estimate.c, network.c and refine.c. */
+/* A healthy frame, from the change of pose to a contact: touch.c, smooth.c, estimate.c, tolerances.c, network.c and refine.c. */
 #ifndef FMFTS_CONTACT_STEP_H
 #define FMFTS_CONTACT_STEP_H
 
@@ -8,7 +8,7 @@
 #include "network.h"
 #include "refine.h"
 
-enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = FMFTS_MAX_OUTPUTS };
+enum { FMFTS_BINS = 16, FMFTS_RINGS = 8, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = FMFTS_MAX_OUTPUTS };
 
 /* A force is certain, and a contact begins, if it is so many deviations above zero. */
 #define FMFTS_CERTAIN_FORCE_DEVIATIONS 2.0
@@ -40,6 +40,11 @@ enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = FMFTS_M
     MANY(double, own_deviation, FMFTS_CONTACT * FMFTS_BINS * FMFTS_BINS) /* [force][radius][outputs] */                \
     MANY(double, trained_force_n, FMFTS_BINS * FMFTS_BINS)                                                             \
     MANY(double, slipping_n, FMFTS_BINS) /* by radius */                                                               \
+    ONE(double, modulus_share) /* tolerances.c, as the next five */                                                     \
+    ONE(double, finger_mm2)                                                                                            \
+    ONE(double, ring_mm)                                                                                               \
+    MANY(double, thicker_mm, FMFTS_RINGS)                                                                              \
+    MANY(double, thicker_share, FMFTS_RINGS)                                                                           \
     ONE(double, smoothing_s) /* smooth.c; 0: none */                                                               \
     ONE(double, smoothing_jump_chi2)
 
@@ -64,8 +69,15 @@ typedef struct {
     double share, lifted_m;
 } fmfts_question;
 
+/* A model's answer in mm and N, and its derivative by the pose. */
+typedef struct {
+    int outputs; /* 3 or 5 */
+    const double *contact, *by_pose;
+} fmfts_answer;
+
 /* place: x, y (m), force and, of a model that tells them, two shears (N), with deviations. central_force_sd_n: the deviation
- * of the same force in the middle of the pad; pose_force_sd_n: the part of it that the pose causes; refused: shear cannot be told from
+ * of the same force in the middle of the pad; pose_force_sd_n: the part of it that the pose causes; own_force_sd_n:
+ * that of the force without what the pad's structure leaves open, by which contacts are decided; refused: shear cannot be told from
  * place here, so that no number means anything.
  * doubt: see estimate.c. */
 typedef struct {
@@ -73,7 +85,7 @@ typedef struct {
     double place[FMFTS_CONTACT];
     double deviation[FMFTS_CONTACT];
     double by_pose[FMFTS_CONTACT * FMFTS_POSE]; /* the network's Jacobian, in the model's units */
-    double force_min_n, central_force_sd_n, pose_force_sd_n, doubt;
+    double force_min_n, central_force_sd_n, pose_force_sd_n, own_force_sd_n, doubt;
     bool over_range, refused;
 } fmfts_estimate;
 
@@ -104,8 +116,13 @@ void fmfts_smooth(const fmfts_contact_parameters *parameters, fmfts_contact_memo
 /* estimate.c: moves the question into the range that the model was trained on. */
 void fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_question *question);
 
-/* estimate.c: the network's answer; if response is not NULL, the most likely press near it. False if the answer is not
- * finite. */
+/* tolerances.c: the variance of an answer (mm and N, with its Jacobian by the pose) from what the pad's structure leaves open. response:
+ * NULL if it is not known. */
+void fmfts_count_tolerances(const fmfts_contact_parameters *parameters, const fmfts_response *response,
+                           const fmfts_question *question, const fmfts_answer *answer, double variance[FMFTS_CONTACT]);
+
+/* estimate.c: the network's answer, and of a model that refines, the most likely press near it. response: NULL if it is not known; then
+ * nothing is refined. False if the answer is not finite. */
 bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fmfts_question *question,
                             const fmfts_network *network, const void *response, size_t response_bytes,
                             fmfts_estimate *estimate);

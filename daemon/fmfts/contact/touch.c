@@ -61,7 +61,7 @@ void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memor
     double hidden_n = parameters->hidden_force_sd_n;
     double deviation_n = estimate->pose_force_sd_n;
     if (hidden_n > 0.0) {
-        deviation_n = estimate->deviation[2] > hidden_n ? estimate->deviation[2] : hidden_n;
+        deviation_n = estimate->own_force_sd_n > hidden_n ? estimate->own_force_sd_n : hidden_n;
     }
     bool is_certain = estimate->refused || estimate->place[2] > needed * deviation_n;
     memory->in_contact = memory->touched != 0.0 && is_certain ? 1.0 : 0.0;

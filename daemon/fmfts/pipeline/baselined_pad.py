@@ -45,7 +45,7 @@ class BaselinedPad:
         self.magnet_off_m = (mounting.rest.position_m - drawing.rest_position_m)[:2]
         self.repeats_allowed = repeats_allowed(mounting.noise_t, drawing.chip.coarseness_t(recorded.gain_code))
         self.change_error = mounting.change_error(self.tracking.estimated)
-        self._nominal = NominalFrame(mounting.rest, drawing)
+        self._nominal = NominalFrame(mounting.rest, drawing, pad_turn=mounting.pad_turn)
 
     @classmethod
     def of(

@@ -50,6 +50,7 @@ def load_contact_model(config: PadConfig, path: str | None = None) -> ContactMod
         refine=contact.refine,
         friction=contact.friction,
         smoothing_s=contact.smoothing_ms * 1e-3,
+        tolerance=config.structure_tolerance(path),
     )
 
 
@@ -124,7 +125,8 @@ def several_scene_of(config: PadConfig) -> Scene:
     warming_k = HOTTER_K if config.scene.remanence == "drifting" else COEFFICIENT_SHARE * UNREAD_WARMING_K
     per_k = config.magnet.temperature_coefficient_per_k
     moment = float(root_of_squares(MOMENT_DEVIATION, per_k * warming_k))
-    return Scene(TURNING_T if moves else AMBIENT_DEVIATION_T, moment, config.contact.friction)
+    ambient_t = TURNING_T if moves else AMBIENT_DEVIATION_T
+    return Scene(ambient_t, moment, config.contact.friction, config.structure_tolerance().force_share)
 
 
 def feel_neighbours(

@@ -89,8 +89,8 @@ bool fmfts_find_contact(const fmfts_pad *pad, fmfts_frame_work *work)
     fmfts_keep_inside(contact, &question);
     work->lifted_m = question.lifted_m;
     work->has_estimate = true;
-    return fmfts_estimate_contact(contact, &question, &pad->network, contact->refine_steps > 0.0 ? pad->response : NULL,
-                                  pad->response_bytes, &work->estimate);
+    return fmfts_estimate_contact(contact, &question, &pad->network, pad->response, pad->response_bytes,
+                                  &work->estimate);
 }
 
 /* Counts for how long the magnet is above its rest, and then, for how long it has been back at rest. A press that brings it

@@ -8,28 +8,35 @@ from fmfts.common.record import Record
 from fmfts.pad import Array, Pad, Silicone
 from fmfts.pipeline import _pad
 from fmfts.pose import PoseEstimate, State
-from fmfts.pose.change import shortest_rotation
+from fmfts.pose.change import UPRIGHT, shortest_rotation
 from fmfts.pose.silicone import silicone_fields
 
 
 class NominalFrame:
     """Of one mounted pad.
 
-    The position is the drawing's rest plus the displacement. The axis is turned by the rotation that takes this pad's
-    rest axis to the drawing's. The two differ by a degree or so: the load's own tilt is then right to second order.
+    The position is the drawing's rest plus the displacement, turned back by the tilt of the whole pad. The axis is
+    turned by the rotation that takes this pad's rest axis to the drawing's. The two differ by a degree or so: the
+    load's own tilt is then right to second order.
     """
 
     def __init__(
-        self, rest: State, drawing: Pad, change_error: Array | None = None, silicone: Silicone | None = None
+        self,
+        rest: State,
+        drawing: Pad,
+        change_error: Array | None = None,
+        silicone: Silicone | None = None,
+        pad_turn: Array = UPRIGHT,
     ) -> None:
-        """What widens the covariance, too. change_error (8, 5, M): see `Mounting.change_error`. silicone: its share of
-        the change itself."""
+        """pad_turn (3, 3): see `Mounting.pad_turn`. What widens the covariance, too: change_error (8, 5, M), see
+        `Mounting.change_error`; silicone, its share of the change itself."""
         self._parameters = Record(_pad.PARAMETERS)
         self._parameters.fill(
             {
                 "rest": rest.vector(),
                 "drawn_rest_m": drawing.rest_position_m,
                 "drawn_turn": shortest_rotation(rest.axis, drawing.rest_axis),
+                "pad_turn": pad_turn,
             }
         )
         if change_error is not None:
@@ -45,6 +52,8 @@ class NominalFrame:
         return pose[:3], pose[3:], spread
 
 
-def in_nominal_frame(estimate: PoseEstimate, rest: State, drawing: Pad) -> tuple[Array, Array, Array]:
+def in_nominal_frame(
+    estimate: PoseEstimate, rest: State, drawing: Pad, pad_turn: Array = UPRIGHT
+) -> tuple[Array, Array, Array]:
     """The pose of a pad that rests at `rest`, as the drawing's: position (3,), axis (3,), covariance (6, 6)."""
-    return NominalFrame(rest, drawing).pose(estimate)
+    return NominalFrame(rest, drawing, pad_turn=pad_turn).pose(estimate)

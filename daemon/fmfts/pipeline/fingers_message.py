@@ -51,7 +51,8 @@ def _estimates(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -
         return {"contact": True, "over_range": True, "force_min_n": force_n}
     if not len(fit.fingers):
         return {"contact": False, "contacts": [], "force_n": 0.0, "force_sd_n": estimator.quiet_force_sd_n}
-    whole, deviation, share = resultant(fit.fingers), deviation_of(reading, fit), estimator.silicone
+    whole, deviation = resultant(fit.fingers), deviation_of(reading, fit)
+    share = float(root_of_squares(estimator.silicone, estimator.scene.silicone))
     # Of the sum of shears at most: how the errors of two fingers go together is not kept.
     shear, shear_deviation = fit.shear_n.sum(axis=0), fit.shear_deviation_n.sum(axis=0)
     each_deviation = deviation_of_each(reading, fit)
@@ -64,8 +65,8 @@ def _estimates(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -
 
 
 def _finger(share: float, finger: Array, deviation: Array, shear: Array, shear_deviation: Array) -> dict[str, Any]:
-    """From mm to m. share: of the force, by which silicone may have crept. No shear where none is expected (friction
-    0): that it is none is not known so well."""
+    """From mm to m. share: of the force, by which silicone may have crept or be of another cast. No shear where none is
+    expected (friction 0): that it is none is not known so well."""
     (x, y, force), (x_sd, y_sd, force_sd) = finger.tolist(), deviation.tolist()
     force_sd = float(root_of_squares(force_sd, share * force))
     (shear_x, shear_y), (shear_x_sd, shear_y_sd) = shear.tolist(), shear_deviation.tolist()

@@ -22,7 +22,7 @@ bool fmfts_judge(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *
         if (fmfts_has_trusted_pose(&work)) {                 /* contact_of_pose.c, as the next four */
             fmfts_follow_gaps(&work);                        /* a temperature that is missing; a finger that may be gone */
             fmfts_find_change(pad, &work);                   /* pose/silicone.c, overlap.c, change.c: from rest; contact/touch.c */
-            if (!fmfts_find_contact(pad, &work)) {           /* contact/smooth.c, estimate.c, network.c, refine.c */
+            if (!fmfts_find_contact(pad, &work)) {           /* contact/smooth.c, estimate.c, tolerances.c, refine.c */
                 return false;
             }
             fmfts_doubt_contact(pad, &work);                 /* something pulls, or the field jumped; contact/touch.c: is it certain */

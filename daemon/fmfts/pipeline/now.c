@@ -59,7 +59,9 @@ static void rates(const fmfts_pose_parameters *parameters, const fmfts_motion_me
     double spread[POSE][5] = {{0}};
     for (int i = 0; i < 3; i++) {
         const double *turn = parameters->drawn_turn + 3 * i;
-        spread[i][i] = MM_PER_M;
+        for (int k = 0; k < 3; k++) {
+            spread[i][k] = parameters->pad_turn[3 * i + k] * MM_PER_M;
+        }
         spread[3 + i][3] = dot3(turn, displacement->basis[0]);
         spread[3 + i][4] = dot3(turn, displacement->basis[1]);
     }
@@ -116,8 +118,8 @@ static bool ask(const fmfts_pad *pad, const fmfts_memory *memory, const fmfts_ju
     fmfts_displace(&parameters->pose, &memory->pose, state, &pose, NULL, displacement);
     fmfts_draw(&parameters->pose, state, displacement, MM_PER_M, question.pose, question.covariance);
     fmfts_keep_inside(&parameters->contact, &question);
-    return fmfts_estimate_contact(&parameters->contact, &question, &pad->network,
-                                  parameters->contact.refine_steps > 0.0 ? pad->response : NULL, pad->response_bytes, estimate);
+    return fmfts_estimate_contact(&parameters->contact, &question, &pad->network, pad->response, pad->response_bytes,
+                                  estimate);
 }
 
 /* No finger lifts the magnet. Near rest, noise and what the baseline leaves unknown look like corner presses. In a contact the

@@ -90,6 +90,11 @@ class PadPipeline:
         return self._baselined
 
     @property
+    def force_scale_sd(self) -> float | None:
+        """Deviation of the scale of all forces through the silicone, as a share; None: not known."""
+        return self.model.tolerance.force_share if isinstance(self.model, ContactModel) else None
+
+    @property
     def mounting(self) -> Mounting | None:
         return None if self._baselined is None else self._baselined.mounting
 

@@ -14,7 +14,6 @@ from fmfts.common.chi2 import quantile
 from fmfts.common.record import Numbers, Record
 from fmfts.contact import ContactModel, NoContactModel, TouchDetector
 from fmfts.contact.drive import drive_power, to_pose, untouched_drive
-from fmfts.contact.refinement import packed
 from fmfts.contact.response import Response
 from fmfts.contact.touch import DEGREES_OF_FREEDOM
 from fmfts.pad import Pad
@@ -86,11 +85,8 @@ def response_of(model: ContactModel | NoContactModel) -> Response | None:
 
 
 def packed_response(model: ContactModel | NoContactModel) -> bytes | None:
-    """The pad's response as C reads it, for refined answers and for `now`; None if it is not known."""
-    if isinstance(model, ContactModel) and model.refiner is not None:
-        return model.refiner.packed
-    response = response_of(model)
-    return None if response is None else packed(response)
+    """The pad's response as C reads it, for refined answers, tolerances and `now`; None if it is not known."""
+    return model.packed_response if isinstance(model, ContactModel) else None
 
 
 def put_neighbours(parameters: Record, neighbours: Sequence[NeighbourView]) -> None:
@@ -196,6 +192,7 @@ def _touch(baselined: BaselinedPad, touch: TouchDetector) -> Values:
         "smoothing_jump_chi2": quantile(JUMP_PROBABILITY, DEGREES_OF_FREEDOM),
         "drawn_rest_m": baselined.drawing.rest_position_m,
         "drawn_turn": shortest_rotation(baselined.mounting.rest.axis, baselined.drawing.rest_axis),
+        "pad_turn": baselined.mounting.pad_turn,
     }
 
 

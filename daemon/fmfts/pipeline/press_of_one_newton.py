@@ -33,7 +33,8 @@ def press_of_one_newton(pipeline: Pipeline) -> dict[str, float]:
     pressed = replace(state, position_m=state.position_m + change[:3] * 1e-3, axis=turned(state.axis, change[3:]))
     estimate = replace(resting, state=pressed)
     drawing = baselined.drawing
-    nominal = NominalFrame(baselined.mounting.rest, drawing, baselined.change_error, drawing.silicone)
+    mounting = baselined.mounting
+    nominal = NominalFrame(mounting.rest, drawing, baselined.change_error, drawing.silicone, mounting.pad_turn)
     contact = model.estimate(*nominal.pose(estimate), baselined.magnet_off_m)
     return {
         "middle_1n_place_sd_m": max(contact.x_sd_m, contact.y_sd_m),

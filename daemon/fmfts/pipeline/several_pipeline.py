@@ -115,6 +115,11 @@ class SeveralPipeline:
         return 0.0
 
     @property
+    def force_scale_sd(self) -> float | None:
+        """Deviation of the scale of all forces through the silicone, as a share; None: not known."""
+        return self._scene.silicone
+
+    @property
     def mounting(self) -> ArrayMounting | None:
         return None if self._estimator is None else self._estimator.mounting
 

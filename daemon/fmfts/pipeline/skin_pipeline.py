@@ -80,6 +80,11 @@ class SkinPipeline:
         return self.model.hash
 
     @property
+    def force_scale_sd(self) -> float | None:
+        """Deviation of the scale of all forces through the silicone, as a share; None: not known."""
+        return None
+
+    @property
     def mounting(self) -> SkinMounting | None:
         return None if self._estimator is None else self._estimator.mounting
 

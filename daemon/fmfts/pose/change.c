@@ -135,10 +135,12 @@ void fmfts_draw(const fmfts_pose_parameters *parameters, const double *state, co
 {
     double spread[6][5] = {{0}};
     for (int i = 0; i < 3; i++) {
-        const double *turn = parameters->drawn_turn + 3 * i;
-        pose[i] = (parameters->drawn_rest_m[i] + d->change[i]) * unit_per_m;
+        const double *turn = parameters->drawn_turn + 3 * i, *back = parameters->pad_turn + 3 * i;
+        pose[i] = (parameters->drawn_rest_m[i] + dot3(back, d->change)) * unit_per_m;
         pose[3 + i] = dot3(turn, state + AXIS_VALUE);
-        spread[i][i] = unit_per_m;
+        for (int k = 0; k < 3; k++) {
+            spread[i][k] = back[k] * unit_per_m;
+        }
         spread[3 + i][3] = dot3(turn, d->basis[0]);
         spread[3 + i][4] = dot3(turn, d->basis[1]);
     }

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmfts.arithmetic.matrix import product
+from fmfts.arithmetic.matrix import length, product
 from fmfts.pad import Array
 from fmfts.pose.state import State, tangent_basis
+
+UPRIGHT = np.eye(3)
 
 
 def change_since(rest: State, state: State) -> Array:
@@ -14,6 +16,12 @@ def change_since(rest: State, state: State) -> Array:
     return np.concatenate(
         [state.position_m - rest.position_m, product(tangent_basis(rest.axis).T, state.axis), state.ambient_t]
     )
+
+
+def pad_turn_of(rest_axis: Array, drawn_axis: Array, share: float) -> Array:
+    """The rotation (3, 3) from the sensors' axes to those of a pad that has `share` of its magnet's tilt."""
+    upright = rest_axis + share * (drawn_axis - rest_axis)
+    return shortest_rotation(rest_axis, upright / length(upright))
 
 
 def shortest_rotation(start: Array, end: Array) -> Array:

@@ -80,7 +80,8 @@ enum {
     MANY(double, neighbour_placement_m, FMFTS_FELT) /* the deviation of that */                                        \
     MANY(double, neighbour_magnet, FMFTS_MAGNET * FMFTS_FELT) /* one after the other */                                \
     MANY(double, drawn_rest_m, 3) /* change.py */                                                                      \
-    MANY(double, drawn_turn, 9)
+    MANY(double, drawn_turn, 9)                                                                                        \
+    MANY(double, pad_turn, 9)
 
 /* What the last search found that no pose explained: nothing, as there was none; one of several sensors is at fault; no pose of
  * this magnet; a field that is not of this magnet alone; one sensor is at fault, or the field has turned. */

@@ -47,11 +47,13 @@ SUM_ERROR_PER_N = 0.02
 @dataclass(frozen=True, slots=True)
 class Scene:
     """Deviations of what else changes the field. ambient_t: of the ambient field since the baseline, along each axis.
-    moment: relative, of all moments together. friction: shear of a finger over its force."""
+    moment: relative, of all moments together. friction: shear of a finger over its force. silicone: of the scale of all
+    forces, as a share."""
 
     ambient_t: float
     moment: float
     friction: float
+    silicone: float = 0.0
 
 
 class Predicted(NamedTuple):

@@ -13,7 +13,7 @@ from fmfts.simulation.solved_table import standard_mechanics
 
 SENSOR_PLACE_M = 0.1e-3  # one standard deviation of each error, as in the config's [pad.tolerance]
 MAGNET_PLACE_M = 0.1e-3
-MAGNET_TILT_RAD = np.deg2rad(1.0)
+MAGNET_TILT_RAD = np.deg2rad(1.0)  # with the whole pad
 REMANENCE = 0.01
 GAIN = 0.005
 SENSOR_ROTATION_RAD = float(np.deg2rad(1.5))  # about each axis: breakout boards that a hand placed
@@ -26,6 +26,7 @@ class MountedPad:
     """A built pad. rest_axis_from_z (3, 3): from axes in which the unloaded magnet points along +z to pad axes.
 
     Each chip has its own axes: `pad.sensors` holds them as they are turned, cross_axis (N, 3, 3) what they read across.
+    tilted (3, 3): from axes of the silicone to those of the sensors; presses move the magnet in the former.
     magnet_off_m (2,): how far the magnet is cast from the pad's middle. Of a wide pad, a press moves any magnet as it
     would move one in the middle, if it is as far from it.
     """
@@ -37,6 +38,7 @@ class MountedPad:
     mechanics: Mechanics = field(default_factory=standard_mechanics)
     cross_axis: Array | None = None
     magnet_off_m: Array = field(default_factory=lambda: np.zeros(2))
+    tilted: Array = field(default_factory=lambda: np.eye(3))
 
     @classmethod
     def built(
@@ -49,7 +51,8 @@ class MountedPad:
     ) -> MountedPad:
         """A pad with random building errors, in the Earth's field of random direction."""
         tilt = np.append(random.normal(0.0, MAGNET_TILT_RAD, 2), 0.0)
-        turn = _rotation_from_z(drawing.rest_axis) @ rotation_from_vector(tilt)
+        upright = _rotation_from_z(drawing.rest_axis)
+        turn = upright @ rotation_from_vector(tilt)
         sensors = drawing.sensors
         pad = Pad(
             name=drawing.name,
@@ -68,7 +71,15 @@ class MountedPad:
         turned = type(sensors)(pad.sensors.position_m, sensors.axes @ np.array(turns))
         upper = np.triu(random.normal(0.0, cross_axis, (*gain.shape, 3)), 1)
         whole = replace(pad, sensors=turned)
-        return cls(whole, gain, ambient_t, turn, mechanics or standard_mechanics(), upper + upper.transpose(0, 2, 1))
+        return cls(
+            whole,
+            gain,
+            ambient_t,
+            turn,
+            mechanics or standard_mechanics(),
+            upper + upper.transpose(0, 2, 1),
+            tilted=turn @ upright.T,
+        )
 
     @classmethod
     def exact(cls, drawing: Pad, mechanics: Mechanics | None = None) -> MountedPad:
@@ -93,7 +104,7 @@ class MountedPad:
         tilt = response[:, 3:]
         upright = np.sqrt(1.0 - np.sum(tilt * tilt, axis=1, keepdims=True))
         axis = np.concatenate([tilt, upright], axis=1)
-        return self.pad.rest_position_m + response[:, :3], axis @ self.rest_axis_from_z.T
+        return self.pad.rest_position_m + response[:, :3] @ self.tilted.T, axis @ self.rest_axis_from_z.T
 
     def magnet_field(self, *press: Array, magnet: Magnet | None = None) -> Array:
         """The magnet's field (N, 3) in tesla at the sensors, in pad axes: at sensor i under the i-th of N presses."""

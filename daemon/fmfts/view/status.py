@@ -67,6 +67,15 @@ def _cells(report: Status) -> dict[str, Text | str]:
         "gains from": report.gains_from or "–",
         "remanence": "–" if report.remanence_t is None else f"{report.remanence_t:.3f} T",
         "drift": "not followed" if report.rest_drift_m is None else f"{report.rest_drift_m * 1e6:.1f} µm followed",
+        "force scale": _scale(report.force_scale_sd),
         "faults": "\n".join(report.sensor_faults) or "none",
         "up": f"{report.uptime_s:.0f} s",
     }
+
+
+def _scale(share: float | None) -> str:
+    if share is None:
+        return "–"
+    if share == 0.0:
+        return "as calibrated"
+    return f"± {share:.0%} of every force: how stiff this pad's silicone is; `calibrate` tells"

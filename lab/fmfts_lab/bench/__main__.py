@@ -29,6 +29,7 @@ from fmfts_lab.bench import (
     several,
     silicone,
     speed,
+    structure,
     tools,
     turning,
 )
@@ -41,7 +42,11 @@ def main() -> None:
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
         "neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | overload | "
+<<<<<<< HEAD
         "frame | resident | now | several | eflesh | real | learned",
+=======
+        "frame | resident | now | several | eflesh | real | structure",
+>>>>>>> 7f11c56a (contact, baseline: Count what the pad's structure leaves open, and turn movements by its tilt)
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -214,6 +219,15 @@ def main() -> None:
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.add_argument("--samples", action="store_true", help='samples as they come: publish = "sample"')
     verb.set_defaults(run=now.run)
+    verb = verbs.add_parser(
+        "structure", help="other silicone, thickness, tilt and fingers than the model's: how wrong, how honest"
+    )
+    verb.add_argument("--pads", type=int, default=1, help="how many pads are built, for each row")
+    verb.add_argument("--seconds", type=float, default=45.0, help="of presses and pauses, for each pad")
+    verb.add_argument("--only", nargs="+", metavar="CELL", help="cells whose name begins so: tilt")
+    verb.add_argument("--before", action="store_true", help="beside it, deviations that count none of it")
+    verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.set_defaults(run=structure.run)
     options = parser.parse_args()
     options.run(options)
 

@@ -65,7 +65,9 @@ def _errors(
     cross_axis = CROSS_AXIS if case.rotation_deg else 0.0
     built = MountedPad.built(drawing, random, sensor_rotation_rad=rotation_rad, cross_axis=cross_axis)
     built = replace(built, gain=random.normal(1.0, case.gain, built.gain.shape))
-    tolerance = Tolerance(1e-4, 1e-4, np.deg2rad(1.0), case.gain, 0.05, rotation_rad, cross_axis)
+    tolerance = Tolerance(
+        1e-4, 1e-4, 0.0, case.gain, 0.05, rotation_rad, cross_axis, pad_tilt_rad=float(np.deg2rad(1.0))
+    )
     gains = selftested(built, np.random.default_rng([*seed, 1])) if case.selftest else None
     found = mountings(built, drawing, tolerance, random, gains=gains)
     return [
@@ -99,4 +101,4 @@ def _answer(
 ) -> ContactEstimate:
     field = mounting.magnet_field(pressed_field(built, *press))
     estimate = solve(field, mounting.mounted(drawing), mounting.rest, free=FREE_FIELD)
-    return contact.estimate(*in_nominal_frame(estimate, mounting.rest, drawing))
+    return contact.estimate(*in_nominal_frame(estimate, mounting.rest, drawing, mounting.pad_turn))

@@ -120,7 +120,7 @@ def _drawn(drawing: Pad, exact: MountedPad, defects: Defects, random: np.random.
     )
     gain = random.normal(1.0, defects.gain, (count, 3))
     ambient_t = EARTH_T * direction / np.linalg.norm(direction)
-    return MountedPad(pad, gain, ambient_t, from_z, exact.mechanics, across + across.transpose(0, 2, 1))
+    return MountedPad(pad, gain, ambient_t, from_z, exact.mechanics, across + across.transpose(0, 2, 1), tilted=tilt)
 
 
 class Presses:

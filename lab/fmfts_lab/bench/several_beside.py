@@ -56,7 +56,7 @@ def _one_magnet(options: Namespace, tolerance: Tolerance) -> Array:
             field = pressed_field(built, press[0] * 1e-3, press[1] * 1e-3, press[2])
             seen = mounting.magnet_field(field + random.normal(0.0, NOISE_T, field.shape))
             estimate = solve(seen, mounting.mounted(drawing), mounting.rest, free=FREE_FIELD)
-            found = contact.estimate(*in_nominal_frame(estimate, mounting.rest, drawing))
+            found = contact.estimate(*in_nominal_frame(estimate, mounting.rest, drawing, mounting.pad_turn))
             errors.append(np.array([found.x_m * 1e3, found.y_m * 1e3, found.force_n]) - press)
     return np.array(errors)
 

@@ -25,6 +25,7 @@ from fmfts.sensor.frame import Frame, WireFrame
 from fmfts.simulation.finger import Finger, Touch, no_finger
 from fmfts.simulation.finger_shape import SHAPES
 from fmfts.simulation.imperfections import Imperfections
+from fmfts.simulation.mounted import MountedPad
 from fmfts.simulation.silicone import CREEP_PER_DECADE, Silicone
 from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.built_world import Presses
@@ -93,6 +94,10 @@ class RealPad(ManyFrames):
         if self._imperfections is None:
             shape, random = SHAPES["round"], np.random.default_rng(0)
             self._imperfections = Imperfections((), shape, self.built, RATE_HZ, random)
+
+    def stands(self, built: MountedPad) -> None:
+        """It is this pad from now on."""
+        self._built = built
 
     def creep_times(self, factor: float) -> None:
         """Let the silicone creep so many times as much."""

@@ -22,6 +22,7 @@ from fmfts_lab.finite_elements.finite_element import MAGNET_STIFFNESS, MPA, Pres
 from fmfts_lab.finite_elements.slab_mesh import MM, SlabMesh
 
 JOB = "press"
+LEVELS = (0.25, 0.5, 0.75, 1.0)  # of its load
 EDGES = np.array(
     [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]], dtype=np.intp
 )
@@ -50,9 +51,10 @@ def deck(slab: Slab, mesh: SlabMesh, press: Press) -> str:
         *("*MATERIAL, NAME=STIFF", "*ELASTIC", f"{magnet_mpa:.9g}, 0.3"),
         *("*SOLID SECTION, ELSET=SILICONE, MATERIAL=PDMS", "*SOLID SECTION, ELSET=MAGNET, MATERIAL=STIFF"),
         *("*BOUNDARY", "FIXED, 1, 3"),
+        *("*TIME POINTS, NAME=LEVELS", ", ".join(str(level) for level in LEVELS)),
         *("*STEP, NLGEOM, INC=100", "*STATIC", "0.25, 1.0", "*CLOAD"),
         *(f"{i + 1}, {axis + 1}, {load[i, axis]:.9g}" for i, axis in np.argwhere(load != 0.0).tolist()),
-        *("*NODE PRINT, NSET=INCLUSION, FREQUENCY=100", "U", "*END STEP"),
+        *("*NODE PRINT, NSET=INCLUSION, TIME POINTS=LEVELS", "U", "*END STEP"),
     ]
     return "\n".join(lines) + "\n"
 
@@ -96,15 +98,24 @@ def _set(name: str, points: Iterable[int]) -> Iterator[str]:
 
 def solved(slab: Slab, mesh: SlabMesh, press: Press) -> tuple[Array, Array]:
     """The magnet's displacement (3,) in m and axis (3,). RuntimeError with CalculiX's last output if it failed."""
+    return solved_ramp(slab, mesh, press)[-1]
+
+
+def solved_ramp(slab: Slab, mesh: SlabMesh, press: Press) -> list[tuple[Array, Array]]:
+    """The same at each of LEVELS, shares of the press."""
     with TemporaryDirectory() as folder:
         Path(folder, f"{JOB}.inp").write_text(deck(slab, mesh, press))
         said = subprocess.run(["ccx", JOB], cwd=folder, capture_output=True, text=True, check=False).stdout
         result = Path(folder, f"{JOB}.dat")
         text = result.read_text() if result.exists() else ""
     blocks = text.split("displacements (vx,vy,vz)")
-    if len(blocks) < 2:
+    if len(blocks) < 1 + len(LEVELS):
         raise RuntimeError(f"CalculiX gave up: {said[-500:]}")
-    rows = np.array([[float(cell) for cell in line.split()] for line in blocks[-1].splitlines()[1:] if line.strip()])
+    return [_pose(block, mesh) for block in blocks[1:]]
+
+
+def _pose(block: str, mesh: SlabMesh) -> tuple[Array, Array]:
+    rows = np.array([[float(cell) for cell in line.split()] for line in block.splitlines()[1:] if line.strip()])
     displacement_mm = np.zeros_like(mesh.points_mm)
     displacement_mm[rows[:, 0].astype(int) - 1] = rows[:, 1:]
     return mesh.magnet_pose(displacement_mm)

@@ -202,7 +202,7 @@ def _recording(mean: Array) -> Recording:
 def _answer(model: ContactModel, drawing: Pad, mounting: Mounting, field: Array) -> Array:
     """x, y (mm) and force (N) from one frame, solved with the unknowns of a drifting ambient field."""
     estimate = solve(mounting.magnet_field(field), mounting.mounted(drawing), mounting.rest, free=FREE_FIELD)
-    found = model.estimate(*in_nominal_frame(estimate, mounting.rest, drawing))
+    found = model.estimate(*in_nominal_frame(estimate, mounting.rest, drawing, mounting.pad_turn))
     return np.array([found.x_m * 1e3, found.y_m * 1e3, found.force_n])
 
 

@@ -1,0 +1,105 @@
+/* What the pad's structure leaves open of a contact. Silicone differs from cast to cast, and nobody tells the pad what presses it. None of
+ * it is noise: it is the same in every frame of a pad or of a touch, and no filter makes it smaller. Each cause shifts the answer by e, and
+ * adds e e^T:
+ *
+ * - A modulus that is higher by a share s takes (1 + s) times the force for the same movement: e = s F, exactly, at the same place.
+ * - Thicker silicone moves less, and in another shape. Its effect on an answer depends on how far the press is from the middle: parameters.
+ * - A finger of another size or shape moves the magnet like the mean of presses at the points of its area, to second order:
+ *   d = (h(x + a) + h(x - a)) / 2 - h(x), where a^2 is what its second moment has more than the probe's that calibrated the pad. The
+ *   model's Jacobian J takes d for a movement: e = J d. */
+#include <math.h>
+
+#include "step.h"
+
+enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE, MOVED = FMFTS_MOVED, FORCE = 2 };
+
+/* A finger's moments along and across differ, as a share of that by which both are off. */
+#define UNEVEN 0.5
+
+static void add_square(double *variance, double error)
+{
+    *variance += error * error;
+}
+
+/* By linear interpolation; beyond the last ring as on it. */
+static double at_radius(const fmfts_contact_parameters *parameters, const double table[FMFTS_RINGS], double radius_mm)
+{
+    double ring = fmin(radius_mm / parameters->ring_mm, FMFTS_RINGS - 1.0);
+    int inner = ring < FMFTS_RINGS - 1.0 ? (int)ring : FMFTS_RINGS - 2;
+    return table[inner] + (ring - inner) * (table[inner + 1] - table[inner]);
+}
+
+static void count_silicone(const fmfts_contact_parameters *parameters, const fmfts_answer *answer, double *variance)
+{
+    const double *contact = answer->contact;
+    double radius_mm = sqrt(contact[0] * contact[0] + contact[1] * contact[1]);
+    double share = at_radius(parameters, parameters->thicker_share, radius_mm);
+    double outwards_mm = at_radius(parameters, parameters->thicker_mm, radius_mm);
+    for (int axis = 0; axis < FORCE && radius_mm > 0.0; axis++) {
+        add_square(&variance[axis], outwards_mm * contact[axis] / radius_mm);
+    }
+    for (int load = FORCE; load < answer->outputs; load++) {
+        add_square(&variance[load], parameters->modulus_share * contact[load]);
+        add_square(&variance[load], share * contact[load]);
+    }
+}
+
+/* What a finger adds to the movement whose second moment along one axis is larger by finger_mm2. */
+static void wider(const fmfts_response *response, double finger_mm2, const double *contact, int axis, double moved[MOVED])
+{
+    double slope[MOVED][FMFTS_MAX_PRESS], press[CONTACT], change[3][MOVED], away_mm = sqrt(finger_mm2);
+    for (int side = -1; side <= 1; side++) {
+        for (int i = 0; i < CONTACT; i++) {
+            press[i] = i < 2 + (int)response->loads ? contact[i] : 0.0;
+        }
+        press[axis] += side * away_mm;
+        fmfts_respond(response, press, change[side + 1], slope);
+    }
+    for (int i = 0; i < MOVED; i++) {
+        moved[i] = (change[0][i] + change[2][i]) / 2.0 - change[1][i];
+    }
+}
+
+/* The error of each output if the magnet has moved by so much more. The axis stays one of length one. */
+static void add_movement(const fmfts_question *question, const fmfts_answer *answer, const double moved[MOVED], double *variance)
+{
+    double along = question->pose[3] * moved[3] + question->pose[4] * moved[4];
+    for (int i = 0; i < answer->outputs; i++) {
+        const double *row = answer->by_pose + POSE * i;
+        double error = -row[5] * along / question->pose[5];
+        for (int k = 0; k < MOVED; k++) {
+            error += row[k] * moved[k];
+        }
+        add_square(&variance[i], error);
+    }
+}
+
+static void count_finger(const fmfts_contact_parameters *parameters, const fmfts_response *response,
+                         const fmfts_question *question, const fmfts_answer *answer, double *variance)
+{
+    double along[2][MOVED], both[MOVED], uneven[MOVED];
+    for (int axis = 0; axis < 2; axis++) {
+        wider(response, parameters->finger_mm2, answer->contact, axis, along[axis]);
+    }
+    for (int i = 0; i < MOVED; i++) {
+        both[i] = along[0][i] + along[1][i];
+        uneven[i] = UNEVEN * (along[0][i] - along[1][i]);
+    }
+    add_movement(question, answer, both, variance);
+    add_movement(question, answer, uneven, variance);
+}
+
+void fmfts_count_tolerances(const fmfts_contact_parameters *parameters, const fmfts_response *response,
+                           const fmfts_question *question, const fmfts_answer *answer, double variance[CONTACT])
+{
+    for (int i = 0; i < CONTACT; i++) {
+        variance[i] = 0.0;
+    }
+    if (!(answer->contact[FORCE] > 0.0)) {
+        return; /* nothing presses */
+    }
+    count_silicone(parameters, answer, variance);
+    if (response && parameters->finger_mm2 > 0.0) {
+        count_finger(parameters, response, question, answer, variance);
+    }
+}

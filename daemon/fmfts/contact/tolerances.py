@@ -1,0 +1,68 @@
+"""What a pad's structure leaves open of a contact: how stiff and how thick its silicone is, and what presses it.
+
+tolerances.c counts it in every deviation. All of it is the same in each frame: no filter makes it smaller, but a
+calibration does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmfts.arithmetic.elementary import square
+from fmfts.common.record import Numbers
+
+# Of cast silicone, one standard deviation. Sylgard 184, which build-a-pad.md names, has a Young's modulus of 1.32 MPa
+# cured at 25 °C and of 2.97 MPa cured at 200 °C (Johnston et al., "Mechanical characterization of bulk Sylgard 184 for
+# microfluidics and microengineering", J. Micromech. Microeng. 24, 035017, 2014); 20 MPa over the ratio of base to agent
+# (Wang et al., J. Appl. Polym. Sci. 131, 41050, 2014). The shipped pads have 1.22 MPa. Within the cures of
+# build-a-pad.md, and weighed by hand: ± 40 % as two deviations.
+MODULUS = 0.2
+THICKNESS_M = 0.2e-3  # poured by hand up to a mark, and levelled by eye
+FINGER_M = (3e-3, 12e-3)
+PROBE_M = 6e-3  # that calibrated the shipped pads
+
+# What a slab of the standard pad that is a millimetre thicker does to an answer, by distance from the middle: the place
+# outwards, as mm, and the share by which the force is too small. Small strains, mean of an axis and a diagonal:
+# `python -m fmfts_lab.finite_elements.thickness`.
+RING_MM = 2.0
+THICKER_MM = np.array([0.0, -0.25, -0.53, -0.51, 0.08, 1.01, 1.80, 2.10])
+THICKER_SHARE = np.array([-0.58, -0.60, -0.63, -0.64, -0.57, -0.40, -0.16, 0.09])
+
+
+@dataclass(frozen=True, slots=True)
+class StructureTolerance:
+    """modulus: standard deviation, as a share. thickness_m: of the slab. finger_m: the smallest and the largest width
+    of what presses. The first value of each: it is as calibrated."""
+
+    modulus: float = 0.0
+    thickness_m: float = 0.0
+    finger_m: tuple[float, float] = (PROBE_M, PROBE_M)
+
+    @property
+    def for_c(self) -> dict[str, Numbers]:
+        """What tolerances.c needs: contact/step.h."""
+        thicker_mm = self.thickness_m * 1e3
+        return {
+            "modulus_share": self.modulus,
+            "finger_mm2": self.finger_mm2,
+            "ring_mm": RING_MM,
+            "thicker_mm": thicker_mm * THICKER_MM,
+            "thicker_share": thicker_mm * THICKER_SHARE,
+        }
+
+    @property
+    def finger_mm2(self) -> float:
+        """One deviation of a second moment. A disc's, w²/16, of the width farthest from the probe's is two away."""
+        farthest_m2: float = max(abs(square(width_m) - square(PROBE_M)) / 16.0 for width_m in self.finger_m)
+        return farthest_m2 * 1e6 / 2.0
+
+    @property
+    def force_share(self) -> float:
+        """What the silicone leaves open of a force near the middle, as a share of it."""
+        return float(np.sqrt(square(self.modulus) + square(self.thickness_m * 1e3 * THICKER_SHARE[0])))
+
+    def of_fingers_alone(self) -> StructureTolerance:
+        """For a model that was calibrated on the very pad: its silicone is as measured."""
+        return replace(self, modulus=0.0, thickness_m=0.0)

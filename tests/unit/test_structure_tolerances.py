@@ -1,0 +1,109 @@
+"""What a configuration lets contacts count of a pad's structure, and how a tilt at rest turns its movements."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bus_messages import status_message
+from mounted_world import World
+from rich.console import Console
+
+from fmfts.arithmetic.matrix import product
+from fmfts.config import Config, ContactConfig, PadConfig, SimulatedSource, ToleranceConfig
+from fmfts.config.checks import problems_in
+from fmfts.contact.tolerances import StructureTolerance
+from fmfts.pad import Pad, Tolerance
+from fmfts.pose import State
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.view.status import render_status
+from fmfts_client import Status
+
+
+def config(model: str = "default", finger_mm: tuple[float, float] = (3.0, 12.0), **tolerance: float) -> PadConfig:
+    return PadConfig(
+        name="pad",
+        source=SimulatedSource(seed=5, finger="none", turning_deg_per_s=0.0),
+        tolerance=ToleranceConfig(**tolerance),
+        contact=ContactConfig(model=model, finger_mm=finger_mm),
+    )
+
+
+def test_silicone_of_a_pad_that_was_calibrated_is_known_and_its_finger_is_not() -> None:
+    shipped, own = (config(name).structure_tolerance() for name in ("shear", "mine.onnx"))
+    assert shipped == StructureTolerance(0.2, 0.2e-3, (3e-3, 12e-3))
+    assert own == StructureTolerance(0.0, 0.0, (3e-3, 12e-3))
+    assert config("default").structure_tolerance("mine.onnx") == own
+
+
+def test_what_the_file_says_of_the_silicone_counts_with_any_model() -> None:
+    said = config("mine.onnx", modulus=0.05, thickness_mm=0.1).structure_tolerance()
+    assert (said.modulus, said.thickness_m) == (0.05, pytest.approx(1e-4))
+    assert config("default", modulus=0.0).structure_tolerance().modulus == 0.0
+
+
+def test_finger_farthest_from_the_probe_is_two_deviations_away() -> None:
+    """A disc has the second moment w²/16; the probe is 6 mm wide."""
+    assert StructureTolerance(finger_m=(3e-3, 12e-3)).finger_mm2 == pytest.approx((144.0 - 36.0) / 16.0 / 2.0)
+    assert StructureTolerance(finger_m=(0.0, 6e-3)).finger_mm2 == pytest.approx(36.0 / 16.0 / 2.0)
+    assert StructureTolerance().finger_mm2 == 0.0
+
+
+def test_widths_in_the_wrong_order_are_named() -> None:
+    ((where, text),) = problems_in(Config(pad=(config(finger_mm=(12.0, 3.0)),)))
+    assert where[-2:] == ("contact", "finger_mm")
+    assert "[3, 12]" in text
+
+
+def test_tilt_at_rest_turns_movements_back_by_all_of_it_on_average(pad: Pad) -> None:
+    """Places and gains look like a tilt, so that the most probable one of 3° has 2° on average; but not what turns."""
+    tolerance, left = Tolerance(1e-4, 1e-4, 0.0, 0.005, 0.05, pad_tilt_rad=float(np.radians(1.0))), []
+    for seed in range(12):
+        world = World(pad, np.random.default_rng(seed))
+        along = np.array([np.cos(seed), np.sin(seed)])
+        world.rest = State.at_rest(pad).stepped(
+            np.array([0.0, 0.0, 0.0, *(np.radians(3.0) * along), 0.0, 0.0, 0.0, 0.0])
+        )
+        mounting = world.baseline(tolerance).mounting(pad)
+        left.append(product(mounting.pad_turn, world.rest.axis)[:2] @ (world.rest.axis[:2] / np.sin(np.radians(3.0))))
+    assert abs(np.degrees(np.mean(left))) < 0.5
+
+
+def test_tilt_that_may_be_the_magnets_alone_turns_only_its_share(pad: Pad) -> None:
+    turns = []
+    for of_magnet, of_pad in ((0.0, 0.02), (0.016, 0.012), (0.02, 0.0)):
+        tolerance = Tolerance(1e-4, 1e-4, of_magnet, 0.005, 0.05, pad_tilt_rad=of_pad)
+        turns.append(World(pad, np.random.default_rng(3)).baseline(tolerance).mounting(pad).pad_turn[2, :2])
+    np.testing.assert_allclose(turns[1], 0.36 * turns[0], rtol=1e-3)
+    np.testing.assert_allclose(turns[2], 0.0, atol=1e-15)
+
+
+def test_error_of_a_movement_through_the_tilt_is_what_a_turn_by_it_does() -> None:
+    """Sideways in both directions, where the magnet moves down."""
+    one = config(sensor_rotation_deg=0.0, gain=0.0, cross_axis=0.0)
+    leftover = simulated_baseline(one).mounting(one.pad()).leftover
+    assert leftover is not None
+    solved = np.arange(6)
+    none, some = (
+        replace(leftover, pad_share=0.0, unshared_tilt_rad=tilt_rad).change_error(solved) for tilt_rad in (0.0, 0.02)
+    )
+    down = np.array([0.0, 0.0, -1e-3])
+    before, after = (
+        np.einsum("c,cim->im", down, errors[:3, :3]) @ np.einsum("c,cim->im", down, errors[:3, :3]).T
+        for errors in (none, some)
+    )
+    np.testing.assert_allclose(after - before, np.diag([2e-5**2, 2e-5**2, 0.0]), atol=2e-13)
+
+
+@pytest.mark.parametrize(("share", "words"), [(0.23, "± 23% of every force"), (0.0, "as calibrated"), (None, "–")])
+def test_status_says_what_is_not_known_of_the_scale_of_forces(share: float | None, words: str) -> None:
+    out = io.StringIO()
+    report = Status.from_message(
+        {name: getattr(status_message(), name) for name in status_message().__struct_fields__}
+        | {"force_scale_sd": share}
+    )
+    Console(file=out, width=200).print(render_status([report]))
+    (row,) = [line for line in out.getvalue().splitlines() if "force scale" in line]
+    assert words in row
