@@ -42,11 +42,7 @@ def main() -> None:
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
         "neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | overload | "
-<<<<<<< HEAD
-        "frame | resident | now | several | eflesh | real | learned",
-=======
-        "frame | resident | now | several | eflesh | real | structure",
->>>>>>> 7f11c56a (contact, baseline: Count what the pad's structure leaves open, and turn movements by its tilt)
+        "frame | resident | now | several | eflesh | real | learned | structure",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
