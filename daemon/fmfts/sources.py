@@ -96,6 +96,10 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
             from fmfts.recording.source import Replayed
 
             return Replayed(by_index)
+        case SimulatedSource(frames_from=str()):
+            from fmfts.simulation.fed import Fed
+
+            return Fed(first)
         case SimulatedSource():
             from fmfts.simulation.array import simulated_pad
 

@@ -130,6 +130,7 @@ class SimulatedSource(_HardwareSource, frozen=True, tag="simulated", tag_field="
     warming_k_per_minute: float = 0.0
     turning_deg_per_s: float = 20.0
     mechanics: str = "standard"
+    frames_from: str | None = None
 
 
 class ReplaySource(_HardwareSource, frozen=True, tag="replay", tag_field="type", kw_only=True):

@@ -153,6 +153,9 @@ def _with_absolute_paths(config: Kind, folder: Path) -> Kind:
         if isinstance(pad.source, SimulatedSource) and pad.source.mechanics != "standard":
             simulated = msgspec.structs.replace(pad.source, mechanics=str(folder / pad.source.mechanics))
             pad = msgspec.structs.replace(pad, source=simulated)
+        if isinstance(pad.source, SimulatedSource) and pad.source.frames_from is not None:
+            fed = msgspec.structs.replace(pad.source, frames_from=str(folder / pad.source.frames_from))
+            pad = msgspec.structs.replace(pad, source=fed)
         pads.append(pad)
     bus = config.bus
     if bus.keys is not None:
