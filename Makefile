@@ -46,6 +46,7 @@
 # make test-dist   what is in dist/ in clean environments of each Python: the demo from there; SIZES=1: how large each extra is
 # make release     check HEAD, then `dist`, `test-dist` and a tag, signed where a key is configured; CHECK=1: no tag. Uploads nothing
 # make lerobot the LeRobot package with the real LeRobot (6 GB the first time)
+# make mujoco  the MuJoCo package: its tests, what a pad costs a step, its policy here and over the bus (160 MB; ten minutes)
 # make ros     the ROS 2 package with real rclpy of two distributions (600 MB the first time)
 # make sizes   modules longer than 250 lines, and the lines of each room
 # make bench   time and accuracy of a solve, and latency of a frame; make cold-starts: convergence, half an hour
@@ -292,6 +293,21 @@ ros: $(VENV)/.installed-test firmware
 lerobot: $(VENV)/.installed-test
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[versions]'
 	$(BIN)/python tests/drills/lerobot_drill.py
+
+# Shorter: MUJOCO=tests alone, or MUJOCO="bench compare".
+MUJOCO ?= tests bench compare
+.PHONY: mujoco
+mujoco: $(VENV)/.installed-test
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e . -e './clients/mujoco[test]'
+ifneq ($(filter tests,$(MUJOCO)),)
+	cd clients/mujoco && $(abspath $(BIN))/python -m pytest -q
+endif
+ifneq ($(filter bench,$(MUJOCO)),)
+	$(BIN)/python -m fmfts_mujoco.bench
+endif
+ifneq ($(filter compare,$(MUJOCO)),)
+	$(BIN)/python -m fmfts_mujoco.compare
+endif
 
 # Makes the recordings that the tests replay again; the commit must explain why they change.
 recordings: $(VENV)/.installed-test firmware

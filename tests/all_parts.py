@@ -29,7 +29,8 @@ WHOLE = ["--dist", "worksteal", *(word for folder in OF_FUNCTIONS for word in ("
 # computes little; where this user may say so, other programs have to wait for it. Browsers and drills need a processor.
 PARTS = {
     "lint": [["-m", "ruff", "check", "."], ["-m", "ruff", "format", "--check", "."],
-             ["-m", "mypy", "daemon", "lab", "extras", "clients/python"]],
+             ["-m", "mypy", "daemon", "lab", "extras", "clients/python",
+              "clients/mujoco/fmfts_mujoco"]],
     "unit": [[*PYTEST, "-n", "3", "--dist", "loadfile", *OF_FUNCTIONS, "-m", "not long and not mutation"]],
     "processes": [[*PYTEST, "-n", "4", *WHOLE, "-m", "not real_time and not slow and not mutation"]],
     "clock": [[*PYTEST, "-n", "2", *WHOLE, "-m", "real_time and not slow"]],

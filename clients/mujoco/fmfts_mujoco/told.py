@@ -1,0 +1,45 @@
+"""Messages of a pad that were published in the simulation, decoded when somebody looks at them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import overload
+
+import msgpack  # type: ignore[import-untyped]
+from fmfts_client import Contact
+
+
+class Told(Sequence[Contact]):
+    """Messages in order. payloads: as the bus would carry them; published_ns: when, on the simulation's clock."""
+
+    def __init__(self, published_ns: Sequence[int] = (), payloads: Sequence[bytes] = ()) -> None:
+        self.published_ns, self.payloads = list(published_ns), list(payloads)
+
+    def append(self, published_ns: int, payload: bytes) -> None:
+        self.published_ns.append(published_ns)
+        self.payloads.append(payload)
+
+    def split(self, now_ns: int) -> tuple[Told, Told]:
+        """Those that are published by now, and the later ones."""
+        published = sum(1 for each in self.published_ns if each <= now_ns)
+        before, after = slice(None, published), slice(published, None)
+        return (
+            Told(self.published_ns[before], self.payloads[before]),
+            Told(self.published_ns[after], self.payloads[after]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.payloads)
+
+    @overload
+    def __getitem__(self, index: int) -> Contact: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Told: ...
+
+    def __getitem__(self, index: int | slice) -> Contact | Told:
+        if isinstance(index, slice):
+            return Told(self.published_ns[index], self.payloads[index])
+        body = msgpack.unpackb(self.payloads[index])
+        body["t_publish_ns"] = body["utc_ns"] = self.published_ns[index]
+        return Contact.from_message(body)
