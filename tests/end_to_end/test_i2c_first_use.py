@@ -24,7 +24,9 @@ def require_first_use(folder: Path, chip: str, adapter: str) -> None:
     assert abs(used.pressed.force_n - force_n) < 5 * used.pressed.force_sd_n
     assert abs(used.pressed.x_m - x_m) < 5 * used.pressed.x_sd_m
     assert abs(used.pressed.y_m - y_m) < 5 * used.pressed.y_sd_m
-    assert used.pressed.force_sd_n < 0.2 * force_n
+    # Steel may be near, and the pad was not turned: 0.23 N. Its silicone and the finger are not known: 25 %.
+    assert used.pressed.force_sd_n < 0.4 * force_n
+    assert abs(used.pressed.force_n - force_n) < 0.1 * force_n  # this pad is as drawn
     assert ("has no self-test" in used.selftest) is (chip not in SELF_TESTED), used.selftest
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from fmfts.baseline import Baseline
 from fmfts.baseline.files import path_of
 from fmfts.cli.demo import set_up_pads
-from fmfts.config import PadConfig, SimulatedSource
+from fmfts.config import ContactConfig, PadConfig, SimulatedSource, ToleranceConfig
 from fmfts.config.example import ARRAY_PATH, EXAMPLE_PATH
 from fmfts.config.file import load
 from fmfts.pad import rotation_from_vector
@@ -57,13 +58,19 @@ def pressed(config: PadConfig, baseline: Baseline, place_m: tuple[float, float])
 
 
 @pytest.mark.parametrize("place_m", [(0.0, 0.0), (4e-3, 3e-3), (-6e-3, 2e-3)])
-def test_newton_on_a_set_up_pad_is_known_to_a_tenth(
+def test_newton_on_a_set_up_pad_is_known_to_a_tenth_but_for_its_silicone(
     demo: tuple[PadConfig, Baseline, list[str]], place_m: tuple[float, float]
 ) -> None:
+    """20 % of the modulus, the thickness, and the finger's size are counted beside what the set-up leaves."""
     config, baseline, _ = demo
-    told = np.array(pressed(config, baseline, place_m))
+    config = msgspec.structs.replace(config, contact=ContactConfig(finger_mm=(6.0, 6.0)))
+    known = msgspec.structs.replace(config, tolerance=ToleranceConfig(modulus=0.0, thickness_mm=0.0))
+    told = np.array(pressed(known, baseline, place_m))
     assert told[:, 1].max() <= 0.1
     assert np.abs(told[:, 0] - 1.0).max() < 0.1
+    by_silicone = msgspec.structs.replace(config, tolerance=ToleranceConfig(modulus=0.2, thickness_mm=0.0))
+    counted = np.sqrt(np.array(pressed(by_silicone, baseline, place_m))[:, 1] ** 2 - told[:, 1] ** 2)
+    assert counted == pytest.approx(0.2 * told[:, 0], rel=0.1)
 
 
 def test_demo_stores_what_its_daemon_will_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

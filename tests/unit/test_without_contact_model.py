@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fmfts.bus.messages import ContactMessage
-from fmfts.config import ContactConfig, GeometryConfig, MagnetConfig, PadConfig, SimulatedSource
+from fmfts.config import ContactConfig, GeometryConfig, MagnetConfig, PadConfig, SimulatedSource, ToleranceConfig
 from fmfts.config.file import load
 from fmfts.contact import ModelError, NoContactModel
 from fmfts.pipeline._pad import distance
@@ -80,7 +80,10 @@ def test_sensors_that_are_elsewhere_keep_the_model_as_it_goes_from_the_pose() ->
     """Boards of 25 mm cannot lie 16 mm apart. A quarter turn of one of them is no other pad either."""
     places = ((12.7, 12.7, 0), (12.7, -12.7, 0), (-12.7, 12.7, 0), (-12.7, -12.7, 0))
     geometry = GeometryConfig(sensors_mm=places, sensor_rotations_deg=((0, 0, 0), (0, 0, 90), (0, 0, 0), (0, 0, 0)))
-    config = PadConfig(name="wide", source=SimulatedSource(turning_deg_per_s=0.0), geometry=geometry)
+    known = ToleranceConfig(modulus=0.0, thickness_mm=0.0)
+    contact = ContactConfig(finger_mm=(6.0, 6.0))
+    source = SimulatedSource(turning_deg_per_s=0.0)
+    config = PadConfig(name="wide", source=source, geometry=geometry, tolerance=known, contact=contact)
     for message in messages_of(config, steady_finger(3e-3, -2e-3, 1.0))[-20:]:
         assert message.health == "ok"
         assert message.force_n == pytest.approx(1.0, abs=5 * message.force_sd_n)

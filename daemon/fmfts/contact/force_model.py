@@ -233,9 +233,10 @@ def _map_of(stored: _StoredMap, values: int) -> ForceMap:
     count = len(exponents(known, stored.power))
     numbers = np.frombuffer(stored.tables, "<f8")
     sizes = (count, DIRECTIONS * count, count * count, DIRECTIONS, DIRECTIONS)
-    if len(numbers) != sum(sizes) or not np.isfinite(numbers).all():
+    ends = [sum(sizes[: part + 1]) for part in range(len(sizes))]
+    if len(numbers) != ends[-1] or not np.isfinite(numbers).all():
         raise ValueError("a polynomial's table has another size than it states, or numbers that are not finite")
-    scale, weight, spread, floor_n2, share = np.split(numbers, np.cumsum(sizes)[:-1])
+    scale, weight, spread, floor_n2, share = (numbers[end - size : end] for end, size in zip(ends, sizes, strict=True))
     if min(scale.min(), floor_n2.min()) <= 0.0 or share.min() < 0.0:
         raise ValueError("a polynomial has an impossible scale or deviation")
     square = spread.reshape(count, count)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import power
 from fmfts.arithmetic.matrix import SingularError, cholesky, product, solve_lower
 from fmfts.baseline.skin_mounting import SkinMounting
 from fmfts.common.chi2 import quantile
@@ -117,7 +118,7 @@ class ForceEstimator:
         deviation = np.sqrt(found.variance[0] + np.diagonal(by_frame))
         size = float(np.sqrt(product(found.force[0], found.force[0]))) / self.model.forces.largest_n
         # The field grows a little faster than the force, and the largest monomials with its power.
-        if found.leverage[0] > FARTHEST_LEVERAGE * max(size, 1.0) ** (2 * (polynomial.power + 1)):
+        if found.leverage[0] > FARTHEST_LEVERAGE * power(max(size, 1.0), 2 * (polynomial.power + 1)):
             memory.touching = False
             return SkinReading("disturbed", NO_PRESS, used)
         return SkinReading("ok" if whole else "degraded", reason, used, True, memory.contact, deviation, size > HARDER)
