@@ -63,6 +63,7 @@ def _standard() -> Pad:
 Made = tuple[World, Baseline, Mounting, dict[str, object]]
 
 
+@pytest.mark.long
 def test_places_are_found_as_well_as_claimed(learned_pad: Made) -> None:
     world, _, mounting, facts = learned_pad
     assert mounting.leftover is not None
@@ -110,6 +111,7 @@ def test_the_file_keeps_what_was_learned(learned_pad: Made, tmp_path) -> None:  
             msgspec.convert(geometry, type(baseline.learned), strict=False)
 
 
+@pytest.mark.long
 def test_more_presses_are_added_and_refine_sends_to_them(learned_pad: Made) -> None:
     world, baseline, mounting, _ = learned_pad
     more, better, _ = make_learned(world.pad, presses(world, 40), baseline)
@@ -133,6 +135,7 @@ def test_too_few_presses_and_what_must_come_before_are_said(pad: Pad) -> None:
         make_learned(pad, presses(world), msgspec.structs.replace(before, bare=None))
 
 
+@pytest.mark.long
 def test_steel_is_no_geometry(pad: Pad) -> None:
     world = rough_world(pad, 3)
     pressed = presses(world, 40)
@@ -141,6 +144,7 @@ def test_steel_is_no_geometry(pad: Pad) -> None:
         make_learned(pad, replace(pressed, field_t=field), bare_and_rest(world))
 
 
+@pytest.mark.long
 def test_length_scale_that_no_prior_tells_is_open(pad: Pad) -> None:
     world = rough_world(pad, 1)
     loose = replace(SKETCH, remanence=0.5, magnet_position_m=3e-3, sensor_position_m=3e-3)
@@ -205,6 +209,7 @@ def test_a_press_that_moves_nothing_is_never_next(pad: Pad) -> None:
     np.testing.assert_allclose(relative_place_deviation_m(drawing, after).max(), told.then_m, rtol=0.05)
 
 
+@pytest.mark.long
 def test_octupole_is_learned_where_left_out_presses_fit_better(pad: Pad) -> None:
     """Of a magnet that is longer and thinner than drawn, near its sensors; fields of the exact cylinder."""
     drawn, longer = Magnet(1.8e-3, 0.9e-3, 1.3), Magnet(1.4e-3, 1.488e-3, 1.3)
