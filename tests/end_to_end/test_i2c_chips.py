@@ -99,6 +99,7 @@ def test_a_chip_that_was_power_cycled_is_set_up_again() -> None:
         run(source, lambda frames: all_valid(frames) and frames[-1].fresh[0])
 
 
+# The silicone and the finger are the model's own: what they would leave open has tests of its own.
 CONTACT_CONFIG = """
 [[pad]]
 name = "left"
@@ -109,6 +110,11 @@ chip = "{chip}"
 rate_hz = {rate_hz}
 range_gauss = {range_gauss}
 channels = {channels}
+[pad.tolerance]
+modulus = 0.0
+thickness_mm = 0.0
+[pad.contact]
+finger_mm = [6.0, 6.0]
 """
 FORCE_N, PRESSED_MM = 1.0, (3.0, -2.0)
 
