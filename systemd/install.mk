@@ -119,9 +119,9 @@ soak: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/drills/soak.py $(SOAK)
 
 # The wheel for aarch64, and tests under qemu.
-aarch64: test-packages
+aarch64: test-packages $(VENV)/.installed-test
 	@$(call need,$(call missing_packages,debootstrap python3-pip),exit 1)
-	$(PYTHON) tests/drills/aarch64.py
+	$(BIN)/python tests/drills/aarch64.py
 
 # Replays recordings with the arithmetic of other processors, also aarch64.
 same-numbers: test-packages $(VENV)/.installed-test

@@ -88,20 +88,21 @@ def wheel(tree: Path, folder: Path, sources: str | Path = ROOT) -> Path:
     return built
 
 
-def install(built: Path, folder: Path) -> None:
-    platforms = [word for name in PLATFORMS for word in ("--platform", f"{name}_aarch64")]
-    command = [*PIP, "install", "--upgrade", "--target", folder, *platforms, "--python-version", "3.11"]
-    subprocess.run(
-        [*command, "--only-binary=:all:", "--no-deps", built, ROOT / "clients/python", *FROM_PYPI], check=True
-    )
-
-
 def start_others_on_this_machine(folder: Path) -> None:
     """What the emulated Python starts as `sys.executable` is this machine's Python, without arm64's packages."""
     native = folder / "native-python"
     native.write_text(f'#!/bin/sh\nexec env -u PYTHONPATH -u LD_LIBRARY_PATH {sys.executable} "$@"\n')
     native.chmod(0o755)
     (folder / "sitecustomize.py").write_text(f"import sys\n\nsys.executable = {str(native)!r}\n")
+
+
+def install(built: Path, folder: Path) -> None:
+    platforms = [word for name in PLATFORMS for word in ("--platform", f"{name}_aarch64")]
+    command = [*PIP, "install", "--upgrade", "--target", folder, *platforms, "--python-version", "3.11"]
+    subprocess.run(
+        [*command, "--only-binary=:all:", "--no-deps", built, ROOT / "clients/python", *FROM_PYPI], check=True
+    )
+    start_others_on_this_machine(folder)
 
 
 def emulated(tree: Path, folder: Path) -> list[str | Path]:
@@ -143,7 +144,6 @@ def main() -> int:
     built = wheel(tree, cache / "aarch64")
     print(built, flush=True)
     install(built, cache / "aarch64/site")
-    start_others_on_this_machine(cache / "aarch64/site")
     python = emulated(tree, cache / "aarch64/site")
     load_compiled(python)
     return run_tests(python)
