@@ -18,7 +18,7 @@
 # make test-fresh    the same in a fresh clone on a plain Debian 12, as root; and the demo as an ordinary user
 # make test-systems    the Debian package, and pip, on Debian 12 and 13, Ubuntu 22.04 and 24.04, as root    (SYSTEMS=ubuntu-22.04)
 # make test-busy    the demo and all tests five times in fresh clones, beside two busy processes: two hours    (TURNS=5)
-# make long    tests that take more than ten seconds: the laboratory's studies, long runs of pads (four minutes)
+# make long    tests that take more than ten seconds: the laboratory's studies, long runs of pads (six minutes)
 # make mutations    wrong drivers and wrong emulators, each of which a test must catch (two minutes)
 # make slow    the page in Chromium, the fault drills, a whole installation, a drift that is followed (six minutes)
 # make test-firmware-long    half a minute of the emulated board's time
