@@ -15,7 +15,10 @@ import numpy as np
 
 from fmfts.arithmetic import _arithmetic, matrix
 from fmfts.contact import ContactModel, _contact
+from fmfts.contact.touch import TouchDetector
+from fmfts.pad import Silicone
 from fmfts.pipeline import _pad
+from fmfts.pipeline.creep import Creep
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.parameters import packed_response
 from fmfts.pipeline.words import words_of
@@ -147,9 +150,10 @@ def recorded() -> dict[tuple[str, str], list[Call]]:
     """Some calls of each exported function, by module and name."""
     calls: dict[tuple[str, str], list[Call]] = {}
     with _recorded(calls):
-        for scenario in (_matrices, _poses, _samples, _contacts, _wire_lines, _frames, _fingers):
+        for scenario in (_matrices, _poses, _samples, _contacts, _touches, _wire_lines, _frames, _fingers):
             scenario(np.random.default_rng(1))
-    assert not [name for name in functions() if name not in calls], "a function that no scenario calls"
+    uncalled = [name for name in functions() if name not in calls]
+    assert not uncalled, f"no scenario calls {uncalled}"
     return calls
 
 
@@ -201,6 +205,17 @@ def _contacts(random: np.random.Generator) -> None:
         model.inference.run()
         place_m = pad.rest_position_m - np.array([0.0, 0.0, 2e-4 * random.random()])
         model.estimate(place_m, pad.rest_axis, 1e-9 * np.eye(6))
+
+
+def _touches(random: np.random.Generator) -> None:
+    """Without a frame: several magnets are touched, and a followed rest creeps."""
+    detector, creep = TouchDetector(220.0), Creep(Silicone(), 1.0)
+    for size_m in (0.0, 1e-6, 1e-3):
+        change = size_m * random.normal(size=5)
+        detector.update(change, 1e-12 * np.eye(5))
+        detector.unseen()
+        creep.left_behind(change, 4.5e-3)
+        _pad.distance(change, 1e-12 * np.eye(5))
 
 
 def _wire_lines(_: np.random.Generator) -> None:

@@ -134,17 +134,24 @@ static PyObject *touch(PyObject *module, PyObject *args)
     fmfts_contact_parameters parameters = {0};
     fmfts_contact_memory memory = {0};
     double chi2;
+    int touched, quiet_frames;
     (void)module;
-    if (!PyArg_ParseTuple(args, "ddddd", &parameters.onset_chi2, &parameters.release_chi2, &memory.touched, &memory.quiet_frames,
-                          &chi2)) {
+    if (!PyArg_ParseTuple(args, "ddpid", &parameters.onset_chi2, &parameters.release_chi2, &touched, &quiet_frames, &chi2)) {
         return NULL;
     }
+    if (quiet_frames < 0 || quiet_frames > FMFTS_RELEASE_FRAMES) {
+        PyErr_Format(PyExc_ValueError, "%d quiet frames: from 0 to %d are counted", quiet_frames, FMFTS_RELEASE_FRAMES);
+        return NULL;
+    }
+    memory.touched = touched;
+    memory.quiet_frames = quiet_frames;
     if (isnan(chi2)) {
         fmfts_unseen(&memory);
     } else {
         fmfts_follow_touch(&parameters, &memory, chi2);
     }
-    return Py_BuildValue("(Ni)", PyBool_FromLong(memory.touched != 0.0), (int)memory.quiet_frames);
+    return Py_BuildValue("(Ni)", PyBool_FromLong(memory.touched != 0.0),
+                         (int)fmin(memory.quiet_frames, FMFTS_RELEASE_FRAMES));
 }
 
 static PyMethodDef methods[] = {

@@ -12,8 +12,16 @@ static void release(Py_buffer *buffer, int count)
 
 static int is_of_a_pad(const Py_buffer *parameters, const Py_buffer *memory)
 {
-    return fmfts_has_size(parameters, sizeof(fmfts_parameters), "parameters") &&
-           (!memory || fmfts_has_size(memory, sizeof(fmfts_memory), "memory"));
+    if (!fmfts_has_size(parameters, sizeof(fmfts_parameters), "parameters") ||
+        (memory && !fmfts_has_size(memory, sizeof(fmfts_memory), "memory"))) {
+        return 0;
+    }
+    double leftovers = ((const fmfts_parameters *)parameters->buf)->pose.leftovers;
+    if (!(leftovers >= 0.0 && leftovers <= FMFTS_LEFTOVERS)) {
+        PyErr_Format(PyExc_ValueError, "a pad has from 0 to %d leftovers", FMFTS_LEFTOVERS);
+        return 0;
+    }
+    return 1;
 }
 
 PyObject *fmfts_drawn(PyObject *module, PyObject *args)
