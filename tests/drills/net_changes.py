@@ -35,6 +35,7 @@ SAYS, RECORDED = (
     f"tests/golden/test_golden.py::test_{name}"
     for name in ("what_goes_with_a_message_is_what_it_says", "snapshots_and_a_replay_change_no_bit")
 )
+TOLERANCES = "tests/oracle/test_tolerances.py"
 CHANGES = [
     Change("field", "pose/model.h", "further * w * (52.5 - 157.5 * uw)", "further * w * (52.5 - 152.5 * uw)",
            (SOLVER,)),
@@ -192,4 +193,18 @@ CHANGES = [
     Change("clock", "sensor/wire/clock.c", "- line->fixed_delay_ns;", ";", (LINE,)),
     Change("clock", "sensor/wire/clock.c", "(double)hull[i].us >= mean_us", "(double)hull[i - 1].us >= mean_us",
            (LINE,)),
+    Change("structure", "contact/tolerances.c", "parameters->modulus_share * contact[load]",
+           "parameters->modulus_share * contact[FORCE]", (TOLERANCES,)),
+    Change("structure", "contact/tolerances.c", "share * contact[load]);\n    }", "share);\n    }", (TOLERANCES,)),
+    Change("structure", "contact/tolerances.c", "outwards_mm * contact[axis] / radius_mm", "outwards_mm",
+           (TOLERANCES,)),
+    Change("structure", "contact/tolerances.c", "(ring - inner) *", "ring *", (TOLERANCES,)),
+    Change("structure", "contact/tolerances.c", "/ 2.0 - middle[i]", "/ 2.0", (TOLERANCES,)),
+    Change("structure", "contact/tolerances.c", "sqrt(parameters->finger_mm2)", "parameters->finger_mm2",
+           (TOLERANCES,)),
+    Change("structure", "contact/tolerances.c", "UNEVEN * (along[0][i] - along[1][i])",
+           "UNEVEN * (along[0][i] + along[1][i])", (TOLERANCES,)),
+    Change("structure", "contact/estimate.c", "double own_variance = variance[2] - structure[2];",
+           "double own_variance = variance[2];", (TOLERANCES, "healthy")),
+    Change("structure", "pose/change.c", "parameters->pad_turn", "parameters->drawn_turn", ("turned",)),
 ]  # fmt: skip

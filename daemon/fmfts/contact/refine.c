@@ -105,8 +105,9 @@ static void monomials(const fmfts_response *response, const double *load, double
     }
 }
 
-void fmfts_respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
-                   double slope[FMFTS_MOVED][FMFTS_MAX_PRESS])
+/* with_slope is a constant wherever this stands: values alone take a fifth of the time. */
+FMFTS_INLINE void respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
+                          double slope[FMFTS_MOVED][FMFTS_MAX_PRESS], bool with_slope)
 {
     double along_x[4], along_y[4], slope_x[4], slope_y[4];
     double value[FMFTS_MAX_MONOMIALS], by_load[FMFTS_MAX_MONOMIALS][FMFTS_MAX_LOADS];
@@ -114,7 +115,9 @@ void fmfts_respond(const fmfts_response *response, const double *press, double c
     size_t row = stencil(response, 1, press[1], along_y, slope_y);
     monomials(response, press + 2, value, by_load);
     memset(change, 0, sizeof(double[FMFTS_MOVED]));
-    memset(slope, 0, sizeof(double[FMFTS_MOVED][FMFTS_MAX_PRESS]));
+    if (with_slope) {
+        memset(slope, 0, sizeof(double[FMFTS_MOVED][FMFTS_MAX_PRESS]));
+    }
     for (size_t i = 0; i < 4; i++) {
         for (size_t j = 0; j < 4; j++) {
             double here = along_x[i] * along_y[j], by_x = slope_x[i] * along_y[j], by_y = along_x[i] * slope_y[j];
@@ -124,6 +127,9 @@ void fmfts_respond(const fmfts_response *response, const double *press, double c
                 for (size_t c = 0; c < FMFTS_MOVED; c++) {
                     double coefficient = patch[m * FMFTS_MOVED + c];
                     change[c] += here * value[m] * coefficient;
+                    if (!with_slope) {
+                        continue;
+                    }
                     slope[c][0] += by_x * value[m] * coefficient;
                     slope[c][1] += by_y * value[m] * coefficient;
                     for (size_t l = 0; l < response->loads; l++) {
@@ -133,6 +139,17 @@ void fmfts_respond(const fmfts_response *response, const double *press, double c
             }
         }
     }
+}
+
+void fmfts_respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
+                   double slope[FMFTS_MOVED][FMFTS_MAX_PRESS])
+{
+    respond(response, press, change, slope, true);
+}
+
+void fmfts_move(const fmfts_response *response, const double *press, double change[FMFTS_MOVED])
+{
+    respond(response, press, change, NULL, false);
 }
 
 static void bring_onto_table(const fmfts_response *response, double *press)

@@ -32,6 +32,9 @@ bool fmfts_view_response(const void *content, size_t size, fmfts_response *respo
 void fmfts_respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
                    double slope[FMFTS_MOVED][FMFTS_MAX_PRESS]);
 
+/* The change of pose alone. */
+void fmfts_move(const fmfts_response *response, const double *press, double change[FMFTS_MOVED]);
+
 /* Moves `press` by `steps` trials of Levenberg–Marquardt. covariance: of `change`, 5 × 5. spread: receives the covariance of
  * the press, (2 + loads)². False, and nothing is written, if `covariance` is not positive definite. */
 bool fmfts_refine(const fmfts_response *response, const double change[FMFTS_MOVED], const double *covariance, int steps,

@@ -8,6 +8,7 @@
  *   d = (h(x + a) + h(x - a)) / 2 - h(x), where a^2 is what its second moment has more than the probe's that calibrated the pad. The
  *   model's Jacobian J takes d for a movement: e = J d. */
 #include <math.h>
+#include <string.h>
 
 #include "step.h"
 
@@ -44,19 +45,21 @@ static void count_silicone(const fmfts_contact_parameters *parameters, const fmf
     }
 }
 
-/* What a finger adds to the movement whose second moment along one axis is larger by finger_mm2. */
-static void wider(const fmfts_response *response, double finger_mm2, const double *contact, int axis, double moved[MOVED])
+/* What a finger adds to the movement whose second moment along an axis is larger by away_mm squared. */
+static void move_more(const fmfts_response *response, const double press[CONTACT], double away_mm, double more[2][MOVED])
 {
-    double slope[MOVED][FMFTS_MAX_PRESS], press[CONTACT], change[3][MOVED], away_mm = sqrt(finger_mm2);
-    for (int side = -1; side <= 1; side++) {
-        for (int i = 0; i < CONTACT; i++) {
-            press[i] = i < 2 + (int)response->loads ? contact[i] : 0.0;
+    double middle[MOVED];
+    fmfts_move(response, press, middle);
+    for (int axis = 0; axis < 2; axis++) {
+        double aside[CONTACT], before[MOVED], after[MOVED];
+        memcpy(aside, press, sizeof aside);
+        aside[axis] = press[axis] - away_mm;
+        fmfts_move(response, aside, before);
+        aside[axis] = press[axis] + away_mm;
+        fmfts_move(response, aside, after);
+        for (int i = 0; i < MOVED; i++) {
+            more[axis][i] = (before[i] + after[i]) / 2.0 - middle[i];
         }
-        press[axis] += side * away_mm;
-        fmfts_respond(response, press, change[side + 1], slope);
-    }
-    for (int i = 0; i < MOVED; i++) {
-        moved[i] = (change[0][i] + change[2][i]) / 2.0 - change[1][i];
     }
 }
 
@@ -77,10 +80,9 @@ static void add_movement(const fmfts_question *question, const fmfts_answer *ans
 static void count_finger(const fmfts_contact_parameters *parameters, const fmfts_response *response,
                          const fmfts_question *question, const fmfts_answer *answer, double *variance)
 {
-    double along[2][MOVED], both[MOVED], uneven[MOVED];
-    for (int axis = 0; axis < 2; axis++) {
-        wider(response, parameters->finger_mm2, answer->contact, axis, along[axis]);
-    }
+    double press[CONTACT] = {0.0}, along[2][MOVED], both[MOVED], uneven[MOVED];
+    memcpy(press, answer->contact, sizeof(double) * (size_t)answer->outputs);
+    move_more(response, press, sqrt(parameters->finger_mm2), along);
     for (int i = 0; i < MOVED; i++) {
         both[i] = along[0][i] + along[1][i];
         uneven[i] = UNEVEN * (along[0][i] - along[1][i]);
