@@ -139,7 +139,7 @@ def _read(path: Path) -> ForceSet:
     columns = sorted((name for name in cells if VALUE.fullmatch(name)), key=_order)
     if not 2 <= len(columns) <= MOST_VALUES:
         raise DataError(
-            f"{path}: row 1 has {len(columns)} columns b1x_ut, b1y_ut …: from 2 to {MOST_VALUES} are needed"
+            f"{path}: row 1 names {len(columns)} of the fields b1x_ut, b1y_ut …: from 2 to {MOST_VALUES} are needed"
         )
     fields = [
         [value_and_bound(path, at, name, cell, LARGEST_UT) for at, cell in zip(line, cells[name], strict=True)]

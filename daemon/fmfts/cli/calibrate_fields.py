@@ -7,30 +7,24 @@ import json
 import sys
 from pathlib import Path
 
+from fmfts.cli.kind_of_file import begins_with, columns_of
 from fmfts.cli.verb import VerbError, lacking, not_written
 from fmfts.common import exit_codes
 from fmfts.common.reading import read_regular
 
 OF_COLLECT = "first_frame_ns"
-MARK, MARK_WITHIN = b"fmfts field response", 64
+MARK = b"fmfts field response"
 
 
 def is_of_fields(data: Path) -> bool:
     """Whether a set names what only such a pad's has: a depth, shear alone, rest rows or recordings."""
-    try:
-        header = read_regular(data, 10_000).split(b"\n", 1)[0].decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError):
-        return False  # the other way says what is wrong
-    names = {name.strip(' "\r') for name in header.split(",")}
+    names = columns_of(data)
     # A table that `collect` wrote names the recording of its frames; such a pad's magnets are known.
     return bool({"depth_mm", "shear_n", "rest", "recording"} & names) and OF_COLLECT not in names
 
 
 def is_response(model: Path) -> bool:
-    try:
-        return MARK in read_regular(model, MARK_WITHIN)
-    except OSError:
-        return False
+    return begins_with(model, MARK)
 
 
 def calibrate(options: argparse.Namespace) -> int:

@@ -8,30 +8,23 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fmfts.cli.kind_of_file import begins_with, columns_of
 from fmfts.cli.verb import VerbError, configured_pad, lacking, not_written
 from fmfts.common import exit_codes
-from fmfts.common.reading import read_regular
 
 if TYPE_CHECKING:
     from fmfts.calibrate.force_command import KnownMagnet
 
-MARK, MARK_WITHIN = b"fmfts force model", 64
+MARK = b"fmfts force model"
 
 
 def is_of_forces(data: Path) -> bool:
     """Whether a set has forces in three directions as labels."""
-    try:
-        header = read_regular(data, 10_000).split(b"\n", 1)[0].decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError):
-        return False  # the other way says what is wrong
-    return "force_z_n" in {name.strip(' "\r') for name in header.split(",")}
+    return "force_z_n" in columns_of(data)
 
 
 def is_force_model(model: Path) -> bool:
-    try:
-        return MARK in read_regular(model, MARK_WITHIN)
-    except OSError:
-        return False
+    return begins_with(model, MARK)
 
 
 def calibrate(options: argparse.Namespace, noise_t: float) -> int:

@@ -50,6 +50,18 @@ class SkinMemory:
     last_us: int | None = None
     last_c: float | None = None
 
+    def see(self, aligned: Aligned, temperature_c: float | None, rate_hz: float) -> None:
+        """Note a frame's time and temperature. After a long gap a touch needs an onset again."""
+        elapsed_s = aligned.elapsed_s(self.last_us)
+        self.last_us = aligned.time_us
+        self.last_c = self.last_c if temperature_c is None else temperature_c
+        if elapsed_s > max(LONGEST_GAP_S, 2.5 / rate_hz) or aligned.began_anew:
+            self.touching = False
+
+    def stronger(self, first_c: float | None, magnet_per_k: float) -> float:
+        """How much stronger the magnets are than at the temperature `first_c`, as a factor."""
+        return 1.0 if first_c is None or self.last_c is None else 1.0 + magnet_per_k * (self.last_c - first_c)
+
 
 class SkinReading(NamedTuple):
     """What one frame says. used (N, 3): the axes that it was made from. contact, deviation (D,): of a contact.
@@ -108,11 +120,7 @@ class SkinEstimator:
     def read(self, aligned: Aligned, temperature_c: float | None, missing: Mapping[int, str]) -> SkinReading:
         """Judge one aligned frame. missing: what is wrong with sensors that cannot be used."""
         memory = self.memory
-        elapsed_s = aligned.elapsed_s(memory.last_us)
-        memory.last_us = aligned.time_us
-        memory.last_c = memory.last_c if temperature_c is None else temperature_c
-        if elapsed_s > max(LONGEST_GAP_S, 2.5 / self.rate_hz) or aligned.began_anew:
-            memory.touching = False
+        memory.see(aligned, temperature_c, self.rate_hz)
         used = np.isfinite(aligned.field_t) & (aligned.repeats <= self.repeats_allowed)
         told = [f"sensor {sensor + 1} is {why}" for sensor, why in missing.items()]
         if used.sum() < self._fewest:
@@ -127,10 +135,9 @@ class SkinEstimator:
 
     def _change_ut(self, aligned: Aligned) -> Array:
         """(3N,) the change of the field since the rest recording, at that recording's temperature."""
-        first_c, last_c = self.mounting.temperature_c, self.memory.last_c
-        warmer_k = 0.0 if first_c is None or last_c is None else last_c - first_c
+        stronger = self.memory.stronger(self.mounting.temperature_c, self.magnet_per_k)
         field_t = np.where(np.isfinite(aligned.field_t), aligned.field_t, 0.0)
-        change: Array = (field_t / (1.0 + self.magnet_per_k * warmer_k) - self.mounting.rest_t).ravel() * MICROTESLA
+        change: Array = (field_t / stronger - self.mounting.rest_t).ravel() * MICROTESLA
         return change
 
     def _judged(self, change_ut: Array, used: NDArray[np.bool_], told: list[str]) -> SkinReading:

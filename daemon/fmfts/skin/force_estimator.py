@@ -25,7 +25,6 @@ from fmfts.skin.estimator import (
     FALSE_CONTACTS_PER_HOUR,
     FREE_FIELD,
     KEEPS,
-    LONGEST_GAP_S,
     REST_UT,
     SkinMemory,
     SkinReading,
@@ -76,11 +75,7 @@ class ForceEstimator:
     def read(self, aligned: Aligned, temperature_c: float | None, missing: Mapping[int, str]) -> SkinReading:
         """Judge one aligned frame. missing: what is wrong with sensors that cannot be used."""
         memory = self.memory
-        elapsed_s = aligned.elapsed_s(memory.last_us)
-        memory.last_us = aligned.time_us
-        memory.last_c = memory.last_c if temperature_c is None else temperature_c
-        if elapsed_s > max(LONGEST_GAP_S, 2.5 / self.rate_hz) or aligned.began_anew:
-            memory.touching = False
+        memory.see(aligned, temperature_c, self.rate_hz)
         used = np.isfinite(aligned.field_t) & (aligned.repeats <= self.repeats_allowed)
         told = [f"sensor {sensor + 1} is {why}" for sensor, why in missing.items()]
         known = used.ravel()[self._values]
@@ -92,10 +87,8 @@ class ForceEstimator:
 
     def _change(self, aligned: Aligned) -> Array:
         """(V,) the change of the field since the rest recording, at that recording's temperature, over the rest."""
-        first_c, last_c = self.mounting.temperature_c, self.memory.last_c
-        warmer_k = 0.0 if first_c is None or last_c is None else last_c - first_c
-        field_t = aligned.field_t.ravel()[self._values] / (1.0 + self.magnet_per_k * warmer_k)
-        change: Array = (field_t - self._rest_t) / self._scale_t
+        stronger = self.memory.stronger(self.mounting.temperature_c, self.magnet_per_k)
+        change: Array = (aligned.field_t.ravel()[self._values] / stronger - self._rest_t) / self._scale_t
         return change
 
     def _judged(self, change: Array, used: NDArray[np.bool_], told: list[str]) -> SkinReading:
