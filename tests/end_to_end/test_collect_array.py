@@ -74,7 +74,7 @@ def test_a_table_from_eighteen_presses_tells_forces_that_the_shipped_one_gets_wr
     force_before, force_after = (each["regions"][0]["rmse_force_n"] for each in (before, after))  # type: ignore[index]
     # The silicone needs 1.25 times the force and goes down 0.9 times as far: a quarter of 1.1 N is missed.
     assert force_before > 0.2
-    # As built, one frame tells a force to 0.04 N (docs/results/several.md).
+    # As built, one frame tells a force to 0.04 N (lab/results/several.md).
     assert force_after < 0.05
     assert before["wrong"] > 5  # type: ignore[operator]
     assert (after["wrong"], after["healthy"]) == (0, 40)

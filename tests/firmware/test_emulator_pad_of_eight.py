@@ -60,7 +60,7 @@ def test_eight_sensors_take_one_trigger_and_a_selftest() -> None:
     assert [sensor.state for sensor in stream.latest(Selftest).sensors] == [0] * 8
 
 
-# Of docs/results/chips.md: gain code, and frames a second that eight of a kind keep, running free and by one trigger
+# Of lab/results/chips.md: gain code, and frames a second that eight of a kind keep, running free and by one trigger
 # (0: they take none).
 RATES_HZ = {
     "hmc5983": (Hmc5983, 3, 220, 152),

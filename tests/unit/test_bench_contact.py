@@ -1,4 +1,4 @@
-"""The figures of the contact model that docs/results/contact-model.md quotes, on few frames."""
+"""The figures of the contact model that lab/results/contact-model.md quotes, on few frames."""
 
 from __future__ import annotations
 

@@ -9,12 +9,8 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = sorted(
-    [
-        *ROOT.glob("*.md"),
-        *(page for folder in ("docs", "clients", "extras", "firmware") for page in (ROOT / folder).rglob("*.md")),
-    ]
-)
+FOLDERS = ("docs", "clients", "extras", "firmware", "lab")
+PAGES = sorted([*ROOT.glob("*.md"), *(page for folder in FOLDERS for page in (ROOT / folder).rglob("*.md"))])
 # Their files in backticks are exact; a path that begins with a room is inside the robot's package.
 EXACT = sorted([*ROOT.glob("docs/how-to*"), ROOT / "docs/architecture.md", ROOT / "docs/glossary.md"])
 LINK = re.compile(r"!?\[[^\[\]]*\]\(([^()\s]+)\)")
@@ -80,7 +76,7 @@ def test_every_file_that_is_named_exists(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_every_page_that_is_named_exists(page: Path) -> None:
-    named = re.findall(r"(?<![\w/.-])docs/[\w/-]+\.(?:md|svg|png|toml)", page.read_text())
+    named = re.findall(r"(?<![\w/.-])(?:docs|lab/results)/[\w/-]+\.(?:md|svg|png|toml)", page.read_text())
     assert [name for name in named if not (ROOT / name).exists()] == []
 
 
@@ -90,7 +86,7 @@ def test_every_page_that_the_code_names_exists() -> None:
     named = {
         (str(path.relative_to(ROOT)), name)
         for path in [*files, ROOT / "config.toml", ROOT / "pyproject.toml", ROOT / "Makefile"]
-        for name in re.findall(r"(?<![\w/.-])docs/[\w/-]+\.md", path.read_text())
+        for name in re.findall(r"(?<![\w/.-])(?:docs|lab/results)/[\w/-]+\.md", path.read_text())
     }
     assert sorted((path, name) for path, name in named if not (ROOT / name).exists()) == []
 
@@ -111,7 +107,7 @@ def test_every_target_and_module_that_a_page_tells_to_run_exists(page: Path) -> 
     assert [place for place in places if not place.is_dir() and not place.with_suffix(".py").exists()] == []
 
 
-@pytest.mark.parametrize("index", ["docs/README.md", "docs/results/README.md"])
+@pytest.mark.parametrize("index", ["docs/README.md", "lab/results/README.md"])
 def test_every_page_is_in_the_index_of_its_folder(index: str) -> None:
     text = (ROOT / index).read_text()
     pages = sorted((ROOT / index).parent.glob("*.md"))

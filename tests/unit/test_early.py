@@ -81,7 +81,7 @@ def without(message: ContactMessage, *names: str) -> dict[str, object]:
 
 
 def test_a_tap_read_with_its_rate_is_as_good_as_the_goal_and_a_hold_no_worse() -> None:
-    """0.06 N rms is the goal for six pads (docs/results/now.md); one pad alone may miss it by a quarter."""
+    """0.06 N rms is the goal for six pads (lab/results/now.md); one pad alone may miss it by a quarter."""
     facts = {name: one.facts() for name, one in bench.measure(2, 1, 1.0, (hold, tap(50e-3)), early=True).items()}
     assert facts["tap in 50 ms"]["read_carried_n"] < 0.075
     assert facts["hold"]["ratio"] < 1.05

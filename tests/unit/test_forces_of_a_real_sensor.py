@@ -1,7 +1,7 @@
 """Forces across two sessions of a sensor that was sold: github.com/TheEngineRoom-UniGe/Melexis_Tactile_Sensor.
 
 One magnet in an elastomer over four pixels of two axes each, and a load cell. The repository has no licence:
-its files are not here; FMFTS_RECORDED names a folder with a folder melexis that has them (docs/results/real.md).
+its files are not here; FMFTS_RECORDED names a folder with a folder melexis that has them (lab/results/real.md).
 """
 
 from __future__ import annotations

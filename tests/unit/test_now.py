@@ -57,7 +57,7 @@ def pressed(time_s: float) -> Touch:
 
 
 def test_a_tap_is_less_wrong_when_published_and_when_read() -> None:
-    """The bounds of docs/results/now.md are for six pads; one pad alone may miss them by a quarter."""
+    """The bounds of lab/results/now.md are for six pads; one pad alone may miss them by a quarter."""
     errors = bench.measure(2, 1, 1.0, (untouched, hold, slide(100e-3), tap(50e-3), ramp))
     facts = {name: one.facts() for name, one in errors.items()}
     assert facts["tap in 50 ms"]["ratio"] < 0.44

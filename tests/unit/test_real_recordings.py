@@ -34,7 +34,7 @@ def test_absent_recordings_are_named(
 
 
 def test_every_recording_has_its_chart_and_its_source() -> None:
-    folder = Path(__file__).parents[2] / "docs/results"
+    folder = Path(__file__).parents[2] / "lab/results"
     text = (folder / "real.md").read_text()
     for name, (_, file) in RECORDINGS.items():
         assert f"](real-{name}.svg)" in text

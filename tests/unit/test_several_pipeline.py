@@ -238,7 +238,7 @@ def test_three_fingers_are_never_told_as_two_that_are_wrong() -> None:
         assert message.health != "ok"
         assert message.contacts is None
         assert message.force_n is None
-    assert sum(more for _, more in said) >= 3  # of five; 54 to 58 % in docs/results/several.md
+    assert sum(more for _, more in said) >= 3  # of five; 54 to 58 % in lab/results/several.md
 
 
 def test_three_fingers_that_stay_are_said_to_be_more_until_one_goes() -> None:

@@ -17,7 +17,7 @@ from fmfts.pad import Pad
 
 Array = NDArray[np.float64]
 
-# What they leave open of a chip: docs/results/as-built.md. A turn and presses compare the chips with each other.
+# What they leave open of a chip: lab/results/as-built.md. A turn and presses compare the chips with each other.
 SELFTEST_GAIN = 0.005
 TURN_GAIN, TURN_ROTATION_RAD, TURN_CROSS_AXIS = 0.006, 0.0015, 0.0025
 REFINE_PLACE_M, REFINE_GAIN, REFINE_ROTATION_RAD, REFINE_CROSS_AXIS = 1.2e-4, 0.02, 0.012, 0.005

@@ -32,7 +32,7 @@ FORMAT = "fmfts array response 1"
 LARGEST_BYTES, MOST_KNOTS = 4_000_000, 66
 # As several.h has room for them: terms, and places of a grid (several/scan.py).
 MOST_TERMS, WIDEST_MM = 8, 60.0
-# Of the change of a pose, relative: of the table that ships (docs/results/several.md).
+# Of the change of a pose, relative: of the table that ships (lab/results/several.md).
 SHIPPED_ERROR, LARGEST_ERROR = 0.005, 0.2
 
 

@@ -35,7 +35,7 @@ DEFAULT_MODEL = "default"
 # The ambient field since the baseline, along each axis, while a robot turns in the Earth's field: a pad with several
 # magnets solves it anew in each frame.
 TURNING_T = 1e-4
-# From a frame's last byte to its message, at the median, with a pad that is the only one (docs/results/latency.md).
+# From a frame's last byte to its message, at the median, with a pad that is the only one (lab/results/latency.md).
 HOST_S = 0.3e-3
 # From the end of a conversion to when it is read: the way over the chip's bus, and the turns of the others.
 READ_S = 0.4e-3

@@ -7,7 +7,7 @@ from fmfts.pose.magnets import CHANGE
 FREE_FIELD = 3  # values that the ambient field takes
 # So many values more than are taken tell whether the poses explain a frame; and so many at least a pad has to have, so
 # that it may lose a sensor. Where one value was left, poses that explained a frame were wrong beside a foreign magnet,
-# which they bent to explain (docs/results/several.md).
+# which they bent to explain (lab/results/several.md).
 FEWEST_SPARE, OBSERVABLE_SPARE = 3, 6
 
 

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 MOST_FINGERS = 2
 # By so much a second finger must lower χ². None of 300,000 frames of one finger was split; the gain that one in a
-# million of them has is 35 at most, on pads whose chips were placed by hand (docs/results/several.md).
+# million of them has is 35 at most, on pads whose chips were placed by hand (lab/results/several.md).
 SECOND_GAIN = 45.0
 # The first finger may be anywhere: as many places as fingers can be told apart.
 PLACES = 50

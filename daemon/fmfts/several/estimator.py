@@ -46,7 +46,7 @@ Mask = NDArray[np.bool_]
 # lowers χ² by so much: none of 1,200 healthy frames of two fingers has such a place.
 SUSPICIOUS, THIRD_GAIN = 0.02, 20.0
 # One finger is doubted where χ² is so large, and another one would lower it by so much: too little to tell two, but of
-# frames of one finger one in ten thousand has it (docs/results/several.md).
+# frames of one finger one in ten thousand has it (lab/results/several.md).
 DOUBTED, DOUBTED_GAIN = 0.005, 20.0
 # A finger that may hide beside one is looked for in the half of the healthy frames that one explains less well.
 EXPLAINED_WELL = 0.5

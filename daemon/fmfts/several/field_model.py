@@ -39,7 +39,7 @@ MM = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])  # from the response's units to SI, 
 # 4 or 8 mm, by 4 mm² for one of 10 mm. Half of that times the Laplacian is the change.
 PATCH_MM2 = 1.0
 SMALLEST_M = 1e-9
-# Adding up fingers errs by 15 µm of 800 at 2 × 0.5 N, by 40 µm at 2 × 1 N (docs/results/several.md): with the product
+# Adding up fingers errs by 15 µm of 800 at 2 × 0.5 N, by 40 µm at 2 × 1 N (lab/results/several.md): with the product
 # of two forces.
 SUM_ERROR_PER_N = 0.02
 

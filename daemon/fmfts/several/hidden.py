@@ -2,7 +2,7 @@
 
 Beside the one finger that is told, each place of the grid has a second finger that lowers χ² most, by a gain g. With it
 the resultant would be elsewhere, by d: the first finger gives force to the second. Frames of one finger have such a
-gain as well, but rarely a large one (docs/results/several.md); those of two that are taken for one mostly have. So d
+gain as well, but rarely a large one (lab/results/several.md); those of two that are taken for one mostly have. So d
 counts as an error that some of these frames have, of a share that rises to `MOST` as g passes `HALF_GAIN`:
 
     variance = σ² + max over places of d² · MOST / (1 + e^((HALF_GAIN − g) / WIDTH))

@@ -1,7 +1,7 @@
 """The magnets of a simulated pad with several, and their field under one or two fingers.
 
-A magnet that was cast beside its place feels a press as one in its place feels a press beside. Fingers add up: docs/
-results/several.md has how far that holds.
+A magnet that was cast beside its place feels a press as one in its place feels a press beside. Fingers add up:
+lab/results/several.md has how far that holds.
 """
 
 from __future__ import annotations

@@ -97,7 +97,7 @@ def main() -> None:
     verb.add_argument("--pads", type=int, default=3, help="how many pads are drilled, or calibrated")
     verb.set_defaults(run=several.run)
     verb = verbs.add_parser("real", help="what public recordings of real sensors show, and their charts")
-    verb.add_argument("--recordings", type=Path, required=True, metavar="FOLDER", help="see docs/results/real.md")
+    verb.add_argument("--recordings", type=Path, required=True, metavar="FOLDER", help="see lab/results/real.md")
     verb.add_argument("--charts", type=Path, metavar="FOLDER", help="draw a chart of each there (needs matplotlib)")
     verb.set_defaults(run=real.run)
     verb = verbs.add_parser("eflesh", help="a public pad of unknown magnets: what its recordings give")

@@ -1,4 +1,4 @@
-"""What public recordings of real sensors show: figures, and a chart of each for docs/results/real.md."""
+"""What public recordings of real sensors show: figures, and a chart of each for lab/results/real.md."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def run(options: Namespace) -> None:
     """Recordings that the folder does not have are said to be absent."""
     for name, (shows, file) in RECORDINGS.items():
         if not (options.recordings / file).is_file():
-            print(f"{name}: {options.recordings / file} is absent: docs/results/real.md says how to get it")
+            print(f"{name}: {options.recordings / file} is absent: lab/results/real.md says how to get it")
             continue
         shown = shows(options.recordings)
         print(f"{name}: {shown.title}", *shown.lines, sep="\n  ", flush=True)

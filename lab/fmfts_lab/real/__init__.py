@@ -1,1 +1,1 @@
-"""Recordings that others published, which this repository does not hold: docs/results/real.md says how to get them."""
+"""Recordings that others published, which this repository does not hold: lab/results/real.md says how to get them."""
