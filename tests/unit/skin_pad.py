@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.calibrate.field_set import FieldSet
 from fmfts.calibrate.field_table import write
+from fmfts_skin.calibrate.field_set import FieldSet
 
 Array = NDArray[np.float64]
 SENSORS_MM = np.array([[0.0, 0.0, 0.0], [7.0, 0.0, 0.0], [-7.0, 0.0, 0.0], [0.0, 7.0, 0.0], [0.0, -7.0, 0.0]])

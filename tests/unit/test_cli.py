@@ -158,6 +158,30 @@ def test_verb_of_an_extra_says_how_to_install_it(
     assert "pip install 'fmfts[collect]'\n" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("column", ["force_z_n", "depth_mm", "shear_n"])
+def test_set_of_an_extra_says_how_to_install_it(
+    column: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = tmp_path / "set.csv"
+    data.write_text(f"b1x_ut,b1y_ut,b1z_ut,{column}\n")
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
+    assert main(["calibrate", str(data), "-o", str(tmp_path / "model")]) == 69
+    said = capsys.readouterr().err
+    assert column in said
+    assert "pip install 'fmfts[skin]'\n" in said
+
+
+@pytest.mark.parametrize("mark", ["fmfts field response 1", "fmfts force model 1"])
+def test_model_of_an_extra_says_how_to_install_it(
+    mark: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "model"
+    model.write_text(mark)
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
+    assert main(["evaluate", str(tmp_path / "set.csv"), "--model", str(model)]) == 69
+    assert "pip install 'fmfts[skin]'\n" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("word", "meant"),
     [("baselin", "baseline"), ("calibrat", "calibrate"), ("stauts", "status"), ("pad-modle", "pad-model")],

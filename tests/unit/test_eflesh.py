@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from skin_pad import presses, skin_field
 
-from fmfts.calibrate.field_evaluate import evaluate_field
-from fmfts.calibrate.field_set import read_field_set
 from fmfts.calibrate.field_table import write
 from fmfts_lab.bench.eflesh import another_day, converted, run
 from fmfts_lab.eflesh import main
+from fmfts_skin.calibrate.field_evaluate import evaluate_field
+from fmfts_skin.calibrate.field_set import read_field_set
 
 NAMES = [f"b{sensor}{axis}_ut" for sensor in range(1, 6) for axis in "xyz"]
 
@@ -95,7 +95,7 @@ def test_the_benchmark_says_which_recordings_are_absent(tmp_path: Path, capsys: 
 
 @pytest.mark.long
 def test_the_simulated_day_is_another_one(tmp_path: Path) -> None:
-    from fmfts.calibrate.field_fit import make_response
+    from fmfts_skin.calibrate.field_fit import make_response
 
     data = converted(gridded(tmp_path / "eflesh_spatial_1.csv"))
     response = make_response(data, "skin", lambda line: None)

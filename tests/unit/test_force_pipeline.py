@@ -12,7 +12,6 @@ from test_force_sets import PAD, write_session
 
 from fmfts.baseline.request import BaselineRequest
 from fmfts.bus.messages import ContactMessage
-from fmfts.calibrate.force_command import KnownMagnet, make_force_file
 from fmfts.calibrate.simulated import pressed_fields
 from fmfts.config import AnyskinSource, Config, ContactConfig, GeometryConfig, PadConfig, SceneConfig
 from fmfts.config.checks import problems_in
@@ -25,6 +24,7 @@ from fmfts.pipeline.snapshot import restore, snapshot
 from fmfts.runtime.overview import _range_of
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import CHIPS
+from fmfts_skin.calibrate.force_command import KnownMagnet, make_force_file
 
 RATE_HZ = 100
 PERIOD_US = 1_000_000 // RATE_HZ

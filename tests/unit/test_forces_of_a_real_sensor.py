@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from recorded_files import needs
 
-from fmfts.calibrate.force_command import make_force_file
 from fmfts_lab.real.sold_sensor import SESSIONS, written_session
+from fmfts_skin.calibrate.force_command import make_force_file
 
 
 def test_forces_of_another_session(tmp_path: Path) -> None:

@@ -77,7 +77,7 @@ def test_a_room_imports_only_from_the_floors_below(path: Path) -> None:
 def test_robot_knows_nothing_of_the_packages_beside_it() -> None:
     """Entry points lead to them; cli/elsewhere.py names their verbs."""
     packages = {path.parent.name for folder in (ROOT / "lab", *EXTRAS) for path in folder.glob("*/py.typed")}
-    assert {"fmfts_lab", "fmfts_collect", "fmfts_fleet", "fmfts_foxglove"} <= packages
+    assert {"fmfts_lab", "fmfts_collect", "fmfts_fleet", "fmfts_foxglove", "fmfts_skin"} <= packages
     found = [path for path in PACKAGE.rglob("*.py") if {name.partition(".")[0] for name in imported(path)} & packages]
     assert found == []
 
@@ -87,7 +87,8 @@ def test_an_extra_uses_what_is_open_to_it(path: Path) -> None:
     names = {name for name in imported(path) if name == "fmfts" or name.startswith("fmfts.")}
     closed = {name for name in names if room_of(name) in CLOSED or (room_of(name) == "cli" and name not in OPEN_VERBS)}
     assert not closed, f"{path.name} imports {', '.join(sorted(closed))}: move what it needs to where both may use it"
-    of_others = {name.partition(".")[0] for name in imported(path)} - {path.parent.name}
+    own = path.relative_to(ROOT / "extras").parts[1]
+    of_others = {name.partition(".")[0] for name in imported(path)} - {own}
     assert not [name for name in of_others if name.startswith("fmfts_") and name != "fmfts_client"]
 
 

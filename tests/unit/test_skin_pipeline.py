@@ -14,7 +14,6 @@ from skin_pad import SENSORS_MM, presses, skin_set, streamed_field
 from fmfts.baseline import BaselineError
 from fmfts.baseline.request import BaselineRequest, Recorded
 from fmfts.bus.messages import ContactMessage
-from fmfts.calibrate.field_fit import make_response
 from fmfts.config import AnyskinSource, Config, ContactConfig, GeometryConfig, PadConfig, SceneConfig, SimulatedSource
 from fmfts.config.checks import problems_in
 from fmfts.contact import ModelError
@@ -25,6 +24,7 @@ from fmfts.pipeline.skin_pipeline import BARE_ONLY, SkinPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import CHIPS
+from fmfts_skin.calibrate.field_fit import make_response
 
 RATE_HZ = 100
 PERIOD_US = 1_000_000 // RATE_HZ

@@ -11,18 +11,12 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any
 
-import msgspec
-import numpy as np
-
 from fmfts.calibrate.array_evaluate import ArrayEvaluation, evaluate_array
 from fmfts.calibrate.array_fit import fit_table
 from fmfts.calibrate.array_set import read_array_set
 from fmfts.calibrate.array_start import starting_table
 from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.evaluation import printed
-from fmfts.calibrate.field_evaluate import evaluate_field
-from fmfts.calibrate.field_fit import make_response
-from fmfts.calibrate.field_set import read_field_set
 from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.labelled_poses import Say
 from fmfts.calibrate.training import Options, calibrate
@@ -111,31 +105,6 @@ def evaluate_array_model(source: Path, model: Path, job: ArrayJob, say: Say) -> 
     loaded = ArrayModel.load(model, job.pad)
     data = read_array_set(source, job.pad, job.pad_size_mm, job.baseline, say)
     return evaluate_array(data, loaded, job.scene, job.rate_hz, job.noise_t)
-
-
-def make_field_response(source: Path, target: Path, say: Say) -> dict[str, Any]:
-    """Make a table from contact to field of the set in `source`; write it and its report; return the report.
-
-    Raises as `make_model`.
-    """
-    report = report_of(target, "MODEL.response")
-    data = read_field_set(source)
-    response = make_response(data, f"{source.name} {data.digest[:12]}", say)
-    content = response.encoded()
-    facts = {
-        "model": hashlib.sha256(content).hexdigest()[:12],
-        "file_bytes": len(content),
-        "data": source.name,
-        "data_sha256": data.digest,
-        "axes": [msgspec.structs.asdict(axis) for axis in response.axes],
-        "sensors": len(response.reference_ut) // 3,
-        "rests": response.rests,
-        "deviation_ut": np.sqrt(np.diagonal(response.covariance.mean(axis=0))).round(1).tolist(),
-        "on_the_calibration_set": evaluate_field(response, data, str(source)).facts(),
-    }
-    replace_file(report, (json.dumps(facts, indent=1) + "\n").encode())
-    replace_file(target, content)
-    return facts
 
 
 def report_of(target: Path, example: str) -> Path:

@@ -7,8 +7,15 @@ import json
 import sys
 from pathlib import Path
 
-from fmfts.cli import calibrate_array, calibrate_fields, calibrate_forces
-from fmfts.cli.verb import AddVerb, VerbError, configured_or_standard_pad, lacking, not_written
+from fmfts.cli import calibrate_array, elsewhere
+from fmfts.cli.verb import (
+    AddVerb,
+    VerbError,
+    configured_or_standard_pad,
+    lacking,
+    not_written,
+    require_one_file,
+)
 from fmfts.cli.workers import add_workers, workers_of
 from fmfts.common import exit_codes
 from fmfts.common.sweep import ClusterError
@@ -79,13 +86,9 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
-    if calibrate_forces.is_of_forces(options.data):
-        return calibrate_forces.calibrate(options, _noise_t(options))
-    _require_one_file(options)
-    if options.route is not None:
-        raise VerbError(exit_codes.USAGE, f"--route: {options.data} has no forces in three directions (force_z_n)")
-    if calibrate_fields.is_of_fields(options.data):
-        return calibrate_fields.calibrate(options)
+    if (other := elsewhere.calibration_of_set(options.data)) is not None:
+        return other.calibrate(options, _noise_t(options))
+    require_one_file(options)
     pad = configured_or_standard_pad(options, several=True)
     if pad.other_magnets:
         return calibrate_array.calibrate(options, pad, _noise_t(options))
@@ -140,11 +143,9 @@ def _calibrate(options: argparse.Namespace) -> int:
 
 
 def _evaluate(options: argparse.Namespace) -> int:
-    if options.model is not None and calibrate_forces.is_force_model(Path(options.model)):
-        return calibrate_forces.evaluate(options, _noise_t(options))
-    _require_one_file(options)
-    if options.model is not None and calibrate_fields.is_response(Path(options.model)):
-        return calibrate_fields.evaluate(options)
+    if options.model is not None and (other := elsewhere.calibration_of_model(Path(options.model))) is not None:
+        return other.evaluate(options, _noise_t(options))
+    require_one_file(options)
     pad = configured_or_standard_pad(options, several=True)
     if pad.other_magnets:
         return calibrate_array.evaluate(options, pad, _noise_t(options))
@@ -182,11 +183,6 @@ def _evaluate(options: argparse.Namespace) -> int:
         print(firm_and_central(evaluation.press[evaluation.in_range], evaluation.found[evaluation.in_range]))
         print("mae, rmse: mean absolute and rms errors; in_sd: rms of error / the model's deviation, ideally 1")
     return 0
-
-
-def _require_one_file(options: argparse.Namespace) -> None:
-    if options.sessions:
-        raise VerbError(exit_codes.USAGE, f"{options.sessions[0]}: several files are for sets with forces (force_z_n)")
 
 
 def _draw(evaluation: object, target: Path) -> None:

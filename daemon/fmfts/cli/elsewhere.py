@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Container, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from fmfts.cli.verb import AddVerb, VerbError
 from fmfts.common import exit_codes
+from fmfts.common.kind_of_file import begins_with, columns_of
 
 if TYPE_CHECKING:
     from fmfts.config import Config
@@ -18,7 +19,8 @@ VERBS = "fmfts.verbs"  # entry points: functions that take an AddVerb
 VIEWS = "fmfts.views"  # functions that `view` calls, by their package's extra
 LAYOUTS = "fmfts.layouts"  # paths, by the program that reads them
 CONFIGURATIONS = "fmfts.configurations"  # by the name of the table that it reads: a subclass of Config
-PACKAGES = ("fmfts_lab", "fmfts_collect", "fmfts_fleet", "fmfts_foxglove")
+CALIBRATIONS = "fmfts.calibrations"  # modules with what Calibration names, by their package's extra
+PACKAGES = ("fmfts_lab", "fmfts_collect", "fmfts_fleet", "fmfts_foxglove", "fmfts_skin")
 LABORATORY = "lab"
 IN_CHECKOUT = "./clients/python ."
 # Each verb's line of help, and its package: the laboratory, or an extra of this one.
@@ -27,6 +29,21 @@ OF_VERB = {
     "study": ("compare methods on this pad", LABORATORY),
     "pad-model": ("make a simulated pad by finite elements", LABORATORY),
 }
+# Columns of a set, and marks at the beginning of a model, that only another package can read; and its extra.
+OF_COLUMN = dict.fromkeys(("force_z_n", "depth_mm", "shear_n"), "skin")
+OF_MARK = dict.fromkeys((b"fmfts field response", b"fmfts force model"), "skin")
+
+
+class Calibration(Protocol):
+    """How another package makes and judges contact models of its own kind. noise_t: of one frame's field values."""
+
+    def is_set(self, data: Path) -> bool: ...
+
+    def is_model(self, model: Path) -> bool: ...
+
+    def calibrate(self, options: argparse.Namespace, noise_t: float) -> int: ...
+
+    def evaluate(self, options: argparse.Namespace, noise_t: float) -> int: ...
 
 
 def add_to(verb: AddVerb, only_installed: bool = False) -> None:
@@ -71,6 +88,36 @@ def layout(package: str) -> Path:
     """A layout for the program of this name. Raises VerbError like `view`."""
     path: Path = _required(LAYOUTS, package, f"layout {package}")
     return path
+
+
+def calibration_of_set(data: Path) -> Calibration | None:
+    """The package that makes models of such a set; None: this one. Raises VerbError like `view`."""
+    installed = _calibrations()
+    if (found := next((one for one in installed.values() if one.is_set(data)), None)) is not None:
+        return found
+    columns = columns_of(data)
+    _require_installed({name: extra for name, extra in OF_COLUMN.items() if name in columns}, installed, data)
+    return None
+
+
+def calibration_of_model(model: Path) -> Calibration | None:
+    """The package that judges such a model; None: this one. Raises VerbError like `view`."""
+    installed = _calibrations()
+    if (found := next((one for one in installed.values() if one.is_model(model)), None)) is not None:
+        return found
+    marks = {mark.decode(): extra for mark, extra in OF_MARK.items() if begins_with(model, mark)}
+    _require_installed(marks, installed, model)
+    return None
+
+
+def _calibrations() -> dict[str, Calibration]:
+    return {point.name: point.load() for point in _entry_points(CALIBRATIONS)}
+
+
+def _require_installed(extras: Mapping[str, str], installed: Container[str], file: Path) -> None:
+    for what, extra in extras.items():
+        if extra not in installed:
+            raise not_installed(f"{file}: who reads {what}", extra)
 
 
 def _required(group: str, package: str, what: str) -> Any:

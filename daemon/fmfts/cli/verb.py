@@ -68,6 +68,14 @@ def lacking(error: ImportError, extra: str = "") -> VerbError:
     return VerbError(exit_codes.UNAVAILABLE, f"{error}: it comes with\n    {sys.executable} -m pip install {package}")
 
 
+def require_one_file(options: argparse.Namespace) -> None:
+    """Raise VerbError for options of `calibrate` and `evaluate` that are for sets with forces in three directions."""
+    if options.sessions:
+        raise VerbError(exit_codes.USAGE, f"{options.sessions[0]}: several files are for sets with forces (force_z_n)")
+    if getattr(options, "route", None) is not None:
+        raise VerbError(exit_codes.USAGE, f"--route: {options.data} has no forces in three directions (force_z_n)")
+
+
 def configuration(options: argparse.Namespace) -> Config:
     """The configuration that `--config` names, or the default one. Raises VerbError."""
     config, path = configuration_and_path(options)

@@ -11,13 +11,13 @@ import numpy as np
 
 from fmfts.baseline.sensitivity import matrices, relative_deviation
 from fmfts.calibrate.evaluation import printed
-from fmfts.calibrate.force_fit import Presses
-from fmfts.calibrate.force_judge import make_route
-from fmfts.calibrate.force_set import read_force_set
 from fmfts.config import GeometryConfig
 from fmfts.pad import Array
 from fmfts_lab.real.sold_sensor import SESSIONS, written_session
 from fmfts_lab.real.waved_boards import BOARDS, file_of, turned
+from fmfts_skin.calibrate.force_fit import Presses
+from fmfts_skin.calibrate.force_judge import make_route
+from fmfts_skin.calibrate.force_set import read_force_set
 
 GAUSS_UT = 100.0
 FORCE_BINS, TIMES = 8, 24

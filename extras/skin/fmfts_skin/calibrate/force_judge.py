@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from fmfts.calibrate.evaluation import Row, rounded
-from fmfts.calibrate.field_fit import LOAD_SHARE
 from fmfts.calibrate.field_table import DataError
-from fmfts.calibrate.force_fit import Presses, Say, fit_maps
 from fmfts.contact.force_model import DIRECTIONS, Coverage, ForceModel, FoundForces, Mask
 from fmfts.pad import Array
+from fmfts_skin.calibrate.field_fit import LOAD_SHARE
+from fmfts_skin.calibrate.force_fit import Presses, Say, fit_maps
 
 HONEST, WRONG = 2.0, 5.0  # deviations
 # The stated prior weighs as much as so many left-out sessions.

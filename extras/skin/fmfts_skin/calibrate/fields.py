@@ -7,9 +7,9 @@ import json
 import sys
 from pathlib import Path
 
-from fmfts.cli.kind_of_file import begins_with, columns_of
 from fmfts.cli.verb import VerbError, lacking, not_written
 from fmfts.common import exit_codes
+from fmfts.common.kind_of_file import begins_with, columns_of
 from fmfts.common.reading import read_regular
 
 OF_COLLECT = "first_frame_ns"
@@ -29,7 +29,7 @@ def is_response(model: Path) -> bool:
 
 def calibrate(options: argparse.Namespace) -> int:
     try:
-        from fmfts.calibrate.command import make_field_response
+        from fmfts_skin.calibrate.field_command import make_field_response
     except ImportError as error:
         raise lacking(error, "calibrate") from error
     from fmfts.calibrate.field_table import DataError
@@ -56,13 +56,13 @@ def calibrate(options: argparse.Namespace) -> int:
 
 def evaluate(options: argparse.Namespace) -> int:
     try:
-        from fmfts.calibrate.field_evaluate import evaluate_field
+        from fmfts_skin.calibrate.field_evaluate import evaluate_field
     except ImportError as error:
         raise lacking(error, "calibrate") from error
     from fmfts.calibrate.evaluation import printed
-    from fmfts.calibrate.field_set import read_field_set
     from fmfts.calibrate.field_table import DataError
     from fmfts.contact.field_response import LARGEST_BYTES, FieldResponse, FieldResponseError
+    from fmfts_skin.calibrate.field_set import read_field_set
 
     try:
         content = read_regular(Path(options.model), LARGEST_BYTES)

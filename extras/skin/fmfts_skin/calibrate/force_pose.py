@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from fmfts.calibrate.field_table import DataError, mounting_of
-from fmfts.calibrate.force_fit import Presses
-from fmfts.calibrate.force_set import ForceSet
 from fmfts.calibrate.tracked import FrameSolver, Scene
 from fmfts.pad import Array, Pad
+from fmfts_skin.calibrate.force_fit import Presses
+from fmfts_skin.calibrate.force_set import ForceSet
 
 NAMES = ("a", "b", "c", "m", "n")
 # The position turns and grows as one, and so does the tilt.

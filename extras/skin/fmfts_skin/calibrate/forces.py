@@ -8,12 +8,12 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmfts.cli.kind_of_file import begins_with, columns_of
 from fmfts.cli.verb import VerbError, configured_pad, lacking, not_written
 from fmfts.common import exit_codes
+from fmfts.common.kind_of_file import begins_with, columns_of
 
 if TYPE_CHECKING:
-    from fmfts.calibrate.force_command import KnownMagnet
+    from fmfts_skin.calibrate.force_command import KnownMagnet
 
 MARK = b"fmfts force model"
 
@@ -29,7 +29,7 @@ def is_force_model(model: Path) -> bool:
 
 def calibrate(options: argparse.Namespace, noise_t: float) -> int:
     try:
-        from fmfts.calibrate.force_command import make_force_file
+        from fmfts_skin.calibrate.force_command import make_force_file
     except ImportError as error:
         raise lacking(error, "calibrate") from error
     from fmfts.calibrate.field_table import DataError
@@ -59,7 +59,7 @@ def calibrate(options: argparse.Namespace, noise_t: float) -> int:
 
 def evaluate(options: argparse.Namespace, noise_t: float) -> int:
     try:
-        from fmfts.calibrate.force_command import evaluate_force_file
+        from fmfts_skin.calibrate.force_command import evaluate_force_file
     except ImportError as error:
         raise lacking(error, "calibrate") from error
     from fmfts.calibrate.field_table import DataError
@@ -82,8 +82,8 @@ def evaluate(options: argparse.Namespace, noise_t: float) -> int:
 
 def _magnet(options: argparse.Namespace, noise_t: float) -> KnownMagnet | None:
     """The pad that --config names, if it has one magnet that is known."""
-    from fmfts.calibrate.force_command import KnownMagnet
     from fmfts.cli.verb import configuration, pad_named
+    from fmfts_skin.calibrate.force_command import KnownMagnet
 
     if options.config is None:
         if options.pad is not None or options.baseline is not None:

@@ -1,0 +1,1 @@
+"""Pads whose magnets are unknown: AnySkin, ReSkin and eFlesh skins. A package of its own."""
