@@ -9,7 +9,7 @@
 # make magnet-check   what `probe --magnet` says of 200 random mistakes and 50 good boards: five minutes    (MAGNET_CHECK="--seed 2")
 # make mould   the mould of a pad of other sizes for a printer, as STL: needs OpenSCAD (hardware/ has the standard pad's)
 # make first-uses   from `init` to contacts with each chip that Linux reads, on two I2C adapters: figures, three minutes
-# make chips-page   write docs/chips.md anew from the chips' descriptions
+# make chips-page   write the tables of docs/chips.md and lab/results/chip-facts.md anew from the chips' descriptions
 # make transcript   type the first use of README on the firmware's host build, and write what is said into docs/first-use.md
 # make security     ten attacks by another user of this computer, and a table of what they gained (root; two minutes)
 # make page-drills  the page under load: many pads, pages and strangers, an hour's run, the first use of a board

@@ -33,7 +33,7 @@ OTHER_READING_EVERY = 10  # stretches are read as the daemon does it: at twice t
 
 @dataclass(frozen=True)
 class Promise:
-    """What the sources of docs/chips.md say, written here once more. frames_hz: what the pad is asked for.
+    """What the sources of lab/results/chip-facts.md say, written here once more. frames_hz: what the pad is asked for.
 
     rate_hz: conversions a second; None where the driver starts each one, so that every frame has a new sample. That
     holds up to twice frames_hz; at 380 Hz a slow chip is late after each check of its registers.

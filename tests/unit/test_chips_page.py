@@ -1,10 +1,15 @@
-"""docs/chips.md says what the chips' descriptions say."""
+"""The pages about chips say what the chips' descriptions say."""
 
 from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
 
 from fmfts_lab.study import chips_page
 
 
-def test_tables_are_as_they_are_made() -> None:
-    text = chips_page.PAGE.read_text(encoding="utf-8")
-    assert text == chips_page.page(text), "make chips-page"
+@pytest.mark.parametrize("page", chips_page.PAGES, ids=lambda page: page.name)
+def test_tables_are_as_they_are_made(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert text == chips_page.page(text, chips_page.PAGES[page]), "make chips-page"

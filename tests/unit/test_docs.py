@@ -117,7 +117,7 @@ def test_every_page_is_in_the_index_of_its_folder(index: str) -> None:
 def test_faults_are_seen(tmp_path: Path) -> None:
     page = ROOT / "docs/README.md"
     assert fault(page, "nowhere.md") is not None
-    assert fault(page, "#use-it") is None
+    assert fault(page, "#use") is None
     assert fault(page, "#use-her") is not None
     assert fault(page, "pose.md#state") is None
     assert fault(page, "pose.md#nowhere") is not None

@@ -1,4 +1,4 @@
-"""`make chips-page`: the tables of docs/chips.md, from the chips' descriptions and their worth at the shipped pad."""
+"""`make chips-page`: the tables of two pages, from the chips' descriptions and their worth at the shipped pad."""
 
 from __future__ import annotations
 
@@ -16,24 +16,19 @@ from fmfts_lab.study.chip_facts import facts
 from fmfts_lab.study.harness import Row
 from fmfts_lab.study.scene_chips import chip_rows
 
-PAGE = Path(__file__).parents[3] / "docs" / "chips.md"
-# Each table of the page stands between such lines; the rest of the page is written by hand.
+ROOT = Path(__file__).parents[3]
+PAGES = {ROOT / "docs/chips.md": ("abilities", "worth"), ROOT / "lab/results/chip-facts.md": ("sources",)}  # their tables
+# Each table of a page stands between such lines; the rest of the page is written by hand.
 BEGIN, END = "<!-- {}, made by `make chips-page`: begin -->\n", "<!-- end -->\n"
 
 
-def page(text: str) -> str:
-    """The page with its tables made anew. ValueError where it lacks their marks."""
-    config = load(EXAMPLE_PATH)[0].pad[0]
-    response = ContactModel.load("default", config.pad()).response
-    assert response is not None, "the shipped model holds one"
-    for name, table in (
-        ("abilities", _abilities()),
-        ("worth", _worth(list(chip_rows(Surroundings(config, response))))),
-        ("sources", _sources()),
-    ):
+def page(text: str, tables: Sequence[str]) -> str:
+    """The page with these tables made anew. ValueError where it lacks their marks."""
+    makers = {"abilities": _abilities, "worth": _worth, "sources": _sources}
+    for name in tables:
         begin = BEGIN.format(name)
         before, after = text[: text.index(begin)], text[text.index(END, text.index(begin)) :]
-        text = f"{before}{begin}{table}{after}"
+        text = f"{before}{begin}{makers[name]()}{after}"
     return text
 
 
@@ -94,7 +89,11 @@ def _ages(chip: Chip) -> str:
     return ", ".join(f"{1e3 / rate:.2g} at {rate:g}" for rate in rates)
 
 
-def _worth(rows: Sequence[Row]) -> str:
+def _worth() -> str:
+    config = load(EXAMPLE_PATH)[0].pad[0]
+    response = ContactModel.load("default", config.pad()).response
+    assert response is not None, "the shipped model holds one"
+    rows: list[Row] = list(chip_rows(Surroundings(config, response)))
     columns = (
         "chip",
         "trigger",
@@ -145,4 +144,5 @@ def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    for place, tables in PAGES.items():
+        place.write_text(page(place.read_text(encoding="utf-8"), tables), encoding="utf-8")
