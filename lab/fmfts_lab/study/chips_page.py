@@ -17,8 +17,8 @@ from fmfts_lab.study.harness import Row
 from fmfts_lab.study.scene_chips import chip_rows
 
 ROOT = Path(__file__).parents[3]
-PAGES = {ROOT / "docs/chips.md": ("abilities", "worth"), ROOT / "lab/results/chip-facts.md": ("sources",)}  # their tables
-# Each table of a page stands between such lines; the rest of the page is written by hand.
+PAGES = {ROOT / "docs/chips.md": ("abilities", "worth"), ROOT / "lab/results/chip-facts.md": ("sources",)}
+# Each of these tables stands between such lines; the rest of the page is written by hand.
 BEGIN, END = "<!-- {}, made by `make chips-page`: begin -->\n", "<!-- end -->\n"
 
 
