@@ -51,16 +51,22 @@ def extensions() -> list[Extension]:
     ]
 
 
+def within(change: Change) -> Path:
+    """Where the changed file is in the repository."""
+    return Path(change.path) if change.path.startswith("extras/") else Path("daemon/fmfts", change.path)
+
+
 class Copy:
     """A copy of the product, in which one file is another."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        shutil.copytree(ROOT / "daemon", folder / "daemon")
+        for part in ("daemon", "extras/skin"):
+            shutil.copytree(ROOT / part, folder / part)
         self._objects: dict[tuple[str, str], Path] = {}
 
     def apply(self, change: Change) -> None:
-        path = self.folder / "daemon/fmfts" / change.path
+        path = self.folder / within(change)
         text = path.read_text()
         if text.count(change.old) != 1:
             raise SystemExit(f"{change.path} has {text.count(change.old)} times {change.old!r}, not once: choose anew")
@@ -69,7 +75,7 @@ class Copy:
             self._compile(path)
 
     def undo(self, change: Change) -> None:
-        shutil.copy2(ROOT / "daemon/fmfts" / change.path, self.folder / "daemon/fmfts" / change.path)
+        shutil.copy2(ROOT / within(change), self.folder / within(change))
         for one in extensions():
             if not change.path.endswith(".py"):
                 shutil.copy2(ROOT / one.path, self.folder / one.path)
@@ -110,7 +116,8 @@ class Copy:
 def found_by(folder: Path, checks: tuple[str, ...]) -> str | None:
     """The first check that fails, or None. A check is a test, or the name of a frozen world, all of whose frames count
     after a colon so many."""
-    environment = os.environ | {"PYTHONPATH": f"{folder / 'daemon'}:{ROOT / 'tests'}:{ROOT / 'tests/unit'}"}
+    paths = (folder / "daemon", folder / "extras/skin", ROOT / "tests", ROOT / "tests/unit")
+    environment = os.environ | {"PYTHONPATH": ":".join(map(str, paths))}
     for check in checks:
         world, _, messages = check.partition(":")
         if "/" in check:

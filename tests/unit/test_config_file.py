@@ -451,6 +451,19 @@ def test_check_config_judges_the_table_of_a_package_that_is_installed(
     assert "pip install 'fmfts[collect]'" in told
 
 
+@pytest.mark.parametrize("suffix", ["response", "force"])
+def test_contact_model_of_a_package_that_is_not_installed_says_how_to_install_it(
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / f"skin.{suffix}").touch()
+    text = PAD + f'[pad.contact]\nmodel = "skin.{suffix}"\n'
+    assert "is for a real skin" in complaint(tmp_path, text)
+    monkeypatch.setattr("fmfts.config.model_kinds._added", lambda _: None)
+    told = complaint(tmp_path, text)
+    assert f"contact.model = 'skin.{suffix}': belongs" in told
+    assert "pip install 'fmfts[skin]'" in told
+
+
 def test_an_error_brings_no_further_ones_with_it(tmp_path: Path) -> None:
     """What stands in for a wrong value is not judged."""
     text = I2C + 'channels = [0, 1, 2, "x"]\n[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [-8, 8, 0]]\n'

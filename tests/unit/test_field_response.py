@@ -13,12 +13,12 @@ from skin_pad import DEEPEST_MM, REACH_MM, presses, skin_field, skin_set, write_
 
 from fmfts.calibrate.field_table import DataError
 from fmfts.cli.main import main
-from fmfts.contact.field_contact import ContactFinder
-from fmfts.contact.field_response import Axis, FieldResponse, FieldResponseError, Instance
 from fmfts_skin.calibrate.field_evaluate import FieldEvaluation, evaluate_field
 from fmfts_skin.calibrate.field_fit import make_response
 from fmfts_skin.calibrate.field_instance import REST_UT, explained
 from fmfts_skin.calibrate.field_set import FieldSet, read_field_set
+from fmfts_skin.field_contact import ContactFinder
+from fmfts_skin.field_response import Axis, FieldResponse, FieldResponseError, Instance
 
 NOISE_UT = 5.0
 

@@ -16,15 +16,14 @@ from fmfts.calibrate.simulated import pressed_fields
 from fmfts.config import AnyskinSource, Config, ContactConfig, GeometryConfig, PadConfig, SceneConfig
 from fmfts.config.checks import problems_in
 from fmfts.contact import ModelError
-from fmfts.contact.force_model import ForceModel
 from fmfts.pad import Array
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
-from fmfts.pipeline.skin_pipeline import SkinPipeline
 from fmfts.pipeline.snapshot import restore, snapshot
-from fmfts.runtime.overview import _range_of
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import CHIPS
 from fmfts_skin.calibrate.force_command import KnownMagnet, make_force_file
+from fmfts_skin.force_model import ForceModel
+from fmfts_skin.pipeline import SkinPipeline
 
 RATE_HZ = 100
 PERIOD_US = 1_000_000 // RATE_HZ
@@ -164,5 +163,5 @@ def test_model_of_poses_or_of_other_sensors_is_refused(model: Path, tmp_path: Pa
 
 
 def test_overview_tells_the_largest_force(model: Path) -> None:
-    largest_n = _range_of(contact_model_of(config(model)))["calibrated_force_n"]
+    largest_n = contact_model_of(config(model)).calibrated_range["calibrated_force_n"]
     assert 1.8 < float(str(largest_n)) < 2.1

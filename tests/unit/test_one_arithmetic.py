@@ -14,13 +14,15 @@ from pathlib import Path
 import pytest
 
 import fmfts
+import fmfts_skin
 from fmfts.offline.replay import Replay
 
 PACKAGE = Path(fmfts.__file__).parent
 RECORDINGS = sorted((Path(__file__).parents[1] / "data" / "recordings").glob("*.mcap"))
 # All that a message depends on, from the configuration and a baseline's file on; what only advises in the log is not.
-ROOMS = ["baseline", "common", "config", "contact", "several", "skin", "pipeline", "pose", "runtime", "scene", "sensor"]
+ROOMS = ["baseline", "common", "config", "contact", "several", "pipeline", "pose", "runtime", "scene", "sensor"]
 FILES = ["pad.py"]
+SKIN = Path(fmfts_skin.__file__).parent  # its modules, without the folder that makes models
 ELSEWHERE = {"advice.py", "candidate.py", "error_budget.py"}
 # What NumPy and math offer that moves numbers, compares them, or rounds as IEEE 754 says: + − × ÷ √ in a fixed order.
 # Not BLAS, LAPACK, what has wide vectors, nor the C library's functions: each rounds as the processor lets it.
@@ -44,6 +46,7 @@ OF_THE_C_LIBRARY = {name + suffix for name in C_NAMES.split() for suffix in ("",
 
 def sources(*suffixes: str) -> list[Path]:
     paths = [*(path for room in ROOMS for path in (PACKAGE / room).rglob("*")), *(PACKAGE / name for name in FILES)]
+    paths += SKIN.glob("*")
     return sorted(path for path in paths if path.suffix in suffixes and path.name not in ELSEWHERE)
 
 
@@ -70,9 +73,13 @@ def of_numbers(module: str) -> bool:
     return module.partition(".")[0] in ("math", "cmath", "numpy", "scipy", "statistics")
 
 
-@pytest.mark.parametrize("path", sources(".py"), ids=lambda path: str(path.relative_to(PACKAGE)))
+def short(path: Path) -> str:
+    return str(path.relative_to(PACKAGE if path.is_relative_to(PACKAGE) else SKIN.parent))
+
+
+@pytest.mark.parametrize("path", sources(".py"), ids=short)
 def test_no_number_of_a_message_depends_on_the_processor(path: Path) -> None:
-    name = str(path.relative_to(PACKAGE))
+    name = short(path)
     found = set(used(ast.parse(path.read_text()))) - EXACT
     found -= {one for file, one in ALLOWED if file == name}
     assert not found, f"{name} uses {', '.join(sorted(found))}: fmfts.arithmetic has the same for every processor"

@@ -17,14 +17,14 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import AnyskinSource, Config, ContactConfig, GeometryConfig, PadConfig, SceneConfig, SimulatedSource
 from fmfts.config.checks import problems_in
 from fmfts.contact import ModelError
-from fmfts.contact.field_response import FieldResponse
 from fmfts.pad import Array
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
-from fmfts.pipeline.skin_pipeline import BARE_ONLY, SkinPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import CHIPS
 from fmfts_skin.calibrate.field_fit import make_response
+from fmfts_skin.field_response import FieldResponse
+from fmfts_skin.pipeline import BARE_ONLY, SkinPipeline
 
 RATE_HZ = 100
 PERIOD_US = 1_000_000 // RATE_HZ

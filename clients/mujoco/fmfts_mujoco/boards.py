@@ -37,7 +37,7 @@ def built_of(pad: PadConfig) -> MountedPad:
     source, name = pad.source, f"pad '{pad.name}'"
     if not isinstance(source, SimulatedSource):
         raise ModelError(f'{name}: a simulator feeds only [pad.source] type = "simulated"')
-    if pad.other_magnets or pad.is_skin:
+    if pad.other_magnets or not pad.are_magnets_known:
         raise ModelError(f"{name}: pads with several or unknown magnets are not simulated in MuJoCo")
     if source.warming_k_per_minute or set(source.imperfections) - {SILICONE, "casting"}:
         raise ModelError(f'{name}: of imperfections MuJoCo knows "silicone" and "casting", and no warming')

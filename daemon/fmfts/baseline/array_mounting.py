@@ -71,6 +71,10 @@ class ArrayMounting:
         """The magnets' field along the sensors' axes from the measured one, both (N, 3)."""
         return measured_t / self.gain - self.offset_t
 
+    def moved_since(self, pad: Pad, recording: Recording) -> Array:
+        """How far the magnet that moved most has gone since then (3,), in m."""
+        return moved_since(self, recording)[0]
+
     def remanence_t(self, pad: Pad) -> float:
         """The mean strength of the magnets, as the remanence of magnets of the sizes in the drawing."""
         return float(np.mean([one * exp(log) for one, log in zip(_remanences(pad), self.log_moment, strict=True)]))

@@ -18,8 +18,8 @@ from fmfts.baseline.mounting import Mounting, nominal_mounting
 from fmfts.baseline.origin import Origin, foreign
 from fmfts.baseline.recording import BaselineError, ForeignError, Recording, solvable
 from fmfts.baseline.refine import AtRest, pick, refined
+from fmfts.baseline.rest_field import RestField
 from fmfts.baseline.sensitivity import Sensitivity
-from fmfts.baseline.skin_mounting import SkinMounting
 from fmfts.baseline.turn import Turn, sensitivity_from_turn
 from fmfts.baseline.unmoved import require_unmoved
 from fmfts.baseline.window_means import Means
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 Kind = Literal["bare", "rest"]
 LARGEST_BYTES = 4_000_000
 UNKNOWN_MAGNETS = "the magnets of this pad are unknown, so turning and presses tell nothing of its chips: --rest is all"
-AnyMounting = Mounting | ArrayMounting | SkinMounting
+AnyMounting = Mounting | ArrayMounting | RestField
 
 
 class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -86,16 +86,16 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
             known = self._at_rest(pad, self.rest)
             return estimate_array_mounting(pad, known.tolerance, known.rest, known.bare, known.measured)
 
-    def skin_mounting(self) -> SkinMounting:
+    def rest_field(self) -> RestField:
         """As `mounting`, of a pad whose magnets are unknown. BaselineError if rest is not recorded."""
         if self.rest is None:
             raise BaselineError(f"pad '{self.pad}': rest is not recorded: `fmfts-daemon baseline --rest`, untouched")
-        return SkinMounting.of(self.rest.recording())
+        return RestField.of(self.rest.recording())
 
     def any_mounting(self, pad: Pad) -> AnyMounting:
         """The mounting of a pad with one magnet, with several, or with unknown ones."""
         if not pad.are_magnets_known:
-            return self.skin_mounting()
+            return self.rest_field()
         return self.array_mounting(pad) if pad.other_magnets else self.mounting(pad)
 
     def require_sensors(self, sensors: int) -> None:

@@ -18,7 +18,8 @@ from fmfts.baseline.recording import Recording
 from fmfts.baseline.sensitivity import Sensitivity, relative_deviation, split
 from fmfts.baseline.unknowns import TELLS_LITTLE, Leftover, Unknowns
 from fmfts.pad import Pad, SensorArray, Tolerance
-from fmfts.pose import FieldErrors, State, dipole_field
+from fmfts.pose import FREE_FIELD, FieldErrors, State, dipole_field
+from fmfts.pose import solve as solve_pose
 
 Array = NDArray[np.float64]
 
@@ -92,6 +93,12 @@ class Mounting:
     def magnet_field(self, measured_t: Array) -> Array:
         """The magnet's field along `axes` from the measured field, both (N, 3): removes gains and ambient field."""
         return measured_t / self.gain - self.offset_t
+
+    def moved_since(self, pad: Pad, recording: Recording) -> Array:
+        """How far the magnet has gone since then (3,), in m; the ambient field may have turned."""
+        field_t, deviation_t = self.magnet_field(recording.mean_t), recording.mean_deviation_t
+        estimate = solve_pose(field_t, self.mounted(pad), self.rest, deviation_t=deviation_t, free=FREE_FIELD)
+        return estimate.position_m - self.rest.position_m
 
     def field_errors(self) -> FieldErrors | None:
         """The errors of the field that the baseline leaves; None before rest was recorded."""

@@ -5,11 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fmfts.arithmetic.matrix import length
-from fmfts.baseline.array_mounting import ArrayMounting, moved_since
 from fmfts.baseline.recording import BaselineError, Recording
-from fmfts.baseline.skin_mounting import SkinMounting
 from fmfts.pad import Pad, Tolerance
-from fmfts.pose import FREE_FIELD, solve
 
 if TYPE_CHECKING:
     from fmfts.baseline.baseline import Baseline
@@ -17,21 +14,8 @@ if TYPE_CHECKING:
 
 def require_unmoved(pad: Pad, tolerance: Tolerance, before: Baseline, recording: Recording) -> None:
     """BaselineError if the magnet, solved with the last baseline, has moved; the ambient field may have turned."""
-    last = before.any_mounting(pad)
-    if isinstance(last, SkinMounting):
-        return  # a change of its field may be its temperature: nobody can tell
-    if isinstance(last, ArrayMounting):
-        moved, _ = moved_since(last, recording)
-    else:
-        estimate = solve(
-            last.magnet_field(recording.mean_t),
-            last.mounted(pad),
-            last.rest,
-            deviation_t=recording.mean_deviation_t,
-            free=FREE_FIELD,
-        )
-        moved = estimate.position_m - last.rest.position_m
-    if not length(moved) < tolerance.magnet_position_m:
+    moved = before.any_mounting(pad).moved_since(pad, recording)
+    if moved is not None and not length(moved) < tolerance.magnet_position_m:
         x, y, z = moved * 1e3
         raise BaselineError(
             f"the pad looks loaded: its magnet is ({x:+.2f}, {y:+.2f}, {z:+.2f}) mm away from where baseline "

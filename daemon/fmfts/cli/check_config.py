@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from fmfts.cli import elsewhere
 from fmfts.cli.verb import VerbError, configuration_as
 from fmfts.common import exit_codes
+from fmfts.common.extras import how_to_install
 
 if TYPE_CHECKING:
     from fmfts.config import Config
@@ -40,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         print(f"good: {len(config.pad)} pad{'s' if len(config.pad) > 1 else ''} in {path}")
         if collecting is None and config.collect:
-            print(f"warning: [collect] was not checked: it {elsewhere.how_to_install('collect')}", file=sys.stderr)
+            print(f"warning: [collect] was not checked: it {how_to_install('collect')}", file=sys.stderr)
         if closed_keys:
             print(f"warning: the keys were not checked: {closed_keys}", file=sys.stderr)
         for pad in config.pad:

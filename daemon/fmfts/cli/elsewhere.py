@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Container, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from fmfts.cli.verb import AddVerb, VerbError
 from fmfts.common import exit_codes
+from fmfts.common.extras import LABORATORY, added, entry_points_of, how_to_install
 from fmfts.common.kind_of_file import begins_with, columns_of
 
 if TYPE_CHECKING:
@@ -21,8 +21,6 @@ LAYOUTS = "fmfts.layouts"  # paths, by the program that reads them
 CONFIGURATIONS = "fmfts.configurations"  # by the name of the table that it reads: a subclass of Config
 CALIBRATIONS = "fmfts.calibrations"  # modules with what Calibration names, by their package's extra
 PACKAGES = ("fmfts_lab", "fmfts_collect", "fmfts_fleet", "fmfts_foxglove", "fmfts_skin")
-LABORATORY = "lab"
-IN_CHECKOUT = "./clients/python ."
 # Each verb's line of help, and its package: the laboratory, or an extra of this one.
 OF_VERB = {
     "collect": ("press a plan of places and forces, and write the calibration data", "collect"),
@@ -48,7 +46,7 @@ class Calibration(Protocol):
 
 def add_to(verb: AddVerb, only_installed: bool = False) -> None:
     """Add their verbs. Called only if the command line names none of this package's: a look for packages takes time."""
-    installed = {point.name: point for point in _entry_points(VERBS)}
+    installed = {point.name: point for point in entry_points_of(VERBS)}
     for name, (text, _) in OF_VERB.items():
         if name in installed:
             installed.pop(name).load()(verb)
@@ -67,21 +65,10 @@ def not_installed(what: str, package: str) -> VerbError:
     return VerbError(exit_codes.UNAVAILABLE, f"{what} {how_to_install(package)}")
 
 
-def how_to_install(package: str) -> str:
-    """The rest of a sentence about what a package brings."""
-    pip = f"{sys.executable} -m pip install"
-    if package == LABORATORY:
-        return f"belongs to the laboratory; install it in a checkout of fmfts with\n    {pip} {IN_CHECKOUT} ./lab"
-    return (
-        f"belongs to a package of its own; install it with\n    {pip} 'fmfts[{package}]'\n"
-        f"or in a checkout of fmfts with\n    {pip} {IN_CHECKOUT} ./extras/{package}"
-    )
-
-
 def view(package: str, what: str) -> Callable[..., Any]:
     """What an extra adds to the verb `view`, which `what` names. Raises VerbError where it is not installed."""
-    added: Callable[..., Any] = _required(VIEWS, package, what)
-    return added
+    viewing: Callable[..., Any] = _required(VIEWS, package, what)
+    return viewing
 
 
 def layout(package: str) -> Path:
@@ -111,7 +98,7 @@ def calibration_of_model(model: Path) -> Calibration | None:
 
 
 def _calibrations() -> dict[str, Calibration]:
-    return {point.name: point.load() for point in _entry_points(CALIBRATIONS)}
+    return {point.name: point.load() for point in entry_points_of(CALIBRATIONS)}
 
 
 def _require_installed(extras: Mapping[str, str], installed: Container[str], file: Path) -> None:
@@ -121,23 +108,13 @@ def _require_installed(extras: Mapping[str, str], installed: Container[str], fil
 
 
 def _required(group: str, package: str, what: str) -> Any:
-    added = _loaded(group, package)
-    if added is None:
+    found = added(group, package)
+    if found is None:
         raise not_installed(what, package)
-    return added
+    return found
 
 
 def configuration_with(table: str) -> type[Config] | None:
     """The configuration of the package that reads this table of the file; None where it is not installed."""
-    kind: type[Config] | None = _loaded(CONFIGURATIONS, table)
+    kind: type[Config] | None = added(CONFIGURATIONS, table)
     return kind
-
-
-def _loaded(group: str, name: str) -> Any:
-    return next((point.load() for point in _entry_points(group) if point.name == name), None)
-
-
-def _entry_points(group: str) -> Any:
-    from importlib.metadata import entry_points
-
-    return entry_points(group=group)

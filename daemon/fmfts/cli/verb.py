@@ -142,7 +142,7 @@ def configured_pad(options: argparse.Namespace, several: bool = False) -> PadCon
 
 def require_known_magnets(pad: PadConfig) -> None:
     """Raise VerbError for a pad whose magnets nobody knows."""
-    if pad.is_skin:
+    if not pad.are_magnets_known:
         raise VerbError(
             exit_codes.CONFIG,
             f"the magnets of pad {pad.name!r} are unknown, and this verb is for pads with one that is known: "

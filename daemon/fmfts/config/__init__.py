@@ -15,6 +15,7 @@ from msgspec.structs import force_setattr
 
 from fmfts.arithmetic.matrix import length, lengths
 from fmfts.config.layouts import BoardName, Vector, layout
+from fmfts.config.model_kinds import ModelKind, kind_of
 from fmfts.config.section import Fraction, NonNegativeFloat, PositiveFloat, Problem
 from fmfts.config.section import Section as _Section
 from fmfts.contact.shipped import SHIPPED_PATHS
@@ -58,10 +59,6 @@ class ServiceConfig(_Section, frozen=True):
     # Of SCHED_FIFO; 0: a normal process. None: what the unit gives (service/realtime.py), where the system permits it.
     realtime_priority: Annotated[int, Meta(ge=0, le=99)] | None = None
     lock_memory: bool = False
-
-
-# Of a `[pad.contact] model` that needs no pose: from contact to field, and from field to force.
-FIELD_RESPONSE_SUFFIX, FORCE_MODEL_SUFFIX = ".response", ".force"
 
 
 class _HardwareSource(_Section, frozen=True):
@@ -274,10 +271,14 @@ class PadConfig(_Section, frozen=True, kw_only=True):
     rebaseline: RebaselineConfig = field(default_factory=RebaselineConfig)
 
     @property
-    def is_skin(self) -> bool:
-        """Whether nobody knows its magnets, or needs to: its contact model then goes without a pose."""
-        no_pose = (FIELD_RESPONSE_SUFFIX, FORCE_MODEL_SUFFIX)
-        return self.contact.model.endswith(no_pose) and not self.other_magnets
+    def model_kind(self) -> ModelKind | None:
+        """Of a contact model that another package reads; None: of this one."""
+        return None if self.other_magnets else kind_of(self.contact.model)
+
+    @property
+    def are_magnets_known(self) -> bool:
+        """Else its contact model is of another package, and goes without their poses."""
+        return self.model_kind is None
 
     def structure_tolerance(self, model: str | None = None) -> StructureTolerance:
         """What silicone and finger leave open of the contacts of a model, in SI; None: of the configured one."""
@@ -307,7 +308,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
             chip=CHIPS[self.source.chip],
             silicone=self.silicone.si(),
             other_magnets=tuple(others),
-            are_magnets_known=not self.is_skin,
+            are_magnets_known=self.are_magnets_known,
         )
 
 

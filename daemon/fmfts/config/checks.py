@@ -20,9 +20,9 @@ from fmfts.config import (
     i2c_checks,
 )
 from fmfts.config.layouts import layout
+from fmfts.config.model_kinds import lacking
 from fmfts.config.section import Key, Problem
 from fmfts.config.several_checks import MAGNETS_APART_MM, several_problems
-from fmfts.config.skin_checks import skin_problems
 from fmfts.config.wording import IN_METRES
 from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
@@ -78,7 +78,7 @@ def _of_pads(config: Config) -> Iterator[Problem]:
             _model,
             _finger,
             several_problems,
-            skin_problems,
+            _kind_of_model,
         )
         for check in checks:
             for keys, text in check(pad):
@@ -198,6 +198,13 @@ def _model(pad: PadConfig) -> Iterator[Problem]:
         )
 
 
+def _kind_of_model(pad: PadConfig) -> Iterator[Problem]:
+    if pad.model_kind is not None:
+        yield from pad.model_kind.problems(pad)
+    elif not pad.other_magnets and (how := lacking(pad.contact.model)) is not None:
+        yield ("contact", "model"), how
+
+
 def other_silicone(pad: PadConfig) -> str | None:
     """A warning where a shipped model is used with another simulated slab than it was made for, else None.
 
@@ -229,7 +236,7 @@ def _neighbours(pads: Sequence[PadConfig]) -> Iterator[Problem]:
                 yield keys, f"there is no such pad: the pads are {', '.join(names)}"
             elif neighbour == pad.name:
                 yield keys, "a pad is not its own neighbour"
-            elif pads[names.index(neighbour)].is_skin:
+            elif pads[names.index(neighbour)].model_kind is not None:
                 yield keys, f"the magnets of {neighbour!r} are unknown, and so is their field here: keep it away"
             elif not pad.other_magnets and _magnets_of(pad, pads, index + 1) > MOST_OTHER_MAGNETS:
                 yield (

@@ -30,6 +30,17 @@ class ArrayModel:
     response: ArrayResponse
     hash: str
 
+    @property
+    def told(self) -> str:
+        """What it is, in a few words for the log."""
+        return f"{self.response.magnets} magnets, up to two fingers"
+
+    @property
+    def calibrated_range(self) -> dict[str, object]:
+        """The places and forces that it was calibrated for."""
+        along_m = [self.response.first_mm * 1e-3, self.response.last_mm * 1e-3]
+        return {"calibrated_x_m": along_m, "calibrated_y_m": along_m, "calibrated_force_n": self.response.scale_n}
+
     @classmethod
     def load(cls, path: Path, pad: Pad) -> ArrayModel:
         """ModelError if the file cannot be used, OtherPadError if it is for other magnets.

@@ -106,6 +106,21 @@ class ContactModel:
         self.parameters.fill(self.for_c)
 
     @property
+    def told(self) -> str:
+        """What it is, in a few words for the log."""
+        return self.inference.by
+
+    @property
+    def calibrated_range(self) -> dict[str, object]:
+        """The places and forces that it was calibrated for."""
+        envelope = self.facts.envelope
+        return {
+            "calibrated_x_m": [value * 1e-3 for value in envelope.x_mm],
+            "calibrated_y_m": [value * 1e-3 for value in envelope.y_mm],
+            "calibrated_force_n": envelope.force_max_n,
+        }
+
+    @property
     def for_c(self) -> dict[str, Numbers]:
         """What estimate.c needs of this model: contact/step.h."""
         return {

@@ -19,6 +19,10 @@ class NoContactModel:
     smoothing_s: float = 0.0
     response: Response | None = None
 
+    @property
+    def calibrated_range(self) -> dict[str, object]:
+        return {}
+
 
 def no_model_for(configured: str, magnets: int = 1) -> NoContactModel:
     """The stand-in of a pad whose `[pad.contact] model` is `configured`: "none", or a shipped one that does not fit.

@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fmfts.arithmetic.matrix import root_of_squares
-from fmfts.config import FORCE_MODEL_SUFFIX, BridgeSource, PadConfig
+from fmfts.config import BridgeSource, PadConfig
 from fmfts.contact import ContactModel, NoContactModel, OtherPadError
 from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
 from fmfts.contact.no_model import NO_MODEL, no_model_for
+from fmfts.contact.plugged import PluggedModel
 from fmfts.contact.shipped import SHIPPED_PATHS
-from fmfts.contact.skin_model import SkinForceModel, SkinModel
 from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.pipeline.plugged import PluggedPipeline
 from fmfts.pipeline.several_pipeline import SeveralPipeline
-from fmfts.pipeline.skin_pipeline import SkinPipeline
 from fmfts.pose.observable import are_observable, needed_sensors
 from fmfts.scene.neighbours import SceneNeighbour, neighbours_around
 from fmfts.scene.tracking import (
@@ -29,8 +29,8 @@ from fmfts.scene.tracking import (
 from fmfts.sensor.wire.packets import EARLY_BYTES, LINE_BITS_PER_BYTE, frame_bytes
 from fmfts.several.field_model import Scene
 
-AnyModel = ContactModel | NoContactModel | ArrayModel | SkinModel | SkinForceModel
-Pipeline = PadPipeline | SeveralPipeline | SkinPipeline
+AnyModel = ContactModel | NoContactModel | ArrayModel | PluggedModel
+Pipeline = PadPipeline | SeveralPipeline | PluggedPipeline
 DEFAULT_MODEL = "default"
 # The ambient field since the baseline, along each axis, while a robot turns in the Earth's field: a pad with several
 # magnets solves it anew in each frame.
@@ -59,16 +59,10 @@ def load_array_model(config: PadConfig, path: str) -> ArrayModel:
     return ArrayModel.load(ARRAY_PATH if path == DEFAULT_MODEL else Path(path), config.pad())
 
 
-def load_skin_model(config: PadConfig, path: str) -> SkinModel | SkinForceModel:
-    """The contact model at `path` of a pad whose magnets are unknown. ModelError if it cannot serve this pad."""
-    kind = SkinForceModel if path.endswith(FORCE_MODEL_SUFFIX) else SkinModel
-    return kind.load(Path(path), len(config.geometry.sensors_mm))
-
-
-def load_any_model(config: PadConfig, path: str) -> ContactModel | ArrayModel | SkinModel | SkinForceModel:
+def load_any_model(config: PadConfig, path: str) -> ContactModel | ArrayModel | PluggedModel:
     """The contact model at `path`, of the kind that this pad needs. ModelError if it cannot serve this pad."""
-    if config.is_skin:
-        return load_skin_model(config, path)
+    if config.model_kind is not None:
+        return config.model_kind.load(Path(path), len(config.geometry.sensors_mm))
     return load_array_model(config, path) if config.other_magnets else load_contact_model(config, path)
 
 
@@ -79,8 +73,6 @@ def contact_model_of(config: PadConfig) -> AnyModel:
     too few sensors to tell the poses without one.
     """
     name, magnets = config.contact.model, 1 + len(config.other_magnets)
-    if config.is_skin:
-        return load_skin_model(config, name)
     if name == NO_MODEL:
         return no_model_for(name, magnets)
     try:
@@ -96,13 +88,14 @@ def contact_model_of(config: PadConfig) -> AnyModel:
 
 def pipeline_of(config: PadConfig, model: AnyModel, boot: str) -> Pipeline:
     """A pipeline, still without a baseline. boot: written into each of its messages."""
+    if config.model_kind is not None:
+        pipeline: PluggedPipeline = config.model_kind.pipeline(config, model, boot)
+        return pipeline
     rate_hz = float(config.source.rate_hz)
     if isinstance(model, ArrayModel) or (config.other_magnets and isinstance(model, NoContactModel)):
         per_k = config.magnet.temperature_coefficient_per_k
         return SeveralPipeline(config.pad(), model, boot, rate_hz, several_scene_of(config), per_k)
-    if isinstance(model, SkinModel | SkinForceModel):
-        per_k = config.magnet.temperature_coefficient_per_k
-        return SkinPipeline(config.pad(), model, boot, rate_hz, several_scene_of(config).ambient_t, per_k)
+    assert isinstance(model, ContactModel | NoContactModel)
     tracking = scene_model_of(config).tracking
     return PadPipeline(config.pad(), model, boot, rate_hz, tracking, lead_of(config))
 
@@ -135,7 +128,6 @@ def feel_neighbours(
     """Tell the pipeline of `config` which neighbours it feels. Returns all neighbours that `config` names."""
     neighbours = list(neighbours_around(config, configs))
     for neighbour in neighbours:
-        one, other = pipelines[config.name], pipelines[neighbour.name]
-        if neighbour.is_felt and not isinstance(one, SkinPipeline) and not isinstance(other, SkinPipeline):
-            one.feel(other.be_felt(), neighbour.placement)
+        if neighbour.is_felt:
+            pipelines[config.name].feel(pipelines[neighbour.name].be_felt(), neighbour.placement)
     return neighbours

@@ -43,7 +43,12 @@ class PipelineMemory:
 
 
 class PadPipeline:
-    """Makes a message of each frame of one pad. model: may serve other pads of the same geometry, too."""
+    """Makes a message of each frame of one pad. model: may serve other pads of the same geometry, too.
+
+    memory_kind: the type of `memory`, by which a recording keeps it.
+    """
+
+    memory_kind = PipelineMemory
 
     def __init__(
         self,

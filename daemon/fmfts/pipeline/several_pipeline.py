@@ -62,6 +62,8 @@ class SeveralPipeline:
     magnet_per_k: temperature coefficient of the remanence.
     """
 
+    memory_kind = SeveralMemory
+
     def __init__(
         self,
         pad: Pad,

@@ -15,9 +15,7 @@ from fmfts.bus.messages import StateMessage
 from fmfts.common.memory import decode, encode
 from fmfts.config import PadConfig
 from fmfts.pipeline.configured import Pipeline
-from fmfts.pipeline.pad_pipeline import PadPipeline, PipelineMemory
-from fmfts.pipeline.several_pipeline import SeveralMemory, SeveralPipeline
-from fmfts.pipeline.skin_pipeline import SkinPipeline, SkinPipelineMemory
+from fmfts.pipeline.pad_pipeline import PadPipeline
 
 FORMAT = 3
 LARGEST = 1 << 20
@@ -66,12 +64,7 @@ def restore(pipeline: Pipeline, content: bytes) -> None:
     if len(content) > LARGEST:
         raise BadMemoryError(f"{len(content)} bytes: more than any pipeline remembers")
     try:
-        if isinstance(pipeline, SeveralPipeline):
-            pipeline.recall(decode(_unwrapped(content), SeveralMemory))
-        elif isinstance(pipeline, SkinPipeline):
-            pipeline.recall(decode(_unwrapped(content), SkinPipelineMemory))
-        else:
-            pipeline.recall(decode(_unwrapped(content), PipelineMemory))
+        pipeline.recall(decode(_unwrapped(content), pipeline.memory_kind))
     except (msgspec.MsgspecError, KeyError, ValueError, TypeError) as error:
         raise BadMemoryError(f"the state is not one of this version: {type(error).__name__}: {error}") from error
 

@@ -13,8 +13,6 @@ from fmfts.bus.publisher import Publisher
 from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.config.checks import other_silicone
 from fmfts.contact import ContactModel, ModelError, NoContactModel
-from fmfts.contact.array_model import ArrayModel
-from fmfts.contact.skin_model import SkinForceModel, SkinModel
 from fmfts.pad import Pad
 from fmfts.pipeline.configured import AnyModel, Pipeline, contact_model_of, feel_neighbours, pipeline_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
@@ -89,16 +87,7 @@ def tell_models(config: Config, models: Mapping[str, AnyModel]) -> None:
             if pad.rebaseline.enabled:
                 log.warning("pad '%s': [pad.rebaseline] needs forces, so no drift is followed", pad.name)
             continue
-        if isinstance(model, ArrayModel):
-            told = f"{len(pad.other_magnets) + 1} magnets, up to two fingers"
-            log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, told)
-            continue
-        if isinstance(model, SkinModel | SkinForceModel):
-            told = f"unknown magnets, {model.tells}"
-            log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, told)
-            continue
-        by = model.inference.by
-        log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, by)
+        log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, model.told)
 
 
 def channel_of(
@@ -116,7 +105,7 @@ def channel_of(
     """
     pipeline = pipeline_of(config, model, boot)
     pad = pipeline.pad
-    if not pad.other_magnets and pad.are_magnets_known:
+    if isinstance(pipeline, PadPipeline):
         scene = scene_model_of(config)
         log.info("pad '%s': %s", pad.name, scene.why)
         for text in observability_warnings(pad, scene.tracking):

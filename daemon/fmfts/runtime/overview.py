@@ -9,10 +9,6 @@ import msgspec
 from fmfts.bus.messages import StatusMessage
 from fmfts.config import PadConfig
 from fmfts.config.pad_facts import pad_facts
-from fmfts.contact import NoContactModel
-from fmfts.contact.array_model import ArrayModel
-from fmfts.contact.skin_model import SkinForceModel, SkinModel
-from fmfts.pipeline.configured import AnyModel
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.kept import KeptAnswer
 from fmfts.sensor.probing import probe_facts
@@ -47,7 +43,7 @@ class Overview:
     def _pad_of(self, name: str) -> dict[str, object]:
         health, baseline = self._now_of(name)
         now = {"pad": name, "health": health, "baseline": baseline}
-        return now | self._facts[name] | _range_of(self._channels[name].pipeline.model)
+        return now | self._facts[name] | self._channels[name].pipeline.model.calibrated_range
 
     def _now_of(self, name: str) -> tuple[str, str | None]:
         """What changes of a pad: its health and its baseline."""
@@ -80,36 +76,3 @@ def _silence(channel: Channel) -> str:
     if health not in ("stale", "disconnected"):
         return ""
     return f"it is open, but no frame of it is used: {reason.removeprefix(f'{channel.source.state.description}: ')}"
-
-
-def _range_of(model: AnyModel) -> dict[str, object]:
-    """The places and forces that the contact model was calibrated for."""
-    if isinstance(model, NoContactModel):
-        return {}
-    if isinstance(model, ArrayModel):
-        along_m = [model.response.first_mm * 1e-3, model.response.last_mm * 1e-3]
-        return {
-            "calibrated_x_m": along_m,
-            "calibrated_y_m": along_m,
-            "calibrated_force_n": model.response.scale_n,
-        }
-    if isinstance(model, SkinForceModel):
-        return {"calibrated_force_n": model.largest_load}
-    if isinstance(model, SkinModel):
-        return _range_of_skin(model)
-    envelope = model.facts.envelope
-    return {
-        "calibrated_x_m": [value * 1e-3 for value in envelope.x_mm],
-        "calibrated_y_m": [value * 1e-3 for value in envelope.y_mm],
-        "calibrated_force_n": envelope.force_max_n,
-    }
-
-
-def _range_of_skin(model: SkinModel) -> dict[str, object]:
-    facts: dict[str, object] = {}
-    for axis in model.response.axes:
-        if axis.name == "force_n":
-            facts["calibrated_force_n"] = axis.last
-        elif axis.name != "depth_mm":
-            facts[f"calibrated_{axis.name[0]}_m"] = [axis.first * 1e-3, axis.last * 1e-3]
-    return facts

@@ -15,12 +15,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from fmfts.calibrate.field_table import write
-from fmfts.contact.field_response import FieldResponse
 from fmfts.pad import Array
 from fmfts_lab.eflesh import columns
 from fmfts_skin.calibrate.field_evaluate import FieldEvaluation, evaluate_field
 from fmfts_skin.calibrate.field_fit import make_response
 from fmfts_skin.calibrate.field_set import FieldSet, Mask, read_field_set
+from fmfts_skin.field_response import FieldResponse
 
 BLOCK_MM, LEFT_OUT = 4.0, 0.25
 # Another day, simulated: gain, contact height, moment and the deviation of each sensor's rest.

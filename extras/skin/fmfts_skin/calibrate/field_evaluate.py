@@ -10,11 +10,11 @@ import numpy as np
 
 from fmfts.calibrate.evaluation import Row, rounded
 from fmfts.calibrate.field_table import DataError
-from fmfts.contact.field_contact import ContactFinder
-from fmfts.contact.field_response import PLACE, FieldResponse, Instance
 from fmfts.pad import Array
 from fmfts_skin.calibrate.field_instance import instance_of
 from fmfts_skin.calibrate.field_set import FieldSet
+from fmfts_skin.field_contact import ContactFinder
+from fmfts_skin.field_response import PLACE, FieldResponse, Instance
 
 HONEST, WRONG = 2.0, 5.0  # deviations
 LOAD_BANDS = 4

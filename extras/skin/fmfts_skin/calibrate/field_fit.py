@@ -14,11 +14,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.field_table import DataError
-from fmfts.contact.field_response import Axis, FieldResponse
 from fmfts.pad import Array
 from fmfts_skin.calibrate.field_rest import Rest, rest_of_presses
 from fmfts_skin.calibrate.field_set import FieldSet, Indices
 from fmfts_skin.calibrate.field_splines import SplineFit
+from fmfts_skin.field_response import Axis, FieldResponse
 
 Say = Callable[[str], None]
 PLACE_SPACING_MM, MOST_CELLS = 2.0, 16

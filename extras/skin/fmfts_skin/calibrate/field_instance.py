@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmfts.contact.field_contact import ContactFinder
-from fmfts.contact.field_response import FieldResponse, Instance
 from fmfts.pad import Array
 from fmfts_skin.calibrate.field_set import FieldSet, Mask
+from fmfts_skin.field_contact import ContactFinder
+from fmfts_skin.field_response import FieldResponse, Instance
 
 MOST_FRAMES = 800
 ROUNDS, SETTLED = 12, 1e-3

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
-from fmfts.contact.field_response import Axis
 from fmfts.pad import Array
 from fmfts_skin.calibrate.field_splines import SplineFit
+from fmfts_skin.field_response import Axis
 
 POWERS = (1.0, 1.3, 1.6, 2.0)
 # Heights of contact above the least depth that was pressed, mm. A force begins at none.

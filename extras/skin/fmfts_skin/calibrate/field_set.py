@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from fmfts.calibrate.field_table import DataError, FieldTable, read
 from fmfts.common.reading import MOST_COLUMNS, digest_of, open_text
-from fmfts.contact.field_response import LOADS, PLACE
 from fmfts.pad import Array
+from fmfts_skin.field_response import LOADS, PLACE
 
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from fmfts.contact.field_response import Axis
 from fmfts.pad import Array
+from fmfts_skin.field_response import Axis
 
 # No load, no change: so much more than one row of a press each such row counts, and so many there are for each press.
 REST_COUNTS, REST_SHARE = 25.0, 0.1

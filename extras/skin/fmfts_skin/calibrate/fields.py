@@ -61,8 +61,8 @@ def evaluate(options: argparse.Namespace) -> int:
         raise lacking(error, "calibrate") from error
     from fmfts.calibrate.evaluation import printed
     from fmfts.calibrate.field_table import DataError
-    from fmfts.contact.field_response import LARGEST_BYTES, FieldResponse, FieldResponseError
     from fmfts_skin.calibrate.field_set import read_field_set
+    from fmfts_skin.field_response import LARGEST_BYTES, FieldResponse, FieldResponseError
 
     try:
         content = read_regular(Path(options.model), LARGEST_BYTES)

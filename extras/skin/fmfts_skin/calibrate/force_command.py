@@ -13,12 +13,12 @@ from fmfts.calibrate.command import replace_file, report_of
 from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.tracked import Scene
 from fmfts.common.reading import read_regular
-from fmfts.contact.force_model import LARGEST_BYTES, ForceModel, Route
 from fmfts.pad import Pad
 from fmfts_skin.calibrate.force_fit import GAIN, OFFSET, ROTATION_RAD, Presses, Say
 from fmfts_skin.calibrate.force_judge import Judged, choose, make_route
 from fmfts_skin.calibrate.force_pose import pose_presses
 from fmfts_skin.calibrate.force_set import ForceSet, read_force_set
+from fmfts_skin.force_model import LARGEST_BYTES, ForceModel, Route
 
 
 @dataclass(frozen=True, slots=True)

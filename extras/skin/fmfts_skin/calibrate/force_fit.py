@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.field_table import DataError
-from fmfts.contact.force_model import DIRECTIONS, MOST_POWER, ForceMap, Mask, Route, monomials
 from fmfts.pad import Array
+from fmfts_skin.force_model import DIRECTIONS, MOST_POWER, ForceMap, Mask, Route, monomials
 
 Indices = NDArray[np.intp]
 Say = Callable[[str], None]

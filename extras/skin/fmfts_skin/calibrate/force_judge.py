@@ -9,10 +9,10 @@ import numpy as np
 
 from fmfts.calibrate.evaluation import Row, rounded
 from fmfts.calibrate.field_table import DataError
-from fmfts.contact.force_model import DIRECTIONS, Coverage, ForceModel, FoundForces, Mask
 from fmfts.pad import Array
 from fmfts_skin.calibrate.field_fit import LOAD_SHARE
 from fmfts_skin.calibrate.force_fit import Presses, Say, fit_maps
+from fmfts_skin.force_model import DIRECTIONS, Coverage, ForceModel, FoundForces, Mask
 
 HONEST, WRONG = 2.0, 5.0  # deviations
 # The stated prior weighs as much as so many left-out sessions.

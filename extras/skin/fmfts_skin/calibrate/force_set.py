@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from fmfts.calibrate.field_table import DataError, read_cells, value_and_bound
 from fmfts.common.reading import digest_of
-from fmfts.contact.force_model import FORCE, MOST_VALUES
 from fmfts.pad import Array
+from fmfts_skin.force_model import FORCE, MOST_VALUES
 
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]

@@ -63,7 +63,7 @@ def evaluate(options: argparse.Namespace, noise_t: float) -> int:
     except ImportError as error:
         raise lacking(error, "calibrate") from error
     from fmfts.calibrate.field_table import DataError
-    from fmfts.contact.force_model import ForceModelError
+    from fmfts_skin.force_model import ForceModelError
 
     try:
         sources = [options.data, *options.sessions]
@@ -92,7 +92,7 @@ def _magnet(options: argparse.Namespace, noise_t: float) -> KnownMagnet | None:
             )
         return None
     pad = pad_named(configuration(options), options.pad)
-    if pad.is_skin or pad.other_magnets:
+    if pad.other_magnets or not pad.are_magnets_known:
         return None
     pad = configured_pad(options)
     return KnownMagnet(pad.pad(), pad.scene.ambient, noise_t, options.baseline)

@@ -1,6 +1,7 @@
 """The whole job of one pad whose magnets are unknown: frame → field → contact → message.
 
-It has the interface of `PadPipeline`, so that the daemon, a replay and a recorder do not know which of the two it is.
+It has the interface of `PadPipeline`, so that the daemon, a replay and a recorder do not know which of the two it is
+(fmfts.pipeline.plugged).
 Its frames are judged in Python; no lane hands them to C from a board's bytes.
 """
 
@@ -14,21 +15,22 @@ from typing import Any
 import numpy as np
 
 from fmfts.baseline import Baseline
-from fmfts.baseline.skin_mounting import SkinMounting
+from fmfts.baseline.rest_field import RestField
 from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health
 from fmfts.common.memory import require_alike
-from fmfts.contact.skin_model import SkinForceModel, SkinModel
-from fmfts.pad import Pad
+from fmfts.pad import Pad, Placement
 from fmfts.pipeline.last_frame import LastFrame
 from fmfts.pipeline.sensors_ok import mask_of
 from fmfts.pipeline.words import NO_BASELINE
 from fmfts.pose import Alignment, repeats_allowed
 from fmfts.pose.alignment import AlignmentMemory
+from fmfts.pose.sighting import Sighting
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.missing import missing_sensors
-from fmfts.skin.estimator import SkinEstimator, SkinMemory, SkinReading
-from fmfts.skin.force_estimator import ForceEstimator
+from fmfts_skin.estimator import SkinEstimator, SkinMemory, SkinReading
+from fmfts_skin.force_estimator import ForceEstimator
+from fmfts_skin.model import SkinForceModel, SkinModel
 
 BARE_ONLY = "rest not recorded: `fmfts-daemon baseline --rest` while nothing touches the pad"
 
@@ -50,6 +52,8 @@ class SkinPipeline:
     ambient_t: by how much the ambient field may change, along each axis. magnet_per_k: temperature coefficient of the
     remanence.
     """
+
+    memory_kind = SkinPipelineMemory
 
     def __init__(
         self,
@@ -85,10 +89,10 @@ class SkinPipeline:
         return None
 
     @property
-    def mounting(self) -> SkinMounting | None:
+    def mounting(self) -> RestField | None:
         return None if self._estimator is None else self._estimator.mounting
 
-    def use(self, baseline: Baseline, mounting: SkinMounting | None = None) -> SkinMounting | None:
+    def use(self, baseline: Baseline, mounting: RestField | None = None) -> RestField | None:
         """From the next frame on, count changes from this rest. None, and nothing is told yet, without one.
 
         BaselineError if it does not fit the pad.
@@ -97,7 +101,7 @@ class SkinPipeline:
         if baseline.rest is None:
             self._estimator, self._why_none = None, BARE_ONLY
             return None
-        mounting = mounting or baseline.skin_mounting()
+        mounting = mounting or baseline.rest_field()
         repeats = repeats_allowed(mounting.noise_t, self.pad.chip.coarseness_t(baseline.rest.gain_code))
         around = self._ambient_t, self._rate_hz, repeats, self._magnet_per_k
         if isinstance(self.model, SkinForceModel):
@@ -106,6 +110,13 @@ class SkinPipeline:
             self._estimator = SkinEstimator(self.pad, mounting, self.model.response, *around)
         self._at_first = deepcopy(self._estimator.memory)
         return mounting
+
+    def feel(self, neighbour: Sighting, placement: Placement) -> None:
+        """Its configuration names no neighbours (checks.py)."""
+
+    def be_felt(self) -> Sighting:
+        """Nor does another pad's name it: nobody knows where its magnets are."""
+        return Sighting.unseen(self.pad)
 
     def start_anew(self) -> None:
         """Forget all frames, because the next have another clock, or an error left half a memory. A new estimator would

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import cholesky, inverse, log_determinant, product, solve, solve_lower
-from fmfts.contact.field_response import Array, FieldResponse
+from fmfts_skin.field_response import Array, FieldResponse
 
 # The grid: so many places for each cell of the table along x and y, and so many loads, with a place and without.
 PLACES_OF_A_CELL, LOADS_BESIDE_PLACES, LOADS_ALONE = 1.5, 17, 201

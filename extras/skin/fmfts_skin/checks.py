@@ -10,8 +10,6 @@ from fmfts.config.section import Problem
 
 def skin_problems(pad: PadConfig) -> Iterator[Problem]:
     """What such a pad cannot do."""
-    if not pad.is_skin:
-        return
     if isinstance(pad.source, SimulatedSource):
         yield ("contact", "model"), "a table of fields is for a real skin: what is simulated has magnets that are known"
     if pad.scene.neighbours:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from fmfts.common.reading import read_regular
 from fmfts.contact.contract import ModelError, OtherPadError
-from fmfts.contact.field_response import LARGEST_BYTES, FieldResponse, FieldResponseError
-from fmfts.contact.force_model import LARGEST_BYTES as FORCE_BYTES
-from fmfts.contact.force_model import ForceModel, ForceModelError
+from fmfts_skin.field_response import LARGEST_BYTES, FieldResponse, FieldResponseError
+from fmfts_skin.force_model import LARGEST_BYTES as FORCE_BYTES
+from fmfts_skin.force_model import ForceModel, ForceModelError
 
 # Loads of which a message has a field, or that at least tell a place.
 TOLD_LOADS = ("force_n", "depth_mm")
@@ -27,10 +27,22 @@ class SkinModel:
     hash: str
 
     @property
-    def tells(self) -> str:
-        """In words: what a contact has."""
+    def told(self) -> str:
+        """What it is, in a few words for the log."""
         place = "place" if self.response.load else ""
-        return " and ".join(filter(None, (place, "force" if self.response.axes[-1].name == "force_n" else "")))
+        tells = " and ".join(filter(None, (place, "force" if self.response.axes[-1].name == "force_n" else "")))
+        return f"unknown magnets, {tells}"
+
+    @property
+    def calibrated_range(self) -> dict[str, object]:
+        """The places and forces that it was calibrated for."""
+        facts: dict[str, object] = {}
+        for axis in self.response.axes:
+            if axis.name == "force_n":
+                facts["calibrated_force_n"] = axis.last
+            elif axis.name != "depth_mm":
+                facts[f"calibrated_{axis.name[0]}_m"] = [axis.first * 1e-3, axis.last * 1e-3]
+        return facts
 
     @property
     def told_names(self) -> tuple[str, ...]:
@@ -74,9 +86,14 @@ class SkinForceModel:
     hash: str
 
     @property
-    def tells(self) -> str:
-        """In words: what a contact has."""
-        return "force in three directions"
+    def told(self) -> str:
+        """What it is, in a few words for the log."""
+        return "unknown magnets, force in three directions"
+
+    @property
+    def calibrated_range(self) -> dict[str, object]:
+        """The forces that it was calibrated for."""
+        return {"calibrated_force_n": self.largest_load}
 
     @property
     def told_names(self) -> tuple[str, ...]:

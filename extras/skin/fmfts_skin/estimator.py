@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError, cholesky, product, solve_lower
-from fmfts.baseline.skin_mounting import SkinMounting
+from fmfts.baseline.rest_field import RestField
 from fmfts.bus.messages import Health
 from fmfts.common.chi2 import quantile
-from fmfts.contact.field_contact import ContactFinder, FoundContacts
-from fmfts.contact.field_response import FieldResponse
 from fmfts.pad import Pad
 from fmfts.pose import Aligned
+from fmfts_skin.field_contact import ContactFinder, FoundContacts
+from fmfts_skin.field_response import FieldResponse
 
 Array = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ class SkinEstimator:
     """
 
     pad: Pad
-    mounting: SkinMounting
+    mounting: RestField
     response: FieldResponse
     ambient_t: float
     rate_hz: float

@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import power
 from fmfts.arithmetic.matrix import SingularError, cholesky, product, solve_lower
-from fmfts.baseline.skin_mounting import SkinMounting
+from fmfts.baseline.rest_field import RestField
 from fmfts.common.chi2 import quantile
-from fmfts.contact.skin_model import SkinForceModel
 from fmfts.pad import Pad
 from fmfts.pose import Aligned
-from fmfts.skin.estimator import (
+from fmfts_skin.estimator import (
     FALSE_CONTACTS_PER_HOUR,
     FREE_FIELD,
     KEEPS,
@@ -29,6 +28,7 @@ from fmfts.skin.estimator import (
     SkinMemory,
     SkinReading,
 )
+from fmfts_skin.model import SkinForceModel
 
 Array = NDArray[np.float64]
 DIRECTIONS = 3
@@ -48,7 +48,7 @@ class ForceEstimator:
     """Field → force of a pad that has a rest recording. As SkinEstimator, but there is no place."""
 
     pad: Pad
-    mounting: SkinMounting
+    mounting: RestField
     model: SkinForceModel
     ambient_t: float
     rate_hz: float

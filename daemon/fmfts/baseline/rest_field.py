@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class SkinMounting:
+class RestField:
     """rest_t, noise_t (N, 3): the field at rest, the ambient field among it, and the noise of one sample.
 
     temperature_c: of the recording, None if nothing told it.
@@ -25,8 +25,11 @@ class SkinMounting:
     temperature_c: float | None
 
     @classmethod
-    def of(cls, rest: Recording) -> SkinMounting:
+    def of(cls, rest: Recording) -> RestField:
         return cls(rest.mean_t, rest.noise_t, rest.temperature_c)
 
     def remanence_t(self, pad: Pad) -> None:
         """Nobody knows it."""
+
+    def moved_since(self, pad: Pad, recording: Recording) -> None:
+        """Nobody can tell: a change of the field may be its temperature."""

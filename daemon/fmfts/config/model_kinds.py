@@ -1,0 +1,49 @@
+"""Kinds of contact models that other packages add, by the suffix of their files. Their pads' magnets may be unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from fmfts.common.extras import added, how_to_install
+from fmfts.config.section import Problem
+from fmfts.contact.plugged import PluggedModel
+
+if TYPE_CHECKING:
+    from fmfts.config import PadConfig
+
+MODELS = "fmfts.contact_models"  # entry points: objects with what ModelKind names, by the suffix without its point
+# The extra that reads such files, where no package here does.
+OF_SUFFIX = {".response": "skin", ".force": "skin"}
+
+
+class ModelKind(Protocol):
+    """How another package judges a pad's configuration, reads its contact model, and makes its pipeline."""
+
+    def problems(self, pad: PadConfig) -> Iterator[Problem]:
+        """What such a pad cannot do."""
+
+    def load(self, path: Path, sensors: int) -> PluggedModel:
+        """ModelError if it cannot serve a pad of so many sensors."""
+
+    def pipeline(self, config: PadConfig, model: Any, boot: str) -> Any:
+        """A PluggedPipeline (pipeline/plugged.py), still without a baseline."""
+
+
+def kind_of(model: str) -> ModelKind | None:
+    """Of the file that `[pad.contact] model` names; None: of this package."""
+    return _added(Path(model).suffix[1:])
+
+
+@cache
+def _added(suffix: str) -> ModelKind | None:
+    kind: ModelKind | None = added(MODELS, suffix) if suffix else None
+    return kind
+
+
+def lacking(model: str) -> str | None:
+    """What to install for such a file, as the rest of a sentence about it; None: it needs no other package."""
+    extra = OF_SUFFIX.get(Path(model).suffix)
+    return None if extra is None or kind_of(model) is not None else how_to_install(extra)

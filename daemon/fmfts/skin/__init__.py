@@ -1,1 +1,0 @@
-"""Contacts on a pad whose magnets are unknown: an AnySkin, ReSkin or eFlesh skin."""
