@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from fmfts.pad import Array
 from fmfts_lab.study import pareto
 from fmfts_lab.study.controller import CHART
-from fmfts_lab.study.controller_methods import NOW
+from fmfts_lab.study.controller_methods import NOW, TODAY
 from fmfts_lab.study.harness import Facts, Row
+from fmfts_lab.study.style import COLOURS, OTHERS, SMALL_PT, TEXT_PT, name_ticks, sheet
 
 ERRORS = ("publishing_n", "read_n", "publishing_mm", "read_mm", "noise_mn")
 MEANS = ("answered", "age_ms", "late_ms")
@@ -20,12 +21,17 @@ TIMES = ("median_us", "p99_us", "of_todays_time")
 QUIET, SWIFT, SLIDE = "hold", "tap in 50 ms", "slide 100 mm/s"
 # What is drawn of which motion.
 PANELS = (
-    *((motion, "publishing_n") for motion in (QUIET, SWIFT, "release in 20 ms", "ramp 30 N/s", "stick-slip")),
-    *((motion, "publishing_mm") for motion in (SWIFT, SLIDE)),
+    *((motion, "publishing_n") for motion in (SWIFT, "release in 20 ms", "ramp 30 N/s")),
+    *((SLIDE, "publishing_mm"), ("stick-slip", "publishing_n"), (QUIET, "noise_mn")),
 )
-ROWS, ACROSS = 3, 3  # the panels, then that by noise, and the methods' names
-LABELS = {"publishing_n": "error of force (N)", "publishing_mm": "error of place (mm)"}
-TIME = "processor time of a frame, over today's"
+ACROSS = 3
+READ = {"publishing_n": "read_n", "publishing_mm": "read_mm"}
+LABELS = {"publishing_n": "force (N)", "publishing_mm": "place (mm)", "noise_mn": "noise of the force (mN)"}
+TITLE = "What a controller acts on: in fast motions `now` is nearest to the truth"
+FOOT = (
+    "Dot: error (rms) when a message is published; its line ends at the error when a controller reads it. "
+    "Hollow: did not answer every frame. ×: processor time of a frame, over that of today's fields."
+)
 CHANGING = ("tap", "release", "ramp")  # motions whose force changes fast
 ABOUT = ("age_ms", "late_ms", "noise_mn")
 TOLD_LATE = ("tap in 50 ms", "release in 20 ms", "ramp 30 N/s")
@@ -137,39 +143,37 @@ def _text(value: float | None, digits: int) -> str:
 
 
 def draw(rows: Sequence[Row]) -> Figure:
-    """A mark for each method: of each motion its error by its time; and its error in a tap by its noise."""
+    """Of each method, by its name: its error when a message is published, and when a controller reads it."""
     found = pooled(rows)
-    figure = Figure(figsize=(12.5, 10.0), layout="constrained")
-    cells = figure.subplots(ROWS, ACROSS).ravel()
-    for axes, (motion, error) in zip(cells, PANELS, strict=False):
-        shown = _of_motion(found, motion)
-        pareto.draw(axes, shown, error, NOW, cost="of_todays_time", most=None)
-        _read(axes, shown, error, "of_todays_time")
-        pareto.name_ticks(axes.xaxis)
-        axes.set_xlabel(TIME, fontsize=9)
-        axes.set_ylabel(LABELS[error], fontsize=9)
-        axes.set_title(motion, fontsize=9)
-    axes = cells[len(PANELS)]
-    noise = {row["method"]: row["noise_mn"] for row in _of_motion(found, QUIET)}
-    swift = [row | {"noise_mn": noise[row["method"]]} for row in _of_motion(found, SWIFT)]
-    pareto.draw(axes, swift, "publishing_n", NOW, cost="noise_mn", most=None)
-    pareto.name_ticks(axes.xaxis)
-    axes.set_xlabel("noise of the force while held (mN)", fontsize=9)
-    axes.set_ylabel(LABELS["publishing_n"], fontsize=9)
-    axes.set_title(f"{SWIFT}, by noise", fontsize=9)
-    pareto.name_methods(cells[-1], swift, NOW, share=1.0 / ROWS)
-    title = "What a controller acts on: error (rms) when a message is published, and a line to that when it is read"
-    figure.suptitle(title, fontsize=10)
+    times = {one["method"]: one["of_todays_time"] for one in facts(rows)}
+    figure = sheet(6.6, TITLE, FOOT)
+    cells = figure.subplots(-(-len(PANELS) // ACROSS), ACROSS, sharey=True)
+    for axes, (motion, error) in zip(cells.ravel(), PANELS, strict=True):
+        for height, method in enumerate(reversed(times)):
+            own = [row for row in found if (row["scene"], row["method"]) == (motion, method)]
+            for row in own:
+                _dot(axes, row, error, height)
+        _dress(axes, f"{motion}\n{LABELS[error]}")
+    cells[0, 0].set_yticks(range(len(times)), [f"{name}, {time:.3g}×" for name, time in reversed(times.items())])
     return figure
 
 
-def _of_motion(found: Sequence[Row], motion: str) -> list[Row]:
-    return [row for row in found if row["scene"] == motion]
+def _dot(axes: Axes, row: Row, error: str, height: int) -> None:
+    """A line leads from the error at publishing to that when a controller reads it, where the error has both."""
+    if row[error] is None:
+        return
+    at, is_now = pareto.number(row, error), row["method"] == NOW
+    colour = COLOURS[0] if is_now else OTHERS if row["method"] != TODAY else "black"
+    whole = pareto.number(row, "answered") > 0.999
+    if error in READ:
+        axes.plot([at, pareto.number(row, READ[error])], [height, height], "-", color=colour, linewidth=1.6)
+    axes.plot(at, height, "o", color=colour, markersize=6.0, markerfacecolor=colour if whole else "white")
 
 
-def _read(axes: Axes, shown: Sequence[Row], error: str, cost: str) -> None:
-    """A line from each mark to the error when a controller reads it."""
-    for row in shown:
-        at, read = pareto.number(row, cost), pareto.number(row, error.replace("publishing", "read"))
-        axes.plot([at, at], [pareto.number(row, error), read], color="0.5", linewidth=0.8, zorder=2)
-        axes.plot(at, read, "_", color="0.5", markersize=6, zorder=2)
+def _dress(axes: Axes, title: str) -> None:
+    axes.set_title(title, fontsize=TEXT_PT)
+    axes.set_xscale("log")
+    name_ticks(axes.xaxis)
+    axes.tick_params(axis="y", labelsize=SMALL_PT, length=0.0)
+    axes.grid(alpha=0.2)
+    axes.spines[["top", "right", "left"]].set_visible(False)

@@ -96,13 +96,8 @@ class Study:
 
     def draw(self, figure: Figure, suffix: str = "") -> None:
         """Write PNG and SVG. Dense artists of the figure should be `rasterized`, so that the SVG stays small."""
-        import matplotlib
-
         for kind in ("png", "svg"):
-            # The same picture for the same rows, and text that can be searched.
-            with matplotlib.rc_context({"svg.hashsalt": self.name, "svg.fonttype": "none"}):
-                target = self.request.out / f"{self.name}{suffix}.{kind}"
-                figure.savefig(target, dpi=120, metadata={"Date": None} if kind == "svg" else None)
+            save(figure, self.request.out / f"{self.name}{suffix}.{kind}")
 
     def _append(self, point: str) -> None:
         with self._csv.open("a", newline="") as out:
@@ -132,6 +127,21 @@ class Study:
         } | facts
         self._json.write_text(json.dumps(whole, indent=1) + "\n")
         return whole
+
+
+def save(figure: Figure, target: Path) -> None:
+    """PNG or SVG, by the suffix: the same picture for the same rows, and text that can be searched."""
+    import matplotlib
+
+    vector = target.suffix == ".svg"
+    with matplotlib.rc_context({"svg.hashsalt": target.stem, "svg.fonttype": "none"}):
+        figure.savefig(target, dpi=120, metadata={"Date": None} if vector else None)
+
+
+def read_table(path: Path) -> list[Row]:
+    """All rows of a study's CSV, or of one whose columns were thinned out."""
+    with path.open(newline="") as file:
+        return [{name: _value(text) for name, text in row.items()} for row in csv.DictReader(file)]
 
 
 def machine() -> Facts:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,70 +10,121 @@ from matplotlib.figure import Figure
 
 from fmfts.pad import Array
 from fmfts_lab.study.harness import Row
+from fmfts_lab.study.style import SMALL_PT, TEXT_PT, sheet
 
 # Smaller shares get the colour of this one, so that a single wrong frame is visible.
 FAINTEST = 0.25
-# Dimension → what the rows and the columns of its map are.
+# Dimension → what the rows and the columns of its map are, and what it shows.
 PLANES = {
-    "start error": ("the magnet jumps by", "its axis turns by"),
-    "finger speed": ("a press lasts", "frames per second"),
+    "start error": ("the magnet jumps by", "its axis turns by", "How far the magnet may jump"),
+    "finger speed": ("a press lasts", "frames per second", "How fast a finger may press"),
 }
+FOOT = "Red: wrong, and not flagged. Grey: flagged. White: right."
+LINE_INCH, WIDE_LINE_INCH, HEAD_INCH = 0.15, 0.23, 2.6  # rows of tables; the title and the methods' names
+MAPS_ACROSS = 4
 
 
 def figures(rows: Sequence[Row], default: str) -> Iterator[tuple[str, Figure]]:
-    """Suffixes and figures: every method in every condition, and maps of the two dimensions with two axes."""
-    yield "", _overview([row for row in rows if row["dimension"] not in PLANES])
-    yield "-maps", _maps([row for row in rows if row["dimension"] in PLANES], default)
+    """Suffixes and figures: every method by dimension, by condition, and maps of the dimensions with two axes."""
+    yield "", _overview(rows, default)
+    yield "-conditions", _conditions([row for row in rows if row["dimension"] not in PLANES])
+    for dimension in PLANES:
+        own = [row for row in rows if row["dimension"] == dimension]
+        if own:
+            yield f"-{dimension.replace(' ', '-')}", _maps(own, dimension)
 
 
-def _colour(row: Row) -> Array:
-    """(3,) RGB of a cell."""
-    frames = float(row["frames"] or 1)
-    wrong, flagged = float(row["wrong"] or 0) / frames, float(row["flagged"] or 0) / frames
+def _counted(rows: Sequence[Row], name: str) -> float:
+    return sum(float(row[name] or 0) for row in rows)
+
+
+def _colour(rows: Sequence[Row]) -> Array:
+    """(3,) RGB of a cell that stands for these."""
+    frames = _counted(rows, "frames") or 1.0
+    wrong, flagged = _counted(rows, "wrong") / frames, _counted(rows, "flagged") / frames
     red = max(wrong, FAINTEST) if wrong else 0.0
     grey = 0.55 * flagged
     colour: Array = (1.0 - grey) * (1.0 - red) * np.ones(3) + red * np.array([0.85, 0.1, 0.1])
     return np.clip(colour, 0.0, 1.0)
 
 
-def _overview(rows: Sequence[Row]) -> Figure:
-    methods = list(dict.fromkeys(str(row["method"]) for row in rows))
-    conditions = list(dict.fromkeys((str(row["dimension"]), str(row["condition"])) for row in rows))
-    picture = np.ones((len(methods), len(conditions), 3))
+def _table(axes: Axes, rows: Sequence[Row], line_of: Callable[[Row], object]) -> dict[tuple[object, str], list[Row]]:
+    """A coloured cell for each line and method, the methods' names above. Returns the rows of each cell."""
+    cells: dict[tuple[object, str], list[Row]] = {}
     for row in rows:
-        at = methods.index(str(row["method"])), conditions.index((str(row["dimension"]), str(row["condition"])))
-        picture[at] = _colour(row)
-    figure = Figure(figsize=(0.17 * len(conditions) + 3.2, 0.24 * len(methods) + 2.6), layout="constrained")
-    axes = figure.subplots()
+        cells.setdefault((line_of(row), str(row["method"])), []).append(row)
+    lines, methods = (list(dict.fromkeys(key[part] for key in cells)) for part in (0, 1))
+    picture = np.ones((len(lines), len(methods), 3))
+    for (line, method), own in cells.items():
+        picture[lines.index(line), methods.index(method)] = _colour(own)
     axes.imshow(picture, aspect="auto", interpolation="nearest", rasterized=True)
-    axes.set_yticks(range(len(methods)), methods, fontsize=7)
-    axes.set_xticks(range(len(conditions)), [condition for _, condition in conditions], fontsize=6, rotation=90)
-    dimensions = [dimension for dimension, _ in conditions]
-    for dimension in dict.fromkeys(dimensions):
-        first, count = dimensions.index(dimension), dimensions.count(dimension)
-        axes.axvline(first - 0.5, color="black", linewidth=0.6)
-        axes.text(first + count / 2 - 0.5, -0.7, dimension, fontsize=7, rotation=40, ha="left", va="bottom")
-    axes.set_xlabel("red: wrong and not flagged; grey: flagged; white: right", fontsize=8)
+    axes.set_xticks(
+        range(len(methods)),
+        [str(method) for method in methods],
+        fontsize=SMALL_PT,
+        rotation=50,
+        ha="left",
+        rotation_mode="anchor",
+    )
+    axes.xaxis.tick_top()
+    axes.set_xticks(np.arange(len(methods) + 1) - 0.5, minor=True)
+    axes.set_yticks(np.arange(len(lines) + 1) - 0.5, minor=True)
+    axes.grid(which="minor", color="0.85", linewidth=0.5)
+    axes.tick_params(which="both", length=0.0)
+    return cells
+
+
+def _overview(rows: Sequence[Row], default: str) -> Figure:
+    """A row for each dimension. A cell's number is the share of its frames that is wrong, in per cent."""
+    wrong = dict.fromkeys((str(row["method"]) for row in rows), 0.0)
+    for row in rows:
+        wrong[str(row["method"])] += _counted([row], "wrong")
+    own, others = round(wrong.pop(default)), round(min(wrong.values()))
+    dimensions = list(dict.fromkeys(str(row["dimension"]) for row in rows))
+    title = f"Wrong and not flagged: {own} of the daemon's frames, {others} of the next best method's"
+    foot = f"{FOOT} Number: per cent of the frames that are wrong and not flagged."
+    figure = sheet(WIDE_LINE_INCH * len(dimensions) + HEAD_INCH, title, foot)
+    axes = figure.subplots()
+    cells = _table(axes, rows, lambda row: row["dimension"])
+    methods = list(dict.fromkeys(method for _, method in cells))
+    for (dimension, method), cell in cells.items():
+        share = _counted(cell, "wrong") / (_counted(cell, "frames") or 1.0)
+        if share:
+            at = methods.index(method), dimensions.index(str(dimension))
+            text = "<1" if share < 0.01 else f"{100 * share:.0f}"
+            axes.text(*at, text, ha="center", va="center", fontsize=SMALL_PT, color="white" if share > 0.5 else "black")
+    axes.set_yticks(range(len(dimensions)), dimensions, fontsize=TEXT_PT)
     return figure
 
 
-def _maps(rows: Sequence[Row], default: str) -> Figure:
+def _conditions(rows: Sequence[Row]) -> Figure:
+    conditions = list(dict.fromkeys((str(row["dimension"]), str(row["condition"])) for row in rows))
+    figure = sheet(LINE_INCH * len(conditions) + HEAD_INCH, "Where each method fails, condition by condition", FOOT)
+    axes = figure.subplots()
+    _table(axes, rows, lambda row: (str(row["dimension"]), str(row["condition"])))
+    begun: set[str] = set()
+    names = []
+    for line, (dimension, condition) in enumerate(conditions):
+        names.append(condition if dimension in begun else f"{dimension}: {condition}")
+        if dimension not in begun:
+            axes.axhline(line - 0.5, color="black", linewidth=0.8)
+        begun.add(dimension)
+    axes.set_yticks(range(len(conditions)), names, fontsize=SMALL_PT)
+    return figure
+
+
+def _maps(rows: Sequence[Row], dimension: str) -> Figure:
     methods = list(dict.fromkeys(str(row["method"]) for row in rows))
-    methods.sort(key=lambda name: name != default)
-    columns = 4
-    lines = -(-len(methods) // columns)
-    figure = Figure(figsize=(13.0, 2.4 * lines * len(PLANES)), layout="constrained")
-    for half, (dimension, names) in zip(
-        figure.subfigures(len(PLANES), 1, squeeze=False)[:, 0], PLANES.items(), strict=True
-    ):
-        half.suptitle(f"{dimension}   (red: wrong and not flagged; grey: flagged; white: right)", fontsize=10)
-        half.supylabel(names[0], fontsize=8)
-        half.supxlabel(names[1], fontsize=8)
-        grid = half.subplots(lines, columns, squeeze=False)
-        for axes in grid.flat:
-            axes.axis("off")
-        for axes, method in zip(grid.flat, methods, strict=False):
-            _map(axes, method, [row for row in rows if row["method"] == method and row["dimension"] == dimension])
+    down, across, shows = PLANES[dimension]
+    lines = -(-len(methods) // MAPS_ACROSS)
+    figure = sheet(1.55 * lines + 0.8, f"{shows} before a method is wrong or flags it", FOOT)
+    grid = figure.subplots(lines, MAPS_ACROSS, squeeze=False, sharex=True, sharey=True)
+    for axes in grid.flat[len(methods) :]:
+        axes.axis("off")
+    for axes, method in zip(grid.flat, methods, strict=False):
+        _map(axes, method, [row for row in rows if row["method"] == method])
+    grid[-1, 0].set_xlabel(across, fontsize=SMALL_PT)
+    grid[0, 0].set_ylabel(down, fontsize=SMALL_PT)
     return figure
 
 
@@ -82,9 +133,8 @@ def _map(axes: Axes, method: str, rows: Sequence[Row]) -> None:
     down = list(dict.fromkeys(str(row["condition"]) for row in rows))
     picture = np.ones((len(down), len(across), 3))
     for row in rows:
-        picture[down.index(str(row["condition"])), across.index(str(row["second"]))] = _colour(row)
-    axes.axis("on")
+        picture[down.index(str(row["condition"])), across.index(str(row["second"]))] = _colour([row])
     axes.imshow(picture, aspect="auto", interpolation="nearest", rasterized=True)
-    axes.set_title(method, fontsize=8)
-    axes.set_xticks(range(len(across)), across, fontsize=6)
-    axes.set_yticks(range(len(down)), down, fontsize=6)
+    axes.set_title(method, fontsize=SMALL_PT)
+    axes.set_xticks(range(len(across)), across, fontsize=7.0, rotation=45)
+    axes.set_yticks(range(len(down)), down, fontsize=7.0)

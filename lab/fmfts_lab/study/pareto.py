@@ -1,18 +1,21 @@
-"""Charts of speed against accuracy: a point for every method, the Pareto front, and the daemon's choice marked."""
+"""Speed against accuracy: a point for every method, the Pareto front, and names beside the methods that matter."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
 
+from fmfts_lab.study import labels
 from fmfts_lab.study.harness import Row
+from fmfts_lab.study.style import COLOURS, OTHERS, SMALL_PT, name_ticks
 
-COLOURS = ("tab:blue", "tab:green", "tab:orange", "tab:red", "tab:purple", "tab:brown")
-LINE_INCH = 0.17  # height of a line in the list of methods
+COST = "median_us"
+ROOM = 1.6  # how much farther than the points each axis reaches, for the names
+FOOT = (
+    "Processor time: the median. Grey: variants of the named. Hollow: did not answer every frame. "
+    "Broken line: no other method is both faster and more accurate."
+)
 
 
 def front(rows: Sequence[Row], cost: str, error: str) -> list[Row]:
@@ -31,74 +34,31 @@ def number(row: Row, name: str) -> float:
 
 
 def draw(
-    axes: Axes, rows: Sequence[Row], error: str, default: str, cost: str = "median_us", most: str | None = "p99_us"
-) -> list[Row]:
-    """Draw `cost` (median times) with whiskers to `most` (the 99th percentile). Numbers stand for the methods; hollow
-    points left frames unanswered. Returns the front."""
+    axes: Axes, rows: Sequence[Row], error: str, named: Mapping[str, str], default: str
+) -> tuple[list[labels.Label], list[tuple[float, float]]]:
+    """named: method → its name in the chart; the rest is grey. Returns what `labels.write` needs once all is drawn."""
     families = list(dict.fromkeys(str(row["family"]) for row in rows))
-    best = front(rows, cost, error)
-    for row in rows:
-        x, y = number(row, cost), number(row, error)
-        colour = COLOURS[families.index(str(row["family"]))]
-        if most is not None:
-            axes.plot([x, number(row, most)], [y, y], color=colour, linewidth=0.8, alpha=0.6)
-        whole = number(row, "answered") > 0.999
-        is_default = row["method"] == default
+    points = [(number(row, COST), number(row, error)) for row in rows]
+    names = []
+    for row, at in zip(rows, points, strict=True):
+        method = str(row["method"])
+        colour = COLOURS[families.index(str(row["family"]))] if method in named else OTHERS
+        whole, is_default = number(row, "answered") > 0.999, method == default
         axes.plot(
-            x, y, "*" if is_default else "o", color=colour, markersize=13 if is_default else 5,
-            markerfacecolor=colour if whole else "white", markeredgecolor="black" if is_default else colour, zorder=3,
+            *at, "*" if is_default else "o", color=colour, markersize=15 if is_default else 5.5,
+            markerfacecolor=colour if whole else "white", zorder=4 if method in named else 3,
         )  # fmt: skip
-    axes.step([number(row, cost) for row in best], [number(row, error) for row in best], where="post",
-              color="black", linewidth=0.8, linestyle="--", zorder=1)  # fmt: skip
+        if method in named:
+            names.append(labels.Label(named[method], at, colour, is_default))
+    best = [(number(row, COST), number(row, error)) for row in front(rows, COST, error)]
+    axes.step(*zip(*best, strict=True), where="post", color="0.4", linewidth=0.8, linestyle="--", zorder=1)
     axes.set(xscale="log", yscale="log")
+    for axis, values in ((axes.set_xlim, [x for x, _ in points]), (axes.set_ylim, [y for _, y in points])):
+        axis(min(values) / ROOM, max(values) * ROOM)
     axes.grid(alpha=0.2)
+    axes.spines[["top", "right"]].set_visible(False)
+    name_ticks(axes.xaxis)
     name_ticks(axes.yaxis)
-    axes.xaxis.set_tick_params(labelsize=8)
-    for places, at in _hiding_each_other(axes, [(number(row, cost), number(row, error)) for row in rows]):
-        text = ", ".join(str(place) for place in places)
-        white = {"facecolor": "white", "edgecolor": "none", "alpha": 0.5, "pad": 0.3}
-        axes.annotate(text, at, (5, 4), textcoords="offset points", fontsize=7, zorder=4, bbox=white)
-    return best
-
-
-def name_ticks(axis: Axis) -> None:
-    """Label the axis with plain numbers at 1, 2 and 5, because it may span less than a decade."""
-    axis.set_major_formatter("{x:g}")
-    axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-    axis.set_minor_formatter("{x:g}")
-    axis.set_tick_params(which="both", labelsize=8)
-
-
-def _figure(axes: Axes) -> Figure:
-    figure = axes.figure  # get_figure(root=True) came with Matplotlib 3.10
-    assert isinstance(figure, Figure)
-    return figure
-
-
-def _hiding_each_other(
-    axes: Axes, points: Sequence[tuple[float, float]]
-) -> Iterator[tuple[list[int], tuple[float, float]]]:
-    """Groups of points whose labels would overlap: their numbers, counted from one, and the place of the first."""
-    inches = axes.transData.transform(points) / _figure(axes).dpi
-    left = list(range(len(points)))
-    while left:
-        away = abs(inches[left] - inches[left[0]])
-        near = [place for place, (right, up) in zip(left, away, strict=True) if right < 0.3 and up < 0.1]
-        yield [place + 1 for place in near], points[left[0]]
-        left = [place for place in left if place not in near]
-
-
-def name_methods(axes: Axes, rows: Sequence[Row], default: str, share: float = 1.0) -> None:
-    """Write the list of methods by number, in the colours of their families. share: of the figure's height."""
-    families = list(dict.fromkeys(str(row["family"]) for row in rows))
-    axes.axis("off")
-    step = min(1.0 / max(len(rows) + len(families), 1), LINE_INCH / (share * _figure(axes).get_figheight()))
-    height = 1.0
-    for family in families:
-        height -= step
-        axes.text(0.0, height, family, fontsize=8, weight="bold", color=COLOURS[families.index(family)])
-        for place, row in enumerate(rows, 1):
-            if row["family"] == family:
-                height -= step
-                star = "  ★ the daemon's" if row["method"] == default else ""
-                axes.text(0.04, height, f"{place}  {row['method']}{star}", fontsize=7)
+    axes.tick_params(labelsize=SMALL_PT)
+    names.sort(key=lambda one: not one.bold)
+    return names, points

@@ -7,7 +7,6 @@ from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.config import SceneConfig
@@ -17,7 +16,7 @@ from fmfts.pose import STOP_CHI2, Batch, State, parts_of
 from fmfts.pose.problem import magnet_rows, measurement_rows
 from fmfts.pose.state import turn_between
 from fmfts_lab.bench.workspace import MODELS
-from fmfts_lab.study import controller, controller_chart, pareto, rate_chart
+from fmfts_lab.study import controller, controller_chart, pareto, speed_chart
 from fmfts_lab.study.batches import batch_rows
 from fmfts_lab.study.contact_bench import LIGHTEST_N, Bench
 from fmfts_lab.study.contact_methods import DAEMON, ContactMethod, contact_methods
@@ -55,9 +54,8 @@ def run(request: Request) -> Facts:
     with threadpool_limits(1):
         rows = study.measure(_points(request))
     facts = conclusions(rows)
-    if not request.controller:
-        _draw(study, rows)
-    study.draw(controller_chart.draw(rows), f"-{controller.CHART}")
+    for suffix, figure in speed_chart.figures(rows):
+        study.draw(figure, suffix)
     table = controller_chart.table(facts["controller"])
     (request.out / f"{study.name}-{controller.CHART}.md").write_text(table)
     return study.conclude(facts)
@@ -195,37 +193,3 @@ def pose_bound(world: World, path: Path, unknowns: int) -> Array:
     batch.solve(STOP_CHI2, 0)
     bound: Array = np.sqrt(np.einsum("kii->ki", batch.covariance)[:, :5])
     return bound
-
-
-def _draw(study: Study, rows: Sequence[Row]) -> None:
-    panels = [
-        ("pose", "drifting", "error_over_bound", "rms error / Cramér–Rao bound", DEFAULT),
-        ("pose", "constant", "error_over_bound", "rms error / Cramér–Rao bound", DEFAULT),
-        ("contact", "as drawn", "mae_mm", "mean error of place (mm)", DAEMON),
-        ("contact", "as built", "mae_mm", "mean error of place (mm)", DAEMON),
-        ("contact", "as drawn", "mae_n", "mean error of force (N)", DAEMON),
-        ("contact", "as built", "mae_n", "mean error of force (N)", DAEMON),
-    ]
-    for chart, height in (("pose", 6.5), ("contact", 8.5)):
-        own = [panel for panel in panels if panel[0] == chart]
-        figure = Figure(figsize=(12.5, height), layout="constrained")
-        grid = figure.add_gridspec(len(own) // 2, 3, width_ratios=[1, 1, 0.62])
-        shown: list[Row] = []
-        for index, (_, scene, error, label, default) in enumerate(own):
-            shown = [row for row in rows if row["chart"] == chart and row["scene"] == scene and row[error] is not None]
-            axes = figure.add_subplot(grid[index // 2, index % 2])
-            pareto.draw(axes, shown, error, default)
-            axes.set_xlabel("processor time per frame (µs): median, line to 99 %", fontsize=9)
-            axes.set_ylabel(label, fontsize=9)
-            axes.set_title(_title(chart, scene), fontsize=9)
-        pareto.name_methods(figure.add_subplot(grid[:, 2]), shown, own[0][4])
-        study.draw(figure, f"-{chart}")
-    study.draw(rate_chart.draw(rows), "-rate")
-
-
-def _title(chart: str, scene: str) -> str:
-    if chart == "contact":
-        return f"contact, pad {scene}, robot turning by {TURNING_DEG_PER_S:g}° a second"
-    turning, unknowns = SCENES[scene]
-    motion = f"turning by {turning:g}° a second" if turning else "standing"
-    return f'pose, ambient = "{scene}", robot {motion}; bound of {unknowns} unknowns'
