@@ -8,10 +8,10 @@ from functools import partial
 from typing import Any
 
 from fmfts.baseline.origin import Origin
-from fmfts.config import AnyskinSource, BridgeSource, I2cSource, PadConfig, ReplaySource, SimulatedSource, neighbours_of
+from fmfts.config import BridgeSource, I2cSource, PadConfig, PluggedSource, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.source import Source, SourceError
-from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c, PadOnStream
+from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c
 
 # Settings that may differ between pads of one device; all others belong to the device and must be equal.
 _SETTINGS_OF_A_PAD = {
@@ -60,12 +60,12 @@ def _device(pad: PadConfig) -> tuple[str, object]:
             return ("bridge", port)
         case I2cSource(bus=bus):
             return ("i2c", bus)
-        case AnyskinSource(port=port):
-            return ("anyskin", port)
         case ReplaySource(file=file):
             return ("replay", file)
         case SimulatedSource():
             return ("simulated", pad.name)
+        case PluggedSource() as plugged:
+            return (plugged.type, plugged.device)
 
 
 def _device_of(kind: str, where: object, members: list[PadConfig], pads: Sequence[PadConfig]) -> Device:
@@ -88,10 +88,6 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
             from fmfts.sensor.i2c.source import I2c
 
             return I2c({index: on_i2c(pad) for index, pad in by_index.items()})
-        case AnyskinSource():
-            from fmfts.sensor.anyskin.source import Anyskin
-
-            return Anyskin(on_stream(first))
         case ReplaySource():
             from fmfts.recording.source import Replayed
 
@@ -104,6 +100,8 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
             from fmfts.simulation.array import simulated_pad
 
             return simulated_pad(first, neighbours_of(first, pads))
+        case PluggedSource() as plugged:
+            return plugged.driver(by_index)
 
 
 def on_board(pad: PadConfig, pads: Sequence[PadConfig] = ()) -> PadOnBoard:
@@ -115,7 +113,7 @@ def on_board(pad: PadConfig, pads: Sequence[PadConfig] = ()) -> PadOnBoard:
         for other in pads
         if isinstance(other.source, BridgeSource) and _device(other) == _device(pad) and other.name != pad.name
     )
-    return PadOnBoard(**_chips_of(pad), port=source.port, baud=source.baud, uid=source.uid, beside=beside)
+    return PadOnBoard(**chips_of(pad), port=source.port, baud=source.baud, uid=source.uid, beside=beside)
 
 
 def on_i2c(pad: PadConfig) -> PadOnI2c:
@@ -123,20 +121,13 @@ def on_i2c(pad: PadConfig) -> PadOnI2c:
     source = pad.source
     assert isinstance(source, I2cSource)
     return PadOnI2c(
-        **_chips_of(pad),
+        **chips_of(pad),
         bus=source.bus,
         clock_hz=source.clock_hz,
         mux_addresses=source.sensor_muxes,
         channels=source.channels,
         addresses=source.sensor_addresses(len(pad.geometry.sensors_mm)),
     )
-
-
-def on_stream(pad: PadConfig) -> PadOnStream:
-    """What the driver of an AnySkin board needs from the configuration."""
-    source = pad.source
-    assert isinstance(source, AnyskinSource)
-    return PadOnStream(**_chips_of(pad), port=source.port, baud=source.baud, is_text=source.form == "text")
 
 
 def origin_of(pad: PadConfig) -> Origin | None:
@@ -159,16 +150,16 @@ def origin_of(pad: PadConfig) -> Origin | None:
                 channels=channels,
                 addresses=addresses or None,
             )
-        case AnyskinSource(chip=chip, port=port):
-            return Origin("anyskin", chip, port=port)
         case SimulatedSource(chip=chip, seed=seed):
             return Origin("simulated", chip, seed=seed)
+        case PluggedSource() as plugged:
+            return Origin(plugged.type, plugged.chip, port=plugged.device)
         case ReplaySource():
             return None
 
 
-def _chips_of(pad: PadConfig) -> dict[str, Any]:
-    """A pad's part of `WiredPad`."""
+def chips_of(pad: PadConfig) -> dict[str, Any]:
+    """A pad's part of `WiredPad`, for the sources of other packages, too."""
     source = pad.source
     return {
         "name": pad.name,

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "firmware/fuzz"))
 from python_decoder import damaged
 
 from emulator.anyskin_board import binary, quantised, text
-from fmfts.sensor.anyskin.packets import BinaryStream, Packet, TextStream
+from fmfts_skin.board.packets import BinaryStream, Packet, TextStream
 
 MAGNETOMETERS, BEFORE, BEHIND = 5, 2, 4
 STREAMS = {"binary": (binary, BinaryStream), "text": (text, TextStream)}

@@ -11,8 +11,8 @@ import pytest
 
 from emulator.anyskin_board import binary, no_sample, quantised, steps_ut, text
 from emulator.uart_line import read_at
-from fmfts.sensor.anyskin.packets import LARGEST_UT, BinaryStream, TextStream, packet_of
-from fmfts.sensor.anyskin.timing import StreamClock
+from fmfts_skin.board.packets import LARGEST_UT, BinaryStream, TextStream, packet_of
+from fmfts_skin.board.timing import StreamClock
 
 FIELDS_UT = [(10.0 * n + 1.0, -5.0 * n, 300.0 + n) for n in range(5)]
 FORMS = [(BinaryStream, binary), (TextStream, text)]

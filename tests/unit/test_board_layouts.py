@@ -13,11 +13,12 @@ from published_boards import chips
 from recorded_files import needs
 
 from fmfts.baseline.request import BaselineRequest
-from fmfts.config import AnyskinSource, ContactConfig, GeometryConfig, PadConfig
+from fmfts.config import ContactConfig, GeometryConfig, PadConfig
 from fmfts.config.layouts import BoardName
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import ANYSKIN
+from fmfts_skin.settings import AnyskinSource
 
 REST_MM, MOMENT_T_M3 = np.array([0.0, 0.0, 12.0]), 1.23 * 1e-3**2 * 2e-3 / 4.0  # Br r² L/4 of the magnet of config.toml
 AMBIENT_T = np.array([18e-6, -5e-6, -43e-6])

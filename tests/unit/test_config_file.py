@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ from hypothesis import strategies as st
 from fmfts.cli.main import main
 from fmfts.common import exit_codes
 from fmfts.common.toml import parse
-from fmfts.config import AnyskinSource, BridgeSource, Config, I2cSource, ReplaySource, SimulatedSource
+from fmfts.config import BridgeSource, Config, I2cSource, ReplaySource, SimulatedSource
 from fmfts.config import file as config_file
 from fmfts.config.checks import MOST_OTHER_MAGNETS
 from fmfts.config.conversion import convert
@@ -24,6 +26,7 @@ from fmfts.config.file import ConfigError, load, load_as
 from fmfts.pose import _kernel
 from fmfts_collect.settings import CollectingConfig
 from fmfts_lab.finite_elements.array_pad import array_config
+from fmfts_skin.settings import AnyskinSource
 
 SHIPPED = Path(__file__).parents[2] / "config.toml"
 PAD = '[[pad]]\nname = "a"\n[pad.source]\ntype = "simulated"\n'
@@ -449,6 +452,33 @@ def test_check_config_judges_the_table_of_a_package_that_is_installed(
     told = capsys.readouterr().err
     assert "warning: [collect] was not checked" in told
     assert "pip install 'fmfts[collect]'" in told
+
+
+WITHOUT_PACKAGES = """
+import importlib.metadata, sys
+importlib.metadata.entry_points = lambda **_: ()
+from fmfts.cli.main import main
+sys.exit(main(["check-config", "--config", sys.argv[1]]))
+"""
+
+
+def checked_without_packages(file: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", WITHOUT_PACKAGES, str(file)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_source_of_a_package_that_is_not_installed_says_how_to_install_it(tmp_path: Path) -> None:
+    text = PAD.replace("simulated", "anyskin") + 'port = "/dev/ttyUSB0"\nform = "text"\n'
+    ended = checked_without_packages(write(tmp_path, text))
+    assert ended.returncode == exit_codes.CONFIG
+    assert "source.type = 'anyskin': belongs to a package of its own" in ended.stderr
+    assert "pip install 'fmfts[skin]'" in ended.stderr
+    assert "things are wrong" not in ended.stderr, "the keys of a type that nobody knows are not judged"
+
+
+def test_shipped_configuration_needs_no_package() -> None:
+    ended = checked_without_packages(SHIPPED)
+    assert (ended.returncode, ended.stderr) == (exit_codes.DONE, "")
 
 
 @pytest.mark.parametrize("suffix", ["response", "force"])

@@ -13,7 +13,7 @@ from test_force_sets import PAD, write_session
 from fmfts.baseline.request import BaselineRequest
 from fmfts.bus.messages import ContactMessage
 from fmfts.calibrate.simulated import pressed_fields
-from fmfts.config import AnyskinSource, Config, ContactConfig, GeometryConfig, PadConfig, SceneConfig
+from fmfts.config import Config, ContactConfig, GeometryConfig, PadConfig, SceneConfig
 from fmfts.config.checks import problems_in
 from fmfts.contact import ModelError
 from fmfts.pad import Array
@@ -24,6 +24,7 @@ from fmfts.sensor.chips import CHIPS
 from fmfts_skin.calibrate.force_command import KnownMagnet, make_force_file
 from fmfts_skin.force_model import ForceModel
 from fmfts_skin.pipeline import SkinPipeline
+from fmfts_skin.settings import AnyskinSource
 
 RATE_HZ = 100
 PERIOD_US = 1_000_000 // RATE_HZ

@@ -22,7 +22,7 @@ FLOORS = [
     {"common", "pad", "sensor"},
     {"pose", "contact", "sensor/wire", "bus", "view"},
     {"baseline", "sensor/bridge", "sensor/i2c", "config"},
-    {"scene", "several", "simulation", "learn", "magnet_check", "recording", "sensor/anyskin"},
+    {"scene", "several", "simulation", "learn", "magnet_check", "recording"},
     {"sources", "pipeline", "calibrate"},
     {"runtime", "offline", "page", "report"},
     {"cli"},

@@ -14,7 +14,7 @@ from skin_pad import SENSORS_MM, presses, skin_set, streamed_field
 from fmfts.baseline import BaselineError
 from fmfts.baseline.request import BaselineRequest, Recorded
 from fmfts.bus.messages import ContactMessage
-from fmfts.config import AnyskinSource, Config, ContactConfig, GeometryConfig, PadConfig, SceneConfig, SimulatedSource
+from fmfts.config import Config, ContactConfig, GeometryConfig, PadConfig, SceneConfig, SimulatedSource
 from fmfts.config.checks import problems_in
 from fmfts.contact import ModelError
 from fmfts.pad import Array
@@ -25,6 +25,7 @@ from fmfts.sensor.chips import CHIPS
 from fmfts_skin.calibrate.field_fit import make_response
 from fmfts_skin.field_response import FieldResponse
 from fmfts_skin.pipeline import BARE_ONLY, SkinPipeline
+from fmfts_skin.settings import AnyskinSource
 
 RATE_HZ = 100
 PERIOD_US = 1_000_000 // RATE_HZ

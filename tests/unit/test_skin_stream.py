@@ -19,11 +19,10 @@ from recorded_files import eflesh_fields_ut
 from emulator.anyskin_board import Settings, binary, steps_ut, text, told_ut
 from emulator.pty_port import PtyPort
 from fmfts.sensor import Frame
-from fmfts.sensor.anyskin import source as anyskin_source
-from fmfts.sensor.anyskin.source import Anyskin
 from fmfts.sensor.chips import ANYSKIN
 from fmfts.sensor.missing import missing_sensors
-from fmfts.sensor.wired_pad import PadOnStream
+from fmfts_skin.board import source as anyskin_source
+from fmfts_skin.board.source import Anyskin, PadOnStream
 
 PERIOD_NS = 5_000_000
 LEARNING = 150  # packets, more than the half second in which the source learns the period

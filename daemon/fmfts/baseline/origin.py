@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
 
 import msgspec
-
-Kind = Literal["bridge", "i2c", "anyskin", "simulated"]
 
 
 class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """The sensors of one pad. A fact that is None is not known.
 
+    kind: the type of its source.
     uid, pad_index: of a board. bus, mux_address, channels, addresses: of chips on an I2C bus, which have no numbers of
     their own; addresses: None where the mux's channels tell them apart; mux_addresses: of each sensor's mux, in place
     of mux_address, where there are several.
     port: of a board that tells no identity of its own. seed: of a simulated pad. chip: what kind of chip they are.
     """
 
-    kind: Kind
+    kind: str
     chip: str
     uid: str | None = None
     pad_index: int | None = None
@@ -51,8 +49,8 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
             case "bridge":
                 board = "a board that told no uid" if self.uid is None else f"board {self.uid}"
                 return f"{board}, pad_index {self.pad_index}, {self.chip}"
-            case "anyskin":
-                return f"an AnySkin board on {self.port}"
+            case "simulated":
+                return f"a simulated pad, seed {self.seed}, {self.chip}"
             case "i2c" if self.channels is None and self.addresses is not None:
                 addresses = ", ".join(f"0x{each:02x}" for each in self.addresses)
                 return f"I2C bus {self.bus}, addresses {addresses}, {self.chip}"
@@ -60,7 +58,7 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
                 channels = ", ".join(map(str, self.channels or ()))
                 return f"I2C bus {self.bus}, {self._muxes()}, channels {channels}, {self.chip}"
             case _:
-                return f"a simulated pad, seed {self.seed}, {self.chip}"
+                return f"a device of type {self.kind} on {self.port}"
 
     def _muxes(self) -> str:
         if self.mux_addresses is not None:

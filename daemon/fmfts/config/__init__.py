@@ -18,6 +18,16 @@ from fmfts.config.layouts import BoardName, Vector, layout
 from fmfts.config.model_kinds import ModelKind, kind_of
 from fmfts.config.section import Fraction, NonNegativeFloat, PositiveFloat, Problem
 from fmfts.config.section import Section as _Section
+from fmfts.config.sources import (
+    BridgeSource,
+    I2cSource,
+    Imperfection,
+    PadName,
+    PluggedSource,
+    ReplaySource,
+    SimulatedSource,
+    SourceConfig,
+)
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.contact.tolerances import FINGER_M, MODULUS, THICKNESS_M, StructureTolerance
 from fmfts.pad import (
@@ -32,18 +42,38 @@ from fmfts.pad import (
     Tolerance,
     rotation_from_vector,
 )
-from fmfts.sensor.chips import CHIPS, ChipName
-from fmfts.sensor.chips.rates import usual_rate_hz
-from fmfts.sensor.wire.packets import MAX_PADS
+from fmfts.sensor.chips import CHIPS
+
+__all__ = [
+    "STANDARD_SENSORS_MM",
+    "BridgeSource",
+    "BusConfig",
+    "Config",
+    "ContactConfig",
+    "GeometryConfig",
+    "I2cSource",
+    "Imperfection",
+    "MagnetConfig",
+    "PadConfig",
+    "PadName",
+    "PlacementConfig",
+    "PluggedSource",
+    "RebaselineConfig",
+    "ReplaySource",
+    "SceneConfig",
+    "ServiceConfig",
+    "SiliconeConfig",
+    "SimulatedSource",
+    "SourceConfig",
+    "ToleranceConfig",
+    "neighbours_of",
+]
 
 STANDARD_SENSORS_MM: tuple[Vector, ...] = ((8, 8, 0), (8, -8, 0), (-8, 8, 0), (-8, -8, 0))
-FASTEST_HZ = max(chip.free_rate_hz for chip in CHIPS.values())
-BoardUid = Annotated[str, Meta(pattern=r"^[0-9A-Fa-f]{24}\Z")]
 # Magnets in mm: thinner ones are not made (a smaller number was meant in metres), thicker ones fit no fingertip.
 MagnetSize = Annotated[float, Meta(ge=0.2, le=50.0)]
 # Wider ones touch more than the table of presses knows.
 FingerSize = Annotated[float, Meta(ge=0.0, le=30.0)]
-PadName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}\Z")]
 
 
 class BusConfig(_Section, frozen=True):
@@ -59,85 +89,6 @@ class ServiceConfig(_Section, frozen=True):
     # Of SCHED_FIFO; 0: a normal process. None: what the unit gives (service/realtime.py), where the system permits it.
     realtime_priority: Annotated[int, Meta(ge=0, le=99)] | None = None
     lock_memory: bool = False
-
-
-class _HardwareSource(_Section, frozen=True):
-    """rate_hz, range_gauss: where the file has none, those that suit the chip."""
-
-    rate_hz: Annotated[int, Meta(ge=1, le=FASTEST_HZ)] = None  # type: ignore[assignment]
-    range_gauss: float = None  # type: ignore[assignment]
-    trigger: Literal["free", "simultaneous"] = "free"
-    publish: Literal["frame", "sample"] = "frame"  # "sample": also each sample that comes before its frame
-    chip: ChipName = "hmc5983"
-
-    def __post_init__(self) -> None:
-        chip = CHIPS[self.chip]
-        if self.rate_hz is None:
-            rate_hz = usual_rate_hz(chip, self.trigger, over_bridge=isinstance(self, BridgeSource))
-            force_setattr(self, "rate_hz", rate_hz)
-        if self.range_gauss is None:
-            force_setattr(self, "range_gauss", chip.usual_range_gauss)
-
-
-class BridgeSource(_HardwareSource, frozen=True, tag="bridge", tag_field="type", kw_only=True):
-    port: str
-    uid: BoardUid | None = None  # accepts only this board, whatever the port's name is
-    pad_index: Annotated[int, Meta(ge=0, lt=MAX_PADS)] = 0
-    baud: Annotated[int, Meta(ge=9600)] = 460800
-
-
-class I2cSource(_HardwareSource, frozen=True, tag="i2c", tag_field="type", kw_only=True):
-    bus: Annotated[int, Meta(ge=0)]
-    mux_address: int = 0x70
-    mux_addresses: tuple[int, ...] = ()  # of each sensor's mux, where a pad has several; empty: all are mux_address
-    channels: tuple[Annotated[int, Meta(ge=0, le=7)], ...] = (0, 1, 2, 3)  # empty: without a mux
-    addresses: tuple[Annotated[int, Meta(ge=0x08, le=0x77)], ...] = ()  # empty: where such chips are first
-    clock_hz: Annotated[int, Meta(ge=10_000, le=1_000_000)] = 400_000
-
-    @property
-    def sensor_muxes(self) -> tuple[int, ...]:
-        """The address of each sensor's mux; empty without a mux."""
-        return (self.mux_addresses or (self.mux_address,) * len(self.channels)) if self.channels else ()
-
-    def sensor_addresses(self, sensors: int) -> tuple[int, ...]:
-        """The address of each of the pad's chips; fewer than `sensors` where these chips have not as many."""
-        chip = CHIPS[self.chip]
-        return self.addresses or ((chip.address,) * sensors if self.channels else chip.addresses[:sensors])
-
-
-class AnyskinSource(_HardwareSource, frozen=True, tag="anyskin", tag_field="type", kw_only=True):
-    port: str
-    baud: Annotated[int, Meta(ge=9600)] = 115200
-    form: Literal["binary", "text"] = "binary"
-    chip: ChipName = "mlx90393_streamed"
-
-
-Imperfection = Literal[
-    "silicone", "casting", "soft_iron", "offset_drift", "disturbed", "flicker", "steps", "nonlinear", "bit_errors"
-]
-
-
-class SimulatedSource(_HardwareSource, frozen=True, tag="simulated", tag_field="type", kw_only=True):
-    seed: Annotated[int, Meta(ge=0)] = 1
-    finger: Literal["script", "none"] = "script"
-    fingers: Literal[1, 2] = 1  # 2: of a pad with several magnets
-    finger_friction: Annotated[float, Meta(ge=0, le=0.5)] = 0.0
-    finger_shape: Literal["round", "ball", "edge", "flat", "angled", "thimble"] = "round"
-    imperfections: tuple[Imperfection, ...] = ()
-    warming_k_per_minute: float = 0.0
-    turning_deg_per_s: float = 20.0
-    mechanics: str = "standard"
-    frames_from: str | None = None
-
-
-class ReplaySource(_HardwareSource, frozen=True, tag="replay", tag_field="type", kw_only=True):
-    file: str
-    pad: PadName | None = None  # the pad's name in the recording; None: the same as here
-    loop: bool = False
-    speed: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.0
-
-
-SourceConfig = BridgeSource | I2cSource | AnyskinSource | SimulatedSource | ReplaySource
 
 
 class GeometryConfig(_Section, frozen=True):

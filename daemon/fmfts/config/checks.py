@@ -8,12 +8,12 @@ from itertools import combinations
 from pathlib import Path
 
 from fmfts.config import (
-    AnyskinSource,
     BridgeSource,
     Config,
     I2cSource,
     MagnetConfig,
     PadConfig,
+    PluggedSource,
     ReplaySource,
     SimulatedSource,
     board_checks,
@@ -94,10 +94,10 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
     most_hz = highest_rate_hz(chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
     if isinstance(source, BridgeSource) and not chip.on_boards:
         yield ("source", "chip"), f"no firmware of a board reads {chip.named}: connect it to an I2C bus"
-    if chip.streamed is not isinstance(source, AnyskinSource) and not isinstance(
-        source, SimulatedSource | ReplaySource
-    ):
-        yield ("source", "chip"), "a streamed chip belongs to an AnySkin board, which has no other"
+    if chip.streamed and isinstance(source, BridgeSource | I2cSource):
+        yield ("source", "chip"), "a streamed chip belongs to a board that streams its values (docs/anyskin.md)"
+    if isinstance(source, PluggedSource):
+        yield from source.problems()
     if source.trigger == "simultaneous" and not chip.has_trigger:
         yield ("source", "trigger"), no_trigger(chip)
     elif source.rate_hz > most_hz:
@@ -270,8 +270,8 @@ def _sensor_addresses(pad: PadConfig) -> set[tuple[Key, ...]]:
     source = pad.source
     if isinstance(source, BridgeSource):
         return {(source.uid.lower() if source.uid else source.port, source.pad_index)}
-    if isinstance(source, AnyskinSource):
-        return {(source.port,)}
+    if isinstance(source, PluggedSource):
+        return {(source.type, source.device)}
     if isinstance(source, I2cSource):
         addresses = source.sensor_addresses(len(pad.geometry.sensors_mm))
         if not source.channels:
@@ -280,10 +280,13 @@ def _sensor_addresses(pad: PadConfig) -> set[tuple[Key, ...]]:
     return set()
 
 
+_OWN_KEY: dict[type, str] = {BridgeSource: "pad_index", I2cSource: "channels"}
+
+
 def _shared_sensors(pads: Sequence[PadConfig]) -> Iterator[Problem]:
     for (first, one), (second, other) in combinations(enumerate(pads), 2):
         shared = _sensor_addresses(one) & _sensor_addresses(other)
         if shared:
-            words = {I2cSource: "channels", AnyskinSource: "port"}
-            what = words.get(type(other.source), "pad_index")
+            source = other.source
+            what = source.key if isinstance(source, PluggedSource) else _OWN_KEY[type(source)]
             yield ("pad", second, "source", what), f"pad {pads[first].name!r} reads the same sensors"

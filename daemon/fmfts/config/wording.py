@@ -9,8 +9,9 @@ from typing import Any
 
 from msgspec import inspect
 
-from fmfts.config import BoardUid, Config, PadName
+from fmfts.config import Config, PadName
 from fmfts.config.section import Key
+from fmfts.config.sources import BoardUid, lacking_source
 
 # What the items of a list are called; people count them from 1.
 ITEMS = {
@@ -64,6 +65,8 @@ def explain(data: dict[str, Any], error: str, mended: dict[str, Any], whole: typ
             )
         nearest = _nearest(type_at(mended, keys, whole), unknown[1])
         return f"{place(data, [*keys, unknown[1]])}: there is no such key{nearest}"
+    if keys[-1:] == ["type"] and (how := lacking_source(value_at(data, keys))) is not None:
+        return f"{place(data, keys)}{value_shown(data, keys)}: {how}"
     kind = type_at(mended, keys, whole)
     meant = _meant(kind, keys, value_at(data, keys))
     return f"{place(data, keys)}{value_shown(data, keys)}: must be {_allowed(kind)}{meant}"

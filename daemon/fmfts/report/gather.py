@@ -14,7 +14,7 @@ from typing import Any
 
 from fmfts.bus.lock import serving_pid
 from fmfts.common.reading import read_regular
-from fmfts.config import AnyskinSource, BridgeSource, Config, I2cSource
+from fmfts.config import BridgeSource, Config, I2cSource
 from fmfts.config.file import ConfigError, find, load
 from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
@@ -193,7 +193,7 @@ class Gathering:
         sources = [pad.source for pad in self.config.pad] if self.config is not None else []
         if any(isinstance(source, BridgeSource) for source in sources):
             self.missing.append("registers of chips on a board: they can be read on this computer's I2C buses only")
-        return [source.port for source in sources if isinstance(source, BridgeSource | AnyskinSource)]
+        return [source.serial_port for source in sources if source.serial_port is not None]
 
     def _bus(self, bus: int) -> dict[str, Any]:
         facts = machine.adapter(bus)

@@ -60,15 +60,6 @@ class PadOnI2c(WiredPad):
         return self.chip.bias_strap is not None or self.chip.tested_on_i2c
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PadOnStream(WiredPad):
-    """A board whose own firmware streams, as text or as binary packets."""
-
-    port: str
-    baud: int
-    is_text: bool
-
-
 @dataclass(frozen=True, slots=True)
 class Settings:
     """As the wire has them: `trigger` 0 free, 1 simultaneous."""

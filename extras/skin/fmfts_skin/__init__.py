@@ -1,1 +1,3 @@
-"""Pads whose magnets are unknown: AnySkin, ReSkin and eFlesh skins. A package of its own."""
+"""AnySkin, ReSkin and eFlesh boards, and pads whose magnets are unknown. A package of its own."""
+
+import fmfts.config  # noqa: F401 first of all, for it imports settings.py

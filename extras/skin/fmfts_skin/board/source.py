@@ -6,19 +6,20 @@ import math
 import os
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import serial
 
-from fmfts.sensor.anyskin.packets import BinaryStream, Packet, TextStream
-from fmfts.sensor.anyskin.steps import Steps
-from fmfts.sensor.anyskin.timing import StreamClock
 from fmfts.sensor.bridge import serial_port
 from fmfts.sensor.chips.selftest import no_selftest
 from fmfts.sensor.frame import AGE_UNKNOWN_US, Frame
 from fmfts.sensor.source import CannotError, SourceState
 from fmfts.sensor.wire.faults import note
-from fmfts.sensor.wired_pad import PadOnStream
+from fmfts.sensor.wired_pad import WiredPad
+from fmfts_skin.board.packets import BinaryStream, Packet, TextStream
+from fmfts_skin.board.steps import Steps
+from fmfts_skin.board.timing import StreamClock
 
 READ_BYTES, READS = 4096, 16
 FIRST_BACKOFF_NS = 50_000_000
@@ -29,6 +30,15 @@ NOTHING_UT = (math.nan,) * 3
 STRANGE_BYTES = 2000  # so many without a packet are another stream's
 SILENT_PACKETS = 100  # a magnetometer without a measurement in so many does not answer
 RATE_TOLERANCE = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PadOnStream(WiredPad):
+    """A board whose own firmware streams, as text or as binary packets."""
+
+    port: str
+    baud: int
+    is_text: bool
 
 
 class Anyskin:
