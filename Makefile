@@ -8,6 +8,7 @@
 # make sample-times      when samples were measured, and whether any comes twice: eight minutes
 # make magnet-check   what `probe --magnet` says of 200 random mistakes and 50 good boards: five minutes    (MAGNET_CHECK="--seed 2")
 # make mould   the mould of a pad of other sizes for a printer, as STL: needs OpenSCAD (hardware/ has the standard pad's)
+# make fingertip   the fingertip for LEAP and Allegro hands, as STL in hardware/: needs OpenSCAD
 # make first-uses   from `init` to contacts with each chip that Linux reads, on two I2C adapters: figures, three minutes
 # make chips-page   write the tables of docs/chips.md and lab/results/chip-facts.md anew from the chips' descriptions
 # make transcript   type the first use of README on the firmware's host build, and write what is said into docs/first-use.md
@@ -70,7 +71,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi faketime g++ openscad gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium openssh-client)
 
 .PHONY: demo test lint unit processes clock slow long mutations bench cold-starts clean wheel
-.PHONY: first-uses transcript recordings kept-report model pictures chips-page mould sample-times
+.PHONY: first-uses transcript recordings kept-report model pictures chips-page mould fingertip sample-times
 .PHONY: first-minute magnet-check chaos clock-leaps failing-source chips-for-a-day fuzz fuzz-short fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
 
@@ -106,6 +107,13 @@ mould:
 	@mkdir -p build
 	openscad -q -o build/mould-tray.stl -D 'part="tray"' $(MOULD) hardware/mould.scad
 	openscad -q -o build/mould-lid.stl -D 'part="lid"' $(MOULD) hardware/mould.scad
+
+# hardware/fingertip-*.stl from their source. Another board or cable: openscad -D "boards=[40,40]" hardware/fingertip.scad.
+fingertip:
+	@$(call need,$(call missing_packages,openscad),exit 1)
+	openscad -q --export-format binstl -o hardware/fingertip-leap.stl -D 'hand="leap"' hardware/fingertip.scad
+	openscad -q --export-format binstl -o hardware/fingertip-allegro.stl -D 'hand="allegro"' hardware/fingertip.scad
+	openscad -q --export-format binstl -o hardware/fingertip-lid.stl -D 'part="lid"' hardware/fingertip.scad
 
 first-uses: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/end_to_end/i2c_first_use.py $(FIRST_USES)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -14,6 +15,7 @@ import fmfts_mujoco
 from fmfts_mujoco.places import Places
 
 MODELS = Path(fmfts_mujoco.__file__).parent / "models"
+HARDWARE = Path(__file__).parents[3] / "hardware"
 
 
 def model(name: str) -> mujoco.MjModel:
@@ -62,3 +64,22 @@ def test_gripper_has_a_pad_on_each_finger() -> None:
     origin_m, turn = Places.of(one, [pad("left_pad"), pad("right_pad")]).poses(data)
     np.testing.assert_allclose(turn[:, :, 2], [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], atol=1e-9)
     np.testing.assert_allclose(origin_m[:, 0], [-0.044, 0.044])
+
+
+@pytest.mark.parametrize("hand", ["leap", "allegro"])
+def test_printed_fingertip_has_the_pad_at_the_same_place_in_urdf_and_mjcf(hand: str) -> None:
+    urdf, mjcf = (mujoco.MjModel.from_xml_path(str(HARDWARE / f"fingertip-{hand}.{kind}")) for kind in ("urdf", "xml"))
+    data = mujoco.MjData(mjcf)
+    mujoco.mj_forward(mjcf, data)
+    site = mjcf.site("tip_pad").id
+    # MuJoCo merges links of fixed joints of a URDF: the silicone is the last of its collision geoms, 4 mm thick.
+    silicone_m = data.site_xpos[site] + 12e-3 * data.site_xmat[site].reshape(3, 3)[:, 2]
+    np.testing.assert_allclose(urdf.geom_pos[-1], silicone_m, atol=1e-6)
+    assert urdf.geom_size[-1, 2] == pytest.approx(2e-3)
+    np.testing.assert_allclose(mjcf.body_subtreemass[1], mass_of(hand), atol=1e-6)
+
+
+def mass_of(hand: str) -> float:
+    """Of all links of the URDF."""
+    masses = ElementTree.parse(HARDWARE / f"fingertip-{hand}.urdf").getroot().iterfind("link/inertial/mass")
+    return sum(float(mass.get("value", "")) for mass in masses)
