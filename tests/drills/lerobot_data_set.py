@@ -11,7 +11,10 @@ import os
 import signal
 import sys
 import tempfile
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +24,13 @@ from lerobot.datasets.lerobot_dataset import LeRobotDataset
 from lerobot.robots import Robot, RobotConfig
 from lerobot.utils.feature_utils import build_dataset_frame, hw_to_dataset_features
 from lerobot.utils.import_utils import register_third_party_plugins
-from lerobot_camera_fmfts import FEATURES, FmftsCameraConfig, Pads, TouchLostError, with_touch
+from lerobot_camera_fmfts import FEATURES, FmftsCameraConfig, Pads, Samples, TouchLostError, with_touch
+
+from fmfts_client import Subscription
+from fmfts_client.row import COLUMNS
 
 FPS = 30
+TACTILE, PARTS = "observation.tactile.left", ("", ".sd", ".samples", ".mask", ".stamps_ns", ".left_out")
 UNFELT_N = 0.3  # what an untouched pad may read beside three deviations: what is not felt in a corner
 
 
@@ -65,19 +72,68 @@ class Arm(Robot):
         return action
 
 
-def observed_into(data_set: LeRobotDataset, robot: Robot, camera: Any, seconds: float) -> list[np.ndarray]:
-    """Each observed state, as it was before the data set had it."""
-    states = []
+def observed_into(
+    data_set: LeRobotDataset, robot: Robot, camera: Any, samples: Samples, seconds: float
+) -> list[dict[str, np.ndarray]]:
+    """The state and the arrays of each step, as they were before the data set had them."""
+    steps = []
     begun = time.monotonic()
     for number in range(round(seconds * FPS)):
         observation = robot.get_observation() | {"touch": camera.async_read()}
-        frame = build_dataset_frame(data_set.features, observation, prefix="observation")
+        frame = build_dataset_frame(data_set.features, observation, prefix="observation") | samples.frame()
         data_set.add_frame(frame | {"action": np.zeros(1, np.float32), "task": "touch"})
-        states.append(frame["observation.state"])
+        steps.append({key: value for key, value in frame.items() if key != "observation.images.touch"})
         time.sleep(max(0.0, begun + (number + 1) / FPS - time.monotonic()))
     data_set.save_episode()
     data_set.finalize()
-    return states
+    return steps
+
+
+@contextmanager
+def published() -> Iterator[set[int]]:
+    """When each sample that a second subscriber hears of meanwhile was taken (UTC)."""
+    heard_ns: set[int] = set()
+    ended = threading.Event()
+
+    def listen() -> None:
+        with Subscription(("contact",), "left") as messages:
+            while not ended.is_set():
+                if (message := messages.receive(0.1)) is not None:
+                    body = message.body
+                    heard_ns.add(body["utc_ns"] - (body["t_publish_ns"] - body["t_sample_ns"]))
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    try:
+        while not heard_ns:  # until it is connected
+            time.sleep(0.01)
+        yield heard_ns
+    finally:
+        ended.set()
+        listener.join()
+
+
+def every_sample_is_there(steps: list[dict[str, np.ndarray]], published_ns: set[int]) -> str:
+    """Each sample that was published once and in order, those left out counted, and the wrench that of the newest."""
+    step = {part: np.stack([each[f"{TACTILE}{part}"] for each in steps]) for part in PARTS}
+    mask, newest = step[".mask"], step[".samples"][:, -1]
+    stamps_ns = step[".stamps_ns"][mask]
+    assert (np.diff(stamps_ns) > 0).all()
+    told = int(step[".left_out"][1:].sum())  # steps that took longer than there is room for, and said so
+    meanwhile = {stamp_ns for stamp_ns in published_ns if stamps_ns[0] < stamp_ns <= stamps_ns[-1]}
+    missing = len(meanwhile - set(stamps_ns.tolist()))
+    # What both subscribers lost has a number and no stamp.
+    assert 0 <= told - missing <= 1e-3 * len(stamps_ns), f"{missing} samples are missing, and `left_out` says {told}"
+    assert (mask[:, -1]).all()
+    assert not step[".samples"][~mask].any(), "zero where there is no sample"
+    ok = newest[:, COLUMNS.index("ok")] == 1
+    np.testing.assert_array_equal(-step[""][ok, 0, 2], newest[ok, COLUMNS.index("force_n")])
+    placed = ok & (newest[:, COLUMNS.index("place_known")] == 1) & (newest[:, COLUMNS.index("contact")] == 1)
+    y_m = newest[placed, COLUMNS.index("y_m")]
+    np.testing.assert_allclose(step[""][placed, 0, 3], y_m * step[""][placed, 0, 2], atol=1e-9)  # no shear is known
+    assert (step[".sd"][ok, 0, 2] > 0).all()
+    largest = mask.sum(axis=1).max()
+    return f"{mask.sum()} samples in {len(steps)} steps, {largest} at most in one; {told} left out, and told so"
 
 
 def main() -> int:
@@ -91,20 +147,28 @@ def main() -> int:
         (camera,) = make_cameras_from_configs({"touch": FmftsCameraConfig(pad="left")}).values()
         robot.connect()
         camera.connect()
+        samples = Samples(["left"])
         hardware = robot.observation_features | {"touch": (camera.height, camera.width, 3)}
         features = hw_to_dataset_features(hardware, "observation", use_video=False)
-        features |= hw_to_dataset_features(robot.action_features, "action")
+        features |= hw_to_dataset_features(robot.action_features, "action") | samples.features
         place = Path(folder, "data")
         data_set = LeRobotDataset.create("lab/touch", FPS, features, root=place, use_videos=False)
-        states = observed_into(data_set, robot, camera, chosen.seconds)
+        with published() as published_ns:
+            samples.connect()
+            steps = observed_into(data_set, robot, camera, samples, chosen.seconds)
 
         read = LeRobotDataset("lab/touch", root=place)
         names = read.features["observation.state"]["names"]
         assert names == ["joint.pos", *(f"left.{feature}" for feature in FEATURES)], names
-        assert len(read) == len(states) == round(chosen.seconds * FPS)
-        found = np.stack([np.asarray(read[index]["observation.state"]) for index in range(len(read))])
-        np.testing.assert_array_equal(found, np.stack(states))
-        assert np.isfinite(found).all()
+        assert len(read) == len(steps) == round(chosen.seconds * FPS)
+        items = [read[index] for index in range(len(read))]
+        for key in steps[0]:
+            written, back = np.stack([step[key] for step in steps]), np.stack([np.asarray(item[key]) for item in items])
+            np.testing.assert_array_equal(back.reshape(written.shape), written, err_msg=key)
+            assert back.dtype == written.dtype, f"{key}: {written.dtype} came back as {back.dtype}"
+            assert np.isfinite(written).all(), key
+        print(every_sample_is_there(steps, published_ns))
+        found = np.stack([step["observation.state"] for step in steps])
         force_n, touched = found[:, names.index("left.force_n")], found[:, names.index("left.contact")]
         assert 0.0 < touched.mean() < 1.0, "the scripted finger comes and goes"
         unfelt_n = (force_n - 3.0 * found[:, names.index("left.force_sd_n")])[touched == 0].max()
@@ -119,7 +183,7 @@ def main() -> int:
 
         os.kill(chosen.daemon, signal.SIGSTOP)  # silent, and still connected
         time.sleep(0.5)
-        for read_something in (robot.get_observation, camera.async_read):
+        for read_something in (robot.get_observation, camera.async_read, samples.frame):
             try:
                 for _ in range(3):  # what was on its way when it stopped may still come
                     read_something()
@@ -130,6 +194,7 @@ def main() -> int:
         os.kill(chosen.daemon, signal.SIGCONT)
         robot.disconnect()
         camera.disconnect()
+        samples.disconnect()
     return 0
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 from fmfts_client import Client, Contact
 
@@ -13,6 +14,10 @@ WAIT_S = 0.3  # three messages of a daemon whose pad is silent
 
 # Name after the pad's: where the contact has it. "health", "contact" and "over_range" are 0 or 1.
 FEATURES = ("health", "contact", "over_range", "force_n", "force_sd_n", "x_m", "x_sd_m", "y_m", "y_sd_m")
+
+
+def anywhere_sd_m(pad_size_m: float) -> float:
+    return pad_size_m / math.sqrt(12.0)  # of a uniform distribution
 
 
 class TouchLostError(RuntimeError):
@@ -29,7 +34,7 @@ class Pads:
     def __init__(self, names: Sequence[str], endpoint: str | None = None, pad_size_m: float = 0.04) -> None:
         self.names = tuple(names)
         self._endpoint = endpoint
-        self._anywhere_sd_m = pad_size_m / math.sqrt(12.0)  # of a uniform distribution
+        self._anywhere_sd_m = anywhere_sd_m(pad_size_m)
         self._clients: dict[str, Client] = {}
 
     @property
@@ -63,38 +68,54 @@ class Pads:
         until = time.monotonic() + wait_s
         last: Contact | None = None
         while (contact := client.latest(timeout_s=max(0.0, until - time.monotonic()))) is not None:
-            if client.fresh and contact.health in USABLE and contact.contact is not None:
+            if client.fresh and is_usable(contact):
                 return contact
             last = contact
-        if last is not None:
-            raise TouchLostError(f"pad {name}: {last.health}: {last.reason or 'its last sample is old'}")
-        why = client.why() or "its contacts come late"
-        raise TouchLostError(f"pad {name}: nothing new for {wait_s:g} s: {why}")
+        raise TouchLostError(why_lost(client, last, wait_s))
 
     def read(self) -> dict[str, float]:
         """One observation of all pads. Raises TouchLostError; a value is never repeated."""
         return {
             f"{name}.{feature}": value
             for name in self.names
-            for feature, value in zip(FEATURES, self._values(self.contact(name)), strict=True)
+            for feature, value in zip(FEATURES, _values(self.contact(name), self._anywhere_sd_m), strict=True)
         }
 
-    def _values(self, contact: Contact) -> tuple[float, ...]:
-        force_n = contact.force_min_n if contact.over_range else contact.force_n
-        if force_n is None:
-            raise TouchLostError(f"pad {contact.pad}: its force is not known: {contact.reason or 'no contact model'}")
-        placed = contact.x_m is not None and contact.y_m is not None
-        if contact.contact and not placed and not contact.over_range:
-            raise TouchLostError(f"pad {contact.pad}: it is touched, and the place is not known: {contact.reason}")
-        anywhere_m = self._anywhere_sd_m
-        return (
-            USABLE[contact.health],
-            float(bool(contact.contact)),
-            float(contact.over_range),
-            force_n,
-            contact.force_sd_n or 0.0,
-            contact.x_m if placed else 0.0,
-            anywhere_m if contact.x_sd_m is None else contact.x_sd_m,
-            contact.y_m if placed else 0.0,
-            anywhere_m if contact.y_sd_m is None else contact.y_sd_m,
-        )
+
+def is_usable(contact: Contact) -> bool:
+    return contact.health in USABLE and contact.contact is not None
+
+
+def why_lost(client: Client, last: Contact | None, wait_s: float) -> str:
+    """last: the newest contact that came in `wait_s`, of which none was usable."""
+    if last is not None:
+        return f"pad {client.pad}: {last.health}: {last.reason or 'its last sample is old'}"
+    why = client.why() or "its contacts come late"
+    return f"pad {client.pad}: nothing new for {wait_s:g} s: {why}"
+
+
+def filled(contact: Contact, anywhere_sd_m: float) -> Contact:
+    """The contact with a number in place of what is not known: a force over range is its lower bound, a place is the
+    pad's middle with the deviation of anywhere. Raises TouchLostError where it has no force, or is touched nowhere."""
+    force_n = contact.force_min_n if contact.over_range else contact.force_n
+    if force_n is None:
+        raise TouchLostError(f"pad {contact.pad}: its force is not known: {contact.reason or 'no contact model'}")
+    placed = contact.x_m is not None and contact.y_m is not None
+    if contact.contact and not placed and not contact.over_range:
+        raise TouchLostError(f"pad {contact.pad}: it is touched, and the place is not known: {contact.reason}")
+    return replace(
+        contact,
+        force_n=force_n,
+        force_sd_n=contact.force_sd_n or 0.0,
+        x_m=contact.x_m if placed else 0.0,
+        x_sd_m=anywhere_sd_m if contact.x_sd_m is None else contact.x_sd_m,
+        y_m=contact.y_m if placed else 0.0,
+        y_sd_m=anywhere_sd_m if contact.y_sd_m is None else contact.y_sd_m,
+    )
+
+
+def _values(contact: Contact, anywhere_sd_m: float) -> tuple[float, ...]:
+    """In the order of FEATURES."""
+    known = filled(contact, anywhere_sd_m)
+    numbers = (getattr(known, name) for name in FEATURES[3:])
+    return (USABLE[known.health], float(bool(known.contact)), float(known.over_range), *numbers)

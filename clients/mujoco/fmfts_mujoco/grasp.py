@@ -11,11 +11,12 @@ import mujoco
 import numpy as np
 from fmfts.baseline import Baseline
 from fmfts.config.file import load
+from fmfts_client.row import COLUMNS
 from gymnasium import spaces
 from numpy.typing import NDArray
 
 from fmfts_mujoco.in_process import Pads
-from fmfts_mujoco.observation import COLUMNS, LARGEST, SAMPLES, Window
+from fmfts_mujoco.observation import LARGEST, SAMPLES, Window
 from fmfts_mujoco.over_bus import Robot
 from fmfts_mujoco.scene import Scene
 from fmfts_mujoco.setting_up import baselines

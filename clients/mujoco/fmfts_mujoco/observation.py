@@ -7,18 +7,13 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 from fmfts_client import Contact
+from fmfts_client.row import COLUMNS, row_of
 from numpy.typing import NDArray
 
 from fmfts_mujoco.told import Told
 
 SAMPLES = 16  # more than come in 40 ms at 220 Hz
 LARGEST = 100.0
-# What is null in a message is 0 here, with a deviation of 0: `known` columns say so.
-COLUMNS = (
-    *("age_s", "ok", "degraded", "contact", "over_range"),
-    *("force_n", "force_sd_n", "x_m", "x_sd_m", "y_m", "y_sd_m", "place_known"),
-    *("shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n", "shear_known"),
-)
 
 
 class Seen(msgspec.Struct):
@@ -67,26 +62,3 @@ class Window:
         known = self._sampled_ns > 0
         rows[~known] = 0.0
         return np.clip(rows, -LARGEST, LARGEST).astype(np.float32), known.astype(np.int8)
-
-
-def row_of(message: Seen | Contact) -> list[float]:
-    """The columns of one message; its age is told later."""
-    return [
-        0.0,
-        message.health == "ok",
-        message.health == "degraded",
-        bool(message.contact),
-        message.over_range,
-        message.force_n or 0.0,
-        message.force_sd_n or 0.0,
-        message.x_m or 0.0,
-        message.x_sd_m or 0.0,
-        message.y_m or 0.0,
-        message.y_sd_m or 0.0,
-        message.x_m is not None,
-        message.shear_x_n or 0.0,
-        message.shear_x_sd_n or 0.0,
-        message.shear_y_n or 0.0,
-        message.shear_y_sd_n or 0.0,
-        message.shear_x_n is not None,
-    ]

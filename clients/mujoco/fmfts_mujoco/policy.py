@@ -8,10 +8,11 @@ from pathlib import Path
 
 import gymnasium
 import numpy as np
+from fmfts_client.row import COLUMNS
 from numpy.typing import NDArray
 
 from fmfts_mujoco.grasp import OBSERVED, PADS
-from fmfts_mujoco.observation import COLUMNS, SAMPLES
+from fmfts_mujoco.observation import SAMPLES
 
 FEATURES = ("constant", "touched", "force", "weakest", "load", "slipped", "lifted", "closing")
 TRAINED = Path(__file__).with_name("models") / "grasp_policy.json"

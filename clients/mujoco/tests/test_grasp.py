@@ -7,10 +7,11 @@ from collections.abc import Iterator
 import gymnasium
 import numpy as np
 import pytest
+from fmfts_client.row import COLUMNS
 from gymnasium.utils.env_checker import check_env
 
 from fmfts_mujoco.grasp import GraspEnv
-from fmfts_mujoco.observation import COLUMNS, SAMPLES, Window
+from fmfts_mujoco.observation import SAMPLES, Window
 from fmfts_mujoco.policy import FEATURES, Policy, features, play
 from fmfts_mujoco.told import Told
 

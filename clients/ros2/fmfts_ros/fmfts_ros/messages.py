@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from builtin_interfaces.msg import Time
 from fmfts_client import Contact
+from fmfts_client.wrench import wrench_of
 from geometry_msgs.msg import PointStamped, TransformStamped, WrenchStamped
 
 NS_PER_S = 1_000_000_000
@@ -34,21 +35,12 @@ def wrench(contact: Contact, frame: str, height_m: float, unknown_shear: float =
     unknown_shear: stands for shear, and for the torque of it, where the contact model tells none. An untouched pad has
     neither shear nor torque. The torque leaves out a twist of the finger about z, which the pad does not measure.
     """
+    told = wrench_of(contact, height_m, unknown_shear)
     message = WrenchStamped()
     message.header.stamp, message.header.frame_id = sample_time(contact), frame
-    force = message.wrench.force
-    if contact.contact is False and contact.force_n is not None:
-        force.z = -contact.force_n  # noise, below what would be felt
-        return message
-    force.x = unknown_shear if contact.shear_x_n is None else contact.shear_x_n
-    force.y = unknown_shear if contact.shear_y_n is None else contact.shear_y_n
-    force.z = NAN if contact.force_n is None else -contact.force_n
-    x = NAN if contact.x_m is None else contact.x_m
-    y = NAN if contact.y_m is None else contact.y_m
-    torque = message.wrench.torque
-    torque.x = y * force.z - height_m * force.y
-    torque.y = height_m * force.x - x * force.z
-    torque.z = x * force.y - y * force.x
+    force, torque = message.wrench.force, message.wrench.torque
+    force.x, force.y, force.z = told.force_n
+    torque.x, torque.y, torque.z = told.torque_nm
     return message
 
 
