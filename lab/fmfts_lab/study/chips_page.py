@@ -105,9 +105,8 @@ def _worth() -> str:
         "mean, mm",
         "saturation; wiring",
         "unverified facts",
-        "supply, price of a board",
     )
-    known = {chip.label: (_unverified(chip), chip.supply) for chip in CHIPS.values()}
+    unverified = {chip.label: _unverified(chip) for chip in CHIPS.values()}
     return _table(
         columns,
         (
@@ -121,7 +120,7 @@ def _worth() -> str:
                 f"{_float(row['noise_n']):.3f}",
                 f"{_float(row['mean_mm']):.2f}",
                 str(row["causes"]),
-                *known[str(row["chip"])],
+                unverified[str(row["chip"])],
             )
             for row in rows
         ),
