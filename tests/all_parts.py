@@ -23,7 +23,7 @@ from repeating import REPEATED
 ROOT = Path(__file__).parents[1]
 LOGS = Path("build/test-logs")
 PYTEST = ["-m", "pytest", "-o", "junit_logging=no", "-o", "junit_family=xunit1"]  # the older one names files
-OF_FUNCTIONS = ["tests/unit", "tests/oracle", "tests/golden"]
+OF_FUNCTIONS = ["tests/unit", "tests/skin", "tests/oracle", "tests/golden"]
 WHOLE = ["--dist", "worksteal", *(word for folder in OF_FUNCTIONS for word in ("--ignore", folder))]
 # Tests of whole processes mostly wait, so that four share two cores. What is judged by the clock comes last, and
 # computes little; where this user may say so, other programs have to wait for it. Browsers and drills need a processor.
@@ -35,7 +35,7 @@ PARTS = {
     "processes": [[*PYTEST, "-n", "4", *WHOLE, "-m", "not real_time and not slow and not mutation"]],
     "clock": [[*PYTEST, "-n", "2", *WHOLE, "-m", "real_time and not slow"]],
     "slow": [[*PYTEST, "--ignore", "tests/unit", "-m", "slow"]],
-    "long": [[*PYTEST, "-n", "2", "tests/unit", "-m", "long"]],
+    "long": [[*PYTEST, "-n", "2", "tests/unit", "tests/skin", "-m", "long"]],
     "mutations": [[*PYTEST, "-n", "3", "tests/unit", "tests/firmware", "-m", "mutation"]],
 }  # fmt: skip
 BY_ITSELF = {"long", "mutations", "slow"}

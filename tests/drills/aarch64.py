@@ -16,6 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 UNIT = ROOT / "tests/unit"
+EXTRAS = sorted(path.parent for path in ROOT.glob("extras/*/pyproject.toml"))  # the tests use what they add
 DEBIAN = "python3,libpython3.11-dev,python3-numpy,python3-scipy"
 FROM_PYPI = ["msgspec", "msgpack", "pyzmq", "pyserial", "smbus2", "onnx", "protobuf", "typing_extensions"]
 FROM_PYPI += ["mcap", "zstandard", "lz4", "mpmath", "threadpoolctl"]
@@ -100,7 +101,7 @@ def install(built: Path, folder: Path) -> None:
     platforms = [word for name in PLATFORMS for word in ("--platform", f"{name}_aarch64")]
     command = [*PIP, "install", "--upgrade", "--target", folder, *platforms, "--python-version", "3.11"]
     subprocess.run(
-        [*command, "--only-binary=:all:", "--no-deps", built, ROOT / "clients/python", *FROM_PYPI], check=True
+        [*command, "--only-binary=:all:", "--no-deps", built, ROOT / "clients/python", *EXTRAS, *FROM_PYPI], check=True
     )
     start_others_on_this_machine(folder)
 

@@ -38,7 +38,7 @@ PINNED = [ROOT / "release" / f"constraints{part}.txt" for part in ("", "-extras"
 SLOW = ["paper_studies", "neighbours", "needs", "rebaselining", "baseline_refine", "baseline_turn", "bench_contact"]
 SLOW += ["fault_drills"]
 # unicorn and pyocd, which no unit test imports, have their tests with the firmware.
-TESTS = ["tests/unit", "tests/firmware/test_emulator_i2c.py", "tests/firmware/test_stm32_registers.py"]
+TESTS = ["tests/unit", "tests/skin", "tests/firmware/test_emulator_i2c.py", "tests/firmware/test_stm32_registers.py"]
 TESTS += [f"--ignore=tests/unit/test_{name}.py" for name in SLOW]
 # Of each property ten examples: what is sought is an interface that is missing or another.
 OPTIONS = ["-q", "-n", "2", "--dist", "loadfile", "-p", "no:cacheprovider", "--hypothesis-profile=few"]

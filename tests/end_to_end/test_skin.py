@@ -15,7 +15,7 @@ from emulator.anyskin_board import binary
 from emulator.anyskin_on_pty import Board
 from end_to_end.processes import RunningDaemon, run_command
 from fmfts_client import Contact
-from unit.skin_pad import SENSORS_MM, presses, skin_set, streamed_field, write_skin
+from skin.skin_pad import SENSORS_MM, presses, skin_set, streamed_field, write_skin
 
 # Their stream has no numbers: a computer that is late reads a wrong rate.
 pytestmark = pytest.mark.real_time

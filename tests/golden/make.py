@@ -382,8 +382,8 @@ def beside_each_other(
 
 def skin() -> World:
     """A skin of unknown magnets over five sensors, by a table of noisy presses: fingers of 0 to 8 N."""
-    from skin_pad import SENSORS_MM, streamed_field
-    from test_skin_pipeline import MM_OF_A_NEWTON, NOISE_UT, config, response
+    from skin.skin_pad import SENSORS_MM, streamed_field
+    from skin.test_skin_pipeline import MM_OF_A_NEWTON, NOISE_UT, config, response
 
     chip, count, rate_hz = CHIPS["mlx90393_streamed"], 6000, 100
     table = response("force_n").encoded()

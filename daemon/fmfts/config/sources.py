@@ -132,7 +132,8 @@ class PluggedSource(HardwareSource, frozen=True, kw_only=True):
 
 def lacking_source(kind: Any) -> str | None:
     """What to install for a source of this type, as the rest of a sentence about it; None: nothing."""
-    return how_to_install(OF_TYPE[kind]) if kind in OF_TYPE and kind not in PLUGGED else None
+    extra = None if str(kind) in PLUGGED else OF_TYPE.get(str(kind))
+    return None if extra is None else how_to_install(extra)
 
 
 # Whose module is imported here may itself be why this one is: then its package imports fmfts.config first.

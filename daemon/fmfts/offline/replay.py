@@ -16,6 +16,7 @@ from fmfts.bus.frame_message import early_of, frame_of
 from fmfts.bus.messages import ContactMessage, EarlyMessage, FrameMessage, StateMessage
 from fmfts.common.reading import damage_told
 from fmfts.config import PadConfig
+from fmfts.config.recorded import recorded_pad
 from fmfts.contact import ModelError
 from fmfts.contact.no_model import NO_MODEL, no_model_for
 from fmfts.contact.shipped import SHIPPED_PATHS
@@ -198,7 +199,7 @@ class Replay:
         configs = []
         for state in states:
             with self._errors_of(state):
-                configs.append(msgspec.convert(state.config, PadConfig))
+                configs.append(recorded_pad(state.config))
                 model = self._model(configs[-1], state)
                 self._pipelines[state.pad] = pipeline_of(configs[-1], model, state.boot)
         for config, state in zip(configs, states, strict=True):

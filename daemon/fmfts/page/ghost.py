@@ -26,6 +26,7 @@ from fmfts.baseline import Baseline, BaselineError
 from fmfts.bus.frame_message import frame_of
 from fmfts.bus.messages import FrameMessage, StateMessage
 from fmfts.config import PadConfig
+from fmfts.config.recorded import recorded_pad
 from fmfts.contact import ContactModel, ModelError
 from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.configured import load_contact_model
@@ -81,7 +82,7 @@ class Ghosts:
         if state.baseline is None:
             return
         try:
-            config = msgspec.convert(state.config, PadConfig)
+            config = recorded_pad(state.config)
             self._ways[state.pad] = FixedBaseline(config, msgspec.convert(state.baseline, Baseline))
         except (BaselineError, ModelError, msgspec.ValidationError) as error:
             log.warning("pad '%s' has no ghost: %s", state.pad, error)

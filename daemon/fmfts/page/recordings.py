@@ -19,8 +19,8 @@ import msgspec
 from fmfts.bus.messages import AnyMessage, ContactMessage, EventMessage, StateMessage, StatusMessage
 from fmfts.common.reading import damage_told
 from fmfts.common.writing import why_not_written
-from fmfts.config import PadConfig
 from fmfts.config.pad_facts import pad_facts
+from fmfts.config.recorded import recorded_pad
 from fmfts.recording.file import RecordingError, read
 from fmfts_client import KEY_VARIABLE
 from fmfts_client.endpoints import OVERRIDE
@@ -163,7 +163,7 @@ def pads_of(path: Path) -> list[dict[str, Any]]:
 
 def _facts(path: Path, state: StateMessage) -> dict[str, Any]:
     with damage_told(RecordingError, f"{path}: its configuration of pad '{state.pad}' is another version's"):
-        return {"pad": state.pad} | pad_facts(msgspec.convert(state.config, PadConfig))
+        return {"pad": state.pad} | pad_facts(recorded_pad(state.config))
 
 
 def messages_of(path: Path, stopped: Callable[[], bool], since_ns: int = 0) -> Iterator[tuple[int, bytes, bytes]]:

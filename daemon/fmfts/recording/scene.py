@@ -8,8 +8,8 @@ from typing import Any
 
 import msgspec
 
-from fmfts.config import PadConfig
 from fmfts.config.pad_facts import pad_facts
+from fmfts.config.recorded import recorded_pad
 from fmfts.recording.finger_columns import FingerColumns
 from fmfts.recording.foxglove import (
     Arrow,
@@ -78,7 +78,7 @@ class PadScene:
     @classmethod
     def of_state(cls, pad: str, config: dict[str, Any]) -> PadScene:
         """Of the configuration in a StateMessage. Raises msgspec.ValidationError: it is another version's."""
-        return cls(pad, pad_facts(msgspec.convert(config, PadConfig)))
+        return cls(pad, pad_facts(recorded_pad(config)))
 
     def contact(self, body: dict[str, Any]) -> Iterator[Drawn]:
         """What a ContactMessage looks like; nothing if the last one was drawn less than 1/SHOWN_HZ ago."""

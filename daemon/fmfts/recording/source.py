@@ -13,6 +13,7 @@ from fmfts.bus.frame_message import frame_of as frame_of
 from fmfts.bus.messages import FrameMessage, StateMessage
 from fmfts.common.reading import damage_told, shortened
 from fmfts.config import PadConfig, ReplaySource
+from fmfts.config.recorded import recorded_pad
 from fmfts.recording.file import RecordingError, read_in_parts
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.frame import Frame
@@ -178,7 +179,7 @@ def _source_of(pad: PadConfig) -> ReplaySource:
 
 
 def _config_of(state: StateMessage) -> PadConfig:
-    return msgspec.convert(state.config, PadConfig)
+    return recorded_pad(state.config)
 
 
 def _first_states(path: Path, names: set[str]) -> dict[str, StateMessage]:

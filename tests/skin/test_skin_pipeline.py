@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from skin_pad import SENSORS_MM, presses, skin_set, streamed_field
 
 from fmfts.baseline import BaselineError
 from fmfts.baseline.request import BaselineRequest, Recorded
@@ -26,6 +25,7 @@ from fmfts_skin.calibrate.field_fit import make_response
 from fmfts_skin.field_response import FieldResponse
 from fmfts_skin.pipeline import BARE_ONLY, SkinPipeline
 from fmfts_skin.settings import AnyskinSource
+from skin.skin_pad import SENSORS_MM, presses, skin_set, streamed_field
 
 RATE_HZ = 100
 PERIOD_US = 1_000_000 // RATE_HZ

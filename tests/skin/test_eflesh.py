@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from skin_pad import presses, skin_field
 
 from fmfts.calibrate.field_table import write
 from fmfts_lab.bench.eflesh import another_day, converted, run
 from fmfts_lab.eflesh import main
 from fmfts_skin.calibrate.field_evaluate import evaluate_field
 from fmfts_skin.calibrate.field_set import read_field_set
+from skin.skin_pad import presses, skin_field
 
 NAMES = [f"b{sensor}{axis}_ut" for sensor in range(1, 6) for axis in "xyz"]
 

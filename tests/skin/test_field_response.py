@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from skin_pad import DEEPEST_MM, REACH_MM, presses, skin_field, skin_set, write_skin
 
 from fmfts.calibrate.field_table import DataError
 from fmfts.cli.main import main
@@ -19,6 +18,7 @@ from fmfts_skin.calibrate.field_instance import REST_UT, explained
 from fmfts_skin.calibrate.field_set import FieldSet, read_field_set
 from fmfts_skin.field_contact import ContactFinder
 from fmfts_skin.field_response import Axis, FieldResponse, FieldResponseError, Instance
+from skin.skin_pad import DEEPEST_MM, REACH_MM, presses, skin_field, skin_set, write_skin
 
 NOISE_UT = 5.0
 

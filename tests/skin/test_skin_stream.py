@@ -14,7 +14,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from recorded_files import eflesh_fields_ut
 
 from emulator.anyskin_board import Settings, binary, steps_ut, text, told_ut
 from emulator.pty_port import PtyPort
@@ -23,6 +22,7 @@ from fmfts.sensor.chips import ANYSKIN
 from fmfts.sensor.missing import missing_sensors
 from fmfts_skin.board import source as anyskin_source
 from fmfts_skin.board.source import Anyskin, PadOnStream
+from unit.recorded_files import eflesh_fields_ut
 
 PERIOD_NS = 5_000_000
 LEARNING = 150  # packets, more than the half second in which the source learns the period
