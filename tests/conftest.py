@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as cli/entry.py does, and before anything imports NumPy
+
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Pad
 

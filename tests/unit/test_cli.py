@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -119,6 +120,26 @@ def test_reader_that_leaves_is_no_error() -> None:
         process.stdout.close()
         assert process.stderr.read() == b""
         assert process.wait(60) == 141
+
+
+ONE_THREAD = """
+import sys
+from contextlib import suppress
+from fmfts.cli.entry import main
+sys.argv[1:] = ["--help"]
+with suppress(SystemExit):
+    main()
+import numpy
+from threadpoolctl import threadpool_info
+print(*(library["num_threads"] for library in threadpool_info()), file=sys.stderr)
+"""
+
+
+def test_verb_computes_on_one_core() -> None:
+    """OpenBLAS would take all cores for matrices whose sizes do not pay it."""
+    free = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    ended = subprocess.run([sys.executable, "-c", ONE_THREAD], env=free, capture_output=True, text=True, check=True)
+    assert set(ended.stderr.split()) <= {"1"}
 
 
 @pytest.mark.parametrize("place", ["--help", "docs/troubleshooting.md"])

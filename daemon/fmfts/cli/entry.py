@@ -12,6 +12,8 @@ INTERRUPTED = 130  # as in common/exit_codes.py, which is imported later
 
 def main() -> int:
     """Run the command and return its exit code. Ctrl-C before and after the verb ends the process at once."""
+    # Matrices here are small: another thread of OpenBLAS would only wait for this one, on a core that it keeps busy.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # not where a shell ignores it
     if interruptible:
         signal.signal(signal.SIGINT, _end)
