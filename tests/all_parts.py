@@ -32,10 +32,10 @@ PARTS = {
              ["-m", "mypy", "daemon", "lab", "extras", "clients/python",
               "clients/mujoco/fmfts_mujoco"]],
     "unit": [[*PYTEST, "-n", "3", "--dist", "loadfile", *OF_FUNCTIONS, "-m", "not long and not mutation"]],
-    "processes": [[*PYTEST, "-n", "4", *WHOLE, "-m", "not real_time and not slow and not mutation"]],
+    "processes": [[*PYTEST, "-n", "4", *WHOLE, "-m", "not real_time and not slow and not long and not mutation"]],
     "clock": [[*PYTEST, "-n", "2", *WHOLE, "-m", "real_time and not slow"]],
     "slow": [[*PYTEST, "--ignore", "tests/unit", "-m", "slow"]],
-    "long": [[*PYTEST, "-n", "2", "tests/unit", "tests/skin", "-m", "long"]],
+    "long": [[*PYTEST, "-n", "2", "tests/unit", "tests/skin", "tests/firmware", "-m", "long"]],
     "mutations": [[*PYTEST, "-n", "3", "tests/unit", "tests/firmware", "-m", "mutation"]],
 }  # fmt: skip
 BY_ITSELF = {"long", "mutations", "slow"}
@@ -166,6 +166,7 @@ def main() -> int:
     if unknown := [name for name in names if name not in PARTS]:
         options.error(f"there is no part {unknown[0]}: {', '.join(PARTS)}")
     os.chdir(ROOT)
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # as containers have it: each worker would compile all tests anew
     LOGS.mkdir(parents=True, exist_ok=True)
     parts = [Part(name) for name in names]
     for part in parts:

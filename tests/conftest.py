@@ -27,6 +27,7 @@ for told in (
     "STATE_DIRECTORY",
     "RUNTIME_DIRECTORY",
     "JOURNAL_STREAM",
+    "PYTHONDONTWRITEBYTECODE",  # as containers have it: each daemon would compile its modules anew
 ):
     os.environ.pop(told, None)
 
