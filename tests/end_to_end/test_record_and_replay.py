@@ -29,12 +29,14 @@ TAPPED = """
 name = "left"
 [pad.source]
 type = "simulated"
+rate_hz = 100
 [pad.scene]
 neighbours = ["right"]
 [[pad]]
 name = "right"
 [pad.source]
 type = "simulated"
+rate_hz = 100
 seed = 2
 [pad.scene]
 neighbours = ["left"]
@@ -44,6 +46,7 @@ position_mm = [45, 0, 0]
 name = "far"
 [pad.source]
 type = "simulated"
+rate_hz = 100
 seed = 3
 """
 
@@ -130,10 +133,10 @@ def wait_for_contacts(daemon: RunningDaemon, pad: str, count: int) -> None:
 
 
 def replays_identically(
-    daemon: RunningDaemon, output: Path, options: tuple[str, ...], pads: list[str], contacts_a_pad: int = 400
+    daemon: RunningDaemon, output: Path, options: tuple[str, ...], pads: list[str], contacts_a_pad: int = 200
 ) -> None:
     process = recorder(daemon, output, *options)
-    wait_for_contacts(daemon, pads[0], contacts_a_pad)  # 400: not quite two seconds, where nothing is late
+    wait_for_contacts(daemon, pads[0], contacts_a_pad)  # 200: two seconds, where nothing is late
     process.send_signal(signal.SIGTERM)
     said, complaint = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, complaint
