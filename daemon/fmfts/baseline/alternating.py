@@ -74,7 +74,7 @@ class Alternation:
 
 def alternation(frames: Sequence[Frame]) -> Alternation | None:
     """The strongest one in the frames of an untouched pad; None where noise explains all."""
-    sampled = [_samples(frames, sensor) for sensor in range(len(frames[0].valid))]
+    sampled = _samples(frames)
     if not all(len(times) for times, _ in sampled):
         return None  # a board that does not tell when it measures
     seconds = min(float(np.ptp(times)) for times, _ in sampled)
@@ -119,21 +119,32 @@ def _noisy(frames: Sequence[Frame]) -> list[str]:
     ]
 
 
-def _samples(frames: Sequence[Frame], sensor: int) -> tuple[Array, Array]:
-    """Times (K,) in s and fields (K, 3) of one sensor's samples, without mean and slope; none if they are too few."""
-    chosen = [frame for frame in frames if frame.fresh[sensor] and frame.timed[sensor]]
-    times = np.array([frame.sampled_us[sensor] for frame in chosen], dtype=np.float64) * 1e-6
+def _samples(frames: Sequence[Frame]) -> list[tuple[Array, Array]]:
+    """Of each sensor times (K,) in s and fields (K, 3) of its samples, without mean and slope; none if too few."""
+    chosen = np.array([frame.fresh & frame.timed for frame in frames])
+    times = np.array([frame.sampled_us for frame in frames], dtype=np.float64) * 1e-6
+    fields = np.array([frame.field_t for frame in frames])
+    return [
+        _without_slope(times[of_sensor, sensor], fields[of_sensor, sensor]) for sensor, of_sensor in enumerate(chosen.T)
+    ]
+
+
+def _without_slope(times: Array, fields: Array) -> tuple[Array, Array]:
     if len(times) < FEWEST_SAMPLES or np.ptp(times) == 0.0:
         return np.empty(0), np.empty((0, 3))
-    fields = np.array([frame.field_t[sensor] for frame in chosen])
     times, fields = times - times.mean(), fields - fields.mean(axis=0)
     slope = (times[:, None] * fields).sum(axis=0) / square(times).sum()
     return times, fields - times[:, None] * slope
 
 
 def _power(times: Array, values: Array, frequencies: Array) -> Array:
-    """(F, 3) |Σ x·e^{−2πift}|²."""
-    cosine, sine = _circle(frequencies[:, None] * times)
+    """(F, 3) |Σ x·e^{−2πift}|². The frequencies are evenly spaced: each is a coarse one plus a fine one."""
+    fine = int(np.ceil(np.sqrt(len(frequencies))))
+    coarse_cosine, coarse_sine = _circle(frequencies[::fine, None, None] * times)
+    fine_cosine, fine_sine = _circle((frequencies[:fine] - frequencies[0])[:, None] * times)
+    cosine = coarse_cosine * fine_cosine - coarse_sine * fine_sine
+    sine = coarse_sine * fine_cosine + coarse_cosine * fine_sine
+    cosine, sine = (part.reshape(-1, len(times))[: len(frequencies)] for part in (cosine, sine))
     power: Array = square(product(cosine, values)) + square(product(sine, values))
     return power
 
