@@ -24,14 +24,15 @@ ROOT = Path(__file__).parents[1]
 LOGS = Path("build/test-logs")
 PYTEST = ["-m", "pytest", "-o", "junit_logging=no", "-o", "junit_family=xunit1"]  # the older one names files
 OF_FUNCTIONS = ["tests/unit", "tests/skin", "tests/oracle", "tests/golden"]
+BY_FILES = ["--dist", "loadfile", "--no-loadscope-reorder"]  # in the order of tests/conftest.py, else by their counts
 WHOLE = ["--dist", "worksteal", *(word for folder in OF_FUNCTIONS for word in ("--ignore", folder))]
 # Tests of whole processes mostly wait, so that four share two cores. What is judged by the clock comes last, and
 # computes little; where this user may say so, other programs have to wait for it. Browsers and drills need a processor.
 PARTS = {
     "lint": [["-m", "ruff", "check", "."], ["-m", "ruff", "format", "--check", "."],
-             ["-m", "mypy", "daemon", "lab", "extras", "clients/python",
+             ["-m", "mypy", "--num-workers", "2", "daemon", "lab", "extras", "clients/python",
               "clients/mujoco/fmfts_mujoco"]],
-    "unit": [[*PYTEST, "-n", "3", "--dist", "loadfile", *OF_FUNCTIONS, "-m", "not long and not mutation"]],
+    "unit": [[*PYTEST, "-n", "3", *BY_FILES, *OF_FUNCTIONS, "-m", "not long and not mutation"]],
     "processes": [[*PYTEST, "-n", "4", *WHOLE, "-m", "not real_time and not slow and not long and not mutation"]],
     "clock": [[*PYTEST, "-n", "2", *WHOLE, "-m", "real_time and not slow"]],
     "slow": [[*PYTEST, "--ignore", "tests/unit", "-m", "slow"]],

@@ -42,8 +42,21 @@ settings.register_profile("few", settings.get_profile("deterministic"), max_exam
 settings.load_profile("deterministic")
 
 
+# Files of few tests that take long come first, lest all wait for one of them at the end.
+LONGEST = {
+    "test_stream_for_a_minute.py",
+    "test_learn.py",
+    "test_named_boards.py",
+    "test_diagnosis.py",
+    "test_baseline_refine.py",
+    "test_fault_drills.py",
+    "test_fast_loop_of_a_board.py",
+    "test_firmware_in_the_loop.py",
+}
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: item.path.name != "test_stream_for_a_minute.py")  # lest all wait for it at the end
+    items.sort(key=lambda item: item.path.name not in LONGEST)
 
 
 @pytest.hookimpl(tryfirst=True)  # before fixtures that call them
