@@ -14,6 +14,8 @@
 # make transcript   type the first use of README on the firmware's host build, and write what is said into docs/first-use.md
 # make security     ten attacks by another user of this computer, and a table of what they gained (root; two minutes)
 # make page-drills  the page under load: many pads, pages and strangers, an hour's run, the first use of a board
+# make docs    the manual, the results and a reference from docstrings as a site in build/site, to read and search without a
+#              network; fails if a link leads nowhere or a docstring is missing (a minute)
 # make pictures     take the pictures of the manual from the real page, in Chromium
 # make test    set up what the tests need, run all parts, and summarise    (PARTS="lint unit": only those; or make lint …)
 # make test-fresh    the same in a fresh clone on a plain Debian 12, as root; and the demo as an ordinary user
@@ -127,6 +129,18 @@ chips-page: $(VENV)/.installed-test
 
 transcript: $(VENV)/.installed-test firmware
 	$(BIN)/python tests/end_to_end/first_use.py
+
+# What is missing, or leads nowhere, is a warning, which ends the build; `built_site.py` judges what was built.
+SITE := build/site
+.PHONY: docs
+docs: $(VENV)/.installed-docs
+	$(BIN)/python -m sphinx -q -E -W --keep-going -b html -c docs/site -d build/site-doctrees . $(SITE)
+	$(BIN)/python tests/pages/built_site.py $(SITE)
+
+$(VENV)/.installed-docs: pyproject.toml $(VENV)/.installed
+	@$(BIN)/python -c 'import importlib.metadata as meta; print(*(one.split(";")[0] for one in meta.requires("fmfts") if "\"docs\"" in one), sep="\n")' \
+	    | $(BIN)/pip install --quiet --disable-pip-version-check -r /dev/stdin
+	@touch $@
 
 # Takes the pictures of docs/page.md again, from the real page.
 pictures: test-packages $(VENV)/.installed-test firmware

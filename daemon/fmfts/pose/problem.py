@@ -46,6 +46,8 @@ class Part(IntEnum):
 
 
 class Status(str, Enum):
+    """How a solve ended; only CONVERGED is a minimum. UNOBSERVABLE: the measurements do not determine the unknowns."""
+
     CONVERGED = "converged"
     AT_LIMIT = "at limit"
     UNOBSERVABLE = "unobservable"
