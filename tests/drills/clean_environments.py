@@ -29,11 +29,15 @@ SEEN = re.compile(r"pad (?:demo|array): (\d+) messages; .* ok ")
 LEAST_MESSAGES = 220  # a second of them: a busy computer starts the daemon late
 LARGEST_LISTED = 8
 # What no verb does with them: it says so where the extra is installed.
+SKIN = '[[pad]]\nname = "skin"\n[pad.source]\ntype = "anyskin"\nport = "/dev/null"\nchip = "hmc5983"\n'
 MISUSED = {
     "collect": (["collect", "--weigh-g", "100"], "expected 2 arguments"),
     "fleet": (["view", "--robot", "arm"], "give NAME=ENDPOINT"),
     "foxglove": (["view", "--foxglove", "--host", "0.0.0.0"], "serves this machine alone"),
+    "skin": (["check-config", "--config", "skin.toml"], "a streamed chip belongs to an AnySkin board"),
 }
+# Of a verb without its package, or misused; and of a file for a package, which is a bad one either way.
+UNAVAILABLE, USAGE, CONFIG = 69, 2, 78
 
 
 @contextmanager
@@ -127,16 +131,20 @@ def extras_add_their_verbs(python: str) -> None:
     with environment(python, client, wheel) as folder:
         for extra, (words, _) in MISUSED.items():
             ended = said_by(folder, *words)
-            require(ended.returncode == 69 and f"'fmfts[{extra}]'" in ended.stderr, f"without {extra}:\n{ended}")
+            require(
+                ended.returncode in (UNAVAILABLE, CONFIG) and f"'fmfts[{extra}]'" in ended.stderr,
+                f"without {extra}:\n{ended}",
+            )
     for extra, (words, said) in MISUSED.items():
         with environment(python, "--find-links", DIST, client, f"fmfts[{extra}] @ file://{wheel}") as folder:
             ended = said_by(folder, *words)
-            require(ended.returncode == 2 and said in ended.stderr, f"with {extra}:\n{ended}")
+            require(ended.returncode in (USAGE, CONFIG) and said in ended.stderr, f"with {extra}:\n{ended}")
             print(f"Python {python}: {extra}, installed and not installed", flush=True)
 
 
 def said_by(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     command = [folder / "venv/bin/fmfts-daemon", *words]
+    (folder / "skin.toml").write_text(SKIN)
     return subprocess.run(command, cwd=folder, env=clean_variables(), capture_output=True, text=True, check=False)
 
 

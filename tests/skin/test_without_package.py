@@ -1,14 +1,29 @@
-"""A recording of a pad that needs a package which is not installed here: whoever reads it says how to install it."""
+"""The daemon where the package of a pad's source or model is not installed, or does not fit: it says how to install it."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
+from importlib.metadata import EntryPoint, entry_points
 
 import msgspec
 import pytest
 
+from fmfts.config import sources
 from fmfts.config.recorded import recorded_pad
+from fmfts_skin.settings import AnyskinSource
+
+
+def test_package_that_cannot_be_loaded_is_told_and_left_out(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    whole, *_ = entry_points(group="fmfts.sources", name="anyskin")
+    points = [EntryPoint("gone", "fmfts_gone.settings:Source", ""), whole, EntryPoint("old", "fmfts_skin:Gone", "")]
+    monkeypatch.setattr(sources, "entry_points_of", lambda _: points)
+    assert sources._plugged() == {"anyskin": AnyskinSource}
+    assert "type 'gone' is left out: its package does not fit this version: No module named 'fmfts_gone'" in caplog.text
+    assert "type 'old' is left out" in caplog.text
+
 
 SCRIPT = """
 import importlib.metadata

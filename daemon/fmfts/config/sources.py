@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
@@ -18,6 +19,8 @@ from fmfts.sensor.wire.packets import MAX_PADS
 
 if TYPE_CHECKING:
     from fmfts.config import PadConfig
+
+log = logging.getLogger(__name__)
 
 SOURCES = "fmfts.sources"  # entry points: subclasses of PluggedSource, by their type
 OF_TYPE = {"anyskin": "skin"}  # the extra that reads such a source, where no package here does
@@ -136,8 +139,23 @@ def lacking_source(kind: Any) -> str | None:
     return None if extra is None else how_to_install(extra)
 
 
-# Whose module is imported here may itself be why this one is: then its package imports fmfts.config first.
-PLUGGED: dict[str, type[PluggedSource]] = {point.name: point.load() for point in entry_points_of(SOURCES)}
+def _plugged() -> dict[str, type[PluggedSource]]:
+    """The sources of other packages, by their type. One that cannot be loaded stops no pad of another type.
+
+    Whose module is loaded here may itself be why this one is imported: so its package imports fmfts.config first.
+    """
+    found = {}
+    for point in entry_points_of(SOURCES):
+        try:
+            found[point.name] = point.load()
+        except (ImportError, AttributeError) as error:
+            log.warning(
+                "[pad.source] type %r is left out: its package does not fit this version: %s", point.name, error
+            )
+    return found
+
+
+PLUGGED = _plugged()
 
 if TYPE_CHECKING:
     SourceConfig = BridgeSource | I2cSource | SimulatedSource | ReplaySource | PluggedSource
