@@ -28,8 +28,9 @@ DEMO_S = 10
 SEEN = re.compile(r"pad (?:demo|array): (\d+) messages; .* ok ")
 LEAST_MESSAGES = 220  # a second of them: a busy computer starts the daemon late
 LARGEST_LISTED = 8
-# What no verb does with them: it says so where the extra is installed.
+# A source of a package, with a chip that it has not.
 SKIN = '[[pad]]\nname = "skin"\n[pad.source]\ntype = "anyskin"\nport = "/dev/null"\nchip = "hmc5983"\n'
+# What no verb does with them: it says so where the extra is installed.
 MISUSED = {
     "collect": (["collect", "--weigh-g", "100"], "expected 2 arguments"),
     "fleet": (["view", "--robot", "arm"], "give NAME=ENDPOINT"),
