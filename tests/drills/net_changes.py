@@ -152,7 +152,7 @@ CHANGES = [
            (NETWORK,)),
     Change("contact", "contact/step.h", "CERTAIN_FORCE_DEVIATIONS 2.0", "CERTAIN_FORCE_DEVIATIONS 2.1",
            ("healthy:1500",)),
-    Change("contact", "contact/refine.c", "damping /= DAMPING_FACTOR;", "damping *= DAMPING_FACTOR;",
+    Change("contact", "arithmetic/descent.c", "damping /= search->damping_factor;", "damping *= 1.0;",
            ("smoothed:400", "smoothed")),
     Change("now", "pose/motion_modes.c", "own->widths *= s / r", "own->widths *= 1.0", ("healthy:700",)),
     Change("now", "contact/now.c", "LEAD_SHARE 0.75", "LEAD_SHARE 0.7", ("healthy:700",)),

@@ -16,10 +16,11 @@ from several_world import fingers_of, masked, measured_of, models_of
 from fmfts.pose.magnets import Magnets
 from fmfts.several.field_model import FieldModel, Predicted
 from fmfts.several.fit import FLOOR, STARTS, Fit, Fitter, Measured
-from fmfts.several.free_poses import FARTHEST, at, free_poses
+from fmfts.several.free_poses import FARTHEST, free_poses
 from fmfts.several.poses import UNFELT, poses_of
 from fmfts.several.valley import LEAST_FORCE_N, fitted_across
 from oracle.field import Array
+from oracle.poses import at
 from oracle.test_several import pads
 
 # Magnets, sensors, causes, knots, terms: the usual pad, the least, the most, and sizes that fill no register.
@@ -306,6 +307,8 @@ def test_poses_by_the_field_tell_the_covariance_and_chi2_of_where_they_ended(siz
         around = random.normal(0.0, 2e-5, 3)
         found = free_poses(model, start, measured, around)
         predicted = at(model, found.change)
+        near(found.predicted.by_pose, predicted.by_pose)
+        near(found.predicted.change, predicted.change)
         told = whitened(model, NOBODY, predicted, predicted.by_pose, measured, around)
         near_covariance(found.covariance, np.linalg.inv(told.slope.T @ told.slope + np.diag(farthest**-2.0)))
         assert found.chi2 == pytest.approx(told.residual @ told.residual, rel=CLOSE)

@@ -12,7 +12,7 @@ from test_refine import RESPONSES
 
 from fmfts.arithmetic import _arithmetic
 from fmfts.contact import _contact
-from fmfts.contact.refinement import Refiner, packed
+from fmfts.contact.refinement import Refiner
 from fmfts.pose import _kernel
 from fmfts.pose.alignment import Alignment
 from fmfts.sensor.wire import _wire
@@ -52,7 +52,7 @@ def test_arrays_at_an_odd_address_are_refused() -> None:
 @pytest.mark.parametrize("response", RESPONSES, ids=["normal", "sheared"])
 def test_press_that_is_no_number_stays_on_the_table(response: object) -> None:
     refiner = Refiner(response)  # type: ignore[arg-type]
-    press, _ = refiner.refined(np.full(2 + refiner.response.loads, np.nan), np.zeros(5), 1e-6 * np.eye(5))
+    press, *_ = refiner.refined(np.full(2 + refiner.response.loads, np.nan), np.zeros(5), 1e-6 * np.eye(5))
     assert np.isfinite(press).all()
     assert (press[:2] >= refiner.response.first_mm).all()
 
@@ -60,7 +60,7 @@ def test_press_that_is_no_number_stays_on_the_table(response: object) -> None:
 @pytest.mark.parametrize("number", [6, 7, 8], ids=["spacing x", "spacing y", "scale"])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_response_without_a_spacing_or_a_scale_is_refused(number: int, value: float) -> None:
-    table = bytearray(packed(RESPONSES[0]))
+    table = bytearray(RESPONSES[0].packed())
     np.frombuffer(table, count=9)[number] = value
     with pytest.raises(ValueError, match="response"):
         _contact.refine(table, np.zeros(5), np.eye(5), 2, np.zeros(3), np.empty((3, 3)))

@@ -13,11 +13,12 @@ from test_several_compiled import NONE, USUAL, fitter_of
 from fmfts.arithmetic.matrix import SingularError
 from fmfts.pose.observable import are_observable, needed_values
 from fmfts.several.field_model import FieldModel
-from fmfts.several.free_poses import FARTHEST, at, free_poses, is_explained
+from fmfts.several.free_poses import FARTHEST, free_poses, is_explained
 from fmfts.several.measured import Measured
 from fmfts.several.odd_pose_sensor import odd_pose_sensor
 from fmfts_lab.bench.several_layouts import LAYOUTS
 from fmfts_lab.bench.several_world import BUILT, BY_HAND, World, any_press, world
+from oracle.poses import at
 
 MOVED = np.array([2e-4, 2e-4, 3e-4, 0.05, 0.05])
 OBSERVABLE = ["2 over 8", "3 over 8", "4 over 12", pytest.param("4 over 16", marks=pytest.mark.long)]

@@ -1,4 +1,4 @@
-"""Table inversion: the response is what it says, the kernel does what NumPy does, and an answer gets better by it."""
+"""Table inversion: the response is what it says, C does what NumPy does, and an answer gets better by it."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ from fmfts.calibrate.tracked import FrameSolver
 from fmfts.contact.beside import told
 from fmfts.contact.contract import RESPONSE_KEY, parse_response
 from fmfts.contact.refinement import Refiner
-from fmfts.contact.response import Response, most_likely
+from fmfts.contact.response import Response
 from fmfts.contact.seal import unsealed
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.sensor.chips import NOISE_T
+from oracle.response import change_and_slope, most_likely
 
 Array = NDArray[np.float64]
 SHEARED = np.array([(1, 0, 0), (2, 0, 0), (3, 0, 0), *SHEAR_EXPONENTS], dtype=np.intp)
@@ -107,10 +108,15 @@ def test_kernel_and_numpy_agree(which: int, seed: int, steps: int, size: float) 
     root = random.normal(size=(5, 5)) * [0.01, 0.01, 0.005, 0.002, 0.002]
     covariance = root.T @ root + np.diag([1e-5, 1e-5, 1e-5, 1e-6, 1e-6])
     start = press + random.normal(0, 1, len(press)) * 0.5
-    ours, our_spread = refiner.refined(start, change, covariance, steps)
-    theirs, their_spread, _ = most_likely(refiner.response, change[None], covariance[None], start[None], steps)
+    ours, our_spread, our_chi2 = refiner.refined(start, change, covariance, steps)
+    theirs, their_spread, their_chi2 = most_likely(refiner.response, change[None], covariance[None], start[None], steps)
     np.testing.assert_allclose(ours, theirs[0], rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(our_spread, their_spread[0], rtol=1e-5, atol=1e-6 * np.abs(their_spread).max())
+    np.testing.assert_allclose(our_chi2, their_chi2[0], rtol=1e-6, atol=1e-9)
+    for found, expected in zip(
+        refiner.response.change_and_slope(press[None]), change_and_slope(refiner.response, press[None]), strict=True
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
 
 
 def test_kernel_refuses_what_does_not_fit_together() -> None:
@@ -120,7 +126,7 @@ def test_kernel_refuses_what_does_not_fit_together() -> None:
     with pytest.raises(ValueError, match="change has 32 bytes, 40 expected"):
         refiner.refined(np.array([0.0, 0.0, 1.0]), np.zeros(4), np.eye(5))
     wild = Refiner(replace(shipped(), exponent=np.full((3, 1), 12, dtype=np.intp)))
-    with pytest.raises(ValueError, match="can be refined with"):
+    with pytest.raises(ValueError, match="than there is room for"):
         wild.refined(np.array([0.0, 0.0, 1.0]), np.zeros(5), np.eye(5))
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmfts.contact.response import Response, most_likely
+from fmfts.contact.refinement import Refiner
+from fmfts.contact.response import Response
 from fmfts.pad import Array
 
 
@@ -13,14 +14,12 @@ def invert(response: Response, change: Array, covariance: Array, across: int = 5
 
     covariance: of the change, (5, 5) or (K, 5, 5).
     """
-    whole = np.broadcast_to(covariance, (len(change), 5, 5))
-    best = np.empty((len(change), 2 + response.loads))
-    smallest = np.full(len(change), np.inf)
+    whole, refiner = np.broadcast_to(covariance, (len(change), 5, 5)), Refiner(response)
     places = [np.linspace(*ends, across + 2)[1:-1] for ends in zip(response.first_mm, response.last_mm, strict=True)]
-    for x_mm in places[0]:
-        for y_mm in places[1]:
-            start = np.tile([x_mm, y_mm, response.scale_n / 2.0, *np.zeros(response.loads - 1)], (len(change), 1))
-            press, _, chi2 = most_likely(response, change, whole, start, steps)
-            better = chi2 < smallest
-            best[better], smallest[better] = press[better], chi2[better]
-    return best
+    loads = [response.scale_n / 2.0, *np.zeros(response.loads - 1)]
+    starts = [np.array([x_mm, y_mm, *loads]) for x_mm in places[0] for y_mm in places[1]]
+    best = []
+    for moved, uncertain in zip(change, whole, strict=True):
+        found = (refiner.refined(start, moved, uncertain, steps) for start in starts)
+        best.append(min(found, key=lambda one: one[2])[0])
+    return np.array(best).reshape(len(change), 2 + response.loads)

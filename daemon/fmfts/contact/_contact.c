@@ -1,8 +1,9 @@
-/* fmfts.contact._contact: the contact model for Python, through the stable ABI. Only inference.py, refinement.py, model.py and
- * touch.py call it. */
+/* fmfts.contact._contact: the contact model for Python, through the stable ABI. Only inference.py, response.py, refinement.py,
+ * model.py and touch.py call it. */
 #include "_evaluated.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "../common/_named.h"
 #include "../common/aligned.h"
@@ -49,11 +50,87 @@ static PyObject *infer(PyObject *module, PyObject *args)
     return result;
 }
 
-/* refine(response, change, covariance, steps, press, spread): as fmfts_refine. False if the covariance is not one. */
+/* Whether `packed` is a response; else raises. */
+static int is_response(const Py_buffer *packed, fmfts_response *response)
+{
+    if (!fmfts_is_aligned(packed, sizeof(double))) {
+        return 0;
+    }
+    if (fmfts_view_response(packed->buf, (size_t)packed->len, response)) {
+        return 1;
+    }
+    PyErr_SetString(PyExc_ValueError, "the response has another size than there is room for");
+    return 0;
+}
+
+/* Whether `press` holds whole presses; else raises. */
+static int are_presses(const Py_buffer *press, const fmfts_response *response, size_t *count)
+{
+    size_t one = (2 + response->loads) * sizeof(double);
+    *count = (size_t)press->len / one;
+    return has_size(press, *count * one, sizeof(double), "press");
+}
+
+/* respond(response, press, change, slope): of each press. */
+static PyObject *respond(PyObject *module, PyObject *args)
+{
+    enum { RESPONSE, PRESS, CHANGE, SLOPE, BUFFERS };
+    Py_buffer b[BUFFERS] = {{0}};
+    fmfts_response response;
+    size_t count;
+    PyObject *result = NULL;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "y*y*w*w*", &b[RESPONSE], &b[PRESS], &b[CHANGE], &b[SLOPE])) {
+        return NULL;
+    }
+    if (is_response(&b[RESPONSE], &response) && are_presses(&b[PRESS], &response, &count) &&
+        has_size(&b[CHANGE], count * sizeof(double[FMFTS_MOVED]), sizeof(double), "change") &&
+        has_size(&b[SLOPE], (size_t)b[PRESS].len * FMFTS_MOVED, sizeof(double), "slope")) {
+        size_t size = 2 + response.loads;
+        for (size_t k = 0; k < count; k++) {
+            double slope[FMFTS_MOVED][FMFTS_MAX_PRESS], *out = (double *)b[SLOPE].buf + k * FMFTS_MOVED * size;
+            fmfts_respond(&response, (double *)b[PRESS].buf + k * size, (double *)b[CHANGE].buf + k * FMFTS_MOVED, slope);
+            for (size_t c = 0; c < FMFTS_MOVED; c++) {
+                memcpy(out + c * size, slope[c], size * sizeof(double));
+            }
+        }
+        result = Py_NewRef(Py_None);
+    }
+    release(b, BUFFERS);
+    return result;
+}
+
+/* basis(response, press, basis): of each press. */
+static PyObject *basis(PyObject *module, PyObject *args)
+{
+    enum { RESPONSE, PRESS, BASIS, BUFFERS };
+    Py_buffer b[BUFFERS] = {{0}};
+    fmfts_response response;
+    size_t count;
+    PyObject *result = NULL;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "y*y*w*", &b[RESPONSE], &b[PRESS], &b[BASIS])) {
+        return NULL;
+    }
+    if (is_response(&b[RESPONSE], &response) && are_presses(&b[PRESS], &response, &count)) {
+        size_t each = (response.knots[0] + 2) * (response.knots[1] + 2) * response.monomials;
+        if (has_size(&b[BASIS], count * each * sizeof(double), sizeof(double), "basis")) {
+            for (size_t k = 0; k < count; k++) {
+                fmfts_basis(&response, (double *)b[PRESS].buf + k * (2 + response.loads), (double *)b[BASIS].buf + k * each);
+            }
+            result = Py_NewRef(Py_None);
+        }
+    }
+    release(b, BUFFERS);
+    return result;
+}
+
+/* refine(response, change, covariance, steps, press, spread): χ² that fmfts_refine leaves. None if the covariance is not one. */
 static PyObject *refine(PyObject *module, PyObject *args)
 {
     enum { RESPONSE, CHANGE, COVARIANCE, PRESS, SPREAD, BUFFERS };
     int steps;
+    double chi2;
     Py_buffer b[BUFFERS] = {{0}};
     fmfts_response response;
     PyObject *result = NULL;
@@ -61,16 +138,12 @@ static PyObject *refine(PyObject *module, PyObject *args)
     if (!PyArg_ParseTuple(args, "y*y*y*iw*w*", &b[RESPONSE], &b[CHANGE], &b[COVARIANCE], &steps, &b[PRESS], &b[SPREAD])) {
         return NULL;
     }
-    if (!fmfts_is_aligned(&b[RESPONSE], sizeof(double))) {
-        /* it has raised */
-    } else if (!fmfts_view_response(b[RESPONSE].buf, (size_t)b[RESPONSE].len, &response)) {
-        PyErr_SetString(PyExc_ValueError, "the response has another size than can be refined with");
-    } else {
+    if (is_response(&b[RESPONSE], &response)) {
         const size_t press = 2 + response.loads, moved = FMFTS_MOVED, unit = sizeof(double);
         if (has_size(&b[CHANGE], moved * unit, unit, "change") && has_size(&b[COVARIANCE], moved * moved * unit, unit, "covariance") &&
             has_size(&b[PRESS], press * unit, unit, "press") && has_size(&b[SPREAD], press * press * unit, unit, "spread")) {
-            result = PyBool_FromLong(
-                fmfts_refine(&response, b[CHANGE].buf, b[COVARIANCE].buf, steps, b[PRESS].buf, b[SPREAD].buf));
+            bool found = fmfts_refine(&response, b[CHANGE].buf, b[COVARIANCE].buf, steps, b[PRESS].buf, b[SPREAD].buf, &chi2);
+            result = found ? PyFloat_FromDouble(chi2) : Py_NewRef(Py_None);
         }
     }
     release(b, BUFFERS);
@@ -158,6 +231,8 @@ static PyMethodDef methods[] = {
     {"touch", touch, METH_VARARGS, "Whether a pad is touched after a frame; see _contact.pyi."},
     {"estimate", estimate, METH_VARARGS, "Place and force of one pose; see _contact.pyi."},
     {"infer", infer, METH_VARARGS, "Contact and Jacobian of one pose; see _contact.pyi."},
+    {"respond", respond, METH_VARARGS, "The change of pose under presses, and its slope; see response.py."},
+    {"basis", basis, METH_VARARGS, "The factor of each coefficient of a response; see response.py."},
     {"refine", refine, METH_VARARGS, "The press that most likely caused a change; see _contact.pyi."},
     {NULL, NULL, 0, NULL},
 };

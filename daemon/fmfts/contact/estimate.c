@@ -129,7 +129,7 @@ static void bend_of(const fmfts_network *network, const fmfts_question *question
 static bool refine(const fmfts_contact_parameters *parameters, const fmfts_question *question,
                    const fmfts_response *response, found *found)
 {
-    double moved[FMFTS_MOVED], covariance[FMFTS_MOVED * FMFTS_MOVED], spread[CONTACT * CONTACT];
+    double moved[FMFTS_MOVED], covariance[FMFTS_MOVED * FMFTS_MOVED], spread[CONTACT * CONTACT], chi2;
     int outputs = found->outputs;
     if ((int)response->loads != outputs - 2) {
         return false;
@@ -141,7 +141,7 @@ static bool refine(const fmfts_contact_parameters *parameters, const fmfts_quest
                 question->covariance[POSE * i + j] + (i == j ? parameters->least_variance : 0.0);
         }
     }
-    if (!fmfts_refine(response, moved, covariance, (int)parameters->refine_steps, found->contact, spread)) {
+    if (!fmfts_refine(response, moved, covariance, (int)parameters->refine_steps, found->contact, spread, &chi2)) {
         return false;
     }
     for (int i = 0; i < outputs; i++) {

@@ -24,7 +24,7 @@ from fmfts.contact.contract import (
 )
 from fmfts.contact.estimate import ContactEstimate
 from fmfts.contact.inference import Inference
-from fmfts.contact.refinement import STEPS, Refiner, packed
+from fmfts.contact.refinement import STEPS, Refiner
 from fmfts.contact.response import CHANGE, Response
 from fmfts.contact.seal import hash_of, unsealed
 from fmfts.contact.shipped import path_of
@@ -148,7 +148,7 @@ class ContactModel:
     def packed_response(self) -> bytes | None:
         """The pad's response to as many loads as the model tells, as C reads it; None if it is not known."""
         if self._packed is None and self.response is not None:
-            self._packed = packed(self.response if self.has_shear else self.response.without_shear())
+            self._packed = (self.response if self.has_shear else self.response.without_shear()).packed()
         return self._packed
 
     @property

@@ -3,21 +3,21 @@
 #include <math.h>
 #include <string.h>
 
+#include "../arithmetic/descent.h"
 #include "../pose/algebra.h"
 
 static const double FIRST_DAMPING = 1e-3, DAMPING_FACTOR = 10.0;
 static const double FARTHEST_LOAD = 3.0; /* presses are searched up to this multiple of the calibrated force */
 static const double UNKNOWN = 1e-6;      /* a prior deviation of 1 m: at rest, the place is unknown */
 
+/* A change of pose, and the press that was judged last: what it leaves, and its slope. */
 typedef struct {
-    double press[FMFTS_MAX_PRESS], residual[FMFTS_MOVED], slope[FMFTS_MOVED][FMFTS_MAX_PRESS], chi2;
-} point;
-
-/* NaN is the lowest. */
-static double clamped(double value, double lowest, double highest)
-{
-    return !(value >= lowest) ? lowest : value > highest ? highest : value;
-}
+    const fmfts_response *response;
+    const double *change;
+    fmfts_matrix information;
+    double residual[FMFTS_MOVED], slope[FMFTS_MOVED][FMFTS_MAX_PRESS], chi2;
+    bool has_begun;
+} cause;
 
 static bool is_positive(double value)
 {
@@ -62,8 +62,8 @@ bool fmfts_view_response(const void *content, size_t size, fmfts_response *respo
 static size_t stencil(const fmfts_response *response, int axis, double place_mm, double value[4], double slope[4])
 {
     double last = (double)response->knots[axis] - 1.0, spacing = response->spacing_mm[axis];
-    double place = clamped((place_mm - response->first_mm[axis]) / spacing, 0.0, last);
-    size_t cell = (size_t)clamped(place, 0.0, last - 1.0);
+    double place = fmfts_within((place_mm - response->first_mm[axis]) / spacing, 0.0, last);
+    size_t cell = (size_t)fmfts_within(place, 0.0, last - 1.0);
     double u = place - (double)cell, v = 1.0 - u;
     value[0] = v * v * v / 6.0;
     value[1] = (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0;
@@ -152,97 +152,113 @@ void fmfts_move(const fmfts_response *response, const double *press, double chan
     respond(response, press, change, NULL, false);
 }
 
-static void bring_onto_table(const fmfts_response *response, double *press)
+void fmfts_basis(const fmfts_response *response, const double *press, double *basis)
 {
-    for (int axis = 0; axis < 2; axis++) {
-        double first = response->first_mm[axis];
-        press[axis] = clamped(press[axis], first, first + response->spacing_mm[axis] * (double)(response->knots[axis] - 1));
-    }
-    for (size_t l = 0; l < response->loads; l++) {
-        double farthest = FARTHEST_LOAD * response->scale_n;
-        press[2 + l] = clamped(press[2 + l], l == 0 ? 0.0 : -farthest, farthest);
-    }
-}
-
-static void judge(const fmfts_response *response, const double *change, fmfts_matrix information, point *at)
-{
-    double modelled[FMFTS_MOVED];
-    bring_onto_table(response, at->press);
-    fmfts_respond(response, at->press, modelled, at->slope);
-    at->chi2 = 0.0;
-    for (int c = 0; c < FMFTS_MOVED; c++) {
-        at->residual[c] = change[c] - modelled[c];
-    }
-    for (int c = 0; c < FMFTS_MOVED; c++) {
-        for (int d = 0; d < FMFTS_MOVED; d++) {
-            at->chi2 += at->residual[c] * information[c][d] * at->residual[d];
+    double along_x[4], along_y[4], unused[4], value[FMFTS_MAX_MONOMIALS], by_load[FMFTS_MAX_MONOMIALS][FMFTS_MAX_LOADS];
+    size_t column = stencil(response, 0, press[0], along_x, unused), row = stencil(response, 1, press[1], along_y, unused);
+    size_t deep = response->knots[1] + 2, monomial = response->monomials;
+    monomials(response, press + 2, value, by_load);
+    memset(basis, 0, (response->knots[0] + 2) * deep * monomial * sizeof(double));
+    for (size_t i = 0; i < 16; i++) {
+        for (size_t m = 0; m < monomial; m++) {
+            basis[((column + i / 4) * deep + row + i % 4) * monomial + m] = along_x[i / 4] * along_y[i % 4] * value[m];
         }
     }
 }
 
-/* normal: the information on the press, (2 + loads)². gradient: for Levenberg–Marquardt. */
-static void normal_equations(const point *at, fmfts_matrix information, size_t size, fmfts_matrix normal, double *gradient)
+static double judge(void *problem, const double *press)
 {
+    cause *c = problem;
+    double modelled[FMFTS_MOVED];
+    fmfts_respond(c->response, press, modelled, c->slope);
+    c->has_begun = true;
+    c->chi2 = 0.0;
+    for (int i = 0; i < FMFTS_MOVED; i++) {
+        c->residual[i] = c->change[i] - modelled[i];
+    }
+    for (int i = 0; i < FMFTS_MOVED; i++) {
+        for (int k = 0; k < FMFTS_MOVED; k++) {
+            c->chi2 += c->residual[i] * c->information[i][k] * c->residual[k];
+        }
+    }
+    return c->chi2;
+}
+
+static bool take(void *problem, const double *press, double *chi2, double *normal, double *right)
+{
+    cause *c = problem;
+    size_t size = 2 + c->response->loads;
+    *chi2 = c->has_begun ? c->chi2 : judge(problem, press);
     for (size_t i = 0; i < size; i++) {
         double weighted[FMFTS_MOVED] = {0};
-        for (int c = 0; c < FMFTS_MOVED; c++) {
+        for (int k = 0; k < FMFTS_MOVED; k++) {
             for (int d = 0; d < FMFTS_MOVED; d++) {
-                weighted[d] += at->slope[c][i] * information[c][d];
+                weighted[d] += c->slope[k][i] * c->information[k][d];
             }
         }
-        gradient[i] = 0.0;
+        right[i] = 0.0;
         for (size_t j = 0; j < size; j++) {
-            normal[i][j] = i == j ? UNKNOWN : 0.0;
+            normal[i * size + j] = i == j ? UNKNOWN : 0.0;
             for (int d = 0; d < FMFTS_MOVED; d++) {
-                normal[i][j] += weighted[d] * at->slope[d][j];
+                normal[i * size + j] += weighted[d] * c->slope[d][j];
             }
         }
         for (int d = 0; d < FMFTS_MOVED; d++) {
-            gradient[i] += weighted[d] * at->residual[d];
+            right[i] += weighted[d] * c->residual[d];
         }
+    }
+    return true;
+}
+
+/* lowest, highest: of a press on the table. */
+static void limit(const fmfts_response *response, double *lowest, double *highest)
+{
+    double farthest = FARTHEST_LOAD * response->scale_n;
+    for (int axis = 0; axis < 2; axis++) {
+        lowest[axis] = response->first_mm[axis];
+        highest[axis] = lowest[axis] + response->spacing_mm[axis] * (double)(response->knots[axis] - 1);
+    }
+    for (size_t l = 0; l < response->loads; l++) {
+        lowest[2 + l] = l == 0 ? 0.0 : -farthest;
+        highest[2 + l] = farthest;
     }
 }
 
 bool fmfts_refine(const fmfts_response *response, const double change[FMFTS_MOVED], const double *covariance, int steps,
-                  double *press, double *spread)
+                  double *press, double *spread, double *chi2)
 {
-    fmfts_matrix matrix, factored, information, normal;
-    double gradient[FMFTS_MAX_PRESS], damping = FIRST_DAMPING;
-    size_t size = 2 + response->loads;
-    point best = {0}, trial = {0};
+    double lowest[FMFTS_MAX_PRESS], highest[FMFTS_MAX_PRESS], best[FMFTS_MAX_PRESS];
+    double room[FMFTS_DESCENT_ROOM(FMFTS_MAX_PRESS)], inverse[FMFTS_MAX_PRESS * FMFTS_MAX_PRESS];
+    fmfts_matrix matrix, factored;
+    cause problem = {.response = response, .change = change};
+    fmfts_descent search = {
+        .unknowns = 2 + response->loads,
+        .iterations = steps > 0 ? (size_t)steps : 0,
+        .damping = FIRST_DAMPING,
+        .damping_factor = DAMPING_FACTOR,
+        .most_damping = INFINITY,
+        .lowest = lowest,
+        .highest = highest,
+        .problem = &problem,
+        .judge = judge,
+        .take = take,
+    };
     for (size_t c = 0; c < FMFTS_MOVED; c++) {
         memcpy(matrix[c], covariance + c * FMFTS_MOVED, sizeof(double[FMFTS_MOVED]));
     }
     if (!factor(FMFTS_MOVED, matrix, 0.0, factored)) {
         return false;
     }
-    invert_factored(FMFTS_MOVED, factored, information);
-    memcpy(best.press, press, size * sizeof(double));
-    judge(response, change, information, &best);
-    normal_equations(&best, information, size, normal, gradient);
-    for (int step = 0; step < steps && factor(size, normal, damping, factored); step++) {
-        double move[FMFTS_MAX_PRESS];
-        memcpy(move, gradient, sizeof(move));
-        solve_factored(size, factored, move);
-        for (size_t i = 0; i < size; i++) {
-            trial.press[i] = best.press[i] + move[i];
-        }
-        judge(response, change, information, &trial);
-        if (trial.chi2 <= best.chi2) {
-            best = trial;
-            damping /= DAMPING_FACTOR;
-            normal_equations(&best, information, size, normal, gradient);
-        } else {
-            damping *= DAMPING_FACTOR;
-        }
+    invert_factored(FMFTS_MOVED, factored, problem.information);
+    limit(response, lowest, highest);
+    for (size_t i = 0; i < search.unknowns; i++) {
+        best[i] = fmfts_within(press[i], lowest[i], highest[i]);
     }
-    if (!factor(size, normal, 0.0, factored)) {
+    fmfts_descend(&search, best, chi2, room); /* where a step leads nowhere, the best press so far is the answer */
+    if (!fmfts_spread_of(search.unknowns, NULL, room, inverse, room + search.unknowns * search.unknowns)) {
         return false;
     }
-    invert_factored(size, factored, matrix);
-    memcpy(press, best.press, size * sizeof(double));
-    for (size_t i = 0; i < size; i++) {
-        memcpy(spread + i * size, matrix[i], size * sizeof(double));
-    }
+    memcpy(press, best, search.unknowns * sizeof(double));
+    memcpy(spread, inverse, search.unknowns * search.unknowns * sizeof(double));
     return true;
 }

@@ -1,5 +1,5 @@
-/* Finds the press that most likely caused a change of pose, in the table of a pad's response. response.py does the same for
- * many presses, and explains it. Plain C, no allocation, no globals. */
+/* The table of a pad's response, and the press that most likely caused a change of pose. response.py explains both. Plain C, no
+ * allocation, no globals. */
 #ifndef FMFTS_REFINE_H
 #define FMFTS_REFINE_H
 
@@ -35,9 +35,12 @@ void fmfts_respond(const fmfts_response *response, const double *press, double c
 /* The change of pose alone. */
 void fmfts_move(const fmfts_response *response, const double *press, double change[FMFTS_MOVED]);
 
+/* The factor of each coefficient, without the five numbers of a change: the change is linear in the coefficients. */
+void fmfts_basis(const fmfts_response *response, const double *press, double *basis);
+
 /* Moves `press` by `steps` trials of Levenberg–Marquardt. covariance: of `change`, 5 × 5. spread: receives the covariance of
- * the press, (2 + loads)². False, and nothing is written, if `covariance` is not positive definite. */
+ * the press, (2 + loads)². chi2: of what it leaves of the change. False, and nothing is written, if `covariance` is not positive definite. */
 bool fmfts_refine(const fmfts_response *response, const double change[FMFTS_MOVED], const double *covariance, int steps,
-                  double *press, double *spread);
+                  double *press, double *spread, double *chi2);
 
 #endif

@@ -44,11 +44,11 @@ PyObject *fmfts_py_poses(PyObject *module, PyObject *args)
 }
 
 /* free_poses(model, work, limits, start, field, variance, foreign, used, ambient, change, covariance, misfit, found_ambient,
- * position, axis) */
+ * by_pose, counted, position, axis) */
 PyObject *fmfts_py_free_poses(PyObject *module, PyObject *args)
 {
-    enum { LIMITS = FIRST, START, FIELD, VARIANCE, FOREIGN, USED, AMBIENT, CHANGE, COVARIANCE, MISFIT, FOUND_AMBIENT, POSITION,
-           AXIS, ALL };
+    enum { LIMITS = FIRST, START, FIELD, VARIANCE, FOREIGN, USED, AMBIENT, CHANGE, COVARIANCE, MISFIT, FOUND_AMBIENT, BY_POSE,
+           COUNTED, POSITION, AXIS, ALL };
     call c;
     PyObject *result = NULL;
     (void)module;
@@ -61,13 +61,16 @@ PyObject *fmfts_py_free_poses(PyObject *module, PyObject *args)
             has_doubles(&c, VARIANCE, values) && has_foreign(&c, FOREIGN) && has(&c, USED, values) &&
             has_doubles(&c, AMBIENT, 3) && has_doubles(&c, CHANGE, numbers) &&
             has_doubles(&c, COVARIANCE, numbers * numbers) && has_doubles(&c, MISFIT, values) &&
-            has_doubles(&c, FOUND_AMBIENT, 3) && has_doubles(&c, POSITION, places) && has_doubles(&c, AXIS, places)) {
+            has_doubles(&c, FOUND_AMBIENT, 3) && has_doubles(&c, BY_POSE, values * numbers) &&
+            has_doubles(&c, COUNTED, numbers) && has_doubles(&c, POSITION, places) && has_doubles(&c, AXIS, places)) {
             fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf, foreign(&c, FOREIGN)};
             fmfts_free_poses found = {
                 .change = array(&c, CHANGE),
                 .covariance = array(&c, COVARIANCE),
                 .misfit_t = array(&c, MISFIT),
                 .ambient_t = array(&c, FOUND_AMBIENT),
+                .by_pose = array(&c, BY_POSE),
+                .counted = array(&c, COUNTED),
                 .position = array(&c, POSITION),
                 .axis = array(&c, AXIS),
             };

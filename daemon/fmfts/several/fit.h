@@ -2,6 +2,7 @@
 #ifndef FMFTS_SEVERAL_FIT_H
 #define FMFTS_SEVERAL_FIT_H
 
+#include "../arithmetic/descent.h"
 #include "several.h"
 
 enum { FMFTS_PANEL = 16 }; /* so many places of the grid stand beside each other: with all values, they fit into L1 */
@@ -77,8 +78,31 @@ bool fmfts_root_of(const fmfts_several *model, size_t fingers, const double *fin
 double fmfts_whiten(const fmfts_several_work *work, const double *root, const fmfts_measured *measured,
                     const double *predicted_t, double *white);
 
-/* fit.c: work->slope [used][unknowns] = L⁻¹ · slope, of the root in `work`. */
-void fmfts_whiten_slope(const fmfts_predicted *predicted, size_t unknowns, fmfts_several_work *work);
+/* whitener.c: white [used][unknowns] = L⁻¹ · slope [values][unknowns], of the root in `work`. */
+void fmfts_whiten_slope(const double *slope, size_t unknowns, const fmfts_several_work *work, double *white);
+
+/* What fit.c and free_poses.c search: fingers, or, with 0 of them, poses. slope: room for the white one [used][unknowns]. limits:
+ * of fmfts_free_poses_of. */
+typedef struct fmfts_valued {
+    const fmfts_several *model;
+    const struct fmfts_free_limits *limits;
+    const fmfts_search *search;
+    const fmfts_measured *measured;
+    const double *ambient_t;
+    fmfts_several_work *work;
+    size_t fingers;
+    double *slope;
+    void (*predict)(const struct fmfts_valued *valued, const double *at, fmfts_predicted *predicted);
+    fmfts_predicted *here, *there; /* at the point that was taken, and judged last; of the start `here` is NULL */
+    fmfts_refusal refusal;
+} fmfts_valued;
+
+/* descend.c: moves `at` to the minimum near it. Sets valued->refusal, and returns false, where a matrix is refused. Else what is
+ * predicted there is in valued->here, and the white slope and residual are left in `work`. */
+bool fmfts_find_minimum(fmfts_valued *valued, fmfts_descent *search, double *at, double *chi2);
+
+/* descend.c: normal [n][n] and right [n] of what is white. */
+void fmfts_normal_equations(const fmfts_several_work *work, size_t n, const double *slope, double *normal, double *right);
 
 /* fit.c: right [n] = slope' · white, and the covariance [n][n] of the fingers, of what is white in `work`. False, and it is
  * infinite, where the values do not determine them. */
@@ -127,13 +151,13 @@ fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, s
                              const double *ambient_t, fmfts_several_work *work, fmfts_poses *poses);
 
 /* As free_poses.py has them. farthest: of each number of a magnet's change of pose. */
-typedef struct {
+typedef struct fmfts_free_limits {
     double iterations, settled, rounding, damping, damping_factor, most_damping, half_a_press_m, farthest[FMFTS_POSE_CHANGE];
 } fmfts_free_limits;
 
-/* As FreePoses; whoever calls gives the arrays: [P], [P][P], [values], [3], [magnets][3], [magnets][3]. */
+/* As FreePoses; whoever calls gives the arrays: [P], [P][P], [values], [3], [values][P], [P], [magnets][3], [magnets][3]. */
 typedef struct {
-    double *change, *covariance, *misfit_t, *ambient_t, *position, *axis;
+    double *change, *covariance, *misfit_t, *ambient_t, *by_pose, *counted, *position, *axis;
     double chi2;
 } fmfts_free_poses;
 

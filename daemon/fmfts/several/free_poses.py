@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fmfts.baseline.array_mounting import HALF_A_PRESS
 from fmfts.common.chi2 import quantile
-from fmfts.pose.magnets import CHANGE, Magnets, field_and_slope
+from fmfts.pose.magnets import CHANGE, Magnets
 from fmfts.pose.observable import taken_values
 from fmfts.several import _several
 from fmfts.several.arrays import doubles
@@ -40,7 +40,8 @@ LIMITS = np.array([ITERATIONS, SETTLED, ROUNDING, DAMPING, DAMPING_FACTOR, MOST_
 @dataclass(frozen=True, slots=True)
 class FreePoses:
     """The magnets; change (5M,): of their poses since rest, in m and components of the axis, with its covariance (5M,
-    5M). chi2: of the residual; misfit_t (3N,). ambient_t (3,): the change of the ambient field that goes with it."""
+    5M). chi2: of the residual; misfit_t (3N,). ambient_t (3,): the change of the ambient field that goes with it.
+    predicted: there; its change is the one that the baseline's errors go with."""
 
     magnets: Magnets
     change: Array
@@ -48,6 +49,7 @@ class FreePoses:
     chi2: float
     misfit_t: Array
     ambient_t: Array
+    predicted: Predicted
 
     @property
     def variance(self) -> Array:
@@ -73,6 +75,7 @@ def free_poses(model: FieldModel, start: Array, measured: Measured, around_t: Ar
     """
     rest, poses, values = model.mounting.magnets, len(start), len(measured.field_t)
     change, covariance, misfit, ambient = np.empty(poses), np.empty((poses, poses)), np.empty(values), np.empty(3)
+    by_pose, counted = np.empty((values, poses)), np.empty(poses)
     position, axis = np.empty((len(rest), 3)), np.empty((len(rest), 3))
     wrong, size, chi2 = _several.free_poses(
         model.packed,
@@ -88,31 +91,12 @@ def free_poses(model: FieldModel, start: Array, measured: Measured, around_t: Ar
         covariance,
         misfit,
         ambient,
+        by_pose,
+        counted,
         position,
         axis,
     )
     refuse(wrong, size, measured, start=start, ambient_t=around_t)
     magnets = Magnets(position, axis, rest.strength_t_m3, rest.octupole_m2)
-    return FreePoses(magnets, change, covariance, chi2, misfit, ambient)
-
-
-def at(model: FieldModel, change: Array) -> Predicted:
-    """What magnets that have moved by `change` (5M,) do to the field. Its `change` is the one that errors go with."""
-    mounting = model.mounting
-    moved = mounting.magnets.changed(change, mounting.frames)
-    field, by_pose = field_and_slope(moved, mounting.frames, mounting.sensors)
-    return Predicted(field.ravel() - model.at_rest, np.zeros((field.size, 0)), by_pose, _counted(model, change), ())
-
-
-def _counted(model: FieldModel, change: Array) -> Array:
-    """(5M,) the change that the baseline's errors go with. They are known for a magnet that is HALF_A_PRESS down. One
-    that is pressed by d is d/2 down on the way, nearer to the chips: the slope of a dipole's gradient goes with r⁻⁵."""
-    heights = model.mounting.sensors.position_m[:, 2].tolist()
-    base_m, counted = sum(heights) / len(heights), change.copy()
-    for number, place_m in enumerate(model.mounting.magnets.position_m[:, 2].tolist()):
-        first, above_m = CHANGE * number, place_m - base_m
-        down_m = min(float(change[first + 2]), 0.0)
-        nearer = (above_m - HALF_A_PRESS_M) / max(above_m + 0.5 * down_m, 0.25 * above_m)
-        square = nearer * nearer
-        counted[first : first + CHANGE] *= square * square * nearer
-    return counted
+    predicted = Predicted(measured.field_t - misfit, np.empty((values, 0)), by_pose, counted, ())
+    return FreePoses(magnets, change, covariance, chi2, misfit, ambient, predicted)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError, inverse, product
 from fmfts.several.field_model import FieldModel
-from fmfts.several.free_poses import FreePoses, at, free_poses, is_explained
+from fmfts.several.free_poses import FreePoses, free_poses, is_explained
 from fmfts.several.measured import Measured
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ def odd_pose_sensor(
 def _gains(model: FieldModel, poses: FreePoses, measured: Measured, around_t: Array) -> Array:
     """(N,) by how much χ² falls without each sensor, to first order: r'P (P_ss)⁻¹ P r of its values s, with the
     residual r, P = W − W J Σ J'W and W = C⁻¹; Σ is the covariance of the poses."""
-    predicted, used = at(model, poses.change), measured.used
+    predicted, used = poses.predicted, measured.used
     covariance = model.covariance(np.zeros((0, 3)), predicted, measured.variance_t2, around_t)
     if measured.foreign_t2 is not None:
         covariance = covariance + measured.foreign_t2

@@ -80,13 +80,3 @@ bool fmfts_view_search(const double *packed, size_t count, size_t values, fmfts_
     };
     return count == numbers + (2 + values) * padded;
 }
-
-bool fmfts_finite(size_t count, const double *values)
-{
-    for (size_t i = 0; i < count; i++) {
-        if (!isfinite(values[i])) {
-            return false;
-        }
-    }
-    return true;
-}

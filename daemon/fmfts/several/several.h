@@ -101,9 +101,6 @@ typedef struct {
 /* packed.c: false if `packed` is no model, its table has no spacing, or it is larger than there is room for. */
 bool fmfts_view_several(const double *packed, size_t count, fmfts_several *model);
 
-/* packed.c: whether all are finite. */
-bool fmfts_finite(size_t count, const double *values);
-
 /* press_table.c: what one finger does; pressed as in fmfts_predicted. */
 void fmfts_press(const fmfts_several *model, const double finger[FMFTS_FINGER], double *pressed);
 

@@ -53,7 +53,7 @@ static double fitted_across(const fmfts_several *model, const fmfts_search *sear
     for (double step = 0.0; step < limits->steps; step += 1.0) {
         fmfts_predict(model, fingers, finger, predicted);
         fmfts_whiten(work, work->root, measured, predicted->field, work->white);
-        fmfts_whiten_slope(predicted, unknowns, work);
+        fmfts_whiten_slope(predicted->slope, unknowns, work, work->slope);
         if (!step_across(search, limits->least_force_n, unknowns, direction, work, finger)) {
             return INFINITY;
         }

@@ -1,5 +1,6 @@
 /* A field in units of its own errors, among the values that there are: fit.py explains it. */
 #include <math.h>
+#include <string.h>
 
 #include "../arithmetic/matrix.h"
 #include "fit.h"
@@ -43,6 +44,14 @@ bool fmfts_root_of(const fmfts_several *model, size_t fingers, const double *fin
         }
     }
     return fmfts_factored(work->used, work->root, refusal);
+}
+
+void fmfts_whiten_slope(const double *slope, size_t unknowns, const fmfts_several_work *work, double *white)
+{
+    for (size_t i = 0; i < work->used; i++) {
+        memcpy(white + i * unknowns, slope + work->index[i] * unknowns, unknowns * sizeof(double));
+    }
+    fmfts_solve_lower(work->used, unknowns, work->root, white);
 }
 
 double fmfts_whiten(const fmfts_several_work *work, const double *root, const fmfts_measured *measured,

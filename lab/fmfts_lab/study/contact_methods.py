@@ -79,7 +79,7 @@ def _shipped(refine: bool, bench: Bench) -> ContactFinder:
         model.inference.run()
         found = model.inference.contact.astype(float)
         if model.refiner is not None:
-            found, _ = model.refiner.refined(found, (pose - model.rest_pose)[:5], covariance)
+            found, *_ = model.refiner.refined(found, (pose - model.rest_pose)[:5], covariance)
         return found[:3]
 
     return ThroughPose(bench, contact)

@@ -155,7 +155,7 @@ def _model(refine: bool) -> Callable[[Readings], Array]:
             model.inference.run()
             press = model.inference.contact.astype(np.float64)
             if model.refiner is not None:
-                press, _ = model.refiner.refined(press, pose[:CHANGE] - model.rest_pose[:CHANGE], covariance)
+                press, *_ = model.refiner.refined(press, pose[:CHANGE] - model.rest_pose[:CHANGE], covariance)
             found.append(press)
         return np.array(found)
 
