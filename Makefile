@@ -260,8 +260,8 @@ collect-drills: $(VENV)/.installed-test firmware
 SOLVED := $(addprefix daemon/fmfts/simulation/,pressed.csv pressed_centre.csv sheared.csv)
 model: $(VENV)/.installed-test
 	mkdir -p build
-	$(BIN)/python -m fmfts.calibrate.solved_set $(SOLVED) --mirrored --largest-force-n 2 -o build/sheared.csv
-	$(BIN)/python -m fmfts.calibrate.default_model tests/data/calibration_1.23T.csv build/sheared.csv
+	$(BIN)/python -m fmfts_lab.calibration.solved_set $(SOLVED) --mirrored --largest-force-n 2 -o build/sheared.csv
+	$(BIN)/python -m fmfts_lab.calibration.shipped_models tests/data/calibration_1.23T.csv build/sheared.csv
 
 # A wheel must have every compiled part, as pyproject.toml lists them.
 COMPILED_PARTS = $(shell sed -n '/^name = "fmfts[.]/s|[.]|/|g; s|^name = "fmfts/\(.*\)"|\1|p' pyproject.toml)

@@ -12,7 +12,6 @@ from test_force_sets import PAD, write_session
 
 from fmfts.baseline.request import BaselineRequest
 from fmfts.bus.messages import ContactMessage
-from fmfts.calibrate.simulated import pressed_fields
 from fmfts.config import Config, ContactConfig, GeometryConfig, PadConfig, SceneConfig
 from fmfts.config.checks import problems_in
 from fmfts.contact import ModelError
@@ -21,6 +20,7 @@ from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.snapshot import restore, snapshot
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import CHIPS
+from fmfts_lab.calibration.simulated import pressed_fields
 from fmfts_skin.calibrate.force_command import KnownMagnet, make_force_file
 from fmfts_skin.force_model import ForceModel
 from fmfts_skin.pipeline import SkinPipeline

@@ -12,9 +12,9 @@ import pytest
 
 from fmfts.calibrate.dataset import standard_pad
 from fmfts.calibrate.field_table import DataError
-from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
 from fmfts.cli.main import main
+from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
 from fmfts_skin.calibrate.force_command import KnownMagnet, evaluate_force_file, make_force_file
 from fmfts_skin.calibrate.force_set import read_force_set
 from fmfts_skin.force_model import ForceModel, ForceModelError

@@ -22,7 +22,6 @@ from fmfts.calibrate.levenberg import Layers, train
 from fmfts.calibrate.network import DIRECTION_GAIN, ContactNetwork, features, train_network
 from fmfts.calibrate.samples import Samples, presses_in_bins, presses_within
 from fmfts.calibrate.selection import Candidate, compare, smallest_within_noise
-from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
 from fmfts.calibrate.training import Options, calibrate, selection_table
 from fmfts.contact import ContactModel
@@ -31,6 +30,7 @@ from fmfts.contact.response import Response
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.sensor.chips import NOISE_T
+from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
 
 REST = np.array([0.0, 0.0, 12.0, 0.0, 0.0, 1.0])
 SCALE = np.array([0.2, 0.2, 0.6, 0.05, 0.05])
@@ -266,7 +266,6 @@ def test_left_out_presses_tell_a_useful_network_from_one_that_is_too_small(pad: 
     found = {one.name: one for one in compare(solver, calibration.press[some], tracked, 1e-3, (2, 8), presses=600)}
     assert 0.9 < found["table inversion"].mean < 1.3
     assert found["table inversion"].mean < found["two layers of 8"].mean < found["two layers of 2"].mean
-    assert found["RBF network"].mean > found["two layers of 8"].mean
     assert smallest_within_noise(list(found.values())).hidden == 8
 
 

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from fmfts.calibrate.dataset import CalibrationSet
 from fmfts.calibrate.evaluate import evaluate
 from fmfts.calibrate.field_table import DataError
-from fmfts.calibrate.simulated import magnet_fields, rest_field_of
 from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact import ContactModel
 from fmfts.pad import Pad
 from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_lab.calibration.simulated import magnet_fields, rest_field_of
 
 Array = NDArray[np.float64]
 # A pad that answers shear evenly: what a newton moves and tilts the magnet. (The real one: lab/results/pad-model.md.)

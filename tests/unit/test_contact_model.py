@@ -11,7 +11,6 @@ import pytest
 from numpy.typing import NDArray
 
 from fmfts.calibrate.dataset import read_calibration_set, standard_pad
-from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.contact import ContactEstimate, ContactModel
 from fmfts.contact.contract import parse_response
@@ -20,6 +19,7 @@ from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
 
 CALIBRATION = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"
 

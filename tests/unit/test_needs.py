@@ -11,7 +11,6 @@ import pytest
 
 from fmfts.calibrate.dataset import standard_pad
 from fmfts.calibrate.samples import Samples
-from fmfts.calibrate.simulated import rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
 from fmfts.config import (
     I2cSource,
@@ -38,6 +37,7 @@ from fmfts.scene import (
     recommended,
 )
 from fmfts.sensor.chips import NOISE_T
+from fmfts_lab.calibration.simulated import rest_field_of
 from fmfts_lab.study.harness import Request
 from fmfts_lab.study.scene_facts import largest_field_gauss, limits, recommended_range_gauss, would_pay
 from fmfts_lab.study.scene_networks import Networks

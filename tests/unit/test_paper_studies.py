@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from fmfts.calibrate.dataset import read_calibration_set, standard_pad
-from fmfts.calibrate.standard_set import standard_set
 from fmfts.cli.main import main
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_lab.calibration.standard_set import standard_set
 from fmfts_lab.study import experiment, paper_inputs
 from fmfts_lab.study.harness import Facts, Request, Row
 from fmfts_lab.study.paper_inputs import Readings

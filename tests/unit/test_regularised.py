@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fmfts.calibrate.levenberg import Layers
-from fmfts.calibrate.regressors import BackPropagation
-from fmfts.calibrate.regularised import BayesianNetwork, Components, RegularisedBasis, bayesian_steps
 from fmfts.pad import Array
+from fmfts_lab.calibration.regressors import BackPropagation
+from fmfts_lab.calibration.regularised import BayesianNetwork, Components, RegularisedBasis, bayesian_steps
 
 NOISE = 0.1
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from fmfts.calibrate.dataset import read_labelled, standard_pad
-from fmfts.calibrate.simulated import rest_field_of
-from fmfts.calibrate.solved_set import main
 from fmfts.calibrate.tracked import FrameSolver
 from fmfts.simulation.solved_table import COLUMNS, mirrored
+from fmfts_lab.calibration.simulated import rest_field_of
+from fmfts_lab.calibration.solved_set import main
 
 # x, y, force, shear x, shear y, dx, dy, dz, axis x, axis y: off the diagonal, on it, and the centre.
 SOLVED = np.array(

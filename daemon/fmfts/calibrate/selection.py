@@ -11,8 +11,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.fitting import fit_response
 from fmfts.calibrate.likelihood import invert
-from fmfts.calibrate.network import error_in_bounds, features, train_network, unit_of, weights
-from fmfts.calibrate.regressors import GaussianProcess, RadialBasis
+from fmfts.calibrate.network import error_in_bounds, train_network
 from fmfts.calibrate.samples import Samples, presses_within
 from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.common.sweep import Workers
@@ -22,7 +21,6 @@ from fmfts.pad import Array
 HIDDEN = (6, 8, 12, 16, 20, 24)
 FOLDS = 3
 PRESSES, STEPS, COPIES = 4000, 30, 8
-RADIAL_CENTRES, FIRM_SHARE = 150, 0.1
 # A larger network must be better by this share, or by the standard error over the folds, where that is larger.
 WORTH_THE_TIME = 0.02
 
@@ -56,7 +54,7 @@ def compare(
     workers: Workers | None = None,
     done: Callable[[int], None] = lambda _: None,
 ) -> list[Candidate]:
-    """Compare networks of each size, trained on `presses` presses, and other regressors, on the same folds.
+    """Compare networks of each size, trained on `presses` presses, and the table's inversion, on the same folds.
 
     sheared: with five outputs; otherwise presses with shear are left out. workers: where each fold is computed; None:
     here. done: takes the number of folds that are computed.
@@ -125,16 +123,6 @@ def _answers(
     for hidden in sizes:
         network = train_network(training, solver.rest_pose, hidden, STEPS)
         yield f"two layers of {hidden}", hidden, network.layers.parameters, network(judged.pose)
-    # At light forces the place is not in the pose. The RBF network gets weights for that; the Gaussian process takes no
-    # weights, so it gets firm presses only.
-    unit, firm = unit_of(training, solver.rest_pose), training.press[:, 2] > FIRM_SHARE * response.scale_n
-    inputs, test_inputs = (features(samples.pose, solver.rest_pose, unit) for samples in (training, judged))
-    radial = RadialBasis(RADIAL_CENTRES).fit(inputs, training.press, weights(training, slice(0, 2))[:, 0])
-    width = inputs.shape[1] + 1
-    yield "RBF network", None, RADIAL_CENTRES * (width + judged.press.shape[1]), radial.predict(test_inputs)
-    rows = min(250, presses // 10)
-    process = GaussianProcess(rows).fit(inputs[firm], training.press[firm])
-    yield "Gaussian process", None, rows * width, process.predict(test_inputs)
     found = invert(response, judged.pose[:, :5] - solver.rest_pose[:5], judged.covariance, across=3, steps=25)
     yield "table inversion", None, response.coefficient.size, found
 

@@ -52,7 +52,7 @@ JUDGED_IN_A_BIN = 1500  # samples in each bin of force
 SHEAR_REACH_MM, SHEAR_TRAINED_MM = 8.0, 10.5
 RULE = (
     f"chosen: the smallest network within {WORTH_THE_TIME:.0%} of the best one, or within what the folds differ by;\n"
-    "the daemon runs networks alone: the other methods show what is possible, and are never chosen"
+    "the daemon runs networks alone: the inversion of the table shows what is possible, and is never chosen"
 )
 SMALL_SHEAR = 0.1  # share of the normal force; its effect is still proportional
 

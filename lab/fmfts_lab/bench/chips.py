@@ -16,7 +16,6 @@ import msgspec
 import numpy as np
 
 from fmfts.calibrate.likelihood import invert
-from fmfts.calibrate.simulated import magnet_fields
 from fmfts.calibrate.tracked import FrameSolver, upright
 from fmfts.config.example import EXAMPLE_PATH
 from fmfts.config.file import load
@@ -27,6 +26,7 @@ from fmfts.scene import Surroundings
 from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS
 from fmfts.simulation.chip import as_counts
 from fmfts_lab.bench.curvature import Curvature, curvature, weight_with_free_ambient
+from fmfts_lab.calibration.simulated import magnet_fields
 from fmfts_lab.study.scene_chips import Setting, settings
 from fmfts_lab.study.scene_facts import recommended_range_gauss
 

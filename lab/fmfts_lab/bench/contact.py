@@ -12,7 +12,6 @@ import numpy as np
 
 from fmfts.calibrate.evaluation import rms, rounded
 from fmfts.calibrate.likelihood import invert
-from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver, Scene, Tracked
 from fmfts.contact import ContactModel
 from fmfts.contact.response import Response
@@ -22,6 +21,7 @@ from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.bench import contact_live, contact_shear, contact_sizes
 from fmfts_lab.bench.contact_answers import answers
 from fmfts_lab.bench.workspace import Array, standard_pad
+from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
 
 PARTS = ("accuracy", "touch", "motion", "squeezes", "speed", "friction", "shear", "sizes")
 SCENES: tuple[Scene, ...] = ("drifting", "constant")

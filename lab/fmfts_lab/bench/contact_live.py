@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from fmfts.calibrate.evaluation import rounded
-from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
 from fmfts.config import MagnetConfig, SceneConfig
 from fmfts.contact import ContactModel, TouchDetector
@@ -20,6 +19,7 @@ from fmfts.simulation.source import ROOM_C
 from fmfts_lab.bench.contact_answers import estimates
 from fmfts_lab.bench.field_tracker import FieldTracker
 from fmfts_lab.bench.workspace import Array, standard_pad
+from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
 
 RATE_HZ = 220.0
 MEMORY_S = 0.04

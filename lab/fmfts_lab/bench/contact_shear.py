@@ -11,8 +11,6 @@ from fmfts.calibrate.dataset import CalibrationSet
 from fmfts.calibrate.evaluate import judge
 from fmfts.calibrate.evaluation import rms, rounded
 from fmfts.calibrate.samples import Samples
-from fmfts.calibrate.simulated import pressed_fields, rest_field_of
-from fmfts.calibrate.solved_set import labelled
 from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.contact import ContactModel
 from fmfts.contact.response import Response
@@ -20,6 +18,8 @@ from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.solved_table import SHEARED_PATH, read_solved
 from fmfts_lab.bench.contact_answers import answers, estimates
 from fmfts_lab.bench.workspace import Array, standard_pad
+from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
+from fmfts_lab.calibration.solved_set import labelled
 
 FORCE_N = 2.0
 STEP_MM = 2.0

@@ -16,10 +16,10 @@ from fmfts.calibrate.labelled_poses import solved, solver_of
 from fmfts.calibrate.levenberg import Layers
 from fmfts.calibrate.network import ContactNetwork
 from fmfts.calibrate.selection import HIDDEN, PRESSES, Candidate, compare, smallest_within_noise
-from fmfts.calibrate.standard_set import standard_set
 from fmfts.contact import ContactModel
 from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.bench.workspace import standard_pad
+from fmfts_lab.calibration.standard_set import standard_set
 
 LARGER = (28, 32)  # `calibrate` does not try these: they gain nothing, and take as long as all the others
 RUNS = 2000

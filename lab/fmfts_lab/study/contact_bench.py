@@ -8,10 +8,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from fmfts.baseline import Mounting
-from fmfts.calibrate.regressors import BackPropagation, RadialBasis
 from fmfts.contact import ContactModel
 from fmfts.contact.response import Response
 from fmfts.pad import Array
+from fmfts_lab.calibration.regressors import BackPropagation, RadialBasis
 from fmfts_lab.study.learned import SEED
 from fmfts_lab.study.world import Sample, World
 

@@ -7,8 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from fmfts.calibrate.regressors import BackPropagation, RadialBasis
-from fmfts.calibrate.simulated import rest_field_of
 from fmfts.config import PadConfig
 from fmfts.pad import Array
 from fmfts.pose import State, tangent_basis
@@ -16,6 +14,8 @@ from fmfts.pose.model import predict
 from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
 from fmfts.scene.tracking import AMBIENT_WALK_T2_PER_S
 from fmfts.sensor.chips import NOISE_T
+from fmfts_lab.calibration.regressors import BackPropagation, RadialBasis
+from fmfts_lab.calibration.simulated import rest_field_of
 from fmfts_lab.study.contact_bench import Bench, ContactFinder, regressor_of
 from fmfts_lab.study.learned import SEED, Nearest, Network
 from fmfts_lab.study.pose_methods import TRAINED_ON, known_of, seen

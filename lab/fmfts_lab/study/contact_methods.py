@@ -11,9 +11,7 @@ import numpy as np
 from msgspec import structs
 
 from fmfts.calibrate.likelihood import invert
-from fmfts.calibrate.regressors import BackPropagation, RadialBasis
 from fmfts.calibrate.samples import Samples, presses_within
-from fmfts.calibrate.simulated import rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
@@ -23,6 +21,8 @@ from fmfts.pipeline.encoded import Answer, message_of
 from fmfts.pose import State
 from fmfts.pose.solver import estimate_of
 from fmfts.sensor.chips import NOISE_T
+from fmfts_lab.calibration.regressors import BackPropagation, RadialBasis
+from fmfts_lab.calibration.simulated import rest_field_of
 from fmfts_lab.study.contact_bench import Bench, ContactFinder, regressor_of
 from fmfts_lab.study.contact_from_field import OneStep, nearest, network
 from fmfts_lab.study.kernels import KernelFilter, daemon

@@ -13,7 +13,6 @@ import numpy as np
 from fmfts.baseline import Mounting, Recording
 from fmfts.baseline.mounting import estimate_mounting
 from fmfts.calibrate.dataset import CalibrationSet, standard_pad
-from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact import ContactModel
 from fmfts.pad import Array, Pad, SensorArray, Tolerance
@@ -31,6 +30,7 @@ from fmfts.simulation.mounted import (
     MountedPad,
 )
 from fmfts_lab.bench import recorded
+from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
 from fmfts_lab.study import paper_chart
 from fmfts_lab.study.harness import Facts, Request, Row, Study
 from fmfts_lab.study.paper_inputs import INPUTS, Readings

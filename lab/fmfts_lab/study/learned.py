@@ -14,11 +14,11 @@ import onnxruntime
 from onnx import TensorProto, helper, numpy_helper
 from scipy.spatial import cKDTree
 
-from fmfts.calibrate.regressors import BackPropagation, RadialBasis
-from fmfts.calibrate.simulated import pressed_fields
 from fmfts.contact.contract import IR_VERSION, OPSET
 from fmfts.pad import Array
 from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_lab.calibration.regressors import BackPropagation, RadialBasis
+from fmfts_lab.calibration.simulated import pressed_fields
 from fmfts_lab.study.world import World
 
 EXAMPLES, LARGEST_N, EDGE_MM = 6000, 2.4, 14.0

@@ -11,11 +11,11 @@ import numpy as np
 from fmfts import simulation as simulate
 from fmfts.calibrate.dataset import rest_field
 from fmfts.calibrate.field_table import DataError
-from fmfts.calibrate.simulated import magnet_fields, rest_field_of
-from fmfts.calibrate.standard_set import standard_set
 from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.pad import Array, Pad
 from fmfts.sensor.chips import NOISE_T
+from fmfts_lab.calibration.simulated import magnet_fields, rest_field_of
+from fmfts_lab.calibration.standard_set import standard_set
 
 # The solved presses with which the shipped model is tested.
 SOLVED_TEST = Path(simulate.__path__[0]) / "test_normal.csv"

@@ -11,9 +11,9 @@ from itertools import product
 
 import numpy as np
 
-from fmfts.calibrate.regressors import RadialBasis, Regressor, Span
-from fmfts.calibrate.regularised import BayesianNetwork, RegularisedBasis
 from fmfts.pad import Array
+from fmfts_lab.calibration.regressors import RadialBasis, Regressor, Span
+from fmfts_lab.calibration.regularised import BayesianNetwork, RegularisedBasis
 
 FOLDS = 3
 STEPS, QUICK_STEPS, STARTS = 200, 30, 3

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmfts.calibrate.regressors import BackPropagation
 from fmfts.config import PadConfig
 from fmfts.pad import Array
 from fmfts.pose import Batch, tangent_basis
 from fmfts.pose.kernel import STATUS
 from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.bench.rivals import POSITION_UNIT_M, moment_vector_solvers
+from fmfts_lab.calibration.regressors import BackPropagation
 from fmfts_lab.study.filters import ExtendedKalman, UnscentedKalman
 from fmfts_lab.study.kernels import Kernel, Solved, Tracking, default
 from fmfts_lab.study.learned import SEED, Nearest, Network, examples

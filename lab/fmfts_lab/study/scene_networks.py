@@ -10,10 +10,10 @@ import numpy as np
 from fmfts.calibrate.network import error_in_bounds, train_network
 from fmfts.calibrate.samples import Samples, presses_within
 from fmfts.calibrate.selection import Candidate, smallest_within_noise
-from fmfts.calibrate.simulated import rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
 from fmfts.pad import Array
 from fmfts.scene import Surroundings
+from fmfts_lab.calibration.simulated import rest_field_of
 from fmfts_lab.study.harness import Row
 
 SIZES = (4, 6, 8, 12, 16, 24)

@@ -11,7 +11,6 @@ import numpy as np
 
 from fmfts.calibrate.likelihood import invert
 from fmfts.calibrate.samples import presses_within
-from fmfts.calibrate.simulated import magnet_fields
 from fmfts.calibrate.tracked import FrameSolver, Tracked, UnsolvedError, upright
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact.response import CHANGE
@@ -19,6 +18,7 @@ from fmfts.pad import Array, Pad
 from fmfts.pose import STOP_CONVERGED, dipole_field, solve
 from fmfts.scene import AMBIENT_CHANGE_T, Model, Surroundings
 from fmfts_lab.bench.neighbours import Outcome, pressed_pair
+from fmfts_lab.calibration.simulated import magnet_fields
 
 TURNING_DEG_PER_S = 20.0  # the robot's turn, if the ambient field drifts
 LIGHTEST_SHARE = 0.15  # of full scale; under lighter presses the place is very uncertain

@@ -6,15 +6,11 @@ that ships is in fmfts.calibrate.network: it is trained with the pose's noise.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from sklearn.cluster import KMeans
-from sklearn.exceptions import ConvergenceWarning
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.levenberg import Layers, train
@@ -101,37 +97,6 @@ class RadialBasis:
     def _basis(self, shrunk: Array) -> Array:
         gaussians = np.exp(-0.5 * squared_distance(shrunk, self._centre) / self._spread**2)
         return np.column_stack([gaussians, np.ones(len(shrunk))])
-
-
-class GaussianProcess:
-    """A reference: as good as so many presses allow for a smooth function, but too slow for a daemon.
-
-    Of more than `most` rows a random choice is used, because the work grows with their cube. It takes no weights.
-    """
-
-    def __init__(self, most: int = 600, seed: int = 0) -> None:
-        self.most = most
-        self.seed = seed
-
-    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> GaussianProcess:
-        if weight is not None:
-            raise ValueError("a Gaussian process takes no weights: it estimates the noise itself")
-        rows = np.random.default_rng(self.seed).permutation(len(inputs))[: self.most]
-        self._inputs, self._target = Span.of(inputs), Span.of(target)
-        width = inputs.shape[1]
-        kernel = ConstantKernel(10.0, (1e-2, 1e5)) * RBF(np.ones(width), (1e-2, 1e3)) + WhiteKernel(1e-6, (1e-12, 1e0))
-        self._processes = []
-        # A length that converges to its bound belongs to a component that does not matter; that is no error.
-        with threadpool_limits(1), warnings.catch_warnings():
-            warnings.simplefilter("ignore", ConvergenceWarning)
-            for column in self._target.shrunk(target)[rows].T:
-                process = GaussianProcessRegressor(kernel, random_state=self.seed)
-                self._processes.append(process.fit(self._inputs.shrunk(inputs)[rows], column))
-        return self
-
-    def predict(self, inputs: Array) -> Array:
-        shrunk = self._inputs.shrunk(inputs)
-        return self._target.restored(np.stack([process.predict(shrunk) for process in self._processes], axis=1))
 
 
 def squared_distance(one: Array, other: Array) -> Array:

@@ -14,8 +14,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.levenberg import Layers
-from fmfts.calibrate.regressors import Span, squared_distance
 from fmfts.pad import Array
+from fmfts_lab.calibration.regressors import Span, squared_distance
 
 FIRST_PRECISION, FIRST_DECAY = 1.0, 1e-3
 FIRST_DAMPING, DAMPING_FACTOR, MOST_DAMPING = 1e-2, 10.0, 1e10

@@ -1,6 +1,6 @@
 """Makes the standard pad's calibration set: the paper's 675 presses, with noise-free fields of the exact cylinder.
 
-    python -m fmfts.calibrate.standard_set tests/data/calibration_1.23T.csv
+    python -m fmfts_lab.calibration.standard_set tests/data/calibration_1.23T.csv
 
 The force is that of a load cell under the probe (docs/pad-model.md).
 """
@@ -15,9 +15,9 @@ import numpy as np
 
 from fmfts.calibrate.dataset import CalibrationSet, standard_pad
 from fmfts.calibrate.field_table import field_columns
-from fmfts.calibrate.simulated import pressed_fields
 from fmfts.contact.contract import OUTPUT_ORDER
 from fmfts.pad import Array
+from fmfts_lab.calibration.simulated import pressed_fields
 
 PLACES_MM = range(-14, 15, 2)
 FORCE_N = (0.2827, 1.131, 1.9792)  # 10, 40 and 70 kPa on a patch of 6 mm

@@ -1,6 +1,6 @@
 """Makes the contact models that ship, and their reports; the same files every time.
 
-    python -m fmfts.calibrate.default_model CALIBRATION.csv SHEARED.csv [FOLDER]
+    python -m fmfts_lab.calibration.shipped_models CALIBRATION.csv SHEARED.csv [FOLDER]
 
 default.onnx is `fmfts-daemon calibrate CALIBRATION.csv --sheared SHEARED.csv` for the standard pad, shear.onnx is
 `fmfts-daemon calibrate SHEARED.csv --shear`, with the sizes that k-fold selection chose (docs/calibration.md).

@@ -1,6 +1,7 @@
 """Makes a calibration set from presses solved by finite elements: computes the fields at the standard pad's sensors.
 
-    python -m fmfts.calibrate.solved_set SOLVED.csv … -o SET.csv [--mirrored] [--largest-force-n 2] [--remanence-t 1.23]
+    python -m fmfts_lab.calibration.solved_set SOLVED.csv … -o SET.csv [--mirrored] [--largest-force-n 2]
+        [--remanence-t 1.23]
 
 SOLVED.csv has x_mm, y_mm, force_n, shear_x_n, shear_y_n and the magnet's dx_um, dy_um, dz_um, axis_x, axis_y, as
 `fmfts_lab.finite_elements.solved_presses` writes it. --mirrored adds all mirror images and quarter turns of each press
@@ -17,10 +18,10 @@ import numpy as np
 
 from fmfts.calibrate.dataset import standard_pad
 from fmfts.calibrate.field_table import field_columns
-from fmfts.calibrate.simulated import magnet_fields
 from fmfts.contact.contract import SHEAR_OUTPUT_ORDER
 from fmfts.pad import Array, Pad
 from fmfts.simulation.solved_table import mirrored, read_solved
+from fmfts_lab.calibration.simulated import magnet_fields
 
 
 def labelled(rows: Array, pad: Pad) -> Array:
@@ -32,7 +33,7 @@ def labelled(rows: Array, pad: Pad) -> Array:
 
 
 def main(arguments: list[str]) -> int:
-    parser = argparse.ArgumentParser(prog="python -m fmfts.calibrate.solved_set")
+    parser = argparse.ArgumentParser(prog="python -m fmfts_lab.calibration.solved_set")
     parser.add_argument("solved", type=Path, nargs="+")
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--mirrored", action="store_true")
