@@ -198,6 +198,7 @@ def _contacts(random: np.random.Generator) -> None:
     for response in RESPONSES:
         press = np.array([1.0, 2.0, *[0.5] * response.loads])
         Refiner(response).refined(press, response.change(press[None])[0], 1e-6 * np.eye(5))
+        response.basis(press[None])
     pad = config_of(3).pad()
     model = ContactModel.load(str(DEFAULT_PATH), pad)
     for _ in range(3):

@@ -1,10 +1,12 @@
-/* fmfts.pose._kernel: solver.c for Python, through the stable ABI. Only kernel.py calls it, and makes the arrays. */
+/* fmfts.pose._kernel: solver.c and model.h for Python, through the stable ABI. Only kernel.py and dipole.py call it, and make the
+ * arrays. */
 #define PY_SSIZE_T_CLEAN
 #include "../common/stable_abi.h"
 
 #include <Python.h>
 
 #include "../common/aligned.h"
+#include "model.h"
 #include "solver.h"
 
 enum { MEASUREMENTS, MAGNETS, PARTS, START, MEAN, COVARIANCE, RATE, DIFFUSION, INPUTS };
@@ -118,7 +120,48 @@ static PyObject *solve(PyObject *module, PyObject *args)
     return result;
 }
 
+/* dipole(places, position, axis, strength, octupole, field, by_position, by_axis): of one magnet at many places. */
+static PyObject *dipole(PyObject *module, PyObject *args)
+{
+    enum { PLACES, POSITION, AXIS, FIELD, BY_POSITION, BY_AXIS, ARRAYS };
+    Py_buffer b[ARRAYS] = {{0}};
+    fmfts_source source;
+    PyObject *result = NULL;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "y*y*y*ddw*w*w*", &b[PLACES], &b[POSITION], &b[AXIS], &source.strength, &source.octupole,
+                          &b[FIELD], &b[BY_POSITION], &b[BY_AXIS])) {
+        return NULL;
+    }
+    const Py_ssize_t one = 3 * sizeof(double), places = b[PLACES].len / one;
+    const Py_ssize_t wanted[ARRAYS] = {places * one, one, one, places * one, 3 * places * one, 3 * places * one};
+    bool fits = true;
+    for (int i = 0; fits && i < ARRAYS; i++) {
+        fits = fmfts_is_aligned(&b[i], sizeof(double));
+        if (fits && b[i].len != wanted[i]) {
+            PyErr_Format(PyExc_ValueError, "array %d has %zd bytes, %zd expected", i, b[i].len, wanted[i]);
+            fits = false;
+        }
+    }
+    if (fits) {
+        source.position = b[POSITION].buf;
+        source.axis = b[AXIS].buf;
+        tangent_basis(source.axis, source.basis);
+        for (Py_ssize_t i = 0; i < places; i++) {
+            fmfts_sight sight;
+            look(&source, (double *)b[PLACES].buf + 3 * i, &sight);
+            differentiate(&source, &sight, (double *)b[FIELD].buf + 3 * i, (double(*)[3])b[BY_POSITION].buf + 3 * i,
+                          (double(*)[3])b[BY_AXIS].buf + 3 * i);
+        }
+        result = Py_NewRef(Py_None);
+    }
+    for (int i = 0; i < ARRAYS; i++) {
+        PyBuffer_Release(&b[i]);
+    }
+    return result;
+}
+
 static PyMethodDef methods[] = {
+    {"dipole", dipole, METH_VARARGS, "The field of a magnet, and its derivatives; see dipole.py."},
     {"solve", solve, METH_VARARGS, "Solve one problem for each of `pads`; see kernel.py."},
     {NULL, NULL, 0, NULL},
 };

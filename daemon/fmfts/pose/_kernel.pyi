@@ -25,3 +25,14 @@ def solve(
     summary: NDArray[Any],
     /,
 ) -> None: ...
+def dipole(
+    places: NDArray[Any],
+    position: NDArray[Any],
+    axis: NDArray[Any],
+    strength: float,
+    octupole: float,
+    field: NDArray[Any],
+    by_position: NDArray[Any],
+    by_axis: NDArray[Any],
+    /,
+) -> None: ...

@@ -8,32 +8,19 @@ B_T·(u q^−3/2 + κ(5/2 u³ q^−7/2 − 3/2 u q^−5/2)), so the field is B =
     β = 3u q^−5/2 + κ(35/2 u³ q^−9/2 − 15/2 u q^−7/2)
 
 κ = 0 gives Eq. 2, which is exact to this order for a cylinder with L/D = √3/2 = 0.866. κ follows from disks of charge
-at the two end faces: the third moment ∫(z³ − 3/2 zρ²) over the first, ∫z.
+at the two end faces: the third moment ∫(z³ − 3/2 zρ²) over the first, ∫z. `look` and `differentiate` of model.h compute
+them, and the derivatives by u and q.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import product
 from fmfts.pad import Magnet
+from fmfts.pose import _kernel
 
 Array = NDArray[np.float64]
-IDENTITY = np.eye(3)
-
-
-class Radial(NamedTuple):
-    """α and β, their derivatives by u, and twice their derivatives by q; each (N,)."""
-
-    alpha: Array
-    beta: Array
-    alpha_u: Array
-    beta_u: Array
-    alpha_2q: Array
-    beta_2q: Array
 
 
 def octupole_m2(magnet: Magnet) -> float:
@@ -48,10 +35,7 @@ def dipole_field(
 
     Eq. 2: B = B_T·(3(m̂·r)r/r⁵ − m̂/r³) with r from the magnet to the sensor; B_T is `Magnet.strength_t_m3`.
     """
-    r = place_m - position_m
-    radial = radial_of(product(r, axis), (r * r).sum(axis=1), octupole_m2)
-    field: Array = strength_t_m3 * (radial.alpha[:, None] * axis + radial.beta[:, None] * r)
-    return field
+    return dipole_derivatives(place_m, position_m, axis, strength_t_m3, octupole_m2)[0]
 
 
 def dipole_derivatives(
@@ -61,35 +45,7 @@ def dipole_derivatives(
 
     The last index is the variable. The derivative by sensor position is minus that by magnet position.
     """
-    r = place_m - position_m
-    alpha, beta, alpha_u, beta_u, alpha_2q, beta_2q = (
-        strength_t_m3 * value[:, None, None] for value in radial_of(product(r, axis), (r * r).sum(axis=1), octupole_m2)
-    )
-    along, across = np.broadcast_to(axis[:, None], (len(r), 3, 1)), r[:, :, None]
-    by_u = alpha_u * along + beta_u * across
-    by_2q = alpha_2q * along + beta_2q * across
-    field = (alpha * along + beta * across)[:, :, 0]
-    by_axis = by_u * r[:, None, :] + alpha * IDENTITY
-    by_position = -(by_u * axis + by_2q * r[:, None, :] + beta * IDENTITY)
+    places, position, along = (np.ascontiguousarray(each, dtype=np.float64) for each in (place_m, position_m, axis))
+    field, by_position, by_axis = (np.empty((len(places), *shape)) for shape in ((3,), (3, 3), (3, 3)))
+    _kernel.dipole(places, position, along, strength_t_m3, octupole_m2, field, by_position, by_axis)
     return field, by_position, by_axis
-
-
-def radial_of(u: Array, q: Array, octupole_m2: float) -> Radial:
-    inverse = 1.0 / q
-    third = inverse * np.sqrt(inverse)
-    fifth = third * inverse
-    dipole = Radial(-third, 3.0 * u * fifth, 0.0 * u, 3.0 * fifth, 3.0 * fifth, -15.0 * u * fifth * inverse)
-    if octupole_m2 == 0.0:
-        return dipole
-    scaled = octupole_m2 * fifth
-    w = u * inverse
-    uw = u * w
-    octupole = Radial(
-        alpha=scaled * (1.5 - 7.5 * uw),
-        beta=scaled * w * (17.5 * uw - 7.5),
-        alpha_u=scaled * -15.0 * w,
-        beta_u=scaled * inverse * (52.5 * uw - 7.5),
-        alpha_2q=scaled * inverse * (52.5 * uw - 7.5),
-        beta_2q=scaled * inverse * w * (52.5 - 157.5 * uw),
-    )
-    return Radial(*(first + second for first, second in zip(dipole, octupole, strict=True)))

@@ -1,4 +1,4 @@
-/* The measurement model of dipole.py and model.py, one scalar at a time. */
+/* The field of a magnet (dipole.py has the equation), and the measurement model: what one scalar reads in a state. */
 #ifndef FMFTS_MODEL_H
 #define FMFTS_MODEL_H
 
@@ -74,6 +74,21 @@ FMFTS_INLINE void look(const fmfts_source *source, const double *place, fmfts_si
         sight->beta_u += further * (52.5 * uw - 7.5);
         sight->alpha_2q += further * (52.5 * uw - 7.5);
         sight->beta_2q += further * w * (52.5 - 157.5 * uw);
+    }
+}
+
+/* The field, and its derivatives by the magnet's position and by the direction of its moment. */
+FMFTS_INLINE void differentiate(const fmfts_source *source, const fmfts_sight *sight, double field[3], double by_position[3][3],
+                                double by_axis[3][3])
+{
+    for (int i = 0; i < 3; i++) {
+        double by_u = sight->alpha_u * source->axis[i] + sight->beta_u * sight->r[i];
+        double by_2q = sight->alpha_2q * source->axis[i] + sight->beta_2q * sight->r[i];
+        field[i] = sight->alpha * source->axis[i] + sight->beta * sight->r[i];
+        for (int j = 0; j < 3; j++) {
+            by_position[i][j] = -(by_u * source->axis[j] + by_2q * sight->r[j] + (i == j ? sight->beta : 0.0));
+            by_axis[i][j] = by_u * sight->r[j] + (i == j ? sight->alpha : 0.0);
+        }
     }
 }
 
