@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import exp, log, square
 from fmfts.arithmetic.matrix import inverse, lengths, log_determinant, product, root_of_squares, solve
+from fmfts.baseline.leftover import TELLS_LITTLE, Leftover
 from fmfts.baseline.presses import PressBundle, Presses
 from fmfts.baseline.recording import Recording
 from fmfts.baseline.sensitivity import Sensitivity, relative_deviation, split
-from fmfts.baseline.unknowns import TELLS_LITTLE, Leftover, Unknowns
+from fmfts.baseline.unknowns import Unknowns
 from fmfts.pad import Pad, SensorArray, Tolerance
 from fmfts.pose import FREE_FIELD, FieldErrors, State, dipole_field
 from fmfts.pose import solve as solve_pose

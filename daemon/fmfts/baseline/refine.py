@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import lengths, root_of_squares
 from fmfts.baseline.learned import LearnedGeometry
+from fmfts.baseline.leftover import TYPICAL_CHANGE
 from fmfts.baseline.mounting import Mounting, estimate_mounting
 from fmfts.baseline.presses import Presses
 from fmfts.baseline.recording import BaselineError, Recording
 from fmfts.baseline.sensitivity import Sensitivity
-from fmfts.baseline.unknowns import TYPICAL_CHANGE
 from fmfts.baseline.window_means import MEAN_OF, Means
 from fmfts.common.chi2 import quantile
 from fmfts.pad import Pad, Tolerance
