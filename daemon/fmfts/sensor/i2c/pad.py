@@ -15,15 +15,8 @@ from fmfts.sensor.i2c.bus import ChipWires, I2cBus
 from fmfts.sensor.i2c.others import identity_of_another
 from fmfts.sensor.i2c.packed import frame_of, hello_of
 from fmfts.sensor.i2c.reader_config import PadWiring, ways
-from fmfts.sensor.i2c.sensor import Sensor, now_us
-from fmfts.sensor.wire.packets import (
-    TEMPERATURE_UNKNOWN,
-    Early,
-    HelloPad,
-    Sample,
-    SensorState,
-    StatusPad,
-)
+from fmfts.sensor.i2c.sensor import Sensor, now_us, period_us_of
+from fmfts.sensor.wire.packets import TEMPERATURE_UNKNOWN, Early, HelloPad, Sample, SensorState, StatusPad
 from fmfts.sensor.wired_pad import Settings
 
 LOOK_US = 5_000_000
@@ -242,7 +235,7 @@ class I2cPad:
         return sensor.started_measuring_us > 0 and running_us < 2 * period_us + UNREAD_US
 
     def _read(self, sensor: Sensor, measured_us: int | None) -> None:
-        period_us = _period_us(self.chip, self.settings)
+        period_us = period_us_of(self.chip, self.settings)
         if not self._has_measured(sensor, period_us):
             self.select(sensor)
             if self._is_paced:
@@ -295,12 +288,6 @@ class I2cPad:
         if self.chip.thermometer is not None:
             count = self.chip.driver.temperature_count(sensor.wires, sensor.block)
             sensor.temperature_raw = TEMPERATURE_UNKNOWN if count is None else count
-
-
-@lru_cache(maxsize=16)
-def _period_us(chip: Chip, settings: Settings) -> int:
-    """Asked for at every reading of every sensor."""
-    return round(1e6 / (settings.rate_hz if settings.trigger else chip.output_rate_hz(settings.rate_hz)))
 
 
 @lru_cache(maxsize=256)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import lru_cache
 
-from fmfts.sensor.chips.chip import Axes
+from fmfts.sensor.chips.chip import Axes, Chip
 from fmfts.sensor.i2c.bus import ChipWires
 from fmfts.sensor.wire.packets import TEMPERATURE_UNKNOWN, SensorState
+from fmfts.sensor.wired_pad import Settings
 
 RETRY_US = 250_000
 
@@ -73,3 +75,9 @@ class Sensor:
             self.started_us = self.polled_us
             return
         self.axes, self.sampled_us, self.fresh, self.unsent = axes, sampled_us, True, True
+
+
+@lru_cache(maxsize=16)
+def period_us_of(chip: Chip, settings: Settings) -> int:
+    """Asked for at every reading of every sensor."""
+    return round(1e6 / (settings.rate_hz if settings.trigger else chip.output_rate_hz(settings.rate_hz)))

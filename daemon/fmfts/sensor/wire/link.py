@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 
-from fmfts.sensor.chips import Chip
 from fmfts.sensor.chips.selftest import no_selftest
 from fmfts.sensor.early import EarlySample
-from fmfts.sensor.frame import READING_BYTES, Frame, WireFrame, bits
+from fmfts.sensor.frame import Frame
 from fmfts.sensor.source import CannotError, SourceState
 from fmfts.sensor.wire import faults
+from fmfts.sensor.wire.admission import Admission, timed_together
 from fmfts.sensor.wire.board import SETTING, Board
 from fmfts.sensor.wire.clock import DeviceClock, HostClock
-from fmfts.sensor.wire.framing import Decoder, PackedEarly, PackedSample
-from fmfts.sensor.wire.line_guard import ASK_NS, NOT_YET, LineGuard
+from fmfts.sensor.wire.framing import Decoder, PackedEarly
+from fmfts.sensor.wire.line_guard import ASK_NS
 from fmfts.sensor.wire.packets import (
-    TEMPERATURE_UNKNOWN,
     Early,
     Hello,
     Load,
@@ -35,7 +34,6 @@ from fmfts.sensor.wire.strange import StrangeBytes
 from fmfts.sensor.wired_pad import WiredPad
 
 LOADS_KEPT = 240  # three seconds of load-cell readings, if nobody takes them
-TOO_LATE_NS = 1_000_000  # a time that more packets of the same read show to be so much too late is corrected
 CLOCK_TOLERANCE = {0: 200e-6, 1: 200e-6, 2: 0.02}  # hello's `clock`: host build, crystal, RC oscillator
 
 
@@ -64,11 +62,8 @@ class Link:
         self._decoder = Decoder()
         self._hello_due_ns: int | None = None
         self.strange = StrangeBytes()
-        self._misfits = 0
-        self._hello_came = False  # after the last sample
         self._selftests = Selftests()
-        self._guard = LineGuard(self.requests)
-        self._accepted: dict[tuple[int, int], Chip] = {}  # by (pad index, bytes of readings): they agree with the hello
+        self._admission = Admission(pads, state, clock, self._board, self.requests)
 
     @property
     def hello(self) -> Hello | None:
@@ -89,7 +84,7 @@ class Link:
 
     def accepts(self, pad_index: int) -> bool:
         """Samples of this pad came from the right board and agreed with its hello."""
-        return self._decoder.has_joined and any(pad_index == accepted for accepted, _ in self._accepted)
+        return self._decoder.has_joined and self._admission.has_taken(pad_index)
 
     def give_back(self) -> bytes:
         """Take out the beginning of a packet whose rest has not come yet: for `feed` later, or for another reader."""
@@ -104,13 +99,12 @@ class Link:
     def restart(self) -> None:
         """The line was newly opened: forget everything about the old one."""
         self._board.forget()
-        self._accepted.clear()
-        self.heard_ns, self._misfits, self._hello_due_ns = 0, 0, None
+        self.heard_ns, self._hello_due_ns = 0, None
         self._decoder = Decoder()
         self.strange.forget()
         self._clock.restart()
         self.requests.clear()
-        self._guard = LineGuard(self.requests)
+        self._admission.restart()
 
     def lost(self, reason: str) -> None:
         """The line is gone: drop the requests and fail the self-tests."""
@@ -134,7 +128,7 @@ class Link:
         Never raises: packets that contradict the board's hello are left out, counted, and named in `warnings`.
         """
         frames = self._feed(data, now_ns)
-        return _timed_together(frames, self._clock, now_ns) if len(frames) > 1 else frames
+        return timed_together(frames, self._clock, now_ns) if len(frames) > 1 else frames
 
     def _feed(self, data: bytes, now_ns: int) -> list[Frame]:
         arrived = data
@@ -144,9 +138,10 @@ class Link:
         for sample in samples:
             if len(sample[4]) == 3:
                 self._take_early(sample, len(frames), now_ns)
-            elif (frame := self._wire_frame(sample, now_ns)) is not None:
+            elif (frame := self._admission.wire_frame(sample, now_ns)) is not None:
                 frames.append(frame)
         if samples:
+            self.heard_ns = now_ns
             self.strange.forget()
         if not data:
             return frames
@@ -156,7 +151,7 @@ class Link:
             self.heard_ns = now_ns
             self.strange.forget()
             if type(packet) is Sample:
-                frame = self._frame(packet, now_ns)
+                frame = self._admission.frame(packet, now_ns)
                 if frame is not None:
                     frames.append(frame)
             elif type(packet) is Early:
@@ -180,109 +175,19 @@ class Link:
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:
         return self._selftests.result(pad_index)
 
-    def _wire_frame(self, sample: PackedSample, now_ns: int) -> Frame | None:
-        pad_index, sequence, time_us, temperature_raw, packed = sample
-        self.heard_ns = now_ns
-        key = pad_index, len(packed[3])
-        chip = self._accepted.get(key)
-        if chip is not None:
-            host_time_ns = self._host_time_ns(time_us, now_ns, pad_index, sequence)
-        else:
-            host_time_ns = self._admitted(pad_index, len(packed[3]) // READING_BYTES, time_us, now_ns, sequence)
-        if host_time_ns is None:
-            return None
-        if chip is None:
-            chip = self._pads[pad_index].chip
-            if self.hello is not None:
-                self._accepted[key] = chip
-        temperature_c = None if temperature_raw == TEMPERATURE_UNKNOWN else chip.temperature_c(temperature_raw)
-        return WireFrame(pad_index, sequence, time_us, host_time_ns, packed, temperature_c, self._clock.restarts, chip)
-
-    def _take_early(self, early: PackedEarly, before: int, now_ns: int) -> None:
+    def _take_early(self, packed: PackedEarly, before: int, now_ns: int) -> None:
         """before: how many frames this `feed` found before it."""
-        pad_index, sensor, gain_code, time_us, counts = early
-        self.heard_ns = now_ns
-        pad = self._pads.get(pad_index)
-        if pad is None or not pad.early or not self.is_right_board:
-            return  # another host may have asked for it: the first hello ends that
-        if not self._fits("early sample", pad_index, pad.sensors):
-            return
-        if sensor >= pad.sensors:
-            self._leave_out("early sample", f"the pad has no sensor {sensor} (they count from 0)")
-        elif self._guard.crowd is not None or not self._clock.is_plausible(time_us, now_ns):
-            pass  # frames tell of that
-        else:
-            self.early.append((before, EarlySample(pad_index, sensor, time_us, gain_code, counts, pad.chip)))
+        if (early := self._admission.early(packed, now_ns)) is not None:
+            self.early.append((before, early))
 
     def passed(self, pad_index: int, sequence: int) -> None:
         """Another reader handled frames of this pad, and this was the last one's number."""
-        self._guard.passed(pad_index, sequence)
-
-    def _host_time_ns(self, time_us: int, now_ns: int, counted: object, number: int) -> int | None:
-        """When a packet's sample was taken, on this host; None if it is refused. number: the packet's, in the series
-        `counted`."""
-        if (why := self._guard.why_not(self._clock, time_us, now_ns, counted, number)) is not None:
-            if why is not NOT_YET:
-                self._leave_out("sample", why)
-            return None
-        restarts = self._clock.restarts
-        host_time_ns = self._clock.to_host_ns(time_us, now_ns)
-        hello_came, self._hello_came = self._hello_came, False
-        if self._clock.restarts != restarts:
-            self.requests.ask(Verb.HELLO)  # after a reset the board has its default settings, and its hello may be lost
-            if not hello_came and self._board.was_reset():
-                self._accepted.clear()
-                return None
-        return host_time_ns
-
-    def _admitted(self, pad_index: int, sensors: int, time_us: int, now_ns: int, sequence: int) -> int | None:
-        """When a sample was taken; None if it is of no configured pad, or does not agree with its configuration."""
-        if not self._fits("sample", pad_index, sensors):
-            return None
-        host_time_ns = self._host_time_ns(time_us, now_ns, pad_index, sequence)
-        if host_time_ns is None:
-            return None
-        if pad_index not in self._pads or not self.is_right_board:
-            return None
-        wrong = self._board.mismatch(pad_index, sensors)
-        faults.note(self._state.pad_faults, pad_index, wrong)
-        return host_time_ns if wrong is None else None
-
-    def _frame(self, sample: Sample, now_ns: int) -> Frame | None:
-        sensors = len(sample.counts)
-        host_time_ns = self._admitted(sample.pad_index, sensors, sample.time_us, now_ns, sample.sequence)
-        if host_time_ns is None:
-            return None
-        chip, raw = self._pads[sample.pad_index].chip, sample.temperature_raw
-        return Frame(
-            sample.pad_index,
-            sample.sequence,
-            sample.time_us,
-            host_time_ns,
-            sample.gain_code,
-            sample.counts,
-            sample.age_us,
-            bits(sample.fresh, sensors),
-            bits(sample.valid, sensors),
-            None if raw == TEMPERATURE_UNKNOWN else chip.temperature_c(raw),
-            self._clock.restarts,
-            chip,
-        )
-
-    def _fits(self, what: str, pad_index: int, sensors: int) -> bool:
-        why = self._board.contradiction(pad_index, sensors)
-        if why is not None:
-            self._leave_out(what, why)
-        return why is None
-
-    def _leave_out(self, what: str, why: str) -> None:
-        self._misfits += 1
-        self._state.warnings["packets"] = faults.misfits(self._misfits, what, why)
+        self._admission.guard.passed(pad_index, sequence)
 
     def _take(self, packet: Packet, now_ns: int) -> None:
         match packet:
             case Hello():
-                self._guard.hello(packet.uid, self._clock, now_ns)
+                self._admission.guard.hello(packet.uid, self._clock, now_ns)
                 self._take_hello(packet)
                 self._review_line(now_ns)
             case Status():
@@ -292,15 +197,16 @@ class Link:
             case Selftest():
                 self._take_selftest(packet)
             case Load():
-                if (taken_ns := self._host_time_ns(packet.time_us, now_ns, Load, packet.sequence)) is not None:
+                taken_ns = self._admission.host_time_ns(packet.time_us, now_ns, Load, packet.sequence)
+                if taken_ns is not None:
                     self.loads.append((taken_ns, packet.counts))
             case Request():
-                self._leave_out("request", "only a host sends these: are the board's TX and RX joined?")
+                self._admission.leave_out("request", "only a host sends these: are the board's TX and RX joined?")
 
     def _take_hello(self, hello: Hello) -> None:
         self._board.hello, self._hello_due_ns = hello, None
-        self._hello_came = True
-        self._accepted.clear()
+        self._admission.hello_came = True
+        self._admission.forget_hello()
         if not self.is_right_board:
             return
         if isinstance(self._clock, DeviceClock):
@@ -314,9 +220,9 @@ class Link:
 
     def _review_line(self, now_ns: int) -> None:
         """While several boards answer, take no samples, and ask again who is there."""
-        was_crowded, crowd = self._guard.crowd is not None, self._guard.review(now_ns)
+        was_crowded, crowd = self._admission.guard.crowd is not None, self._admission.guard.review(now_ns)
         if crowd is not None:
-            self._accepted.clear()
+            self._admission.forget_hello()
             self._hello_due_ns = self._hello_due_ns or now_ns + ASK_NS
             self._state.pad_faults.update(dict.fromkeys(self._pads, crowd))
         elif was_crowded:
@@ -325,7 +231,7 @@ class Link:
     def _take_status(self, status: Status) -> None:
         self._board.count(status)
         for pad_index, pad in enumerate(status.pads):
-            if self._fits("status", pad_index, len(pad.states)):
+            if self._admission.fits("status", pad_index, len(pad.states)):
                 self._board.count_of_pad(pad_index, pad)
 
     def _take_selftest(self, selftest: Selftest) -> None:
@@ -335,7 +241,7 @@ class Link:
         if why is None:
             self._selftests.finish(selftest, self.hello.pads[selftest.pad_index], self._board.chip)
         else:
-            self._leave_out("self-test", why)
+            self._admission.leave_out("self-test", why)
             self._selftests.fail(selftest.pad_index, f"the board's result cannot be: {why}")
 
     def _take_reply(self, reply: Reply, now_ns: int) -> None:
@@ -355,15 +261,3 @@ class Link:
         faults.note(self._state.warnings, subject, faults.refusal(request, reply) if refused else None)
         if refused and request.verb == Verb.SELFTEST:
             self._selftests.fail(request.pad_index, faults.refusal(request, reply))
-
-
-def _timed_together(frames: list[Frame], clock: DeviceClock | HostClock, arrival_ns: int) -> list[Frame]:
-    """Frames of one read. Where a clock has just begun, only the last of them shows how long the others waited."""
-    mine = [number for number, frame in enumerate(frames) if frame.run == clock.restarts]
-    if not mine or not isinstance(clock, DeviceClock):
-        return frames
-    first = frames[mine[0]]
-    if first.host_time_ns - clock.at_ns(first.device_time_us, arrival_ns) > TOO_LATE_NS:
-        for number in mine:
-            frames[number] = frames[number].at(clock.at_ns(frames[number].device_time_us, arrival_ns))
-    return frames
