@@ -50,6 +50,7 @@
 # make release     check HEAD, then `dist`, `test-dist` and a tag, signed where a key is configured; CHECK=1: no tag. Uploads nothing
 # make lerobot the LeRobot package with the real LeRobot (6 GB the first time)
 # make mujoco  the MuJoCo package: its tests, what a pad costs a step, its policy here and over the bus (160 MB; ten minutes)
+# make viewers  what Rerun, Foxglove and MCAP's own decoder read of a recording (300 MB the first time; npm)
 # make ros     the ROS 2 package with real rclpy of two distributions (600 MB the first time)
 # make sizes   modules longer than 250 lines, and the lines of each room
 # make bench   time and accuracy of a solve, and latency of a frame; make cold-starts: convergence, half an hour
@@ -315,6 +316,12 @@ ros: $(VENV)/.installed-test firmware
 lerobot: $(VENV)/.installed-test
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[versions]'
 	$(BIN)/python tests/drills/lerobot_drill.py
+
+.PHONY: viewers
+viewers: $(VENV)/.installed-test
+	@$(call need,$(if $(shell command -v npm),,npm),exit 1)
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[versions]'
+	$(BIN)/python tests/drills/viewers/drill.py
 
 # Shorter: MUJOCO=tests alone, or MUJOCO="bench compare".
 MUJOCO ?= tests bench compare

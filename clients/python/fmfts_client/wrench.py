@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Optional
+from typing import Any, Optional
 
-from fmfts_client.contact import Contact, Vector
+from fmfts_client.contact import Vector
 
 NAN = math.nan
 
@@ -56,10 +56,8 @@ class Wrench:
         return [*force, (0.0, -z, y, 0.0, fz), (z, 0.0, -x, -fz, 0.0), (-y, x, 0.0, fy, -fx)]
 
 
-def wrench_of(
-    contact: Contact, height_m: float, unknown_shear_n: float = NAN, unknown_shear_sd_n: float = NAN
-) -> Wrench:
-    """The wrench of a contact whose force is a measurement (`force_n` known, not `over_range`).
+def wrench_of(contact: Any, height_m: float, unknown_shear_n: float = NAN, unknown_shear_sd_n: float = NAN) -> Wrench:
+    """The wrench of a Contact, or of what has as much of it. Its force must be known, and not over range.
 
     height_m: where above the sensors the force acts: z of the resting magnet, `rest_position_m` of the command `pads`.
     unknown_shear_n, unknown_shear_sd_n: stand for shear along x and along y where the contact model tells none.

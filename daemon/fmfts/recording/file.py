@@ -26,6 +26,7 @@ from fmfts.common.reading import damage_told
 from fmfts.recording.container import Record, attachments, chunk_records, is_whole, time_span_ns
 from fmfts.recording.output import McapFile, NotWrittenError, RecordingError
 from fmfts.recording.plain_schema import plain_schema, with_nulls, without_nulls
+from fmfts.recording.ros2 import SCHEMAS, RosMessage
 from fmfts.recording.scene import Drawn
 
 KINDS: dict[str, type[AnyMessage]] = {
@@ -84,13 +85,26 @@ class RecordingWriter(McapFile):
         body = without_nulls(msgspec.to_builtins(drawn.message), type(drawn.message))
         self._write(drawn.topic, drawn.schema, type(drawn.message), msgspec.json.encode(body), utc_ns)
 
+    def tell_ros(self, told: RosMessage, utc_ns: int) -> None:
+        """Write a message for programs that read ROS 2, which a replay leaves out."""
+        with self.disk():
+            channel = self._channels.get(told.topic)
+            if channel is None:
+                text = SCHEMAS[told.schema].encode()
+                channel = self._channel(told.topic, "cdr", self.writer.register_schema(told.schema, "ros2msg", text))
+            self.writer.add_message(channel, utc_ns, told.data, utc_ns)
+
     def _write(self, topic: str, name: str, kind: type[msgspec.Struct], message: bytes, utc_ns: int) -> None:
         with self.disk():
             channel = self._channels.get(topic)
             if channel is None:
                 schema = self.writer.register_schema(name, "jsonschema", msgspec.json.encode(plain_schema(kind)))
-                channel = self._channels[topic] = self.writer.register_channel(topic, "json", schema)
+                channel = self._channel(topic, "json", schema)
             self.writer.add_message(channel, utc_ns, message, utc_ns)
+
+    def _channel(self, topic: str, encoding: str, schema: int) -> int:
+        channel = self._channels[topic] = int(self.writer.register_channel(topic, encoding, schema))
+        return channel
 
 
 class CopyWriter(McapFile):

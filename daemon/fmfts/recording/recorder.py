@@ -13,7 +13,10 @@ from typing import Any
 import msgspec
 import zmq
 
+from fmfts.config import PadConfig
+from fmfts.config.pad_facts import pad_facts
 from fmfts.recording.file import RecordingError, RecordingWriter
+from fmfts.recording.ros2 import RosPad
 from fmfts.recording.scene import PadScene
 from fmfts.view.silence import require_pad, why_nothing_came
 from fmfts_client import Endpoints, Message, Subscription
@@ -54,7 +57,7 @@ class Recorder:
         for subscription in (self._bus, self._frames):
             self._poller.register(subscription.socket, zmq.POLLIN)
         self._with_state: set[str] = set()
-        self._scenes: dict[str, PadScene | None] = {}
+        self._scenes: dict[str, tuple[PadScene, RosPad] | None] = {}
         self._next_seq: dict[tuple[str, str], int] = {}
         self.missed = 0
         self._stop_requested = False
@@ -132,14 +135,18 @@ class Recorder:
         if message.kind == "state":
             self._scenes[message.pad] = self._scenes.get(message.pad) or _scene_of(message)
         elif message.kind == "contact" and (scene := self._scenes.get(message.pad)) is not None:
-            for drawn in scene.contact(message.body):
+            drawing, ros = scene
+            for drawn in drawing.contact(message.body):
                 self._writer.draw(drawn, message.body["utc_ns"])
+            for told in ros.contact(message.body):
+                self._writer.tell_ros(told, message.body["utc_ns"])
 
 
-def _scene_of(message: Message) -> PadScene | None:
+def _scene_of(message: Message) -> tuple[PadScene, RosPad] | None:
     """None: the daemon is of another version, whose configuration cannot be drawn."""
     try:
-        return PadScene.of_state(message.pad, message.body["config"])
+        facts = pad_facts(msgspec.convert(message.body["config"], PadConfig))
+        return PadScene(message.pad, facts), RosPad(message.pad, facts)
     except msgspec.ValidationError as error:
         log.warning("pad '%s': no 3-D scene is recorded: %s", message.pad, error)
         return None
