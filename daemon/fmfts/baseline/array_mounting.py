@@ -17,6 +17,7 @@ from fmfts.arithmetic.elementary import exp, square
 from fmfts.arithmetic.matrix import eigen, inverse, lengths, product, solve
 from fmfts.baseline import sensitivity
 from fmfts.baseline.array_unknowns import OF_MAGNET, ArrayUnknowns
+from fmfts.baseline.most_probable import most_probable
 from fmfts.baseline.mounting import ambient_of
 from fmfts.baseline.recording import BaselineError, Recording
 from fmfts.baseline.sensitivity import Sensitivity, split
@@ -29,7 +30,6 @@ from fmfts.pose.magnets import CHANGE, Magnets, field_and_slope, rest_frames, su
 Array = NDArray[np.float64]
 
 FALSE_REFUSAL = 1e-5  # the probability of refusing a pad that is within its tolerances
-ITERATIONS, SETTLED = 30, 1e-6  # the search ends when no step is larger, in prior deviations
 # The typical change of a magnet's pose by a press, for which the errors of a change are computed.
 TYPICAL_CHANGE = np.array([2e-5, 2e-5, 4e-4, 3e-2, 3e-2])
 # A press moves each magnet down; the errors are those of a change half way.
@@ -96,17 +96,7 @@ def estimate_array_mounting(
     if bare is not None:
         data, variance = data - bare.mean_t, variance + square(bare.mean_deviation_t)
     weight = 1.0 / np.sqrt(variance.ravel())
-    scaled = np.zeros(len(unknowns.deviation))
-    for _ in range(ITERATIONS):
-        predicted, jacobian = unknowns.predict(*unknowns.unpack(scaled))
-        weighted = weight[:, None] * jacobian * unknowns.deviation
-        normal = product(weighted.T, weighted) + unknowns.precision
-        gradient = product(weighted.T, weight * (data - predicted).ravel()) - product(unknowns.precision, scaled)
-        step = solve(normal, gradient)
-        step *= min(1.0, 2.0 / max(float(np.abs(step).max()), SETTLED))
-        scaled = scaled + step
-        if np.abs(step).max() < SETTLED:
-            break
+    scaled, normal = most_probable(unknowns, data, weight, np.zeros(len(unknowns.deviation)))
     magnets, ambient_t, places, matrix = unknowns.unpack(scaled)
     predicted, _ = unknowns.predict(magnets, ambient_t, places, matrix)
     misfit = data - predicted

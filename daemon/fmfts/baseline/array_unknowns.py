@@ -67,6 +67,9 @@ class ArrayUnknowns:
         matrix = sensitivity.matrices(self.sensitivity + values[first + 3 + 3 * count :])
         return magnets, values[first : first + 3], places, matrix
 
+    def predicted(self, scaled: Array) -> tuple[Array, Array]:
+        return self.predict(*self.unpack(scaled))
+
     def predict(self, magnets: Magnets, ambient_t: Array, places: Array, matrix: Array) -> tuple[Array, Array]:
         """Field (N, 3) as the chips report it, and its derivative (3N, U) in SI."""
         count, first = len(places), self.of_magnets

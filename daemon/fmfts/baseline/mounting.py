@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import exp, log, square
-from fmfts.arithmetic.matrix import inverse, lengths, log_determinant, product, root_of_squares, solve
+from fmfts.arithmetic.matrix import inverse, lengths, log_determinant, product, root_of_squares
 from fmfts.baseline.leftover import TELLS_LITTLE, Leftover
+from fmfts.baseline.most_probable import ITERATIONS, most_probable
 from fmfts.baseline.presses import PressBundle, Presses
 from fmfts.baseline.recording import Recording
 from fmfts.baseline.sensitivity import Sensitivity, relative_deviation, split
@@ -24,10 +25,8 @@ from fmfts.pose import solve as solve_pose
 
 Array = NDArray[np.float64]
 
-ITERATIONS = 30
 ITERATIONS_TO_COMPARE = 8  # a search that has not settled by then is that of a wrong assumption
 BROKEN_T = 5e-5  # what a broken sensor reads: anything, as the size of the Earth's field
-SETTLED = 1e-6  # the search ends when no step is larger, in prior deviations
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,16 +142,16 @@ def estimate_mounting(
     iterations = ITERATIONS_TO_COMPARE if to_compare else ITERATIONS
     learned_m = None if presses is None else presses.place_m
     start = np.zeros(len(unknowns.deviation)) if learned_m is None else unknowns.start_at(learned_m)
-    scaled, normal = _most_probable(unknowns, data, weight, start, bundle, iterations)
+    scaled, normal = most_probable(unknowns, data, weight, start, bundle, iterations)
     # The covariance is of first order. Its second-order error is added to the deviations of the field.
     curvature = np.zeros(data.size)
     if not to_compare:
         curvature = unknowns.curvature_t(scaled, inverse(normal))
         weight = np.where(believed, 1.0 / root_of_squares(np.sqrt(variance.ravel()), curvature), 0.0)
-        scaled, normal = _most_probable(unknowns, data, weight, scaled, bundle)
+        scaled, normal = most_probable(unknowns, data, weight, scaled, bundle)
     spread = np.where(believed, np.sqrt(variance.ravel() + square(curvature)), BROKEN_T)
     state, places, matrix = unknowns.unpack(scaled)
-    misfit = data - unknowns.predict(state, places, matrix, octupole_m2=unknowns.cylinder_m2)[0]
+    misfit = data - unknowns.predicted(scaled)[0]
     predicted, _ = unknowns.predict(state, places, matrix)
     gain, axes = split(matrix, pad.sensors.axes)
     scaled_covariance = inverse(normal)
@@ -199,38 +198,6 @@ def estimate_mounting(
         - log_determinant(unknowns.precision),
         press_chi2=np.zeros(0) if bundle is None else bundle.linearise(scaled).block_chi2,
     )
-
-
-def _most_probable(
-    unknowns: Unknowns,
-    data: Array,
-    weight: Array,
-    start: Array,
-    bundle: PressBundle | None,
-    iterations: int = ITERATIONS,
-) -> tuple[Array, Array]:
-    """The unknowns (M,) with the largest posterior, in prior deviations, and the normal matrix (M, M) there.
-
-    data (N, 3) has the weights (3N,). The poses of the presses in `bundle` are updated too.
-    """
-    scaled = start
-    for _ in range(iterations):
-        predicted, jacobian = unknowns.predict(*unknowns.unpack(scaled), octupole_m2=unknowns.cylinder_m2)
-        weighted = weight[:, None] * jacobian * unknowns.deviation
-        normal = product(weighted.T, weighted) + unknowns.precision
-        gradient = product(weighted.T, weight * (data - predicted).ravel()) - product(unknowns.precision, scaled)
-        if bundle is not None:
-            reduced = bundle.linearise(scaled)
-            normal, gradient = normal + reduced.normal, gradient + reduced.gradient
-        step = solve(normal, gradient)
-        # The linear model does not hold over more than a few prior deviations.
-        step *= min(1.0, 2.0 / max(float(np.abs(step).max()), SETTLED))
-        scaled = scaled + step
-        if bundle is not None:
-            bundle.follow(step)
-        if np.abs(step).max() < SETTLED:
-            break
-    return scaled, normal
 
 
 def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording, known: Sensitivity) -> Mounting:

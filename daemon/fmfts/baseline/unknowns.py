@@ -92,17 +92,21 @@ class Unknowns:
         away = lengths(self.pad.sensors.position_m - self.pad.rest_position_m)
         return self.pad.magnet.beyond_octupole_t(float(away.min()))
 
+    def predicted(self, scaled: Array) -> tuple[Array, Array]:
+        """As `predict`, of the cylinder itself."""
+        return self.predict(*self.unpack(scaled), octupole_m2=self.cylinder_m2)
+
     def curvature_t(self, scaled: Array, covariance: Array) -> Array:
         """(3N,) rms of the second-order part of each field value around `scaled`, over errors with `covariance` (M, M).
 
         With H the second derivatives by independent errors of deviation one, the mean is ½ tr H, the variance ½ tr H².
         """
         root = cholesky(covariance)
-        here = self.predict(*self.unpack(scaled), octupole_m2=self.cylinder_m2)[1]
+        here = self.predicted(scaled)[1]
         bent = np.array(
             [
                 product(
-                    self.predict(*self.unpack(scaled + error), octupole_m2=self.cylinder_m2)[1] - here,
+                    self.predicted(scaled + error)[1] - here,
                     self.deviation[:, None] * root,
                 )
                 for error in root.T
