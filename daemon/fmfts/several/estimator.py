@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import SingularError
 from fmfts.baseline.array_mounting import ArrayMounting
-from fmfts.common.chi2 import quantile
 from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Pad
 from fmfts.pose import Aligned
@@ -28,7 +27,7 @@ from fmfts.several.field_model import FINGER, FieldModel, Scene
 from fmfts.several.fit import Fit, Fitter, Measured
 from fmfts.several.free_poses import FreePoses, free_poses, is_explained
 from fmfts.several.hidden import hidden_variance
-from fmfts.several.odd_sensor import AGREES, AGREES_FRAMES, FEWEST_VALUES, UNEXPLAINED, Odd, is_odd, limit, odd_sensor
+from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, is_odd, limit, note_agreement, odd_sensor
 from fmfts.several.over_range import is_over_range
 from fmfts.several.poses import UNFELT, Poses, poses_of
 from fmfts.several.reading import FingersMemory, FingersReading
@@ -249,12 +248,8 @@ class FingersEstimator:
 
     def _try_again(self, measured: Measured, there: Mask, fit: Fit) -> None:
         """Use a sensor that was left out again, when it has agreed for long enough."""
-        memory = self.memory
         again = self.fitter.fit(fit.fingers, measured.only(there), self._since_rest.around_t)
-        agrees = again.chi2 - fit.chi2 < quantile(AGREES, max(int(there[memory.left_out].sum()), 1))
-        memory.agrees_frames = memory.agrees_frames + 1 if agrees and there[memory.left_out].any() else 0
-        if memory.agrees_frames >= AGREES_FRAMES:
-            memory.left_out, memory.agrees_frames = -1, 0
+        note_agreement(self.memory, there, again.chi2 - fit.chi2)
 
     def _unexplained(self, fit: Fit, free: FreePoses | None, used: Mask, search: Search = "none") -> FingersReading:
         self._counter.forget()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,23 @@ class Odd(NamedTuple):
     sensor: int
     chi2: float
     memory: CounterMemory
+
+
+class LeftOutMemory(Protocol):
+    """left_out: a sensor, −1: none. agrees_frames: for how many frames it has agreed with the others."""
+
+    left_out: int
+    agrees_frames: int
+
+
+def note_agreement(memory: LeftOutMemory, there: NDArray[np.bool_], rise: float) -> None:
+    """Use a sensor that was left out again, when it has agreed for long enough. there (N, 3): the values that there
+    are. rise: of χ² with it."""
+    values = int(there[memory.left_out].sum())
+    agrees = values > 0 and rise < quantile(AGREES, values)
+    memory.agrees_frames = memory.agrees_frames + 1 if agrees else 0
+    if memory.agrees_frames >= AGREES_FRAMES:
+        memory.left_out, memory.agrees_frames = -1, 0
 
 
 def limit(probability: float, used: NDArray[np.bool_], fit: Fit) -> float:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError
 from fmfts.baseline.array_mounting import ArrayMounting
-from fmfts.common.chi2 import quantile
 from fmfts.contact.array_response import ArrayResponse
 from fmfts.contact.touch import TouchDetector
 from fmfts.pad import Pad
@@ -30,7 +29,7 @@ from fmfts.several.field_model import FieldModel, Scene
 from fmfts.several.free_poses import FreePoses, free_poses, is_explained
 from fmfts.several.measured import Measured
 from fmfts.several.odd_pose_sensor import odd_pose_sensor
-from fmfts.several.odd_sensor import AGREES, AGREES_FRAMES
+from fmfts.several.odd_sensor import note_agreement
 from fmfts.several.reading import PosesMemory, PosesReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.sighted import sighted
@@ -148,10 +147,5 @@ class PosesEstimator:
 
     def _try_again(self, measured: Measured, there: Mask, poses: FreePoses) -> None:
         """Use a sensor that was left out again, when it has agreed for long enough."""
-        memory = self.memory
         again = free_poses(self._model, poses.change, measured.only(there), self._since_rest.around_t)
-        values = int(there[memory.left_out].sum())
-        agrees = values > 0 and again.chi2 - poses.chi2 < quantile(AGREES, values)
-        memory.agrees_frames = memory.agrees_frames + 1 if agrees else 0
-        if memory.agrees_frames >= AGREES_FRAMES:
-            memory.left_out, memory.agrees_frames = -1, 0
+        note_agreement(self.memory, there, again.chi2 - poses.chi2)
