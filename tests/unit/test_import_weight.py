@@ -5,14 +5,32 @@ import sys
 
 import pytest
 
-HEAVY = ("scipy", "rich", "sklearn", "onnx", "matplotlib", "magpylib", "hypothesis", "websockets")
+HEAVY = (
+    "scipy",
+    "rich",
+    "sklearn",
+    "onnx",
+    "matplotlib",
+    "magpylib",
+    "hypothesis",
+    "websockets",
+    "asyncio",
+    "multiprocessing",
+)
 
 
 @pytest.mark.parametrize(
     "module",
-    ["fmfts.runtime.daemon", "fmfts.sensor.bridge.bridge", "fmfts.sensor.i2c.source", "fmfts.sensor.i2c.reader"],
+    [
+        "fmfts_client",
+        "fmfts.cli.main",
+        "fmfts.runtime.daemon",
+        "fmfts.sensor.bridge.bridge",
+        "fmfts.sensor.i2c.source",
+        "fmfts.sensor.i2c.reader",
+    ],
 )
-def test_running_daemon_imports_nothing_heavy(module: str) -> None:
+def test_what_starts_often_imports_nothing_heavy(module: str) -> None:
     code = f"import sys, {module}; print(*(name for name in {HEAVY} if name in sys.modules))"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.split() == []

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Optional
 
 import zmq
-from zmq.utils.monitor import recv_monitor_message
 
 from fmfts_client.contact import Contact
 from fmfts_client.endpoints import Endpoints
@@ -64,6 +63,8 @@ def why_not_connected(endpoints: Endpoints, events: int) -> str:
 
 def _listen(pad: str, endpoints: Endpoints, timeout_s: float) -> _Heard:
     """Hear all pads. Ends early when the pad's own contact arrives, or when its message is wrong."""
+    from zmq.utils.monitor import recv_monitor_message  # brings asyncio along, which nothing else here needs
+
     heard = _Heard()
     deadline = time.monotonic() + timeout_s
     with Subscription(("contact",), None, endpoints, watch=True) as subscription:

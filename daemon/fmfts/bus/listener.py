@@ -13,7 +13,6 @@ import socket
 import struct
 
 import zmq
-from zmq.utils.monitor import recv_monitor_message
 
 SO_ATTACH_FILTER, SO_DETACH_FILTER = 26, 27  # of Linux; Python has no names for them
 DROP_ALL = struct.pack("=HBBI", 0x06, 0, 0, 0)  # struct sock_filter, BPF_RET: keep no byte of the packet
@@ -40,6 +39,8 @@ class Listener:
 
 def bound_to_tcp(bus_socket: zmq.Socket[bytes], endpoint: str) -> Listener:
     """Bind; raises zmq.ZMQError. libzmq's monitor names the descriptor of the socket that listens."""
+    from zmq.utils.monitor import recv_monitor_message  # brings asyncio along, which nothing else here needs
+
     monitor = bus_socket.get_monitor_socket(zmq.EVENT_LISTENING)
     try:
         bus_socket.bind(endpoint)

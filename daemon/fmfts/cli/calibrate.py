@@ -18,7 +18,6 @@ from fmfts.cli.verb import (
 )
 from fmfts.cli.workers import add_workers, workers_of
 from fmfts.common import exit_codes
-from fmfts.common.sweep import ClusterError
 
 
 def add_to(verb: AddVerb) -> None:
@@ -100,6 +99,7 @@ def _calibrate(options: argparse.Namespace) -> int:
     except ImportError as error:
         raise lacking(error, "calibrate") from error
     from fmfts.calibrate.field_table import DataError
+    from fmfts.common.sweep import ClusterError
     from fmfts.view.progress import progress_bar
 
     if options.hidden is not None and not 2 <= options.hidden <= 64:

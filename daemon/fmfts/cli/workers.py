@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from fmfts.cli.verb import VerbError
 from fmfts.common import exit_codes
-from fmfts.common.sweep import Workers
+
+if TYPE_CHECKING:
+    from fmfts.common.sweep import Workers
 
 
 def add_workers(parser: argparse.ArgumentParser, when: str) -> None:
@@ -22,4 +25,6 @@ def workers_of(options: argparse.Namespace) -> Workers:
     """Raises VerbError for a number that is not positive."""
     if options.workers < 1:
         raise VerbError(exit_codes.USAGE, f"--workers is {options.workers}: at least 1")
+    from fmfts.common.sweep import Workers
+
     return Workers(options.workers, options.cluster)
