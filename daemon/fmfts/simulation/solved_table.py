@@ -54,6 +54,11 @@ def mirrored(rows: Array) -> Array:
     return np.asarray(whole[first], dtype=np.float64)
 
 
+def _values(column: Array) -> Array:
+    """Each once, in order. `np.unique` would import numpy.ma, a twentieth of what a daemon computes to start."""
+    return np.array(sorted(set(column.tolist())))
+
+
 def normal_mechanics(octant: Array, centre: Array | None = None) -> Mechanics:
     """The table for loads without shear. octant: rows (K, 10) on an even grid in one octant, with equal forces.
 
@@ -61,7 +66,7 @@ def normal_mechanics(octant: Array, centre: Array | None = None) -> Mechanics:
     the coarser one exactly, because its splines are among those of the finer grid.
     """
     rows = mirrored(octant)
-    grid_mm, force_n = np.unique(rows[:, 0]), np.unique(rows[:, 2])
+    grid_mm, force_n = _values(rows[:, 0]), _values(rows[:, 2])
     shape = (len(grid_mm), len(grid_mm), len(force_n), 5)
     if len(rows) != np.prod(shape[:3]):
         raise ValueError(f"{len(rows)} presses at {len(grid_mm)} × {len(grid_mm)} places and {len(force_n)} forces")
@@ -83,7 +88,7 @@ def sheared_mechanics(octant: Array, normal: Mechanics) -> Mechanics:
     x_m, y_m, force_n, *shear_n = (*(rows[:, :2] * 1e-3).T, *rows[:, 2:5].T)
     added = rows[:, RESPONSE] * SI - normal.response(x_m, y_m, force_n)
     power = np.prod(np.stack([force_n, *shear_n], axis=1)[:, None] ** SHEAR_EXPONENTS, axis=2)
-    grid_mm = np.unique(rows[:, 0])
+    grid_mm = _values(rows[:, 0])
     terms = np.empty((len(grid_mm), len(grid_mm), len(SHEAR_EXPONENTS), 5))
     for i, x_mm in enumerate(grid_mm):
         for j, y_mm in enumerate(grid_mm):
