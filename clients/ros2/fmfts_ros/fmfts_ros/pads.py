@@ -15,6 +15,7 @@ from sensor_msgs.msg import PointCloud2
 from fmfts_ros.diagnosis import status_of, verdict
 from fmfts_ros.fingers import finger_cloud
 from fmfts_ros.messages import contact_point, has_force, wrench
+from fmfts_ros.touches import kinds
 
 # Sensor data: nothing is sent again. The history covers 0.2 s in which the other side gets no processor time.
 SENSOR_DATA = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -38,6 +39,10 @@ class RosPad:
         self._verdict = (b"", "")
         self._wrench = node.create_publisher(WrenchStamped, f"~/{name}/wrench", SENSOR_DATA)
         self._point = node.create_publisher(PointStamped, f"~/{name}/contact_point", SENSOR_DATA)
+        self._touches = [
+            (node.create_publisher(kind, f"~/{name}/{end}", SENSOR_DATA), maker)
+            for end, (kind, maker) in kinds().items()
+        ]
         self._fingers: Publisher | None = None  # a pad with one magnet has no such topic
 
     @property
@@ -63,6 +68,8 @@ class RosPad:
         point = contact_point(contact, self.frame, self.height_m)
         if point is not None:
             self._point.publish(point)
+        for publisher, maker in self._touches:
+            publisher.publish(maker(contact, self.frame, self.height_m))
         if contact.tells_fingers:
             self._publish_fingers(contact)
 

@@ -1,0 +1,1 @@
+#include <hardware_interface/sensor_interface.hpp>

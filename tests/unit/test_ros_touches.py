@@ -1,0 +1,81 @@
+"""What the ROS 2 node tells in fmfts_msgs and tactile_msgs, with stand-ins for their types."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from bus_messages import contact_message
+
+import unit.test_ros_fingers as stand_ins
+from unit.test_ros_fingers import FakeNode, Header, Vector3, Wrench, message, received
+
+HEIGHT_M = 0.012
+MESSAGES = Path(__file__).parents[2] / "clients/ros2/fmfts_msgs/msg"
+DEFAULTS: dict[str, Any] = {
+    "std_msgs/Header": Header, "geometry_msgs/Wrench": Wrench, "string": "", "int8": 0, "bool": False, "float64": 0.0,
+    "float64[36]": list,
+}  # fmt: skip
+# Fields as in tactile_toolbox.
+TactileContact = message(
+    "TactileContact", header=Header, name="", position=Vector3, normal=Vector3, wrench=Wrench
+)  # fmt: skip
+TactileContacts = message("TactileContacts", contacts=list)
+
+
+def fmfts_contact() -> type:
+    """Of the fields of its own definition."""
+    lines = (MESSAGES / "Contact.msg").read_text().splitlines()
+    fields = [line.split() for line in lines if not line.startswith("#") and "=" not in line]
+    return message("Contact", **{name: DEFAULTS[kind] for kind, name in fields})
+
+
+@pytest.fixture
+def touches(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    types = {
+        "fmfts_msgs.msg": {"Contact": fmfts_contact()},
+        "tactile_msgs.msg": {"TactileContact": TactileContact, "TactileContacts": TactileContacts},
+    }
+    monkeypatch.setattr(stand_ins, "TYPES", stand_ins.TYPES | types)
+    yield from stand_ins.ros.__wrapped__(monkeypatch)
+
+
+def test_a_contact_has_all_numbers_and_the_covariance_of_its_wrench(touches: Any) -> None:
+    contact = received(contact_message())
+    told = touches("touches").contact_message(contact, "left", HEIGHT_M)
+    assert (told.health, told.contact, told.over_range) == ("ok", 1, False)
+    assert (told.force_n, told.x_sd_m) == (contact.force_n, contact.x_sd_m)
+    assert math.isnan(told.shear_x_n)
+    covariance = np.array(told.wrench_covariance).reshape(6, 6)
+    assert covariance[2, 2] == pytest.approx((contact.force_sd_n or 0.0) ** 2)
+    assert told.wrench.force.z == -(contact.force_n or 0.0)
+
+
+def test_what_touches_is_a_tactile_contact_and_nothing_is_none(touches: Any) -> None:
+    contact = received(contact_message())
+    (touch,) = touches("touches").tactile_contacts(contact, "left", HEIGHT_M).contacts
+    assert (touch.name, touch.header.frame_id) == ("left", "left")
+    assert (touch.position.x, touch.position.y, touch.position.z) == (contact.x_m, contact.y_m, HEIGHT_M)
+    assert (touch.normal.x, touch.normal.y, touch.normal.z) == (0.0, 0.0, 1.0)
+    untouched = received(contact_message(contact=False, x_m=None, y_m=None))
+    assert touches("touches").tactile_contacts(untouched, "left", HEIGHT_M).contacts == []
+
+
+def test_a_pad_publishes_both_beside_its_wrench(touches: Any) -> None:
+    node = FakeNode()
+    pad = touches("pads").RosPad(node, "left", "left", "left", math.nan)
+    pad.height_m = HEIGHT_M
+    pad.take(received(contact_message()))
+    for topic in ("wrench", "contact", "tactile_contacts"):
+        assert len(node.published[f"~/left/{topic}"]) == 1, topic
+
+
+def test_without_these_packages_nothing_more_is_published(monkeypatch: pytest.MonkeyPatch) -> None:
+    ros = stand_ins.ros.__wrapped__(monkeypatch)
+    assert next(ros)("touches").kinds() == {}
+    for _ in ros:
+        pass
