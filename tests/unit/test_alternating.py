@@ -86,6 +86,15 @@ def test_of_samples_whose_time_is_not_known_nothing_is_told() -> None:
     summarise(frames)
 
 
+def test_samples_that_are_not_new_are_left_out() -> None:
+    stale = np.zeros(SENSORS, bool)
+    frames = [
+        frame if number % 2 else replace(frame, fresh=stale, counts=frame.counts + np.int16(300 * (number % 4 - 1)))
+        for number, frame in enumerate(_recorded(50.0, 0.0))
+    ]
+    assert alternation(frames) is None
+
+
 def test_a_line_far_below_the_noise_is_not_told() -> None:
     assert alternation(_recorded(50.0, 0.4 * NOISE_T)) is None
 

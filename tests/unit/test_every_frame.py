@@ -6,6 +6,7 @@ import tracemalloc
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import msgspec
 import numpy as np
@@ -16,6 +17,7 @@ from pad_frames import frames_of, with_faults
 from test_pipeline import PERIOD_NS, config_of, pipeline_of
 
 from examples import examples
+from fmfts.baseline import Baseline
 from fmfts.bus.encoding import encode
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
@@ -119,13 +121,19 @@ def test_warm_pad_whose_temperature_is_not_told_is_no_contact(missing: range) ->
     assert (deviations_m[0] > 1e-4) == (0 in missing)
 
 
+@cache
+def _healthy_pad() -> tuple[PadConfig, Baseline, list[Frame], list[Frame]]:
+    """Its frames of 0.4 s, and of the 0.6 s after those."""
+    config = config_of(5)
+    return config, simulated_baseline(config), frames_of(config, 0.4), frames_of(config, 1.0)[88:]
+
+
 @given(data=st.data())
 @settings(examples(20), phases=[Phase.generate])  # a seed does not shrink
 def test_random_frames_are_judged_without_an_error(data: st.DataObject) -> None:
-    config = config_of(5)
+    config, baseline, frames, healthy_again = _healthy_pad()
     seed, size = data.draw(st.integers(0, 2**32 - 1)), data.draw(st.sampled_from([0.0, 1.0, 5.0, 30.0, 300.0, 9000.0]))
     random = np.random.default_rng(seed)
-    frames = frames_of(config, 0.4)
     spoilt = [
         replace(
             f,
@@ -135,11 +143,11 @@ def test_random_frames_are_judged_without_an_error(data: st.DataObject) -> None:
         )
         for f in frames
     ]
-    pipeline = pipeline_of(config, simulated_baseline(config))
+    pipeline = pipeline_of(config, baseline)
     for frame in frames[:40] + spoilt[40:]:
         answer = pipeline.answer(frame)
         assert encode(answer.message) == answer.payload
-    healthy = [pipeline.process(frames_after) for frames_after in frames_of(config, 1.0)[88:]]
+    healthy = [pipeline.process(frame) for frame in healthy_again]
     assert healthy[-1].health == "ok", healthy[-1].reason
 
 
