@@ -149,9 +149,7 @@ def test_key_file_that_is_open_to_others_absent_or_damaged_is_refused(program: P
 
 
 @pytest.mark.skipif(Path("/run/fmfts").is_dir(), reason="a service runs here, and is found first")
-def test_own_directory_is_found_as_the_daemon_finds_it_and_refused_when_others_may_enter(
-    program: Path, tmp_path: Path
-) -> None:
+def test_own_directory_is_found_and_refused_if_others_may_enter(program: Path, tmp_path: Path) -> None:
     surroundings = {name: value for name, value in os.environ.items() if name not in ("FMFTS_BUS", "XDG_RUNTIME_DIR")}
     for variable, directory in (("XDG_RUNTIME_DIR", "fmfts"), ("TMPDIR", f"fmfts-{os.getuid()}")):
         where = tmp_path / variable

@@ -64,7 +64,7 @@ def evaluated(folder: Path, model: str, capsys: pytest.CaptureFixture[str]) -> d
     return facts
 
 
-def test_a_table_from_eighteen_presses_tells_forces_that_the_shipped_one_gets_wrong(
+def test_table_from_eighteen_presses_corrects_the_shipped_forces(
     at_home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     report = json.loads((at_home / "own.json").read_text())

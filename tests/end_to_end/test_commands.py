@@ -125,7 +125,7 @@ def test_request_may_name_rest_and_is_told_the_arguments_that_there_are(tmp_path
             daemon.request("baseline", mode="rest")
 
 
-def test_ctrl_c_ends_the_recording_in_the_daemon_too_and_no_configuration_is_needed(tmp_path: Path) -> None:
+def test_ctrl_c_also_ends_the_recording_in_the_daemon(tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     with RunningDaemon(tmp_path, STILL_CONFIG) as daemon:

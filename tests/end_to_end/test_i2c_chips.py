@@ -59,7 +59,7 @@ def test_every_chip_arrives_as_a_field(chip: str) -> None:
             run(source, lambda frames: frames and frames[-1].temperature_c == pytest.approx(25.0, abs=0.2))
 
 
-def test_a_chip_without_a_mux_that_falls_silent_is_named_by_its_address_and_comes_back() -> None:
+def test_silent_chip_without_a_mux_is_named_by_its_address() -> None:
     with wired("mlx90393") as (kernel, source):
         run(source, all_valid)
         assert kernel.order(direct=2, set={"absent": True}) == "done"

@@ -51,7 +51,7 @@ def calibrated(folder: Path) -> Path:
     return folder / "skin.response"
 
 
-def test_a_press_on_a_skin_becomes_a_place_and_a_force_and_is_replayed_identically(tmp_path: Path) -> None:
+def test_press_on_a_skin_is_published_and_replayed_identically(tmp_path: Path) -> None:
     model = calibrated(tmp_path)
     with Board(tmp_path, 50.0, binary) as board:
         board.field_t = field_t(0.0, 0.0, 0.0)

@@ -161,7 +161,7 @@ def test_a_hang_ends_in_a_watchdog_reset_that_the_hello_tells(stream: EmulatedSt
     assert_stream_is_right_after_reset(stream, WATCHDOG)
 
 
-def test_a_program_that_runs_off_the_end_of_memory_ends_in_a_reset_that_the_hello_tells(stream: EmulatedStream) -> None:
+def test_running_off_the_end_of_memory_resets_and_hello_says_so(stream: EmulatedStream) -> None:
     stream.board.machine.jump(0x2000_4000)  # unused RAM, zeros, which do nothing; behind it there is no memory
     stream.run(0.5)
     assert stream.hello.reset_cause == SOFTWARE

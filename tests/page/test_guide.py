@@ -55,9 +55,7 @@ def test_guided_first_use_records_both_baselines_and_says_why_one_is_refused(
     page.context.close()
 
 
-def test_guided_first_use_of_a_simulated_pad_goes_to_its_end_and_says_what_each_step_brought(
-    browser: Browser, tmp_path: Path
-) -> None:
+def test_guided_first_use_of_a_simulated_pad_reports_each_step(browser: Browser, tmp_path: Path) -> None:
     config = UNTOUCHED_CONFIG.replace('finger = "none"', 'finger = "script"')  # the hands come before it
     with RunningDaemon(tmp_path, config) as daemon, View(tmp_path, daemon.environment) as view:
         page = opened(browser, view.address)

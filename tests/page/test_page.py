@@ -119,9 +119,7 @@ def test_the_page_survives_the_daemons_restart(bench: Bench, page: Page) -> None
     until(page, f"{NEWEST}.boot !== '{boot}' && document.querySelector('#health').dataset.health === 'ok'")
 
 
-def test_a_tab_in_the_background_receives_no_contacts_and_goes_on_when_it_is_seen_again(
-    bench: Bench, page: Page
-) -> None:
+def test_background_tab_receives_no_contacts_until_it_is_shown(bench: Bench, page: Page) -> None:
     hide = (
         "(hidden) => { Object.defineProperty(document, 'hidden', {value: hidden, configurable: true}); "
         "document.dispatchEvent(new Event('visibilitychange')); }"

@@ -27,7 +27,7 @@ def line_of_eight() -> Line:
     return Line(pad("array", sensors=8), pad("left", pad_index=1))
 
 
-def test_board_is_asked_for_the_configured_pads_and_its_samples_count_once_it_has_them() -> None:
+def test_samples_count_once_the_board_has_the_configured_pads() -> None:
     line = line_of_eight()
     line.feed(told(*HALVES))
     asked = line.asked()
@@ -66,7 +66,7 @@ def test_pads_of_four_are_asked_for_where_another_configuration_made_one_of_eigh
     assert line.feed(sample(4, pad_index=1)) == []
 
 
-def test_reset_whose_hello_was_lost_stops_the_stream_until_the_board_has_said_its_pads() -> None:
+def test_reset_with_a_lost_hello_stops_the_stream_until_a_hello() -> None:
     line = line_of_eight()
     line.feed(told(*MADE))
     assert len(line.feed(sample(4, pad_index=1, time_us=60_000_000))) == 1

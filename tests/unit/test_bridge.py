@@ -89,7 +89,7 @@ def test_a_line_is_empty_of_what_came_before_it_was_read_and_of_no_more(
     assert bridge.state.has_clock, "the board's, which may be what is late"
 
 
-def test_a_frame_that_came_since_the_caller_looked_at_the_clock_is_not_older_than_that(board: Board) -> None:
+def test_frame_after_the_callers_clock_look_is_not_older(board: Board) -> None:
     bridge = Bridge({0: pad(board.link)})
     connected(bridge, board)
     looked_ns, frames = time.monotonic_ns(), []

@@ -147,9 +147,7 @@ def test_a_bound_board_is_found_where_it_was_plugged_in_again(board: Board, tmp_
         bridge.close()
 
 
-def test_a_bound_board_that_is_nowhere_leaves_no_frame_and_a_list_of_what_was_found(
-    board: Board, tmp_path: Path
-) -> None:
+def test_absent_board_gives_no_frame_and_lists_what_was_found(board: Board, tmp_path: Path) -> None:
     wanted = b"W" * 12
     bridge = Bridge({0: pad(board.link, uid=wanted.hex())}, tmp_path / "by-id")
     stream = iter(lambda: board.stream() or "nowhere" in bridge.state.reason, None)

@@ -84,7 +84,7 @@ def force_error(table: ArrayResponse, truth: ArrayResponse) -> float:
     return float(np.sqrt(np.mean(np.square(off))))
 
 
-def test_eighteen_presses_bring_a_table_of_stiffer_silicone_within_the_error_of_the_labels() -> None:
+def test_eighteen_presses_correct_the_table_of_stiffer_silicone() -> None:
     truth = other(1.25)
     made = fit_table(presses_of(built(truth), grid()), "set.csv", START, NOISE_T / 8.0, silent)
     assert force_error(START, truth) > 0.15

@@ -195,7 +195,7 @@ def test_two_weights_tell_what_a_count_is_worth(monkeypatch: pytest.MonkeyPatch)
         weigh(cell, (100.0, 100.0), hang)
 
 
-def test_picture_puts_each_place_of_a_lattice_where_it_is_and_apart_from_the_others() -> None:
+def test_picture_draws_each_place_of_a_lattice_separately() -> None:
     plan = read_plan("simulation")
     cells = cells_of(plan)
     assert len(set(cells.values())) == 225
@@ -264,7 +264,7 @@ def test_press_that_was_not_felt_is_called_that(monkeypatch: pytest.MonkeyPatch)
     assert hand.release() == "let go of the pad"
 
 
-def test_forces_that_a_stage_reached_about_as_planned_are_as_many_levels_as_planned() -> None:
+def test_reached_forces_fall_into_as_many_levels_as_planned() -> None:
     plan, random = read_plan("simulation"), np.random.default_rng(2)
     press = np.array([[p.x_m * 1e3, p.y_m * 1e3, p.force_n * random.uniform(0.94, 1.06)] for p in plan.presses])
     assert empty_response(press).exponent.ravel().tolist() == [1, 2, 3]

@@ -72,9 +72,7 @@ def test_recording_begins_when_the_board_has_the_configured_range() -> None:
     assert len({frame.gain_code for frame in collection.frames}) == 2
 
 
-def test_baseline_of_a_busy_computer_goes_on_until_each_sensor_has_enough_new_samples(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_baseline_waits_until_each_sensor_has_enough_samples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A fifth of the frames arrives, and one sensor has no new sample in every tenth of them."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     config = PadConfig(name="left", source=SimulatedSource())

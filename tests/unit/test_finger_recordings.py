@@ -76,7 +76,7 @@ def there(drawn: list[Drawn]) -> dict[str, Entity]:
     return {name: entity for name, entity in found.items() if name not in {d.id for u in updates for d in u.deletions}}
 
 
-def test_each_finger_is_drawn_at_its_place_with_its_force_and_number_and_no_resultant() -> None:
+def test_each_finger_is_drawn_without_the_resultant() -> None:
     (drawn,) = scenes(fingers_message(*two_fingers()))
     touch = there(drawn)["contact"]
     assert [(each.pose.position.x, each.pose.position.y) for each in touch.cylinders] == [

@@ -35,7 +35,7 @@ def frames(source: Simulated, seconds: float) -> list[Frame]:
 
 
 @pytest.mark.long
-def test_each_recording_is_accepted_and_turn_and_refine_make_the_baseline_more_accurate() -> None:
+def test_turn_and_refine_improve_the_baseline_of_each_recording() -> None:
     source = Simulated(CONFIG)
     frames(source, 5.0)  # the script presses already
     baseline: Baseline | None = None

@@ -35,7 +35,7 @@ def test_a_small_gain_that_frames_of_one_finger_have_counts_nothing() -> None:
     assert hidden_variance(FINGER, another(19.0))[2] == pytest.approx(MOST * 0.15**2, rel=1e-3)
 
 
-def test_what_is_likely_is_covered_by_five_deviations_and_what_is_not_widens_none() -> None:
+def test_only_a_likely_hidden_finger_widens_the_deviations() -> None:
     """Of frames of one finger as built 4 % have a gain above 10, and beyond it what hides counts."""
     most = hidden_variance(FINGER, another(19.0))
     assert 0.15 / 5.0 < np.sqrt(most[2]) < 0.15 / 3.0
@@ -43,7 +43,7 @@ def test_what_is_likely_is_covered_by_five_deviations_and_what_is_not_widens_non
     assert (hidden_variance(FINGER, another(7.5)) < 0.01 * most)[[0, 2]].all()
 
 
-def test_a_second_finger_that_would_take_all_of_the_force_leaves_none_to_the_first() -> None:
+def test_second_finger_with_all_the_force_leaves_the_first_none() -> None:
     variance = hidden_variance(FINGER, another(19.0, force=4.0))
     assert variance[2] == pytest.approx(MOST * (4.0 - 1.5) ** 2, rel=1e-3)
     assert variance[0] == pytest.approx(MOST * (10.0 - 2.0) ** 2, rel=1e-3)

@@ -143,7 +143,7 @@ def test_where_the_robot_stands_still_a_turned_field_is_foreign(pad: Pad) -> Non
     assert still.foreign_t == pytest.approx(np.linalg.norm(turned), rel=0.1)
 
 
-def test_a_field_whose_gradient_could_move_the_magnet_by_a_millimetre_is_disturbed(pad: Pad) -> None:
+def test_gradient_worth_a_millimetre_is_disturbed(pad: Pad) -> None:
     gradient, unit = Follower(pad), EARTH_T / np.linalg.norm(EARTH_T)
     for share, reason in ((0.6, "60% stronger"), (-0.6, "60% weaker")):
         told = gradient.judge(share * np.linalg.norm(EARTH_T) * unit)

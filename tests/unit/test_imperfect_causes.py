@@ -72,7 +72,7 @@ def test_causes_are_named_on_a_pad_with_turned_chips(group: str, ambient: Ambien
 
 
 @pytest.mark.long
-def test_imperfections_are_accepted_while_a_baseline_is_recorded_and_a_magnet_cast_askew_is_named() -> None:
+def test_baseline_accepts_imperfections_but_a_magnet_cast_askew() -> None:
     """Bare and rest, each pair; a chip is disturbed and bits flip meanwhile."""
     every = [one for one in EFFECTS if one.shape == "round" and one.name != "none"]
     for pair in combinations(every, 2):

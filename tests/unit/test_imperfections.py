@@ -107,7 +107,7 @@ def test_a_wide_finger_moves_the_magnet_less_above_it_and_a_ball_more() -> None:
     assert wide.response(mechanics, press)[0, 2] == pytest.approx(mean[2], rel=0.01)
 
 
-def test_magnet_off_centre_moves_as_one_in_the_middle_that_is_pressed_as_far_away() -> None:
+def test_off_centre_magnet_moves_like_a_shifted_press() -> None:
     config = PadConfig(name="cast", source=SimulatedSource(imperfections=("casting",)))
     source = Simulated(config, perfect=True)
     built = source.built

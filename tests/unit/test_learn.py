@@ -159,7 +159,7 @@ def test_presses_in_the_middle_leave_places_open(pad: Pad) -> None:
     assert any("hardly tilt the magnet" in one for one in found.open)
 
 
-def test_mirror_image_has_the_same_fields_and_is_told_where_the_drawing_allows_it(pad: Pad) -> None:
+def test_mirror_image_is_reported_where_the_drawing_allows_it(pad: Pad) -> None:
     world = rough_world(pad, 2)
     anywhere = replace(SKETCH, sensor_rotation_rad=np.radians(150.0), magnet_position_m=20e-3)
     drawing, pressed = Drawing(pad, anywhere), fields(world, presses(world, 40))

@@ -357,7 +357,7 @@ def test_another_wire_version_is_named_with_what_to_do(version: int, mend: str) 
     assert line.state.warnings == {"wire version": said}
 
 
-def test_a_pad_that_the_board_lacks_is_the_first_of_its_pads_faults_and_no_others() -> None:
+def test_missing_pad_is_only_its_own_first_fault() -> None:
     line = Line(pad(), pad("right", pad_index=1))
     line.feed(hello(4, clock=2))
     source = cast("Source", SimpleNamespace(state=line.state))
@@ -395,7 +395,7 @@ def test_frames_between_two_runs_of_a_board_are_no_gap(before: int, reopened: bo
     assert (statistics.frames, statistics.gaps) == (before + 57, 3)
 
 
-def test_two_boards_on_one_line_are_named_and_none_is_believed_until_one_has_left() -> None:
+def test_two_boards_on_one_line_are_both_rejected() -> None:
     line = Line()
     line.feed(hello(4))
     assert len(line.feed(sample(sequence=0, time_us=4545))) == 1

@@ -61,9 +61,7 @@ def test_slopes_are_the_field_s_differences() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize(("tolerance", "honest"), [(BUILT, 1.25), (BY_HAND, 1.35)])
-def test_what_a_baseline_leaves_uncertain_is_as_large_as_the_errors_that_it_causes(
-    tolerance: object, honest: float
-) -> None:
+def test_baselines_uncertainty_matches_the_errors_it_causes(tolerance: object, honest: float) -> None:
     """Of thirty built pads the rms of error over deviation is one; the causes that are kept leave out a little."""
     ratios = []
     for seed in range(30):

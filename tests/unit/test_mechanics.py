@@ -27,7 +27,7 @@ def test_calibration_set_that_ships_is_the_one_that_the_command_makes() -> None:
 
 
 @pytest.mark.parametrize("force_n", SEEN_AREA)
-def test_independent_model_moves_the_magnet_as_a_load_cell_would_weigh_its_pressure(force_n: float) -> None:
+def test_independent_model_agrees_once_its_pressure_is_a_force(force_n: float) -> None:
     """Its pressure stays normal to the surface, so that its resultant is pressure times the area seen from above. The
     magnet's way is then ours to 2 %: the two models spread the load over the patch differently."""
     independent = read_calibration_set(BY_PRESSURE)

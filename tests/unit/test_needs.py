@@ -97,7 +97,7 @@ def test_larger_magnet_at_half_the_distance_needs_the_cylinder_term(response: Re
     assert pad(magnet=LARGE).pad().magnet.as_cylinder  # so the daemon has it, too
 
 
-def test_the_term_that_costs_no_unknown_is_taken_where_it_is_felt_and_not_where_it_is_not(response: Response) -> None:
+def test_octupole_is_recommended_only_where_it_matters(response: Response) -> None:
     weak = pad(magnet=MagnetConfig(remanence_t=0.3))
     for config, felt in ((pad(), True), (weak, False)):
         assert best(config, response).model == Model(8, felt)

@@ -119,7 +119,7 @@ def test_two_pads_that_are_both_pressed_are_both_right(magnets: Magnets) -> None
             assert deviations(message, finger(0.0)) < WRONG_DEVIATIONS
 
 
-def test_a_pad_with_one_magnet_and_an_array_feel_no_contact_where_the_other_is_pressed() -> None:
+def test_single_magnet_and_array_ignore_each_others_presses() -> None:
     of_array, of_one = pressed(ARRAY_AND_ONE, PRESS, no_finger), pressed(ARRAY_AND_ONE, no_finger, PRESS)
     assert is_untouched(of_array["second"][SETTLED:])
     assert is_untouched(of_one["first"])

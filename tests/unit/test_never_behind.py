@@ -86,7 +86,7 @@ def early(sensor: int, time_us: int, pad_index: int = 0) -> bytes:
     return encode(make_early(sensor, time_us, pad_index=pad_index))
 
 
-def test_behind_only_the_newest_early_sample_of_each_sensor_stays_and_none_that_a_frame_holds() -> None:
+def test_late_daemon_keeps_only_each_sensors_newest_early_sample() -> None:
     before = [early(sensor, 1000 * sensor) for sensor in range(4)]
     after = [early(sensor, 5000 + 1000 * sensor) for sensor in (0, 1)]
     again = early(0, 9545)

@@ -78,7 +78,7 @@ def test_recording_asks_for_no_board() -> None:
     assert origin_of(PadConfig(name="left", source=ReplaySource(file="a.mcap"))) is None
 
 
-def test_baseline_without_an_origin_has_the_id_that_it_had_before_there_were_origins() -> None:
+def test_baseline_without_an_origin_keeps_its_old_id() -> None:
     config = PadConfig(name="left", source=SimulatedSource(finger="none", turning_deg_per_s=0.0))
     baseline = simulated_baseline(config)
     assert "origin" not in msgspec.to_builtins(baseline)

@@ -49,7 +49,7 @@ def row_of(facts: Facts, case: str, remanence_t: float) -> Row:
 
 @pytest.mark.long
 @pytest.mark.parametrize("network", ["BP", "RBF"])
-def test_another_remanence_breaks_what_learnt_from_fields_and_spares_the_unit_axis(table3: Facts, network: str) -> None:
+def test_another_remanence_breaks_networks_of_fields_not_of_axes(table3: Facts, network: str) -> None:
     for name in ("mae_x_mm", "mae_y_mm", "mae_force_n"):
         unit = [float(row_of(table3, f"{network}, pose, unit axis", t)[name]) for t in (1.23, 1.28)]  # type: ignore[arg-type]
         assert unit[1] == pytest.approx(unit[0], rel=0.03)

@@ -277,7 +277,7 @@ def test_first_frame_after_a_gap_in_which_the_pad_was_pressed_is_good(
     assert after[4].contact
 
 
-def test_refused_baseline_of_this_board_is_not_used_when_the_board_says_who_it_is() -> None:
+def test_refused_baseline_stays_unused_once_the_board_is_known() -> None:
     """A baseline that no pad of this drawing can have: its board appears, and the daemon goes on without one."""
     good = simulated_baseline(config_of())
     assert good.rest is not None

@@ -157,7 +157,7 @@ def test_too_few_sensors_are_lost_and_say_how_many_values_are_needed() -> None:
 
 @pytest.mark.parametrize("name", ["2 over 8", "4 over 12", LARGEST])
 @pytest.mark.parametrize("sensor", [0, 5])
-def test_a_sensor_that_contradicts_all_others_is_named_and_left_out_until_it_agrees(name: str, sensor: int) -> None:
+def test_contradicting_sensor_is_named_and_excluded_until_it_agrees(name: str, sensor: int) -> None:
     """600 counts are 40 µT."""
     made, lie, healths = ready(name), off(sensor, 600), []
     for frame, position in frames(name, 70, PRESS):
@@ -186,7 +186,7 @@ def test_a_sensor_that_was_left_out_is_asked_again_where_the_others_are_too_few(
 
 
 @pytest.mark.parametrize("name", WITHOUT_A_MODEL)
-def test_a_field_that_no_magnet_of_the_pad_makes_is_disturbed_and_poses_are_not_told(name: str) -> None:
+def test_foreign_field_is_disturbed_without_poses(name: str) -> None:
     made, random = ready(name), np.random.default_rng(5)
     pattern = random.choice([-140, 140], (len(LAYOUTS[name].geometry.sensors_mm), 3))  # 10 µT
     for frame, _ in frames(name, 20, PRESS):
@@ -249,7 +249,7 @@ def test_absence_ends_the_touch_and_a_bare_baseline_says_what_to_do() -> None:
     assert bare.process(frame).reason == BARE_ONLY
 
 
-def test_the_shipped_model_is_left_out_where_the_magnets_are_others_and_the_sensors_are_enough() -> None:
+def test_shipped_model_is_not_used_for_other_magnets() -> None:
     model = contact_model_of(config_of("2 over 8", "default"))
     assert isinstance(model, NoContactModel)
     assert "the four magnets of docs/several.md, and this pad has others, or not all of them" in model.reason
@@ -301,7 +301,7 @@ class _Fixed:
 
 
 @pytest.mark.parametrize("name", ["4 over 12", "4 over 16"])
-def test_where_two_fingers_explain_nothing_the_poses_are_told_if_the_sensors_are_enough(name: str) -> None:
+def test_poses_are_published_if_no_two_fingers_explain_the_field(name: str) -> None:
     made, told = ready(name, "default"), 0
     for frame, position in three_fingers(name, 60):
         message = made.process(frame)
@@ -315,7 +315,7 @@ def test_where_two_fingers_explain_nothing_the_poses_are_told_if_the_sensors_are
     assert _place(message) == "more than two fingers, or something of another shape"
 
 
-def test_a_field_that_neither_fingers_nor_poses_explain_is_disturbed_and_poses_are_not_told() -> None:
+def test_field_without_explanation_is_disturbed_without_poses() -> None:
     name = "4 over 12"
     made, pattern = ready(name, "default"), np.random.default_rng(7).choice([-140, 140], (12, 3)).astype(np.int16)
     for frame, _ in frames(name, 40, PRESS):
@@ -324,7 +324,7 @@ def test_a_field_that_neither_fingers_nor_poses_explain_is_disturbed_and_poses_a
         assert message.poses is None
 
 
-def test_eight_sensors_under_four_magnets_tell_no_poses_of_what_they_cannot_explain() -> None:
+def test_eight_sensors_under_four_magnets_publish_no_free_poses() -> None:
     made = ready("4 over 8", "default")
     for frame, _ in three_fingers("4 over 8", 30):
         message = made.process(frame)

@@ -88,7 +88,7 @@ def test_a_service_comes_first_by_default_and_says_so() -> None:
 
 
 @pytest.mark.skipif(not permitted.another_user(), reason="needs root, to give it up")
-def test_a_service_that_may_not_come_first_says_at_start_what_follows_and_goes_on() -> None:
+def test_service_without_realtime_priority_says_so_and_goes_on() -> None:
     priority, log = with_default("10", denied=True)
     assert priority == "0"
     assert "WARNING an ordinary process: other programs that are busy will make it leave frames out" in log

@@ -100,7 +100,7 @@ def test_the_frames_of_one_pad_alone_make_rounds_where_all_others_are_away() -> 
     assert who_searched(SearchTurns(16), ["a"] * 5, {"a"}) == ["a"] * 5
 
 
-def test_a_pad_that_went_away_while_it_waited_holds_the_others_up_for_some_rounds_only() -> None:
+def test_pad_that_left_while_waiting_delays_few_rounds() -> None:
     turns = SearchTurns(3)
     assert who_searched(turns, ["a", "b", "c"], {"a", "b", "c"}) == ["a", "", ""]
     searched = who_searched(turns, ["c", "a"] * 40, {"a", "c"})  # it was b's turn
@@ -114,7 +114,7 @@ def test_a_slow_pad_has_its_turn_beside_fast_ones() -> None:
     assert Counter(searched)["slow"] >= 10
 
 
-def test_searches_are_of_both_kinds_and_leave_out_each_sensor_in_turn_also_when_they_become_rare() -> None:
+def test_rare_searches_still_try_fingers_and_each_sensor_in_turn() -> None:
     rare = range(SEARCHED_FRAMES + 10, SEARCHED_FRAMES + 1000, 10)
     numbers = [number_of(count) for count in [*range(SEARCHED_FRAMES + 1), *rare]]
     assert numbers == list(range(len(numbers)))
@@ -140,7 +140,7 @@ def test_a_frame_that_may_not_search_is_never_ok_with_the_finger_of_before() -> 
     assert before.contacts[0].id in {finger.id for finger in after.contacts}  # it was held all the time
 
 
-def test_one_finger_beside_which_a_second_one_may_press_is_degraded_until_that_is_searched(
+def test_possible_second_finger_degrades_until_it_is_searched(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """As if each frame were explained just well enough: then it is told, with larger deviations."""
@@ -153,7 +153,7 @@ def test_one_finger_beside_which_a_second_one_may_press_is_degraded_until_that_i
     assert all(message.contacts and "waits for the searches" in message.reason for message in said[4:])
 
 
-def test_frames_that_wait_for_their_search_use_up_no_search_and_leave_the_finger_where_it_was() -> None:
+def test_waiting_frames_use_up_no_search_and_keep_the_finger() -> None:
     """The first of them holds few new samples, and one finger explains it: what follows is left as after it."""
     made, kept = ready(), list[tuple[int, int, bytes]]()
     for frame in map(beside_steel, frames(26)):
@@ -185,7 +185,7 @@ def test_no_frame_fits_more_than_a_search_needs(monkeypatch: pytest.MonkeyPatch)
     assert max(fits.values()) <= 12 * fit.ITERATIONS + 8 * fit.FEW_ITERATIONS
 
 
-def test_of_pads_beside_steel_one_searches_in_a_round_and_a_replay_of_each_alone_says_the_same() -> None:
+def test_one_pad_searches_in_a_round_and_replays_alone_agree() -> None:
     names = ["one", "two", "three"]
     made = {name: ready(name) for name in names}
     turns, some = turns_of(made.values()), list(map(beside_steel, frames(70)))
@@ -211,7 +211,7 @@ def test_of_pads_beside_steel_one_searches_in_a_round_and_a_replay_of_each_alone
         ]
 
 
-def test_packed_frame_of_a_board_has_all_that_a_frame_has_and_may_be_told_to_wait() -> None:
+def test_packed_frame_of_a_board_is_complete_and_may_wait() -> None:
     readings = np.arange(16, dtype="<i2").tobytes()
     packed = WireFrame(0, 7, 5000, 6000, (3, 0b1111, 0b1011, readings), 25.0, run=2)
     waiting = packed.without_search()

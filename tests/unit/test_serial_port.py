@@ -47,7 +47,5 @@ def test_bytes_take_time_on_a_uart_and_none_on_usb(adapter: Path, tmp_path: Path
 
 
 @pytest.mark.parametrize(("code", "words"), [(errno.EPERM, "systemctl restart fmfts"), (errno.EACCES, "dialout")])
-def test_a_service_that_was_not_given_the_device_is_told_apart_from_a_user_who_lacks_a_group(
-    code: int, words: str
-) -> None:
+def test_service_without_the_device_and_user_without_group_differ(code: int, words: str) -> None:
     assert words in serial_port.why_not_open("/dev/ttyUSB0", OSError(code, os.strerror(code)))

@@ -110,7 +110,7 @@ def test_failed_write_keeps_the_old_file_and_leaves_nothing(tmp_path: Path, monk
     assert os.listdir(tmp_path) == ["baseline.json"]
 
 
-def test_what_a_killed_writer_left_goes_with_the_next_write_and_a_young_file_stays(tmp_path: Path) -> None:
+def test_next_write_removes_old_leftovers_of_killed_writers(tmp_path: Path) -> None:
     old, young, foreign = (tmp_path / name for name in (".b.json.0000.tmp", ".b.json.1111.tmp", ".c.json.0000.tmp"))
     for path in (old, young, foreign):
         path.touch()

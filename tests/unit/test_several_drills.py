@@ -13,7 +13,7 @@ def drilled(kind: str, number: int = 0, seed: int = 1) -> Counted:
     return counted
 
 
-def test_an_axis_that_reads_too_much_is_left_out_by_name_and_two_fingers_are_told_on() -> None:
+def test_wrong_axis_is_named_and_two_fingers_stay_published() -> None:
     counted = drilled("offset 100 mG", 1)
     (seen_ms,), (back_ms,) = counted.seen_ms, counted.back_ms
     assert seen_ms < 10.0  # the second frame: chips run free

@@ -141,7 +141,7 @@ def test_too_few_sensors_are_lost_and_say_why() -> None:
 
 
 @pytest.mark.parametrize("sensor", [0, 5])
-def test_a_sensor_that_contradicts_all_others_is_named_and_left_out_until_it_agrees(sensor: int) -> None:
+def test_contradicting_sensor_is_named_and_excluded_until_it_agrees(sensor: int) -> None:
     """60 counts are 4 µT, twenty deviations of its noise."""
     made, messages = ready(), []
     for frame in frames(60, LEFT):

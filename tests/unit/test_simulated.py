@@ -146,7 +146,7 @@ def test_self_test_measures_each_axis_gain_through_counts() -> None:
     assert abs(factors.mean() - 1.0) < 0.006
 
 
-def test_finger_taps_presses_slides_and_squeezes_in_every_cycle_with_rests_between() -> None:
+def test_finger_taps_presses_slides_and_squeezes_in_every_cycle() -> None:
     finger = ScriptedFinger(seed=1)
     times = np.arange(round((UNLOADED_AT_START_S + 3 * CYCLE_S) * 100)) / 100
     touches = [finger(time) for time in times]

@@ -117,7 +117,7 @@ def test_sixteen_sensors_place_two_near_fingers_better_than_eight_do() -> None:
     assert deviation[1] < 0.8 * deviation[0]
 
 
-def test_silent_thirteenth_sensor_of_an_array_is_named_and_two_fingers_are_still_told() -> None:
+def test_silent_thirteenth_sensor_is_named_beside_two_fingers() -> None:
     made = array_pipeline(SIXTEEN, simulated_baseline(SIXTEEN))
     message = [made.process(lost(frame, 12)) for frame in two_fingers(SIXTEEN, 24)][-1]
     assert (message.health, message.sensors_ok, message.reason) == ("degraded", 0xEFFF, "sensor 13 is silent")
@@ -188,7 +188,7 @@ def test_frame_of_eight_sensors_has_the_bytes_that_boards_send() -> None:
 
 
 @pytest.mark.parametrize("body", [pack(wide_sample(9))[: 17 + 8 * 8] + b"\0\0", pack(wide_sample(16)) + bytes(8)])
-def test_packet_of_more_than_sixteen_sensors_or_of_eight_in_the_wide_form_is_none(body: bytes) -> None:
+def test_wide_packet_of_eight_or_of_seventeen_sensors_is_refused(body: bytes) -> None:
     with pytest.raises(MalformedError, match="sensors: more than 8, at most 16"):
         unpack(body)
 

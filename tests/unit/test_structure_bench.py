@@ -14,7 +14,7 @@ OPTIONS = Namespace(seed=2, pads=1, seconds=6.0)
 
 
 @pytest.mark.parametrize("name", ["stiff, 12 mm, 2°", "tilt 5°"])
-def test_pads_of_another_solver_are_within_the_deviations_that_count_them_and_not_within_others(name: str) -> None:
+def test_structure_tolerances_cover_pads_of_another_solver(name: str) -> None:
     (cell,) = [one for one in CELLS if one.name == name]
     before, counted = (measured(cell, 0.0, OPTIONS, counted) for counted in (False, True))
     assert before["wrong"] > 0.05 * before["frames"]

@@ -120,7 +120,7 @@ def test_noise_is_of_the_force_alone_and_without_what_drifts() -> None:
     assert controller.scored(motion_of(ramp), told_late(motion_of(ramp), 0.0))["noise_mn"] is None
 
 
-def test_a_line_through_two_frames_is_right_at_publishing_where_the_finger_moves_evenly() -> None:
+def test_line_through_two_frames_is_exact_for_even_motion() -> None:
     line = Line(Truthful(steady_ramp(), 5e-3))
     told = [line.told(line.ask(Numbered(number))) for number in range(FRAMES)]  # type: ignore[arg-type]
     assert told[5].at_s == pytest.approx(5 / RATE_HZ + TRANSPORT_S)

@@ -39,7 +39,7 @@ def pose_error(find: Find, scene: str, method: str) -> float:
 
 
 @pytest.mark.long
-def test_only_those_who_free_the_ambient_field_stay_near_the_bound_while_the_robot_turns(find: Find) -> None:
+def test_only_methods_with_a_free_ambient_field_reach_the_bound(find: Find) -> None:
     # 220 frames of five components: the ratio's own deviation is 2 %; the octupole that the dipole lacks adds to z.
     assert 0.9 < pose_error(find, "drifting", "kernel, 8, cylinder") < 1.1
     assert pose_error(find, "drifting", "kernel, 8 unknowns") < 1.4
@@ -64,7 +64,7 @@ def test_kernel_and_every_least_squares_solver_find_the_same_minimum(find: Find)
 
 
 @pytest.mark.long
-def test_daemon_tells_place_and_force_better_than_whatever_goes_straight_from_the_field(find: Find) -> None:
+def test_daemon_beats_methods_straight_from_the_field(find: Find) -> None:
     for pad in ("as drawn", "as built"):
         (daemon,) = find(chart="contact", scene=pad, method="the daemon, frame → message")
         assert float(daemon["answered"]) == 1.0
@@ -82,7 +82,7 @@ def test_slower_samples_cost_more_than_their_averaging_brings(find: Find) -> Non
 
 
 @pytest.mark.long
-def test_charts_are_small_and_the_summary_says_whether_the_default_is_on_the_front(out: Path) -> None:
+def test_charts_are_small_and_the_summary_names_the_front(out: Path) -> None:
     for chart in ("pose", "contact"):
         assert 10_000 < (out / f"speed-accuracy-{chart}.svg").stat().st_size < SVG_LIMIT_BYTES
         assert (out / f"speed-accuracy-{chart}.png").exists()

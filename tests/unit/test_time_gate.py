@@ -137,7 +137,7 @@ def test_a_clock_does_not_begin_with_packets_that_are_sent_again() -> None:
     assert [frame.sequence for frame in frames] == list(range(320, 420, 10))
 
 
-def test_a_board_slower_than_the_clocks_patience_is_believed_with_its_second_packet() -> None:
+def test_slow_boards_clock_is_accepted_with_the_second_packet() -> None:
     """At 10 Hz every packet may have waited since the one before was read."""
     line = line_after(300)
     frames = []

@@ -159,7 +159,7 @@ def after_a_gap(kind: Kind, frames: int) -> TouchDetector | TouchInC:
 
 
 @BOTH
-def test_finger_that_went_in_a_gap_is_gone_in_the_first_frame_after_it_that_is_no_onset(kind: Kind) -> None:
+def test_finger_lifted_in_a_gap_is_released_after_it(kind: Kind) -> None:
     for chance in (0.0, 1.1):
         detector = after_a_gap(kind, 2 * RELEASE_FRAMES)
         assert detector.update(at_chi2(detector.release_chi2 * chance), COVARIANCE) is False

@@ -16,7 +16,7 @@ RIM = [Press(3.9, -5.6, 1.6), Press(-9.2, -10.4, 0.4)]
 CORNER = [Press(5.9, -0.3, 1.0), Press(10.4, -9.2, 1.0)]
 
 
-def test_a_finger_near_the_rim_widens_the_deviation_of_the_resultant_to_what_the_valley_leaves() -> None:
+def test_finger_near_the_rim_widens_the_resultants_deviation() -> None:
     one = world(4048, BUILT)
     estimator, worst, before = estimator_of(one), [], []
     for _ in range(40):
@@ -32,7 +32,7 @@ def test_a_finger_near_the_rim_widens_the_deviation_of_the_resultant_to_what_the
     assert max(worst) < 4.0
 
 
-def test_a_finger_near_the_rim_widens_its_own_deviations_to_what_the_valley_leaves() -> None:
+def test_finger_near_the_rim_widens_its_own_deviations() -> None:
     one = world(14003, BUILT)
     estimator, worst, before = estimator_of(one), [], []
     for _ in range(40):
@@ -62,7 +62,7 @@ def test_the_message_has_the_wider_deviations_of_each_finger() -> None:
     assert (told >= reading.fit.deviation[:, :2] * (1.0 - 1e-12)).all()
 
 
-def test_the_direction_in_which_a_finger_is_known_least_is_that_of_the_largest_variance() -> None:
+def test_least_certain_direction_has_the_largest_variance() -> None:
     random = np.random.default_rng(3)
     for trial in range(50):
         root = random.normal(0.0, 1.0, (6, 6)) if trial else np.eye(6)

@@ -49,9 +49,7 @@ def messages_of(config: PadConfig, finger: Finger, frames: int = 110) -> list[Co
 
 
 @pytest.mark.parametrize(("model", "spacing_mm"), [("default", 9.0), ("shear", 9.0), ("none", 9.0), ("none", 8.0)])
-def test_pad_without_a_fitting_model_tells_touch_pose_and_displacement_but_no_force(
-    model: str, spacing_mm: float
-) -> None:
+def test_pad_without_a_model_publishes_touch_and_pose_but_no_force(model: str, spacing_mm: float) -> None:
     config = config_of(model, spacing_mm)
     untouched = messages_of(config, no_finger)[SETTLED:]
     pressed = messages_of(config, steady_finger(1e-3, 0.0, 1.0))[SETTLED:]
