@@ -16,6 +16,7 @@
 # make page-drills  the page under load: many pads, pages and strangers, an hour's run, the first use of a board
 # make docs    the manual, the results and a reference from docstrings as a site in build/site, to read and search without a
 #              network; fails if a link leads nowhere or a docstring is missing (a minute)
+# make docs-test    type every command of the pages that needs neither hardware nor root, as it stands there (three minutes)
 # make pictures     take the pictures of the manual from the real page, in Chromium
 # make test    set up what the tests need, run all parts, and summarise    (PARTS="lint unit": only those; or make lint …)
 # make test-fresh    the same in a fresh clone on a plain Debian 12, as root; and the demo as an ordinary user
@@ -133,10 +134,13 @@ transcript: $(VENV)/.installed-test firmware
 
 # What is missing, or leads nowhere, is a warning, which ends the build; `built_site.py` judges what was built.
 SITE := build/site
-.PHONY: docs
+.PHONY: docs docs-test
 docs: $(VENV)/.installed-docs
 	$(BIN)/python -m sphinx -q -E -W --keep-going -b html -c docs/site -d build/site-doctrees . $(SITE)
 	$(BIN)/python tests/pages/built_site.py $(SITE)
+
+docs-test: $(VENV)/.installed-test
+	$(BIN)/python -m pytest -q tests/pages
 
 $(VENV)/.installed-docs: pyproject.toml $(VENV)/.installed
 	@$(BIN)/python -c 'import importlib.metadata as meta; print(*(one.split(";")[0] for one in meta.requires("fmfts") if "\"docs\"" in one), sep="\n")' \

@@ -1,0 +1,90 @@
+"""Types the commands of a page in its order, in a folder of its own, on a simulated pad."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pages.commands import ROOT
+
+BY_ITSELF = re.compile(r"fmfts-daemon (run|view)\b")  # goes on until it is interrupted
+PATIENCE_S, BEGINS_S = 180.0, 60.0
+ENDED_BY_US = (0, 130, -signal.SIGINT)
+
+
+class Reader:
+    """Somebody who types, in `folder`. What goes on by itself is left running until `leave`."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._left_running: list[tuple[str, subprocess.Popen[str]]] = []
+        path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+        homes = {name: f"{folder}/{name.lower()}" for name in ("XDG_STATE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME")}
+        self._environment = os.environ | homes | {"PATH": path, "FMFTS_BUS": f"ipc://{folder}"}
+        for name in ("config.toml", "docs"):
+            if not (folder / name).exists():
+                (folder / name).symlink_to(ROOT / name)
+
+    def type(self, command: str) -> str:
+        """What is printed; AssertionError if the command fails, or ends where it should go on."""
+        begun = subprocess.Popen(
+            ["bash", "-c", f"exec {command}" if BY_ITSELF.search(command) else command],
+            cwd=self.folder, env=self._environment, stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        if BY_ITSELF.search(command):
+            self._left_running.append((command, begun))
+            self._begins(command, begun)
+            return ""
+        with begun:
+            said, errors = begun.communicate(timeout=PATIENCE_S)
+        assert begun.returncode == 0, (command, begun.returncode, said, errors)
+        assert "Traceback" not in errors, (command, errors)
+        return said + errors
+
+    def _begins(self, command: str, begun: subprocess.Popen[str]) -> None:
+        until = time.monotonic() + BEGINS_S
+        while " run" in command and not (self.folder / "control").exists() and begun.poll() is None:
+            assert time.monotonic() < until, f"{command}: no control socket"
+            time.sleep(0.05)
+        time.sleep(2.0)  # `status` tells of a second, and what cannot go on ends by then
+        if begun.poll() is not None:
+            raise AssertionError((command, begun.returncode, begun.communicate()))
+
+    def leave(self) -> None:
+        failed = []
+        for command, begun in reversed(self._left_running):
+            begun.send_signal(signal.SIGINT)
+            try:
+                said = begun.communicate(timeout=30)
+            except subprocess.TimeoutExpired:
+                begun.kill()
+                said = begun.communicate()
+            if begun.returncode not in ENDED_BY_US or "Traceback" in said[1]:
+                failed.append((command, begun.returncode, said))
+        assert failed == []
+
+
+@contextmanager
+def reader(folder: Path, prepared: Path | None = None) -> Iterator[Reader]:
+    """prepared: where somebody has set a pad up, whose files this reader finds, and whose daemon runs."""
+    folder.mkdir(exist_ok=True)
+    if prepared is not None:
+        for name in ("pad.toml", "xdg_state_home"):
+            source = prepared / name
+            (shutil.copytree if source.is_dir() else shutil.copy)(source, folder / name)
+    one = Reader(folder)
+    try:
+        if prepared is not None:
+            one.type("fmfts-daemon run")
+        yield one
+    finally:
+        one.leave()
