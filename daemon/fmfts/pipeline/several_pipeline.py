@@ -3,7 +3,7 @@
 Without a table of presses it is frame → field → poses → message (several/poses_estimator.py).
 
 It has the interface of `PadPipeline`, so that the daemon, a replay and a recorder do not know which of the two it is.
-Its frames are judged in Python, which calls the compiled fit; no lane hands them to C from a board's bytes.
+Python judges its frames, and calls the compiled fit.
 """
 
 from __future__ import annotations
@@ -21,16 +21,14 @@ from fmfts.common.memory import require_alike
 from fmfts.contact import NoContactModel
 from fmfts.contact.array_model import ArrayModel
 from fmfts.pad import Array, Pad, Placement
-from fmfts.pipeline.last_frame import LastFrame
-from fmfts.pipeline.several_message import SeveralWriter
-from fmfts.pipeline.words import NO_BASELINE
-from fmfts.pose import Aligned, Alignment, repeats_allowed
+from fmfts.pipeline.judged_in_python import JudgedInPython
+from fmfts.pipeline.several_message import several_told
+from fmfts.pose import Aligned, repeats_allowed
 from fmfts.pose.alignment import AlignmentMemory
 from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView
 from fmfts.pose.sighting import Sighting, SightingMemory
 from fmfts.pose.state import Neighbour
 from fmfts.sensor import Frame
-from fmfts.sensor.early import EarlySample
 from fmfts.sensor.missing import missing_sensors
 from fmfts.several.count import Search
 from fmfts.several.estimator import FingersEstimator
@@ -56,7 +54,7 @@ class SeveralMemory:
     poses: PosesMemory | None = None
 
 
-class SeveralPipeline:
+class SeveralPipeline(JudgedInPython):
     """Makes a message of each frame of one pad with several magnets.
 
     magnet_per_k: temperature coefficient of the remanence.
@@ -73,44 +71,19 @@ class SeveralPipeline:
         scene: Scene,
         magnet_per_k: float,
     ) -> None:
-        self.pad = pad
+        super().__init__(pad, model.hash, boot, rate_hz)
         self._model = model
-        self._rate_hz = rate_hz
         self._scene, self._magnet_per_k = scene, magnet_per_k
-        self._alignment = Alignment(len(pad.sensors), period_us=1e6 / rate_hz)
         self._estimator: FingersEstimator | PosesEstimator | None = None
         self._at_first: FingersMemory | PosesMemory | None = None  # the estimator's memory before any frame
-        self._why_none = NO_BASELINE
-        self._baseline: Baseline | None = None
-        self._writer = SeveralWriter(pad.name, boot, model.hash)
-        self._missing: dict[int, str] = {}
-        self._last_frame = LastFrame(rate_hz)
         self._sighting = Sighting.unseen(pad)
         self._neighbours: list[NeighbourView] = []
         self._is_felt = False
         self.search: Search = "none"  # what became of the search for fingers in the last frame
 
     @property
-    def baseline(self) -> Baseline | None:
-        return self._baseline
-
-    @property
-    def messages(self) -> int:
-        """The number of the last message."""
-        return self._writer.number
-
-    @property
     def model(self) -> ArrayModel | NoContactModel:
         return self._model
-
-    @property
-    def model_hash(self) -> str:
-        return self._model.hash
-
-    @property
-    def missing(self) -> dict[int, str]:
-        """Sensor (from 0) → why it could not be used in the last frame; empty while frames are absent."""
-        return self._missing
 
     @property
     def detection_limit_n(self) -> float:
@@ -160,7 +133,7 @@ class SeveralPipeline:
     def start_anew(self) -> None:
         """Forget all frames, because the next have another clock, or an error left half a memory. A new estimator would
         take 15 ms, in which all other pads wait."""
-        self._alignment = Alignment(len(self.pad.sensors), period_us=1e6 / self._rate_hz)
+        self._forget_samples()
         memory = deepcopy(self._at_first)
         if isinstance(self._estimator, FingersEstimator) and isinstance(memory, FingersMemory):
             memory.counter.next_id = self._estimator.memory.counter.next_id  # a finger of before is another one
@@ -176,28 +149,23 @@ class SeveralPipeline:
     def process(self, frame: Frame) -> ContactMessage:
         """Make the message of one frame."""
         self.search = "none"
-        field_t = frame.field_t
-        aligned = self._last_frame.aligned(frame, field_t, self._alignment)
-        if frame.valid.any() and not aligned.is_old:
-            sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
-        else:
-            sampled_ns = self._writer.sampled_ns  # the frame holds no new sample, so the newest is still the last one
+        aligned = self._aligned(frame)
         estimator = self._estimator
         reading: FingersReading | PosesReading
         if estimator is None:
-            self._missing = missing_sensors(frame, None)
+            self.missing = missing_sensors(frame, None)
             reading = FingersReading("no_baseline", self._why_none, frame.usable)
         else:
             stuck = aligned.repeats > estimator.repeats_allowed
             # Each axis that holds a measurement has a field: then there is nothing to look for.
-            is_whole = np.isfinite(field_t).all() and not stuck.any()
-            self._missing = {} if is_whole else missing_sensors(frame, stuck)
-            seen = [view.at(sampled_ns) for view in self._neighbours]
+            is_whole = np.isfinite(frame.field_t).all() and not stuck.any()
+            self.missing = {} if is_whole else missing_sensors(frame, stuck)
+            seen = [view.at(self._sampled_ns) for view in self._neighbours]
             reading, sighted = self._read(estimator, aligned, frame, seen)
             self.search = reading.search
             if self._is_felt and sighted is not None:
-                self._sighting.saw(*sighted, sampled_ns)
-        return self._writer.message(reading, sampled_ns, frame.temperature_c, estimator, self._baseline)
+                self._sighting.saw(*sighted, self._sampled_ns)
+        return self._message(reading, several_told(reading, estimator), frame.temperature_c)
 
     def _read(
         self,
@@ -207,7 +175,7 @@ class SeveralPipeline:
         neighbours: Sequence[NeighbourEstimate],
     ) -> tuple[FingersReading | PosesReading, tuple[tuple[Neighbour, ...], Array] | None]:
         """What the frame says, and where the magnets are for pads that feel them."""
-        what = aligned, frame.temperature_c, self._missing, neighbours, frame.may_search
+        what = aligned, frame.temperature_c, self.missing, neighbours, frame.may_search
         if isinstance(estimator, FingersEstimator):
             fingers = estimator.read(*what)
             return fingers, estimator.sighted(fingers) if self._is_felt else None
@@ -216,19 +184,6 @@ class SeveralPipeline:
             poses = poses._replace(reason="; ".join(filter(None, (poses.reason, self._model.reason))))
         return poses, estimator.sighted(poses) if self._is_felt else None
 
-    def answer(self, frame: Frame) -> ContactMessage:
-        return self.process(frame)
-
-    def host_time_ns(self, device_time_us: int) -> int:
-        """The host's time of the board's, near the last frame."""
-        return self._last_frame.host_time_ns(device_time_us)
-
-    def early(self, early: EarlySample) -> None:
-        """A sample that comes before its frame says nothing new: there is no `now` of several fingers."""
-
-    def begin(self, clock: memoryview, topic: bytes, pad_index: int, overdue_ns: int) -> None:
-        """No C handles the frames of such a pad from the board's bytes."""
-
     @property
     def memory(self) -> SeveralMemory:
         """What the pipeline remembers between two frames."""
@@ -236,7 +191,7 @@ class SeveralPipeline:
         return SeveralMemory(
             self._alignment.memory,
             estimator.memory if isinstance(estimator, FingersEstimator) else None,
-            *(self._writer.number, self._writer.sampled_ns),
+            *(self.messages, self._sampled_ns),
             self._why_none,
             self._sighting.memory if self._is_felt else None,
             estimator.memory if isinstance(estimator, PosesEstimator) else None,
@@ -253,7 +208,7 @@ class SeveralPipeline:
             self._estimator.recall(memory.fingers)
         if isinstance(self._estimator, PosesEstimator) and memory.poses is not None:
             self._estimator.recall(memory.poses)
-        self._writer.number, self._writer.sampled_ns = memory.number, memory.sampled_ns
+        self.messages, self._sampled_ns = memory.number, memory.sampled_ns
         self._why_none = memory.why_no_estimator
         if memory.sighting is not None:
             self._sighting.recall(memory.sighting)
@@ -262,6 +217,6 @@ class SeveralPipeline:
         """The message to publish while no frame can be used. It ends the touch: whoever touched may be gone."""
         if self._estimator is not None:
             self._estimator.forget_touch()
-        self._missing = {}
+        self.missing = {}
         reading = FingersReading(health, reason, np.zeros((len(self.pad.sensors), 3), dtype=np.bool_))
-        return self._writer.message(reading, None, None, self._estimator, self._baseline)
+        return self._message(reading, several_told(reading, self._estimator), None)

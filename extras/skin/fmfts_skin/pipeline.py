@@ -2,12 +2,10 @@
 
 It has the interface of `PadPipeline`, so that the daemon, a replay and a recorder do not know which of the two it is
 (fmfts.pipeline.plugged).
-Its frames are judged in Python; no lane hands them to C from a board's bytes.
 """
 
 from __future__ import annotations
 
-import time
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
@@ -19,14 +17,11 @@ from fmfts.baseline.rest_field import RestField
 from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health
 from fmfts.common.memory import require_alike
 from fmfts.pad import Pad, Placement
-from fmfts.pipeline.last_frame import LastFrame
-from fmfts.pipeline.sensors_ok import mask_of
-from fmfts.pipeline.words import NO_BASELINE
-from fmfts.pose import Alignment, repeats_allowed
+from fmfts.pipeline.judged_in_python import JudgedInPython
+from fmfts.pose import repeats_allowed
 from fmfts.pose.alignment import AlignmentMemory
 from fmfts.pose.sighting import Sighting
 from fmfts.sensor import Frame
-from fmfts.sensor.early import EarlySample
 from fmfts.sensor.missing import missing_sensors
 from fmfts_skin.estimator import SkinEstimator, SkinMemory, SkinReading
 from fmfts_skin.force_estimator import ForceEstimator
@@ -46,7 +41,7 @@ class SkinPipelineMemory:
     why_no_estimator: str
 
 
-class SkinPipeline:
+class SkinPipeline(JudgedInPython):
     """Makes a message of each frame of one pad whose magnets are unknown.
 
     ambient_t: by how much the ambient field may change, along each axis. magnet_per_k: temperature coefficient of the
@@ -64,24 +59,10 @@ class SkinPipeline:
         ambient_t: float,
         magnet_per_k: float,
     ) -> None:
-        self.pad, self.model, self._boot = pad, model, boot
-        self._rate_hz, self._ambient_t, self._magnet_per_k = rate_hz, ambient_t, magnet_per_k
-        self._alignment = Alignment(len(pad.sensors), period_us=1e6 / rate_hz)
+        super().__init__(pad, model.hash, boot, rate_hz)
+        self.model, self._ambient_t, self._magnet_per_k = model, ambient_t, magnet_per_k
         self._estimator: SkinEstimator | ForceEstimator | None = None
         self._at_first: SkinMemory | None = None  # the estimator's memory before any frame
-        self._why_none = NO_BASELINE
-        self._baseline: Baseline | None = None
-        self.messages, self._sampled_ns = 0, 0
-        self.missing: dict[int, str] = {}
-        self._last_frame = LastFrame(rate_hz)
-
-    @property
-    def baseline(self) -> Baseline | None:
-        return self._baseline
-
-    @property
-    def model_hash(self) -> str:
-        return self.model.hash
 
     @property
     def force_scale_sd(self) -> float | None:
@@ -121,7 +102,7 @@ class SkinPipeline:
     def start_anew(self) -> None:
         """Forget all frames, because the next have another clock, or an error left half a memory. A new estimator would
         take 15 ms, in which all other pads wait."""
-        self._alignment = Alignment(len(self.pad.sensors), period_us=1e6 / self._rate_hz)
+        self._forget_samples()
         if self._estimator is not None and self._at_first is not None:
             self._estimator.memory = deepcopy(self._at_first)
 
@@ -132,10 +113,7 @@ class SkinPipeline:
 
     def process(self, frame: Frame) -> ContactMessage:
         """Make the message of one frame."""
-        aligned = self._last_frame.aligned(frame, frame.field_t, self._alignment)
-        if frame.valid.any() and not aligned.is_old:
-            # Else the frame holds no new sample, so the newest is still the last one.
-            self._sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
+        aligned = self._aligned(frame)
         estimator = self._estimator
         if estimator is None:
             self.missing = missing_sensors(frame, None)
@@ -143,28 +121,10 @@ class SkinPipeline:
         else:
             self.missing = missing_sensors(frame, aligned.repeats > estimator.repeats_allowed)
             reading = estimator.read(aligned, frame.temperature_c, self.missing)
-        return self._message(reading, frame.temperature_c)
+        return self._message(reading, self._told(reading), frame.temperature_c)
 
-    def answer(self, frame: Frame) -> ContactMessage:
-        return self.process(frame)
-
-    def _message(self, reading: SkinReading, temperature_c: float | None) -> ContactMessage:
-        self.messages += 1
-        return ContactMessage(
-            pad=self.pad.name,
-            boot=self._boot,
-            seq=self.messages,
-            t_sample_ns=self._sampled_ns,
-            t_publish_ns=time.monotonic_ns(),
-            utc_ns=time.time_ns(),
-            temperature_c=temperature_c,
-            health=reading.health,
-            reason=reading.reason,
-            **(NO_ESTIMATE | {"over_range": False} | self._estimates(reading)),
-            sensors_ok=mask_of(reading.used),
-            model=self.model.hash,
-            baseline=None if self._baseline is None else self._baseline.id,
-        )
+    def _told(self, reading: SkinReading) -> dict[str, Any]:
+        return NO_ESTIMATE | {"over_range": False} | self._estimates(reading)
 
     def _estimates(self, reading: SkinReading) -> dict[str, Any]:
         """Beyond the table there is only a lower bound of the force, and no place. Without a contact there is none."""
@@ -190,16 +150,6 @@ class SkinPipeline:
             found |= {"force_n": max(value, 0.0), "force_sd_n": deviation}
         return found
 
-    def host_time_ns(self, device_time_us: int) -> int:
-        """The host's time of the board's, near the last frame."""
-        return self._last_frame.host_time_ns(device_time_us)
-
-    def early(self, early: EarlySample) -> None:
-        """A sample that comes before its frame says nothing new."""
-
-    def begin(self, clock: memoryview, topic: bytes, pad_index: int, overdue_ns: int) -> None:
-        """No C handles the frames of such a pad from the board's bytes."""
-
     @property
     def memory(self) -> SkinPipelineMemory:
         """What the pipeline remembers between two frames."""
@@ -223,4 +173,5 @@ class SkinPipeline:
         if self._estimator is not None:
             self._estimator.forget_touch()
         self.missing = {}
-        return self._message(SkinReading(health, reason, np.zeros((len(self.pad.sensors), 3), dtype=np.bool_)), None)
+        reading = SkinReading(health, reason, np.zeros((len(self.pad.sensors), 3), dtype=np.bool_))
+        return self._message(reading, self._told(reading), None)

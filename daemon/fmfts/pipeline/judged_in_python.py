@@ -1,0 +1,102 @@
+"""What pads have in common whose frames Python judges: one clock, one instant, numbered messages.
+
+C judges the frames of a pad with one magnet (frame.c). No C hands these pads theirs from a board's bytes.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Protocol
+
+from numpy import bool_
+from numpy.typing import NDArray
+
+from fmfts.baseline import Baseline
+from fmfts.bus.messages import ContactMessage, Health
+from fmfts.pad import Pad
+from fmfts.pipeline.last_frame import LastFrame
+from fmfts.pipeline.sensors_ok import mask_of
+from fmfts.pipeline.words import NO_BASELINE
+from fmfts.pose import Aligned, Alignment
+from fmfts.sensor import Frame
+from fmfts.sensor.early import EarlySample
+
+
+class Judged(Protocol):
+    """What one frame says. used (N, 3): the axes that it was made from."""
+
+    @property
+    def health(self) -> Health: ...
+    @property
+    def reason(self) -> str: ...
+    @property
+    def used(self) -> NDArray[bool_]: ...
+
+
+class JudgedInPython:
+    """messages: the number of the last one. missing: sensor (from 0) → why it could not be used in the last frame;
+    empty while frames are absent."""
+
+    def __init__(self, pad: Pad, model_hash: str, boot: str, rate_hz: float) -> None:
+        self.pad, self._model_hash, self._boot, self._rate_hz = pad, model_hash, boot, rate_hz
+        self.messages, self._sampled_ns = 0, 0
+        self.missing: dict[int, str] = {}
+        self._why_none = NO_BASELINE
+        self._baseline: Baseline | None = None
+        self._last_frame = LastFrame(rate_hz)
+        self._forget_samples()
+
+    @property
+    def baseline(self) -> Baseline | None:
+        return self._baseline
+
+    @property
+    def model_hash(self) -> str:
+        return self._model_hash
+
+    def process(self, frame: Frame) -> ContactMessage:
+        """Make the message of one frame."""
+        raise NotImplementedError
+
+    def answer(self, frame: Frame) -> ContactMessage:
+        return self.process(frame)
+
+    def host_time_ns(self, device_time_us: int) -> int:
+        """The host's time of the board's, near the last frame."""
+        return self._last_frame.host_time_ns(device_time_us)
+
+    def early(self, early: EarlySample) -> None:
+        """A sample that comes before its frame says nothing new: such a pad has no `now`."""
+
+    def begin(self, clock: memoryview, topic: bytes, pad_index: int, overdue_ns: int) -> None:
+        """No C handles the frames of such a pad from the board's bytes."""
+
+    def _forget_samples(self) -> None:
+        self._alignment = Alignment(len(self.pad.sensors), period_us=1e6 / self._rate_hz)
+
+    def _aligned(self, frame: Frame) -> Aligned:
+        """The frame's samples at one instant. Notes when that was, on the host's clock."""
+        aligned = self._last_frame.aligned(frame, frame.field_t, self._alignment)
+        if frame.valid.any() and not aligned.is_old:
+            # Else the frame holds no new sample, so the newest is still the last one.
+            self._sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
+        return aligned
+
+    def _message(self, reading: Judged, told: dict[str, Any], temperature_c: float | None) -> ContactMessage:
+        """told: the estimates of the message, by their fields."""
+        self.messages += 1
+        return ContactMessage(
+            pad=self.pad.name,
+            boot=self._boot,
+            seq=self.messages,
+            t_sample_ns=self._sampled_ns,
+            t_publish_ns=time.monotonic_ns(),
+            utc_ns=time.time_ns(),
+            temperature_c=temperature_c,
+            health=reading.health,
+            reason=reading.reason,
+            **told,
+            sensors_ok=mask_of(reading.used),
+            model=self._model_hash,
+            baseline=None if self._baseline is None else self._baseline.id,
+        )
