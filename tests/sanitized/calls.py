@@ -201,6 +201,8 @@ def _contacts(random: np.random.Generator) -> None:
         response.basis(press[None])
     pad = config_of(3).pad()
     model = ContactModel.load(str(DEFAULT_PATH), pad)
+    for width_m in (3e-3, 12e-3):
+        model.reads(0.5, width_m)
     for _ in range(3):
         model.inference.pose[:] = random.normal(size=6)
         model.inference.run()

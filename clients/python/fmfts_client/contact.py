@@ -204,7 +204,8 @@ class Status:
     sensor_faults: tuple[str, ...]
     board: dict[str, Any]
     uptime_s: float
-    force_scale_sd: Optional[float] = field(default=None, metadata=MAY_BE_MISSING)  # of old versions
+    force_scale: Optional[float] = field(default=None, metadata=MAY_BE_MISSING)  # of old versions, and the next one
+    force_scale_sd: Optional[float] = field(default=None, metadata=MAY_BE_MISSING)
 
     @classmethod
     def from_message(cls, message: dict[str, Any]) -> Status:

@@ -20,6 +20,7 @@ from fmfts.baseline.recording import BaselineError, ForeignError, Recording, sol
 from fmfts.baseline.refine import AtRest, pick, refined
 from fmfts.baseline.rest_field import RestField
 from fmfts.baseline.sensitivity import Sensitivity
+from fmfts.baseline.silicone import StoredSilicone
 from fmfts.baseline.turn import Turn, sensitivity_from_turn
 from fmfts.baseline.unmoved import require_unmoved
 from fmfts.baseline.window_means import Means
@@ -56,6 +57,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     origin: Origin | None = None
     # Where the sensors were found to be, of a board whose drawing is rough; then `refine` has the presses that told.
     learned: StoredGeometry | None = None
+    silicone: StoredSilicone | None = None  # what a weight told of it; None: nothing was weighed
     # How far rest has drifted from the recorded one, (5,) in m and rad. Never in a file: a restart undoes it.
     drift: tuple[float, ...] | None = None
 
@@ -187,12 +189,14 @@ def make_rest(
     """A baseline of the mounted, unloaded pad, with the bare recording of `before`. BaselineError if it does not fit.
 
     Unless the pad was `replaced`, its magnet must be where it was before: else a load would become the new zero. The
-    presses of `before` are kept unless the pad was replaced; its turn is always kept, as gains belong to the sensors.
+    presses of `before` are kept unless the pad was replaced (its silicone is another's then), its turn is always kept.
     """
     bare = None if before is None else before.bare
     baseline = _baseline(pad, tolerance, bare, StoredRecording.of(recording), before).tested(gains)
     if before is not None and before.rest is not None and not replaced:
         baseline = msgspec.structs.replace(baseline, refine=before.refine, learned=before.learned).sealed()
+    if replaced and baseline.silicone is not None:
+        baseline = msgspec.structs.replace(baseline, silicone=baseline.silicone.of_another_pad()).sealed()
     mounting = baseline.any_mounting(pad)
     if before is not None and before.rest is not None and not replaced:
         require_unmoved(pad, tolerance, before, recording)
@@ -290,6 +294,7 @@ def _baseline(
     rest: StoredRecording | None,
     before: Baseline | None,
 ) -> Baseline:
-    turn, gains = (None, None) if before is None else (before.turn, before.gains)
+    turn, gains, silicone = (None, None, None) if before is None else (before.turn, before.gains, before.silicone)
     tolerances = {name: float(getattr(tolerance, name)) for name in Tolerance.__slots__}
-    return Baseline(FORMAT, "", pad.name, pad.geometry_hash, tolerances, bare, rest, turn, None, gains).sealed()
+    recordings = bare, rest, turn, None, gains
+    return Baseline(FORMAT, "", pad.name, pad.geometry_hash, tolerances, *recordings, silicone=silicone).sealed()

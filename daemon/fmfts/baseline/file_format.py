@@ -50,7 +50,7 @@ class StoredRecording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @classmethod
     def of(cls, recording: Recording) -> StoredRecording:
         return cls(
-            utc=_now(),
+            utc=now(),
             mean_t=_rows(recording.mean_t),
             noise_t=_rows(recording.noise_t),
             samples=tuple(int(count) for count in recording.samples),
@@ -89,7 +89,7 @@ class StoredGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def of(cls, facts: Mapping[str, Any]) -> StoredGains:
         """From the facts of a self-test that passed (`selftest_facts` in sensor/chips/selftest.py)."""
         gain = np.array([sensor["gain_factor"] for sensor in facts["sensors"]], dtype=float)
-        return cls(_now(), _rows(gain), facts["gain_factor_sd"])
+        return cls(now(), _rows(gain), facts["gain_factor_sd"])
 
     def sensitivity(self, tolerance: Tolerance) -> Sensitivity:
         return Sensitivity.tested(np.array(self.gain), self.deviation, tolerance)
@@ -117,7 +117,7 @@ class StoredTurn(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @classmethod
     def of(cls, turn: Turn) -> StoredTurn:
         times = tuple(float(time) for time in turn.time_s)
-        return cls(_now(), tuple(_rows(field) for field in turn.field_t), _rows(turn.deviation_t), times)
+        return cls(now(), tuple(_rows(field) for field in turn.field_t), _rows(turn.deviation_t), times)
 
     def turn(self) -> Turn:
         return Turn(np.array(self.field_t), np.array(self.deviation_t), np.array(self.time_s))
@@ -142,7 +142,7 @@ class StoredPresses(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @classmethod
     def of(cls, presses: PressFields) -> StoredPresses:
         fields = tuple(_rows(field) for field in presses.field_t)
-        return cls(_now(), fields, _rows(presses.deviation_t), _rows(presses.rest_t))
+        return cls(now(), fields, _rows(presses.deviation_t), _rows(presses.rest_t))
 
     def presses(self) -> PressFields:
         return PressFields(np.array(self.field_t), np.array(self.deviation_t), np.array(self.rest_t))
@@ -171,7 +171,7 @@ class StoredGeometry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def of(cls, learned: LearnedGeometry) -> StoredGeometry:
         poses = [[float(value) for value in one] for one in learned.pose]
         stored = tuple((x, y, z, u, v, w) for x, y, z, u, v, w in poses)
-        return cls(_now(), _rows(learned.place_m), _rows(learned.rotation_rad), stored)
+        return cls(now(), _rows(learned.place_m), _rows(learned.rotation_rad), stored)
 
     def geometry(self) -> LearnedGeometry:
         return LearnedGeometry(np.array(self.place_m), np.array(self.rotation_rad), np.array(self.pose))
@@ -187,7 +187,7 @@ def require_fields(*fields: Rows, sensors: int | None = None) -> None:
             raise ValueError(f"a field of {len(field)} sensors among those of {sensors}")
 
 
-def _now() -> str:
+def now() -> str:
     return datetime.now(timezone.utc).isoformat(timespec="seconds")
 
 

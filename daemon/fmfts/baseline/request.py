@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from fmfts.arithmetic.elementary import square
 from fmfts.baseline import (
     Baseline,
     BaselineError,
-    Means,
     Mounting,
     accuracy,
     make_bare,
@@ -31,6 +30,7 @@ from fmfts.baseline.chips_found import chips_found
 from fmfts.baseline.coverage import Coverage, PressCoverage, TurnCoverage
 from fmfts.baseline.file_format import StoredGains
 from fmfts.baseline.files import previous, store, stored_gains
+from fmfts.baseline.learner import Learner
 from fmfts.baseline.mounting import ambient_of
 from fmfts.baseline.origin import Origin, foreign
 from fmfts.baseline.prospects import prospects
@@ -43,22 +43,16 @@ DURATION_S = 3.0
 # The time that a person needs for turning about two axes, and for thirty presses.
 TURN_S, REFINE_S, LEARN_S = 20.0, 40.0, 60.0
 LEARN_PRESSES = 60
+CAST_ALIKE = (
+    "the silicone is taken for as stiff as that of the pad before, which was weighed, and for less well known: "
+    "`fmfts-daemon weigh` tells this one's"
+)
 # A drawing whose places are no better is rough: presses tell them better than it does.
 ROUGH_PLACE_M = 5e-4
 SHORTEST_S, LONGEST_S = 0.5, 60.0
 
 
 Made = tuple[Baseline, AnyMounting | None, dict[str, Any]]
-
-
-class Learner(Protocol):
-    """Learns the geometry of a rough drawing from presses (fmfts.learn), where SciPy may be loaded."""
-
-    def require(self, pad: Pad, before: Baseline) -> None:
-        """BaselineError, before anybody presses in vain."""
-
-    def make(self, pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, Mounting, dict[str, Any]]:
-        """`before` with the geometry, its mounting, and facts. BaselineError if the presses do not tell one."""
 
 
 class OptionError(BaselineError):
@@ -77,8 +71,9 @@ class Recorded:
 
     def facts(self, pad: Pad) -> dict[str, Any]:
         """The facts for the person who asked for the baseline."""
+        is_silicone_alone = "stiffness" in self.gained
         return (
-            _report(self.baseline, self.mounting, pad)
+            (_whose(self.baseline) if is_silicone_alone else _report(self.baseline, self.mounting, pad))
             | self.gained
             | {"warnings": self.warnings, "stored": str(self.path)}
         )
@@ -88,10 +83,10 @@ class Recorded:
 class BaselineRequest:
     """bare: the pad is not mounted; else it is mounted and unloaded. replaced: it is another pad than the last time.
 
-    turn, refine: improve the last baseline by turning the robot, or by presses anywhere. learn: by presses, where the
-    drawing is rough. duration_s None: the usual
-    time for this kind of recording. origin: the sensors that it is recorded with. gains: of a self-test, None: those of
-    the last baseline. BaselineError if the options exclude each other or the duration is out of range.
+    turn, refine: improve the last baseline by turning the robot, or by presses anywhere. learn: by presses that tell
+    what the drawing does not. duration_s None: the usual time for this kind of recording. origin: the sensors that it
+    is recorded with. gains: of a self-test, None: those of the last baseline. BaselineError if the options exclude each
+    other or the duration is out of range.
     """
 
     pad: Pad
@@ -117,7 +112,9 @@ class BaselineRequest:
     def seconds(self) -> float:
         if self.duration_s is not None:
             return self.duration_s
-        return TURN_S if self.turn else REFINE_S if self.refine else DURATION_S if self.learn is None else LEARN_S
+        if self.learn is not None:
+            return self.learn.seconds
+        return TURN_S if self.turn else REFINE_S if self.refine else DURATION_S
 
     @property
     def only_adds(self) -> bool:
@@ -133,7 +130,7 @@ class BaselineRequest:
         if self.turn:
             return TurnCoverage(self.pad)
         if self.learn is not None:
-            return PressCoverage(self.pad, LEARN_PRESSES)
+            return PressCoverage(self.pad, self.learn.presses) if self.learn.presses else None
         return PressCoverage(self.pad) if self.refine else None
 
     def require_rest(self, before: Baseline | None) -> None:
@@ -143,11 +140,12 @@ class BaselineRequest:
         """
         if self.only_adds:
             try:
-                require_rest(before, "--turn" if self.turn else "--refine" if self.refine else "--learn")
+                option = "--refine" if self.learn is None else self.learn.option
+                require_rest(before, "--turn" if self.turn else option)
                 if self.learn is not None and before is not None:
                     self.learn.require(self.pad, before)
             except BaselineError as error:
-                raise BaselineError(f"pad '{self.pad.name}': baseline refused: {error}") from error
+                raise self._refused(error) from error
             self._require_own(before)
 
     def make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, AnyMounting | None]:
@@ -176,7 +174,7 @@ class BaselineRequest:
     def _make(self, frames: Sequence[Frame], before: Baseline | None) -> Made:
         try:
             if self.learn is not None:
-                return self.learn.make(self.pad, means(frames), before)
+                return self.learn.make(self.pad, frames, before)
             if self.turn:
                 return *make_turn(self.pad, turning_means(frames), before), {}
             if self.refine:
@@ -187,7 +185,11 @@ class BaselineRequest:
                 return baseline, None if _needs_rest(self.pad) else baseline.mounting(self.pad), {}
             return *make_rest(self.pad, self.tolerance, recording, before, self.replaced, self.gains), {}
         except BaselineError as error:
-            raise BaselineError(f"pad '{self.pad.name}': baseline refused: {error}") from error
+            raise self._refused(error) from error
+
+    def _refused(self, error: BaselineError) -> BaselineError:
+        what = "weight" if self.learn is not None and self.learn.weight_n else "baseline"
+        return BaselineError(f"pad '{self.pad.name}': {what} refused: {error}")
 
     def record(self, frames: Sequence[Frame], before: Baseline | None) -> Recorded:
         """Make a baseline, with the gains of the last self-test of these sensors, and store it.
@@ -198,8 +200,11 @@ class BaselineRequest:
         baseline, mounting, gained = tested._made(frames, before)
         if before is not None and self.only_adds and isinstance(mounting, Mounting):
             was, now = (accuracy(known, self.pad) for known in (before.mounting(self.pad), mounting))
-            gained |= {f"{when}_{name}": facts[name] for name in now for when, facts in (("was", was), ("now", now))}
+            if was != now:
+                gained |= {f"{when}_{key}": facts[key] for key in now for when, facts in (("was", was), ("now", now))}
         warnings = [] if self.only_adds else warnings_of(frames)
+        if self.replaced and baseline.silicone is not None:
+            warnings.append(CAST_ALIKE)
         return Recorded(baseline, mounting, store(baseline, self.pad), gained, warnings)
 
 
@@ -219,14 +224,16 @@ def _needs_rest(pad: Pad) -> bool:
     return bool(pad.other_magnets) or not pad.are_magnets_known
 
 
+def _whose(baseline: Baseline) -> dict[str, Any]:
+    return {"pad": baseline.pad, "baseline": baseline.id, "kind": baseline.kind}
+
+
 def _report(baseline: Baseline, mounting: AnyMounting | None, pad: Pad) -> dict[str, Any]:
     """The facts about a new baseline, for the person who asked for it."""
     recording = baseline.rest or baseline.bare
     assert recording is not None
     facts: dict[str, Any] = {
-        "pad": baseline.pad,
-        "baseline": baseline.id,
-        "kind": baseline.kind,
+        **_whose(baseline),
         **({} if baseline.origin is None else {"recorded_on": str(baseline.origin)}),
         "gains_from": _gains_from(baseline),
         "duration_s": recording.duration_s,

@@ -18,7 +18,7 @@ from fmfts.bus.unread import Answer, Unread
 from fmfts.common.exit_codes import DATA, code_of
 
 READING = frozenset({"status", "probe", "pads"})
-CHANGING = frozenset({"baseline", "selftest"})
+CHANGING = frozenset({"baseline", "selftest", "weigh"})
 VERBS = READING | CHANGING
 LARGEST_REQUEST = 1024  # the largest valid one has less than half of it
 LARGEST_RECEIVED = 2 * LARGEST_REQUEST  # beyond this ZeroMQ hangs up instead of answering

@@ -178,7 +178,8 @@ class StatusMessage(_Message, frozen=True, kw_only=True):
     gains_from: Literal["tolerance", "selftest", "turn"] | None
     remanence_t: float | None
     rest_drift_m: float | None
-    force_scale_sd: float | None = None  # reports of old versions lack it
+    force_scale: float | None = None  # reports of old versions lack it, and the next one
+    force_scale_sd: float | None = None
     sensor_faults: list[str]
     board: dict[str, Any]
     uptime_s: float

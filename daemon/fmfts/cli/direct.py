@@ -12,7 +12,8 @@ from typing import Any
 from fmfts.baseline import BaselineError
 from fmfts.baseline.files import StateError, stored
 from fmfts.baseline.job import BaselineJob, Collection, GainTest
-from fmfts.baseline.request import BaselineRequest, Learner, restore
+from fmfts.baseline.learner import Learner
+from fmfts.baseline.request import BaselineRequest, restore
 from fmfts.bus.lock import BusError, serving_pid
 from fmfts.config import Config, I2cSource, PadConfig
 from fmfts.recording.baseline import require_device
@@ -60,8 +61,8 @@ def ask_daemon(verb: str, base: str | None, pad: str | None = None, **arguments:
                     **arguments,
                 )
         except KeyboardInterrupt:
-            if verb == "baseline" and not {"restore", "undo_drift"} & arguments.keys():
-                request(verb, endpoint=endpoints, stop=True, **named)
+            if verb in ("baseline", "weigh") and not {"restore", "undo_drift"} & arguments.keys():
+                request("baseline", endpoint=endpoints, stop=True, **named)
                 print("stopped: nothing was recorded", file=sys.stderr)
             raise
 
@@ -105,7 +106,9 @@ def record_baseline(
             before = None
         with _opened(pad, pads) as (source, pad_index), progress_bar("baseline") as show:
             if isinstance(source, Simulated):
-                Hands(source, bare=bare, turn=turn, refine=refine or learn is not None)
+                weight_n = 0.0 if learn is None else learn.weight_n
+                presses = refine or (learn is not None and learn.presses > 0)
+                Hands(source, bare=bare, turn=turn, refine=presses, weight_n=weight_n)
             job = BaselineJob(work, before, source, executor, pad_index=pad_index)
             return _finished(pad.name, job, _turns(source, pad_index, job.take), show)
 

@@ -21,6 +21,7 @@ from fmfts.cli import pose as pose_verb
 from fmfts.cli import record as record_verbs
 from fmfts.cli import report as report_verb
 from fmfts.cli import view as view_verb
+from fmfts.cli import weigh as weigh_verb
 from fmfts.cli.verb import VerbError, configuration, ended_by, lacking, seconds, serving_base, with_json
 from fmfts.common import exit_codes
 
@@ -29,7 +30,7 @@ LISTENERS_CONFIG = "the daemon's file, if that sets [bus] endpoint; not needed o
 OWN_PACKAGES = ("fmfts", "fmfts_client", *elsewhere.PACKAGES)
 EPILOG = """\
 A new pad: init, check-config, probe, selftest, baseline --bare, baseline --rest, run; then listen and status.
-If a daemon runs, probe, selftest and baseline go through it.
+If a daemon runs, probe, selftest, baseline and weigh go through it.
 
 exit codes, the same for every verb:
 """ + "\n".join(f"{code:5} {meaning}" for code, meaning in exit_codes.MEANING.items())
@@ -104,6 +105,7 @@ def _parser(requested: str | None, only_installed: bool = False) -> argparse.Arg
 
     verb("run", _run, "read the pads and publish contacts until stopped")
     on_device.add_to(verb)
+    weigh_verb.add_to(verb)
     with_json(verb("status", _status, "ask a running daemon how its pads are", LISTENERS_CONFIG))
     with_json(verb("check-config", check_config.run, "read the configuration and say what is wrong with it"))
     listen = verb("listen", _listen, "show the contacts of a running daemon", LISTENERS_CONFIG)

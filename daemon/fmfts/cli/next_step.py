@@ -48,6 +48,14 @@ def after_baseline(facts: Mapping[str, Any], config: str, pad: str, *, is_runnin
     return ""
 
 
+def after_weighing(config: str, pad: str, *, is_running: bool) -> str:
+    if is_running:
+        return "`fmfts-daemon listen`: the weight should read as what it weighs; the running daemon uses it already"
+    return (
+        f"`fmfts-daemon run{config}`, and `fmfts-daemon listen` in another terminal: the weight reads as what it weighs"
+    )
+
+
 def _has_zeros(facts: Mapping[str, Any]) -> bool:
     return any("zero_t" in sensor for sensor in facts.get("sensors", ()))
 

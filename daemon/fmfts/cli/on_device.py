@@ -65,12 +65,12 @@ def _baseline(options: argparse.Namespace) -> int:
     if options.learn:
         return _learn(options)
     if options.undo_drift:
-        return _through_daemon(options, "baseline", {"undo_drift": True}, nothing_to_undo)
+        return through_daemon(options, "baseline", {"undo_drift": True}, nothing_to_undo)
     if options.restore:
-        return _through_daemon(options, "baseline", {"restore": True}, lambda pad, pads, restore: restore_baseline(pad))
+        return through_daemon(options, "baseline", {"restore": True}, lambda pad, pads, restore: restore_baseline(pad))
     names = ("bare", "replaced", "turn", "refine", "duration_s")
     arguments = {name: getattr(options, name) for name in names}
-    return _through_daemon(options, "baseline", arguments, record_baseline)
+    return through_daemon(options, "baseline", arguments, record_baseline)
 
 
 def _learn(options: argparse.Namespace) -> int:
@@ -92,10 +92,10 @@ def _learn(options: argparse.Namespace) -> int:
 def _selftest(options: argparse.Namespace) -> int:
     from fmfts.cli.direct import run_selftest
 
-    return _through_daemon(options, "selftest", {}, run_selftest)
+    return through_daemon(options, "selftest", {}, run_selftest)
 
 
-def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str, Any], directly: Any) -> int:
+def through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str, Any], directly: Any) -> int:
     """Lets the running daemon carry out a verb, because it owns the device; without a daemon, calls `directly`."""
     from fmfts.cli import direct
     from fmfts.view.facts import print_facts
@@ -104,16 +104,18 @@ def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str,
     pad = options.pad or (config.pad[0].name if config is not None and len(config.pad) == 1 else None)
     with ended_by(*direct.ERRORS):
         facts = direct.ask_daemon(verb, _endpoint_in(config), pad, **arguments)
-        through_daemon = facts is not None
+        is_running = facts is not None
         if facts is None:
             config = config or configuration(options)
             facts = directly(pad_named(config, pad), config.pad, **arguments)
     print_facts(facts, as_json=options.json)
     words = _config_words(options), f" --pad {options.pad}" if options.pad else ""
-    if verb == "selftest":
+    if verb == "weigh":
+        _say_next(options, next_step.after_weighing(*words, is_running=is_running))
+    elif verb == "selftest":
         _say_next(options, next_step.after_selftest(facts, *words))
     else:
-        _say_next(options, next_step.after_baseline(facts, *words, is_running=through_daemon))
+        _say_next(options, next_step.after_baseline(facts, *words, is_running=is_running))
     return exit_codes.DONE if facts.get("passed", True) else exit_codes.FAULTY
 
 

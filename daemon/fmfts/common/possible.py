@@ -45,5 +45,6 @@ RECORDING_S = Range(0.0, 3600.0, "duration of a recording in s")
 # Of tables of presses: any pad that a hand can hold. Their squares and quotients are numbers, too.
 PLACE_MM = Range(-1e4, 1e4, "place in mm")
 SPACING_MM = Range(1e-3, 1e3, "spacing in mm")
+STIFFNESS = Range(0.05, 20.0, "stiffness over that of the contact model's pad")
 FORCE_N = Range(1e-3, 1e5, "force in N")
 SAMPLES = Range(1, 1e7, "number of samples")

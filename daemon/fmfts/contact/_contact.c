@@ -150,6 +150,35 @@ static PyObject *refine(PyObject *module, PyObject *args)
     return result;
 }
 
+/* widened(response, press, wider_mm2, more): the sum of both axes of fmfts_wider_finger. */
+static PyObject *widened(PyObject *module, PyObject *args)
+{
+    enum { RESPONSE, PRESS, MORE, BUFFERS };
+    double wider_mm2;
+    Py_buffer b[BUFFERS] = {{0}};
+    fmfts_response response;
+    PyObject *result = NULL;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "y*y*dw*", &b[RESPONSE], &b[PRESS], &wider_mm2, &b[MORE])) {
+        return NULL;
+    }
+    const size_t unit = sizeof(double);
+    if (!fmfts_is_aligned(&b[RESPONSE], unit)) {
+        /* it has raised */
+    } else if (!fmfts_view_response(b[RESPONSE].buf, (size_t)b[RESPONSE].len, &response)) {
+        PyErr_SetString(PyExc_ValueError, "the response has another size than can be widened");
+    } else if (has_size(&b[PRESS], FMFTS_CONTACT * unit, unit, "press") && has_size(&b[MORE], FMFTS_MOVED * unit, unit, "more")) {
+        double along[2][FMFTS_MOVED], *more = b[MORE].buf;
+        fmfts_wider_finger(&response, b[PRESS].buf, wider_mm2, along);
+        for (int i = 0; i < FMFTS_MOVED; i++) {
+            more[i] = along[0][i] + along[1][i];
+        }
+        result = Py_NewRef(Py_None);
+    }
+    release(b, BUFFERS);
+    return result;
+}
+
 /* The answer in Python's words; see estimate() in _contact.pyi. */
 static PyObject *told(const fmfts_estimate *estimate, double *places, double *deviations)
 {
@@ -233,6 +262,7 @@ static PyMethodDef methods[] = {
     {"infer", infer, METH_VARARGS, "Contact and Jacobian of one pose; see _contact.pyi."},
     {"respond", respond, METH_VARARGS, "The change of pose under presses, and its slope; see response.py."},
     {"basis", basis, METH_VARARGS, "The factor of each coefficient of a response; see response.py."},
+    {"widened", widened, METH_VARARGS, "What a wider finger adds to a movement; see _contact.pyi."},
     {"refine", refine, METH_VARARGS, "The press that most likely caused a change; see _contact.pyi."},
     {NULL, NULL, 0, NULL},
 };

@@ -32,6 +32,10 @@ def basis(response: bytes, press: NDArray[np.float64], basis: NDArray[np.float64
 def refine(
     response: bytes, change: Buffer, covariance: Buffer, steps: int, press: Buffer, spread: Buffer, /
 ) -> float | None: ...
+def widened(response: bytes, press: Buffer, wider_mm2: float, more: Buffer, /) -> None:
+    """Writes what a finger adds to the movement (5,) under `press` (5,), with zeros where the response has no load: its
+    second moment along each axis is larger than the probe's by wider_mm2, or smaller where that is negative."""
+
 def estimate(
     parameters: Buffer,
     model: Buffer | Evaluated,

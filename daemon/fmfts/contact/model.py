@@ -9,9 +9,9 @@ import msgspec
 import numpy as np
 
 from fmfts.arithmetic.elementary import square
-from fmfts.arithmetic.matrix import cholesky, root_of_squares, solve_lower
+from fmfts.arithmetic.matrix import cholesky, length, root_of_squares, solve_lower
 from fmfts.common.record import Numbers, Record
-from fmfts.contact import _contact
+from fmfts.contact import _contact, silicone
 from fmfts.contact.beside import told, tried
 from fmfts.contact.contract import (
     SHEAR_OUTPUT_ORDER,
@@ -29,7 +29,7 @@ from fmfts.contact.response import CHANGE, Response
 from fmfts.contact.seal import hash_of, unsealed
 from fmfts.contact.shipped import path_of
 from fmfts.contact.structure import magnets_differ, shipped_friction_error
-from fmfts.contact.tolerances import StructureTolerance
+from fmfts.contact.tolerances import StructureTolerance, wider_than_probe_mm2
 from fmfts.contact.verified import inference_of, read
 from fmfts.pad import Array, Pad
 
@@ -229,6 +229,29 @@ class ContactModel:
         self.tolerance = tolerance
         self.parameters.fill(tolerance.for_c)
         return self
+
+    def on_silicone(self, stiffness: float, deviation: float) -> ContactModel:
+        """This model on a pad whose silicone was weighed. stiffness: over that of the model's pad; deviation: of it, as
+        a share, with all that a press in the middle leaves open."""
+        facts, inference = silicone.facts_of(self.facts, stiffness), silicone.inference_of(self.inference, stiffness)
+        response = None if self.response is None else silicone.response_of(self.response, stiffness)
+        refiner = Refiner(response) if self.refiner is not None and response is not None else None
+        weighed = type(self)(inference, facts, self.hash, refiner, self.friction, self.smoothing_s)
+        weighed.response = response
+        return weighed.with_tolerance(self.tolerance.weighed(deviation))
+
+    def reads(self, force_n: float, width_m: float) -> float:
+        """The force (N) that it reads of a press in the middle by a disc of another width than the probe's."""
+        response, packed_response = self.response, self.packed_response
+        if response is None or packed_response is None:
+            return force_n
+        press, wider = np.array([0.0, 0.0, force_n, 0.0, 0.0]), np.empty(CHANGE)
+        _contact.widened(packed_response, press.data, wider_than_probe_mm2(width_m), wider.data)
+        position_mm, axis = self.rest_pose[:3].copy(), self.rest_pose[3:].copy()
+        change = response.change(press[None, : 2 + response.loads])[0] + wider
+        position_mm += change[:3]
+        axis[:2] += change[3:]
+        return self.estimate(position_mm * 1e-3, axis / length(axis), 1e-12 * np.eye(6)).force_n
 
     def estimate(
         self, position_m: Array, axis: Array, covariance: Array, magnet_off_m: Array = CENTRED

@@ -121,6 +121,10 @@ void fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_questio
 void fmfts_count_tolerances(const fmfts_contact_parameters *parameters, const fmfts_response *response,
                            const fmfts_question *question, const fmfts_answer *answer, double variance[FMFTS_CONTACT]);
 
+/* tolerances.c: what a finger adds to the movement under `press` whose second moment along x, or along y, is larger than the probe's by
+ * wider_mm2; less than 0: smaller. */
+void fmfts_wider_finger(const fmfts_response *response, const double press[FMFTS_CONTACT], double wider_mm2, double more[2][FMFTS_MOVED]);
+
 /* estimate.c: the network's answer, and of a model that refines, the most likely press near it. response: NULL if it is not known; then
  * nothing is refined. False if the answer is not finite. */
 bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fmfts_question *question,

@@ -45,10 +45,9 @@ static void count_silicone(const fmfts_contact_parameters *parameters, const fmf
     }
 }
 
-/* What a finger adds to the movement whose second moment along an axis is larger by away_mm squared. */
-static void move_more(const fmfts_response *response, const double press[CONTACT], double away_mm, double more[2][MOVED])
+void fmfts_wider_finger(const fmfts_response *response, const double press[CONTACT], double wider_mm2, double more[2][MOVED])
 {
-    double middle[MOVED];
+    double middle[MOVED], away_mm = sqrt(fabs(wider_mm2)), sign = wider_mm2 < 0.0 ? -1.0 : 1.0;
     fmfts_move(response, press, middle);
     for (int axis = 0; axis < 2; axis++) {
         double aside[CONTACT], before[MOVED], after[MOVED];
@@ -58,7 +57,7 @@ static void move_more(const fmfts_response *response, const double press[CONTACT
         aside[axis] = press[axis] + away_mm;
         fmfts_move(response, aside, after);
         for (int i = 0; i < MOVED; i++) {
-            more[axis][i] = (before[i] + after[i]) / 2.0 - middle[i];
+            more[axis][i] = sign * ((before[i] + after[i]) / 2.0 - middle[i]);
         }
     }
 }
@@ -82,7 +81,7 @@ static void count_finger(const fmfts_contact_parameters *parameters, const fmfts
 {
     double press[CONTACT] = {0.0}, along[2][MOVED], both[MOVED], uneven[MOVED];
     memcpy(press, answer->contact, sizeof(double) * (size_t)answer->outputs);
-    move_more(response, press, sqrt(parameters->finger_mm2), along);
+    fmfts_wider_finger(response, press, parameters->finger_mm2, along);
     for (int i = 0; i < MOVED; i++) {
         both[i] = along[0][i] + along[1][i];
         uneven[i] = UNEVEN * (along[0][i] - along[1][i]);

@@ -34,11 +34,15 @@ THICKER_SHARE = np.array([-0.58, -0.60, -0.63, -0.64, -0.57, -0.40, -0.16, 0.09]
 @dataclass(frozen=True, slots=True)
 class StructureTolerance:
     """modulus: standard deviation, as a share. thickness_m: of the slab. finger_m: the smallest and the largest width
-    of what presses. The first value of each: it is as calibrated."""
+    of what presses. The first value of each: it is as calibrated.
+
+    is_weighed: a weight has told the scale of forces in the middle, whatever makes it; `modulus` is what that leaves.
+    """
 
     modulus: float = 0.0
     thickness_m: float = 0.0
     finger_m: tuple[float, float] = (PROBE_M, PROBE_M)
+    is_weighed: bool = False
 
     @property
     def for_c(self) -> dict[str, Numbers]:
@@ -49,20 +53,36 @@ class StructureTolerance:
             "finger_mm2": self.finger_mm2,
             "ring_mm": RING_MM,
             "thicker_mm": thicker_mm * THICKER_MM,
-            "thicker_share": thicker_mm * THICKER_SHARE,
+            "thicker_share": thicker_mm * (THICKER_SHARE - self._weighed_share),
         }
 
     @property
     def finger_mm2(self) -> float:
         """One deviation of a second moment. A disc's, w²/16, of the width farthest from the probe's is two away."""
-        farthest_m2: float = max(abs(square(width_m) - square(PROBE_M)) / 16.0 for width_m in self.finger_m)
-        return farthest_m2 * 1e6 / 2.0
+        farthest_mm2 = max(abs(wider_than_probe_mm2(width_m)) for width_m in self.finger_m)
+        return farthest_mm2 / 2.0
 
     @property
     def force_share(self) -> float:
         """What the silicone leaves open of a force near the middle, as a share of it."""
-        return float(np.sqrt(square(self.modulus) + square(self.thickness_m * 1e3 * THICKER_SHARE[0])))
+        return float(
+            np.sqrt(square(self.modulus) + square(self.thickness_m * 1e3 * (THICKER_SHARE[0] - self._weighed_share)))
+        )
+
+    @property
+    def _weighed_share(self) -> float:
+        """A thickness that is off has changed what the weight told, too."""
+        return float(THICKER_SHARE[0]) if self.is_weighed else 0.0
+
+    def weighed(self, deviation: float) -> StructureTolerance:
+        """After a weight in the middle has told the scale of forces to this share."""
+        return replace(self, modulus=deviation, is_weighed=True)
 
     def of_fingers_alone(self) -> StructureTolerance:
         """For a model that was calibrated on the very pad: its silicone is as measured."""
         return replace(self, modulus=0.0, thickness_m=0.0)
+
+
+def wider_than_probe_mm2(width_m: float) -> float:
+    """What the second moment of a disc has more than the probe's."""
+    return float(1e6 * (square(width_m) - square(PROBE_M)) / 16.0)

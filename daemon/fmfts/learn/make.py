@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,8 +16,9 @@ from fmfts.baseline.learned import LearnedGeometry
 from fmfts.baseline.mounting import Mounting
 from fmfts.baseline.recording import BaselineError
 from fmfts.baseline.refine import STEADY_T, PressFields
+from fmfts.baseline.request import LEARN_PRESSES, LEARN_S
 from fmfts.baseline.unknowns import STANDING_AMBIENT_T
-from fmfts.baseline.window_means import Means
+from fmfts.baseline.window_means import Means, means
 from fmfts.learn.drawing import FIRST_PLACE, Drawing
 from fmfts.learn.fit import Fields
 from fmfts.learn.next_press import next_press
@@ -24,6 +26,7 @@ from fmfts.learn.search import Learned, LearnError, covariance_of, information_o
 from fmfts.learn.uniqueness import common_motions, relative_place_deviation_m, spread_of_tilts
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose.state import POSITION
+from fmfts.sensor import Frame
 
 Array = NDArray[np.float64]
 
@@ -106,11 +109,15 @@ def make_learned(pad: Pad, means: Means, before: Baseline | None) -> tuple[Basel
 class FromPresses:
     """The `Learner` of a request."""
 
+    option, seconds, presses, weight_n = "--learn", LEARN_S, LEARN_PRESSES, 0.0
+
     def require(self, pad: Pad, before: Baseline) -> None:
         require_learnable(pad, before)
 
-    def make(self, pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, Mounting, dict[str, Any]]:
-        return make_learned(pad, means, before)
+    def make(
+        self, pad: Pad, frames: Sequence[Frame], before: Baseline | None
+    ) -> tuple[Baseline, Mounting, dict[str, Any]]:
+        return make_learned(pad, means(frames), before)
 
 
 def require_learnable(pad: Pad, before: Baseline) -> None:

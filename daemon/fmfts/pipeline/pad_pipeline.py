@@ -19,6 +19,7 @@ from fmfts.pipeline.first_memory import first_memory, without_samples
 from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.parameters import packed_response, parameters_of, put_neighbours
 from fmfts.pipeline.possible_memory import require_alike, require_possible
+from fmfts.pipeline.weighed import on_weighed_silicone
 from fmfts.pipeline.words import NO_BASELINE, words_of
 from fmfts.pose import TrackingModel
 from fmfts.pose.neighbour import NeighbourView
@@ -60,7 +61,7 @@ class PadPipeline:
         lead: Lead = Lead(),  # noqa: B008
     ) -> None:
         self.pad = pad
-        self.model = model
+        self.model = self._unweighed = model
         self._boot, self._rate_hz, self._tracking, self._lead = boot, rate_hz, tracking, lead
         self._baselined: BaselinedPad | None = None
         self._why_none = NO_BASELINE
@@ -93,6 +94,12 @@ class PadPipeline:
     @property
     def baselined(self) -> BaselinedPad | None:
         return self._baselined
+
+    @property
+    def force_scale(self) -> float | None:
+        """How stiff the silicone is, as a weight told, over that of the contact model's pad; None: nothing told it."""
+        stored = None if self.baseline is None or self.model is self._unweighed else self.baseline.silicone
+        return None if stored is None else stored.stiffness
 
     @property
     def force_scale_sd(self) -> float | None:
@@ -128,6 +135,7 @@ class PadPipeline:
         mounting: computed from the baseline if None. Returns the mounting in use.
         """
         self._baselined = BaselinedPad.of(self.pad, baseline, self._tracking, mounting)
+        self.model = on_weighed_silicone(self._unweighed, baseline)
         self._memory.fill(without_samples(first_memory(self.pad, self._baselined)))
         self._sighting.rests((self._baselined.mounting.rest,))
         self._build()
@@ -135,7 +143,7 @@ class PadPipeline:
 
     def refuse(self, reason: str) -> None:
         """Publish `reason` in every message: there is a baseline, but it cannot be used."""
-        self._baselined, self._why_none = None, reason
+        self._baselined, self._why_none, self.model = None, reason, self._unweighed
         self._build()
 
     def feel(self, neighbour: Sighting, placement: Placement) -> None:

@@ -286,6 +286,7 @@ class Channel:
             ambient_t=None if last is None else last.ambient_t,
             gains_from=None if self.pipeline.baseline is None else self.pipeline.baseline.gains_from,
             remanence_t=None if mounting is None else mounting.remanence_t(self.pipeline.pad),
+            force_scale=self.pipeline.force_scale if isinstance(self.pipeline, PadPipeline) else None,
             force_scale_sd=self.pipeline.force_scale_sd,
             rest_drift_m=self.baseline.drift_m,
             sensor_faults=self.faults,

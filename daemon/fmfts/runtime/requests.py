@@ -18,6 +18,7 @@ from fmfts.bus.control import AbsentError, BadRequestError, NoSuchPadError, Requ
 from fmfts.common.names import no_such_pad
 from fmfts.config import PadConfig
 from fmfts.pipeline.press_of_one_newton import gained, press_of_one_newton
+from fmfts.pipeline.weighing import Weighing
 from fmfts.recording.baseline import require_device
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.guarded import device_of
@@ -51,6 +52,12 @@ class _Baseline(_OfPad, forbid_unknown_fields=True):
     duration_s: float | None = None
 
 
+class _Weigh(_OfPad, kw_only=True, forbid_unknown_fields=True):
+    weight_n: float
+    width_m: float | None = None
+    anew: bool = False
+
+
 class Verbs:
     """Handles requests on the pipeline's thread. Long work is a task, and its request is answered when it ends."""
 
@@ -74,6 +81,7 @@ class Verbs:
             **dict.fromkeys(self._overview.verbs, self._about_all_pads),
             "baseline": self._baseline,
             "selftest": self._selftest,
+            "weigh": self._weigh,
         }
 
     def handle(self, request: Request) -> None:
@@ -135,9 +143,7 @@ class Verbs:
             self.finish_jobs()  # so that the next recording may begin at once
             request.reply(**facts)
             return
-        if channel.job is not None:
-            raise BadRequestError(f"pad '{channel.name}': a baseline is being recorded already")
-        self._require_idle(channel, Restoration, "a baseline is being restored")
+        self._require_no_recording(channel)
         self._take_back(channel.source)
         pad = channel.pipeline.pad
         if arguments.undo_drift:
@@ -159,6 +165,21 @@ class Verbs:
             arguments.refine,
             _origin(channel),
         )
+        self._record(request, channel, work)
+
+    def _weigh(self, request: Request) -> None:
+        arguments = request.arguments_as(_Weigh)
+        channel = self._named(arguments.pad)
+        self._require_no_recording(channel)
+        self._take_back(channel.source)
+        config = self._configs[channel.name]
+        require_device(config)
+        weighing = Weighing(config, arguments.weight_n, arguments.width_m, arguments.anew)
+        pad, tolerance = channel.pipeline.pad, config.tolerance.si()
+        work = BaselineRequest(pad, tolerance, False, False, origin=_origin(channel), learn=weighing)
+        self._record(request, channel, work)
+
+    def _record(self, request: Request, channel: Channel, work: BaselineRequest) -> None:
         if not channel.source.state.connected:
             state = channel.source.state
             raise AbsentError(f"pad '{channel.name}': no baseline was recorded: {state.description}: {state.reason}")
@@ -168,7 +189,10 @@ class Verbs:
             work, _recorded(channel), channel.source, self._executor, unsettled, channel.pad_index
         )
         if isinstance(device, Simulated):  # nobody else can take it off, turn it or press it
-            self._hands[channel.name] = Hands(device, bare=arguments.bare, turn=arguments.turn, refine=arguments.refine)
+            weight_n = 0.0 if work.learn is None else work.learn.weight_n
+            self._hands[channel.name] = Hands(
+                device, bare=work.bare, turn=work.turn, refine=work.refine, weight_n=weight_n
+            )
         self._await_baseline(request, channel, channel.job)
 
     def _await_baseline(self, request: Request, channel: Channel, task: BaselineJob | Restoration) -> None:
@@ -179,6 +203,11 @@ class Verbs:
             return gained(was, press_of_one_newton(channel.pipeline))
 
         self._pending.append(Pending(request, channel.name, task, adopt))
+
+    def _require_no_recording(self, channel: Channel) -> None:
+        if channel.job is not None:
+            raise BadRequestError(f"pad '{channel.name}': a baseline is being recorded already")
+        self._require_idle(channel, Restoration, "a baseline is being restored")
 
     def _require_idle(self, channel: Channel, kind: type[Task], doing: str) -> None:
         """However many peers ask for it, there is one task of a kind for a pad."""

@@ -1,11 +1,11 @@
-"""What a person does for a baseline, done to a simulated pad: takes it off, lets it alone, turns it, or presses it."""
+"""What a person does for a baseline, done to a simulated pad: lets it alone, turns it, presses it, weighs on it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from fmfts.simulation.baseline import hold_still, pressed_pads
-from fmfts.simulation.finger import REACH_M, Stroke, Touch
+from fmfts.simulation.finger import REACH_M, Stroke, Touch, steady_finger
 from fmfts.simulation.source import Simulated
 
 # In the first frames a chip may still tell what it saw before the hands came.
@@ -33,9 +33,10 @@ class PressesAllOver:
 
 
 class Hands:
-    """Holds the pad as a recording needs it, until `let_go`. bare: off the sensors. turn, refine: as for `baseline`."""
+    """Holds the pad as a recording needs it, until `let_go`. bare: off the sensors. turn, refine: as for `baseline`.
+    weight_n: stands in its middle, if not 0."""
 
-    def __init__(self, source: Simulated, *, bare: bool, turn: bool, refine: bool) -> None:
+    def __init__(self, source: Simulated, *, bare: bool, turn: bool, refine: bool, weight_n: float = 0.0) -> None:
         self._source = source
         self._fingers = [(each.finger, each.second_finger) for each in pressed_pads(source)]
         self._before = source.mounted, source.tumbling, source.turning_rad_per_s
@@ -43,6 +44,8 @@ class Hands:
         source.tumbling = turn
         if refine:
             source.finger = PressesAllOver(source.time_s)
+        if weight_n:
+            source.finger = steady_finger(0.0, 0.0, weight_n)
 
     def let_go(self) -> None:
         """The pad is as it was, and what the configuration says of it goes on."""

@@ -67,15 +67,18 @@ def _cells(report: Status) -> dict[str, Text | str]:
         "gains from": report.gains_from or "–",
         "remanence": "–" if report.remanence_t is None else f"{report.remanence_t:.3f} T",
         "drift": "not followed" if report.rest_drift_m is None else f"{report.rest_drift_m * 1e6:.1f} µm followed",
-        "force scale": _scale(report.force_scale_sd),
+        "force scale": _scale(report.force_scale, report.force_scale_sd),
         "faults": "\n".join(report.sensor_faults) or "none",
         "up": f"{report.uptime_s:.0f} s",
     }
 
 
-def _scale(share: float | None) -> str:
+def _scale(stiffness: float | None, share: float | None) -> str:
     if share is None:
         return "–"
     if share == 0.0:
         return "as calibrated"
-    return f"± {share:.0%} of every force: how stiff this pad's silicone is; `calibrate` tells"
+    open_still = f"± {share:.0%} of every force"
+    if stiffness is None:
+        return f"{open_still}: how stiff this pad's silicone is; `weigh` or `calibrate` tells"
+    return f"{open_still}; the silicone is {stiffness:.2f} times as stiff as the model's, as a weight told"

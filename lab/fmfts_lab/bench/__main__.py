@@ -32,6 +32,7 @@ from fmfts_lab.bench import (
     structure,
     tools,
     turning,
+    weigh,
 )
 
 
@@ -42,7 +43,7 @@ def main() -> None:
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
         "neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | overload | "
-        "frame | resident | now | several | eflesh | real | learned | structure",
+        "frame | resident | now | several | eflesh | real | learned | structure | weigh",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -224,6 +225,14 @@ def main() -> None:
     verb.add_argument("--before", action="store_true", help="beside it, deviations that count none of it")
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=structure.run)
+    verb = verbs.add_parser(
+        "weigh", help="other silicone than the model's, before and after one weight; and wrong ones"
+    )
+    verb.add_argument("--pads", type=int, default=1, help="how many pads are built, for each row")
+    verb.add_argument("--seconds", type=float, default=14.0, help="of presses and pauses, for each pad")
+    verb.add_argument("--only", nargs="+", metavar="CELL", help="rows whose name begins so: 'modulus × 2'")
+    verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.set_defaults(run=weigh.run)
     options = parser.parse_args()
     options.run(options)
 

@@ -22,6 +22,7 @@ from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
 
 CALIBRATED_N = 1.9
 FELT_N = 0.1
+ABOUT_1N = 0.2
 RELEASED_S = 0.3  # see as_built.RELEASE_S
 FRICTIONS = (0.0, 0.3)
 # As deviations were before they counted any of it: the model's own pad, a magnet that tilts alone.
@@ -62,7 +63,8 @@ CELLS = (
 @dataclass(slots=True)
 class Found:
     """The results of one cell with one friction, over all pads. errors: x, y, force of each felt frame, in deviations.
-    share: of the force, by which it is off. off_m: outwards from the pad's middle, and along the tilt."""
+    share: of the force, by which it is off. off_m: outwards from the pad's middle, and along the tilt. off_at_1n_m: of
+    the place, at about 1 N."""
 
     frames: int = 0
     ok: int = 0
@@ -77,6 +79,7 @@ class Found:
     share: list[float] = field(default_factory=list)
     claimed: list[float] = field(default_factory=list)
     off_m: list[tuple[float, float]] = field(default_factory=list)
+    off_at_1n_m: list[float] = field(default_factory=list)
 
     def saw(self, messages: list[ContactMessage], truth: Truth, finger: CastFinger, towards_rad: float) -> None:
         deviations = truth.all_deviations(messages)
@@ -103,6 +106,8 @@ class Found:
                 outwards = np.array([touch.x_m, touch.y_m]) / np.hypot(touch.x_m, touch.y_m)
                 along = np.array([np.cos(towards_rad), np.sin(towards_rad)])
                 self.off_m.append((float(off @ outwards), float(off @ along)))
+                if abs(touch.force_n - 1.0) < ABOUT_1N:
+                    self.off_at_1n_m.append(float(np.hypot(*off)))
 
     @property
     def facts(self) -> dict[str, float]:

@@ -1,0 +1,36 @@
+"""What a request to record a baseline asks of rooms above it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+from fmfts.baseline.baseline import Baseline
+from fmfts.baseline.mounting import Mounting
+from fmfts.pad import Pad
+from fmfts.sensor import Frame
+
+
+class Learner(Protocol):
+    """Learns from presses what needs rooms above this one: a geometry (fmfts.learn), or a silicone (pipeline.weighing).
+
+    option: how a person asks for it. seconds: the usual time. presses: so many, all over the pad; 0: a weight stands on
+    it, of `weight_n`.
+    """
+
+    @property
+    def option(self) -> str: ...
+    @property
+    def seconds(self) -> float: ...
+    @property
+    def presses(self) -> int: ...
+    @property
+    def weight_n(self) -> float: ...
+
+    def require(self, pad: Pad, before: Baseline) -> None:
+        """BaselineError, before anybody presses in vain."""
+
+    def make(
+        self, pad: Pad, frames: Sequence[Frame], before: Baseline | None
+    ) -> tuple[Baseline, Mounting, dict[str, Any]]:
+        """`before` with what was learned, its mounting, and facts. BaselineError if the presses do not tell it."""

@@ -1,0 +1,205 @@
+"""`fmfts-daemon weigh`: a known weight in the middle of a pad tells how stiff its silicone is.
+
+The pad judges the frames as it always does, with nothing of its structure left open. What it reads of the weight, over
+what stands there, is the stiffness: a factor of all forces. It is the most probable one under the tolerances of
+modulus and thickness, and is kept in the baseline.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import exp, hypot, log
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import root_of_squares
+from fmfts.baseline import Baseline, BaselineError, Mounting, summarise
+from fmfts.baseline.silicone import StoredSilicone
+from fmfts.bus.messages import ContactMessage
+from fmfts.config import PadConfig
+from fmfts.contact import ContactModel, ModelError
+from fmfts.contact.shipped import SHIPPED_PATHS
+from fmfts.contact.tolerances import PROBE_M, StructureTolerance
+from fmfts.pad import Pad
+from fmfts.pipeline.configured import load_contact_model, pipeline_of
+from fmfts.sensor import Frame
+
+# Nobody has said how the silicone was cured: all published cures of Sylgard 184 (tolerances.py) are within two of these
+# deviations of the model's. What a person said in the configuration holds instead.
+ANY_CURE = log(2.0) / 2.0
+UNBELIEVABLE = 3.5  # deviations
+MIDDLE_M = 2e-3  # as it is read: a baseline without --turn and --refine may leave it off by a millimetre
+LIGHTEST_N, HEAVIEST_N = 0.2, 4.0
+# What else leaves the ratio open: the model itself and a pad that is not level (2 %), and a kitchen scale.
+READ_SHARE, SCALE_N = 0.02, 0.01
+WIDTH_SHARE = 0.25  # of what is corrected for the width, which stands for the shape
+SETTLED_S, SECONDS = 0.5, 3.0
+TREMBLING = 1.5  # of the noise of the untouched pad
+MOSTLY = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Weighing:
+    """A `Learner`. width_m: of what stands on the silicone; None: as wide as the configuration says of fingers.
+    anew: also where an earlier weight contradicts it."""
+
+    config: PadConfig
+    weight_n: float
+    width_m: float | None = None
+    anew: bool = False
+
+    option, seconds, presses = "weigh", SECONDS, 0
+
+    def require(self, pad: Pad, before: Baseline) -> None:
+        if not LIGHTEST_N <= self.weight_n <= HEAVIEST_N:
+            raise BaselineError(
+                f"a weight of {self.weight_n:.3g} N ({self.weight_n / 9.81e-3:.3g} g) tells nothing here: take one of "
+                f"{LIGHTEST_N / 9.81e-3:.0f} to {HEAVIEST_N / 9.81e-3:.0f} g, and name its unit (g, kg or N)"
+            )
+        if self.width_m is not None and not 1e-3 <= self.width_m <= 15e-3:
+            raise BaselineError(
+                f"it stands on {self.width_m * 1e3:.3g} mm: put it on a coin or a ball, 1 to 15 mm wide"
+            )
+        self._model()
+
+    def make(
+        self, pad: Pad, frames: Sequence[Frame], before: Baseline | None
+    ) -> tuple[Baseline, Mounting, dict[str, Any]]:
+        assert before is not None
+        model = self._model()
+        _require_still(frames, before)
+        read = _read(self.config, model, frames, msgspec.structs.replace(before, silicone=None))
+        away_m = hypot(read.x_m - pad.rest_position_m[0], read.y_m - pad.rest_position_m[1])
+        if away_m > MIDDLE_M:
+            raise BaselineError(
+                f"the weight stands {away_m * 1e3:.1f} mm from the middle, at ({read.x_m * 1e3:.1f}, "
+                f"{read.y_m * 1e3:.1f}) mm: put it within 1 mm, and weigh again"
+            )
+        stored = self._silicone(model, read, before.silicone)
+        baseline = msgspec.structs.replace(before, silicone=stored).sealed()
+        facts = {
+            "weight_n": self.weight_n,
+            "weight_read_n": read.force_n,
+            "weight_place_m": [read.x_m, read.y_m],
+            "stiffness": stored.stiffness,
+            "stiffness_sd": stored.stiffness * stored.deviation,
+        }
+        return baseline, baseline.mounting(pad), facts
+
+    def _model(self) -> ContactModel:
+        """The configured model, as if it were of this very pad."""
+        if not self.config.are_magnets_known or self.config.other_magnets:
+            raise BaselineError("only a pad with one known magnet can be weighed on: see docs/calibration.md")
+        cannot_shear = msgspec.structs.replace(self.config.contact, friction=0.0)
+        try:
+            model = load_contact_model(msgspec.structs.replace(self.config, contact=cannot_shear))
+        except ModelError as error:
+            raise BaselineError(f"a weight is told by a contact model: {error}") from error
+        if model.response is None:
+            raise BaselineError("the contact model holds no response of its pad: use one that `calibrate` wrote")
+        if model.tolerance.force_share == 0.0:
+            raise BaselineError(
+                "this pad's silicone is as calibrated: its own presses made the contact model, or the file sets "
+                "tolerance.modulus and tolerance.thickness_mm to 0"
+            )
+        return model.with_tolerance(StructureTolerance())
+
+    def _silicone(self, model: ContactModel, read: _Reading, earlier: StoredSilicone | None) -> StoredSilicone:
+        width, width_deviation = self._of_width(model, read.force_n)
+        found = log(self.weight_n * width / read.force_n)
+        deviation = float(
+            root_of_squares(read.force_sd_n / read.force_n, READ_SHARE, width_deviation, SCALE_N / self.weight_n)
+        )
+        prior = self._prior
+        if abs(found) > UNBELIEVABLE * hypot(prior, deviation):
+            raise BaselineError(
+                f"a pad of this file makes {self.weight_n / exp(2.0 * prior):.2g} to "
+                f"{self.weight_n * exp(2.0 * prior):.2g} N of it, and this one {read.force_n:.2g} N: "
+                "compare the weight and its unit (g, kg or N), and tolerance.modulus"
+            )
+        if earlier is not None and earlier.model == model.hash and not self.anew:
+            apart = abs(found - log(earlier.stiffness))
+            if apart > UNBELIEVABLE * hypot(deviation, earlier.deviation):
+                raise BaselineError(
+                    f"{self.weight_n:.3g} N say that the silicone is {exp(found):.2f} times as stiff as the model's, "
+                    f"and the {earlier.weight_n:.3g} N of {earlier.utc} said {earlier.stiffness:.2f} times: compare "
+                    "weight and unit; if the earlier one was wrong: --anew"
+                )
+        shrunk = square(prior) / (square(prior) + square(deviation))
+        return StoredSilicone.of(model.hash, self.weight_n, exp(shrunk * found), float(np.sqrt(shrunk)) * deviation)
+
+    @property
+    def _prior(self) -> float:
+        """Deviation of the logarithm of the stiffness, before anything was weighed."""
+        tolerance = self.config.structure_tolerance()
+        is_said = self.config.tolerance.modulus is not None or self.config.contact.model not in SHIPPED_PATHS
+        return tolerance.force_share if is_said else hypot(ANY_CURE, tolerance.force_share)
+
+    def _of_width(self, model: ContactModel, force_n: float) -> tuple[float, float]:
+        """What the model reads of what stands there, over what it reads of the probe that calibrated it; and the
+        deviation of its logarithm."""
+        probe = model.reads(force_n, PROBE_M)
+        if self.width_m is not None:
+            ratio = model.reads(force_n, self.width_m) / probe
+            return ratio, WIDTH_SHARE * abs(log(ratio))
+        widths_m = self.config.structure_tolerance().finger_m
+        return 1.0, max(abs(log(model.reads(force_n, each) / probe)) for each in widths_m) / 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    x_m: float
+    y_m: float
+    force_n: float
+    force_sd_n: float
+
+
+def _require_still(frames: Sequence[Frame], before: Baseline) -> None:
+    assert before.rest is not None
+    try:
+        recording = summarise(frames)
+    except BaselineError as error:
+        if "the field moves" not in str(error):
+            raise
+        raise BaselineError(
+            f"the weight does not stand still: {error}; take the hand off, and give the silicone ten seconds to settle"
+        ) from error
+    noise, usual = (
+        float(np.sqrt(np.mean(square(each)))) for each in (recording.noise_t, np.array(before.rest.noise_t))
+    )
+    if noise > TREMBLING * usual:
+        raise BaselineError(
+            f"the field trembles {noise / usual:.1f} times as much as that of the untouched pad: take the hand off the "
+            "weight, stop motors, and weigh again"
+        )
+
+
+def _read(config: PadConfig, model: ContactModel, frames: Sequence[Frame], baseline: Baseline) -> _Reading:
+    """The mean of what the pad says of these frames. Its deviation is that of one: noise is the least of it."""
+    pipeline = pipeline_of(config, model, boot="")
+    pipeline.use(baseline)
+    begun_us = frames[0].device_time_us + 1e6 * SETTLED_S
+    messages = [pipeline.process(frame) for frame in frames]
+    told = [one for frame, one in zip(frames, messages, strict=True) if frame.device_time_us >= begun_us]
+    _require_sound(told)
+    pressed = [(one.x_m, one.y_m, one.force_n, one.force_sd_n) for one in told if one.contact and one.x_m is not None]
+    if len(pressed) < MOSTLY * len(told):
+        raise BaselineError("no weight is felt: put it on the middle of the pad, let go, and weigh again")
+    return _Reading(*np.array(pressed, dtype=float).mean(axis=0).tolist())
+
+
+def _require_sound(told: Sequence[ContactMessage]) -> None:
+    unsound = Counter(f"{one.health}: {one.reason}" for one in told if one.health != "ok")
+    if unsound.total() > (1.0 - MOSTLY) * len(told):
+        ((what, _),) = unsound.most_common(1)
+        raise BaselineError(
+            f"the pad is {what}: take away what is of iron, also the weight if it is (brass, glass and water are "
+            "not), and weigh again"
+        )
+    if sum(one.over_range for one in told) > (1.0 - MOSTLY) * len(told):
+        raise BaselineError("the weight is more than the contact model knows on this silicone: take half of it")

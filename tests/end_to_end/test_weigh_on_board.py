@@ -1,0 +1,70 @@
+"""A pad of silicone that is stiffer than the model's, weighed by a stranger's steps: the firmware's host build."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from end_to_end.processes import FirmwareHost, RunningDaemon
+from end_to_end.test_learn import said, settled
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.pad import Array
+from fmfts.simulation.mounted import MountedPad
+from fmfts_lab.bench.recorded import pressed_field
+
+STIFFNESS, WEIGHT_N, FORCE_N = 1.4, 0.980665, 1.2
+EARTH_T = np.array([2e-5, 0.0, 4e-5])
+CONFIG = "--config", "pad.toml"
+
+
+def built() -> MountedPad:
+    exact = MountedPad.exact(PadConfig(name="standard", source=SimulatedSource()).pad())
+    return replace(exact, ambient_t=EARTH_T)
+
+
+def pressed(x_m: float, y_m: float, force_n: float) -> Array:
+    """Silicone that is stiffer by a factor moves as softer silicone does under a force that is smaller by it."""
+    return pressed_field(built(), x_m, y_m, force_n / STIFFNESS)
+
+
+def test_stranger_weighs_a_pad_and_its_forces_are_right(tmp_path: Path) -> None:
+    with FirmwareHost(tmp_path) as board:
+        said(tmp_path, "init", "--port", board.port)
+        early = said(tmp_path, "weigh", "100g", *CONFIG, code=65)
+        assert "rest is not recorded: `fmfts-daemon baseline --rest` while nothing touches the pad, then weigh" in early
+        board.field(built().sensed(np.tile(EARTH_T, (4, 1))))
+        said(tmp_path, "baseline", "--bare", *CONFIG)
+        board.field(pressed(0.0, 0.0, 0.0))
+        said(tmp_path, "baseline", "--rest", *CONFIG)
+        assert "no weight is felt: put it on the middle" in said(tmp_path, "weigh", "100g", *CONFIG, code=65)
+        assert "100: of what? Say 100g, 100kg or 100N" in said(tmp_path, "weigh", "100", *CONFIG, code=2)
+
+        board.field(pressed(0.0, 0.0, WEIGHT_N))
+        facts = json.loads(said(tmp_path, "weigh", "100g", "--by", "6mm", "--json", *CONFIG))
+        assert facts["weight_n"] == pytest.approx(WEIGHT_N)
+        assert facts["stiffness"] == pytest.approx(STIFFNESS, abs=2.0 * facts["stiffness_sd"])
+
+        with RunningDaemon(tmp_path, (tmp_path / "pad.toml").read_text()) as daemon:
+            told = daemon.command("status").stdout
+            assert "times as stiff as the model's, as a weight told" in " ".join(told.replace("│", " ").split())
+            contradicts = daemon.command("weigh", "0.2kg", "--by", "6mm", "--pad", "left")
+            assert contradicts.returncode == 65
+            assert "compare weight and unit; if the earlier one was wrong: --anew" in contradicts.stderr
+            again = daemon.command("weigh", "0.981N", "--by", "6mm", "--pad", "left")
+            assert again.returncode == 0, again
+            assert "the weight should read as what it weighs; the running daemon uses it already" in again.stdout
+            board.field(pressed(0.0, 0.0, 0.0))
+            daemon.wait_for(lambda contact: contact.contact is False)
+            board.field(pressed(3e-3, -2e-3, FORCE_N))
+            contact = settled(daemon)
+            assert contact.force_n == pytest.approx(FORCE_N, rel=0.05)
+            assert contact.force_sd_n is not None
+            assert contact.force_sd_n < 0.15 * FORCE_N
+            board.field(pressed(0.0, 0.0, 0.0))
+            daemon.wait_for(lambda contact: contact.contact is False)
+            replaced = daemon.command("baseline", "--rest", "--replaced", "--pad", "left")
+            assert "the silicone is taken for as stiff as that of the pad before" in replaced.stdout

@@ -1,0 +1,200 @@
+"""A known weight on a pad tells how stiff its silicone is: pads of another solver, and what is refused."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+
+from fmfts.baseline import Baseline, BaselineError
+from fmfts.baseline.request import CAST_ALIKE, BaselineRequest
+from fmfts.config import ContactConfig, PadConfig, SimulatedSource
+from fmfts.contact import ContactEstimate, ContactModel
+from fmfts.contact.silicone import InOtherNewtons, inference_of
+from fmfts.contact.tolerances import StructureTolerance
+from fmfts.pad import Array
+from fmfts.pipeline.configured import load_contact_model
+from fmfts.pipeline.weighing import Weighing
+from fmfts.sensor import Frame
+from fmfts.simulation.finger import Finger, no_finger, steady_finger
+from fmfts_lab.bench.structure import Cell, Found
+from fmfts_lab.bench.weigh import ASIDE_M, MIDDLE_M, Bench, facts_of, shaken
+
+STIFF = Cell("stiff", modulus=1.5)
+CONFIG = PadConfig(name="pad", source=SimulatedSource())
+WEIGHT_N = 0.981
+
+
+@pytest.fixture(scope="module")
+def bench() -> Bench:
+    return Bench(STIFF, by_mm=6.0, seed=2)
+
+
+@pytest.fixture(scope="module")
+def weighed(bench: Bench) -> Baseline:
+    return bench.weighed(bench.baseline, WEIGHT_N, steady_finger(*MIDDLE_M, WEIGHT_N))
+
+
+def test_weight_tells_the_stiffness_within_its_deviation(weighed: Baseline) -> None:
+    assert weighed.silicone is not None
+    assert abs(np.log(weighed.silicone.stiffness / 1.5)) < 2.0 * weighed.silicone.deviation
+    assert weighed.silicone.deviation < 0.06
+    assert weighed.silicone.weight_n == WEIGHT_N
+
+
+def test_forces_are_then_right_and_their_deviations_narrower(bench: Bench, weighed: Baseline) -> None:
+    before, after = Found(), Found()
+    bench.presses(STIFF, bench.baseline, 6.0, before)
+    bench.presses(STIFF, weighed, 6.0, after)
+    was, now = facts_of([before]), facts_of([after])
+    assert was["force_off_median"] > 0.25
+    assert now["force_off_median"] < 0.05
+    assert now["force_sd_median"] < 0.6 * was["force_sd_median"]
+    assert now["wrong"] == 0
+    assert now["felt"] == was["felt"], "silicone that is stiffer makes no touch more or less certain"
+
+
+@pytest.mark.parametrize("by_mm", [3.0, 12.0])
+def test_width_of_what_stands_there_is_corrected(weighed: Baseline, by_mm: float) -> None:
+    other = Bench(STIFF, by_mm, seed=2)
+    finger = steady_finger(*MIDDLE_M, WEIGHT_N)
+    silicones = [other.weighed(other.baseline, WEIGHT_N, finger, by_m).silicone for by_m in (by_mm * 1e-3, 6e-3)]
+    assert weighed.silicone is not None
+    told, taken_for_the_probe = (abs(one.stiffness / weighed.silicone.stiffness - 1.0) for one in silicones if one)
+    assert told < min(0.6 * taken_for_the_probe, 0.04)
+
+
+@pytest.mark.parametrize(
+    ("said_n", "finger", "words"),
+    [
+        (
+            WEIGHT_N,
+            steady_finger(*ASIDE_M, WEIGHT_N),
+            r"stands 3\.\d mm from the middle, at \(3\.\d, 1\.\d\) mm: put it",
+        ),
+        (
+            WEIGHT_N,
+            shaken(WEIGHT_N),
+            "does not stand still: the field moves: .*take the hand off, and give the silicone",
+        ),
+        (WEIGHT_N, no_finger, "no weight is felt: put it on the middle"),
+        (2.0 * WEIGHT_N, steady_finger(*MIDDLE_M, WEIGHT_N), r"3\.\d\d times as stiff .*0\.981 N of .*--anew"),
+        (4.0, steady_finger(*MIDDLE_M, 4.0), "more than the contact model knows on this silicone: take half of it"),
+        (9.81e-4, steady_finger(*MIDDLE_M, WEIGHT_N), r"\(0\.1 g\) tells nothing here: take one of 20 to 408 g"),
+    ],
+)
+def test_weight_that_tells_nothing_is_refused_with_the_cause(
+    bench: Bench, weighed: Baseline, said_n: float, finger: Finger, words: str
+) -> None:
+    with pytest.raises(BaselineError, match=f"pad 'cast': weight refused: .*{words}"):
+        bench.weighed(weighed, said_n, finger)
+
+
+def test_half_of_what_is_said_is_refused_where_the_file_knows_the_modulus(bench: Bench) -> None:
+    knows = Bench(Cell("as the model's"), by_mm=6.0, seed=2)
+    tolerance = msgspec.structs.replace(knows.config.tolerance, modulus=0.05)
+    knows.config = msgspec.structs.replace(knows.config, tolerance=tolerance)
+    with pytest.raises(BaselineError, match=r"a pad of this file makes .* N of it, and this one 0\.4\d N: compare"):
+        knows.weighed(knows.baseline, WEIGHT_N, steady_finger(*MIDDLE_M, WEIGHT_N / 2.0))
+
+
+def test_iron_or_a_shaken_magnet_is_named(bench: Bench) -> None:
+    source = bench.pad(STIFF)
+    source.finger = steady_finger(*MIDDLE_M, WEIGHT_N)
+    frames = source.recorded(3.0)
+    moved = [beside_iron(frame) for frame in frames]
+    learn = Weighing(bench.config, WEIGHT_N, 6e-3)
+    request = BaselineRequest(bench.config.pad(), bench.config.tolerance.si(), False, False, learn=learn)
+    with pytest.raises(BaselineError, match=r"the pad is (lost|disturbed|degraded): .*take away what is of iron"):
+        request.make(moved, bench.baseline)
+
+
+def test_weight_needs_a_baseline_and_a_pad_with_one_magnet_that_nobody_calibrated(bench: Bench) -> None:
+    request = BaselineRequest(CONFIG.pad(), CONFIG.tolerance.si(), False, False, learn=Weighing(CONFIG, WEIGHT_N))
+    with pytest.raises(BaselineError, match=r"rest is not recorded: .*then weigh"):
+        request.require_rest(None)
+    calibrated = msgspec.structs.replace(
+        CONFIG, tolerance=msgspec.structs.replace(CONFIG.tolerance, modulus=0.0, thickness_mm=0.0)
+    )
+    with pytest.raises(BaselineError, match="silicone is as calibrated"):
+        Weighing(calibrated, WEIGHT_N).require(CONFIG.pad(), bench.baseline)
+
+
+def test_silicone_stays_with_a_new_rest_and_is_less_well_known_of_another_pad(bench: Bench, weighed: Baseline) -> None:
+    source = bench.pad(STIFF)
+    source.finger = no_finger
+    frames = source.recorded(3.0)
+    pad, tolerance = bench.config.pad(), bench.config.tolerance.si()
+    again = BaselineRequest(pad, tolerance, False, False).make(frames, weighed)[0]
+    another = BaselineRequest(pad, tolerance, False, True).make(frames, weighed)[0]
+    assert again.silicone == weighed.silicone
+    assert another.silicone is not None
+    assert weighed.silicone is not None
+    assert another.silicone.stiffness == weighed.silicone.stiffness
+    assert 0.1 < another.silicone.deviation < StructureTolerance(0.2, 0.2e-3).force_share
+    assert "`fmfts-daemon weigh`" in CAST_ALIKE
+
+
+def test_model_on_other_silicone_reads_other_newtons_at_the_same_place() -> None:
+    model = load_contact_model(CONFIG)
+    stiff = model.on_silicone(1.5, 0.03)
+    assert stiff.response is not None
+    assert model.response is not None
+    press = np.array([[3.0, -2.0, 0.8]])
+    change = model.response.without_shear().change(press)[0]
+    np.testing.assert_allclose(stiff.response.without_shear().change(press * [1.0, 1.0, 1.5])[0], change, rtol=1e-12)
+    drawn, read = (pressed(each, change) for each in (model, stiff))
+    np.testing.assert_allclose(read.values, drawn.values * [1.0, 1.0, 1.5], rtol=1e-5)
+    np.testing.assert_allclose(read.deviations[:2], drawn.deviations[:2], rtol=0.2)
+    assert stiff.facts.envelope.force_max_n == pytest.approx(1.5 * model.facts.envelope.force_max_n)
+    covariance = 1e-10 * np.eye(6)
+    assert stiff.detection_limit_n(covariance, 20.0) == pytest.approx(1.5 * model.detection_limit_n(covariance, 20.0))
+    assert stiff.tolerance.force_share == pytest.approx(0.03)
+    assert model.tolerance.force_share > 0.2, "the model of other pads stays as it is"
+
+
+def test_friction_costs_the_same_share_on_other_silicone() -> None:
+    """A newton of shear moves the magnet in stiffer silicone by less; what may shear grows with the force."""
+    still = StructureTolerance()
+    own = [
+        load_contact_model(msgspec.structs.replace(CONFIG, contact=ContactConfig(friction=friction))).with_tolerance(
+            still
+        )
+        for friction in (0.0, 0.3)
+    ]
+    for stiffness in (0.5, 2.0):
+        for model in own:
+            scaled = model.on_silicone(stiffness, 0.0)
+            np.testing.assert_allclose(
+                scaled.own_deviation,
+                model.own_deviation * [1.0, 1.0, stiffness],
+                rtol=1e-9,
+                err_msg=f"{model.friction}",
+            )
+
+
+def test_model_of_another_program_is_scaled_as_the_networks_are() -> None:
+    model = load_contact_model(CONFIG)
+    ours, theirs = inference_of(model.inference, 0.6), InOtherNewtons(model.inference, 0.6)
+    moved = np.array([0.01, 0.02, -0.4, 0.0, 0.01, 0.0])
+    for inference in (ours, theirs):
+        inference.pose[:] = model.rest_pose + moved
+        inference.run()
+    np.testing.assert_allclose(ours.contact, theirs.contact, rtol=1e-5)
+    np.testing.assert_allclose(ours.jacobian, theirs.jacobian, rtol=1e-4, atol=1e-6)
+
+
+def beside_iron(frame: Frame) -> Frame:
+    """Sensor 1 sees 60 µT that no magnet of the pad makes."""
+    counts = frame.counts.copy()
+    counts[0] += 400
+    times = frame.sequence, frame.device_time_us, frame.host_time_ns, frame.gain_code
+    return Frame(0, *times, counts, frame.age_us, frame.fresh, frame.valid, frame.temperature_c)
+
+
+def pressed(model: ContactModel, change: Array) -> ContactEstimate:
+    pose = model.rest_pose.copy()
+    pose[:3] += change[:3]
+    pose[3:5] += change[3:]
+    axis = pose[3:] / np.linalg.norm(pose[3:])
+    return model.estimate(pose[:3] * 1e-3, axis, np.diag(np.repeat([1e-12, 1e-6], 3)))
