@@ -3,51 +3,63 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fmfts_lab.study.harness import Row
+from fmfts_lab.study.style import SMALL_PT, TEXT_PT, sheet
 
-matplotlib.use("Agg")
 # Points outside the pad are drawn at its edge: the paper's answers at 1.28 T are centimetres to metres away.
 PLACE_MM, FORCE_N = 22.0, 3.0
+TRAININGS_ACROSS = 2
 
 
 def training(rows: Sequence[Row]) -> Figure:
     """Figure 7, or 11: squared error during training."""
     curves = [row for row in rows if row["kind"] == "training"]
     cases = list(dict.fromkeys(str(row["case"]) for row in curves))
-    figure = Figure(figsize=(3.4 * len(cases), 3.2), layout="constrained")
-    for axes, case in zip(np.atleast_1d(figure.subplots(1, len(cases))), cases, strict=True):
+    lines = -(-len(cases) // TRAININGS_ACROSS)
+    figure = sheet(2.7 * lines + 0.5, "Error on the presses trained on, and on a fifth that is left out")
+    grid = figure.subplots(lines, min(len(cases), TRAININGS_ACROSS), squeeze=False)
+    for axes, case in zip(grid.flat, cases, strict=False):
         mine = [row for row in curves if row["case"] == case]
         size = [row["size"] for row in mine]
         axes.loglog(size, [row["trained_mse"] for row in mine], "o-", label="trained on")
         axes.loglog(size, [row["left_out_mse"] for row in mine], "s--", label="left out")
-        axes.set_title(case)
-        axes.set_xlabel("neurons" if case.startswith("RBF") else "steps")
-        axes.set_ylabel("mean squared error, ranges of ±1")
-        axes.legend()
+        axes.set_title(case, fontsize=TEXT_PT)
+        axes.set_xlabel("neurons" if case.startswith("RBF") else "steps", fontsize=TEXT_PT)
+        axes.set_ylabel("mean squared error", fontsize=TEXT_PT)
+        axes.tick_params(labelsize=SMALL_PT)
+        axes.legend(fontsize=SMALL_PT)
     return figure
 
 
 def estimates(rows: Sequence[Row], cases: tuple[str, ...], remanences_t: tuple[float, ...]) -> Figure:
-    """Figure 8: true and estimated places and forces, with a column for each case and remanence."""
+    """Figure 8: true and estimated places and forces, a column for each case, two lines for each remanence."""
     tests = [row for row in rows if row["kind"] == "test"]
-    columns = [(case, remanence_t) for case in cases for remanence_t in remanences_t]
-    figure = Figure(figsize=(2.6 * len(columns), 5.6), layout="constrained")
-    grid = figure.subplots(2, len(columns))
-    for index, (case, remanence_t) in enumerate(columns):
+    foot = "Black crosses: true places, with a line to the red dot that was found; beyond the pad, at its edge."
+    figure = sheet(
+        3.6 * len(remanences_t) + 0.8, "Places and forces, with the magnet trained on and with another", foot
+    )
+    grid = figure.subplots(2 * len(remanences_t), len(cases), squeeze=False)
+    for index, (remanence_t, case) in enumerate(product(remanences_t, cases)):
         mine = [row for row in tests if (row["case"], row["remanence_t"]) == (case, remanence_t)]
         true, found = (
             np.array([[row[prefix + name] for name in ("x_mm", "y_mm", "force_n")] for row in mine], dtype=float)
             for prefix in ("", "found_")
         )
-        _places(grid[0, index], true, found)
-        grid[0, index].set_title(f"{case}\n{remanence_t} T")
-        _forces(grid[1, index], true, found)
+        pair, column = divmod(index, len(cases))
+        places, forces = grid[2 * pair : 2 * pair + 2, column]
+        _places(places, true, found)
+        places.set_title(f"{case}\n{remanence_t} T", fontsize=TEXT_PT)
+        _forces(forces, true, found)
+        for axes in (places, forces):
+            axes.tick_params(labelsize=SMALL_PT)
+            axes.xaxis.label.set_size(SMALL_PT)
+            axes.yaxis.label.set_size(SMALL_PT)
     return figure
 
 
