@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from typing import Any, Protocol
 
-from numpy import bool_
+import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.baseline import Baseline
@@ -30,7 +30,7 @@ class Judged(Protocol):
     @property
     def reason(self) -> str: ...
     @property
-    def used(self) -> NDArray[bool_]: ...
+    def used(self) -> NDArray[np.bool_]: ...
 
 
 class JudgedInPython:
