@@ -146,7 +146,7 @@ def test_fingers_and_magnets_without_a_place_are_left_out(c_client: Talker) -> N
     assert told["force_n"] == pytest.approx(7 * 0.6)
 
 
-def test_of_keys_that_come_twice_the_last_counts(c_client: Talker) -> None:
+def test_last_of_two_equal_keys_counts(c_client: Talker) -> None:
     """As in Python. Nothing may stay of the first list."""
     body = encode(fingers_message(*two_fingers()))
     pairs = int.from_bytes(body[1:3], "big")

@@ -74,7 +74,7 @@ class Mmc5603nj(Memsic):
     control_0 = 0x1B
     zero_count = 524288
     measurements_s: tuple[float, ...] = (6.6e-3, 3.5e-3, 2.0e-3, 1.2e-3)
-    # 2 mG (vendor), then by the square root of the time.
+    # 2 mG by the vendor; shorter measurements are noisier by the square root of the time.
     noises_gauss: tuple[float, ...] = (2.0e-3, 2.75e-3, 3.63e-3, 4.69e-3)
     settles_s = 1e-3
     reset_s = 20e-3

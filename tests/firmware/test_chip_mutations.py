@@ -21,7 +21,7 @@ VECTORS = ROOT / "tests/data/wire_vectors.ini"
 WRONG_DRIVERS = ROOT / "tests/firmware/wrong_drivers"
 FLAGS = ["-std=c11", "-O1", "-I", CHIPS, "-I", CHIPS.parent]
 
-# The tests of which chips judge a file that is not one chip's.
+# Which chips' tests judge a file that several chips share.
 JUDGES = dict.fromkeys(("memsic", "sensor_film", "sensor_poll"), "mmc5") | {"sensor": "m", "sensor_turn": "qmc5883l_"}
 
 # (file, what is wrong, the right text, the wrong one)

@@ -170,7 +170,7 @@ def test_scan_finds_the_best_places_of_the_grid(sizes: tuple[float, ...]) -> Non
             for pair in pairs:
                 numbers = {number_of(places, pair[0]), number_of(places, pair[1])}
                 (which,) = np.flatnonzero((one == min(numbers)) & (other == max(numbers)))
-                # It is the best of those that no better one was near to.
+                # It is the best of the pairs that have no better one nearby.
                 assert gain_of[which] == pytest.approx(left.max(), rel=1e-5)
                 forces = np.linalg.lstsq(t[[one[which], other[which]]].T, white_field(root, measured), rcond=None)[0]
                 by_number = dict(zip((one[which], other[which]), forces, strict=True))

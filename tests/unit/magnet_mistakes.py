@@ -145,7 +145,7 @@ def two_scaled(built: Built, random: np.random.Generator) -> Mistake:
         value = float(random.choice([0.5, 2.0]))
         factor[channel] *= value
         words.append(rf"^Sensor {channel + 1} reads {'half' if value < 1.0 else 'twice'} the field")
-    # Two of four chips that read twice as much are two others that read half: a moment that nobody knows.
+    # Two of four chips reading twice as much look like the others reading half, since the magnet's moment is unknown.
     return Mistake("factor 2 or 0.5 of two chips", replace(built, factor=factor), tuple(words), 2.0)
 
 

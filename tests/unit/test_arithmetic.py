@@ -188,7 +188,7 @@ def test_least_squares_is_the_shortest_of_the_best(rank: int) -> None:
     assert np.abs(matrix.least_squares(a, right[:, 0]) - expected[:, 0]).max() < CLOSE * 10
 
 
-def test_negative_eigenvalues_are_told() -> None:
+def test_negative_eigenvalues_are_returned() -> None:
     values, _ = matrix.eigen(np.diag([2.0, -1.0, 0.5]))
     assert values.tolist() == [-1.0, 0.5, 2.0]
 

@@ -319,7 +319,7 @@ def test_limits_themselves_are_allowed(tmp_path: Path, text: str) -> None:
         ("loop = True", "loop = True; TOML writes true"),
     ],
 )
-def test_line_that_is_no_toml_comes_with_what_was_meant(tmp_path: Path, line: str, hint: str) -> None:
+def test_line_that_is_no_toml_comes_with_a_hint(tmp_path: Path, line: str, hint: str) -> None:
     assert complaint(tmp_path, f"{PAD}{line}\n").endswith(hint)
 
 

@@ -132,7 +132,7 @@ def test_list_that_was_closed_is_read_when_it_is_open() -> None:
         assert folder.client_with(arm.public) == arm
 
 
-def test_list_that_is_mended_with_its_old_time_is_read(keys: Path) -> None:
+def test_mended_list_with_its_old_time_is_read_again(keys: Path) -> None:
     """As `cp -p` does it from a copy."""
     folder, path = KeyFolder(keys), keys / "clients"
     good, before = path.read_bytes(), path.stat()
@@ -250,7 +250,7 @@ def test_damaged_list_is_named_with_its_line(keys: Path, line: str) -> None:
         KeyFolder(keys).clients()
 
 
-def test_list_that_lost_its_first_line_is_told_that_line(keys: Path) -> None:
+def test_list_without_its_first_line_names_that_line(keys: Path) -> None:
     """Who removed its clients, line by line, would lock them out."""
     (keys / "clients").write_text((keys / "clients").read_text().removeprefix(f"{HEAD}\n"))
     with pytest.raises(KeysError, match=f"line 1: this line must stand before it: {HEAD}$"):

@@ -203,7 +203,7 @@ def test_source_that_computes_for_long_rests(monkeypatch: pytest.MonkeyPatch) ->
     assert due_ns >= begun_ns + 180_000_000
 
 
-def test_ctrl_c_passes() -> None:
+def test_ctrl_c_passes_through_the_guard() -> None:
     def interrupted() -> None:
         raise KeyboardInterrupt
 

@@ -124,7 +124,7 @@ def test_more_presses_are_added_and_refine_sends_to_them(learned_pad: Made) -> N
         make_refined(world.pad, presses(world), baseline)
 
 
-def test_too_few_presses_and_what_must_come_before_are_said(pad: Pad) -> None:
+def test_learning_names_missing_presses_and_baselines(pad: Pad) -> None:
     world = rough_world(pad, 3)
     before = bare_and_rest(world)
     with pytest.raises(BaselineError, match=r"only 12 different presses were found, of at least 30"):

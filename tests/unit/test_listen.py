@@ -90,7 +90,7 @@ def test_silence_ends_with_a_hint_and_an_exit_code(base: str) -> None:
     assert f"nothing arrived from {base}/bus: is fmfts-daemon running" in out.getvalue()
 
 
-def test_endpoint_that_is_none_is_named(caplog: pytest.LogCaptureFixture) -> None:
+def test_invalid_endpoint_is_named(caplog: pytest.LogCaptureFixture) -> None:
     assert listen(None, 0.2, io.StringIO(), endpoint="nonsense") == exit_codes.UNAVAILABLE
     assert "'nonsense' is not a base of endpoints" in caplog.text
 

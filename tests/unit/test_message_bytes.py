@@ -177,7 +177,7 @@ def test_every_health_of_a_message_has_its_name(written: Written) -> None:
 
 @pytest.mark.parametrize("name", NUMBERS)
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
-def test_number_that_is_none_is_found_if_the_message_tells_it(written: Written, name: str, wrong: float) -> None:
+def test_nan_is_found_only_in_published_numbers(written: Written, name: str, wrong: float) -> None:
     random = np.random.default_rng(6)
     for everything in (True, False):
         numbers = random_numbers(random)

@@ -109,7 +109,7 @@ def test_creep_of_the_silicone_is_followed() -> None:
     assert abs(np.mean(followed.heights_m)) < 0.5 * abs(np.mean(left.heights_m))
 
 
-def test_rest_that_stays_is_left_where_it_is() -> None:
+def test_constant_rest_is_not_moved() -> None:
     run = life(200.0)
     assert max(run.sizes_m) < 5e-6
 

@@ -25,7 +25,7 @@ def rows() -> tuple[Array, Array]:
     return inputs, wave(inputs) + NOISE * random.standard_normal((40, 2))
 
 
-def test_noise_is_told_from_the_function_with_more_parameters_than_it_has(rows: tuple[Array, Array]) -> None:
+def test_regularised_network_separates_noise_from_the_function(rows: tuple[Array, Array]) -> None:
     """20 neurons, 82 parameters, 80 values: least squares passes through them, the evidence finds some ten parameters
     and the noise that was drawn (a fit knows the deviation of so many values to 8 %)."""
     inputs, target = rows

@@ -83,7 +83,7 @@ def test_speed_changes_when_frames_come_and_not_what_they_say(tmp_path: Path, sp
     assert np.diff([each.device_time_us for each in frames]).tolist() == [PERIOD_NS / 1000] * (COUNT - 1)
 
 
-def test_end_is_said_and_a_loop_goes_on_without_a_seam(tmp_path: Path) -> None:
+def test_end_disconnects_and_a_loop_continues_evenly(tmp_path: Path) -> None:
     path = recording(tmp_path / "a.mcap")
     once, again = Replayed({0: pad(path)}), Replayed({0: pad(path, loop=True)})
     assert len(played(once, 3 * COUNT * PERIOD_NS)) == COUNT
@@ -127,7 +127,7 @@ def test_what_does_not_fit_is_refused_with_what_would(tmp_path: Path, changed: d
         Replayed({0: pad(recording(tmp_path / "a.mcap"), **changed)})
 
 
-def test_other_structure_is_refused_with_its_own(tmp_path: Path) -> None:
+def test_another_structure_is_refused_with_the_recorded_one(tmp_path: Path) -> None:
     path = recording(tmp_path / "a.mcap")
     wider = msgspec.structs.replace(pad(path), geometry=GeometryConfig(sensors_mm=((9, 8, 0), (8, -8, 0), (-8, 8, 0))))
     with pytest.raises(SourceError, match=r"another structure.*8\.0, 8\.0, 0\.0"):

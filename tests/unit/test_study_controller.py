@@ -129,7 +129,7 @@ def test_line_through_two_frames_is_exact_for_even_motion() -> None:
     assert row["read_n"] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_line_never_pulls_and_needs_two_answers() -> None:
+def test_line_needs_two_answers_and_gives_no_negative_force() -> None:
     falling = [Told(0.0, np.array([0.0, 0.0, 0.3]), UNKNOWN), Told(1e-3, np.array([0.0, 0.0, 0.1]), UNKNOWN)]
 
     class Falling:

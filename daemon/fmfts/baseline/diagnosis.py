@@ -42,7 +42,7 @@ WITHOUT_BARE = (
     "Or a chip's own zero is off, which only `baseline --bare` tells: take the pad off, record --bare, mount it, and "
     "record --rest again."
 )
-# So many of the likeliest single faults are combined with so many; with all others only where that explains nothing.
+# The likeliest single faults, and how many others each is combined with first; all others follow if none of these fits.
 FIRST_FAULTS, LIKELY_SECONDS = 5, 24
 # That a second thing is wrong, too, is one in twenty: −2 ln.
 SECOND_FAULT = 6.0

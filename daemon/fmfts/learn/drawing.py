@@ -100,7 +100,7 @@ class Drawing:
         if self.free_octupole:  # the field is linear in κ
             unit = dipole_field(*here, geometry.octupole_m2 + 1.0) - field
             columns[:, :, OCTUPOLE] = (to_chip @ unit[:, :, None])[:, :, 0]
-        # Of `sensitivity`, what is the chip's own. Its rotation turns the field before that.
+        # The chip's own part of `sensitivity`. Its rotation turns the field before that.
         gains, turns, cross = np.split(sensitivity.columns(own), 3, axis=2)
         for sensor in range(count):
             first = FIRST_PLACE + 3 * sensor
