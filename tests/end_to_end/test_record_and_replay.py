@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
@@ -115,6 +116,18 @@ def test_replay_of_a_recording_begun_in_the_middle_is_identical(
     daemon: RunningDaemon, tmp_path: Path, options: tuple[str, ...], pads: list[str]
 ) -> None:
     replays_identically(daemon, tmp_path / "a.mcap", options, pads)
+    assert not encoded_for_ros(tmp_path / "a.mcap")
+
+
+def test_contacts_are_recorded_for_ros_where_that_is_asked(daemon: RunningDaemon, tmp_path: Path) -> None:
+    replays_identically(daemon, tmp_path / "a.mcap", ("--pad", "far", "--ros2"), ["far"])
+    assert encoded_for_ros(tmp_path / "a.mcap") == {"tf", "ros/far/contact", "ros/far/wrench"}
+
+
+def encoded_for_ros(recording: Path) -> set[str]:
+    with recording.open("rb") as file:
+        messages = make_reader(file).iter_messages()
+        return {channel.topic for _, channel, _ in messages if channel.message_encoding == "cdr"}
 
 
 @pytest.mark.slow  # two pads of several magnets take most of a processor, ahead of the other tests

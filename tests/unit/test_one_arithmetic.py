@@ -24,6 +24,7 @@ ROOMS = ["baseline", "common", "config", "contact", "several", "pipeline", "pose
 FILES = ["pad.py"]
 SKIN = Path(fmfts_skin.__file__).parent  # its modules, without the folder that makes models
 ELSEWHERE = {"advice.py", "candidate.py", "error_budget.py"}
+ELSEWHERE.add("weighing.py")  # measures what the baseline's file then keeps as a number, as a scale would
 # What NumPy and math offer that moves numbers, compares them, or rounds as IEEE 754 says: + − × ÷ √ in a fixed order.
 # Not BLAS, LAPACK, what has wide vectors, nor the C library's functions: each rounds as the processor lets it.
 EXACT_NAMES = """

@@ -19,6 +19,9 @@ def add_to(verb: AddVerb, listeners_config: str) -> None:
     record.add_argument("--pad", metavar="NAME", help="only this pad and its neighbours")
     record.add_argument("--seconds", type=seconds, help="end after this time; else Ctrl-C ends it")
     record.add_argument(
+        "--ros2", action="store_true", help="contacts and wrenches in ROS 2's encoding, too, for Rerun and rosbag2"
+    )
+    record.add_argument(
         "--repair",
         action="store_true",
         help="record nothing: give FILE.mcap, which was cut off, an index in a new file",
@@ -41,7 +44,8 @@ def _record(options: argparse.Namespace) -> int:
     if options.repair:
         return _repair(options)
     errors = RecordingError, EndpointError, SchemaError, NoSuchPadError
-    with ended_by(*errors), closing(Recorder(options.output, options.pad, serving_base(options))) as recorder:
+    base = serving_base(options)
+    with ended_by(*errors), closing(Recorder(options.output, options.pad, base, for_ros=options.ros2)) as recorder:
         facts = recorder.run(options.seconds)
     print_facts(facts, as_json=options.json)
     return 0

@@ -37,8 +37,10 @@ class NothingCameError(RecordingError):
 class Recorder:
     """Writes a daemon's messages. Leaves out a pad's frames before its first state: they could not be replayed."""
 
-    def __init__(self, output: Path, pad: str | None, endpoint: str | Endpoints | None) -> None:
-        """pad: record this pad and its neighbours; None: all pads.
+    def __init__(
+        self, output: Path, pad: str | None, endpoint: str | Endpoints | None, *, for_ros: bool = False
+    ) -> None:
+        """pad: record this pad and its neighbours; None: all pads. for_ros: contacts also in ROS 2's encoding.
 
         Raises EndpointError, NoSuchPadError or RecordingError.
         """
@@ -57,7 +59,9 @@ class Recorder:
         for subscription in (self._bus, self._frames):
             self._poller.register(subscription.socket, zmq.POLLIN)
         self._with_state: set[str] = set()
-        self._scenes: dict[str, tuple[PadScene, RosPad] | None] = {}
+        self._scenes: dict[str, PadScene | None] = {}
+        self._for_ros = for_ros
+        self._ros: dict[str, RosPad] = {}
         self._next_seq: dict[tuple[str, str], int] = {}
         self.missed = 0
         self._stop_requested = False
@@ -133,23 +137,30 @@ class Recorder:
             self._next_seq[key] = seq + 1
         self._writer.add(message.kind, message.pad, message.body)
         if message.kind == "state":
-            self._scenes[message.pad] = self._scenes.get(message.pad) or _scene_of(message)
+            self._draw_from_now_on(message)
         elif message.kind == "contact" and (scene := self._scenes.get(message.pad)) is not None:
-            drawing, ros = scene
-            for drawn in drawing.contact(message.body):
+            for drawn in scene.contact(message.body):
                 self._writer.draw(drawn, message.body["utc_ns"])
-            for told in ros.contact(message.body):
-                self._writer.tell_ros(told, message.body["utc_ns"])
+            if (ros := self._ros.get(message.pad)) is not None:
+                for told in ros.contact(message.body):
+                    self._writer.tell_ros(told, message.body["utc_ns"])
 
-
-def _scene_of(message: Message) -> tuple[PadScene, RosPad] | None:
-    """None: the daemon is of another version, whose configuration cannot be drawn."""
-    try:
-        facts = pad_facts(msgspec.convert(message.body["config"], PadConfig))
-        return PadScene(message.pad, facts), RosPad(message.pad, facts)
-    except msgspec.ValidationError as error:
-        log.warning("pad '%s': no 3-D scene is recorded: %s", message.pad, error)
-        return None
+    def _draw_from_now_on(self, state: Message) -> None:
+        if self._scenes.get(state.pad) is not None:
+            return
+        self._scenes[state.pad] = None
+        try:
+            facts = pad_facts(msgspec.convert(state.body["config"], PadConfig))
+        except msgspec.ValidationError as error:
+            log.warning(
+                "pad '%s': no 3-D scene and no ROS 2 messages are recorded: this daemon has another version: %s",
+                state.pad,
+                error,
+            )
+            return
+        self._scenes[state.pad] = PadScene(state.pad, facts)
+        if self._for_ros:
+            self._ros[state.pad] = RosPad(state.pad, facts)
 
 
 def with_neighbours(pad: str, endpoint: str | Endpoints | None) -> set[str]:

@@ -87,7 +87,7 @@ def compare(name: str, messages: Iterator[tuple[str, dict[str, Any]]], contacts:
 def recorded(folder: Path, seconds: float) -> Path:
     recording = folder / "touch.mcap"
     with RunningDaemon(folder, PAD) as daemon:
-        command = [sys.executable, "-m", "fmfts", "record", recording, "--seconds", str(seconds)]
+        command = [sys.executable, "-m", "fmfts", "record", recording, "--ros2", "--seconds", str(seconds)]
         subprocess.run(command, env=os.environ | {"FMFTS_BUS": daemon.base}, check=True, stdout=subprocess.DEVNULL)
     return recording
 
