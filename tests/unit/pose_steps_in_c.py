@@ -171,3 +171,14 @@ class Felt(NamedTuple):
     rest: Array
     now: Array
     covariance: Array
+
+
+class _Line(ctypes.Structure):
+    _fields_ = (("hz", ctypes.c_double), ("amplitude_t", ctypes.c_double))
+
+
+def strongest_line(parameters: Record, ambient_t: Array) -> tuple[float, float]:
+    """spectrum.c: frequency (Hz) and amplitude (T) of the line in the ambient fields (64, 3) of as many frames."""
+    COMPILED.fmfts_strongest_line.restype = _Line
+    line = COMPILED.fmfts_strongest_line(part_of(parameters), pointer(np.ascontiguousarray(ambient_t)))
+    return line.hz, line.amplitude_t

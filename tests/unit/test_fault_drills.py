@@ -50,19 +50,16 @@ def test_magnet_that_returns_under_a_finger_is_right_at_once(ambient: Ambient) -
     assert outcome.health["ok"] > 0.45 * outcome.frames, outcome.line
 
 
-def test_swapped_wires_make_no_ok_frame_that_is_wrong() -> None:
+def test_swapped_wires_make_no_ok_frame() -> None:
     """On pad 2 three sensors agree at once with a magnet pressed deep, beyond the model's range."""
     drill = Healthy("drifting", "rest", 2, load_contact_model(pad_config("drifting", 2)))
     (fault,) = [fault for fault in field_faults() if fault.kind == "wires 2 and 3 swapped"]
     pipeline, frames = drill.pipeline(), drill.frames_with(fault)
     messages = [pipeline.process(frame) for frame in frames[drill.begin : drill.end]]
-    wrong = drill.truth.all_deviations(messages) > WRONG_DEVIATIONS
-    assert wrong.any()
-    assert {message.health for message, is_wrong in zip(messages, wrong, strict=True) if is_wrong} == {"degraded"}
-    assert (
-        "the field jumped between two samples by more than a finger can change it"
-        in messages[int(wrong.argmax())].reason
-    )
+    told = [message for message in messages if message.pose is not None]
+    assert {message.health for message in told} == {"degraded"}
+    assert "the field jumped between two samples by more than a finger can change it" in told[0].reason
+    assert not (drill.truth.all_deviations(messages) > WRONG_DEVIATIONS)[len(told) :].any()
 
 
 def test_taps_on_chips_that_run_free_are_no_alarm() -> None:

@@ -56,6 +56,16 @@ class Alternation:
         return float(np.sqrt(square(self.amplitude_t).sum(axis=1)).mean())
 
     @property
+    def together_t(self) -> Array:
+        """(N, 3) the noise to add, as all axes alternate together, where noise is counted as independent.
+
+        A covariance e·eᵀ is at most the diagonal one of |eᵢ|·Σ|eⱼ| (S. A. Gershgorin, 1931).
+        """
+        rms_t = self.amplitude_t / np.sqrt(2.0)
+        together: Array = np.sqrt(rms_t * (rms_t.sum() - rms_t))
+        return together
+
+    @property
     def sentence(self) -> str:
         """What it is, and what to do."""
         near = (hz for hz in MAINS_HZ if abs(self._as_sampled(hz) - self.frequency_hz) < self.resolution_hz)

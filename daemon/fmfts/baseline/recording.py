@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import SingularError
+from fmfts.arithmetic.matrix import SingularError, root_of_squares
 from fmfts.baseline.alternating import alternation
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.missing import saturated, untellable
@@ -114,9 +114,10 @@ def summarise(frames: Sequence[Frame]) -> Recording:
                 f"{wander[sensor, axis] * 1e6:.2f} µT (steady is below {limit[axis] * 1e6:.2f} µT): "
                 "leave pad and robot still, and record again"
             )
-    if alternation(frames) is not None:
+    alternating = alternation(frames)
+    if alternating is not None:
         # Differences of successive samples tell of what is slow against the samples too little.
-        noise = np.maximum(noise, _scatter(fields, fresh))
+        noise = root_of_squares(np.maximum(noise, _scatter(fields, fresh)), alternating.together_t)
     temperatures = [frame.temperature_c for frame in frames if frame.temperature_c is not None]
     return Recording(
         mean_t=mean,

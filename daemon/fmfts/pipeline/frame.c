@@ -18,6 +18,7 @@ bool fmfts_judge(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *
         fmfts_watch_residuals(step);                         /* pose/residual_monitor.c: small faults that last */
         fmfts_doubt_beside_steel(step);                      /* pose/tracker.c */
         fmfts_watch_ambient(step);                           /* pose/ambient_motion.c: a robot that turns */
+        fmfts_watch_alternation(step);                       /* pose/alternating.c: mains, motors, noise that grew */
         fmfts_follow_foreign(step);                          /* pose/hidden_gradient.c: a tool that no residual shows */
         if (fmfts_has_trusted_pose(&work)) {                 /* contact_of_pose.c, as the next four */
             fmfts_follow_gaps(&work);                        /* a temperature that is missing; a finger that may be gone */

@@ -22,7 +22,15 @@ from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.hidden_force import hidden_force_n
 from fmfts.pipeline.lead import Lead
 from fmfts.pose.change import shortest_rotation
-from fmfts.pose.gates import FALSE_ALARM, FALSE_INNOVATION, FALSE_MEAN_ALARM, JUMP_PROBABILITY, MOVED_MISFIT, SOUND
+from fmfts.pose.gates import (
+    FALSE_ALARM,
+    FALSE_INNOVATION,
+    FALSE_LINE,
+    FALSE_MEAN_ALARM,
+    JUMP_PROBABILITY,
+    MOVED_MISFIT,
+    SOUND,
+)
 from fmfts.pose.hidden_gradient import EVEN_T, HEALTHY, HiddenGradient
 from fmfts.pose.neighbour import NeighbourView
 from fmfts.pose.problem import Part
@@ -145,7 +153,10 @@ def _tracking(baselined: BaselinedPad) -> Values:
         "at_rest": baselined.at_rest,
         "rest_temperature_c": np.nan if rest_c is None else rest_c,
         "rest": baselined.mounting.rest.vector(),
-        "gate_chi2": _quantiles(FALSE_ALARM, values - free),
+        # One more: the moment of the frames before.
+        "gate_chi2": _quantiles(FALSE_ALARM, values - free + 1),
+        "surprising_chi2": _quantiles(SOUND, values - free + 1),
+        "line_chi2": quantile(FALSE_LINE, 6),
         "motion_chi2": _quantiles(MOVED_MISFIT, values - len(FREE_FIELD)),
     }
 

@@ -140,7 +140,7 @@ static void add_up(fmfts_step *step, int sensor, double drift_t2)
 {
     const fmfts_pose_parameters *parameters = step->parameters;
     fmfts_field *field = &step->field;
-    double change[3], share = field->noise_share[sensor];
+    double change[3], share = field->noise_share[sensor], lasting_t2 = drift_t2 + FMFTS_ALTERNATING_SHARE * step->memory->alternating_t2;
     for (int k = 0; k < 3; k++) {
         change[k] = field->field_t[3 * sensor + k] - parameters->rest_field_t[3 * sensor + k];
         change[k] = isnan(change[k]) ? 0.0 : change[k]; /* what was not measured says nothing of the other axes */
@@ -148,7 +148,7 @@ static void add_up(fmfts_step *step, int sensor, double drift_t2)
     for (int axis = 3 * sensor; axis < 3 * sensor + 3; axis++) {
         double noise_t = parameters->noise_t[axis] * share;
         field->unknown_t2[axis] = fmfts_lasting_variance(parameters, step->memory, axis, change);
-        field->other_t2[axis] = field->bend_t[axis] * field->bend_t[axis] + drift_t2;
+        field->other_t2[axis] = field->bend_t[axis] * field->bend_t[axis] + lasting_t2;
         field->variance_t2[axis] = field->unknown_t2[axis] + field->other_t2[axis] + noise_t * noise_t;
     }
 }

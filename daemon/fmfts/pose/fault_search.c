@@ -61,6 +61,7 @@ static void blame(const fmfts_attempt *attempt, const fmfts_solved *whole, const
     }
     step->verdict.health = FMFTS_DEGRADED;
     fmfts_say(&step->verdict.reason, "sensor %d contradicts the others (χ² %.0f with it): left out", sensor + 1, whole->chi2);
+    step->misfit = (fmfts_misfit){true, found->without_last.freedom, found->without_last.chi2, 0.0};
     fmfts_accept(step, attempt->prior, &found->without_last);
 }
 
@@ -145,10 +146,24 @@ static void say_stronger(fmfts_step *step, const fmfts_solved *whole)
               100.0 * stronger);
 }
 
+/* The frame fits a magnet whose strength has leapt, which only a field can look like. */
+static void say_unsteady(fmfts_step *step)
+{
+    step->verdict.health = FMFTS_DISTURBED;
+    fmfts_say(&step->verdict.reason,
+              "the field has leapt as no press and no warming moves it: a magnet or steel moves, or a motor or mains cable is near");
+}
+
 void fmfts_explain(const fmfts_attempt *attempt, const fmfts_solved *whole)
 {
     fmfts_step *step = attempt->step;
     fmfts_pose_memory *memory = step->memory;
+    if (fmfts_fits(step->parameters, whole, fmfts_strongest(step->parameters))) {
+        memory->disturbed_frames++;
+        fmfts_note_nearest(step, whole);
+        say_unsteady(step);
+        return;
+    }
     if (fmfts_fits(step->parameters, whole, FMFTS_LOG_MOMENT_REACH)) {
         memory->disturbed_frames++;
         say_stronger(step, whole);

@@ -43,6 +43,9 @@ static void write_own(const fmfts_attempt *attempt, frame_problem *problem)
     problem->magnets[0] = parameters->strength_t_m3;
     problem->magnets[1] = parameters->octupole_m2;
     memcpy(problem->mean, attempt->prior->state, sizeof attempt->prior->state);
+    if (parameters->part[AMBIENT_COLUMN] == FMFTS_FIXED) {
+        memcpy(problem->mean + AMBIENT_VALUE, parameters->rest + AMBIENT_VALUE, 3 * sizeof(double));
+    }
     for (size_t c = 0; c < FMFTS_STEP; c++) {
         problem->parts[c] = (uint8_t)parameters->part[c];
         problem->has_prior |= problem->parts[c] == FMFTS_PRIOR || problem->parts[c] == FMFTS_CONSIDERED;
@@ -72,6 +75,35 @@ static void add_foreign_field(frame_problem *problem)
     }
 }
 
+/* The ambient field is any within this of its mean, independently of the frame before. */
+#define ALTERNATES_T 1e-5
+/* The moment of a few seconds before, which the field cannot be told from in one frame. */
+#define MOMENT_DEVIATION 5e-4
+
+static void forget_correlation(frame_problem *problem, size_t column)
+{
+    for (size_t c = 0; c < FMFTS_STEP; c++) {
+        problem->covariance[problem->columns * c + column] = problem->covariance[problem->columns * column + c] = 0.0;
+    }
+}
+
+static void let_alternate(const fmfts_step *step, frame_problem *problem)
+{
+    const fmfts_pose_memory *memory = step->memory;
+    for (size_t c = AMBIENT_COLUMN; c < GRADIENT_COLUMN; c++) {
+        problem->covariance[(problem->columns + 1) * c] += ALTERNATES_T * ALTERNATES_T;
+    }
+    if (problem->parts[AMBIENT_COLUMN] != FMFTS_FIXED) {
+        return;
+    }
+    for (size_t c = LOG_COLUMN; c < GRADIENT_COLUMN; c++) {
+        forget_correlation(problem, c);
+    }
+    free_columns(problem, AMBIENT_COLUMN, 3, ALTERNATES_T);
+    problem->mean[LOG_VALUE] = memory->steady_moment;
+    free_columns(problem, LOG_COLUMN, 1, sqrt(memory->steady_variance + MOMENT_DEVIATION * MOMENT_DEVIATION));
+}
+
 static void add_neighbours(const fmfts_felt *felt, frame_problem *problem)
 {
     size_t first = first_column(1), width = FMFTS_MOVES * felt->count;
@@ -93,6 +125,9 @@ static void pose_problem(const fmfts_attempt *attempt, frame_problem *problem)
     memset(problem->covariance, 0, problem->columns * problem->columns * sizeof(double));
     fmfts_write_measurements(attempt->step, attempt->field_t, problem->measurements);
     write_own(attempt, problem);
+    if (attempt->step->memory->alternates) {
+        let_alternate(attempt->step, problem);
+    }
     if (attempt->has_foreign_field) {
         add_foreign_field(problem);
     }

@@ -32,6 +32,17 @@ bool fmfts_fits(const fmfts_pose_parameters *parameters, const fmfts_solved *sol
            solved->chi2 < parameters->gate_chi2[solved->freedom];
 }
 
+bool fmfts_fits_steadily(const fmfts_pose_parameters *parameters, const fmfts_solved *solved, const fmfts_misfit *misfit)
+{
+    return fmfts_fits(parameters, solved, fmfts_strongest(parameters)) && misfit->chi2 < parameters->gate_chi2[misfit->freedom];
+}
+
+bool fmfts_surprises(const fmfts_step *step)
+{
+    const fmfts_misfit *misfit = &step->misfit;
+    return !misfit->known || misfit->chi2 > step->parameters->surprising_chi2[misfit->freedom];
+}
+
 double fmfts_probability(const fmfts_pose_parameters *parameters, const fmfts_solved *solved)
 {
     bool is_plausible = fmfts_has_plausible_pose(parameters, solved, FMFTS_LOG_MOMENT_REACH);

@@ -11,6 +11,8 @@ FALSE_MEAN_ALARM = 1e-6
 SOUND = 0.01
 # The share of frames that misfit by chance although a moved ambient field explains them.
 MOVED_MISFIT = 1e-4
+# The share of spectra of white noise that show a line, at any of 64 frequencies.
+FALSE_LINE = 1e-6 / 64
 # Probability that the innovations of a healthy frame, or of a sample that came before its frame, are so unlikely. A
 # sensor that begins to fail is seen here first.
 FALSE_INNOVATION = 1e-6

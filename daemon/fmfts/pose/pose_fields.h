@@ -16,6 +16,7 @@ enum {
     FMFTS_CHANGE = 8, /* pose 5 and ambient field 3, since the baseline */
     FMFTS_FELT = FMFTS_MAX_MAGNETS - 1, /* magnets of neighbouring pads that are felt */
     FMFTS_FEWEST_SENSORS = 3, /* with fewer complete ones, wrong poses fit as well as the true one */
+    FMFTS_RING = 64, /* frames in which alternating.c looks for a line */
     FMFTS_PLACED = 7, FMFTS_MOVES = 6, /* the values and the columns of a neighbour's magnet: state.py */
 };
 
@@ -50,6 +51,8 @@ enum {
     MANY(double, rest, FMFTS_STATE)                                                                                    \
     MANY(double, gate_chi2, FMFTS_AXES + 1) /* gate.c: by degrees of freedom; NaN: none */                             \
     MANY(double, motion_chi2, FMFTS_AXES + 1) /* ambient_motion.c */                                                   \
+    MANY(double, surprising_chi2, FMFTS_AXES + 1) /* alternating.c: by degrees of freedom */                           \
+    ONE(double, line_chi2)                                                                                             \
     ONE(double, at_rest) /* 0: only the bare board was recorded, without the pad */                                    \
     ONE(double, steel_nearby) /* the scene says that steel or magnets pass */                                          \
     ONE(double, unread_warming_k)                                                                                      \
@@ -141,7 +144,20 @@ typedef enum {
     MANY(double, crept, 5 * FMFTS_DECADES) /* silicone.c */                                                            \
     MANY(double, pressed, 5)                                                                                           \
     ONE(double, unseen_s) /* since the last frame with a pose that can be trusted, before this frame */                \
-    ONE(double, foreign_t) /* hidden_gradient.c */
+    ONE(double, foreign_t) /* hidden_gradient.c */                                                                     \
+    ONE(double, steady_frames) /* steady_moment.c: of the log moment of recent frames: how many, mean and variance */  \
+    ONE(double, steady_moment)                                                                                         \
+    ONE(double, steady_variance)                                                                                       \
+    ONE(int64_t, alternates) /* alternating.c: the ambient field is solved for as one that alternates */               \
+    ONE(double, alternating_t2) /* the variance that it adds to each axis */                                           \
+    MANY(double, last_surprise, FMFTS_AXES + 1)                                                                        \
+    ONE(double, surprises) /* how much recent frames surprised, each the other way */                                  \
+    MANY(double, last_ambient_t, 3)                                                                                    \
+    MANY(double, ring_t, 3 * FMFTS_RING) /* spectrum.c: the ambient field of recent frames */                          \
+    ONE(int64_t, ring_frames)                                                                                          \
+    ONE(int64_t, quiet_rings) /* looks since a line or much noise was seen */                                          \
+    ONE(double, line_hz) /* as sampled; 0: none */                                                                     \
+    ONE(double, line_t)
 
 FMFTS_STRUCT(fmfts_pose_parameters, FMFTS_POSE_PARAMETERS)
 FMFTS_STRUCT(fmfts_pose_memory, FMFTS_POSE_MEMORY)

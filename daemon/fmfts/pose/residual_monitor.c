@@ -126,13 +126,12 @@ static void find_residuals(fmfts_step *step, double *residual_t)
 static void observe(fmfts_step *step)
 {
     fmfts_pose_memory *memory = step->memory;
-    double residual_t[FMFTS_AXES];
     if (!step->nearest.known) {
         fmfts_forget_means(memory);
         return;
     }
-    find_residuals(step, residual_t);
-    if (!fmfts_push_means(step, residual_t)) {
+    find_residuals(step, step->residual_t);
+    if (!fmfts_push_means(step, step->residual_t)) {
         return;
     }
     fmfts_finding found = fmfts_judge_means(step);

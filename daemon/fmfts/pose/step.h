@@ -76,6 +76,13 @@ typedef struct {
     double chi2, residual_t;
 } fmfts_pose;
 
+/* How well the most likely pose explains all that is measured, and how far the moment is off (steady_moment.c), in deviations. */
+typedef struct {
+    bool known;
+    int freedom;
+    double chi2, moment;
+} fmfts_misfit;
+
 /* The most likely state of a frame, fitting or not, with its covariance: what the residuals are formed with. known: there is a
  * plausible one. placed: where the neighbours' magnets are in it. */
 typedef struct {
@@ -105,6 +112,8 @@ typedef struct {
     fmfts_pose pose;
     fmfts_nearest nearest;
     fmfts_verdict verdict;
+    fmfts_misfit misfit;
+    double residual_t[FMFTS_AXES]; /* residual_monitor.c: to `nearest`, if that is known */
     double slopes[FMFTS_AXES][FMFTS_STEP]; /* derivatives of the prediction by a step from `nearest` */
 } fmfts_step;
 
@@ -151,6 +160,13 @@ bool fmfts_confirms(const fmfts_pose_parameters *parameters, fmfts_pose_memory *
 
 /* ambient_motion.c: where the scene calls the ambient field constant, finds that it moves; the frame is then disturbed. */
 void fmfts_watch_ambient(fmfts_step *step);
+
+/* By so much more than its variance is counted what alternates: the three axes of a chip err together, and independent errors of
+ * three times the variance are never smaller. */
+#define FMFTS_ALTERNATING_SHARE 3.0
+
+/* alternating.c: finds that the field alternates, or that samples scatter more than they did, says so, and counts it. */
+void fmfts_watch_alternation(fmfts_step *step);
 
 /* overlap.c: the part of the memory's covariance of the pose that the baseline's leftovers count, too. */
 void fmfts_overlap(const fmfts_step *step, double overlap[5][5]);

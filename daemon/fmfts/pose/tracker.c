@@ -129,7 +129,8 @@ void fmfts_note_nearest(fmfts_step *step, const fmfts_solved *solved)
 static double misfit_of(const fmfts_step *step)
 {
     double lasting = step->parameters->at_rest != 0.0 ? step->memory->lasting_misfit : 1.0;
-    return fmax(step->memory->misfit, lasting);
+    double own = fmfts_surprises(step) ? step->misfit.chi2 / step->misfit.freedom : 1.0;
+    return fmax(fmax(step->memory->misfit, lasting), own);
 }
 
 void fmfts_accept(fmfts_step *step, const fmfts_prior *prior, const fmfts_solved *solved)
@@ -183,7 +184,8 @@ void fmfts_track(fmfts_step *step)
     }
     predict(step, &prior);
     fmfts_solve_frame(&attempt, &solved);
-    if (!fmfts_fits(parameters, &solved, fmfts_strongest(parameters))) {
+    fmfts_compare_moment(step, &solved);
+    if (!fmfts_fits_steadily(parameters, &solved, &step->misfit)) {
         fmfts_explain(&attempt, &solved);
         return;
     }

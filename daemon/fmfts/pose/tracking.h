@@ -48,6 +48,18 @@ bool fmfts_has_plausible_pose(const fmfts_pose_parameters *parameters, const fmf
 /* gate.c: whether the pose is plausible and the frame's χ² passes the gate. */
 bool fmfts_fits(const fmfts_pose_parameters *parameters, const fmfts_solved *solved, double strongest);
 
+/* gate.c: the same, with the moment's misfit in χ². */
+bool fmfts_fits_steadily(const fmfts_pose_parameters *parameters, const fmfts_solved *solved, const fmfts_misfit *misfit);
+
+/* gate.c: whether few healthy frames fit as badly as this one. */
+bool fmfts_surprises(const fmfts_step *step);
+
+/* steady_moment.c: whether the moment of recent frames is known, and a frame estimates its own. */
+bool fmfts_knows_moment(const fmfts_step *step);
+
+/* steady_moment.c: how the solution fits, with the moment of recent frames as one more measurement; remembers its moment. */
+void fmfts_compare_moment(fmfts_step *step, const fmfts_solved *solved);
+
 /* gate.c: the probability that a healthy frame has a larger χ² than this one; zero without a plausible pose. */
 double fmfts_probability(const fmfts_pose_parameters *parameters, const fmfts_solved *solved);
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from fmfts_lab.bench import (
     accuracy,
+    alternating,
     as_built,
     baselines,
     causes,
@@ -42,8 +43,8 @@ def main() -> None:
     verbs = parser.add_subparsers(
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
-        "neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | overload | "
-        "frame | resident | now | several | eflesh | real | learned | structure | weigh",
+        "alternating | neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | "
+        "overload | frame | resident | now | several | eflesh | real | learned | structure | weigh",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -164,6 +165,12 @@ def main() -> None:
     verb.add_argument("--verbose", action="store_true", help="a row for each way, too")
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=tools.run)
+    verb = verbs.add_parser("alternating", help="mains and a motor: found, named and counted?")
+    verb.add_argument("--seconds", type=float, default=5.0, help="of presses and pauses, for each pad")
+    verb.add_argument("--pads", type=int, default=3, help="of successive seeds")
+    verb.add_argument("--scenes", nargs="+", choices=faults.AMBIENTS, default=faults.AMBIENTS)
+    verb.add_argument("--amplitudes", type=float, nargs="+", default=alternating.AMPLITUDES_T, metavar="T")
+    verb.set_defaults(run=alternating.run)
     verb = verbs.add_parser("neighbours", help="two pads side by side, both pressed, told of each other and not")
     verb.add_argument("--seconds", type=float, default=24.0, help="of pressing, for each row")
     verb.add_argument("--magnets", nargs="+", choices=("1+1", "4+1", "4+4"), help="of the pads of a pair")

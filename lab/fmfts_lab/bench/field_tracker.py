@@ -14,7 +14,7 @@ from fmfts.pipeline import _pad
 from fmfts.pipeline.first_memory import FIRST
 from fmfts.pipeline.parameters import hidden_gradient_fields
 from fmfts.pose import FREE_FIELD, Part, PoseEstimate, SensorErrors, State, Status, TrackingModel
-from fmfts.pose.gates import FALSE_ALARM, FALSE_MEAN_ALARM, MOVED_MISFIT, SOUND
+from fmfts.pose.gates import FALSE_ALARM, FALSE_LINE, FALSE_MEAN_ALARM, MOVED_MISFIT, SOUND
 from fmfts.pose.hidden_gradient import HiddenGradient
 from fmfts.pose.state import LOG_MOMENT, SIZE
 
@@ -62,7 +62,9 @@ class FieldTracker:
                 "unread_warming_k": model.unread_warming_k,
                 "rest_temperature_c": rest_temperature_c,
                 "rest": rest.vector(),
-                "gate_chi2": _quantiles(FALSE_ALARM, values - free),
+                "gate_chi2": _quantiles(FALSE_ALARM, values - free + 1),
+                "surprising_chi2": _quantiles(SOUND, values - free + 1),
+                "line_chi2": quantile(FALSE_LINE, 6),
                 "motion_chi2": _quantiles(MOVED_MISFIT, values - len(FREE_FIELD)),
                 "alarm_chi2": _quantiles(FALSE_MEAN_ALARM, values - estimated),
                 "sound_chi2": _quantiles(SOUND, values - estimated),

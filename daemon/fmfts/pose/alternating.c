@@ -1,0 +1,210 @@
+/* Finds, while the pad runs, a field that alternates (mains, motors), or samples that scatter more than at the baseline.
+ *
+ * A frame surprises if its χ² is one that few healthy frames have. A press or a fault surprises in one direction; what alternates
+ * turns its direction again and again. Then each frame solves for the ambient field on its own, which leaves the pose as it is
+ * (frame_solver.c), and χ² of all frames says by how much samples are off besides: chips on their own clocks see another phase each,
+ * and a near motor another field (R. K. Mehra, "On the identification of variances and adaptive Kalman filtering", IEEE Trans.
+ * Automatic Control 15 (1970) 175). */
+#include <string.h>
+
+#include "model.h"
+#include "spectrum.h"
+#include "tracking.h"
+
+/* The sum of the squares of what surprised, forgotten over so many frames, that healthy frames reach less than once in fifty hours; none
+ * counts as more than MOST_SURPRISE. */
+#define ENOUGH 7.0
+#define KEPT_FRAMES 40.0
+#define MOST_SURPRISE 2.3
+/* The cosine beyond which it turned: errors of a pad that was built otherwise than its baseline says last for a whole press. */
+#define OTHER_WAY 0.5
+/* Once found, a spectrum is made once in so many frames; so many without a line, or much noise, end it. */
+enum { LOOK_EVERY = 16, QUIET_LOOKS = 12 };
+/* The variance follows χ² over so many frames, at most by a factor of MOST_RATIO in each, up to LARGEST_T: soon upwards, and late
+ * down, as the phases that chips see beat with the differences of their clocks. */
+#define RISE_FRAMES 8.0
+#define FALL_FRAMES 512.0
+#define MOST_RATIO 4.0
+#define LARGEST_T 4e-6
+/* A line that is told, and what must be added to noise, as a share of it, to be told. */
+#define TOLD_T 2e-7
+#define TOLD_SHARE 1.0
+
+static double mean_noise_t2(const fmfts_pose_parameters *parameters)
+{
+    int axes = 3 * (int)parameters->sensors;
+    double sum = 0.0;
+    for (int axis = 0; axis < axes; axis++) {
+        sum += parameters->noise_t[axis] * parameters->noise_t[axis] / axes;
+    }
+    return sum;
+}
+
+/* What no pose explains, of each axis in deviations, and of the moment. */
+static void find_misfit(const fmfts_step *step, double misfit[FMFTS_AXES + 1])
+{
+    const fmfts_pose_parameters *parameters = step->parameters;
+    const double *before = parameters->part[AMBIENT_COLUMN] == FMFTS_FIXED ? parameters->rest + AMBIENT_VALUE
+                                                                           : step->memory->last_ambient_t;
+    double moved_t[3];
+    memset(misfit, 0, (FMFTS_AXES + 1) * sizeof(double));
+    for (int k = 0; k < 3; k++) {
+        moved_t[k] = step->nearest.state[AMBIENT_VALUE + k] - before[k];
+    }
+    for (int axis = 0; axis < 3 * (int)parameters->sensors; axis++) {
+        double off_t = step->residual_t[axis] + dot3(parameters->direction + 3 * axis, moved_t);
+        misfit[axis] = isfinite(off_t) ? off_t / sqrt(step->field.variance_t2[axis]) : 0.0;
+    }
+    misfit[FMFTS_AXES] = step->misfit.moment;
+}
+
+static double along(const double *a, const double *b)
+{
+    double sum = 0.0;
+    for (int i = 0; i < FMFTS_AXES + 1; i++) {
+        sum += a[i] * b[i];
+    }
+    return sum;
+}
+
+/* How much more than one healthy frame in a hundred the frame surprises, if it does in the other direction than the last that did.
+ * Beside steel χ² may be large where the nearest pose leaves little: then the direction is that of noise. */
+static double turned(fmfts_step *step)
+{
+    double misfit[FMFTS_AXES + 1], *last = step->memory->last_surprise;
+    bool is_explained = step->verdict.health == FMFTS_DEGRADED; /* by a sensor that is left out */
+    if (is_explained || !step->misfit.known || !fmfts_surprises(step)) {
+        return 0.0;
+    }
+    find_misfit(step, misfit);
+    double size2 = along(misfit, misfit);
+    double ratio = fmin(fmin(size2, step->misfit.chi2) / step->parameters->surprising_chi2[step->misfit.freedom], MOST_SURPRISE);
+    bool other_way = along(misfit, last) < -OTHER_WAY * sqrt(size2 * along(last, last));
+    memcpy(last, misfit, sizeof misfit);
+    return other_way && ratio > 1.0 ? ratio * ratio : 0.0;
+}
+
+static void begin(fmfts_pose_memory *memory)
+{
+    memory->alternates = 1;
+    memory->ring_frames = memory->quiet_rings = 0;
+    memory->surprises = memory->alternating_t2 = memory->line_hz = memory->line_t = 0.0;
+}
+
+static void remember_ambient(fmfts_step *step)
+{
+    fmfts_pose_memory *memory = step->memory;
+    memmove(memory->ring_t, memory->ring_t + 3, sizeof memory->ring_t - 3 * sizeof(double));
+    memcpy(memory->ring_t + 3 * (FMFTS_RING - 1), step->nearest.state + AMBIENT_VALUE, 3 * sizeof(double));
+    memory->ring_frames++;
+}
+
+/* Where the scene lets the ambient field move, it follows what alternates slowly, and no frame surprises. */
+static bool has_line(fmfts_step *step)
+{
+    fmfts_pose_memory *memory = step->memory;
+    if (step->parameters->part[AMBIENT_COLUMN] == FMFTS_FIXED || step->verdict.health != FMFTS_OK) {
+        memory->ring_frames = 0;
+        return false;
+    }
+    remember_ambient(step);
+    if (memory->ring_frames < FMFTS_RING) {
+        return false;
+    }
+    memory->ring_frames = 0;
+    return fmfts_strongest_line(step->parameters, memory->ring_t).amplitude_t > TOLD_T;
+}
+
+static void look_for_beginning(fmfts_step *step)
+{
+    fmfts_pose_memory *memory = step->memory;
+    memory->surprises += turned(step) - memory->surprises / KEPT_FRAMES;
+    bool is_settled = step->parameters->part[LOG_COLUMN] != FMFTS_FREE || fmfts_knows_moment(step);
+    if (has_line(step) || (memory->surprises >= ENOUGH && is_settled)) {
+        begin(memory);
+    }
+}
+
+/* The variance with which χ² would be as large as that of healthy frames. What it adds is counted for each axis of a chip, as all
+ * three err together: independent errors of three times the variance are never smaller. */
+static void follow_variance(fmfts_step *step)
+{
+    double *variance_t2 = &step->memory->alternating_t2, mean_t2 = 0.0;
+    double ratio = step->misfit.known ? step->misfit.chi2 / step->misfit.freedom : MOST_RATIO;
+    int axes = 3 * (int)step->parameters->sensors;
+    for (int axis = 0; axis < axes; axis++) {
+        mean_t2 += step->field.variance_t2[axis] / axes;
+    }
+    double counted_twice_t2 = (FMFTS_ALTERNATING_SHARE - 1.0) * *variance_t2;
+    double missing_t2 = mean_t2 * (fmin(ratio, MOST_RATIO) - 1.0) + counted_twice_t2;
+    *variance_t2 += missing_t2 / (missing_t2 > 0.0 ? RISE_FRAMES : FALL_FRAMES);
+    *variance_t2 = fmin(fmax(*variance_t2, 0.0), LARGEST_T * LARGEST_T);
+}
+
+static void look_at_ring(fmfts_step *step)
+{
+    fmfts_pose_memory *memory = step->memory;
+    fmfts_line line = fmfts_strongest_line(step->parameters, memory->ring_t);
+    bool is_told = line.amplitude_t > TOLD_T;
+    bool is_noisy = memory->alternating_t2 > TOLD_SHARE * mean_noise_t2(step->parameters);
+    memory->line_hz = is_told ? line.hz : 0.0;
+    memory->line_t = is_told ? line.amplitude_t : 0.0;
+    memory->quiet_rings = is_told || is_noisy ? 0 : memory->quiet_rings + 1;
+    if (memory->quiet_rings >= QUIET_LOOKS) {
+        memory->alternates = 0;
+        memory->alternating_t2 = 0.0;
+    }
+}
+
+static void follow(fmfts_step *step)
+{
+    fmfts_pose_memory *memory = step->memory;
+    follow_variance(step);
+    if (!step->nearest.known) {
+        return;
+    }
+    remember_ambient(step);
+    if (memory->ring_frames >= FMFTS_RING && memory->ring_frames % LOOK_EVERY == 0) {
+        look_at_ring(step);
+    }
+}
+
+static void say(fmfts_step *step)
+{
+    const fmfts_pose_memory *memory = step->memory;
+    fmfts_text *reason = &step->verdict.reason;
+    fmfts_say(reason, "%s", reason->size ? "; " : "");
+    if (memory->line_hz > 0.0) {
+        const fmfts_line line = {memory->line_hz, memory->line_t};
+        fmfts_say_line(step->parameters, &line, reason);
+        fmfts_say(reason, ": move motors, mains cables and power supplies away from the pad");
+    } else {
+        double noise_t = sqrt(mean_noise_t2(step->parameters) + memory->alternating_t2);
+        fmfts_say(reason,
+                  "the field trembles: samples scatter by %.1f µT; look for a motor near, a loose wire, or a supply that is not "
+                  "clean", noise_t * 1e6);
+    }
+    fmfts_say(reason, "; until then deviations are larger");
+    if (step->verdict.health == FMFTS_OK) {
+        step->verdict.health = FMFTS_DEGRADED;
+    }
+}
+
+void fmfts_watch_alternation(fmfts_step *step)
+{
+    fmfts_pose_memory *memory = step->memory;
+    if (step->parameters->at_rest == 0.0 || memory->without_news) {
+        return;
+    }
+    if (memory->alternates) {
+        follow(step);
+    } else if (step->nearest.known) {
+        look_for_beginning(step);
+    }
+    if (step->nearest.known) {
+        memcpy(memory->last_ambient_t, step->nearest.state + AMBIENT_VALUE, 3 * sizeof(double));
+    }
+    if (memory->alternates) {
+        say(step);
+    }
+}

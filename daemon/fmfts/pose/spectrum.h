@@ -1,0 +1,19 @@
+/* Which frequency the ambient field of the last frames alternates with. */
+#ifndef FMFTS_SPECTRUM_H
+#define FMFTS_SPECTRUM_H
+
+#include "step.h"
+
+/* hz: as sampled, below half of the frames' rate; 0: none. amplitude_t: along all axes together. */
+typedef struct {
+    double hz, amplitude_t;
+} fmfts_line;
+
+/* spectrum.c: the strongest line in the ring of the last FMFTS_RING ambient fields [frames][3]; noise alone shows one as seldom as
+ * parameters->line_chi2 says. */
+fmfts_line fmfts_strongest_line(const fmfts_pose_parameters *parameters, const double *ring_t);
+
+/* spectrum.c: says what alternates: mains, if it can be that, or the frequency as it is seen. */
+void fmfts_say_line(const fmfts_pose_parameters *parameters, const fmfts_line *line, fmfts_text *text);
+
+#endif
