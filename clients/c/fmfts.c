@@ -876,6 +876,7 @@ struct fmfts_client {
     char refusal[FMFTS_TEXT_SIZE];
     uint64_t refused, restarts;
     double largest_force_sd_n;
+    bool names_force_sd;
     bool heard;
     struct fmfts_contact last, next;
     uint8_t body[LARGEST_CONTACT];
@@ -1096,13 +1097,15 @@ bool fmfts_fresh(const struct fmfts_client *client)
 bool fmfts_valid(const struct fmfts_client *client)
 {
     const struct fmfts_number *deviation = &client->last.force_sd_n;
-    return fmfts_alive(client) && fmfts_fresh(client) && fmfts_measured(&client->last) && deviation->known &&
-           deviation->value <= client->largest_force_sd_n;
+    double third_n = client->last.force_n.value / 3.0;
+    bool is_certain = deviation->value <= client->largest_force_sd_n || (!client->names_force_sd && deviation->value <= third_n);
+    return fmfts_alive(client) && fmfts_fresh(client) && fmfts_measured(&client->last) && deviation->known && is_certain;
 }
 
 void fmfts_set_largest_force_sd(struct fmfts_client *client, double newton)
 {
     client->largest_force_sd_n = newton;
+    client->names_force_sd = true;
 }
 
 uint64_t fmfts_refused(const struct fmfts_client *client)

@@ -186,8 +186,8 @@ const char *fmfts_refusal(const struct fmfts_client *client); /* why the last me
  * a pad without a contact model knows the touch, and no force. */
 bool fmfts_measured(const struct fmfts_contact *contact);
 
-/* From now on fmfts_valid() is false while the force's deviation is larger than this; FMFTS_LARGEST_FORCE_SD_N before. Choose a
- * third of what your task can bear. */
+/* From now on fmfts_valid() is false while the force's deviation is larger than this. Choose a third of what your task can bear.
+ * Before: FMFTS_LARGEST_FORCE_SD_N, or a third of the force where that is more. */
 void fmfts_set_largest_force_sd(struct fmfts_client *client, double newton);
 
 /* Seconds since the sensors were sampled; infinite while the clock of the daemon's machine is not known. For a daemon

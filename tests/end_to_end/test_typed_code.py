@@ -34,7 +34,7 @@ def test_first_python_of_readme_runs(page: str, tmp_path: Path) -> None:
             assert ran.stdout is not None
             assert ran.stderr is not None
             if "while True" in words[-1]:
-                assert re.match(r"open the gripper|[\d.]+ -?[\d.]+ -?[\d.]+$", ran.stdout.readline())
+                assert re.match(r"open the gripper|( ?-?[\d.]+(e-\d+)?){3,4}$", ran.stdout.readline())
                 ran.kill()
             else:
                 assert ran.wait(PATIENCE_S) == 0

@@ -10,15 +10,17 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 import msgpack
+import msgspec
 import pytest
 import zmq
 from bus_messages import BOOT, contact_message, event_message, frame_message, status_message
 
 from drills.strangers import introduce
 from fmfts.bus.publisher import BUS_HIGH_MARK, LARGEST_BATCH, LARGEST_SUBSCRIPTION, SUBSCRIPTIONS_OF_A_PEER, Publisher
-from fmfts_client import Client, Endpoints, SchemaError, Subscription
+from fmfts_client import Client, Contact, Endpoints, SchemaError, Subscription
 
 LIVENESS_S = 10.0  # a generous bound for anything that must happen at all
 
@@ -107,18 +109,56 @@ def test_daemon_that_speaks_of_an_old_sample_is_alive_but_not_valid(publisher: P
 
 
 @pytest.mark.parametrize(
-    ("named", "sd_n", "valid"), [({}, 0.49, True), ({}, 0.51, False), ({"largest_force_sd_n": 0.1}, 0.2, False)]
+    ("named", "force_n", "sd_n", "why"),
+    [
+        ({}, 0.6, 0.49, ""),
+        ({}, 0.6, 0.51, "the force is 0.60 ± 0.51 N, less certain than ± 0.50 N"),
+        ({}, 2.1, 0.69, ""),  # a pad whose silicone nobody measured knows two newtons to a quarter
+        ({}, 2.1, 0.71, "the force is 2.10 ± 0.71 N, less certain than ± 0.70 N"),
+        ({"largest_force_sd_n": 0.1}, 2.1, 0.2, "the force is 2.10 ± 0.20 N, less certain than ± 0.10 N"),
+    ],
 )
-def test_client_is_valid_up_to_the_named_force_deviation(
-    publisher: Publisher, endpoints: Endpoints, named: dict[str, float], sd_n: float, valid: bool
+def test_client_is_valid_up_to_the_named_force_deviation_or_says_why_not(
+    publisher: Publisher, endpoints: Endpoints, named: dict[str, float], force_n: float, sd_n: float, why: str
 ) -> None:
     with Client("demo", endpoints, **named) as client:
         connect(publisher, client)
-        publisher.send_contact("demo", contact_message(force_sd_n=sd_n))
+        publisher.send_contact("demo", contact_message(force_n=force_n, force_sd_n=sd_n))
         contact = client.latest(timeout_s=1.0)
         assert contact is not None
         assert contact.valid
-        assert client.valid is valid
+        assert client.why_invalid == why
+        assert client.valid is (why == "")
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"health": "disturbed", "reason": "steel"}, "disturbed: steel"),
+        (
+            {"over_range": True, "force_n": None, "force_min_n": 1.5},
+            "the pad is pressed harder than its contact model knows",
+        ),
+        ({"force_n": None, "force_sd_n": None, "x_m": None, "y_m": None}, "the force is not known"),
+        ({"x_m": None, "y_m": None}, "the place is not known"),
+    ],
+)
+def test_contact_that_is_no_measurement_says_why(changes: dict[str, Any], why: str) -> None:
+    contact = Contact.from_message(msgspec.to_builtins(contact_message(**changes)))
+    assert not contact.valid
+    assert contact.why_invalid() == why
+
+
+def test_client_says_of_silence_and_of_an_old_sample_why_it_is_not_valid(
+    publisher: Publisher, endpoints: Endpoints
+) -> None:
+    with Client("demo", endpoints) as client:
+        assert client.why_invalid == "nothing arrives"
+        connect(publisher, client)
+        old_ns = time.monotonic_ns() - 400_000_000
+        publisher.send_contact("demo", contact_message(t_sample_ns=old_ns, health="stale"))
+        assert client.latest(timeout_s=1.0) is not None
+        assert client.why_invalid.startswith("stale: the last sample is 0.")
 
 
 def test_contact_that_waited_in_a_queue_is_not_the_latest(publisher: Publisher, endpoints: Endpoints) -> None:

@@ -66,7 +66,7 @@ def test_lines_once_a_second_where_there_is_no_terminal(base: str) -> None:
     with publishing(base, [contact_message(), contact_message(pad="other", contact=False)]):
         assert listen(None, 2.2, out, endpoint=base) == 0
     lines = out.getvalue().splitlines()
-    touched = [line for line in lines if line.startswith("demo: ok  1.50 N at (+5.0, +3.0) mm")]
+    touched = [line for line in lines if line.startswith("demo: ok  1.50 ± 0.05 N at (+5.0, +3.0) mm")]
     assert 1 <= len(touched) <= 3
     assert any(line.startswith("other: ok  no contact") for line in lines)
     assert any(line.startswith("pad demo: ") and "0 lost" in line and "1 touches" in line for line in lines)
@@ -222,7 +222,7 @@ def test_gripper_opens_on_force_overload_bad_health_and_silence(base: str) -> No
             over_range=True, force_n=None, force_min_n=3.0
         ),
         "OPEN (disturbed: steel)": contact_message(force_n=0.5, health="disturbed", reason="steel"),
-        "OPEN (no force that is certain to 0.3 N)": contact_message(force_n=0.9, force_sd_n=0.8),
+        "OPEN (the force is 0.90 ± 0.80 N, less certain than ± 0.30 N)": contact_message(force_n=0.9, force_sd_n=0.8),
     }
     environ = os.environ | {"FMFTS_BUS": base}
     with subprocess.Popen([sys.executable, GRIPPER, "demo"], stdout=subprocess.PIPE, text=True, env=environ) as process:

@@ -96,8 +96,8 @@ def line(message: ContactMessage) -> str:
     ("changes", "words"),
     [
         ({}, "finger 3: 0.60 N at (-4.0, +2.0) mm and finger 4: 0.90 N at (+6.0, -1.0) mm"),
-        ({"contacts": list(two_fingers()[:1])}, "1.50 N at (+2.0, +0.2) mm"),
-        ({"contacts": None}, "1.50 N at (+2.0, +0.2) mm"),
+        ({"contacts": list(two_fingers()[:1])}, "1.50 ± 0.05 N at (+2.0, +0.2) mm"),
+        ({"contacts": None}, "1.50 ± 0.05 N at (+2.0, +0.2) mm"),
         ({"more": True}, "two fingers do not explain this"),
     ],
 )

@@ -1,4 +1,5 @@
 /* Closes a gripper until the pad feels limit_n. Opens it at once when the force is larger, over range, or not known.
+ * It closes after 0.2 s in which nothing spoke for opening: a force near the limit does not rattle it.
  * It runs as a control loop of 1 kHz and never waits for the pad. */
 #define _POSIX_C_SOURCE 200809L
 #include <fmfts.h>
@@ -7,7 +8,7 @@
 
 static const double limit_n = 1.0;
 static const double largest_force_sd_n = 0.3; /* a force that is less certain does not close the gripper */
-enum { PERIOD_NS = 1000000 };
+enum { PERIOD_NS = 1000000, CALM_PERIODS = 200 };
 
 /* Why the gripper must open; NULL: it may close. */
 static const char *why_open(const struct fmfts_client *client, const struct fmfts_contact *contact)
@@ -18,9 +19,9 @@ static const char *why_open(const struct fmfts_client *client, const struct fmft
         return "more than the pad can measure";
     if (contact->health != FMFTS_OK)
         return fmfts_health_name(contact->health);
-    if (!fmfts_valid(client))
-        return "no force that is certain enough";
-    return contact->force_n.value > limit_n ? "pressed hard enough" : NULL;
+    if (fmfts_measured(contact) && contact->force_n.value > limit_n)
+        return "pressed hard enough";
+    return fmfts_valid(client) ? NULL : "no force that is certain enough";
 }
 
 static void wait_for_next_period(struct timespec *at)
@@ -46,12 +47,14 @@ int main(int count, char **words)
         fprintf(stderr, "gripper: %s\n", why);
     struct fmfts_contact contact = {.health = FMFTS_DISCONNECTED};
     const char *printed = ""; /* the last printed reason; NULL: the gripper may close */
+    int calm = 0;             /* periods since anything spoke for opening */
     enum fmfts_result result;
     struct timespec period;
     clock_gettime(CLOCK_MONOTONIC, &period);
     while ((result = fmfts_latest(client, &contact, 0)) >= 0) {
         const char *reason = why_open(client, &contact);
-        if (reason != printed) { /* each is a constant */
+        calm = reason ? 0 : calm < CALM_PERIODS ? calm + 1 : calm;
+        if (reason != printed && (reason || calm == CALM_PERIODS)) { /* each is a constant */
             printed = reason;
             /* Your gripper's command goes here. */
             bool explained = reason == fmfts_health_name(contact.health) && contact.reason[0];

@@ -1,12 +1,15 @@
 // The same gripper in C++: it sleeps until a contact comes, and a unique_ptr owns the client.
 #include <fmfts.h>
 
+#include <chrono>
 #include <iostream>
 #include <memory>
 #include <string>
 
 namespace {
 
+using std::chrono::steady_clock;
+constexpr std::chrono::milliseconds calm{200};
 constexpr double limit_n = 1.0;
 constexpr double largest_force_sd_n = 0.3; // a force that is less certain does not close the gripper
 
@@ -24,9 +27,9 @@ std::string why_open(const Client &client, const fmfts_contact &contact)
         return "at least " + std::to_string(contact.force_min_n.known ? contact.force_min_n.value : 0.0) + " N";
     if (contact.health != FMFTS_OK)
         return std::string(fmfts_health_name(contact.health)) + ": " + contact.reason;
-    if (!fmfts_valid(client.get()))
-        return "no force that is certain enough";
-    return contact.force_n.value > limit_n ? std::to_string(contact.force_n.value) + " N" : "";
+    if (fmfts_measured(&contact) && contact.force_n.value > limit_n)
+        return std::to_string(contact.force_n.value) + " N";
+    return fmfts_valid(client.get()) ? "" : "no force that is certain enough";
 }
 
 } // namespace
@@ -42,10 +45,15 @@ int main(int count, char **words)
     fmfts_set_largest_force_sd(client.get(), largest_force_sd_n);
     fmfts_contact contact{};
     std::string hand;
+    steady_clock::time_point opened = steady_clock::now();
     fmfts_result result;
     while ((result = fmfts_latest(client.get(), &contact, FMFTS_ALIVE_MS)) >= 0) {
         const std::string reason = why_open(client, contact);
         const std::string wanted = reason.empty() ? "CLOSE" : "OPEN";
+        if (!reason.empty())
+            opened = steady_clock::now();
+        else if (steady_clock::now() - opened < calm)
+            continue;
         if (hand != wanted)
             // Your gripper's command goes here.
             std::cout << wanted << (reason.empty() ? "" : " (" + reason + ")") << std::endl;

@@ -1,11 +1,16 @@
 #!/usr/bin/env python3
-"""Closes a gripper until the pad feels LIMIT_N; opens it when the force is larger, too large to measure, or unknown."""
+"""Closes a gripper until the pad feels LIMIT_N; opens it when the force is larger, too large to measure, or unknown.
+
+It opens at once, and closes after CALM_S in which nothing spoke for opening: a force near the limit does not rattle it.
+"""
 
 import sys
+import time
 
 from fmfts_client import ALIVE_S, Client
 
 LIMIT_N = 1.0
+CALM_S = 0.2
 LARGEST_FORCE_SD_N = 0.3  # a force that is less certain does not close the gripper
 
 
@@ -15,18 +20,20 @@ def why_open(client: Client) -> str:
         return "nothing arrives"
     if contact.over_range:
         return f"at least {contact.force_min_n} N, beyond what the pad can measure"
-    if contact.health != "ok":
-        return f"{contact.health}: {contact.reason}"
-    if not client.valid or contact.force_n is None:
-        return f"no force that is certain to {LARGEST_FORCE_SD_N} N"
-    return f"{contact.force_n:.2f} N" if contact.force_n > LIMIT_N else ""
+    if contact.valid and contact.force_n is not None and contact.force_n > LIMIT_N:
+        return f"{contact.force_n:.2f} N"
+    return client.why_invalid
 
 
 with Client(sys.argv[1] if len(sys.argv) > 1 else "demo", largest_force_sd_n=LARGEST_FORCE_SD_N) as client:
     print(client.why(), file=sys.stderr)  # before the loop: it may take a second
-    is_open = None
+    is_open, opened_s = None, time.monotonic()
     while True:
         reason = why_open(client)
+        if reason:
+            opened_s = time.monotonic()
+        elif time.monotonic() - opened_s < CALM_S:
+            continue
         if bool(reason) != is_open:
             is_open = bool(reason)
             # Your gripper's command goes here.

@@ -17,15 +17,14 @@ from fmfts_client.subscription import Subscription
 ALIVE_S = 0.3  # three messages: the daemon sends at 10 Hz or more, also while the hardware is silent
 RATE_WINDOW_S = 1.0
 RATE_TOLERANCE = 0.1
-# Most tasks stop at a force of a newton or more: half of one is the least that a controller can decide with.
-LARGEST_FORCE_SD_N = 0.5
 WHY_S = 1.0  # ten messages of each pad, and time to connect
 
 
 class Client:
     """Contacts of `pad`.
 
-    largest_force_sd_n: `valid` is False while the deviation of the force is larger. Name a third of what you can bear.
+    largest_force_sd_n: `valid` is False while the deviation of the force is larger. Name a third of what you can bear;
+    None: 0.5 N, or a third of the force where that is more.
     endpoint: a base as in FMFTS_BUS, or Endpoints; None: the default. The client connects in the background, and again
     after the daemon restarts. While no daemon runs, there is no error, and `alive` is False. Only `latest()` and
     iteration receive messages; the properties describe the messages received so far.
@@ -38,7 +37,7 @@ class Client:
         self,
         pad: str,
         endpoint: Optional[Union[str, Endpoints]] = None,
-        largest_force_sd_n: float = LARGEST_FORCE_SD_N,
+        largest_force_sd_n: Optional[float] = None,
     ) -> None:
         self.pad = pad
         self.largest_force_sd_n = largest_force_sd_n
@@ -110,7 +109,16 @@ class Client:
     @property
     def valid(self) -> bool:
         """May a controller act on the last contact now: is it alive, fresh, `Contact.valid`, and certain enough?"""
-        return self.alive and self.fresh and self.contact is not None and self.contact.within(self.largest_force_sd_n)
+        return not self.why_invalid
+
+    @property
+    def why_invalid(self) -> str:
+        """Why `valid` is False, as a sentence, without waiting; "" if it is True. Of silence `why()` tells more."""
+        if self.contact is None or not self.alive:
+            return "nothing arrives"
+        if not self.fresh:
+            return f"{self.contact.health}: the last sample is {self.contact.sample_age_s:.1f} s old"
+        return self.contact.why_invalid(self.largest_force_sd_n)
 
     def why(self, timeout_s: float = WHY_S) -> str:
         """Why nothing arrives, as a sentence with what to do; "" if contacts of the pad do arrive and can be read.

@@ -11,6 +11,8 @@ from fmfts_client.fields import MAY_BE_MISSING, NOT_SENT, check_version, parse
 from fmfts_client.now import Now
 
 Vector = tuple[float, float, float]
+# Most tasks stop at a force of a newton or more: half of one is the least that a controller can decide with.
+LARGEST_FORCE_SD_N = 0.5
 
 
 @dataclass(frozen=True)
@@ -113,9 +115,27 @@ class Contact:
         placed = not self.contact or (self.x_m is not None and self.y_m is not None)
         return known and placed and not self.over_range
 
-    def within(self, largest_force_sd_n: float) -> bool:
-        """Is it `valid`, and is the deviation of its force no larger than this?"""
-        return self.valid and self.force_sd_n is not None and self.force_sd_n <= largest_force_sd_n
+    def why_invalid(self, largest_force_sd_n: Optional[float] = None) -> str:
+        """Why no controller may act on it, as a sentence; "" if one may.
+
+        largest_force_sd_n: the largest deviation of the force; None: LARGEST_FORCE_SD_N or a third of the force, the
+        larger. An uncalibrated pad knows a force to about a quarter.
+        """
+        if not self.valid:
+            return self._why_no_measurement
+        force_n, deviation_n = self.force_n or 0.0, math.inf if self.force_sd_n is None else self.force_sd_n
+        limit_n = max(LARGEST_FORCE_SD_N, force_n / 3.0) if largest_force_sd_n is None else largest_force_sd_n
+        if deviation_n <= limit_n:
+            return ""
+        return f"the force is {force_n:.2f} ± {deviation_n:.2f} N, less certain than ± {limit_n:.2f} N"
+
+    @property
+    def _why_no_measurement(self) -> str:
+        if self.health != "ok":
+            return f"{self.health}: {self.reason}" if self.reason else self.health
+        if self.over_range:
+            return "the pad is pressed harder than its contact model knows"
+        return "the place is not known" if self.force_n is not None and self.contact else "the force is not known"
 
     @property
     def tells_fingers(self) -> bool:

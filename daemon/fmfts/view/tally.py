@@ -130,7 +130,8 @@ def now_line(tally: Tally) -> str:
     elif contact.contacts and len(contact.contacts) > 1:
         parts.append(" and ".join(_finger_text(finger) for finger in contact.contacts))
     elif contact.force_n is not None and contact.x_m is not None and contact.y_m is not None:
-        parts.append(f"{contact.force_n:.2f} N at ({contact.x_m * 1e3:+.1f}, {contact.y_m * 1e3:+.1f}) mm")
+        deviation = "" if contact.force_sd_n is None else f" ± {contact.force_sd_n:.2f}"
+        parts.append(f"{contact.force_n:.2f}{deviation} N at ({contact.x_m * 1e3:+.1f}, {contact.y_m * 1e3:+.1f}) mm")
     else:
         parts.append("contact")
     if contact.more:
