@@ -67,6 +67,7 @@ class OneStep:
     def __init__(self, bench: Bench) -> None:
         world = bench.mounted
         self._bench, self._response, self._pad = bench, bench.response, world.drawing
+        self._from_pad = bench.mounting.pad_turn.T  # from the axes in which presses move the magnet to the sensors'
         self._rows = measurement_rows(np.zeros((len(self._pad.sensors), 3)), self._pad.sensors, world.noise_t)
         self._magnets, self._noise_t = magnet_rows(self._pad.magnet), world.noise_t
         self._ambient, self._variance = np.zeros(3), np.full(3, 1e-6**2)
@@ -77,11 +78,12 @@ class OneStep:
         change, by_press = (values[0] for values in self._response.change_and_slope(press[None]))
         axis = self._pad.rest_axis + tangent_basis(self._pad.rest_axis) @ change[3:]
         axis = axis / np.sqrt(axis @ axis)
-        state = State(self._pad.rest_position_m + change[:3] * 1e-3, axis, 0.0, self._ambient)
+        state = State(self._pad.rest_position_m + self._from_pad @ change[:3] * 1e-3, axis, 0.0, self._ambient)
         self._rows[:, VALUE] = self._bench.field(sample).ravel()
         predicted, jacobian = predict(self._rows, self._magnets, state)
         to_step = np.zeros((5, 5))
-        to_step[:3, :3], to_step[3:, 3:] = 1e-3 * np.eye(3), tangent_basis(axis).T @ tangent_basis(self._pad.rest_axis)
+        to_step[:3, :3] = 1e-3 * self._from_pad
+        to_step[3:, 3:] = tangent_basis(axis).T @ tangent_basis(self._pad.rest_axis)
         slope = np.concatenate([jacobian[:, :5] @ to_step @ by_press[:, :3], jacobian[:, 5:9]], axis=1)
         self._variance = self._variance + AMBIENT_WALK_T2_PER_S * sample.elapsed_s
         # A weak prior for place and force: half the pad, and the whole range of force.

@@ -62,7 +62,8 @@ class ThroughPose:
     def ask(self, sample: Sample) -> Array:
         raw = self._pose.ask(sample._replace(field_t=self._bench.field(sample)))
         estimate = estimate_of(raw.solution(0), self._bench.mounted.drawing.magnet)
-        position, axis, covariance = in_nominal_frame(estimate, self._rest, self._bench.world.drawing)
+        drawing, pad_turn = self._bench.world.drawing, self._bench.mounting.pad_turn
+        position, axis, covariance = in_nominal_frame(estimate, self._rest, drawing, pad_turn)
         pose = np.concatenate([position * 1e3, axis])
         return self._contact(pose, (self._spread @ covariance @ self._spread)[:5, :5])
 

@@ -170,7 +170,8 @@ class ThroughFilter:
         if answer.flagged:
             return None
         # The network was trained on the pad as drawn.
-        position_m = self._drawing.rest_position_m + (answer.position_m - self._rest.position_m)
+        moved_m = self._bench.mounting.pad_turn @ (answer.position_m - self._rest.position_m)
+        position_m = self._drawing.rest_position_m + moved_m
         inference = self._bench.model.inference
         inference.pose[:] = np.concatenate([position_m * 1e3, self._turn @ answer.axis])
         inference.run()
