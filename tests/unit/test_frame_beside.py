@@ -1,11 +1,20 @@
-"""`bench frame --beside` tells which messages of two builds are the same to the last bit, and which fields differ."""
+"""`bench frame --beside` tells which messages of two builds are the same to the last bit, and which fields differ. It
+refuses a folder whose modules are not the ones that are loaded."""
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import msgspec
 import numpy as np
+import pytest
 
+import fmfts
+from fmfts_lab.bench import frame_beside
 from fmfts_lab.bench.frame_beside import Compared
+
+PACKAGE = Path(fmfts.__file__).parent
 
 TOLD = {
     "seq": 1,
@@ -38,3 +47,37 @@ def test_a_field_that_only_one_of_them_has_or_that_is_null_differs() -> None:
     found = compared(force_n=1.0, more=False)
     assert found.fields == {"force_n": 1, "more": 1}
     assert found.largest == {}
+
+
+def copied(folder: Path) -> Path:
+    """The package as another build would have it, in a folder."""
+    return Path(shutil.copytree(PACKAGE, folder / "fmfts", ignore=shutil.ignore_patterns("__pycache__")))
+
+
+def test_a_build_of_other_arithmetic_is_told_by_its_messages(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parameters = copied(tmp_path) / "pipeline/parameters.py"
+    told = parameters.read_text()
+    changed = told.replace('"noise_t": mounting.noise_t,', '"noise_t": 1.01 * mounting.noise_t,')
+    assert changed != told
+    parameters.write_text(changed)
+    monkeypatch.setattr(frame_beside, "TURNS", 2)
+    frame_beside.run(str(tmp_path))
+    same, *differing = capsys.readouterr().out.splitlines()
+    assert same.startswith("0 of 200 messages")
+    assert any(line.startswith("  pose.chi2 differs in 200") for line in differing)
+
+
+def test_a_folder_that_is_only_a_link_to_this_build_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "fmfts").symlink_to(PACKAGE)
+    with pytest.raises(SystemExit, match=r"nothing was compared, because the other process loaded fmfts.* from "):
+        frame_beside.run(str(tmp_path))
+
+
+def test_a_folder_with_one_compiled_module_of_this_build_is_refused(tmp_path: Path) -> None:
+    (own,) = (copied(tmp_path) / "contact").glob("_contact.*.so")
+    own.unlink()
+    own.symlink_to(PACKAGE / "contact" / own.name)
+    with pytest.raises(SystemExit, match=r"loaded fmfts\.contact\._contact from "):
+        frame_beside.run(str(tmp_path))

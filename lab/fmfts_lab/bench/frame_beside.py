@@ -1,13 +1,14 @@
 """The pad with one magnet beside another build: the same messages, in the same time? `bench frame --beside COMMIT`.
 
 COMMIT is built in a temporary folder; in its place may stand a folder that holds the other build's packages (wheels
-that were unpacked). Each build runs in a process of its own with the same frames, and they take turns, so that other
-work of the computer delays both alike.
+that were unpacked): no module of theirs may then be loaded from elsewhere. Each build runs in a process of its own with
+the same frames, and they take turns, so that other work of the computer delays both alike.
 """
 
 from __future__ import annotations
 
 import base64
+import json
 import os
 import subprocess
 import sys
@@ -24,11 +25,11 @@ import numpy as np
 
 TURNS = 150
 REPOSITORY = Path(__file__).parents[3]
-# From a frame to its encoded message. It waits for a line, takes a turn of 100 frames, and says its processor time and,
-# in base64, the messages.
+# From a frame to its encoded message. It says the file of each module of the build that it loaded. Then it waits for a
+# line, takes a turn of 100 frames, and says its processor time and, in base64, the messages.
 WORKER = """
-import base64, sys, time
-import fmfts, msgspec
+import base64, json, sys, time
+import msgspec
 from fmfts.bus.encoding import encode
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
@@ -38,7 +39,8 @@ config = PadConfig(name="bench", source=SimulatedSource(seed=1))
 pipeline = pipeline_of(config, contact_model_of(config), "bench")
 pipeline.use(simulated_baseline(config))
 source, step = Simulated(config), 0
-print(fmfts.__file__, flush=True)
+files = {name: getattr(module, "__file__", None) for name, module in sys.modules.items() if name.startswith("fmfts")}
+print(json.dumps({name: file for name, file in files.items() if file}), flush=True)
 for _ in sys.stdin:
     frames, told = [], []
     while len(frames) < 100:
@@ -111,9 +113,12 @@ def run(other: str) -> None:
                 f"{other}: holds no package fmfts; unpack a wheel of the other build there, or name a commit"
             )
         both = [stack.enter_context(_worker(path)) for path in (None, folder)]
-        where = [_line(worker) for worker in both]
-        if not Path(where[1]).is_relative_to(folder.resolve()) or where[0] == where[1]:
-            raise SystemExit(f"{other}: the other process uses {where[1]}")
+        ours, theirs = (json.loads(_line(worker)) for worker in both)
+        for name, file in _from_elsewhere(theirs, folder, ours):
+            raise SystemExit(
+                f"{other}: nothing was compared, because the other process loaded {name} from {file}; name a folder "
+                "that holds all of the other build, or a commit"
+            )
         taken, compared = np.empty((TURNS, 2)), Compared()
         for turn in range(TURNS):
             told: list[list[bytes]] = [[], []]
@@ -133,6 +138,15 @@ def run(other: str) -> None:
         f"frame to message, this build beside the other: {fastest[0] / fastest[1]:.3f} of its time (fastest turns), "
         f"{np.median(taken[:, 0] / taken[:, 1]):.3f} (median of {TURNS} pairs); {fastest[0] * 1e-5:.1f} µs a frame"
     )
+
+
+def _from_elsewhere(theirs: dict[str, str], folder: Path, ours: dict[str, str]) -> Iterator[tuple[str, Path]]:
+    """The modules of packages in `folder`, and their files, that are not from there, or, through links, are ours."""
+    of_ours = {Path(file).resolve() for file in ours.values()}
+    for name, file in theirs.items():
+        package, real = folder / name.partition(".")[0], Path(file).resolve()
+        if package.exists() and (real in of_ours or not Path(file).is_relative_to(folder.resolve())):
+            yield name, real
 
 
 def _built(commit: str, folder: Path) -> Path:
