@@ -13,12 +13,12 @@ FUZZ_MAX_frame := 400
 FUZZ_ALSO_frame := -len_control=0
 FUZZ_SOURCES_wire := sample newest
 FUZZ_SOURCES_clock := clock
-FUZZ_SOURCES_tables := network refine
+FUZZ_SOURCES_tables := contact/network contact/refine arithmetic/descent arithmetic/matrix
 # What pyproject.toml compiles into the pad, without what needs Python.
 FUZZ_SOURCES_frame := $(shell sed -n '/"fmfts.pipeline._pad"/,/^\]/s|.*"daemon/fmfts/\(.*\)\.c".*|\1|p' pyproject.toml | grep -v /_)
 FUZZ_FOLDER_wire := sensor/wire
 FUZZ_FOLDER_clock := sensor/wire
-FUZZ_FOLDER_tables := contact
+FUZZ_FOLDER_tables := .
 FUZZ_FOLDER_frame := .
 
 .PHONY: fuzz-peers fuzz-keep $(FUZZ_C:%=fuzz-%) $(FUZZ_C:%=fuzz-keep-%)
@@ -37,7 +37,7 @@ $(FUZZ_C:%=fuzz-keep-%): fuzz-keep-%: build/fuzz/fuzz-%
 
 .SECONDEXPANSION:
 FUZZ_NEEDS = tests/fuzz/$(1).c tests/firmware/fuzz/fuzz.c $(FUZZ_SOURCES_$(1):%=daemon/fmfts/$(FUZZ_FOLDER_$(1))/%.c)
-FUZZ_HEADERS := $(wildcard tests/fuzz/*.h daemon/fmfts/sensor/*.h daemon/fmfts/sensor/wire/*.h daemon/fmfts/contact/*.h daemon/fmfts/pose/*.h daemon/fmfts/pipeline/*.h)
+FUZZ_HEADERS := $(wildcard tests/fuzz/*.h daemon/fmfts/arithmetic/*.h daemon/fmfts/sensor/*.h daemon/fmfts/sensor/wire/*.h daemon/fmfts/contact/*.h daemon/fmfts/pose/*.h daemon/fmfts/pipeline/*.h)
 
 build/fuzz/fuzz-%: $$(call FUZZ_NEEDS,$$*) $(FUZZ_HEADERS) tests/firmware/fuzz/fuzz.h
 	@mkdir -p $(dir $@)

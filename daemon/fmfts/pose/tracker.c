@@ -129,7 +129,7 @@ void fmfts_note_nearest(fmfts_step *step, const fmfts_solved *solved)
 static double misfit_of(const fmfts_step *step)
 {
     double lasting = step->parameters->at_rest != 0.0 ? step->memory->lasting_misfit : 1.0;
-    double own = fmfts_surprises(step) ? step->misfit.chi2 / step->misfit.freedom : 1.0;
+    double own = step->misfit.known && fmfts_surprises(step) ? step->misfit.chi2 / step->misfit.freedom : 1.0;
     return fmax(fmax(step->memory->misfit, lasting), own);
 }
 
@@ -158,7 +158,7 @@ static void begin(fmfts_step *step, const double field_t[FMFTS_AXES])
 {
     fmfts_verdict *verdict = &step->verdict;
     fmfts_clear(&verdict->reason);
-    verdict->has_estimate = verdict->stronger = step->nearest.known = false;
+    verdict->has_estimate = verdict->stronger = step->nearest.known = step->misfit.known = false;
     for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {
         verdict->used[axis] = isfinite(field_t[axis]);
     }
