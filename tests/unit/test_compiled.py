@@ -27,3 +27,9 @@ def test_what_can_be_compiled_was(part: dict) -> None:
     sources = [ROOT / name for name in part["sources"] + part["depends"]]
     newer = [source.name for source in sources if source.stat().st_mtime > library.stat().st_mtime]
     assert not newer, f"{library.name} is older than {newer}: install again, and look for what the compiler said"
+
+
+def test_every_header_is_in_the_source_archive() -> None:
+    """Setuptools packs what `depends` names; a checkout compiles without."""
+    named = {name for part in PARTS for name in part["depends"]}
+    assert {str(path.relative_to(ROOT)) for path in (ROOT / "daemon").rglob("*.h")} <= named
