@@ -123,8 +123,8 @@ def test_warm_pad_whose_temperature_is_not_told_is_no_contact(missing: range) ->
 
 @cache
 def _healthy_pad() -> tuple[PadConfig, Baseline, list[Frame], list[Frame]]:
-    """Its frames of 0.4 s, and of the 15 s after those: so long the noise of samples that trembled is remembered, whose variance
-    falls over 512 frames (pose/alternating.c)."""
+    """Its frames of 0.4 s, and of the 15 s after those: so long the noise of samples that trembled is remembered, for
+    its variance falls over 512 frames (pose/alternating.c)."""
     config = config_of(5)
     return config, simulated_baseline(config), frames_of(config, 0.4), frames_of(config, 15.4)[88:]
 
