@@ -118,7 +118,7 @@ def test_word_too_many_is_refused_with_the_verbs_own_usage(tmp_path: Path) -> No
     told = said(tmp_path, "check-config", "pad.toml", code=2)
     assert told.startswith("usage: fmfts-daemon check-config [-h]")
     assert "unexpected: pad.toml; did you mean --config pad.toml?" in told
-    assert said(tmp_path, "status", "left", code=2).endswith("unexpected: left\n")
+    assert said(tmp_path, "check-config", "left", code=2).endswith("unexpected: left\n")
     assert said(tmp_path, "selftest", "left", code=2).endswith("unexpected: left; did you mean --pad left?\n")
 
 

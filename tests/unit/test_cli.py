@@ -214,6 +214,24 @@ def test_mistyped_verb_names_the_nearest(word: str, meant: str, capsys: pytest.C
     assert f"there is no verb '{word}'; did you mean {meant}?" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("baseline", "--restt"), "there is no option --restt; did you mean --rest?"),
+        (("weigh", "--padd=left"), "there is no option --padd; did you mean --pad?"),
+        (("baseline", "--xyzzy"), "one of the arguments --bare --rest"),
+        (("status", "--xyzzy"), "unexpected: --xyzzy"),
+    ],
+)
+def test_mistyped_option_names_the_nearest(
+    words: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == exit_codes.USAGE
+    assert said in capsys.readouterr().err
+
+
 def test_word_like_no_verb_lists_them_all(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["xyzzy"])

@@ -196,6 +196,15 @@ def test_status_is_a_column_for_each_pad(base: str) -> None:
         assert part in out.getvalue(), part
 
 
+def test_status_of_one_pad_leaves_out_the_others(base: str, caplog: pytest.LogCaptureFixture) -> None:
+    out = io.StringIO()
+    with serving_status(base, status_message(pad="left"), status_message(pad="right")):
+        assert status("left", as_json=True, out=out, endpoint=base) == 0
+        assert status("lefd", endpoint=base) == exit_codes.USAGE
+    assert [one["pad"] for one in json.loads(out.getvalue())["pads"]] == ["left"]
+    assert "no pad 'lefd' here; this daemon has 'left', 'right'; did you mean 'left'?" in caplog.text
+
+
 def test_status_for_programs_is_the_message_itself(base: str) -> None:
     out = io.StringIO()
     with serving_status(base, status_message()):

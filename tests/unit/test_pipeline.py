@@ -346,6 +346,21 @@ def test_overload_is_logged_three_times_in_ten_seconds_with_a_count_and_its_end(
     told = [record.message for record in caplog.records if record.name == "fmfts.runtime.sparing_log"]
     assert len(told) == 11
     assert told[:3] == ["pad 'left': ok", "pad 'left': late", "pad 'left': ok"], "a short stall is told whole"
-    assert "97 changes before it were not told" in told[3]
+    assert told[3] == (
+        "pad 'left': ok (97 changes before this one are not in the log, because the computer was overloaded)"
+    )
     assert told[9].startswith("pad 'left': late"), "the last state is never kept back for good"
     assert told[10] == "pad 'left': disconnected"
+
+
+def test_log_says_that_one_change_is_missing(caplog: pytest.LogCaptureFixture) -> None:
+    with Bench(config_of()) as bench, caplog.at_level(logging.INFO):
+        lateness = bench.channel._lateness
+        log = SparingLog("left", lateness)
+        lateness.is_to_be_left_out(0, 1_000_000_000)
+        for second in (1, 2, 3, 4):
+            log.tell(logging.WARNING, "late", second * 1_000_000_000)
+        log.tell(logging.INFO, "ok", 15_000_000_000)
+    assert caplog.records[-1].message == (
+        "pad 'left': ok (1 change before this one is not in the log, because the computer was overloaded)"
+    )

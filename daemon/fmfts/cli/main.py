@@ -7,6 +7,7 @@ import logging
 import os
 import sys
 from collections.abc import Sequence
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +96,7 @@ def _parser(requested: str | None, only_installed: bool = False) -> argparse.Arg
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=_Version)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=_Verb)
 
     def verb(name: str, handler: Any, text: str, default_config: str = DEFAULT_CONFIG) -> argparse.ArgumentParser:
         added = verbs.add_parser(name, help=text, description=text)
@@ -106,7 +107,9 @@ def _parser(requested: str | None, only_installed: bool = False) -> argparse.Arg
     verb("run", _run, "read the pads and publish contacts until stopped")
     on_device.add_to(verb)
     weigh_verb.add_to(verb)
-    with_json(verb("status", _status, "ask a running daemon how its pads are", LISTENERS_CONFIG))
+    state = verb("status", _status, "ask a running daemon how its pads are", LISTENERS_CONFIG)
+    state.add_argument("--pad", metavar="NAME", help="only this pad")
+    with_json(state)
     with_json(verb("check-config", check_config.run, "read the configuration and say what is wrong with it"))
     listen = verb("listen", _listen, "show the contacts of a running daemon", LISTENERS_CONFIG)
     listen.add_argument("--pad", metavar="NAME", help="only this pad")
@@ -135,6 +138,27 @@ def _no_such_verb(word: str, verbs: Sequence[str]) -> str:
     return f"there is no verb {word!r}; " + (
         f"did you mean {near[0]}?" if near else f"the verbs are {', '.join(verbs)}"
     )
+
+
+class _Verb(argparse.ArgumentParser):
+    """Names the option that a mistyped one probably means, before argparse misses what is required."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        # Some verbs hand the rest of the line on: those words are not theirs.
+        if not any(action.nargs in (argparse.PARSER, argparse.REMAINDER) for action in self._actions):
+            for word in takewhile(lambda word: word != "--", args or ()):
+                if word.startswith("--"):
+                    self._require_option(word.partition("=")[0])
+        return super().parse_known_args(args, namespace)
+
+    def _require_option(self, option: str) -> None:
+        known = [word for action in self._actions for word in action.option_strings]
+        if any(word.startswith(option) for word in known):  # argparse takes the beginning of an option, too
+            return
+        from difflib import get_close_matches
+
+        for near in get_close_matches(option, known, n=1):
+            self.error(f"there is no option {option}; did you mean {near}?")
 
 
 class _Version(argparse.Action):
@@ -168,7 +192,7 @@ def _run(options: argparse.Namespace) -> int:
 def _status(options: argparse.Namespace) -> int:
     from fmfts.view.status import status
 
-    return status(as_json=options.json, endpoint=serving_base(options))
+    return status(options.pad, as_json=options.json, endpoint=serving_base(options))
 
 
 def _listen(options: argparse.Namespace) -> int:

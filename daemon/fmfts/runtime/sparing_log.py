@@ -40,7 +40,13 @@ class SparingLog:
         return len(self._told_ns) == MOST and now_ns - self._told_ns[0] < PERIOD_NS
 
     def _write(self, level: int, text: str, untold: int, now_ns: int) -> None:
-        before = f" ({untold} changes before it were not told: frames were left out)" if untold else ""
-        log.log(level, "pad '%s': %s%s", self._pad, text, before)
+        log.log(level, "pad '%s': %s%s", self._pad, text, _unlogged(untold))
         self._told_ns.append(now_ns)
         self._held, self._untold = None, 0
+
+
+def _unlogged(changes: int) -> str:
+    if changes == 0:
+        return ""
+    which = "1 change before this one is" if changes == 1 else f"{changes} changes before this one are"
+    return f" ({which} not in the log, because the computer was overloaded)"

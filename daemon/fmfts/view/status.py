@@ -12,27 +12,38 @@ from rich.table import Table
 from rich.text import Text
 
 from fmfts.common import exit_codes
+from fmfts.view.silence import NoSuchPadError, require_pad
 from fmfts_client import ControlError, EndpointError, MessageError, Status, request
+from fmfts_client.endpoints import for_client
 
 TIMEOUT_S = 3.0
 log = logging.getLogger(__name__)
 
 
-def status(*, as_json: bool = False, out: TextIO | None = None, endpoint: str | None = None) -> int:
-    """Print the last status of every pad. Returns the exit code: UNAVAILABLE where no daemon answers."""
+def status(
+    pad: str | None = None, *, as_json: bool = False, out: TextIO | None = None, endpoint: str | None = None
+) -> int:
+    """Print the last status of `pad` (None: of every pad).
+
+    Returns the exit code: UNAVAILABLE where no daemon answers, USAGE where it has no such pad.
+    """
     out = sys.stdout if out is None else out
     try:
         pads = request("status", endpoint=endpoint, timeout_s=TIMEOUT_S).get("pads", [])
-        reports = [Status.from_message(pad) for pad in pads]
-    except (ControlError, EndpointError, MessageError) as error:
+        if pad is not None:
+            require_pad(for_client(endpoint), pad)
+            pads = [one for one in pads if one["pad"] == pad]
+        reports = [Status.from_message(one) for one in pads]
+    except (ControlError, EndpointError, MessageError, NoSuchPadError) as error:
         log.error("%s", str(error).removeprefix("status: "))
-        return exit_codes.code_of(error) if isinstance(error, EndpointError) else exit_codes.UNAVAILABLE
+        return (
+            exit_codes.code_of(error) if isinstance(error, EndpointError | NoSuchPadError) else exit_codes.UNAVAILABLE
+        )
     if as_json:
         print(json.dumps({"pads": pads}, indent=1), file=out)
     else:
-        Console(file=out, markup=False, highlight=False).print(
-            render_status(reports) if reports else "no pad has reported yet"
-        )
+        nothing = "no pad has reported yet" if pad is None else f"pad '{pad}' has not reported yet"
+        Console(file=out, markup=False, highlight=False).print(render_status(reports) if reports else nothing)
     return 0
 
 
@@ -80,5 +91,5 @@ def _scale(stiffness: float | None, share: float | None) -> str:
         return "as calibrated"
     open_still = f"± {share:.0%} of every force"
     if stiffness is None:
-        return f"{open_still}: how stiff this pad's silicone is; `weigh` or `calibrate` tells"
+        return f"{open_still}: the stiffness of its silicone is not known; `weigh` or `calibrate` measures it"
     return f"{open_still}; the silicone is {stiffness:.2f} times as stiff as the model's, as a weight told"
