@@ -80,7 +80,7 @@ def test_width_of_what_stands_there_is_corrected(weighed: Baseline, by_mm: float
         (WEIGHT_N, no_finger, "no weight is felt: put it on the middle"),
         (2.0 * WEIGHT_N, steady_finger(*MIDDLE_M, WEIGHT_N), r"3\.\d\d times as stiff .*0\.981 N of .*--anew"),
         (4.0, steady_finger(*MIDDLE_M, 4.0), "more than the contact model knows on this silicone: take half of it"),
-        (9.81e-4, steady_finger(*MIDDLE_M, WEIGHT_N), r"\(0\.1 g\) tells nothing here: take one of 20 to 408 g"),
+        (9.81e-4, steady_finger(*MIDDLE_M, WEIGHT_N), r"\(0\.1 g\) cannot be used: take one of 20 to 408 g"),
     ],
 )
 def test_weight_that_tells_nothing_is_refused_with_the_cause(
@@ -94,7 +94,7 @@ def test_half_of_what_is_said_is_refused_where_the_file_knows_the_modulus(bench:
     knows = Bench(Cell("as the model's"), by_mm=6.0, seed=2)
     tolerance = msgspec.structs.replace(knows.config.tolerance, modulus=0.05)
     knows.config = msgspec.structs.replace(knows.config, tolerance=tolerance)
-    with pytest.raises(BaselineError, match=r"a pad of this file makes .* N of it, and this one 0\.4\d N: compare"):
+    with pytest.raises(BaselineError, match=r"reads this weight as .* N, and this pad reads 0\.4\d N: compare"):
         knows.weighed(knows.baseline, WEIGHT_N, steady_finger(*MIDDLE_M, WEIGHT_N / 2.0))
 
 

@@ -58,12 +58,13 @@ class Weighing:
     def require(self, pad: Pad, before: Baseline) -> None:
         if not LIGHTEST_N <= self.weight_n <= HEAVIEST_N:
             raise BaselineError(
-                f"a weight of {self.weight_n:.3g} N ({self.weight_n / 9.81e-3:.3g} g) tells nothing here: take one of "
+                f"a weight of {self.weight_n:.3g} N ({self.weight_n / 9.81e-3:.3g} g) cannot be used: take one of "
                 f"{LIGHTEST_N / 9.81e-3:.0f} to {HEAVIEST_N / 9.81e-3:.0f} g, and name its unit (g, kg or N)"
             )
         if self.width_m is not None and not 1e-3 <= self.width_m <= 15e-3:
             raise BaselineError(
-                f"it stands on {self.width_m * 1e3:.3g} mm: put it on a coin or a ball, 1 to 15 mm wide"
+                f"a width of {self.width_m * 1e3:.3g} mm cannot be used: put the weight on a coin or a ball, 1 to 15 "
+                "mm wide"
             )
         self._model()
 
@@ -99,7 +100,7 @@ class Weighing:
         try:
             model = load_contact_model(msgspec.structs.replace(self.config, contact=cannot_shear))
         except ModelError as error:
-            raise BaselineError(f"a weight is told by a contact model: {error}") from error
+            raise BaselineError(f"weighing needs a contact model: {error}") from error
         if model.response is None:
             raise BaselineError("the contact model holds no response of its pad: use one that `calibrate` wrote")
         if model.tolerance.force_share == 0.0:
@@ -118,8 +119,8 @@ class Weighing:
         prior = self._prior
         if abs(found) > UNBELIEVABLE * hypot(prior, deviation):
             raise BaselineError(
-                f"a pad of this file makes {self.weight_n / exp(2.0 * prior):.2g} to "
-                f"{self.weight_n * exp(2.0 * prior):.2g} N of it, and this one {read.force_n:.2g} N: "
+                f"a pad within its tolerances reads this weight as {self.weight_n / exp(2.0 * prior):.2g} to "
+                f"{self.weight_n * exp(2.0 * prior):.2g} N, and this pad reads {read.force_n:.2g} N: "
                 "compare the weight and its unit (g, kg or N), and tolerance.modulus"
             )
         if earlier is not None and earlier.model == model.hash and not self.anew:
