@@ -50,13 +50,13 @@ def test_stranger_weighs_a_pad_and_its_forces_are_right(tmp_path: Path) -> None:
 
         with RunningDaemon(tmp_path, (tmp_path / "pad.toml").read_text()) as daemon:
             told = daemon.command("status").stdout
-            assert "times as stiff as the model's, as a weight told" in " ".join(told.replace("│", " ").split())
+            assert "times as stiff as the model's, as a weight showed" in " ".join(told.replace("│", " ").split())
             contradicts = daemon.command("weigh", "0.2kg", "--by", "6mm", "--pad", "left")
             assert contradicts.returncode == 65
             assert "compare weight and unit; if the earlier one was wrong: --anew" in contradicts.stderr
             again = daemon.command("weigh", "0.981N", "--by", "6mm", "--pad", "left")
             assert again.returncode == 0, again
-            assert "the weight should read as what it weighs; the running daemon uses it already" in again.stdout
+            assert "it should now show the force of the weight; the running daemon uses the result already" in again.stdout
             board.field(pressed(0.0, 0.0, 0.0))
             daemon.wait_for(lambda contact: contact.contact is False)
             board.field(pressed(3e-3, -2e-3, FORCE_N))

@@ -50,9 +50,9 @@ def after_baseline(facts: Mapping[str, Any], config: str, pad: str, *, is_runnin
 
 def after_weighing(config: str, pad: str, *, is_running: bool) -> str:
     if is_running:
-        return "`fmfts-daemon listen`: the weight should read as what it weighs; the running daemon uses it already"
+        return "`fmfts-daemon listen`: it should now show the force of the weight; the running daemon uses the result already"
     return (
-        f"`fmfts-daemon run{config}`, and `fmfts-daemon listen` in another terminal: the weight reads as what it weighs"
+        f"`fmfts-daemon run{config}`, and `fmfts-daemon listen` in another terminal: it should show the force of the weight"
     )
 
 
