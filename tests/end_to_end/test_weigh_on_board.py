@@ -56,7 +56,7 @@ def test_stranger_weighs_a_pad_and_its_forces_are_right(tmp_path: Path) -> None:
             assert "compare weight and unit; if the earlier one was wrong: --anew" in contradicts.stderr
             again = daemon.command("weigh", "0.981N", "--by", "6mm", "--pad", "left")
             assert again.returncode == 0, again
-            assert "it should now show the force of the weight; the running daemon uses the result already" in again.stdout
+            assert "it should now show the weight; the running daemon uses the result already" in again.stdout
             board.field(pressed(0.0, 0.0, 0.0))
             daemon.wait_for(lambda contact: contact.contact is False)
             board.field(pressed(3e-3, -2e-3, FORCE_N))

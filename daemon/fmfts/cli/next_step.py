@@ -50,10 +50,8 @@ def after_baseline(facts: Mapping[str, Any], config: str, pad: str, *, is_runnin
 
 def after_weighing(config: str, pad: str, *, is_running: bool) -> str:
     if is_running:
-        return "`fmfts-daemon listen`: it should now show the force of the weight; the running daemon uses the result already"
-    return (
-        f"`fmfts-daemon run{config}`, and `fmfts-daemon listen` in another terminal: it should show the force of the weight"
-    )
+        return "`fmfts-daemon listen`: it should now show the weight; the running daemon uses the result already"
+    return f"`fmfts-daemon run{config}`, and `fmfts-daemon listen` in another terminal: it should show the weight"
 
 
 def _has_zeros(facts: Mapping[str, Any]) -> bool:
