@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import product
+from fmfts.arithmetic.splines import cubic
 from fmfts.common import possible
 from fmfts.common.reading import damage_told
 
@@ -148,20 +149,9 @@ class ArrayResponse:
         cell = np.minimum(place.astype(np.intp), cells - 1)
         u, h = place - cell, self.spacing_mm
         v = 1.0 - u
-        value = (
-            v * v * v / 6.0,
-            (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0,
-            (3.0 * v * v * v - 6.0 * v * v + 4.0) / 6.0,
-            u * u * u / 6.0,
-        )
-        slope = (
-            -v * v / 2.0 / h,
-            (3.0 * u * u - 4.0 * u) / 2.0 / h,
-            -(3.0 * v * v - 4.0 * v) / 2.0 / h,
-            u * u / 2.0 / h,
-        )
-        second = (v / (h * h), (3.0 * u - 2.0) / (h * h), (3.0 * v - 2.0) / (h * h), u / (h * h))
-        return cell, (np.stack(value, axis=1), np.stack(slope, axis=1), np.stack(second, axis=1))
+        value, slope = cubic(u)
+        second = np.stack([v, 3.0 * u - 2.0, 3.0 * v - 2.0, u], axis=1)
+        return cell, (value, slope / h, second / (h * h))
 
     def encoded(self) -> bytes:
         """The content of a file that `of` reads."""

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError, cholesky, product
+from fmfts.arithmetic.splines import cubic
 from fmfts.common.reading import damage_told
 
 Array = NDArray[np.float64]
@@ -51,18 +52,7 @@ class Axis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         place = (at - self.first) / self.spacing
         inside = np.clip(place, 0.0, float(self.cells))
         cell = np.minimum(inside.astype(np.intp), self.cells - 1)
-        u = inside - cell
-        v = 1.0 - u
-        values = np.stack(
-            [
-                v * v * v / 6.0,
-                (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0,
-                (3.0 * v * v * v - 6.0 * v * v + 4.0) / 6.0,
-                u * u * u / 6.0,
-            ],
-            axis=1,
-        )
-        slopes = np.stack([-v * v, 3.0 * u * u - 4.0 * u, -(3.0 * v * v - 4.0 * v), u * u], axis=1) / 2.0
+        values, slopes = cubic(inside - cell)
         return cell, values + (place - inside)[:, None] * slopes, slopes / self.spacing
 
 
