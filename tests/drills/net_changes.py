@@ -188,7 +188,7 @@ CHANGES = [
     Change("several", "several/count.py", "SECOND_GAIN = 45.0", "SECOND_GAIN = 35.0", ("fingers:1500", "fingers")),
     Change("several", "several/odd_sensor.py", "AGREES, AGREES_FRAMES = 1e-3, 20", "AGREES, AGREES_FRAMES = 1e-3, 21",
            ("fingers-faulty:1000", "fingers-faulty")),
-    Change("skin", "extras/skin/fmfts_skin/estimator.py", "KEEPS = 0.5", "KEEPS = 0.6", ("skin:1500", "skin")),
+    Change("skin", "extras/skin/fmfts_skin/rested.py", "KEEPS = 0.5", "KEEPS = 0.6", ("skin:1500", "skin")),
     Change("wire", "sensor/wire/sample.c", "packet[12] & 7", "packet[12] & 3", (LINE,)),
     Change("wire", "sensor/wire/framing.py", "packet[-2] | packet[-1] << 8", "packet[-2] | packet[-2] << 8", (LINE,)),
     Change("clock", "sensor/wire/clock.c", "- line->fixed_delay_ns;", ";", (LINE,)),

@@ -23,9 +23,10 @@ from fmfts.pose.alignment import AlignmentMemory
 from fmfts.pose.sighting import Sighting
 from fmfts.sensor import Frame
 from fmfts.sensor.missing import missing_sensors
-from fmfts_skin.estimator import SkinEstimator, SkinMemory, SkinReading
+from fmfts_skin.estimator import SkinEstimator
 from fmfts_skin.force_estimator import ForceEstimator
 from fmfts_skin.model import SkinForceModel, SkinModel
+from fmfts_skin.rested import RestedPad, SkinMemory, SkinReading
 
 BARE_ONLY = "rest not recorded: `fmfts-daemon baseline --rest` while nothing touches the pad"
 
@@ -61,7 +62,7 @@ class SkinPipeline(JudgedInPython):
     ) -> None:
         super().__init__(pad, model.hash, boot, rate_hz)
         self.model, self._ambient_t, self._magnet_per_k = model, ambient_t, magnet_per_k
-        self._estimator: SkinEstimator | ForceEstimator | None = None
+        self._estimator: RestedPad | None = None
         self._at_first: SkinMemory | None = None  # the estimator's memory before any frame
 
     @property
@@ -84,11 +85,11 @@ class SkinPipeline(JudgedInPython):
             return None
         mounting = mounting or baseline.rest_field()
         repeats = repeats_allowed(mounting.noise_t, self.pad.chip.coarseness_t(baseline.rest.gain_code))
-        around = self._ambient_t, self._rate_hz, repeats, self._magnet_per_k
+        rested = self.pad, mounting, self._ambient_t, self._rate_hz, repeats, self._magnet_per_k
         if isinstance(self.model, SkinForceModel):
-            self._estimator = ForceEstimator(self.pad, mounting, self.model, *around)
+            self._estimator = ForceEstimator(*rested, self.model)
         else:
-            self._estimator = SkinEstimator(self.pad, mounting, self.model.response, *around)
+            self._estimator = SkinEstimator(*rested, self.model.response)
         self._at_first = deepcopy(self._estimator.memory)
         return mounting
 
