@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from test_force_sets import PAD, write_session
@@ -102,7 +102,7 @@ def test_press_has_force_and_shear_within_the_deviations(press: Press, model: Pa
 def test_deviation_includes_another_day_in_each_frame(model: Path, tmp_path: Path) -> None:
     """By as much as the file says, in the 200th frame as in the first: no average makes it smaller."""
     forces = ForceModel.of(model.read_bytes(), "model")
-    (tmp_path / "no.force").write_bytes(replace(forces, day_share=0.0).encoded())
+    (tmp_path / "no.force").write_bytes(msgspec.structs.replace(forces, day_share=0.0).encoded())
     press = (0.0, 0.0, 1.8, 0.0, 0.0)
     known, unknown = (told(ready(one), frames(200, press, 100))[3:] for one in (tmp_path / "no.force", model))
     for one, other in ((known[0], unknown[0]), (known[-1], unknown[-1])):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.calibrate.array_set import ArraySet
-from fmfts.calibrate.evaluation import UNITS, Row, regions, rounded, rows
+from fmfts.calibrate.evaluation import HONEST, UNITS, WRONG, Row, regions, rounded, rows
 from fmfts.contact.array_model import ArrayModel
 from fmfts.pad import Array
 from fmfts.pose import Aligned
@@ -22,7 +22,6 @@ from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.resultant import deviation_of
 
-HONEST, WRONG = 2.0, 5.0  # deviations
 Told = Literal["one finger", "two fingers", "no finger", "over range", "more", "disturbed", "lost"]
 
 

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.array_correction import LEVELS, Correction
-from fmfts.calibrate.array_set import ArraySet, Say
+from fmfts.calibrate.array_set import ArraySet
 from fmfts.calibrate.field_table import DataError
+from fmfts.calibrate.labelled_poses import Say
 from fmfts.contact.array_response import LARGEST_ERROR, SHIPPED_ERROR, ArrayResponse
 from fmfts.pad import Array
 from fmfts.pose.magnets import field_and_slope, field_of

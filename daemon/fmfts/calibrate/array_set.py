@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,10 +13,10 @@ from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.baseline.files import StateError, stored
 from fmfts.calibrate.dataset import LARGEST_RATIO, labels_of, require_consistent
 from fmfts.calibrate.field_table import DataError, FieldTable, field_columns, read
+from fmfts.calibrate.labelled_poses import Say
 from fmfts.common.reading import digest_of
 from fmfts.pad import Array, Pad
 
-Say = Callable[[str], None]
 # Deviations of a label: a stage's place, and the share of the force that a gauge is off.
 PLACE_MM, FORCE_SHARE, FORCE_N = 0.05, 0.01, 0.005
 # Of the ambient field along each axis: since the last row of the untouched pad, and since the baseline.

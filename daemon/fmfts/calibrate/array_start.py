@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from fmfts.calibrate.field_table import DataError
-from fmfts.common.reading import read_regular
+from fmfts.common.reading import read_regular, unreadable_told
 from fmfts.contact.array_model import ARRAY_PATH, STANDARD_SENSORS_MM
 from fmfts.contact.array_response import CHANGE, LARGEST_BYTES, ArrayResponse, ResponseError
 from fmfts.pad import Array, Pad, SensorArray
@@ -67,9 +67,8 @@ def starting_table(path: Path | None, pad: Pad) -> ArrayResponse:
 
 def _read(path: Path) -> ArrayResponse:
     try:
-        return ArrayResponse.of(read_regular(path, LARGEST_BYTES), str(path))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
+        with unreadable_told(DataError, path):
+            return ArrayResponse.of(read_regular(path, LARGEST_BYTES), str(path))
     except ResponseError as error:
         raise DataError(str(error)) from error
 

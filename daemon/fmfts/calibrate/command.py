@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.labelled_poses import Say
 from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact.array_model import ArrayModel
+from fmfts.contact.seal import hash_of
 from fmfts.pad import Pad
 from fmfts.several.field_model import Scene
 from fmfts.view.progress import Show, unseen
@@ -79,11 +79,9 @@ def make_array_response(source: Path, target: Path, job: ArrayJob, start: Path |
     data = read_array_set(source, job.pad, job.pad_size_mm, job.baseline, say)
     made = fit_table(data, str(source), starting_table(start, job.pad), job.noise_t, say)
     content = made.response.encoded()
-    model = hashlib.sha256(content).hexdigest()[:12]
+    model = hash_of(content)
     judged = evaluate_array(data, ArrayModel(made.response, model), job.scene, job.rate_hz, job.noise_t)
     facts = {
-        "model": model,
-        "file_bytes": len(content),
         "data": source.name,
         "data_sha256": data.digest,
         "baseline": data.baseline,
@@ -95,9 +93,7 @@ def make_array_response(source: Path, target: Path, job: ArrayJob, start: Path |
         "error": made.response.error,
         "on_the_calibration_set": judged.facts(),
     }
-    replace_file(report, (json.dumps(facts, indent=1) + "\n").encode())
-    replace_file(target, content)
-    return facts
+    return write_model(target, content, report, facts)
 
 
 def evaluate_array_model(source: Path, model: Path, job: ArrayJob, say: Say) -> ArrayEvaluation:
@@ -122,6 +118,14 @@ def _require_writable(target: Path) -> None:
         raise IsADirectoryError(EISDIR, os.strerror(EISDIR), str(target))
     with NamedTemporaryFile(dir=target.parent):
         pass
+
+
+def write_model(target: Path, content: bytes, report: Path, facts: dict[str, Any]) -> dict[str, Any]:
+    """Write a model and its report: its hash and size, and `facts` of it. Returns the report."""
+    whole = {"model": hash_of(content), "file_bytes": len(content)} | facts
+    replace_file(report, (json.dumps(whole, indent=1) + "\n").encode())
+    replace_file(target, content)
+    return whole
 
 
 def replace_file(target: Path, content: bytes) -> None:

@@ -23,6 +23,8 @@ LIGHT_N, FIRM_N = 0.5, 1.2
 FORCE_BINS = (0.025, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # upper ends, as shares of the largest force
 RADIUS_BINS_MM = (4.0, 8.0, 11.0, 12.5, 14.0, 15.5, 17.0, 18.5, 20.0)
 LEAST_ERROR = 1e-5
+HONEST, WRONG = 2.0, 5.0  # deviations
+COVERAGE = "within_2, beyond_5: share of errors within two, and beyond five, of the stated deviations"
 STEP = 1e-4  # of central differences, for a pose's position in mm and for its axis
 
 

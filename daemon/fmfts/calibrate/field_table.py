@@ -17,7 +17,7 @@ import numpy as np
 
 from fmfts import baseline as baselines
 from fmfts.baseline import BaselineError, Mounting
-from fmfts.common.reading import MOST_COLUMNS, damage_told, open_text
+from fmfts.common.reading import MOST_COLUMNS, damage_told, open_text, unreadable_told
 from fmfts.pad import Array, Pad
 
 LARGEST_FIELD_UT = 1000.0  # 10 G; the chip's largest range is 8.1 G
@@ -71,10 +71,8 @@ def read(path: Path, sensors: int, largest_ut: float = LARGEST_FIELD_UT) -> Fiel
 def read_cells(path: Path) -> tuple[list[int], dict[str, list[str]]]:
     """The line at which each row ends, and the columns by name, as text. Raises DataError where it is no table."""
     try:
-        with open_text(path) as file:  # of at most as many bytes: a day of one frame a second
-            text = file.read()
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
+        with unreadable_told(DataError, path), open_text(path) as file:
+            text = file.read()  # of at most as many bytes: a day of one frame a second
     except UnicodeDecodeError as error:
         raise DataError(f"{path}: is not UTF-8 text (byte {error.start})") from error
     with damage_told(DataError, f"{path}: is not a table"):  # csv.Error: a cell is too long, or holds a zero byte

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
 from fmfts.cli import calibrate_array, elsewhere
@@ -12,9 +11,11 @@ from fmfts.cli.verb import (
     AddVerb,
     VerbError,
     configured_or_standard_pad,
+    ended_by,
     lacking,
-    not_written,
     require_one_file,
+    say,
+    written_to,
 )
 from fmfts.cli.workers import add_workers, workers_of
 from fmfts.common import exit_codes
@@ -116,25 +117,18 @@ def _calibrate(options: argparse.Namespace) -> int:
         shear=options.shear,
         workers=workers_of(options),
     )
-    try:
-        with progress_bar("calibrate") as show:
-            report = make_model(
-                options.data,
-                options.output,
-                pad.pad(),
-                options.pad_size_mm,
-                options.baseline,
-                training,
-                _say,
-                options.sheared,
-                show,
-            )
-    except DataError as error:
-        raise VerbError(exit_codes.DATA, str(error)) from error
-    except ClusterError as error:
-        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
-    except OSError as error:
-        raise not_written(error, options.output) from error
+    with ended_by(DataError, ClusterError), written_to(options.output), progress_bar("calibrate") as show:
+        report = make_model(
+            options.data,
+            options.output,
+            pad.pad(),
+            options.pad_size_mm,
+            options.baseline,
+            training,
+            say,
+            options.sheared,
+            show,
+        )
     if options.json:
         print(json.dumps(report, indent=1))
     else:
@@ -164,9 +158,9 @@ def _evaluate(options: argparse.Namespace) -> int:
         model = load_contact_model(pad, options.model)
         labelled = read_labelled(options.data, pad.pad(), options.pad_size_mm, options.baseline)
         if model.shear_is_unknown:
-            _say(f"warning: {SHEAR_UNKNOWN.format(friction=model.friction)}")
+            say(f"warning: {SHEAR_UNKNOWN.format(friction=model.friction)}")
         if labelled.digest == model.facts.data:
-            _say("note: the model was made from these very presses: on others its errors are larger")
+            say("note: the model was made from these very presses: on others its errors are larger")
         evaluation = evaluate(labelled, options.data, model, pad.scene.ambient, _noise_t(options))
         if options.plot is not None:
             _draw(evaluation, options.plot)
@@ -191,9 +185,8 @@ def _draw(evaluation: object, target: Path) -> None:
     except ImportError as error:
         raise lacking(error, "plot") from error
     try:
-        draw(evaluation, target)  # type: ignore[arg-type]
-    except OSError as error:
-        raise not_written(error, target) from error
+        with written_to(target):
+            draw(evaluation, target)  # type: ignore[arg-type]
     except ValueError as error:  # matplotlib does not know the suffix
         raise VerbError(exit_codes.USAGE, f"{target}: {error}") from error
 
@@ -202,7 +195,3 @@ def _noise_t(options: argparse.Namespace) -> float:
     if not 0.0 < options.noise_ut < 100.0:
         raise VerbError(exit_codes.USAGE, f"--noise-ut is {options.noise_ut}: greater than zero, in µT")
     return float(options.noise_ut) * 1e-6
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr)

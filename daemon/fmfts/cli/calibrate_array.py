@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmfts.cli.verb import VerbError, lacking, not_written
+from fmfts.cli.verb import VerbError, ended_by, lacking, refuse_options, say, written_to
 from fmfts.common import exit_codes
 
 if TYPE_CHECKING:
@@ -24,13 +23,9 @@ def calibrate(options: argparse.Namespace, pad: PadConfig, noise_t: float) -> in
         raise lacking(error, "calibrate") from error
     from fmfts.calibrate.field_table import DataError
 
-    try:
+    with ended_by(DataError), written_to(options.output):
         job = _job(options, pad, noise_t)
-        report = make_array_response(options.data, options.output, job, options.start, _say)
-    except DataError as error:
-        raise VerbError(exit_codes.DATA, str(error)) from error
-    except OSError as error:
-        raise not_written(error, options.output) from error
+        report = make_array_response(options.data, options.output, job, options.start, say)
     if options.json:
         print(json.dumps(report, indent=1))
         return 0
@@ -59,7 +54,7 @@ def evaluate(options: argparse.Namespace, pad: PadConfig, noise_t: float) -> int
         raise VerbError(exit_codes.USAGE, f"pad {pad.name!r} has no contact model: name the one to judge with --model")
     model = ARRAY_PATH if name == DEFAULT_MODEL else Path(name)
     try:
-        evaluation = evaluate_array_model(options.data, model, _job(options, pad, noise_t), _say)
+        evaluation = evaluate_array_model(options.data, model, _job(options, pad, noise_t), say)
     except (DataError, ModelError) as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
     if options.json:
@@ -86,14 +81,5 @@ def _job(options: argparse.Namespace, pad: PadConfig, noise_t: float) -> ArrayJo
 
 
 def _refuse(options: argparse.Namespace, pad: PadConfig, *names: str) -> None:
-    given = [name for name in names if getattr(options, name)]
-    if given:
-        raise VerbError(
-            exit_codes.USAGE,
-            f"--{given[0].replace('_', '-')}: pad {pad.name!r} has several magnets, and what is made for it is a table "
-            "of presses, without that option",
-        )
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr)
+    why = f"pad {pad.name!r} has several magnets, and what is made for it is a table of presses, without that option"
+    refuse_options(options, names, why)

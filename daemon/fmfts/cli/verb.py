@@ -6,7 +6,7 @@ import argparse
 import logging
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeVar
 
@@ -57,6 +57,15 @@ def ended_by(*errors: type[Exception]) -> Iterator[None]:
         raise VerbError(code_of(error), str(error)) from error
 
 
+@contextmanager
+def written_to(path: object) -> Iterator[None]:
+    """Turns an OSError into the VerbError for an output that cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise not_written(error, path) from error
+
+
 def not_written(error: OSError, path: object) -> VerbError:
     """The error for an output that cannot be written."""
     return VerbError(code_of(error), f"{path}: {why_not_written(error)}")
@@ -66,6 +75,18 @@ def lacking(error: ImportError, extra: str = "") -> VerbError:
     """The error for a missing module that the package or an extra of it installs; the text names the line to run."""
     package = f"'fmfts[{extra}]'" if extra else "fmfts"
     return VerbError(exit_codes.UNAVAILABLE, f"{error}: it comes with\n    {sys.executable} -m pip install {package}")
+
+
+def refuse_options(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
+    """Raise VerbError for the first of these options that is given."""
+    for name in names:
+        if getattr(options, name):
+            raise VerbError(exit_codes.USAGE, f"--{name.replace('_', '-')}: {why}")
+
+
+def say(line: str) -> None:
+    """Tell a person how the work goes, beside the output."""
+    print(line, file=sys.stderr)
 
 
 def require_one_file(options: argparse.Namespace) -> None:

@@ -67,6 +67,15 @@ def damage_told(named: type[Exception], sentence: str, remedy: str = "") -> Iter
         raise named(f"{sentence} ({type(error).__name__}: {shortened(str(error))}){mend}") from error
 
 
+@contextmanager
+def unreadable_told(named: type[Exception], whose: object) -> Iterator[None]:
+    """An OSError inside becomes `named`: the file `whose` cannot be read."""
+    try:
+        yield
+    except OSError as error:
+        raise named(f"{whose}: cannot be read: {error.strerror}") from error
+
+
 def shortened(text: str) -> str:
     """The text for an error's sentence: a decoder may quote all of a file in its own."""
     return text if len(text) <= LONGEST_QUOTE else f"{text[:LONGEST_QUOTE]}…"

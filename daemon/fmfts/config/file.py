@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from fmfts.common.reading import damage_told, read_regular, shortened
+from fmfts.common.reading import damage_told, read_regular, shortened, unreadable_told
 from fmfts.common.toml import LARGEST_BYTES, NotToml, parse
 from fmfts.config import Config, ReplaySource, SimulatedSource
 from fmfts.config.checks import problems_in
@@ -106,9 +106,9 @@ def find(path: Path | None, environ: Mapping[str, str] = os.environ) -> Path:
 
 def _read(file: Path) -> dict[str, Any]:
     try:
-        text = read_regular(file, LARGEST_BYTES + 1).decode("utf-8-sig")  # skips the byte order mark of some editors
-    except OSError as error:
-        raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
+        with unreadable_told(ConfigError, file):
+            content = read_regular(file, LARGEST_BYTES + 1)
+        text = content.decode("utf-8-sig")  # skips the byte order mark of some editors
     except UnicodeDecodeError as error:
         raise ConfigError(f"{file}: is not UTF-8 text (byte {error.start})") from error
     try:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from fmfts.common.reading import read_regular
+from fmfts.common.reading import read_regular, unreadable_told
 from fmfts.contact.array_response import LARGEST_BYTES, ArrayResponse, ResponseError
 from fmfts.contact.contract import ModelError, OtherPadError
+from fmfts.contact.seal import hash_of
 from fmfts.pad import Pad, RestingMagnet, SensorArray
 
 ARRAY_PATH = Path(__file__).with_name("array.response")
@@ -48,15 +48,14 @@ class ArrayModel:
         A file made for the pad's magnets over the standard sensors is for this pad too, whatever its own sensors are.
         The second standard pad may name its magnets in any order.
         """
-        try:
+        with unreadable_told(ModelError, f"contact model {path}"):
             content = read_regular(path, LARGEST_BYTES)
+        try:
             response = ArrayResponse.of(content, str(path))
-        except OSError as error:
-            raise ModelError(f"contact model {path}: cannot be read: {error.strerror}") from error
         except ResponseError as error:
             raise ModelError(f"contact model {error}") from error
         if (order := standard_magnets_of(pad, response)) is not None and len(order) == response.magnets:
-            return cls(response.only(order), hashlib.sha256(content).hexdigest()[:12])
+            return cls(response.only(order), hash_of(content))
         drawn = replace(pad, sensors=SensorArray.aligned(STANDARD_SENSORS_MM * 1e-3))
         if response.geometry_hash not in (pad.geometry_hash, drawn.geometry_hash):
             raise OtherPadError(
@@ -66,7 +65,7 @@ class ArrayModel:
             )
         if response.magnets != len(pad.magnets):
             raise ModelError(f"contact model {path}: is of {response.magnets} magnets, the pad has {len(pad.magnets)}")
-        return cls(response, hashlib.sha256(content).hexdigest()[:12])
+        return cls(response, hash_of(content))
 
 
 def standard_magnets_of(pad: Pad, response: ArrayResponse) -> list[int] | None:

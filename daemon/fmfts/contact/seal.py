@@ -37,7 +37,7 @@ def unsealed(content: bytes) -> bytes:
     return model
 
 
-def hash_of(content: bytes, weights: str | None) -> str:
+def hash_of(content: bytes, weights: str | None = None) -> str:
     """How messages and recordings name a model: the first twelve hex digits of its SHA-256, without what is behind it.
 
     content: without its seal. weights: those in its metadata.

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.common.reading import damage_told, open_regular
+from fmfts.common.reading import damage_told, open_regular, unreadable_told
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.simulation.mechanics import Mechanics
 from fmfts.simulation.slab import Slab
@@ -61,10 +61,8 @@ def mechanics_of(pad: PadConfig, source: SimulatedSource) -> Mechanics:
     """The table that the config names for `pad`. Raises ValueError where it cannot be used."""
     if source.mechanics == "standard":
         return standard_mechanics()
-    try:
+    with unreadable_told(ValueError, f"pad {pad.name!r}: {source.mechanics}"):
         mechanics, slab = read_pad_file(Path(source.mechanics))
-    except OSError as error:
-        raise ValueError(f"pad {pad.name!r}: {source.mechanics}: cannot be read: {error.strerror}") from error
     made_for = np.array([slab.magnet_diameter_m, slab.magnet_length_m]) * 1e3
     if not np.allclose(made_for, [pad.magnet.diameter_mm, pad.magnet.length_mm], rtol=1e-6):
         raise ValueError(

@@ -110,22 +110,7 @@ class _StoredMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tables: bytes
 
 
-class _Stored(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    format: str
-    route: Route
-    names: list[str]
-    sessions: int
-    day_share: float
-    widened: tuple[float, float, float]
-    largest_n: float
-    pressed_z: float
-    coverage: Coverage
-    origin: str
-    maps: list[_StoredMap]
-
-
-@dataclass(frozen=True)
-class ForceModel:
+class _Facts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """names (V,): of the values, in order. sessions: how many the model was trained on. day_share: deviation of another
     day's forces, as a share. widened (3,): factor of the deviations, learnt from left-out sessions; 1: only the stated
     prior. largest_n: of the presses. pressed_z: 1 or -1, the sign of force_z_n under a press. origin: what it was made
@@ -134,7 +119,6 @@ class ForceModel:
 
     route: Route
     names: tuple[str, ...]
-    maps: tuple[ForceMap, ...]
     sessions: int
     day_share: float
     widened: tuple[float, float, float]
@@ -142,6 +126,19 @@ class ForceModel:
     pressed_z: float
     coverage: Coverage
     origin: str
+
+
+class _Stored(_Facts, frozen=True):
+    """The file, in msgpack."""
+
+    maps: tuple[_StoredMap, ...]
+    format: str
+
+
+class ForceModel(_Facts, frozen=True):
+    """What a file holds."""
+
+    maps: tuple[ForceMap, ...]
 
     def map_of(self, known: Mask) -> ForceMap | None:
         """The polynomial that uses most of the `known` values (V,); None if all need more of them."""
@@ -171,7 +168,7 @@ class ForceModel:
 
     def encoded(self) -> bytes:
         """The content of a file that `of` reads."""
-        maps = [
+        maps = tuple(
             _StoredMap(
                 one.known.tolist(),
                 one.power,
@@ -181,21 +178,8 @@ class ForceModel:
                 ),
             )
             for one in self.maps
-        ]
-        stored = _Stored(
-            FORMAT,
-            self.route,
-            list(self.names),
-            self.sessions,
-            self.day_share,
-            self.widened,
-            self.largest_n,
-            self.pressed_z,
-            self.coverage,
-            self.origin,
-            maps,
         )
-        return msgspec.msgpack.encode(stored)
+        return msgspec.msgpack.encode({"format": FORMAT} | msgspec.structs.asdict(self) | {"maps": maps})
 
     @classmethod
     def of(cls, content: bytes, whose: str) -> ForceModel:
@@ -212,18 +196,7 @@ class ForceModel:
             if stored.pressed_z not in (1.0, -1.0) or not all(VALUE_NAME.fullmatch(name) for name in stored.names):
                 raise ValueError("the sign of a press, or the name of a value, is impossible")
             maps = tuple(_map_of(one, len(stored.names)) for one in stored.maps)
-            return cls(
-                stored.route,
-                tuple(stored.names),
-                maps,
-                stored.sessions,
-                stored.day_share,
-                stored.widened,
-                stored.largest_n,
-                stored.pressed_z,
-                stored.coverage,
-                stored.origin,
-            )
+            return cls(**{name: getattr(stored, name) for name in _Facts.__struct_fields__}, maps=maps)
 
 
 def _map_of(stored: _StoredMap, values: int) -> ForceMap:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.common.reading import read_regular
+from fmfts.common.reading import read_regular, unreadable_told
 from fmfts.contact.contract import ModelError, OtherPadError
+from fmfts.contact.seal import hash_of
 from fmfts_skin.field_response import LARGEST_BYTES, FieldResponse, FieldResponseError
 from fmfts_skin.force_model import LARGEST_BYTES as FORCE_BYTES
 from fmfts_skin.force_model import ForceModel, ForceModelError
@@ -56,11 +56,10 @@ class SkinModel:
     @classmethod
     def load(cls, path: Path, sensors: int) -> SkinModel:
         """ModelError if the file cannot be used, OtherPadError if it is for another number of sensors."""
-        try:
+        with unreadable_told(ModelError, f"contact model {path}"):
             content = read_regular(path, LARGEST_BYTES)
+        try:
             response = FieldResponse.of(content, str(path))
-        except OSError as error:
-            raise ModelError(f"contact model {path}: cannot be read: {error.strerror}") from error
         except FieldResponseError as error:
             raise ModelError(
                 f"contact model {error}; `fmfts-daemon calibrate` makes one for a pad whose magnets are unknown, and "
@@ -75,7 +74,7 @@ class SkinModel:
                 f"contact model {path}: is of {', '.join(axis.name for axis in response.axes)}: a running pad tells a "
                 "place or a normal force, so it needs x_mm, y_mm and depth_mm, or force_n"
             )
-        return cls(response, hashlib.sha256(content).hexdigest()[:12])
+        return cls(response, hash_of(content))
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,11 +110,10 @@ class SkinForceModel:
     @classmethod
     def load(cls, path: Path, sensors: int) -> SkinForceModel:
         """ModelError if the file cannot be used, OtherPadError if it is for sensors that the pad does not have."""
-        try:
+        with unreadable_told(ModelError, f"contact model {path}"):
             content = read_regular(path, FORCE_BYTES)
+        try:
             forces = ForceModel.of(content, str(path))
-        except OSError as error:
-            raise ModelError(f"contact model {path}: cannot be read: {error.strerror}") from error
         except ForceModelError as error:
             raise ModelError(f"contact model {error}; `fmfts-daemon calibrate` makes one of forces") from error
         if forces.route != "field":
@@ -123,7 +121,7 @@ class SkinForceModel:
                 f"contact model {path}: goes from poses to forces, which a running pad does not do: "
                 "`calibrate … --route field`"
             )
-        model = cls(forces, hashlib.sha256(content).hexdigest()[:12])
+        model = cls(forces, hash_of(content))
         if model.values().max() >= 3 * sensors:
             raise OtherPadError(f"contact model {path}: has more sensors than the pad's {sensors}: see sensors_mm")
         return model

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from fmfts.calibrate.command import replace_file, report_of
+from fmfts.calibrate.command import report_of, write_model
 from fmfts.calibrate.labelled_poses import Say
 from fmfts_skin.calibrate.field_evaluate import evaluate_field
 from fmfts_skin.calibrate.field_fit import make_response
@@ -27,8 +25,6 @@ def make_field_response(source: Path, target: Path, say: Say) -> dict[str, Any]:
     response = make_response(data, f"{source.name} {data.digest[:12]}", say)
     content = response.encoded()
     facts = {
-        "model": hashlib.sha256(content).hexdigest()[:12],
-        "file_bytes": len(content),
         "data": source.name,
         "data_sha256": data.digest,
         "axes": [msgspec.structs.asdict(axis) for axis in response.axes],
@@ -37,6 +33,4 @@ def make_field_response(source: Path, target: Path, say: Say) -> dict[str, Any]:
         "deviation_ut": np.sqrt(np.diagonal(response.covariance.mean(axis=0))).round(1).tolist(),
         "on_the_calibration_set": evaluate_field(response, data, str(source)).facts(),
     }
-    replace_file(report, (json.dumps(facts, indent=1) + "\n").encode())
-    replace_file(target, content)
-    return facts
+    return write_model(target, content, report, facts)

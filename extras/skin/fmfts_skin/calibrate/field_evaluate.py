@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fmfts.calibrate.evaluation import Row, rounded
+from fmfts.calibrate.evaluation import HONEST, WRONG, Row, rms, rounded
 from fmfts.calibrate.field_table import DataError
 from fmfts.pad import Array
 from fmfts_skin.calibrate.field_instance import instance_of
@@ -16,7 +16,6 @@ from fmfts_skin.calibrate.field_set import FieldSet
 from fmfts_skin.field_contact import ContactFinder
 from fmfts_skin.field_response import PLACE, FieldResponse, Instance
 
-HONEST, WRONG = 2.0, 5.0  # deviations
 LOAD_BANDS = 4
 
 
@@ -49,11 +48,11 @@ class FieldEvaluation:
         row: Row = {"rows": name, "count": len(error)}
         if self.axes[:2] == PLACE:
             distance = np.hypot(error[:, 0], error[:, 1])
-            row["place_rms_mm"] = rounded(np.sqrt(np.mean(distance**2)))
+            row["place_rms_mm"] = rms(distance)
             row["place_median_mm"] = rounded(np.median(distance))
             row["place_p95_mm"] = rounded(np.quantile(distance, 0.95))
         load = self.axes[-1]
-        row[f"rms_{load}"] = rounded(np.sqrt(np.mean(error[:, -1] ** 2)))
+        row[f"rms_{load}"] = rms(error[:, -1])
         row[f"mean_{load}"] = rounded(error[:, -1].mean())
         for number, axis in enumerate(self.axes):
             short = axis.split("_")[0]

@@ -7,20 +7,19 @@ all magnets, which warm by some kelvin within hours (a per cent), and the rest o
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.field_table import DataError
+from fmfts.calibrate.labelled_poses import Say
 from fmfts.pad import Array
 from fmfts_skin.calibrate.field_rest import Rest, rest_of_presses
 from fmfts_skin.calibrate.field_set import FieldSet, Indices
 from fmfts_skin.calibrate.field_splines import SplineFit
 from fmfts_skin.field_response import Axis, FieldResponse
 
-Say = Callable[[str], None]
 PLACE_SPACING_MM, MOST_CELLS = 2.0, 16
 LOAD_CELLS_BESIDE_PLACES, LOAD_CELLS_ALONE = 4, 12
 ROUGHNESS = (1e-4, 1e-3, 1e-2, 1e-1)

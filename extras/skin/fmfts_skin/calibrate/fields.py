@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
-from fmfts.cli.verb import VerbError, lacking, not_written
-from fmfts.common import exit_codes
+from fmfts.cli.verb import ended_by, lacking, refuse_options, say, written_to
 from fmfts.common.kind_of_file import begins_with, columns_of
-from fmfts.common.reading import read_regular
+from fmfts.common.reading import read_regular, unreadable_told
 
 OF_COLLECT = "first_frame_ns"
 MARK = b"fmfts field response"
@@ -34,19 +32,13 @@ def calibrate(options: argparse.Namespace) -> int:
         raise lacking(error, "calibrate") from error
     from fmfts.calibrate.field_table import DataError
 
-    given = [name for name in ("shear", "sheared", "hidden", "baseline", "pad") if getattr(options, name)]
-    if given:
-        raise VerbError(
-            exit_codes.USAGE,
-            f"--{given[0]}: {options.data} is of a pad whose magnets are unknown (it has depth_mm, shear_n, rest or "
-            "recording); its table is made without that option",
-        )
-    try:
-        report = make_field_response(options.data, options.output, _say)
-    except DataError as error:
-        raise VerbError(exit_codes.DATA, str(error)) from error
-    except OSError as error:
-        raise not_written(error, options.output) from error
+    why = (
+        f"{options.data} is of a pad whose magnets are unknown (it has depth_mm, shear_n, rest or recording); its "
+        "table is made without that option"
+    )
+    refuse_options(options, ("shear", "sheared", "hidden", "baseline", "pad"), why)
+    with ended_by(DataError), written_to(options.output):
+        report = make_field_response(options.data, options.output, say)
     if options.json:
         print(json.dumps(report, indent=1))
     else:
@@ -59,29 +51,21 @@ def evaluate(options: argparse.Namespace) -> int:
         from fmfts_skin.calibrate.field_evaluate import evaluate_field
     except ImportError as error:
         raise lacking(error, "calibrate") from error
-    from fmfts.calibrate.evaluation import printed
+    from fmfts.calibrate.evaluation import COVERAGE, printed
     from fmfts.calibrate.field_table import DataError
     from fmfts_skin.calibrate.field_set import read_field_set
     from fmfts_skin.field_response import LARGEST_BYTES, FieldResponse, FieldResponseError
 
-    try:
+    with ended_by(DataError, FieldResponseError), unreadable_told(DataError, options.model):
         content = read_regular(Path(options.model), LARGEST_BYTES)
         response = FieldResponse.of(content, options.model)
         data = read_field_set(options.data)
         evaluation = evaluate_field(response, data, str(options.data), learn=not options.as_recorded)
-    except (DataError, FieldResponseError) as error:
-        raise VerbError(exit_codes.DATA, str(error)) from error
-    except OSError as error:
-        raise VerbError(exit_codes.DATA, f"{options.model}: cannot be read: {error.strerror}") from error
     if options.json:
         print(json.dumps(evaluation.facts(), indent=1))
         return 0
     for name, one in evaluation.instances.items():
         print(f"recording {name or '(unnamed)'}: moment {one.moment:+.2%}, gain {one.gain:+.1%} of the table's pad")
     print(printed(evaluation.rows()))
-    print("within_2, beyond_5: share of errors within two, and beyond five, of the stated deviations")
+    print(COVERAGE)
     return 0
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr)

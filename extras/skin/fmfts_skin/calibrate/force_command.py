@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fmfts.calibrate.command import replace_file, report_of
+from fmfts.calibrate.command import report_of, write_model
 from fmfts.calibrate.field_table import DataError
+from fmfts.calibrate.labelled_poses import Say
 from fmfts.calibrate.tracked import Scene
 from fmfts.common.reading import read_regular
 from fmfts.pad import Pad
-from fmfts_skin.calibrate.force_fit import GAIN, OFFSET, ROTATION_RAD, Presses, Say
+from fmfts_skin.calibrate.force_fit import GAIN, OFFSET, ROTATION_RAD, Presses
 from fmfts_skin.calibrate.force_judge import Judged, choose, make_route
 from fmfts_skin.calibrate.force_pose import pose_presses
 from fmfts_skin.calibrate.force_set import ForceSet, read_force_set
@@ -46,8 +45,6 @@ def make_force_file(
     chosen = choose(routes)
     content = chosen.model.encoded()
     facts = {
-        "model": hashlib.sha256(content).hexdigest()[:12],
-        "file_bytes": len(content),
         "data": [source.name for source in sources],
         "data_sha256": data.digest,
         "sessions": list(data.sessions),
@@ -56,9 +53,7 @@ def make_force_file(
         "routes": [route.facts() for route in routes],
         "chosen": chosen.model.route,
     }
-    replace_file(report, (json.dumps(facts, indent=1) + "\n").encode())
-    replace_file(target, content)
-    return facts
+    return write_model(target, content, report, facts)
 
 
 def evaluate_force_file(sources: Sequence[Path], model: Path, magnet: KnownMagnet | None) -> Judged:

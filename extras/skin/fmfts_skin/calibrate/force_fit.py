@@ -9,7 +9,6 @@ days.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,11 +16,11 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.field_table import DataError
+from fmfts.calibrate.labelled_poses import Say
 from fmfts.pad import Array
 from fmfts_skin.force_model import DIRECTIONS, MOST_POWER, ForceMap, Mask, Route, monomials
 
 Indices = NDArray[np.intp]
-Say = Callable[[str], None]
 # Another day, as standard deviations: gain and rotation of each sensor; a value at rest, as a share of the rest field.
 GAIN, ROTATION_RAD, OFFSET = 0.03, 0.03, 0.01
 COPIES, TESTED_COPIES = 6, 3

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from fmfts.calibrate.evaluation import Row, rounded
+from fmfts.calibrate.evaluation import HONEST, WRONG, Row, rms, rounded
 from fmfts.calibrate.field_table import DataError
+from fmfts.calibrate.labelled_poses import Say
 from fmfts.pad import Array
 from fmfts_skin.calibrate.field_fit import LOAD_SHARE
-from fmfts_skin.calibrate.force_fit import Presses, Say, fit_maps
+from fmfts_skin.calibrate.force_fit import Presses, fit_maps
 from fmfts_skin.force_model import DIRECTIONS, Coverage, ForceModel, FoundForces, Mask
 
-HONEST, WRONG = 2.0, 5.0  # deviations
 # The stated prior weighs as much as so many left-out sessions.
 PRIOR_SESSIONS = 2.0
 UNLEARNT = (1.0, 1.0, 1.0)
@@ -52,7 +52,7 @@ class Judged:
 def coverage_of(force_n: Array, found: Array, variance: Array) -> Coverage:
     error = found - force_n
     in_deviations = np.abs(error) / np.sqrt(variance)
-    x, y, z = (rounded(np.sqrt(np.mean(error[:, i] ** 2))) for i in range(DIRECTIONS))
+    x, y, z = (rms(error[:, i]) for i in range(DIRECTIONS))
     within, beyond = float(np.mean(in_deviations <= HONEST)), float(np.mean(in_deviations > WRONG))
     return Coverage("sessions", len(error), (x, y, z), rounded(within), rounded(beyond))
 
@@ -114,7 +114,6 @@ def _model(
     return ForceModel(
         presses.route,
         presses.names,
-        fit_maps(presses, origin, say),
         len(np.unique(presses.session)),
         LOAD_SHARE["force_n"],
         widened,
@@ -122,6 +121,7 @@ def _model(
         -1.0 if presses.force_n[:, 2].mean() < 0.0 else 1.0,
         coverage or unjudged,
         origin,
+        fit_maps(presses, origin, say),
     )
 
 
