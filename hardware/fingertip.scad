@@ -12,7 +12,9 @@ cable = 6;                  // its diameter
 chips_apart = 25.4;
 from_steel = 30;            // the nearest chip from the hand's motor
 
-plate = 3;                  // under the pad
+plate = 3;                  // under the pad's rim
+rim = 3;                    // of the pad, which is glued; within it the silicone must be free to sink: the contact model
+                            // was made so, and a pad that is glued all over hardly moves its magnet
 plate_above_chips = 10;     // as in docs/build-a-pad.md: the magnet is 2 mm above it
 wall = 2.4;
 clearance = 0.3;            // on each side of what is put in
@@ -54,6 +56,8 @@ module body() {
         at_pad() block([bottom - lid_thickness - 1, board_top], inside[1], inside[0]);
         // Above the boards, less a ledge all around on which their edges lie.
         at_pad() block([board_top - 1, top - plate], inside[1] - 2 * ledge, inside[0] - 2 * ledge);
+        // The window under the pad.
+        at_pad() block([top - plate - 1, top + 1], pad_size[1] - 2 * rim, pad_size[0] - 2 * rim);
         // The cable leaves through the neck, and turns to the back of the finger before the motor.
         way = cable + 2 * clearance;
         translate([bottom + room / 2, 0, exit()]) cylinder(d = way, h = middle - exit(), $fn = 48);
