@@ -64,7 +64,7 @@ class SensorArray:
 
 # A cylinder's octupole is modelled where its field at a sensor exceeds the noise of a sample. That adds no unknown and
 # takes no time (`python -m fmfts_lab.bench speed`). On the standard pad it is 0.5 µT; without it the pose would be
-# wrong by a tenth of its Cramér–Rao bound (docs/studies.md).
+# wrong by a tenth of its Cramér–Rao bound (lab/README.md).
 NEGLECTED_OCTUPOLE_T = NOISE_T
 
 

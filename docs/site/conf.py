@@ -22,7 +22,7 @@ extensions = ["myst_parser", "sphinx.ext.autodoc"]
 root_doc = "README"
 include_patterns = [
     *("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md"),
-    *("docs/**.md", "lab/results/*.md", "clients/*/README.md", "extras/*/README.md", "firmware/README.md"),
+    *("docs/**.md", "lab/README.md", "lab/results/*.md", "clients/*/README.md", "extras/*/README.md", "firmware/*.md"),
 ]
 exclude_patterns = ["build", ".*", "**/node_modules"]
 suppress_warnings = ["myst.header"]  # README begins with its title as HTML, or with a second level

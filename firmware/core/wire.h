@@ -1,4 +1,4 @@
-// The wire between board and host. docs/wire.md is the definition; tests/data/wire_vectors.ini holds golden packets.
+// The wire between board and host. firmware/wire.md is the definition; tests/data/wire_vectors.ini holds golden packets.
 #ifndef FMFTS_WIRE_H
 #define FMFTS_WIRE_H
 

@@ -24,7 +24,7 @@ static const char usage[] =
     "Streams an emulated board on a pty, whose path it prints, until standard input closes or SIGTERM comes.\n"
     "  --pads N        pads on the board, 1 to 3 (1)\n"
     "  --array         the first pad has eight chips, on all channels of its mux; then at most 2 pads. The board finds\n"
-    "                  two pads of four there, until a host asks for one of eight (docs/wire.md, hello)\n"
+    "                  two pads of four there, until a host asks for one of eight (firmware/wire.md, hello)\n"
     "  --uid HEX24     the board's 96-bit id (686f73740000000000000001)\n"
     "  --link PATH     make PATH a symbolic link to the pty, and remove it at the end\n"
     "  --speed FACTOR  board seconds per second, 0.01 to 20 (1)\n"

@@ -1,4 +1,4 @@
-"""Writes wire_vectors.ini from docs/wire.md, field by field, sharing no code with the daemon or the firmware.
+"""Writes wire_vectors.ini from firmware/wire.md, field by field, sharing no code with the daemon or the firmware.
 
 Run by hand: python tests/data/make_wire_vectors.py > tests/data/wire_vectors.ini. A changed byte is a new wire version.
 """
@@ -6,7 +6,7 @@ Run by hand: python tests/data/make_wire_vectors.py > tests/data/wire_vectors.in
 from __future__ import annotations
 
 HEADER = """\
-# Golden packets of docs/wire.md, read by the C tests and the Python tests; made by make_wire_vectors.py.
+# Golden packets of firmware/wire.md, read by the C tests and the Python tests; made by make_wire_vectors.py.
 # Every value is a number (0x… or decimal) or a list of them with spaces between; `line` is hex, closing zero included.
 # Lists over pads: i2c_port, mux_address, bus_errors, bus_recoveries, config_repairs; sensor_count in hello and status.
 # Lists over pads and then sensors: channel, state; identification has three numbers a sensor.

@@ -197,7 +197,7 @@ TEST(decoder_refuses_every_board_packet)
     fclose(file);
 }
 
-// docs/wire.md: request_rate of the golden vectors, 220 Hz, id 3.
+// firmware/wire.md: request_rate of the golden vectors, 220 Hz, id 3.
 static const uint8_t rate_request[] = {0x05, 0x1a, 0x03, 0xff, 0xdc, 0x03, 0x0d, 0x57, 0x00};
 
 TEST(decoder_refuses_a_request_with_any_bit_flipped)

@@ -1,4 +1,4 @@
-// Random bytes almost never have the right CRC: this frames bytes as docs/wire.md says. damage: none; below OVERLONG, the bit
+// Random bytes almost never have the right CRC: this frames bytes as firmware/wire.md says. damage: none; below OVERLONG, the bit
 // that is flipped; from there on, by how much the last run of COBS reaches beyond the line.
 #ifndef FMFTS_FRAMED_H
 #define FMFTS_FRAMED_H

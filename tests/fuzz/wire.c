@@ -1,4 +1,4 @@
-// The daemon's compiled reader of the wire, over whatever a port gives: it reads exactly the packets that docs/wire.md
+// The daemon's compiled reader of the wire, over whatever a port gives: it reads exactly the packets that firmware/wire.md
 // allows, and leaves out superseded samples without touching any other byte.
 // The first two bytes are the patience. An input whose third byte is odd is a series of pieces: the size of a body, the body
 // and its damage, framed as lines. Any other is bytes as they are.
@@ -18,7 +18,7 @@ static uint8_t *copied(const uint8_t *bytes, size_t size)
     return copy;
 }
 
-// Sensors that a sample's body of this size may have by docs/wire.md; 0: it is no sample's.
+// Sensors that a sample's body of this size may have by firmware/wire.md; 0: it is no sample's.
 static size_t sensors_of(const uint8_t *body, size_t size)
 {
     size_t few = body[1] >> 4, more = (size - 19) / 8;

@@ -1,4 +1,4 @@
-"""Bytes from a board and its clock against docs/wire.md: packets by another encoder, times by linear programming.
+"""Bytes from a board and its clock against firmware/wire.md: packets by another encoder, times by linear programming.
 
 CRC-16/CCITT-FALSE bit by bit (polynomial 0x1021 from 0xFFFF), COBS as S. Cheshire and M. Baker describe it (IEEE/ACM
 Transactions on Networking 7, 1999). The line below all arrivals: S. Moon, P. Skelly, D. Towsley, INFOCOM 1999, as a
@@ -41,7 +41,7 @@ def stuffed(content: bytes) -> bytes:
 
 
 def sample(pad: int, sequence: int, time_us: int, gain: int, valid: int, fresh: int, raw: int, rows: Array) -> bytes:
-    """docs/wire.md, packet 1. rows (N, 4): counts and age."""
+    """firmware/wire.md, packet 1. rows (N, 4): counts and age."""
     head = bytes([0x11, pad | len(rows) << 4]) + struct.pack("<I", sequence) + time_us.to_bytes(6, "little")
     body = head + bytes([gain, valid, fresh]) + struct.pack("<h", raw)
     body += b"".join(struct.pack("<hhhH", *row) for row in rows.tolist())

@@ -17,7 +17,7 @@ else:
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-PAGES += sorted((ROOT / "lab/results").glob("*.md"))
+PAGES += [ROOT / "lab/README.md", *sorted((ROOT / "lab/results").glob("*.md"))]
 TABLE = Path(__file__).with_name("commands.toml")
 BLOCK = re.compile(
     r"^```(?:|sh|bash|console)\n(.*?)^```$|((?:^    [^\n]*\n(?:\n(?=    ))?)+)", re.MULTILINE | re.DOTALL

@@ -1,4 +1,4 @@
-"""docs/configuration.md says of each key of the configuration who turns it, and for what."""
+"""docs/configuration.md says when to set each key of the configuration."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ def keys_of(kind: inspect.Type, path: str = "") -> Iterator[str]:
                 yield from keys_of(field.type, f"{path}.{field.name}".removeprefix("."))
 
 
-def keys_told() -> Iterator[str]:
+def keys_listed() -> Iterator[str]:
     table = ""
     for line in PAGE.read_text().splitlines():
         if heading := re.match(r"## \[+([\w.]+)\]+$", line):
             table = heading[1]
-        elif row := re.match(r"\| `(\w+)` \| \S.* \| \S.* \|$", line):
+        elif row := re.match(r"- `(\w+)`: \S.+$", line):
             yield f"{table}.{row[1]}"
 
 
-def test_every_key_has_one_row_that_says_who_turns_it_and_for_what() -> None:
-    told, keys = list(keys_told()), set(keys_of(inspect.type_info(CollectingConfig)))
+def test_page_says_once_when_to_set_each_key() -> None:
+    listed, keys = list(keys_listed()), set(keys_of(inspect.type_info(CollectingConfig)))
     assert {"pad.source.clock_hz", "bus.endpoint", "collect.stage.step_mm"} <= keys, "the walk finds the keys"
-    assert len(told) == len(set(told)), "a key has two rows"
-    assert set(told) == keys
+    assert len(listed) == len(set(listed)), "a key is listed twice"
+    assert set(listed) == keys
 
 
-def test_the_page_counts_the_keys() -> None:
+def test_page_counts_the_keys() -> None:
     keys = set(keys_of(inspect.type_info(CollectingConfig)))
     of_collect = {key for key in keys if key.startswith("collect.")}
     assert f"{len(keys - of_collect)} keys are the daemon's, {len(of_collect)} those of `collect`." in PAGE.read_text()

@@ -210,7 +210,7 @@ def test_the_drive_of_an_untouched_pad_is_the_mean_along_the_slopes(model: Conta
 
 
 def test_the_lead_is_the_frames_time_on_the_line() -> None:
-    """docs/wire.md: 53 bytes of four sensors take 1.15 ms at 460800 baud."""
+    """firmware/wire.md: 53 bytes of four sensors take 1.15 ms at 460800 baud."""
     bridge = PadConfig(name="left", source=BridgeSource(port="/dev/ttyUSB0"), geometry=GeometryConfig())
     assert lead_of(bridge).frame_s - HOST_S == pytest.approx(1.15e-3, abs=1e-5)
     assert lead_of(CONFIG).frame_s == HOST_S

@@ -54,7 +54,7 @@ static bool pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t ar
     while ((zero = memchr(bus->bytes + begin, 0, size - begin))) {
         const uint8_t *text = bus->bytes + begin;
         size_t bytes = (size_t)(zero - text);
-        /* The first two bytes of samples and early samples (docs/wire.md) are never zero, so COBS does not change them. */
+        /* The first two bytes of samples and early samples (firmware/wire.md) are never zero, so COBS does not change them. */
         unsigned pad_index = bytes > 2 ? text[2] & 15 : FMFTS_WIRE_PADS;
         PyObject *object = pad_index < FMFTS_WIRE_PADS ? line->pad[pad_index] : NULL;
         fmfts_pad_object *pad = object ? fmfts_lent_pad(object) : NULL;

@@ -33,7 +33,7 @@ typedef struct {
     double field_t[3], strength_t;
 } fmfts_reference;
 
-/* One raw frame. readings: per sensor x, y, z and age in µs, little-endian, as in docs/wire.md. Masks: bit i for sensor i. */
+/* One raw frame. readings: per sensor x, y, z and age in µs, little-endian, as in firmware/wire.md. Masks: bit i for sensor i. */
 typedef struct {
     const uint8_t *readings;
     int64_t time_us, host_ns; /* the same instant on the board's clock and on the host's */

@@ -1,4 +1,4 @@
-"""One chip's sample that comes before the frame that holds it, so that nobody waits for the frame (docs/wire.md)."""
+"""One chip's sample that comes before the frame that holds it, so that nobody waits for the frame (wire.md)."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ AGE_UNKNOWN_US = 65535
 READING_BYTES = 8
 
 
-# A reading as docs/wire.md has it: gain code, masks of valid and of fresh sensors, and 8 bytes for each sensor.
+# A reading as firmware/wire.md has it: gain code, masks of valid and of fresh sensors, and 8 bytes for each sensor.
 Packed = tuple[int, int, int, bytes]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-NUMBERS = 2**32  # docs/wire.md
+NUMBERS = 2**32  # firmware/wire.md
 MOST_MISSING = 1 << 16  # five minutes at 220 Hz: longer than any computer stalls
 
 

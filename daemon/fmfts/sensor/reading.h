@@ -1,4 +1,4 @@
-/* A frame's readings: of each sensor x, y, z as int16 and the age in µs as uint16, little-endian (frame.py, docs/wire.md),
+/* A frame's readings: of each sensor x, y, z as int16 and the age in µs as uint16, little-endian (frame.py, firmware/wire.md),
  * and how many there are at most. */
 #ifndef FMFTS_READING_H
 #define FMFTS_READING_H

@@ -73,7 +73,7 @@ struct chip {
     enum bus_result (*set)(const struct chip_wires *wires);
     // The status, and what else the chip tells in the same transfer.
     enum bus_result (*read_status)(const struct chip_wires *wires, struct chip_sample *sample);
-    // x, y, z in the counts of docs/wire.md; saturated axes marked as the daemon's description of the chip says. NULL:
+    // x, y, z in the counts of firmware/wire.md; saturated axes marked as the daemon's description of the chip says. NULL:
     // `read_status` brings them.
     enum bus_result (*read_counts)(const struct chip_wires *wires, int16_t counts[3]);
     enum bus_result (*read_thermometer)(const struct chip_wires *wires, int16_t *raw); // NULL: none, or as above

@@ -2,7 +2,7 @@
 
     python -m fmfts_lab.calibration.standard_set tests/data/calibration_1.23T.csv
 
-The force is that of a load cell under the probe (docs/pad-model.md).
+The force is that of a load cell under the probe (lab/README.md).
 """
 
 from __future__ import annotations

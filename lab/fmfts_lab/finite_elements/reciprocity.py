@@ -2,7 +2,7 @@
 
 Maxwell–Betti: in a linear solid, load A does the same work on the displacement of load B as B on that of A. So five
 solutions (three unit forces and two unit couples on the magnet) give the magnet's displacement and tilt under every
-distribution of force on the top face. It holds for small strains; docs/pad-model.md says how far.
+distribution of force on the top face. It holds for small strains; lab/README.md says how far.
 """
 
 from __future__ import annotations

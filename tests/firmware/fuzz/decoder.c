@@ -1,4 +1,4 @@
-// The board's frame decoder: whatever bytes come, it accepts exactly the packets that docs/wire.md allows.
+// The board's frame decoder: whatever bytes come, it accepts exactly the packets that firmware/wire.md allows.
 // An input whose first byte is odd is a series of framed requests, each damaged or not; any other is bytes as they are.
 #include <string.h>
 

@@ -1,4 +1,4 @@
-// What the fuzz targets share: a second, independent reading of docs/wire.md, and how an input becomes bytes on the line.
+// What the fuzz targets share: a second, independent reading of firmware/wire.md, and how an input becomes bytes on the line.
 #ifndef FMFTS_FUZZ_H
 #define FMFTS_FUZZ_H
 

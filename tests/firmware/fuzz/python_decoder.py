@@ -44,7 +44,7 @@ def damaged(line: bytes, chance: random.Random) -> bytes:
 
 
 def crc_is_right(line: bytes) -> bool:
-    """COBS and CRC-16/CCITT-FALSE bit by bit, from docs/wire.md and nothing else."""
+    """COBS and CRC-16/CCITT-FALSE bit by bit, from firmware/wire.md and nothing else."""
     packet, place = bytearray(), 0
     while place < len(line):
         code = line[place]

@@ -47,7 +47,7 @@ static void check_settings(void)
     require(settings->gain_code < HMC5983_GAIN_CODES, "the gain is one that the chip has");
     require(settings->trigger <= TRIGGER_SIMULTANEOUS, "the trigger is one of the two");
     // What simultaneous triggers reach depends on the chips, which may be found after the request.
-    require(settings->rate_hz >= 1 && settings->rate_hz <= RATE_MAX_HZ, "the rate is one of docs/wire.md");
+    require(settings->rate_hz >= 1 && settings->rate_hz <= RATE_MAX_HZ, "the rate is one of firmware/wire.md");
     require(emulation.bench.contentions == 0, "no two chips are read at once");
 }
 
@@ -73,7 +73,7 @@ static bool pads_can_be(unsigned wanted)
     return wanted == 0 && sensors <= 12;
 }
 
-// What docs/wire.md says of a whole request, as long as no self-test keeps the board busy.
+// What firmware/wire.md says of a whole request, as long as no self-test keeps the board busy.
 static enum wire_result expected_result(uint8_t type, uint8_t pad_index, unsigned argument)
 {
     const struct sampler *sampler = &emulation.device.sampler;

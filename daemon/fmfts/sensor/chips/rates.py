@@ -8,7 +8,7 @@ from typing import NamedTuple
 from fmfts.sensor.chips.chip import Chip
 
 USUAL_RATE_HZ = 220
-BRIDGE_HZ = 220  # docs/wire.md, host → board: the most that the firmware accepts of any chip
+BRIDGE_HZ = 220  # firmware/wire.md, host → board: the most that the firmware accepts of any chip
 BOARD_READ_US = 680  # the firmware's time for one sensor between two triggers, and for how many board_single_hz is
 BOARD_READ_SENSORS = 4
 # On I2C, as `Driver.sample_bits`. Select: START, address, control byte, STOP; then the chip's own transfer.

@@ -1,4 +1,4 @@
-"""The packets of docs/wire.md that a pad on an I2C bus makes of its sensors, as a board would."""
+"""The packets of firmware/wire.md that a pad on an I2C bus makes of its sensors, as a board would."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def frame_of(sensors: Sequence[Sensor], chip: Chip, settings: Settings, index: i
 
 
 def hello_of(sensors: Sequence[Sensor], wiring: PadWiring, bus_number: int) -> HelloPad:
-    """Without a mux, the wire has 0 as its address, and the sensor's own address as the channel (docs/wire.md)."""
+    """Without a mux, the wire has 0 as its address, and the sensor's own address as the channel (firmware/wire.md)."""
     pad_mux = next(iter(wiring.mux_addresses), NO_MUX)
     return HelloPad(
         bus_number & 0xFF,

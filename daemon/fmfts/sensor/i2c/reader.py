@@ -1,7 +1,7 @@
 """The process that owns one I2C bus: `python -m fmfts.sensor.i2c.reader CALL_RECORD_FD CONFIG_JSON`.
 
 A wedged bus blocks each call for seconds, so a process of its own makes the calls. It behaves like a board: it writes
-packets of docs/wire.md to stdout and reads requests from stdin. Sentences for people go to stderr. It ends with stdin.
+packets of firmware/wire.md to stdout, reads requests from stdin and ends with it. Sentences for people go to stderr.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ class Reader:
         if result != Result.DONE:
             return
         if request.verb == Verb.HELLO:
-            self._early = 0  # as docs/wire.md has it
+            self._early = 0  # as firmware/wire.md has it
             self._send(self._hello())
         elif request.verb == Verb.STATUS:
             self._send(self._status())

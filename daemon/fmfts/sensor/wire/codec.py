@@ -1,4 +1,4 @@
-"""Packs packets to bytes (header and body, docs/wire.md) and unpacks them; framing.py adds CRC and COBS."""
+"""Packs packets to bytes (header and body, firmware/wire.md) and unpacks them; framing.py adds CRC and COBS."""
 
 from __future__ import annotations
 

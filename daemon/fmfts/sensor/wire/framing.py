@@ -1,4 +1,4 @@
-"""Packets as a stream of bytes: adds CRC and COBS, and finds the packets in any bytes that arrive (docs/wire.md)."""
+"""Packets as a stream of bytes: adds CRC and COBS, and finds the packets in any bytes that arrive (wire.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The packets of docs/wire.md as values, from boards and from hosts; codec.py turns them into bytes."""
+"""The packets of firmware/wire.md as values, from boards and from hosts; codec.py turns them into bytes."""
 
 from __future__ import annotations
 

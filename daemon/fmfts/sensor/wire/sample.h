@@ -1,4 +1,4 @@
-/* Decodes the sample and early packets of docs/wire.md; only these come often. No allocation, no globals. */
+/* Decodes the sample and early packets of firmware/wire.md; only these come often. No allocation, no globals. */
 #ifndef FMFTS_SAMPLE_H
 #define FMFTS_SAMPLE_H
 
