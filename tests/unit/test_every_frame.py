@@ -123,10 +123,10 @@ def test_warm_pad_whose_temperature_is_not_told_is_no_contact(missing: range) ->
 
 @cache
 def _healthy_pad() -> tuple[PadConfig, Baseline, list[Frame], list[Frame]]:
-    """Its frames of 0.4 s, and of the 15 s after those: so long the noise of samples that trembled is remembered, for
-    its variance falls over 512 frames (pose/alternating.c)."""
+    """Its frames of 0.4 s, and of the 3.2 s after those: 256 calm frames until the variance of samples that trembled
+    falls, some 200 while it does, and 12 looks of 16 frames until their end is believed (pose/alternating.c)."""
     config = config_of(5)
-    return config, simulated_baseline(config), frames_of(config, 0.4), frames_of(config, 15.4)[88:]
+    return config, simulated_baseline(config), frames_of(config, 0.4), frames_of(config, 3.6)[88:]
 
 
 @given(data=st.data())

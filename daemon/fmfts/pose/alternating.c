@@ -20,10 +20,12 @@
 #define OTHER_WAY 0.5
 /* Once found, a spectrum is made once in so many frames; so many without a line, or much noise, end it. */
 enum { LOOK_EVERY = 16, QUIET_LOOKS = 12 };
-/* The variance follows χ² over so many frames, at most by a factor of MOST_RATIO in each, up to LARGEST_T: soon upwards, and late
- * down, as the phases that chips see beat with the differences of their clocks. */
+/* The variance follows χ², at most by a factor of MOST_RATIO in each frame, up to LARGEST_T: upwards over RISE_FRAMES, and downwards
+ * over FALL_FRAMES once CALM_FRAMES passed without a rise. The phases that chips see beat with the differences of their clocks: while
+ * what alternates lasts, no calm is as long. */
 #define RISE_FRAMES 8.0
-#define FALL_FRAMES 512.0
+#define FALL_FRAMES 32.0
+#define CALM_FRAMES 256
 #define MOST_RATIO 4.0
 #define LARGEST_T 4e-6
 /* A line that is told, and what must be added to noise, as a share of it, to be told. */
@@ -87,7 +89,7 @@ static double turned(fmfts_step *step)
 static void begin(fmfts_pose_memory *memory)
 {
     memory->alternates = 1;
-    memory->ring_frames = memory->quiet_rings = 0;
+    memory->ring_frames = memory->quiet_rings = memory->calm_frames = 0;
     memory->surprises = memory->alternating_t2 = memory->line_hz = memory->line_t = 0.0;
 }
 
@@ -137,7 +139,12 @@ static void follow_variance(fmfts_step *step)
     }
     double counted_twice_t2 = (FMFTS_ALTERNATING_SHARE - 1.0) * *variance_t2;
     double missing_t2 = mean_t2 * (fmin(ratio, MOST_RATIO) - 1.0) + counted_twice_t2;
-    *variance_t2 += missing_t2 / (missing_t2 > 0.0 ? RISE_FRAMES : FALL_FRAMES);
+    if (missing_t2 > 0.0) {
+        *variance_t2 += missing_t2 / RISE_FRAMES;
+        step->memory->calm_frames = 0;
+    } else if (++step->memory->calm_frames > CALM_FRAMES) {
+        *variance_t2 += missing_t2 / FALL_FRAMES;
+    }
     *variance_t2 = fmin(fmax(*variance_t2, 0.0), LARGEST_T * LARGEST_T);
 }
 

@@ -150,6 +150,7 @@ typedef enum {
     ONE(double, steady_variance)                                                                                       \
     ONE(int64_t, alternates) /* alternating.c: the ambient field is solved for as one that alternates */               \
     ONE(double, alternating_t2) /* the variance that it adds to each axis */                                           \
+    ONE(int64_t, calm_frames) /* since that variance rose */                                                           \
     MANY(double, last_surprise, FMFTS_AXES + 1)                                                                        \
     ONE(double, surprises) /* how much recent frames surprised, each the other way */                                  \
     MANY(double, last_ambient_t, 3)                                                                                    \
