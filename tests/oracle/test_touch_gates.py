@@ -11,7 +11,6 @@ from scipy.stats import chi2
 from fmfts.common.record import Record
 from fmfts.contact import TouchDetector
 from fmfts.contact._contact import PARAMETERS
-from fmfts.contact.touch import chi2_from_rest
 from fmfts.pose.gates import JUMP_PROBABILITY
 from oracle.compiled import library_of, memory_between, part_of, pointer
 from oracle.field import Array
@@ -21,27 +20,27 @@ RATE_HZ = 220.0
 
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
-    library = library_of(tmp_path_factory.mktemp("touch"), "contact/touch.c", "contact/smooth.c")
+    library = library_of(tmp_path_factory.mktemp("touch"), "contact/touch.c", "contact/smooth.c", "arithmetic/matrix.c")
     library.fmfts_chi2_from_rest.restype = library.fmfts_touch.restype = ctypes.c_bool
     library.fmfts_smooth.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p]
     return library
 
 
-def covariance_of(random: np.random.Generator, size: int = 5) -> Array:
-    scale = np.array([1e-5, 1e-5, 4e-6, 2e-3, 2e-3])[:size]
-    mixed = np.eye(size) + 0.3 * random.normal(size=(size, size))
+def covariance_of(random: np.random.Generator, magnets: int = 1) -> Array:
+    scale = np.tile([1e-5, 1e-5, 4e-6, 2e-3, 2e-3], magnets)
+    mixed = np.eye(len(scale)) + 0.3 * random.normal(size=(len(scale), len(scale)))
     return np.asarray((mixed @ mixed.T) * scale[:, None] * scale)
 
 
-def test_chi2_from_rest_is_that_of_the_inverse(compiled: ctypes.CDLL) -> None:
-    random = np.random.default_rng(1)
+@pytest.mark.parametrize("magnets", [1, 4, 9])
+def test_chi2_from_rest_is_that_of_the_inverse(compiled: ctypes.CDLL, magnets: int) -> None:
+    random, numbers = np.random.default_rng(1), 5 * magnets
     for _ in range(50):
-        covariance, found = covariance_of(random), np.zeros(1)
-        moved = np.linalg.cholesky(covariance) @ random.normal(size=5) * 3.0
-        expected = pytest.approx(moved @ np.linalg.solve(covariance, moved), rel=1e-9)
-        assert chi2_from_rest(moved, covariance) == expected
-        assert compiled.fmfts_chi2_from_rest(pointer(moved), pointer(covariance), pointer(found))
-        assert found[0] == expected
+        covariance, found = covariance_of(random, magnets), np.zeros(1)
+        moved = np.linalg.cholesky(covariance) @ random.normal(size=numbers) * 3.0
+        assert compiled.fmfts_chi2_from_rest(numbers, pointer(moved), pointer(covariance), pointer(found))
+        assert found[0] == pytest.approx(moved @ np.linalg.solve(covariance, moved), rel=1e-9)
+    assert not compiled.fmfts_chi2_from_rest(numbers, pointer(moved), pointer(-covariance), pointer(found))
 
 
 def test_touch_begins_and_ends_as_docs_say(compiled: ctypes.CDLL) -> None:
@@ -64,7 +63,7 @@ def test_touch_begins_and_ends_as_docs_say(compiled: ctypes.CDLL) -> None:
         before, touched = touched, distance > onset or (touched and quiet < 5)
         changes += before != touched
         assert detector.update(moved, covariance) == touched
-        assert compiled.fmfts_touch(part_of(parameters), part_of(memory), pointer(moved), pointer(covariance))
+        assert compiled.fmfts_touch(part_of(parameters), part_of(memory), 5, pointer(moved), pointer(covariance))
         assert bool(memory.number("touched")) == touched
         assert memory.number("quiet_frames") == quiet
     assert changes > 20

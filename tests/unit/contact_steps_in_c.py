@@ -73,7 +73,9 @@ class TouchInC:
 
     def update(self, displacement: Array, covariance: Array) -> bool | None:
         taken = np.ascontiguousarray(displacement), np.ascontiguousarray(covariance)
-        known = COMPILED.fmfts_touch(part_of(self._parameters), part_of(self.memory), *map(pointer, taken))
+        known = COMPILED.fmfts_touch(
+            part_of(self._parameters), part_of(self.memory), len(displacement), *map(pointer, taken)
+        )
         return self.touched if known else None
 
     def presses(self, estimate: Estimate) -> bool:

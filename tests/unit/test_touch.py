@@ -142,7 +142,6 @@ def test_contact_near_the_threshold_does_not_flicker(kind: Kind) -> None:
 def test_without_a_pose_there_is_no_answer_and_a_contact_outlasts_the_gap(kind: Kind) -> None:
     detector = kind(rate_hz=220.0)
     detector.update(at_chi2(100.0), COVARIANCE)
-    assert TouchDetector(rate_hz=220.0).update(None, None) is None
     assert detector.update(REST * np.nan, COVARIANCE) is None
     assert detector.update(REST, COVARIANCE * 0.0) is None
     assert detector.update(REST, COVARIANCE * np.nan) is None

@@ -230,30 +230,38 @@ static PyObject *estimate(PyObject *module, PyObject *args)
     return result;
 }
 
-/* touch(onset_chi2, release_chi2, touched, quiet_frames, chi2): both as they are after a frame. NaN: it has no pose. */
+/* touch(onset_chi2, release_chi2, touched, quiet_frames, change, covariance): both as they are after a frame. change: empty if the
+ * frame has no pose. */
 static PyObject *touch(PyObject *module, PyObject *args)
 {
     fmfts_contact_parameters parameters = {0};
     fmfts_contact_memory memory = {0};
-    double chi2;
+    Py_buffer b[2] = {{0}};
+    PyObject *result = NULL;
     int touched, quiet_frames;
     (void)module;
-    if (!PyArg_ParseTuple(args, "ddpid", &parameters.onset_chi2, &parameters.release_chi2, &touched, &quiet_frames, &chi2)) {
+    if (!PyArg_ParseTuple(args, "ddpiy*y*", &parameters.onset_chi2, &parameters.release_chi2, &touched, &quiet_frames, &b[0],
+                          &b[1])) {
         return NULL;
     }
-    if (quiet_frames < 0 || quiet_frames > FMFTS_RELEASE_FRAMES) {
-        PyErr_Format(PyExc_ValueError, "%d quiet frames: from 0 to %d are counted", quiet_frames, FMFTS_RELEASE_FRAMES);
-        return NULL;
+    const size_t unit = sizeof(double), numbers = (size_t)b[0].len / unit;
+    if (quiet_frames < 0 || quiet_frames > FMFTS_RELEASE_FRAMES || numbers > FMFTS_MOST_CHANGE) {
+        PyErr_Format(PyExc_ValueError, "%d quiet frames, at most %d; %zu numbers of a change, at most %d", quiet_frames,
+                     FMFTS_RELEASE_FRAMES, numbers, FMFTS_MOST_CHANGE);
+    } else if (has_size(&b[0], numbers * unit, unit, "change") && has_size(&b[1], numbers * numbers * unit, unit, "covariance")) {
+        bool is_known = true;
+        memory.touched = touched;
+        memory.quiet_frames = quiet_frames;
+        if (numbers == 0) {
+            fmfts_unseen(&memory);
+        } else {
+            is_known = fmfts_touch(&parameters, &memory, numbers, b[0].buf, b[1].buf);
+        }
+        result = Py_BuildValue("(NiN)", PyBool_FromLong(memory.touched != 0.0),
+                               (int)fmin(memory.quiet_frames, FMFTS_RELEASE_FRAMES), PyBool_FromLong(is_known));
     }
-    memory.touched = touched;
-    memory.quiet_frames = quiet_frames;
-    if (isnan(chi2)) {
-        fmfts_unseen(&memory);
-    } else {
-        fmfts_follow_touch(&parameters, &memory, chi2);
-    }
-    return Py_BuildValue("(Ni)", PyBool_FromLong(memory.touched != 0.0),
-                         (int)fmin(memory.quiet_frames, FMFTS_RELEASE_FRAMES));
+    release(b, 2);
+    return result;
 }
 
 static PyMethodDef methods[] = {

@@ -21,8 +21,11 @@ class Evaluated(Protocol):
     def jacobian(self) -> NDArray[np.float32]: ...
     def run(self) -> None: ...
 
-def touch(onset_chi2: float, release_chi2: float, touched: bool, quiet_frames: int, chi2: float, /) -> tuple[bool, int]:
-    """Whether a pad is touched after a frame with this χ² from rest (NaN: none), and how many quiet ones there were."""
+def touch(
+    onset_chi2: float, release_chi2: float, touched: bool, quiet_frames: int, change: Buffer, covariance: Buffer, /
+) -> tuple[bool, int, bool]:
+    """Whether a pad is touched after a frame with this change (P,) from rest, and its covariance (P, P); how many quiet
+    frames there were; and False if the covariance is none. Both empty: the frame has no pose."""
 
 def infer(vector: Buffer, pose: Buffer, contact: Buffer, jacobian: Buffer, /) -> None: ...
 def respond(

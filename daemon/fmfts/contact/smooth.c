@@ -26,7 +26,7 @@ static bool has_jumped(const fmfts_contact_parameters *parameters, const double 
             expected[COMPONENTS * i + j] = 2.0 * covariance[POSE * i + j];
         }
     }
-    return !fmfts_chi2_from_rest(moved, expected, &chi2) || chi2 > parameters->smoothing_jump_chi2;
+    return !fmfts_chi2_from_rest(COMPONENTS, moved, expected, &chi2) || chi2 > parameters->smoothing_jump_chi2;
 }
 
 static void begin(fmfts_contact_memory *memory, const double *pose)

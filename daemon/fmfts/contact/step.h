@@ -89,16 +89,16 @@ typedef struct {
     bool over_range, refused;
 } fmfts_estimate;
 
-/* touch.c: χ² of a change of pose [5] with its covariance [5][5]. False if that is not one. */
-bool fmfts_chi2_from_rest(const double *change, const double *covariance, double *chi2);
+/* The most numbers of a change of pose: five of each magnet. */
+#define FMFTS_MOST_CHANGE 45
 
-/* touch.c: updates memory->touched from the change of pose [5] and its covariance [5][5]. False, and nothing changes, if χ² is not
- * known. */
-bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const double *change,
-                 const double *covariance);
+/* touch.c: χ² of a change of pose [numbers] with its covariance [numbers][numbers]. False if that is not one. */
+bool fmfts_chi2_from_rest(size_t numbers, const double *change, const double *covariance, double *chi2);
 
-/* touch.c: the same of a χ² from rest. */
-void fmfts_follow_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double chi2);
+/* touch.c: updates memory->touched from the change of pose and its covariance, as for fmfts_chi2_from_rest. False, and
+ * nothing changes, if χ² is not known. */
+bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, size_t numbers,
+                 const double *change, const double *covariance);
 
 /* touch.c: updates memory->in_contact, by the estimate of the frame that fmfts_touch judged. */
 void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const fmfts_estimate *estimate);

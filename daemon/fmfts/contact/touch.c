@@ -5,34 +5,28 @@
  */
 #include <math.h>
 
-#include "../pose/algebra.h"
+#include <string.h>
+
+#include "../arithmetic/matrix.h"
 #include "step.h"
 
 /* A contact begins when its force exceeds FMFTS_CERTAIN_FORCE_DEVIATIONS of its deviations, and ends below so many. */
 #define KEPT_FORCE_DEVIATIONS 1.0
 
-bool fmfts_chi2_from_rest(const double *change, const double *covariance, double *chi2)
+bool fmfts_chi2_from_rest(size_t numbers, const double *change, const double *covariance, double *chi2)
 {
-    fmfts_matrix a, work;
-    double solved[5];
-    for (size_t i = 0; i < 5; i++) {
-        solved[i] = change[i];
-        for (size_t j = i; j < 5; j++) {
-            a[i][j] = covariance[5 * i + j];
-        }
-    }
-    if (!factor(5, a, 0.0, work)) {
+    double root[FMFTS_MOST_CHANGE * FMFTS_MOST_CHANGE], white[FMFTS_MOST_CHANGE];
+    memcpy(root, covariance, numbers * numbers * sizeof(double));
+    memcpy(white, change, numbers * sizeof(double));
+    if (!fmfts_cholesky(numbers, root)) {
         return false;
     }
-    solve_factored(5, work, solved);
-    *chi2 = 0.0;
-    for (int i = 0; i < 5; i++) {
-        *chi2 += change[i] * solved[i];
-    }
+    fmfts_solve_lower(numbers, 1, root, white);
+    fmfts_product(1, numbers, 1, white, white, chi2);
     return isfinite(*chi2);
 }
 
-void fmfts_follow_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double chi2)
+static void follow(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double chi2)
 {
     memory->quiet_frames = chi2 < parameters->release_chi2 ? memory->quiet_frames + 1.0 : 0.0;
     if (chi2 > parameters->onset_chi2) {
@@ -42,14 +36,14 @@ void fmfts_follow_touch(const fmfts_contact_parameters *parameters, fmfts_contac
     }
 }
 
-bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const double *change,
-                 const double *covariance)
+bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, size_t numbers,
+                 const double *change, const double *covariance)
 {
     double chi2;
-    if (!fmfts_chi2_from_rest(change, covariance, &chi2)) {
+    if (!fmfts_chi2_from_rest(numbers, change, covariance, &chi2)) {
         return false;
     }
-    fmfts_follow_touch(parameters, memory, chi2);
+    follow(parameters, memory, chi2);
     return true;
 }
 

@@ -1,11 +1,11 @@
-"""A χ² test of the displacement from rest: its thresholds, and χ² of several magnets. touch.c does the rest."""
+"""A χ² test of the displacement from rest: its thresholds, and a pad with several magnets. touch.c has the rest."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite, nan
 
-from fmfts.arithmetic.matrix import SingularError, cholesky, product, solve_lower
+import numpy as np
+
 from fmfts.common.chi2 import quantile
 from fmfts.contact import _contact
 from fmfts.contact._contact import RELEASE_FRAMES
@@ -45,37 +45,24 @@ class TouchDetector:
         self.longest_gap_s = (RELEASE_FRAMES + 0.5) / rate_hz
         self.memory = TouchMemory()
 
-    def update(self, displacement: Array | None, covariance: Array | None) -> bool | None:
+    def update(self, change: Array, covariance: Array) -> bool | None:
         """Whether the pad is touched after this frame; None, and nothing changes, if the frame has no usable pose.
 
-        displacement (5M,): from rest, position in m and axis in rad; covariance (5M, 5M): includes that of rest.
+        change (5M,): from rest, position in m and axis in rad; covariance (5M, 5M): includes that of rest.
         """
-        chi2 = chi2_from_rest(displacement, covariance)
-        if chi2 is None:
-            return None
-        self._follow(chi2)
-        return self.memory.touched
+        return self.memory.touched if self._follow(change, covariance) else None
 
     def unseen(self) -> None:
         """A frame without a pose. After RELEASE_FRAMES of them a contact is released, and a new one needs an onset."""
-        self._follow(nan)
+        self._follow(np.empty(0), np.empty((0, 0)))
 
-    def _follow(self, chi2: float) -> None:
-        memory, thresholds = self.memory, (self.onset_chi2, self.release_chi2)
-        memory.touched, memory.quiet_frames = _contact.touch(*thresholds, memory.touched, memory.quiet_frames, chi2)
+    def _follow(self, change: Array, covariance: Array) -> bool:
+        memory, given = self.memory, (np.ascontiguousarray(change), np.ascontiguousarray(covariance))
+        memory.touched, memory.quiet_frames, is_known = _contact.touch(
+            self.onset_chi2, self.release_chi2, memory.touched, memory.quiet_frames, *given
+        )
+        return is_known
 
     def forget(self) -> None:
         """Begin again, untouched."""
         self.memory.touched, self.memory.quiet_frames = False, 0
-
-
-def chi2_from_rest(displacement: Array | None, covariance: Array | None) -> float | None:
-    """dᵀΣ⁻¹d; None unless Σ is positive definite and all is finite."""
-    if displacement is None or covariance is None:
-        return None
-    try:
-        whitened = solve_lower(cholesky(covariance), displacement)
-    except SingularError:
-        return None
-    chi2: float = product(whitened, whitened)
-    return chi2 if isfinite(chi2) else None

@@ -73,7 +73,7 @@ void fmfts_find_change(const fmfts_pad *pad, fmfts_frame_work *work)
     fmfts_displace(step->parameters, step->memory, step->memory->state, &step->pose,
                    overlaps ? (const double(*)[5])overlap : NULL, &work->displacement);
     work->touch_is_known =
-        fmfts_touch(contact, &work->memory->contact, work->displacement.change, work->displacement.at_rest);
+        fmfts_touch(contact, &work->memory->contact, FMFTS_MOVED, work->displacement.change, work->displacement.at_rest);
 }
 
 bool fmfts_find_contact(const fmfts_pad *pad, fmfts_frame_work *work)

@@ -130,7 +130,7 @@ static bool is_pressed(const fmfts_pad *pad, const fmfts_memory *memory, const f
     double chi2;
     bool is_certain = memory->contact.in_contact != 0.0 || estimate->doubt < 1.0;
     return memory->motion.motion_state[2] < 0.0 && is_certain &&
-           fmfts_chi2_from_rest(displacement->change, displacement->at_rest, &chi2) &&
+           fmfts_chi2_from_rest(FMFTS_MOVED, displacement->change, displacement->at_rest, &chi2) &&
            chi2 > pad->parameters->contact.release_chi2;
 }
 
