@@ -8,7 +8,7 @@ import numpy as np
 
 from fmfts.pad import Pad
 from fmfts.pose import STOP_CONVERGED, Motion, Part, Prior, Problem, State, parts_of
-from fmfts.pose.model import predict
+from fmfts.pose.kernel import predict
 from fmfts.pose.problem import (
     AGE,
     DIRECTION,

@@ -9,7 +9,8 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.stats import chi2 as chi2_distribution
 
-from fmfts.pose import STOP_CONVERGED, Prior, Problem, State, Status, parts_of, solve_problem
+from fmfts.pose import STOP_CONVERGED, Motion, Prior, Problem, State, Status, parts_of, solve_problem
+from fmfts.pose.kernel import deviations, predict
 from fmfts.pose.problem import MEASUREMENT
 from fmfts.pose.state import Neighbour
 from kernel.problems import random_problem
@@ -106,6 +107,31 @@ def test_each_derivative_is_the_potentials(neighbours: int, octupole: bool) -> N
             # What differences of fourth order leave is 1e-8 of a derivative; a pair may be nearly parallel.
             deviation = np.sqrt(np.diag(wanted))
             assert (np.abs(told - wanted) < 1e-5 * deviation[:, None] * deviation).all(), pair
+
+
+@pytest.mark.parametrize("neighbours", [0, 2])
+def test_prediction_is_the_potentials(neighbours: int) -> None:
+    pose, _ = random_pose(2, 4, neighbours)
+    problem, at = problem_of(pose, [0]), np.zeros(len(pose.steps))
+    value_t, by_step = predict(problem.measurements, problem.magnets, problem.start)
+    assert value_t == pytest.approx(reading(pose.place_m, pose.direction, *pose.stepped(at)), rel=1e-12)
+    wanted = pose.deviation_t[:, None] * pose.jacobian(at)
+    assert (np.abs(by_step - wanted) < 1e-7 * np.abs(wanted).max(axis=0)).all()
+
+
+def test_deviations_of_old_samples_are_the_noise_and_what_moved() -> None:
+    pose, _ = random_pose(3)
+    problem, random = problem_of(pose, [0]), np.random.default_rng(3)
+    rows = problem.measurements
+    rows[:, 8], rows[:, 9], rows[4, 6] = 1e-3, random.uniform(0.0, 2e-3, len(rows)), np.nan
+    motion = Motion(random.normal(size=14) * 1e-3, random.uniform(size=14) * 1e-6)
+    problem = replace(problem, motion=motion)
+    told = deviations(problem)
+    assert told is not None
+    assert np.flatnonzero(np.isinf(told)).tolist() == [4]
+    assert told[np.isfinite(told)] == pytest.approx(pose_of(problem, problem.start).deviation_t, rel=1e-6)
+    rows[0, 7] = 0.0
+    assert deviations(problem) is None
 
 
 @pytest.mark.parametrize("seed", range(12))

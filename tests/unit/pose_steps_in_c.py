@@ -17,7 +17,7 @@ from fmfts.pipeline import _pad
 from fmfts.pipeline.parameters import put_neighbours
 from fmfts.pose import SIZE, PoseEstimate, State, tangent_basis
 from fmfts.pose.change import UPRIGHT, shortest_rotation
-from fmfts.pose.model import predict
+from fmfts.pose.kernel import predict
 from fmfts.pose.neighbour import NeighbourView
 from fmfts.pose.problem import Parts, magnet_rows, measurement_rows
 from fmfts.pose.silicone import TIMES_S, silicone_fields

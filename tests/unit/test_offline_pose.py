@@ -13,7 +13,7 @@ from fmfts.cli.main import main
 from fmfts.common import exit_codes
 from fmfts.pad import Pad
 from fmfts.pose import State, dipole_field
-from fmfts.pose.model import predict
+from fmfts.pose.kernel import predict
 from fmfts.pose.problem import magnet_rows, measurement_rows
 from fmfts.simulation.cylinder import cylinder_field
 

@@ -17,7 +17,7 @@ from fmfts.pose import (
     parts_of,
 )
 from fmfts.pose.acquisition import starts_in_box
-from fmfts.pose.model import predict
+from fmfts.pose.kernel import predict
 from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
 
 NOISE_T = 2e-7

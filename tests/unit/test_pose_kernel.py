@@ -16,8 +16,7 @@ from fmfts.pose import (
     parts_of,
     tangent_basis,
 )
-from fmfts.pose.kernel import Batch, _kernel, solve_problem
-from fmfts.pose.model import predict
+from fmfts.pose.kernel import Batch, _kernel, predict, solve_problem
 from fmfts.pose.problem import (
     NOISE,
     VALUE,

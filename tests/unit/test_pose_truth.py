@@ -29,7 +29,7 @@ from fmfts.pose import (
     tangent_basis,
 )
 from fmfts.pose.acquisition import starts_in_box
-from fmfts.pose.model import predict
+from fmfts.pose.kernel import predict
 from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
 
 ROOT = Path(__file__).parents[2]

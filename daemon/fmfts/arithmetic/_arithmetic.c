@@ -28,32 +28,14 @@ static size_t times(Py_ssize_t count, Py_ssize_t m, Py_ssize_t n)
     return fits ? (size_t)product : SIZE_MAX;
 }
 
-/* Raises ValueError and returns false unless array i has lengths[i] doubles. */
 static bool have_lengths(const arrays *a, const size_t *lengths)
 {
-    for (int i = 0; i < a->count; i++) {
-        size_t doubles = (size_t)a->buffer[i].len / sizeof(double);
-        if (doubles != lengths[i] || (size_t)a->buffer[i].len % sizeof(double)) {
-            PyErr_Format(PyExc_ValueError, "array %d has %zd bytes, %zu doubles expected", i, a->buffer[i].len, lengths[i]);
-            return false;
-        }
-        if (!fmfts_is_aligned(&a->buffer[i], sizeof(double))) {
-            return false;
-        }
-    }
-    return true;
-}
-
-static void release(arrays *a)
-{
-    for (int i = 0; i < a->count; i++) {
-        PyBuffer_Release(&a->buffer[i]);
-    }
+    return fmfts_have_doubles(a->buffer, lengths, a->count);
 }
 
 static PyObject *none_of(arrays *a)
 {
-    release(a);
+    fmfts_give_back(a->buffer, a->count);
     if (PyErr_Occurred()) {
         return NULL;
     }
@@ -62,7 +44,7 @@ static PyObject *none_of(arrays *a)
 
 static PyObject *truth_of(arrays *a, bool truth)
 {
-    release(a);
+    fmfts_give_back(a->buffer, a->count);
     return PyErr_Occurred() ? NULL : PyBool_FromLong(truth);
 }
 

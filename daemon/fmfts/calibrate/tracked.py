@@ -17,8 +17,7 @@ from fmfts.baseline import Mounting
 from fmfts.pad import Array, Pad
 from fmfts.pose import FREE_FIELD, FREE_PAPER, STOP_CONVERGED, Batch, State, parts_of, solve, tangent_basis
 from fmfts.pose.change import shortest_rotation
-from fmfts.pose.kernel import RESIDUAL, STATUS
-from fmfts.pose.model import predict
+from fmfts.pose.kernel import RESIDUAL, STATUS, predict
 from fmfts.pose.problem import MAX_ITERATIONS, VALUE, magnet_rows, measurement_rows
 
 Scene = Literal["drifting", "constant"]

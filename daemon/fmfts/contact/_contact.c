@@ -9,22 +9,6 @@
 #include "../common/aligned.h"
 #include "step.h"
 
-static void release(Py_buffer *buffer, int count)
-{
-    for (int i = 0; i < count; i++) {
-        PyBuffer_Release(&buffer[i]);
-    }
-}
-
-static int has_size(const Py_buffer *buffer, size_t bytes, size_t unit, const char *what)
-{
-    if ((size_t)buffer->len != bytes) {
-        PyErr_Format(PyExc_ValueError, "%s has %zd bytes, %zu expected", what, buffer->len, bytes);
-        return 0;
-    }
-    return fmfts_is_aligned(buffer, unit);
-}
-
 /* infer(vector, pose, contact, jacobian): all float32. ValueError if their sizes do not fit each other. */
 static PyObject *infer(PyObject *module, PyObject *args)
 {
@@ -40,13 +24,13 @@ static PyObject *infer(PyObject *module, PyObject *args)
         /* it has raised */
     } else if (!fmfts_view_network(b[0].buf, (size_t)b[0].len / sizeof(float), &network)) {
         PyErr_SetString(PyExc_ValueError, "the vector is none of a network");
-    } else if (has_size(&b[1], pose, sizeof(float), "pose") &&
-               has_size(&b[2], network.outputs * sizeof(float), sizeof(float), "contact") &&
-               has_size(&b[3], network.outputs * pose, sizeof(float), "jacobian")) {
+    } else if (fmfts_has_bytes(&b[1], pose, sizeof(float), "pose") &&
+               fmfts_has_bytes(&b[2], network.outputs * sizeof(float), sizeof(float), "contact") &&
+               fmfts_has_bytes(&b[3], network.outputs * pose, sizeof(float), "jacobian")) {
         fmfts_infer(&network, b[1].buf, b[2].buf, b[3].buf);
         result = Py_NewRef(Py_None);
     }
-    release(b, 4);
+    fmfts_give_back(b, 4);
     return result;
 }
 
@@ -68,7 +52,7 @@ static int are_presses(const Py_buffer *press, const fmfts_response *response, s
 {
     size_t one = (2 + response->loads) * sizeof(double);
     *count = (size_t)press->len / one;
-    return has_size(press, *count * one, sizeof(double), "press");
+    return fmfts_has_bytes(press, *count * one, sizeof(double), "press");
 }
 
 /* respond(response, press, change, slope): of each press. */
@@ -84,8 +68,8 @@ static PyObject *respond(PyObject *module, PyObject *args)
         return NULL;
     }
     if (is_response(&b[RESPONSE], &response) && are_presses(&b[PRESS], &response, &count) &&
-        has_size(&b[CHANGE], count * sizeof(double[FMFTS_MOVED]), sizeof(double), "change") &&
-        has_size(&b[SLOPE], (size_t)b[PRESS].len * FMFTS_MOVED, sizeof(double), "slope")) {
+        fmfts_has_bytes(&b[CHANGE], count * sizeof(double[FMFTS_MOVED]), sizeof(double), "change") &&
+        fmfts_has_bytes(&b[SLOPE], (size_t)b[PRESS].len * FMFTS_MOVED, sizeof(double), "slope")) {
         size_t size = 2 + response.loads;
         for (size_t k = 0; k < count; k++) {
             double slope[FMFTS_MOVED][FMFTS_MAX_PRESS], *out = (double *)b[SLOPE].buf + k * FMFTS_MOVED * size;
@@ -96,7 +80,7 @@ static PyObject *respond(PyObject *module, PyObject *args)
         }
         result = Py_NewRef(Py_None);
     }
-    release(b, BUFFERS);
+    fmfts_give_back(b, BUFFERS);
     return result;
 }
 
@@ -114,14 +98,14 @@ static PyObject *basis(PyObject *module, PyObject *args)
     }
     if (is_response(&b[RESPONSE], &response) && are_presses(&b[PRESS], &response, &count)) {
         size_t each = (response.knots[0] + 2) * (response.knots[1] + 2) * response.monomials;
-        if (has_size(&b[BASIS], count * each * sizeof(double), sizeof(double), "basis")) {
+        if (fmfts_has_bytes(&b[BASIS], count * each * sizeof(double), sizeof(double), "basis")) {
             for (size_t k = 0; k < count; k++) {
                 fmfts_basis(&response, (double *)b[PRESS].buf + k * (2 + response.loads), (double *)b[BASIS].buf + k * each);
             }
             result = Py_NewRef(Py_None);
         }
     }
-    release(b, BUFFERS);
+    fmfts_give_back(b, BUFFERS);
     return result;
 }
 
@@ -140,13 +124,13 @@ static PyObject *refine(PyObject *module, PyObject *args)
     }
     if (is_response(&b[RESPONSE], &response)) {
         const size_t press = 2 + response.loads, moved = FMFTS_MOVED, unit = sizeof(double);
-        if (has_size(&b[CHANGE], moved * unit, unit, "change") && has_size(&b[COVARIANCE], moved * moved * unit, unit, "covariance") &&
-            has_size(&b[PRESS], press * unit, unit, "press") && has_size(&b[SPREAD], press * press * unit, unit, "spread")) {
+        if (fmfts_has_bytes(&b[CHANGE], moved * unit, unit, "change") && fmfts_has_bytes(&b[COVARIANCE], moved * moved * unit, unit, "covariance") &&
+            fmfts_has_bytes(&b[PRESS], press * unit, unit, "press") && fmfts_has_bytes(&b[SPREAD], press * press * unit, unit, "spread")) {
             bool found = fmfts_refine(&response, b[CHANGE].buf, b[COVARIANCE].buf, steps, b[PRESS].buf, b[SPREAD].buf, &chi2);
             result = found ? PyFloat_FromDouble(chi2) : Py_NewRef(Py_None);
         }
     }
-    release(b, BUFFERS);
+    fmfts_give_back(b, BUFFERS);
     return result;
 }
 
@@ -167,7 +151,7 @@ static PyObject *widened(PyObject *module, PyObject *args)
         /* it has raised */
     } else if (!fmfts_view_response(b[RESPONSE].buf, (size_t)b[RESPONSE].len, &response)) {
         PyErr_SetString(PyExc_ValueError, "the response has another size than can be widened");
-    } else if (has_size(&b[PRESS], FMFTS_CONTACT * unit, unit, "press") && has_size(&b[MORE], FMFTS_MOVED * unit, unit, "more")) {
+    } else if (fmfts_has_bytes(&b[PRESS], FMFTS_CONTACT * unit, unit, "press") && fmfts_has_bytes(&b[MORE], FMFTS_MOVED * unit, unit, "more")) {
         double along[2][FMFTS_MOVED], *more = b[MORE].buf;
         fmfts_wider_finger(&response, b[PRESS].buf, wider_mm2, along);
         for (int i = 0; i < FMFTS_MOVED; i++) {
@@ -175,7 +159,7 @@ static PyObject *widened(PyObject *module, PyObject *args)
         }
         result = Py_NewRef(Py_None);
     }
-    release(b, BUFFERS);
+    fmfts_give_back(b, BUFFERS);
     return result;
 }
 
@@ -204,10 +188,10 @@ static PyObject *estimate(PyObject *module, PyObject *args)
                          &b[DEVIATIONS]) &&
         fmfts_take_model(model, &given, &network)) {
         const size_t unit = sizeof(double), pose = FMFTS_POSE, answer = network.outputs * unit;
-        if (has_size(&b[PARAMETERS], sizeof(fmfts_contact_parameters), unit, "parameters") &&
-            has_size(&b[POSE], pose * unit, unit, "pose") &&
-            has_size(&b[COVARIANCE], pose * pose * unit, unit, "covariance") && has_size(&b[PLACES], answer, unit, "places") &&
-            has_size(&b[DEVIATIONS], answer, unit, "deviations") && fmfts_is_aligned(&b[RESPONSE], unit)) {
+        if (fmfts_has_bytes(&b[PARAMETERS], sizeof(fmfts_contact_parameters), unit, "parameters") &&
+            fmfts_has_bytes(&b[POSE], pose * unit, unit, "pose") &&
+            fmfts_has_bytes(&b[COVARIANCE], pose * pose * unit, unit, "covariance") && fmfts_has_bytes(&b[PLACES], answer, unit, "places") &&
+            fmfts_has_bytes(&b[DEVIATIONS], answer, unit, "deviations") && fmfts_is_aligned(&b[RESPONSE], unit)) {
             fmfts_question question;
             fmfts_estimate found;
             const double *from = b[POSE].buf, *spread = b[COVARIANCE].buf;
@@ -225,7 +209,7 @@ static PyObject *estimate(PyObject *module, PyObject *args)
             }
         }
     }
-    release(b, BUFFERS);
+    fmfts_give_back(b, BUFFERS);
     fmfts_release_model(&given);
     return result;
 }
@@ -248,7 +232,7 @@ static PyObject *touch(PyObject *module, PyObject *args)
     if (quiet_frames < 0 || quiet_frames > FMFTS_RELEASE_FRAMES || numbers > FMFTS_MOST_CHANGE) {
         PyErr_Format(PyExc_ValueError, "%d quiet frames, at most %d; %zu numbers of a change, at most %d", quiet_frames,
                      FMFTS_RELEASE_FRAMES, numbers, FMFTS_MOST_CHANGE);
-    } else if (has_size(&b[0], numbers * unit, unit, "change") && has_size(&b[1], numbers * numbers * unit, unit, "covariance")) {
+    } else if (fmfts_has_bytes(&b[0], numbers * unit, unit, "change") && fmfts_has_bytes(&b[1], numbers * numbers * unit, unit, "covariance")) {
         bool is_known = true;
         memory.touched = touched;
         memory.quiet_frames = quiet_frames;
@@ -260,7 +244,7 @@ static PyObject *touch(PyObject *module, PyObject *args)
         result = Py_BuildValue("(NiN)", PyBool_FromLong(memory.touched != 0.0),
                                (int)fmin(memory.quiet_frames, FMFTS_RELEASE_FRAMES), PyBool_FromLong(is_known));
     }
-    release(b, 2);
+    fmfts_give_back(b, 2);
     return result;
 }
 

@@ -5,6 +5,7 @@
 #include <stdbool.h>
 
 #include "../common/fields.h"
+#include "../pose/magnets.h"
 #include "network.h"
 #include "refine.h"
 
@@ -89,10 +90,7 @@ typedef struct {
     bool over_range, refused;
 } fmfts_estimate;
 
-/* The most numbers of a change of pose: five of each magnet. */
-#define FMFTS_MOST_CHANGE 45
-
-/* touch.c: χ² of a change of pose [numbers] with its covariance [numbers][numbers]. False if that is not one. */
+/* touch.c: χ² of a change of pose [numbers], at most FMFTS_MOST_CHANGE, with its covariance [numbers][numbers]. False if that is not one. */
 bool fmfts_chi2_from_rest(size_t numbers, const double *change, const double *covariance, double *chi2);
 
 /* touch.c: updates memory->touched from the change of pose and its covariance, as for fmfts_chi2_from_rest. False, and

@@ -3,13 +3,6 @@
 
 #include "_pad.h"
 
-static void release(Py_buffer *buffer, int count)
-{
-    for (int i = 0; i < count; i++) {
-        PyBuffer_Release(&buffer[i]);
-    }
-}
-
 static int is_of_a_pad(const Py_buffer *parameters, const Py_buffer *memory)
 {
     if (!fmfts_has_size(parameters, sizeof(fmfts_parameters), "parameters") ||
@@ -43,7 +36,7 @@ PyObject *fmfts_drawn(PyObject *module, PyObject *args)
         fmfts_draw(parameters, b[STATE].buf, &moved, 1.0, b[POSE].buf, b[SPREAD].buf);
         result = Py_NewRef(Py_None);
     }
-    release(b, BUFFERS);
+    fmfts_give_back(b, BUFFERS);
     return result;
 }
 
@@ -64,7 +57,7 @@ PyObject *fmfts_left_behind(PyObject *module, PyObject *args)
         fmfts_creep(parameters, memory, no_change, b[LEFT].buf);
         result = Py_NewRef(Py_None);
     }
-    release(b, BUFFERS);
+    fmfts_give_back(b, BUFFERS);
     return result;
 }
 
@@ -82,6 +75,6 @@ PyObject *fmfts_distance_from_rest(PyObject *module, PyObject *args)
         fmfts_distance(&moved, &moved_m, &deviation_m);
         result = Py_BuildValue("(dd)", moved_m, deviation_m);
     }
-    release(b, 2);
+    fmfts_give_back(b, 2);
     return result;
 }

@@ -65,8 +65,6 @@ PyObject *fmfts_track_field(PyObject *module, PyObject *args)
                                fmfts_sensors_used(step), PyBool_FromLong(has_estimate), has_estimate ? step->pose.chi2 : NAN,
                                has_estimate ? step->pose.residual_t : NAN);
     }
-    for (int i = 0; i < BUFFERS; i++) {
-        PyBuffer_Release(&b[i]);
-    }
+    fmfts_give_back(b, BUFFERS);
     return result;
 }

@@ -3,18 +3,7 @@
 
 #include <string.h>
 
-#include "../common/aligned.h"
-
 enum { WORDS_ROOM = 2048 }; /* of the words that are in every message, so that it always has room */
-
-int fmfts_has_size(const Py_buffer *buffer, size_t size, const char *what)
-{
-    if (buffer->len == (Py_ssize_t)size) {
-        return fmfts_is_aligned(buffer, sizeof(double));
-    }
-    PyErr_Format(PyExc_ValueError, "%s: %zd bytes, %zu expected", what, buffer->len, size);
-    return 0;
-}
 
 /* The parts of a sighting, in the order of sighting.py. 0 and ValueError if the buffer is not of so many magnets. */
 static int view_sighting(const Py_buffer *buffer, size_t magnets, fmfts_sighting *sighting)

@@ -4,6 +4,7 @@
 
 #include "../contact/_evaluated.h" /* with Python.h first: it chooses what the system's headers declare */
 
+#include "../common/aligned.h"
 #include "../sensor/wire/clock.h"
 #include "frame.h"
 
@@ -74,8 +75,11 @@ int fmfts_still_fits(const fmfts_pad_object *self);
 /* _given.c: gives all of it back. */
 void fmfts_release(fmfts_given *given);
 
-/* 0 and ValueError if the buffer has another size, or begins where no double may. */
-int fmfts_has_size(const Py_buffer *buffer, size_t size, const char *what);
+/* False and ValueError if the buffer has another size, or begins where no double may. */
+static inline bool fmfts_has_size(const Py_buffer *buffer, size_t size, const char *what)
+{
+    return fmfts_has_bytes(buffer, size, sizeof(double), what);
+}
 
 /* _pad.c: judges a frame, and writes its message. False if a number of it is not finite, or with an exception that the contact
  * model raised. */

@@ -87,9 +87,7 @@ static PyObject *push(PyObject *module, PyObject *args)
         result = Py_BuildValue("LNNL", (long long)aligned.time_us, PyBool_FromLong(aligned.is_old),
                                PyBool_FromLong(aligned.began_anew), (long long)samples.without_news);
     }
-    for (int i = 0; i < BUFFERS; i++) {
-        PyBuffer_Release(&b[i]);
-    }
+    fmfts_give_back(b, BUFFERS);
     return result;
 }
 

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import eigen, length, product, solve
-from fmfts.pose.kernel import Batch
-from fmfts.pose.model import brought_to_now, predict, usable_rows
+from fmfts.pose.kernel import Batch, deviations, predict
 from fmfts.pose.problem import Part, Problem, Solution, Status
 from fmfts.pose.state import POSITION, State
 
@@ -96,13 +95,13 @@ def _bent(problem: Problem, best: Solution) -> bool:
     variances, directions = eigen(covariance / np.outer(deviation, deviation))
     step = np.zeros(len(problem.parts))
     step[columns] = BELIEVED_DEVIATIONS * np.sqrt(variances[-1]) * deviation * directions[:, -1]
-    rows = usable_rows(problem)
-    assert rows is not None  # otherwise `best` would not have converged
-    _, weight = brought_to_now(problem, rows)
+    known = deviations(problem)
+    assert known is not None  # otherwise `best` would not have converged
+    rows, known = problem.measurements[np.isfinite(known)], known[np.isfinite(known)]
     value, jacobian = predict(rows, problem.magnets, best.state)
     for move in (step, -step):
         moved, _ = predict(rows, problem.magnets, best.state.stepped(move))
-        missed = (moved - value - product(jacobian, move)) * weight
+        missed = (moved - value - product(jacobian, move)) / known
         if not length(missed) <= STRAIGHT * BELIEVED_DEVIATIONS:
             return True
     return False

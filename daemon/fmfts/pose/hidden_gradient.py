@@ -12,7 +12,7 @@ from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import least_squares, length, lengths, product
 from fmfts.pad import Pad
 from fmfts.pose._alignment import VAGUE_M
-from fmfts.pose.model import predict
+from fmfts.pose.kernel import predict
 from fmfts.pose.problem import magnet_rows, measurement_rows
 from fmfts.pose.state import GRADIENT, POSITION, State
 

@@ -123,6 +123,21 @@ def columns_of(magnets: int) -> int:
     return SIZE + NEIGHBOUR_SIZE * (magnets - 1)
 
 
+def predict(rows: Array, magnets: Array, state: State) -> tuple[Array, Array]:
+    """What each measurement (rows, 10) would read (rows,) in tesla, and its derivative by a step (rows, columns)."""
+    predicted, jacobian = np.empty(len(rows)), np.empty((len(rows), state.columns))
+    _kernel.predict(*map(np.ascontiguousarray, (rows, magnets, state.vector())), predicted, jacobian)
+    return predicted, jacobian
+
+
+def deviations(problem: Problem) -> Array | None:
+    """(rows,) of the measurements at the state's time: infinite where one is left out; None if one is invalid."""
+    found, motion = np.empty(len(problem.measurements)), problem.motion
+    arrays = map(np.ascontiguousarray, (problem.measurements, problem.magnets, problem.start.vector()))
+    rates = (None, None) if motion is None else (motion.rate, motion.diffusion)
+    return found if _kernel.deviations(*arrays, *rates, found) else None
+
+
 def solve_problem(problem: Problem) -> Solution:
     """The most probable state; see fmfts.pose.problem."""
     prior, motion = problem.prior, problem.motion

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import exp
-from fmfts.arithmetic.matrix import added, product
+from fmfts.arithmetic.matrix import added
 from fmfts.pad import Pad, SensorArray
-from fmfts.pose.dipole import dipole_derivatives, dipole_field
+from fmfts.pose import _kernel
+from fmfts.pose.dipole import dipole_field
 from fmfts.pose.state import tangent_basis
 
 Array = NDArray[np.float64]
@@ -52,12 +53,9 @@ class Magnets:
 
     def changed(self, change: Array, frames: Array) -> Magnets:
         """After a change of pose (5M,), in m and components of the axis. frames (M, 3, 3): `rest_frames` of these."""
-        moved = change.reshape(-1, CHANGE)
-        tilt = moved[:, 3:]
-        upright = np.sqrt(np.maximum(1.0 - (tilt * tilt).sum(axis=1), 0.0))
-        local = np.concatenate([tilt, upright[:, None]], axis=1)
-        axis = product(frames, local[:, :, None])[:, :, 0]
-        return replace(self, position_m=self.position_m + moved[:, :3], axis=axis)
+        position, axis = np.empty(self.position_m.shape), np.empty(self.axis.shape)
+        _kernel.move(*map(np.ascontiguousarray, (frames, self.position_m, change)), position, axis)
+        return replace(self, position_m=position, axis=axis)
 
 
 def rest_frames(axis: Array) -> Array:
@@ -78,35 +76,13 @@ def field_of(magnets: Magnets, sensors: SensorArray) -> Array:
 
 def sum_of_fields(magnets: Magnets, place_m: Array) -> Array:
     """(N, 3) the field at `place_m` (N, 3), in pad axes, in T."""
-    return added(
-        [
-            dipole_field(place_m, position, axis, strength, octupole)
-            for position, axis, strength, octupole in _each(magnets)
-        ]
-    )
+    each = zip(magnets.position_m, magnets.axis, magnets.strength_t_m3, magnets.octupole_m2, strict=True)
+    return added([dipole_field(place_m, *one) for one in each])
 
 
 def field_and_slope(magnets: Magnets, frames: Array, sensors: SensorArray) -> tuple[Array, Array]:
     """The field (N, 3) along the sensors' axes, and its derivative (3N, 5M) by the changes of pose."""
-    to_sensor = sensors.axes.transpose(0, 2, 1)
-    fields, slopes = [], []
-    for (position, axis, strength, octupole), frame in zip(_each(magnets), frames, strict=True):
-        field, by_position, by_axis = dipole_derivatives(sensors.position_m, position, axis, strength, octupole)
-        local = product(frame.T, axis)
-        # ∂axis/∂(m, n) = frame · (1, 0, −m/w; 0, 1, −n/w), with w = √(1 − m² − n²).
-        by_tilt = frame[:, :2] - frame[:, 2:] * (local[:2] / max(float(local[2]), 1e-3))
-        fields.append(field)
-        slopes.append(np.concatenate([by_position, product(by_axis, by_tilt)], axis=2))
-    field = product(to_sensor, added(fields)[:, :, None])[:, :, 0]
-    slope = product(to_sensor, np.concatenate(slopes, axis=2))
-    return field, slope.reshape(3 * len(sensors), -1)
-
-
-def _each(magnets: Magnets) -> zip[tuple[Array, Array, float, float]]:
-    return zip(
-        magnets.position_m,
-        magnets.axis,
-        magnets.strength_t_m3.tolist(),
-        magnets.octupole_m2.tolist(),
-        strict=True,
-    )
+    field, slope = np.empty((len(sensors), 3)), np.empty((3 * len(sensors), CHANGE * len(magnets)))
+    together = (magnets.position_m, magnets.axis, frames, magnets.strength_t_m3, magnets.octupole_m2)
+    _kernel.fields(*map(np.ascontiguousarray, (*together, sensors.position_m, sensors.axes)), field, slope)
+    return field, slope

@@ -20,7 +20,7 @@ from fmfts.pose import State, tangent_basis
 from fmfts.pose._alignment import REACH_M, REACH_RAD
 from fmfts.pose.change import shortest_rotation
 from fmfts.pose.dipole import dipole_field, octupole_m2
-from fmfts.pose.model import predict
+from fmfts.pose.kernel import predict
 from fmfts.pose.problem import DIRECTION, measurement_rows
 from fmfts.pose.state import Neighbour
 from fmfts.scene.candidate import AMBIENT_CHANGE_T, RUNNING, UNKNOWNS, Cost, Model, Surroundings

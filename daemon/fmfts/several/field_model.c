@@ -4,6 +4,26 @@
 #include "../arithmetic/matrix.h"
 #include "several.h"
 
+void fmfts_moved_magnets(const fmfts_several *model, const double *change, double *position, double *axis)
+{
+    for (size_t m = 0; m < model->magnets; m++) {
+        fmfts_move_magnet(model->frame + 9 * m, model->position + 3 * m, change + FMFTS_POSE_CHANGE * m, position + 3 * m,
+                          axis + 3 * m);
+    }
+}
+
+void fmfts_changed_field(const fmfts_several *model, const double *change, double *field, double *slope)
+{
+    double position[3 * FMFTS_SEVERAL_MAGNETS], axis[3 * FMFTS_SEVERAL_MAGNETS];
+    fmfts_moved_magnets(model, change, position, axis);
+    fmfts_fields(&(fmfts_together){model->magnets, model->sensors, position, axis, model->frame, model->strength, model->octupole,
+                                   model->place, model->axes},
+                 field, slope);
+    for (size_t v = 0; v < model->values; v++) {
+        field[v] -= model->at_rest[v];
+    }
+}
+
 void fmfts_predict(const fmfts_several *model, size_t fingers, const double *finger, fmfts_predicted *predicted)
 {
     size_t poses = model->poses, unknowns = FMFTS_FINGER * fingers;
@@ -30,9 +50,6 @@ void fmfts_predict(const fmfts_several *model, size_t fingers, const double *fin
     for (size_t p = 0; p < poses; p++) {
         change[p] *= model->head->unit[p % FMFTS_POSE_CHANGE];
     }
-    fmfts_fields(model, change, predicted->field, predicted->by_pose);
-    for (size_t v = 0; v < model->values; v++) {
-        predicted->field[v] -= model->at_rest[v];
-    }
+    fmfts_changed_field(model, change, predicted->field, predicted->by_pose);
     fmfts_product(model->values, poses, unknowns, predicted->by_pose, by_finger, predicted->slope);
 }

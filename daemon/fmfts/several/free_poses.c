@@ -32,10 +32,7 @@ static void predict(const fmfts_valued *valued, const double *change, fmfts_pred
 {
     const fmfts_several *model = valued->model;
     count_change(model, valued->limits->half_a_press_m, change, predicted->change);
-    fmfts_fields(model, change, predicted->field, predicted->by_pose);
-    for (size_t v = 0; v < model->values; v++) {
-        predicted->field[v] -= model->at_rest[v];
-    }
+    fmfts_changed_field(model, change, predicted->field, predicted->by_pose);
 }
 
 /* Moves `found` to the minimum, with its covariance. Returns what is predicted there, NULL where a matrix is refused. */
@@ -100,8 +97,6 @@ fmfts_refusal fmfts_free_poses_of(const fmfts_several *model, const fmfts_free_l
     }
     memcpy(found->by_pose, at->by_pose, model->values * model->poses * sizeof(double));
     memcpy(found->counted, at->change, model->poses * sizeof(double));
-    for (size_t magnet = 0; magnet < model->magnets; magnet++) {
-        fmfts_moved_magnet(model, magnet, found->change, found->position + 3 * magnet, found->axis + 3 * magnet);
-    }
+    fmfts_moved_magnets(model, found->change, found->position, found->axis);
     return valued.refusal;
 }

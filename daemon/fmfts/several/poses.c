@@ -116,8 +116,6 @@ fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, s
         poses->variance[p] = variance_of(all, poses->moves + p * all, used, poses->told + p * used, unknowns, by_finger,
                                          covariance);
     }
-    for (size_t magnet = 0; magnet < model->magnets; magnet++) {
-        fmfts_moved_magnet(model, magnet, poses->change, poses->position + 3 * magnet, poses->axis + 3 * magnet);
-    }
+    fmfts_moved_magnets(model, poses->change, poses->position, poses->axis);
     return refusal;
 }

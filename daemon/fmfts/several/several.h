@@ -11,9 +11,10 @@
 #include <stdint.h>
 
 #include "../common/fields.h"
+#include "../pose/magnets.h"
 
 enum {
-    FMFTS_SEVERAL_MAGNETS = 9,
+    FMFTS_SEVERAL_MAGNETS = FMFTS_MOST_TOGETHER,
     FMFTS_SEVERAL_SENSORS = 16,
     FMFTS_SEVERAL_FINGERS = 3,
     FMFTS_SEVERAL_CAUSES = 96,
@@ -21,7 +22,6 @@ enum {
     FMFTS_SEVERAL_PLACES = 31 * 31,
     FMFTS_SEVERAL_STARTS = 8,
 
-    FMFTS_POSE_CHANGE = 5, /* numbers of a magnet's change of pose */
     FMFTS_FINGER = 3,      /* x, y in mm, force in N */
     FMFTS_PRESSED = 7,     /* numbers of a press for each number of pose: change 1, slope 3, shear 2, Laplacian 1 */
     FMFTS_LANES = 4,       /* rows of factors are padded to a multiple of this */
@@ -104,11 +104,11 @@ bool fmfts_view_several(const double *packed, size_t count, fmfts_several *model
 /* press_table.c: what one finger does; pressed as in fmfts_predicted. */
 void fmfts_press(const fmfts_several *model, const double finger[FMFTS_FINGER], double *pressed);
 
-/* magnets.c: field [V] and its slope [V][P] after a change of pose [P], in SI. */
-void fmfts_fields(const fmfts_several *model, const double *change, double *field, double *slope);
+/* field_model.c: where the magnets are, [magnets][3], after a change of pose [P], in SI. */
+void fmfts_moved_magnets(const fmfts_several *model, const double *change, double *position, double *axis);
 
-/* magnets.c: where a magnet is after a change of pose [P], in SI. */
-void fmfts_moved_magnet(const fmfts_several *model, size_t magnet, const double *change, double position[3], double axis[3]);
+/* field_model.c: by how much such a change changes the field [V], and its slope [V][P] there. */
+void fmfts_changed_field(const fmfts_several *model, const double *change, double *field, double *slope);
 
 /* field_model.c */
 void fmfts_predict(const fmfts_several *model, size_t fingers, const double *finger, fmfts_predicted *predicted);

@@ -10,7 +10,7 @@ import numpy as np
 from fmfts.common.chi2 import quantile
 from fmfts.pose import Problem, State, Status, acquire, parts_of
 from fmfts.pose.acquisition import starts_in_box
-from fmfts.pose.model import predict
+from fmfts.pose.kernel import predict
 from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
 from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.bench.workspace import MODELS, anywhere, standard_pad

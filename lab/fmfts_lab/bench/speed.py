@@ -13,8 +13,7 @@ import numpy as np
 
 from fmfts.pad import SensorArray
 from fmfts.pose import STOP_CHI2, Batch, Part, Problem, State
-from fmfts.pose.kernel import ITERATIONS, STATUS, columns_of
-from fmfts.pose.model import predict
+from fmfts.pose.kernel import ITERATIONS, STATUS, columns_of, predict
 from fmfts.pose.problem import MAX_ITERATIONS, VALUE, magnet_rows
 from fmfts.pose.state import Neighbour
 from fmfts_lab.bench.other_kernel import loaded, ratio

@@ -10,7 +10,7 @@ import numpy as np
 from fmfts.config import PadConfig
 from fmfts.pad import Array
 from fmfts.pose import State, tangent_basis
-from fmfts.pose.model import predict
+from fmfts.pose.kernel import predict
 from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
 from fmfts.scene.tracking import AMBIENT_WALK_T2_PER_S
 from fmfts.sensor.chips import NOISE_T

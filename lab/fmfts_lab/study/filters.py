@@ -17,7 +17,7 @@ import numpy as np
 from fmfts.pad import Array
 from fmfts.pose import State, tangent_basis
 from fmfts.pose.dipole import dipole_field
-from fmfts.pose.model import predict
+from fmfts.pose.kernel import predict
 from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
 from fmfts.pose.state import AMBIENT, AXIS, POSITION
 from fmfts.scene.tracking import AMBIENT_DEVIATION_T, AMBIENT_WALK_T2_PER_S
