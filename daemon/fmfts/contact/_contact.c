@@ -1,5 +1,5 @@
 /* fmfts.contact._contact: the contact model for Python, through the stable ABI. Only inference.py, response.py, refinement.py,
- * model.py and touch.py call it. */
+ * model.py, array_response.py and touch.py call it. */
 #include "_evaluated.h"
 
 #include <math.h>
@@ -7,6 +7,7 @@
 
 #include "../common/_named.h"
 #include "../common/aligned.h"
+#include "press_table.h"
 #include "step.h"
 
 /* infer(vector, pose, contact, jacobian): all float32. ValueError if their sizes do not fit each other. */
@@ -163,6 +164,47 @@ static PyObject *widened(PyObject *module, PyObject *args)
     return result;
 }
 
+/* pressed(table, width, terms, first_mm, spacing_mm, scale_n, fingers, pressed): of each finger. */
+static PyObject *pressed(PyObject *module, PyObject *args)
+{
+    enum { TABLE, FINGERS, PRESSED, BUFFERS };
+    Py_buffer b[BUFFERS] = {{0}};
+    Py_ssize_t width, terms;
+    fmfts_press_table table;
+    PyObject *result = NULL;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "y*nndddy*w*", &b[TABLE], &width, &terms, &table.first_mm, &table.spacing_mm, &table.scale_n,
+                          &b[FINGERS], &b[PRESSED])) {
+        return NULL;
+    }
+    if (width < 4 || width > 10000 || terms < 1 || terms > FMFTS_TABLE_TERMS || !isfinite(table.first_mm) ||
+        !(table.spacing_mm > 0.0)) {
+        PyErr_SetString(PyExc_ValueError, "the table has no spacing, or another size than there is room for");
+    } else {
+        const size_t rows = (size_t)(width * width * (terms + 2)), fingers = (size_t)b[FINGERS].len / sizeof(double[FMFTS_FINGER]);
+        table.width = (size_t)width;
+        table.terms = (size_t)terms;
+        table.poses = (size_t)b[TABLE].len / sizeof(double) / rows;
+        table.table = b[TABLE].buf;
+        if (table.poses > FMFTS_MOST_CHANGE) {
+            PyErr_Format(PyExc_ValueError, "%zu numbers of pose, at most %d", table.poses, FMFTS_MOST_CHANGE);
+        } else if (fmfts_have_doubles(b, (size_t[]){rows * table.poses, FMFTS_FINGER * fingers, FMFTS_PRESSED * table.poses * fingers},
+                                      BUFFERS)) {
+            for (size_t k = 0; k < fingers; k++) {
+                const double *finger = (double *)b[FINGERS].buf + FMFTS_FINGER * k;
+                if (!isfinite(finger[0]) || !isfinite(finger[1])) {
+                    PyErr_Format(PyExc_ValueError, "finger %zu has no place", k);
+                    break;
+                }
+                fmfts_press_by_table(&table, finger, (double *)b[PRESSED].buf + FMFTS_PRESSED * table.poses * k);
+            }
+            result = PyErr_Occurred() ? NULL : Py_NewRef(Py_None);
+        }
+    }
+    fmfts_give_back(b, BUFFERS);
+    return result;
+}
+
 /* The answer in Python's words; see estimate() in _contact.pyi. */
 static PyObject *told(const fmfts_estimate *estimate, double *places, double *deviations)
 {
@@ -255,6 +297,7 @@ static PyMethodDef methods[] = {
     {"respond", respond, METH_VARARGS, "The change of pose under presses, and its slope; see response.py."},
     {"basis", basis, METH_VARARGS, "The factor of each coefficient of a response; see response.py."},
     {"widened", widened, METH_VARARGS, "What a wider finger adds to a movement; see _contact.pyi."},
+    {"pressed", pressed, METH_VARARGS, "What fingers do to several magnets; see array_response.py."},
     {"refine", refine, METH_VARARGS, "The press that most likely caused a change; see _contact.pyi."},
     {NULL, NULL, 0, NULL},
 };

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import Buffer
 
+Array = NDArray[np.float64]
+
 PARAMETERS: list[tuple[str, str, int]]  # of fmfts_contact_parameters, as common/record.py takes them
 MAX_HIDDEN: int
 RELEASE_FRAMES: int
@@ -22,12 +24,23 @@ class Evaluated(Protocol):
     def run(self) -> None: ...
 
 def touch(
-    onset_chi2: float, release_chi2: float, touched: bool, quiet_frames: int, change: Buffer, covariance: Buffer, /
+    onset_chi2: float, release_chi2: float, touched: bool, quiet_frames: int, change: Array, covariance: Array, /
 ) -> tuple[bool, int, bool]:
     """Whether a pad is touched after a frame with this change (P,) from rest, and its covariance (P, P); how many quiet
     frames there were; and False if the covariance is none. Both empty: the frame has no pose."""
 
 def infer(vector: Buffer, pose: Buffer, contact: Buffer, jacobian: Buffer, /) -> None: ...
+def pressed(
+    table: Array,
+    width: int,
+    terms: int,
+    first_mm: float,
+    spacing_mm: float,
+    scale_n: float,
+    fingers: Array,
+    pressed: Array,
+    /,
+) -> None: ...
 def respond(
     response: bytes, press: NDArray[np.float64], change: NDArray[np.float64], slope: NDArray[np.float64], /
 ) -> None: ...

@@ -21,13 +21,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import product
-from fmfts.arithmetic.splines import cubic
 from fmfts.common import possible
 from fmfts.common.reading import damage_told
+from fmfts.contact import _contact
 
 Array = NDArray[np.float64]
 CHANGE = 5
+PRESSED = 7  # numbers of a press for each number of pose: see Pressed
 FORMAT = "fmfts array response 1"
 # The table that ships has 0.28 MB, 17 knots and 4 terms.
 LARGEST_BYTES, MOST_KNOTS = 4_000_000, 66
@@ -49,6 +49,14 @@ class Pressed(NamedTuple):
     slope: Array
     by_shear: Array
     laplacian: Array
+
+    @classmethod
+    def of(cls, packed: Array) -> Pressed:
+        """From what C writes (…, 7P): press_table.h. Of several fingers, (K, …) in front."""
+        poses, front = packed.shape[-1] // PRESSED, packed.shape[:-1]
+        slope, by_shear = packed[..., poses : 4 * poses], packed[..., 4 * poses : 6 * poses]
+        slope, by_shear = slope.reshape(*front, poses, 3), by_shear.reshape(*front, poses, 2)
+        return cls(packed[..., :poses], slope, by_shear, packed[..., 6 * poses :])
 
 
 class _Stored(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -87,13 +95,9 @@ class ArrayResponse:
         return self.first_mm + self.spacing_mm * float(len(self.coefficient) - 3)
 
     @cached_property
-    def _patches(self) -> Array:
-        """(X − 1, X − 1, 16, (T + 2) · P): the coefficients of each cell, those of the shear last."""
-        both = np.concatenate([self.coefficient, self.shear], axis=2)
-        both = both.reshape(*both.shape[:2], -1)
-        cells = both.shape[0] - 3
-        patches = [both[i : i + 4, j : j + 4].reshape(16, -1) for i in range(cells) for j in range(cells)]
-        return np.array(patches).reshape(cells, cells, 16, -1)
+    def table(self) -> Array:
+        """(X + 2, X + 2, T + 2, P): coefficient and shear, as press_table.h has them."""
+        return np.ascontiguousarray(np.concatenate([self.coefficient, self.shear], axis=2), dtype=float)
 
     def pressed(self, x_mm: float, y_mm: float, force_n: float) -> Pressed:
         """What a finger does without shear; see Pressed."""
@@ -101,24 +105,10 @@ class ArrayResponse:
 
     def pressed_alone(self, x_mm: Array, y_mm: Array, force_n: Array) -> Pressed:
         """What each of K fingers (K,) does alone: as `pressed`, K in front."""
-        column, (x0, x1, x2) = self._stencil(x_mm)
-        row, (y0, y1, y2) = self._stencil(y_mm)
-
-        def weight(along: Array, across: Array) -> Array:
-            return (along[:, :, None] * across[:, None, :]).reshape(len(along), -1)
-
-        weights = np.stack([weight(x0, y0), weight(x1, y0), weight(x0, y1), weight(x0, y2) + weight(x2, y0)], axis=1)
-        terms, numbers = self.coefficient.shape[2:]
-        table = product(weights, self._patches[column, row]).reshape(len(x_mm), 4, terms + 2, numbers)
-        value, slope = self._powers(force_n)
-        of_force = product(value[:, None, None, :], table[:, :, :terms])[:, :, 0]
-        by_force = product(slope[:, None, :], table[:, 0, :terms])[:, 0]
-        return Pressed(
-            of_force[:, 0],
-            np.stack([of_force[:, 1], of_force[:, 2], by_force], axis=2),
-            table[:, 0, terms:].swapaxes(1, 2),
-            of_force[:, 3],
-        )
+        width, _, terms, numbers = self.coefficient.shape
+        fingers, packed = np.stack([x_mm, y_mm, force_n], axis=1), np.empty((len(x_mm), PRESSED * numbers))
+        _contact.pressed(self.table, width, terms, self.first_mm, self.spacing_mm, self.scale_n, fingers, packed)
+        return Pressed.of(packed)
 
     @classmethod
     def unknown(cls, magnets: int) -> ArrayResponse:
@@ -130,28 +120,6 @@ class ArrayResponse:
         """Of some of the magnets, in this order: each one moves as if the others were not there."""
         numbers = [CHANGE * magnet + number for magnet in magnets for number in range(CHANGE)]
         return replace(self, coefficient=self.coefficient[..., numbers], shear=self.shear[..., numbers])
-
-    def _powers(self, force_n: Array) -> tuple[Array, Array]:
-        """F, F² … (K, T), and their derivatives; above scale_n the powers follow their tangents."""
-        inside = np.minimum(force_n, self.scale_n)
-        power, values, slopes = np.ones(len(force_n)), [], []
-        for term in range(self.coefficient.shape[2]):
-            slopes.append((term + 1) * power)
-            power = power * inside
-            values.append(power + slopes[-1] * (force_n - inside))
-        return np.stack(values, axis=1), np.stack(slopes, axis=1)
-
-    def _stencil(self, along_mm: Array) -> tuple[NDArray[np.intp], tuple[Array, Array, Array]]:
-        """The cells (K,), and the four cubic B-splines (K, 4) that cover each place: their values, slopes and second
-        derivatives."""
-        cells = self.coefficient.shape[0] - 3
-        place = np.clip((along_mm - self.first_mm) / self.spacing_mm, 0.0, float(cells))
-        cell = np.minimum(place.astype(np.intp), cells - 1)
-        u, h = place - cell, self.spacing_mm
-        v = 1.0 - u
-        value, slope = cubic(u)
-        second = np.stack([v, 3.0 * u - 2.0, 3.0 * v - 2.0, u], axis=1)
-        return cell, (value, slope / h, second / (h * h))
 
     def encoded(self) -> bytes:
         """The content of a file that `of` reads."""

@@ -36,7 +36,7 @@ void fmfts_predict(const fmfts_several *model, size_t fingers, const double *fin
     }
     for (size_t f = 0; f < fingers; f++) {
         double *pressed = predicted->pressed[f], *slope = pressed + poses;
-        fmfts_press(model, finger + FMFTS_FINGER * f, pressed);
+        fmfts_press_by_table(&model->table, finger + FMFTS_FINGER * f, pressed);
         for (size_t p = 0; p < poses; p++) {
             const double *off = model->off_mm + 2 * (p / FMFTS_POSE_CHANGE);
             double shifted = slope[3 * p] * off[0] + slope[3 * p + 1] * off[1];

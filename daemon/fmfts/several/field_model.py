@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.matrix import cholesky
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.common.record import Record
-from fmfts.contact.array_response import ArrayResponse, Pressed
+from fmfts.contact.array_response import PRESSED, ArrayResponse, Pressed
 from fmfts.pad import Pad
 from fmfts.pose.magnets import field_and_slope, field_of
 from fmfts.several import _several
@@ -32,7 +32,6 @@ from fmfts.several.arrays import doubles, finite, padded, require_room
 Array = NDArray[np.float64]
 
 FINGER = 3  # unknowns of one: x and y in mm, and its normal force in N
-PRESSED = 7  # numbers of a press for each number of pose: see Pressed
 MM = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])  # from the response's units to SI, for each magnet
 
 # A patch that is wider or narrower than the calibrated 6 mm changes the mean of x² over it: by 1.1 mm² for a patch of
@@ -73,7 +72,8 @@ class FieldModel:
     def __init__(self, pad: Pad, mounting: ArrayMounting, response: ArrayResponse, scene: Scene) -> None:
         self.mounting, self.response, self.scene = mounting, response, scene
         self._si = np.tile(MM, len(mounting.magnets))
-        count = len(mounting.sensors)
+        count, causes, terms = len(mounting.sensors), mounting.errors.by_pose.shape[2], response.coefficient.shape[2]
+        require_room(magnets=len(mounting.magnets), sensors=count, causes=causes, terms=terms)
         self.at_rest = field_of(mounting.magnets, mounting.sensors).ravel()
         self.by_ambient = mounting.sensors.axes.transpose(0, 2, 1).reshape(3 * count, 3)
         drawn = np.array([one.rest_position_m for one in pad.magnets])
@@ -83,15 +83,13 @@ class FieldModel:
             place.reshape(2 * len(drawn), -1) + SMALLEST_M * SMALLEST_M * np.eye(2 * len(drawn))
         )
         self._rest_slope = field_and_slope(mounting.magnets, mounting.frames, mounting.sensors)[1]
-        causes, terms = mounting.errors.by_pose.shape[2], response.coefficient.shape[2]
-        require_room(magnets=len(drawn), sensors=count, causes=causes, terms=terms)
         # As several.h reads them, and where C computes.
         self.packed, self.work = self._packed(), np.zeros(_several.WORK_BYTES // 8)
 
     def predict(self, fingers: Array) -> Predicted:
         """The change of the field by `fingers` (K, 3)."""
         field, slope, by_pose, change, pressed = self._predicted(fingers)
-        return Predicted(field, slope, by_pose, change, tuple(map(_unpacked, pressed)))
+        return Predicted(field, slope, by_pose, change, tuple(map(Pressed.of, pressed)))
 
     def field_of(self, fingers: Array) -> Array:
         """(3N,) as `predict` has it, and all that is asked for in most frames."""
@@ -157,12 +155,5 @@ class FieldModel:
         parts += [sensors.position_m, sensors.axes, self.at_rest, self._rest_slope, padded(self.by_ambient.T)]
         parts += [self._off_mm, self._off_root_mm, padded(errors.by_pose.swapaxes(1, 2))]
         parts += [padded(errors.by_field.transpose(1, 2, 0))]
-        parts += [np.concatenate([response.coefficient, response.shear], axis=2)]
+        parts += [response.table]
         return np.concatenate([np.ravel(part) for part in parts])
-
-
-def _unpacked(pressed: Array) -> Pressed:
-    """Of one finger, from what C wrote one after the other."""
-    poses = len(pressed) // PRESSED
-    slope, by_shear = pressed[poses : 4 * poses], pressed[4 * poses : 6 * poses]
-    return Pressed(pressed[:poses], slope.reshape(-1, FINGER), by_shear.reshape(-1, 2), pressed[6 * poses :])

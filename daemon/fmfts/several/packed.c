@@ -37,8 +37,6 @@ bool fmfts_view_several(const double *packed, size_t count, fmfts_several *model
         .magnets = magnets,
         .sensors = sensors,
         .causes = causes,
-        .width = width,
-        .terms = terms,
         .values = values,
         .poses = poses,
         .stride = stride,
@@ -56,7 +54,13 @@ bool fmfts_view_several(const double *packed, size_t count, fmfts_several *model
     model->off_root = next(&at, 4 * magnets * magnets);
     model->by_pose = next(&at, poses * causes * stride);
     model->by_field = next(&at, 3 * causes * stride);
-    model->table = next(&at, width * width * (terms + 2) * poses);
+    model->table = (fmfts_press_table){.width = width,
+                                       .terms = terms,
+                                       .poses = poses,
+                                       .first_mm = head->first_mm,
+                                       .spacing_mm = head->spacing_mm,
+                                       .scale_n = head->scale_n,
+                                       .table = next(&at, width * width * (terms + 2) * poses)};
     return (size_t)(at - packed) == count;
 }
 

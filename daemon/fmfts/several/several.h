@@ -11,20 +11,18 @@
 #include <stdint.h>
 
 #include "../common/fields.h"
-#include "../pose/magnets.h"
+#include "../contact/press_table.h"
 
 enum {
     FMFTS_SEVERAL_MAGNETS = FMFTS_MOST_TOGETHER,
     FMFTS_SEVERAL_SENSORS = 16,
     FMFTS_SEVERAL_FINGERS = 3,
     FMFTS_SEVERAL_CAUSES = 96,
-    FMFTS_SEVERAL_TERMS = 8,
+    FMFTS_SEVERAL_TERMS = FMFTS_TABLE_TERMS,
     FMFTS_SEVERAL_PLACES = 31 * 31,
     FMFTS_SEVERAL_STARTS = 8,
 
-    FMFTS_FINGER = 3,      /* x, y in mm, force in N */
-    FMFTS_PRESSED = 7,     /* numbers of a press for each number of pose: change 1, slope 3, shear 2, Laplacian 1 */
-    FMFTS_LANES = 4,       /* rows of factors are padded to a multiple of this */
+    FMFTS_LANES = 4, /* rows of factors are padded to a multiple of this */
 
     FMFTS_SEVERAL_VALUES = 3 * FMFTS_SEVERAL_SENSORS,
     FMFTS_SEVERAL_POSES = FMFTS_POSE_CHANGE * FMFTS_SEVERAL_MAGNETS,
@@ -59,7 +57,7 @@ FMFTS_STRUCT(fmfts_several_head, FMFTS_SEVERAL_HEAD)
  * pose, 5 for each magnet. stride: V, padded. */
 typedef struct {
     const fmfts_several_head *head;
-    size_t magnets, sensors, causes, width, terms, values, poses, stride;
+    size_t magnets, sensors, causes, values, poses, stride;
     const double *position;   /* [magnets][3] at rest */
     const double *strength;   /* [magnets] */
     const double *octupole;   /* [magnets] */
@@ -73,11 +71,10 @@ typedef struct {
     const double *off_root;   /* [2·magnets][2·magnets] */
     const double *by_pose;    /* [P][causes][stride] */
     const double *by_field;   /* [3][causes][stride] */
-    const double *table;      /* [width][width][terms + 2][P] */
+    fmfts_press_table table;
 } fmfts_several;
 
-/* Predicted: field [V], slope [V][3·fingers], by_pose [V][P], change [P]; of each finger change [P], slope [P][3], by_shear
- * [P][2] and laplacian [P], one after the other. */
+/* Predicted: field [V], slope [V][3·fingers], by_pose [V][P], change [P]; of each finger what press_table.h says. */
 typedef struct {
     double field[FMFTS_SEVERAL_VALUES];
     double slope[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_UNKNOWNS];
@@ -100,9 +97,6 @@ typedef struct {
 
 /* packed.c: false if `packed` is no model, its table has no spacing, or it is larger than there is room for. */
 bool fmfts_view_several(const double *packed, size_t count, fmfts_several *model);
-
-/* press_table.c: what one finger does; pressed as in fmfts_predicted. */
-void fmfts_press(const fmfts_several *model, const double finger[FMFTS_FINGER], double *pressed);
 
 /* field_model.c: where the magnets are, [magnets][3], after a change of pose [P], in SI. */
 void fmfts_moved_magnets(const fmfts_several *model, const double *change, double *position, double *axis);
