@@ -14,24 +14,24 @@ from fmfts_lab.study.style import SMALL_PT, TEXT_PT, sheet
 
 # Smaller shares get the colour of this one, so that a single wrong frame is visible.
 FAINTEST = 0.25
-# Dimension → what the rows and the columns of its map are, and what it shows.
+# Dimension → what the rows and the columns of its map are, and what its title begins with.
 PLANES = {
-    "start error": ("the magnet jumps by", "its axis turns by", "How far the magnet may jump"),
-    "finger speed": ("a press lasts", "frames per second", "How fast a finger may press"),
+    "start error": ("the magnet jumps by", "its axis turns by", "A magnet that jumps"),
+    "finger speed": ("a press lasts", "frames per second", "A fast finger"),
 }
-FOOT = "Red: wrong, and not flagged. Grey: flagged. White: right."
-LINE_INCH, WIDE_LINE_INCH, HEAD_INCH = 0.15, 0.23, 2.6  # rows of tables; the title and the methods' names
+FOOT = "Red: wrong, and not flagged; the paler, the fewer of the frames. Grey: flagged. White: right."
+LINE_INCH, WIDE_LINE_INCH, HEAD_INCH = 0.152, 0.23, 2.6  # rows of tables; the title and the methods' names
 MAPS_ACROSS = 4
 
 
 def figures(rows: Sequence[Row], default: str) -> Iterator[tuple[str, Figure]]:
     """Suffixes and figures: every method by dimension, by condition, and maps of the dimensions with two axes."""
     yield "", _overview(rows, default)
-    yield "-conditions", _conditions([row for row in rows if row["dimension"] not in PLANES])
+    yield "-conditions", _conditions([row for row in rows if row["dimension"] not in PLANES], default)
     for dimension in PLANES:
         own = [row for row in rows if row["dimension"] == dimension]
         if own:
-            yield f"-{dimension.replace(' ', '-')}", _maps(own, dimension)
+            yield f"-{dimension.replace(' ', '-')}", _maps(own, dimension, default)
 
 
 def _counted(rows: Sequence[Row], name: str) -> float:
@@ -97,11 +97,33 @@ def _overview(rows: Sequence[Row], default: str) -> Figure:
     return figure
 
 
-def _conditions(rows: Sequence[Row]) -> Figure:
+def _conditions(rows: Sequence[Row], default: str) -> Figure:
+    """Two columns, each with all methods, so that it is no taller than a screen."""
+    counted: dict[str, int] = {}
+    for dimension, _ in dict.fromkeys((row["dimension"], row["condition"]) for row in rows):
+        counted[str(dimension)] = counted.get(str(dimension), 0) + 1
+    left, lines = [], 0
+    for dimension, count in counted.items():
+        if lines + count / 2 > sum(counted.values()) / 2:
+            break
+        left.append(dimension)
+        lines += count
+    wrong: dict[str, int] = {}
+    for row in rows:
+        wrong[str(row["method"])] = wrong.get(str(row["method"]), 0) + bool(_counted([row], "wrong"))
+    own, others = wrong.pop(default), sorted(wrong.values())
+    title = f"Of {sum(counted.values())} conditions the daemon is wrong in {own}, others in {others[0]} to {others[-1]}"
+    figure = sheet(LINE_INCH * max(lines, sum(counted.values()) - lines) + HEAD_INCH, title, FOOT)
+    for axes, first in zip(figure.subplots(1, 2), (True, False), strict=True):
+        _condition_lines(axes, [row for row in rows if (row["dimension"] in left) == first])
+    return figure
+
+
+def _condition_lines(axes: Axes, rows: Sequence[Row]) -> None:
     conditions = list(dict.fromkeys((str(row["dimension"]), str(row["condition"])) for row in rows))
-    figure = sheet(LINE_INCH * len(conditions) + HEAD_INCH, "Where each method fails, condition by condition", FOOT)
-    axes = figure.subplots()
     _table(axes, rows, lambda row: (str(row["dimension"]), str(row["condition"])))
+    for name in axes.get_xticklabels():
+        name.set(rotation=90, ha="center", rotation_mode="default")
     begun: set[str] = set()
     names = []
     for line, (dimension, condition) in enumerate(conditions):
@@ -110,19 +132,31 @@ def _conditions(rows: Sequence[Row]) -> Figure:
             axes.axhline(line - 0.5, color="black", linewidth=0.8)
         begun.add(dimension)
     axes.set_yticks(range(len(conditions)), names, fontsize=SMALL_PT)
-    return figure
 
 
-def _maps(rows: Sequence[Row], dimension: str) -> Figure:
+def _maps(rows: Sequence[Row], dimension: str, default: str) -> Figure:
+    """A map for each method that is wrong or flags something. The first free place names the others."""
     methods = list(dict.fromkeys(str(row["method"]) for row in rows))
-    down, across, shows = PLANES[dimension]
-    lines = -(-len(methods) // MAPS_ACROSS)
-    figure = sheet(1.55 * lines + 0.8, f"{shows} before a method is wrong or flags it", FOOT)
+    of = {method: [row for row in rows if row["method"] == method] for method in methods}
+    shown = [method for method in methods if _counted(of[method], "wrong") or _counted(of[method], "flagged")]
+    down, across, begins = PLANES[dimension]
+    wrong = [method for method in shown if _counted(of[method], "wrong")]
+    own = round(100 * _counted(of[default], "flagged") / _counted(of[default], "frames"))
+    title = f"{begins}: {len(wrong)} of {len(methods)} methods are wrong; "
+    title += f"the daemon {'too' if default in wrong else 'never is'}, and flags {own} %"
+    right = [method for method in methods if method not in shown]
+    lines = -(-(len(shown) + bool(right)) // MAPS_ACROSS)
+    figure = sheet(1.55 * lines + 0.8, title, FOOT)
     grid = figure.subplots(lines, MAPS_ACROSS, squeeze=False, sharex=True, sharey=True)
-    for axes in grid.flat[len(methods) :]:
+    free = grid.flat[len(shown) :]
+    for axes in free:
         axes.axis("off")
-    for axes, method in zip(grid.flat, methods, strict=False):
-        _map(axes, method, [row for row in rows if row["method"] == method])
+    if right:
+        free[0].text(
+            0.0, 1.0, "Right everywhere:\n" + "\n".join(right), transform=free[0].transAxes, va="top", fontsize=SMALL_PT
+        )
+    for axes, method in zip(grid.flat, shown, strict=False):
+        _map(axes, method, of[method])
     grid[-1, 0].set_xlabel(across, fontsize=SMALL_PT)
     grid[0, 0].set_ylabel(down, fontsize=SMALL_PT)
     return figure
