@@ -46,14 +46,24 @@ def _abilities() -> str:
             _ages(chip),
             "no" if chip.thermometer is None else f"{chip.thermometer.c_per_count:.2g} °C a step",
             _selftest(chip),
-            ", ".join(f"0x{each:02X}" for each in chip.addresses),
+            _addresses(chip),
             chip.supply,
         )
         for chip in CHIPS.values()
         if not chip.streamed
     )
-    remarks = "".join(f"- {chip.label}: {chip.remarks}.\n" for chip in CHIPS.values() if not chip.streamed)
+    remarks = "".join(
+        f"- {chip.label}: {chip.remarks}.\n" for chip in CHIPS.values() if chip.remarks and not chip.streamed
+    )
     return _table(columns, rows) + "\n" + remarks
+
+
+def _addresses(chip: Chip) -> str:
+    """Three addresses in a row and more by the first and the last."""
+    first, last = chip.addresses[0], chip.addresses[-1]
+    if len(chip.addresses) > 2 and chip.addresses == tuple(range(first, last + 1)):
+        return f"0x{first:02X} to 0x{last:02X}"
+    return ", ".join(f"0x{each:02X}" for each in chip.addresses)
 
 
 def _sources() -> str:

@@ -92,7 +92,6 @@ HMC5983 = Chip(
     # Reading the mode locks the output until all six data registers were read: one transfer does both.
     dump=registers((0x00, 9), (0x09, 1), (0x0A, 3), (0x31, 2)),
     supply="no longer made; boards sold under its name often carry a QMC5883L (older ones) or a QMC5883P (today)",
-    remarks="the chip that this project was begun with; one address, so a mux",
 )
 HMC5883L = replace(
     HMC5983,

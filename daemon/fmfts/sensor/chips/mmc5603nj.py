@@ -36,5 +36,5 @@ MMC5603NJ = Chip(
     board_single_hz=203,
     dump=registers((0x00, 9), (0x09, 1), (0x18, 2), (0x1A, 4), (0x1E, 3), (0x27, 3), (0x39, 1)),
     supply="made; boards about 6 €, chips under 1 €",
-    remarks="one address, so a mux; handedness and noise are unverified: `probe --magnet` tells the first",
+    remarks="handedness and noise are unverified: `probe --magnet` tells the first",
 )

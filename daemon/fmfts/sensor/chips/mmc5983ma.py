@@ -55,5 +55,5 @@ MMC5983MA = Chip(
     board_single_hz=203,
     dump=registers((0x00, 8), (0x08, 1), (0x09, 4), (0x2F, 1)),
     supply="made; boards 10 to 20 € each",
-    remarks="one address, so a mux; its thermometer (0.8 °C a step) is not used; its settings cannot be read back",
+    remarks="its thermometer (0.8 °C a step) is not used; its settings cannot be read back",
 )

@@ -86,7 +86,6 @@ QMC5883L = Chip(
     board_rates_hz=(200.0,),
     dump=registers((0x00, 6), (0x06, 1), (0x07, 2), (0x09, 5)),  # after 0x06 comes 0x00 (ROLL_OVER)
     supply="made; on older boards sold as HMC5883L, under 5 € each; today's carry a QMC5883P",
-    remarks="one address, so a mux; at most 200 Hz; no self-test; no thermometer with a known zero",
 )
 
 

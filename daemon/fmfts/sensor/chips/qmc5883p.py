@@ -85,7 +85,6 @@ QMC5883P = Chip(
     board_rates_hz=(200.0,),
     dump=registers((0x00, 1), (0x01, 6), (0x09, 1), (0x0A, 2), (0x29, 1)),
     supply="made; on boards sold as HMC5883L, QMC5883L and GY-271, 2 to 6 € each",
-    remarks="one address, so a mux; at most 200 Hz; no self-test of its gains; no thermometer",
 )
 
 
