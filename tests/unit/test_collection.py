@@ -13,6 +13,7 @@ import pytest
 from fmfts.baseline.job import EXTRA_S, SETTLING_S, BaselineJob, Collection
 from fmfts.baseline.request import BaselineRequest
 from fmfts.config import PadConfig, SimulatedSource
+from fmfts.sensor import Frame
 from fmfts.sensor.tasks import PATIENCE_S
 from fmfts.simulation.baseline import hold_still
 from fmfts.simulation.finger import no_finger
@@ -87,6 +88,42 @@ def test_baseline_waits_until_each_sensor_has_enough_samples(tmp_path: Path, mon
         for frame in sparse:
             job.take(frame)
     assert job.recorded is not None
+
+
+def after(frames: list[Frame], instant_s: float, device_s: float = 0.0, host_s: float = 0.0) -> list[Frame]:
+    """The frames from that instant on with both clocks moved."""
+    start_us = frames[0].device_time_us
+    late = [frame for frame in frames if (frame.device_time_us - start_us) * 1e-6 >= instant_s]
+    return [
+        replace(
+            frame,
+            device_time_us=frame.device_time_us + round(device_s * 1e6),
+            host_time_ns=frame.host_time_ns + round(host_s * 1e9),
+        )
+        for frame in late
+    ]
+
+
+def problem_after(frames: list[Frame]) -> str:
+    collection = Collection(Simulated(PadConfig(name="left", source=SimulatedSource())), 5.0)
+    for frame in frames:
+        collection.take(frame)
+    return collection.problem(time.monotonic())
+
+
+def test_computer_that_stalls_and_loses_frames_is_no_leap_of_the_device_clock() -> None:
+    """It reads frames of 0.5 to 0.6 s 0.8 s late, loses 0.6 to 1.4 s, and is in time again."""
+    frames = record(Simulated(PadConfig(name="left", source=SimulatedSource())), no_finger, 2.0)
+    kept = len(frames) - len(after(frames, 0.5))
+    late = after(frames, 0.5, host_s=0.8)[:22]
+    assert problem_after(frames[:kept] + late + after(frames, 1.4)) == ""
+
+
+@pytest.mark.parametrize("leap_s", [-0.2, 0.4, 30.0])
+def test_leap_of_the_device_clock_ends_a_recording(leap_s: float) -> None:
+    frames = record(Simulated(PadConfig(name="left", source=SimulatedSource())), no_finger, 2.0)
+    kept = len(frames) - len(after(frames, 0.5))
+    assert "clock leapt" in problem_after(frames[:kept] + after(frames, 0.5, device_s=leap_s))
 
 
 def test_silence_is_said_with_the_cause_that_the_source_knows() -> None:

@@ -38,11 +38,12 @@ class Collection:
         self._fewest = fewest
         self._begun_s = self._heard_s = time.monotonic()
         self._leapt = False
+        self._least_delay_ns = 0
 
     def take(self, frame: Frame) -> None:
         if self.frames and frame.gain_code != self.frames[-1].gain_code and self._span_s < SETTLING_S:
             self.frames.clear()
-        self._leapt |= bool(self.frames) and _has_leapt(self.frames[-1], frame)
+        self._leapt |= self._leaps_at(frame)
         self.frames.append(frame)
         self._heard_s = time.monotonic()
 
@@ -65,15 +66,21 @@ class Collection:
             return f"in {now_s - self._begun_s:.0f} s the device's clock went on by {self._span_s:.1f} s: is it halted?"
         return ""
 
+    def _leaps_at(self, frame: Frame) -> bool:
+        """Whether the device's clock went back, or on by more than the time that passed here.
+
+        A busy computer reads a frame late, but never sooner after its instant than the least delay allows."""
+        delay_ns = frame.host_time_ns - 1000 * frame.device_time_us
+        if not self.frames:
+            self._least_delay_ns = delay_ns
+        goes_back = bool(self.frames) and frame.device_time_us < self.frames[-1].device_time_us
+        goes_on = delay_ns < self._least_delay_ns - LEAP_NS
+        self._least_delay_ns = min(self._least_delay_ns, delay_ns)
+        return goes_back or goes_on
+
     @property
     def _span_s(self) -> float:
         return (self.frames[-1].device_time_us - self.frames[0].device_time_us) * 1e-6 if self.frames else 0.0
-
-
-def _has_leapt(before: Frame, frame: Frame) -> bool:
-    """Whether the device's clock went back, or on by more than the time that passed."""
-    there_us, here_ns = frame.device_time_us - before.device_time_us, frame.host_time_ns - before.host_time_ns
-    return there_us < 0 or 1000 * there_us - here_ns > LEAP_NS
 
 
 class BaselineJob:
