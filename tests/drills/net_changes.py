@@ -120,7 +120,7 @@ CHANGES = [
            ("tools-constant:2500", "tools-constant", "steel")),
     Change("neighbours", "pose/limits.h", "FMFTS_TURN_RAD_PER_S 2.0",
            "FMFTS_TURN_RAD_PER_S 1.5", ("neighbours:700",)),
-    Change("neighbours", "pose/neighbour.c", "by_placement = 4.0 *", "by_placement = 3.0 *", ("neighbours:700",)),
+    Change("neighbours", "pose/beside.c", "by_placement = 4.0 *", "by_placement = 3.0 *", ("neighbours:700",)),
     Change("neighbours", "pipeline/reading.c", "*pad->own.time_ns = (double)work->memory->message.sampled_ns;", ";",
            ("neighbours:700",)),
     Change("change", "pose/change.c", "(overlap ? own - overlap[i][j] : own)", "(overlap ? own + overlap[i][j] : own)",

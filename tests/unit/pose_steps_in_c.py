@@ -126,7 +126,13 @@ class Displaced:
 class SingleSteps:
     """Steps that need the whole of a frame: single_steps.c."""
 
-    SOURCES = (str(Path(__file__).with_name("single_steps.c")), "pose/overlap.c", "pose/neighbour.c")
+    SOURCES = (
+        str(Path(__file__).with_name("single_steps.c")),
+        "pose/overlap.c",
+        "pose/neighbour.c",
+        "pose/beside.c",
+        "arithmetic/matrix.c",
+    )
 
     def __init__(self, folder: Path) -> None:
         self._library = library_of(folder, *self.SOURCES)

@@ -27,9 +27,7 @@ void feel(const fmfts_pose_parameters *parameters, double *const *tables, double
     fmfts_step step = {.parameters = parameters};
     fmfts_sighting seen[FMFTS_FELT];
     for (size_t pad = 0; pad < (size_t)parameters->neighbours; pad++) {
-        size_t magnets = (size_t)parameters->neighbour_magnets[pad], moves = FMFTS_MOVES * magnets;
-        double *last = tables[pad], *spread = last + FMFTS_PLACED * magnets, *age = spread + moves * moves, *at_rest = age + 1;
-        seen[pad] = (fmfts_sighting){magnets, last, spread, age, at_rest, at_rest + FMFTS_PLACED * magnets};
+        seen[pad] = fmfts_view_sighting(tables[pad], (size_t)parameters->neighbour_magnets[pad]);
     }
     fmfts_feel(&step, seen, time_ns);
     memcpy(added_t, step.field.field_t, bytes_of(parameters));

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pose_steps_in_c import SingleSteps
-from scipy.linalg import block_diag
 
 from fmfts.baseline import Mounting
 from fmfts.config import PadConfig, PlacementConfig, SimulatedSource
@@ -18,13 +17,14 @@ from fmfts.pad import Pad, Placement, rotation_from_vector
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pose import PAPER, SIZE, State, dipole_field
 from fmfts.pose._alignment import MOMENT_DEVIATION, REACH_M, REACH_RAD
-from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView, with_rest
-from fmfts.pose.sighting import Sighting
+from fmfts.pose.neighbour import NeighbourView
+from fmfts.pose.sighting import Sighting, values_of
 from fmfts.scene.neighbours import neighbours_around
 from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.neighbours import pair, pressed_pair
+from oracle import neighbours as oracle
 
 NOISE_T = 2e-7
 STEP_SD = np.array([3e-5, 3e-5, 3e-5, 5e-3, 5e-3, MOMENT_DEVIATION])
@@ -52,20 +52,8 @@ def test_neighbour_has_the_field_that_the_common_frame_gives_it(
     places = np.array([own.point(place) for place in pad.sensors.position_m])
     magnet = pad.magnet.strength_t_m3, pad.magnet.octupole_m2
     common = dipole_field(places, others.point(moved.position_m), others.rotation @ moved.axis, *magnet)
-    np.testing.assert_allclose(seen.field(pad.sensors, seen.now), common @ own.rotation, rtol=1e-9, atol=1e-15)
-
-
-def test_covariance_of_a_neighbour_turns_with_its_axes(pad: Pad) -> None:
-    neighbour = view(pad)
-    step = 1e-3 * np.array([0.3, -0.7, 0.2, 2.0, -1.0, 0.0])
-    sighting = neighbour.sighting
-    sighting.covariance, sighting.time_ns = np.outer(step, step), 0
-    seen = neighbour.at(0)
-    (there,) = neighbour._placed([sighting.last[0].stepped(step)])
-    arrived = there.step_from(seen.now[0])
-    arrived_square = np.outer(arrived, arrived) + np.diag([0.0] * 5 + [MOMENT_DEVIATION**2])
-    # A step on the sphere is its tangent to second order: 2e-3 of a radian.
-    np.testing.assert_allclose(seen.covariance, arrived_square, rtol=1e-4, atol=1e-11)
+    rest_t, change_t, _ = seen.effect(pad.sensors)
+    np.testing.assert_allclose(rest_t + change_t, common @ own.rotation, rtol=1e-9, atol=1e-15)
 
 
 def test_neighbour_is_less_certain_the_longer_it_was_not_seen(pad: Pad) -> None:
@@ -81,28 +69,40 @@ def test_neighbour_is_less_certain_the_longer_it_was_not_seen(pad: Pad) -> None:
 
 
 @pytest.mark.parametrize("magnets", [(1,), (4,), (2, 1, 1)], ids=str)
-def test_neighbours_in_c_are_those_of_pads_with_several(
+def test_neighbours_are_where_the_oracle_has_them(
     pad: Pad, magnets: tuple[int, ...], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    """The same is in Python for pads with several magnets: where the others are, their field, and how certain."""
+    """For a pad with one magnet, which solves them, and for one with several, which considers them."""
     steps, random = SingleSteps(tmp_path_factory.mktemp("felt")), np.random.default_rng(sum(magnets))
     mounted = replace(pad, sensors=replace(pad.sensors, axes=pad.sensors.axes + 0.02 * random.normal(size=(4, 3, 3))))
+    time_ns = 9_000_000
     for seen_ns in (None, 0, 7_000_000, 4_000_000_000):
         views = [drawn_view(pad, count, seen_ns, random) for count in magnets]
-        felt, time_ns = steps.felt(mounted, views, 9_000_000), 9_000_000
-        seen = [each.at(time_ns) for each in views]
-        rest, now = (
-            [[*one.position_m, *one.axis, one.log_moment] for each in seen for one in getattr(each, name)]
-            for name in ("rest", "now")
-        )
-        np.testing.assert_allclose(felt.rest, rest, rtol=1e-12, atol=1e-15)
-        np.testing.assert_allclose(felt.now, now, rtol=1e-12, atol=1e-15)
-        covariance = block_diag(*(each.covariance for each in seen))
-        np.testing.assert_allclose(felt.covariance, covariance, rtol=1e-9, atol=1e-20)
-        nothing = np.zeros((4, 3))
-        np.testing.assert_allclose(felt.added_t, with_rest(nothing, mounted.sensors, seen), rtol=1e-9, atol=1e-17)
-        variance = sum(variance_of(each, mounted) for each in seen)
+        felt, seen = steps.felt(mounted, views, time_ns), [each.at(time_ns) for each in views]
+        age_s = np.inf if seen_ns is None else 1e-9 * abs(time_ns - seen_ns)
+        covariances = [oracle.covariance(each.sighting, each.placement, age_s) for each in views]
+        fields = []
+        for each, own, covariance in zip(views, seen, covariances, strict=True):
+            rest, now = (
+                oracle.placed(values_of(where), each.placement) for where in (each.sighting.rest, each.sighting.last)
+            )
+            np.testing.assert_allclose(own.rest, rest, rtol=1e-12, atol=1e-15)
+            np.testing.assert_allclose(own.now, now, rtol=1e-12, atol=1e-15)
+            near(own.covariance, covariance)
+            fields.append(oracle.fields(own.magnets, rest, mounted.sensors).sum(axis=0))
+            np.testing.assert_allclose(own.effect(mounted.sensors)[0], fields[-1], rtol=1e-9, atol=1e-17)
+        np.testing.assert_array_equal(felt.rest, np.concatenate([each.rest for each in seen]))
+        np.testing.assert_array_equal(felt.now, np.concatenate([each.now for each in seen]))
+        near(felt.covariance, oracle.together(covariances))
+        np.testing.assert_allclose(felt.added_t, sum(fields), rtol=1e-9, atol=1e-17)
+        variance = sum(oracle.variance(each.sighting, each.placement, mounted.sensors) for each in views)
         np.testing.assert_allclose(felt.added_t2, np.tile(variance, (3, 1)).T, rtol=1e-9)
+
+
+def near(told: np.ndarray, wanted: np.ndarray) -> None:
+    """Within what differences leave of each pair of deviations."""
+    deviation = np.sqrt(np.diagonal(wanted))
+    assert (np.abs(told - wanted) < 1e-6 * np.outer(deviation, deviation)).all()
 
 
 def drawn_view(pad: Pad, magnets: int, seen_ns: int | None, random: np.random.Generator) -> NeighbourView:
@@ -116,11 +116,6 @@ def drawn_view(pad: Pad, magnets: int, seen_ns: int | None, random: np.random.Ge
     sighting = Sighting((pad.magnet,) * magnets, *where, root @ root.T, rest_error, seen_ns)
     turn = rotation_from_vector(random.normal(size=3))
     return NeighbourView(sighting, Placement(np.array([0.03, 0.0, 0.0]) + 0.01 * random.normal(size=3), turn, 2e-4))
-
-
-def variance_of(seen: NeighbourEstimate, pad: Pad) -> np.ndarray:
-    now, rest = seen.fields(pad.sensors, seen.now), seen.fields(pad.sensors, seen.rest)
-    return seen.placement_variance(pad.sensors, [one - other for one, other in zip(now, rest, strict=True)])
 
 
 def certain(mounting: Mounting) -> Mounting:
@@ -162,9 +157,9 @@ def test_pose_beside_an_uncertain_neighbour_is_as_uncertain_as_it_says() -> None
     sighting.time_ns = frame.host_time_ns
     seen, untouched = neighbour.at(frame.host_time_ns), pipeline.memory
     for _ in range(300):
-        truth = neighbour._placed([last.stepped(STEP_SD * random.standard_normal(6))])
+        truth = oracle.placed(values_of([last.stepped(STEP_SD * random.standard_normal(6))]), neighbour.placement)
         # What a baseline leaves: this magnet, and what the neighbour has changed since.
-        change = seen.field(pad.sensors, truth) - seen.field(pad.sensors, seen.rest)
+        change = replace(seen, now=truth).effect(pad.sensors)[1]
         pipeline.recall(untouched)
         message = pipeline.process(measured(frame, mounting, own + change + random.normal(0.0, NOISE_T, (4, 3))))
         assert message.health == "ok", message.reason

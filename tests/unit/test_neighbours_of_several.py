@@ -26,6 +26,7 @@ from fmfts.simulation.neighbour import SeveralMagnets
 from fmfts_lab.bench.neighbours import pair
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS
 from fmfts_lab.finite_elements.array_pad import array_config
+from oracle import neighbours as oracle
 
 PERIOD_NS = round(1e9 / 220)
 FRAMES = 88
@@ -175,16 +176,17 @@ def at(pad: Pad) -> NeighbourEstimate:
 def test_the_change_of_a_neighbours_field_is_as_uncertain_as_its_magnets() -> None:
     pad, random = array_config().pad(), np.random.default_rng(3)
     seen = at(pad)
-    moved = tuple(one.stepped(np.array([1e-4, -2e-4, -3e-4, 0.02, 0.01, 0.0])) for one in seen.rest)
+    moved = oracle.stepped(seen.rest, np.tile([1e-4, -2e-4, -3e-4, 0.02, 0.01, 0.0], 4))
     root = 1e-4 * random.standard_normal((24, 24)) * np.tile([1.0, 1.0, 1.0, 50.0, 50.0, 10.0], 4)[:, None]
     seen = NeighbourEstimate(seen.magnets, seen.rest, moved, root @ root.T, 0.0, np.zeros((4, 2)))
     change, covariance = change_of(pad.sensors, [seen])
-    np.testing.assert_allclose(change, seen.field(pad.sensors, moved) - seen.field(pad.sensors, seen.rest), atol=1e-15)
 
     def after(step: np.ndarray) -> np.ndarray:
-        where = [one.stepped(own) for one, own in zip(moved, step.reshape(4, 6), strict=True)]
-        return seen.field(pad.sensors, where).ravel()
+        field_t = oracle.fields(seen.magnets, oracle.stepped(moved, step), pad.sensors).sum(axis=0)
+        return np.asarray(field_t.ravel())
 
+    rest_t = oracle.fields(seen.magnets, seen.rest, pad.sensors).sum(axis=0)
+    np.testing.assert_allclose(change.ravel(), after(np.zeros(24)) - rest_t.ravel(), atol=1e-15)
     effects = np.column_stack([(after(1e-3 * each) - after(-1e-3 * each)) / 2e-3 for each in root.T])
     np.testing.assert_allclose(covariance, effects @ effects.T, rtol=1e-3, atol=1e-5 * np.abs(covariance).max())
 
@@ -192,7 +194,7 @@ def test_the_change_of_a_neighbours_field_is_as_uncertain_as_its_magnets() -> No
 def test_what_a_baseline_left_open_counts_in_the_change() -> None:
     pad = array_config().pad()
     seen = at(pad)
-    moved = tuple(one.stepped(np.array([0.0, 0.0, -4e-4, 0.0, 0.0, 0.0])) for one in seen.rest)
+    moved = oracle.stepped(seen.rest, np.tile([0.0, 0.0, -4e-4, 0.0, 0.0, 0.0], 4))
 
     def variance(rest_error: np.ndarray) -> np.ndarray:
         known = NeighbourEstimate(seen.magnets, seen.rest, moved, np.zeros((24, 24)), 0.0, rest_error)

@@ -8,17 +8,8 @@ enum { WORDS_ROOM = 2048 }; /* of the words that are in every message, so that i
 /* The parts of a sighting, in the order of sighting.py. 0 and ValueError if the buffer is not of so many magnets. */
 static int view_sighting(const Py_buffer *buffer, size_t magnets, fmfts_sighting *sighting)
 {
-    size_t placed = FMFTS_PLACED * magnets, columns = FMFTS_MOVES * magnets;
-    if (!fmfts_has_size(buffer, (placed + columns * columns + 1 + placed + 2 * magnets) * sizeof(double), "sighting")) {
-        return 0;
-    }
-    sighting->magnets = magnets;
-    sighting->last = buffer->buf;
-    sighting->covariance = sighting->last + placed;
-    sighting->time_ns = sighting->covariance + columns * columns;
-    sighting->rest = sighting->time_ns + 1;
-    sighting->rest_error = sighting->rest + placed;
-    return 1;
+    *sighting = fmfts_view_sighting(buffer->buf, magnets);
+    return fmfts_has_size(buffer, FMFTS_SIGHTING(magnets) * sizeof(double), "sighting");
 }
 
 /* neighbour: a tuple of its sighting's buffer and its number of magnets. felt: how many magnets are felt besides. */

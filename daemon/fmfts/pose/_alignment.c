@@ -1,10 +1,12 @@
-/* fmfts.pose._alignment: push.c for Python, through the stable ABI. Only alignment.py calls it, and makes the arrays. */
+/* fmfts.pose._alignment: push.c and beside.c for Python, through the stable ABI. Only alignment.py and neighbour.py call it, and make the
+ * arrays. */
 #define PY_SSIZE_T_CLEAN
 #include "../common/stable_abi.h"
 
 #include <Python.h>
 
 #include "../common/aligned.h"
+#include "beside.h"
 #include "limits.h"
 #include "push.h"
 
@@ -109,7 +111,63 @@ static PyObject *leap_us(PyObject *module, PyObject *args)
     return PyLong_FromLongLong(fmfts_leap_us(&last, frame_us, host_ns, sequence, period_us));
 }
 
+/* see(turn, place, sighting, time_ns, rest, now, covariance): as fmfts_see. */
+static PyObject *see(PyObject *module, PyObject *args)
+{
+    enum { TURN, PLACE, SIGHTING, REST, NOW, COVARIANCE, ARRAYS };
+    Py_buffer b[ARRAYS] = {{0}};
+    double time_ns;
+    PyObject *result = NULL;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "y*y*w*dw*w*w*", &b[TURN], &b[PLACE], &b[SIGHTING], &time_ns, &b[REST], &b[NOW], &b[COVARIANCE])) {
+        return NULL;
+    }
+    const size_t magnets = (size_t)b[NOW].len / sizeof(double[FMFTS_PLACED]), width = FMFTS_MOVES * magnets;
+    const size_t placed = FMFTS_PLACED * magnets;
+    if (magnets > FMFTS_MOST_TOGETHER) {
+        PyErr_Format(PyExc_ValueError, "%zu magnets, at most %d", magnets, FMFTS_MOST_TOGETHER);
+    } else if (fmfts_have_doubles(b, (size_t[]){9, 3, FMFTS_SIGHTING(magnets), placed, placed, width * width}, ARRAYS)) {
+        const fmfts_sighting sighting = fmfts_view_sighting(b[SIGHTING].buf, magnets);
+        fmfts_see(b[TURN].buf, b[PLACE].buf, &sighting, time_ns,
+                  &(fmfts_seen){b[REST].buf, b[NOW].buf, b[COVARIANCE].buf, width});
+        result = Py_NewRef(Py_None);
+    }
+    fmfts_give_back(b, ARRAYS);
+    return result;
+}
+
+/* change_beside(places, directions, magnets, rest, now, rest_error, covariance, placement_m, rest_t, change_t, covariance_t2) */
+static PyObject *change_beside(PyObject *module, PyObject *args)
+{
+    enum { PLACES, DIRECTIONS, MAGNETS, REST, NOW, REST_ERROR, COVARIANCE, REST_T, CHANGE_T, COVARIANCE_T2, ARRAYS };
+    Py_buffer b[ARRAYS] = {{0}};
+    double placement_m;
+    PyObject *result = NULL;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*dw*w*w*", &b[PLACES], &b[DIRECTIONS], &b[MAGNETS], &b[REST], &b[NOW], &b[REST_ERROR],
+                          &b[COVARIANCE], &placement_m, &b[REST_T], &b[CHANGE_T], &b[COVARIANCE_T2])) {
+        return NULL;
+    }
+    const size_t sensors = (size_t)b[PLACES].len / sizeof(double[3]), magnets = (size_t)b[NOW].len / sizeof(double[FMFTS_PLACED]);
+    const size_t axes = 3 * sensors, placed = FMFTS_PLACED * magnets, columns = FMFTS_MOVES * magnets;
+    const size_t wanted[] = {axes, 3 * axes, FMFTS_MAGNET * magnets, placed, placed, 2 * magnets, columns * columns,
+                             axes, axes,     axes * axes};
+    if (magnets > FMFTS_MOST_TOGETHER || sensors > FMFTS_SENSORS) {
+        PyErr_Format(PyExc_ValueError, "%zu magnets and %zu sensors, at most %d and %d", magnets, sensors, FMFTS_MOST_TOGETHER,
+                     FMFTS_SENSORS);
+    } else if (fmfts_have_doubles(b, wanted, ARRAYS)) {
+        const fmfts_beside pad = {sensors,       magnets,           b[PLACES].buf,     b[DIRECTIONS].buf, b[MAGNETS].buf, b[REST].buf,
+                                  b[NOW].buf,    b[REST_ERROR].buf, b[COVARIANCE].buf, placement_m};
+        fmfts_change_beside(&pad, b[REST_T].buf, b[CHANGE_T].buf, b[COVARIANCE_T2].buf);
+        result = Py_NewRef(Py_None);
+    }
+    fmfts_give_back(b, ARRAYS);
+    return result;
+}
+
 static PyMethodDef methods[] = {
+    {"change_beside", change_beside, METH_VARARGS, "What a neighbouring pad does to the field; see neighbour.py."},
+    {"see", see, METH_VARARGS, "Where a neighbouring pad's magnets are; see neighbour.py."},
     {"leap_us", leap_us, METH_VARARGS, "By how much a board's clock leapt; see push.h."},
     {"push", push, METH_VARARGS, "Add a frame, and align; see alignment.py."},
     {NULL, NULL, 0, NULL},

@@ -20,6 +20,30 @@ def push(
     frame_us: int,
     /,
 ) -> tuple[int, bool, bool, int]: ...
+def see(
+    turn: NDArray[Any],
+    place: NDArray[Any],
+    sighting: memoryview,
+    time_ns: float,
+    rest: NDArray[Any],
+    now: NDArray[Any],
+    covariance: NDArray[Any],
+    /,
+) -> None: ...
+def change_beside(
+    places: NDArray[Any],
+    directions: NDArray[Any],
+    magnets: NDArray[Any],
+    rest: NDArray[Any],
+    now: NDArray[Any],
+    rest_error: NDArray[Any],
+    covariance: NDArray[Any],
+    placement_m: float,
+    rest_t: NDArray[Any],
+    change_t: NDArray[Any],
+    covariance_t2: NDArray[Any],
+    /,
+) -> None: ...
 def leap_us(
     last_us: int, stood_ns: int, stood_sequence: int, frame_us: int, host_ns: int, sequence: int, period_us: float, /
 ) -> int: ...

@@ -26,7 +26,7 @@ class SightingMemory:
 
 
 def sighting_fields(magnets: int) -> list[Field]:
-    """The fields of a Sighting; C takes them in this order (fmfts_sighting in step.h)."""
+    """The fields of a Sighting; C takes them in this order (beside.h)."""
     return [
         ("last", "<f8", NEIGHBOUR_VALUES * magnets),
         ("covariance", "<f8", COLUMNS * magnets * COLUMNS * magnets),
@@ -72,7 +72,7 @@ class Sighting:
 
     @last.setter
     def last(self, where: Where) -> None:
-        self.table.put("last", _values_of(where))
+        self.table.put("last", values_of(where))
 
     @property
     def rest(self) -> Where:
@@ -80,7 +80,7 @@ class Sighting:
 
     @rest.setter
     def rest(self, where: Where) -> None:
-        self.table.put("rest", _values_of(where))
+        self.table.put("rest", values_of(where))
 
     @property
     def covariance(self) -> Array:
@@ -119,17 +119,21 @@ class Sighting:
 
     @property
     def memory(self) -> SightingMemory:
-        return SightingMemory(_values_of(self.last), self.covariance, self.time_ns)
+        return SightingMemory(values_of(self.last), self.covariance, self.time_ns)
 
     def recall(self, memory: SightingMemory) -> None:
         self.table.put("last", memory.values)
         self.covariance, self.time_ns = memory.covariance, memory.time_ns
 
     def _where(self, part: str) -> Where:
-        values = self.table[part].reshape(-1, NEIGHBOUR_VALUES).copy()
-        return tuple(Neighbour(one[:3], one[3:6], float(one[NEIGHBOUR_VALUES - 1])) for one in values)
+        return where_of(self.table[part].reshape(-1, NEIGHBOUR_VALUES).copy())
 
 
-def _values_of(where: Where) -> Array:
+def where_of(values: Array) -> tuple[Neighbour, ...]:
+    """The inverse of `values_of`."""
+    return tuple(Neighbour(one[:3], one[3:6], float(one[NEIGHBOUR_VALUES - 1])) for one in values)
+
+
+def values_of(where: Where) -> Array:
     """(M, 7) position, axis and log moment of each magnet."""
     return np.array([np.concatenate([one.position_m, one.axis, [one.log_moment]]) for one in where])

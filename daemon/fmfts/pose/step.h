@@ -10,14 +10,8 @@
 
 #include "../common/text.h"
 #include "../sensor/missing.h"
+#include "beside.h"
 #include "pose_fields.h"
-
-/* Where a pad's magnets were last seen, in that pad's axes: sighting.py. Pointers into its doubles, which Python owns. last, rest
- * [magnets][FMFTS_PLACED]; covariance: of a step of all; time_ns: on the host's clock, NaN: never; rest_error [magnets][2]. */
-typedef struct {
-    size_t magnets;
-    double *last, *covariance, *time_ns, *rest, *rest_error;
-} fmfts_sighting;
 
 /* The neighbours' magnets at one instant, in this pad's axes. covariance: of a step of all, [FMFTS_MOVES × count]². */
 typedef struct {
