@@ -46,6 +46,7 @@ settings.load_profile("deterministic")
 LONGEST = {
     "test_stream_for_a_minute.py",
     "test_learn.py",
+    "test_learned_geometry.py",
     "test_named_boards.py",
     "test_diagnosis.py",
     "test_baseline_refine.py",

@@ -112,7 +112,7 @@ def test_what_waited_too_long_is_not_handed_out_as_new(client: Talker, publisher
     assert (answer["result"], answer["alive"], answer["valid"]) == (NOTHING, False, False)
 
 
-def test_daemon_that_speaks_of_old_samples_is_alive_and_the_pad_not_fresh(client: Talker, publisher: Publisher) -> None:
+def test_daemon_that_speaks_of_old_samples_is_alive_and_pad_not_fresh(client: Talker, publisher: Publisher) -> None:
     publisher.send_contact("demo", contact_message(seq=7, t_sample_ns=time.monotonic_ns() - 400_000_000))
     answer = eventually(lambda: client.latest(100), lambda answer: answer.get("seq") == 7)
     assert (answer["alive"], answer["fresh"], answer["valid"]) == (True, False, False)
@@ -156,7 +156,7 @@ def test_contact_of_another_pad_under_this_topic_is_refused(client: Talker, publ
     assert "another pad" in after(client, publisher, 5)["refusal"]
 
 
-def test_other_schema_version_is_said_at_once(client: Talker, publisher: Publisher) -> None:
+def test_other_schema_version_is_reported_at_once(client: Talker, publisher: Publisher) -> None:
     publisher.send_contact("demo", contact_message(v=2))
     answer = eventually(lambda: client.latest(100), lambda answer: answer["result"] != NOTHING)
     assert answer["result"] == WRONG_VERSION
@@ -198,5 +198,5 @@ def test_nothing_is_allocated_in_a_control_loop(tmp_path: Path, publisher: Publi
     assert allocations == 1, "the one that shows that the counter works"
 
 
-def test_program_that_is_told_nothing_ends_well(program: Path, tmp_path: Path) -> None:
+def test_example_without_contacts_ends_well(program: Path, tmp_path: Path) -> None:
     run([program, "demo", f"ipc://{tmp_path}"], stdin=subprocess.DEVNULL)

@@ -24,7 +24,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_listener(tmp_path_factory.mktemp("c"))
 
 
-def test_only_a_known_key_hears_over_tcp(program: Path, tmp_path: Path) -> None:
+def test_only_a_known_key_receives_over_tcp(program: Path, tmp_path: Path) -> None:
     folder = KeyFolder(tmp_path / "keys")
     folder.add("arm", tmp_path / "arm.key")
     KeyFolder(tmp_path / "others").add("thief", tmp_path / "thief.key")
@@ -58,7 +58,7 @@ def far(publisher: Publisher, ahead_s: float, waited_s: float = 0.0, boot: str =
 
 
 @pytest.mark.parametrize("ahead_s", [3600.0, -3600.0])
-def test_clock_of_another_machine_is_learnt_from_what_arrives(program: Path, ahead_s: float) -> None:
+def test_clock_of_another_machine_is_learned_from_what_arrives(program: Path, ahead_s: float) -> None:
     """That machine was started an hour after this one or before it, and later once more."""
     base = tcp_base()
     publisher = Publisher(Endpoints.from_base(base), BOOT)
@@ -107,7 +107,7 @@ def refused(program: Path, *words: str, **changes: str) -> str:
     return str(answer["why"])
 
 
-def test_what_cannot_be_connected_to_says_what_to_do(program: Path, tmp_path: Path) -> None:
+def test_failed_connection_says_what_to_do(program: Path, tmp_path: Path) -> None:
     for base in ("ipc://relative", "tcp://:5570", "tcp://host:0", "tcp://host:65534", "tcp://host:1x", "http://a:1"):
         assert "is no base" in refused(program, "demo", base), base
     assert "too long" in refused(program, "demo", f"ipc:///{'x' * 105}")
@@ -125,7 +125,7 @@ def test_socket_of_a_directory_means_the_directory(program: Path, tmp_path: Path
         assert f"{folder} may be written to by every user" in refused(program, "demo", f"ipc://{folder}/bus")
 
 
-def test_key_file_that_is_open_to_others_absent_or_damaged_is_refused(program: Path, tmp_path: Path) -> None:
+def test_key_file_open_to_others_absent_or_damaged_is_refused(program: Path, tmp_path: Path) -> None:
     key = tmp_path / "arm.key"
     base = "tcp://127.0.0.1:5570"
     assert "cannot be read" in refused(program, "demo", base, FMFTS_KEY=str(key))

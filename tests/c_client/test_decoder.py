@@ -99,7 +99,7 @@ def test_what_the_python_client_refuses_the_c_client_refuses(c_client: Talker, n
 
 @given(contacts, st.sampled_from(POSE_FIELDS), anything)
 @settings(max_examples=60)
-def test_what_the_python_client_refuses_in_a_pose_the_c_client_refuses(
+def test_what_python_client_refuses_in_pose_c_client_refuses(
     c_client: Talker, contact: ContactMessage, name: str, value: Any
 ) -> None:
     message = msgpack.unpackb(encode(contact))
@@ -110,7 +110,7 @@ def test_what_the_python_client_refuses_in_a_pose_the_c_client_refuses(
 
 @given(st.sampled_from(FINGER_FIELDS), anything, st.integers(0, 5))
 @settings(max_examples=80)
-def test_what_the_python_client_refuses_in_a_finger_the_c_client_refuses(
+def test_what_python_client_refuses_in_finger_c_client_refuses(
     c_client: Talker, name: str, value: Any, which: int
 ) -> None:
     """Also in one of those for which there is no place."""
@@ -182,7 +182,7 @@ def test_key_that_is_absent_is_named_and_not_taken_for_null(c_client: Talker, na
     assert (answer["result"], answer["why"]) == (REFUSED, f"{name} is missing")
 
 
-def test_a_daemon_that_does_not_send_now_is_read(c_client: Talker) -> None:
+def test_daemon_that_does_not_send_now_is_read(c_client: Talker) -> None:
     message = msgpack.unpackb(encode(contact_message()))
     del message["now"]
     answer = c_client.decode(msgpack.packb(message))
@@ -190,7 +190,7 @@ def test_a_daemon_that_does_not_send_now_is_read(c_client: Talker) -> None:
     assert answer["force_n"] == 1.5
 
 
-def test_other_version_is_told_apart_whatever_else_is_in_the_message(c_client: Talker) -> None:
+def test_other_version_is_distinguished_whatever_else_is_in_message(c_client: Talker) -> None:
     for message in ({"v": 2}, {"force_n": "much", "v": 2}, {}, {"v": True}, {"v": "1"}, {"v": 1.0}):
         answer = c_client.decode(msgpack.packb(message))
         assert answer["result"] == WRONG_VERSION, message
@@ -203,7 +203,7 @@ def test_bytes_that_are_no_message_are_refused(c_client: Talker, payload: bytes)
 
 
 @pytest.mark.parametrize("message", [contact_message, lambda **changes: fingers_message(*two_fingers(), **changes)])
-def test_message_that_is_cut_off_or_too_long_is_refused_at_every_byte(c_client: Talker, message: Any) -> None:
+def test_message_cut_off_or_too_long_is_refused_at_every_byte(c_client: Talker, message: Any) -> None:
     payload = encode(message(temperature_c=None, reason="häßlich"))
     for size in range(len(payload)):
         assert c_client.decode(payload[:size])["result"] == REFUSED, size
@@ -282,7 +282,7 @@ def test_client_compiles_without_a_warning(compiler: str, tmp_path: Path) -> Non
         run([need("g++" if compiler == "gcc" else "clang++"), *compile_header])
 
 
-def test_fuzzed_decoder_stays_within_bounds_on_the_corpus_and_near_it(tmp_path: Path) -> None:
+def test_fuzzed_decoder_stays_within_bounds_on_corpus_and_near_it(tmp_path: Path) -> None:
     program = build(tmp_path / "fuzz", "clang", [HERE / "fuzz_decoder.c"], "-fsanitize=fuzzer", *SANITIZED)
     corpus = ROOT / "tests/c_client/corpus"
     assert len(list(corpus.iterdir())) > 10, "the corpus is gone"

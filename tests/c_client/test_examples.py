@@ -113,7 +113,7 @@ class Gripper:
 
 
 @pytest.mark.parametrize(("name", "pressed"), [("gripper", "OPEN (pressed hard enough)"), ("gripper-cpp", " N)")])
-def test_gripper_opens_when_the_pad_is_pressed_and_when_the_daemon_hangs(
+def test_gripper_opens_when_pad_is_pressed_and_when_daemon_hangs(
     with_cmake: Path, daemon: RunningDaemon, name: str, pressed: str
 ) -> None:
     with Gripper(with_cmake / name, daemon.environment) as gripper:
@@ -168,7 +168,7 @@ def test_gripper_built_by_pkg_config_opens_when_nothing_arrives(
         running.says("OPEN (nothing arrives)")
 
 
-def test_example_of_the_readme_compiles_against_the_installed_client(installed: Path, tmp_path: Path) -> None:
+def test_example_of_readme_compiles_against_installed_client(installed: Path, tmp_path: Path) -> None:
     (code,) = re.findall(r"^```c\n(.*?)^```", (CLIENT / "README.md").read_text(), re.DOTALL | re.MULTILINE)
     (tmp_path / "example.c").write_text(code)
     surroundings = os.environ | {"PKG_CONFIG_PATH": str(installed / "lib/pkgconfig")}
@@ -176,7 +176,7 @@ def test_example_of_the_readme_compiles_against_the_installed_client(installed: 
     run([need("clang"), *STRICT, tmp_path / "example.c", *flags, "-o", tmp_path / "example"])
 
 
-def test_c_client_hears_the_daemon_as_the_python_client_does(daemon: RunningDaemon, tmp_path: Path) -> None:
+def test_c_client_receives_the_daemon_as_the_python_client_does(daemon: RunningDaemon, tmp_path: Path) -> None:
     program = build(tmp_path / "listen", "gcc", [HERE / "listen.c", HERE / "shown.c"], *SANITIZED)
     in_c, in_python, both = {}, {}, set[int]()
     with daemon.subscribe("contact") as messages, Talker(program, "left", daemon.base) as client:

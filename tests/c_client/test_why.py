@@ -25,7 +25,7 @@ def said(program: Path, pad: str, base: str, timeout_ms: int = 1000, key: str = 
     return str(answer["why"])
 
 
-def test_c_client_says_that_contacts_arrive_or_which_pads_there_are(program: Path, tmp_path: Path) -> None:
+def test_c_client_reports_arrival_or_lists_pads(program: Path, tmp_path: Path) -> None:
     base = f"ipc://{tmp_path}"
     with daemon_of(base, "left", "right"):
         assert said(program, "left", base, 20_000) == ""

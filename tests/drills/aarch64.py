@@ -37,10 +37,10 @@ LEFT_OUT = {
     "contact_network.py::test_model_that_onnxruntime_evaluates_says_the_same": ONNXRUNTIME,
     "touch.py::test_false_contacts_of_noise_come_at_the_stated_rate": STATISTICS,
     "mean_residuals.py::test_healthy_noise_is_never_a_lasting_fault": STATISTICS,
-    "clock.py::test_an_hour_of_a_crystal_that_warms_and_cools_is_followed": "minutes; a shorter drift is followed",
+    "clock.py::test_hour_of_a_crystal_that_warms_and_cools_is_followed": "minutes; a shorter drift is followed",
     "refine.py::test_fit_meets_a_smooth_response_between_its_points": "minutes of SciPy, by which pads are calibrated",
-    "pipeline.py::test_scripted_finger_is_felt_within_the_published_deviations[2-scene0]": ONE_SEED,
-    "pipeline.py::test_scripted_finger_is_felt_within_the_published_deviations[2-scene1]": ONE_SEED,
+    "pipeline.py::test_scripted_finger_is_detected_within_published_deviations[2-scene0]": ONE_SEED,
+    "pipeline.py::test_scripted_finger_is_detected_within_published_deviations[2-scene1]": ONE_SEED,
 }
 PIP = ["/usr/bin/python3", "-m", "pip", "--disable-pip-version-check", "-q"]
 

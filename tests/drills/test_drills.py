@@ -19,7 +19,7 @@ def test_replugged_boards_come_back_and_leave_no_descriptor(tmp_path: Path) -> N
     recovery.replug(tmp_path, 10)
 
 
-def test_a_reset_amid_a_packet_is_survived(tmp_path: Path) -> None:
+def test_reset_amid_a_packet_is_survived(tmp_path: Path) -> None:
     recovery.reset_in_a_frame(tmp_path, 3)
 
 
@@ -27,25 +27,25 @@ def test_random_bytes_between_frames_bring_no_wrong_number(tmp_path: Path) -> No
     recovery.garbage(tmp_path, 50_000)
 
 
-def test_a_storm_of_nacks_brings_no_wrong_number_and_passes(tmp_path: Path) -> None:
+def test_storm_of_nacks_brings_no_wrong_number_and_passes(tmp_path: Path) -> None:
     recovery.nack_storm(tmp_path, 2.0)
 
 
-def test_a_wedged_bus_is_said_and_the_other_pad_goes_on(tmp_path: Path) -> None:
+def test_wedged_bus_is_reported_and_other_pad_goes_on(tmp_path: Path) -> None:
     if kernel_bus.missing():
         missing(kernel_bus.PACKAGES)
     daemon_drills.wedged_bus(tmp_path, 2.0)
 
 
-def test_a_killed_write_leaves_the_old_baseline_or_the_new(tmp_path: Path) -> None:
+def test_killed_write_leaves_the_old_baseline_or_the_new(tmp_path: Path) -> None:
     daemon_drills.killed_in_a_write(tmp_path, 3)
 
 
-def test_a_subscriber_that_never_reads_harms_nobody(tmp_path: Path) -> None:
+def test_subscriber_that_never_reads_delays_no_other(tmp_path: Path) -> None:
     daemon_drills.deaf_subscriber(tmp_path, 2.0)
 
 
-def test_a_wall_clock_that_jumps_disturbs_nothing(tmp_path: Path) -> None:
+def test_wall_clock_that_jumps_disturbs_nothing(tmp_path: Path) -> None:
     daemon_drills.clock_set_back(tmp_path, 1.0)
 
 
@@ -53,19 +53,19 @@ def test_random_requests_are_answered_and_change_nothing(tmp_path: Path) -> None
     control_fuzz.fuzzed_control(tmp_path, 10_000)
 
 
-def test_a_probe_beside_the_daemon_disturbs_no_contact(tmp_path: Path) -> None:
+def test_probe_beside_the_daemon_disturbs_no_contact(tmp_path: Path) -> None:
     beside.probed(tmp_path, 3)
 
 
-def test_a_replugged_anyskin_board_comes_back(tmp_path: Path) -> None:
+def test_replugged_anyskin_board_comes_back(tmp_path: Path) -> None:
     anyskin_drills.unplugged(tmp_path, 2)
 
 
-def test_damaged_packets_of_an_anyskin_board_bring_no_wrong_number(tmp_path: Path) -> None:
+def test_damaged_packets_of_anyskin_board_bring_no_wrong_number(tmp_path: Path) -> None:
     anyskin_drills.damaged(tmp_path, 12)
 
 
-def test_another_baud_rate_of_an_anyskin_board_is_said_and_passes(tmp_path: Path) -> None:
+def test_wrong_anyskin_baud_rate_is_reported_and_recovers(tmp_path: Path) -> None:
     anyskin_drills.other_baud(tmp_path, 2)
 
 

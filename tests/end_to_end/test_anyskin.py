@@ -72,7 +72,7 @@ def test_press_on_a_pad_above_their_board_becomes_a_touch(
             assert abs(felt.displacement_m - moved_m) < 5 * felt.displacement_sd_m
 
 
-def test_unplugging_garbage_and_half_packets_are_told_and_mended(tmp_path: Path) -> None:
+def test_unplugging_and_garbage_are_reported_and_recovered(tmp_path: Path) -> None:
     def status(daemon: RunningDaemon) -> dict:
         return daemon.request("probe")["pads"][0]
 

@@ -49,7 +49,7 @@ def of_array(contact: Contact) -> bool:
     return contact.pad == "array"
 
 
-def test_board_makes_one_pad_of_eight_and_tells_two_fingers(tmp_path: Path) -> None:
+def test_board_makes_one_pad_of_eight_and_reports_two_fingers(tmp_path: Path) -> None:
     with FirmwareHost(tmp_path, "--array", "--pads", "2") as board:
         pad = load_pad(tmp_path, board)
         press(board, pad)

@@ -80,7 +80,7 @@ class TestNoDevice:
         assert count >= 20
 
 
-def test_second_daemon_on_an_endpoint_is_refused_with_the_firsts_pid(daemon: RunningDaemon) -> None:
+def test_second_daemon_on_endpoint_is_refused_with_firsts_pid(daemon: RunningDaemon) -> None:
     second = daemon.command("run", "--config", daemon.config)
     assert second.returncode == 69
     assert str(daemon.process.pid) in second.stderr

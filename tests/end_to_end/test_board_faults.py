@@ -192,7 +192,7 @@ class TestBaseline:
         assert (contact.pose, contact.force_n, contact.contact, contact.x_m) == (None, None, None, None)
         assert "fmfts-daemon baseline" in contact.reason
 
-    def test_refused_one_changes_nothing(self, host: FirmwareHost, daemon: RunningDaemon, pad: Pad) -> None:
+    def test_refused_baseline_changes_nothing(self, host: FirmwareHost, daemon: RunningDaemon, pad: Pad) -> None:
         before = daemon.wait_for(lambda contact: contact.health == "ok").baseline
         host.field(-resting_field(pad))
         refused = daemon.command("baseline", "--rest", "--config", daemon.config)
@@ -201,7 +201,9 @@ class TestBaseline:
         host.field(resting_field(pad))
         assert daemon.wait_for(lambda contact: contact.health == "ok").baseline == before
 
-    def test_damaged_file_is_said_and_not_used(self, tmp_path: Path, host: FirmwareHost, daemon: RunningDaemon) -> None:
+    def test_damaged_file_is_reported_and_not_used(
+        self, tmp_path: Path, host: FirmwareHost, daemon: RunningDaemon
+    ) -> None:
         assert daemon.stop() == 0
         stored = tmp_path / "state" / "fmfts" / "baseline" / "left.json"
         stored.write_text(stored.read_text()[:300])

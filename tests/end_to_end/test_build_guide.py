@@ -16,7 +16,7 @@ def test_every_command_of_the_page_is_found() -> None:
     assert typed == [["init", "--i2c"], ["probe"], ["baseline", "--bare"], ["baseline", "--rest"]]
 
 
-def test_a_line_that_is_not_printed_is_missed_and_another_figure_is_not() -> None:
+def test_guide_misses_absent_lines_but_ignores_other_figures() -> None:
     step = Step("x", ("position: (0.000, 1.000) mm", "faults: none"))
     assert step.missing("position: (-0.013, 0.980) mm\nfaults: none\n") == []
     assert step.missing("position: (0, 1) mm\nfaults: sensor 1\n") == ["faults: none"]
@@ -31,7 +31,7 @@ BASELINE_LEAVES = 0.031, 0.008
 @pytest.mark.slow
 @pytest.mark.needs("arm-none-eabi-gcc", "faketime")
 @pytest.mark.parametrize("build", CHIPS_LEAVE)
-def test_the_page_leads_from_an_empty_folder_to_the_first_contact(build: str, tmp_path: Path) -> None:
+def test_page_leads_from_an_empty_folder_to_the_first_contact(build: str, tmp_path: Path) -> None:
     with wired(build, tmp_path) as parts:
         assert follow(parts) == []
         said = first_contact(parts)

@@ -38,7 +38,7 @@ def frames_behind(row: dict[str, str], folder: Path) -> int:
 
 
 @pytest.mark.parametrize(("dialect", "load_cell"), [("marlin", False), ("grbl", True)])
-def test_a_plan_is_collected_with_no_hand_on_it(tmp_path: Path, dialect: str, load_cell: bool) -> None:
+def test_plan_is_collected_with_no_hand_on_it(tmp_path: Path, dialect: str, load_cell: bool) -> None:
     with PressedBench(tmp_path, dialect, load_cell=load_cell) as bench:
         bench.record_baseline()
         facts = bench.collect(plan(tmp_path), tmp_path / "data.csv")

@@ -80,7 +80,7 @@ def test_table_from_eighteen_presses_corrects_the_shipped_forces(
     assert (after["wrong"], after["healthy"]) == (0, 40)
 
 
-def test_the_daemon_runs_on_the_table(at_home: Path) -> None:
+def test_daemon_runs_on_the_table(at_home: Path) -> None:
     config = (at_home / "config.toml").read_text()
     pad = config[config.index("[pad.geometry]") : config.index("[collect]")]
     text = (

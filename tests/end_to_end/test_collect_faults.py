@@ -197,7 +197,7 @@ def test_rod_is_lifted_when_somebody_interrupts(bench: PressedBench) -> None:
     assert bench.rod_is_up()
 
 
-def test_guard_is_left_to_lift_the_rod_when_the_lifting_is_interrupted(
+def test_guard_is_left_to_lift_rod_when_lifting_is_interrupted(
     bench: PressedBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupt(*_: object) -> None:
@@ -261,7 +261,7 @@ def test_wrong_plan_ends_the_verb_with_its_reason(tmp_path: Path) -> None:
     assert not table.exists()
 
 
-def test_pad_that_moved_since_its_baseline_is_refused_with_the_figure(bench: PressedBench) -> None:
+def test_pad_that_moved_since_its_baseline_is_refused_with_figure(bench: PressedBench) -> None:
     bench.knock_m[0] = 0.2e-3
     end = ended(bench)
     assert isinstance(end, RefusedError)

@@ -165,7 +165,7 @@ def test_guard_reads_how_the_collector_ended(said: bytes, end: guard._End) -> No
     os.close(reading)
 
 
-def test_silence_is_a_hang_while_the_rod_is_down_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_silence_counts_as_hang_only_while_rod_is_down(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the rod up the collector may wait for a person."""
     monkeypatch.setattr(guard, "HANG_S", 0.05)
     reading, writing = os.pipe()
@@ -179,7 +179,7 @@ def test_silence_is_a_hang_while_the_rod_is_down_alone(monkeypatch: pytest.Monke
     os.close(reading)
 
 
-def test_guard_leaves_the_machine_alone_when_the_collector_ends_by_itself(tmp_path: Path) -> None:
+def test_guard_leaves_machine_alone_when_collector_ends_by_itself(tmp_path: Path) -> None:
     words = [sys.executable, "-c", COLLECTOR, tmp_path / "machine", "marlin", "ends"]
     with running(tmp_path / "machine", "marlin") as machine:
         assert ended(words) == (0, "")

@@ -196,7 +196,7 @@ def standing_stage(folder: Path, **changes: object) -> Iterator[tuple[GcodeMachi
         yield emulated, gauge, stage
 
 
-def test_pad_that_is_not_there_is_told_by_the_end_of_the_travel(tmp_path: Path) -> None:
+def test_missing_pad_is_noticed_at_the_end_of_travel(tmp_path: Path) -> None:
     """Seven hundred steps of 0.01 mm: no force swings."""
     with standing_stage(tmp_path, clear_z_mm=12.0, step_mm=0.01) as (_, _, stage):
         with pytest.raises(StoppedError, match=r"nothing was touched down to z = 5\.00 mm"):
@@ -204,7 +204,7 @@ def test_pad_that_is_not_there_is_told_by_the_end_of_the_travel(tmp_path: Path) 
         assert "the rod was lifted by 7.00 mm" in stage.release()
 
 
-def test_pad_that_lies_askew_is_approached_from_higher_the_farther_away(tmp_path: Path) -> None:
+def test_pad_that_lies_askew_is_approached_from_higher_farther_away(tmp_path: Path) -> None:
     with standing_stage(tmp_path, press_mm_per_s=PRESS_MM_PER_S) as (emulated, gauge, stage):
         felt_n: list[float] = []
 

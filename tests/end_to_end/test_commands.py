@@ -116,7 +116,7 @@ def test_pad_that_its_board_does_not_have_is_not_connected(tmp_path: Path, pad: 
             assert "connected: no" in without_traceback(daemon.command("probe", "--config", daemon.config), 69)
 
 
-def test_request_may_name_rest_and_is_told_the_arguments_that_there_are(tmp_path: Path) -> None:
+def test_wrong_request_lists_the_known_arguments(tmp_path: Path) -> None:
     with RunningDaemon(tmp_path, STILL_CONFIG) as daemon:
         assert daemon.request("baseline", rest=True, duration_s=0.5)["kind"] == "rest"
         with pytest.raises(RefusedError, match="one of rest, bare, turn, refine, restore and undo_drift at a time"):
@@ -170,7 +170,7 @@ class TestDamagedBaseline:
             daemon.wait_until_serving()
             yield daemon
 
-    def test_bus_says_why_there_is_none_and_the_last_good_one_comes_back(self, damaged: RunningDaemon) -> None:
+    def test_bus_says_why_there_is_none_and_last_good_one_comes_back(self, damaged: RunningDaemon) -> None:
         without = damaged.wait_for(lambda contact: contact.health == "no_baseline")
         assert "left.json is damaged" in without.reason
         assert "left.previous.json" in without.reason

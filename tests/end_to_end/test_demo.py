@@ -153,7 +153,7 @@ def test_demo_says_first_how_its_pad_was_set_up() -> None:
     assert said.startswith("pad demo: self-test, bare, rest and turn were simulated in "), said
 
 
-def test_line_that_the_demo_prints_listens_to_it_from_another_shell() -> None:
+def test_line_that_demo_prints_listens_to_it_from_another_shell() -> None:
     with started(DEMO) as demo:
         assert demo.stdout is not None
         pasted = next(found[1] for line in demo.stdout if (found := re.match(r"another terminal: (.*) {4}\(", line)))

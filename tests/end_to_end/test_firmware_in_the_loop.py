@@ -29,7 +29,7 @@ def board(tmp_path: Path) -> Iterator[EmulatedBoard]:
 
 
 @pytest.mark.slow
-def test_the_papers_readings_arrive_as_its_poses(tmp_path: Path, board: EmulatedBoard) -> None:
+def test_papers_readings_arrive_as_its_poses(tmp_path: Path, board: EmulatedBoard) -> None:
     """The same limits as with the host-built core: the counts that leave the board are the same."""
     with SlowedDaemon(tmp_path, EMULATED_CONFIG.format(port=board.port)) as daemon:
         arrived = list(arrivals(board, daemon))
@@ -39,9 +39,7 @@ def test_the_papers_readings_arrive_as_its_poses(tmp_path: Path, board: Emulated
         assert arrival.angle_deg < 0.15, arrival
 
 
-def test_a_press_arrives_where_it_was_made_and_a_lost_sensor_is_told(
-    tmp_path: Path, board: EmulatedBoard, pad: Pad
-) -> None:
+def test_press_arrives_in_place_and_lost_sensor_is_reported(tmp_path: Path, board: EmulatedBoard, pad: Pad) -> None:
     with PressedPad(board, pad) as pressed, SlowedDaemon(tmp_path, EMULATED_CONFIG.format(port=board.port)) as daemon:
         daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b1111)
         recorded = daemon.command("baseline", "--rest", "--duration-s", "1", "--config", daemon.config)
@@ -61,7 +59,7 @@ def test_a_press_arrives_where_it_was_made_and_a_lost_sensor_is_told(
         daemon.wait_for(lambda contact: contact.health == "ok" and contact.sensors_ok == 0b1111)
 
 
-def test_the_daemon_counts_no_error_on_the_emulated_line(tmp_path: Path, board: EmulatedBoard) -> None:
+def test_daemon_counts_no_error_on_the_emulated_line(tmp_path: Path, board: EmulatedBoard) -> None:
     with SlowedDaemon(tmp_path, EMULATED_CONFIG.format(port=board.port)) as daemon:
         daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
         with daemon.subscribe("status") as messages:
@@ -78,7 +76,7 @@ def test_the_daemon_counts_no_error_on_the_emulated_line(tmp_path: Path, board: 
         ("mux 0 unplugged", r"the mux does not answer", "mux 0 none"),
     ],
 )
-def test_status_tells_what_happened_on_the_board_and_that_it_is_over(
+def test_status_reports_board_events_and_their_end(
     tmp_path: Path, board: EmulatedBoard, order: str, told: str, mend: str
 ) -> None:
     with SlowedDaemon(tmp_path, EMULATED_CONFIG.format(port=board.port)) as daemon:

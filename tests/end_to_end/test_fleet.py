@@ -144,9 +144,7 @@ def test_robot_that_stands_still_with_its_connections_open_is_lost_and_comes_bac
 @pytest.mark.real_time
 @pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
-def test_lost_robot_is_said_to_be_lost_within_half_a_second(
-    robots: Robots, fleet: OpenPage, how: signal.Signals
-) -> None:
+def test_lost_robot_is_reported_within_half_a_second(robots: Robots, fleet: OpenPage, how: signal.Signals) -> None:
     for name in NAMES:
         began_s = time.monotonic()
         robots.daemons[name].process.send_signal(how)
@@ -177,9 +175,7 @@ def wrong_key(robots: Robots, folder: Path, name: str, change: Callable[[Path], 
     return folder
 
 
-def test_key_that_the_robot_does_not_know_hears_nothing_and_the_page_says_so(
-    robots: Robots, fleet: OpenPage, tmp_path: Path
-) -> None:
+def test_unknown_key_receives_nothing_and_page_says_so(robots: Robots, fleet: OpenPage, tmp_path: Path) -> None:
     def forgotten(path: Path) -> None:
         path.unlink()
         KeyFolder(robots.folder / "leg" / "keys").add("gone", path)
@@ -196,9 +192,7 @@ def test_key_that_the_robot_does_not_know_hears_nothing_and_the_page_says_so(
         hears_nothing(view, "leg")
 
 
-def test_key_of_another_robot_hears_nothing_and_the_page_says_so(
-    robots: Robots, fleet: OpenPage, tmp_path: Path
-) -> None:
+def test_wrong_robot_key_receives_nothing_and_page_says_so(robots: Robots, fleet: OpenPage, tmp_path: Path) -> None:
     keys = wrong_key(robots, tmp_path / "keys", "leg", lambda path: shutil.copy(robots.keys / "arm.key", path))
     with robots.view(keys) as view, OpenPage(view) as page:
         told = page.until(lambda told: told["leg"]["state"] == "unreached" and are("there", "arm", "head")(told))
@@ -209,14 +203,14 @@ def test_key_of_another_robot_hears_nothing_and_the_page_says_so(
         hears_nothing(view, "leg")
 
 
-def test_without_a_key_nothing_is_heard_and_the_page_says_so(robots: Robots, fleet: OpenPage) -> None:
+def test_missing_key_receives_nothing_and_page_says_so(robots: Robots, fleet: OpenPage) -> None:
     with robots.view(None, ("leg",)) as view, OpenPage(view) as page:
         told = page.until(are("unreached", "leg"))
         assert "hears clients with a key only" in told["leg"]["why"]
         hears_nothing(view, "leg")
 
 
-def test_one_key_in_the_environment_serves_robots_that_share_a_list(robots: Robots, fleet: OpenPage) -> None:
+def test_one_key_in_environment_serves_robots_that_share_list(robots: Robots, fleet: OpenPage) -> None:
     with robots.view(None, ("arm",), **{KEY_VARIABLE: str(robots.keys / "arm.key")}) as view, OpenPage(view) as page:
         page.until(are("there", "arm"))
 
@@ -261,7 +255,7 @@ def test_page_of_the_fleet_only_shows(view: View, fleet: OpenPage) -> None:
         assert "only shows" in fleet.asked(**ask)["error"]
 
 
-def test_without_the_token_nothing_is_told_of_any_robot(view: View, fleet: OpenPage) -> None:
+def test_fleet_page_without_token_receives_nothing(view: View, fleet: OpenPage) -> None:
     for place in ("/", "/robot/arm/"):
         with OpenPage(view, place, token="wrong") as page:
             with pytest.raises(ConnectionClosed) as closed:
@@ -270,7 +264,7 @@ def test_without_the_token_nothing_is_told_of_any_robot(view: View, fleet: OpenP
             assert closed.value.rcvd.code == 4401
 
 
-def test_view_itself_needs_little_of_a_processor_and_no_more_memory_with_time(view: View, fleet: OpenPage) -> None:
+def test_view_itself_needs_little_of_processor_and_no_more_memory_with_time(view: View, fleet: OpenPage) -> None:
     for _ in range(3):  # it may have just started
         before_s, before_kb = view.processor_s, view.resident_kb
         time.sleep(5.0)

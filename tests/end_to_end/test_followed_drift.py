@@ -79,7 +79,7 @@ def force_of_press(daemon: RunningDaemon, host: FirmwareHost, contacts: int = 60
     return float(np.mean(forces))
 
 
-def test_nothing_is_followed_without_the_owners_word(tmp_path: Path) -> None:
+def test_drift_is_not_followed_unless_enabled(tmp_path: Path) -> None:
     with RunningDaemon(tmp_path, UNTOUCHED_CONFIG) as daemon:
         daemon.wait_for(lambda contact: contact.health == "ok")
         assert wait_for_status(daemon, lambda status: status.health == "ok").rest_drift_m is None

@@ -67,7 +67,7 @@ def test_samples_come_before_their_frames_where_they_are_wanted(kernel: KernelBu
     assert source.state.warnings == {}
 
 
-def test_a_foreign_user_of_the_mux_makes_no_early_sample(kernel: KernelBus) -> None:
+def test_foreign_user_of_the_mux_makes_no_early_sample(kernel: KernelBus) -> None:
     source = kernel.open(pad(publish="sample", rate_hz=SLOW_RATE_HZ))
     early: list[EarlySample] = []
 
@@ -94,7 +94,7 @@ def test_sample_after_the_callers_clock_look_is_not_older(kernel: KernelBus) -> 
     assert frames[-1].host_time_ns > looked_ns
 
 
-def test_a_change_of_range_discards_the_sample_with_the_old_gain(kernel: KernelBus) -> None:
+def test_change_of_range_discards_the_sample_with_the_old_gain(kernel: KernelBus) -> None:
     frames = run(kernel.open(pad(range_gauss=8.1)), lambda frames: sum(frame.valid.all() for frame in frames) > 20)
     seen = {tuple(frame.counts[frame.valid].ravel()) for frame in frames if frame.valid.all()}
     assert seen == {tuple(expected_counts(gain_code=7).astype(int).ravel())}
@@ -110,14 +110,14 @@ def test_simultaneous_conversions_share_one_time(kernel: KernelBus) -> None:
     assert kernel.report()["conflicts"] == 0
 
 
-def test_a_saturated_axis_reads_overflow_and_nothing_else_suffers(kernel: KernelBus) -> None:
+def test_saturated_axis_reads_overflow_and_nothing_else_suffers(kernel: KernelBus) -> None:
     kernel.chip(2, field_gauss=[0.1, 5.0, 0.2])
     frame = run(kernel.open(pad()), all_valid)[-1]
     assert np.argwhere(frame.overflow).tolist() == [[2, 1]]
     assert np.isnan(frame.field_t).sum() == 1
 
 
-def test_one_sensor_that_does_not_answer_leaves_the_others_and_comes_back(kernel: KernelBus) -> None:
+def test_one_sensor_that_does_not_answer_leaves_others_and_comes_back(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)
     kernel.chip(2, absent=True)
@@ -144,14 +144,14 @@ def test_another_chip_is_named_by_its_answer(kernel: KernelBus) -> None:
     assert not frames[-1].valid[0]
 
 
-def test_a_mux_that_does_not_answer_is_blamed_and_not_its_sensors(kernel: KernelBus) -> None:
+def test_mux_that_does_not_answer_is_blamed_and_not_its_sensors(kernel: KernelBus) -> None:
     kernel.order(mux=0, set={"absent": True})
     source = kernel.open(pad())
     run(source, lambda frames: len(source.state.sensor_faults) == 4)
     assert all("the mux does not answer" in sentence for sentence in source.state.sensor_faults.values())
 
 
-def test_a_corrupted_configuration_is_found_and_repaired(kernel: KernelBus) -> None:
+def test_corrupted_configuration_is_found_and_repaired(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)
     good = kernel.report()["registers"][1]
@@ -162,7 +162,7 @@ def test_a_corrupted_configuration_is_found_and_repaired(kernel: KernelBus) -> N
     run(source, all_valid)
 
 
-def test_a_power_cycled_sensor_is_set_up_again(kernel: KernelBus) -> None:
+def test_power_cycled_sensor_is_set_up_again(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)
     started = kernel.report(chip=[0, 3], call="power_on")
@@ -171,7 +171,7 @@ def test_a_power_cycled_sensor_is_set_up_again(kernel: KernelBus) -> None:
     run(source, all_valid)
 
 
-def test_a_chip_whose_clock_has_stopped_is_not_repeated_for_ever(kernel: KernelBus) -> None:
+def test_chip_whose_clock_has_stopped_is_not_repeated_for_ever(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)
     kernel.chip(0, frozen=True)
@@ -180,7 +180,7 @@ def test_a_chip_whose_clock_has_stopped_is_not_repeated_for_ever(kernel: KernelB
     run(source, lambda frames: "delivers no new samples" in source.state.sensor_faults.get((0, 0), ""))
 
 
-def test_a_foreign_user_of_the_mux_costs_the_frame_and_is_named(kernel: KernelBus) -> None:
+def test_foreign_user_of_the_mux_costs_the_frame_and_is_named(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)
 
@@ -241,7 +241,7 @@ def test_sixteen_sensors_behind_two_muxes_are_tested_in_one_request() -> None:
         run(source, all_valid)
 
 
-def test_a_selftest_measures_every_axis_and_streaming_goes_on(kernel: KernelBus) -> None:
+def test_selftest_measures_every_axis_and_streaming_goes_on(kernel: KernelBus) -> None:
     kernel.chip(0, gain=[1.04, 0.96, 1.0])
     kernel.chip(1, strap=0.1)
     kernel.chip(2, field_gauss=[0.0, 0.0, 6.0])

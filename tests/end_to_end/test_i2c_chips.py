@@ -74,7 +74,7 @@ def test_silent_chip_without_a_mux_is_named_by_its_address() -> None:
         run(source, lambda frames: not source.state.sensor_faults)
 
 
-def test_a_chip_sold_as_another_is_named_with_what_to_set() -> None:
+def test_chip_sold_as_another_is_named_with_what_to_set() -> None:
     with kernel_bus("qmc5883l") as kernel:
         source = kernel.open(pad())
         run(source, lambda frames: len(source.state.sensor_faults) == 4)
@@ -83,7 +83,7 @@ def test_a_chip_sold_as_another_is_named_with_what_to_set() -> None:
         )
 
 
-def test_a_saturated_axis_of_another_chip_is_flagged_alone() -> None:
+def test_saturated_axis_of_another_chip_is_flagged_alone() -> None:
     with wired("qmc5883l") as (kernel, source):
         run(source, all_valid)
         kernel.chip(2, field_gauss=[0.1, 12.0, 0.2])
@@ -91,7 +91,7 @@ def test_a_saturated_axis_of_another_chip_is_flagged_alone() -> None:
         assert np.argwhere(frames[-1].overflow).tolist() == [[2, 1]]
 
 
-def test_a_chip_that_was_power_cycled_is_set_up_again() -> None:
+def test_chip_that_was_power_cycled_is_set_up_again() -> None:
     with wired("mlx90393") as (kernel, source):
         run(source, all_valid)
         assert kernel.order(direct=0, call="power_on") == "done"
@@ -120,9 +120,7 @@ FORCE_N, PRESSED_MM = 1.0, (3.0, -2.0)
 
 
 @pytest.mark.parametrize(("chip", "rate_hz", "muxed"), [("mlx90393", 130, False), ("qmc5883l", 100, True)])
-def test_a_press_on_a_pad_of_other_chips_becomes_a_contact(
-    chip: str, rate_hz: int, muxed: bool, tmp_path: Path
-) -> None:
+def test_press_on_a_pad_of_other_chips_becomes_a_contact(chip: str, rate_hz: int, muxed: bool, tmp_path: Path) -> None:
     """From registers to place and force: the daemon, its baseline and its messages, all as with the first chip."""
     addresses = () if muxed else CHIPS[chip].addresses[:4]
     noise_gauss = CHIPS[chip].noise_at_t(rate_hz, "free") / TESLA_PER_GAUSS
@@ -158,7 +156,7 @@ def test_a_press_on_a_pad_of_other_chips_becomes_a_contact(
         assert felt.force_sd_n < 0.2 * FORCE_N
 
 
-def test_probe_names_what_is_on_the_bus_where_a_pad_is_not_sound(tmp_path: Path) -> None:
+def test_probe_names_devices_on_bus_when_pad_has_faults(tmp_path: Path) -> None:
     config = tmp_path / "pad.toml"
     config.write_text('[[pad]]\nname = "left"\n[pad.source]\ntype = "i2c"\nbus = 7\n')
     with kernel_bus("qmc5883l"):
@@ -212,7 +210,7 @@ def test_init_writes_the_chips_that_it_finds_and_their_pad_runs(chip: str, tmp_p
     assert bool(source.channels) is not bool(addresses)
 
 
-def test_init_tells_chips_behind_two_muxes_apart(tmp_path: Path) -> None:
+def test_init_reports_chips_behind_two_muxes_apart(tmp_path: Path) -> None:
     with kernel_bus():
         written = run_command("init", "--i2c", "7", "--config", tmp_path / "pad.toml")
         assert written.returncode == 0, written
@@ -233,7 +231,7 @@ def test_init_on_a_bus_that_is_held_says_in_which_call_it_hangs(tmp_path: Path) 
     assert "look for SDA or SCL held low" in hung.stderr
 
 
-def test_a_selftest_of_lis3mdl_names_the_broken_axis_and_streaming_goes_on() -> None:
+def test_selftest_of_lis3mdl_names_broken_axis_and_streaming_goes_on() -> None:
     with wired("lis3mdl") as (kernel, source):
         run(source, all_valid)
         assert "self_test" not in source.state.board  # there is one
@@ -250,7 +248,7 @@ def test_a_selftest_of_lis3mdl_names_the_broken_axis_and_streaming_goes_on() -> 
         assert run(source, all_valid)[-1].gain_code == 0
 
 
-def test_a_selftest_judges_a_chip_that_was_lost_by_whether_it_answers_now() -> None:
+def test_selftest_judges_chip_that_was_lost_by_whether_it_answers_now() -> None:
     with wired("mmc5983ma", trigger="simultaneous") as (kernel, source):
         run(source, all_valid)
         kernel.chip(1, absent=True)
@@ -263,7 +261,7 @@ def test_a_selftest_judges_a_chip_that_was_lost_by_whether_it_answers_now() -> N
         assert [sensor["passed"] for sensor in result.get("sensors", [])] == [True, False, True, True], result
 
 
-def test_a_selftest_of_mmc5983ma_tells_zeros_and_the_one_that_is_too_large() -> None:
+def test_mmc5983ma_selftest_reports_zeros_and_names_a_large_one() -> None:
     with wired("mmc5983ma", trigger="simultaneous") as (kernel, source):
         run(source, all_valid)
         assert "self_test" not in source.state.board  # there is one

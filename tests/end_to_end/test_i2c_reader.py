@@ -20,7 +20,7 @@ def kernel() -> Iterator[KernelBus]:
         yield bus
 
 
-def test_a_mux_bound_by_the_kernel_is_named(kernel: KernelBus) -> None:
+def test_mux_bound_by_the_kernel_is_named(kernel: KernelBus) -> None:
     kernel.order(busy=[0x70])
     source = kernel.open(pad())
     run(source, lambda frames: "bound by the kernel" in source.state.reason)
@@ -30,7 +30,7 @@ def test_a_mux_bound_by_the_kernel_is_named(kernel: KernelBus) -> None:
 
 
 @pytest.mark.real_time
-def test_a_wedged_bus_blocks_nobody_says_where_it_hangs_and_recovers(kernel: KernelBus) -> None:
+def test_wedged_bus_blocks_no_pad_names_call_and_recovers(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)
     kernel.order(block_s=60)
@@ -52,7 +52,7 @@ def test_a_wedged_bus_blocks_nobody_says_where_it_hangs_and_recovers(kernel: Ker
 
 
 @pytest.mark.real_time  # a reader that a busy computer holds up for long is told from one that works
-def test_a_reader_that_dies_is_started_again(kernel: KernelBus) -> None:
+def test_reader_that_dies_is_started_again(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)
     source._process.kill()
@@ -62,7 +62,7 @@ def test_a_reader_that_dies_is_started_again(kernel: KernelBus) -> None:
     assert source.state.reconnects == 1
 
 
-def test_a_reader_that_is_killed_did_not_die_of_what_it_complained_about(kernel: KernelBus) -> None:
+def test_reader_killed_did_not_die_of_what_it_complained_about(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)
 
@@ -76,7 +76,7 @@ def test_a_reader_that_is_killed_did_not_die_of_what_it_complained_about(kernel:
     assert source.state.reason == "its reader ended with code -9"
 
 
-def test_a_second_reader_is_refused_with_the_firsts_pid(kernel: KernelBus) -> None:
+def test_second_reader_is_refused_with_the_firsts_pid(kernel: KernelBus) -> None:
     first, second = kernel.open(pad()), kernel.open(pad())
     run(first, all_valid)
     run(second, lambda frames: "in use" in second.state.reason)
@@ -85,7 +85,7 @@ def test_a_second_reader_is_refused_with_the_firsts_pid(kernel: KernelBus) -> No
     run(second, all_valid)
 
 
-def test_a_bus_that_is_absent_is_named(kernel: KernelBus) -> None:
+def test_bus_that_is_absent_is_named(kernel: KernelBus) -> None:
     source = kernel.open(pad(bus=6))
     run(source, lambda frames: "/dev/i2c-6 does not exist" in source.state.reason)
 

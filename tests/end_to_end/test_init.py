@@ -31,7 +31,7 @@ def said(folder: Path, *words: str | Path, code: int = 0) -> str:
     return ended.stdout + ended.stderr
 
 
-def test_init_writes_a_commented_configuration_for_the_board_that_it_finds(tmp_path: Path) -> None:
+def test_init_writes_commented_configuration_for_board_that_it_finds(tmp_path: Path) -> None:
     with FirmwareHost(tmp_path, "--uid", UID, "--pads", "2") as board:
         told = said(tmp_path, "init", "--port", board.port)
         assert f"pad.toml: written for board {UID}" in told
@@ -114,7 +114,7 @@ def test_every_verb_finds_the_file_that_init_wrote_here(tmp_path: Path) -> None:
     assert said(tmp_path, "check-config").startswith("good: 1 pad")
 
 
-def test_word_too_many_is_refused_with_the_verbs_own_usage(tmp_path: Path) -> None:
+def test_surplus_argument_is_refused_with_usage(tmp_path: Path) -> None:
     told = said(tmp_path, "check-config", "pad.toml", code=2)
     assert told.startswith("usage: fmfts-daemon check-config [-h]")
     assert "unexpected: pad.toml; did you mean --config pad.toml?" in told
@@ -160,6 +160,6 @@ def test_each_port_is_tried_once_and_by_its_lasting_name(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("sensors", [3, 4, 6])
-def test_places_of_another_number_of_sensors_are_asked_for(sensors: int, tmp_path: Path) -> None:
+def test_init_asks_for_sensor_places_when_count_differs(sensors: int, tmp_path: Path) -> None:
     text = written_for([FoundPad("left", ['type = "simulated"'], sensors)], "a test")
     assert ("FILL IN" in text) == (sensors != 4)

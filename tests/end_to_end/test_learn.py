@@ -85,7 +85,7 @@ def said(folder: Path, *words: str | Path, code: int = 0) -> str:
     return ended.stdout if code == 0 else ended.stderr
 
 
-def test_board_that_nobody_measured_tells_presses(tmp_path: Path) -> None:
+def test_board_with_learned_geometry_reports_presses(tmp_path: Path) -> None:
     built = unmeasured()
     with FirmwareHost(tmp_path) as board:
         told = said(tmp_path, "init", "--learn", "--port", board.port)

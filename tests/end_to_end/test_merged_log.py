@@ -132,7 +132,7 @@ def rows(table: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(lines))
 
 
-def test_every_press_of_a_noisy_log_with_another_zero_and_clock_becomes_a_row(
+def test_every_press_of_noisy_log_with_another_zero_and_clock_becomes_row(
     tmp_path: Path, folder: Path, machine: Machine
 ) -> None:
     done = merged(folder, write_log(tmp_path / "log.csv", machine, drift_n=0.1), tmp_path / "data.csv")
@@ -167,7 +167,7 @@ def forces(table: Path) -> list[float]:
     return [float(row["force_n"]) for row in rows(table) if row["press"] != "0"]
 
 
-def test_presses_by_a_zero_that_jumped_are_refused_and_no_other_is_wrong(
+def test_presses_by_zero_that_jumped_are_refused_and_no_other_is_wrong(
     tmp_path: Path, folder: Path, machine: Machine
 ) -> None:
     for jump_n in (-0.3, 0.3):

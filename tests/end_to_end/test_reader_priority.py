@@ -65,7 +65,7 @@ def reader_of(daemon: RunningDaemon, other_than: int = 0) -> int:
 
 
 @needs_the_right
-def test_reader_comes_first_as_the_loop_does_and_so_does_the_one_after_it(kernel: KernelBus, tmp_path: Path) -> None:
+def test_reader_comes_first_as_loop_does_and_so_does_one_after_it(kernel: KernelBus, tmp_path: Path) -> None:
     with RunningDaemon(tmp_path, CONFIG.format(priority=PRIORITY)) as daemon:
         reader = reader_of(daemon)
         assert scheduling(daemon.process.pid) == FIRST
@@ -87,7 +87,7 @@ def test_reader_locks_its_memory_as_the_daemon_does(kernel: KernelBus, tmp_path:
         assert locked_kb(reader_of(daemon)) > 0
 
 
-def test_reader_of_a_daemon_that_locks_nothing_locks_nothing(kernel: KernelBus, tmp_path: Path) -> None:
+def test_i2c_reader_locks_memory_only_if_daemon_does(kernel: KernelBus, tmp_path: Path) -> None:
     with RunningDaemon(tmp_path, CONFIG.format(priority=0)) as daemon:
         assert locked_kb(reader_of(daemon)) == 0
 
@@ -98,7 +98,7 @@ def locked_kb(process: int) -> int:
 
 
 @pytest.mark.skipif(not CAN_GIVE_IT_UP, reason="needs root and setpriv, to give the right up")
-def test_reader_that_may_not_come_first_says_so_and_reads(kernel: KernelBus) -> None:
+def test_i2c_reader_without_priority_reports_it_and_reads(kernel: KernelBus) -> None:
     config = msgspec.structs.replace(reader_config({0: on_i2c(pad())}), realtime_priority=PRIORITY)
     record = CallRecord()
     reader = subprocess.Popen(

@@ -204,7 +204,7 @@ sys.exit(cli.main(["record", sys.argv[1]]))
 """
 
 
-def test_interrupt_while_a_chunk_is_written_doubles_nothing(daemon: RunningDaemon, tmp_path: Path) -> None:
+def test_interrupt_during_chunk_write_duplicates_no_message(daemon: RunningDaemon, tmp_path: Path) -> None:
     output = tmp_path / "a.mcap"
     words = [sys.executable, "-c", INTERRUPTED, output]
     ended = subprocess.run(words, env=daemon.environment, capture_output=True, text=True, timeout=60, check=False)
@@ -236,7 +236,7 @@ def test_recorder_without_a_daemon_says_so(tmp_path: Path, options: tuple[str, .
     assert not (tmp_path / "a.mcap").exists(), "the next attempt wants its name"
 
 
-def test_recording_of_a_pad_that_is_not_there_names_those_that_are(daemon: RunningDaemon, tmp_path: Path) -> None:
+def test_recording_of_pad_that_is_not_there_names_those_that_are(daemon: RunningDaemon, tmp_path: Path) -> None:
     ended = daemon.command("record", tmp_path / "a.mcap", "--pad", "lift", "--seconds", "0.5")
     assert ended.returncode == 2
     assert "no pad 'lift' here; this daemon has 'left', 'right', 'far'; did you mean 'left'?" in ended.stderr

@@ -78,7 +78,7 @@ def test_every_sample_makes_a_contact_and_now_goes_on(tapped: RunningDaemon) -> 
             assert (earlier.force_n, earlier.x_m, earlier.health) == (later.force_n, later.x_m, later.health)
 
 
-def test_a_recording_of_it_is_replayed_identically(tapped: RunningDaemon, tmp_path: Path) -> None:
+def test_early_samples_are_replayed_identically(tapped: RunningDaemon, tmp_path: Path) -> None:
     """Also where another recorder comes, for whom a state is taken in the middle."""
     output = tmp_path / "a.mcap"
     words = [sys.executable, "-m", "fmfts", "record", output, "--json"]
@@ -103,7 +103,7 @@ def test_a_recording_of_it_is_replayed_identically(tapped: RunningDaemon, tmp_pa
         assert facts["identical"] > least
 
 
-def test_nothing_is_told_to_be_wrong(tapped: RunningDaemon) -> None:
+def test_healthy_minute_reports_no_fault(tapped: RunningDaemon) -> None:
     with tapped.subscribe("status") as messages:
         message = messages.receive(5.0)
     assert message is not None
@@ -112,7 +112,7 @@ def test_nothing_is_told_to_be_wrong(tapped: RunningDaemon) -> None:
     assert 0.8 * RATE_HZ < status.rate_hz < 1.2 * RATE_HZ
 
 
-def test_a_sensor_that_fails_is_not_told_on_by_its_samples(tmp_path: Path, pad: Pad) -> None:
+def test_failed_sensor_gives_no_now_between_frames(tmp_path: Path, pad: Pad) -> None:
     with (
         FirmwareHost(tmp_path) as board,
         PressedPad(board, pad) as pressed,

@@ -90,7 +90,7 @@ def test_baseline_of_another_board_is_not_improved(tmp_path: Path, pad: Pad, opt
     assert f"its baseline was recorded on board {ONE}" in ended.stderr
 
 
-def test_baseline_of_an_older_version_is_believed_and_said_to_name_no_board(tmp_path: Path, pad: Pad) -> None:
+def test_old_baseline_without_board_id_is_accepted_with_note(tmp_path: Path, pad: Pad) -> None:
     with FirmwareHost(tmp_path) as host:
         host.field(resting_field(pad))
         with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port)) as daemon:

@@ -113,7 +113,7 @@ def opened() -> Iterator[Callable[[str], Stream]]:
         stream.board.close()
 
 
-def test_it_boots_says_who_is_there_and_streams_every_frame(opened: Callable[..., Stream]) -> None:
+def test_pico_boots_says_hello_and_streams_every_frame(opened: Callable[..., Stream]) -> None:
     stream = opened()
     stream.run(0.4)
     hello = stream.latest(Hello)
@@ -129,7 +129,7 @@ def test_it_boots_says_who_is_there_and_streams_every_frame(opened: Callable[...
     assert stream.board.now_s == pytest.approx(samples[-1].time_us * 1e-6, abs=0.02)
 
 
-def test_a_qt_py_streams_every_frame_over_its_usb_and_lets_go_of_its_own_lines(opened: Callable[..., Stream]) -> None:
+def test_qt_py_streams_every_frame_over_its_usb_and_lets_go_of_its_own_lines(opened: Callable[..., Stream]) -> None:
     """Which pins the I2C has, the emulator does not see but when a line is held: SDA of port 1 is GPIO 24 there."""
     stream = opened(board="qtpy")
     stream.open_usb()
@@ -148,7 +148,7 @@ def test_a_qt_py_streams_every_frame_over_its_usb_and_lets_go_of_its_own_lines(o
     assert samples[-1].valid == 15
 
 
-def test_eight_sensors_become_one_pad_and_stay_one_when_the_watchdog_bites(opened: Callable[..., Stream]) -> None:
+def test_eight_sensors_become_one_pad_and_stay_one_when_watchdog_bites(opened: Callable[..., Stream]) -> None:
     stream = opened(channels=range(8))
     stream.run(0.4)
     assert [len(pad.sensors) for pad in stream.latest(Hello).pads] == [4, 4]
@@ -195,7 +195,7 @@ def test_every_chip_arrives_as_its_field(opened: Callable[..., Stream], kind: st
     assert all(sample.valid == sample.fresh == 15 for sample in samples)
 
 
-def test_an_unplugged_sensor_is_missed_alone_and_found_again(opened: Callable[..., Stream]) -> None:
+def test_only_unplugged_sensor_is_missed_and_found_again(opened: Callable[..., Stream]) -> None:
     stream = opened()
     stream.run(0.4)
     stream.board.chips[2].absent = True
@@ -208,7 +208,7 @@ def test_an_unplugged_sensor_is_missed_alone_and_found_again(opened: Callable[..
     assert stream.samples(0.1)[-1].valid == 15
 
 
-def test_a_line_that_is_held_low_is_named_and_let_go(opened: Callable[..., Stream]) -> None:
+def test_line_that_is_held_low_is_named_and_let_go(opened: Callable[..., Stream]) -> None:
     stream = opened()
     stream.run(0.4)
     stream.board.hold(4, level=False)
@@ -219,7 +219,7 @@ def test_a_line_that_is_held_low_is_named_and_let_go(opened: Callable[..., Strea
     assert stream.samples(0.1)[-1].valid == 15
 
 
-def test_a_selftest_measures_every_chip(opened: Callable[..., Stream]) -> None:
+def test_selftest_measures_every_chip(opened: Callable[..., Stream]) -> None:
     stream = opened()
     stream.run(0.4)
     assert stream.ask(Verb.SELFTEST) == 0
@@ -227,7 +227,7 @@ def test_a_selftest_measures_every_chip(opened: Callable[..., Stream]) -> None:
     assert [sensor.positive for sensor in stream.latest(Selftest).sensors] == [(452, 452, 421)] * 4
 
 
-def test_a_load_cell_is_read(opened: Callable[..., Stream]) -> None:
+def test_load_cell_is_read(opened: Callable[..., Stream]) -> None:
     stream = opened()
     stream.board.converter.counts = -123456
     stream.run(0.4)
@@ -237,7 +237,7 @@ def test_a_load_cell_is_read(opened: Callable[..., Stream]) -> None:
     assert stream.board.complaints == []
 
 
-def test_a_program_that_hangs_is_reset_by_the_watchdog(opened: Callable[..., Stream]) -> None:
+def test_program_that_hangs_is_reset_by_the_watchdog(opened: Callable[..., Stream]) -> None:
     stream = opened()
     stream.run(0.4)
     stream.board.hang()
@@ -247,7 +247,7 @@ def test_a_program_that_hangs_is_reset_by_the_watchdog(opened: Callable[..., Str
     assert stream.samples(0.1)[-1].valid == 15
 
 
-def test_its_own_usb_is_a_serial_port_with_the_flash_s_number(opened: Callable[..., Stream]) -> None:
+def test_usb_serial_port_carries_the_flash_number(opened: Callable[..., Stream]) -> None:
     stream = opened()
     stream.run(0.3)
     stream.board.usb("plug")
@@ -279,7 +279,7 @@ def descriptors(configuration: list[int]) -> tuple[list[list[int]], list[list[in
     return [each for each in found if each[1] == 4], [each for each in found if each[1] == 5]
 
 
-def test_the_stream_takes_usb_while_a_program_has_the_port_open(opened: Callable[..., Stream]) -> None:
+def test_stream_takes_usb_while_a_program_has_the_port_open(opened: Callable[..., Stream]) -> None:
     stream = opened()
     stream.open_usb()
     stream.run_over_usb(0.3)
@@ -315,7 +315,7 @@ def test_no_line_waits_for_the_next_one_in_the_host_s_driver(opened: Callable[..
     assert stream.board.complaints == []
 
 
-def test_a_host_that_does_not_read_costs_whole_lines_and_nothing_after(opened: Callable[..., Stream]) -> None:
+def test_host_that_does_not_read_costs_whole_lines_and_nothing_after(opened: Callable[..., Stream]) -> None:
     stream = opened()
     stream.open_usb()
     stream.run_over_usb(0.3)
@@ -330,7 +330,7 @@ def test_a_host_that_does_not_read_costs_whole_lines_and_nothing_after(opened: C
 
 
 @pytest.mark.parametrize("in_handler", [False, True], ids=["program", "handler"])
-def test_a_reset_leaves_the_bus_and_comes_back(opened: Callable[..., Stream], in_handler: bool) -> None:
+def test_reset_leaves_the_bus_and_comes_back(opened: Callable[..., Stream], in_handler: bool) -> None:
     stream = opened()
     stream.open_usb()
     stream.run_over_usb(0.2)
@@ -344,7 +344,7 @@ def test_a_reset_leaves_the_bus_and_comes_back(opened: Callable[..., Stream], in
     assert stream.board.complaints == []
 
 
-def test_a_cable_that_was_pulled_may_be_plugged_in_again(opened: Callable[..., Stream]) -> None:
+def test_cable_that_was_pulled_may_be_plugged_in_again(opened: Callable[..., Stream]) -> None:
     """The board has another supply, so it goes on meanwhile: over its UART, for nobody has its port open."""
     stream = opened()
     stream.open_usb()

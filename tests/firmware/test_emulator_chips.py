@@ -104,7 +104,7 @@ def test_saturated_axis_of_a_qmc5883l_is_marked_on_the_board() -> None:
     assert np.argwhere(sample.counts == QMC5883L.saturated_count).tolist() == [[2, 1]]
 
 
-def test_a_qmc5883l_that_was_power_cycled_is_set_up_again() -> None:
+def test_qmc5883l_that_was_power_cycled_is_set_up_again() -> None:
     stream, chips = with_chips(dict.fromkeys(range(4)))
     stream.run(0.5)
     chips[1].power_on()
@@ -114,7 +114,7 @@ def test_a_qmc5883l_that_was_power_cycled_is_set_up_again() -> None:
     assert chips[1].registers[0x09] == 0x1D  # 200 Hz, ±8 G, continuous, by data sheet section 9.2.3
 
 
-def test_a_board_that_has_both_kinds_tells_which_is_where() -> None:
+def test_board_with_two_chip_kinds_reports_which_is_where() -> None:
     """Only the host can say that they do not belong together."""
     stream, _ = with_chips({1: None, 3: None})
     stream.run(1.0)
@@ -123,7 +123,7 @@ def test_a_board_that_has_both_kinds_tells_which_is_where() -> None:
     assert stream.samples(0.1)[-1].valid == EVERYONE
 
 
-def test_a_qmc5883l_has_no_selftest_and_no_trigger() -> None:
+def test_qmc5883l_has_no_selftest_and_no_trigger() -> None:
     stream, _ = with_chips(dict.fromkeys(range(4)))
     stream.run(0.5)
     asked(stream, Verb.TRIGGER, 1)
@@ -291,7 +291,7 @@ def test_chip_that_is_missing_without_a_mux_is_named() -> None:
     assert states == [SensorState.OK, SensorState.OK, SensorState.NO_ANSWER, SensorState.OK]
 
 
-def test_one_chip_alone_is_no_pad_without_a_mux() -> None:
+def test_single_chip_without_mux_makes_no_pad() -> None:
     """It may be of a kind that the board does not look for there."""
     stream, chips = without_a_mux()
     for chip in chips[1:]:

@@ -51,7 +51,7 @@ def assert_stream_is_right(stream: EmulatedStream, within_s: float = RECOVERY_S)
     assert stream.is_clean()
 
 
-def test_an_unplugged_sensor_is_reported_the_others_go_on_and_it_is_found_again(stream: EmulatedStream) -> None:
+def test_unplugged_sensor_is_reported_others_go_on_and_it_is_found_again(stream: EmulatedStream) -> None:
     stream.board.unplug(0, 2)
     status = stream.wait_for_status(lambda status: status.pads[0].states[2] == SensorState.NO_ANSWER, 0.1)
     assert status.pads[0].states == (0, 0, SensorState.NO_ANSWER, 0)
@@ -64,7 +64,7 @@ def test_an_unplugged_sensor_is_reported_the_others_go_on_and_it_is_found_again(
     assert stream.wait_for_status(lambda status: not any(status.pads[0].states))
 
 
-def test_an_unplugged_mux_is_reported_and_found_again(stream: EmulatedStream) -> None:
+def test_unplugged_mux_is_reported_and_found_again(stream: EmulatedStream) -> None:
     stream.board.unplug_mux(0)
     status = stream.wait_for_status(lambda status: status.pads[0].states[0] == SensorState.MUX_SILENT, 0.2)
     assert status.pads[0].states == (SensorState.MUX_SILENT,) * 4
@@ -95,7 +95,7 @@ def test_sda_held_for_ever_is_reported_as_a_stuck_bus(stream: EmulatedStream) ->
     assert_stream_is_right(stream)
 
 
-def test_a_sensor_that_holds_sda_for_ever_does_not_stop_the_other_three(stream: EmulatedStream) -> None:
+def test_sensor_that_holds_sda_for_ever_does_not_stop_other_three(stream: EmulatedStream) -> None:
     stream.board.hold_sda(0, sensor=1)
     stream.run(FAULT_S)
     stream.request(Verb.STATUS)
@@ -111,7 +111,7 @@ def test_a_sensor_that_holds_sda_for_ever_does_not_stop_the_other_three(stream: 
     assert_stream_is_right(stream)
 
 
-def test_a_busy_flag_that_is_stuck_is_cleared_as_the_errata_sheet_says(stream: EmulatedStream) -> None:
+def test_busy_flag_that_is_stuck_is_cleared_as_errata_sheet_says(stream: EmulatedStream) -> None:
     recoveries = stream.status.pads[0].bus_recoveries
     stream.board.latch_busy(0)
     assert_stream_is_right(stream)
@@ -119,7 +119,7 @@ def test_a_busy_flag_that_is_stuck_is_cleared_as_the_errata_sheet_says(stream: E
 
 
 @pytest.mark.parametrize("identification", [b"H44", b"\0\0\0"])
-def test_a_foreign_chip_is_reported_and_never_believed(stream: EmulatedStream, identification: bytes) -> None:
+def test_foreign_chip_is_reported_and_never_used(stream: EmulatedStream, identification: bytes) -> None:
     stream.board.replace(0, 3, identification)
     stream.wait_for_status(lambda status: status.pads[0].states[3] == SensorState.WRONG_IDENTIFICATION, 1.0)
     samples = stream.samples(FAULT_S)
@@ -133,19 +133,19 @@ def test_a_foreign_chip_is_reported_and_never_believed(stream: EmulatedStream, i
 
 
 @pytest.mark.parametrize(("register", "flip"), [(0, 0x04), (1, 0x60)], ids=["rate", "range"])
-def test_a_corrupted_configuration_is_repaired_and_counted(stream: EmulatedStream, register: int, flip: int) -> None:
+def test_corrupted_configuration_is_repaired_and_counted(stream: EmulatedStream, register: int, flip: int) -> None:
     stream.board.corrupt(0, 0, register, flip)
     stream.wait_for_status(lambda status: status.pads[0].config_repairs == 1, 1.5)
     assert_stream_is_right(stream)
 
 
-def test_a_sensor_that_fell_idle_is_reported_and_configured_anew(stream: EmulatedStream) -> None:
+def test_sensor_that_fell_idle_is_reported_and_configured_anew(stream: EmulatedStream) -> None:
     stream.board.corrupt(0, 0, register=2, flip=2)
     stream.wait_for_status(lambda status: status.pads[0].states[0] == SensorState.NO_NEW_DATA, 0.2)
     assert_stream_is_right(stream)
 
 
-def test_a_saturated_axis_is_sent_as_such_and_the_rest_is_right(stream: EmulatedStream) -> None:
+def test_saturated_axis_is_sent_as_such_and_the_rest_is_right(stream: EmulatedStream) -> None:
     stream.board.saturate(0, 1, axis=2)
     samples = stream.samples(FAULT_S)
     assert samples[-1].counts[1].tolist() == [*np.round(FIELD_T[1, :2] * 1e4 * 660), SATURATED]
@@ -156,7 +156,7 @@ def test_a_saturated_axis_is_sent_as_such_and_the_rest_is_right(stream: Emulated
 
 
 @pytest.mark.parametrize("interrupts", [True, False], ids=["loop", "interrupts masked"])
-def test_a_hang_ends_in_a_watchdog_reset_that_the_hello_tells(stream: EmulatedStream, interrupts: bool) -> None:
+def test_hang_ends_in_watchdog_reset_reported_in_hello(stream: EmulatedStream, interrupts: bool) -> None:
     stream.board.hang(interrupts)
     assert_stream_is_right_after_reset(stream, WATCHDOG)
 
@@ -177,14 +177,14 @@ def assert_stream_is_right_after_reset(stream: EmulatedStream, cause: int) -> No
     assert_stream_is_right(stream)
 
 
-def test_a_crystal_that_stops_costs_a_reset_and_the_internal_clock_takes_over(stream: EmulatedStream) -> None:
+def test_crystal_that_stops_costs_reset_and_internal_clock_takes_over(stream: EmulatedStream) -> None:
     stream.board.crystal_stops()
     stream.wait(lambda packet: isinstance(packet, Hello), RECOVERY_S)
     assert (stream.hello.reset_cause, stream.hello.clock) == (SOFTWARE, HSI)
     stream.wait_until_whole()
 
 
-def test_what_a_slow_host_loses_costs_the_packets_hit_and_no_more(stream: EmulatedStream) -> None:
+def test_what_slow_host_loses_costs_packets_hit_and_no_more(stream: EmulatedStream) -> None:
     before = stream.latest(Sample).sequence
     packets = stream.decoder.feed(stream.board.run_unread(0.5, buffer_bytes=2000))
     kept = sum(isinstance(packet, Sample) for packet in packets)
@@ -195,7 +195,7 @@ def test_what_a_slow_host_loses_costs_the_packets_hit_and_no_more(stream: Emulat
     assert all(is_right(sample) for sample in samples)
 
 
-def test_a_line_that_is_too_slow_drops_whole_packets_and_counts_them() -> None:
+def test_line_too_slow_drops_whole_packets_and_counts_them() -> None:
     """A flood of requests: the answers come faster than the line takes them, and the ring overflows."""
     stream = EmulatedStream(pads=3)
     stream.run(0.3)

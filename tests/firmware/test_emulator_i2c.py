@@ -52,7 +52,7 @@ def run(build: Callable[[str], Path]) -> Callable[[str], Ran]:
     return run
 
 
-def test_the_manuals_receive_sequences_work(run: Callable[[str], Ran]) -> None:
+def test_manuals_receive_sequences_work(run: Callable[[str], Ran]) -> None:
     ran = run("right_reads")
     assert ran.finished
     assert ran.failed == 0
@@ -61,19 +61,19 @@ def test_the_manuals_receive_sequences_work(run: Callable[[str], Ran]) -> None:
     assert ran.complaints == []
 
 
-def test_a_stop_after_the_last_byte_reads_a_byte_too_many_and_returns_it_next_time(run: Callable[[str], Ran]) -> None:
+def test_stop_after_last_byte_reads_byte_too_many_and_returns_it_next_time(run: Callable[[str], Ran]) -> None:
     ran = run("stop_after_last_byte")
     assert ran.bytes[:1] == b"H"
     assert ran.bytes[1:2] == b"\xff"  # released by the sensor when it was refused
 
 
-def test_an_acknowledge_withdrawn_after_addr_is_too_late_for_one_byte(run: Callable[[str], Ran]) -> None:
+def test_acknowledge_withdrawn_after_addr_is_too_late_for_one_byte(run: Callable[[str], Ran]) -> None:
     ran = run("ack_cleared_after_addr")
     assert ran.bytes[:3] != b"H43"
     assert any("acknowledged" in complaint for complaint in ran.complaints)
 
 
-def test_an_address_before_sb_goes_nowhere(run: Callable[[str], Ran]) -> None:
+def test_address_before_sb_goes_nowhere(run: Callable[[str], Ran]) -> None:
     ran = run("no_wait_for_sb")
     assert ran.failed
     assert ran.bytes[:1] == b"\0"
@@ -85,13 +85,13 @@ def test_two_bytes_without_pos_bring_a_third(run: Callable[[str], Ran]) -> None:
     assert ran.bytes[2:4] != b"H4"
 
 
-def test_a_sensor_is_not_reached_in_the_transfer_that_selects_it(run: Callable[[str], Ran]) -> None:
+def test_sensor_is_not_reached_in_the_transfer_that_selects_it(run: Callable[[str], Ran]) -> None:
     ran = run("mux_and_read_in_one_transfer")
     assert ran.failed
     assert ran.bytes[:1] == b"\0"
 
 
-def test_reading_with_two_channels_on_is_seen(run: Callable[[str], Ran]) -> None:
+def test_emulator_notices_reads_with_two_open_channels(run: Callable[[str], Ran]) -> None:
     ran = run("two_channels_on")
     assert ran.failed == 0
     assert any("several channels" in complaint for complaint in ran.complaints)
@@ -103,7 +103,7 @@ def test_addr_without_sr2_holds_the_clock_for_ever(run: Callable[[str], Ran]) ->
     assert ran.bytes[:1] == b"\0"
 
 
-def test_a_stuck_busy_needs_the_lines_moved_before_the_reset(build: Callable[[str], Path]) -> None:
+def test_stuck_busy_needs_the_lines_moved_before_the_reset(build: Callable[[str], Path]) -> None:
     board = Board(build("busy_reset_only"))
     board.run(0.001)
     board.latch_busy(0)

@@ -96,7 +96,7 @@ def test_eight_of_each_kind_keep_their_frames(kind: str) -> None:
     assert stream.is_clean()
 
 
-def test_pad_of_eight_outlives_a_watchdog_reset_and_not_power_off() -> None:
+def test_pad_of_eight_outlives_watchdog_reset_and_not_power_off() -> None:
     stream = made(*HALVES, OTHER)
     stream.packets.clear()
     stream.board.machine.reset("watchdog")

@@ -48,7 +48,7 @@ def conversion_number(sample: Sample, sensor: int) -> int:
     return int(sample.counts[sensor][0]) << 10 | int(sample.counts[sensor][1])
 
 
-def test_free_running_sensors_are_sampled_once_each_with_the_age_they_have() -> None:
+def test_free_running_sensors_are_sampled_once_each_with_age_they_have() -> None:
     stream = started()
     samples = stream.samples(SECONDS)
     assert len(samples) / SECONDS >= 219
@@ -70,7 +70,7 @@ def test_free_running_sensors_are_sampled_once_each_with_the_age_they_have() -> 
     assert stream.is_clean()
 
 
-def test_no_conversion_of_a_sensor_slower_than_the_frames_is_lost() -> None:
+def test_no_conversion_of_sensor_slower_than_the_frames_is_lost() -> None:
     stream = started(chip_ppm=(10_000, 15_000, 20_000, 30_000))
     samples = stream.samples(1.0)
     for sensor in range(4):
@@ -165,7 +165,7 @@ def test_field_arrives_as_counts_of_the_range_in_force() -> None:
     assert np.array_equal(stream.latest(Sample).counts, np.round(field_t * 1e4 * 390))
 
 
-def test_hello_after_power_on_tells_cause_crystal_and_unique_id() -> None:
+def test_hello_after_power_on_reports_cause_crystal_and_unique_id() -> None:
     uid = bytes(range(0x30, 0x3C))
     stream = EmulatedStream(uid=uid)
     stream.run(0.3)
@@ -174,7 +174,7 @@ def test_hello_after_power_on_tells_cause_crystal_and_unique_id() -> None:
     assert [sensor.identification for sensor in hello.pads[0].sensors] == [b"H43"] * 4
 
 
-def test_a_board_without_its_crystal_says_so_and_streams_from_the_internal_clock() -> None:
+def test_board_without_its_crystal_says_so_and_streams_from_internal_clock() -> None:
     stream = EmulatedStream(hse_ok=False)
     stream.run(0.5)
     assert stream.hello.clock == HSI
@@ -194,7 +194,7 @@ def test_selftest_measures_the_bias_strap() -> None:
 
 
 @pytest.mark.parametrize("damage", ["crc", "length", "endless"])
-def test_a_damaged_request_is_counted_and_not_answered(damage: str) -> None:
+def test_damaged_request_is_counted_and_not_answered(damage: str) -> None:
     stream = EmulatedStream()
     stream.run(0.3)
     good = bytes((7, 0x18, 1, 255, 1, 1, 1))  # filler that never is a request

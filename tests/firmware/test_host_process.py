@@ -94,7 +94,7 @@ def test_saturated_axis_and_lost_mux_show_in_the_stream(board: HostBoard) -> Non
 
 
 @pytest.mark.real_time
-def test_samples_that_a_busy_computer_makes_up_for_are_of_the_field_of_their_time(board: HostBoard) -> None:
+def test_samples_that_busy_computer_makes_up_for_are_of_field_of_their_time(board: HostBoard) -> None:
     assert board.process.stdin is not None
     assert board.process.stdout is not None
     assert board.command("noise 0 0") == "ok"
@@ -255,7 +255,7 @@ def test_board_whose_time_runs_is_not_stepped(board: HostBoard) -> None:
     assert board.command("run 1000") == "error: time passes by itself: start with --stepped"
 
 
-def test_board_that_is_held_makes_no_frame_and_counts_those_before_a_reset(board: HostBoard) -> None:
+def test_board_held_makes_no_frame_and_counts_those_before_reset(board: HostBoard) -> None:
     seen = board.wait_for_sample(5, lambda s: s.sequence > 20)
     assert board.command("hold on") == "ok"
     made = board.command("frames 0")

@@ -50,7 +50,7 @@ def test_image_and_ram_fit_their_shares(image: bytes) -> None:
     assert f"flash {len(image)} of 24576 bytes, RAM " in line
 
 
-def test_a_qt_py_s_image_has_its_own_name_and_its_own_pins(image: bytes) -> None:
+def test_qt_py_s_image_has_its_own_name_and_its_own_pins(image: bytes) -> None:
     make("rp2040", "RP2040_BOARD=qtpy")
     other = (FIRMWARE / "build/fmfts-rp2040-qtpy.bin").read_bytes()
     assert (FIRMWARE / "build/fmfts-rp2040-qtpy.uf2").stat().st_size == 512 * -(-len(other) // 256)
@@ -59,7 +59,7 @@ def test_a_qt_py_s_image_has_its_own_name_and_its_own_pins(image: bytes) -> None
     assert (pico in other, qtpy in other) == (False, True)
 
 
-def test_another_board_s_name_is_refused_where_the_rp2040_is_built_and_nowhere_else(
+def test_another_board_s_name_is_refused_where_rp2040_is_built_and_nowhere_else(
     image: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("BOARD", "nucleo")  # Zephyr's shells have it

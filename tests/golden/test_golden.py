@@ -70,7 +70,7 @@ def test_each_number_of_a_memory_is_in_its_snapshot() -> None:
             assert np.array_equal(values, memory.fields[name]), name
 
 
-def test_what_goes_with_a_message_is_what_it_says() -> None:
+def test_golden_extras_agree_with_their_message() -> None:
     (pad,), told = load("faulty-constant")[0].pads, set()
     with pipelines_of(load("faulty-constant")[0]) as pipelines:
         (pipeline,) = pipelines.values()
@@ -109,7 +109,7 @@ def test_noise_is_normal_and_white() -> None:
     assert abs(np.corrcoef(drawn[:-1, 0], drawn[1:, 0])[0, 1]) < 0.08
 
 
-def test_difference_that_matters_is_found_and_another_is_not() -> None:
+def test_golden_finds_only_differences_that_matter() -> None:
     said = replay(load("without-model")[0], 4 * BLOCK)["left"]
     frozen = decoded(frozen_file("without-model").read_bytes())["left"]
     assert compare(said, frozen).differences == []

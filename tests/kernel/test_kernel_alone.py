@@ -91,7 +91,7 @@ def check(command: list[str | Path], folder: Path) -> None:
     assert solved > 55
 
 
-def test_kernel_alone_agrees_with_the_package_under_the_sanitizers(tmp_path: Path) -> None:
+def test_kernel_alone_agrees_with_package_under_sanitizers(tmp_path: Path) -> None:
     sanitizers = "-fsanitize=address,undefined"
     program = build("gcc", "-O0", "-g", sanitizers, "-fno-sanitize-recover=all", output=tmp_path / "solve")
     check([program], tmp_path)

@@ -32,7 +32,7 @@ def near(told: Array, wanted: Array, share: float) -> None:
 
 
 @pytest.mark.parametrize("sizes", SIZES)
-def test_field_and_each_derivative_are_the_tables_and_the_potentials(sizes: tuple[int, int, int]) -> None:
+def test_field_and_each_derivative_are_tables_and_potentials(sizes: tuple[int, int, int]) -> None:
     model, oracle = pads(*sizes)
     random = np.random.default_rng(2)
     for count in (0, 1, 2, 3):

@@ -94,9 +94,7 @@ def test_root_and_chi2_are_those_of_the_covariance(sizes: tuple[int, ...]) -> No
 
 @SIZES
 @pytest.mark.parametrize("beyond", [False, True], ids=["on the table", "beyond it"])
-def test_fit_tells_the_covariance_chi2_ambient_field_and_shear_of_where_it_ended(
-    sizes: tuple[int, ...], beyond: bool
-) -> None:
+def test_fit_reports_covariance_chi2_ambient_and_shear_at_its_end(sizes: tuple[int, ...], beyond: bool) -> None:
     random, model = np.random.default_rng(6), models_of(1, *sizes)
     for number, (fitter, measured, true) in enumerate(worlds(sizes, 6, 24)):
         around = random.normal(0.0, 2e-5, 3)
@@ -270,7 +268,7 @@ def clipped(fitter: Fitter, fingers: Array) -> Array:
 
 
 @pytest.mark.parametrize("sizes", [(4, 8, 2), (2, 9, 3)])
-def test_poses_are_the_tables_and_what_the_residual_tells_besides(sizes: tuple[int, int, int]) -> None:
+def test_poses_are_the_table_corrected_by_the_residual(sizes: tuple[int, int, int]) -> None:
     """A x + W r with W = B B' P' C⁻¹, and B B' − W P B B' + (A − W J) Σ (A − W J)': several/poses.py."""
     random, (model, oracle) = np.random.default_rng(15), pads(*sizes)
     fitter = Fitter(model)
@@ -296,7 +294,7 @@ def test_poses_are_the_tables_and_what_the_residual_tells_besides(sizes: tuple[i
 
 
 @SIZES
-def test_poses_by_the_field_tell_the_covariance_and_chi2_of_where_they_ended(sizes: tuple[int, ...]) -> None:
+def test_free_poses_report_covariance_and_chi2_at_their_end(sizes: tuple[int, ...]) -> None:
     random = np.random.default_rng(31)
     farthest, model = np.tile(FARTHEST, int(sizes[0])), models_of(1, *sizes)
     for trial in range(12):

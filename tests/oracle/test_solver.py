@@ -205,7 +205,7 @@ LINEAR = {
 
 
 @pytest.mark.parametrize("roles", LINEAR)
-def test_cold_start_has_the_best_axis_moment_and_ambient_field_of_its_position(roles: str) -> None:
+def test_cold_start_has_best_axis_moment_and_ambient_field_of_its_position(roles: str) -> None:
     """Of a dipole at a place that is not quite its own: no axis, moment and field beside it fit as well."""
     parts = LINEAR[roles]
     for seed in range(8):
@@ -275,7 +275,7 @@ def test_errors_over_random_pads_are_what_the_covariance_says(free: list[int], n
         assert abs(share - wanted) < 5.0 * np.sqrt(wanted * (1.0 - wanted) / count)
 
 
-def test_considered_moment_covers_what_it_does() -> None:
+def test_considered_moment_covers_the_error_it_causes() -> None:
     """2 % of the moment, drawn anew for each of 300 pads and never told: the covariance holds it."""
     nees, count = 0.0, 300
     for seed in range(count):

@@ -140,7 +140,7 @@ def _cost(daemon: RunningDaemon, seconds: float) -> tuple[float, float]:
     return (processor_s() - began) / (time.monotonic() - at), float(np.median(p99))
 
 
-def test_a_hundred_thousand_fuzzed_requests_and_a_thousand_connections_change_nothing(
+def test_hundred_thousand_fuzzed_requests_and_thousand_connections_change_nothing(
     browser: Browser, tmp_path: Path
 ) -> None:
     with ExitStack() as stack:
@@ -194,7 +194,7 @@ def _fuzz(port: int, seed: int, count: int) -> None:
             pass  # hung up on: that is an answer
 
 
-def test_a_long_run_does_not_grow(browser: Browser, tmp_path: Path) -> None:
+def test_long_run_does_not_grow(browser: Browser, tmp_path: Path) -> None:
     """FMFTS_PAGE_SECONDS: an hour unless told otherwise. The ten minutes that are kept are full after ten."""
     with ExitStack() as stack:
         config = UNTOUCHED_CONFIG.replace('finger = "none"', 'finger = "script"')

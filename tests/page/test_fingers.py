@@ -129,13 +129,13 @@ def test_one_finger_is_one_spot_and_no_contact_none(shows: Callable[..., Page]) 
     assert text(page, "#force") == "no contact"
 
 
-def test_where_fingers_are_not_told_the_resultant_is_drawn(shows: Callable[..., Page]) -> None:
+def test_resultant_is_drawn_when_fingers_are_unknown(shows: Callable[..., Page]) -> None:
     page = shows(*two_fingers(), contacts=None, x_m=0.008, y_m=0.001)
     page.wait_for_timeout(1000)
     assert middles(page) == [pytest.approx((8.0, 1.0), abs=PLACE_MM)]
 
 
-def test_more_than_two_fingers_is_said(shows: Callable[..., Page]) -> None:
+def test_page_reports_more_than_two_fingers(shows: Callable[..., Page]) -> None:
     page = shows(*two_fingers(), more=True)
     until(page, "document.querySelector('#reason').textContent.includes('two fingers do not explain')")
     assert "two fingers" not in text(shows(*two_fingers()), "#reason")
@@ -150,7 +150,7 @@ def test_every_magnet_is_drawn_from_above_and_enlarged_with_its_own_rest(shows: 
     assert page.evaluate("document.querySelector('#lens-scale').textContent").endswith("± 0.25 mm"), "0.1 mm of each"
 
 
-def test_a_finger_keeps_its_lines_when_the_other_one_goes(shows: Callable[..., Page]) -> None:
+def test_finger_keeps_its_lines_when_the_other_one_goes(shows: Callable[..., Page]) -> None:
     left, right = finger_message(11, x_m=-0.005), finger_message(12, x_m=0.005)
     page = shows(left, right)
     columns = "fmfts.pads.get('demo').fine.rows.at(-1).places.map((each) => each && Number(each.id))"
@@ -160,7 +160,7 @@ def test_a_finger_keeps_its_lines_when_the_other_one_goes(shows: Callable[..., P
     assert shows().evaluate(columns) == [None, None]
 
 
-def test_a_pad_that_cannot_tell_shows_no_number(shows: Callable[..., Page], bus: tuple[Bus, str, Path]) -> None:
+def test_pad_without_estimate_shows_no_number(shows: Callable[..., Page], bus: tuple[Bus, str, Path]) -> None:
     page = shows()
     magnet = page.evaluate(COLOUR_AT, [-6.6, 0.0])
     bus[0].make = lambda **times: without_estimate(
@@ -173,7 +173,7 @@ def test_a_pad_that_cannot_tell_shows_no_number(shows: Callable[..., Page], bus:
     assert text(page, "#force") == "not known"
 
 
-def test_a_pad_with_one_magnet_is_drawn_as_ever(shows: Callable[..., Page]) -> None:
+def test_pad_with_one_magnet_is_drawn_as_ever(shows: Callable[..., Page]) -> None:
     page = shows("one magnet", x_m=0.006, y_m=-0.002)
     page.wait_for_timeout(1000)
     assert middles(page) == [pytest.approx((6.0, -2.0), abs=PLACE_MM)]

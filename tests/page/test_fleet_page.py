@@ -75,7 +75,7 @@ def test_killed_robot_is_shown_as_lost_within_half_a_second(page: Page, robots: 
     assert "there since" in card(page, "arm")
 
 
-def test_a_robots_own_view_is_opened_and_left_with_the_keyboard_alone(page: Page, view: View) -> None:
+def test_robots_own_view_is_opened_and_left_with_keyboard_alone(page: Page, view: View) -> None:
     page.keyboard.press("Tab")
     while page.evaluate("document.activeElement.textContent") != "leg":
         page.keyboard.press("Tab")
@@ -104,12 +104,12 @@ def test_worst_pad_is_named_with_its_reason_and_what_to_do(page: Page) -> None:
     assert "none: all are well" in card(page, "arm")
 
 
-def test_a_click_anywhere_on_a_card_opens_its_robot(page: Page) -> None:
+def test_click_anywhere_on_a_card_opens_its_robot(page: Page) -> None:
     page.locator("#robots li").nth(1).locator(".rate").click(force=True)
     page.wait_for_url("**/robot/leg/")
 
 
-def test_nothing_is_shown_as_known_once_the_pages_server_has_gone(
+def test_nothing_is_shown_as_known_once_pages_server_has_gone(
     browser: Browser, robots: Robots, view: View, page: Page
 ) -> None:
     with robots.view(robots.keys) as brief:

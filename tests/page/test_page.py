@@ -60,7 +60,7 @@ def settled(page: Page) -> None:
     page.wait_for_timeout(100)  # drawn
 
 
-def test_a_touch_is_drawn_at_once_at_its_place_with_its_force(bench: Bench, page: Page) -> None:
+def test_touch_is_drawn_at_once_at_its_place_with_its_force(bench: Bench, page: Page) -> None:
     for x_mm, y_mm, force_n in ((4.0, -3.0, 1.0), (-6.0, 2.0, 0.8)):
         began_ns = time.monotonic_ns()
         bench.pressed.touch(x_mm * 1e-3, y_mm * 1e-3, force_n)
@@ -87,7 +87,7 @@ def test_over_range_does_not_look_like_a_measurement(bench: Bench, page: Page) -
     bench.pressed.touch(0.0, 0.0, 0.0)
 
 
-def test_a_sensor_that_is_left_out_is_marked_and_named(bench: Bench, page: Page) -> None:
+def test_sensor_that_is_left_out_is_marked_and_named(bench: Bench, page: Page) -> None:
     bench.board.tell("fault 0 2 unplugged")
     until(page, "document.querySelector('#health').dataset.health === 'degraded'")
     until(page, "document.querySelectorAll('#sensors li')[2].dataset.state === 'silent'")
@@ -109,7 +109,7 @@ def test_unplugged_says_so_within_a_second_and_recovers(bench: Bench, page: Page
     assert "health disconnected" in text(page, "#event-list")
 
 
-def test_the_page_survives_the_daemons_restart(bench: Bench, page: Page) -> None:
+def test_page_survives_the_daemons_restart(bench: Bench, page: Page) -> None:
     boot = page.evaluate(f"{NEWEST}.boot")
     bench.daemon.stop()
     until(page, "document.querySelector('#health').dataset.health === 'gone'")
@@ -133,7 +133,7 @@ def test_background_tab_receives_no_contacts_until_it_is_shown(bench: Bench, pag
     until(page, f"Number({NEWEST}.seq) > {before + 100}")
 
 
-def test_a_paused_moment_can_be_looked_at_and_copied_with_the_keyboard_alone(bench: Bench, page: Page) -> None:
+def test_paused_moment_can_be_looked_at_and_copied_with_keyboard_alone(bench: Bench, page: Page) -> None:
     bench.pressed.touch(3e-3, 3e-3, 1.2)
     until(page, "document.querySelector('#force').dataset.kind === 'touch'")
     settled(page)

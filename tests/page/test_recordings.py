@@ -26,7 +26,7 @@ def show(page: Page, name: str) -> None:
     page.click(f"#recording-list button[aria-label='{name}']")
 
 
-def test_a_recording_is_made_and_its_contacts_are_shown_again_on_the_same_page(bench: Bench, page: Page) -> None:
+def test_recording_is_made_and_its_contacts_are_shown_again_on_same_page(bench: Bench, page: Page) -> None:
     page.keyboard.press("r")
     until(page, f"{TOAST}.startsWith('recording all pads into')")
     assert page.get_attribute("#record", "aria-pressed") == "true"
@@ -72,7 +72,7 @@ def test_a_recording_is_made_and_its_contacts_are_shown_again_on_the_same_page(b
     assert not page.is_visible("#replay")
 
 
-def test_a_file_that_is_no_recording_is_named_and_the_daemon_is_shown_on(bench: Bench, page: Page) -> None:
+def test_file_no_recording_is_named_and_daemon_is_shown_on(bench: Bench, page: Page) -> None:
     broken: Path = bench.folder / "broken.mcap"
     broken.write_bytes(b"")
     show(page, "Show broken.mcap")

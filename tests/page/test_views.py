@@ -118,7 +118,7 @@ def test_tiny_window_raises_no_error(page: Page) -> None:
     page.evaluate(TWO_PICTURES)
 
 
-def test_all_is_seen_at_once_on_a_desk(shows: Callable[..., Page]) -> None:
+def test_whole_page_fits_a_desktop_screen(shows: Callable[..., Page]) -> None:
     for page in (shows(), shows(**OVER), shows(untouched)):
         assert page.evaluate("document.documentElement.scrollHeight") <= SIZES["desk"][1]
 
@@ -150,7 +150,7 @@ def test_over_range_is_not_called_ok(shows: Callable[..., Page]) -> None:
     until(page, "document.querySelector('#health').dataset.health === 'ok'")
 
 
-def test_untouched_pad_says_what_force_it_would_miss(shows: Callable[..., Page]) -> None:
+def test_untouched_pad_shows_the_smallest_force_it_detects(shows: Callable[..., Page]) -> None:
     page = shows(untouched)
     assert page.inner_text("#force") == "no contact"
     assert page.inner_text("#place") == "less than 0.08 N anywhere on the pad"
@@ -182,7 +182,7 @@ def test_every_colour_of_the_drawings_has_a_legend(page: Page) -> None:
         assert "magnet" in page.inner_text(f"{panel} .legend")
 
 
-def test_four_magnets_are_seen_at_once_on_a_desk(shows: Callable[..., Page]) -> None:
+def test_page_of_four_magnets_fits_a_desktop_screen(shows: Callable[..., Page]) -> None:
     """With two fingers, and eight sensors of which four are left out."""
     page = shows(untouched)
     standard = page.evaluate("fmfts.pads.get('demo').shape.sensors_m")

@@ -153,7 +153,7 @@ def test_cdr_of_every_type_is_that_of_rosbags(place: Path, tmp_path: Path) -> No
 
 
 @pytest.mark.real_time
-def test_listener_hears_nearly_every_contact_with_the_time_of_its_sample(
+def test_listener_receives_nearly_every_contact_with_time_of_its_sample(
     place: Path, tmp_path: Path, listener: RosProcess
 ) -> None:
     seconds = 10.0
@@ -222,7 +222,7 @@ def test_graph_has_legal_names_and_the_types_of_ros(place: Path, tmp_path: Path,
 
 
 @pytest.mark.real_time
-def test_unplugged_board_is_an_error_within_a_second_and_no_wrench_comes(
+def test_unplugged_board_is_error_within_second_and_no_wrench_comes(
     place: Path, tmp_path: Path, listener: RosProcess, pad: Pad
 ) -> None:
     with FirmwareHost(tmp_path) as board, PressedPad(board, pad) as pressed:
@@ -249,9 +249,7 @@ def test_unplugged_board_is_an_error_within_a_second_and_no_wrench_comes(
 
 
 @pytest.mark.real_time
-def test_node_survives_the_daemons_death_and_the_daemon_the_nodes(
-    place: Path, tmp_path: Path, listener: RosProcess
-) -> None:
+def test_node_and_daemon_survive_each_others_death(place: Path, tmp_path: Path, listener: RosProcess) -> None:
     with RunningDaemon(tmp_path, TWO_PADS) as daemon:
         with node(place, daemon.base, tmp_path) as ros:
             listener.wait_for(lambda said: said.get("topic") == "/fmfts/pad_2/wrench")
@@ -270,7 +268,7 @@ def test_node_survives_the_daemons_death_and_the_daemon_the_nodes(
         assert daemon.process.poll() is None
 
 
-def test_fingers_of_a_pad_with_several_magnets_arrive_as_a_point_cloud(
+def test_fingers_of_pad_with_several_magnets_arrive_as_point_cloud(
     place: Path, tmp_path: Path, listener: RosProcess
 ) -> None:
     """A bus with messages that were made up stands for the daemon."""

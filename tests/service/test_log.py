@@ -76,7 +76,7 @@ def everything(reading: int) -> str:
     return heard.replace(FILLING, b"").decode()
 
 
-def test_contacts_come_while_nobody_takes_the_log(tmp_path: Path) -> None:
+def test_contacts_continue_when_the_log_is_not_read(tmp_path: Path) -> None:
     config = tmp_path / "config.toml"
     config.write_text(SIMULATED)
     environment = os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}", "XDG_STATE_HOME": str(tmp_path)}
@@ -108,7 +108,7 @@ def test_lines_that_waited_are_written_and_those_left_out_are_counted() -> None:
     assert 1000 <= written < 5000
 
 
-def test_line_that_a_signal_adds_amid_another_hangs_nobody() -> None:
+def test_log_line_from_signal_handler_does_not_deadlock() -> None:
     """As a daemon that is stopped while it logs."""
     done = subprocess.run([sys.executable, "-c", INTERRUPTED], stderr=subprocess.PIPE, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0

@@ -49,14 +49,14 @@ def longest_pause_s(systemd: socket.socket, seconds: float) -> float:
     return longest
 
 
-def test_ready_is_said_when_the_sockets_are_bound(tmp_path: Path, systemd: socket.socket) -> None:
+def test_systemd_gets_ready_when_sockets_are_bound(tmp_path: Path, systemd: socket.socket) -> None:
     with RunningDaemon(tmp_path, SIMULATED, wait=False) as daemon:
         next_with(systemd, "READY=1")
         assert daemon.request("pads", timeout_s=5.0)["pads"]
 
 
 @pytest.mark.real_time
-def test_status_tells_the_true_rate(tmp_path: Path, systemd: socket.socket) -> None:
+def test_systemd_status_shows_the_true_rate(tmp_path: Path, systemd: socket.socket) -> None:
     with RunningDaemon(tmp_path, SIMULATED):
         # The first are sent before the pad is up, and before there is an interval to count in.
         told = ""
@@ -69,7 +69,7 @@ def test_status_tells_the_true_rate(tmp_path: Path, systemd: socket.socket) -> N
 
 
 @pytest.mark.real_time
-def test_absent_hardware_does_not_starve_the_watchdog_and_is_told(tmp_path: Path, systemd: socket.socket) -> None:
+def test_absent_hardware_is_reported_and_watchdog_is_fed(tmp_path: Path, systemd: socket.socket) -> None:
     with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=tmp_path / "nothing")):
         assert longest_pause_s(systemd, 2.0) < WATCHDOG_S / 2
         told = next_with(systemd, "STATUS=")
@@ -77,7 +77,7 @@ def test_absent_hardware_does_not_starve_the_watchdog_and_is_told(tmp_path: Path
     assert "does not exist: is the board plugged in?" in told
 
 
-def test_a_daemon_that_hangs_feeds_no_watchdog(tmp_path: Path, systemd: socket.socket) -> None:
+def test_daemon_that_hangs_feeds_no_watchdog(tmp_path: Path, systemd: socket.socket) -> None:
     with RunningDaemon(tmp_path, SIMULATED) as daemon:
         daemon.process.send_signal(signal.SIGSTOP)
         time.sleep(0.2)
@@ -88,7 +88,7 @@ def test_a_daemon_that_hangs_feeds_no_watchdog(tmp_path: Path, systemd: socket.s
         next_with(systemd, "WATCHDOG=1")
 
 
-def test_stopping_is_said_and_nothing_answers_afterwards(tmp_path: Path, systemd: socket.socket) -> None:
+def test_stopping_is_reported_and_no_request_is_answered_after(tmp_path: Path, systemd: socket.socket) -> None:
     with RunningDaemon(tmp_path, SIMULATED) as daemon:
         assert daemon.stop() == 0
         next_with(systemd, "STOPPING=1")

@@ -98,7 +98,7 @@ def test_random_and_damaged_bytes_raise_nothing_and_give_only_possible_readings(
                         assert all(abs(value) <= LARGEST_UT for value in finite)
 
 
-def test_magnetometer_without_a_sample_is_not_measured_and_the_others_are() -> None:
+def test_magnetometer_without_sample_is_not_measured_and_others_are() -> None:
     packet = packet_of([25.0, 1.0, 2.0, 3.0, *no_sample()])
     assert packet is not None
     assert [reading.is_measured for reading in packet] == [True, False]
@@ -167,7 +167,7 @@ def test_pause_of_the_stream_begins_anew() -> None:
 
 @pytest.mark.parametrize("rate_hz", [50.0, 200.0, 400.0])
 @pytest.mark.parametrize("waited_s", [0.3, 3.0])
-def test_packets_that_waited_for_the_port_to_be_opened_tell_no_rate(rate_hz: float, waited_s: float) -> None:
+def test_packets_from_before_opening_do_not_set_the_rate(rate_hz: float, waited_s: float) -> None:
     clock, opened_ns = StreamClock(), round(1e9 * (5.0 + waited_s))
     for arrival_ns, made_s in arrivals(rate_hz, 10.0, Random(7)):
         stamp = clock.stamped(max(arrival_ns, opened_ns))
@@ -179,7 +179,7 @@ def test_packets_that_waited_for_the_port_to_be_opened_tell_no_rate(rate_hz: flo
 
 
 @pytest.mark.parametrize("stall_s", [(5.0, 5.3), (5.2, 5.4), (5.3, 5.6), (5.45, 5.9)])
-def test_stall_of_this_computer_while_the_period_is_learned_tells_no_rate(stall_s: tuple[float, float]) -> None:
+def test_stall_during_period_measurement_does_not_set_the_rate(stall_s: tuple[float, float]) -> None:
     clock = StreamClock()
     for arrival_ns, made_s in arrivals(200.0, 10.0, Random(8)):
         stamp = clock.stamped(round(stall_s[1] * 1e9) if stall_s[0] < made_s < stall_s[1] else arrival_ns)
@@ -190,7 +190,7 @@ def test_stall_of_this_computer_while_the_period_is_learned_tells_no_rate(stall_
 
 
 @pytest.mark.parametrize("other_hz", [100.0, 230.0, 400.0])
-def test_period_that_is_another_one_is_measured_again_within_three_seconds(other_hz: float) -> None:
+def test_changed_period_is_measured_within_three_seconds(other_hz: float) -> None:
     """As if it had been learned wrong: the numbers begin anew, in another run."""
     clock, late_s = StreamClock(), []
     for arrival_ns, _ in arrivals(200.0, 5.0, Random(9)):
@@ -204,7 +204,7 @@ def test_period_that_is_another_one_is_measured_again_within_three_seconds(other
     assert np.abs(late_s).max() < 5e-3
 
 
-def test_packets_that_are_lost_now_and_then_are_no_other_period() -> None:
+def test_occasional_losses_do_not_change_the_period() -> None:
     random = Random(11)
     lost = {number: 1 for number in range(400, 20_000) if random.random() < 0.01}
     clock = StreamClock()

@@ -45,7 +45,7 @@ def gridded(path: Path) -> Path:
     return recorded(path, np.array([289.0, -100.0, 145.0]) + press * [1.0, 1.0, -1.0], field)
 
 
-def test_a_pressed_recording_has_newtons_and_rests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pressed_recording_has_newtons_and_rests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source, target = pressed(tmp_path / "eflesh_normal_1.csv", 30), tmp_path / "set.csv"
     monkeypatch.setattr("sys.argv", ["eflesh", str(source), "-o", str(target)])
     main()
@@ -58,7 +58,7 @@ def test_a_pressed_recording_has_newtons_and_rests(tmp_path: Path, monkeypatch: 
     assert (data.contact >= 0.0).all(), "rows without a gauge reading are left out"
 
 
-def test_a_gridded_recording_has_places_about_its_middle_and_depths(tmp_path: Path) -> None:
+def test_gridded_recording_has_places_about_its_middle_and_depths(tmp_path: Path) -> None:
     data = converted(gridded(tmp_path / "eflesh_spatial_1.csv"))
     press = presses(1200, 31)
     middle = (press[:, :2].min(axis=0) + press[:, :2].max(axis=0)) / 2.0
@@ -67,13 +67,13 @@ def test_a_gridded_recording_has_places_about_its_middle_and_depths(tmp_path: Pa
     assert not data.rest.any()
 
 
-def test_many_places_are_no_forces_though_there_is_a_gauge(tmp_path: Path) -> None:
+def test_set_with_many_places_and_gauge_holds_no_forces(tmp_path: Path) -> None:
     press = presses(200, 35)
     path = recorded(tmp_path / "eflesh_spatial_9.csv", press * [1.0, 1.0, -1.0], skin_field(press), np.full(200, -1.0))
     assert converted(path).axes == ("x_mm", "y_mm", "depth_mm")
 
 
-def test_another_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_file_of_another_kind_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     other = tmp_path / "other.csv"
     other.write_text("a,b\n1,2\n")
     monkeypatch.setattr("sys.argv", ["eflesh", str(other), "-o", str(tmp_path / "set.csv")])
@@ -82,7 +82,7 @@ def test_another_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert ended.value.code == 65
 
 
-def test_the_benchmark_says_which_recordings_are_absent(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_benchmark_says_which_recordings_are_absent(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pressed(tmp_path / "eflesh_normal_1.csv", 33)
     pressed(tmp_path / "eflesh_normal_2.csv", 34)
     run(Namespace(recordings=tmp_path))
@@ -94,7 +94,7 @@ def test_the_benchmark_says_which_recordings_are_absent(tmp_path: Path, capsys: 
 
 
 @pytest.mark.long
-def test_the_simulated_day_is_another_one(tmp_path: Path) -> None:
+def test_simulated_day_differs_from_the_table(tmp_path: Path) -> None:
     from fmfts_skin.calibrate.field_fit import make_response
 
     data = converted(gridded(tmp_path / "eflesh_spatial_1.csv"))

@@ -69,7 +69,7 @@ def test_contacts_are_found_with_the_deviation_that_is_stated() -> None:
     assert np.sqrt(np.mean((found.contact - press)[:, :2] ** 2)) < 0.15
 
 
-def test_a_moment_that_wavers_from_frame_to_frame_is_in_the_deviation() -> None:
+def test_moment_that_wavers_from_frame_to_frame_is_in_deviation() -> None:
     press = presses(400, 33)
     press[:, :2] *= 0.9
     wavering = 1.0 + np.random.default_rng(34).normal(0.0, table().moment_share, (400, 1))
@@ -80,7 +80,7 @@ def test_a_moment_that_wavers_from_frame_to_frame_is_in_the_deviation() -> None:
     assert within[1] < 0.8
 
 
-def test_the_slope_is_that_of_the_change() -> None:
+def test_slope_is_that_of_the_change() -> None:
     press, step = presses(50, 5), 1e-5
     slope = table().felt(press).slope
     for axis in range(3):
@@ -89,14 +89,14 @@ def test_the_slope_is_that_of_the_change() -> None:
         np.testing.assert_allclose(slope[:, :, axis], difference, atol=1e-4 * np.abs(slope).max())
 
 
-def test_the_change_goes_on_along_its_tangent_beyond_the_table() -> None:
+def test_change_goes_on_along_its_tangent_beyond_the_table() -> None:
     last = table().axes[-1].last
     at = np.array([[1.0, 2.0, last], [1.0, 2.0, last + 0.5]])
     felt = table().felt(at)
     np.testing.assert_allclose(felt.change[1], felt.change[0] + 0.5 * felt.slope[0, :, 2])
 
 
-def test_the_file_holds_the_table_to_the_last_bit() -> None:
+def test_file_holds_the_table_to_the_last_bit() -> None:
     read = FieldResponse.of(table().encoded(), "skin.response")
     press = presses(20, 6)
     np.testing.assert_array_equal(read.felt(press).change, table().felt(press).change)
@@ -117,7 +117,7 @@ def test_damaged_files_are_refused() -> None:
         FieldResponse.of(no_load.encoded(), "skin.response")
 
 
-def test_another_day_is_learnt_from_its_fields_alone() -> None:
+def test_another_day_is_learned_from_its_fields_alone() -> None:
     """Another rest, warmer magnets and another gain: without labels nearly all of the error goes."""
     press = presses(600, 7)
     reference = table().reference_ut
@@ -133,7 +133,7 @@ def test_another_day_is_learnt_from_its_fields_alone() -> None:
     assert instance.moment == pytest.approx(-0.01, abs=0.002)
 
 
-def test_a_softer_pad_is_no_gain_where_the_load_is_a_force() -> None:
+def test_softer_pad_gives_no_gain_when_load_is_force() -> None:
     press = presses(300, 22)
     by_force = replace(table(), axes=(*table().axes[:2], replace_name(table().axes[2], "force_n")))
     changed = 1.1 * (noisy(press, 23) - table().reference_ut)
@@ -149,7 +149,7 @@ def test_no_label_is_looked_at_to_learn_a_day() -> None:
     np.testing.assert_array_equal(evaluation.instances["skin"].rest_ut, told.rest_ut)
 
 
-def test_a_moment_that_drifts_is_not_taken_for_contacts() -> None:
+def test_moment_that_drifts_is_not_taken_for_contacts() -> None:
     """The magnets warm while the set is gathered, row by row of places; the table is as good as without."""
     press = presses(1500, 12)
     press = press[np.argsort(np.round(press[:, 0]) + 100.0 * (np.arange(1500) // 300))]
@@ -166,7 +166,7 @@ def test_a_moment_that_drifts_is_not_taken_for_contacts() -> None:
     )
 
 
-def test_the_rest_of_a_pad_is_told_by_its_presses() -> None:
+def test_rest_field_is_found_from_presses() -> None:
     """Of depths between 1.5 and 3 mm, where the field differs from the rest's by a millitesla."""
     press = presses(1500, 24)
     press[:, 2] = 1.5 + press[:, 2] / 2.0
@@ -212,7 +212,7 @@ def test_each_row_has_the_rest_before_it() -> None:
     assert np.isnan(without.rest_ut()).all()
 
 
-def test_a_set_comes_back_from_its_file(tmp_path: Path) -> None:
+def test_set_comes_back_from_its_file(tmp_path: Path) -> None:
     data = force_set(60, 18)
     read = read_field_set(write_skin(tmp_path / "skin.csv", data))
     assert read.axes == ("force_n",)
@@ -234,7 +234,7 @@ def test_a_set_comes_back_from_its_file(tmp_path: Path) -> None:
         ("depth_mm,FIELDS\n1,1,2,3,4,5,\n", "row 2: a field is missing"),
     ],
 )
-def test_wrong_sets_are_told_by_row_and_column(tmp_path: Path, text: str, said: str) -> None:
+def test_wrong_sets_are_refused_with_row_and_column(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "wrong.csv"
     text = text.replace("FIELDS", "b1x_ut,b1y_ut,b1z_ut,b2x_ut,b2y_ut,b2z_ut").replace("VALUES", "1,2,3,4,5,6")
     path.write_text(text if text.count("\n") > 1 else text + ",".join(["1"] * (text.count(",") + 1)) + "\n")
@@ -242,7 +242,7 @@ def test_wrong_sets_are_told_by_row_and_column(tmp_path: Path, text: str, said: 
         read_field_set(path)
 
 
-def test_the_verbs_make_a_table_and_evaluate_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_verbs_make_a_table_and_evaluate_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     train = write_skin(tmp_path / "train.csv", force_set(400, 19))
     test = write_skin(tmp_path / "test.csv", force_set(200, 20))
     model = tmp_path / "skin.response"
@@ -259,7 +259,7 @@ def test_the_verbs_make_a_table_and_evaluate_it(tmp_path: Path, capsys: pytest.C
     assert main(["calibrate", str(other), "-o", str(model)]) == 65, "too few rows"
 
 
-def test_the_verb_tells_the_day_that_it_learnt_or_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_evaluate_reports_the_learned_day_or_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model = tmp_path / "skin.response"
     model.write_bytes(table().encoded())
     press = presses(200, 29)
@@ -272,14 +272,14 @@ def test_the_verb_tells_the_day_that_it_learnt_or_none(tmp_path: Path, capsys: p
     assert "recording skin: moment +0.00%" in capsys.readouterr().out
 
 
-def test_a_table_that_counts_from_rests_asks_for_them() -> None:
+def test_table_that_counts_from_rests_asks_for_them() -> None:
     response = make_response(force_set(400, 31), "skin", quiet)
     data = force_set(200, 32)
     with pytest.raises(DataError, match="without rows of rest"):
         evaluate_field(response, replace(data, rest=np.zeros(200, dtype=np.bool_)), "test")
 
 
-def test_the_finder_searches_the_whole_pad() -> None:
+def test_finder_searches_the_whole_pad() -> None:
     corners = np.array([[x, y, DEEPEST_MM] for x in (-REACH_MM, REACH_MM) for y in (-REACH_MM, REACH_MM)]) * 0.9
     found = ContactFinder(table(), moment_share=0.0).find(skin_field(corners) - table().reference_ut)
     np.testing.assert_allclose(found.contact, corners, atol=0.3)

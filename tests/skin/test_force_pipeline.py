@@ -117,7 +117,7 @@ def test_turning_robot_makes_no_contact(model: Path) -> None:
         assert {message.contact for message in quiet} == {False}
 
 
-def test_silent_sensor_is_named_and_the_others_tell_the_force(model: Path) -> None:
+def test_silent_sensor_is_named_and_others_give_the_force(model: Path) -> None:
     press = (0.5, 0.5, 1.5, 0.1, 0.1)
     messages = told(ready(model), frames(40, press, 100, bad=2))[20:]
     assert {message.health for message in messages} == {"degraded"}
@@ -163,6 +163,6 @@ def test_model_of_poses_or_of_other_sensors_is_refused(model: Path, tmp_path: Pa
         contact_model_of(fewer)
 
 
-def test_overview_tells_the_largest_force(model: Path) -> None:
+def test_overview_reports_the_largest_force(model: Path) -> None:
     largest_n = contact_model_of(config(model)).calibrated_range["calibrated_force_n"]
     assert 1.8 < float(str(largest_n)) < 2.1

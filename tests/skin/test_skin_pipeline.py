@@ -112,7 +112,7 @@ def off(message: ContactMessage, press: tuple[float, float, float]) -> list[floa
 
 
 @pytest.mark.parametrize("press", [(0.0, 0.0, 3.0), (5.0, -4.0, 6.0), (-7.0, 3.0, 2.0), (8.0, 8.0, 8.0)])
-def test_a_press_is_told_with_place_and_force_within_the_deviations(
+def test_press_is_reported_with_place_and_force_within_deviations(
     press: tuple[float, float, float], model: Path
 ) -> None:
     pipeline = ready(model)
@@ -126,7 +126,7 @@ def test_a_press_is_told_with_place_and_force_within_the_deviations(
     assert told(pipeline, frames(5, NOBODY, 160))[-1].contact is False
 
 
-def test_a_robot_that_turns_in_the_earths_field_makes_no_contact_and_moves_none(model: Path) -> None:
+def test_robot_that_turns_in_earths_field_makes_no_contact_and_moves_none(model: Path) -> None:
     """Without the ambient field among the errors, 60 µT are a press of half a newton."""
     pipeline, press = ready(model), (3.0, 2.0, 5.0)
     for first, ambient_ut in enumerate(np.array([[60.0, 0.0, 0.0], [0.0, -60.0, 30.0], [-40.0, 30.0, -60.0]])):
@@ -138,7 +138,7 @@ def test_a_robot_that_turns_in_the_earths_field_makes_no_contact_and_moves_none(
         assert max(max(off(message, press)) for message in pressed) < 5.0
 
 
-def test_a_silent_sensor_is_named_and_the_others_tell_the_press(model: Path) -> None:
+def test_silent_sensor_is_named_and_others_give_the_press(model: Path) -> None:
     pipeline, press = ready(model), (3.0, 2.0, 5.0)
     messages = told(pipeline, (without(frame, 2) for frame in frames(30, press, 100)))[3:]
     assert {message.health for message in messages} == {"degraded"}
@@ -151,7 +151,7 @@ def test_a_silent_sensor_is_named_and_the_others_tell_the_press(model: Path) -> 
     assert "only 6 values are left" in three.reason
 
 
-def test_a_field_that_no_contact_causes_is_disturbed(model: Path) -> None:
+def test_field_that_no_contact_causes_is_disturbed(model: Path) -> None:
     """A magnet beside one sensor."""
     pipeline = ready(model)
     for frame in frames(10, NOBODY, 100):
@@ -162,14 +162,14 @@ def test_a_field_that_no_contact_causes_is_disturbed(model: Path) -> None:
     assert "steel or a magnet nearby" in message.reason
 
 
-def test_a_press_beyond_the_table_has_a_lower_bound_only(model: Path) -> None:
+def test_press_beyond_the_table_has_a_lower_bound_only(model: Path) -> None:
     hardest = response("force_n").axes[-1].last
     message = told(ready(model), frames(10, (0.0, 0.0, 1.3 * hardest), 100))[-1]
     assert (message.contact, message.over_range, message.x_m, message.force_n) == (True, True, None, None)
     assert message.force_min_n == pytest.approx(hardest)
 
 
-def test_a_table_of_depths_tells_the_place_and_no_force(tmp_path: Path) -> None:
+def test_table_of_depths_gives_place_without_force(tmp_path: Path) -> None:
     path = tmp_path / "depth.response"
     path.write_bytes(response("depth_mm").encoded())
     message = told(ready(path), frames(10, (4.0, -3.0, 5.0), 100))[-1]
@@ -178,7 +178,7 @@ def test_a_table_of_depths_tells_the_place_and_no_force(tmp_path: Path) -> None:
     assert message.x_m == pytest.approx(4e-3, abs=5 * (message.x_sd_m or 0.0))
 
 
-def test_without_a_rest_recording_nothing_is_told(model: Path) -> None:
+def test_skin_without_rest_recording_publishes_no_estimate(model: Path) -> None:
     made = config(model)
     pipeline = pipeline_of(made, contact_model_of(made), "boot")
     bare = BaselineRequest(made.pad(), made.tolerance.si(), bare=True, replaced=False, duration_s=1.0)
@@ -202,7 +202,7 @@ def test_turning_and_presses_are_refused_with_the_reason(option: str, model: Pat
         request.make(list(frames(100, NOBODY, 100)), before)
 
 
-def test_the_report_of_a_rest_says_what_was_recorded(model: Path, tmp_path: Path) -> None:
+def test_report_of_a_rest_says_what_was_recorded(model: Path, tmp_path: Path) -> None:
     made = config(model)
     request = BaselineRequest(made.pad(), made.tolerance.si(), bare=False, replaced=False, duration_s=1.0)
     baseline, mounting = request.make(list(frames(100, NOBODY)), None)
@@ -212,7 +212,7 @@ def test_the_report_of_a_rest_says_what_was_recorded(model: Path, tmp_path: Path
     assert "remanence_t" not in facts
 
 
-def test_another_pipeline_goes_on_from_its_memory_to_the_last_bit(model: Path) -> None:
+def test_another_pipeline_goes_on_from_its_memory_to_last_bit(model: Path) -> None:
     one, other = ready(model), ready(model)
     told(one, frames(20, (3.0, 2.0, 5.0), 100))
     restore(other, snapshot(one))
@@ -225,7 +225,7 @@ def test_another_pipeline_goes_on_from_its_memory_to_the_last_bit(model: Path) -
         restore(other, b"\x80")
 
 
-def test_a_table_of_another_skin_is_refused(model: Path, tmp_path: Path) -> None:
+def test_table_of_another_skin_is_refused(model: Path, tmp_path: Path) -> None:
     four = GeometryConfig(sensors_mm=config(model).geometry.sensors_mm[:4])
     with pytest.raises(ModelError, match=r"is of 5 sensors, the pad has 4: see sensors_mm"):
         contact_model_of(
@@ -241,13 +241,13 @@ def test_a_table_of_another_skin_is_refused(model: Path, tmp_path: Path) -> None
         contact_model_of(config(tmp_path / "no.response"))
 
 
-def test_a_skin_is_nobodys_neighbour(model: Path) -> None:
+def test_skin_is_nobodys_neighbour(model: Path) -> None:
     beside = PadConfig(name="beside", source=SimulatedSource(), scene=SceneConfig(neighbours=("skin",)))
     told = " ".join(text for _, text in problems_in(Config(pad=(config(model), beside))))
     assert "the magnets of 'skin' are unknown, and so is their field here" in told
 
 
-def test_what_such_a_pad_cannot_do_is_told_by_the_configuration(model: Path) -> None:
+def test_configuration_refuses_what_a_skin_cannot_do(model: Path) -> None:
     assert not problems_in(Config(pad=(config(model),)))
     simulated = PadConfig(name="skin", source=SimulatedSource(), contact=ContactConfig(model=str(model)))
     told = " ".join(text for _, text in problems_in(Config(pad=(simulated,))))

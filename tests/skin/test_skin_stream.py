@@ -165,7 +165,7 @@ def test_value_between_two_steps_was_damaged_and_is_not_used(line: Line) -> None
     assert [frame.valid.tolist() for frame in frames] == [[True] * 4 + [False], [True] * 5]
 
 
-def test_step_that_was_learnt_too_coarse_is_learnt_anew(line: Line) -> None:
+def test_step_that_was_learned_too_coarse_is_learned_anew(line: Line) -> None:
     """While the period was learnt, all counts happened to be even."""
     counts = noisy_counts(Settings(), LEARNING)
     line.frames(packets_of(2 * np.round(counts / 2), Settings()))
@@ -189,7 +189,7 @@ def test_other_firmware_is_named_and_its_fields_are_rounded(line: Line) -> None:
     assert all(frame.valid.all() and not frame.overflow.any() for frame in frames)
 
 
-def test_probe_tells_step_and_range_of_the_board(line: Line) -> None:
+def test_probe_reports_step_and_range_of_the_board(line: Line) -> None:
     line.frames(packets_of(noisy_counts(Settings(1, 2), LEARNING), Settings(1, 2)))
     board = line.source.state.board
     assert (board["step_xy_ut"], board["step_z_ut"], board["range_xy_gauss"]) == (2.4, 3.872, 528.0)

@@ -14,7 +14,7 @@ from fmfts.config.recorded import recorded_pad
 from fmfts_skin.settings import AnyskinSource
 
 
-def test_package_that_cannot_be_loaded_is_told_and_left_out(
+def test_package_that_cannot_be_loaded_is_reported_and_skipped(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     whole, *_ = entry_points(group="fmfts.sources", name="anyskin")

@@ -103,7 +103,7 @@ def test_axis_that_saturates_is_not_replaced_by_its_past() -> None:
     assert np.isnan(aligned.field_t[3, 1])
 
 
-def test_nothing_at_all_is_nothing() -> None:
+def test_frame_without_samples_aligns_to_no_sample() -> None:
     alignment = Alignment(4, PERIOD_US)
     aligned = alignment.push(np.full((4, 3), np.nan), np.zeros(4, dtype=np.int64), np.zeros(4, dtype=bool))
     assert np.isnan(aligned.field_t).all()
@@ -132,7 +132,7 @@ def test_reset_of_the_board_is_seen_from_its_valid_sensors() -> None:
     assert aligned.time_us == 5000
 
 
-def test_samples_before_a_long_gap_do_not_make_the_ones_after_it_uncertain() -> None:
+def test_samples_before_long_gap_do_not_make_ones_after_it_uncertain() -> None:
     """The pad moved meanwhile: a line across the gap would be as uncertain as the whole way."""
     alignment = Alignment(4, PERIOD_US)
     offsets = np.array([0, 1200, 2500, 4000])
@@ -144,7 +144,7 @@ def test_samples_before_a_long_gap_do_not_make_the_ones_after_it_uncertain() -> 
     assert (aligned.bend_t == 0.0).all()
 
 
-def test_gap_of_two_periods_at_the_end_of_a_tap_is_as_uncertain_as_it_is() -> None:
+def test_gap_at_the_end_of_a_tap_widens_deviations() -> None:
     """A chip faster than the frames loses a conversion now and then, just as a 0.3 G tap of 50 ms ends."""
 
     def tap(time_us: np.ndarray | float) -> np.ndarray:
@@ -164,7 +164,7 @@ def test_gap_of_two_periods_at_the_end_of_a_tap_is_as_uncertain_as_it_is() -> No
                 assert (error / np.hypot(aligned.bend_t, 2e-7)).max() < 2.0
 
 
-def test_sample_whose_first_frame_never_came_is_taken_from_the_next() -> None:
+def test_sample_whose_first_frame_never_came_is_taken_from_next() -> None:
     """The last chip is slower than the frames: frame 5 repeats its sample of frame 4, which was left out."""
     alignment = Alignment(4, PERIOD_US)
     offsets = np.array([0, 1200, 2500, 4000])
@@ -180,7 +180,7 @@ def test_sample_whose_first_frame_never_came_is_taken_from_the_next() -> None:
     assert again.time_us == aligned.time_us
 
 
-def test_sample_whose_time_is_not_known_is_not_taken_for_a_new_one() -> None:
+def test_sample_whose_time_is_not_known_is_not_taken_for_new_one() -> None:
     alignment = Alignment(4, PERIOD_US)
     for step in range(3):
         alignment.push(_rows(1.0, 1.0, 1.0, 1.0), np.full(4, 100_000 + step * PERIOD_US), FRESH)

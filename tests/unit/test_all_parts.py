@@ -58,7 +58,7 @@ def outcome(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], 
 
 
 @pytest.mark.usefixtures("parts")
-def test_all_parts_run_and_the_summary_says_what_became_of_them(
+def test_all_parts_run_and_summary_shows_each_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     code, lines = outcome(monkeypatch, capfd)
@@ -94,7 +94,7 @@ def test_tests_that_end_without_a_report_are_a_failure(
     assert code == 1
 
 
-def test_a_part_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+def test_part_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(sys, "argv", ["all_parts.py", "everything"])
     with pytest.raises(SystemExit, match="2"):
         all_parts.main()

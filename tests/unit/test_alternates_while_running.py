@@ -23,7 +23,7 @@ def _mains(hz: float, amplitude_t: float, direction: tuple[float, float, float])
 
 @pytest.mark.parametrize("ambient", ["constant", "drifting"])
 @pytest.mark.parametrize("hz", [50.0, 60.0])
-def test_mains_along_the_normal_are_found_and_nothing_wrong_is_told(ambient: Ambient, hz: float) -> None:
+def test_mains_along_normal_are_found_without_wrong_answers(ambient: Ambient, hz: float) -> None:
     """Along the normal a uniform field is exactly a stronger magnet farther away: no single frame shows it."""
     row = Row()
     row.begin_pad()
@@ -35,7 +35,7 @@ def test_mains_along_the_normal_are_found_and_nothing_wrong_is_told(ambient: Amb
 
 @pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.6, -0.64, 0.48)])
 @pytest.mark.parametrize("rate_hz", [75, 110, 220])
-def test_a_microtesla_makes_no_wrong_contact(direction: tuple[float, float, float], rate_hz: int) -> None:
+def test_microtesla_makes_no_wrong_contact(direction: tuple[float, float, float], rate_hz: int) -> None:
     row = Row()
     row.begin_pad()
     trial(at_rate("constant", 2, rate_hz), MODEL, _mains(50.0, 1e-6, direction), "after", 3.0, row)
@@ -52,7 +52,7 @@ def test_what_alternates_at_the_baseline_is_counted(rate_hz: int) -> None:
 
 
 @pytest.mark.parametrize("ambient", ["constant", "drifting"])
-def test_a_motor_near_makes_nothing_wrong(ambient: Ambient) -> None:
+def test_nearby_motor_causes_no_wrong_answer(ambient: Ambient) -> None:
     row = Row()
     row.begin_pad()
     trial(at_rate(ambient, 1, 220), MODEL, motor, "after", 3.0, row)

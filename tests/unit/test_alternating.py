@@ -56,7 +56,7 @@ def test_mains_is_named_with_its_frequency_and_amplitude(hz: float, amplitude_t:
 
 
 @pytest.mark.parametrize("hz", [7.3, 33.0, 91.7])
-def test_a_motor_is_named_with_its_frequency(hz: float) -> None:
+def test_motor_is_named_with_its_frequency(hz: float) -> None:
     found = _found(hz, 1e-6)
     assert found.frequency_hz == pytest.approx(hz, abs=0.25 / SECONDS + 1e-9)
     assert f"alternates at {found.frequency_hz:.1f} Hz: " in found.sentence
@@ -67,19 +67,19 @@ def test_noise_alone_is_no_alternation() -> None:
     assert [alternation(_recorded(50.0, 0.0, seed=seed)) for seed in range(40)] == [None] * 40
 
 
-def test_a_field_that_repeats_one_count_does_not_alternate() -> None:
+def test_field_that_repeats_one_count_does_not_alternate() -> None:
     still = [replace(frame, counts=np.full((SENSORS, 3), 20, np.int16)) for frame in _recorded(50.0, 0.0)]
     assert alternation(still) is None
     assert warnings_of(still) == []
 
 
-def test_a_strong_field_on_all_axes_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_strong_field_on_all_axes_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.modules[__name__], "DIRECTIONS", np.full((SENSORS, 3), np.sqrt(1.0 / 3.0)))
     for hz in np.arange(2.0, 109.0, 1.7):
         assert _found(hz, 5e-5).size_t == pytest.approx(5e-5, rel=0.12)
 
 
-def test_of_samples_whose_time_is_not_known_nothing_is_told() -> None:
+def test_samples_without_time_show_no_alternation() -> None:
     unknown = np.full(SENSORS, AGE_UNKNOWN_US, np.uint16)
     frames = [replace(frame, age_us=unknown) for frame in _recorded(50.0, 2e-6)]
     assert alternation(frames) is None
@@ -95,7 +95,7 @@ def test_samples_that_are_not_new_are_left_out() -> None:
     assert alternation(frames) is None
 
 
-def test_a_line_far_below_the_noise_is_not_told() -> None:
+def test_spectral_line_far_below_noise_is_not_reported() -> None:
     assert alternation(_recorded(50.0, 0.4 * NOISE_T)) is None
 
 
@@ -109,7 +109,9 @@ def _warned(frames: list[Frame], pad: Pad) -> list[str]:
     return warnings
 
 
-def test_whoever_records_a_baseline_is_told(pad: Pad, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_baseline_recording_reports_alternating_field(
+    pad: Pad, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     assert _warned(_recorded(50.0, 0.0), pad) == []
     (alternates,) = _warned(_recorded(60.0, 2e-6), pad)

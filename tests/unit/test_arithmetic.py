@@ -47,7 +47,7 @@ def in_units_of_the_last_place(value: float, exact: mpmath.mpf) -> float:
         (series.erfc, mpmath.erfc, lambda r: r.uniform(-6.0, 26.0), ROUNDED),
     ],
 )
-def test_a_function_is_right_to_the_last_bit_and_a_little(
+def test_function_is_right_to_the_last_bit_and_a_little(
     function: Callable[[float], float],
     exact: Callable[[mpmath.mpf], mpmath.mpf],
     draw: Callable[[random.Random], float],

@@ -36,7 +36,7 @@ def test_slopes_are_differences(column: int, press: Array) -> None:
     assert np.allclose(slope, difference, rtol=1e-6, atol=1e-8 * np.abs(changed(press)).max())
 
 
-def test_the_laplacian_tells_what_a_wider_patch_does() -> None:
+def test_laplacian_gives_the_effect_of_a_wider_patch() -> None:
     """The mean over a ring of radius r is the middle and r²/4 times the Laplacian, to r⁴: of splines 2 mm wide, 1 %."""
     radius = 0.2
     angles = 2.0 * np.pi * np.arange(16) / 16
@@ -46,7 +46,7 @@ def test_the_laplacian_tells_what_a_wider_patch_does() -> None:
     assert np.abs(told - wider).max() < 0.01 * np.abs(wider).max()
 
 
-def test_the_shipped_table_has_the_pads_eight_symmetries() -> None:
+def test_shipped_table_has_the_pads_eight_symmetries() -> None:
     places, changes = mirrored(PRESS[None, :2], changed(PRESS)[None])
     for place, change in zip(places, changes, strict=True):
         assert np.allclose(changed(np.append(place, PRESS[2])), change, atol=1e-9)
@@ -58,7 +58,7 @@ def test_beyond_the_largest_force_it_goes_on_along_its_tangent() -> None:
     assert np.allclose(SHIPPED.pressed(2.0, 2.0, most + 0.5).change, at + 0.5 * slope, rtol=1e-12)
 
 
-def test_the_shipped_file_is_made_of_the_solved_presses() -> None:
+def test_shipped_file_is_made_of_the_solved_presses() -> None:
     """Of the grid's presses the table repeats each one, to the rounding of the CSV: a tenth of a nanometre."""
     presses, changes = read_presses(DATA / "normal.csv")
     told = np.array([changed(press[0, :3]) for press in presses])
@@ -76,7 +76,7 @@ def test_presses_that_finite_elements_solved_off_the_grid_agree() -> None:
     assert error.max() < 0.003
 
 
-def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
+def test_file_is_read_as_it_was_written(tmp_path: Path) -> None:
     path = tmp_path / "again.response"
     path.write_bytes(SHIPPED.encoded())
     again = ArrayModel.load(path, PAD)
@@ -86,7 +86,7 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["short", "nan", "format", "shape", "not msgpack"])
-def test_a_damaged_file_is_refused_by_name(damage: str, tmp_path: Path) -> None:
+def test_damaged_file_is_refused_by_name(damage: str, tmp_path: Path) -> None:
     content = SHIPPED.encoded()
     facts = msgspec.msgpack.decode(content)
     if damage == "nan":
@@ -111,7 +111,7 @@ def test_table_that_is_wider_than_the_search_is_refused() -> None:
         ArrayResponse.of(wide.encoded(), "it")
 
 
-def test_a_model_of_another_pad_is_refused() -> None:
+def test_model_of_another_pad_is_refused() -> None:
     other = msgspec.structs.replace(array_config(), other_magnets=array_config().other_magnets[:2]).pad()
     with pytest.raises(OtherPadError, match="for another pad"):
         ArrayModel.load(ARRAY_PATH, other)

@@ -89,7 +89,7 @@ def test_refusal_names_the_likely_cause(world: World, pad: Pad, with_bare: bool,
 
 
 @pytest.mark.parametrize("sensor", range(4))
-def test_refusal_tells_the_sensor_and_axis_that_fit_least(world: World, pad: Pad, sensor: int) -> None:
+def test_refusal_reports_the_sensor_and_axis_that_fit_least(world: World, pad: Pad, sensor: int) -> None:
     beside = world.field()
     beside[sensor] += [3e-5, -2e-5, 4e-5]
     with pytest.raises(BaselineError, match="worst: sensor") as refused:
@@ -102,7 +102,7 @@ def test_refusal_tells_the_sensor_and_axis_that_fit_least(world: World, pad: Pad
 
 
 @pytest.mark.parametrize("with_bare", [True, False])
-def test_pad_that_is_not_mounted_is_said_with_the_field_that_lacks(world: World, pad: Pad, with_bare: bool) -> None:
+def test_unmounted_pad_is_refused_with_the_missing_field(world: World, pad: Pad, with_bare: bool) -> None:
     before = world.bare_baseline() if with_bare else None
     with pytest.raises(BaselineError, match="no magnet above the sensors: mount the pad") as refused:
         make_rest(pad, TOLERANCE, world.recorded(world.bare()), before)
@@ -155,7 +155,7 @@ def test_magnet_still_mounted_is_no_bare_field(world: World, pad: Pad) -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_chips_whose_zero_is_off_as_their_data_sheet_says_are_no_magnet(pad: Pad, seed: int) -> None:
+def test_zero_offset_within_data_sheet_is_not_taken_for_magnet(pad: Pad, seed: int) -> None:
     """A zero of 1 G is typical of the LIS3MDL: such a bare recording is accepted, and what it says is taken away."""
     world = World(replace(pad, chip=LIS3MDL), np.random.default_rng(seed))
     zero_t = LIS3MDL.zero_t * world.random.choice([-1.0, 1.0], (4, 3))
@@ -240,7 +240,7 @@ class TestZero:
         # The pad's own tolerances leave 0.1 mm.
         assert np.linalg.norm(mounting.rest.position_m - world.rest.position_m) < 4 * 1e-4
 
-    def test_without_one_the_refusal_says_to_record_it(
+    def test_refusal_without_bare_baseline_says_to_record_it(
         self, pad: Pad, recordings: tuple[Recording, Recording, World]
     ) -> None:
         _, rest, _ = recordings
@@ -303,14 +303,14 @@ def test_incomplete_recording_is_refused(spoil, message: str) -> None:
         summarise([spoil(frame) for frame in _frames()])
 
 
-def test_bus_that_fails_amid_a_recording_is_said_of_all_sensors() -> None:
+def test_bus_failure_during_recording_names_all_sensors() -> None:
     unplugged = [replace(f, valid=np.zeros(4, bool)) if f.sequence >= 92 else f for f in _frames(661)]
     expected = r"all 4 sensors answered in at most 9\d of 661 frames, and in none after 0\.4\d s: check what they share"
     with pytest.raises(BaselineError, match=expected):
         summarise(unplugged)
 
 
-def test_sensor_that_fails_amid_a_recording_is_named_with_the_time() -> None:
+def test_sensor_that_fails_amid_recording_is_named_with_time() -> None:
     broken = [replace(f, valid=np.array([1, 1, 1, f.sequence < 92], bool)) for f in _frames(661)]
     with pytest.raises(
         BaselineError, match=r"sensor 4 answered in 9\d of 661 frames, and in none after 0\.4\d s: check"
@@ -318,7 +318,7 @@ def test_sensor_that_fails_amid_a_recording_is_named_with_the_time() -> None:
         summarise(broken)
 
 
-def test_sensor_that_is_silent_most_is_named_where_others_miss_frames() -> None:
+def test_sensor_silent_most_is_named_where_others_miss_frames() -> None:
     """On a computer that is late every sensor is without a sample now and then."""
     now_and_then = np.array([1, 0, 0, 1], bool)
     frames = [
@@ -329,7 +329,7 @@ def test_sensor_that_is_silent_most_is_named_where_others_miss_frames() -> None:
         summarise(frames)
 
 
-def test_few_frames_of_a_busy_computer_are_no_clock_that_has_stopped() -> None:
+def test_few_frames_on_busy_computer_are_not_a_stopped_clock() -> None:
     frames = _frames(52)
     without_second = np.array([1, 0, 1, 1], bool)
     frames[4:7] = [replace(frame, fresh=without_second) for frame in frames[4:7]]
@@ -343,7 +343,7 @@ def test_too_few_frames_are_refused() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_field_of_a_mounting_has_the_derivatives_that_its_estimate_uses(pad: Pad, seed: int) -> None:
+def test_field_of_mounting_has_derivatives_that_its_estimate_uses(pad: Pad, seed: int) -> None:
     """Also where the magnet is tilted: the rest field is known to 10 nT, a ten-thousandth of itself."""
     unknowns = Unknowns.of(pad, HAND_PLACED, ambient_free=True)
     scaled = np.random.default_rng(seed).normal(size=len(unknowns.deviation))

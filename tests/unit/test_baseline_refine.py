@@ -132,7 +132,7 @@ def test_robot_that_turns_meanwhile_is_refused(pad: Pad) -> None:
         make_refined(pad, pressing(world, robot_rad=1.0), world.baseline(TOLERANCE))
 
 
-def test_next_rest_recording_keeps_what_presses_told(pad: Pad) -> None:
+def test_next_rest_recording_keeps_refined_places(pad: Pad) -> None:
     world = World(pad, np.random.default_rng(7))
     before, mounting = make_refined(pad, _presses(world), world.baseline(TOLERANCE))
     same, again = make_rest(pad, TOLERANCE, world.recorded(world.field()), before)

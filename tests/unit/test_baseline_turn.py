@@ -112,13 +112,13 @@ def _press_error(world: World, mounting: baselines.Mounting) -> float:
     return float((change - truth) @ np.linalg.solve(covariance, change - truth))
 
 
-def test_turn_about_one_axis_is_refused_with_the_angle_that_is_missing(pad: Pad) -> None:
+def test_turn_about_one_axis_is_refused_with_angle_missing(pad: Pad) -> None:
     world = _world(pad, 3)
     with pytest.raises(BaselineError, match=r"not turned about enough axes.*at least 60° \(now \d+°\)"):
         make_turn(pad, turned(world, about=0.1), world.baseline(UNTESTED))
 
 
-def test_robot_that_stands_still_is_told_that_it_did_not_turn(pad: Pad) -> None:
+def test_turn_of_standing_robot_is_refused(pad: Pad) -> None:
     world = _world(pad, 3)
     still = means(frames_of(lambda times_s: np.broadcast_to(world.field(), (len(times_s), 4, 3)), 4.0, world.random))
     with pytest.raises(BaselineError, match=r"the robot did not turn: the field moved by 0\.0\d G only.*begin again"):
@@ -186,7 +186,7 @@ def test_of_fifty_boards_those_with_steel_are_refused_and_no_other(
     assert least <= len(said) <= most
 
 
-def test_a_pad_that_is_waved_is_as_good_as_one_that_is_turned(pad: Pad) -> None:
+def test_pad_that_is_waved_is_as_good_as_one_that_is_turned(pad: Pad) -> None:
     """16 rad/s: means of eleven frames would be up to 2.5 % too short, and look like steel."""
     errors = []
     for seed in range(5):
@@ -214,7 +214,7 @@ def test_turn_needs_a_rest_baseline(pad: Pad) -> None:
             make_turn(pad, turned(world), before)
 
 
-def test_turn_without_a_rest_baseline_is_refused_before_anybody_turns(pad: Pad) -> None:
+def test_turn_without_rest_baseline_is_refused_before_anybody_turns(pad: Pad) -> None:
     request = BaselineRequest(pad, UNTESTED, bare=False, replaced=False, turn=True)
     source = Simulated(PadConfig(name=pad.name, source=SimulatedSource()))
     with ThreadPoolExecutor(1) as executor, pytest.raises(BaselineError, match=r"pad 'standard'.*--rest.*then --turn"):
@@ -260,7 +260,7 @@ def test_one_kind_of_baseline_at_a_time(pad: Pad) -> None:
 
 
 @pytest.mark.parametrize("nonsense", ["a magnet passes", "noise alone", "half of it lost"])
-def test_turn_that_is_none_is_refused_or_solved_and_never_an_internal_error(nonsense: str, pad: Pad) -> None:
+def test_turn_none_is_refused_or_solved_and_never_internal_error(nonsense: str, pad: Pad) -> None:
     """Fields that are far from any pad's leave equations without a solution: that is said of the turn."""
     random = np.random.default_rng(5)
     refused = 0

@@ -58,7 +58,7 @@ def test_squeeze_is_flagged_and_its_bound_is_below_the_force(refine: bool) -> No
     assert all(row["bounds_too_high"] == 0 for row in facts.values())
 
 
-def test_smoothing_leaves_sixty_percent_of_the_error_of_a_moving_finger() -> None:
+def test_smoothing_leaves_sixty_percent_of_error_of_moving_finger() -> None:
     """4,000 frames whose errors last for eight give ratios to 4 %."""
     facts = motion(ContactModel.load("default", standard_pad()), np.random.default_rng(6))
     assert (np.array(facts["share"]) < 0.6 + 0.05).all()

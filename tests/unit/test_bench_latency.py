@@ -21,7 +21,7 @@ def test_boards_number_their_frames_in_the_temperature() -> None:
     assert numbers == [(number, number % NUMBERS) for number in range(RATE_HZ // 2)]
 
 
-def test_a_repeated_cycle_goes_on_as_one_stream() -> None:
+def test_repeated_cycle_goes_on_as_one_stream() -> None:
     cycle = samples(pad_of(0), 0.5)
     stream = [repeated(cycle, number) for number in range(3 * len(cycle))]
     assert [sample.sequence for sample in stream] == list(range(len(stream)))

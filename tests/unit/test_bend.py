@@ -76,7 +76,7 @@ def misjudged(model: ContactModel, pad: Pad) -> np.ndarray:
     return np.array(off)
 
 
-def test_force_taken_for_a_smaller_one_is_within_deviations(model: ContactModel, pad: Pad) -> None:
+def test_underestimated_force_is_within_deviations(model: ContactModel, pad: Pad) -> None:
     """The direction of the step is that at the true pose; at the found one it is a little different.
 
     By the slope at the found pose alone, three deviations would be more than six.

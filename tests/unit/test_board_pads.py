@@ -53,7 +53,7 @@ def test_settings_are_asked_for_after_the_pads() -> None:
     assert [one.verb for one in line.asked()] == [Verb.RANGE]
 
 
-def test_nothing_counts_before_the_board_has_said_which_pads_it_has() -> None:
+def test_samples_before_hello_are_ignored() -> None:
     line = line_of_eight()
     assert line.feed(sample(4, pad_index=1)) == []
     assert line.state.pad_faults == {1: NOT_SAID}
@@ -80,7 +80,7 @@ def test_reset_with_a_lost_hello_stops_the_stream_until_a_hello() -> None:
     assert line.state.pad_faults == {0: ASKED, 1: ASKED}
 
 
-def test_reset_that_kept_the_pads_costs_no_frame_where_the_hello_came() -> None:
+def test_reset_that_kept_pads_costs_no_frame_where_hello_came() -> None:
     line = line_of_eight()
     line.feed(told(*MADE))
     line.feed(sample(8, time_us=60_000_000))
@@ -88,7 +88,7 @@ def test_reset_that_kept_the_pads_costs_no_frame_where_the_hello_came() -> None:
     assert len(line.feed(sample(8, time_us=1000))) == 1
 
 
-def test_older_firmware_is_named_and_pads_before_the_one_of_eight_go_on() -> None:
+def test_older_firmware_is_named_and_pads_before_one_of_eight_go_on() -> None:
     line = Line(pad("left"), pad("array", sensors=8, pad_index=1), pad("right", pad_index=2))
     line.feed(told(*HALVES, can_make_pads=0))
     assert line.asked() == []
@@ -100,7 +100,7 @@ def test_older_firmware_is_named_and_pads_before_the_one_of_eight_go_on() -> Non
     assert line.feed(sample(4, pad_index=2, time_us=9000)) == []
 
 
-def test_refusal_is_told_with_the_pads_that_were_found_and_not_asked_again() -> None:
+def test_refused_pads_are_reported_and_not_requested_again() -> None:
     line = Line(pad("left"), pad("array", sensors=8, pad_index=1))
     line.feed(told(*HALVES))
     (asked,) = line.asked()
@@ -128,7 +128,7 @@ def test_busy_board_is_asked_again() -> None:
     assert [one.argument for one in line.asked()] == [0x48]
 
 
-def test_a_verb_that_opens_one_pad_knows_those_beside_it() -> None:
+def test_verb_that_opens_one_pad_knows_those_beside_it() -> None:
     array, left, elsewhere = (
         PadConfig(
             name=name, source=BridgeSource(port=port, pad_index=index), geometry=GeometryConfig(sensors_mm=places)

@@ -69,9 +69,7 @@ def connected(bridge: Bridge, board: Board) -> None:
     board.requests.clear()
 
 
-def test_a_line_is_empty_of_what_came_before_it_was_read_and_of_no_more(
-    board: Board, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_opening_a_line_drops_only_older_bytes(board: Board, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another program may hold this one up between the read and the look at the clock: what comes then is unread."""
     bridge, at_ns = Bridge({0: pad(board.link)}), [1_000_000_000]
     connected(bridge, board)
@@ -100,7 +98,7 @@ def test_frame_after_the_callers_clock_look_is_not_older(board: Board) -> None:
     assert frames[0].host_time_ns > looked_ns
 
 
-def test_frames_arrive_with_their_numbers_and_a_time_not_in_the_future(board: Board) -> None:
+def test_frames_arrive_with_their_numbers_and_time_not_in_future(board: Board) -> None:
     bridge = Bridge({0: pad(board.link)})
     connected(bridge, board)
     board.time_us = 2**32
@@ -120,7 +118,7 @@ def test_frames_arrive_with_their_numbers_and_a_time_not_in_the_future(board: Bo
     bridge.close()
 
 
-def test_the_board_is_given_the_configs_settings_and_started(board: Board) -> None:
+def test_board_is_given_the_configs_settings_and_started(board: Board) -> None:
     board.running = 0
     bridge = Bridge({0: pad(board.link, rate_hz=100, range_gauss=4.0, trigger="simultaneous")})
     run(bridge, board, until=lambda: board.running)
@@ -134,7 +132,7 @@ def test_the_board_is_given_the_configs_settings_and_started(board: Board) -> No
     bridge.close()
 
 
-def test_a_board_that_is_as_configured_is_left_alone(board: Board) -> None:
+def test_board_that_is_as_configured_is_left_alone(board: Board) -> None:
     bridge = Bridge({0: pad(board.link)})
     run(bridge, board, until=lambda: bridge.state.board)
     assert {request.verb for request in board.requests} == {Verb.HELLO}
@@ -142,7 +140,7 @@ def test_a_board_that_is_as_configured_is_left_alone(board: Board) -> None:
     bridge.close()
 
 
-def test_a_board_that_was_reset_is_configured_again(board: Board) -> None:
+def test_board_that_was_reset_is_configured_again(board: Board) -> None:
     bridge = Bridge({0: pad(board.link, rate_hz=50)})
     connected(bridge, board)
     assert board.rate_hz == 50
@@ -152,7 +150,7 @@ def test_a_board_that_was_reset_is_configured_again(board: Board) -> None:
     bridge.close()
 
 
-def test_an_unanswered_request_is_repeated_under_its_number(board: Board) -> None:
+def test_unanswered_request_is_repeated_under_its_number(board: Board) -> None:
     board.deaf = True
     bridge = Bridge({0: pad(board.link)})
     start = time.monotonic()
@@ -164,7 +162,7 @@ def test_an_unanswered_request_is_repeated_under_its_number(board: Board) -> Non
     bridge.close()
 
 
-def test_a_board_that_sends_but_never_answers_is_named(board: Board) -> None:
+def test_board_that_sends_but_never_answers_is_named(board: Board) -> None:
     board.deaf = True
     bridge = Bridge({0: pad(board.link)})
     stream = iter(lambda: board.stream() or bridge.state.warnings, None)
@@ -193,7 +191,7 @@ def test_errors_are_counted_and_good_frames_go_on(board: Board) -> None:
     bridge.close()
 
 
-def test_a_silent_board_is_disconnected_and_asked_until_it_speaks(board: Board) -> None:
+def test_silent_board_is_disconnected_and_asked_until_it_speaks(board: Board) -> None:
     bridge = Bridge({0: pad(board.link)})
     connected(bridge, board)
     bridge.poll(time.monotonic_ns() + 2_000_000_000)
@@ -213,7 +211,7 @@ def test_a_silent_board_is_disconnected_and_asked_until_it_speaks(board: Board) 
     ],
     ids=["text", "bytes"],
 )
-def test_bytes_that_are_no_packet_are_called_so_and_shown(
+def test_bytes_that_form_no_packet_are_shown(
     tmp_path: Path, bound: bool, sent: bytes, shown: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     ours, theirs = os.openpty()
@@ -239,7 +237,7 @@ def test_bytes_that_are_no_packet_are_called_so_and_shown(
 
 
 @pytest.mark.parametrize("bound", [False, True])
-def test_a_board_of_another_wire_version_is_not_called_silent(board: Board, bound: bool) -> None:
+def test_board_of_another_wire_version_is_not_called_silent(board: Board, bound: bool) -> None:
     foreign = b"\x04\x21" + crc_hqx(b"\x21", 0xFFFF).to_bytes(2, "little") + b"\0"
     bridge = Bridge({0: pad(board.link, uid=UID.hex() if bound else None)}, board.link.parent / "by-id")
     board.deaf = True
@@ -283,7 +281,7 @@ def test_sensor_faults_are_sentences_and_go_when_mended(board: Board) -> None:
     bridge.close()
 
 
-def test_a_wrong_chip_is_named_by_what_it_answers(board: Board) -> None:
+def test_wrong_chip_is_named_by_what_it_answers(board: Board) -> None:
     board.states[0][0] = SensorState.WRONG_IDENTIFICATION
     board.identification = b"H44"
     bridge = Bridge({0: pad(board.link)})
@@ -292,7 +290,7 @@ def test_a_wrong_chip_is_named_by_what_it_answers(board: Board) -> None:
     bridge.close()
 
 
-def test_a_pad_of_other_chips_is_not_read(board: Board) -> None:
+def test_pad_of_other_chips_is_not_read(board: Board) -> None:
     board.identification = b"\x30\x00\x00"
     bridge = Bridge({0: pad(board.link)})
     connected(bridge, board)
@@ -304,7 +302,7 @@ def test_a_pad_of_other_chips_is_not_read(board: Board) -> None:
     bridge.close()
 
 
-def test_a_chip_of_another_kind_among_the_right_ones_is_to_be_replaced() -> None:
+def test_chip_of_another_kind_among_right_ones_is_to_be_replaced() -> None:
     answers = [b"H43", b"\0\0\0", b"\x30\0\0", b"H43"]
     sensor, said = why_not_among(HMC5983, answers) or (-1, "")
     assert sensor == 2
@@ -322,7 +320,7 @@ def test_another_number_of_sensors_is_refused_with_both_numbers(board: Board) ->
     bridge.close()
 
 
-def test_a_pad_that_the_board_lacks_is_named(board: Board) -> None:
+def test_pad_that_the_board_lacks_is_named(board: Board) -> None:
     bridge = Bridge({1: pad(board.link, pad_index=1)})
     connected(bridge, board)
     wants = "the board has 1 pad, pad 'left' wants pad_index = 1 (they count from 0): correct the config"
@@ -330,12 +328,12 @@ def test_a_pad_that_the_board_lacks_is_named(board: Board) -> None:
     bridge.close()
 
 
-def test_a_malformed_uid_is_refused(tmp_path: Path) -> None:
+def test_malformed_uid_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="24 hex digits"):
         Bridge({0: pad(tmp_path / "port", uid="123")})
 
 
-def test_a_selftest_brings_counts_and_gain_factors(board: Board) -> None:
+def test_selftest_brings_counts_and_gain_factors(board: Board) -> None:
     bridge = Bridge({0: pad(board.link)})
     with pytest.raises(SourceError, match="no self-test"):
         bridge.request_selftest(0)
@@ -352,7 +350,7 @@ def test_a_selftest_brings_counts_and_gain_factors(board: Board) -> None:
     bridge.close()
 
 
-def test_a_selftest_ends_when_the_board_refuses_or_goes(board: Board) -> None:
+def test_selftest_ends_when_the_board_refuses_or_goes(board: Board) -> None:
     bridge = Bridge({0: pad(board.link)})
     connected(bridge, board)
     board.result = 4

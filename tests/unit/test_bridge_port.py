@@ -24,7 +24,7 @@ def board(tmp_path: Path) -> Iterator[Board]:
         yield board
 
 
-def test_an_absent_port_is_named_and_found_when_it_appears(tmp_path: Path) -> None:
+def test_absent_port_is_named_and_found_when_it_appears(tmp_path: Path) -> None:
     bridge = Bridge({0: pad(tmp_path / "port")})
     bridge.poll(time.monotonic_ns())
     assert not bridge.state.connected
@@ -71,7 +71,7 @@ def test_backoff_never_exceeds_a_second(tmp_path: Path) -> None:
     assert deadline_ns - now_ns == 0
 
 
-def test_what_is_plugged_in_is_opened_at_once_however_long_it_was_away(tmp_path: Path) -> None:
+def test_replugged_board_is_opened_at_once(tmp_path: Path) -> None:
     bridge = Bridge({0: pad(tmp_path / "port")})
     now_ns = 0
     while now_ns < 10_000_000_000:
@@ -83,7 +83,7 @@ def test_what_is_plugged_in_is_opened_at_once_however_long_it_was_away(tmp_path:
         bridge.close()
 
 
-def test_a_silent_port_that_lost_its_name_to_the_board_is_not_waited_for(tmp_path: Path) -> None:
+def test_silent_port_that_lost_its_name_to_board_is_not_waited_for(tmp_path: Path) -> None:
     """A port's number goes to whoever comes first: between two plugs it may have been another device's."""
     port = tmp_path / "port"
     with plugged(tmp_path / "other") as other, plugged(tmp_path / "again") as board:
@@ -102,7 +102,7 @@ def test_a_silent_port_that_lost_its_name_to_the_board_is_not_waited_for(tmp_pat
         bridge.close()
 
 
-def test_a_port_that_stays_closed_to_us_is_tried_at_most_once_a_second(
+def test_port_that_stays_closed_to_us_is_tried_at_most_once_second(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     attempts = []
@@ -125,7 +125,7 @@ def test_a_port_that_stays_closed_to_us_is_tried_at_most_once_a_second(
 
 
 @pytest.mark.parametrize("kind", ["/dev/null", "file", "folder"])
-def test_what_is_no_serial_port_is_called_so(tmp_path: Path, kind: str) -> None:
+def test_device_that_is_no_serial_port_is_refused(tmp_path: Path, kind: str) -> None:
     (tmp_path / "file").write_text("not a port")
     (tmp_path / "folder").mkdir()
     bridge = Bridge({0: pad(tmp_path / kind)})  # an absolute path stays what it is
@@ -134,7 +134,7 @@ def test_what_is_no_serial_port_is_called_so(tmp_path: Path, kind: str) -> None:
     bridge.close()
 
 
-def test_a_bound_board_is_found_where_it_was_plugged_in_again(board: Board, tmp_path: Path) -> None:
+def test_bound_board_is_found_where_it_was_plugged_in_again(board: Board, tmp_path: Path) -> None:
     by_id = tmp_path / "by-id"
     by_id.mkdir()
     with plugged(by_id / "moved", uid=b"R" * 12) as right:
@@ -157,7 +157,7 @@ def test_absent_board_gives_no_frame_and_lists_what_was_found(board: Board, tmp_
     bridge.close()
 
 
-def test_nothing_is_written_to_a_strange_port_that_does_not_speak_the_wire(tmp_path: Path) -> None:
+def test_nothing_is_written_to_strange_port_that_does_not_speak_wire(tmp_path: Path) -> None:
     by_id = tmp_path / "by-id"
     by_id.mkdir()
     with plugged(by_id / "somebody-elses-robot") as stranger:
@@ -169,7 +169,7 @@ def test_nothing_is_written_to_a_strange_port_that_does_not_speak_the_wire(tmp_p
         bridge.close()
 
 
-def test_a_second_process_is_refused_with_the_firsts_pid(board: Board) -> None:
+def test_second_process_is_refused_with_the_firsts_pid(board: Board) -> None:
     hold = f"import serial; port = serial.Serial({str(board.link)!r}, exclusive=True); print(1, flush=True); input()"
     command = [sys.executable, "-c", hold]
     holder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
@@ -183,7 +183,7 @@ def test_a_second_process_is_refused_with_the_firsts_pid(board: Board) -> None:
     bridge.close()
 
 
-def test_a_closed_bridge_stays_closed(board: Board) -> None:
+def test_closed_bridge_stays_closed(board: Board) -> None:
     bridge = Bridge({0: pad(board.link)})
     connected(bridge, board)
     bridge.close()

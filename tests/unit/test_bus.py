@@ -98,7 +98,7 @@ def test_alive_ends_when_nothing_arrives(publisher: Publisher, endpoints: Endpoi
         assert client.latest(timeout_s=0.0) is None
 
 
-def test_daemon_that_speaks_of_an_old_sample_is_alive_but_not_valid(publisher: Publisher, endpoints: Endpoints) -> None:
+def test_daemon_with_old_sample_is_alive_but_not_valid(publisher: Publisher, endpoints: Endpoints) -> None:
     with Client("demo", endpoints) as client:
         connect(publisher, client)
         publisher.send_contact("demo", contact_message(t_sample_ns=time.monotonic_ns() - 400_000_000))
@@ -118,7 +118,7 @@ def test_daemon_that_speaks_of_an_old_sample_is_alive_but_not_valid(publisher: P
         ({"largest_force_sd_n": 0.1}, 2.1, 0.2, "the force is 2.10 ± 0.20 N, less certain than ± 0.10 N"),
     ],
 )
-def test_client_is_valid_up_to_the_named_force_deviation_or_says_why_not(
+def test_client_is_valid_up_to_named_force_deviation_or_says_why_not(
     publisher: Publisher, endpoints: Endpoints, named: dict[str, float], force_n: float, sd_n: float, why: str
 ) -> None:
     with Client("demo", endpoints, **named) as client:
@@ -143,15 +143,13 @@ def test_client_is_valid_up_to_the_named_force_deviation_or_says_why_not(
         ({"x_m": None, "y_m": None}, "the place is not known"),
     ],
 )
-def test_contact_that_is_no_measurement_says_why(changes: dict[str, Any], why: str) -> None:
+def test_contact_without_measurement_says_why(changes: dict[str, Any], why: str) -> None:
     contact = Contact.from_message(msgspec.to_builtins(contact_message(**changes)))
     assert not contact.valid
     assert contact.why_invalid() == why
 
 
-def test_client_says_of_silence_and_of_an_old_sample_why_it_is_not_valid(
-    publisher: Publisher, endpoints: Endpoints
-) -> None:
+def test_client_explains_silence_and_old_samples(publisher: Publisher, endpoints: Endpoints) -> None:
     with Client("demo", endpoints) as client:
         assert client.why_invalid == "nothing arrives"
         connect(publisher, client)
@@ -339,7 +337,7 @@ def test_frames_are_wanted_while_somebody_subscribes(publisher: Publisher, endpo
 
 
 @pytest.mark.parametrize("pattern", ["frame/demo{}", "frame/{}", "state/{}", "{}"])
-def test_peer_with_thousands_of_subscriptions_costs_a_frame_no_more(
+def test_peer_with_thousands_of_subscriptions_costs_frame_no_more(
     publisher: Publisher, endpoints: Endpoints, pattern: str
 ) -> None:
     prefixes = [pattern.format(f"-{number}") for number in range(20 * LARGEST_BATCH)]

@@ -53,7 +53,7 @@ def test_second_daemon_on_a_tcp_port_is_refused_too() -> None:
     assert serving_pid(base) is None
 
 
-def test_daemon_that_one_may_not_see_is_no_absent_one(tmp_path: Path) -> None:
+def test_daemon_without_permission_is_not_reported_absent(tmp_path: Path) -> None:
     (tmp_path / "bus.lock").touch(mode=0o600)
     script = (
         "import os, sys; from fmfts.bus.lock import BusError, serving_pid\n"

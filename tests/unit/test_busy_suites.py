@@ -26,7 +26,7 @@ def turn(said: str, number: int = 2, code: int = 0, cpu: str = "v1") -> Turn:
     return Turn(number, cpu, code, 1274.4, 1250.0, said)
 
 
-def test_turn_tells_the_tests_times_and_repetitions_of_the_summary() -> None:
+def test_turn_reports_test_times_and_repetitions_from_summary() -> None:
     assert turn(BEFORE + summary([PASSED, REPEATED]) + "\n").line.splitlines() == [
         "turn 2: passed, 1274 s, arithmetic of x86-64-v1; 4437 tests: unit 604 s, clock 60 s",
         f"  the endless loops took 1250 s of the processors' {1274.4 * CORES:.0f} s",
@@ -42,7 +42,7 @@ def test_turn_that_failed_names_what_failed() -> None:
 
 
 @pytest.mark.parametrize("said", [DEMO, summary([PASSED]), ""])
-def test_turn_without_tests_or_without_contacts_in_the_demo_is_no_success(said: str) -> None:
+def test_turn_without_tests_or_without_contacts_in_demo_is_no_success(said: str) -> None:
     assert turn(said).verdict.startswith("FAILED (it ended well, and ")
 
 

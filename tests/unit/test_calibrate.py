@@ -66,7 +66,7 @@ def test_poses_are_relative_to_rest(pad: Pad, scene: str) -> None:
     np.testing.assert_allclose(tracked.pose[0], REST, atol=1e-5)  # mm: 10 nm is what the stop rule leaves
 
 
-def test_noise_of_solved_frames_is_the_covariance_that_is_drawn_from(pad: Pad, solver: FrameSolver) -> None:
+def test_noise_of_solved_frames_is_covariance_that_is_drawn_from(pad: Pad, solver: FrameSolver) -> None:
     """400 frames: deviations are known to 3.5 % (1 σ), so they agree within 12 %."""
     press = np.tile([4.0, -2.0, 0.8], (400, 1))
     noise = np.random.default_rng(3).normal(0.0, NOISE_T, (400, 4, 3))
@@ -76,7 +76,7 @@ def test_noise_of_solved_frames_is_the_covariance_that_is_drawn_from(pad: Pad, s
     np.testing.assert_allclose(solver.at(clean.pose).covariance, clean.covariance, rtol=1e-6)
 
 
-def test_pose_is_the_same_for_any_remanence_that_the_rest_field_shows(pad: Pad) -> None:
+def test_pose_is_same_for_any_remanence_that_rest_field_shows(pad: Pad) -> None:
     press = np.array([[4.0, -3.0, 1.0], [-10.0, 6.0, 0.5]])
     poses = []
     for remanence_t in (0.6, 1.23, 1.5):
@@ -97,7 +97,7 @@ def test_bound_grows_as_the_force_falls_and_towards_the_corner(response: Respons
     assert bound[0, 2] == pytest.approx(bound[1, 2], rel=0.3)  # the force's hardly changes
 
 
-def test_samples_hold_rest_and_what_is_a_little_beyond_the_calibrated_force(response: Response) -> None:
+def test_samples_hold_rest_and_what_is_little_beyond_calibrated_force(response: Response) -> None:
     press = presses_within(response, 1000, np.random.default_rng(0))
     assert (press[:, 2] == 0.0).sum() == 50
     assert 1.25 * response.scale_n < press[:, 2].max() < 1.31 * response.scale_n
@@ -107,7 +107,7 @@ def test_samples_hold_rest_and_what_is_a_little_beyond_the_calibrated_force(resp
 # --- what the fit leaves open ---
 
 
-def test_error_of_a_response_from_few_presses_is_known_without_a_truth(pad: Pad, solver: FrameSolver) -> None:
+def test_error_of_response_from_few_presses_is_known_without_truth(pad: Pad, solver: FrameSolver) -> None:
     """168 of the 675 presses: left out ones predict the errors under presses that nobody kept, to a factor of three
     (they are more than a press of the whole fit has, as a fifth of so few is missed), and more for fewer presses."""
     calibration = read_calibration_set(CALIBRATION)
@@ -142,7 +142,7 @@ def test_pad_of_any_force_has_samples_in_each_bin(response: Response, solver: Fr
     assert tables.force_n[-1] == largest_n
 
 
-def test_response_that_its_presses_do_not_tell_is_refused(pad: Pad) -> None:
+def test_response_not_determined_by_presses_is_refused(pad: Pad) -> None:
     calibration = read_calibration_set(CALIBRATION)
     some = np.random.default_rng(1).permutation(675)[:40]
     few = replace(calibration, press=calibration.press[some], field_t=calibration.field_t[some])
@@ -172,7 +172,7 @@ def test_two_networks_side_by_side_answer_as_each_alone() -> None:
     assert together.parameters > place.parameters + force.parameters  # the zeros between them count
 
 
-def test_training_follows_the_weights_and_gives_the_same_network_twice() -> None:
+def test_training_follows_weights_and_gives_same_network_twice() -> None:
     """Contradictory targets: the network answers with the weighted mean, 3 to 1."""
     inputs = np.repeat(np.linspace(-1.0, 1.0, 40)[:, None], 2, axis=0)
     target = np.sin(3.0 * inputs) + np.tile([[0.4], [-0.4]], (40, 1))
@@ -224,7 +224,7 @@ def test_larger_networks_that_gain_nothing_are_not_chosen() -> None:
     assert smallest_within_noise(ladder).hidden == 12
 
 
-def test_table_of_networks_says_the_rule_and_why_others_are_not_taken() -> None:
+def test_table_of_networks_says_rule_and_why_others_are_not_taken() -> None:
     ladder = [
         Candidate("two layers of 12", 12, 50, np.full(3, 1.16)),
         Candidate("table inversion", None, 9, np.ones(3)),
@@ -257,7 +257,7 @@ def test_arrows_near_the_centre_are_long_enough_to_see() -> None:
 
 
 @pytest.mark.long
-def test_left_out_presses_tell_a_useful_network_from_one_that_is_too_small(pad: Pad) -> None:
+def test_left_out_presses_reject_too_small_networks(pad: Pad) -> None:
     """Half of the calibration set, two sizes: a frame's noise allows 1, so a score of 1 is as good as can be."""
     calibration = read_calibration_set(CALIBRATION)
     solver = FrameSolver(pad, rest_field_of(pad), "drifting", NOISE_T)
@@ -280,7 +280,7 @@ def test_own_error_of_a_biased_model_is_its_bias(response: Response, solver: Fra
     np.testing.assert_allclose(facts.force_error_n, 0.05, atol=1e-5)
 
 
-def test_own_error_leaves_what_the_jacobian_carries_and_holds_the_rest(response: Response, solver: FrameSolver) -> None:
+def test_model_error_excludes_what_the_jacobian_propagates(response: Response, solver: FrameSolver) -> None:
     samples = Samples.expected(response, solver, presses_within(response, 3000, np.random.default_rng(10), beyond=1.0))
     noisy, still = samples.noisy(1, np.random.default_rng(11)), samples.pose
     bins = force_bins(response.scale_n)

@@ -96,7 +96,7 @@ def test_eighteen_presses_correct_the_table_of_stiffer_silicone() -> None:
     assert made.response.scale_n == pytest.approx(START.scale_n * made.force_factor)
 
 
-def test_the_smallest_correction_that_explains_left_out_presses_is_chosen() -> None:
+def test_smallest_correction_that_explains_left_out_presses_is_chosen() -> None:
     same = fit_table(presses_of(built(START, tolerance=EXACT), grid()), "set.csv", START, NOISE_T / 8.0, silent)
     assert same.chosen == "none"
     assert [level.name for level in same.levels] == ["none", *LEVELS]
@@ -106,7 +106,7 @@ def test_the_smallest_correction_that_explains_left_out_presses_is_chosen() -> N
     assert left_out[narrower.chosen] < 0.5 * left_out["force"]
 
 
-def test_shear_is_learnt_where_the_set_has_it() -> None:
+def test_shear_is_learned_where_the_set_has_it() -> None:
     truth = other(1.0)
     truth = replace(truth, shear=1.3 * truth.shear)
     made = fit_table(presses_of(built(truth), grid(shear_n=0.5)), "set.csv", START, NOISE_T / 8.0, silent)
@@ -114,7 +114,7 @@ def test_shear_is_learnt_where_the_set_has_it() -> None:
     assert ratio == pytest.approx(1.3, rel=0.05)  # shear of 0.5 N moves magnets by 20 µm, and the baseline's gains by 1
 
 
-def test_the_table_says_its_own_error_where_no_correction_reaches_the_truth() -> None:
+def test_table_says_its_own_error_where_no_correction_reaches_truth() -> None:
     """A pad whose movements differ from press to press by 8 %: nothing smooth explains that."""
     one = built(START)
     data = presses_of(one, grid(4))
@@ -126,7 +126,7 @@ def test_the_table_says_its_own_error_where_no_correction_reaches_the_truth() ->
     assert again.error == made.response.error
 
 
-def test_a_correction_of_nothing_is_the_table_itself() -> None:
+def test_correction_of_nothing_is_the_table_itself() -> None:
     correction = Correction.of(START, SHIPPED_MM)
     table = correction.table(correction.none, START.error)
     np.testing.assert_allclose(table.coefficient, START.coefficient, atol=1e-12)
@@ -157,7 +157,7 @@ def test_slopes_of_a_correction_are_those_of_differences() -> None:
         np.testing.assert_allclose((more - less) / (2 * step), by_press[:, :, column], atol=1e-6)
 
 
-def test_the_map_of_a_square_pad_has_the_square_s_mirror_images() -> None:
+def test_map_of_a_square_pad_has_the_square_s_mirror_images() -> None:
     correction, random = Correction.of(START, SHIPPED_MM), np.random.default_rng(4)
     theta = correction.deviation * random.normal(size=len(correction.none)) * (np.arange(len(correction.none)) >= 14)
     table = correction.table(theta, START.error)
@@ -177,7 +177,7 @@ def larger(scale: float, order: tuple[int, ...] = (0, 1, 2, 3)) -> Pad:
     )
 
 
-def test_the_shipped_table_is_brought_to_a_larger_pad_and_to_its_order_of_magnets() -> None:
+def test_shipped_table_is_brought_to_larger_pad_and_to_its_order_of_magnets() -> None:
     pad = larger(1.5, (3, 1, 0, 2))
     table = starting_table(None, pad)
     at, here = table.pressed(4.5, 3.0, 2.25), START.pressed(3.0, 2.0, 1.0)
@@ -197,7 +197,7 @@ def test_the_shipped_table_is_brought_to_a_larger_pad_and_to_its_order_of_magnet
         ),
     ],
 )
-def test_a_pad_that_no_table_is_near_is_told_what_to_do(pad: Pad, sentence: str) -> None:
+def test_pad_far_from_any_table_is_refused_with_advice(pad: Pad, sentence: str) -> None:
     with pytest.raises(DataError, match=sentence):
         starting_table(None, pad)
 
@@ -280,7 +280,7 @@ def read(folder: Path, baseline: Path | None, rows: list[dict[str, str]], said: 
     return read_array_set(path, PAD, 40.0, baseline, silent if said is None else said.append)
 
 
-def test_raw_fields_count_from_the_row_of_the_untouched_pad_before_them(
+def test_raw_fields_count_from_row_of_untouched_pad_before_them(
     files: tuple[Path, str, list[dict[str, str]]], tmp_path: Path
 ) -> None:
     baseline, _, rows = files
@@ -331,7 +331,7 @@ def test_what_is_wrong_with_a_set_is_named(
         read(tmp_path, baseline, edit(rows))
 
 
-def test_rows_of_another_baseline_are_left_out_and_that_is_said(
+def test_rows_of_another_baseline_are_left_out_and_reported(
     files: tuple[Path, str, list[dict[str, str]]], tmp_path: Path
 ) -> None:
     baseline, own, rows = files
@@ -341,7 +341,7 @@ def test_rows_of_another_baseline_are_left_out_and_that_is_said(
     assert "9 of 19 rows are of baseline other" in said[0]
 
 
-def test_a_set_without_any_baseline_is_told_to_record_one(
+def test_set_without_baseline_asks_to_record_one(
     files: tuple[Path, str, list[dict[str, str]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))

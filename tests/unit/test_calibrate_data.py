@@ -115,7 +115,7 @@ def test_bad_row_is_named(tmp_path: Path, edit: Callable[[Rows], Rows | None], c
     assert complaint in str(refusal.value)
 
 
-def test_swapped_sensors_are_seen_by_the_field_that_no_magnet_makes(tmp_path: Path) -> None:
+def test_swapped_sensors_are_seen_by_field_that_no_magnet_makes(tmp_path: Path) -> None:
     def swap(rows: Rows) -> Rows:
         return [row | {f"b1{axis}_ut": row[f"b2{axis}_ut"] for axis in "xyz"} |
                 {f"b2{axis}_ut": row[f"b1{axis}_ut"] for axis in "xyz"} for row in rows]  # fmt: skip
@@ -146,14 +146,14 @@ def test_ambient_field_that_was_left_in_is_named_with_its_size(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("separator", "complaint"), [(";", "separated by ';'"), ("\t", r"separated by '\\t'"), ("", "is empty")]
 )
-def test_file_that_is_no_comma_separated_one_is_called_so(tmp_path: Path, separator: str, complaint: str) -> None:
+def test_file_that_is_no_csv_is_refused(tmp_path: Path, separator: str, complaint: str) -> None:
     path = tmp_path / "presses.csv"
     path.write_text(CALIBRATION.read_text().replace(",", separator) if separator else "")
     with pytest.raises(DataError, match=complaint):
         read_calibration_set(path)
 
 
-def test_unloaded_rows_tell_the_rest_field_and_are_no_presses(tmp_path: Path) -> None:
+def test_unloaded_rows_give_the_rest_field_only(tmp_path: Path) -> None:
     pad = standard_pad(1.28)
     cells = dict(zip((f"b{n}{axis}_ut" for n in range(1, 5) for axis in "xyz"),
                      (f"{value * 1e6:.6f}" for value in rest_field_of(pad).ravel()), strict=True))  # fmt: skip
@@ -164,7 +164,7 @@ def test_unloaded_rows_tell_the_rest_field_and_are_no_presses(tmp_path: Path) ->
     np.testing.assert_allclose(calibration.rest_field_t, rest_field_of(pad), atol=1e-11)
 
 
-def test_without_unloaded_rows_the_remanence_is_that_of_the_presses(tmp_path: Path) -> None:
+def test_without_unloaded_rows_remanence_is_that_of_presses(tmp_path: Path) -> None:
     """Fields 4 % stronger than the drawing's magnet makes: a pad with another magnet."""
     calibration = read_labelled(written(tmp_path, times(1.04, "b")))
     solver = FrameSolver(calibration.pad, rest_field(calibration), "drifting", 2e-7)

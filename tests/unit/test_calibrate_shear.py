@@ -74,7 +74,7 @@ def test_model_of_five_outputs_finds_place_force_and_shear(pad: Pad, tmp_path: P
     assert not evaluate(away, Path("test.csv"), model, "drifting").in_range.any()
 
 
-def test_friction_that_a_model_does_not_know_is_told_with_it(pad: Pad, tmp_path: Path) -> None:
+def test_friction_unknown_to_a_model_is_recorded_with_it(pad: Pad, tmp_path: Path) -> None:
     """From a set of its own, the calibration set having no shear."""
     normal, sheared = sheared_set(pad, GRID, [(0.0, 0.0)]), sheared_set(pad, GRID, SHEARS)
     made = calibrate("set.csv", normal, Options(hidden=5, presses=800), quiet, ("sheared.csv", sheared))
@@ -93,6 +93,6 @@ def test_friction_that_a_model_does_not_know_is_told_with_it(pad: Pad, tmp_path:
     assert np.sqrt(widened**2 - without**2) > 0.056e-3
 
 
-def test_set_without_shear_cannot_make_a_model_that_tells_it(pad: Pad) -> None:
+def test_set_without_shear_makes_no_shear_model(pad: Pad) -> None:
     with pytest.raises(DataError, match=r"set\.csv: no row has shear"):
         calibrate("set.csv", sheared_set(pad, GRID, [(0.0, 0.0)]), Options(shear=True), quiet)

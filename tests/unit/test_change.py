@@ -87,7 +87,7 @@ def tilted_back(rest: State, estimate: PoseEstimate) -> Array:
     return turn
 
 
-def test_change_of_nothing_is_as_far_as_its_largest_deviation(pad: Pad) -> None:
+def test_zero_change_is_as_uncertain_as_its_largest_deviation(pad: Pad) -> None:
     """It has no direction."""
     rest = State.at_rest(pad)
     estimate = estimate_at(pad, rest, np.random.default_rng(1))

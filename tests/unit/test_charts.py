@@ -98,7 +98,7 @@ def written(points: Sequence[tuple[float, float]]) -> list[Annotation]:
     return texts
 
 
-def test_labels_of_near_points_cover_neither_each_other_nor_a_point() -> None:
+def test_labels_of_near_points_cover_neither_each_other_nor_point() -> None:
     random = np.random.default_rng(1)
     points = [(float(x), float(y)) for x, y in random.normal(0.0, 0.02, (6, 2))]
     points += [(-1.0, -1.0), (1.0, 1.0)]

@@ -94,7 +94,7 @@ def test_each_axis_has_the_data_sheets_scale_and_sign(clock: Clock, kind: Kind) 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("kind", PROMISED, ids=lambda kind: f"{kind.name}-{kind.gain_code}")
-def test_a_saturated_axis_is_flagged_alone_and_is_good_again_after(
+def test_saturated_axis_is_flagged_alone_and_is_good_again_after(
     clock: Clock, kind: Kind, axis: int, sign: int
 ) -> None:
     """Also where it is far beyond: an output that wraps around must not read as a field."""
@@ -119,7 +119,7 @@ def test_a_saturated_axis_is_flagged_alone_and_is_good_again_after(
 
 @pytest.mark.parametrize("muxed", [True, False])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_stream_loses_no_sample_and_doubles_none(clock: Clock, kind: str, muxed: bool) -> None:
+def test_stream_loses_no_sample_and_doubles_none(clock: Clock, kind: str, muxed: bool) -> None:
     """Read faster than the chips convert, each conversion arrives once, whatever each chip's clock does."""
     rate_hz = RATE_HZ[kind]
     addresses = CHIPS[kind].addresses if not muxed else (None,) * 4
@@ -158,7 +158,7 @@ def test_chip_converts_at_the_slowest_rate_that_suffices(clock: Clock, kind: str
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if CHIPS[kind].has_trigger])
-def test_a_trigger_makes_every_sample_new_and_of_one_time(clock: Clock, kind: str) -> None:
+def test_trigger_makes_every_sample_new_and_of_one_time(clock: Clock, kind: str) -> None:
     rate_hz = min(CHIPS[kind].single_rate_hz, 100)
     chips = [chip_of(clock, kind, clock_error=error) for error in (-0.04, 0.0, 0.04)]
     pad, _ = emulated_pad(clock, kind, chips, rate_hz=rate_hz, trigger=1)
@@ -189,7 +189,7 @@ def test_temperature_is_the_data_sheets(clock: Clock, kind: str, temperature_c: 
         ("mlx90393", -3e-4),
     ],
 )
-def test_a_warmer_chip_counts_less_of_the_same_field(clock: Clock, kind: str, per_k: float) -> None:
+def test_warmer_chip_counts_less_of_the_same_field(clock: Clock, kind: str, per_k: float) -> None:
     """Alike on all axes and chips it is as if the magnet were weaker, which no pose depends on."""
     one = chip_of(clock, kind)
     pad, _ = emulated_pad(clock, kind, [one], rate_hz=100)
@@ -200,7 +200,7 @@ def test_a_warmer_chip_counts_less_of_the_same_field(clock: Clock, kind: str, pe
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_chip_that_was_reset_is_set_up_again_and_gives_no_wrong_number(clock: Clock, kind: str) -> None:
+def test_chip_that_was_reset_is_set_up_again_and_gives_no_wrong_number(clock: Clock, kind: str) -> None:
     one = chip_of(clock, kind)
     gain_code = len(CHIPS[kind].ranges_gauss) - 1
     pad, _ = emulated_pad(clock, kind, [one], gain_code=gain_code, rate_hz=100)
@@ -215,7 +215,7 @@ def test_a_chip_that_was_reset_is_set_up_again_and_gives_no_wrong_number(clock: 
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_bus_error_costs_a_sample_and_three_the_sensor_until_it_answers(clock: Clock, kind: str) -> None:
+def test_bus_error_costs_sample_and_three_sensor_until_it_answers(clock: Clock, kind: str) -> None:
     pad, bus = emulated_pad(clock, kind, [chip_of(clock, kind)], rate_hz=100)
     run(pad, clock, 0.3, 100)
     bus.error = OSError(5, "Input/output error")
@@ -232,7 +232,7 @@ def test_a_bus_error_costs_a_sample_and_three_the_sensor_until_it_answers(clock:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_stopped_clock_is_no_sample_for_ever(clock: Clock, kind: str) -> None:
+def test_chip_with_stopped_clock_gives_no_new_sample(clock: Clock, kind: str) -> None:
     one = chip_of(clock, kind)
     pad, _ = emulated_pad(clock, kind, [one], rate_hz=100)
     run(pad, clock, 0.3, 100)
@@ -273,14 +273,14 @@ def test_each_chip_has_its_article() -> None:
     }
 
 
-def test_the_other_chip_is_named_with_its_address_where_it_has_one() -> None:
+def test_other_chip_is_named_with_its_address_where_it_has_one() -> None:
     qmc, hmc = CHIPS["qmc5883l"], CHIPS["hmc5983"]
     assert why_not(hmc, qmc.identity) == 'is a QMC5883L at 0x0D, not an HMC5983: set chip = "qmc5883l"'
     assert why_not(hmc, hmc.identity) is None
     assert "answers 01 02 03" in str(why_not(hmc, b"\x01\x02\x03"))
 
 
-def test_a_chip_at_the_address_of_another_is_told_by_what_it_says(clock: Clock) -> None:
+def test_chip_at_another_address_is_identified_by_registers(clock: Clock) -> None:
     """LIS3MDL and HMC5983 share 0x1E; MLX90393 and QMC5883L share 0x0D."""
     pad, _ = emulated_pad(clock, "hmc5983", [chip_of(clock, "lis3mdl", address=0x1E)], rate_hz=50)
     run(pad, clock, 0.5, 50)
@@ -291,7 +291,7 @@ def test_a_chip_at_the_address_of_another_is_told_by_what_it_says(clock: Clock) 
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if CHIPS[kind].film is None])  # others cannot be read back
-def test_a_chip_that_does_not_hold_what_is_written_is_not_used(clock: Clock, kind: str) -> None:
+def test_chip_that_does_not_hold_what_is_written_is_not_used(clock: Clock, kind: str) -> None:
     one = chip_of(clock, kind)
     pad, bus = emulated_pad(clock, kind, [one], rate_hz=100)
     pad.select(pad.sensors[0])
@@ -312,7 +312,7 @@ def test_factory_settings_of_the_mlx90393_stay_as_they_are(clock: Clock) -> None
     assert one.values[0] == factory | 3 << 4 | 0x0C
 
 
-def test_a_strong_magnet_leaves_nothing_in_the_mmc5983ma(clock: Clock) -> None:
+def test_strong_magnet_leaves_nothing_in_the_mmc5983ma(clock: Clock) -> None:
     for trigger in (0, 1):
         one = chip_of(clock, "mmc5983ma")
         pad, _ = emulated_pad(clock, "mmc5983ma", [one], rate_hz=100, trigger=trigger)
@@ -325,7 +325,7 @@ def test_a_strong_magnet_leaves_nothing_in_the_mmc5983ma(clock: Clock) -> None:
 
 
 @pytest.mark.parametrize("first", [0x0C, 0x10, 0x14, 0x18], ids=hex)
-def test_a_scan_names_the_mlx90393_of_every_order_code_at_each_of_its_pins(clock: Clock, first: int) -> None:
+def test_scan_names_mlx90393_of_every_order_code_at_each_of_its_pins(clock: Clock, first: int) -> None:
     addresses = list(range(first, first + 4))
     _, bus = emulated_pad(
         clock, "mlx90393", [chip_of(clock, "mlx90393", address=one) for one in addresses], muxed=False

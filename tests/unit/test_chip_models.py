@@ -50,7 +50,7 @@ def test_counts_come_as_x_z_y_big_endian_at_the_gain_in_force(clock: Clock) -> N
     assert measured(chip, clock) == (545, -272, 1090)  # 1090 counts per gauss
 
 
-def test_the_first_sample_after_a_gain_change_has_the_old_gain(clock: Clock) -> None:
+def test_first_sample_after_a_gain_change_has_the_old_gain(clock: Clock) -> None:
     chip = continuous(clock, gain_code=3)
     clock.now_s += 2.5 / 220
     chip.write(b"\x03")
@@ -58,7 +58,7 @@ def test_the_first_sample_after_a_gain_change_has_the_old_gain(clock: Clock) -> 
     assert measured(chip, clock) == (330, -165, 660)
 
 
-def test_a_partial_read_locks_the_output_until_all_six_are_read(clock: Clock) -> None:
+def test_partial_read_locks_the_output_until_all_six_are_read(clock: Clock) -> None:
     chip = continuous(clock)
     before = measured(chip, clock)
     chip.write(b"\x03")
@@ -104,13 +104,13 @@ def test_each_chip_runs_on_its_own_clock(clock: Clock, error: float) -> None:
     assert chip.conversions == pytest.approx(2200 / (1 + error), abs=3)
 
 
-def test_a_field_beyond_the_range_reads_minus_4096_on_that_axis(clock: Clock) -> None:
+def test_field_beyond_the_range_reads_minus_4096_on_that_axis(clock: Clock) -> None:
     chip = continuous(clock)
     chip.field_gauss = [0.1, 3.0, -0.1]
     assert measured(chip, clock) == (109, -4096, -109)
 
 
-def test_under_a_bias_the_field_outside_is_taken_away_unless_the_sum_saturates(clock: Clock) -> None:
+def test_under_bias_field_outside_is_taken_away_unless_sum_saturates(clock: Clock) -> None:
     chip = Hmc5983(clock, (0.5, -0.25, 4.5))
     for bias, expected in ((1, (452, 452, -4096)), (2, (-452, -452, -421))):
         chip.write(bytes((0, 0x70 | bias, 5 << 5, 0)))
@@ -118,7 +118,7 @@ def test_under_a_bias_the_field_outside_is_taken_away_unless_the_sum_saturates(c
         assert measured(chip, clock) == expected
 
 
-def test_a_channel_opens_at_the_stop_and_not_before(clock: Clock) -> None:
+def test_channel_opens_at_the_stop_and_not_before(clock: Clock) -> None:
     bus = Bus([Tca9548a(0x70, {0: Hmc5983(clock)})])
     with pytest.raises(NackError):
         bus.transfer([(0x70, b"\x01"), (0x1E, b"\x0a"), (0x1E, 3)])
@@ -128,7 +128,7 @@ def test_a_channel_opens_at_the_stop_and_not_before(clock: Clock) -> None:
     assert bus.transfer([(0x70, 1)]) == [b"\x01"]
 
 
-def test_two_open_channels_hear_one_write_and_answer_reads_with_the_and_of_both(clock: Clock) -> None:
+def test_two_open_channels_share_writes_and_wire_and_reads(clock: Clock) -> None:
     chips = {0: Hmc5983(clock, (0.5, 0, 0)), 1: Hmc5983(clock, (0.25, 0, 0))}
     bus = Bus([Tca9548a(0x70, chips)])
     bus.transfer([(0x70, b"\x03")])

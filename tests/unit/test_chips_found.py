@@ -25,14 +25,14 @@ def said(pad: Pad, rotation_deg: tuple[float, float, float], gain: float) -> str
     return chips_found(make_turn(pad, turned(world), world.baseline(HAND_PLACED))[1])
 
 
-def test_the_chip_that_is_turned_is_named_with_angle_and_axis(pad: Pad) -> None:
+def test_chip_that_is_turned_is_named_with_angle_and_axis(pad: Pad) -> None:
     found = re.fullmatch(r"sensor 3 is turned by (\d\.\d)° about z", said(pad, (0.0, 0.0, 4.0), 0.0))
     assert found
     # A rotation that all chips share is the robot's, not theirs: of one in four, a quarter goes to the others.
     assert 2.5 < float(found[1]) < 4.5
 
 
-def test_a_rotation_the_other_way_and_unequal_gains_are_told(pad: Pad) -> None:
+def test_wrong_rotations_and_gains_are_reported(pad: Pad) -> None:
     found = re.fullmatch(
         r"sensor 3 is turned by \d\.\d° about −z; gains are (\d\.\d) % apart", said(pad, (0.0, 0.0, -4.0), 0.04)
     )

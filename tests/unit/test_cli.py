@@ -36,7 +36,7 @@ def test_check_config_says_what_each_pad_is(capsys: pytest.CaptureFixture[str]) 
     )
 
 
-def test_check_config_refuses_the_model_of_another_pad_as_run_would(
+def test_check_config_refuses_model_of_another_pad_as_run_would(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     config = changed(tmp_path, "rest_mm = [0, 0, 12]", "rest_mm = [0, 0, 11]")
@@ -59,7 +59,7 @@ sys.exit(main(["run", "--config", sys.argv[1]]))
 """
 
 
-def test_why_the_daemon_ended_is_its_last_line_however_slow_the_log_is(tmp_path: Path) -> None:
+def test_why_daemon_ended_is_its_last_line_however_slow_log_is(tmp_path: Path) -> None:
     """A thread writes the log. `report` and the demo show its end to whoever asks for why."""
     (tmp_path / "own.onnx").write_text("no model")
     config = changed(tmp_path, 'model = "default"', 'model = "own.onnx"')

@@ -75,7 +75,7 @@ def test_what_waited_on_its_way_is_not_the_latest(ahead_s: float) -> None:
         assert not client.alive
 
 
-def test_an_old_sample_is_not_fresh() -> None:
+def test_old_sample_is_not_fresh() -> None:
     with far_daemon() as (publisher, endpoints), Client("demo", endpoints) as client:
         settle(publisher, client, 3600.0)
         send(publisher, 3600.0, t_sample_ns=time.monotonic_ns() - int(3600.4e9))
@@ -84,7 +84,7 @@ def test_an_old_sample_is_not_fresh() -> None:
         assert not client.fresh
 
 
-def test_a_backlog_alone_is_never_new() -> None:
+def test_backlog_alone_is_never_new() -> None:
     """All that a daemon said before it died, read at once by a client that was busy."""
     with far_daemon() as (publisher, endpoints), Client("demo", endpoints) as client:
         deadline_s = time.monotonic() + PATIENCE_S
@@ -100,7 +100,7 @@ def test_a_backlog_alone_is_never_new() -> None:
         assert not client.alive
 
 
-def test_a_machine_that_was_started_again_is_learnt_anew() -> None:
+def test_machine_that_was_started_again_is_learned_anew() -> None:
     with far_daemon() as (publisher, endpoints), Client("demo", endpoints) as client:
         settle(publisher, client, 3600.0)
         assert settle(publisher, client, 90_000.0, boot="two") >= SETTLING_S - PERIOD_S
@@ -113,7 +113,7 @@ def test_a_machine_that_was_started_again_is_learnt_anew() -> None:
     st.lists(st.tuples(st.floats(0.001, 2.0), st.floats(0.0, 5.0)), min_size=2, max_size=50),
     st.floats(-DRIFT, DRIFT),
 )
-def test_age_is_never_too_great_and_short_by_the_fastest_way_at_most(
+def test_age_is_never_too_great_and_short_by_fastest_way_at_most(
     ahead_s: float, arrivals: list[tuple[float, float]], drift: float
 ) -> None:
     """Whatever the delays: a message's age is told less what the fastest took, and what clocks drift since then."""

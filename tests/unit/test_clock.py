@@ -38,7 +38,7 @@ def errors_us(clock: DeviceClock, board: Board, packets: list[tuple[int, int]]) 
 
 
 @pytest.mark.parametrize("ppm", [-100, 0, 37, 100])
-def test_a_crystals_drift_is_recovered_and_samples_are_timed_within_20_us(ppm: float) -> None:
+def test_crystals_drift_is_recovered_and_samples_are_timed_within_20_us(ppm: float) -> None:
     """With 200 µs mean excess delay the least of the 880 delays within the 4 s window is some 0.2 µs, so what is left
     is the slope's error (a few ppm) over those 4 s."""
     board, clock = Board(ppm), DeviceClock(tolerance=200e-6)
@@ -49,14 +49,14 @@ def test_a_crystals_drift_is_recovered_and_samples_are_timed_within_20_us(ppm: f
 
 
 @pytest.mark.parametrize("ppm", [-10_000, 10_000])
-def test_an_rc_oscillators_percent_is_recovered(ppm: float) -> None:
+def test_rc_oscillators_percent_is_recovered(ppm: float) -> None:
     board, clock = Board(ppm), DeviceClock(tolerance=0.02)
     errors = errors_us(clock, board, board.packets(60))
     assert clock.drift_ppm == pytest.approx(ppm, abs=5)
     assert np.abs(errors[2200:]).max() < 50
 
 
-def test_a_drift_that_changes_with_warmth_is_followed() -> None:
+def test_drift_that_changes_with_warmth_is_followed() -> None:
     """2 ppm a second, a warming RC oscillator: 32 s of window lag the slope by 32 ppm, 4 s of height by 0.13 ms."""
     board, clock = Board(), DeviceClock(tolerance=0.02)
     board.true_ns = lambda t: BOOT_NS + int(t * 1000 + 0.5 * 2e-6 * (t * 1e-6) ** 2 * 1e9)  # type: ignore[method-assign]
@@ -64,7 +64,7 @@ def test_a_drift_that_changes_with_warmth_is_followed() -> None:
     assert np.abs(errors[2200:]).max() < 300
 
 
-def test_an_hour_of_a_crystal_that_warms_and_cools_is_followed() -> None:
+def test_hour_of_a_crystal_that_warms_and_cools_is_followed() -> None:
     """50 ppm, and 10 more up and down every twenty minutes: 0.05 ppm a second. The slope, of 32 s, lags by 0.8 ppm and
     is used over 4 s: a few µs; the rest is the least of 110 delays (2 µs) and the slope's noise."""
     board, clock = Board(), DeviceClock(tolerance=200e-6)
@@ -90,7 +90,7 @@ def test_late_arrivals_do_not_move_the_map() -> None:
     assert np.abs(errors[2200:]).max() < 50
 
 
-def test_a_backlog_that_comes_in_two_bursts_is_no_standstill() -> None:
+def test_backlog_that_comes_in_two_bursts_is_no_standstill() -> None:
     """After the first the host stalls again, and what comes in time is long gone by when it is heard, or never came."""
     board, clock = Board(50), DeviceClock(tolerance=200e-6)
     errors_us(clock, board, board.packets(10))
@@ -101,7 +101,7 @@ def test_a_backlog_that_comes_in_two_bursts_is_no_standstill() -> None:
     assert clock.restarts == 0
 
 
-def test_packets_that_waited_because_the_host_did_not_read_are_no_standstill() -> None:
+def test_packets_that_waited_because_host_did_not_read_are_no_standstill() -> None:
     """A host that reads four times a second, and each time what is 0.2 s old, for ten seconds."""
     board, clock = Board(50), DeviceClock(tolerance=200e-6)
     errors_us(clock, board, board.packets(10))
@@ -113,7 +113,7 @@ def test_packets_that_waited_because_the_host_did_not_read_are_no_standstill() -
     assert clock.restarts == 0
 
 
-def test_a_burst_of_late_arrivals_in_the_first_second_does_not_tilt_the_map() -> None:
+def test_burst_of_late_arrivals_in_first_second_does_not_tilt_map() -> None:
     """Before there is a slope to hold on to, half a second's backlog looks like a clock that runs 2 % slow."""
     board, clock = Board(50), DeviceClock(tolerance=0.02)
     stall = (BOOT_NS + 300_000_000, BOOT_NS + 800_000_000)
@@ -124,7 +124,7 @@ def test_a_burst_of_late_arrivals_in_the_first_second_does_not_tilt_the_map() ->
 
 @pytest.mark.parametrize("uptime_s", [1, 10])
 @pytest.mark.parametrize("pause_s", [0.03, 0.5])
-def test_a_board_clock_that_stood_still_is_followed_within_half_a_second(uptime_s: float, pause_s: float) -> None:
+def test_board_clock_that_stood_still_is_followed_within_half_a_second(uptime_s: float, pause_s: float) -> None:
     """A debugger, or flash that is being written: device time goes on where it was, later."""
     board, clock = Board(80), DeviceClock(tolerance=200e-6)
     errors_us(clock, board, board.packets(uptime_s))
@@ -136,7 +136,7 @@ def test_a_board_clock_that_stood_still_is_followed_within_half_a_second(uptime_
     assert clock.restarts == 0
 
 
-def test_a_slow_streams_clock_that_stood_still_is_followed_too() -> None:
+def test_slow_streams_clock_that_stood_still_is_followed_too() -> None:
     board, clock = Board(), DeviceClock(tolerance=200e-6)
     errors_us(clock, board, board.packets(10)[::44])  # 5 Hz
     board.start_ns += 500_000_000
@@ -144,14 +144,14 @@ def test_a_slow_streams_clock_that_stood_still_is_followed_too() -> None:
     assert np.abs(errors[8:]).max() < 2000
 
 
-def test_the_constant_part_of_the_delay_is_what_the_caller_says() -> None:
+def test_constant_part_of_the_delay_is_what_the_caller_says() -> None:
     board = Board(minimum_delay_us=1150)
     clock = DeviceClock(tolerance=200e-6, fixed_delay_ns=1_150_000)
     assert np.abs(errors_us(clock, board, board.packets(30))[2200:]).max() < 20
 
 
 @pytest.mark.parametrize("uptime_s", [0.05, 3, 3600])
-def test_a_reset_board_is_noticed_at_its_first_sample(uptime_s: float) -> None:
+def test_reset_board_is_noticed_at_its_first_sample(uptime_s: float) -> None:
     board, clock = Board(80), DeviceClock(tolerance=200e-6)
     for packet in board.packets(uptime_s if uptime_s < 60 else 5):
         clock.to_host_ns(*packet)
@@ -162,7 +162,7 @@ def test_a_reset_board_is_noticed_at_its_first_sample(uptime_s: float) -> None:
     assert np.abs(errors[2200:]).max() < 20
 
 
-def test_a_reset_amid_late_arrivals_is_a_reset_and_no_standstill() -> None:
+def test_reset_amid_late_arrivals_is_a_reset_and_no_standstill() -> None:
     board, clock = Board(), DeviceClock(tolerance=200e-6)
     errors_us(clock, board, board.packets(5))
     board.start_ns += 500_000_000
@@ -173,7 +173,7 @@ def test_a_reset_amid_late_arrivals_is_a_reset_and_no_standstill() -> None:
     assert np.abs(errors).max() < 2000
 
 
-def test_a_host_that_slept_starts_a_new_map() -> None:
+def test_host_that_slept_starts_a_new_map() -> None:
     """CLOCK_MONOTONIC stands still while the host is suspended; the board's clock does not."""
     board, clock = Board(10), DeviceClock(tolerance=200e-6)
     for packet in board.packets(10):
@@ -199,12 +199,12 @@ def test_years_of_uptime_lose_no_precision() -> None:
     assert np.abs(errors[2200:]).max() < 20
 
 
-def test_a_source_on_this_host_needs_no_map() -> None:
+def test_source_on_this_host_needs_no_map() -> None:
     assert HostClock().to_host_ns(1234, 9_999_999) == 1_234_000
     assert HostClock().to_host_ns(1234, 1_000_000) == 1_000_000
 
 
-def test_hours_between_packets_tell_nothing_of_the_drift() -> None:
+def test_hours_between_packets_do_not_change_the_drift() -> None:
     """An old minimum is forgotten: products of such times would not fit into 64 bits."""
     board, clock = Board(100), DeviceClock(tolerance=0.02)
     errors_us(clock, board, board.packets(10))
@@ -215,7 +215,7 @@ def test_hours_between_packets_tell_nothing_of_the_drift() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_all_that_a_clock_learnt_is_in_its_line(seed: int) -> None:
+def test_all_that_a_clock_learned_is_in_its_line(seed: int) -> None:
     """Stalls, resets, packets out of order: whoever goes on from a copy of the line says the same, to the last bit."""
     draw = np.random.default_rng(seed)
     board = Board(ppm=draw.uniform(-300, 300), seed=seed)

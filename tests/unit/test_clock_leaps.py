@@ -174,7 +174,7 @@ class TestTimePassed:
     def test_unplugged_minute_is_no_leap(self) -> None:
         assert self.leap_us(60_000_000, here_ns=60_000_000_000, numbers=1) == 0
 
-    def test_reset_board_leaps_back_by_its_age_and_the_time_that_passed(self) -> None:
+    def test_reset_board_leaps_back_by_its_age_and_time_that_passed(self) -> None:
         assert self.leap_us(-60_000_000, here_ns=2_000_000_000, numbers=-5000) == -62_000_000
 
 

@@ -70,7 +70,7 @@ def test_regular_presses_are_refused_as_ambiguous() -> None:
 
 
 @pytest.mark.parametrize("ppm", [0.0, 300.0])
-def test_papers_plan_is_aligned_and_its_plateaus_found_whatever_the_clock(ppm: float) -> None:
+def test_papers_plan_is_aligned_and_its_plateaus_found_whatever_clock(ppm: float) -> None:
     """Half an hour: 675 presses, some of them a seventieth of others in the field, and a pause before each place."""
     pad, random = MountedPad.exact(PadConfig(name="left", source=SimulatedSource()).pad()), np.random.default_rng(0)
     steps: list[tuple[float, float, float]] = []
@@ -123,7 +123,7 @@ def test_plateaus_are_found_through_the_noise_of_the_gauge(rate_hz: int) -> None
         assert mean_n == pytest.approx(0.35 if number % 2 else 0.05, abs=5 * deviation_n)
 
 
-def test_what_nobody_logged_is_within_no_plateau() -> None:
+def test_unlogged_time_lies_in_no_plateau() -> None:
     time_s = np.concatenate([np.arange(0.0, 2.0, 0.01), np.arange(5.0, 7.0, 0.01)])
     found = plateaus(Log(time_s, np.zeros((len(time_s), 2)), np.ones(len(time_s))), 0.0, 0.3)
     assert [(round(p.begun_s, 1), round(p.ended_s, 1)) for p in found] == [(0.1, 1.9), (5.1, 6.9)]

@@ -106,7 +106,7 @@ def readings(poll: Callable[[], Sequence[Reading]], count: int) -> list[Reading]
     return found
 
 
-def test_serial_gauge_is_read_by_its_pattern_and_hangs_up_with_a_name(tmp_path: Path) -> None:
+def test_serial_gauge_is_read_by_its_pattern_and_hangs_up_with_name(tmp_path: Path) -> None:
     port = PtyPort(tmp_path / "gauge")
     config = SerialGauge(port=str(tmp_path / "gauge"), pattern=r"F=(-?\d+) g", newton_per_unit=-0.01, delay_ms=20.0)
     gauge = open_gauge(config, None)
@@ -133,7 +133,7 @@ def test_what_is_not_finite_is_no_reading(tmp_path: Path, shown: str) -> None:
 
 
 @pytest.mark.parametrize("scale", [0.0, float("nan"), float("inf")])
-def test_scale_that_feels_no_force_is_refused(scale: float) -> None:
+def test_scale_without_response_is_refused(scale: float) -> None:
     for gauge in [
         SerialGauge(port="/dev/null", newton_per_unit=scale),
         UdpGauge(port=5005, newton_per_unit=scale),
@@ -180,7 +180,7 @@ class Cell:
         """Nothing is open."""
 
 
-def test_two_weights_tell_what_a_count_is_worth(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_weights_give_newtons_per_count(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fmfts_collect.weigh.LISTEN_S", 0.8)
     cell, hung = Cell(), iter([0.1, 0.5])
 
@@ -205,7 +205,7 @@ def test_picture_draws_each_place_of_a_lattice_separately() -> None:
     assert all(0 <= c < 41 and 0 <= r < 21 for c, r in cells_of(read_plan("test-simulation")).values())
 
 
-def test_picture_tells_what_is_done_what_presses_and_the_time_left() -> None:
+def test_picture_reports_what_is_done_what_presses_and_time_left() -> None:
     plan = read_plan("simulation")
     picture = Picture(plan, {1, 2, 3}, force_n=lambda: 0.5)
     assert "left" not in picture.sentence()
@@ -220,7 +220,7 @@ def test_picture_tells_what_is_done_what_presses_and_the_time_left() -> None:
     assert (text.count("●"), text.count("◉")) == (2, 1)
 
 
-def test_hand_is_told_what_to_do_and_asked_again_for_a_number() -> None:
+def test_person_is_told_what_to_do_and_asked_again() -> None:
     reader, writer = os.pipe()
     said: list[str] = []
     with open(reader) as answers:
@@ -250,7 +250,7 @@ class Resting:
         """Nothing is open."""
 
 
-def test_press_that_was_not_felt_is_called_that(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_press_without_field_change_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fmfts_collect.hand.PATIENCE_S", 0.6)
     watch = Watch(Cell(), Resting(), Limits(None, 1.0))
     hand, press = Hand(watch, 0.05, lambda _: None, gauge=True), Press(1, 2e-3, -4e-3, 1.0)

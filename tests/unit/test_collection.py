@@ -39,7 +39,7 @@ def test_recording_ends_with_its_time_where_no_frame_is_lost() -> None:
     assert round(spent_s, 1) == 0.5
 
 
-def test_recording_goes_on_until_it_has_the_fewest_frames_that_it_needs() -> None:
+def test_recording_goes_on_until_it_has_fewest_frames_that_it_needs() -> None:
     count, spent_s = collected(5, 0.5, 50)
     assert count == 50
     assert spent_s < 0.5 + EXTRA_S
@@ -51,7 +51,7 @@ def test_recording_ends_though_frames_lack() -> None:
     assert 0.5 + EXTRA_S <= spent_s < 0.5 + EXTRA_S + 1.0
 
 
-def test_recording_begins_when_the_board_has_the_configured_range() -> None:
+def test_recording_begins_when_board_has_configured_range() -> None:
     source = Simulated(PadConfig(name="left", source=SimulatedSource()))
     frames = record(source, no_finger, 2.0)
     before = int(SETTLING_S * 220) - 10
@@ -126,7 +126,7 @@ def test_leap_of_the_device_clock_ends_a_recording(leap_s: float) -> None:
     assert "clock leapt" in problem_after(frames[:kept] + after(frames, 0.5, device_s=leap_s))
 
 
-def test_silence_is_said_with_the_cause_that_the_source_knows() -> None:
+def test_silence_is_reported_with_the_source_cause() -> None:
     source = Simulated(PadConfig(name="left", source=SimulatedSource()))
     source.poll(time.monotonic_ns())
     source.state.sensor_faults[0, 1] = 'sensor 2 is a QMC5883L at 0x0D, not an HMC5983: set chip = "qmc5883l"'

@@ -50,7 +50,7 @@ def test_arrays_at_an_odd_address_are_refused() -> None:
 
 
 @pytest.mark.parametrize("response", RESPONSES, ids=["normal", "sheared"])
-def test_press_that_is_no_number_stays_on_the_table(response: object) -> None:
+def test_press_with_nan_stays_on_the_table(response: object) -> None:
     refiner = Refiner(response)  # type: ignore[arg-type]
     press, *_ = refiner.refined(np.full(2 + refiner.response.loads, np.nan), np.zeros(5), 1e-6 * np.eye(5))
     assert np.isfinite(press).all()

@@ -102,7 +102,7 @@ def test_examples_in_the_shipped_file_are_right_when_uncommented(tmp_path: Path)
     assert config.bus.endpoint == "ipc:///run/fmfts"
 
 
-def test_the_second_standard_pad_has_four_magnets_in_tables_of_their_own(tmp_path: Path) -> None:
+def test_second_standard_pad_has_four_magnets_in_tables_of_their_own(tmp_path: Path) -> None:
     config, _ = load(ARRAY_PATH)
     pad = config.pad[0]
     assert pad == msgspec.structs.replace(array_config(), name=pad.name)
@@ -134,9 +134,7 @@ OTHER = "[[pad.magnet]]\nrest_mm = [-6, 0, 12]\n"
         (PAD + MAGNET + OTHER + "[pad.rebaseline]\nenabled = true\n", "follows no drift"),
     ],
 )
-def test_what_is_wrong_with_several_magnets_is_told_where_it_is_written(
-    tmp_path: Path, text: str, expected: str
-) -> None:
+def test_errors_of_several_magnets_name_their_place(tmp_path: Path, text: str, expected: str) -> None:
     assert expected in complaint(tmp_path, text)
 
 
@@ -158,7 +156,7 @@ def test_neighbours_of_more_magnets_than_a_state_holds_are_refused(tmp_path: Pat
     assert "scene.neighbours, name 3 = 'z': with it, the neighbours have more than 8 magnets" in told
 
 
-def test_a_magnet_that_is_where_a_neighbours_second_one_is_is_refused(tmp_path: Path) -> None:
+def test_magnet_where_neighbours_second_one_is_is_refused(tmp_path: Path) -> None:
     there = PAD + '[pad.scene]\nneighbours = ["x"]\n[pad.placement]\nposition_mm = [34, -6, 0]\n'
     assert "its magnet is where that of its neighbour 'x' is" in complaint(tmp_path, array_beside("x", 40, []) + there)
 
@@ -395,7 +393,7 @@ def test_any_wrong_value_of_any_key_is_an_error_that_names_it(table: str, data: 
         assert "must be" in said or "is missing" in said or "no such key" in said
 
 
-def test_all_errors_are_told_at_once(tmp_path: Path) -> None:
+def test_all_errors_are_reported_at_once(tmp_path: Path) -> None:
     text = (
         PAD + "rate = 100\nrange_gauss = 3\n[pad.geometry]\nsensors_mm = [[8, 8, 0], [1, 2], [3, 4, 5]]\n"
         "[pad.magnet]\nremanence_t = nan\nlength_mm = 0.002\n[pad.scene]\nsteel = true\n"
@@ -416,7 +414,7 @@ def test_all_errors_are_told_at_once(tmp_path: Path) -> None:
     assert [number for number, part in enumerate(expected) if not any(part in line for line in lines)] == []
 
 
-def test_wrong_type_is_told_and_the_keys_beside_it_are_judged_as_what_they_fit(tmp_path: Path) -> None:
+def test_wrong_type_is_reported_and_other_keys_still_checked(tmp_path: Path) -> None:
     usb = '[[pad]]\nname = "a"\n[pad.source]\ntype = "usb"\n'
     told = SIMULATED + 'source.type = \'usb\': must be one of "anyskin", "bridge", "i2c", "replay", "simulated"'
     assert complaint(tmp_path, usb + 'port = "/dev/ttyUSB0"\n') == told
@@ -426,7 +424,7 @@ def test_wrong_type_is_told_and_the_keys_beside_it_are_judged_as_what_they_fit(t
         assert part in port
 
 
-def test_table_of_another_package_is_judged_by_it_and_left_alone_by_the_daemon(tmp_path: Path) -> None:
+def test_table_of_another_package_is_judged_by_it_and_left_alone_by_daemon(tmp_path: Path) -> None:
     text = PAD + '[collect.gauge]\ntype = "usb"\nport = "/dev/ttyUSB0"\n'
     gauge = complaint(tmp_path, text, CollectingConfig)
     assert "collect.gauge.type = 'usb'" in gauge
@@ -441,7 +439,7 @@ def test_table_of_another_package_is_judged_by_it_and_left_alone_by_the_daemon(t
     assert complaint(tmp_path, "collect = 3\n" + PAD) == "collect = 3: must be a table"
 
 
-def test_check_config_judges_the_table_of_a_package_that_is_installed(
+def test_check_config_judges_table_of_package_that_is_installed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["check-config", "--config", str(write(tmp_path, PAD + STAGE))]
@@ -467,7 +465,7 @@ def checked_without_packages(file: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
-def test_source_of_a_package_that_is_not_installed_says_how_to_install_it(tmp_path: Path) -> None:
+def test_source_of_package_not_installed_says_how_to_install_it(tmp_path: Path) -> None:
     text = PAD.replace("simulated", "anyskin") + 'port = "/dev/ttyUSB0"\nform = "text"\n'
     ended = checked_without_packages(write(tmp_path, text))
     assert ended.returncode == exit_codes.CONFIG
@@ -482,7 +480,7 @@ def test_shipped_configuration_needs_no_package() -> None:
 
 
 @pytest.mark.parametrize("suffix", ["response", "force"])
-def test_contact_model_of_a_package_that_is_not_installed_says_how_to_install_it(
+def test_contact_model_of_package_not_installed_says_how_to_install_it(
     suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / f"skin.{suffix}").touch()
@@ -494,7 +492,7 @@ def test_contact_model_of_a_package_that_is_not_installed_says_how_to_install_it
     assert "pip install 'fmfts[skin]'" in told
 
 
-def test_an_error_brings_no_further_ones_with_it(tmp_path: Path) -> None:
+def test_error_brings_no_further_ones_with_it(tmp_path: Path) -> None:
     """What stands in for a wrong value is not judged."""
     text = I2C + 'channels = [0, 1, 2, "x"]\n[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [-8, 8, 0]]\n'
     assert "source.channels, sensor 4 = 'x'" in complaint(tmp_path, text)

@@ -34,7 +34,7 @@ def shifted(frame: Frame, counts: int) -> Frame:
 
 
 @pytest.mark.parametrize(("turning_deg_per_s", "within_s"), [(20.0, 1.0), (5.0, 2.0)])
-def test_turning_pad_is_told_to_say_drifting(turning_deg_per_s: float, within_s: float) -> None:
+def test_turning_pad_advises_drifting_ambient(turning_deg_per_s: float, within_s: float) -> None:
     """In that time the half gauss of the Earth moves by 170 mG, and at 5° a second by 87."""
     messages = published(turning_deg_per_s, within_s + 0.5)
     assert [message.health for message in messages].count("degraded") == 0, "no sensor is at fault"

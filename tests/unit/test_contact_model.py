@@ -187,7 +187,7 @@ def test_hard_squeeze_within_8_mm_is_always_over_range_and_known_to_be_hard(pad:
     assert np.median(error_mm) < 0.5
 
 
-def test_pose_far_outside_is_judged_by_the_nearest_one_that_the_model_knows(pad: Pad, model: ContactModel) -> None:
+def test_pose_far_outside_is_judged_by_nearest_one_that_model_knows(pad: Pad, model: ContactModel) -> None:
     """Three and ten times a firm press's displacement: the same place, and nearly the calibrated force."""
     displacement_m, axis = standard_mechanics().displacement(np.array([4e-3]), np.array([2e-3]), np.array([1.9]))
     for times in (3.0, 10.0):
@@ -238,7 +238,7 @@ def test_place_beyond_the_pad_is_as_vague_as_the_pad_is_wide(model: ContactModel
     assert beyond > 10
 
 
-def test_light_touch_at_the_rim_may_be_a_lighter_one_in_the_middle(pad: Pad, model: ContactModel) -> None:
+def test_light_touch_at_rim_may_be_lighter_one_in_middle(pad: Pad, model: ContactModel) -> None:
     """The force being three deviations from none, they change such a pose alike; a firm press cannot be mistaken."""
     press = np.array([[13.3, 2.8, 0.25], [13.3, 2.8, 1.5]])
     frames = Frames.of(pad, press)
@@ -254,7 +254,7 @@ def test_light_touch_at_the_rim_may_be_a_lighter_one_in_the_middle(pad: Pad, mod
 
 @pytest.mark.parametrize("refine", [False, True])
 @pytest.mark.parametrize("lift_m", [5e-6, 20e-6, 40e-6, 100e-6])
-def test_magnet_above_its_rest_is_pressed_by_nothing(pad: Pad, refine: bool, lift_m: float) -> None:
+def test_magnet_above_rest_gives_no_contact(pad: Pad, refine: bool, lift_m: float) -> None:
     """A moment that is weaker than thought looks like that. 20 mN are what a place at rest answers with."""
     raised = pad.rest_position_m + np.array([0.0, 0.0, lift_m])
     assert abs(ContactModel.load("default", pad, refine=refine).estimate(raised, pad.rest_axis, CERTAIN).force_n) < 0.02

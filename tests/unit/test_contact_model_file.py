@@ -211,7 +211,7 @@ def test_model_whose_facts_are_of_another_number_of_outputs_is_refused(tmp_path:
         ContactModel.load(edited(tmp_path, only_named), pad)
 
 
-def test_dimensions_of_the_standard_pad_are_those_of_the_configuration() -> None:
+def test_dimensions_of_standard_pad_are_those_of_configuration() -> None:
     pad = PadConfig(name="standard", source=SimulatedSource()).pad()
     assert (pad.geometry_hash, pad.dimensions) == (STANDARD_HASH, STANDARD_DIMENSIONS)
 
@@ -224,7 +224,7 @@ def test_shear_of_the_shipped_model_stands_in_its_report_too(pad: Pad) -> None:
 
 
 @pytest.mark.parametrize("place", [0.0, 0.2, 0.5, 0.8, 0.95, 1.0])
-def test_a_file_with_one_other_bit_is_refused(place: float, pad: Pad, tmp_path: Path) -> None:
+def test_file_with_one_other_bit_is_refused(place: float, pad: Pad, tmp_path: Path) -> None:
     """Most bits are a weight's, and the model with another weight would answer forces as well."""
     content = bytearray(DEFAULT_PATH.read_bytes())
     content[round(place * (len(content) - 1))] ^= 0x04
@@ -233,7 +233,7 @@ def test_a_file_with_one_other_bit_is_refused(place: float, pad: Pad, tmp_path: 
         ContactModel.load(str(tmp_path / "damaged.onnx"), pad)
 
 
-def test_a_file_whose_seal_and_weights_are_both_damaged_is_refused(pad: Pad, tmp_path: Path) -> None:
+def test_file_whose_seal_and_weights_are_both_damaged_is_refused(pad: Pad, tmp_path: Path) -> None:
     """Else it would be taken for a model of another program."""
     content = bytearray(DEFAULT_PATH.read_bytes().replace(b"fmfts.sha256", b"fmvts.sha256"))
     content[len(content) // 2] ^= 0x04
@@ -242,13 +242,13 @@ def test_a_file_whose_seal_and_weights_are_both_damaged_is_refused(pad: Pad, tmp
         ContactModel.load(str(tmp_path / "damaged.onnx"), pad)
 
 
-def test_a_model_of_calibrate_without_its_seal_is_refused(pad: Pad, tmp_path: Path) -> None:
+def test_model_of_calibrate_without_its_seal_is_refused(pad: Pad, tmp_path: Path) -> None:
     (tmp_path / "cut.onnx").write_bytes(unsealed(DEFAULT_PATH.read_bytes()))
     with pytest.raises(ModelError, match="its SHA-256 is not at its end"):
         ContactModel.load(str(tmp_path / "cut.onnx"), pad)
 
 
-def test_a_sealed_model_without_weights_is_of_a_development_version(pad: Pad, tmp_path: Path) -> None:
+def test_sealed_model_without_weights_is_of_development_version(pad: Pad, tmp_path: Path) -> None:
     proto = onnx.load_from_string(unsealed(DEFAULT_PATH.read_bytes()))
     del proto.metadata_props[-1]
     (tmp_path / "older.onnx").write_bytes(with_seal(proto.SerializeToString()))
@@ -256,7 +256,7 @@ def test_a_sealed_model_without_weights_is_of_a_development_version(pad: Pad, tm
         ContactModel.load(str(tmp_path / "older.onnx"), pad)
 
 
-def test_a_development_versions_model_gets_its_weights_and_keeps_its_name() -> None:
+def test_development_versions_model_gets_its_weights_and_keeps_its_name() -> None:
     content = unsealed(DEFAULT_PATH.read_bytes())
     behind = onnx.ModelProto(metadata_props=onnx.load_from_string(content).metadata_props[-1:]).SerializeToString()
     assert with_weights(with_seal(content.removesuffix(behind))) == DEFAULT_PATH.read_bytes()

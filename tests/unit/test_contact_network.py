@@ -130,7 +130,7 @@ def test_model_that_needs_much_memory_is_refused_before_it_is_loaded(tmp_path: P
 # --- which evaluates ---
 
 
-def test_a_model_without_weights_is_left_to_onnxruntime(tmp_path: Path, pad: Pad) -> None:
+def test_model_without_weights_is_left_to_onnxruntime(tmp_path: Path, pad: Pad) -> None:
     model = load(tmp_path, pad, edited(without_weights))
     assert model.inference.by == "onnxruntime"
     shipped = ContactModel.load("default", pad)
@@ -139,7 +139,7 @@ def test_a_model_without_weights_is_left_to_onnxruntime(tmp_path: Path, pad: Pad
 
 
 @pytest.mark.parametrize("wrong", ["w2", "b3"])
-def test_a_graph_with_one_other_weight_is_left_to_onnxruntime(
+def test_graph_with_one_other_weight_is_left_to_onnxruntime(
     tmp_path: Path, pad: Pad, wrong: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     """By a hundredth."""
@@ -163,7 +163,7 @@ def test_network_that_answers_otherwise_is_not_used(
     assert "is not used" in caplog.text
 
 
-def test_process_that_ends_without_an_answer_is_no_answer(monkeypatch: pytest.MonkeyPatch, pad: Pad) -> None:
+def test_process_that_dies_gives_no_answer(monkeypatch: pytest.MonkeyPatch, pad: Pad) -> None:
     monkeypatch.setattr(beside, "PROCESS", "import os; os.abort()  # {}")
     with pytest.raises(ModelError, match="onnxruntime, in a process of its own, ended with -6"):
         ContactModel.load("default", pad)

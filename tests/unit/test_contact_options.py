@@ -40,7 +40,7 @@ def test_refined_answers_are_the_most_likely_and_say_so(pad: Pad, model: Contact
     assert (np.abs(clean.found(refining) - clean.press).mean(axis=0) < [0.02, 0.02, 0.002]).all()
 
 
-def test_friction_widens_the_deviations_of_a_model_that_does_not_tell_shear(tmp_path: Path, pad: Pad) -> None:
+def test_friction_widens_deviations_of_models_without_shear(tmp_path: Path, pad: Pad) -> None:
     """A model that a newton of shear moves by 1 mm and 0.2 N: at µ = 0.3 and 1.6 N, rms shear is 0.3·1.98/√2 N, the
     force being that of the bin's end."""
 
@@ -63,7 +63,7 @@ def test_friction_widens_the_deviations_of_a_model_that_does_not_tell_shear(tmp_
     assert with_friction.x_m == without.x_m
 
 
-def test_model_of_five_outputs_tells_shear_and_refuses_the_edge(tmp_path: Path, pad: Pad) -> None:
+def test_model_of_five_outputs_reports_shear_and_refuses_edge(tmp_path: Path, pad: Pad) -> None:
     """A network that answers with constants, at first inside and then outside of where it may."""
     network = ContactNetwork(
         np.array([0.0, 0.0, 12.0, 0.0, 0.0, 1.0]),
@@ -91,7 +91,7 @@ def test_model_of_five_outputs_tells_shear_and_refuses_the_edge(tmp_path: Path, 
     assert ContactModel.load(str(path), pad).estimate(pad.rest_position_m, pad.rest_axis, CERTAIN).refused
 
 
-def test_error_of_the_response_stays_in_the_deviations_of_a_refined_answer(tmp_path: Path, pad: Pad) -> None:
+def test_error_of_response_stays_in_deviations_of_refined_answer(tmp_path: Path, pad: Pad) -> None:
     """A response known to 1 mm and 0.2 N, whatever the network is."""
 
     def tell(facts: dict[str, object]) -> None:

@@ -224,7 +224,7 @@ def test_client_that_has_gone_is_no_error(server: ControlServer, base: str) -> N
     requests[0].reply()
 
 
-def test_requests_that_arrive_while_an_answer_is_sent_are_not_lost(server: ControlServer, dealer: Dealer) -> None:
+def test_requests_that_arrive_while_answer_is_sent_are_not_lost(server: ControlServer, dealer: Dealer) -> None:
     """ZeroMQ signals edges: the send may swallow the one that announced them."""
     requests, _ = dealer.ask(server, msgpack.packb({"id": 0, "verb": "status"}))
     for number in range(1, 4):
@@ -266,7 +266,7 @@ def test_ten_thousand_random_requests_each_get_one_answer(server: ControlServer,
     assert min(carried_out, refused) > total // 10
 
 
-def test_a_request_is_walked_for_few_items(
+def test_request_is_walked_for_few_items(
     server: ControlServer, dealer: Dealer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The walk is in Python, and takes microseconds an item."""

@@ -68,13 +68,13 @@ def test_turning_about_all_axes_ends_before_the_twenty_seconds() -> None:
     assert 5.0 < enough_s < 15.0
 
 
-def test_robot_that_stands_still_is_told_so_and_never_has_enough() -> None:
+def test_standing_robot_never_completes_a_turn() -> None:
     said, enough_s = hints(still(), TurnCoverage(CONFIG.pad()), 10.0)
     assert said[-1].startswith("the field hardly turns yet")
     assert enough_s == np.inf
 
 
-def test_turning_about_one_axis_alone_is_told_what_is_missing() -> None:
+def test_turn_about_one_axis_reports_what_is_missing() -> None:
     source = still()
     source.turning_rad_per_s = 1.0  # about an axis that is none of the pad's
     said, enough_s = hints(source, TurnCoverage(CONFIG.pad()), 15.0)
@@ -104,7 +104,7 @@ def test_thirty_presses_all_over_the_pad_are_enough() -> None:
         (all_over, lambda number: 1.0, "lighter and firmer ones"),
     ],
 )
-def test_presses_that_are_too_alike_are_told_what_is_missing(
+def test_similar_presses_report_what_is_missing(
     place: Callable[[int], tuple[float, float]], force_n: Callable[[int], float], missing: str
 ) -> None:
     source = still()
@@ -115,7 +115,7 @@ def test_presses_that_are_too_alike_are_told_what_is_missing(
 
 
 @pytest.mark.parametrize("duration_s", [None, 12.0])
-def test_recording_ends_when_it_has_enough_unless_a_duration_was_asked_for(
+def test_recording_ends_when_it_has_enough_unless_duration_was_asked_for(
     duration_s: float | None, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))

@@ -10,7 +10,7 @@ from fmfts_lab.bench.curvature import curvature, weight_with_free_ambient
 TRUE, NOISE = np.array([[1.0], [2.0], [3.0]]), 0.3
 
 
-def test_a_square_has_the_bias_and_the_bound_of_its_closed_form() -> None:
+def test_square_has_the_bias_and_the_bound_of_its_closed_form() -> None:
     """y = u² with noise s: the root of y is too small by s²/8u³ in the mean, to second order."""
     found = curvature(lambda at: at**2, TRUE, [1e-3], np.eye(1) / NOISE**2)
     true = TRUE[:, 0]
@@ -20,7 +20,7 @@ def test_a_square_has_the_bias_and_the_bound_of_its_closed_form() -> None:
     assert found.bound[:, 0, 0] == pytest.approx(1 / (first - mixed**2 / second), rel=1e-6)
 
 
-def test_the_bias_is_what_many_readings_show() -> None:
+def test_bias_is_what_many_readings_show() -> None:
     random = np.random.default_rng(3)
     found = curvature(lambda at: at**2, TRUE[1:], [1e-3], np.eye(1) / NOISE**2)
     readings = TRUE[1:] ** 2 + random.normal(0.0, NOISE, (2, 400_000))
@@ -31,7 +31,7 @@ def test_the_bias_is_what_many_readings_show() -> None:
     assert errors.mean(axis=1) == pytest.approx(found.bias[:, 0], abs=4 * deviation.max() + 3e-5)
 
 
-def test_a_straight_model_has_no_bias_and_the_linear_bound() -> None:
+def test_straight_model_has_no_bias_and_the_linear_bound() -> None:
     slope = np.random.default_rng(1).normal(size=(12, 3))
     weight = weight_with_free_ambient(NOISE, 4)
     found = curvature(lambda at: at @ slope.T, np.ones((2, 3)), [1e-2] * 3, weight)

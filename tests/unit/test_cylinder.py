@@ -32,7 +32,7 @@ def magpylib_field(point_m: np.ndarray, position_m: np.ndarray, axis: np.ndarray
 
 
 @pytest.mark.parametrize("shape_m", [(2e-3, 2e-3), (3e-3, 1e-3), (1e-3, 4e-3)])
-def test_field_agrees_with_magpylib_to_a_billionth_over_the_workspace(pad: Pad, shape_m: tuple[float, float]) -> None:
+def test_field_agrees_with_magpylib_to_billionth_over_workspace(pad: Pad, shape_m: tuple[float, float]) -> None:
     magnet = Magnet(*shape_m, remanence_t=1.23)
     position_m, axis = poses_of_the_workspace(60)
     ours = cylinder_field(pad.sensors.position_m, position_m[:, None], axis[:, None], magnet)

@@ -31,7 +31,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Kind]]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_damaged_file_is_refused_with_its_own_error(name: str, whole: dict[str, Kind], tmp_path: Path) -> None:
+def test_damaged_file_is_refused_with_its_own_error(name: str, whole: dict[str, Kind], tmp_path: Path) -> None:
     inputs = round(INPUTS * whole[name].cost ** -0.5)
     tried = fuzzed(whole[name], tmp_path, range(inputs), seed=1)
     assert tried.said["refused"] > inputs / 3, tried
@@ -49,7 +49,7 @@ def test_harmful_file_that_was_kept_does_no_harm(path: Path, whole: dict[str, Ki
         kind.read(tmp_path / path.name)
 
 
-def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(tmp_path: Path) -> None:
+def test_pipe_in_the_place_of_a_file_is_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(OSError, match="pipe"):
         open_regular(tmp_path / "pipe")

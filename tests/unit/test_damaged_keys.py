@@ -105,7 +105,7 @@ def closed(path: Path) -> Iterator[None]:
         os.seteuid(0)
 
 
-def test_closed_key_is_said_by_check_config(keys: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_closed_key_is_reported_by_check_config(keys: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The user who edits the configuration may be another than the service."""
     with tempfile.TemporaryDirectory() as open_to_all:  # pytest closes its own to others
         Path(open_to_all).chmod(0o755)
@@ -119,7 +119,7 @@ def test_closed_key_is_said_by_check_config(keys: Path, capsys: pytest.CaptureFi
         KeyFolder(keys).check()
 
 
-def test_list_that_was_closed_is_read_when_it_is_open() -> None:
+def test_key_list_is_read_once_it_becomes_readable() -> None:
     with tempfile.TemporaryDirectory() as open_to_all:
         Path(open_to_all).chmod(0o755)
         folder = KeyFolder(Path(open_to_all) / "keys")
@@ -257,7 +257,7 @@ def test_list_without_its_first_line_names_that_line(keys: Path) -> None:
         KeyFolder(keys).clients()
 
 
-def test_remedy_for_the_daemons_key_is_its_own(keys: Path) -> None:
+def test_damaged_daemon_key_has_its_own_remedy(keys: Path) -> None:
     (keys / "server.key").write_bytes(b"")
     with pytest.raises(KeysError, match="no usable public, secret: take it from a copy, or delete it"):
         KeyFolder(keys).check()
@@ -266,7 +266,7 @@ def test_remedy_for_the_daemons_key_is_its_own(keys: Path) -> None:
         KeyFolder(keys).check()
 
 
-def test_a_key_on_two_lines_is_refused(keys: Path) -> None:
+def test_key_on_two_lines_is_refused(keys: Path) -> None:
     """Two lines could grant it two rights."""
     listed = (keys / "clients").read_text()
     (keys / "clients").write_text(listed + listed.splitlines()[1].replace(" arm read-only", " foe may-change") + "\n")

@@ -103,7 +103,7 @@ def test_one_defect_is_named(pad: Pad, name: str) -> None:
     _is_named(pad, name, range(QUICK))
 
 
-def test_gain_that_a_refusal_tells_is_within_its_deviation(pad: Pad) -> None:
+def test_gain_reported_by_refusal_is_within_its_deviation(pad: Pad) -> None:
     found = [re.search(DEFECTS["a gain"][1], refusal(pad, seed, "a gain")) for seed in range(ALONE)]
     gains = [(float(one[1]), float(one[2])) for one in found if one]
     assert len(gains) == ALONE
@@ -146,5 +146,5 @@ def test_two_defects_at_once_are_named_or_said_to_be_unexplained(pad: Pad) -> No
     assert sum(map(bool, wrongly)) <= 0.02 * len(said), said
 
 
-def test_a_sound_pad_is_accepted(pad: Pad) -> None:
+def test_healthy_pad_is_accepted(pad: Pad) -> None:
     assert [refusal(pad, seed) for seed in range(ALONE)] == [""] * ALONE

@@ -92,7 +92,7 @@ def test_every_page_that_the_code_names_exists() -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_every_target_and_module_that_a_page_tells_to_run_exists(page: Path) -> None:
+def test_every_target_and_module_that_page_reports_to_run_exists(page: Path) -> None:
     text = page.read_text()
     rules = "".join(
         (ROOT / file).read_text()

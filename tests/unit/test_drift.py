@@ -26,7 +26,7 @@ def test_last_step_onto_the_limit_is_taken_however_small(pad: Pad) -> None:
     assert follower.size_m == pytest.approx(10e-6, rel=1e-9)
 
 
-def test_at_the_limit_nothing_is_learnt_any_more(pad: Pad) -> None:
+def test_drift_stops_at_the_limit(pad: Pad) -> None:
     rest = State.at_rest(pad)
     follower = DriftFollower(rest, LIMITS)
     assert any(window(follower, rest, 0.0, 12e-6))

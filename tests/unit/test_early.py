@@ -80,7 +80,7 @@ def without(message: ContactMessage, *names: str) -> dict[str, object]:
     return {name: value for name, value in essence(message).items() if name not in names}
 
 
-def test_a_tap_read_with_its_rate_is_as_good_as_the_goal_and_a_hold_no_worse() -> None:
+def test_tap_read_with_its_rate_is_as_good_as_goal_and_hold_no_worse() -> None:
     """0.06 N rms is the goal for six pads (lab/results/now.md); one pad alone may miss it by a quarter."""
     facts = {name: one.facts() for name, one in bench.measure(2, 1, 1.0, (hold, tap(50e-3)), early=True).items()}
     assert facts["tap in 50 ms"]["read_carried_n"] < 0.075
@@ -88,7 +88,7 @@ def test_a_tap_read_with_its_rate_is_as_good_as_the_goal_and_a_hold_no_worse() -
     assert all(one["wrong"] == one["negative"] == 0 for one in facts.values())
 
 
-def test_what_frames_say_is_the_same_to_the_last_bit(model: ContactModel) -> None:
+def test_frames_are_bit_identical_with_early_samples(model: ContactModel) -> None:
     packets = sent_of(tapped, 0.4)
     with_early, alone = pipeline_with(model), pipeline_with(model)
     for packet in packets:
@@ -100,14 +100,14 @@ def test_what_frames_say_is_the_same_to_the_last_bit(model: ContactModel) -> Non
             assert without(message, "seq", "now") == without(frame, "seq", "now")
 
 
-def test_a_pad_that_publishes_frames_uses_no_other_sample(model: ContactModel) -> None:
+def test_pad_that_publishes_frames_uses_no_other_sample(model: ContactModel) -> None:
     packets, of_frames = sent_of(tapped, 0.3), Lead(LEAD.frame_s)
     with_early, alone = (messages_of(pipeline_with(model, of_frames), some) for some in (packets, frames_only(packets)))
     assert [essence(one) for one in with_early] == [essence(one) for one in alone]
     assert any(one.now is not None for one in alone)
 
 
-def test_between_frames_only_now_is_another(model: ContactModel) -> None:
+def test_early_samples_change_only_now(model: ContactModel) -> None:
     pipeline, last, early = pipeline_with(model), None, 0
     for packet in sent_of(tapped, 0.4):
         message = answer(pipeline, packet)
@@ -121,7 +121,7 @@ def test_between_frames_only_now_is_another(model: ContactModel) -> None:
     assert early > 0.9 * 3 * 0.35 * RATE_HZ
 
 
-def test_a_sample_that_comes_twice_late_or_after_its_frame_changes_nothing(model: ContactModel) -> None:
+def test_sample_that_comes_twice_late_or_after_its_frame_changes_nothing(model: ContactModel) -> None:
     packets = sent_of(tapped, 0.4)
     doubled: list[Sent] = []
     for number, packet in enumerate(packets):
@@ -136,7 +136,7 @@ def test_a_sample_that_comes_twice_late_or_after_its_frame_changes_nothing(model
     ]
 
 
-def test_a_lost_sample_is_taken_from_its_frame_or_not_at_all(model: ContactModel) -> None:
+def test_lost_sample_is_taken_from_its_frame_or_not_at_all(model: ContactModel) -> None:
     packets = sent_of(tapped, 0.4)
     lost = [packet for number, packet in enumerate(packets) if number % 3 or not isinstance(packet, EarlySample)]
     whole, partly = (messages_of(pipeline_with(model), some) for some in (packets, lost))
@@ -148,7 +148,7 @@ def test_a_lost_sample_is_taken_from_its_frame_or_not_at_all(model: ContactModel
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_a_sample_that_contradicts_stops_now_until_frames_begin_it_again(model: ContactModel, axis: int) -> None:
+def test_sample_that_contradicts_stops_now_until_frames_begin_it_again(model: ContactModel, axis: int) -> None:
     pipeline, packets = pipeline_with(model), sent_of(pressed, 0.6)
     jumped, before, after = False, list[ContactMessage](), list[ContactMessage]()
     for number, packet in enumerate(packets):
@@ -178,7 +178,7 @@ def test_shear_is_told_between_frames_too() -> None:
     assert max(abs(shear_n) for shear_n in told) < 0.5
 
 
-def test_a_saturated_sample_is_left_to_its_frame(model: ContactModel) -> None:
+def test_saturated_sample_is_left_to_its_frame(model: ContactModel) -> None:
     pipeline = pipeline_with(model)
     packets = sent_of(pressed, 0.5)
     for packet in packets[:-20]:
@@ -199,7 +199,7 @@ def test_after_a_silence_samples_wait_for_a_frame(model: ContactModel) -> None:
 
 
 @pytest.mark.parametrize("begins", [180, 181, 182, 183, 184])
-def test_a_replay_that_begins_anywhere_says_the_same(model: ContactModel, begins: int) -> None:
+def test_replay_from_any_frame_gives_the_same_now(model: ContactModel, begins: int) -> None:
     """A state is taken before a frame, with samples before it in the filter; what follows is repeated bit for bit."""
     packets = sent_of(tapped, 0.4)
     first = next(n for n in range(begins, len(packets)) if not isinstance(packets[n], EarlySample))
@@ -213,12 +213,12 @@ def test_a_replay_that_begins_anywhere_says_the_same(model: ContactModel, begins
     assert sum(one.now is not None for one in told) > 100
 
 
-def test_frames_alone_are_as_good_as_ever(model: ContactModel) -> None:
+def test_frames_without_early_samples_are_unchanged(model: ContactModel) -> None:
     frames = frames_only(sent_of(tapped, 0.4))
     assert all(one.now is not None for one in messages_of(pipeline_with(model), frames)[30:])
 
 
-def test_a_line_says_in_the_loop_what_its_frames_say(bus: Bus) -> None:  # noqa: F811
+def test_early_samples_agree_in_the_fast_loop(bus: Bus) -> None:  # noqa: F811
     """Frames and samples as a line brings them, several in a read, with a status now and then that Python must read."""
 
     def told(may_express: bool) -> Told:

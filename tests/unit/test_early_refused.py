@@ -38,7 +38,7 @@ def arrival_ns(packet: Sent) -> int:
     return 5 * 10**9 + packet.device_time_us * 1000 + ON_THE_LINE_NS
 
 
-def test_a_frame_that_is_refused_says_nothing_in_the_samples_after_it(bus: Bus) -> None:  # noqa: F811
+def test_refused_frame_gives_no_now_afterwards(bus: Bus) -> None:  # noqa: F811
     """A healthy frame of another board, pressed harder, with the next number and a clock that is 0.2 s ahead."""
     host = Host(CONFIG, BASELINE, bus)
     host.take(encode(hello(4, can_send_early=1)), 10**9)
@@ -65,7 +65,7 @@ def test_a_frame_that_is_refused_says_nothing_in_the_samples_after_it(bus: Bus) 
     assert told == pytest.approx([0.5] * len(told), abs=0.1)
 
 
-def test_an_old_frame_that_comes_again_ends_now_and_makes_no_number_that_is_none() -> None:
+def test_old_frame_that_comes_again_ends_now_and_makes_no_number_none() -> None:
     model, packets = load_contact_model(CONFIG), sent_of(tapped, 0.4)
     frames = [number for number, packet in enumerate(packets) if not isinstance(packet, EarlySample)]
     # Where the filter took such a frame, its covariance was none any more.
@@ -95,7 +95,7 @@ def channel_in_touch(bench: Bench) -> EarlySample:
 
 
 @pytest.mark.parametrize("late", [False, True])
-def test_a_sample_that_is_late_is_not_published(late: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sample_that_is_late_is_not_published(late: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     with Bench(CONFIG, lead=LEAD) as bench:
         bench.pipeline.use(BASELINE)
         early = channel_in_touch(bench)
@@ -106,7 +106,7 @@ def test_a_sample_that_is_late_is_not_published(late: bool, monkeypatch: pytest.
         assert len(bench.sent) == sent + (not late)
 
 
-def test_recorders_get_no_sample_before_the_state_that_answers_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recorders_get_no_sample_before_state_that_answers_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """After a new baseline the state goes out with the next frame; a replay still has the old one until then."""
     with Bench(CONFIG, lead=LEAD) as bench:
         bench.pipeline.use(BASELINE)
@@ -126,7 +126,7 @@ def test_recorders_get_no_sample_before_the_state_that_answers_it(monkeypatch: p
 @pytest.mark.parametrize(
     "damage", [{"sensor": -1}, {"gain_code": 9}, {"device_time_us": -1}, {"counts": (40_000, 0, 0)}]
 )
-def test_a_recorded_sample_that_no_chip_gives_is_refused(damage: dict[str, object]) -> None:
+def test_recorded_sample_that_no_chip_gives_is_refused(damage: dict[str, object]) -> None:
     whole = early_message(EarlySample(0, 1, 5, 2, (1, 2, 3)), "left", "boot", 0)
     assert early_of(whole).counts == (1, 2, 3)
     with pytest.raises(ValueError, match="no chip gives"):
@@ -137,6 +137,6 @@ def test_a_recorded_sample_that_no_chip_gives_is_refused(damage: dict[str, objec
     ("kind", "rate_hz", "samples_hz"),
     [("hmc5983", 30, 226.6), ("mmc5983ma", 200, 399.0), ("mlx90393", 100, 139.65), ("qmc5883l", 200, 210.0)],
 )
-def test_a_chip_gives_samples_at_the_rate_that_the_board_runs_it_at(kind: str, rate_hz: int, samples_hz: float) -> None:
+def test_chip_gives_samples_at_rate_that_board_runs_it_at(kind: str, rate_hz: int, samples_hz: float) -> None:
     """Which is not the frames': the HMC5983 has one rate on a board, and an MMC5983MA is started again at once."""
     assert fastest_on_board_hz(CHIPS[kind], rate_hz) == pytest.approx(samples_hz)

@@ -38,7 +38,7 @@ class Bench:
         return int.from_bytes(self.tell(READ, count=9)[3:5], "big")
 
 
-def test_a_reset_restores_the_registers_and_the_status_shows_it_until_the_next_mode() -> None:
+def test_reset_restores_registers_and_status_shows_it_until_next_mode() -> None:
     bench = Bench()
     bench.set(2, 0x0540)
     assert bench.register(2) == 0x0540
@@ -61,7 +61,7 @@ def test_forbidden_pairs_of_oversampling_and_filter_never_end_with_hallconf_c(ha
             assert ended != forbidden, (oversampling, filtered)
 
 
-def test_a_measurement_is_handed_out_once_and_only_when_it_ended() -> None:
+def test_measurement_is_handed_out_once_and_only_when_it_ended() -> None:
     bench = Bench()
     bench.set(2, 7 << 2)
     assert bench.tell(SINGLE)[0] & IN_SINGLE

@@ -129,7 +129,7 @@ def test_film_keeps_its_state_up_to_its_range(clock: Clock) -> None:
         assert read(chip, STATUS)[0] & SATURATED == 0
 
 
-def test_0x21_is_no_odd_command_here(clock: Clock) -> None:
+def test_command_0x21_is_accepted_by_the_mmc5603nj(clock: Clock) -> None:
     chip = made(clock)
     assert all(measured(clock, chip, AUTOMATIC) == AFTER_SET for _ in range(64))
 

@@ -84,7 +84,7 @@ def test_service_and_its_clients_meet(no_service: Path) -> None:
     assert for_daemon(None, {"RUNTIME_DIRECTORY": f"{no_service}:/run/more"}) == for_client(None, {})
 
 
-def test_client_in_a_service_of_its_own_does_not_look_in_its_own_directory(no_service: Path) -> None:
+def test_client_in_service_of_its_own_does_not_look_in_its_own_directory(no_service: Path) -> None:
     no_service.mkdir()
     assert for_client(None, {"RUNTIME_DIRECTORY": "/run/gripper"}).bus == f"ipc://{no_service}/bus"
 
@@ -163,7 +163,7 @@ def test_named_folder_that_everybody_may_write_to_is_refused_with_what_to_do(tmp
 
 
 @pytest.mark.skipif(not permitted.another_user(), reason="only root can act as another user")
-def test_folder_that_is_closed_to_this_user_is_named_with_what_to_do() -> None:
+def test_folder_closed_to_this_user_is_named_with_what_to_do() -> None:
     with tempfile.TemporaryDirectory(dir="/tmp") as closed:  # mode 0700
         os.seteuid(NOBODY)
         try:

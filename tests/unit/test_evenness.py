@@ -20,7 +20,7 @@ def _told(random: np.random.Generator, stronger: np.ndarray, attitude: np.ndarra
     return unevenness(reported, BY_FIELD, np.full((SENSORS, 3), noise_t))
 
 
-def test_a_chip_that_repeats_one_value_does_not_hide_how_fast_the_others_turn() -> None:
+def test_chip_that_repeats_one_value_does_not_hide_how_fast_others_turn() -> None:
     angle = np.arange(600) / 220.0  # 1 rad/s: an arc of 0.05 rad in eleven frames
     slow = np.stack([np.cos(angle), np.sin(angle), np.zeros(600)], axis=1)[:, None].repeat(SENSORS, axis=1)
     slow[:, 2] = 0.3
@@ -41,7 +41,7 @@ def attitude(random: np.random.Generator) -> np.ndarray:
 
 
 @pytest.mark.parametrize("noise_t", [1e-8, 2.5e-6])
-def test_an_even_field_is_even_whatever_the_noise(
+def test_even_field_is_even_whatever_the_noise(
     random: np.random.Generator, attitude: np.ndarray, noise_t: float
 ) -> None:
     """2.5 µT is 2.5 % of the strength that four chips tell; the mean of 400 squares of it is known to a 14th part."""
@@ -50,7 +50,7 @@ def test_an_even_field_is_even_whatever_the_noise(
 
 
 @pytest.mark.parametrize("noise_t", [1e-8, 1e-6])
-def test_a_field_that_differs_from_place_to_place_is_counted(
+def test_field_that_differs_from_place_to_place_is_counted(
     random: np.random.Generator, attitude: np.ndarray, noise_t: float
 ) -> None:
     told = _told(random, random.normal(0.0, 0.04, ORIENTATIONS), attitude, noise_t)
@@ -64,6 +64,6 @@ def test_steel_that_turns_along_is_refused(random: np.random.Generator, attitude
         _told(random, 0.08 * (attitude[:, 0] ** 2 - attitude[:, 1] ** 2), attitude, noise_t)
 
 
-def test_a_place_beside_steel_furniture_is_refused(random: np.random.Generator, attitude: np.ndarray) -> None:
+def test_place_beside_steel_furniture_is_refused(random: np.random.Generator, attitude: np.ndarray) -> None:
     with pytest.raises(BaselineError, match=r"by 1\d % \(mean\) from place to place.*in one place"):
         _told(random, random.normal(0.0, 0.15, ORIENTATIONS), attitude, 1e-7)

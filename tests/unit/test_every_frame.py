@@ -99,7 +99,7 @@ def test_warm_pad_is_known_less_well_by_what_offsets_may_have_drifted() -> None:
 
 
 @pytest.mark.parametrize("missing", [range(40, 130), range(70), range(130)], ids=["later", "at first", "throughout"])
-def test_warm_pad_whose_temperature_is_not_told_is_no_contact(missing: range) -> None:
+def test_warm_pad_without_thermometer_makes_no_contact(missing: range) -> None:
     """25 K are 3 % of the moment: 220 µm of height, which a thermometer that is silent does not make a touch."""
     config = config_of(11, ambient="drifting")
     frames = [
@@ -173,7 +173,7 @@ def test_session_repeated_is_the_same_bit_by_bit() -> None:
 
 
 @pytest.mark.parametrize("spoil", [None, silent, saturated], ids=["healthy", "silent", "saturated"])
-def test_who_goes_on_from_a_snapshot_says_the_same_bit_by_bit(spoil: Callable[[Frame], Frame] | None) -> None:
+def test_pipeline_from_snapshot_is_bit_identical(spoil: Callable[[Frame], Frame] | None) -> None:
     config = config_of(10, ambient="drifting")
     frames, baseline = taps(config, 2.0), simulated_baseline(config)
     frames = frames if spoil is None else [*frames[:BEGINS], *map(spoil, frames[BEGINS:])]
@@ -186,7 +186,7 @@ def test_who_goes_on_from_a_snapshot_says_the_same_bit_by_bit(spoil: Callable[[F
 
 
 @pytest.mark.parametrize("spoil", [None, silent], ids=["healthy", "silent"])
-def test_frames_leave_nothing_behind(spoil: Callable[[Frame], Frame] | None) -> None:
+def test_frames_leave_no_memory_allocated(spoil: Callable[[Frame], Frame] | None) -> None:
     config = config_of(7, ambient="constant")
     pipeline = pipeline_of(config, simulated_baseline(config))
     frames = [
@@ -217,7 +217,7 @@ def test_fault_that_only_the_mean_shows_is_named() -> None:
     assert "sensor 2 still contradicts" in messages[-1].reason
 
 
-def test_message_tells_which_sensor_is_missing_and_no_now() -> None:
+def test_message_names_missing_sensor_and_omits_now() -> None:
     config = config_of(22)
     frames = taps(config, 2.0)
     pipeline = pipeline_of(config, simulated_baseline(config))
@@ -253,7 +253,7 @@ def test_silent_sensor_makes_no_jump() -> None:
     assert not any("jumped" in message.reason for message in said[BEGINS + 1 :])
 
 
-def test_model_with_shear_tells_shear_and_its_rate() -> None:
+def test_model_with_shear_reports_shear_and_its_rate() -> None:
     config = config_of(33)
     tracking = tracking_model_for(config.scene, config.magnet).tracking
     pipeline = PadPipeline(config.pad(), ContactModel.load("shear", config.pad()), "boot", 220.0, tracking)

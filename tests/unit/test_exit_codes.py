@@ -90,7 +90,7 @@ def test_board_that_is_not_there_is_absent(verb: tuple[str, ...], place: Path) -
     assert ended(verb, ABSENT_BOARD, place) == exit_codes.UNAVAILABLE
 
 
-def test_every_code_is_in_help_and_in_the_manual_in_the_same_words() -> None:
+def test_every_code_is_in_help_and_in_manual_in_same_words() -> None:
     manual = (ROOT / "docs" / "troubleshooting.md").read_text()
     codes = {value for name, value in vars(exit_codes).items() if name.isupper() and isinstance(value, int)}
     assert codes == set(MEANING) >= set(OF_ERROR.values())

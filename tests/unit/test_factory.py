@@ -83,7 +83,7 @@ def test_drivers_are_imported_only_where_a_pad_needs_them() -> None:
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
-def test_simulated_pad_feels_the_neighbours_that_its_scene_names() -> None:
+def test_simulated_pad_measures_neighbours_that_its_scene_names() -> None:
     """Also where it is opened alone, for a baseline."""
     scene, beside = SceneConfig(neighbours=("b",)), PlacementConfig(position_mm=(30.0, 0.0, 0.0))
     first = PadConfig(name="a", source=SimulatedSource(), scene=scene)

@@ -87,7 +87,7 @@ def at_no_time(messages: list[ContactMessage]) -> list[ContactMessage]:
 
 
 @pytest.mark.parametrize("faulty", [False, True], ids=["healthy", "with faults"])
-def test_a_session_says_the_same_by_express(faulty: bool, bus: Bus) -> None:
+def test_fast_loop_publishes_the_same_session(faulty: bool, bus: Bus) -> None:
     config = config_of(4)
     baseline, frames = simulated_baseline(config), frames_of(config, 14 * 110 / 220)
     reads = list(reads_of(with_faults(frames) if faulty else frames, seed=5))
@@ -117,7 +117,7 @@ def settled(bus: Bus, model: Inference | None = None) -> tuple[Host, bytes, int]
     return host, reads[-1][0], reads[-1][1] + 100_000
 
 
-def test_frames_with_faults_stay_in_the_loop_and_their_changes_are_told(bus: Bus) -> None:
+def test_frames_with_faults_stay_in_loop_and_their_changes_are_reported(bus: Bus) -> None:
     """An axis that saturates, and a temperature that is missing."""
     host, _, _ = settled(bus)
     before = len(host.told.messages)
@@ -162,7 +162,7 @@ def test_packet_that_is_no_next_frame_changes_nothing(bus: Bus) -> None:
     assert len(bus.heard()) == 1
 
 
-def test_changes_that_nobody_has_heard_of_end_the_loop(bus: Bus) -> None:
+def test_unreported_changes_end_the_fast_loop(bus: Bus) -> None:
     host, _, _ = settled(bus)
     taken = []
     for number, frame in enumerate(frames_of(config_of(4), 1.2)[-43:]):
@@ -188,7 +188,7 @@ def test_frames_pass_until_there_is_no_room_to_account_for_them(bus: Bus) -> Non
     assert passed == frames == len(bus.heard()) == 256
 
 
-def test_a_loop_refuses_what_it_was_not_made_for(bus: Bus) -> None:
+def test_loop_refuses_what_it_was_not_made_for(bus: Bus) -> None:
     host, data, arrival_ns = settled(bus)
     pad = host.lent
     assert pad is not None
@@ -233,13 +233,13 @@ def test_error_of_a_model_is_left_to_python_which_finds_it_again(bus: Bus) -> No
         host.take(data, arrival_ns)
 
 
-def test_whoever_ends_the_program_while_a_model_runs_is_heard(bus: Bus) -> None:
+def test_interrupt_during_model_run_is_handled(bus: Bus) -> None:
     _, data, arrival_ns = settled(bus, Failing(KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
         bus.loop.take(Host.LINE, data, arrival_ns)
 
 
-def test_a_board_is_lent_only_while_all_is_well(board: Board) -> None:  # noqa: F811
+def test_board_is_lent_only_while_all_is_well(board: Board) -> None:  # noqa: F811
     """What its borrower leaves, and all that is not a sample, becomes frames and facts as ever."""
     bridge = Bridge({0: pad(board.link)})
     connected(bridge, board)
@@ -284,7 +284,7 @@ def test_what_a_signal_interrupted_is_sent_again(answers: list[int], bus: Bus) -
     assert [parts[0], parts[1][1]] == [(TOPIC, 3), 1]  # ZMQ_DONTWAIT | ZMQ_SNDMORE, and ZMQ_DONTWAIT
 
 
-def test_a_contact_that_cannot_be_sent_is_an_error(bus: Bus) -> None:
+def test_contact_that_cannot_be_sent_is_an_error(bus: Bus) -> None:
     def send(socket: int | None, data: int, size: int, flags: int) -> int:
         ctypes.set_errno(errno.ENOTSOCK)
         return -1
@@ -293,7 +293,7 @@ def test_a_contact_that_cannot_be_sent_is_an_error(bus: Bus) -> None:
         passes_through(send, bus)
 
 
-def test_eleven_pads_that_are_ready_at_once_are_each_told_once_and_in_order() -> None:
+def test_eleven_ready_pads_are_each_reported_once_in_order() -> None:
     """Eight are sent together, and a pad that has two frames sends the first one before: ten follow without a stop."""
     config, epoll = config_of(4), select.epoll()
     baseline, frames, bus = simulated_baseline(config), frames_of(config, 1.0), Bus(epoll.fileno())

@@ -106,7 +106,7 @@ def run(daemon: Daemon, until: Callable[[], object]) -> None:
         daemon._turn()
 
 
-def test_frames_pass_without_python_and_all_of_them_are_told(
+def test_frames_pass_without_python_and_all_are_published(
     daemon: Daemon, board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (channel,) = daemon._channels.values()
@@ -141,7 +141,7 @@ def test_gaps_are_counted_wherever_frames_pass(daemon: Daemon, board: Board) -> 
     assert channel._statistics.gaps == sum(1 for number in range(round(SECONDS * 220)) if number % 50 in (30, 31))
 
 
-def test_garbage_without_an_end_does_not_keep_the_port_from_being_read(daemon: Daemon, board: Board) -> None:
+def test_garbage_without_end_does_not_keep_port_from_being_read(daemon: Daemon, board: Board) -> None:
     (channel,) = daemon._channels.values()
     with Streaming(board, left_out=lambda number: number >= 200) as streaming:
         run(daemon, lambda: channel._statistics.frames == streaming.sent == 200)
@@ -153,7 +153,7 @@ def test_garbage_without_an_end_does_not_keep_the_port_from_being_read(daemon: D
         assert daemon._sources[0].state.garbage_bytes == 300
 
 
-def test_a_plug_that_is_pulled_amid_a_packet_is_noticed_at_once(daemon: Daemon, board: Board) -> None:
+def test_plug_that_is_pulled_amid_a_packet_is_noticed_at_once(daemon: Daemon, board: Board) -> None:
     (channel,) = daemon._channels.values()
     with Streaming(board, left_out=lambda number: number >= 200) as streaming:
         run(daemon, lambda: channel._statistics.frames == streaming.sent == 200)
@@ -162,9 +162,7 @@ def test_a_plug_that_is_pulled_amid_a_packet_is_noticed_at_once(daemon: Daemon, 
         assert turns_until(daemon, lambda: not daemon._sources[0].state.connected) < 10
 
 
-def test_no_message_after_a_baseline_came_into_use_is_of_the_one_before(
-    daemon: Daemon, board: Board, tmp_path: Path
-) -> None:
+def test_no_message_after_baseline_came_into_use_is_of_one_before(daemon: Daemon, board: Board, tmp_path: Path) -> None:
     """One that was restored, which does not need frames: they pass meanwhile."""
     (channel,) = daemon._channels.values()
     other = simulated_baseline(config_of(5))
@@ -191,7 +189,7 @@ def test_no_message_after_a_baseline_came_into_use_is_of_the_one_before(
 
 
 @pytest.mark.real_time  # C hands over what comes late: on a busy computer Python may see the touch begin
-def test_a_touch_that_begins_in_c_is_told_of_at_once(
+def test_touch_begun_in_c_is_reported_at_once(
     daemon: Daemon, board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By what C calls Python for, neither with a status nor in the look for silence."""
@@ -273,7 +271,7 @@ def received(subscription: Subscription) -> list[dict[str, Any]]:
     return [message.body for message in messages(subscription)]
 
 
-def test_who_records_gets_every_frame_from_then_on(daemon: Daemon, board: Board, tmp_path: Path) -> None:
+def test_recorder_gets_every_frame_from_its_start(daemon: Daemon, board: Board, tmp_path: Path) -> None:
     (channel,) = daemon._channels.values()
     with Streaming(board) as streaming:
         run(daemon, lambda: channel._statistics.frames > 100)

@@ -18,7 +18,7 @@ from fmfts_lab.bench.truth import WRONG_DEVIATIONS
 
 
 @pytest.mark.parametrize("ambient", [pytest.param("constant", marks=pytest.mark.long), "drifting"])
-def test_broken_axis_is_never_believed_for_longer_than_half_a_second(ambient: Ambient) -> None:
+def test_broken_axis_is_accepted_for_at_most_half_a_second(ambient: Ambient) -> None:
     outcomes = drilled(sensor_faults((1,), (0,)), (1,), ambients=(ambient,), touches=("pressed",))
     assert {outcome.kind for outcome in outcomes} >= {"invalid", "saturated", "stuck", "offset 100 mG", "gain 5 %"}
     for outcome in outcomes:
@@ -31,7 +31,7 @@ def test_broken_axis_is_never_believed_for_longer_than_half_a_second(ambient: Am
             assert max(outcome.detected_ms) < 90.0, outcome.line
 
 
-def test_foreign_field_is_never_believed_for_longer_than_half_a_second() -> None:
+def test_foreign_field_is_accepted_for_at_most_half_a_second() -> None:
     kinds = ("neighbour 30 mm, moving", "neighbour 60 mm, fixed", "field step 100 mG")
     faults = [fault for fault in field_faults() if fault.kind in kinds]
     outcomes = drilled(faults, (1,), ambients=("constant",), touches=("rest",))
@@ -80,7 +80,7 @@ def test_many_frames_at_once_are_those_of_as_many_polls(ambient: Ambient) -> Non
         )
 
 
-def test_an_alarm_is_a_run_of_messages_that_are_not_ok() -> None:
+def test_alarm_is_a_run_of_messages_that_are_not_ok() -> None:
     well = Well("constant")
     ok, lost = contact_message(health="ok"), contact_message(health="lost")
     well.saw([lost, lost, ok, lost], np.zeros(4), was_ok=True)
@@ -97,7 +97,7 @@ def test_facts_of_the_drills_are_json() -> None:
     assert facts["healthy"][0]["frames"] == 10
 
 
-def test_a_field_that_goes_again_is_followed_until_the_pad_is_well() -> None:
+def test_field_that_goes_again_is_followed_until_the_pad_is_well() -> None:
     """30 mG for 1.2 s in a constant scene, and then none."""
     step = [fault for fault in field_faults() if fault.kind == "field step 30 mG"]
     (outcome,) = drilled(step, [1], ["constant"], ["rest"])

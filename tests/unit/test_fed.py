@@ -42,7 +42,7 @@ def message(pad: str = "left", boot: str = "a", sequence: int = 0) -> bytes:
     return encode(frame_message(replace(frame(), sequence=sequence), pad, boot, 0))
 
 
-def test_frame_comes_as_it_was_sent(tmp_path: Path) -> None:
+def test_frame_comes_unchanged(tmp_path: Path) -> None:
     source, path = fed(tmp_path)
     assert not source.state.connected
     assert str(path) in source.state.reason
@@ -82,7 +82,7 @@ def test_frames_of_another_pad_are_named(tmp_path: Path) -> None:
     source.close()
 
 
-def test_silence_is_told(tmp_path: Path) -> None:
+def test_silence_is_reported(tmp_path: Path) -> None:
     source, path = fed(tmp_path)
     send(path, message())
     source.poll(10)
@@ -101,7 +101,7 @@ def test_only_its_user_may_write(tmp_path: Path) -> None:
     source.close()
 
 
-def test_socket_of_an_earlier_daemon_is_replaced_and_no_other_file(tmp_path: Path) -> None:
+def test_socket_of_earlier_daemon_is_replaced_and_no_other_file(tmp_path: Path) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as left:
         left.bind(str(tmp_path / "left.sock"))
     source, path = fed(tmp_path)
@@ -112,7 +112,7 @@ def test_socket_of_an_earlier_daemon_is_replaced_and_no_other_file(tmp_path: Pat
     assert path.read_text() == "mine"
 
 
-def test_path_too_long_is_told(tmp_path: Path) -> None:
+def test_path_too_long_is_reported(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="less than 100 letters"):
         fed(tmp_path / ("x" * 120))
 

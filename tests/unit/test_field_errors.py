@@ -49,7 +49,7 @@ def _misfit(world: World, patterns: bool) -> float:
     return float(seen @ np.linalg.solve(spread @ spread.T + REST_NOISE_T**2 * np.eye(4), seen)) / 4.0
 
 
-def test_residuals_of_healthy_pads_are_what_the_baseline_leaves_open(pad: Pad) -> None:
+def test_residuals_of_healthy_pads_are_what_baseline_leaves_open(pad: Pad) -> None:
     """240 degrees of freedom: the mean of χ² over them is 1 ± 0.09, and this is four of those."""
     ratios = [_misfit(World(pad, np.random.default_rng(seed)), patterns=True) for seed in range(PADS)]
     assert 0.64 < np.mean(ratios) < 1.36
@@ -62,7 +62,7 @@ def test_deviations_of_single_axes_are_careful(pad: Pad) -> None:
     assert np.mean(ratios) < 1.0
 
 
-def test_ambient_field_says_nothing_of_a_sensors_place(pad: Pad) -> None:
+def test_ambient_field_does_not_determine_sensor_places(pad: Pad) -> None:
     """Of a pressed pad on a robot that has turned: errors of gains and axes act on the whole change."""
     world = World(pad, np.random.default_rng(1))
     mounting = world.baseline(TOLERANCE).mounting(pad)

@@ -32,12 +32,12 @@ def follow(one: World, counter: FingerCounter, presses: list[Press], frames: int
     return counted.fit.fingers, counted.ids
 
 
-def test_an_untouched_pad_has_no_finger(built: World) -> None:
+def test_untouched_pad_has_no_finger(built: World) -> None:
     counter = built.counter()
     assert all(follow(built, counter, [])[1] == () for _ in range(300))
 
 
-def test_two_fingers_12_mm_apart_are_told_from_the_first_frame_on(drawn: World) -> None:
+def test_two_fingers_12_mm_apart_are_reported_from_first_frame_on(drawn: World) -> None:
     """Errors are within four of their own deviations: 60 numbers, of which one in 16,000 would be beyond."""
     for seed in range(10):
         random = np.random.default_rng(seed)
@@ -51,7 +51,7 @@ def test_two_fingers_12_mm_apart_are_told_from_the_first_frame_on(drawn: World) 
         assert (np.abs(error) < 4.0 * counted.fit.deviation[::order]).all()
 
 
-def test_a_weak_second_finger_is_found_beside_a_strong_one(drawn: World) -> None:
+def test_weak_second_finger_is_found_beside_a_strong_one(drawn: World) -> None:
     fingers, _ = follow(drawn, drawn.counter(), [Press(3.7, 5.0, 2.0), Press(-10.9, -8.6, 0.2)])
     assert len(fingers) == 2
     assert abs(fingers[:, 2].min() - 0.2) < 0.1
@@ -77,7 +77,7 @@ def test_without_room_for_shear_a_sliding_finger_would_be_two(drawn: World) -> N
     assert gain_of_second(drawn, measured) < SECOND_GAIN / 2.0
 
 
-def test_a_finger_keeps_its_id_while_another_comes_and_goes(drawn: World) -> None:
+def test_finger_keeps_its_id_while_another_comes_and_goes(drawn: World) -> None:
     counter = drawn.counter()
     _, alone = follow(drawn, counter, [LEFT], 3)
     fingers, both = follow(drawn, counter, [LEFT, RIGHT], 3)
@@ -104,7 +104,7 @@ def test_fingers_that_meet_become_one_and_part_as_two(drawn: World) -> None:
     assert np.abs(np.array(forces) - 1.6).max() < 0.3
 
 
-def test_a_released_finger_goes_within_a_few_frames(built: World) -> None:
+def test_released_finger_goes_within_a_few_frames(built: World) -> None:
     counter = built.counter()
     follow(built, counter, [LEFT], 3)
     assert follow(built, counter, [], RELEASE_FRAMES)[1] == ()
@@ -118,7 +118,7 @@ def test_forgetting_begins_anew(built: World) -> None:
     assert follow(built, counter, [LEFT])[1] != before
 
 
-def test_a_second_finger_is_searched_beside_one_without_force(drawn: World) -> None:
+def test_second_finger_is_searched_beside_one_without_force(drawn: World) -> None:
     """Where the search ended at no force, its place says nothing, and no matrix may be singular."""
     fitter, measured = drawn.fitter, drawn.measured(drawn.pressed([RIGHT]))
     nobody = fitter.fit(np.zeros((1, 3)), drawn.measured(np.zeros(20)), NOTHING)
@@ -134,6 +134,6 @@ def test_two_are_far_enough_apart_and_strong_enough() -> None:
     assert not are_two(np.array([[0.0, 0.0, 1.0], [9.0, 0.0, 0.05]]))
 
 
-def test_the_resultant_is_where_all_of_the_force_would_press() -> None:
+def test_resultant_is_where_all_of_the_force_would_press() -> None:
     assert resultant(np.array([[-6.0, 0.0, 1.0], [6.0, 4.0, 3.0]])).tolist() == [3.0, 3.0, 4.0]
     assert resultant(np.zeros((0, 3))).tolist() == [0.0, 0.0, 0.0]

@@ -49,7 +49,7 @@ def lost_message() -> ContactMessage:
     return contact_message(**TIMES, **null, health="lost", reason="no pose fits")
 
 
-def test_a_pad_with_one_magnet_sends_the_bytes_that_it_always_sent() -> None:
+def test_pad_with_one_magnet_sends_the_bytes_that_it_always_sent() -> None:
     touch = contact_message(**TIMES, now=now_message(1_004_500_000))
     assert encode(touch) == (GOLDEN / "one-magnet.msgpack").read_bytes()
     assert encode(lost_message()) == (GOLDEN / "one-magnet-lost.msgpack").read_bytes()
@@ -70,7 +70,7 @@ def golden_fingers() -> dict[str, ContactMessage]:
 
 
 @pytest.mark.parametrize("name", golden_fingers())
-def test_a_pad_with_several_magnets_sends_the_golden_bytes(name: str) -> None:
+def test_pad_with_several_magnets_sends_the_golden_bytes(name: str) -> None:
     assert encode(golden_fingers()[name]) == (GOLDEN / f"{name}.msgpack").read_bytes()
 
 
@@ -85,7 +85,7 @@ def test_golden_messages_are_read_as_their_json_says(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["one-magnet", "one-magnet-lost"])
-def test_a_message_of_before_is_read_and_encoded_again_to_the_last_byte(name: str) -> None:
+def test_message_of_before_is_read_and_encoded_again_to_last_byte(name: str) -> None:
     payload = (GOLDEN / f"{name}.msgpack").read_bytes()
     message = decode_contact(payload)
     assert [getattr(message, field) for field in OF_SEVERAL] == [msgspec.UNSET] * 3
@@ -114,14 +114,14 @@ def _as_maps(fingers: Any) -> Any:
     return None if fingers is None else [vars(finger) for finger in fingers]
 
 
-def test_no_contact_and_cannot_tell_are_two_answers() -> None:
+def test_no_contact_and_unknown_are_different_answers() -> None:
     assert Contact.from_message(sent(fingers_message())).contacts == ()
     unknown = Contact.from_message(sent(fingers_message(contacts=None)))
     assert unknown.contacts is None
     assert unknown.tells_fingers
 
 
-def test_a_reader_that_knows_no_fingers_reads_their_resultant() -> None:
+def test_reader_that_knows_no_fingers_reads_their_resultant() -> None:
     message = {name: value for name, value in sent(fingers_message(*two_fingers())).items() if name not in OF_SEVERAL}
     contact = Contact.from_message(message)
     assert contact.valid
@@ -132,7 +132,7 @@ def test_a_reader_that_knows_no_fingers_reads_their_resultant() -> None:
 @pytest.mark.parametrize("number", NOT_NUMBERS)
 @pytest.mark.parametrize("field", FINGER_FIELDS)
 @pytest.mark.parametrize("which", [0, 1])
-def test_a_finger_with_a_number_that_is_none_is_not_encoded(field: str, number: float, which: int) -> None:
+def test_finger_with_a_number_that_is_none_is_not_encoded(field: str, number: float, which: int) -> None:
     fingers = list(two_fingers())
     fingers[which] = msgspec.structs.replace(fingers[which], **{field: number})
     with pytest.raises(NotFiniteError, match=rf"pad 'demo': ContactMessage\.contacts\.{which}\.{field} "):
@@ -141,7 +141,7 @@ def test_a_finger_with_a_number_that_is_none_is_not_encoded(field: str, number: 
 
 @pytest.mark.parametrize("number", NOT_NUMBERS)
 @pytest.mark.parametrize("field", POSE_FIELDS)
-def test_a_magnets_pose_with_a_number_that_is_none_is_not_encoded(field: str, number: float) -> None:
+def test_magnets_pose_with_a_number_that_is_none_is_not_encoded(field: str, number: float) -> None:
     poses = [pose_message(), pose_message(**{field: number})]
     with pytest.raises(NotFiniteError, match=rf"ContactMessage\.poses\.1\.{field} "):
         encode(fingers_message(poses=poses))
@@ -164,7 +164,7 @@ def test_infinities_of_two_fingers_do_not_cancel() -> None:
         ({"shear_x_n": "0.1"}, "shear_x_n"),
     ],
 )
-def test_the_client_refuses_a_wrong_finger_by_name(finger: dict[str, Any], named: str) -> None:
+def test_client_refuses_a_wrong_finger_by_name(finger: dict[str, Any], named: str) -> None:
     message = sent(fingers_message(*two_fingers()))
     message["contacts"][1] |= finger
     with pytest.raises(MessageError, match=rf"contacts: Finger\.{named}"):
@@ -173,12 +173,12 @@ def test_the_client_refuses_a_wrong_finger_by_name(finger: dict[str, Any], named
 
 @pytest.mark.parametrize("field", ["contacts", "more", "poses"])
 @pytest.mark.parametrize("value", [1.5, "two", {}, [3]])
-def test_the_client_refuses_wrong_kinds_of_these_fields(field: str, value: object) -> None:
+def test_client_refuses_wrong_kinds_of_these_fields(field: str, value: object) -> None:
     with pytest.raises(MessageError, match=field):
         Contact.from_message(sent(fingers_message(*two_fingers())) | {field: value})
 
 
-def test_the_client_ignores_keys_of_a_later_finger() -> None:
+def test_client_ignores_keys_of_a_later_finger() -> None:
     message = sent(fingers_message(*two_fingers()))
     message["contacts"][0]["slip"] = 0.5
     assert Contact.from_message(message).contacts is not None
@@ -193,7 +193,7 @@ def test_without_an_estimate_each_kind_of_pad_keeps_its_keys() -> None:
     assert (one["force_n"], one["pose"], one["health"]) == (None, None, "lost")
 
 
-def test_a_finger_that_is_no_number_takes_all_estimates_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_finger_that_is_no_number_takes_all_estimates_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     publisher = Publisher(Endpoints.from_base(f"ipc://{tmp_path}"), "b00t", pads=["demo"])
     try:
         with caplog.at_level(logging.ERROR):

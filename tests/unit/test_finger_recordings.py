@@ -38,7 +38,7 @@ def sent(message: ContactMessage) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("message", MESSAGES.values(), ids=MESSAGES.keys())
-def test_a_recorded_message_is_read_as_it_was_sent(message: ContactMessage, tmp_path: Path) -> None:
+def test_recorded_message_is_read_unchanged(message: ContactMessage, tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     writer = RecordingWriter(path)
     writer.add("contact", "demo", sent(message))
@@ -48,14 +48,14 @@ def test_a_recorded_message_is_read_as_it_was_sent(message: ContactMessage, tmp_
 
 
 @pytest.mark.parametrize("message", MESSAGES.values(), ids=MESSAGES.keys())
-def test_a_recorded_message_fits_its_plain_schema_and_has_no_null(message: ContactMessage) -> None:
+def test_recorded_message_fits_its_plain_schema_and_has_no_null(message: ContactMessage) -> None:
     body = without_nulls(sent(message), ContactMessage)
     jsonschema.validate(body, plain_schema(ContactMessage))
     assert b"null" not in msgspec.json.encode(body)
     assert with_nulls(body, ContactMessage) == sent(message)
 
 
-def test_the_plain_schema_describes_every_field_of_a_finger() -> None:
+def test_plain_schema_describes_every_field_of_a_finger() -> None:
     described = plain_schema(ContactMessage)["properties"]["contacts"]["items"]
     assert described["properties"].keys() == sent(fingers_message(*two_fingers()))["contacts"][0].keys()
     assert "shear_x_n" not in described["required"]
@@ -100,19 +100,19 @@ def test_what_is_gone_is_not_drawn_any_more() -> None:
     assert {"contact", "magnet"} & there(unknown).keys() == set()
 
 
-def test_where_fingers_are_not_told_the_resultant_is_drawn_without_a_number() -> None:
+def test_unknown_fingers_draw_the_resultant_without_number() -> None:
     (drawn,) = scenes(fingers_message(*two_fingers(), contacts=None))
     touch = there(drawn)["contact"]
     assert (len(touch.arrows), len(touch.texts)) == (1, 0)
     assert touch.cylinders[0].pose.position.x == pytest.approx(0.002)
 
 
-def test_more_than_two_fingers_is_said_in_the_picture() -> None:
+def test_more_than_two_fingers_is_reported_in_the_picture() -> None:
     (drawn,) = scenes(fingers_message(*two_fingers(), more=True))
     assert "two fingers do not explain" in there(drawn)["health"].texts[0].text
 
 
-def test_a_finger_stays_in_its_column_while_it_touches() -> None:
+def test_finger_stays_in_its_column_while_it_touches() -> None:
     left, right = finger_message(7, x_m=-0.005), finger_message(8, x_m=0.005)
     third = finger_message(9)
     told = scenes(
@@ -139,14 +139,14 @@ def test_drawings_fit_their_plain_schemas() -> None:
             assert b"null" not in text
 
 
-def test_a_pad_with_one_magnet_has_none_of_these_channels() -> None:
+def test_pad_with_one_magnet_has_none_of_these_channels() -> None:
     (drawn,) = scenes(contact_message())
     assert {each.topic.partition("/")[0] for each in drawn} == {"transform", "scene", "magnet", "wrench"}
     (drawn,) = scenes(fingers_message())
     assert {each.topic.partition("/")[0] for each in drawn} == {"transform", "scene", "magnets", "fingers", "wrench"}
 
 
-def test_a_replay_names_what_differs_of_fingers() -> None:
+def test_replay_names_what_differs_of_fingers() -> None:
     comparison = Comparison()
     one, two = two_fingers()
     recorded = [fingers_message(one, two, seq=number) for number in range(3)]

@@ -163,13 +163,13 @@ def test_allegros_screws_meet_holes_into_which_they_cut_a_thread(tmp_path: Path)
     assert pad_origin_mm("allegro")[2] - CHIPS_APART_MM / 2 - ALLEGRO_FREE_MM >= FROM_STEEL_MM
 
 
-def test_the_pad_is_the_shipped_configurations() -> None:
+def test_pad_is_the_shipped_configurations() -> None:
     """Its magnet lies in the middle of the silicone that the fingertip holds."""
     pad = load(EXAMPLE_PATH)[0].pad[0]
     assert pad.magnet.rest_mm[2] == pytest.approx(PLATE_ABOVE_CHIPS_MM + SILICONE_MM[0] / 2)
 
 
-def test_a_part_of_another_hand_is_refused() -> None:
+def test_part_of_another_hand_is_refused() -> None:
     command = [
         "openscad",
         "-o",

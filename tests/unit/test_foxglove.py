@@ -91,7 +91,7 @@ def as_protobuf(value: Any) -> Any:
     return [as_protobuf(each) for each in value] if isinstance(value, (list, tuple)) else value
 
 
-def test_the_sdk_knows_every_field_of_the_drawings() -> None:
+def test_sdk_knows_every_field_of_the_drawings() -> None:
     seen = set()
     for each in drawn(
         contact(0), contact(100, health="degraded", reason="sensor 3"), contact(200, contact=False), SEVERAL
@@ -235,7 +235,7 @@ def test_contact_is_drawn_where_it_is_and_goes_with_the_finger() -> None:
     assert there.keys() == {"pad", "magnet", "contact"}
 
 
-def test_pressed_beyond_its_range_a_pad_shows_no_force_and_says_so() -> None:
+def test_pressed_beyond_its_range_pad_shows_no_force_and_says_so() -> None:
     there = entities(contact(0, over_range=True))
     assert there["contact"].arrows == ()
     assert "harder" in there["health"].texts[0].text

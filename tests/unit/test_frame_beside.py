@@ -33,17 +33,17 @@ def compared(**changes: object) -> Compared:
     return found
 
 
-def test_messages_that_were_only_sent_at_other_times_are_the_same() -> None:
+def test_messages_that_were_only_sent_at_other_times_are_same() -> None:
     assert str(compared(baseline="b", utc_ns=7, t_publish_ns=8)) == "1 of 1 messages the same to the last bit"
 
 
-def test_one_bit_of_one_number_is_told_with_its_field_and_its_size() -> None:
+def test_one_changed_bit_is_reported_with_field_and_size() -> None:
     found = compared(pose={"axis": [0.0, 0.6, float(np.nextafter(0.8, 1.0))]})
     assert (found.same, found.fields) == (0, {"pose.axis": 1})
     assert 0.0 < found.largest["pose.axis"] < 2e-16
 
 
-def test_a_field_that_only_one_of_them_has_or_that_is_null_differs() -> None:
+def test_field_that_only_one_of_them_has_or_that_is_null_differs() -> None:
     found = compared(force_n=1.0, more=False)
     assert found.fields == {"force_n": 1, "more": 1}
     assert found.largest == {}
@@ -54,7 +54,7 @@ def copied(folder: Path) -> Path:
     return Path(shutil.copytree(PACKAGE, folder / "fmfts", ignore=shutil.ignore_patterns("__pycache__")))
 
 
-def test_a_build_of_other_arithmetic_is_told_by_its_messages(
+def test_other_arithmetic_is_noticed_in_messages(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     parameters = copied(tmp_path) / "pipeline/parameters.py"
@@ -69,13 +69,13 @@ def test_a_build_of_other_arithmetic_is_told_by_its_messages(
     assert any(line.startswith("  pose.chi2 differs in 200") for line in differing)
 
 
-def test_a_folder_that_is_only_a_link_to_this_build_is_refused(tmp_path: Path) -> None:
+def test_folder_that_is_only_a_link_to_this_build_is_refused(tmp_path: Path) -> None:
     (tmp_path / "fmfts").symlink_to(PACKAGE)
     with pytest.raises(SystemExit, match=r"nothing was compared, because the other process loaded fmfts.* from "):
         frame_beside.run(str(tmp_path))
 
 
-def test_a_folder_with_one_compiled_module_of_this_build_is_refused(tmp_path: Path) -> None:
+def test_folder_with_one_compiled_module_of_this_build_is_refused(tmp_path: Path) -> None:
     (own,) = (copied(tmp_path) / "contact").glob("_contact.*.so")
     own.unlink()
     own.symlink_to(PACKAGE / "contact" / own.name)

@@ -59,7 +59,7 @@ def pressed_worlds(name: str, pads: int = 6, of_each: int = 5) -> Iterator[tuple
 
 
 @pytest.mark.parametrize("name", OBSERVABLE)
-def test_the_magnets_are_found_from_rest_within_their_deviations(name: str) -> None:
+def test_magnets_are_found_from_rest_within_their_deviations(name: str) -> None:
     squares = []
     for one, change, measured in pressed_worlds(name):
         if np.abs(change.reshape(-1, 5) / FARTHEST).max() > 0.9:
@@ -75,7 +75,7 @@ def test_the_magnets_are_found_from_rest_within_their_deviations(name: str) -> N
 
 
 @pytest.mark.long
-def test_the_deviations_hold_hard_presses_of_pads_that_were_built_by_hand() -> None:
+def test_deviations_hold_hard_presses_of_pads_that_were_built_by_hand() -> None:
     """Errors are known for half a press. Taken as they are, the mean square is 1.5 and more of three fingers."""
     squares = []
     for number in range(16):
@@ -91,7 +91,7 @@ def test_the_deviations_hold_hard_presses_of_pads_that_were_built_by_hand() -> N
 
 
 @pytest.mark.parametrize("name", OBSERVABLE)
-def test_a_foreign_magnet_is_not_taken_for_moved_magnets(name: str) -> None:
+def test_foreign_magnet_is_not_taken_for_moved_magnets(name: str) -> None:
     """0.2 A·m² at 60 mm and nearer: a magnet of 1 cm³."""
     for one, change, measured in pressed_worlds(name, pads=3):
         where = np.array([0.0, 0.0, 12e-3]) + one.random.uniform(0.03, 0.06) * upward(one.random)
@@ -118,7 +118,7 @@ def dipole(one: World, where: np.ndarray, moment: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", OBSERVABLE)
-def test_the_sensor_that_is_wrong_is_named(name: str) -> None:
+def test_sensor_that_is_wrong_is_named(name: str) -> None:
     right = tried = 0
     for number, (one, change, measured) in enumerate(pressed_worlds(name)):
         model, sensor = one.fitter.model, number % len(one.sensors)
@@ -135,7 +135,7 @@ def test_the_sensor_that_is_wrong_is_named(name: str) -> None:
     assert right >= 0.9 * tried
 
 
-def test_the_sensor_without_which_poses_explain_the_frame_best_is_tried_first() -> None:
+def test_sensor_without_poses_explain_frame_best_is_tried_first() -> None:
     """8 µT on each axis of one: without some other sensor the frame is explained as well, by chance and less well."""
     right = tried = 0
     for number, (one, change, measured) in enumerate(pressed_worlds("3 over 8", pads=12)):
@@ -153,7 +153,7 @@ def test_the_sensor_without_which_poses_explain_the_frame_best_is_tried_first() 
     assert right >= 0.7 * tried
 
 
-def test_a_search_that_ends_as_far_as_it_may_go_explains_nothing() -> None:
+def test_search_ending_at_its_limit_is_rejected() -> None:
     one = world(50, BUILT, layout=LAYOUTS["4 over 16"])
     far = np.zeros(20)
     far[2] = -1.5 * FARTHEST[2]

@@ -52,7 +52,7 @@ def test_contact_without_a_touch_counts_whatever_its_health(health: str) -> None
     assert len(score.doubtful) == 1
 
 
-def test_what_is_not_known_is_not_wrong() -> None:
+def test_unknown_values_do_not_count_as_wrong() -> None:
     score = score_of([1.0] * MOVES)
     for body in (
         contact(None, None, None, health="disturbed"),
@@ -86,7 +86,7 @@ def test_moments_in_which_the_force_changes_are_not_judged() -> None:
         (Verdict(), False),
     ],
 )
-def test_last_line_says_who_is_better(turned: Verdict, better: bool) -> None:
+def test_last_line_names_the_better_method(turned: Verdict, better: bool) -> None:
     ways = {GHOST: Verdict(ok=9, worst_n=0.3), UNTURNED: Verdict(ok=9), TURNED: turned}
     assert is_better(ways) is better
     *rows, last = table(ways)

@@ -68,7 +68,7 @@ def test_turn_and_presses_are_enough_whenever_they_begin(after_s: float) -> None
 
 
 @pytest.mark.parametrize("kind", ["bare", "rest", "turn", "refine"])
-def test_the_pad_is_left_as_it_was(kind: str) -> None:
+def test_pad_is_left_as_it_was(kind: str) -> None:
     source = Simulated(CONFIG)
     source.finger = finger = steady_finger(2e-3, 1e-3, 1.0)
     source.turning_rad_per_s = 0.3
@@ -83,7 +83,7 @@ def test_the_pad_is_left_as_it_was(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["rest", "refine"])
-def test_the_robot_goes_on_turning_from_where_it_stood(kind: str) -> None:
+def test_robot_goes_on_turning_from_where_it_stood(kind: str) -> None:
     """A jump of its field would be `disturbed` for a second after every baseline."""
     source = Simulated(CONFIG, noise_t=0.0)
     source.finger, source.turning_rad_per_s = no_finger, 0.3

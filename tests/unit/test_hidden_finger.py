@@ -22,7 +22,7 @@ def another(gain: float, force: float = 0.3) -> Another:
     return Another(np.array([[10.0, 1.0, 1.0]]), np.array([gain]), np.array([force]), by_force)
 
 
-def test_a_finger_that_is_as_likely_as_not_counts_with_half_of_the_most() -> None:
+def test_finger_as_likely_as_not_counts_with_half_of_most() -> None:
     variance = hidden_variance(FINGER, another(HALF_GAIN))
     # The first finger gives 0.15 N and moves to x = 1.94; with 0.3 N at x = 10 the resultant is at 3.40, of 1.65 N.
     assert variance[2] == pytest.approx(0.5 * MOST * 0.15**2)
@@ -30,7 +30,7 @@ def test_a_finger_that_is_as_likely_as_not_counts_with_half_of_the_most() -> Non
     assert variance[1] == pytest.approx(0.0)
 
 
-def test_a_small_gain_that_frames_of_one_finger_have_counts_nothing() -> None:
+def test_small_gain_of_second_finger_is_ignored() -> None:
     assert not hidden_variance(FINGER, another(HALF_GAIN - 4.0)).any()
     assert hidden_variance(FINGER, another(19.0))[2] == pytest.approx(MOST * 0.15**2, rel=1e-3)
 
@@ -58,7 +58,7 @@ def off(one: World, estimator: FingersEstimator, presses: list[Press]) -> Array 
     return np.asarray(np.abs(error / resultant_deviation(reading.fit)))
 
 
-def test_two_unequal_fingers_that_are_told_as_one_are_within_their_deviations() -> None:
+def test_unequal_fingers_reported_as_one_are_within_deviations() -> None:
     """1.6 and 0.4 N, 10 mm apart, on pads as built: of the frames that are told as one all were wrong before."""
     worst = []
     for one in worlds(160, BUILT, 61, 20):
@@ -74,7 +74,7 @@ def test_two_unequal_fingers_that_are_told_as_one_are_within_their_deviations() 
     assert max(worst) < 5.0
 
 
-def test_one_finger_is_told_as_exactly_as_before_in_most_frames() -> None:
+def test_one_finger_keeps_its_accuracy_in_most_frames() -> None:
     wider = []
     for one in worlds(120, BUILT, 5, 30):
         estimator = estimator_of(one)

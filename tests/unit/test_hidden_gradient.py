@@ -103,7 +103,7 @@ def test_effect_of_a_gradient_is_what_the_solver_makes_of_it(pad: Pad) -> None:
         assert moved == pytest.approx(expected, abs=0.02 * np.abs(expected).max() + 1e-9)
 
 
-def test_an_earth_s_field_that_turns_adds_nothing(pad: Pad) -> None:
+def test_earth_s_field_that_turns_adds_nothing(pad: Pad) -> None:
     gradient, random = Follower(pad), np.random.default_rng(1)
     for _ in range(50):
         turned = rotation_from_vector(random.normal(0.0, 1.0, 3)) @ EARTH_T * random.normal(1.0, 0.005)
@@ -111,7 +111,7 @@ def test_an_earth_s_field_that_turns_adds_nothing(pad: Pad) -> None:
     assert gradient.foreign_t == 0.0
 
 
-def test_a_stronger_field_adds_the_gradient_of_a_dipole_60_mm_away(pad: Pad) -> None:
+def test_stronger_field_adds_the_gradient_of_a_dipole_60_mm_away(pad: Pad) -> None:
     gradient, foreign_t = Follower(pad), 1e-5
     told = gradient.judge(EARTH_T / np.linalg.norm(EARTH_T) * foreign_t)
     assert told.health == "ok"
@@ -125,7 +125,7 @@ def test_a_stronger_field_adds_the_gradient_of_a_dipole_60_mm_away(pad: Pad) -> 
     assert pytest.approx(3.0 / 0.06) == GRADIENT_PER_T
 
 
-def test_what_was_seen_fades_and_is_not_forgotten_at_once(pad: Pad) -> None:
+def test_hidden_field_fades_gradually(pad: Pad) -> None:
     gradient, unit = Follower(pad), EARTH_T / np.linalg.norm(EARTH_T)
     first = height_sd_m(gradient.judge(1e-5 * unit))
     at_once = height_sd_m(gradient.judge(np.zeros(3)))
@@ -153,13 +153,13 @@ def test_gradient_worth_a_millimetre_is_disturbed(pad: Pad) -> None:
     assert gradient.hidden.strongest_t * GRADIENT_PER_T * np.linalg.norm(effect[:3]) == pytest.approx(VAGUE_M)
 
 
-def test_without_a_bare_recording_of_a_turning_pad_nothing_is_concluded(pad: Pad) -> None:
+def test_foreign_field_is_not_judged_without_bare_turn_recording(pad: Pad) -> None:
     gradient = Follower(pad, reference_of(pad, None, None))
     assert height_sd_m(gradient.judge(4e-5 * np.array([0.6, 0.0, 0.8]))) == pytest.approx(healthy(pad)[0], rel=1e-6)
     assert gradient.foreign_t == 0.0
 
 
-def test_a_magnet_that_turns_along_is_none_that_comes_near(pad: Pad) -> None:
+def test_magnet_that_turns_along_is_none_that_comes_near(pad: Pad) -> None:
     """A motor beside the pad: the ambient field's strength changes as the robot turns, by up to twice the motor's."""
     iron_t, random = np.array([6e-6, -4e-6, 5e-6]), np.random.default_rng(2)
     turns = [rotation_from_vector(random.normal(0.0, 1.5, 3)) for _ in range(100)]
@@ -232,7 +232,7 @@ PUT_DOWN, MOMENT_A_M2 = WAYS[8], 0.055
 
 
 @pytest.mark.parametrize("scene", ["steel", "turned"])
-def test_a_magnetic_tool_is_no_contact_and_no_wrong_answer(scene: Scene) -> None:
+def test_magnetic_tool_is_no_contact_and_no_wrong_answer(scene: Scene) -> None:
     (cell,) = drilled((scene,), (MOMENT_A_M2,), (PUT_DOWN,), ("rest",), range(1, 2), "drawn")
     assert cell.health["ok"] > 1000  # that is not for want of answers
     assert (cell.wrong, cell.wrong_degraded, cell.false_contacts) == (0, 0, 0), cell.line

@@ -35,13 +35,13 @@ def test_all_three_identification_bytes_count() -> None:
         assert wrong.hex(" ") in str(HMC5983.why_not_identity(wrong))
 
 
-def test_selftest_limits_are_the_data_sheets_and_scale_with_the_gain() -> None:
+def test_selftest_limits_are_data_sheets_and_scale_with_gain() -> None:
     assert [limits(HMC5983, 5, axis) for axis in range(3)] == 3 * [(243, 575)]
     assert limits(HMC5983, 0, 0) == (854, 2020)  # 1370/390 of them
 
 
 @pytest.mark.parametrize("edge", [243, 575])
-def test_a_count_at_a_limit_passes_and_one_beyond_fails(edge: int) -> None:
+def test_count_at_a_limit_passes_and_one_beyond_fails(edge: int) -> None:
     assert selftest_failures(HMC5983, 5, (edge,) * 3, (-edge,) * 3) == []
     beyond = edge + (1 if edge == 575 else -1)
     assert len(selftest_failures(HMC5983, 5, (edge, beyond, edge), (-edge,) * 3)) == 1
@@ -49,7 +49,7 @@ def test_a_count_at_a_limit_passes_and_one_beyond_fails(edge: int) -> None:
     assert len(selftest_failures(HMC5983, 5, (-edge,) * 3, (edge,) * 3)) == 3
 
 
-def test_the_field_outside_is_taken_off_once_whether_the_chip_does_it_or_not() -> None:
+def test_field_outside_is_taken_off_once_whether_chip_does_it_or_not() -> None:
     outside = (200, -150, 0)
     up, down = strap_counts(HMC5983, outside, GOOD_UP, GOOD_DOWN)
     assert (up, down) == (GOOD_UP, GOOD_DOWN)
@@ -58,7 +58,7 @@ def test_the_field_outside_is_taken_off_once_whether_the_chip_does_it_or_not() -
     assert strap_counts(HMC5983, outside, shifted_up, shifted_down) == (GOOD_UP, GOOD_DOWN)
 
 
-def test_a_strap_that_does_nothing_fails_on_either_kind() -> None:
+def test_strap_that_does_nothing_fails_on_either_kind() -> None:
     """A field outside within the limits must not pass for the strap's."""
     outside = (300, 300, 300)
     for shown in ((0, 0, 0), outside):

@@ -26,7 +26,7 @@ def judge(table: list[Judged]) -> None:
     assert not any(one.wrong for one in table), [one.text for one in table if one.wrong]
 
 
-def test_neighbour_beside_bits_that_flip_blames_no_sound_sensor() -> None:
+def test_neighbour_and_flipped_bits_blame_no_healthy_sensor() -> None:
     """A sensor that was left out when the neighbour came is not at odds with others that do not fit without it."""
     pad = ImperfectPad(together(), "constant", 2, turned=True)
     by_name = {one.name: one for one in possible("constant")}

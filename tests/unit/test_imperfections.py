@@ -45,14 +45,14 @@ def test_mild_effect_makes_no_frame_wrong_and_no_false_contact(name: str) -> Non
     assert found.health["ok"] > 0.99 * found.frames, found.line
 
 
-def test_magnet_cast_askew_is_refused_with_the_tolerances_that_take_it() -> None:
+def test_magnet_cast_askew_is_refused_with_tolerances_that_take_it() -> None:
     (reason,) = row("casting, unnamed", "constant", 3).refused
     assert "tolerance.magnet_position_mm = 1" in reason
     assert "tolerance.magnet_tilt_deg = 5" in reason
 
 
 @pytest.mark.parametrize("ambient", ["constant", "drifting"])
-def test_thimble_of_steel_is_said_and_never_believed(ambient: Ambient) -> None:
+def test_steel_thimble_is_reported_and_never_published_as_ok(ambient: Ambient) -> None:
     found = row("thimble", ambient)
     assert found.wrong == 0, found.line
     assert found.false_contacts == 0, found.line
@@ -62,7 +62,7 @@ def test_thimble_of_steel_is_said_and_never_believed(ambient: Ambient) -> None:
         assert said > 0.95 * sum(found.reasons.values()), found.reasons
 
 
-def test_chip_that_a_strong_field_left_magnetised_is_named_where_it_counts() -> None:
+def test_chip_that_strong_field_left_magnetised_is_named_where_it_counts() -> None:
     """10 mG: under some presses it is named, else within the deviations."""
     found = row("disturbed chip", "constant")
     assert found.wrong == 0, found.line
@@ -94,7 +94,7 @@ def test_steps_of_a_chip_are_of_one_count() -> None:
     assert 0.5 * STEP_T < spread.max() < 2.0 * STEP_T
 
 
-def test_a_wide_finger_moves_the_magnet_less_above_it_and_a_ball_more() -> None:
+def test_wide_finger_moves_magnet_less_above_it_and_ball_more() -> None:
     mechanics, press = standard_mechanics(), [np.array([0.0]), np.array([0.0]), np.array([1.0])]
     depth = {name: -float(shape.response(mechanics, press)[0, 2]) for name, shape in SHAPES.items()}
     assert depth["flat"] < depth["edge"] < depth["round"] < depth["ball"]

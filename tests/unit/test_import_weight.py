@@ -36,7 +36,7 @@ def test_what_starts_often_imports_nothing_heavy(module: str) -> None:
     assert found.stdout.split() == []
 
 
-def test_running_daemon_does_without_onnxruntime_where_the_model_is_compiled() -> None:
+def test_running_daemon_does_without_onnxruntime_where_model_is_compiled() -> None:
     code = (
         "import sys, fmfts.runtime.daemon; from fmfts.config import PadConfig, SimulatedSource; "
         "from fmfts.contact import ContactModel; "

@@ -74,7 +74,7 @@ def test_there_are_recordings_small_and_each_explained() -> None:
 
 
 @pytest.mark.parametrize("path", RECORDINGS, ids=lambda path: path.stem)
-def test_replay_is_the_same_bit_for_bit_each_time_and_says_what_was_said(path: Path) -> None:
+def test_replay_is_same_bit_for_bit_each_time_and_says_what_was_said(path: Path) -> None:
     once, again, wanted = replayed(path), replayed(path), expected(path)
     assert [essence(each) for each in once] == [essence(each) for each in again]
     assert len(once) == len(wanted) > 600
@@ -134,7 +134,7 @@ def test_two_fingers_come_and_go_and_a_sensor_fails_under_one() -> None:
             assert "sensor 6 contradicts all others" in contact.reason
 
 
-def test_papers_readings_through_the_firmware_are_the_papers_poses() -> None:
+def test_papers_readings_through_firmware_are_papers_poses() -> None:
     """As in test_paper_through_the_firmware.py, where the limits are explained; the rest pose was not recorded."""
     contacts = expected(FOLDER / "paper.mcap")
     assert all(contact.force_n is None for contact in contacts)
@@ -150,7 +150,7 @@ def test_papers_readings_through_the_firmware_are_the_papers_poses() -> None:
         assert len(near) > 40, reading
 
 
-def test_a_change_that_matters_is_a_difference() -> None:
+def test_change_that_matters_is_a_difference() -> None:
     contact = essence(expected(FOLDER / "taps.mcap")[100])
     pose = contact["pose"]
     shifted = [pose["position_m"][0] + 1e-10, *pose["position_m"][1:]]

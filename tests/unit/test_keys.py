@@ -88,7 +88,7 @@ def obeyed(base: str, patience_s: float) -> bool:
     return True
 
 
-def test_client_with_a_key_hears_and_is_obeyed(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_client_with_may_change_key_receives_and_commands(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(KEY_VARIABLE, str(service.friend))
     assert hears(service.base, HANDSHAKE_S)
     assert obeyed(service.base, HANDSHAKE_S)
@@ -341,7 +341,7 @@ def test_client_on_a_network_says_that_it_needs_a_key() -> None:
         request("pads", endpoint="tcp://192.0.2.1:5570")
 
 
-def test_secrets_are_their_owners_alone_and_never_shown(tmp_path: Path) -> None:
+def test_secret_keys_are_private_and_never_printed(tmp_path: Path) -> None:
     folder = KeyFolder(tmp_path / "keys")
     folder.add("friend", tmp_path / "friend.key")
     for path in (tmp_path / "friend.key", tmp_path / "keys" / "server.key"):

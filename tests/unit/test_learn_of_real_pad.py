@@ -83,7 +83,7 @@ def _split() -> tuple[Fields, np.ndarray]:
     return _fields(session[:first]), session[first:]
 
 
-def test_geometry_explains_what_it_was_not_learned_from() -> None:
+def test_learned_geometry_explains_left_out_presses() -> None:
     """Fields of 5 to 33 mT, to 0.2 %; another day needs its own fields, and no labels."""
     fields, later = _split()
     learned = with_octupole(learn(Drawing(_sketch(), SKETCH), fields, starts=4), fields)

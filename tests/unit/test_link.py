@@ -116,7 +116,7 @@ def test_no_packet_ever_raises_whatever_its_fields(sent: list[tuple[Packet, int]
 
 
 @given(samples())
-def test_a_sample_that_contradicts_the_hello_is_no_frame_and_is_named(packet: Sample) -> None:
+def test_sample_that_contradicts_hello_is_no_frame_and_is_named(packet: Sample) -> None:
     line = Line()
     line.feed(hello(4))
     frames = line.feed(packet)
@@ -125,7 +125,7 @@ def test_a_sample_that_contradicts_the_hello_is_no_frame_and_is_named(packet: Sa
     assert ("packets" in line.state.warnings) != fits
 
 
-def test_what_does_not_fit_is_counted_and_the_last_of_it_named() -> None:
+def test_misfit_packets_are_counted_and_the_last_is_named() -> None:
     line = Line()
     line.feed(hello(4))
     assert line.feed(sample(3), sample(5), Status(0, 0, 0, (StatusPad(0, 0, 0, (1,) * 6),))) == []
@@ -140,7 +140,7 @@ def test_what_does_not_fit_is_counted_and_the_last_of_it_named() -> None:
     assert line.state.warnings == {}
 
 
-def test_a_sample_with_too_few_sensors_for_the_pad_is_a_fault_until_one_fits() -> None:
+def test_sample_with_too_few_sensors_for_pad_is_fault_until_one_fits() -> None:
     line = Line()
     assert line.feed(sample(3)) == []
     assert line.state.pad_faults == {
@@ -151,7 +151,7 @@ def test_a_sample_with_too_few_sensors_for_the_pad_is_a_fault_until_one_fits() -
 
 
 @given(selftests)
-def test_any_selftest_result_ends_the_selftest_and_only_a_possible_one_is_judged(packet: Selftest) -> None:
+def test_any_selftest_result_ends_selftest_and_only_possible_one_is_judged(packet: Selftest) -> None:
     line = Line()
     line.feed(hello(4))
     line.link.request_selftest(0, line.now_ns)
@@ -169,7 +169,7 @@ def test_any_selftest_result_ends_the_selftest_and_only_a_possible_one_is_judged
 
 
 @pytest.mark.parametrize(("late_s", "is_taken"), [(15.0, True), (20.5, False)])
-def test_a_selftest_waits_for_a_busy_computer_and_not_for_ever(late_s: float, is_taken: bool) -> None:
+def test_selftest_waits_for_a_busy_computer_and_not_for_ever(late_s: float, is_taken: bool) -> None:
     line = Line()
     line.feed(hello(4))
     line.link.request_selftest(0, line.now_ns)
@@ -188,9 +188,7 @@ def test_a_selftest_waits_for_a_busy_computer_and_not_for_ever(late_s: float, is
     ("sensors", "gain_code", "why"),
     [(5, 5, "it has 5 sensors, and the hello has 4"), (4, 8, "there is no gain code 8"), (4, 255, "no gain code 255")],
 )
-def test_an_impossible_selftest_result_fails_the_selftest_with_the_reason(
-    sensors: int, gain_code: int, why: str
-) -> None:
+def test_impossible_selftest_result_fails_selftest_with_reason(sensors: int, gain_code: int, why: str) -> None:
     line = Line()
     line.feed(hello(4))
     line.link.request_selftest(0, line.now_ns)
@@ -202,13 +200,13 @@ def test_an_impossible_selftest_result_fails_the_selftest_with_the_reason(
     assert "1 packet left out, the last a self-test" in line.state.warnings["packets"]
 
 
-def test_a_selftest_result_that_nobody_awaits_changes_nothing() -> None:
+def test_selftest_result_that_nobody_awaits_changes_nothing() -> None:
     line = Line()
     line.feed(hello(4), Selftest(7, 0, 5, (GOOD,) * 4))
     assert line.link.selftest_result(0) is None
 
 
-def test_a_lost_hello_is_asked_for_again() -> None:
+def test_lost_hello_is_asked_for_again() -> None:
     line = Line(pad(rate_hz=50))
     line.link.requests.ask(Verb.HELLO)
     (first,) = line.asked()
@@ -220,7 +218,7 @@ def test_a_lost_hello_is_asked_for_again() -> None:
     assert line.answer_all(hello(4)) == [Verb.HELLO, Verb.RATE]
 
 
-def test_a_reset_whose_hello_was_lost_is_noticed_and_the_settings_given_again() -> None:
+def test_reset_whose_hello_was_lost_is_noticed_and_settings_given_again() -> None:
     line = Line(pad(rate_hz=50))
     line.feed(hello(4, rate_hz=50))
     for i in range(100):
@@ -232,7 +230,7 @@ def test_a_reset_whose_hello_was_lost_is_noticed_and_the_settings_given_again() 
     assert line.answer_all(hello(4, rate_hz=220)) == [Verb.HELLO, Verb.RATE]
 
 
-def test_a_busy_board_is_asked_again_and_a_refusal_is_not_repeated() -> None:
+def test_busy_board_is_asked_again_and_a_refusal_is_not_repeated() -> None:
     line = Line(pad(rate_hz=50))
     line.feed(hello(4))
     (rate,) = line.asked()
@@ -246,7 +244,7 @@ def test_a_busy_board_is_asked_again_and_a_refusal_is_not_repeated() -> None:
     assert "out of range" in line.state.warnings["request rate"]
 
 
-def test_a_board_that_can_is_asked_for_early_samples_after_every_hello() -> None:
+def test_board_that_can_is_asked_for_early_samples_after_every_hello() -> None:
     line = Line(pad(publish="sample"), pad("right", pad_index=1))
     line.feed(hello(4, 4, can_send_early=1))
     (start,) = line.asked()
@@ -256,13 +254,13 @@ def test_a_board_that_can_is_asked_for_early_samples_after_every_hello() -> None
     assert line.state.warnings == {}
 
 
-def test_nobody_asks_for_early_samples_where_frames_are_published() -> None:
+def test_early_samples_are_not_requested_in_frame_mode() -> None:
     line = Line()
     line.feed(hello(4, can_send_early=1))
     assert line.asked() == []
 
 
-def test_what_another_host_asked_for_is_no_early_sample_here() -> None:
+def test_early_samples_requested_by_another_host_are_ignored() -> None:
     line = Line()
     line.feed(hello(4, can_send_early=1), sample(time_us=4545), make_early(2, 8000))
     assert line.link.early == []
@@ -293,7 +291,7 @@ def test_firmware_that_sends_frames_only_is_named_and_its_frames_are_used() -> N
         (3, 1, 150, True),
     ],
 )
-def test_a_line_that_cannot_carry_early_samples_is_not_asked_to(
+def test_line_that_cannot_carry_early_samples_is_not_asked_to(
     pads: int, of_samples: int, rate_hz: int, fits: bool
 ) -> None:
     """460800 baud carry 46 kB/s: a pad's frames take 11.7 of them at 220 Hz, its early samples 17.2."""
@@ -323,7 +321,7 @@ def test_early_samples_come_before_the_frames_that_follow_them() -> None:
     assert line.link.early == []
 
 
-def test_an_early_sample_that_cannot_be_is_left_out() -> None:
+def test_early_sample_that_cannot_be_is_left_out() -> None:
     line = Line(pad(publish="sample"))
     line.feed(hello(4, can_send_early=1), sample(time_us=4545))
     line.feed(make_early(5, 9000))
@@ -334,7 +332,7 @@ def test_an_early_sample_that_cannot_be_is_left_out() -> None:
     assert line.link.early == []
 
 
-def test_a_board_that_resets_in_a_loop_does_not_fill_the_queue() -> None:
+def test_board_that_resets_in_a_loop_does_not_fill_the_queue() -> None:
     line = Line(pad(rate_hz=50, trigger="simultaneous", range_gauss=4.0))
     for _ in range(1000):
         line.feed(hello(4))
@@ -367,7 +365,7 @@ def test_missing_pad_is_only_its_own_first_fault() -> None:
     assert faults_of(source, 0) == [oscillator]
 
 
-def test_a_new_hello_forgets_the_faults_of_sensors_that_are_gone() -> None:
+def test_new_hello_forgets_the_faults_of_sensors_that_are_gone() -> None:
     line = Line()
     line.feed(hello(4))
     line.feed(Status(0, 0, 0, (StatusPad(0, 0, 0, (0, 0, 0, 1)),)))

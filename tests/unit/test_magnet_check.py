@@ -127,7 +127,7 @@ def test_far_magnet_leaves_the_check_open() -> None:
     assert "repeat the check with it nearer" in " ".join(sentences(verdict)).lower()
 
 
-def test_readings_of_no_magnet_are_explained_by_nothing() -> None:
+def test_readings_without_magnet_fit_no_explanation() -> None:
     random = np.random.default_rng(11)
     readings = Readings(random.normal(0.0, 1e-4, (3, 4, 3)), np.full((4, 3), 1e-7))
     verdict = judged(board_for(good_board(4)), readings, instructed_hand())
@@ -144,7 +144,7 @@ def test_too_few_sensors_are_refused() -> None:
         judged(board_for(good_board(4)), Readings(change, np.full((4, 3), 1e-7)), instructed_hand())
 
 
-def test_magnet_strength_is_told_within_a_fifth() -> None:
+def test_magnet_strength_is_reported_within_a_fifth() -> None:
     """A factor that all chips share shows only as a magnet of another size."""
     random = np.random.default_rng(12)
     someone = person("mmc5983ma", random)

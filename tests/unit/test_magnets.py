@@ -31,7 +31,7 @@ def recording(field_t: Array) -> Recording:
     return Recording(field_t, np.full(field_t.shape, NOISE_T), np.full(count, 660), 0, 25.0, 3.0)
 
 
-def test_the_field_is_the_sum_of_the_magnets_fields() -> None:
+def test_field_is_the_sum_of_the_magnets_fields() -> None:
     alone = [
         dipole_field(PAD.sensors.position_m, one.rest_position_m, one.rest_axis, one.magnet.strength_t_m3, 2.5e-7)
         for one in PAD.magnets
@@ -39,7 +39,7 @@ def test_the_field_is_the_sum_of_the_magnets_fields() -> None:
     assert np.allclose(sum_of_fields(DRAWN, PAD.sensors.position_m), np.sum(alone, axis=0), rtol=1e-12)
 
 
-def test_a_magnet_that_points_down_tilts_like_one_that_points_up() -> None:
+def test_magnet_that_points_down_tilts_like_one_that_points_up() -> None:
     """Mechanics know no polarity: the same change turns the axis of each towards the same side."""
     moved = DRAWN.changed(np.tile([0.0, 0.0, 0.0, 0.1, 0.02], 4), FRAMES)
     upright = moved.axis * np.sign(DRAWN.axis[:, 2:])
@@ -78,7 +78,7 @@ def test_baselines_uncertainty_matches_the_errors_it_causes(tolerance: object, h
     assert 1.0 / honest < rms < honest
 
 
-def test_a_baseline_finds_stronger_magnets() -> None:
+def test_baseline_finds_stronger_magnets() -> None:
     """Three deviations of a remanence that was not known to better than 1 %: that of the estimate, 0.6 to 1 %."""
     stronger = DRAWN.stronger(np.array([0.02, -0.02, 0.01, 0.0]))
     known = Sensitivity.untested(8, BUILT)
@@ -92,7 +92,7 @@ def test_a_baseline_finds_stronger_magnets() -> None:
 
 
 @pytest.mark.parametrize("wrong", ["missing", "upside down"])
-def test_a_pad_with_a_magnet_missing_or_upside_down_is_refused(wrong: str) -> None:
+def test_pad_with_a_magnet_missing_or_upside_down_is_refused(wrong: str) -> None:
     axis, strength = DRAWN.axis.copy(), DRAWN.strength_t_m3.copy()
     if wrong == "missing":
         strength[2] = 0.0
@@ -103,7 +103,7 @@ def test_a_pad_with_a_magnet_missing_or_upside_down_is_refused(wrong: str) -> No
         estimate_array_mounting(PAD, BY_HAND, recording(field_t), None, Sensitivity.untested(8, BY_HAND))
 
 
-def test_a_new_baseline_under_load_is_told_by_the_magnet_that_moved_most() -> None:
+def test_baseline_under_load_names_the_magnet_that_moved_most() -> None:
     one = world(3, BUILT)
     change = np.zeros((4, CHANGE))
     change[1, 2] = -4e-4

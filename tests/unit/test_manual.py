@@ -94,7 +94,7 @@ def test_verb_installs_pages_and_completion(tmp_path: Path, capsys: pytest.Captu
     assert f"fpath+=({tmp_path}/share/zsh/vendor-completions)" in capsys.readouterr().out
 
 
-def test_layout_of_a_package_that_is_not_installed_says_how_to_install_it(
+def test_layout_of_package_not_installed_says_how_to_install_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())

@@ -62,7 +62,7 @@ def test_offset_that_one_frame_lets_through_is_named_within_half_a_second(pad: P
     assert all(not track.sensors_ok >> sensor & 1 for track in tracks[110:])
 
 
-def test_sensor_is_believed_again_when_its_fault_is_over(pad: Pad) -> None:
+def test_sensor_is_used_again_after_its_fault(pad: Pad) -> None:
     watched = Watched(pad, "constant")
     watched.run(110)
     watched.run(220, on_one_axis(2, 0, 6e-7))
@@ -90,7 +90,7 @@ def test_drifting_scene_at_rest_does_not_guess_whose_vertical_axis_is_off(pad: P
     assert {track.estimate for track in tracks[110:]} == {None}
 
 
-def test_sudden_offset_in_a_drifting_scene_is_named_by_the_field_before_it(pad: Pad) -> None:
+def test_sudden_offset_in_drifting_scene_is_named_by_field_before_it(pad: Pad) -> None:
     for sensor in range(4):
         watched = Watched(pad, "drifting", seed=sensor)
         watched.run(110)
@@ -118,7 +118,7 @@ def test_axis_whose_noise_is_rounded_away_may_stand_still() -> None:
     assert np.isinf(repeats_allowed(np.full((4, 3), step_t / np.sqrt(12)), step_t)).all()
 
 
-def test_what_the_mean_shows_and_is_no_alarm_makes_the_answer_less_certain(pad: Pad) -> None:
+def test_mean_residual_below_alarm_widens_deviations(pad: Pad) -> None:
     """0.9 mG of a field from elsewhere: now below and now above what 99.9999 % of sound means stay under."""
 
     def deviation(added_t: np.ndarray) -> float:

@@ -117,7 +117,7 @@ def test_snapshot_changes_nothing(fault: Fault) -> None:
         assert essence(watched.process(frame)) == essence(alone.process(frame))
 
 
-def test_memory_tells_where_the_pipeline_stands() -> None:
+def test_snapshot_describes_the_pipeline_state() -> None:
     """It would not do to restore nothing: a fresh pipeline says something else."""
     given = frames(DRIFTING, steel)
     old, fresh = pipeline(DRIFTING), pipeline(DRIFTING)
@@ -168,7 +168,7 @@ def test_memory_of_another_number_of_sensors_is_refused_and_changes_nothing() ->
     assert snapshot(before) == was
 
 
-def test_memory_of_a_pad_with_a_baseline_is_refused_by_one_without() -> None:
+def test_memory_of_pad_with_baseline_is_refused_by_one_without() -> None:
     with_baseline = pipeline(DRIFTING)
     with_baseline.use(simulated_baseline(DRIFTING))
     with pytest.raises(BadMemoryError, match="of a pad with a baseline"):

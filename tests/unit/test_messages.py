@@ -154,7 +154,7 @@ def test_now_is_carried_on_to_the_readers_instant() -> None:
     assert contact.at(message.now.t_ns + 30_000_000) is None
 
 
-def test_a_force_that_is_carried_on_never_pulls() -> None:
+def test_force_that_is_carried_on_never_pulls() -> None:
     now_ns = time.monotonic_ns()
     falling = now_message(now_ns, force_n=0.1, force_rate_n_per_s=-50.0)
     contact = Contact.from_message(sent(contact_message(now=falling)))
@@ -282,7 +282,7 @@ JUNK = st.recursive(
 
 
 @given(field=st.sampled_from(ContactMessage.__struct_fields__), value=JUNK)
-def test_whatever_stands_in_a_field_the_client_never_hands_out_what_is_no_number(field: str, value: Any) -> None:
+def test_client_never_returns_a_non_finite_number(field: str, value: Any) -> None:
     try:
         contact = Contact.from_message(sent(contact_message()) | {field: value})
     except MessageError:

@@ -21,7 +21,7 @@ def config() -> PadConfig:
     return changed(config, geometry=changed(config.geometry, sensors_mirrored=True))
 
 
-def test_a_mirrored_pad_is_felt_as_any_other(config: PadConfig) -> None:
+def test_mirrored_pad_detects_presses_like_any_other(config: PadConfig) -> None:
     pipeline = pipeline_of(config, simulated_baseline(config))
     source = Simulated(config)
     source.finger = steady_finger(*PLACE_M, FORCE_N)

@@ -43,7 +43,7 @@ def volume_mm3(body: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("part", ["tray", "lid"])
-def test_the_file_that_is_printed_is_what_the_source_makes(part: str, tmp_path: Path) -> None:
+def test_file_that_is_printed_is_what_the_source_makes(part: str, tmp_path: Path) -> None:
     """The same triangles in any order, each beginning anywhere: what versions of OpenSCAD may differ in."""
     kept = (MOULD.parent / f"mould-{part}.stl").read_text()
     made_now = triangles(tmp_path, part)
@@ -65,7 +65,7 @@ def test_each_part_is_a_closed_body_that_a_slicer_takes(part: str, tmp_path: Pat
     assert volume_mm3(body) > 0
 
 
-def test_the_tray_holds_the_pad_of_the_shipped_configuration(tmp_path: Path) -> None:
+def test_tray_holds_the_pad_of_the_shipped_configuration(tmp_path: Path) -> None:
     body = triangles(tmp_path, "tray")
     size = np.ptp(body.reshape(-1, 3), axis=0)
     assert size == pytest.approx([PAD_MM[0] + 2 * WALL_MM, PAD_MM[1] + 2 * WALL_MM, PAD_MM[2] + WALL_MM], abs=1e-4)
@@ -83,7 +83,7 @@ def lid_on_its_tray(folder: Path) -> np.ndarray:
     return printed * [1.0, -1.0, -1.0] + [0.0, 0.0, PAD_MM[2] + BAR_MM]
 
 
-def test_the_lid_is_printed_without_supports(tmp_path: Path) -> None:
+def test_lid_is_printed_without_supports(tmp_path: Path) -> None:
     """Each of its faces that looks down lies on the printer's bed."""
     body = triangles(tmp_path, "lid")
     normals = np.cross(body[:, 1] - body[:, 0], body[:, 2] - body[:, 0])
@@ -91,7 +91,7 @@ def test_the_lid_is_printed_without_supports(tmp_path: Path) -> None:
     assert np.abs(body[down][:, :, 2]).max() < 1e-6
 
 
-def test_the_pin_of_the_lid_keeps_the_magnets_place_free(tmp_path: Path) -> None:
+def test_pin_of_the_lid_keeps_the_magnets_place_free(tmp_path: Path) -> None:
     """In the middle, as wide and as deep as the magnet of the configuration, with room to put it in."""
     pad = load(EXAMPLE_PATH)[0].pad[0]
     corners = lid_on_its_tray(tmp_path)
@@ -101,7 +101,7 @@ def test_the_pin_of_the_lid_keeps_the_magnets_place_free(tmp_path: Path) -> None
     assert pin[:, 2].min() == pytest.approx(PAD_MM[2] / 2 - length_mm / 2, abs=1e-4)  # its centre is the pad's
 
 
-def test_the_lid_cannot_slide_on_the_tray(tmp_path: Path) -> None:
+def test_lid_cannot_slide_on_the_tray(tmp_path: Path) -> None:
     """Its tabs hang outside the tray's four walls, nearer to them than the room that pin and magnet have."""
     corners = lid_on_its_tray(tmp_path)
     tabs = corners[(np.hypot(corners[:, 0], corners[:, 1]) > 5.0) & (corners[:, 2] < PAD_MM[2] - 1e-6)]
@@ -113,7 +113,7 @@ def test_the_lid_cannot_slide_on_the_tray(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("height_mm", [1.2, 2.9])
-def test_a_magnet_that_would_lie_bare_is_refused_with_the_reason(height_mm: float, tmp_path: Path) -> None:
+def test_magnet_that_would_lie_bare_is_refused_with_the_reason(height_mm: float, tmp_path: Path) -> None:
     ended = made(tmp_path, f"magnet_height={height_mm}")
     assert ended.returncode != 0
     assert "the magnet would touch the pad's" in ended.stderr

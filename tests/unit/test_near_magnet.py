@@ -23,7 +23,7 @@ def near() -> PadConfig:
     return PadConfig(name="near", source=source, magnet=FERRITE, scene=scene)
 
 
-def test_a_magnet_is_a_cylinder_only_where_its_octupole_could_be_felt() -> None:
+def test_magnet_is_cylinder_only_where_its_octupole_could_be_detected() -> None:
     assert near().pad().magnet.as_cylinder
     weak = PadConfig(name="weak", source=SimulatedSource(), magnet=MagnetConfig(remanence_t=0.3))
     assert not weak.pad().magnet.as_cylinder
@@ -39,7 +39,7 @@ def test_octupole_on_the_axis_is_what_the_rule_compares() -> None:
     assert exact - dipole == pytest.approx(4.0 * magnet.strength_t_m3 * magnet.octupole_m2 / 60e-3**5, rel=0.03)
 
 
-def test_what_follows_the_octupole_is_as_large_as_the_baseline_says() -> None:
+def test_what_follows_octupole_is_as_large_as_baseline_says() -> None:
     magnet, away_m = near().pad().magnet, 40e-3
     exact = cylinder_field(np.array([[0.0, 0.0, away_m]]), np.zeros(3), np.array([0.0, 0.0, 1.0]), magnet)[0, 2]
     known = magnet.strength_t_m3 * (2.0 / away_m**3 + 4.0 * magnet.octupole_m2 / away_m**5)

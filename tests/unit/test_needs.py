@@ -84,14 +84,14 @@ def best(config: PadConfig, response: Response, *others: PadConfig) -> Cost:
     return recommended(costs(Surroundings(config, response, others=others)))
 
 
-def test_bench_top_pad_needs_six_unknowns_and_a_turning_arm_eight(response: Response) -> None:
+def test_bench_top_pad_needs_six_unknowns_and_turning_arm_eight(response: Response) -> None:
     assert best(pad(scene=BENCH_TOP), response).model == Model(6, True)
     assert best(pad(), response).model == SHIPPED
     assert best(pad(scene=SceneConfig(ambient="constant", steel_nearby=True)), response).model == SHIPPED
 
 
 @pytest.mark.parametrize("scene", [BENCH_TOP, SceneConfig()])
-def test_larger_magnet_at_half_the_distance_needs_the_cylinder_term(response: Response, scene: SceneConfig) -> None:
+def test_larger_magnet_at_half_the_distance_needs_cylinder_term(response: Response, scene: SceneConfig) -> None:
     found = best(pad(magnet=LARGE, scene=scene), response)
     assert found.model.cylinder
     assert pad(magnet=LARGE).pad().magnet.as_cylinder  # so the daemon has it, too
@@ -109,7 +109,7 @@ def test_neighbour_is_chosen_20_mm_away_and_not_200(response: Response) -> None:
     assert best(pad(), response, beside(200.0)).model == SHIPPED
 
 
-def test_a_third_of_a_newton_needs_a_smaller_network(response: Response) -> None:
+def test_third_of_a_newton_needs_a_smaller_network(response: Response) -> None:
     """Of so light a press a frame tells less, so that a network errs by more than it before it is too small."""
 
     def bias(force_n: float) -> float:
@@ -120,7 +120,7 @@ def test_a_third_of_a_newton_needs_a_smaller_network(response: Response) -> None
     assert bias(0.3) < 0.5 * bias(response.scale_n)
 
 
-def test_bus_too_slow_for_220_hz_is_told_with_what_it_carries(response: Response) -> None:
+def test_bus_too_slow_for_220_hz_is_reported_with_what_it_carries(response: Response) -> None:
     slow = pad(source=I2cSource(bus=1, clock_hz=100_000, rate_hz=150))
     rate = limits(Surroundings(slow, response))[1]
     assert "150 Hz, at most 168" in rate  # 4·143 + 20 bits at 100 kHz
@@ -129,7 +129,7 @@ def test_bus_too_slow_for_220_hz_is_told_with_what_it_carries(response: Response
     assert limits(Surroundings(fast, response))[1] == "rate: 220 Hz of 220"
 
 
-def test_range_holds_the_hardest_press_or_says_which_magnet_would(response: Response) -> None:
+def test_range_holds_hardest_press_or_says_which_magnet_would(response: Response) -> None:
     standard = Surroundings(pad(), response)
     assert 2.5 < largest_field_gauss(standard) < 2.55  # 2.02 of the magnet under 1.98 N, and 0.5 of the Earth
     # ±2.5 G is what the data sheet recommends of 660 counts a gauss; 2047 of them are 3.10 G.
@@ -171,7 +171,7 @@ def test_cylinder_term_beats_the_dipole_for_a_larger_magnet(response: Response) 
 
 
 @pytest.mark.long
-def test_pad_that_is_told_of_its_neighbour_answers_more_presses_and_none_wrong(response: Response) -> None:
+def test_pad_told_of_its_neighbour_answers_more_presses_and_none_wrong(response: Response) -> None:
     near = Surroundings(told_of("two"), response, others=[told_of("one", distance_mm=20.0)])
     told, untold = tried_beside(near, 6.0, 1)
     assert told.outcome.wrong == untold.outcome.wrong == 0

@@ -58,7 +58,7 @@ def test_newest_frames_of_a_backlog_stay_evenly_over_the_pads() -> None:
         assert left_out == (60 - len(kept),) * 3
 
 
-def test_bytes_that_are_no_superseded_sample_stay_in_their_order() -> None:
+def test_other_bytes_keep_their_order() -> None:
     others = [encode(hello(4)), b"\x05garbage\0", sample(0, 0, 0)[:-5] + b"\0", b"\0"]
     old, new, beginning = sample(0, 1, 0), sample(0, 2, 100_000), sample(0, 3, 104_545)[:20]
     data, left_out = keep_newest(others[0] + old + others[1] + old + others[2] + others[3] + new + beginning, IN_TIME)
@@ -67,7 +67,7 @@ def test_bytes_that_are_no_superseded_sample_stay_in_their_order() -> None:
 
 
 @pytest.mark.parametrize("patience", [IN_TIME, BEHIND])
-def test_an_old_sample_that_was_sent_again_supersedes_nothing(patience: Patience) -> None:
+def test_old_sample_that_was_sent_again_supersedes_nothing(patience: Patience) -> None:
     new = sample(0, 300, 300 * PERIOD_US)
     data, left_out = keep_newest(new + sample(0, 80, 80 * PERIOD_US), patience)
     assert numbers(data) == [(0, 300), (0, 80)]
@@ -75,7 +75,7 @@ def test_an_old_sample_that_was_sent_again_supersedes_nothing(patience: Patience
 
 
 @pytest.mark.parametrize(("patience", "kept"), [(IN_TIME, range(56, 60)), (BEHIND, range(59, 60))])
-def test_an_old_sample_that_was_sent_again_keeps_no_backlog(patience: Patience, kept: range) -> None:
+def test_old_sample_that_was_sent_again_keeps_no_backlog(patience: Patience, kept: range) -> None:
     backlog = b"".join(sample(0, number, number * PERIOD_US) for number in range(60))
     data, left_out = keep_newest(backlog + sample(0, 10, 10 * PERIOD_US), patience)
     assert numbers(data) == [*((0, number) for number in kept), (0, 10)]
@@ -119,7 +119,7 @@ def test_c_and_python_leave_out_the_same(pieces: list[bytes], patience: Patience
     assert _wire.keep_newest(data, *patience) == one_by_one(data, patience)
 
 
-def test_frames_that_came_while_the_daemon_stood_still_are_left_out_and_counted(
+def test_frames_that_came_while_daemon_stood_still_are_left_out_and_counted(
     daemon: Daemon,  # noqa: F811
     board: Board,  # noqa: F811
     tmp_path: Path,
@@ -143,7 +143,7 @@ def test_frames_that_came_while_the_daemon_stood_still_are_left_out_and_counted(
     assert re.fullmatch(r"this computer is overloaded: \d+ % of the frames left out", told[0])
 
 
-def test_an_overdue_frame_is_left_out_without_python(bus: Any) -> None:  # noqa: F811
+def test_overdue_frame_is_left_out_without_python(bus: Any) -> None:  # noqa: F811
     host, data, arrival_ns = settled_to_be_overdue(bus)
     number = host.pipeline.messages
     assert bus.loop.take(Host.LINE, data, arrival_ns)
@@ -171,7 +171,7 @@ def settled_to_be_overdue(bus: Any) -> tuple[Host, bytes, int]:  # noqa: F811
     return host, *reads[-1]
 
 
-def test_a_loop_is_behind_while_something_is_always_ready() -> None:
+def test_loop_is_behind_while_something_is_always_ready() -> None:
     ours, theirs = os.pipe()
     with select.epoll() as epoll:
         epoll.register(ours, select.EPOLLIN)
@@ -191,7 +191,7 @@ def test_a_loop_is_behind_while_something_is_always_ready() -> None:
     os.close(theirs)
 
 
-def test_a_few_silent_pads_are_told_of_at_once_and_all_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_few_silent_pads_are_told_of_at_once_and_all_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Else the frames of the others would wait for all of them."""
     monkeypatch.setenv("FMFTS_BUS", f"ipc://{tmp_path}")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))

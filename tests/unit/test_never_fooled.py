@@ -52,7 +52,7 @@ def is_wrong(message: ContactMessage) -> bool:
 
 class TestTemperature:
     @pytest.mark.parametrize("told_c", [281.0, 86.0, -31.0, -231.0, float("nan"), float("inf")])
-    def test_impossible_one_is_not_believed(self, pipeline: PadPipeline, told_c: float) -> None:
+    def test_impossible_temperature_is_not_used(self, pipeline: PadPipeline, told_c: float) -> None:
         chip = CONFIG.pad().chip
         frames = [
             frame if not 110 < number < 440 else replace(frame, temperature_c=chip.believed_c(told_c))
@@ -65,10 +65,10 @@ class TestTemperature:
         assert messages[-1].temperature_c == pytest.approx(25.0, abs=1.0)
 
     @pytest.mark.parametrize("count", [32767, -32767])
-    def test_count_that_no_thermometer_tells_is_none(self, count: int) -> None:
+    def test_impossible_thermometer_count_is_none(self, count: int) -> None:
         assert CONFIG.pad().chip.temperature_c(count) is None
 
-    def test_that_it_is_held_is_said_after_a_while_and_ends_by_itself(self, pipeline: PadPipeline) -> None:
+    def test_impossible_temperature_is_reported_after_5_s_and_clears(self, pipeline: PadPipeline) -> None:
         frames = taps(HELD_S + 3.0)
         gone = [replace(frame, temperature_c=None) for frame in frames[RATE_HZ : round((HELD_S + 2.0) * RATE_HZ)]]
         messages = [pipeline.process(frame) for frame in [*frames[:RATE_HZ], *gone]]
@@ -80,7 +80,7 @@ class TestTemperature:
         assert pipeline.process(frames[round((HELD_S + 2.0) * RATE_HZ)]).health == "ok"
 
 
-def test_count_that_no_converter_tells_is_no_field(pipeline: PadPipeline) -> None:
+def test_impossible_converter_count_gives_no_field(pipeline: PadPipeline) -> None:
     frames = taps(1.0)
     counts = frames[150].counts.copy()
     counts[2, 1] = 2048
@@ -164,7 +164,7 @@ class TestPulledMagnet:
         return messages
 
     @pytest.mark.parametrize("seconds", [0.5, 1.5])
-    def test_is_no_contact_and_ends_by_itself_when_it_is_let_go(self, pipeline: PadPipeline, seconds: float) -> None:
+    def test_lifted_magnet_is_no_contact_and_recovers(self, pipeline: PadPipeline, seconds: float) -> None:
         """A sticky thing lifts the magnet by 2 mm within 20 ms, and lets it go after a while."""
         messages = self.messages(
             pipeline,
@@ -183,6 +183,6 @@ class TestPulledMagnet:
             assert "by itself" in latched.reason
         assert {message.health for message in messages[round((1.1 + seconds + RESTED_S) * RATE_HZ) :]} == {"ok"}
 
-    def test_stays_without_baseline_while_it_is_lifted(self, pipeline: PadPipeline) -> None:
+    def test_lifted_magnet_keeps_the_pad_without_baseline(self, pipeline: PadPipeline) -> None:
         messages = self.messages(pipeline, CONFIG, lambda at_s: 0.0 if at_s < 1.0 else 0.3e-3)
         assert {message.health for message in messages[round((1.1 + LIFTED_S) * RATE_HZ) :]} == {"no_baseline"}

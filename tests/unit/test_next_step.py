@@ -43,7 +43,7 @@ def test_each_verb_of_the_first_use_names_the_next(config: str, capsys: pytest.C
         assert f"`fmfts-daemon {command} --config {config}`" in line
 
 
-def test_programs_are_told_facts_alone(config: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_output_holds_facts_only(config: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["probe", "--json", "--config", config]) == 0
     assert "next" not in capsys.readouterr().out
 
@@ -59,9 +59,7 @@ def test_probe_of_one_pad_is_of_that_pad_alone(config: str, capsys: pytest.Captu
     assert "did you mean 'right'?" in capsys.readouterr().err
 
 
-def test_what_running_would_refuse_of_a_recording_is_said_before(
-    config: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unusable_recording_is_reported_before_run(config: str, capsys: pytest.CaptureFixture[str]) -> None:
     recording = Path(__file__).parents[1] / "data/recordings/taps.mcap"
     replayed = f'[[pad]]\nname = "left"\n[pad.source]\ntype = "replay"\nfile = "{recording}"\n'
     Path(config).write_text(replayed)
@@ -98,7 +96,7 @@ def test_pad_that_is_absent_or_faulty_is_named_with_what_to_do() -> None:
     assert "sensors that failed" in next_step.after_selftest({"passed": False}, "", "")
 
 
-def test_gains_of_a_recording_are_told_in_words_with_units(capsys: pytest.CaptureFixture[str]) -> None:
+def test_gains_of_a_recording_are_reported_in_words_with_units(capsys: pytest.CaptureFixture[str]) -> None:
     facts = {
         "was_gain_sd": 0.05,
         "was_press_1n_force_sd_n": 0.071,

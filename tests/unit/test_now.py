@@ -56,7 +56,7 @@ def pressed(time_s: float) -> Touch:
     return Touch(2e-3, 1e-3, 0.8 if time_s > 0.2 else 0.0)
 
 
-def test_a_tap_is_less_wrong_when_published_and_when_read() -> None:
+def test_tap_is_less_wrong_when_published_and_when_read() -> None:
     """The bounds of lab/results/now.md are for six pads; one pad alone may miss them by a quarter."""
     errors = bench.measure(2, 1, 1.0, (untouched, hold, slide(100e-3), tap(50e-3), ramp))
     facts = {name: one.facts() for name, one in errors.items()}
@@ -69,7 +69,7 @@ def test_a_tap_is_less_wrong_when_published_and_when_read() -> None:
     assert all(one["wrong"] == one["negative"] == 0 for one in facts.values())
 
 
-def test_it_speaks_of_the_time_of_publishing(model: ContactModel) -> None:
+def test_now_holds_at_the_time_of_publishing(model: ContactModel) -> None:
     """A frame's samples are 0 to 4.5 ms old, and its message goes out LEAD_S after it was made, whatever their age."""
     messages = messages_of(pipeline_with(model), frames_of(pressed, 1.0))
     late_s = [
@@ -81,7 +81,7 @@ def test_it_speaks_of_the_time_of_publishing(model: ContactModel) -> None:
     assert np.abs(late_s).max() < 1.3e-3  # a quarter of a period: the newest of four samples is at most so old
 
 
-def test_it_is_null_while_a_sensor_is_left_out_and_comes_back(model: ContactModel) -> None:
+def test_now_is_null_while_a_sensor_is_excluded(model: ContactModel) -> None:
     frames: list[Frame] = list(frames_of(pressed, 1.0))
     for number in range(110, 130):
         frames[number] = replace_valid(frames[number])
@@ -110,7 +110,7 @@ def test_now_has_a_force_where_the_contact_has_one(model: ContactModel) -> None:
     assert all(one.now is None or one.now.force_n > 0.0 for one in contacts)
 
 
-def test_an_axis_that_jumps_is_never_told_as_a_press(model: ContactModel) -> None:
+def test_jumping_axis_is_never_reported_as_press(model: ContactModel) -> None:
     """100 mG on one axis: the aligned solve sees nothing for up to two frames; `now` is null in the first."""
     for axis in range(3):
         frames: list[Frame] = list(frames_of(pressed, 0.6))
@@ -127,7 +127,7 @@ def test_an_axis_that_jumps_is_never_told_as_a_press(model: ContactModel) -> Non
         assert all(message.now is None for message in messages[100:110])
 
 
-def test_a_replay_says_the_same_now(model: ContactModel) -> None:
+def test_replay_says_the_same_now(model: ContactModel) -> None:
     frames = frames_of(pressed, 0.5)
     first, second = (messages_of(pipeline_with(model), frames) for _ in range(2))
     assert [message.now for message in first] == [message.now for message in second]
@@ -141,7 +141,7 @@ def test_frames_that_never_arrive_do_not_shift_its_time(model: ContactModel) -> 
         assert abs(message.now.t_ns * 1e-9 - frame.sequence / RATE_HZ - LEAD_S) < 1.3e-3
 
 
-def test_without_a_response_it_is_null(model: ContactModel) -> None:
+def test_now_is_null_without_a_response(model: ContactModel) -> None:
     other = load_contact_model(CONFIG)
     other.response = None
     messages = messages_of(pipeline_with(other), frames_of(pressed, 0.5))
@@ -149,7 +149,7 @@ def test_without_a_response_it_is_null(model: ContactModel) -> None:
     assert messages[-1].force_n == pytest.approx(0.8, abs=0.1)
 
 
-def test_a_model_that_tells_shear_tells_its_rate(model: ContactModel) -> None:
+def test_model_that_reports_shear_reports_its_rate(model: ContactModel) -> None:
     del model
     shear = load_contact_model(CONFIG, "shear")
     messages = messages_of(pipeline_with(shear), frames_of(pressed, 0.5))
@@ -159,7 +159,7 @@ def test_a_model_that_tells_shear_tells_its_rate(model: ContactModel) -> None:
     assert last.shear_x_rate_sd_n_per_s is not None
 
 
-def test_a_force_never_pulls_and_is_none_above_rest(model: ContactModel) -> None:
+def test_force_never_pulls_and_is_none_above_rest(model: ContactModel) -> None:
     """While a fast tap lets go, the force carried on would be below zero."""
 
     def tapping(time_s: float) -> Touch:
@@ -185,7 +185,7 @@ def test_deviations_grow_with_the_lead(model: ContactModel) -> None:
     assert late.force_n == pytest.approx(soon.force_n + 0.75 * 3e-3 * soon.force_rate_n_per_s, abs=1e-9)
 
 
-def test_rates_of_a_steady_press_are_small_and_their_deviations_honest(model: ContactModel) -> None:
+def test_rates_of_steady_press_are_small_and_their_deviations_honest(model: ContactModel) -> None:
     told = [one.now for one in messages_of(pipeline_with(model), frames_of(pressed, 2.0))[220:] if one.now is not None]
     off = np.array([one.force_rate_n_per_s / one.force_rate_sd_n_per_s for one in told])
     assert len(told) > 200
@@ -193,7 +193,7 @@ def test_rates_of_a_steady_press_are_small_and_their_deviations_honest(model: Co
     assert max(one.force_rate_sd_n_per_s for one in told) < 60.0, "no more than is known of fingers"
 
 
-def test_the_drive_of_an_untouched_pad_is_the_mean_along_the_slopes(model: ContactModel) -> None:
+def test_drive_of_an_untouched_pad_is_the_mean_along_the_slopes(model: ContactModel) -> None:
     """Twice the integral of the drive's force noise moves the pose as the response says, at places all over the pad."""
     assert model.response is not None
     response = model.response
@@ -209,7 +209,7 @@ def test_the_drive_of_an_untouched_pad_is_the_mean_along_the_slopes(model: Conta
     np.testing.assert_allclose(untouched_drive(response, np.eye(5)), np.mean(drives, axis=0), rtol=1e-12, atol=1e-10)
 
 
-def test_the_lead_is_the_frames_time_on_the_line() -> None:
+def test_lead_is_the_frames_time_on_the_line() -> None:
     """firmware/wire.md: 53 bytes of four sensors take 1.15 ms at 460800 baud."""
     bridge = PadConfig(name="left", source=BridgeSource(port="/dev/ttyUSB0"), geometry=GeometryConfig())
     assert lead_of(bridge).frame_s - HOST_S == pytest.approx(1.15e-3, abs=1e-5)

@@ -59,7 +59,7 @@ def pressed(pad: Pad) -> State:
     return State.at_rest(pad).stepped(PRESSED)
 
 
-def test_ambient_field_needs_eight_unknowns_and_is_told(pad: Pad, pressed: State, tmp_path: Path) -> None:
+def test_ambient_field_needs_eight_unknowns_and_is_reported(pad: Pad, pressed: State, tmp_path: Path) -> None:
     field = field_of(pad, pressed) + AMBIENT_T
     assert off_um(solved(tmp_path, field), pressed) > 100.0
     row = solved(tmp_path, field, "--unknowns", "8")
@@ -101,7 +101,7 @@ def test_octupole_takes_the_cylinders_error_away(pad: Pad, pressed: State, tmp_p
     assert off_um(solved(tmp_path, field, "--octupole"), pressed) < 1.0  # the next term is a hundred times smaller
 
 
-def test_gradient_is_told_from_the_pose(pad: Pad, pressed: State, tmp_path: Path) -> None:
+def test_gradient_is_reported_from_the_pose(pad: Pad, pressed: State, tmp_path: Path) -> None:
     """Of 3e-4 T/m, as a prior of that size has it; five unknowns leave seven for the gradient's five."""
     state = State(pressed.position_m, pressed.axis, 0.0, np.zeros(3), 2e-4 * np.array([1.0, -0.5, 0.3, -0.8, 0.6]))
     rows = measurement_rows(np.zeros((4, 3)), pad.sensors, 1.0)

@@ -100,7 +100,7 @@ def test_no_number_of_c_depends_on_the_processor(path: Path) -> None:
     from numpy.linalg import norm; from numpy import exp; from scipy.linalg import cholesky
     import statistics""".replace("\n", ";").split(";"),
 )
-def test_whatever_rounds_as_the_processor_lets_it_is_found(code: str) -> None:
+def test_processor_dependent_rounding_is_found(code: str) -> None:
     assert set(used(ast.parse(code.strip()))) - EXACT
 
 
@@ -112,7 +112,7 @@ OF_ANOTHER = {
 
 
 @pytest.mark.parametrize("processor", OF_ANOTHER)
-def test_a_recording_replays_identically_on_another_processor(processor: str) -> None:
+def test_recording_replays_identically_on_another_processor(processor: str) -> None:
     script = "import sys; from pathlib import Path; from fmfts.offline.replay import Replay\n"
     script += "for path in sys.argv[1:]:\n replay = Replay(Path(path)); list(replay.contacts())\n"
     script += " print(replay.comparison.is_the_same, replay.facts()['sha256'])"

@@ -141,7 +141,7 @@ def test_both_ends_of_the_wire_number_packets_and_requests_alike() -> None:
     assert {name: board.get(name) for name in types} == types
 
 
-def test_firmware_numbers_results_and_states_as_the_daemon_reads_them() -> None:
+def test_firmware_numbers_results_and_states_as_daemon_reads_them() -> None:
     text = (CORE / "wire.h").read_text()
     (results,), (states,) = (
         re.findall(rf"enum {name} \{{([^}}]*)\}}", text, flags=re.DOTALL) for name in ("wire_result", "sensor_state")
@@ -170,7 +170,7 @@ def test_no_program_holds_more_than_the_wire_carries() -> None:
     assert constants(CORE / "sampler.c")["READ_US"] == BOARD_READ_US
 
 
-def test_configuration_takes_the_pads_that_a_board_may_have_and_no_more() -> None:
+def test_configuration_takes_pads_that_board_may_have_and_no_more() -> None:
     source = {"type": "bridge", "port": "/dev/ttyUSB0"}
     last = msgspec.convert(source | {"pad_index": packets.MAX_PADS - 1}, BridgeSource)
     assert last.pad_index == packets.MAX_PADS - 1
@@ -264,7 +264,7 @@ def python_files() -> list[Path]:
     return [path for folder in ("daemon", "lab", "extras") for path in sorted((REPOSITORY / folder).rglob("*.py"))]
 
 
-def test_nobody_asks_for_a_chips_name() -> None:
+def test_code_never_branches_on_a_chip_name() -> None:
     """What depends on the chip is a fact of it: another chip is another file, and no other branch."""
     named = []
     for path in python_files():
@@ -277,7 +277,7 @@ def test_nobody_asks_for_a_chips_name() -> None:
     assert named == []
 
 
-def test_a_chips_noise_is_written_once() -> None:
+def test_chips_noise_is_written_once() -> None:
     numbers = {HMC5983.noise_t}
     found = [
         f"{path.relative_to(REPOSITORY)}:{node.lineno}"

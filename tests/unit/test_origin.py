@@ -67,7 +67,7 @@ def test_other_sensors_baseline_is_refused_before_anybody_turns_or_presses(kind:
     BaselineJob(request, before.recorded_on(mine), Simulated(config), executor)
 
 
-def test_what_is_not_known_yet_is_no_difference() -> None:
+def test_unknown_board_identity_is_not_a_difference() -> None:
     """A port without uid: the board tells it when it is open. Another port of the same board is the same board."""
     board = BOARD.on({"uid": UID.upper()})
     assert board.agrees_with(BOARD)

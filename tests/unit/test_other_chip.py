@@ -53,14 +53,14 @@ def test_frame_reads_counts_by_its_chip() -> None:
     assert np.isnan(frame.field_t[1]).tolist() == [False, True, False]
 
 
-def test_a_gain_code_that_the_chip_has_not_is_no_field() -> None:
+def test_gain_code_that_the_chip_has_not_is_no_field() -> None:
     assert np.isnan(OTHER.step_t[2:]).all()
     assert OTHER.step_t.shape == HMC5983.step_t.shape
     with pytest.raises(ValueError, match=r"one of 2\.5, 5\.0"):
         OTHER.gain_code_for_range(4.0)
 
 
-def test_session_tells_the_finger_s_force(config: PadConfig) -> None:
+def test_session_reports_the_force_of_the_finger(config: PadConfig) -> None:
     source = Simulated(config)
     source.finger = steady_finger(1e-3, -2e-3, 0.8)
     frames = [frame for step in range(220) for frame in source.poll(step * PERIOD_NS)]
@@ -120,5 +120,5 @@ def test_wrong_identity_is_named_with_the_one_that_is_due() -> None:
         ("hmc5883l", "free", 75),
     ],
 )
-def test_a_board_reads_a_chip_no_faster_than_its_firmware_accepts(kind: str, trigger: str, most_hz: int) -> None:
+def test_board_reads_a_chip_no_faster_than_its_firmware_accepts(kind: str, trigger: str, most_hz: int) -> None:
     assert highest_rate_hz(CHIPS[kind], trigger, over_bridge=True) == most_hz

@@ -39,7 +39,7 @@ def test_good_chips_pass_and_stream_as_before(clock: Clock, trigger: int) -> Non
     assert result.sensors[1].positive == pytest.approx((-2509, 6615, 2167), abs=1)
 
 
-def test_it_is_set_up_as_the_makers_note_says() -> None:
+def test_lis3mdl_selftest_follows_the_makers_note() -> None:
     test = LIS3MDL.own_field
     assert test is not None
     # CTRL_REG1 to 5: 80 Hz and low power, ±12 G, continuous; then the bit ST.
@@ -48,7 +48,7 @@ def test_it_is_set_up_as_the_makers_note_says() -> None:
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_an_axis_beyond_its_limits_fails_alone(clock: Clock, axis: int) -> None:
+def test_axis_beyond_its_limits_fails_alone(clock: Clock, axis: int) -> None:
     for gauss in ((0.9, 3.1), (0.9, 3.1), (0.09, 1.01))[axis]:
         own = [2.0, 2.0, 0.5]
         own[axis] = gauss
@@ -61,14 +61,14 @@ def test_an_axis_beyond_its_limits_fails_alone(clock: Clock, axis: int) -> None:
         assert rest.endswith("the chip is damaged")
 
 
-def test_a_field_that_leaves_no_room_is_no_damage(clock: Clock) -> None:
+def test_field_without_room_for_the_coil_is_not_called_damage(clock: Clock) -> None:
     result = measured(clock, chip(clock, field_gauss=(11.0, 0.0, 0.0)))
     assert result.sensors[0].state == SensorState.SELFTEST_FAILED
     (reason,) = selftest_failures(LIS3MDL, 2, result.sensors[0].positive, result.sensors[0].negative)
     assert reason.startswith("x: saturated: the field outside")
 
 
-def test_a_chip_that_gives_no_samples_any_more_is_not_judged(clock: Clock) -> None:
+def test_chip_that_gives_no_samples_any_more_is_not_judged(clock: Clock) -> None:
     one = chip(clock)
     pad, _ = emulated_pad(clock, "lis3mdl", [one], rate_hz=50)
     run(pad, clock, 0.5, 50)
@@ -76,7 +76,7 @@ def test_a_chip_that_gives_no_samples_any_more_is_not_judged(clock: Clock) -> No
     assert i2c_selftest.measure(pad, 1).sensors[0].state == SensorState.NO_NEW_DATA
 
 
-def test_samples_are_averaged_and_a_saturated_one_spoils_its_axis() -> None:
+def test_samples_are_averaged_and_saturated_one_spoils_its_axis() -> None:
     bad = LIS3MDL.saturated_count
     assert own_field_counts(LIS3MDL, [(1, 10, 0), (3, 10, 0)], [(101, -90, 5), (103, -90, bad)]) == (100, -100, bad)
 

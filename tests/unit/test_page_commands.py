@@ -60,14 +60,14 @@ def test_unknown_program_in_a_console_is_refused() -> None:
         commands_of("x.md", "    make test\n    frobnicate --now\n")
 
 
-def test_pages_have_commands_that_are_typed_and_such_that_are_not() -> None:
+def test_pages_have_commands_typed_and_such_not() -> None:
     typed = [command for command in COMMANDS if KNOWN.reason(command) is None]
     assert len(COMMANDS) > 100
     assert len(typed) > 20
     assert {"README.md", "docs/recording.md"} <= {command.page for command in typed}
 
 
-def test_every_reason_has_a_command_and_every_test_that_is_named_exists() -> None:
+def test_every_reason_has_command_and_every_test_named_exists() -> None:
     told = [f"{command.page}: {command.words}" for command in COMMANDS]
     patterns = [pattern for pattern, _ in [*KNOWN.not_run, *KNOWN.elsewhere, *KNOWN.instead]]
     assert [one for one in patterns if not any(re.search(one, line) for line in told)] == []

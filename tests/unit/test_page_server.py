@@ -206,7 +206,7 @@ class TestWhoMay:
             pass
 
     @pytest.mark.parametrize("token", ["", "wrong", "ä"])
-    def test_without_the_token_nothing_is_told(self, served: Served, token: str) -> None:
+    def test_page_without_token_receives_nothing(self, served: Served, token: str) -> None:
         with served.page(token) as page:
             with pytest.raises(ConnectionClosed) as closed:
                 page.recv(timeout=5.0)
@@ -238,7 +238,7 @@ class TestWhoMay:
                 peer.sendall(bytes(request))
         assert served.get("/").startswith(b"HTTP/1.1 200")
 
-    def test_many_silent_connections_keep_nobody_out(self, served: Served) -> None:
+    def test_silent_connections_do_not_block_new_pages(self, served: Served) -> None:
         idle = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(WAITING + 100)]
         assert served.get("/").startswith(b"HTTP/1.1 200")
         for each in idle:
@@ -308,7 +308,7 @@ class TestWhoMay:
 
 
 class TestFeed:
-    def test_page_gets_every_message_of_the_pad_it_watches_and_the_newest_of_others(self, served: Served) -> None:
+    def test_page_gets_every_message_of_pad_it_watches_and_newest_of_others(self, served: Served) -> None:
         with served.page() as page:
             page.send(json.dumps({"ask": "watch", "detail": "left"}))
             page.send(json.dumps({"ask": "ping", "sent_ms": 0.0}))
@@ -343,7 +343,7 @@ class TestFeed:
         feed.close()
         bus.close(0)
 
-    def test_browser_that_does_not_read_costs_a_bounded_memory_and_is_told(self) -> None:
+    def test_browser_that_does_not_read_costs_bounded_memory_and_is_reported(self) -> None:
         viewer = Viewer()
         for number in range(KEPT_FOR_A_PAGE + 10):
             viewer.take(b"contact/left", msgpack.packb({"seq": number}))
@@ -369,7 +369,7 @@ class TestFeed:
         raise AssertionError("nothing of the bus arrives any more")
 
     @pytest.mark.parametrize("first", [0, 300])
-    def test_every_message_of_a_recording_is_shown_in_its_order_and_then_its_end(
+    def test_every_message_of_recording_is_shown_in_its_order_and_then_its_end(
         self, served: Served, first: int
     ) -> None:
         """From the place in it that the page asks for."""
@@ -397,7 +397,7 @@ class TestFeed:
         assert clocks == sorted(clocks)
         assert clocks[0] > began_ns
 
-    def test_nothing_of_the_bus_comes_after_a_recording_began(self) -> None:
+    def test_bus_messages_stop_when_a_recording_is_shown(self) -> None:
         viewer = Viewer()
         viewer.take(b"event/left", b"\xc0")
         viewer.take_newest({b"contact/left": b"\xc0"})
@@ -405,7 +405,7 @@ class TestFeed:
         assert viewer.batch() == b""
 
 
-def test_shape_of_a_pad_is_told_in_metres() -> None:
+def test_shape_of_a_pad_is_reported_in_metres() -> None:
     facts = pad_facts(PadConfig(name="left", source=SimulatedSource()))
     assert facts["sensors_m"][0] == [0.008, 0.008, 0.0]
     assert facts["rest_position_m"] == [0.0, 0.0, 0.012]
@@ -433,7 +433,7 @@ class TestAddress:
         assert len(guard.token) >= 32
         assert Guard("127.0.0.1").token != guard.token
 
-    def test_browser_is_opened_only_where_there_is_a_desktop_and_it_is_wanted(self) -> None:
+    def test_browser_is_opened_only_where_there_is_desktop_and_it_is_wanted(self) -> None:
         assert may_open({"DISPLAY": ":0"}, "linux")
         assert not may_open({}, "linux")
         assert not may_open({"DISPLAY": ":0", "BROWSER": "none"}, "linux")
@@ -445,7 +445,7 @@ class TestFiles:
         page = path.read_text()
         assert not re.search(r"<script(?![^>]*src=)|<style|\sstyle=|\son\w+=", page)
 
-    def test_every_file_that_the_page_names_is_there_and_none_is_elsewhere(self) -> None:
+    def test_every_file_that_page_names_is_there_and_none_is_elsewhere(self) -> None:
         for file in [*FOLDER.glob("*.*"), *FLEETS.glob("*.*")]:
             folders = {FOLDER, file.parent}  # the front page is served beside the robot's files
             named = re.findall(

@@ -71,7 +71,7 @@ def test_table_and_shipped_model_serve_both_magnets(table3: Facts) -> None:
 
 
 @pytest.mark.long
-def test_the_papers_own_figures_stand_beside_its_four_cases(table3: Facts) -> None:
+def test_papers_own_figures_stand_beside_its_four_cases(table3: Facts) -> None:
     assert row_of(table3, "BP, pose", 1.28)["paper_mae_x_mm"] == 0.5675
     assert row_of(table3, "RBF, field", 1.28)["paper_rmse_force_n"] == 86.767
     assert "paper_mae_x_mm" not in row_of(table3, "table inversion", 1.23)
@@ -93,7 +93,7 @@ def test_errors_are_those_of_the_rows() -> None:
 
 
 @pytest.mark.long
-def test_paper_poses_carry_the_remanence_in_the_length_of_the_axis(presses: Path) -> None:
+def test_paper_poses_carry_remanence_in_length_of_axis(presses: Path) -> None:
     strong = Readings.solved_test(standard_pad(1.28), presses)
     length = np.linalg.norm(paper_inputs.INPUTS["pose"](strong)[:, 3:], axis=1)
     # As a dipole has it, whose moment stands in for a cylinder's: within half a percent.
@@ -101,7 +101,7 @@ def test_paper_poses_carry_the_remanence_in_the_length_of_the_axis(presses: Path
     assert strong.remanence_t == pytest.approx(1.28, rel=0.005)
 
 
-def test_missing_presses_are_named_with_the_command_that_solves_them(
+def test_missing_presses_are_named_with_command_that_solves_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(paper_inputs, "SOLVED_TEST", tmp_path / "none.csv")
@@ -127,7 +127,7 @@ def test_experiment_blames_what_was_not_estimated(tmp_path: Path) -> None:
     assert (tmp_path / "paper-table4-figure11.svg").is_file()
 
 
-def test_training_set_of_the_paper_needs_no_file_of_the_repository() -> None:
+def test_training_set_of_paper_needs_no_file_of_repository() -> None:
     """As the command makes it; the file has six digits of it."""
     path = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"
     made, kept = standard_set(), read_calibration_set(path)

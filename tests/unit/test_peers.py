@@ -133,7 +133,7 @@ def test_flood_takes_its_budget_and_then_leaves_the_loop_alone(loop: Loop) -> No
         assert msgpack.unpackb(flooder.recv())["id"] == number
 
 
-def test_polite_peer_is_answered_in_the_next_turns_beside_a_flood(loop: Loop) -> None:
+def test_polite_peer_is_answered_in_next_turns_beside_flood(loop: Loop) -> None:
     flooders = [loop.peer() for _ in range(8)]
     polite = loop.peer()
     for flooder in flooders:
@@ -326,7 +326,7 @@ def test_one_long_request_gives_frames_four_times_as_long(loop: Loop) -> None:
     assert loop.peers.due_ns - loop.now_ns == PAUSES * (1_000 * BUDGET_NS + REQUEST_NS)
 
 
-def test_knocks_and_subscriptions_share_the_budget(loop: Loop) -> None:
+def test_new_connections_and_subscriptions_share_the_budget(loop: Loop) -> None:
     """Whatever else floods, each turn takes one of each and a request."""
     knocks = LARGEST_BATCH // 2
     with (

@@ -67,7 +67,7 @@ def frames_of(config: PadConfig, finger: Finger | None, seconds: float) -> list[
 
 @pytest.mark.parametrize("scene", [{"ambient": "constant"}, {"ambient": "drifting"}])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_scripted_finger_is_felt_within_the_published_deviations(seed: int, scene: dict[str, str]) -> None:
+def test_scripted_finger_is_detected_within_published_deviations(seed: int, scene: dict[str, str]) -> None:
     """A cycle of taps, presses and slides on a mounted pad; where the field drifts, its robot turns by 60° a second."""
     config = config_of(seed, **scene)
     pipeline, source = pipeline_of(config, simulated_baseline(config)), Simulated(config)
@@ -99,7 +99,7 @@ def test_scripted_finger_is_felt_within_the_published_deviations(seed: int, scen
     assert (np.sqrt(np.mean(np.square(off), axis=0)) < 2.0).all()
 
 
-def test_baseline_recorded_under_load_is_refuted_when_the_load_goes() -> None:
+def test_baseline_recorded_under_load_is_refuted_when_load_goes() -> None:
     """The tolerances of a drawing can swallow half a newton; nothing that a finger does lifts the magnet afterwards."""
     config = config_of(remanence="measured")
     loaded = frames_of(config, steady_finger(0.0, 0.0, 0.5), 1.0)
@@ -227,7 +227,7 @@ def test_slow_pad_is_not_called_silent_between_its_frames() -> None:
 
 
 @pytest.mark.parametrize("ambient", ["constant", "drifting"])
-def test_press_in_a_corner_that_is_not_felt_is_within_what_is_said_of_force(ambient: str) -> None:
+def test_undetected_corner_press_is_within_force_deviation(ambient: str) -> None:
     """0.3 N at (14, 14) mm move the magnet by 8 µm: no touch is felt, and none must be ruled out to 0.02 N."""
     config = config_of(seed=3, ambient=ambient)
     pipeline = pipeline_of(config, simulated_baseline(config))
@@ -239,7 +239,7 @@ def test_press_in_a_corner_that_is_not_felt_is_within_what_is_said_of_force(ambi
             assert abs(message.force_n - 0.3) < 5.0 * message.force_sd_n
 
 
-def test_weakest_felt_touch_is_where_the_pad_feels_least() -> None:
+def test_weakest_detected_touch_is_at_the_least_sensitive_place() -> None:
     """Half of it at a corner is no touch of the χ² test, twice of it is one."""
     config = config_of(ambient="constant")
     pad = config.pad()
@@ -256,7 +256,7 @@ def test_weakest_felt_touch_is_where_the_pad_feels_least() -> None:
 
 @pytest.mark.parametrize("ambient", ["constant", "drifting"])
 @pytest.mark.parametrize("gap_s", [0.5, 5.0])
-def test_first_frame_after_a_gap_in_which_the_pad_was_pressed_is_good(
+def test_first_frame_after_gap_in_which_pad_was_pressed_is_good(
     ambient: Literal["constant", "drifting"], gap_s: float
 ) -> None:
     config = PadConfig(
@@ -297,7 +297,7 @@ def test_refused_baseline_stays_unused_once_the_board_is_known() -> None:
     assert {(message.health, message.reason) for message in bench.sent} == {("no_baseline", "it does not fit")}
 
 
-def test_source_that_is_being_opened_is_nothing_to_warn_of(caplog: pytest.LogCaptureFixture) -> None:
+def test_source_being_opened_raises_no_warning(caplog: pytest.LogCaptureFixture) -> None:
     with Bench(config_of()) as bench, caplog.at_level(logging.INFO):
         bench.source.state.since_ns = 0
         bench.source.state.connected = False
@@ -330,7 +330,7 @@ def test_why_a_source_cannot_be_opened_is_warned_of_once(caplog: pytest.LogCaptu
     assert "/dev/i2c-1 does not exist: enable I2C" in told[1][1]
 
 
-def test_overload_is_logged_three_times_in_ten_seconds_with_a_count_and_its_end(
+def test_overload_is_logged_three_times_in_ten_seconds_with_count_and_its_end(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     with Bench(config_of()) as bench, caplog.at_level(logging.INFO):

@@ -87,7 +87,7 @@ def test_four_sensors_at_work_are_not_flagged_as_bent(pad: Pad) -> None:
 STARTS = starts_in_box(np.array([0.0, 0.0, 12e-3]), np.full(3, 6e-3))
 
 
-def test_a_field_that_no_magnet_makes_is_not_acquired(pad: Pad) -> None:
+def test_field_that_no_magnet_makes_is_not_acquired(pad: Pad) -> None:
     random = np.random.default_rng(13)
     for _ in range(20):
         problem = problem_of(State.at_rest(pad), pad, FREE_PAPER, 4, random)

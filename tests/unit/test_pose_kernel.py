@@ -38,7 +38,7 @@ def test_nine_unknowns_at_rest_name_what_trades_off(pad: Pad) -> None:
     assert np.linalg.norm(jacobian / NOISE_T @ (solution.direction / scale)) < 1e-6
 
 
-def test_a_height_known_to_half_a_centimetre_is_unobservable(pad: Pad) -> None:
+def test_height_known_to_half_a_centimetre_is_unobservable(pad: Pad) -> None:
     """The bound there is 4.95 mm, of 16 mm to the sensors; where it is 0.8 mm, the answer stands."""
     lateral = State(np.array([0.3e-3, 0.0, 12e-3]), np.array([0.05, 0.0, 1.0]) / np.hypot(0.05, 1.0), 0.0, np.zeros(3))
     parts = parts_of(free=np.arange(9))
@@ -58,14 +58,14 @@ def test_one_sensor_alone_is_unobservable(pad: Pad) -> None:
     assert solution.status is Status.UNOBSERVABLE
 
 
-def test_a_search_that_may_not_go_on_says_so(pad: Pad) -> None:
+def test_search_that_may_not_go_on_says_so(pad: Pad) -> None:
     far = TRUTH.stepped(np.array([1e-3, 0, 1e-3, 0.2, 0.2]))
     solution = solve_problem(replace(problem_at(pad), start=far, max_iterations=1))
     assert solution.status is Status.AT_LIMIT
     assert np.isfinite(solution.covariance).all()
 
 
-def test_considered_moment_widens_the_covariance_and_is_not_updated(pad: Pad) -> None:
+def test_considered_moment_widens_covariance_and_is_not_updated(pad: Pad) -> None:
     sure = solve_problem(problem_at(pad))
     covariance = np.zeros((SIZE, SIZE))
     covariance[5, 5] = 0.02**2
@@ -119,7 +119,7 @@ def test_prior_is_transported_to_where_the_axis_is(pad: Pad) -> None:
         assert np.array([0.0, 0.0, 1.0]) @ spread @ np.array([0.0, 0.0, 1.0]) > 1e-7
 
 
-def test_a_batch_is_its_single_solves(pad: Pad) -> None:
+def test_batch_is_its_single_solves(pad: Pad) -> None:
     random = np.random.default_rng(4)
     problems = [problem_at(pad) for _ in range(5)]
     for problem in problems:

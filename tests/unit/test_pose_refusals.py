@@ -31,7 +31,7 @@ BAD_ROWS = {
 
 
 @pytest.mark.parametrize("what", BAD_ROWS)
-def test_a_row_that_is_no_measurement_is_refused(pad: Pad, what: str) -> None:
+def test_row_that_is_no_measurement_is_refused(pad: Pad, what: str) -> None:
     problem = problem_at(pad)
     column, value = BAD_ROWS[what]
     problem.measurements[4, column] = value
@@ -42,7 +42,7 @@ def test_a_row_that_is_no_measurement_is_refused(pad: Pad, what: str) -> None:
 
 
 @pytest.mark.parametrize(("column", "value"), [(VALUE, np.nan), (VALUE, np.inf), (VALUE, -np.inf), (NOISE, np.inf)])
-def test_a_row_that_holds_no_value_is_left_out(pad: Pad, column: int, value: float) -> None:
+def test_row_that_holds_no_value_is_left_out(pad: Pad, column: int, value: float) -> None:
     problem = problem_at(pad)
     without = replace(problem, measurements=np.delete(problem.measurements, 4, axis=0))
     problem.measurements[4, column] = value
@@ -51,7 +51,7 @@ def test_a_row_that_holds_no_value_is_left_out(pad: Pad, column: int, value: flo
     assert left_out.covariance == pytest.approx(absent.covariance, rel=1e-12)
 
 
-def test_a_value_too_large_to_square_is_refused(pad: Pad) -> None:
+def test_value_too_large_to_square_is_refused(pad: Pad) -> None:
     problem = problem_at(pad)
     problem.measurements[4, VALUE] = 1e300
     assert solve_problem(problem).status is Status.INVALID
@@ -65,7 +65,7 @@ BAD_STARTS = {
 
 
 @pytest.mark.parametrize("what", BAD_STARTS)
-def test_a_start_that_is_no_state_is_refused(pad: Pad, what: str) -> None:
+def test_start_that_is_no_state_is_refused(pad: Pad, what: str) -> None:
     assert solve_problem(replace(problem_at(pad), start=BAD_STARTS[what])).status is Status.INVALID
 
 
@@ -79,26 +79,26 @@ BAD_MOTIONS = {
 
 
 @pytest.mark.parametrize("what", BAD_MOTIONS)
-def test_a_motion_that_is_none_is_refused(pad: Pad, what: str) -> None:
+def test_motion_that_is_none_is_refused(pad: Pad, what: str) -> None:
     problem = problem_at(pad)
     problem.measurements[:, AGE] = 1e-3
     assert solve_problem(replace(problem, motion=Motion(NONE, 1e-12 * ONE))).status is Status.CONVERGED
     assert solve_problem(replace(problem, motion=BAD_MOTIONS[what])).status is Status.INVALID
 
 
-def test_a_part_that_is_none_is_refused(pad: Pad) -> None:
+def test_part_that_is_none_is_refused(pad: Pad) -> None:
     problem = problem_at(pad)
     problem.parts[12] = 7
     assert solve_problem(problem).status is Status.INVALID
 
 
 @pytest.mark.parametrize("stop_chi2", [0.0, -1.0, np.inf, np.nan])
-def test_a_search_that_would_never_or_always_end_is_refused(pad: Pad, stop_chi2: float) -> None:
+def test_search_that_would_never_or_always_end_is_refused(pad: Pad, stop_chi2: float) -> None:
     assert solve_problem(problem_at(pad, stop_chi2=stop_chi2)).status is Status.INVALID
 
 
 @pytest.mark.parametrize("part", [Part.PRIOR, Part.CONSIDERED])
-def test_a_prior_that_is_none_is_refused(pad: Pad, part: Part) -> None:
+def test_prior_that_is_none_is_refused(pad: Pad, part: Part) -> None:
     problem = problem_at(pad)
     problem.parts[5] = part
     assert solve_problem(problem).status is Status.INVALID
@@ -107,7 +107,7 @@ def test_a_prior_that_is_none_is_refused(pad: Pad, part: Part) -> None:
         assert solve_problem(replace(problem, prior=Prior(TRUTH, covariance))).status is Status.INVALID
 
 
-def test_noise_of_zero_is_refused_also_beside_a_proportional_part(pad: Pad) -> None:
+def test_noise_of_zero_is_refused_also_beside_proportional_part(pad: Pad) -> None:
     problem = problem_at(pad)
     problem.measurements[:, PROPORTIONAL] = 0.01
     assert solve_problem(problem).status is Status.CONVERGED

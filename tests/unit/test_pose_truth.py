@@ -64,7 +64,7 @@ def errors(state: State | PoseEstimate, pose: str) -> tuple[float, float]:
 
 @pytest.mark.parametrize("remanence", REMANENCES)
 @pytest.mark.parametrize("pose", ["1", "2"])
-def test_table_1_with_the_ambient_free_is_right_to_a_tenth_of_a_millimetre(pad: Pad, pose: str, remanence: str) -> None:
+def test_table_1_with_ambient_free_is_right_to_tenth_of_millimetre(pad: Pad, pose: str, remanence: str) -> None:
     magnet = pad.magnet.with_remanence(float(remanence))
     estimate = solve(reading(pose, remanence), replace(pad, magnet=magnet), free=FREE_FIELD)
     away_mm, tilt_deg = errors(estimate, pose)
@@ -165,7 +165,7 @@ def test_real_recordings_are_solved_from_a_cold_start(sensors: set[int], median_
     assert p95 < p95_mm
 
 
-def test_the_example_of_the_documentation_finds_its_magnet() -> None:
+def test_example_of_the_documentation_finds_its_magnet() -> None:
     """Its readings are of a magnet at (0.5, 0, 11.5) mm, its axis along (0.1, 0, 1), rounded to 0.1 µT."""
     example = re.search(r"```python\n(.*?)```", (ROOT / "docs/pose.md").read_text(), re.DOTALL)
     assert example is not None

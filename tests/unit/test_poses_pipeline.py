@@ -74,7 +74,7 @@ def errors(message: ContactMessage, position_m: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", WITHOUT_A_MODEL)
-def test_an_untouched_pad_tells_its_poses_and_no_touch(name: str) -> None:
+def test_untouched_pad_reports_its_poses_and_no_touch(name: str) -> None:
     made = ready(name)
     said = [(made.process(frame), position) for frame, position in frames(name, 220)]
     for message, position in said:
@@ -91,7 +91,7 @@ def test_an_untouched_pad_tells_its_poses_and_no_touch(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", WITHOUT_A_MODEL)
-def test_a_pressed_pad_tells_touch_poses_and_how_far_its_magnets_moved(name: str) -> None:
+def test_pressed_pad_reports_touch_poses_and_how_far_its_magnets_moved(name: str) -> None:
     made, rest = ready(name), None
     for frame, position in frames(name, 40, PRESS):
         message = made.process(frame)
@@ -107,7 +107,7 @@ def test_a_pressed_pad_tells_touch_poses_and_how_far_its_magnets_moved(name: str
     assert _place(message) == f"the magnet that moved most moved by {1e3 * message.displacement_m:.3f} mm"
 
 
-def test_a_touch_ends_when_the_finger_lifts() -> None:
+def test_touch_ends_when_the_finger_lifts() -> None:
     def lifting(time_s: float) -> Touch:
         return PRESS(time_s) if time_s < 0.1 else Touch(0.0, 0.0, 0.0)
 
@@ -136,7 +136,7 @@ def off(sensor: int, counts: int) -> Callable[[Frame], Frame]:
 
 
 @pytest.mark.parametrize("name", WITHOUT_A_MODEL)
-def test_a_silent_sensor_is_named_and_the_poses_are_right_without_it(name: str) -> None:
+def test_silent_sensor_is_named_and_poses_are_right_without_it(name: str) -> None:
     made, mute = ready(name), without(2)
     for frame, position in frames(name, 20, PRESS):
         message = made.process(mute(frame))
@@ -145,7 +145,7 @@ def test_a_silent_sensor_is_named_and_the_poses_are_right_without_it(name: str) 
         assert np.abs(errors(message, position)).max() < 5.0
 
 
-def test_too_few_sensors_are_lost_and_say_how_many_values_are_needed() -> None:
+def test_too_few_sensors_are_lost_with_needed_count() -> None:
     made = ready("3 over 8")
     for frame, _ in frames("3 over 8", 5, PRESS):
         message = made.process(without(1)(without(2)(frame)))
@@ -173,7 +173,7 @@ def test_contradicting_sensor_is_named_and_excluded_until_it_agrees(name: str, s
     assert healths[-1] == "ok"
 
 
-def test_a_sensor_that_was_left_out_is_asked_again_where_the_others_are_too_few() -> None:
+def test_sensor_that_was_left_out_is_asked_again_where_others_are_too_few() -> None:
     made, lie, mute = ready("3 over 8"), off(0, 1200), without(3)
     for frame, now_m in frames("3 over 8", 40, PRESS):
         position, number = now_m, frame.sequence
@@ -198,7 +198,7 @@ def test_foreign_field_is_disturbed_without_poses(name: str) -> None:
     assert not made.memory.poses.touch.touched, "a finger was not seen for so long that it may be gone"
 
 
-def test_a_pad_that_may_not_search_says_so_and_searches_when_it_may() -> None:
+def test_postponed_search_is_reported_and_made_up() -> None:
     made, lie = ready("4 over 12"), off(3, 600)
     for frame, _ in frames("4 over 12", 30, PRESS):
         waits = 12 <= frame.sequence < 20  # the first two have samples of before and after
@@ -223,7 +223,7 @@ def test_poses_are_settled_before_they_are_ok_again() -> None:
     assert healths[-1][0] == "ok"
 
 
-def test_a_pipeline_goes_on_from_anothers_memory_with_the_same_answers() -> None:
+def test_pipeline_goes_on_from_anothers_memory_with_same_answers() -> None:
     name = "2 over 8"
     some = [frame for frame, _ in frames(name, 60, PRESS)]
     first, other = ready(name), ready(name)
@@ -238,7 +238,7 @@ def test_a_pipeline_goes_on_from_anothers_memory_with_the_same_answers() -> None
         restore(ready("4 over 8", "default"), snapshot(first))
 
 
-def test_absence_ends_the_touch_and_a_bare_baseline_says_what_to_do() -> None:
+def test_absence_ends_touch_and_bare_baseline_says_what_to_do() -> None:
     made = ready("2 over 8")
     for frame, _ in frames("2 over 8", 5, PRESS):
         made.process(frame)
@@ -260,7 +260,7 @@ def test_shipped_model_is_not_used_for_other_magnets() -> None:
         contact_model_of(msgspec.structs.replace(three, geometry=few))
 
 
-def test_the_standard_magnets_have_their_table_in_any_order() -> None:
+def test_standard_magnets_have_their_table_in_any_order() -> None:
     config = config_of("4 over 8", "default")
     first, second, third, fourth = config.magnet, *config.other_magnets
     turned = msgspec.structs.replace(config, magnet=third, other_magnets=(second, fourth, first))
@@ -332,7 +332,7 @@ def test_eight_sensors_under_four_magnets_publish_no_free_poses() -> None:
         assert message.poses is None
 
 
-def test_a_pad_beside_it_sees_where_its_magnets_are() -> None:
+def test_pad_beside_it_sees_where_its_magnets_are() -> None:
     made, beside = ready("2 over 8"), ready("4 over 8", "default")
     sighting = made.be_felt()
     placement = Placement(np.array([0.04, 0.0, 0.0]), np.eye(3), 3e-4)

@@ -50,7 +50,7 @@ def probed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     return probe
 
 
-def test_sensors_that_are_set_up_anew_between_two_looks_are_no_fault(probed: Any) -> None:
+def test_sensors_set_up_anew_between_two_looks_are_no_fault(probed: Any) -> None:
     """The first frames are still of the settings before; then all sensors are silent until they are set up."""
     facts = probed([WHOLE, SILENT], [SILENT], [SILENT, WHOLE])
     assert (facts["sound"], facts["faults"]) == (True, [])

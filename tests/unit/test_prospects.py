@@ -46,7 +46,7 @@ def test_what_is_promised_comes_true(world: World, pad: Pad) -> None:
         assert said[step] == pytest.approx(facts["press_1n_force_sd_n"], rel=0.25)
 
 
-def test_what_brings_nothing_is_not_advised(pad: Pad) -> None:
+def test_useless_step_is_not_advised(pad: Pad) -> None:
     exact = replace(SHIPPED, gain=0.0, sensor_rotation_rad=0.0, cross_axis=0.0, sensor_position_m=1e-6)
     world = World(pad, np.random.default_rng(4))
     world.gain, world.places = np.ones((4, 3)), pad.sensors.position_m

@@ -11,7 +11,7 @@ from fmfts_lab.bench.__main__ import main
 from fmfts_lab.real.figures import RECORDINGS, allan_deviation
 
 
-def test_allan_deviation_of_white_noise_falls_with_the_root_of_the_count() -> None:
+def test_allan_deviation_of_white_noise_falls_with_root_of_count() -> None:
     counts = np.array([1, 4, 16, 64])
     noise = np.random.default_rng(1).normal(0.0, 2.0, 200_000)
     np.testing.assert_allclose(allan_deviation(noise, counts), 2.0 / np.sqrt(counts), rtol=0.05)

@@ -79,7 +79,7 @@ def with_default(priority: str, denied: bool) -> tuple[str, str]:
 
 
 @pytest.mark.skipif(not permitted.priority(), reason=permitted.NO_PRIORITY)
-def test_a_service_comes_first_by_default_and_says_so() -> None:
+def test_service_comes_first_by_default_and_says_so() -> None:
     (given,) = re.findall(r"^Environment=FMFTS_REALTIME_PRIORITY=(\d+)$", UNIT.read_text(), re.M)
     priority, log = with_default(given, denied=False)
     assert priority == given
@@ -101,7 +101,7 @@ def test_memory_stays() -> None:
 
 
 @pytest.mark.skipif(not permitted.another_user(), reason="needs root, to give it up")
-def test_what_is_not_permitted_is_said_with_what_to_grant() -> None:
+def test_what_is_not_permitted_is_reported_with_what_to_grant() -> None:
     priority = in_a_process(DENIED.format(limit="RLIMIT_RTPRIO", kept=0, call="take_priority(7)"))
     assert "LimitRTPRIO=7" in priority
     assert "CAP_SYS_NICE" in priority
@@ -109,7 +109,7 @@ def test_what_is_not_permitted_is_said_with_what_to_grant() -> None:
 
 @pytest.mark.skipif(not permitted.another_user(), reason="needs root, to give it up")
 @pytest.mark.parametrize(("kept", "said"), [(0, "no memory may"), (65536, "only 64 kB of memory may")])
-def test_memory_that_may_not_be_locked_is_said_with_what_to_grant(kept: int, said: str) -> None:
+def test_memory_that_may_not_be_locked_is_reported_with_what_to_grant(kept: int, said: str) -> None:
     memory = in_a_process(DENIED.format(limit="RLIMIT_MEMLOCK", kept=kept, call="lock_memory()"))
     assert memory.startswith(f"service.lock_memory: {said} be locked here")
     assert "LimitMEMLOCK=infinity" in memory

@@ -91,7 +91,7 @@ def test_ageing_moment_is_followed() -> None:
 
 
 @pytest.mark.long
-def test_ageing_moment_is_followed_on_a_robot_that_turns_all_the_time() -> None:
+def test_ageing_moment_is_followed_on_robot_that_turns_all_time() -> None:
     """18 µm are what the pad would have sunk by, as on one that stands."""
     followed = life(600.0, share=ageing, turning_deg_per_s=20.0)
     assert abs(np.mean(followed.heights_m)) < 6e-6
@@ -124,7 +124,7 @@ def test_rate_is_never_exceeded() -> None:
 
 
 @pytest.mark.parametrize("mn_per_s", [*(pytest.param(slow, marks=pytest.mark.long) for slow in (0.03, 0.1)), 1.0])
-def test_press_that_creeps_up_is_never_learnt_beyond_the_bound(mn_per_s: float) -> None:
+def test_slow_press_is_learned_at_most_to_the_limit(mn_per_s: float) -> None:
     """At 1 mN/s nothing of it is learnt at all."""
     seconds = 100.0 if mn_per_s >= 1.0 else 300.0
 
@@ -139,7 +139,7 @@ def test_press_that_creeps_up_is_never_learnt_beyond_the_bound(mn_per_s: float) 
         assert max(run.sizes_m) < 3e-6
 
 
-def test_held_press_is_never_learnt() -> None:
+def test_held_press_is_never_learned() -> None:
     run = life(300.0, lambda time_s: Touch(0.0, 0.0, 0.1 if time_s > 2.0 else 0.0))
     assert max(run.sizes_m) < 1e-6
     assert np.mean(run.forces_n) == pytest.approx(0.1, abs=0.03)

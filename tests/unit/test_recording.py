@@ -62,7 +62,7 @@ def test_other_programs_find_json_that_fits_its_schema(tmp_path: Path) -> None:
         jsonschema.validate(content | {"force_n": "much"}, msgspec.json.decode(schema.data))
 
 
-def test_recording_that_is_cut_off_anywhere_gives_every_whole_chunk(tmp_path: Path) -> None:
+def test_recording_cut_off_anywhere_gives_every_whole_chunk(tmp_path: Path) -> None:
     contacts = written(tmp_path / "a.mcap")
     content = (tmp_path / "a.mcap").read_bytes()
     dice, counts = random.Random(1), set()
@@ -237,7 +237,7 @@ def test_replay_that_could_compare_nothing_is_no_success(
     assert msgspec.json.decode(capsys.readouterr().out)["different"] == 0
 
 
-def test_recorded_contact_in_the_middle_that_no_frame_gives_again_is_found() -> None:
+def test_recorded_contact_in_middle_that_no_frame_gives_again_is_found() -> None:
     comparison = Comparison()
     for seq in range(10):
         comparison.recorded(contact_message(seq=seq, t_sample_ns=seq))
@@ -247,7 +247,7 @@ def test_recorded_contact_in_the_middle_that_no_frame_gives_again_is_found() -> 
     assert not comparison.is_the_same
 
 
-def test_a_recording_that_grows_while_it_is_read_is_as_long_as_it_was(tmp_path: Path) -> None:
+def test_recording_that_grows_while_it_is_read_is_as_long_as_it_was(tmp_path: Path) -> None:
     """A recorder's write comes amid the reading of its chunk: the part that was there is no damaged chunk."""
     contacts = written(tmp_path / "a.mcap")
     content, path = (tmp_path / "a.mcap").read_bytes(), tmp_path / "b.mcap"

@@ -86,7 +86,7 @@ LYING = {
         *(("nested message", reader) for reader in READERS if reader != "repair"),  # which copies messages unread
     ],
 )
-def test_lying_recording_is_refused_and_costs_little(lie: str, reader: str, tmp_path: Path) -> None:
+def test_recording_with_false_sizes_is_refused_cheaply(lie: str, reader: str, tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(mcap(LYING[lie])[:-8])  # cut off: only then it can be repaired
     tracemalloc.start()

@@ -49,7 +49,7 @@ RESPONSES = [shipped(), sheared(1)]
 
 
 @pytest.mark.parametrize("response", RESPONSES, ids=["normal", "sheared"])
-def test_slope_is_the_derivative_also_beyond_the_calibrated_force(response: Response) -> None:
+def test_slope_is_derivative_also_beyond_calibrated_force(response: Response) -> None:
     random = np.random.default_rng(2)
     place = random.uniform(response.first_mm + 0.1, response.last_mm - 0.1, (60, 2))
     press = np.column_stack(

@@ -56,7 +56,7 @@ def dumped(kind: str, bus: EmulatedBus, address: int) -> dict[int, bytes]:
     return dict(dump(ChipWires(bus, address)))  # type: ignore[arg-type]
 
 
-def test_every_chip_that_is_read_here_tells_its_registers() -> None:
+def test_every_chip_that_is_read_here_reports_its_registers() -> None:
     assert [chip.name for chip in CHIPS.values() if (chip.dump is None) != chip.streamed] == []
 
 

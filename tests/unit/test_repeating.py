@@ -86,20 +86,20 @@ def test_no_more_than_once(pytester: pytest.Pytester) -> None:
 
 
 @pytest.mark.parametrize("words", [{"busy_share": NEVER_BUSY}, {"marker": "other"}])
-def test_neither_on_an_idle_computer_nor_what_is_judged_otherwise(
+def test_neither_on_idle_computer_nor_what_is_judged_otherwise(
     pytester: pytest.Pytester, words: dict[str, object]
 ) -> None:
     result, tried = run(pytester, failures=1, **words)
     assert (result.ret, tried) == (1, 1)
 
 
-def test_strangers_are_seen() -> None:
+def test_processes_of_others_are_noticed() -> None:
     with busy_process() as stranger, busy_process() as own, repeating.OthersShare(own.pid) as others:
         wait_for(stranger.pid, 2.0)
     assert others.largest > repeating.BUSY_SHARE
 
 
-def test_what_descends_from_a_test_is_no_stranger() -> None:
+def test_child_processes_of_tests_are_not_foreign() -> None:
     before_s = processor_s(os.getpid()) - time.process_time()
     with busy_process() as child:
         wait_for(child.pid, 0.5)
@@ -115,7 +115,7 @@ def wait_for(process: int, seconds: float) -> None:
         time.sleep(0.1)
 
 
-def test_a_processor_that_stands_still_is_told_of_with_when() -> None:
+def test_processor_that_stands_still_is_told_of_with_when() -> None:
     with StandingStill() as computer:
         time.sleep(0.1)
         start = time.monotonic()
@@ -132,7 +132,7 @@ def hold_the_interpreter(seconds: float) -> None:
     usleep(round(seconds * 1e6))
 
 
-def test_the_second_attempt_waits_until_strangers_have_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_second_attempt_waits_until_strangers_have_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(repeating, "QUIET_WITHIN_S", 10.0)
     monkeypatch.setattr(repeating, "BUSY_SHARE", 0.8)  # of whatever else runs here, little; of a busy process, all
     with busy_process() as stranger, busy_process() as own:

@@ -134,7 +134,7 @@ def test_another_structure_is_refused_with_the_recorded_one(tmp_path: Path) -> N
         Replayed({0: wider})
 
 
-def test_recording_damaged_within_disconnects_its_pad_with_the_reason(tmp_path: Path) -> None:
+def test_recording_damaged_within_disconnects_its_pad_with_reason(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     writer = RecordingWriter(path)
     writer.add("state", "left", msgspec.to_builtins(state("left")))

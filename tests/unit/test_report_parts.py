@@ -138,11 +138,11 @@ def test_adapter_is_reported_as_a_raspberry_pi_has_it(tmp_path: Path, monkeypatc
     }
 
 
-def test_adapter_that_is_not_there_is_told_by_its_error() -> None:
+def test_adapter_that_is_not_there_is_reported_by_its_error() -> None:
     assert machine.adapter(250) == {"bus": 250, "is_usb": False, "functions": "not known: No such file or directory"}
 
 
-def test_serial_port_is_told_with_its_usb_ids_and_timer(tmp_path: Path) -> None:
+def test_serial_port_is_reported_with_its_usb_ids_and_timer(tmp_path: Path) -> None:
     """As drivers/usb/serial/ftdi_sio.c has it: the timer on the port, which hangs on the interface of the device."""
     usb = tmp_path / "sys/devices/platform/usb1/1-1"
     placed(
@@ -170,7 +170,7 @@ def test_serial_port_is_told_with_its_usb_ids_and_timer(tmp_path: Path) -> None:
     }
 
 
-def test_machine_tells_the_model_of_the_device_tree(tmp_path: Path) -> None:
+def test_machine_reports_the_model_of_the_device_tree(tmp_path: Path) -> None:
     placed(
         tmp_path,
         {

@@ -65,7 +65,7 @@ def extra_modules() -> list[Path]:
 
 
 @pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_a_room_imports_only_from_the_floors_below(path: Path) -> None:
+def test_room_imports_only_from_the_floors_below(path: Path) -> None:
     own = room_of("fmfts." + ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"))
     others = {room_of(name) for name in imported(path) if name == "fmfts" or name.startswith("fmfts.")} - {own, ""}
     wrong = {other for other in others if FLOOR_OF[other] >= FLOOR_OF[own]}
@@ -83,7 +83,7 @@ def test_robot_knows_nothing_of_the_packages_beside_it() -> None:
 
 
 @pytest.mark.parametrize("path", extra_modules(), ids=lambda path: path.name)
-def test_an_extra_uses_what_is_open_to_it(path: Path) -> None:
+def test_extra_uses_what_is_open_to_it(path: Path) -> None:
     names = {name for name in imported(path) if name == "fmfts" or name.startswith("fmfts.")}
     closed = {name for name in names if room_of(name) in CLOSED or (room_of(name) == "cli" and name not in OPEN_VERBS)}
     assert not closed, f"{path.name} imports {', '.join(sorted(closed))}: move what it needs to where both may use it"

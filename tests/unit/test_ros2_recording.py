@@ -35,7 +35,7 @@ def test_wrench_has_the_bytes_that_ros_writes() -> None:
     assert struct.unpack("<6d", data[28:]) == (*force, *torque)
 
 
-def test_what_is_not_known_is_nan_and_no_wrench_is_told_beyond_the_range() -> None:
+def test_what_is_not_known_is_nan_and_no_wrench_is_told_beyond_range() -> None:
     messages = told(over_range=True, force_min_n=3.0, contact=None)
     assert messages.keys() == {"tf", "ros/left/contact"}
     data = messages["ros/left/contact"].data
@@ -53,7 +53,7 @@ def test_ros_has_the_same_definition() -> None:
     assert (ROS / "fmfts_msgs/msg/Contact.msg").read_text() == CONTACT + "\n"
 
 
-def test_a_replay_leaves_them_out(tmp_path: Path) -> None:
+def test_replay_leaves_them_out(tmp_path: Path) -> None:
     writer = RecordingWriter(tmp_path / "touch.mcap")
     writer.add("contact", "left", contact(0))
     for message in told().values():

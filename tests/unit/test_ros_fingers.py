@@ -162,7 +162,7 @@ def test_numbers_that_a_point_cannot_hold_stop_nothing(ros: Any) -> None:
     assert (point["id"], point["force_sd_n"]) == (5, math.inf)
 
 
-def test_a_pad_has_the_topic_of_fingers_once_it_tells_them(ros: Any) -> None:
+def test_pad_has_the_topic_of_fingers_once_it_reports_them(ros: Any) -> None:
     node = FakeNode()
     pad = ros("pads").RosPad(node, "left", "left", "left", 0.0)
     pad.height_m = HEIGHT_M

@@ -44,7 +44,7 @@ def touches(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     yield from stand_ins.ros.__wrapped__(monkeypatch)
 
 
-def test_a_contact_has_all_numbers_and_the_covariance_of_its_wrench(touches: Any) -> None:
+def test_contact_has_all_numbers_and_covariance_of_its_wrench(touches: Any) -> None:
     contact = received(contact_message())
     told = touches("touches").contact_message(contact, "left", HEIGHT_M)
     assert (told.health, told.contact, told.over_range) == ("ok", 1, False)
@@ -65,7 +65,7 @@ def test_what_touches_is_a_tactile_contact_and_nothing_is_none(touches: Any) -> 
     assert touches("touches").tactile_contacts(untouched, "left", HEIGHT_M).contacts == []
 
 
-def test_a_pad_publishes_both_beside_its_wrench(touches: Any) -> None:
+def test_pad_publishes_both_beside_its_wrench(touches: Any) -> None:
     node = FakeNode()
     pad = touches("pads").RosPad(node, "left", "left", "left", math.nan)
     pad.height_m = HEIGHT_M
@@ -74,7 +74,7 @@ def test_a_pad_publishes_both_beside_its_wrench(touches: Any) -> None:
         assert len(node.published[f"~/left/{topic}"]) == 1, topic
 
 
-def test_without_these_packages_nothing_more_is_published(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_node_without_tactile_packages_publishes_only_its_own_topics(monkeypatch: pytest.MonkeyPatch) -> None:
     ros = stand_ins.ros.__wrapped__(monkeypatch)
     assert next(ros)("touches").kinds() == {}
     for _ in ros:

@@ -42,7 +42,7 @@ def test_two_defects_at_once_are_named(ambient: Ambient, seed: int) -> None:
     judge(told(ambient, 2, seed))
 
 
-def test_a_case_that_nobody_sees_is_not_named() -> None:
+def test_undetected_case_is_not_named() -> None:
     (stuck,) = [one for one in defects() if one.name == "stuck"]
     said = Said(("stuck",), "constant")
     said.saw("ok", "", [stuck])

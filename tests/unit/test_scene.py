@@ -65,7 +65,7 @@ def test_turning_robot_in_a_drifting_scene_keeps_its_poses(pad: Pad, turn_rad_pe
     assert max(hand.nees) < 25.0 + 20.0
 
 
-def test_turning_robot_in_a_constant_scene_is_disturbed_not_wrong(pad: Pad) -> None:
+def test_turning_robot_in_constant_scene_is_disturbed_not_wrong(pad: Pad) -> None:
     hand = Hand(pad, SceneConfig(ambient="constant"), 1.0)
     hand.run(600)
     assert hand.health["disturbed"] + hand.health["lost"] > 450
@@ -93,7 +93,7 @@ def test_pad_that_stays_warm_does_not_become_vaguer_with_every_frame(pad: Pad) -
     assert deviation == pytest.approx(np.hypot(0.0024, MOMENT_DEVIATION), rel=0.01)
 
 
-def test_field_that_steps_is_disturbed_for_a_moment_and_then_learnt(pad: Pad) -> None:
+def test_field_that_steps_is_disturbed_for_moment_and_then_learned(pad: Pad) -> None:
     """A motor's brake lets go: 30 mG at once."""
     scene = tracking_model_for(SceneConfig(ambient="drifting"), MagnetConfig()).tracking
     rest = State.at_rest(pad)
@@ -143,7 +143,7 @@ def test_standard_pad_sees_all_that_its_scene_leaves_unknown(pad: Pad) -> None:
         )
 
 
-def test_sensors_that_cannot_tell_are_warned_of_with_the_figure() -> None:
+def test_layout_that_cannot_determine_pose_is_warned_about() -> None:
     drifting, constant = (
         tracking_model_for(replace_scene(ambient=ambient), MagnetConfig()).tracking
         for ambient in ("drifting", "constant")

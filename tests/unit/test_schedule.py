@@ -93,7 +93,7 @@ def test_deadline_that_came_nearer_while_served_is_kept(two: tuple[Schedule, Pip
     assert schedule.wait(time.monotonic_ns() + FAR_NS) is due
 
 
-def test_deadline_that_moved_away_wakes_nobody(two: tuple[Schedule, Piped, Piped]) -> None:
+def test_postponed_deadline_causes_no_wake_up(two: tuple[Schedule, Piped, Piped]) -> None:
     schedule, source, _ = two
     source.deadline = time.monotonic_ns()
     schedule.review()
@@ -118,7 +118,7 @@ def test_reopened_source_is_heard_on_its_new_descriptor(two: tuple[Schedule, Pip
     assert {id(schedule.wait(soon())) for _ in range(2)} == {id(gone), id(other)}
 
 
-def test_a_call_is_told_from_a_source_with_bytes(two: tuple[Schedule, Piped, Piped]) -> None:
+def test_call_is_reported_from_a_source_with_bytes(two: tuple[Schedule, Piped, Piped]) -> None:
     schedule, awake, _ = two
     ours, theirs = os.pipe()
     try:

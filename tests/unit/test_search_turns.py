@@ -90,13 +90,13 @@ def test_one_pad_searches_in_a_round_and_each_in_its_turn() -> None:
 
 
 @pytest.mark.parametrize("pads", [1, 16])
-def test_a_pad_that_alone_wants_to_search_does_so_in_each_of_its_frames(pads: int) -> None:
+def test_pad_that_alone_wants_to_search_does_so_in_each_of_its_frames(pads: int) -> None:
     others = [str(number) for number in range(1, pads)]
     searched = who_searched(SearchTurns(pads), ["0", *others] * 10, {"0"})
     assert searched.count("0") == 10
 
 
-def test_the_frames_of_one_pad_alone_make_rounds_where_all_others_are_away() -> None:
+def test_frames_of_one_pad_alone_make_rounds_where_all_others_are_away() -> None:
     assert who_searched(SearchTurns(16), ["a"] * 5, {"a"}) == ["a"] * 5
 
 
@@ -109,7 +109,7 @@ def test_pad_that_left_while_waiting_delays_few_rounds() -> None:
     assert {"a", "c"} == set(filter(None, searched))
 
 
-def test_a_slow_pad_has_its_turn_beside_fast_ones() -> None:
+def test_slow_pad_has_its_turn_beside_fast_ones() -> None:
     searched = who_searched(SearchTurns(3), ["a", "b", "a", "b", "a", "b", "slow"] * 30, {"a", "b", "slow"})
     assert Counter(searched)["slow"] >= 10
 
@@ -120,7 +120,7 @@ def test_rare_searches_still_try_fingers_and_each_sensor_in_turn() -> None:
     assert numbers == list(range(len(numbers)))
 
 
-def test_a_frame_that_may_not_search_is_never_ok_with_the_finger_of_before() -> None:
+def test_frame_that_may_not_search_is_never_ok_with_finger_of_before() -> None:
     """A second finger comes down: only one is known, and where both are is not searched."""
     made, late = ready(), steady_finger(7e-3, 3e-3, 0.7)
 

@@ -71,7 +71,7 @@ def gain_deviation(mounting: Mounting) -> float:
     return float(np.sqrt(np.mean(np.square(mounting.leftover.sensitivity_deviation[:12]))))
 
 
-def test_gains_of_a_passed_selftest_are_stored_and_begin_the_next_baseline(pad: Pad) -> None:
+def test_gains_of_passed_selftest_are_stored_and_begin_next_baseline(pad: Pad) -> None:
     untested = recorded(recorded(None, chips(), bare=True).baseline, chips())
     facts = after_test(chips())
     assert facts["passed"] is True
@@ -92,7 +92,7 @@ def _could_gain(recorded: Recorded) -> list[str]:
     return [sentence.split(":")[0] for sentence in recorded.facts(CONFIG.pad())["could_gain"]]
 
 
-def test_gains_stay_in_the_baseline_and_under_a_bare_recording_alone(pad: Pad) -> None:
+def test_gains_stay_in_baseline_and_under_bare_recording_alone(pad: Pad) -> None:
     after_test(chips())
     bare = recorded(None, chips(), bare=True)
     path_of(pad.name, "selftest").unlink()
@@ -109,7 +109,7 @@ def test_gains_of_another_board_are_not_used(pad: Pad) -> None:
     assert recorded(None, chips(), ANOTHER, bare=True).baseline.gains_from == "tolerance"
 
 
-def test_selftest_that_failed_leaves_the_gains_of_the_last_good_one(pad: Pad) -> None:
+def test_selftest_that_failed_leaves_gains_of_last_good_one(pad: Pad) -> None:
     after_test(chips())
     before = stored_gains(pad, MINE)
     broken = chips()

@@ -42,7 +42,7 @@ def pad_that_is_ready_at(stopwatch: Stopwatch, ready_s: float, stands_still_s: f
     ("ready_after_s", "stands_still_s", "found"),
     [(0.0, 0.0, SAMPLE), (0.05, 0.0, SAMPLE), (0.05, 1.0, SAMPLE), (9.0, 0.0, None), (9.0, 1.0, None)],
 )
-def test_a_sample_that_came_while_the_computer_stood_still_is_found(
+def test_sample_that_came_while_computer_stood_still_is_found(
     monkeypatch: pytest.MonkeyPatch, ready_after_s: float, stands_still_s: float, found: bytes | None
 ) -> None:
     stopwatch = Stopwatch()
@@ -76,7 +76,7 @@ class Measuring:
 
 
 @pytest.mark.parametrize("ends_after_s", [0.5e-4, 1.5e-4, 2.5e-4, 3.5e-4, 4.5e-4, 22.5e-4])
-def test_a_measurement_that_ends_while_the_chip_is_asked_for_it_is_found(
+def test_measurement_that_ends_while_chip_is_asked_for_it_is_found(
     monkeypatch: pytest.MonkeyPatch, ends_after_s: float
 ) -> None:
     stopwatch = Stopwatch()

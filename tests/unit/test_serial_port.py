@@ -20,7 +20,7 @@ def adapter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return device
 
 
-def test_an_adapter_that_holds_bytes_back_is_warned_of(adapter: Path) -> None:
+def test_adapter_that_holds_bytes_back_is_warned_of(adapter: Path) -> None:
     (adapter / "latency_timer").write_text("16\n")
     warning = serial_port.latency_warning("/dev/ttyUSB0")
     assert warning is not None
@@ -47,5 +47,5 @@ def test_bytes_take_time_on_a_uart_and_none_on_usb(adapter: Path, tmp_path: Path
 
 
 @pytest.mark.parametrize(("code", "words"), [(errno.EPERM, "systemctl restart fmfts"), (errno.EACCES, "dialout")])
-def test_service_without_the_device_and_user_without_group_differ(code: int, words: str) -> None:
+def test_service_without_device_and_user_without_group_differ(code: int, words: str) -> None:
     assert words in serial_port.why_not_open("/dev/ttyUSB0", OSError(code, os.strerror(code)))

@@ -26,7 +26,7 @@ SYSTEMD = Path(__file__).parents[2] / "systemd"
 
 
 @pytest.mark.parametrize("abstract", [False, True])
-def test_systemd_is_told(tmp_path: Path, abstract: bool) -> None:
+def test_systemd_gets_notifications(tmp_path: Path, abstract: bool) -> None:
     name = f"fmfts-test-{secrets.token_hex(8)}"
     address = f"@{name}" if abstract else str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
@@ -43,7 +43,7 @@ def test_systemd_is_told(tmp_path: Path, abstract: bool) -> None:
     assert notifier.watchdog_interval_s == 2.5
 
 
-def test_without_systemd_nothing_is_said() -> None:
+def test_no_notification_without_systemd() -> None:
     notifier = Notifier({})
     notifier.ready()
     assert notifier.watchdog_interval_s is None
@@ -151,7 +151,7 @@ def test_journal_gets_a_priority_on_every_line() -> None:
     assert logged("journal") == ["<7>d", "<6>i", "<4>w", "<3>two", "<3>lines", "<2>c"]
 
 
-def test_people_get_time_and_level_even_in_a_shell_that_inherited_a_journal() -> None:
+def test_people_get_time_and_level_even_in_shell_that_inherited_journal() -> None:
     assert re.fullmatch(r"\d\d:\d\d:\d\d\.\d{3} DEBUG d", logged("terminal")[0])
 
 
@@ -179,7 +179,7 @@ def systemd_analyze(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(["systemd-analyze", *arguments], capture_output=True, text=True, check=False)
 
 
-def test_unit_is_one_that_systemd_accepts_without_a_word(unit: Path) -> None:
+def test_systemd_accepts_the_unit_without_warning(unit: Path) -> None:
     run = systemd_analyze("verify", "--man=no", unit)
     assert (run.stdout + run.stderr, run.returncode) == ("", 0)
 
@@ -188,7 +188,7 @@ DRIVERS = {"ttyUSB": "usbserial", "ttyACM": "cdc_acm", "i2c": "i2c_dev"}
 BUILT_IN = {"ttyS", "ttyAMA"}
 
 
-def test_drivers_of_allowed_devices_are_loaded_before_the_unit_starts(unit: Path) -> None:
+def test_drivers_of_allowed_devices_are_loaded_before_unit_starts(unit: Path) -> None:
     """systemd resolves DeviceAllow=char-… once; what is not in /proc/devices then is refused for ever."""
     lines = unit.read_text().splitlines()
     allowed = {line.removeprefix("DeviceAllow=char-").split()[0] for line in lines if line.startswith("DeviceAllow=")}

@@ -33,7 +33,7 @@ def chip(clock: Clock, field_gauss: tuple[float, float, float] = FIELD_GAUSS, **
 
 
 @pytest.mark.parametrize("trigger", [0, 1])
-def test_zeros_are_told_apart_from_the_field(clock: Clock, trigger: int) -> None:
+def test_zeros_are_distinguished_from_the_field(clock: Clock, trigger: int) -> None:
     result = measured(clock, chip(clock, zero_gauss=ZERO_GAUSS), chip(clock), trigger=trigger)
     assert (result.request_id, result.gain_code) == (7, 0)
     assert [sensor.state for sensor in result.sensors] == [SensorState.OK] * 2
@@ -43,7 +43,7 @@ def test_zeros_are_told_apart_from_the_field(clock: Clock, trigger: int) -> None
     assert result.sensors[0].negative == pytest.approx((-1024, -1024, -1024), abs=2)  # −2 · 0.125 G
 
 
-def test_the_zero_is_what_a_frame_without_a_field_says(clock: Clock) -> None:
+def test_zero_is_what_a_frame_without_a_field_says(clock: Clock) -> None:
     """With the frames' signs, z turned over: so that it is the zero that `baseline --bare` records."""
     one = chip(clock, zero_gauss=ZERO_GAUSS, field_gauss=(0.0, 0.0, 0.0))
     pad, _ = emulated_pad(clock, "mmc5983ma", [one], rate_hz=50)
@@ -67,7 +67,7 @@ def test_noise_fails_no_good_chip(clock: Clock) -> None:
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_zero_beyond_its_limit_fails_alone(clock: Clock, axis: int) -> None:
+def test_zero_beyond_its_limit_fails_alone(clock: Clock, axis: int) -> None:
     zero = [0.49, -0.49, 0.49]
     zero[axis] = -0.52
     result = measured(clock, chip(clock, zero_gauss=tuple(zero)), chip(clock))
@@ -78,7 +78,7 @@ def test_a_zero_beyond_its_limit_fails_alone(clock: Clock, axis: int) -> None:
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_an_axis_that_does_not_feel_the_coil_is_dead(clock: Clock, axis: int) -> None:
+def test_axis_that_does_not_measure_the_coil_is_dead(clock: Clock, axis: int) -> None:
     coil = [0.08, -0.175, 0.08]  # its sign does not matter
     coil[axis] = 0.002
     result = measured(clock, chip(clock, coil_gauss=tuple(coil)), chip(clock, coil_gauss=(0.08, 0.175, -0.08)))
@@ -93,7 +93,7 @@ def test_what_a_strong_field_left_does_not_count(clock: Clock) -> None:
     assert measured(clock, one).sensors[0].state == SensorState.OK
 
 
-def test_a_field_that_leaves_no_room_is_no_damage(clock: Clock) -> None:
+def test_field_without_room_for_the_coil_is_not_called_damage(clock: Clock) -> None:
     result = measured(clock, chip(clock, field_gauss=(0.0, 8.2, 0.0)))
     (reason,) = selftest_failures(MMC5983MA, 0, result.sensors[0].positive, result.sensors[0].negative)
     assert reason.startswith("y: saturated: the field outside")
@@ -104,7 +104,7 @@ def test_a_field_that_leaves_no_room_is_no_damage(clock: Clock) -> None:
     assert sensor["zero_t"][0] is not None
 
 
-def test_a_chip_that_gives_no_samples_any_more_is_not_judged(clock: Clock) -> None:
+def test_chip_that_gives_no_samples_any_more_is_not_judged(clock: Clock) -> None:
     one = chip(clock)
     pad, _ = emulated_pad(clock, "mmc5983ma", [one], rate_hz=50)
     run(pad, clock, 0.5, 50)
@@ -132,7 +132,7 @@ class Restless(Mmc5983ma):
         super().convert()
 
 
-def test_the_stream_rests_and_the_first_measurement_after_a_pulse_does_not_count(clock: Clock) -> None:
+def test_stream_rests_and_first_measurement_after_pulse_does_not_count(clock: Clock) -> None:
     one = Restless(clock, FIELD_GAUSS)
     pad, _ = emulated_pad(clock, "mmc5983ma", [one], rate_hz=200)
     run(pad, clock, 0.1, 200)
@@ -143,18 +143,18 @@ def test_the_stream_rests_and_the_first_measurement_after_a_pulse_does_not_count
     assert result.sensors[0].negative == pytest.approx((-1024, -1024, -1024), abs=2)
 
 
-def test_the_coil_is_off_afterwards(clock: Clock) -> None:
+def test_coil_is_off_afterwards(clock: Clock) -> None:
     one = chip(clock)
     measured(clock, one)
     assert one.controls[3] == 0
 
 
-def test_a_saturated_sample_spoils_its_axis() -> None:
+def test_saturated_sample_spoils_its_axis() -> None:
     bad = MMC5983MA.saturated_count
     assert bridge_zero_counts(MMC5983MA, [(9, 5, 3), (11, 5, 3)], [(-6, 5, bad), (-6, 5, 3)]) == (2, 5, bad)
 
 
-def test_a_person_reads_zeros_in_microtesla_and_that_they_do_not_matter() -> None:
+def test_person_reads_zeros_in_microtesla_and_that_they_do_not_matter() -> None:
     facts = selftest_facts(MMC5983MA, 0, [(1229, -410, 0)], [(-512, 512, -512)])
     assert (facts["passed"], facts["gain_factor_sd"]) == (True, None)
     lines = [line.strip() for line in fact_lines(facts)]
@@ -165,7 +165,7 @@ def test_a_person_reads_zeros_in_microtesla_and_that_they_do_not_matter() -> Non
     )
 
 
-def test_a_sensor_that_does_not_answer_has_no_zero() -> None:
+def test_sensor_that_does_not_answer_has_no_zero() -> None:
     facts = selftest_facts(MMC5983MA, 0, [(0, 0, 0)], [(0, 0, 0)], ["sensor 1 does not answer"])
     (sensor,) = facts["sensors"]  # type: ignore[misc]
     assert (sensor["zero_t"], sensor["failures"]) == ([None] * 3, ["sensor 1 does not answer"])

@@ -58,7 +58,7 @@ def pressed(config: PadConfig, baseline: Baseline, place_m: tuple[float, float])
 
 
 @pytest.mark.parametrize("place_m", [(0.0, 0.0), (4e-3, 3e-3), (-6e-3, 2e-3)])
-def test_newton_on_a_set_up_pad_is_known_to_a_tenth_but_for_its_silicone(
+def test_newton_on_set_up_pad_is_known_to_tenth_but_for_its_silicone(
     demo: tuple[PadConfig, Baseline, list[str]], place_m: tuple[float, float]
 ) -> None:
     """20 % of the modulus, the thickness, and the finger's size are counted beside what the set-up leaves."""

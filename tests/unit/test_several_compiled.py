@@ -131,7 +131,7 @@ def test_search_ends_at_the_tables_edge_and_at_its_largest_force() -> None:
 
 
 @pytest.mark.parametrize("fingers", [0, 1, 2, 3])
-def test_without_any_value_nothing_is_told(fingers: int) -> None:
+def test_no_values_give_no_finger(fingers: int) -> None:
     fitter = fitter_of(*USUAL)
     nothing = Measured(np.full(24, np.nan), np.full(24, np.nan), np.zeros(24, bool))
     start = fingers_of(np.random.default_rng(13), fingers)
@@ -223,7 +223,7 @@ def test_each_constant_of_the_search_reaches_c(monkeypatch: pytest.MonkeyPatch, 
     assert [of_fit(Fitter(usual.model).fit(start, measured, NONE)) for start in starts] != before
 
 
-def test_finger_that_the_values_say_nothing_of_has_an_infinite_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_undetermined_finger_has_infinite_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
     """One without force: where it is makes no difference."""
     monkeypatch.setattr(fit, "ITERATIONS", 0)
     monkeypatch.setattr(fit, "FLOOR", np.zeros(3))
@@ -251,7 +251,7 @@ def test_few_values_are_scanned(values: int) -> None:
         assert all(pair.shape == (2, 3) for pair in fitter.best_pairs(root, measured))
 
 
-def test_no_pair_is_found_twice_where_a_block_of_c_holds_both_places() -> None:
+def test_no_pair_is_found_twice_where_block_of_c_holds_both_places() -> None:
     """The places 14 and 15 of a grid 15 wide are at its two ends, and C looks at four places at once."""
     fitter = fitter_of(*USUAL)
     ends = fitter.places[14:16]

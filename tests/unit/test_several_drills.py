@@ -22,7 +22,7 @@ def test_wrong_axis_is_named_and_two_fingers_stay_published() -> None:
     assert back_ms < 100.0  # AGREES_FRAMES, and the alignment's one
 
 
-def test_between_two_samples_of_a_jump_no_finger_is_told_as_good() -> None:
+def test_jump_between_samples_publishes_no_ok_finger() -> None:
     """Two fingers explain samples of which some are from before a magnet lost half its moment, and some from after."""
     counted = drilled("one of four magnets at half", seed=2)
     assert counted.wrong_degraded > 0

@@ -70,7 +70,7 @@ def off(frame: Frame, sensor: int, counts: int) -> Frame:
     return replace(frame, counts=changed)
 
 
-def test_an_untouched_turning_pad_is_healthy_and_tells_no_finger() -> None:
+def test_untouched_turning_pad_is_healthy_and_reports_no_finger() -> None:
     messages = told(ready(), frames(330))
     assert all(message.health == "ok" and message.contact is False and message.contacts == [] for message in messages)
     last = messages[-1]
@@ -82,7 +82,7 @@ def test_an_untouched_turning_pad_is_healthy_and_tells_no_finger() -> None:
     assert len(last.poses) == 4
 
 
-def test_two_fingers_are_told_with_their_resultant() -> None:
+def test_two_fingers_are_reported_with_their_resultant() -> None:
     message = told(ready(), frames(20, LEFT, RIGHT))[-1]
     assert isinstance(message.contacts, list)
     one, other = sorted(message.contacts, key=lambda finger: finger.x_m)
@@ -97,7 +97,7 @@ def test_two_fingers_are_told_with_their_resultant() -> None:
     assert decode_contact(encode(message)) == message
 
 
-def test_the_poses_go_with_the_fingers() -> None:
+def test_poses_go_with_the_fingers() -> None:
     """The magnet at (−6, −6) mm is under the finger: it goes down by 0.4 mm a newton and more, the farthest by less."""
     made = ready()
     rest = told(made, frames(5))[-1]
@@ -109,7 +109,7 @@ def test_the_poses_go_with_the_fingers() -> None:
     assert down[3] < min(down[:3])
 
 
-def test_poses_are_computed_once_a_frame_also_where_a_pad_beside_it_needs_them(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_poses_are_computed_once_frame_also_where_pad_beside_it_needs_them(monkeypatch: pytest.MonkeyPatch) -> None:
     computed: list[int] = []
 
     def counted(*of: Any) -> Poses:
@@ -124,7 +124,7 @@ def test_poses_are_computed_once_a_frame_also_where_a_pad_beside_it_needs_them(m
     assert len(computed) == len(said)
 
 
-def test_a_silent_sensor_degrades_and_two_fingers_are_still_told() -> None:
+def test_silent_sensor_degrades_and_two_fingers_are_still_told() -> None:
     message = told(ready(), (without(frame, 2) for frame in frames(20, LEFT, RIGHT)))[-1]
     assert (message.health, message.sensors_ok) == ("degraded", 0xFB)
     assert message.reason == "sensor 3 is silent"
@@ -168,7 +168,7 @@ def _is_right(message: ContactMessage) -> bool:
     return max(map(abs, error)) < 5.0
 
 
-def test_a_magnet_nearby_is_no_finger() -> None:
+def test_magnet_nearby_is_no_finger() -> None:
     """A field with a gradient that no finger makes: 10 µT that change sign from sensor to sensor."""
     made, pattern = ready(), np.array([1, -1, 1, -1, -1, 1, 1, -1]) * 140
     for frame in frames(30, LEFT):
@@ -179,14 +179,14 @@ def test_a_magnet_nearby_is_no_finger() -> None:
     assert message.force_n is None
 
 
-def test_beyond_the_table_only_a_bound_of_the_force_is_told() -> None:
+def test_press_beyond_table_publishes_only_a_lower_bound() -> None:
     message = told(ready(), frames(8, steady_finger(2e-3, 2e-3, 4.0)))[-1]
     assert (message.contact, message.over_range, message.contacts, message.force_n) == (True, True, None, None)
     assert message.force_min_n == pytest.approx(3.0, abs=0.1)
     assert message.poses is None
 
 
-def test_without_a_baseline_and_with_a_bare_one_alone_it_says_what_to_do() -> None:
+def test_missing_rest_baseline_says_what_to_do() -> None:
     made = pipeline()
     first = told(made, frames(2))[-1]
     assert (first.health, first.contact, first.contacts) == ("no_baseline", None, None)
@@ -197,7 +197,7 @@ def test_without_a_baseline_and_with_a_bare_one_alone_it_says_what_to_do() -> No
 
 
 @pytest.mark.parametrize("place", [(11e-3, 11e-3, 0.15), (12.5e-3, 0.0, 0.3), (13e-3, 3e-3, 0.5), (0.0, 0.0, 0.3)])
-def test_a_finger_that_is_held_stays_the_same_finger_all_over_the_pad(place: tuple[float, float, float]) -> None:
+def test_finger_that_is_held_stays_same_finger_all_over_pad(place: tuple[float, float, float]) -> None:
     """Near the edge its force alone is known badly, and its place with it: it presses all the same."""
     messages = told(ready(), frames(120, steady_finger(*place)))[5:]
     fingers = [message.contacts[0] for message in messages if message.contacts]
@@ -221,7 +221,7 @@ def test_fingers_that_lift_are_gone_with_the_frame() -> None:
     assert max(told_places) < 40e-3
 
 
-def test_three_fingers_are_never_told_as_two_that_are_wrong() -> None:
+def test_three_fingers_are_never_reported_as_two_wrong_ones() -> None:
     """Three of 0.6 N each: said to be more, or disturbed."""
     said = []
     for x_m, y_m in ((0.0, 9e-3), (2e-3, -10e-3), (-9e-3, 9e-3), (9e-3, -9e-3), (0.0, -9e-3)):
@@ -241,7 +241,7 @@ def test_three_fingers_are_never_told_as_two_that_are_wrong() -> None:
     assert sum(more for _, more in said) >= 3  # of five; 54 to 58 % in lab/results/several.md
 
 
-def test_three_fingers_that_stay_are_said_to_be_more_until_one_goes() -> None:
+def test_three_fingers_that_stay_are_reported_to_be_more_until_one_goes() -> None:
     """In some frames two explain the field by chance. Never is all said to be well."""
     made, source = ready(), SimulatedArray(CONFIG)
     source.second_finger = steady_finger(8e-3, 2e-3, 0.6)
@@ -284,7 +284,7 @@ class _Third:
         return self._field(place_m, [*touches, self.touch], warmer)
 
 
-def test_a_second_sensor_that_fails_after_the_first_is_found() -> None:
+def test_second_sensor_that_fails_after_the_first_is_found() -> None:
     made = ready()
     for frame in frames(200, LEFT):
         frame = off(frame, 0, 600) if 10 <= frame.sequence < 30 else frame
@@ -294,7 +294,7 @@ def test_a_second_sensor_that_fails_after_the_first_is_found() -> None:
     assert _is_right(message)
 
 
-def test_a_sensor_that_is_bad_before_the_touch_began_is_found() -> None:
+def test_sensor_that_is_bad_before_the_touch_began_is_found() -> None:
     made = ready()
     for frame in frames(60, LEFT):
         message = made.process(off(frame, 5, 600))
@@ -303,14 +303,14 @@ def test_a_sensor_that_is_bad_before_the_touch_began_is_found() -> None:
     assert _is_right(message)
 
 
-def test_the_residual_is_of_the_sensors_that_are_used() -> None:
+def test_residual_is_of_the_sensors_that_are_used() -> None:
     """Noise is 0.2 µT, what the baseline leaves open some more; a silent sensor would bring 66 µT."""
     message = told(ready(), (without(frame, 2) for frame in frames(20, LEFT)))[-1]
     assert isinstance(message.poses, list)
     assert message.poses[0].residual_t < 3e-6
 
 
-def test_without_friction_no_shear_is_told() -> None:
+def test_without_friction_no_shear_is_reported() -> None:
     contact = msgspec.structs.replace(CONFIG.contact, friction=0.0)
     made = pipeline(msgspec.structs.replace(CONFIG, contact=contact))
     made.use(BASELINE)
@@ -319,7 +319,7 @@ def test_without_friction_no_shear_is_told() -> None:
     assert message.contacts[0].shear_x_n is message.contacts[0].shear_x_sd_n is message.shear_x_n is None
 
 
-def test_an_ambient_field_that_turned_is_told_within_its_deviation() -> None:
+def test_turned_ambient_field_is_within_its_deviation() -> None:
     message = told(ready(), frames(330))[-1]
     source = SimulatedArray(CONFIG)
     true_t = rotation_from_vector(TURNING_AXIS * source.turning_rad_per_s * 329 / 220) @ source.built.ambient_t
@@ -331,7 +331,7 @@ def test_an_ambient_field_that_turned_is_told_within_its_deviation() -> None:
     assert max(message.poses[0].ambient_sd_t) < 3e-6
 
 
-def test_a_new_baseline_begins_with_new_fingers_and_a_bad_one_changes_nothing() -> None:
+def test_new_baseline_begins_with_new_fingers_and_bad_one_changes_nothing() -> None:
     made = ready()
     before = told(made, frames(8, LEFT))[-1]
     made.use(BASELINE)
@@ -367,7 +367,7 @@ def test_silicone_that_comes_back_slowly_is_no_finger() -> None:
     assert all(found[0.0])
 
 
-def test_a_pad_at_a_low_rate_keeps_its_finger() -> None:
+def test_pad_at_a_low_rate_keeps_its_finger() -> None:
     slow = msgspec.structs.replace(CONFIG, source=msgspec.structs.replace(CONFIG.source, rate_hz=19))
     made = pipeline(slow)
     made.use(simulated_baseline(slow))
@@ -389,7 +389,7 @@ def test_absence_ends_the_touch() -> None:
     assert again.contacts[0].id != before.contacts[0].id
 
 
-def test_a_pipeline_goes_on_from_another_s_memory_with_the_same_answers() -> None:
+def test_pipeline_goes_on_from_another_s_memory_with_same_answers() -> None:
     one, some = ready(), list(frames(30, LEFT, RIGHT))
     for frame in some[:15]:
         one.process(frame)
@@ -404,7 +404,7 @@ def test_a_pipeline_goes_on_from_another_s_memory_with_the_same_answers() -> Non
         restore(pipeline(), content)  # it has no baseline
 
 
-def test_a_baseline_of_another_number_of_magnets_is_refused() -> None:
+def test_baseline_of_another_number_of_magnets_is_refused() -> None:
     fewer = msgspec.structs.replace(CONFIG, other_magnets=CONFIG.other_magnets[:2])
     with pytest.raises(BaselineError):
         BASELINE.array_mounting(fewer.pad())

@@ -74,7 +74,7 @@ def test_model_named_in_the_config_publishes_shear(baseline: Baseline, shear_n: 
 
 
 @pytest.mark.parametrize("place_m", [(10e-3, 0.0), (0.0, -11e-3), (10e-3, 10e-3)])
-def test_where_shear_cannot_be_told_no_number_is_published(baseline: Baseline, place_m: tuple[float, float]) -> None:
+def test_undetermined_shear_is_not_published(baseline: Baseline, place_m: tuple[float, float]) -> None:
     for message in told(CONFIG, baseline, dragging(*place_m, 1.2, (0.2, 0.1)))[40:]:
         assert message.contact is True
         assert message.health == "ok"
@@ -100,7 +100,7 @@ def test_shear_is_told_as_well_as_one_frame_allows_on_directly_solved_presses() 
     assert (np.array(facts["network, 2 mG"]["mae"])[3:] < 0.13).all()
 
 
-def test_shipped_models_deviations_count_the_shear_that_friction_may_exert() -> None:
+def test_shipped_models_deviations_count_shear_that_friction_may_exert() -> None:
     facts = friction("default", np.random.default_rng(3))
     assert facts["finger 0.3, model 0"]["wrong"] > 0.1
     counted = facts["finger 0.3, model 0.3"]

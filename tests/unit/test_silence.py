@@ -37,7 +37,7 @@ def stall(monkeypatch: pytest.MonkeyPatch) -> Callable[[], int]:
     return stall
 
 
-def test_frames_that_came_while_the_loop_stood_still_are_no_silence(daemon: Daemon, stall: Callable[[], int]) -> None:
+def test_frames_that_came_while_loop_stood_still_are_no_silence(daemon: Daemon, stall: Callable[[], int]) -> None:
     with daemon:
         (left,) = daemon._channels.values()
         daemon._serve(left.source, stall())
@@ -46,7 +46,7 @@ def test_frames_that_came_while_the_loop_stood_still_are_no_silence(daemon: Daem
             assert left.health == "ok"
 
 
-def test_a_source_that_has_nothing_to_read_is_silent(
+def test_source_that_has_nothing_to_read_is_silent(
     daemon: Daemon, stall: Callable[[], int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with daemon:

@@ -28,13 +28,13 @@ def as_a_stranger(endpoint: str) -> str:
     return subprocess.run(words, capture_output=True, text=True, check=True).stdout
 
 
-def test_daemon_that_is_not_there_is_asked_after_with_its_endpoint() -> None:
+def test_daemon_not_there_is_asked_after_with_its_endpoint() -> None:
     assert why_silent("ipc:///nowhere/bus", {}) == "is fmfts-daemon running, and on this endpoint (FMFTS_BUS)?"
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="needs root, to be somebody else")
 @pytest.mark.parametrize("folder_mode", [0o755, 0o750])
-def test_socket_of_others_is_said_to_be_closed(folder_mode: int) -> None:
+def test_socket_of_others_is_reported_to_be_closed(folder_mode: int) -> None:
     with tempfile.TemporaryDirectory() as folder, socket.socket(socket.AF_UNIX) as bus:  # pytest's folders are closed
         place = f"{folder}/bus"
         bus.bind(place)

@@ -28,17 +28,17 @@ def after_squeeze(creep_times: float, counted: bool) -> list[ContactMessage]:
 
 
 @pytest.mark.parametrize("creep_times", [1.0, 2.0])
-def test_a_recovering_pad_is_not_touched(creep_times: float) -> None:
+def test_recovering_pad_is_not_touched(creep_times: float) -> None:
     messages = after_squeeze(creep_times, counted=True)
     assert longest_contact_s(messages, SQUEEZE.end_s) < 1.0
     assert all(message.health == "ok" for message in messages[5:])
 
 
-def test_without_counting_silicone_its_recovery_would_be_a_touch() -> None:
+def test_silicone_recovery_is_a_false_touch_if_not_modelled() -> None:
     assert longest_contact_s(after_squeeze(1.0, counted=False), SQUEEZE.end_s) > 1.0
 
 
-def test_what_a_recovering_pad_may_hide_is_in_the_deviation_of_its_force() -> None:
+def test_what_recovering_pad_may_hide_is_in_deviation_of_its_force() -> None:
     """It sinks by what 0.02 N would do, and more. Without a touch it publishes none, and a deviation that covers it."""
     later = [one for one in after_squeeze(1.0, counted=True) if one.t_sample_ns * 1e-9 > SQUEEZE.end_s + 1.0]
     mistaken = [one.force_n for one in after_squeeze(1.0, counted=False) if one.contact][-100:]
@@ -64,13 +64,13 @@ def test_force_of_a_minute_s_hold_is_within_its_deviations() -> None:
 
 
 @pytest.mark.long
-def test_nothing_of_a_recovery_is_learnt_as_a_drift() -> None:
+def test_nothing_of_a_recovery_is_learned_as_a_drift() -> None:
     """2 N for 100 s leave some ten micrometres, which go in minutes; the follower waits for them to go."""
     run = life(260.0, lambda time_s: Touch(0.0, 0.0, 2.0 * (10.0 < time_s < 110.0)), creeps=True)
     assert max(run.sizes_m) < 1e-6
 
 
-def test_deviation_of_a_held_press_grows_by_decades_and_goes_as_slowly() -> None:
+def test_deviation_of_held_press_grows_by_decades_and_goes_as_slowly() -> None:
     follower, press = SiliconeInC(Silicone(0.02, 0.01), 0.1), np.array([0.0, 0.0, -1e-3, 0.0, 0.0])
 
     def height_sd(change: np.ndarray, seconds: float) -> float:

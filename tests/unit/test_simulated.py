@@ -40,7 +40,7 @@ def same(one: Frame, other: Frame) -> bool:
     )
 
 
-def test_same_seed_gives_the_same_frames_however_often_it_is_polled() -> None:
+def test_same_seed_gives_same_frames_however_often_it_is_polled() -> None:
     asked, hurried = Simulated(config()), Simulated(config())
     frames = run(asked, 5.0)
     more = [frame for step in range(10_000) for frame in hurried.poll(START_NS + step * 500_000)]
@@ -49,7 +49,7 @@ def test_same_seed_gives_the_same_frames_however_often_it_is_polled() -> None:
     assert not same(run(Simulated(config(seed=2)), 0.0)[0], frames[0])
 
 
-def test_frames_come_at_220_hz_without_gaps_and_never_from_the_future() -> None:
+def test_frames_come_at_220_hz_without_gaps_and_never_from_future() -> None:
     source = Simulated(config())
     polled = [(now, frame) for now in range(START_NS, START_NS + 10**10, 2 * 10**6) for frame in source.poll(now)]
     assert [frame.sequence for _, frame in polled] == list(range(2200))
@@ -79,7 +79,7 @@ def test_simultaneous_trigger_gives_fresh_samples_of_one_age() -> None:
     assert all(frame.fresh.all() and not frame.age_us.any() for frame in frames)
 
 
-def test_after_a_stall_only_the_newest_frames_come_and_the_gap_shows() -> None:
+def test_after_stall_only_newest_frames_come_and_gap_shows() -> None:
     source = Simulated(config())
     source.poll(START_NS)
     frames = source.poll(START_NS + 10**9)

@@ -79,7 +79,7 @@ def test_many_sensors_track_one_magnet_within_deviations(sensors: int) -> None:
         assert abs(message.force_n - FORCE_N) < 5.0 * message.force_sd_n
 
 
-def test_silent_twelfth_sensor_of_one_magnet_is_named_and_the_others_track() -> None:
+def test_silent_twelfth_sensor_of_one_magnet_is_named_and_others_track() -> None:
     config = with_sensors(config_of(3), 12)
     pipeline = pipeline_with_default_model(config, simulated_baseline(config))
     frames = pressed(config)
@@ -144,7 +144,7 @@ def test_recording_of_sixteen_sensors_is_replayed_bit_for_bit(tmp_path: Path) ->
     assert all(isinstance(one, ContactMessage) and one.sensors_ok == 0xFFFF for one in said)
 
 
-def test_memory_of_twelve_sensors_goes_on_as_if_nothing_had_been() -> None:
+def test_memory_of_twelve_sensors_continues_bit_identically() -> None:
     config = with_sensors(config_of(3), 12)
     baseline, frames = simulated_baseline(config), pressed(config)
     live, later = (pipeline_with_default_model(config, baseline) for _ in range(2))
@@ -199,7 +199,7 @@ def test_selftest_of_sixteen_sensors_survives_the_line() -> None:
     assert found == Selftest(1, 2, 5, sensors)
 
 
-def test_each_sensor_has_its_own_mux_in_what_a_pad_says_of_itself() -> None:
+def test_probe_and_state_name_each_sensors_mux() -> None:
     ways = [(0x77, 3), (0x70, 3), (0x71, 7)]
     pad = HelloPad(1, 0x77, tuple(HelloSensor(channel_byte(0x77, *way), 0, b"H43") for way in ways))
     assert [pad.way_to(sensor) for sensor in range(3)] == ways

@@ -42,7 +42,7 @@ def test_noise_is_reduced_as_the_fading_memory_says() -> None:
     assert expected < 0.6
 
 
-def test_press_is_believed_at_once_and_its_release_too() -> None:
+def test_smoothing_follows_press_and_release_at_once() -> None:
     smoother = SmootherInC(MEMORY_S)
     smoothed(smoother, np.tile(REST, (20, 1)))
     pressed = REST - [0.0, 0.0, 0.1e-3]

@@ -27,7 +27,7 @@ from fmfts_lab.finite_elements.solved_presses import (
 SIMULATE = PRESSED_PATH.parent
 
 
-def test_table_is_within_three_thousandths_of_the_finite_elements_off_its_grid() -> None:
+def test_table_is_within_three_thousandths_of_finite_elements_off_its_grid() -> None:
     """Of the way that the magnet goes, and of its tilt; within a millimetre of the centre, where a tilt that comes to
     nothing is no measure, to 0.12 mrad (one frame's noise is 2 mrad)."""
     rows = read_solved(SIMULATE / "test_normal.csv")

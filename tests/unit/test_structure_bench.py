@@ -27,7 +27,7 @@ def test_structure_tolerances_cover_pads_of_another_solver(name: str) -> None:
         assert abs(counted["along_tilt_mm"]) < 0.4 < 1.0 < before["along_tilt_mm"]
 
 
-def test_mirror_images_of_a_press_move_the_magnet_as_mirror_images() -> None:
+def test_mirror_images_of_press_move_magnet_as_mirror_images() -> None:
     solved = ramps(4.0, 6.0, sheared=True)
     pad = CastMechanics(solved, 1.0)
     force_n = np.array([1.1])

@@ -31,14 +31,14 @@ def config(model: str = "default", finger_mm: tuple[float, float] = (3.0, 12.0),
     )
 
 
-def test_silicone_of_a_pad_that_was_calibrated_is_known_and_its_finger_is_not() -> None:
+def test_silicone_of_pad_that_was_calibrated_is_known_and_its_finger_is_not() -> None:
     shipped, own = (config(name).structure_tolerance() for name in ("shear", "mine.onnx"))
     assert shipped == StructureTolerance(0.2, 0.2e-3, (3e-3, 12e-3))
     assert own == StructureTolerance(0.0, 0.0, (3e-3, 12e-3))
     assert config("default").structure_tolerance("mine.onnx") == own
 
 
-def test_what_the_file_says_of_the_silicone_counts_with_any_model() -> None:
+def test_silicone_tolerances_of_the_file_apply_to_any_model() -> None:
     said = config("mine.onnx", modulus=0.05, thickness_mm=0.1).structure_tolerance()
     assert (said.modulus, said.thickness_m) == (0.05, pytest.approx(1e-4))
     assert config("default", modulus=0.0).structure_tolerance().modulus == 0.0
@@ -80,7 +80,7 @@ def test_tilt_that_may_be_the_magnets_alone_turns_only_its_share(pad: Pad) -> No
     np.testing.assert_allclose(turns[2], 0.0, atol=1e-15)
 
 
-def test_error_of_a_movement_through_the_tilt_is_what_a_turn_by_it_does() -> None:
+def test_error_of_movement_through_tilt_is_what_turn_by_it_does() -> None:
     """Sideways in both directions, where the magnet moves down."""
     one = config(sensor_rotation_deg=0.0, gain=0.0, cross_axis=0.0)
     leftover = simulated_baseline(one).mounting(one.pad()).leftover
@@ -98,7 +98,7 @@ def test_error_of_a_movement_through_the_tilt_is_what_a_turn_by_it_does() -> Non
 
 
 @pytest.mark.parametrize(("share", "words"), [(0.23, "± 23% of every force"), (0.0, "as calibrated"), (None, "–")])
-def test_status_says_what_is_not_known_of_the_scale_of_forces(share: float | None, words: str) -> None:
+def test_status_reports_the_force_scale_uncertainty(share: float | None, words: str) -> None:
     out = io.StringIO()
     report = Status.from_message(
         {name: getattr(status_message(), name) for name in status_message().__struct_fields__}

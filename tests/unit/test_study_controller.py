@@ -66,7 +66,7 @@ def number(row: Row, name: str) -> float:
     return pareto.number(row, name)
 
 
-def test_who_tells_the_truth_of_the_time_of_publishing_is_wrong_only_when_read() -> None:
+def test_truth_at_publishing_is_wrong_only_by_reading_delay() -> None:
     row = controller.scored(steady_ramp(), told_late(steady_ramp(), 0.0))
     assert row["publishing_n"] == pytest.approx(0.0, abs=1e-9)
     # Read once a millisecond, a message is 0 to 4.5 ms old: rms 4.55/√3 ms, to within a step of the reading.
@@ -74,20 +74,20 @@ def test_who_tells_the_truth_of_the_time_of_publishing_is_wrong_only_when_read()
     assert row["age_ms"] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_age_is_told_in_newtons_and_in_milliseconds() -> None:
+def test_age_is_reported_in_newtons_and_in_milliseconds() -> None:
     row = controller.scored(steady_ramp(), told_late(steady_ramp(), 6e-3))
     assert row["publishing_n"] == pytest.approx(6e-3 * RAMP_N_PER_S, rel=1e-6)
     assert row["age_ms"] == pytest.approx(6.0)
     assert row["late_ms"] == pytest.approx(6.0)
 
 
-def test_a_rate_carries_the_force_on_until_it_is_read() -> None:
+def test_rate_carries_the_force_on_until_it_is_read() -> None:
     rates = np.array([0.0, 0.0, RAMP_N_PER_S])
     row = controller.scored(steady_ramp(), told_late(steady_ramp(), 0.0, rates))
     assert row["read_n"] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_lateness_is_found_whatever_the_message_says_of_its_time() -> None:
+def test_lateness_is_found_from_arrival_not_from_message() -> None:
     """A filter that lags speaks of now and tells the past."""
     motion = motion_of(tap(50e-3))
     lagging = [one._replace(at_s=one.at_s + 7e-3) for one in told_late(motion, 7e-3)]
@@ -96,7 +96,7 @@ def test_lateness_is_found_whatever_the_message_says_of_its_time() -> None:
     assert row["late_ms"] == pytest.approx(7.0, abs=0.26)
 
 
-def test_what_is_not_told_is_what_was_told_before() -> None:
+def test_missing_answers_keep_the_last_one() -> None:
     motion = steady_ramp()
     told = told_late(motion, 0.0)
     gap = [NOTHING if number % 2 else one for number, one in enumerate(told)]
@@ -163,7 +163,7 @@ def test_it_judges_the_pads_and_motions_of_bench_now(monkeypatch: pytest.MonkeyP
     assert found["hold", TODAY]["of_todays_time"] == 1.0
 
 
-def test_a_pad_draws_the_same_motions_whatever_pads_are_measured_before_it() -> None:
+def test_pad_draws_same_motions_whatever_pads_are_measured_before_it() -> None:
     (_, few), (_, many) = (list(drawn(3, pads, 1.0))[1] for pads in (2, 4))
     assert [motion.windows for motion in few] == [motion.windows for motion in many]
 
@@ -214,7 +214,7 @@ def test_another_study_knows_nothing_of_the_option(tmp_path: Path, capsys: pytes
 
 
 @pytest.mark.long
-def test_the_study_can_measure_that_alone_and_writes_its_chart_and_its_table(tmp_path: Path) -> None:
+def test_study_can_measure_that_alone_and_writes_its_chart_and_its_table(tmp_path: Path) -> None:
     command = ["study", "speed-accuracy", "--controller", "--quick", "--config", "config.toml", "--out", str(tmp_path)]
     assert main(command) == 0
     table = (tmp_path / "speed-accuracy-controller.md").read_text()

@@ -34,7 +34,7 @@ def interrupted_after(out: Path, names: str) -> None:
         Study("drill", request(out), COLUMNS).measure(points | {"broken off": interrupt})
 
 
-def test_interrupted_study_goes_on_with_the_points_that_are_missing(tmp_path: Path) -> None:
+def test_interrupted_study_goes_on_with_points_that_are_missing(tmp_path: Path) -> None:
     interrupted_after(tmp_path, "ab")
     measured: list[str] = []
     points = {name: point(measured, name) for name in "abc"}
@@ -74,7 +74,7 @@ def test_summary_names_machine_versions_seed_and_whether_it_is_whole(tmp_path: P
     assert written["versions"]["fmfts"]
 
 
-def test_point_without_rows_is_an_error_rather_than_measured_for_ever(tmp_path: Path) -> None:
+def test_point_without_rows_is_error_rather_than_measured_for_ever(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="'a' has no rows"):
         Study("drill", request(tmp_path), COLUMNS).measure({"a": point([], "a", rows=0)})
 

@@ -48,13 +48,13 @@ def test_only_methods_with_a_free_ambient_field_reach_the_bound(find: Find) -> N
 
 
 @pytest.mark.long
-def test_carrying_the_ambient_field_on_is_better_than_each_frame_alone(find: Find) -> None:
+def test_carrying_ambient_field_on_is_better_than_each_frame_alone(find: Find) -> None:
     default = pose_error(find, "drifting", "kernel, the daemon's model")
     assert default < pose_error(find, "drifting", "kernel, 8 unknowns")
 
 
 @pytest.mark.long
-def test_kernel_and_every_least_squares_solver_find_the_same_minimum(find: Find) -> None:
+def test_kernel_and_every_least_squares_solver_find_same_minimum(find: Find) -> None:
     kernel = pose_error(find, "constant", "kernel, 6 unknowns")
     rivals = [row["method"] for row in find(chart="pose", scene="constant", family="SciPy")]
     assert len(rivals) == 5
@@ -95,7 +95,7 @@ points = st.lists(st.tuples(st.floats(0.1, 1e4), st.floats(0.1, 1e4)), min_size=
 
 
 @given(points)
-def test_front_holds_exactly_what_nothing_beats(points: list[tuple[float, float]]) -> None:
+def test_pareto_front_holds_only_unbeaten_methods(points: list[tuple[float, float]]) -> None:
     rows: list[dict[str, str | int | float | bool | None]] = [{"us": us, "mm": mm} for us, mm in points]
     best = {(row["us"], row["mm"]) for row in front(rows, "us", "mm")}
     for us, mm in points:

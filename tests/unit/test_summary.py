@@ -9,13 +9,13 @@ from fmfts.runtime.summary import one_line
 NOW_NS = 100_000_000_000
 
 
-def test_true_rates_are_told() -> None:
+def test_true_rates_are_reported() -> None:
     assert one_line([status_message(rate_hz=219.6)], NOW_NS) == "1 of 1 pads ok at 220 Hz"
     slow = [status_message(rate_hz=rate) for rate in (219.6, 181.2, 200.0)]
     assert one_line(slow, NOW_NS) == "3 of 3 pads ok at 181 to 220 Hz"
 
 
-def test_what_is_wrong_is_told_with_its_reason_and_since_when() -> None:
+def test_what_is_wrong_is_reported_with_its_reason_and_since_when() -> None:
     gone = status_message(
         pad="left", health="disconnected", reason="no such port", rate_hz=0.0, since_ns=NOW_NS - 12_300_000_000
     )
@@ -23,12 +23,12 @@ def test_what_is_wrong_is_told_with_its_reason_and_since_when() -> None:
     assert told == "1 of 2 pads ok at 220 Hz; left: disconnected for 12 s, 0 Hz: no such port"
 
 
-def test_a_sensors_fault_is_told_although_the_pad_is_ok() -> None:
+def test_sensors_fault_is_told_although_the_pad_is_ok() -> None:
     told = one_line([status_message(pad="a", sensor_faults=["sensor 2 does not answer"], since_ns=NOW_NS)], NOW_NS)
     assert told.startswith("0 of 1 pads ok; a: ok for 0 s")
     assert told.endswith("sensor 2 does not answer")
 
 
-def test_the_line_stays_short_when_everything_is_wrong() -> None:
+def test_line_stays_short_when_everything_is_wrong() -> None:
     gone = [status_message(pad=f"p{i}", health="disconnected", since_ns=NOW_NS) for i in range(64)]
     assert one_line(gone, NOW_NS).endswith("; and 60 more with faults")

@@ -41,7 +41,7 @@ def broken_piece(number: int) -> float:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_results_come_in_order_and_each_is_told_once(workers: int) -> None:
+def test_results_come_in_order_and_each_is_reported_once(workers: int) -> None:
     told: dict[int, float] = {}
     assert Workers(workers).map(piece, PIECES, told.__setitem__) == EXPECTED
     assert told == dict(enumerate(EXPECTED))
@@ -65,7 +65,7 @@ def test_piece_that_kills_every_process_ends_the_sweep(monkeypatch: pytest.Monke
         Workers(2).map(piece_that_always_kills, PIECES[:1])
 
 
-def test_scheduler_that_is_not_there_is_an_error_with_its_address() -> None:
+def test_scheduler_that_is_not_there_is_error_with_its_address() -> None:
     import dask
     import distributed  # noqa: F401 - sets the defaults that the next line changes
 

@@ -53,7 +53,7 @@ def test_packets_that_come_again_are_not_taken_for_new_ones(back: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_a_second_of_nothing_but_old_packets_is_not_believed(seed: int) -> None:
+def test_a_second_of_old_packets_is_not_accepted(seed: int) -> None:
     """New packets come damaged, and now and then some of a second ago come again: as from a clock a second late."""
     line, dice = line_after(2100), random.Random(seed)
     line.feed(later_ns=0)
@@ -66,7 +66,7 @@ def test_a_second_of_nothing_but_old_packets_is_not_believed(seed: int) -> None:
     assert frames == []
 
 
-def test_a_board_that_was_reset_is_believed_with_its_hello_at_once() -> None:
+def test_board_that_was_reset_is_accepted_with_its_hello_at_once() -> None:
     line = line_after(300)
     line.feed(hello(4))
     frames = [frame for number in range(4) for frame in line.feed(of(number))]
@@ -75,7 +75,7 @@ def test_a_board_that_was_reset_is_believed_with_its_hello_at_once() -> None:
     assert [frame.sequence for frame in frames] == [0, 1, 2, 3]
 
 
-def test_a_board_that_was_reset_is_believed_without_its_hello_after_some_packets() -> None:
+def test_board_that_was_reset_is_accepted_without_its_hello_after_some_packets() -> None:
     """Its hello was lost: three packets convince."""
     line = line_after(2300)
     frames = [frame for number in range(20) for frame in line.feed(of(number))]
@@ -88,7 +88,7 @@ def test_a_board_that_was_reset_is_believed_without_its_hello_after_some_packets
 
 
 @pytest.mark.parametrize("first", [0, 100])
-def test_old_packets_are_not_believed_after_a_hello_that_was_asked_for(first: int) -> None:
+def test_old_packets_are_not_accepted_after_hello_that_was_asked_for(first: int) -> None:
     """A strange packet makes the daemon ask; the answer may come between two bursts of old packets."""
     line = line_after(300)
     (before,) = line.feed(of(300))
@@ -101,7 +101,7 @@ def test_old_packets_are_not_believed_after_a_hello_that_was_asked_for(first: in
         assert frame.run == before.run
 
 
-def test_a_hello_of_long_ago_lets_no_old_packet_in() -> None:
+def test_hello_of_long_ago_lets_no_old_packet_in() -> None:
     """The fast loop reads the packets after it, which the gate never sees."""
     line = line_after(300)
     line.feed(hello(4))
@@ -112,7 +112,7 @@ def test_a_hello_of_long_ago_lets_no_old_packet_in() -> None:
 
 
 @pytest.mark.parametrize("with_hello", [True, False])
-def test_a_clock_does_not_begin_with_a_packet_that_waited_here(with_hello: bool) -> None:
+def test_clock_does_not_begin_with_a_packet_that_waited_here(with_hello: bool) -> None:
     """The board is reset while this host does not read for 0.4 s; what it read first is as old as that."""
     line = line_after(300)
     line.link._clock.found_empty(line.now_ns)
@@ -125,7 +125,7 @@ def test_a_clock_does_not_begin_with_a_packet_that_waited_here(with_hello: bool)
     assert frame.sequence == 119
 
 
-def test_a_clock_does_not_begin_with_packets_that_are_sent_again() -> None:
+def test_clock_does_not_begin_with_packets_that_are_sent_again() -> None:
     """A port was opened, and this host reads seldom. With each new packet some of a second ago come, as from a clock
     that is a second late: they agree with each other from read to read."""
     line, frames = line_after(1), []
@@ -149,7 +149,7 @@ def test_slow_boards_clock_is_accepted_with_the_second_packet() -> None:
     assert "packets" not in line.state.warnings
 
 
-def test_a_computer_that_was_suspended_goes_on() -> None:
+def test_computer_that_was_suspended_goes_on() -> None:
     """Its clock stood for an hour, the board's did not."""
     line = line_after(300)
     later = [of(number) for number in range(792_300, 792_320)]
@@ -167,17 +167,17 @@ class TestSequence:
             taken.append(statistics.frame(frame))
         return statistics, taken
 
-    def test_a_packet_that_came_twice_is_dropped_and_counted(self) -> None:
+    def test_packet_that_came_twice_is_dropped_and_counted(self) -> None:
         statistics, taken = self.count(5, 6, 6, 7, 7, 8, 5, 9)
         assert taken == [True, True, False, True, False, True, False, True]
         assert (statistics.frames, statistics.dropped, statistics.gaps) == (8, 3, 0)
 
-    def test_a_number_that_cannot_be_is_dropped_and_those_after_it_are_not(self) -> None:
+    def test_number_that_cannot_be_is_dropped_and_those_after_it_are_not(self) -> None:
         statistics, taken = self.count(5, 2**31, 6, 7)
         assert taken == [True, False, True, True]
         assert statistics.gaps == 0
 
-    def test_numbers_that_go_on_from_each_other_are_believed(self) -> None:
+    def test_consecutive_numbers_are_accepted(self) -> None:
         """Whatever made them jump, the pad does not stay dropped."""
         _, taken = self.count(5, 5 + 2 * MOST_MISSING, 6 + 2 * MOST_MISSING, 7 + 2 * MOST_MISSING)
         assert taken == [True, False, True, True]

@@ -111,7 +111,7 @@ def test_contact_must_be_certain_anew_after_a_gap_and_a_baseline() -> None:
         assert not detector.presses(estimate(0.15, 0.1))
 
 
-def test_moved_magnet_without_a_certain_force_may_press_as_hard_as_it_seems() -> None:
+def test_moved_magnet_without_certain_force_may_press_as_hard_as_it_seems() -> None:
     detector, contact = touched(), estimate(2.84, 2.60)
     assert not detector.presses(contact)
     assert detector.force_sd_n(contact, 0.02) > np.hypot(2.84, 2.60)
@@ -119,7 +119,7 @@ def test_moved_magnet_without_a_certain_force_may_press_as_hard_as_it_seems() ->
     assert detector.force_sd_n(contact, 0.02) == pytest.approx(np.hypot(2.60, 0.02 / np.sqrt(3.0)))
 
 
-def test_force_near_its_noise_may_be_up_to_the_detection_limit_off() -> None:
+def test_force_near_its_noise_may_be_up_to_detection_limit_off() -> None:
     detector = touched()
     for force_n, deviation_n, doubt in ((0.3, 0.1, 4.0 / 9.0), (0.21, 0.2, 1.0), (2.0, 0.1, 0.01)):
         contact = Estimate.of(force_n, deviation_n, 0.01)
@@ -139,7 +139,7 @@ def test_contact_near_the_threshold_does_not_flicker(kind: Kind) -> None:
 
 
 @BOTH
-def test_without_a_pose_there_is_no_answer_and_a_contact_outlasts_the_gap(kind: Kind) -> None:
+def test_without_pose_there_is_no_answer_and_contact_outlasts_gap(kind: Kind) -> None:
     detector = kind(rate_hz=220.0)
     detector.update(at_chi2(100.0), COVARIANCE)
     assert detector.update(REST * np.nan, COVARIANCE) is None
@@ -165,7 +165,7 @@ def test_finger_lifted_in_a_gap_is_released_after_it(kind: Kind) -> None:
 
 
 @BOTH
-def test_finger_that_stays_through_a_gap_is_there_in_the_first_frame_after_it(kind: Kind) -> None:
+def test_finger_that_stays_through_gap_is_there_in_first_frame_after_it(kind: Kind) -> None:
     detector = after_a_gap(kind, 2 * RELEASE_FRAMES)
     assert detector.update(at_chi2(detector.onset_chi2 * 1.1), COVARIANCE) is True
     assert [detector.update(REST, COVARIANCE) for _ in range(RELEASE_FRAMES)] == [True] * (RELEASE_FRAMES - 1) + [False]

@@ -122,7 +122,7 @@ def test_vanished_magnet_is_lost_and_found_again(pad: Pad, tracker: FieldTracker
     assert found.estimate.position_m == pytest.approx(pressed.position_m, abs=1e-6)
 
 
-def test_a_pose_from_which_nothing_is_found_is_left_for_rest(pad: Pad, tracker: FieldTracker, rest: State) -> None:
+def test_pose_from_which_nothing_is_found_is_left_for_rest(pad: Pad, tracker: FieldTracker, rest: State) -> None:
     """A magnet that was seen upside down, then steel, then the pad as it should be: no search from there leads back."""
     fallen = replace(
         rest,
@@ -139,7 +139,7 @@ def test_a_pose_from_which_nothing_is_found_is_left_for_rest(pad: Pad, tracker: 
     assert health[SEARCH_EVERY:] == ["ok"] * SEARCH_EVERY
 
 
-def test_a_disturbed_frame_has_no_pose_to_be_believed(pad: Pad, tracker: FieldTracker, rest: State) -> None:
+def test_disturbed_frame_publishes_no_pose(pad: Pad, tracker: FieldTracker, rest: State) -> None:
     """Its χ² has failed, so its covariance says nothing: a robot that has turned in 60 mG."""
     for _ in range(2 * SEARCH_EVERY):
         track = tracker.update(field_at(pad, rest) + np.array([3e-6, -3e-6, 4e-6]), DEVIATION)

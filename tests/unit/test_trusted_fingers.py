@@ -23,9 +23,7 @@ def memory() -> FingersMemory:
     return FingersMemory(CounterMemory(), Recovery(np.zeros(24)))
 
 
-def test_fingers_are_trusted_again_after_ten_frames_that_are_explained(
-    pressed: FingersReading, memory: FingersMemory
-) -> None:
+def test_fingers_are_trusted_again_after_ten_frames_explained(pressed: FingersReading, memory: FingersMemory) -> None:
     """A broken magnet lets two fingers explain each second frame, each time others."""
     assert trusted(pressed, memory, has_jumped=False) is pressed
     unexplained = FingersReading("disturbed", "", pressed.used)

@@ -21,7 +21,7 @@ def _found(board: str) -> tuple[Pad, Turn, Sensitivity]:
 
 
 @pytest.mark.parametrize("board", BOARDS)
-def test_a_real_board_that_was_waved_is_accepted(board: str) -> None:
+def test_real_board_that_was_waved_is_accepted(board: str) -> None:
     """χ² per value: what is left of the six chips' readings after one field each time, by the noise of frames."""
     pad, turn, found = _found(board)
     by_field = matrices(found.mean) @ pad.sensors.axes.transpose(0, 2, 1)

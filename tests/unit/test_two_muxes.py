@@ -59,7 +59,7 @@ def test_emulated_bus_counts_two_chips_that_answer_through_two_open_muxes(clock:
     assert bus.bus.conflicts == 1
 
 
-def test_silent_sensor_is_named_with_its_mux_and_channel_and_the_others_go_on(clock: Clock) -> None:  # noqa: F811
+def test_silent_sensor_is_named_with_its_mux_and_channel_and_others_go_on(clock: Clock) -> None:  # noqa: F811
     pad, bus = wide_pad(clock)
     bus.bus.muxes[1].channels[4].absent = True
     sample = run(pad, clock, 1.0, RATE_HZ / 3)[-1]
@@ -82,7 +82,7 @@ def test_silent_mux_is_looked_for_among_the_pads_muxes(clock: Clock) -> None:  #
     assert bus.bus.conflicts == 0
 
 
-def test_other_program_on_the_second_mux_costs_the_samples_and_is_named(clock: Clock) -> None:  # noqa: F811
+def test_other_program_on_second_mux_costs_samples_and_is_named(clock: Clock) -> None:  # noqa: F811
     pad, bus = wide_pad(clock)
     run(pad, clock, 0.5, RATE_HZ / 3)
     assert pad.mux_misuse() is None
@@ -93,7 +93,7 @@ def test_other_program_on_the_second_mux_costs_the_samples_and_is_named(clock: C
     assert pad.sample().valid == 0
 
 
-def test_probe_tells_the_mux_of_each_sensor(clock: Clock) -> None:  # noqa: F811
+def test_probe_reports_the_mux_of_each_sensor(clock: Clock) -> None:  # noqa: F811
     pad, _ = wide_pad(clock)
     hello = Hello((0, 1, 0), 0, 0, bytes(12), RATE_HZ, 3, 0, 1, (pad.describe(1),))
     (told,) = identity(hello, pad.chip, has_selftest=True)["pads"]  # type: ignore[misc]

@@ -50,7 +50,7 @@ def test_finger_near_the_rim_widens_its_own_deviations() -> None:
     assert max(worst) < 4.0
 
 
-def test_the_message_has_the_wider_deviations_of_each_finger() -> None:
+def test_message_has_the_wider_deviations_of_each_finger() -> None:
     one = world(4048, BUILT)
     estimator = estimator_of(one)
     reading = read_once(one, one.pressed(RIM), estimator)

@@ -51,7 +51,7 @@ def _clip_one(number: int, row: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize("edit", [_empty_one, _clip_one])
-def test_one_value_less_leaves_the_pose_where_it_is(tmp_path: Path, edit: Edit) -> None:
+def test_missing_value_does_not_shift_the_pose(tmp_path: Path, edit: Edit) -> None:
     """The set has no noise, and its magnet is no exact dipole: a few of a frame's deviations."""
     _, whole = _poses(_written(tmp_path / "whole.csv", lambda *_: None))
     calibration, fewer = _poses(_written(tmp_path / "fewer.csv", edit))
@@ -63,7 +63,7 @@ def test_one_value_less_leaves_the_pose_where_it_is(tmp_path: Path, edit: Edit) 
     assert (fewer.deviation >= whole.deviation * 0.999).all()
 
 
-def test_axis_that_a_chip_does_not_have_costs_certainty_everywhere(tmp_path: Path) -> None:
+def test_axis_that_chip_does_not_have_costs_certainty_everywhere(tmp_path: Path) -> None:
     """Chips of two axes: also in the training poses, for which no field was measured."""
 
     def two_axes(_: int, row: dict[str, str]) -> None:

@@ -137,7 +137,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[float]]:
     ahead[0] = 0.0
 
 
-def test_progress_comes_at_once_and_every_second_whatever_the_duration(daemon: Daemon, clock: list[float]) -> None:
+def test_progress_comes_at_once_and_every_second_whatever_duration(daemon: Daemon, clock: list[float]) -> None:
     daemon.ask("baseline", duration_s=55.0)
     assert daemon.answer() == {"id": 1, "progress": {"share": 0.0}}
     for second in range(1, 4):
@@ -157,7 +157,7 @@ def test_recorded_baseline_is_in_use_before_it_is_reported(daemon: Daemon) -> No
     assert daemon.channel.job is None
 
 
-def test_a_recording_that_is_stopped_ends_at_once_and_frees_the_next(daemon: Daemon) -> None:
+def test_recording_that_is_stopped_ends_at_once_and_frees_next(daemon: Daemon) -> None:
     daemon.ask("baseline", duration_s=55.0)
     daemon.frames(100)
     daemon.ask("baseline", stop=True)
@@ -175,9 +175,7 @@ def test_a_recording_that_is_stopped_ends_at_once_and_frees_the_next(daemon: Dae
 
 
 @pytest.mark.parametrize("frames", [0, 100])
-def test_pad_without_frames_fails_the_baseline_and_frees_the_next(
-    daemon: Daemon, clock: list[float], frames: int
-) -> None:
+def test_pad_without_frames_fails_baseline_and_frees_next(daemon: Daemon, clock: list[float], frames: int) -> None:
     daemon.ask("baseline", duration_s=1.0)
     daemon.frames(frames)
     clock[0] += PATIENCE_S + 0.1
@@ -314,7 +312,7 @@ def test_simulated_pad_is_let_go_where_its_baseline_is_refused(daemon: Daemon) -
     assert not daemon.source.tumbling
 
 
-def test_nothing_to_restore_is_said(daemon: Daemon) -> None:
+def test_restore_without_earlier_baseline_is_refused(daemon: Daemon) -> None:
     daemon.ask("baseline", restore=True)
     assert "left.previous.json" in daemon.result()["error"]
 
@@ -330,7 +328,7 @@ def test_probe_calls_a_pad_connected_only_while_frames_come(daemon: Daemon) -> N
     assert re.fullmatch(r"it is open, but no frame of it is used: silent for \d\.\d s", found["reason"])
 
 
-def test_status_tells_the_health_of_now_and_never_without_a_reason(daemon: Daemon) -> None:
+def test_status_reports_health_of_now_and_never_without_reason(daemon: Daemon) -> None:
     channel = Channel(daemon.source, 0, daemon.channel.pipeline, daemon._publisher, "boot", 220.0)
     daemon.source.state.connected, daemon.source.state.reason = False, "it is being opened"
     fresh = channel.status(time.monotonic_ns())  # as it is published at start, before any message

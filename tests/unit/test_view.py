@@ -30,7 +30,7 @@ def drawn(one: Contact, compact: bool = False) -> list[str]:
     return capture.get().splitlines()
 
 
-def test_contact_is_drawn_where_it_is() -> None:
+def test_contact_is_drawn_at_its_place() -> None:
     """One column a millimetre, one row two, x to the right and y up, inside a frame of one character."""
     rows = drawn(contact(x_m=0.010, y_m=0.008, force_n=1.0, pose=None))[:-1]  # the last one is the legend
     marked = [
@@ -67,13 +67,13 @@ def test_figures_carry_unit_and_deviation() -> None:
         assert figure in text
 
 
-def test_over_range_is_a_lower_bound_and_never_looks_like_nothing() -> None:
+def test_over_range_is_lower_bound_and_never_looks_like_nothing() -> None:
     text = "\n".join(drawn(contact(over_range=True, force_n=None, force_min_n=3.25)))
     assert "more than 3.25 N" in text
     assert "▲" in text
 
 
-def test_what_is_not_known_is_not_a_number() -> None:
+def test_unknown_values_are_not_shown_as_numbers() -> None:
     gone: dict[str, Any] = dict.fromkeys(("contact", "x_m", "y_m", "force_n", "pose", "temperature_c"))
     text = "\n".join(drawn(contact(health="no_baseline", reason="run fmfts-daemon baseline", **gone)))
     assert "not known" in text
@@ -106,7 +106,7 @@ def test_svg_needs_no_network() -> None:
     )
 
 
-def test_summary_counts_what_was_lost_felt_and_missing() -> None:
+def test_summary_counts_what_was_lost_detected_and_missing() -> None:
     tally = Tally("demo")
     start = time.monotonic_ns()
     for seq, touched, force_n, health in (
@@ -176,7 +176,7 @@ def whole(width: int, **changes: Any) -> list[str]:
     return capture.get().splitlines()
 
 
-def test_picture_has_a_legend_a_scale_sensors_the_source_and_the_past() -> None:
+def test_picture_has_legend_scale_sensors_source_and_past() -> None:
     text = "\n".join(whole(100, x_m=0.0, y_m=0.0))
     marks = (
         "● contact",
@@ -205,7 +205,7 @@ def test_picture_is_never_wider_than_the_terminal_and_its_frame_is_whole(width: 
     assert "1.50 ± 0.05 N" in "\n".join(lines)
 
 
-def test_history_keeps_the_largest_of_each_half_second_and_leaves_gaps() -> None:
+def test_history_keeps_largest_of_each_half_second_and_leaves_gaps() -> None:
     history = History()
     for time_s, value in ((0.0, 1.0), (0.2, 2.0), (0.6, 4.0), (2.0, None), (2.6, 1.0)):
         history.add(round(time_s * 1e9), value)

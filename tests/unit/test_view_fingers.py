@@ -64,12 +64,12 @@ def test_each_magnet_is_drawn() -> None:
     assert places(rows, "●") == []
 
 
-def test_where_fingers_are_not_told_the_resultant_is_one_spot() -> None:
+def test_unknown_fingers_show_the_resultant_as_one_spot() -> None:
     spots = places(drawn(fingers_message(*FAR, contacts=None, poses=None)), "●")
     assert middle(spots) == pytest.approx((3, -1), abs=0.5)
 
 
-def test_the_figures_say_force_place_and_shear_of_each_finger() -> None:
+def test_figures_say_force_place_and_shear_of_each_finger() -> None:
     text = "\n".join(drawn(fingers_message(*two_fingers())))
     for figure in ("finger 3", "0.60 ± 0.04 N", "x -4.0, y +2.0 mm", "finger 4", "0.90 ± 0.04 N", "+0.10 +0.00 N"):
         assert figure in text
@@ -79,7 +79,7 @@ def test_the_figures_say_force_place_and_shear_of_each_finger() -> None:
     assert "two fingers do not" in more
 
 
-def test_the_picture_of_two_fingers_fits_a_terminal_of_80_by_24() -> None:
+def test_picture_of_two_fingers_fits_a_terminal_of_80_by_24() -> None:
     fingers = [msgspec.structs.replace(two_fingers()[1], id=number) for number in (1, 2)]
     rows = drawn(fingers_message(*fingers, more=True))
     assert max(map(len, rows)) <= 80
@@ -101,12 +101,12 @@ def line(message: ContactMessage) -> str:
         ({"more": True}, "two fingers do not explain this"),
     ],
 )
-def test_a_line_of_a_log_says_every_finger(changes: dict[str, Any], words: str) -> None:
+def test_line_of_a_log_says_every_finger(changes: dict[str, Any], words: str) -> None:
     said = line(fingers_message(*two_fingers(), **changes))
     assert words in said
     assert said.count(" N at ") == (1 if "contacts" in changes else 2)
 
 
-def test_a_pad_with_one_magnet_says_nothing_of_fingers() -> None:
+def test_pad_with_one_magnet_says_nothing_of_fingers() -> None:
     assert "finger" not in line(contact_message())
     assert "finger" not in "\n".join(drawn(contact_message()))

@@ -63,7 +63,7 @@ class TestWorstPad:
         facts = facts_of([pad(health="stale", since_ns=5_000_000_000, t_publish_ns=65_000_000_000)])
         assert facts["worst"]["for_s"] == 60.0
 
-    def test_what_a_robot_says_is_kept_only_so_far(self) -> None:
+    def test_texts_of_a_robot_are_limited(self) -> None:
         shown = pad(reason="x" * 10_000, sensor_faults=["y" * 10_000] * 100)
         assert len(shown.reason) + sum(map(len, shown.sensor_faults)) < 10_000
 
@@ -154,12 +154,12 @@ def test_daemon_whose_loop_stands_is_lost_though_its_connection_stands(rig: Rig)
     rig.sent(status_message(), state="there")
 
 
-def test_restarted_daemon_has_only_the_pads_of_its_new_configuration(rig: Rig) -> None:
+def test_restarted_daemon_has_only_pads_of_its_new_configuration(rig: Rig) -> None:
     rig.sent(status_message(pad="left"), status_message(pad="right"), state="there", pads=2)
     rig.sent(status_message(pad="thumb", boot="another"), pads=1)
 
 
-def test_another_schema_version_is_said(rig: Rig) -> None:
+def test_another_schema_version_is_reported(rig: Rig) -> None:
     rig.robot.look(rig.now_s)
     end = time.monotonic() + PATIENCE_S
     while "sends schema version 2" not in rig.facts()["why"]:
@@ -214,7 +214,7 @@ class TestCommandLine:
             ),
         ],
     )
-    def test_what_cannot_be_is_said_before_anything_is_served(
+    def test_impossible_options_are_refused_before_serving(
         self,
         words: list[str],
         code: int,
@@ -226,7 +226,7 @@ class TestCommandLine:
         assert main(["view", "--port", "0", *words]) == code
         assert said in capsys.readouterr().err
 
-    def test_package_that_is_not_installed_is_named_with_how_to_install_it(
+    def test_package_not_installed_is_named_with_how_to_install_it(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())

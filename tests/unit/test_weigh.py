@@ -35,7 +35,7 @@ def weighed(bench: Bench) -> Baseline:
     return bench.weighed(bench.baseline, WEIGHT_N, steady_finger(*MIDDLE_M, WEIGHT_N))
 
 
-def test_weight_tells_the_stiffness_within_its_deviation(weighed: Baseline) -> None:
+def test_weight_reports_the_stiffness_within_its_deviation(weighed: Baseline) -> None:
     assert weighed.silicone is not None
     assert abs(np.log(weighed.silicone.stiffness / 1.5)) < 2.0 * weighed.silicone.deviation
     assert weighed.silicone.deviation < 0.06
@@ -83,14 +83,14 @@ def test_width_of_what_stands_there_is_corrected(weighed: Baseline, by_mm: float
         (9.81e-4, steady_finger(*MIDDLE_M, WEIGHT_N), r"\(0\.1 g\) cannot be used: take one of 20 to 408 g"),
     ],
 )
-def test_weight_that_tells_nothing_is_refused_with_the_cause(
+def test_useless_weight_is_refused_with_the_cause(
     bench: Bench, weighed: Baseline, said_n: float, finger: Finger, words: str
 ) -> None:
     with pytest.raises(BaselineError, match=f"pad 'cast': weight refused: .*{words}"):
         bench.weighed(weighed, said_n, finger)
 
 
-def test_half_of_what_is_said_is_refused_where_the_file_knows_the_modulus(bench: Bench) -> None:
+def test_half_weight_is_refused_when_modulus_is_configured(bench: Bench) -> None:
     knows = Bench(Cell("as the model's"), by_mm=6.0, seed=2)
     tolerance = msgspec.structs.replace(knows.config.tolerance, modulus=0.05)
     knows.config = msgspec.structs.replace(knows.config, tolerance=tolerance)
@@ -109,7 +109,7 @@ def test_iron_or_a_shaken_magnet_is_named(bench: Bench) -> None:
         request.make(moved, bench.baseline)
 
 
-def test_weight_needs_a_baseline_and_a_pad_with_one_magnet_that_nobody_calibrated(bench: Bench) -> None:
+def test_weigh_needs_baseline_one_magnet_and_shipped_model(bench: Bench) -> None:
     request = BaselineRequest(CONFIG.pad(), CONFIG.tolerance.si(), False, False, learn=Weighing(CONFIG, WEIGHT_N))
     with pytest.raises(BaselineError, match=r"rest is not recorded: .*then weigh"):
         request.require_rest(None)
@@ -120,7 +120,7 @@ def test_weight_needs_a_baseline_and_a_pad_with_one_magnet_that_nobody_calibrate
         Weighing(calibrated, WEIGHT_N).require(CONFIG.pad(), bench.baseline)
 
 
-def test_silicone_stays_with_a_new_rest_and_is_less_well_known_of_another_pad(bench: Bench, weighed: Baseline) -> None:
+def test_stiffness_survives_new_rest_and_widens_for_replaced_pad(bench: Bench, weighed: Baseline) -> None:
     source = bench.pad(STIFF)
     source.finger = no_finger
     frames = source.recorded(3.0)
@@ -135,7 +135,7 @@ def test_silicone_stays_with_a_new_rest_and_is_less_well_known_of_another_pad(be
     assert "`fmfts-daemon weigh`" in CAST_ALIKE
 
 
-def test_model_on_other_silicone_reads_other_newtons_at_the_same_place() -> None:
+def test_model_on_other_silicone_reads_other_newtons_at_same_place() -> None:
     model = load_contact_model(CONFIG)
     stiff = model.on_silicone(1.5, 0.03)
     assert stiff.response is not None

@@ -121,7 +121,7 @@ def test_every_packet_survives_the_line(packet: Packet) -> None:
 
 
 @given(st.lists(packets, max_size=5), st.lists(st.integers(0, 2000)))
-def test_a_stream_may_be_cut_anywhere(sent: list[Packet], cuts: list[int]) -> None:
+def test_stream_may_be_cut_anywhere(sent: list[Packet], cuts: list[int]) -> None:
     stream = b"\0".join(encode(packet) for packet in sent)
     edges = [0, *sorted(cuts), len(stream)]
     decoder = Decoder()
@@ -182,7 +182,7 @@ def framed(body: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("section", VECTORS.sections())
-def test_a_length_that_the_type_does_not_allow_is_garbage(section: str) -> None:
+def test_length_that_the_type_does_not_allow_is_garbage(section: str) -> None:
     body = pack(packet_of(section))
     decoder = Decoder()
     decoder.feed(b"\0")
@@ -192,7 +192,7 @@ def test_a_length_that_the_type_does_not_allow_is_garbage(section: str) -> None:
     assert decoder.crc_errors == 0
 
 
-def test_a_packet_of_another_wire_version_is_no_garbage() -> None:
+def test_packet_of_another_wire_version_is_no_garbage() -> None:
     decoder = Decoder()
     assert decoder.feed(b"\0" + framed(b"\x21 anything at all")) == []
     assert decoder.foreign_version == 2
@@ -200,13 +200,13 @@ def test_a_packet_of_another_wire_version_is_no_garbage() -> None:
 
 
 @pytest.mark.parametrize("packet_type", [0, 6, 7])
-def test_an_unknown_type_is_garbage(packet_type: int) -> None:
+def test_unknown_type_is_garbage(packet_type: int) -> None:
     decoder = Decoder()
     assert decoder.feed(b"\0" + framed(bytes([0x10 | packet_type, 1, 2]))) == []
     assert decoder.garbage_packets == 1
 
 
-def test_a_line_that_never_ends_is_counted_but_not_kept() -> None:
+def test_line_that_never_ends_is_counted_but_not_kept() -> None:
     decoder = Decoder()
     decoder.feed(b"\0")
     for _ in range(100):

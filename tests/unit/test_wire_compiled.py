@@ -86,7 +86,7 @@ def test_streams_are_read_the_same(stream: bytes, cuts: list[int]) -> None:
     assert [getattr(compiled, name) for name in counters] == [getattr(python, name) for name in counters]
 
 
-def test_a_stream_of_samples_never_reaches_python() -> None:
+def test_stream_of_samples_never_reaches_python() -> None:
     sample = Sample(0, 1, 2, 3, 0, 15, 15, 0, np.arange(12, dtype=np.int16).reshape(4, 3), np.zeros(4, np.uint16))
     line = encode(sample)
     decoder = Decoder()

@@ -49,7 +49,7 @@ def messages_of(config: PadConfig, finger: Finger, frames: int = 110) -> list[Co
 
 
 @pytest.mark.parametrize(("model", "spacing_mm"), [("default", 9.0), ("shear", 9.0), ("none", 9.0), ("none", 8.0)])
-def test_pad_without_a_model_publishes_touch_and_pose_but_no_force(model: str, spacing_mm: float) -> None:
+def test_pad_without_model_publishes_touch_and_pose_but_no_force(model: str, spacing_mm: float) -> None:
     config = config_of(model, spacing_mm)
     untouched = messages_of(config, no_finger)[SETTLED:]
     pressed = messages_of(config, steady_finger(1e-3, 0.0, 1.0))[SETTLED:]
@@ -74,7 +74,7 @@ def test_pad_without_a_model_publishes_touch_and_pose_but_no_force(model: str, s
         assert message.displacement_m > 0.1e-3
 
 
-def test_sensors_that_are_elsewhere_keep_the_model_as_it_goes_from_the_pose() -> None:
+def test_sensors_elsewhere_keep_model_as_it_goes_from_pose() -> None:
     """Boards of 25 mm cannot lie 16 mm apart. A quarter turn of one of them is no other pad either."""
     places = ((12.7, 12.7, 0), (12.7, -12.7, 0), (-12.7, 12.7, 0), (-12.7, -12.7, 0))
     geometry = GeometryConfig(sensors_mm=places, sensor_rotations_deg=((0, 0, 0), (0, 0, 90), (0, 0, 0), (0, 0, 0)))
@@ -107,7 +107,7 @@ def test_model_file_of_another_pad_is_still_refused() -> None:
         contact_model_of(config_of(str(shipped.DEFAULT_PATH)))
 
 
-def test_sensor_that_is_left_out_is_named_beside_the_missing_model() -> None:
+def test_sensor_that_is_left_out_is_named_beside_missing_model() -> None:
     config = config_of()
     source, made = Simulated(config), pipeline(config)
     source.finger = no_finger
@@ -120,7 +120,7 @@ def test_sensor_that_is_left_out_is_named_beside_the_missing_model() -> None:
     assert REASON in message.reason
 
 
-def test_displacement_of_nothing_has_the_largest_deviation() -> None:
+def test_zero_displacement_has_the_largest_deviation() -> None:
     covariance = np.diag([1e-12, 4e-12, 9e-12, 1e-6, 1e-6])
     assert distance(np.zeros(5), covariance) == (0.0, pytest.approx(3e-6))
     assert distance(np.array([0.0, -2e-4, 0.0, 0.1, 0.1]), covariance) == (pytest.approx(2e-4), pytest.approx(2e-6))

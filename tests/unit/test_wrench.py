@@ -35,7 +35,7 @@ def test_covariance_is_that_of_drawn_forces_and_places() -> None:
     np.testing.assert_allclose(told.torque_nm, np.cross([4e-3, -6e-3, HEIGHT_M], told.force_n))
 
 
-def test_what_is_not_known_is_nan_and_spoils_nothing_else() -> None:
+def test_unknown_value_is_nan_and_others_stay() -> None:
     told = wrench_of(contact(shear_x_n=None, shear_x_sd_n=None, shear_y_n=None, shear_y_sd_n=None), HEIGHT_M)
     covariance = np.array(told.covariance)
     assert told.force_n[2] == -1.5
@@ -44,7 +44,7 @@ def test_what_is_not_known_is_nan_and_spoils_nothing_else() -> None:
     assert np.isnan(covariance[[0, 1, 3, 4, 5], [0, 1, 3, 4, 5]]).all()
 
 
-def test_an_untouched_pad_has_the_noise_of_its_force_and_no_torque() -> None:
+def test_untouched_pad_has_the_noise_of_its_force_and_no_torque() -> None:
     told = wrench_of(contact(contact=False, force_n=0.02, x_m=None, y_m=None), HEIGHT_M)
     assert (told.force_n, told.torque_nm) == ((0.0, 0.0, -0.02), (0.0, 0.0, 0.0))
     expected = np.zeros((6, 6))
@@ -52,7 +52,7 @@ def test_an_untouched_pad_has_the_noise_of_its_force_and_no_torque() -> None:
     np.testing.assert_allclose(told.covariance, expected)
 
 
-def test_a_row_says_what_is_known() -> None:
+def test_row_holds_all_known_values() -> None:
     row = dict(zip(COLUMNS, row_of(contact(shear_x_n=None, health="degraded"), 0.004), strict=True))
     assert (row["age_s"], row["degraded"], row["ok"], row["place_known"], row["shear_known"]) == (0.004, 1, 0, 1, 0)
     assert (row["force_n"], row["y_m"], row["shear_x_n"]) == (1.5, -6e-3, 0.0)

@@ -82,7 +82,7 @@ def test_stacked_pads_are_each_of_them() -> None:
         np.testing.assert_allclose(found, each.response(*press[[number]].T), atol=1e-15)
 
 
-def test_message_tells_the_balls_weight_and_place() -> None:
+def test_message_reports_the_balls_weight_and_place() -> None:
     model, data, pads = pressed()
     mujoco.mj_resetData(model, data)
     pads.reset(3)

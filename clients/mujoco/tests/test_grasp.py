@@ -112,7 +112,7 @@ def test_policy_is_kept(tmp_path: object) -> None:
     np.testing.assert_allclose(Policy.load(path).weights, policy.weights)
 
 
-def test_nothing_known_is_no_number_but_zero() -> None:
+def test_unknown_sample_is_zero_not_nan() -> None:
     window = Window()
     window.add(Told())
     touch, samples = window.at(1_000_000_000)

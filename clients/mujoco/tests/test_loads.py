@@ -51,7 +51,7 @@ def test_order_of_the_geoms_does_not_matter() -> None:
     assert loads[0][0, 2] == pytest.approx(WEIGHT_N, rel=1e-3)
 
 
-def test_turned_pad_tells_in_its_own_axes() -> None:
+def test_turned_pad_reports_in_its_own_axes() -> None:
     """The whole world turned by 90° about x, gravity with it: the pad notices nothing."""
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco><option gravity="0 9.81 0"/><worldbody><body euler="90 0 0">
@@ -71,7 +71,7 @@ def test_box_geom_is_a_pad_too() -> None:
     assert Presses.of([step]).load[:, 2].sum() == pytest.approx(WEIGHT_N, rel=1e-3)
 
 
-def test_pad_that_is_not_in_the_model_is_told() -> None:
+def test_missing_pad_in_model_is_an_error() -> None:
     with pytest.raises(ModelError, match="pad 'right': the model has no site and no geom"):
         Places.of(world(), [pad("right")])
 

@@ -67,7 +67,7 @@ def test_gripper_has_a_pad_on_each_finger() -> None:
 
 
 @pytest.mark.parametrize("hand", ["leap", "allegro"])
-def test_printed_fingertip_has_the_pad_at_the_same_place_in_urdf_and_mjcf(hand: str) -> None:
+def test_printed_fingertip_has_pad_at_same_place_in_urdf_and_mjcf(hand: str) -> None:
     urdf, mjcf = (mujoco.MjModel.from_xml_path(str(HARDWARE / f"fingertip-{hand}.{kind}")) for kind in ("urdf", "xml"))
     data = mujoco.MjData(mjcf)
     mujoco.mj_forward(mjcf, data)

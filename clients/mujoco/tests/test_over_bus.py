@@ -66,7 +66,7 @@ def test_robot_without_a_daemon_goes_on(tmp_path: Path) -> None:
     robot.close()
 
 
-def test_socket_that_is_full_holds_nothing_up(tmp_path: Path) -> None:
+def test_full_socket_does_not_block_the_simulation(tmp_path: Path) -> None:
     """A daemon that hangs: its socket takes some frames, and then none."""
     config = tmp_path / "pads.toml"
     config.write_text(CONFIG)
@@ -82,7 +82,7 @@ def test_socket_that_is_full_holds_nothing_up(tmp_path: Path) -> None:
         robot.close()
 
 
-def test_pad_that_takes_no_frames_is_told(tmp_path: Path) -> None:
+def test_pad_that_takes_no_frames_is_an_error(tmp_path: Path) -> None:
     config = tmp_path / "pads.toml"
     config.write_text(CONFIG.replace('frames_from = "left.sock"\n', ""))
     model = world()

@@ -82,7 +82,7 @@ def test_places_are_found_as_well_as_claimed(learned_pad: Made) -> None:
     assert "press next at about" in str(facts["press_next"])
 
 
-def test_what_presses_tell_is_known_to_a_tenth_of_a_millimetre(learned_pad: Made) -> None:
+def test_learned_places_are_good_to_a_tenth_of_a_millimetre(learned_pad: Made) -> None:
     """Places but for the growth, turns and shifts that all of them have in common."""
     world, _, mounting, _ = learned_pad
     r = world.places - world.rest.position_m
@@ -92,7 +92,7 @@ def test_what_presses_tell_is_known_to_a_tenth_of_a_millimetre(learned_pad: Made
     assert np.linalg.norm(error - basis @ basis.T @ error) < 3.0e-4
 
 
-def test_the_file_keeps_what_was_learned(learned_pad: Made, tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_file_keeps_what_was_learned(learned_pad: Made, tmp_path) -> None:  # type: ignore[no-untyped-def]
     world, baseline, mounting, _ = learned_pad
     file = tmp_path / "pad.json"
     file.write_bytes(encode(baseline))
@@ -145,7 +145,7 @@ def test_steel_is_no_geometry(pad: Pad) -> None:
 
 
 @pytest.mark.long
-def test_length_scale_that_no_prior_tells_is_open(pad: Pad) -> None:
+def test_length_scale_without_prior_stays_unknown(pad: Pad) -> None:
     world = rough_world(pad, 1)
     loose = replace(SKETCH, remanence=0.5, magnet_position_m=3e-3, sensor_position_m=3e-3)
     found = learn(Drawing(pad, loose), fields(world, presses(world)), starts=2)
@@ -175,7 +175,7 @@ def test_mirror_image_is_reported_where_the_drawing_allows_it(pad: Pad) -> None:
     assert mirrored(Drawing(pad, SKETCH), found.vector) is None
 
 
-def test_values_that_are_not_there_are_left_out_alone(pad: Pad) -> None:
+def test_only_missing_values_are_left_out(pad: Pad) -> None:
     """Chips of two axes on three of four places, and one clipped value in every third press."""
     world = rough_world(pad, 4)
     whole = fields(world, presses(world, 60))
@@ -192,7 +192,7 @@ def test_values_that_are_not_there_are_left_out_alone(pad: Pad) -> None:
         learn(drawing, replace(whole, press_t=zero), starts=2)
 
 
-def test_a_press_that_moves_nothing_is_never_next(pad: Pad) -> None:
+def test_press_without_movement_is_never_suggested(pad: Pad) -> None:
     world = rough_world(pad, 5)
     drawing = Drawing(pad, SKETCH)
     pressed = fields(world, presses(world, 40))
