@@ -138,7 +138,7 @@ def seconds_until(page: Page, condition: str, since_ns: int, within_s: float = P
 
 
 def run_card(page: Page, number: int, ends: str, within_s: float = 90.0) -> str:
-    """Start a card of the guide, 0 to 5, and wait for its end, "done" or "refused"; what it says then."""
+    """Start a card of the guide, 0 to 6, and wait for its end, "done" or "refused"; what it says then."""
     card = f"#cards > li:nth-child({number + 1})"
     page.click(f"{card} > button")
     until(page, f"document.querySelector('{card}').dataset.state !== 'running'", within_s)

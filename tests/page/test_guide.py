@@ -82,6 +82,13 @@ def test_guided_first_use_of_a_simulated_pad_reports_each_step(browser: Browser,
             # stay the same but for the last of two digits.
             assert place < 1.1
             assert force < 1.1
+        told = run_card(page, 6, "done")
+        assert re.search(r"silicone is (0\.9\d|1\.0\d) ± 0\.0\d+ times as stiff", told), told
+        assert brought(page, 6)[1] < 0.6, "the scale of forces is most of a force's deviation"
+        page.fill("#cards > li:nth-child(7) input", "5")
+        assert "cannot be used: take one of 20 to 408 g" in run_card(page, 6, "refused")
+        page.fill("#cards > li:nth-child(7) input", "0")
+        assert "weight, g: more than 0, up to 1000." in run_card(page, 6, "refused")
         until(page, f"{HEALTH} === 'ok'")
         assert page.complaints == []  # type: ignore[attr-defined]
         page.context.close()

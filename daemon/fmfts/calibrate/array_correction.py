@@ -36,15 +36,17 @@ SAME_MM = 0.5  # a symmetry takes each magnet so near to another one
 @dataclass(frozen=True)
 class Correction:
     """Corrections of `start`. centre_mm (M, 2): the drawing's places of the magnets. basis (B², 5M, D): the directions
-    of the map."""
+    of the map. kind, width: deviations of those factors before any press is known."""
 
     start: ArrayResponse
     centre_mm: Array
     basis: Array
+    kind: float = KIND
+    width: float = WIDTH
 
     @classmethod
-    def of(cls, start: ArrayResponse, centre_mm: Array) -> Correction:
-        return cls(start, centre_mm, _symmetric(centre_mm))
+    def of(cls, start: ArrayResponse, centre_mm: Array, kind: float = KIND, width: float = WIDTH) -> Correction:
+        return cls(start, centre_mm, _symmetric(centre_mm), kind, width)
 
     @property
     def none(self) -> Array:
@@ -69,7 +71,7 @@ class Correction:
         mean = np.tile(np.sqrt(np.square(first).mean(axis=(0, 1))), magnets)
         weight = np.square(self.basis).sum(axis=0)
         of_map = MAP * (weight * mean[:, None]).sum(axis=0) / weight.sum(axis=0)
-        scalars = [FORCE, KIND, KIND, KIND, WIDTH, SHEAR]
+        scalars = [FORCE, self.kind, self.kind, self.kind, self.width, SHEAR]
         return np.concatenate([scalars, np.full(2 * magnets, PLACE_MM), of_map])
 
     def presses(self, theta: Array, press: Array, off_mm: Array, of_map: Array) -> tuple[Array, Array, Array]:

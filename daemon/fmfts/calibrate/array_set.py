@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from fmfts import baseline as baselines
-from fmfts.baseline import Baseline, BaselineError
+from fmfts.baseline import Baseline, BaselineError, Mounting
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.baseline.files import StateError, stored
 from fmfts.calibrate.dataset import LARGEST_RATIO, labels_of, require_consistent
 from fmfts.calibrate.field_table import DataError, FieldTable, field_columns, read
 from fmfts.calibrate.labelled_poses import Say
 from fmfts.common.reading import digest_of
+from fmfts.contact.contract import OUTPUT_ORDER
 from fmfts.pad import Array, Pad
 
 # Deviations of a label: a stage's place, and the share of the force that a gauge is off.
@@ -59,10 +61,33 @@ def read_array_set(path: Path, pad: Pad, pad_size_mm: float, baseline: Path | No
         mounting = recorded.array_mounting(pad)
     except BaselineError as error:
         raise DataError(str(error)) from error
-    table = read(path, len(pad.sensors))
-    table = _of_this_baseline(path, table, recorded.id, say)
-    press = labels_of(path, table, pad_size_mm)
-    require_consistent(path, table, press)
+    table = of_this_baseline(path, read(path, len(pad.sensors)), recorded.id, say)
+    return ArraySet(pad, mounting, *changes_of(path, table, mounting, pad_size_mm), recorded.id)
+
+
+class Changes(NamedTuple):
+    """Of the presses of a file: see ArraySet."""
+
+    press: Array
+    press_deviation: Array
+    change_t: Array
+    ambient_t: Array
+    line: tuple[int, ...]
+    digest: str
+
+
+def changes_of(
+    path: Path, table: FieldTable, mounting: ArrayMounting | Mounting, pad_size_mm: float, place_mm: float = PLACE_MM
+) -> Changes:
+    """What each press did to the field, since the row of the untouched pad before it. place_mm: deviation of a place;
+    infinite: places are not known, and all have the label (0, 0)."""
+    if np.isinf(place_mm):
+        unknown = dict.fromkeys(OUTPUT_ORDER[:2], ["0"] * len(table.line))
+        table = replace(table, others=table.others | unknown)
+        press = labels_of(path, table, pad_size_mm)
+    else:
+        press = labels_of(path, table, pad_size_mm)
+        require_consistent(path, table, press)
     press = np.concatenate([press, np.zeros((len(press), 5 - press.shape[1]))], axis=1)
     if OF_COLLECT in table.others:
         field_t, rest_t = table.field_t, mounting.rest_field_t
@@ -70,7 +95,7 @@ def read_array_set(path: Path, pad: Pad, pad_size_mm: float, baseline: Path | No
         field_t, rest_t = table.field_t / mounting.gain, mounting.rest_field_t + mounting.offset_t
     _require_fields(path, table, field_t, rest_t)
     untouched = (press[:, 2:] == 0.0).all(axis=1)
-    change_t, ambient_t = np.empty((len(press), 3 * len(pad.sensors))), np.full(len(press), AMBIENT_T)
+    change_t, ambient_t = np.empty((len(press), rest_t.size)), np.full(len(press), AMBIENT_T)
     for row in range(len(press)):
         if untouched[row]:
             rest_t, ambient_t[row:] = field_t[row], AMBIENT_AFTER_REST_T
@@ -80,12 +105,9 @@ def read_array_set(path: Path, pad: Pad, pad_size_mm: float, baseline: Path | No
         raise DataError(f"{path}: column force_n is zero in every row: there is no press to learn from")
     spread_n = _column(path, table, "force_sd_n")
     force_n = np.sqrt(np.square(FORCE_SHARE * press[:, 2]) + np.square(np.maximum(spread_n, FORCE_N)))
-    deviation = np.column_stack([np.full((len(press), 2), PLACE_MM), force_n])
-    digest = digest_of(path)
+    deviation = np.column_stack([np.full((len(press), 2), place_mm), force_n])
     lines = tuple(table.line[row] for row in rows)
-    return ArraySet(
-        pad, mounting, press[rows], deviation[rows], change_t[rows], ambient_t[rows], lines, digest, recorded.id
-    )
+    return Changes(press[rows], deviation[rows], change_t[rows], ambient_t[rows], lines, digest_of(path))
 
 
 def baseline_of(path: Path | None, pad: Pad) -> Baseline:
@@ -103,7 +125,7 @@ def baseline_of(path: Path | None, pad: Pad) -> Baseline:
     return found
 
 
-def _of_this_baseline(path: Path, table: FieldTable, own: str, say: Say) -> FieldTable:
+def of_this_baseline(path: Path, table: FieldTable, own: str, say: Say) -> FieldTable:
     """Without rows that `collect` wrote with another baseline: where the magnets were then is not known."""
     if OF_COLLECT not in table.others:
         return table

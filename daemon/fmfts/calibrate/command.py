@@ -18,6 +18,8 @@ from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.evaluation import printed
 from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.labelled_poses import Say
+from fmfts.calibrate.pad_fit import StartingModel, correct_model
+from fmfts.calibrate.pad_set import MountedPad, read_pose_set
 from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact.array_model import ArrayModel
 from fmfts.contact.seal import hash_of
@@ -94,6 +96,35 @@ def make_array_response(source: Path, target: Path, job: ArrayJob, start: Path |
         "on_the_calibration_set": judged.facts(),
     }
     return write_model(target, content, report, facts)
+
+
+@dataclass(frozen=True, slots=True)
+class CorrectionJob:
+    """A pad with one magnet as `calibrate --correct` needs it. place_mm: deviation of the places of presses. scale: by
+    which all forces of the set may be off, relative."""
+
+    mounted: MountedPad
+    start: StartingModel
+    pad_size_mm: float
+    place_mm: float
+    scale: float
+
+
+def make_corrected_model(source: Path, target: Path, job: CorrectionJob, say: Say) -> dict[str, Any]:
+    """Correct a contact model by the few presses in `source`. Writes it and its report; returns the report. Raises as
+    `make_model`."""
+    report = report_of(target, "MODEL.onnx")
+    data = read_pose_set(source, job.mounted, job.pad_size_mm, job.place_mm, say)
+    made = correct_model(data, str(source), job.start, job.mounted.pad, job.scale, say)
+    facts = {
+        "data": source.name,
+        "data_sha256": data.digest,
+        "baseline": job.mounted.baseline,
+        "start": job.start.model.hash,
+        "presses": len(data.press),
+        "scale_sd": job.scale,
+    }
+    return write_model(target, made.model, report, facts | made.facts)
 
 
 def evaluate_array_model(source: Path, model: Path, job: ArrayJob, say: Say) -> ArrayEvaluation:

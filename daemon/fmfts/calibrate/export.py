@@ -11,9 +11,19 @@ import onnx
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
-from fmfts.calibrate.graph import AXES, CONCAT_AXIS, NODES, SCALED, constants, weights
+from fmfts.calibrate.graph import AXES, CONCAT_AXIS, FEATURES, NODES, SCALED, constants, weights
+from fmfts.calibrate.levenberg import Layers
 from fmfts.calibrate.network import DIRECTION_GAIN, SOFTENING, ContactNetwork
-from fmfts.contact.contract import IR_VERSION, METADATA_KEY, OPSET, RESPONSE_KEY, Facts, pack_response, pack_weights
+from fmfts.contact.contract import (
+    INPUT_ORDER,
+    IR_VERSION,
+    METADATA_KEY,
+    OPSET,
+    RESPONSE_KEY,
+    Facts,
+    pack_response,
+    pack_weights,
+)
 from fmfts.contact.response import Response
 from fmfts.contact.seal import sealed
 
@@ -49,6 +59,22 @@ def export(network: ContactNetwork, facts: Facts, response: Response | None) -> 
 def packed_weights(network: ContactNetwork) -> str:
     """What stands behind the model for network.c."""
     return pack_weights(weights(_constants(network)))
+
+
+def network_of(vector: NDArray[np.float32]) -> ContactNetwork:
+    """The network of the weights that `packed_weights` packs (network.h)."""
+    hidden, outputs, at = int(vector[0]), int(vector[1]), 3
+    parts = []
+    for shape in (
+        *((len(INPUT_ORDER),), (len(INPUT_ORDER), SCALED)),
+        *((FEATURES, hidden), (hidden,), (hidden, hidden), (hidden,), (hidden, outputs), (outputs,)),
+    ):
+        size = int(np.prod(shape))
+        parts.append(vector[at : at + size].astype(float).reshape(shape))
+        at += size
+    rest_pose, by_scale, w1, b1, w2, b2, w3, b3 = parts
+    w1 = w1 / np.repeat([1.0, DIRECTION_GAIN], SCALED)[:, None]
+    return ContactNetwork(rest_pose, 1.0 / np.diagonal(by_scale), Layers((w1, w2, w3), (b1, b2, b3)))
 
 
 def _constants(network: ContactNetwork) -> dict[str, NDArray[np.float32]]:

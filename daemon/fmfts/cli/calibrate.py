@@ -6,7 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
-from fmfts.cli import calibrate_array, elsewhere
+from fmfts.cli import calibrate_array, correct_pad, elsewhere
 from fmfts.cli.verb import (
     AddVerb,
     VerbError,
@@ -41,6 +41,25 @@ def add_to(verb: AddVerb) -> None:
         type=Path,
         metavar="TABLE.response",
         help="of a pad with several magnets: the table of presses to correct (the shipped one)",
+    )
+    calibrate.add_argument(
+        "--correct",
+        action="store_true",
+        help="correct the configured contact model by few presses, 5 to 18, instead of making one of 150 or more",
+    )
+    calibrate.add_argument(
+        "--place-sd-mm",
+        type=float,
+        default=0.5,
+        metavar="MM",
+        help="with --correct: deviation of the places of the presses (0.5: by hand; of a stage 0.05)",
+    )
+    calibrate.add_argument(
+        "--scale-sd",
+        type=float,
+        default=0.01,
+        metavar="SHARE",
+        help="with --correct: by how much all forces may be off together, as a gauge's scale (0.01)",
     )
     calibrate.add_argument(
         "--route",
@@ -92,6 +111,8 @@ def _calibrate(options: argparse.Namespace) -> int:
     pad = configured_or_standard_pad(options, several=True)
     if pad.other_magnets:
         return calibrate_array.calibrate(options, pad, _noise_t(options))
+    if options.correct:
+        return correct_pad.correct(options, pad, _noise_t(options))
     if options.start is not None:
         raise VerbError(exit_codes.USAGE, f"--start is for pads with several magnets, and pad {pad.name!r} has one")
     try:

@@ -53,14 +53,15 @@ def facts_of(facts: Facts, stiffness: float) -> Facts:
     return msgspec.structs.replace(
         facts,
         envelope=msgspec.structs.replace(envelope, force_max_n=envelope.force_max_n * stiffness),
-        own_error=_errors(facts.own_error, 1.0, stiffness, stiffness),
-        response_error=facts.response_error and _errors(facts.response_error, 1.0, stiffness, stiffness),
+        own_error=errors_of(facts.own_error, 1.0, stiffness, stiffness),
+        response_error=facts.response_error and errors_of(facts.response_error, 1.0, stiffness, stiffness),
         # Of a newton of shear.
-        friction_error=friction and _errors(friction, 1.0 / stiffness, 1.0, stiffness),
+        friction_error=friction and errors_of(friction, 1.0 / stiffness, 1.0, stiffness),
     )
 
 
-def _errors(errors: ErrorTables, of_place: float, of_force: float, of_bins: float) -> ErrorTables:
+def errors_of(errors: ErrorTables, of_place: float, of_force: float, of_bins: float) -> ErrorTables:
+    """The tables, with places, forces and the bins of force times these."""
     shear = errors.shear_error_n
     return ErrorTables(
         force_n=tuple(each * of_bins for each in errors.force_n),

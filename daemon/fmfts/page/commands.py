@@ -53,6 +53,15 @@ class RecordBaseline(Struct, forbid_unknown_fields=True, tag="baseline", tag_fie
     kind: Baseline
 
 
+class Weigh(Struct, forbid_unknown_fields=True, tag="weigh", tag_field="ask"):
+    """As the verb `weigh`: a known weight on the pad, on something so wide."""
+
+    id: Number
+    pad: PadName
+    weight_n: Annotated[float, Meta(gt=0.0, le=100.0)]
+    width_m: Annotated[float, Meta(gt=0.0, le=0.1)]
+
+
 class Record(Struct, forbid_unknown_fields=True, tag="record", tag_field="ask"):
     """Begins a recording of all pads, or ends the one under way."""
 
@@ -73,7 +82,7 @@ class Replay(Struct, forbid_unknown_fields=True, tag="replay", tag_field="ask"):
     from_s: Annotated[float, Meta(ge=0.0, le=1e9)] = 0.0
 
 
-Asked = Watch | Ping | Read | Selftest | RecordBaseline | Record | ListRecordings | Replay
+Asked = Watch | Ping | Read | Selftest | RecordBaseline | Weigh | Record | ListRecordings | Replay
 ERRORS = ControlError, EndpointError, RecordingError, RecordingsError
 decode = msgspec.json.Decoder(Asked).decode
 Say = Callable[[dict[str, Any]], None]
@@ -108,6 +117,8 @@ class Commands:
                 return self._work("selftest", progress, pad=pad)
             case RecordBaseline(pad=pad, kind=kind):
                 return self._work("baseline", progress, pad=pad, **{kind: True})
+            case Weigh(pad=pad, weight_n=weight_n, width_m=width_m):
+                return self._work("weigh", progress, pad=pad, weight_n=weight_n, width_m=width_m)
             case Record(on=True):
                 return self.recordings.begin()
             case Record():

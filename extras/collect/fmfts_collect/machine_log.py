@@ -27,7 +27,8 @@ LONGEST_GAP = 3.0  # a longer gap, in rows or means, ends a plateau: what happen
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """time_s (K,) on the machine's clock; place_mm (K, 2); force_n (K,), not yet corrected for the gauge's zero."""
+    """time_s (K,) on the machine's clock; place_mm (K, 2), NaN where the log has no places; force_n (K,), not yet
+    corrected for the gauge's zero."""
 
     time_s: Array
     place_mm: Array
@@ -47,13 +48,16 @@ class Plateau:
 
 
 def read_log(path: Path) -> Log:
-    """Read a CSV file with columns t_s, x_mm, y_mm and force_n. Raises RefusedError, which names row and column."""
-    names = ("t_s", "x_mm", "y_mm", "force_n")
+    """Read a CSV file with columns t_s, force_n, and x_mm and y_mm or neither. Raises RefusedError, which names row and
+    column."""
+    names: tuple[str, ...] = ("t_s", "force_n", "x_mm", "y_mm")
     table = array("d")
     try:
         with open_text(path) as lines:
             reader = csv.reader(lines)
             header = next(reader, [])
+            if not any(name in header for name in names[2:]):
+                names = names[:2]
             missing = [name for name in names if name not in header[:MOST_COLUMNS]]
             if missing:
                 raise RefusedError(f"{path}: row 1 has no column {', '.join(missing)}")
@@ -68,14 +72,15 @@ def read_log(path: Path) -> Log:
     values = np.array(table).reshape(-1, len(names))
     if len(values) < 2 or not (np.diff(values[:, 0]) > 0.0).all():
         raise RefusedError(f"{path}: t_s must rise from row to row, over at least two")
-    return Log(values[:, 0], values[:, 1:3], values[:, 3])
+    place_mm = values[:, 2:] if len(names) > 2 else np.full((len(values), 2), np.nan)
+    return Log(values[:, 0], place_mm, values[:, 1])
 
 
 def plateaus(log: Log, settle_s: float, least_s: float) -> list[Plateau]:
     """The plateaus that are at least `least_s` long after `settle_s` (silicone creeps) and without the edges."""
     first = _first_rows(log.time_s)
     count = np.diff(first, append=len(log.time_s))
-    values = np.column_stack([log.force_n, log.place_mm])
+    values = np.column_stack([log.force_n, np.nan_to_num(log.place_mm)])
     means = np.add.reduceat(values, first) / count[:, None]
     time_s = np.add.reduceat(log.time_s, first) / count
     # Most neighbouring rows differ only by the gauge's noise; the median ignores the few where a press begins or ends.

@@ -1,4 +1,7 @@
-"""`collect --merge`: makes a table from another machine's log and a recording of the pad's frames."""
+"""`collect --merge` and `--against`: makes a table from a log of forces and a recording of the pad's frames.
+
+The log is another machine's, or what another pad in the same recording read: two pads that press on one thing feel the
+same force."""
 
 from __future__ import annotations
 
@@ -6,12 +9,12 @@ from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmfts.bus.frame_message import frame_of
-from fmfts.bus.messages import FrameMessage
+from fmfts.bus.messages import ContactMessage, FrameMessage
 from fmfts.common.reading import damage_told, digest_of
 from fmfts.config import PadConfig
 from fmfts.recording.file import RecordingError, read
@@ -28,6 +31,8 @@ from fmfts_collect.settings import CollectingConfig
 from fmfts_collect.table import FORMAT, UNTOUCHED, Header, Row, Table
 from fmfts_collect.work import averaging_s, unmoved_since_baseline
 
+SAME_CLOCK = Alignment(lag_s=0.0, rate=0.0, middle_s=0.0, correlation=1.0, even=1.0)
+FEWEST_READINGS = 10
 ZERO_DRIFT_N = 0.05  # largest believable drift of the log's zero between two pauses
 
 
@@ -48,11 +53,52 @@ def merge(config: CollectingConfig, pad: PadConfig, log_path: Path, recording: P
     """Write the new table `output`; returns its facts. Raises RefusedError where log and recording make no table."""
     if output.exists():
         raise RefusedError(f"{output} exists already: give another file with -o, or remove that one")
-    settings, drawing = config.collect, pad.pad()
-    unmoved = unmoved_since_baseline(drawing)
+    unmoved = unmoved_since_baseline(pad.pad())
     log, frames = read_log(log_path), _frames(recording, pad)
     mounting = unmoved.mounting
     alignment = align(log, frames, (mounting.rest_field_t + mounting.offset_t) * mounting.gain)
+    named = _Named(log_path.name, digest_of(log_path)[:12], f"{log_path} and {recording}")
+    return _written(config, pad, unmoved, _Heard(log, frames, alignment), named, recording, output)
+
+
+def against(config: CollectingConfig, pad: PadConfig, other: str, recording: Path, output: Path) -> dict[str, Any]:
+    """As `merge`, with the forces that the pad `other` read in the same recording. Its facts have how uncertain the
+    scale of those forces is, too."""
+    if output.exists():
+        raise RefusedError(f"{output} exists already: give another file with -o, or remove that one")
+    unmoved = unmoved_since_baseline(pad.pad())
+    log, scale_sd = _read_by(other, recording)
+    heard = _Heard(log, _frames(recording, pad), SAME_CLOCK)
+    named = _Named(f"against {other}", digest_of(recording)[:12], f"pad '{other}' in {recording}")
+    return _written(config, pad, unmoved, heard, named, recording, output) | {"scale_sd": scale_sd}
+
+
+@dataclass(frozen=True, slots=True)
+class _Heard:
+    log: Log
+    frames: Sequence[Frame]
+    alignment: Alignment
+
+
+class _Named(NamedTuple):
+    """Of what measured the forces: a name and a fingerprint for the table's header, and what errors call it."""
+
+    plan: str
+    fingerprint: str
+    told: str
+
+
+def _written(
+    config: CollectingConfig,
+    pad: PadConfig,
+    unmoved: Unmoved,
+    heard: _Heard,
+    named: _Named,
+    recording: Path,
+    output: Path,
+) -> dict[str, Any]:
+    settings, drawing = config.collect, pad.pad()
+    log, frames, alignment = heard.log, heard.frames, heard.alignment
     log_plateaus = plateaus(log, settings.settle_s, averaging_s(settings, pad))
     refused: list[str] = []
     measured = list(_measured(log_plateaus, log, frames, alignment, refused))
@@ -60,11 +106,8 @@ def merge(config: CollectingConfig, pad: PadConfig, log_path: Path, recording: P
     rows = list(_rows(measured, unmoved, identity, refused))
     collected = sum(row.press != UNTOUCHED for row in rows)
     if not collected:
-        raise RefusedError(
-            f"{log_path} and {recording} make no row of {len(log_plateaus)} plateaus: {_first_of(refused)}"
-        )
-    fingerprint = digest_of(log_path)[:12]
-    header = Header(FORMAT, log_path.name, fingerprint, pad.name, drawing.geometry_hash)
+        raise RefusedError(f"{named.told} make no row of {len(log_plateaus)} plateaus: {_first_of(refused)}")
+    header = Header(FORMAT, named.plan, named.fingerprint, pad.name, drawing.geometry_hash)
     with Table(output, len(drawing.sensors), header) as table:
         for row in rows:
             table.add(row)
@@ -178,6 +221,31 @@ def _refusal(plateau: Plateau, why: object) -> str:
 
 def _first_of(refused: Sequence[str]) -> str:
     return refused[0] if refused else "does the log stand still for long enough, and were frames recorded meanwhile?"
+
+
+def _read_by(other: str, recording: Path) -> tuple[Log, float]:
+    """The forces that a pad read, and the median of their deviations as shares. Raises RefusedError."""
+    rows, shares = [], []
+    try:
+        for recorded in read(recording):
+            one = recorded.message
+            if not isinstance(one, ContactMessage) or recorded.pad != other or one.health != "ok":
+                continue
+            if not one.contact:
+                rows.append((one.t_sample_ns * 1e-9, 0.0))
+            elif one.force_n is not None and one.force_sd_n is not None and not one.over_range:
+                rows.append((one.t_sample_ns * 1e-9, one.force_n))
+                shares.append(one.force_sd_n / one.force_n)
+    except RecordingError as error:
+        raise RefusedError(str(error)) from error
+    if len(shares) < FEWEST_READINGS:
+        raise RefusedError(
+            f"{recording}: pad '{other}' reads no force in it: press both pads on one peg, as wide as a finger, "
+            "while `fmfts-daemon record` runs, and name the pad that was weighed"
+        )
+    time_s, force_n = np.array(sorted(rows)).T
+    _, first = np.unique(time_s, return_index=True)
+    return Log(time_s[first], np.full((len(first), 2), np.nan), force_n[first]), round(float(np.median(shares)), 4)
 
 
 def _frames(recording: Path, pad: PadConfig) -> Sequence[Frame]:

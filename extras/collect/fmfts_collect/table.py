@@ -11,6 +11,7 @@ import fcntl
 import io
 import os
 from collections.abc import Sequence
+from math import isnan
 from pathlib import Path
 
 import msgspec
@@ -51,9 +52,10 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Row(msgspec.Struct, frozen=True):
-    """One line of DATA.csv. field_ut: the magnet's field, x y z of each sensor in turn, in the sensors' own axes.
+    """One line of DATA.csv. x_mm, y_mm: NaN where nobody knows the place; its cells are empty.
 
-    recording: the file with its frames, whose host_time_ns are from first_frame_ns to last_frame_ns.
+    field_ut: the magnet's field, x y z of each sensor in turn, in the sensors' own axes. recording: the file with its
+    frames, whose host_time_ns are from first_frame_ns to last_frame_ns.
     """
 
     press: int
@@ -73,7 +75,8 @@ class Row(msgspec.Struct, frozen=True):
     last_frame_ns: int
 
     def cells(self) -> list[str]:
-        labels = [str(self.press), f"{self.x_mm:.4f}", f"{self.y_mm:.4f}", f"{self.force_n:.5f}"]
+        place = ["" if isnan(each) else f"{each:.4f}" for each in (self.x_mm, self.y_mm)]
+        labels = [str(self.press), *place, f"{self.force_n:.5f}"]
         fields = [f"{value:.5f}" for value in self.field_ut]
         temperature = "" if self.temperature_c is None else f"{self.temperature_c:.3f}"
         facts = [f"{self.force_sd_n:.5f}", str(self.frames), temperature, self.utc, self.baseline, self.pad, self.board]

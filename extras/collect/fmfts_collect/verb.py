@@ -32,7 +32,14 @@ def add_to(verb: AddVerb) -> None:
     collect.add_argument(
         "--merge", type=Path, metavar="LOG.csv", help="instead of a plan: another machine's log of the presses"
     )
-    collect.add_argument("--frames", type=Path, metavar="RECORDING", help="for --merge: what `record` wrote meanwhile")
+    collect.add_argument(
+        "--against",
+        metavar="PAD",
+        help="instead of a plan: a weighed pad of the recording that presses against this one: it labels the forces",
+    )
+    collect.add_argument(
+        "--frames", type=Path, metavar="RECORDING", help="for --merge and --against: what `record` wrote meanwhile"
+    )
     collect.add_argument(
         "--weigh-g", type=float, nargs=2, metavar="GRAM", help="instead: find the load cell's scale by two weights"
     )
@@ -82,6 +89,14 @@ def _carry_out(options: argparse.Namespace, config: CollectingConfig, pad: PadCo
         if options.frames is None:
             raise VerbError(exit_codes.USAGE, "--merge needs --frames RECORDING, which fmfts-daemon record wrote")
         return merge(config, pad, options.merge, options.frames, options.output)
+    if options.against is not None:
+        from fmfts_collect.merging import against
+
+        if options.frames is None:
+            raise VerbError(exit_codes.USAGE, "--against needs --frames RECORDING, which fmfts-daemon record wrote")
+        if options.against == pad.name:
+            raise VerbError(exit_codes.USAGE, f"--against {options.against}: name the other pad; --pad is this one")
+        return against(config, pad, options.against, options.frames, options.output)
     if options.plan is None:
         raise VerbError(exit_codes.USAGE, "which plan? GRID.toml, or a preset")
     from fmfts_collect.work import collect

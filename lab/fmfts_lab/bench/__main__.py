@@ -16,6 +16,7 @@ from fmfts_lab.bench import (
     convergence,
     eflesh,
     faults,
+    few_presses,
     frame_cost,
     imperfect_causes,
     latency,
@@ -44,7 +45,8 @@ def main() -> None:
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
         "alternating | neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | "
-        "overload | frame | resident | now | several | eflesh | real | learned | structure | weigh",
+        "overload | frame | resident | now | several | eflesh | real | learned | structure | weigh | "
+        "few-presses",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -240,6 +242,13 @@ def main() -> None:
     verb.add_argument("--only", nargs="+", metavar="CELL", help="rows whose name begins so: 'modulus × 2'")
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=weigh.run)
+    verb = verbs.add_parser("few-presses", help="other silicone than the model's, after calibrate --correct")
+    verb.add_argument("--pads", type=int, default=1, help="how many pads are built, for each row")
+    verb.add_argument("--seconds", type=float, default=14.0, help="of presses and pauses, for each pad")
+    verb.add_argument("--presses", type=int, help="only so many (5, 9 and 18)")
+    verb.add_argument("--against", action="store_true", help="labelled by a weighed pad that presses against it")
+    verb.add_argument("--refine", action="store_true", help="after baseline --refine, too")
+    verb.set_defaults(run=few_presses.run)
     options = parser.parse_args()
     options.run(options)
 

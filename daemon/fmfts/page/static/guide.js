@@ -3,6 +3,7 @@
 import { shown, shownDeviation } from "./numbers.js";
 import { withCode } from "./words.js";
 
+const STANDARD_GRAVITY_M_PER_S2 = 9.80665;
 const STEPS = [
   { key: "probe", title: "Is everything there?", ask: "read", rest: { verb: "probe" }, hands: "Connect the board. Nothing else to do.",
     icon: [["M9 22h10M31 22h8", 1], ["M19 14h12v16H19z"], ["M22 18v.1M28 18v.1M22 26v.1M28 26v.1", 1]] },
@@ -16,6 +17,9 @@ const STEPS = [
     icon: [["M17 20h14v9H17z"], ["M12 30c-6-10 2-20 12-20M36 18c6 10-2 20-12 20", 1], ["M20 7l4 3-4 3M28 35l-4 3 4 3", 1]] },
   { key: "refine", title: "Press some thirty times", ask: "baseline", rest: { kind: "refine" }, hands: "Press with a finger, firmly and lightly, all over the pad. It says where it has seen too little.",
     icon: [["M9 30h30v7H9z"], ["M24 8v15m-5-5 5 5 5-5", 1], ["M14 33.500h2M23 33.500h2M32 33.500h2"]] },
+  { key: "weigh", title: "Put a known weight on it", ask: "weigh", hands: "Lay the pad level. Put 50 to 150 g on a coin, a ball or a small cylinder in its middle, nothing of iron. Let go, and wait ten seconds.",
+    numbers: [{ key: "weight_n", words: "weight, g", value: 100, most: 1000, unit: STANDARD_GRAVITY_M_PER_S2 * 1e-3 }, { key: "width_m", words: "width of what touches the pad, mm", value: 10, most: 15, unit: 1e-3 }],
+    icon: [["M9 31h30v6H9z"], ["M19 25h10v6H19z"], ["M17 11h14v14H17z", 1], ["M21 18h6", 1]] },
 ];
 
 // What a person gets from a step: fact, words, factor, unit. The last two are what `turn` and `refine` measure.
@@ -46,8 +50,14 @@ export class Guide {
     const result = node("div", "");
     result.className = "result";
     result.setAttribute("aria-live", "polite");
-    box.append(button, node("p", step.hands), result);
-    const card = { step, box, button, result };
+    const numbers = (step.numbers ?? []).map((one) => [one, numberInput(one)]);
+    const fields = numbers.map(([one, input]) => {
+      const field = node("label", `${one.words} `);
+      field.append(input);
+      return field;
+    });
+    box.append(button, node("p", step.hands), ...fields, result);
+    const card = { step, box, button, result, numbers };
     button.addEventListener("click", () => this.run(card));
     return card;
   }
@@ -67,8 +77,11 @@ export class Guide {
     bar.setAttribute("aria-label", `progress of ${step.title}`);
     hint.className = "hint";
     result.replaceChildren(hint, bar);
-    const rest = step.ask === "read" ? step.rest : { ...step.rest, pad };
+    const numbers = Object.fromEntries(card.numbers.map(([one, input]) => [one.key, input.valueAsNumber * one.unit]));
+    const rest = step.ask === "read" ? step.rest : { ...step.rest, ...numbers, pad };
     try {
+      const wrong = card.numbers.find(([, input]) => !input.checkValidity());
+      if (wrong) throw new Error(`${wrong[0].words}: more than 0, up to ${wrong[0].most}.`);
       const { done, lines } = await this.link.request(step.ask, rest, (progress) => {
         bar.value = progress.share ?? 0;
         hint.textContent = progress.hint ?? "";
@@ -126,11 +139,16 @@ function headline(step, facts, pad) {
     return one ? `${one.source}${one.sound ? ": sound" : ""}` : "";
   }
   if (step.key === "selftest") return facts.passed ? "Every axis answers. The gains are stored for the next baseline." : "";
+  if (step.key === "weigh") return `The silicone is ${shown(facts.stiffness, 2)} ± ${shownDeviation(facts.stiffness_sd)} times as stiff as the contact model's. All forces and their deviations use it from now on.`;
   const parts = [`Baseline ${facts.baseline}`];
   if (facts.remanence_t !== undefined) parts.push(`magnet ${shown(facts.remanence_t, 3)} ± ${shown(facts.remanence_sd_t, 3)} T`);
   if (facts.rest_position_m) parts.push(`at rest at ${facts.rest_position_m.map((value) => shown(value * 1e3, 2)).join(", ")} mm`);
   if (facts.noise_t !== undefined) parts.push(`noise ${shown(facts.noise_t * 1e6, 2)} µT`);
   return `${parts.join("; ")}.`;
+}
+
+function numberInput({ value, most }) {
+  return Object.assign(document.createElement("input"), { type: "number", value, min: "0.1", max: most, step: "any", required: true });
 }
 
 function said(kind, text) {

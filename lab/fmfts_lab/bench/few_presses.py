@@ -1,0 +1,193 @@
+"""Pads of other silicone, and five to eighteen presses of them: how wrong are forces after `calibrate --correct`?
+
+Presses are labelled as a person would with a gauge that is not quite right, or by another pad, whose silicone a weight
+told: both press on a peg of 6 mm between them.
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import msgspec
+import numpy as np
+
+from fmfts.baseline import Baseline, BaselineError
+from fmfts.baseline.recording import summarise
+from fmfts.baseline.request import BaselineRequest
+from fmfts.calibrate.command import CorrectionJob, make_corrected_model
+from fmfts.calibrate.field_table import DataError, field_columns, write
+from fmfts.cli.correct_pad import mounted_pad, starting_model
+from fmfts.config import PadConfig, ToleranceConfig
+from fmfts.pad import Array
+from fmfts.pipeline.configured import load_contact_model
+from fmfts.sensor.chips import DEFAULT_CHIP
+from fmfts.simulation.finger import no_finger, steady_finger
+from fmfts_lab.bench.cast_pads import CastFinger, ramps
+from fmfts_lab.bench.silicone import messages_of
+from fmfts_lab.bench.structure import CALIBRATED_N, Cell, Found
+from fmfts_lab.bench.tapped import without_baseline
+from fmfts_lab.bench.truth import Truth
+from fmfts_lab.bench.weigh import Bench, facts_of, line
+
+PRESSES = (5, 9, 18)
+PROBE_MM = 6.0  # of the gauge, and of the peg
+# Of the gauge: one factor for all presses, and each reading; and of the places, beside a ruler.
+GAUGE_SCALE, READING, PLACE_MM = 0.01, 0.01, 0.5
+FORCES_N = (0.4, 1.6)
+AVERAGED_S, SETTLED_S = 0.3, 0.3
+
+THICKNESSES_MM, FINGERS_MM = (3.6, 4.0, 4.4), (6.0,)
+MODULI = (0.5, 0.7, 1.0, 1.4, 2.0)
+OTHER_PAD = Cell("the other pad", modulus=1.3)
+SEED_OF_OTHER = 1000
+Press = tuple[float, float, float]  # x and y in m, force in N
+
+
+class Pressed:
+    """A pad under presses one by one."""
+
+    def __init__(self, bench: Bench, cell: Cell) -> None:
+        self.config = bench.config
+        self._source = bench.pad(replace(cell, finger_mm=PROBE_MM))
+
+    def under(self, press: Press | None) -> list:  # type: ignore[type-arg]
+        """The frames of a press once it has settled; None: of the untouched pad."""
+        self._source.finger = no_finger if press is None else steady_finger(*press)
+        self._source.recorded(SETTLED_S)
+        return self._source.recorded(AVERAGED_S)
+
+
+def presses_of(cell: Cell, count: int, random: np.random.Generator) -> list[Press]:
+    """All over the pad, each at another of the solved places."""
+    solved = ramps(cell.thickness_mm, PROBE_MM, sheared=False)
+    which = random.permutation(len(solved))[:count]
+    forces_n = random.uniform(*FORCES_N, count) * min(cell.modulus, 1.0)
+    return [(*solved[n].place_m, force) for n, force in zip(which.tolist(), forces_n.tolist(), strict=True)]
+
+
+def table_of(pressed: Pressed, presses: list[Press], labels: Array, path: Path) -> None:
+    """Write the CSV of a set: a row of the untouched pad before each press. labels (K, 3): in mm and N."""
+    rows: list[list[str]] = []
+    for press, label in zip(presses, labels, strict=True):
+        for under, told in ((None, np.zeros(3)), (press, label)):
+            field_ut = 1e6 * summarise(pressed.under(under)).mean_t
+            rows.append([f"{value:.5f}" for value in (*told, *field_ut.ravel())])
+    names = ["x_mm", "y_mm", "force_n", *field_columns(len(rows[0]) // 3 - 1)]
+    with path.open("w", newline="") as file:
+        write(dict(zip(names, map(list, zip(*rows, strict=True)), strict=True)), file)
+
+
+def labelled_by_gauge(presses: list[Press], random: np.random.Generator) -> Array:
+    labels = np.array(presses) * [1e3, 1e3, 1.0 + random.normal(0.0, GAUGE_SCALE)]
+    labels[:, :2] += random.normal(0.0, PLACE_MM, (len(labels), 2))
+    labels[:, 2] *= 1.0 + random.normal(0.0, READING, len(labels))
+    return labels
+
+
+class OtherPad:
+    """A weighed pad that presses against the one to correct. scale_sd: by which its forces may all be off."""
+
+    def __init__(self, seed: int) -> None:
+        self._bench = Bench(OTHER_PAD, PROBE_MM, SEED_OF_OTHER + seed)
+        weighed, _ = self._bench.in_the_middle()
+        config = self._bench.config
+        self._pipeline = without_baseline(config, load_contact_model(config))
+        self._pipeline.use(weighed)
+        self.scale_sd = self._pipeline.force_scale_sd or 0.0
+        self._pressed = Pressed(self._bench, OTHER_PAD)
+        self._places = ramps(OTHER_PAD.thickness_mm, PROBE_MM, sheared=False)
+
+    def labels(self, presses: list[Press], random: np.random.Generator) -> Array:
+        """What it reads of the same forces, near its middle."""
+        labels = labelled_by_gauge(presses, random)
+        for row, (_, _, force_n) in enumerate(presses):
+            place = self._places[int(random.integers(8))].place_m
+            messages_of(self._pipeline, self._pressed.under(None))
+            told = messages_of(self._pipeline, self._pressed.under((*place, force_n)))
+            labels[row, 2] = np.mean([one.force_n for one in told if one.force_n is not None])
+        return labels
+
+
+@dataclass(slots=True)
+class Row:
+    """One pad, pressed by fingers as wide as the probe after a correction by so many presses."""
+
+    name: str
+    found: Found = field(default_factory=Found)
+    refused: list[str] = field(default_factory=list)
+    chosen: list[str] = field(default_factory=list)
+
+    def tell(self) -> None:
+        words = f"refused {self.refused}" if self.refused else ""
+        text = line(facts_of([self.found])) if self.found.frames else ""
+        print(f"{self.name}: {', '.join(self.chosen)} {text} {words}", flush=True)
+
+
+@contextmanager
+def corrected(
+    config: PadConfig, baseline: Baseline, pressed: Pressed, presses: list[Press], labels: Array, scale_sd: float
+) -> Iterator[tuple[PadConfig, str]]:
+    """The configuration with the corrected model, and which correction was chosen. DataError where it is refused."""
+    with TemporaryDirectory() as folder:
+        source, target = Path(folder, "presses.csv"), Path(folder, "own.onnx")
+        table_of(pressed, presses, labels, source)
+        start = starting_model(config, baseline)
+        mounted = mounted_pad(config, baseline, start, DEFAULT_CHIP.noise_t / np.sqrt(100.0 * AVERAGED_S))
+        job = CorrectionJob(mounted, start, 40.0, PLACE_MM, scale_sd)
+        report = make_corrected_model(source, target, job, lambda _: None)
+        contact = msgspec.structs.replace(config.contact, model=str(target), finger_mm=(PROBE_MM, PROBE_MM))
+        own = ToleranceConfig(gain=config.tolerance.gain)
+        yield msgspec.structs.replace(config, contact=contact, tolerance=own), str(report["chosen"])
+
+
+def refined(bench: Bench, cell: Cell, random: np.random.Generator) -> Baseline:
+    """The pad's baseline after `--refine`: presses anywhere, which nobody measured."""
+    source = bench.pad(replace(cell, finger_mm=PROBE_MM))
+    source.finger = CastFinger(ramps(cell.thickness_mm, PROBE_MM, sheared=False), CALIBRATED_N * cell.modulus, random)
+    request = BaselineRequest(bench.config.pad(), bench.config.tolerance.si(), False, False, refine=True)
+    return request.make(source.recorded(request.seconds), bench.baseline)[0]
+
+
+def trial(
+    cell: Cell, count: int, seed: int, seconds: float, against: OtherPad | None, row: Row, refine: bool = False
+) -> None:
+    bench = Bench(cell, PROBE_MM, seed)
+    random = np.random.default_rng([seed, count])
+    baseline = refined(bench, cell, random) if refine else bench.baseline
+    presses = presses_of(cell, count, random)
+    labels = labelled_by_gauge(presses, random) if against is None else against.labels(presses, random)
+    scale_sd = GAUGE_SCALE if against is None else against.scale_sd
+    try:
+        with corrected(bench.config, baseline, Pressed(bench, cell), presses, labels, scale_sd) as (config, name):
+            row.chosen.append(name)
+            pipeline = without_baseline(config, load_contact_model(config))
+            pipeline.use(baseline)
+            source = bench.pad(cell)
+            solved = ramps(cell.thickness_mm, cell.finger_mm, sheared=False)
+            finger = CastFinger(solved, CALIBRATED_N * cell.modulus, np.random.default_rng(seed))
+            source.finger = finger
+            messages = messages_of(pipeline, source.recorded(seconds))
+            row.found.saw(messages, Truth(source.built, finger), finger, 0.0)
+    except (DataError, BaselineError) as error:
+        row.refused.append(str(error))
+
+
+def run(options: Namespace) -> None:
+    against = OtherPad(options.seed) if options.against else None
+    for count in PRESSES if options.presses is None else (options.presses,):
+        rows = []
+        for thickness_mm in THICKNESSES_MM:
+            for modulus in MODULI:
+                row = Row(f"{count:2d} presses, modulus × {modulus:g}, {thickness_mm:g} mm")
+                for finger_mm in FINGERS_MM:
+                    cell = Cell(row.name, modulus, thickness_mm, finger_mm)
+                    for seed in range(options.seed, options.seed + options.pads):
+                        trial(cell, count, seed, options.seconds, against, row, options.refine)
+                row.tell()
+                rows.append(row)
+        print(f"{count} presses, all: {line(facts_of([row.found for row in rows if row.found.frames]))}", flush=True)
