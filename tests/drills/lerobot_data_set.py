@@ -30,7 +30,8 @@ from fmfts_client import Subscription
 from fmfts_client.row import COLUMNS
 
 FPS = 30
-TACTILE, PARTS = "observation.tactile.left", ("", ".sd", ".samples", ".mask", ".stamps_ns", ".left_out")
+TACTILE, PARTS = "observation.tactile.left", ("", ".sd", ".age_s", ".samples", ".mask", ".stamps_ns", ".left_out")
+PATIENCE_S = 2.0  # other programs may hold both cores for as long
 UNFELT_N = 0.3  # what an untouched pad may read beside three deviations: what is not felt in a corner
 
 
@@ -79,7 +80,7 @@ def observed_into(
     steps = []
     begun = time.monotonic()
     for number in range(round(seconds * FPS)):
-        observation = robot.get_observation() | {"touch": camera.async_read()}
+        observation = robot.get_observation() | {"touch": camera.async_read(1e3 * PATIENCE_S)}
         frame = build_dataset_frame(data_set.features, observation, prefix="observation") | samples.frame()
         data_set.add_frame(frame | {"action": np.zeros(1, np.float32), "task": "touch"})
         steps.append({key: value for key, value in frame.items() if key != "observation.images.touch"})
@@ -90,9 +91,10 @@ def observed_into(
 
 
 @contextmanager
-def published() -> Iterator[set[int]]:
-    """When each sample that a second subscriber hears of meanwhile was taken (UTC)."""
-    heard_ns: set[int] = set()
+def published() -> Iterator[dict[int, tuple[int, int]]]:
+    """What a second subscriber hears meanwhile: by each message's number when its sample was taken, on the daemon's
+    clock, which tells repeated ones, and as UTC."""
+    heard_ns: dict[int, tuple[int, int]] = {}
     ended = threading.Event()
 
     def listen() -> None:
@@ -100,7 +102,8 @@ def published() -> Iterator[set[int]]:
             while not ended.is_set():
                 if (message := messages.receive(0.1)) is not None:
                     body = message.body
-                    heard_ns.add(body["utc_ns"] - (body["t_publish_ns"] - body["t_sample_ns"]))
+                    sampled_ns = body["t_sample_ns"]
+                    heard_ns[body["seq"]] = sampled_ns, body["utc_ns"] - (body["t_publish_ns"] - sampled_ns)
 
     listener = threading.Thread(target=listen)
     listener.start()
@@ -109,31 +112,44 @@ def published() -> Iterator[set[int]]:
             time.sleep(0.01)
         yield heard_ns
     finally:
+        time.sleep(0.5)
         ended.set()
         listener.join()
 
 
-def every_sample_is_there(steps: list[dict[str, np.ndarray]], published_ns: set[int]) -> str:
+def every_sample_is_there(steps: list[dict[str, np.ndarray]], heard_ns: dict[int, tuple[int, int]]) -> str:
     """Each sample that was published once and in order, those left out counted, and the wrench that of the newest."""
     step = {part: np.stack([each[f"{TACTILE}{part}"] for each in steps]) for part in PARTS}
     mask, newest = step[".mask"], step[".samples"][:, -1]
     stamps_ns = step[".stamps_ns"][mask]
     assert (np.diff(stamps_ns) > 0).all()
-    told = int(step[".left_out"][1:].sum())  # steps that took longer than there is room for, and said so
-    meanwhile = {stamp_ns for stamp_ns in published_ns if stamps_ns[0] < stamp_ns <= stamps_ns[-1]}
-    missing = len(meanwhile - set(stamps_ns.tolist()))
-    # What both subscribers lost has a number and no stamp.
-    assert 0 <= told - missing <= 1e-3 * len(stamps_ns), f"{missing} samples are missing, and `left_out` says {told}"
-    assert (mask[:, -1]).all()
+    # From the newest sample of the first step that has one, `left_out` counts each number that is in no step.
+    begun = int(mask[:, -1].argmax())
+    number_of = {utc_ns: seq for seq, (_, utc_ns) in heard_ns.items()}
+    first, last = number_of[int(step[".stamps_ns"][begun, -1])], number_of[int(stamps_ns[-1])]
+    meanwhile = {seq: heard for seq, heard in sorted(heard_ns.items()) if first <= seq <= last}
+    samples = dict(reversed(meanwhile.values()))  # of messages that repeat a sample, the first
+    told = int(step[".left_out"][begun + 1 :].sum())
+    missing = len(set(samples.values()) - set(stamps_ns.tolist()))
+    held_back = last - first + 1 - len(meanwhile)  # numbered, and too old by then to be published
+    assert told == missing + held_back, f"{missing} + {held_back} samples are missing, and `left_out` says {told}"
     assert not step[".samples"][~mask].any(), "zero where there is no sample"
-    ok = newest[:, COLUMNS.index("ok")] == 1
+    assert (step[".age_s"] <= PATIENCE_S).all()
+    # After a pause the first frames may be ok, and their force not known yet: the wrench is that of the last known one.
+    ok = mask[:, -1] & (newest[:, COLUMNS.index("ok")] == 1) & (newest[:, COLUMNS.index("force_sd_n")] > 0)
     np.testing.assert_array_equal(-step[""][ok, 0, 2], newest[ok, COLUMNS.index("force_n")])
     placed = ok & (newest[:, COLUMNS.index("place_known")] == 1) & (newest[:, COLUMNS.index("contact")] == 1)
     y_m = newest[placed, COLUMNS.index("y_m")]
     np.testing.assert_allclose(step[""][placed, 0, 3], y_m * step[""][placed, 0, 2], atol=1e-9)  # no shear is known
     assert (step[".sd"][ok, 0, 2] > 0).all()
     largest = mask.sum(axis=1).max()
-    return f"{mask.sum()} samples in {len(steps)} steps, {largest} at most in one; {told} left out, and told so"
+    empty, oldest_s = int((~mask[:, -1]).sum()), float(step[".age_s"].max())
+    repeated = len(meanwhile) - len(samples)
+    return (
+        f"{mask.sum()} samples in {len(steps)} steps, {largest} at most in one; {told} left out, and told so: "
+        f"{missing} published, {held_back} never ({repeated} repeated). {empty} steps had none; the oldest wrench was "
+        f"{oldest_s:.2f} s old"
+    )
 
 
 def main() -> int:
@@ -143,17 +159,19 @@ def main() -> int:
     chosen = options.parse_args()
     register_third_party_plugins()
     with tempfile.TemporaryDirectory() as folder:
-        robot = with_touch(Arm(RobotConfig(id="a", calibration_dir=Path(folder))), Pads(["left"]))
+        robot = with_touch(
+            Arm(RobotConfig(id="a", calibration_dir=Path(folder))), Pads(["left"], patience_s=PATIENCE_S)
+        )
         (camera,) = make_cameras_from_configs({"touch": FmftsCameraConfig(pad="left")}).values()
         robot.connect()
         camera.connect()
-        samples = Samples(["left"])
+        samples = Samples(["left"], patience_s=PATIENCE_S)
         hardware = robot.observation_features | {"touch": (camera.height, camera.width, 3)}
         features = hw_to_dataset_features(hardware, "observation", use_video=False)
         features |= hw_to_dataset_features(robot.action_features, "action") | samples.features
         place = Path(folder, "data")
         data_set = LeRobotDataset.create("lab/touch", FPS, features, root=place, use_videos=False)
-        with published() as published_ns:
+        with published() as heard_ns:
             samples.connect()
             steps = observed_into(data_set, robot, camera, samples, chosen.seconds)
 
@@ -167,7 +185,7 @@ def main() -> int:
             np.testing.assert_array_equal(back.reshape(written.shape), written, err_msg=key)
             assert back.dtype == written.dtype, f"{key}: {written.dtype} came back as {back.dtype}"
             assert np.isfinite(written).all(), key
-        print(every_sample_is_there(steps, published_ns))
+        print(every_sample_is_there(steps, heard_ns))
         found = np.stack([step["observation.state"] for step in steps])
         force_n, touched = found[:, names.index("left.force_n")], found[:, names.index("left.contact")]
         assert 0.0 < touched.mean() < 1.0, "the scripted finger comes and goes"
@@ -184,11 +202,15 @@ def main() -> int:
         os.kill(chosen.daemon, signal.SIGSTOP)  # silent, and still connected
         time.sleep(0.5)
         for read_something in (robot.get_observation, camera.async_read, samples.frame):
+            begun_s = time.monotonic()
             try:
-                for _ in range(3):  # what was on its way when it stopped may still come
+                while (
+                    time.monotonic() - begun_s < 3.0 * PATIENCE_S
+                ):  # what was on its way when it stopped may still come
                     read_something()
+                    time.sleep(1.0 / FPS)
             except TouchLostError as error:
-                print(f"raised: {error}")
+                print(f"raised after {time.monotonic() - begun_s:.1f} s: {error}")
             else:
                 raise AssertionError("a pad that is silent was read")
         os.kill(chosen.daemon, signal.SIGCONT)

@@ -41,6 +41,10 @@ def main() -> int:
         environment = os.environ | {"FMFTS_BUS": daemon.base, "HF_HOME": folder, "HF_HUB_OFFLINE": "1"}
         for task in Path(f"/proc/{daemon.process.pid}/task").iterdir():
             put_ahead(int(task.name))  # what is tried is the reading, not what else this computer does
+        print(
+            f"a data set of {chosen.seconds:g} s; what LeRobot says of FFmpeg does not matter: no video is decoded",
+            flush=True,
+        )
         reading = subprocess.Popen(list(map(str, words)), env=environment)
         put_ahead(reading.pid)
         return reading.wait()

@@ -26,13 +26,21 @@ class TouchLostError(RuntimeError):
 
 class Pads:
     """Several pads of one daemon. pad_size_m: edge of the square pads, for the deviation of an unknown place.
+    patience_s: how long a step may wait for a new value, which is never an old one.
 
     A data set has a number everywhere, so another feature tells what is not known: where `contact` is 0, the place
     is 0 with the deviation of anywhere on the pad; where `over_range` is 1, `force_n` is the lower bound.
     """
 
-    def __init__(self, names: Sequence[str], endpoint: str | None = None, pad_size_m: float = 0.04) -> None:
+    def __init__(
+        self,
+        names: Sequence[str],
+        endpoint: str | None = None,
+        pad_size_m: float = 0.04,
+        patience_s: float = WAIT_S,
+    ) -> None:
         self.names = tuple(names)
+        self.patience_s = patience_s
         self._endpoint = endpoint
         self._anywhere_sd_m = anywhere_sd_m(pad_size_m)
         self._clients: dict[str, Client] = {}
@@ -60,11 +68,13 @@ class Pads:
             client.close()
         self._clients = {}
 
-    def contact(self, name: str, wait_s: float = WAIT_S) -> Contact:
-        """A usable contact of this pad, not given out before. Raises TouchLostError if none comes in `wait_s`."""
+    def contact(self, name: str, wait_s: float | None = None) -> Contact:
+        """A usable contact of this pad, not given out before. Raises TouchLostError if none comes in `wait_s`; None:
+        in `patience_s`."""
         client = self._clients.get(name)
         if client is None:
             raise TouchLostError(f"pad {name}: not connected")
+        wait_s = self.patience_s if wait_s is None else wait_s
         until = time.monotonic() + wait_s
         last: Contact | None = None
         while (contact := client.latest(timeout_s=max(0.0, until - time.monotonic()))) is not None:
