@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from argparse import Namespace
 
 import pytest
 
 from fmfts_lab.bench import accuracy, convergence
+from fmfts_lab.bench.__main__ import main
 
 
 def test_monte_carlo_is_at_the_bound_with_the_octupole_and_not_without(capsys: pytest.CaptureFixture[str]) -> None:
@@ -30,3 +32,16 @@ def test_cold_starts_are_counted_right(capsys: pytest.CaptureFixture[str]) -> No
     assert [row[:2] for row in rows] == [["4", "6"], ["4", "8"], ["3", "6"], ["3", "8"]]
     assert [row[2] for row in rows[:3]] == ["100"] * 3
     assert all(row[3:5] == ["0", "0"] for row in rows)
+
+
+@pytest.mark.parametrize("verb", ["eflesh", "real"])
+def test_benchmark_of_skins_says_what_it_needs(verb: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The laboratory is installed without extras."""
+    for name in [name for name in sys.modules if name.partition(".")[0] == "fmfts_skin"]:
+        monkeypatch.delitem(sys.modules, name)
+    for name in ("fmfts_lab.bench.eflesh", "fmfts_lab.bench.real", "fmfts_lab.real.figures"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setitem(sys.modules, "fmfts_skin", None)
+    monkeypatch.setattr("sys.argv", ["bench", verb, "--recordings", "x"])
+    with pytest.raises(SystemExit, match=r"fmfts-skin(.|\n)*extras/skin"):
+        main()

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
+from fmfts.common.extras import how_to_install
 from fmfts_lab.bench import (
     accuracy,
     alternating,
@@ -14,7 +18,6 @@ from fmfts_lab.bench import (
     chips,
     contact,
     convergence,
-    eflesh,
     faults,
     few_presses,
     frame_cost,
@@ -26,7 +29,6 @@ from fmfts_lab.bench import (
     neighbours,
     now,
     overload,
-    real,
     resident,
     several,
     silicone,
@@ -36,6 +38,21 @@ from fmfts_lab.bench import (
     turning,
     weigh,
 )
+
+
+def of_skins(name: str) -> Callable[[argparse.Namespace], None]:
+    """A benchmark that reads skins with a package which the others do without: `pip install ./lab` brings no extra."""
+
+    def run(options: argparse.Namespace) -> None:
+        try:
+            module = import_module(f"fmfts_lab.bench.{name}")
+        except ModuleNotFoundError as error:
+            if (error.name or "").partition(".")[0] != "fmfts_skin":
+                raise
+            sys.exit(f"{name} needs fmfts-skin, which {how_to_install('skin')}")
+        module.run(options)
+
+    return run
 
 
 def main() -> None:
@@ -103,10 +120,10 @@ def main() -> None:
     verb = verbs.add_parser("real", help="what public recordings of real sensors show, and their charts")
     verb.add_argument("--recordings", type=Path, required=True, metavar="FOLDER", help="see lab/results/real.md")
     verb.add_argument("--charts", type=Path, metavar="FOLDER", help="draw a chart of each there (needs matplotlib)")
-    verb.set_defaults(run=real.run)
+    verb.set_defaults(run=of_skins("real"))
     verb = verbs.add_parser("eflesh", help="a public pad of unknown magnets: what its recordings give")
     verb.add_argument("--recordings", type=Path, required=True, metavar="FOLDER", help="has eflesh_normal_1.csv …")
-    verb.set_defaults(run=eflesh.run)
+    verb.set_defaults(run=of_skins("eflesh"))
     verb = verbs.add_parser("moment", help="what following the moment at rest would bring, and what it would hide")
     verb.set_defaults(run=moment.run)
     verb = verbs.add_parser("baselines", help="contact errors that bare, rest, --turn and --refine leave")
