@@ -8,7 +8,7 @@
 # make sample-times      when samples were measured, and whether any comes twice: eight minutes
 # make magnet-check   what `probe --magnet` says of 200 random mistakes and 50 good boards: five minutes    (MAGNET_CHECK="--seed 2")
 # make mould   the mould of a pad of other sizes for a printer, as STL: needs OpenSCAD (hardware/ has the standard pad's)
-# make fingertip   the fingertip for LEAP and Allegro hands, as STL in hardware/: needs OpenSCAD
+# make fingertip   the fingertip for LEAP and Allegro hands, as STL in build/: needs OpenSCAD (hardware/ has them, too)
 # make first-uses   from `init` to contacts with each chip that Linux reads, on two I2C adapters: figures, three minutes
 # make chips-page   write the tables of docs/chips.md and lab/results/chip-facts.md anew from the chips' descriptions
 # make transcript   type the first use of README on the firmware's host build, and write what is said into docs/first-use.md
@@ -16,7 +16,6 @@
 # make page-drills  the page under load: many pads, pages and strangers, an hour's run, the first use of a board
 # make docs    the manual, the results and a reference from docstrings as a site in build/site, to read and search without a
 #              network; fails if a link leads nowhere or a docstring is missing (a minute)
-# make words   the words of README and the manual, and of the laboratory's results; the aim for the manual is 40,000
 # make docs-test    type every command of the pages that needs neither hardware nor root, as it stands there (three minutes)
 # make pictures     take the pictures of the manual from the real page, in Chromium
 # make test    set up what the tests need, run all parts, and summarise    (PARTS="lint unit": only those; or make lint …)
@@ -113,12 +112,15 @@ mould:
 	openscad -q -o build/mould-tray.stl -D 'part="tray"' $(MOULD) hardware/mould.scad
 	openscad -q -o build/mould-lid.stl -D 'part="lid"' $(MOULD) hardware/mould.scad
 
-# hardware/fingertip-*.stl from their source. Another board or cable: openscad -D "boards=[40,40]" hardware/fingertip.scad.
+# build/fingertip-*.stl, as hardware/ has them. Another board or cable: FINGERTIP="-D boards=[40,40]". After a change of the
+# source copy them there.
+FINGERTIP ?=
 fingertip:
 	@$(call need,$(call missing_packages,openscad),exit 1)
-	openscad -q --export-format binstl -o hardware/fingertip-leap.stl -D 'hand="leap"' hardware/fingertip.scad
-	openscad -q --export-format binstl -o hardware/fingertip-allegro.stl -D 'hand="allegro"' hardware/fingertip.scad
-	openscad -q --export-format binstl -o hardware/fingertip-lid.stl -D 'part="lid"' hardware/fingertip.scad
+	@mkdir -p build
+	openscad -q --export-format binstl -o build/fingertip-leap.stl -D 'hand="leap"' $(FINGERTIP) hardware/fingertip.scad
+	openscad -q --export-format binstl -o build/fingertip-allegro.stl -D 'hand="allegro"' $(FINGERTIP) hardware/fingertip.scad
+	openscad -q --export-format binstl -o build/fingertip-lid.stl -D 'part="lid"' $(FINGERTIP) hardware/fingertip.scad
 
 first-uses: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/end_to_end/i2c_first_use.py $(FIRST_USES)
@@ -135,10 +137,7 @@ transcript: $(VENV)/.installed-test firmware
 
 # What is missing, or leads nowhere, is a warning, which ends the build; `built_site.py` judges what was built.
 SITE := build/site
-.PHONY: docs docs-test words
-words:
-	@echo "README and docs: $$(cat README.md docs/*.md | wc -w) words, $$(cat README.md docs/*.md | tr -d '|' | wc -w) without the bars of tables"
-	@echo "lab/README.md and lab/results: $$(cat lab/README.md lab/results/*.md | wc -w); README: $$(wc -l <README.md) lines; CHANGELOG: $$(wc -w <CHANGELOG.md)"
+.PHONY: docs docs-test
 docs: $(VENV)/.installed-docs
 	$(BIN)/python -m sphinx -q -E -W --keep-going -b html -c docs/site -d build/site-doctrees . $(SITE)
 	$(BIN)/python tests/pages/built_site.py $(SITE)
@@ -146,8 +145,9 @@ docs: $(VENV)/.installed-docs
 docs-test: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -q tests/pages
 
-$(VENV)/.installed-docs: pyproject.toml $(VENV)/.installed
-	@$(BIN)/python -c 'import importlib.metadata as meta; print(*(one.split(";")[0] for one in meta.requires("fmfts") if "\"docs\"" in one), sep="\n")' \
+# What docs or versions of pyproject.toml name, without compiling fmfts again.
+$(VENV)/.installed-docs $(VENV)/.installed-versions: $(VENV)/.installed-%: pyproject.toml $(VENV)/.installed
+	@$(BIN)/python -c 'import importlib.metadata as meta; print(*(one.split(";")[0] for one in meta.requires("fmfts") if "\"$*\"" in one), sep="\n")' \
 	    | $(BIN)/pip install --quiet --disable-pip-version-check -r /dev/stdin
 	@touch $@
 
@@ -314,28 +314,25 @@ release:
 
 # Shorter: ROS="--distribution jazzy -k graph".
 ROS ?=
-ros: $(VENV)/.installed-test firmware
+ros: $(VENV)/.installed-test $(VENV)/.installed-versions firmware
 	@$(call need,$(call missing_packages,g++ iproute2),exit 1)
-	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[versions]'
 	$(BIN)/python tests/ros/run.py $(ROS)
 
 # LeRobot with torch (6 GB), on Python 3.12: a data set of a minute, read back.
 .PHONY: lerobot
-lerobot: $(VENV)/.installed-test
-	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[versions]'
+lerobot: $(VENV)/.installed-versions
 	$(BIN)/python tests/drills/lerobot_drill.py
 
 .PHONY: viewers
-viewers: $(VENV)/.installed-test
+viewers: $(VENV)/.installed-versions
 	@$(call need,$(if $(shell command -v npm),,npm),exit 1)
-	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[versions]'
 	$(BIN)/python tests/drills/viewers/drill.py
 
 # Shorter: MUJOCO=tests alone, or MUJOCO="bench compare".
 MUJOCO ?= tests bench compare
 .PHONY: mujoco
-mujoco: $(VENV)/.installed-test
-	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e . -e './clients/mujoco[test]'
+mujoco: $(VENV)/.installed
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e './clients/mujoco[test]'
 ifneq ($(filter tests,$(MUJOCO)),)
 	cd clients/mujoco && $(abspath $(BIN))/python -m pytest -q
 endif

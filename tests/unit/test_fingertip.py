@@ -88,7 +88,7 @@ def test_printed_file_is_what_the_source_makes(name: str, tmp_path: Path) -> Non
     command = ["openscad", "-q", "--export-format", "binstl", "-o", made, "-D", setting, HARDWARE / "fingertip.scad"]
     subprocess.run(command, check=True)
     kept = printed(name)
-    assert _turned(kept) == _turned(printed(name, made)), "run `make fingertip`"
+    assert _turned(kept) == _turned(printed(name, made)), "run `make fingertip`, and copy what it made to hardware/"
     assert volume_mm3(kept) > 0
 
 
