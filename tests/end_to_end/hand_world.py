@@ -11,7 +11,7 @@ from fmfts.config import Config, PadConfig
 from fmfts.pad import Array, Placement, rotation_from_vector
 from fmfts.pose import dipole_field
 from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.mounted import MountedPad
+from fmfts.simulation.mounted import MountedPad, with_chips_turned
 from fmfts.simulation.source import tumbled
 
 NAMES = ("thumb", "index", "middle", "ring", "little")
@@ -96,7 +96,8 @@ class HandWorld:
     def __init__(self, config: Config, seed: int = SEED) -> None:
         self._configs: list[PadConfig] = list(config.pad)
         chance = np.random.default_rng(seed)
-        self._pads = [MountedPad.built(pad.pad(), chance, None, CHIP_TURN_RAD, CROSS_AXIS) for pad in self._configs]
+        errors = with_chips_turned(CHIP_TURN_RAD, CROSS_AXIS)
+        self._pads = [MountedPad.built(pad.pad(), chance, errors=errors) for pad in self._configs]
         self._placements = [pad.placement.si() for pad in self._configs]
         self._earth_t = EARTH_T * _direction(chance)
         self._turning_axis, self._tool_axis = _direction(chance), _direction(chance)

@@ -6,20 +6,26 @@ python -m fmfts_mujoco.bench [--quick]
 from __future__ import annotations
 
 import argparse
+import os
 import time
+from contextlib import suppress
+from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
 from fmfts.config import PadConfig, SimulatedSource
+from fmfts.config.sources import Imperfection
 from fmfts.pad import Array
+from fmfts_client import Contact
 
 from fmfts_mujoco.in_process import Pads
 
 READ_EVERY_S = 0.04
 APART_M = 0.05
+BALL_KG = 0.08
 
 
-def table(pads: int) -> mujoco.MjModel:
+def table(pads: int, friction: float = 0.3) -> mujoco.MjModel:
     """Pads on a table, and a ball of 80 g on each, which slides up and down and along x and y."""
     bodies = []
     for number in range(pads):
@@ -29,7 +35,7 @@ def table(pads: int) -> mujoco.MjModel:
             f'<body pos="{x_m} {y_m} 0"><geom type="box" size="0.02 0.02 0.006" pos="0 0 0.008"/>'
             f'<site name="pad{number}"/></body>'
             f'<body pos="{x_m} {y_m} 0.0291">{slides}'
-            '<geom type="sphere" size="0.015" mass="0.08" friction="0.3"/></body>'
+            f'<geom type="sphere" size="0.015" mass="{BALL_KG}" friction="{friction}"/></body>'
         )
     options = '<option timestep="0.001" magnetic="0.2 0 -0.45"/>'
     return mujoco.MjModel.from_xml_string(f"<mujoco>{options}<worldbody>{''.join(bodies)}</worldbody></mujoco>")
@@ -44,6 +50,8 @@ def pads_on(model: mujoco.MjModel, count: int) -> tuple[Pads, mujoco.MjData]:
 
 def cost(count: int, seconds: float) -> tuple[float, float]:
     """Processor time in s of a second of the simulation, without the pads and with them; the same model in turn."""
+    with suppress(PermissionError):  # as root: else other programs' use of the cache counts, too
+        os.setpriority(os.PRIO_PROCESS, 0, -15)
     model = table(count)
     pads, data = pads_on(model, count)
     spent: dict[bool, list[float]] = {False: [], True: []}
@@ -60,35 +68,63 @@ def cost(count: int, seconds: float) -> tuple[float, float]:
     return min(spent[False]), min(spent[True])
 
 
-def coverage(count: int, presses: int) -> tuple[float, float, Array]:
-    """Shares of errors within 1.96 deviations of force and place, and the errors themselves (N, m, m) by press.
+@dataclass
+class Covered:
+    """How presses came out: errors, and published deviations (N, m, m), of those that were answered."""
 
-    Each press is of another place and force, up to 8 mm from the middle and 1.8 N, and looked at after 0.2 s.
-    """
-    random = np.random.default_rng(1)
-    model = table(count)
-    pads, data = pads_on(model, count)
-    inside, errors = [], []
-    for _ in range(presses):
-        place_m, force_n = random.uniform(-8e-3, 8e-3, (count, 2)), random.uniform(0.3, 1.8, count)
+    presses: int = 0
+    errors: list[Array] = field(default_factory=list)
+    deviations: list[Array] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        error, shares = np.abs(self.errors), np.abs(self.errors) / np.array(self.deviations)
+        within = 100.0 * (shares < 1.96).mean(axis=0)
+        return (
+            f"{self.presses} presses, {100 * len(error) / self.presses:.1f} % answered: {within[0]:.1f} % of forces, "
+            f"{within[1:].mean():.1f} % of places within 1.96 deviations, the worst at {shares.max():.1f}\n"
+            f"  mean errors {error[:, 0].mean():.3f} N, {1e3 * error[:, 1:].mean():.2f} mm"
+        )
+
+
+def coverage(hands: int, count: int, presses: int, *, as_built: bool) -> Covered:
+    """Presses on `hands` times `count` pads, each by its own force of 0.3 to 1.8 N up to 8 mm from the middle, and
+    looked at after 0.2 s. as_built: on other pads with other fingers, that creep, and are sheared by up to 0.3 of the
+    force, in a pad's configuration as it comes; else on good pads without shear."""
+    covered, model = Covered(), table(count, friction=0.6)
+    kinds: tuple[Imperfection, ...] = ("silicone",) if as_built else ()
+    for hand in range(hands):
+        random, data = np.random.default_rng([1, hand]), mujoco.MjData(model)
+        sources = [SimulatedSource(seed=hand * count + each, imperfections=kinds) for each in range(count)]
+        configs = [PadConfig(name=f"pad{each}", source=source) for each, source in enumerate(sources)]
+        pads = Pads(model, data, configs, as_built=as_built)
+        pads.reset(hand)
+        for _ in range(presses):
+            force_n, place_m = random.uniform(0.3, 1.8, count), random.uniform(-8e-3, 8e-3, (count, 2))
+            share, towards = 0.3 * as_built * np.sqrt(random.uniform(size=count)), random.uniform(0.0, 2 * np.pi, count)
+            shear_n = (share * force_n)[:, None] * np.stack([np.cos(towards), np.sin(towards)], axis=1)
+            told = pressed(model, data, pads, place_m, np.column_stack([shear_n, -force_n]))
+            covered.presses += count
+            for number, last in enumerate(told):
+                if not last.valid or last.x_m is None or last.y_m is None:
+                    continue
+                place = np.subtract((last.x_m, last.y_m), place_m[number])
+                covered.errors.append(np.array([last.force_n - force_n[number], *place]))
+                covered.deviations.append(np.array([last.force_sd_n, last.x_sd_m, last.y_sd_m]))
+            pressed(model, data, pads, place_m, np.tile([0.0, 0.0, 0.05], (count, 1)))
+    return covered
+
+
+def pressed(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads, place_m: Array, load_n: Array) -> list[Contact]:
+    """The last message of each pad after 0.2 s under these loads (K, 3). The balls are held where they press."""
+    count = len(place_m)
+    data.qvel[:] = 0.0
+    data.xfrc_applied[2::2, :3] = np.add(load_n, (0.0, 0.0, BALL_KG * 9.81))
+    for _ in range(200):
         data.qpos.reshape(count, 3)[:, 1:] = place_m
-        data.qvel[:] = 0.0
-        data.xfrc_applied[2::2, 2] = 0.08 * 9.81 - force_n
-        for _ in range(200):
-            data.qpos.reshape(count, 3)[:, 1:] = place_m
-            mujoco.mj_step(model, data)
-            pads.step(data)
-        told = pads.contacts()
-        for number in range(count):
-            last = told[f"pad{number}"][-1]
-            if not last.valid or last.x_m is None:
-                continue
-            error = np.array([last.force_n - force_n[number], *((last.x_m, last.y_m) - place_m[number])])
-            deviation = np.array([last.force_sd_n, last.x_sd_m, last.y_sd_m])
-            inside.append(np.abs(error) < 1.96 * deviation)
-            errors.append(error)
-    covered = np.array(inside)
-    return float(covered[:, 0].mean()), float(covered[:, 1:].mean()), np.array(errors)
+        mujoco.mj_step(model, data)
+        pads.step(data)
+    told = pads.contacts()
+    return [told[f"pad{number}"][-1] for number in range(count)]
 
 
 def main() -> None:
@@ -101,11 +137,9 @@ def main() -> None:
             f"{count} pads: a step of 1 ms takes {1e3 * without_s:.1f} µs without and {1e3 * with_s:.1f} µs with them:"
         )
         print(f"  {1e3 * (with_s - without_s):.1f} µs more; {1.0 / with_s:.1f} × real time on one core")
-    force, place, errors = coverage(8, 10 if quick else 40)
-    print(
-        f"{len(errors)} presses: {100 * force:.1f} % of forces and {100 * place:.1f} % of places within 1.96 deviations"
-    )
-    print(f"  mean errors {np.abs(errors[:, 0]).mean():.3f} N, {1e3 * np.abs(errors[:, 1:]).mean():.2f} mm")
+    for name, as_built in (("good pads", False), ("pads as built", True)):
+        hands = 8 if quick else 16
+        print(f"{8 * hands} {name}: {coverage(hands, 8, 2 if quick else 4, as_built=as_built)}")
 
 
 if __name__ == "__main__":

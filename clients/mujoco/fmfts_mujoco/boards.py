@@ -10,7 +10,9 @@ from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array
 from fmfts.sensor.frame import AGE_UNKNOWN_US, READING_BYTES, Frame, WireFrame
 from fmfts.simulation.chip import ChipArray
+from fmfts.simulation.imperfections import cast
 from fmfts.simulation.mounted import MountedPad
+from fmfts.simulation.neighbour import seeded
 from fmfts.simulation.source import ROOM_C, Simulated
 
 from fmfts_mujoco.history import History
@@ -19,7 +21,7 @@ from fmfts_mujoco.stacked import Stacked
 
 START_S = 1.0  # on the boards' clock at the beginning, so that no sample is from before its start
 NS, US = 1_000_000_000, 1_000_000
-SILICONE = "silicone"
+SILICONE, CASTING = "silicone", "casting"
 
 
 @dataclass
@@ -32,16 +34,23 @@ class Faults:
     unplugged: bool = False
 
 
-def built_of(pad: PadConfig) -> MountedPad:
-    """The pad as the daemon's own simulation builds it from this seed. ModelError where MuJoCo cannot press it."""
+def built_of(pad: PadConfig, *, as_built: bool = False) -> MountedPad:
+    """The pad as the daemon's own simulation builds it from this seed. ModelError where MuJoCo cannot press it.
+
+    as_built: with errors as large as `[pad.tolerance]` says; else a good pad.
+    """
     source, name = pad.source, f"pad '{pad.name}'"
     if not isinstance(source, SimulatedSource):
         raise ModelError(f'{name}: a simulator feeds only [pad.source] type = "simulated"')
     if pad.other_magnets or not pad.are_magnets_known:
         raise ModelError(f"{name}: pads with several or unknown magnets are not simulated in MuJoCo")
-    if source.warming_k_per_minute or set(source.imperfections) - {SILICONE, "casting"}:
+    if source.warming_k_per_minute or set(source.imperfections) - {SILICONE, CASTING}:
         raise ModelError(f'{name}: of imperfections MuJoCo knows "silicone" and "casting", and no warming')
-    return Simulated(pad).built
+    good = Simulated(pad).built
+    if not as_built:
+        return good
+    built = MountedPad.built(pad.pad(), seeded(source, "pad"), good.mechanics, pad.tolerance.si())
+    return cast(built, seeded(source, "casting")) if CASTING in source.imperfections else built
 
 
 class Boards:

@@ -38,15 +38,18 @@ class GraspEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
 
     metadata = {"render_modes": [], "render_fps": 50}  # noqa: RUF012
 
-    def __init__(self, config: Path | str | None = None, endpoint: str | None = None) -> None:
-        """config: of a daemon that runs, and takes its frames from here, in real time; None: all in this process."""
+    def __init__(
+        self, config: Path | str | None = None, endpoint: str | None = None, *, as_built: bool = False
+    ) -> None:
+        """config: of a daemon that runs, and takes its frames from here, in real time; None: all in this process.
+        as_built: other silicone and other fingertips in each episode, on pads that are mounted as a hand does."""
         self.model = mujoco.MjModel.from_xml_path(str(MODELS / "gripper.xml"))
         self.data = mujoco.MjData(self.model)
         self.pads: Pads | Robot
         if config is None:
-            self.pads = Pads(self.model, self.data, CONFIG, _baselines())
+            self.pads = Pads(self.model, self.data, CONFIG, _baselines(as_built), as_built=as_built)
         else:
-            self.pads = Robot(self.model, self.data, config, endpoint)
+            self.pads = Robot(self.model, self.data, config, endpoint, as_built=as_built)
         shape = (len(PADS), SAMPLES)
         self.observation_space = spaces.Dict(
             {
@@ -131,9 +134,9 @@ class GraspEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
 
 
 @cache
-def _baselines() -> dict[str, Baseline]:
+def _baselines(as_built: bool) -> dict[str, Baseline]:
     """Recorded once for all environments of this process."""
     model = mujoco.MjModel.from_xml_path(str(MODELS / "gripper.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    return baselines(Scene(model, load(CONFIG)[0].pad), data)
+    return baselines(Scene(model, load(CONFIG)[0].pad, as_built=as_built), data)

@@ -36,12 +36,15 @@ class Pads:
         data: mujoco.MjData,
         pads: Sequence[PadConfig] | Path | str,
         recorded: Mapping[str, Baseline] | None = None,
+        *,
+        as_built: bool = False,
     ) -> None:
         """pads: the daemon's configuration, or its file. data: how the robot stands while its baselines are recorded;
-        recorded: earlier baselines of the same pads. ModelError where the model lacks a pad; ConfigError."""
+        recorded: earlier baselines of the same pads. as_built: pads differ from their drawing as their tolerances say,
+        after each `reset` by other silicone and fingers. ModelError where the model lacks a pad; ConfigError."""
         mujoco.mj_forward(model, data)
         configs = load(Path(pads))[0].pad if isinstance(pads, str | Path) else pads
-        self.scene = Scene(model, configs)
+        self.scene = Scene(model, configs, as_built=as_built)
         self.baselines = dict(recorded) if recorded is not None else baselines(self.scene, data)
         self._names = [pad.name for pad in configs]
         self._pipelines: dict[str, PadPipeline] = {}
@@ -90,9 +93,13 @@ class Pads:
     def _judge(self, number: int, frames: list[Frame]) -> None:
         pipeline, told = self._pipelines[self._names[number]], self._told[number]
         period_ns, start_ns = NS / self.scene.boards.rate_hz, round(START_S * NS)
-        for frame in frames:
-            self._heard_ns[number] = start_ns + round(frame.sequence * period_ns)
-            told.append(self._heard_ns[number] + self._late_ns[number], pipeline.answer(frame).payload)
+        published_ns = start_ns + self._late_ns[number]
+        told.extend(
+            [published_ns + round(frame.sequence * period_ns) for frame in frames],
+            [pipeline.payload(frame) for frame in frames],
+        )
+        if frames:
+            self._heard_ns[number] = start_ns + round(frames[-1].sequence * period_ns)
         while self.now_ns - self._heard_ns[number] > SILENT_S * NS:
             self._heard_ns[number] += round(REPEAT_S * NS)
-            told.append(self._heard_ns[number], encode(pipeline.absent("disconnected", UNPLUGGED)))
+            told.extend([self._heard_ns[number]], [encode(pipeline.absent("disconnected", UNPLUGGED))])

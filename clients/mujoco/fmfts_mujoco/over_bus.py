@@ -33,12 +33,19 @@ class Robot:
     """
 
     def __init__(
-        self, model: mujoco.MjModel, data: mujoco.MjData, config: Path | str, endpoint: str | Endpoints | None = None
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        config: Path | str,
+        endpoint: str | Endpoints | None = None,
+        *,
+        as_built: bool = False,
     ) -> None:
-        """config: the daemon's file; each pad has `frames_from`. endpoint: of the daemon. ModelError, ConfigError."""
+        """config: the daemon's file; each pad has `frames_from`. endpoint: of the daemon. as_built: pads differ from
+        their drawing as their tolerances say. ModelError, ConfigError."""
         mujoco.mj_forward(model, data)
         pads = load(Path(config))[0].pad
-        self.scene = Scene(model, pads)
+        self.scene = Scene(model, pads, as_built=as_built)
         self.paths = []
         for pad in pads:
             path = pad.source.frames_from  # type: ignore[union-attr]

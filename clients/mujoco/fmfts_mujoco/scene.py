@@ -11,6 +11,7 @@ from fmfts.pad import Array
 from fmfts.sensor.frame import Frame
 from fmfts.simulation.silicone import Silicone
 
+from fmfts_mujoco.as_built import Structures
 from fmfts_mujoco.boards import SILICONE, Boards, Faults, built_of
 from fmfts_mujoco.history import History
 from fmfts_mujoco.loads import Reader, Step, responses
@@ -25,12 +26,14 @@ AROUND_EVERY_S = 0.02  # a hand that turns by 300 °/s turns by 6° meanwhile: l
 class Scene:
     """The pads of one model. Times are seconds since `start`."""
 
-    def __init__(self, model: mujoco.MjModel, pads: Sequence[PadConfig]) -> None:
-        """ModelError where the model lacks a pad, or a pad cannot be simulated here."""
+    def __init__(self, model: mujoco.MjModel, pads: Sequence[PadConfig], *, as_built: bool = False) -> None:
+        """as_built: pads differ from their drawing as their tolerances say, each `start` by other silicone and fingers.
+        ModelError where the model lacks a pad, or a pad cannot be simulated here."""
         self.pads = list(pads)
+        self._as_built = as_built
         self._model = model
         places = Places.of(model, pads)
-        self.stacked = Stacked([built_of(pad) for pad in pads])
+        self.stacked = Stacked([built_of(pad, as_built=as_built) for pad in pads])
         self.boards = Boards(pads, self.stacked)
         self._reader = Reader(model, places)
         self._surroundings = Surroundings(model, places, self.stacked)
@@ -40,6 +43,8 @@ class Scene:
     def start(self, random: np.random.Generator) -> None:
         """Switch all boards on; nothing pressed any pad yet."""
         pads, sensors = self.stacked.pads, self.stacked.sensors
+        if self._as_built:
+            self.stacked.structures = Structures.drawn(self.pads, random)
         self.boards.start(random)
         self._silicone = Silicone(pads) if self._has_silicone else None
         self._steps: list[Step] = []

@@ -9,9 +9,13 @@ from fmfts.pad import Array
 from fmfts.simulation.cylinder import cylinder_field
 from fmfts.simulation.mounted import MountedPad
 
+from fmfts_mujoco.as_built import Structures
+
 
 class Stacked:
-    """K pads, of equal mechanics, magnets and numbers of sensors."""
+    """K pads, of equal mechanics, magnets and numbers of sensors. structures: what they are made of; None: as drawn."""
+
+    structures: Structures | None = None
 
     def __init__(self, built: Sequence[MountedPad]) -> None:
         self.pads, self.sensors = len(built), len(built[0].pad.sensors)
@@ -34,7 +38,10 @@ class Stacked:
         """(C, 5) as `MountedPad.response`, of the pads (C,) under presses at (C, 2) with loads (C, 3)."""
         x_m, y_m = (place_m - self._off_m[pad]).T
         shear = load_n.T[1:] if np.any(load_n[:, 1:]) else ()
-        return self._mechanics.response(x_m, y_m, load_n[:, 0], *shear)
+        press = x_m, y_m, load_n[:, 0], *shear
+        if self.structures is not None:
+            return self.structures.response(self._mechanics, pad, press)
+        return self._mechanics.response(*press)
 
     def moved(self, response: Array) -> tuple[Array, Array]:
         """Position (…, K, 3) and axis (…, K, 3) of the magnets as `MountedPad.moved`, after movements (…, K, 5)."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
 from typing import overload
 
 import msgpack  # type: ignore[import-untyped]
@@ -15,13 +16,16 @@ class Told(Sequence[Contact]):
     def __init__(self, published_ns: Sequence[int] = (), payloads: Sequence[bytes] = ()) -> None:
         self.published_ns, self.payloads = list(published_ns), list(payloads)
 
-    def append(self, published_ns: int, payload: bytes) -> None:
-        self.published_ns.append(published_ns)
-        self.payloads.append(payload)
+    def extend(self, published_ns: Iterable[int], payloads: Iterable[bytes]) -> None:
+        """Later messages."""
+        self.published_ns.extend(published_ns)
+        self.payloads.extend(payloads)
 
     def split(self, now_ns: int) -> tuple[Told, Told]:
         """Those that are published by now, and the later ones."""
-        published = sum(1 for each in self.published_ns if each <= now_ns)
+        published = bisect_right(self.published_ns, now_ns)
+        if published == len(self.payloads):
+            return self, Told()
         before, after = slice(None, published), slice(published, None)
         return (
             Told(self.published_ns[before], self.payloads[before]),

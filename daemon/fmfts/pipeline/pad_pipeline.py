@@ -165,11 +165,15 @@ class PadPipeline:
 
     def answer(self, frame: Frame) -> EncodedMessage:
         """The same, encoded."""
+        return EncodedMessage.of(self.payload(frame), self._compiled)
+
+    def payload(self, frame: Frame) -> bytes:
+        """The same, for who asks nothing of it but to be sent."""
         temperature_c = np.nan if frame.temperature_c is None else frame.temperature_c
         times = frame.device_time_us, frame.host_time_ns
         payload = self._compiled.judge(*frame.packed, frame.sequence, *times, temperature_c)
         self._has_frame = True
-        return EncodedMessage.of(payload, self._compiled)
+        return payload
 
     def early(self, early: EarlySample) -> EncodedMessage | None:
         """The message of a sample that came before its frame: what the last frame said, with another `now`. None where

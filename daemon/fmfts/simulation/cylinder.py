@@ -12,7 +12,7 @@ from fmfts.pad import Array, Magnet
 
 
 def generalized_elliptic_integral(kc: Array, p: Array, c: Array, s: Array) -> Array:
-    """Bulirsch's complete elliptic integral cel(kc, p, c, s) for kc ≠ 0, p > 0, elementwise over equal shapes.
+    """Bulirsch's complete elliptic integral cel(kc, p, c, s) for kc ≠ 0, p > 0, elementwise; the arrays broadcast.
 
     The arithmetic–geometric mean converges quadratically: when successive means agree to 1e-8 the integral is exact
     to rounding. R. Bulirsch, Numer. Math. 13 (1969) 305.
@@ -54,7 +54,7 @@ def cylinder_field(point_m: Array, position_m: Array, axis: Array, magnet: Magne
     gamma = np.broadcast_to((radius - distance) / (radius + distance), modulus.shape)
     one = np.ones_like(modulus)
     radial_integral, axial_integral = generalized_elliptic_integral(
-        np.stack([modulus, modulus]), np.stack([one, gamma**2]), np.ones((2, *modulus.shape)), np.stack([-one, gamma])
+        modulus, np.stack([one, gamma**2]), one, np.stack([-one, gamma])
     )
     radial = radius / reach * radial_integral
     axial = ends / reach * axial_integral * (radius / (radius + distance))

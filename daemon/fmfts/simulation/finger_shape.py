@@ -24,9 +24,10 @@ THIMBLE_GAP_M = 0.2e-3
 
 @dataclass(frozen=True, slots=True)
 class FingerShape:
-    """moments_mm2: along x and y. shear: along x, as a share of the force. steel: the finger wears a thimble."""
+    """moments_mm2: along x and y, of all presses or of each (K,). shear: along x, as a share of the force. steel: the
+    finger wears a thimble."""
 
-    moments_mm2: tuple[float, float] = (PATCH_MM2, PATCH_MM2)
+    moments_mm2: tuple[float | Array, float | Array] = (PATCH_MM2, PATCH_MM2)
     shear: float = 0.0
     steel: bool = False
 
@@ -38,15 +39,15 @@ class FingerShape:
         whole = mechanics.response(x_m, y_m, *load)
         added = np.zeros_like(whole)
         for moment_mm2, along_x, along_y in zip(self.moments_mm2, (1.0, 0.0), (0.0, 1.0), strict=True):
-            excess = moment_mm2 - PATCH_MM2
-            if excess == 0.0:
+            excess = np.asarray(moment_mm2 - PATCH_MM2)
+            if np.all(excess == 0.0):
                 continue
             away_m = np.sqrt(abs(excess)) * 1e-3
             sides = [
                 mechanics.response(x_m + side * along_x * away_m, y_m + side * along_y * away_m, *load)
                 for side in (1.0, -1.0)
             ]
-            added += np.sign(excess) * (np.mean(sides, axis=0) - whole)
+            added += np.sign(excess)[..., None] * (np.mean(sides, axis=0) - whole)
         return np.asarray(whole + added, dtype=np.float64)
 
 

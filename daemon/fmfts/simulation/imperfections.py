@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.pad import Array, Magnet, rotation_from_vector
+from fmfts.pad import Array, Magnet
 from fmfts.simulation.cylinder import cylinder_field
 from fmfts.simulation.finger import Touch, columns
 from fmfts.simulation.finger_shape import FingerShape, thimble_field
@@ -27,9 +27,9 @@ def cast(built: MountedPad, random: np.random.Generator) -> MountedPad:
     """The same pad with its magnet off-centre and tilted by casting. Places of presses still count from its middle."""
     towards, about = random.uniform(0.0, 2.0 * np.pi, 2)
     off_m = CAST_OFF_M * np.array([np.cos(towards), np.sin(towards), 0.0])
-    turn = rotation_from_vector(CAST_TILT_RAD * np.array([np.cos(about), np.sin(about), 0.0])) @ built.rest_axis_from_z
-    pad = replace(built.pad, rest_position_m=built.pad.rest_position_m + off_m, rest_axis=turn[:, 2])
-    return replace(built, pad=pad, rest_axis_from_z=turn, magnet_off_m=built.magnet_off_m + off_m[:2])
+    tilted = built.with_magnet_tilted(CAST_TILT_RAD * np.array([np.cos(about), np.sin(about), 0.0]))
+    pad = replace(tilted.pad, rest_position_m=built.pad.rest_position_m + off_m)
+    return replace(tilted, pad=pad, magnet_off_m=built.magnet_off_m + off_m[:2])
 
 
 @dataclass(frozen=True, slots=True)

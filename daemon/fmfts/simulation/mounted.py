@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fmfts.pad import Array, Magnet, Pad, rotation_from_vector
+from fmfts.pad import Array, Magnet, Pad, Tolerance, rotation_from_vector
 from fmfts.simulation.cylinder import cylinder_field
 from fmfts.simulation.mechanics import Mechanics
 from fmfts.simulation.solved_table import standard_mechanics
@@ -19,6 +19,22 @@ GAIN = 0.005
 SENSOR_ROTATION_RAD = float(np.deg2rad(1.5))  # about each axis: breakout boards that a hand placed
 CROSS_AXIS = 0.005
 EARTH_T = 0.5e-4
+# A good pad, whose tilt at rest is that of the silicone. Users' tolerances are wider: they count worse ones, too.
+GOOD = Tolerance(
+    sensor_position_m=SENSOR_PLACE_M,
+    magnet_position_m=MAGNET_PLACE_M,
+    magnet_tilt_rad=0.0,
+    gain=GAIN,
+    remanence=REMANENCE,
+    sensor_rotation_rad=SENSOR_ROTATION_RAD,
+    cross_axis=CROSS_AXIS,
+    pad_tilt_rad=MAGNET_TILT_RAD,
+)
+
+
+def with_chips_turned(sensor_rotation_rad: float, cross_axis: float) -> Tolerance:
+    """Of a good pad whose chips are as good as this."""
+    return replace(GOOD, sensor_rotation_rad=sensor_rotation_rad, cross_axis=cross_axis)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,32 +62,32 @@ class MountedPad:
         drawing: Pad,
         random: np.random.Generator,
         mechanics: Mechanics | None = None,
-        sensor_rotation_rad: float = SENSOR_ROTATION_RAD,
-        cross_axis: float = CROSS_AXIS,
+        errors: Tolerance = GOOD,
     ) -> MountedPad:
         """A pad with random building errors, in the Earth's field of random direction."""
-        tilt = np.append(random.normal(0.0, MAGNET_TILT_RAD, 2), 0.0)
+        tilt = np.append(random.normal(0.0, errors.pad_tilt_rad, 2), 0.0)
         upright = _rotation_from_z(drawing.rest_axis)
         turn = upright @ rotation_from_vector(tilt)
         sensors = drawing.sensors
         pad = Pad(
             name=drawing.name,
             sensors=type(sensors)(
-                sensors.position_m + random.normal(0.0, SENSOR_PLACE_M, sensors.position_m.shape), sensors.axes
+                sensors.position_m + random.normal(0.0, errors.sensor_position_m, sensors.position_m.shape),
+                sensors.axes,
             ),
-            magnet=drawing.magnet.with_remanence(drawing.magnet.remanence_t * random.normal(1.0, REMANENCE)),
-            rest_position_m=drawing.rest_position_m + random.normal(0.0, MAGNET_PLACE_M, 3),
+            magnet=drawing.magnet.with_remanence(drawing.magnet.remanence_t * random.normal(1.0, errors.remanence)),
+            rest_position_m=drawing.rest_position_m + random.normal(0.0, errors.magnet_position_m, 3),
             rest_axis=turn[:, 2],
             chip=drawing.chip,
         )
         ambient = random.standard_normal(3)
         ambient_t = EARTH_T * ambient / np.linalg.norm(ambient)
-        gain = random.normal(1.0, GAIN, sensors.position_m.shape)
-        turns = [rotation_from_vector(vector) for vector in random.normal(0.0, sensor_rotation_rad, gain.shape)]
+        gain = random.normal(1.0, errors.gain, sensors.position_m.shape)
+        turns = [rotation_from_vector(vector) for vector in random.normal(0.0, errors.sensor_rotation_rad, gain.shape)]
         turned = type(sensors)(pad.sensors.position_m, sensors.axes @ np.array(turns))
-        upper = np.triu(random.normal(0.0, cross_axis, (*gain.shape, 3)), 1)
+        upper = np.triu(random.normal(0.0, errors.cross_axis, (*gain.shape, 3)), 1)
         whole = replace(pad, sensors=turned)
-        return cls(
+        built = cls(
             whole,
             gain,
             ambient_t,
@@ -80,12 +96,20 @@ class MountedPad:
             upper + upper.transpose(0, 2, 1),
             tilted=turn @ upright.T,
         )
+        if not errors.magnet_tilt_rad:
+            return built
+        return built.with_magnet_tilted(np.append(random.normal(0.0, errors.magnet_tilt_rad, 2), 0.0))
 
     @classmethod
     def exact(cls, drawing: Pad, mechanics: Mechanics | None = None) -> MountedPad:
         """A pad without building errors and without an ambient field."""
         gain, turn = np.ones((len(drawing.sensors), 3)), _rotation_from_z(drawing.rest_axis)
         return cls(drawing, gain, np.zeros(3), turn, mechanics or standard_mechanics())
+
+    def with_magnet_tilted(self, about_rad: Array) -> MountedPad:
+        """The same with the magnet turned in its silicone, by a rotation vector (3,)."""
+        turn = rotation_from_vector(about_rad) @ self.rest_axis_from_z
+        return replace(self, pad=replace(self.pad, rest_axis=turn[:, 2]), rest_axis_from_z=turn)
 
     def pose(self, *press: Array) -> tuple[Array, Array]:
         """Position in m (K, 3) and unit axis (K, 3) of the magnet. press: x, y in m, force, shear x, y, each (K,)."""

@@ -10,7 +10,7 @@ from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array, Placement
 from fmfts.simulation.cylinder import cylinder_field
 from fmfts.simulation.finger import Finger, columns, fingers_of
-from fmfts.simulation.mounted import MountedPad
+from fmfts.simulation.mounted import MountedPad, with_chips_turned
 from fmfts.simulation.mounted_magnets import FieldOfFingers, MountedMagnets
 from fmfts.simulation.pad_file import mechanics_of
 
@@ -74,8 +74,7 @@ def neighbour_of(pad: PadConfig, neighbour: PadConfig, source: SimulatedSource) 
         neighbour.pad(),
         seeded(source, "pad"),
         mechanics_of(neighbour, source),
-        tolerance.sensor_rotation_rad,
-        tolerance.cross_axis,
+        with_chips_turned(tolerance.sensor_rotation_rad, tolerance.cross_axis),
     )
     return OneMagnet(built, placement, per_k, *fingers)
 

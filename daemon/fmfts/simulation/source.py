@@ -19,7 +19,7 @@ from fmfts.simulation.chip import ChipArray
 from fmfts.simulation.finger import Finger, Touch, columns, fingers_of
 from fmfts.simulation.finger_shape import SHAPES
 from fmfts.simulation.imperfections import Imperfections, PadNow, cast
-from fmfts.simulation.mounted import MountedPad
+from fmfts.simulation.mounted import MountedPad, with_chips_turned
 from fmfts.simulation.neighbour import NeighbourMagnets, neighbour_of, seeded
 from fmfts.simulation.pad_file import mechanics_of
 
@@ -108,8 +108,9 @@ class Simulated:
         drawing, mechanics = config.pad(), mechanics_of(config, source)
         if perfect:
             return MountedPad.exact(drawing, mechanics)
-        rotation_rad = config.tolerance.si().sensor_rotation_rad
-        return MountedPad.built(drawing, random, mechanics, rotation_rad, config.tolerance.cross_axis)
+        tolerance = config.tolerance.si()
+        errors = with_chips_turned(tolerance.sensor_rotation_rad, tolerance.cross_axis)
+        return MountedPad.built(drawing, random, mechanics, errors)
 
     @property
     def built(self) -> MountedPad:

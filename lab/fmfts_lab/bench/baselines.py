@@ -12,7 +12,7 @@ from fmfts.contact import ContactEstimate, ContactModel
 from fmfts.pad import Pad, Tolerance
 from fmfts.pipeline.drawn import in_nominal_frame
 from fmfts.pose import FREE_FIELD, solve
-from fmfts.simulation.mounted import CROSS_AXIS, MountedPad
+from fmfts.simulation.mounted import CROSS_AXIS, MountedPad, with_chips_turned
 from fmfts_lab.bench.recorded import KINDS, bare_and_rest, mountings, pressed_field, selftested
 from fmfts_lab.bench.workspace import standard_pad
 
@@ -63,7 +63,7 @@ def _errors(
     random = np.random.default_rng(seed)
     rotation_rad = float(np.deg2rad(case.rotation_deg))
     cross_axis = CROSS_AXIS if case.rotation_deg else 0.0
-    built = MountedPad.built(drawing, random, sensor_rotation_rad=rotation_rad, cross_axis=cross_axis)
+    built = MountedPad.built(drawing, random, errors=with_chips_turned(rotation_rad, cross_axis))
     built = replace(built, gain=random.normal(1.0, case.gain, built.gain.shape))
     tolerance = Tolerance(
         1e-4, 1e-4, 0.0, case.gain, 0.05, rotation_rad, cross_axis, pad_tilt_rad=float(np.deg2rad(1.0))

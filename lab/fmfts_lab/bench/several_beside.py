@@ -11,7 +11,7 @@ from fmfts.contact import ContactModel
 from fmfts.pad import Array, Tolerance
 from fmfts.pipeline.drawn import in_nominal_frame
 from fmfts.pose import FREE_FIELD, solve
-from fmfts.simulation.mounted import MountedPad
+from fmfts.simulation.mounted import MountedPad, with_chips_turned
 from fmfts_lab.bench.recorded import bare_and_rest, pressed_field
 from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, NOISE_T, WITHIN_MM, Press, worlds
 from fmfts_lab.bench.workspace import standard_pad
@@ -40,7 +40,9 @@ def _one_magnet(options: Namespace, tolerance: Tolerance) -> Array:
     contact = ContactModel.load("default", drawing)
     for number in range(-(-options.frames // PRESSES_OF_A_PAD)):
         random = np.random.default_rng((1000 * options.seed + number, 24))
-        built = MountedPad.built(drawing, random, None, tolerance.sensor_rotation_rad, tolerance.cross_axis)
+        built = MountedPad.built(
+            drawing, random, errors=with_chips_turned(tolerance.sensor_rotation_rad, tolerance.cross_axis)
+        )
         if tolerance is EXACT:
             built = replace(MountedPad.exact(drawing), ambient_t=built.ambient_t)
         else:

@@ -20,7 +20,7 @@ from fmfts.sensor.chips import NOISE_T, TESLA_PER_GAUSS
 from fmfts.sensor.frame import WireFrame
 from fmfts.simulation.chip import as_counts
 from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.mounted import EARTH_T, MountedPad
+from fmfts.simulation.mounted import EARTH_T, MountedPad, with_chips_turned
 from fmfts.simulation.source import TURNING_AXIS
 
 Counts = NDArray[np.int16]
@@ -149,7 +149,7 @@ def drawn_world(config: PadConfig, turning_deg_per_s: float = 0.0) -> World:
 def built_world(config: PadConfig, seed: int, turning_deg_per_s: float = 0.0) -> World:
     """A pad with random errors of manufacture within the tolerances; no method knows them."""
     random = np.random.default_rng([seed, 11])
-    built = MountedPad.built(config.pad(), random, sensor_rotation_rad=0.0, cross_axis=0.0)
+    built = MountedPad.built(config.pad(), random, errors=with_chips_turned(0.0, 0.0))
     return World(_tested(config), config.pad(), built, turning_rad_per_s=float(np.deg2rad(turning_deg_per_s)))
 
 

@@ -1,0 +1,59 @@
+"""Draws pads as people build them: other silicone, thickness and fingers than the drawing's, within the tolerances.
+
+What a contact model does not know of a pad is the same in each of its messages. So one pad says little about
+deviations: draw many. Learners draw another in each episode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from fmfts.config import PadConfig
+from fmfts.pad import Array
+from fmfts.simulation.finger_shape import FingerShape
+from fmfts.simulation.mechanics import Mechanics
+from fmfts.simulation.slab import Slab
+
+# How the magnet's movement (dx, dy, dz, axis x, y) goes with the thickness of the slab: as this power of it, under a
+# normal force and under shear. From the presses that CalculiX solved on slabs of 3.6, 4 and 4.4 mm with a finger of
+# 6 mm (lab/fmfts_lab/bench/cast_presses.csv): those powers give sinking and tilt within 3 % at each place and force.
+BY_FORCE = np.array([2.0, 2.0, -2.4, -2.7, -2.7])
+BY_SHEAR = np.array([-1.7, -1.7, -2.4, -2.3, -2.3])
+SOFTEST, THINNEST = 0.3, 0.5  # shares of what is drawn: less is no pad
+
+
+@dataclass(frozen=True, slots=True)
+class Structures:
+    """What K pads are made of. modulus, thickness: as shares of what is drawn. moment_mm2: of the finger's face."""
+
+    modulus: Array
+    thickness: Array
+    moment_mm2: Array
+
+    @classmethod
+    def drawn(cls, pads: Sequence[PadConfig], random: np.random.Generator) -> Structures:
+        """Within `[pad.tolerance] modulus`, `thickness_mm` and `[pad.contact] finger_mm` of each pad."""
+        told = [pad.structure_tolerance() for pad in pads]
+        modulus = random.normal(1.0, [each.modulus for each in told])
+        thickness = random.normal(1.0, [each.thickness_m / Slab().thickness_m for each in told])
+        width_mm = 1e3 * random.uniform(*np.array([each.finger_m for each in told]).T)
+        return cls(np.maximum(modulus, SOFTEST), np.maximum(thickness, THINNEST), width_mm**2 / 16.0)
+
+    def response(self, mechanics: Mechanics, pad: np.ndarray, press: Sequence[Array]) -> Array:
+        """(C, 5) as `Mechanics.response`, of the pads (C,). press: x, y, force, and shear x, y if there is any.
+
+        A modulus that is higher takes as much more load for the same movement.
+        """
+        x_m, y_m, *load = press
+        force_n, *shear_n = (each / self.modulus[pad] for each in load)
+        moment_mm2 = self.moment_mm2[pad]
+        finger = FingerShape((moment_mm2, moment_mm2))
+        thickness = self.thickness[pad, None]
+        by_force = finger.response(mechanics, (x_m, y_m, force_n))
+        response = by_force * thickness**BY_FORCE
+        if shear_n:
+            whole = finger.response(mechanics, (x_m, y_m, force_n, *shear_n))
+            response = response + (whole - by_force) * thickness**BY_SHEAR
+        return np.asarray(response)
