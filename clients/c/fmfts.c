@@ -1298,7 +1298,7 @@ static bool why_not_connected(const char *bus, unsigned events, char why[FMFTS_T
         return fail(why, "the daemon at %s refuses the key in %s: `fmfts-daemon keys list` there shows those it "
                          "knows", bus, key ? key : "FMFTS_KEY");
     if (events & OTHER_PROTOCOL && !key)
-        return fail(why, "the daemon at %s hears clients with a key only: set FMFTS_KEY to the file of yours", bus);
+        return fail(why, "the daemon at %s accepts only clients with a key: set FMFTS_KEY to the file of yours", bus);
     if (events & OTHER_PROTOCOL || (key && events & ZMQ_EVENT_DISCONNECTED))
         return fail(why, "the daemon at %s has other keys than %s says, or none: get a new key from its machine",
                     bus, key ? key : "FMFTS_KEY");

@@ -206,7 +206,7 @@ def test_wrong_robot_key_receives_nothing_and_page_says_so(robots: Robots, fleet
 def test_missing_key_receives_nothing_and_page_says_so(robots: Robots, fleet: OpenPage) -> None:
     with robots.view(None, ("leg",)) as view, OpenPage(view) as page:
         told = page.until(are("unreached", "leg"))
-        assert "hears clients with a key only" in told["leg"]["why"]
+        assert "accepts only clients with a key" in told["leg"]["why"]
         hears_nothing(view, "leg")
 
 

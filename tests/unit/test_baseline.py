@@ -244,7 +244,7 @@ class TestZero:
         self, pad: Pad, recordings: tuple[Recording, Recording, World]
     ) -> None:
         _, rest, _ = recordings
-        with pytest.raises(BaselineError, match="a chip's own zero is off, which only `baseline --bare` tells"):
+        with pytest.raises(BaselineError, match="a chip's own zero is off, which only `baseline --bare` measures"):
             make_rest(pad, TOLERANCE, rest, None)
 
 

@@ -90,7 +90,7 @@ def test_why_names_the_key_that_is_refused(tmp_path: Path, monkeypatch: pytest.M
         monkeypatch.setenv("FMFTS_KEY", str(tmp_path / "thief.key"))
         assert f"has other keys than {tmp_path}/thief.key" in why("left", base)
         monkeypatch.delenv("FMFTS_KEY")
-        assert why("left", base).startswith(f"the daemon at {base} hears clients with a key only: set FMFTS_KEY")
+        assert why("left", base).startswith(f"the daemon at {base} accepts only clients with a key: set FMFTS_KEY")
 
 
 @pytest.mark.parametrize(

@@ -141,7 +141,7 @@ def test_scale_without_response_is_refused(scale: float) -> None:
     ]:
         ((where, why),) = problems(CollectConfig(gauge=gauge))
         assert where[0] == "gauge"
-        assert "no force is ever felt" in why
+        assert "with it no force can be measured" in why
 
 
 def test_gauge_that_does_not_stream_is_asked(tmp_path: Path) -> None:
@@ -256,7 +256,7 @@ def test_press_without_field_change_is_refused(monkeypatch: pytest.MonkeyPatch) 
     hand, press = Hand(watch, 0.05, lambda _: None, gauge=True), Press(1, 2e-3, -4e-3, 1.0)
     hand.stand_over(press)  # though its zero is not known yet
     watch.tare_n = 0.15
-    with pytest.raises(StoppedError, match=r"1\.00 N was not felt for 0\.6 s: it reads 0\.050 N"):
+    with pytest.raises(StoppedError, match=r"1\.00 N was not measured for 0\.6 s: it reads 0\.050 N"):
         hand.press(press)
     watch.tare_n = 0.19
     assert hand.release() == "nothing presses"

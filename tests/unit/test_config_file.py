@@ -127,7 +127,7 @@ OTHER = "[[pad.magnet]]\nrest_mm = [-6, 0, 12]\n"
             "magnet, value 2.rest_mm = [4, 0, 12]: another magnet is within 5 mm of it",
         ),
         (PAD + MAGNET + OTHER, "two fingers need 5 sensors at least"),
-        (PAD + "fingers = 2\n", "one magnet tells one finger only"),
+        (PAD + "fingers = 2\n", "one magnet cannot distinguish two fingers"),
         (PAD + 'imperfections = ["silicone"]\n' + MAGNET + OTHER, "simulated with one magnet only"),
         (PAD + MAGNET + OTHER + '[pad.contact]\nmodel = "shear"\n', "a pad with several magnets needs"),
         (PAD + MAGNET + OTHER + '[pad.contact]\nmodel = "none"\n', "2 magnets need 7 sensors at least, not 4"),

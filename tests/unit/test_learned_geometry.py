@@ -131,7 +131,7 @@ def test_learning_names_missing_presses_and_baselines(pad: Pad) -> None:
         make_learned(pad, presses(world, 12), before)
     with pytest.raises(BaselineError, match=r"rest is not recorded: .*then --learn"):
         make_learned(pad, presses(world), None)
-    with pytest.raises(BaselineError, match="bare is not recorded, and a rough drawing"):
+    with pytest.raises(BaselineError, match="bare is not recorded, and with a rough drawing"):
         make_learned(pad, presses(world), msgspec.structs.replace(before, bare=None))
 
 

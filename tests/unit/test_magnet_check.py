@@ -102,7 +102,7 @@ def test_dead_chip_or_axis_is_named(axes: tuple[int, ...]) -> None:
     factor[3, list(axes)] = 0.0
     verdict = checked(replace(board_of(5), factor=factor), 8)
     (said,) = sentences(verdict)
-    assert said.startswith("Sensor 4 does not feel the magnet" + (" on y" if len(axes) == 1 else ":")), said
+    assert said.startswith("Sensor 4 does not measure the magnet" + (" on y" if len(axes) == 1 else ":")), said
     assert not verdict.is_as_drawn
     assert "4 ✗" in picture(verdict)
     assert "3 ✓" in picture(verdict)
@@ -140,7 +140,7 @@ def test_too_few_sensors_are_refused() -> None:
     change = np.zeros((3, 4, 3))
     change[:, 0] = 1e-4
     change[:, 1] = 1e-4
-    with pytest.raises(TooLittleError, match="only 2 of 4 sensors feel the magnet"):
+    with pytest.raises(TooLittleError, match="only 2 of 4 sensors measure the magnet"):
         judged(board_for(good_board(4)), Readings(change, np.full((4, 3), 1e-7)), instructed_hand())
 
 

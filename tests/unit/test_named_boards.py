@@ -96,7 +96,7 @@ def test_dead_chip_of_another_board_is_named_with_it() -> None:
     built.factor[2] = 0.0
     readings, someone = readings_of(built, 23)
     dead, other = sentences(verdict_of("anyskin5", readings, someone.pole))
-    assert dead.startswith("Sensor 3 does not feel the magnet")
+    assert dead.startswith("Sensor 3 does not measure the magnet")
     assert 'This is board "reskin5"' in other
 
 

@@ -84,7 +84,7 @@ def test_axis_that_does_not_measure_the_coil_is_dead(clock: Clock, axis: int) ->
     result = measured(clock, chip(clock, coil_gauss=tuple(coil)), chip(clock, coil_gauss=(0.08, 0.175, -0.08)))
     assert [sensor.state for sensor in result.sensors] == [SensorState.SELFTEST_FAILED, SensorState.OK]
     (reason,) = selftest_failures(MMC5983MA, 0, result.sensors[0].positive, result.sensors[0].negative)
-    assert reason.startswith(f"{'xyz'[axis]}: does not feel the chip's own coil")
+    assert reason.startswith(f"{'xyz'[axis]}: does not measure the chip's coil")
 
 
 def test_what_a_strong_field_left_does_not_count(clock: Clock) -> None:

@@ -77,7 +77,7 @@ def test_width_of_what_stands_there_is_corrected(weighed: Baseline, by_mm: float
             shaken(WEIGHT_N),
             "does not stand still: the field moves: .*take the hand off, and give the silicone",
         ),
-        (WEIGHT_N, no_finger, "no weight is felt: put it on the middle"),
+        (WEIGHT_N, no_finger, "no weight is detected: put it on the middle"),
         (2.0 * WEIGHT_N, steady_finger(*MIDDLE_M, WEIGHT_N), r"3\.\d\d times as stiff .*0\.981 N of .*--anew"),
         (4.0, steady_finger(*MIDDLE_M, 4.0), "more than the contact model knows on this silicone: take half of it"),
         (9.81e-4, steady_finger(*MIDDLE_M, WEIGHT_N), r"\(0\.1 g\) cannot be used: take one of 20 to 408 g"),

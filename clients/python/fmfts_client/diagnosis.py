@@ -51,7 +51,7 @@ def why_not_connected(endpoints: Endpoints, events: int) -> str:
     if events & REFUSED:
         return f"the daemon at {bus} refuses the key in {key}: `fmfts-daemon keys list` there shows those it knows"
     if events & OTHER_PROTOCOL and key is None:
-        return f"the daemon at {bus} hears clients with a key only: set {KEY_VARIABLE} to the file of yours"
+        return f"the daemon at {bus} accepts only clients with a key: set {KEY_VARIABLE} to the file of yours"
     if events & OTHER_PROTOCOL or (key is not None and events & zmq.EVENT_DISCONNECTED):
         return f"the daemon at {bus} has other keys than {key} says, or none: get a new key from its machine"
     if events & zmq.EVENT_HANDSHAKE_SUCCEEDED:

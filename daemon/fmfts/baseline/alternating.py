@@ -124,8 +124,8 @@ def _noisy(frames: Sequence[Frame]) -> list[str]:
         return []
     return [
         f"sensor {sensor + 1} has {noise_t[sensor] * 1e6:.2f} µT of noise, where {chip.named} has "
-        f"{usual_t * 1e6:.2f} µT: look for a motor near, a loose wire, or a supply that is not clean; contacts are "
-        "told with larger deviations"
+        f"{usual_t * 1e6:.2f} µT: look for a motor near, a loose wire, or a supply that is not clean; contacts get "
+        "larger deviations"
     ]
 
 

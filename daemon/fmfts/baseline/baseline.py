@@ -31,7 +31,7 @@ FORMAT = 1
 Array = NDArray[np.float64]
 Kind = Literal["bare", "rest"]
 LARGEST_BYTES = 4_000_000
-UNKNOWN_MAGNETS = "the magnets of this pad are unknown, so turning and presses tell nothing of its chips: --rest is all"
+UNKNOWN_MAGNETS = "this pad's magnets are unknown, so turning and presses cannot measure its chips: record --rest only"
 AnyMounting = Mounting | ArrayMounting | RestField
 
 
@@ -227,7 +227,7 @@ def make_refined(pad: Pad, means: Means, before: Baseline | None) -> tuple[Basel
     if not pad.are_magnets_known:
         raise BaselineError(UNKNOWN_MAGNETS)
     if pad.other_magnets:
-        raise BaselineError("a pad with several magnets has no --refine: --turn tells the chips' gains and rotations")
+        raise BaselineError("a pad with several magnets has no --refine: --turn measures its chips' gains and turns")
     if before.learned is not None:
         raise BaselineError("this pad's geometry was learned from presses: add to them with --learn, not with --refine")
     plain = msgspec.structs.replace(before, refine=None)

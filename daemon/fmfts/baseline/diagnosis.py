@@ -39,8 +39,8 @@ MOST_TOLD = 3
 NO_MAGNET = "There is no magnet above the sensors: mount the pad, then record --rest."
 SLIGHT_MISFIT_T = 1e-6  # five deviations of a sample; less at one axis is no cause of a refusal
 WITHOUT_BARE = (
-    "Or a chip's own zero is off, which only `baseline --bare` tells: take the pad off, record --bare, mount it, and "
-    "record --rest again."
+    "Or a chip's own zero is off, which only `baseline --bare` measures: take the pad off, record --bare, mount it, "
+    "and record --rest again."
 )
 # The likeliest single faults, and how many others each is combined with first; all others follow if none of these fits.
 FIRST_FAULTS, LIKELY_SECONDS = 5, 24

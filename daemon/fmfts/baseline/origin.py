@@ -47,7 +47,7 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     def __str__(self) -> str:
         match self.kind:
             case "bridge":
-                board = "a board that told no uid" if self.uid is None else f"board {self.uid}"
+                board = "a board without a uid" if self.uid is None else f"board {self.uid}"
                 return f"{board}, pad_index {self.pad_index}, {self.chip}"
             case "simulated":
                 return f"a simulated pad, seed {self.seed}, {self.chip}"
@@ -77,6 +77,6 @@ def foreign(pad: str, whose: Origin, mine: Origin) -> str:
 def unbound(pad: str) -> str:
     """The sentence for a baseline of an older version, which does not say whose it is."""
     return (
-        f"pad '{pad}': its baseline does not say on which board it was recorded, so it is believed; "
+        f"pad '{pad}': its baseline does not say on which board it was recorded, so it is accepted; "
         f"`fmfts-daemon baseline --rest --pad {pad}` records one that does"
     )

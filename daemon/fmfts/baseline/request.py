@@ -44,8 +44,8 @@ DURATION_S = 3.0
 TURN_S, REFINE_S, LEARN_S = 20.0, 40.0, 60.0
 LEARN_PRESSES = 60
 CAST_ALIKE = (
-    "the silicone is taken for as stiff as that of the pad before, which was weighed, and for less well known: "
-    "`fmfts-daemon weigh` tells this one's"
+    "the new silicone is assumed to be as stiff as the old one, which was weighed, with a larger deviation: "
+    "`fmfts-daemon weigh` measures the new one"
 )
 # A drawing whose places are no better is rough: presses tell them better than it does.
 ROUGH_PLACE_M = 5e-4

@@ -119,8 +119,8 @@ def baseline_of(path: Path | None, pad: Pad) -> Baseline:
     if found is None or found.rest is None:
         which = f"pad '{pad.name}'" if path is None else str(path)
         raise DataError(
-            f"{which}: there is no baseline with the pad at rest, which tells where its magnets are: give the one that "
-            "the presses were recorded with (--baseline FILE), or record it: fmfts-daemon baseline --rest"
+            f"{which}: there is no baseline with the pad at rest, which gives the places of its magnets: give the one "
+            "that the presses were recorded with (--baseline FILE), or record it: fmfts-daemon baseline --rest"
         )
     return found
 

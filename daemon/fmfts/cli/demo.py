@@ -177,7 +177,7 @@ def _config(options: argparse.Namespace, folder: Path) -> Path:
 
     if options.pad == "standard":
         if options.fingers == 2:
-            raise SystemExit("demo: one magnet tells one finger only: --pad array has four (docs/several.md)")
+            raise SystemExit("demo: one magnet cannot distinguish two fingers: --pad array has four (docs/several.md)")
         return EXAMPLE_PATH
     config = folder / "array.toml"
     text = ARRAY_PATH.read_text(encoding="utf-8")

@@ -33,7 +33,7 @@ def add_to(verb: AddVerb) -> None:
     kind.add_argument(
         "--learn",
         action="store_true",
-        help="press some 60 times anywhere: learn a geometry of which only a sketch is known",
+        help="press some 60 times anywhere: learn the geometry, from a sketch of the board",
     )
     kind.add_argument("--restore", action="store_true", help="record nothing: bring the last good baseline back")
     kind.add_argument(

@@ -27,7 +27,7 @@ def add_to(verb: AddVerb) -> None:
         metavar="BUS",
         help="look at this I2C bus, too: 1 for /dev/i2c-1",
     )
-    report.add_argument("--show", type=Path, metavar="FILE.mcap", help="write nothing: print all that a report tells")
+    report.add_argument("--show", type=Path, metavar="FILE.mcap", help="write nothing: print all that a report holds")
     with_json(report)
 
 

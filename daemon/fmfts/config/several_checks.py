@@ -19,7 +19,10 @@ def several_problems(pad: PadConfig) -> Iterator[Problem]:
     source, places = pad.source, [one.rest_mm for one in (pad.magnet, *pad.other_magnets)]
     if not pad.other_magnets:
         if isinstance(source, SimulatedSource) and source.fingers == 2:
-            yield ("source", "fingers"), "one magnet tells one finger only: the pad of docs/several.md has four"
+            yield (
+                ("source", "fingers"),
+                "one magnet cannot distinguish two fingers: use the pad of docs/several.md",
+            )
         return
     if pad.contact.model != NO_MODEL and len(pad.geometry.sensors_mm) < FEWEST_SENSORS:
         yield ("geometry", "sensors_mm"), f"two fingers need {FEWEST_SENSORS} sensors at least, and six if one may fail"
@@ -36,7 +39,7 @@ def several_problems(pad: PadConfig) -> Iterator[Problem]:
             f'{sensors}: take more sensors, "default", or the file of a model made for it',
         )
     if source.publish == "sample":
-        yield ("source", "publish"), 'a pad with several magnets tells nothing between frames: set publish = "frame"'
+        yield ("source", "publish"), 'a pad with several magnets publishes frames only: set publish = "frame"'
     if isinstance(source, SimulatedSource) and (source.imperfections or source.finger_shape != "round"):
         yield ("source", "imperfections"), "they are simulated with one magnet only: leave them, and finger_shape, out"
     if pad.rebaseline.enabled:

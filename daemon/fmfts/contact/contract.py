@@ -118,7 +118,7 @@ class Facts(Struct, frozen=True, forbid_unknown_fields=True):
             )
         own, fit = self.own_error, self.response_error or self.own_error
         if not len(own.tables) == len(fit.tables) == len(self.outputs):
-            raise ValueError("its own error is not told for each of its outputs")
+            raise ValueError("it lacks its own error for some of its outputs")
         if (own.force_n, own.radius_mm) != (fit.force_n, fit.radius_mm):
             raise ValueError("its own error and its response's error have different bins")
         below = (low > rest + 1e-6 for low, rest in zip(self.envelope.pose_min, self.rest_pose, strict=True))

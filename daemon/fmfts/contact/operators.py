@@ -41,7 +41,7 @@ def require_even(content: bytes) -> bytes:
         from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
     except ImportError:
         raise ValueError(
-            "`calibrate` did not write it, and the package that tells its operators is not installed: "
+            "`calibrate` did not write it, and the package that lists its operators is not installed: "
             "pip install 'fmfts[calibrate]'"
         ) from None
     try:

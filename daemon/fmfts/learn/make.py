@@ -128,7 +128,7 @@ def require_learnable(pad: Pad, before: Baseline) -> None:
         raise BaselineError("a pad with several magnets has no --learn: its sensors' places must be measured")
     if before.bare is None:
         raise BaselineError(
-            "bare is not recorded, and a rough drawing cannot tell the chips' zeros from the magnet's field: take the "
+            "bare is not recorded, and with a rough drawing the chips' zeros look like the magnet's field: take the "
             "pad off, `fmfts-daemon baseline --bare`, mount it, `--rest`, then --learn"
         )
 

@@ -94,14 +94,14 @@ def open_directions(drawing: Drawing, fit: Fit, rivals: list[Fit]) -> list[str]:
     scale, turn = float(np.sqrt(motion[0, 0])), float(np.sqrt(np.linalg.eigvalsh(motion[1:4, 1:4]).max()))
     if scale > LARGEST_SCALE:
         told.append(
-            f"the length scale is known to {scale:.1%} only, since presses tell none: give the magnet's strength "
+            f"the length scale is known to {scale:.1%} only, as presses cannot measure it: give the magnet's strength "
             "(tolerance.remanence) or its height (tolerance.magnet_position_mm) more exactly, or measure the distance "
             "of two sensors"
         )
     if turn > LARGEST_TURN_RAD:
         told.append(
-            f"how the pad's axes lie is known to {np.degrees(turn):.1f}° only, since presses do not tell: measure how "
-            "one chip is turned, or where two are"
+            f"how the pad's axes lie is known to {np.degrees(turn):.1f}° only, as presses cannot measure it: measure "
+            "how one chip is turned, or where two are"
         )
     worst_m = float(np.max(relative_place_deviation_m(drawing, fit)))
     tilt = spread_of_tilts(fit)

@@ -67,7 +67,7 @@ def judged(board: Board, readings: Readings, hand: Hand) -> Verdict:
     used = dead.sum(axis=1) < 2
     if used.sum() < FEWEST:
         raise TooLittleError(
-            f"only {used.sum()} of {len(board)} sensors feel the magnet, and {FEWEST} are needed: take a stronger "
+            f"only {used.sum()} of {len(board)} sensors measure the magnet, and {FEWEST} are needed: take a stronger "
             "magnet or hold it lower; `fmfts-daemon probe` says which sensors answer"
         )
     search = _search(board, readings, hand, dead)

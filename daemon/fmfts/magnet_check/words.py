@@ -198,9 +198,9 @@ def _reads(turn: Array) -> str:
 def _dead(verdict: Verdict) -> Iterator[str]:
     for sensor, axes in enumerate(verdict.dead):
         if axes.sum() >= 2:
-            yield f"Sensor {sensor + 1} does not feel the magnet: it is dead, or repeats one value (run selftest)."
+            yield f"Sensor {sensor + 1} does not measure the magnet: it is dead, or repeats one value (run selftest)."
         elif axes.any():
-            yield f"Sensor {sensor + 1} does not feel the magnet on {AXES[int(axes.argmax())]}: run selftest."
+            yield f"Sensor {sensor + 1} does not measure the magnet on {AXES[int(axes.argmax())]}: run selftest."
 
 
 def _height_mm(found: Found) -> float:

@@ -82,7 +82,7 @@ def contact_model_of(config: PadConfig) -> AnyModel:
             raise
         if magnets > 1 and not are_observable(magnets, len(config.geometry.sensors_mm)):
             enough = needed_sensors(magnets)
-            raise OtherPadError(f"{error}. With {enough} sensors it would tell touch and poses without one") from error
+            raise OtherPadError(f"{error}. With {enough} sensors it can publish touch and poses alone") from error
         return no_model_for(name, magnets)
 
 

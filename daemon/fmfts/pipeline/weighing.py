@@ -190,7 +190,7 @@ def _read(config: PadConfig, model: ContactModel, frames: Sequence[Frame], basel
     _require_sound(told)
     pressed = [(one.x_m, one.y_m, one.force_n, one.force_sd_n) for one in told if one.contact and one.x_m is not None]
     if len(pressed) < MOSTLY * len(told):
-        raise BaselineError("no weight is felt: put it on the middle of the pad, let go, and weigh again")
+        raise BaselineError("no weight is detected: put it on the middle of the pad, let go, and weigh again")
     return _Reading(*np.array(pressed, dtype=float).mean(axis=0).tolist())
 
 

@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 
 SHORTEST_SILENCE_NS = 150_000_000
 ANEW_NS = 1_000_000_000  # shortest time between two errors that make a pipeline forget all frames: forgetting is slow
-UNKNOWN_BOARD = "frames come, but the board has not said yet which one it is, and the baseline is one board's"
+UNKNOWN_BOARD = "frames come, but the board has not identified itself yet, and the baseline belongs to one board"
 
 
 class Channel:

@@ -64,7 +64,7 @@ class Hand:
             self._say(f"press {target}, and hold")
             near_n = max(self._tolerance * press.force_n, RELEASED_N)
             if not self._held(lambda: abs(self._force_n() - press.force_n) < near_n):
-                raise StoppedError(f"{press.force_n:.2f} N was not felt for {PATIENCE_S:g} s: {self._reading()}")
+                raise StoppedError(f"{press.force_n:.2f} N was not measured for {PATIENCE_S:g} s: {self._reading()}")
             self._say("hold")
             return
         self._say(f"press {target}, type the force in N, press Enter, and hold")

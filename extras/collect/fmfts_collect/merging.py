@@ -169,7 +169,7 @@ def _rows(
         opening, presses = each, []
     if measured and opening is None:
         unmoved.require(min(measured, key=lambda each: each.logged_n).averaged)
-    refused += [_refusal(press.plateau, "no pause follows that tells the log's zero") for press in presses]
+    refused += [_refusal(press.plateau, "no pause after it gives the log's zero") for press in presses]
 
 
 def _is_pause(measured: MeasuredPlateau, opening: MeasuredPlateau | None, unmoved: Unmoved) -> bool:
@@ -195,7 +195,7 @@ def _is_pause(measured: MeasuredPlateau, opening: MeasuredPlateau | None, unmove
 def _zero_problem(opening: MeasuredPlateau | None, closing: MeasuredPlateau) -> str:
     """Why the log's zero, and so the force of presses between these pauses, is not known; "" where it is."""
     if opening is None:
-        return "no pause before it tells the log's zero"
+        return "no pause before it gives the log's zero"
     jump_n = closing.logged_n - opening.logged_n
     if abs(jump_n) <= ZERO_DRIFT_N:
         return ""

@@ -77,7 +77,7 @@ class CollectingConfig(Config, frozen=True):
     """The whole file, with its table [collect], which the daemon leaves unread."""
 
     removed: ClassVar[Mapping[str, str]] = {
-        "collect.force_tolerance": "a force is reached within 5 % of the plan's: each row has the force that was felt",
+        "collect.force_tolerance": "a force is reached within 5 % of the plan's: each row has the measured force",
         "collect.moved_limit_mm": "the unloaded magnet may be 0.05 mm from its place in the baseline",
         "collect.ambient_limit_ut": "the unloaded pad's field may differ by 2 µT from the baseline's",
     }
@@ -103,7 +103,7 @@ def problems(collect: CollectConfig) -> Iterator[Problem]:
         name = "newton_per_count" if isinstance(gauge, LoadCellGauge) else "newton_per_unit"
         scale = getattr(gauge, name)
         if scale == 0.0 or not math.isfinite(scale):
-            yield ("gauge", name), f"is {scale:g}: with it no force is ever felt"
+            yield ("gauge", name), f"is {scale:g}: with it no force can be measured"
     if isinstance(gauge, UdpGauge):
         yield from _of_the_sender(gauge)
     if stage is None:

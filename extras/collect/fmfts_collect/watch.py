@@ -108,7 +108,7 @@ class Watch:
             slower_ms = LEAST_READINGS / rate_hz * 1e3 if rate_hz else math.inf
             longer = f", or collect.silence_ms to {slower_ms:.0f}: if the gauge dies, the rod stays down for that long"
             raise RefusedError(
-                f"{gauge.description} is heard {rate_hz:.1f} times a second, and collect.silence_ms = "
+                f"{gauge.description} sends {rate_hz:.1f} times a second, and collect.silence_ms = "
                 f"{silence_s * 1e3:g} needs {needed_hz:g}: set the gauge to a higher rate"
                 f"{longer if slower_ms <= LONGEST_SILENCE_MS else ''}"
             )

@@ -18,6 +18,6 @@ def skin_problems(pad: PadConfig) -> Iterator[Problem]:
             "a pad whose magnets are unknown does not model its neighbours: leave them out",
         )
     if pad.source.publish == "sample":
-        yield ("source", "publish"), 'a pad whose magnets are unknown tells nothing between frames: publish = "frame"'
+        yield ("source", "publish"), 'a pad whose magnets are unknown publishes frames only: set publish = "frame"'
     if pad.rebaseline.enabled:
         yield ("rebaseline", "enabled"), "the baseline of a pad whose magnets are unknown follows no drift: false"

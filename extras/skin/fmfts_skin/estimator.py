@@ -40,7 +40,7 @@ class SkinEstimator(RestedPad):
 
     response: FieldResponse
     _known: dict[bytes, _Values] = field(init=False, default_factory=dict)
-    untold = "the sensors that are left do not tell a contact"
+    untold = "the remaining sensors do not determine the contact"
 
     def __post_init__(self) -> None:
         unknowns = len(self.response.axes)

@@ -34,7 +34,7 @@ class ForceEstimator(RestedPad):
     """Field → force; there is no place."""
 
     model: SkinForceModel
-    untold = "the values that are left tell no force"
+    untold = "the remaining values do not determine the force"
 
     def __post_init__(self) -> None:
         self.watch(DIRECTIONS)
@@ -58,7 +58,7 @@ class ForceEstimator(RestedPad):
         known = np.isfinite(change)
         polynomial = self.model.forces.map_of(known)
         if polynomial is None:
-            only = f"the model tells no force from the {int(known.sum())} values that are left"
+            only = f"the {int(known.sum())} remaining values do not determine the force"
             return self._none("lost", "; ".join([only, *told]), used)
         found = self.model.forces.find(change[None])
         slope = polynomial.slope(np.where(known, change, 0.0))

@@ -71,7 +71,7 @@ class SkinModel:
         load, places = response.axes[-1].name, response.load
         if load not in TOLD_LOADS or (load == "depth_mm" and not places):
             raise ModelError(
-                f"contact model {path}: is of {', '.join(axis.name for axis in response.axes)}: a running pad tells a "
+                f"contact model {path}: is of {', '.join(axis.name for axis in response.axes)}: a running pad gives a "
                 "place or a normal force, so it needs x_mm, y_mm and depth_mm, or force_n"
             )
         return cls(response, hash_of(content))

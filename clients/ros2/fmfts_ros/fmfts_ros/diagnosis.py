@@ -28,7 +28,7 @@ def verdict(contact: Contact | None, silence_s: float, why_silent: str) -> tuple
         at_least = "" if contact.force_min_n is None else f" (at least {contact.force_min_n:.2f} N)"
         return max(level, WARN), f"pressed harder than its calibration knows{at_least}; no wrench is published"
     if level == OK and contact.more:
-        return WARN, "two fingers do not explain what is felt; no contacts are published"
+        return WARN, "two fingers do not explain the field; no contacts are published"
     return level, f"{contact.health}: {contact.reason}" if contact.reason else contact.health
 
 

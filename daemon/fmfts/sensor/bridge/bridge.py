@@ -193,7 +193,7 @@ class Bridge(PacketSource):
             elif now_ns - self._opened_ns >= IDENTIFY_NS:
                 strange = link.strange.sentence((now_ns - self._opened_ns) / 1e9, self._baud)
                 self._log_strange(strange)
-                silence = "answers, but tells no uid" if link.heard_ns else strange or "holds no board that answers"
+                silence = "answers, but sends no uid" if link.heard_ns else strange or "holds no board that answers"
                 self._found[self._port] = self.state.warnings.get("wire version", silence)
                 self._give_port_up(now_ns)
         elif now_ns - self._quiet_since_ns >= SILENCE_NS:

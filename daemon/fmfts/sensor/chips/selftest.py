@@ -176,7 +176,7 @@ def _set_reset_failure(chip: Chip, test: SetReset, gain_code: int, axis: int, ze
         return SATURATED
     step_t = float(chip.step_t[gain_code, axis])
     if abs(coil * step_t) < test.least_coil_gauss * TESLA_PER_GAUSS:
-        return f"does not feel the chip's own coil ({coil * step_t * 1e6:+.1f} µT): the axis is dead, replace the chip"
+        return f"does not measure the chip's coil ({coil * step_t * 1e6:+.1f} µT): the axis is dead, replace the chip"
     largest_t = test.largest_zero_gauss * TESLA_PER_GAUSS
     if abs(zero * step_t) > largest_t:
         return (

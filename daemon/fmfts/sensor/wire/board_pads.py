@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from fmfts.sensor.wire.packets import ALL_BOARD_SENSORS, COUNT_BITS, FOUND_SENSORS, NO_MUX, Hello
 
 ASKED = "the board makes its pads anew"
-NOT_SAID = "the board has not said yet which pads it has"
+NOT_SAID = "the board has not listed its pads yet"
 
 
 class BoardPads:

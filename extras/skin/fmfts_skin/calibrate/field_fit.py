@@ -58,7 +58,7 @@ def make_response(data: FieldSet, origin: str, say: Say) -> FieldResponse:
     rests = data.rest_ut()[known]
     has_rest = bool(np.isfinite(rests).all())
     if not has_rest and len(data.axes) == 1:
-        raise DataError(f"{origin}: no rows of rest (rest = 1) in some recording: one place alone does not tell it")
+        raise DataError(f"{origin}: no rows of rest (rest = 1) in some recording: a single place cannot replace them")
     contact, recording = data.contact[known], data.recording[known]
     with threadpool_limits(1):  # sums have one order, so that the same rows give the same table
         if has_rest:
@@ -73,7 +73,7 @@ def make_response(data: FieldSet, origin: str, say: Say) -> FieldResponse:
         left = _left_out(fit, contact, target)
     levels, covariance = _covariance(contact[:, -1], left, REPEATED_UT if has_rest else STEP_UT)
     say(
-        f"{len(contact)} rows, {len(coefficient)} numbers for each value; rows that the fit was not told are "
+        f"{len(contact)} rows, {len(coefficient)} numbers for each value; left-out rows are "
         f"{np.sqrt(np.mean(left**2)):.1f} µT off"
     )
     return FieldResponse(
