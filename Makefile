@@ -16,6 +16,7 @@
 # make page-drills  the page under load: many pads, pages and strangers, an hour's run, the first use of a board
 # make docs    the manual, the results and a reference from docstrings as a site in build/site, to read and search without a
 #              network; fails if a link leads nowhere or a docstring is missing (a minute)
+# make words   the words of README and the manual, and of the laboratory's results; the aim for the manual is 40,000
 # make docs-test    type every command of the pages that needs neither hardware nor root, as it stands there (three minutes)
 # make pictures     take the pictures of the manual from the real page, in Chromium
 # make test    set up what the tests need, run all parts, and summarise    (PARTS="lint unit": only those; or make lint …)
@@ -137,7 +138,10 @@ transcript: $(VENV)/.installed-test firmware
 
 # What is missing, or leads nowhere, is a warning, which ends the build; `built_site.py` judges what was built.
 SITE := build/site
-.PHONY: docs docs-test
+.PHONY: docs docs-test words
+words:
+	@echo "README and docs: $$(cat README.md docs/*.md | wc -w) words, $$(cat README.md docs/*.md | tr -d '|' | wc -w) without the bars of tables"
+	@echo "lab/README.md and lab/results: $$(cat lab/README.md lab/results/*.md | wc -w); README: $$(wc -l <README.md) lines; CHANGELOG: $$(wc -w <CHANGELOG.md)"
 docs: $(VENV)/.installed-docs
 	$(BIN)/python -m sphinx -q -E -W --keep-going -b html -c docs/site -d build/site-doctrees . $(SITE)
 	$(BIN)/python tests/pages/built_site.py $(SITE)

@@ -1,6 +1,6 @@
 """Which I2C adapter of the kernel a bus is on, and what that cannot do: so that a fault of it is no fault of wires.
 
-What each driver refuses and reports: docs/i2c-adapters.md.
+What each driver refuses and reports: lab/results/chip-facts.md.
 """
 
 from __future__ import annotations
