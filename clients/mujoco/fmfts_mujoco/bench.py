@@ -18,6 +18,7 @@ from fmfts.config.sources import Imperfection
 from fmfts.pad import Array
 from fmfts_client import Contact
 
+from fmfts_mujoco.alike import alike
 from fmfts_mujoco.in_process import Pads
 
 READ_EVERY_S = 0.04
@@ -137,6 +138,15 @@ def main() -> None:
             f"{count} pads: a step of 1 ms takes {1e3 * without_s:.1f} µs without and {1e3 * with_s:.1f} µs with them:"
         )
         print(f"  {1e3 * (with_s - without_s):.1f} µs more; {1.0 / with_s:.1f} × real time on one core")
+    found = [
+        alike(PadConfig(name="pad", source=SimulatedSource(seed=seed)), (4e-3, -3e-3, 0.8)) for seed in range(1, 6)
+    ]
+    apart, noise, deviation = (np.array(each) for each in zip(*found, strict=True))
+    print(
+        f"a press of 0.8 N here and in the daemon's simulation, 5 pads: means differ by {apart.max():.2f} of a frame's "
+        f"noise at most,\n  noises by {100 * np.abs(noise - 1.0).max():.0f} %, deviations by "
+        f"{100 * np.abs(deviation - 1.0).max():.1f} %"
+    )
     for name, as_built in (("good pads", False), ("pads as built", True)):
         hands = 8 if quick else 16
         print(f"{8 * hands} {name}: {coverage(hands, 8, 2 if quick else 4, as_built=as_built)}")
