@@ -40,13 +40,14 @@ from fmfts.recording.source import Replayed
 from fmfts.report.file import lines_of
 from fmfts.sensor.source import SourceError
 from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.pad_file import PadFileError, read_pad_file, write_pad_file
-from fmfts.simulation.slab import Slab
+from fmfts.simulation.pad_file import PadFileError, read_pad_file
 from fmfts.simulation.solved_table import standard_mechanics
 from fmfts_client.keys import BadKeyError, client_key
 from fmfts_collect.errors import RefusedError
 from fmfts_collect.machine_log import read_log
 from fmfts_collect.plan import PRESETS, PlanError, read_plan
+from fmfts_lab.finite_elements.pad_file import write_pad_file
+from fmfts_lab.finite_elements.slab import Slab
 
 ROOT = Path(__file__).parents[2]
 CONFIG = PadConfig(name="left", source=SimulatedSource())

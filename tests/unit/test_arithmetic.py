@@ -7,6 +7,7 @@ import random
 from collections.abc import Callable
 from pathlib import Path
 
+import exp_tables
 import mpmath
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import fmfts.arithmetic
-from fmfts.arithmetic import _arithmetic, elementary, matrix, series, tables
+from fmfts.arithmetic import _arithmetic, elementary, matrix, series
 from fmfts.pad import Array
 from twins import matrix as in_order
 
@@ -92,15 +93,15 @@ def test_what_is_no_number_stays_none() -> None:
 
 def test_table_of_c_is_that_of_python() -> None:
     made = Path(fmfts.arithmetic.__file__).with_name("tables.h").read_text()
-    assert made == tables.header(), "python -m fmfts.arithmetic.tables > daemon/fmfts/arithmetic/tables.h"
+    assert made == exp_tables.header(), "python tests/unit/exp_tables.py > daemon/fmfts/arithmetic/tables.h"
 
 
 def test_table_of_exp_is_that_of_the_powers_of_two() -> None:
     with mpmath.workprec(200):
-        for step, (high, low) in enumerate(tables.POWERS_OF_TWO):
+        for step, (high, low) in enumerate(exp_tables.POWERS_OF_TWO):
             exact = mpmath.mpf(2) ** (mpmath.mpf(step) / 32)
             assert abs(mpmath.mpf(high) + mpmath.mpf(low) - exact) < 2.0**-106
-        assert abs(mpmath.mpf(tables.LN2_HIGH) + mpmath.mpf(tables.LN2_LOW) - mpmath.log(2)) < 2.0**-90
+        assert abs(mpmath.mpf(exp_tables.LN2_HIGH) + mpmath.mpf(exp_tables.LN2_LOW) - mpmath.log(2)) < 2.0**-90
 
 
 @given(matrices(2, 3, 4), matrices(2, 4, 5), matrices(3, 4))

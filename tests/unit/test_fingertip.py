@@ -12,7 +12,7 @@ import pytest
 
 from fmfts.config.example import EXAMPLE_PATH
 from fmfts.config.file import load
-from fmfts.simulation.slab import Slab
+from fmfts_lab.finite_elements.slab import Slab
 from unit.test_mould import _turned, read, volume_mm3
 
 HARDWARE = Path(__file__).parents[2] / "hardware"

@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fmfts.simulation.slab import Press, Slab
 from fmfts_lab.finite_elements.finite_element import PressedSlab
+from fmfts_lab.finite_elements.slab import Press, Slab
 from fmfts_lab.finite_elements.slab_mesh import SlabMesh
 
 pytestmark = pytest.mark.needs(felupe="fem")

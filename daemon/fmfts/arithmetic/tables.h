@@ -1,4 +1,4 @@
-/* Made by tables.py: python -m fmfts.arithmetic.tables > tables.h */
+/* Made by python tests/unit/exp_tables.py > daemon/fmfts/arithmetic/tables.h */
 #ifndef FMFTS_TABLES_H
 #define FMFTS_TABLES_H
 

@@ -178,7 +178,7 @@ static PyObject *pressed(PyObject *module, PyObject *args)
         return NULL;
     }
     if (width < 4 || width > 10000 || terms < 1 || terms > FMFTS_TABLE_TERMS || !isfinite(table.first_mm) ||
-        !(table.spacing_mm > 0.0)) {
+        !isfinite(table.spacing_mm) || !(table.spacing_mm > 0.0)) {
         PyErr_SetString(PyExc_ValueError, "the table has no spacing, or another size than there is room for");
     } else {
         const size_t rows = (size_t)(width * width * (terms + 2)), fingers = (size_t)b[FINGERS].len / sizeof(double[FMFTS_FINGER]);

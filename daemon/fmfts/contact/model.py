@@ -199,10 +199,7 @@ class ContactModel:
         if content == whole and weights is not None:
             raise ValueError("it is damaged, or was edited: `calibrate` wrote it, and its SHA-256 is not at its end")
         if content != whole and weights is None:
-            raise ValueError(
-                "`calibrate` of a development version wrote it, without the weights that this one reads: "
-                f"`python -m fmfts.calibrate.with_weights {file}` adds them"
-            )
+            raise ValueError("`calibrate` of another version wrote it, without its weights: calibrate this pad anew")
         facts, response = parse_facts(model.metadata), parse_response(model.metadata)
         inference = inference_of(content, model, facts)
         if refine and response is None:

@@ -78,10 +78,6 @@ class StructureTolerance:
         """After a weight in the middle has told the scale of forces to this share."""
         return replace(self, modulus=deviation, is_weighed=True)
 
-    def of_fingers_alone(self) -> StructureTolerance:
-        """For a model that was calibrated on the very pad: its silicone is as measured."""
-        return replace(self, modulus=0.0, thickness_m=0.0)
-
 
 def wider_than_probe_mm2(width_m: float) -> float:
     """What the second moment of a disc has more than the probe's."""

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError, cholesky, product
-from fmfts.arithmetic.splines import cubic
 from fmfts.common.reading import damage_told
+from fmfts_skin.splines import cubic
 
 Array = NDArray[np.float64]
 PLACE = ("x_mm", "y_mm")

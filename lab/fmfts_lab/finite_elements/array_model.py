@@ -18,10 +18,10 @@ from fmfts.contact.array_model import ARRAY_PATH
 from fmfts.contact.array_response import CHANGE, ArrayResponse
 from fmfts.pad import Array
 from fmfts.simulation.mechanics import spline_collocation
-from fmfts.simulation.slab import Slab
 from fmfts_lab.finite_elements.array_pad import PLACES_M, array_config
 from fmfts_lab.finite_elements.array_presses import array_slab, columns_of
 from fmfts_lab.finite_elements.reciprocity import Influence
+from fmfts_lab.finite_elements.slab import Slab
 
 DATA = Path(__file__).with_name("array")
 UNITS = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])  # from the CSV's µm to mm

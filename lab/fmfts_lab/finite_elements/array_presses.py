@@ -19,10 +19,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.pad import Array
-from fmfts.simulation.slab import ELEMENT_M, Press, Slab
 from fmfts.view.progress import progress_bar
 from fmfts_lab.finite_elements.array_pad import PLACES_M
 from fmfts_lab.finite_elements.finite_element import PressedSlab
+from fmfts_lab.finite_elements.slab import ELEMENT_M, Press, Slab
 from fmfts_lab.finite_elements.solved_presses import (
     drop_incomplete_line,
     made_of,

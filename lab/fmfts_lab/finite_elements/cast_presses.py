@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.simulation.slab import Press, Slab
 from fmfts_lab.finite_elements.check_calculix import LEVELS, solved_ramp
+from fmfts_lab.finite_elements.slab import Press, Slab
 from fmfts_lab.finite_elements.slab_mesh import SlabMesh
 from fmfts_lab.finite_elements.solved_presses import pose_columns
 

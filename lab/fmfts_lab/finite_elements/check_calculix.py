@@ -17,8 +17,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from fmfts.pad import Array
-from fmfts.simulation.slab import Press, Slab
 from fmfts_lab.finite_elements.finite_element import MAGNET_STIFFNESS, MPA, PressedSlab
+from fmfts_lab.finite_elements.slab import Press, Slab
 from fmfts_lab.finite_elements.slab_mesh import MM, SlabMesh
 
 JOB = "press"

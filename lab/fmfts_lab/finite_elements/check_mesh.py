@@ -12,8 +12,8 @@ import sys
 
 import numpy as np
 
-from fmfts.simulation.slab import Press, Slab
 from fmfts_lab.finite_elements.finite_element import PressedSlab
+from fmfts_lab.finite_elements.slab import Press, Slab
 
 PLACES_MM = ((0.0, 0.0), (8.0, 6.0))
 

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse.linalg import splu
 
 from fmfts.pad import Array
-from fmfts.simulation.slab import ELEMENT_M, Press, Slab
+from fmfts_lab.finite_elements.slab import ELEMENT_M, Press, Slab
 from fmfts_lab.finite_elements.slab_mesh import SlabMesh
 
 MAGNET_STIFFNESS = 1e3  # times the silicone's: the magnet bends by a thousandth of what surrounds it

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from fmfts.simulation.slab import Press, Slab
 from fmfts_lab.finite_elements.finite_element import PressedSlab
+from fmfts_lab.finite_elements.slab import Press, Slab
 from fmfts_lab.finite_elements.slab_mesh import MM
 
 PLACES_MM = ((0.0, 0.0), (8.0, 6.0))

@@ -14,8 +14,8 @@ import numpy as np
 
 from fmfts.pad import Array
 from fmfts.simulation.mechanics import Mechanics
-from fmfts.simulation.slab import ELEMENT_M, Slab
 from fmfts_lab.finite_elements.finite_element import PressedSlab
+from fmfts_lab.finite_elements.slab import ELEMENT_M, Slab
 from fmfts_lab.finite_elements.slab_mesh import MM, SlabMesh
 
 TABLE_SPACING_M = 1e-3

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.pad import Array
-from fmfts.simulation.slab import Press, Slab
+from fmfts_lab.finite_elements.slab import Press, Slab
 
 MM = 1e3
 # The memory for the factorised stiffness grows with the square of the points: 0.67 mm (21,600 points) needs over 6 GB.

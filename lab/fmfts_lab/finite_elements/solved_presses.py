@@ -22,10 +22,10 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.common.sweep import Workers
 from fmfts.pad import Array
-from fmfts.simulation.slab import ELEMENT_M, Press, Slab
 from fmfts.simulation.solved_table import COLUMNS
 from fmfts.view.progress import progress_bar
 from fmfts_lab.finite_elements.finite_element import PressedSlab
+from fmfts_lab.finite_elements.slab import ELEMENT_M, Press, Slab
 
 GRID_MM = range(0, 16, 2)
 FORCE_N = (0.3, 0.8, 1.4, 2.0, 2.8, 4.0)

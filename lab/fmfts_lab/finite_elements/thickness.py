@@ -13,9 +13,9 @@ from fmfts.contact import ContactModel
 from fmfts.contact.response import answer_by_change
 from fmfts.contact.tolerances import RING_MM, THICKER_MM
 from fmfts.pad import Array
-from fmfts.simulation.slab import Slab
 from fmfts_lab.bench.workspace import standard_pad
 from fmfts_lab.finite_elements.reciprocity import Influence
+from fmfts_lab.finite_elements.slab import Slab
 
 STEP_MM = 0.2
 LIGHT_N = 0.2  # small strains

@@ -15,7 +15,7 @@ from fmfts.common.sweep import ClusterError
 if TYPE_CHECKING:
     from fmfts.config import PadConfig
     from fmfts.simulation.mechanics import Mechanics
-    from fmfts.simulation.slab import Slab
+    from fmfts_lab.finite_elements.slab import Slab
 
 
 def add_to(verb: AddVerb) -> None:
@@ -56,7 +56,7 @@ def _pad_model(options: argparse.Namespace) -> int:
         raise lacking(error, "fem") from error
     except (ArithmeticError, ValueError) as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
-    from fmfts.simulation.pad_file import write_pad_file
+    from fmfts_lab.finite_elements.pad_file import write_pad_file
 
     picture = options.picture or options.output.with_suffix(".png")
     try:
@@ -75,7 +75,7 @@ def _pad_model(options: argparse.Namespace) -> int:
 
 
 def _slab(options: argparse.Namespace, config: PadConfig) -> Slab:
-    from fmfts.simulation.slab import Slab
+    from fmfts_lab.finite_elements.slab import Slab
 
     height_mm = options.thickness_mm / 2.0 if options.magnet_height_mm is None else options.magnet_height_mm
     if not 0.2 <= options.element_mm <= 4.0 or not math.isfinite(options.element_mm):

@@ -1,6 +1,6 @@
 """Computes the constants of exp and log in decimals, rounded once, so that they are the same on every processor.
 
-`python -m fmfts.arithmetic.tables` prints tables.h, the same constants for C.
+`python tests/unit/exp_tables.py` prints arithmetic/tables.h.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def header() -> str:
     """The text of tables.h."""
     powers = "\n".join(f"    {{{high.hex()}, {low.hex()}}}," for high, low in POWERS_OF_TWO)
     return f"""\
-/* Made by tables.py: python -m fmfts.arithmetic.tables > tables.h */
+/* Made by python tests/unit/exp_tables.py > daemon/fmfts/arithmetic/tables.h */
 #ifndef FMFTS_TABLES_H
 #define FMFTS_TABLES_H
 
