@@ -24,7 +24,7 @@ def kernel_sources() -> list[Path]:
     """What pyproject.toml compiles, without the binding."""
     modules = parse((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"]
     extension = next(module for module in modules if module["name"] == "fmfts.pose._kernel")
-    return [ROOT / source for source in extension["sources"] if not source.endswith("_kernel.c")]
+    return [ROOT / source for source in extension["sources"] if not Path(source).name.startswith("_")]
 
 
 def compiler(name: str) -> str:

@@ -14,9 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmfts.arithmetic import _arithmetic, matrix
+from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact import ContactModel, _contact
 from fmfts.contact.touch import TouchDetector
-from fmfts.pad import Silicone
+from fmfts.pad import Placement, Silicone
 from fmfts.pipeline import _pad
 from fmfts.pipeline.creep import Creep
 from fmfts.pipeline.pad_pipeline import PadPipeline
@@ -24,7 +25,10 @@ from fmfts.pipeline.parameters import packed_response
 from fmfts.pipeline.words import words_of
 from fmfts.pose import _alignment, _kernel
 from fmfts.pose.alignment import Alignment
-from fmfts.pose.kernel import solve_problem
+from fmfts.pose.kernel import deviations, predict, solve_problem
+from fmfts.pose.neighbour import NeighbourView
+from fmfts.pose.sighting import Sighting
+from fmfts.pose.state import State
 from fmfts.sensor import Frame
 from fmfts.sensor.patience import BEHIND, IN_TIME
 from fmfts.sensor.wire import _wire
@@ -150,7 +154,7 @@ def recorded() -> dict[tuple[str, str], list[Call]]:
     """Some calls of each exported function, by module and name."""
     calls: dict[tuple[str, str], list[Call]] = {}
     with _recorded(calls):
-        for scenario in (_matrices, _poses, _samples, _contacts, _touches, _wire_lines, _frames, _fingers):
+        for scenario in (_matrices, _poses, _samples, _contacts, _touches, _wire_lines, _frames, _fingers, _neighbours):
             scenario(np.random.default_rng(1))
     uncalled = [name for name in functions() if name not in calls]
     assert not uncalled, f"no scenario calls {uncalled}"
@@ -174,7 +178,10 @@ def _poses(_: np.random.Generator) -> None:
     from kernel.problems import random_problem
 
     for seed in range(MOST_KEPT):
-        solve_problem(random_problem(seed, 3 + seed % 6, seed % 3, seed % 4 == 0))
+        problem = random_problem(seed, 3 + seed % 6, seed % 3, seed % 4 == 0)
+        solve_problem(problem)
+        deviations(problem)
+        predict(problem.measurements, problem.magnets, problem.start)
 
 
 def _samples(random: np.random.Generator) -> None:
@@ -322,12 +329,15 @@ def _fingers(random: np.random.Generator) -> None:
     none = np.zeros(3)
     for sizes in ((4, 8, 48, 15, 1), (1, 2, 1, 4, 3), (9, 16, 96, 12, 8)):
         fitter = Fitter(models_of(1, *sizes))
+        mounting, response = fitter.model.mounting, fitter.model.response
+        mounting.magnets.changed(np.zeros(5 * sizes[0]), mounting.frames)
         for count in (1, 2):
             fingers = fingers_of(random, count)
             measured = measured_of(random, fitter.model, fingers)
             fit = replace(fitter.fit(fingers, measured, none), fingers=fingers)
             root = fitter.whitener(fingers, measured, none)
             fitter.chi2_with(root, fingers, measured)
+            response.pressed_alone(*fingers.T)
             fitter.best_single(root, measured)
             fitter.best_pairs(root, measured, 3)
             fitter.another(root, fit, measured)
@@ -337,3 +347,14 @@ def _fingers(random: np.random.Generator) -> None:
             poses_of(fitter, fit, measured, none)
             free_poses(fitter.model, np.zeros(5 * sizes[0]), measured, none)
             fitter.model.covariance(fingers, fitter.model.predict(fingers), measured.variance_t2, none)
+
+
+def _neighbours(_: np.random.Generator) -> None:
+    pad = PadConfig(name="one", source=SimulatedSource()).pad()
+    placement = Placement(np.array([0.03, 0.0, 0.0]), np.eye(3), 2e-4)
+    for magnets in (1, 4, 9):
+        rest = (State.at_rest(pad),) * magnets
+        covariance, rest_error = 1e-9 * np.eye(6 * magnets), np.full((magnets, 2), 1e-3)
+        for seen_ns in (None, 0):
+            sighting = Sighting((pad.magnet,) * magnets, rest, rest, covariance, rest_error, seen_ns)
+            NeighbourView(sighting, placement).at(10**7).effect(pad.sensors)

@@ -123,7 +123,7 @@ def test_kernel_refuses_what_does_not_fit_together() -> None:
     refiner = Refiner(shipped())
     with pytest.raises(ValueError, match="not positive definite"):
         refiner.refined(np.array([0.0, 0.0, 1.0]), np.zeros(5), np.zeros((5, 5)))
-    with pytest.raises(ValueError, match="change has 32 bytes, 40 expected"):
+    with pytest.raises(ValueError, match="change: 32 bytes, 40 expected"):
         refiner.refined(np.array([0.0, 0.0, 1.0]), np.zeros(4), np.eye(5))
     wild = Refiner(replace(shipped(), exponent=np.full((3, 1), 12, dtype=np.intp)))
     with pytest.raises(ValueError, match="than there is room for"):

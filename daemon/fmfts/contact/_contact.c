@@ -1,13 +1,12 @@
-/* fmfts.contact._contact: the contact model for Python, through the stable ABI. Only inference.py, response.py, refinement.py,
- * model.py, array_response.py and touch.py call it. */
+/* fmfts.contact._contact: the contact model for Python, through the stable ABI. Only inference.py, model.py,
+ * touch.py and what _presses.c names call it. */
 #include "_evaluated.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "../common/_named.h"
 #include "../common/aligned.h"
-#include "press_table.h"
+#include "_presses.h"
 #include "step.h"
 
 /* infer(vector, pose, contact, jacobian): all float32. ValueError if their sizes do not fit each other. */
@@ -32,176 +31,6 @@ static PyObject *infer(PyObject *module, PyObject *args)
         result = Py_NewRef(Py_None);
     }
     fmfts_give_back(b, 4);
-    return result;
-}
-
-/* Whether `packed` is a response; else raises. */
-static int is_response(const Py_buffer *packed, fmfts_response *response)
-{
-    if (!fmfts_is_aligned(packed, sizeof(double))) {
-        return 0;
-    }
-    if (fmfts_view_response(packed->buf, (size_t)packed->len, response)) {
-        return 1;
-    }
-    PyErr_SetString(PyExc_ValueError, "the response has another size than there is room for");
-    return 0;
-}
-
-/* Whether `press` holds whole presses; else raises. */
-static int are_presses(const Py_buffer *press, const fmfts_response *response, size_t *count)
-{
-    size_t one = (2 + response->loads) * sizeof(double);
-    *count = (size_t)press->len / one;
-    return fmfts_has_bytes(press, *count * one, sizeof(double), "press");
-}
-
-/* respond(response, press, change, slope): of each press. */
-static PyObject *respond(PyObject *module, PyObject *args)
-{
-    enum { RESPONSE, PRESS, CHANGE, SLOPE, BUFFERS };
-    Py_buffer b[BUFFERS] = {{0}};
-    fmfts_response response;
-    size_t count;
-    PyObject *result = NULL;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "y*y*w*w*", &b[RESPONSE], &b[PRESS], &b[CHANGE], &b[SLOPE])) {
-        return NULL;
-    }
-    if (is_response(&b[RESPONSE], &response) && are_presses(&b[PRESS], &response, &count) &&
-        fmfts_has_bytes(&b[CHANGE], count * sizeof(double[FMFTS_MOVED]), sizeof(double), "change") &&
-        fmfts_has_bytes(&b[SLOPE], (size_t)b[PRESS].len * FMFTS_MOVED, sizeof(double), "slope")) {
-        size_t size = 2 + response.loads;
-        for (size_t k = 0; k < count; k++) {
-            double slope[FMFTS_MOVED][FMFTS_MAX_PRESS], *out = (double *)b[SLOPE].buf + k * FMFTS_MOVED * size;
-            fmfts_respond(&response, (double *)b[PRESS].buf + k * size, (double *)b[CHANGE].buf + k * FMFTS_MOVED, slope);
-            for (size_t c = 0; c < FMFTS_MOVED; c++) {
-                memcpy(out + c * size, slope[c], size * sizeof(double));
-            }
-        }
-        result = Py_NewRef(Py_None);
-    }
-    fmfts_give_back(b, BUFFERS);
-    return result;
-}
-
-/* basis(response, press, basis): of each press. */
-static PyObject *basis(PyObject *module, PyObject *args)
-{
-    enum { RESPONSE, PRESS, BASIS, BUFFERS };
-    Py_buffer b[BUFFERS] = {{0}};
-    fmfts_response response;
-    size_t count;
-    PyObject *result = NULL;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "y*y*w*", &b[RESPONSE], &b[PRESS], &b[BASIS])) {
-        return NULL;
-    }
-    if (is_response(&b[RESPONSE], &response) && are_presses(&b[PRESS], &response, &count)) {
-        size_t each = (response.knots[0] + 2) * (response.knots[1] + 2) * response.monomials;
-        if (fmfts_has_bytes(&b[BASIS], count * each * sizeof(double), sizeof(double), "basis")) {
-            for (size_t k = 0; k < count; k++) {
-                fmfts_basis(&response, (double *)b[PRESS].buf + k * (2 + response.loads), (double *)b[BASIS].buf + k * each);
-            }
-            result = Py_NewRef(Py_None);
-        }
-    }
-    fmfts_give_back(b, BUFFERS);
-    return result;
-}
-
-/* refine(response, change, covariance, steps, press, spread): χ² that fmfts_refine leaves. None if the covariance is not one. */
-static PyObject *refine(PyObject *module, PyObject *args)
-{
-    enum { RESPONSE, CHANGE, COVARIANCE, PRESS, SPREAD, BUFFERS };
-    int steps;
-    double chi2;
-    Py_buffer b[BUFFERS] = {{0}};
-    fmfts_response response;
-    PyObject *result = NULL;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "y*y*y*iw*w*", &b[RESPONSE], &b[CHANGE], &b[COVARIANCE], &steps, &b[PRESS], &b[SPREAD])) {
-        return NULL;
-    }
-    if (is_response(&b[RESPONSE], &response)) {
-        const size_t press = 2 + response.loads, moved = FMFTS_MOVED, unit = sizeof(double);
-        if (fmfts_has_bytes(&b[CHANGE], moved * unit, unit, "change") && fmfts_has_bytes(&b[COVARIANCE], moved * moved * unit, unit, "covariance") &&
-            fmfts_has_bytes(&b[PRESS], press * unit, unit, "press") && fmfts_has_bytes(&b[SPREAD], press * press * unit, unit, "spread")) {
-            bool found = fmfts_refine(&response, b[CHANGE].buf, b[COVARIANCE].buf, steps, b[PRESS].buf, b[SPREAD].buf, &chi2);
-            result = found ? PyFloat_FromDouble(chi2) : Py_NewRef(Py_None);
-        }
-    }
-    fmfts_give_back(b, BUFFERS);
-    return result;
-}
-
-/* widened(response, press, wider_mm2, more): the sum of both axes of fmfts_wider_finger. */
-static PyObject *widened(PyObject *module, PyObject *args)
-{
-    enum { RESPONSE, PRESS, MORE, BUFFERS };
-    double wider_mm2;
-    Py_buffer b[BUFFERS] = {{0}};
-    fmfts_response response;
-    PyObject *result = NULL;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "y*y*dw*", &b[RESPONSE], &b[PRESS], &wider_mm2, &b[MORE])) {
-        return NULL;
-    }
-    const size_t unit = sizeof(double);
-    if (!fmfts_is_aligned(&b[RESPONSE], unit)) {
-        /* it has raised */
-    } else if (!fmfts_view_response(b[RESPONSE].buf, (size_t)b[RESPONSE].len, &response)) {
-        PyErr_SetString(PyExc_ValueError, "the response has another size than can be widened");
-    } else if (fmfts_has_bytes(&b[PRESS], FMFTS_CONTACT * unit, unit, "press") && fmfts_has_bytes(&b[MORE], FMFTS_MOVED * unit, unit, "more")) {
-        double along[2][FMFTS_MOVED], *more = b[MORE].buf;
-        fmfts_wider_finger(&response, b[PRESS].buf, wider_mm2, along);
-        for (int i = 0; i < FMFTS_MOVED; i++) {
-            more[i] = along[0][i] + along[1][i];
-        }
-        result = Py_NewRef(Py_None);
-    }
-    fmfts_give_back(b, BUFFERS);
-    return result;
-}
-
-/* pressed(table, width, terms, first_mm, spacing_mm, scale_n, fingers, pressed): of each finger. */
-static PyObject *pressed(PyObject *module, PyObject *args)
-{
-    enum { TABLE, FINGERS, PRESSED, BUFFERS };
-    Py_buffer b[BUFFERS] = {{0}};
-    Py_ssize_t width, terms;
-    fmfts_press_table table;
-    PyObject *result = NULL;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "y*nndddy*w*", &b[TABLE], &width, &terms, &table.first_mm, &table.spacing_mm, &table.scale_n,
-                          &b[FINGERS], &b[PRESSED])) {
-        return NULL;
-    }
-    if (width < 4 || width > 10000 || terms < 1 || terms > FMFTS_TABLE_TERMS || !isfinite(table.first_mm) ||
-        !isfinite(table.spacing_mm) || !(table.spacing_mm > 0.0)) {
-        PyErr_SetString(PyExc_ValueError, "the table has no spacing, or another size than there is room for");
-    } else {
-        const size_t rows = (size_t)(width * width * (terms + 2)), fingers = (size_t)b[FINGERS].len / sizeof(double[FMFTS_FINGER]);
-        table.width = (size_t)width;
-        table.terms = (size_t)terms;
-        table.poses = (size_t)b[TABLE].len / sizeof(double) / rows;
-        table.table = b[TABLE].buf;
-        if (table.poses > FMFTS_MOST_CHANGE) {
-            PyErr_Format(PyExc_ValueError, "%zu numbers of pose, at most %d", table.poses, FMFTS_MOST_CHANGE);
-        } else if (fmfts_have_doubles(b, (size_t[]){rows * table.poses, FMFTS_FINGER * fingers, FMFTS_PRESSED * table.poses * fingers},
-                                      BUFFERS)) {
-            for (size_t k = 0; k < fingers; k++) {
-                const double *finger = (double *)b[FINGERS].buf + FMFTS_FINGER * k;
-                if (!isfinite(finger[0]) || !isfinite(finger[1])) {
-                    PyErr_Format(PyExc_ValueError, "finger %zu has no place", k);
-                    break;
-                }
-                fmfts_press_by_table(&table, finger, (double *)b[PRESSED].buf + FMFTS_PRESSED * table.poses * k);
-            }
-            result = PyErr_Occurred() ? NULL : Py_NewRef(Py_None);
-        }
-    }
-    fmfts_give_back(b, BUFFERS);
     return result;
 }
 
@@ -294,11 +123,11 @@ static PyMethodDef methods[] = {
     {"touch", touch, METH_VARARGS, "Whether a pad is touched after a frame; see _contact.pyi."},
     {"estimate", estimate, METH_VARARGS, "Place and force of one pose; see _contact.pyi."},
     {"infer", infer, METH_VARARGS, "Contact and Jacobian of one pose; see _contact.pyi."},
-    {"respond", respond, METH_VARARGS, "The change of pose under presses, and its slope; see response.py."},
-    {"basis", basis, METH_VARARGS, "The factor of each coefficient of a response; see response.py."},
-    {"widened", widened, METH_VARARGS, "What a wider finger adds to a movement; see _contact.pyi."},
-    {"pressed", pressed, METH_VARARGS, "What fingers do to several magnets; see array_response.py."},
-    {"refine", refine, METH_VARARGS, "The press that most likely caused a change; see _contact.pyi."},
+    {"respond", fmfts_py_respond, METH_VARARGS, "The change of pose under presses, and its slope; see response.py."},
+    {"basis", fmfts_py_basis, METH_VARARGS, "The factor of each coefficient of a response; see response.py."},
+    {"widened", fmfts_py_widened, METH_VARARGS, "What a wider finger adds to a movement; see _contact.pyi."},
+    {"pressed", fmfts_py_pressed, METH_VARARGS, "What fingers do to several magnets; see array_response.py."},
+    {"refine", fmfts_py_refine, METH_VARARGS, "The press that most likely caused a change; see _contact.pyi."},
     {NULL, NULL, 0, NULL},
 };
 

@@ -126,7 +126,7 @@ def columns_of(magnets: int) -> int:
 def predict(rows: Array, magnets: Array, state: State) -> tuple[Array, Array]:
     """What each measurement (rows, 10) would read (rows,) in tesla, and its derivative by a step (rows, columns)."""
     predicted, jacobian = np.empty(len(rows)), np.empty((len(rows), state.columns))
-    _kernel.predict(*map(np.ascontiguousarray, (rows, magnets, state.vector())), predicted, jacobian)
+    _kernel.read(*map(np.ascontiguousarray, (rows, magnets, state.vector())), predicted, jacobian)
     return predicted, jacobian
 
 
