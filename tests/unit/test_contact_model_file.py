@@ -206,7 +206,7 @@ def test_model_whose_facts_are_of_another_number_of_outputs_is_refused(tmp_path:
     with pytest.raises(ModelError, match="another number of outputs"):
         ContactModel.load(edited(tmp_path, with_facts(five)), pad)
     only_named = with_facts(lambda facts: facts.update(outputs=SHEAR_OUTPUT_ORDER))
-    with pytest.raises(ModelError, match="own error is not told for each"):
+    with pytest.raises(ModelError, match="lacks its own error for some of its outputs"):
         ContactModel.load(edited(tmp_path, only_named), pad)
 
 
