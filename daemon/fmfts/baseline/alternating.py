@@ -104,7 +104,7 @@ def alternation(frames: Sequence[Frame]) -> Alternation | None:
         return None
     amplitude = 2.0 * np.sqrt(power[:, strongest]) / counts
     found = Alternation(float(frequencies[strongest]), amplitude, float(rate_hz), 1.0 / seconds)
-    # Of a strong line the difference may be less than nothing, as sine and cosine are not quite independent.
+    # For a strong line the difference may be negative, as sine and cosine are not quite independent.
     noise = np.maximum(square(deviation) - 0.5 * square(amplitude), square(rounding_t))
     noise_t = float(np.sqrt(np.median(noise)))
     return found if found.size_t > SMALLEST_SHARE * noise_t else None

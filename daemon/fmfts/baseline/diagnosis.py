@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 
 # The probability of refusing a pad that is within its tolerances.
 FALSE_REFUSAL = 1e-5
-# A rest pose further than this from the drawing (`rest_strain`) counts as a load, or a magnet cast elsewhere. Of pads
-# within their tolerances three in a million are so far; with chips turned by a third more than that, one in a thousand.
+# A rest pose further than this from the drawing (`rest_strain`) counts as a load, or a magnet cast elsewhere. Three in
+# a million pads within their tolerances are so far off; with chips turned by a third more than that, one in a thousand.
 LARGEST_STRAIN = 5.0
 # The Earth's field plus that of a robot's own steel; more means a magnet or iron close by.
 LARGEST_AMBIENT_T = 2e-4
@@ -44,7 +44,7 @@ WITHOUT_BARE = (
 )
 # The likeliest single faults, and how many others each is combined with first; all others follow if none of these fits.
 FIRST_FAULTS, LIKELY_SECONDS = 5, 24
-# That a second thing is wrong, too, is one in twenty: −2 ln.
+# A second fault has a probability of one in twenty: −2 ln.
 SECOND_FAULT = 6.0
 
 

@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 # In a workshop the strength of the field differs by this over the path of a turned pad. It changes smoothly: of many
 # orientations only so many count as independent.
 STRENGTH_DEVIATION, INDEPENDENT = 0.005, 10
-# Of what depends on the attitude. The workshop's own share, which no gain explains, is below STRENGTH_DEVIATION; screws
-# that reach three times that made a sound sensor look wrong.
+# Limit of the part that depends on the attitude. The workshop's own part, which no gain explains, is below
+# STRENGTH_DEVIATION; screws that reach three times that made a healthy sensor look faulty.
 LARGEST_BY_ATTITUDE = 3.0 * STRENGTH_DEVIATION
 # With it the field's strength tells gains to 3 % (of INDEPENDENT orientations), hardly better than a chip's tolerance.
 # A real board that was waved by hand met 3.6 % (tests/unit/test_turn_of_real_boards.py).

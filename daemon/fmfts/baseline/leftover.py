@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 # The change of pose by a firm press, for which the error of a change is computed.
 TYPICAL_CHANGE = np.array([3e-4, 3e-4, 5e-4, 0.1, 0.1])
-# Of so many independent causes the errors of a change are kept: FMFTS_LEFTOVERS in pose/step.h.
+# At most this many independent causes of error are kept for a change of pose: FMFTS_LEFTOVERS in pose/step.h.
 MOST_CAUSES = 25
 TILT, AMBIENT_COLUMNS = slice(3, 5), np.arange(6, 9)
 TELLS_LITTLE = 1e-2  # the share of a tolerance's variance below which a recording tells nothing of a distance

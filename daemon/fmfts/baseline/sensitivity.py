@@ -31,7 +31,7 @@ class Sensitivity:
 
     @classmethod
     def tested(cls, gain: Array, deviation: float, tolerance: Tolerance) -> Sensitivity:
-        """Of chips whose gains (N, 3) a self-test measured, each with this deviation."""
+        """For chips whose gains (N, 3) a self-test measured, each with this deviation."""
         known, mean = cls.untested(len(gain), tolerance), ideal(len(gain))
         variance = np.diagonal(known.covariance).copy()
         mean[: gain.size], variance[: gain.size] = gain.ravel(), square(deviation)
@@ -39,7 +39,7 @@ class Sensitivity:
 
     @classmethod
     def untested(cls, count: int, tolerance: Tolerance) -> Sensitivity:
-        """Of chips of which only the tolerances are known."""
+        """For chips with only tolerances known."""
         return cls(ideal(count), np.diag(square(deviations(count, tolerance))))
 
 

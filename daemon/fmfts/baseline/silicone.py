@@ -37,6 +37,6 @@ class StoredSilicone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return cls(now(), model, weight_n, stiffness, deviation)
 
     def of_another_pad(self) -> StoredSilicone:
-        """Of one that was cast like this one."""
+        """For a pad that was cast like this one."""
         deviation = root_of_squares(self.deviation, SAME_CURE, OTHER_THICKNESS, OTHER_THICKNESS)
         return msgspec.structs.replace(self, deviation=float(deviation))

@@ -4,7 +4,7 @@ files.
 Its ipc listener takes EMFILE of accept(2) for an error of its own program (libzmq 4.3.5, `ipc_listener.cpp`). Its tcp
 listener does not, but then the daemon can open no device and no file any more. No option bounds the connections. So the
 doors are closed long before: an ipc socket's file gets another name, and the kernel drops what asks for a new tcp
-connection (listener.py). Who is connected stays; everybody else's ZeroMQ tries again until the doors are open.
+connection (listener.py). Connected peers stay; the ZeroMQ of all others tries again until the doors open.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from fmfts.pad import Array, Pad
 
 # Deviations of a label: a stage's place, and the share of the force that a gauge is off.
 PLACE_MM, FORCE_SHARE, FORCE_N = 0.05, 0.01, 0.005
-# Of the ambient field along each axis: since the last row of the untouched pad, and since the baseline.
+# Deviation of the ambient field along each axis: since the last row of the untouched pad, and since the baseline.
 AMBIENT_AFTER_REST_T, AMBIENT_T = 3e-7, 1e-5
 OF_COLLECT = "baseline"  # the column of a table that `collect` wrote
 
@@ -66,7 +66,7 @@ def read_array_set(path: Path, pad: Pad, pad_size_mm: float, baseline: Path | No
 
 
 class Changes(NamedTuple):
-    """Of the presses of a file: see ArraySet."""
+    """The presses of a file: see ArraySet."""
 
     press: Array
     press_deviation: Array

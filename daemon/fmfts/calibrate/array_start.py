@@ -25,7 +25,7 @@ SMALLEST_SCALE, LARGEST_SCALE = 0.5, 2.0
 
 
 def hash_of(pad: Pad) -> str:
-    """Of the pad's magnets over the standard sensors: a table of presses serves them over any sensors."""
+    """For the pad's magnets over the standard sensors: a table of presses serves them over any sensors."""
     return replace(pad, sensors=SensorArray.aligned(STANDARD_SENSORS_MM * 1e-3)).geometry_hash
 
 
@@ -80,7 +80,7 @@ def _ordered(response: ArrayResponse, order: Array) -> ArrayResponse:
 
 
 def _scaled(response: ArrayResponse, scale: float) -> ArrayResponse:
-    """Of a pad that is larger by `scale` in all lengths."""
+    """For a pad that is larger by `scale` in all lengths."""
     terms, magnets = response.coefficient.shape[2], response.magnets
     unit = np.tile([scale, scale, scale, 1.0, 1.0], magnets)
     per_force = scale ** (-2.0 * np.arange(1, terms + 1))

@@ -10,7 +10,7 @@ HEADER_BYTES, MARK_WITHIN = 10_000, 64
 
 
 def columns_of(data: Path) -> set[str]:
-    """Of a CSV file; empty where it cannot be read: who then reads it says what is wrong."""
+    """Column names of a CSV file; empty if it cannot be read: the reader that follows reports why."""
     try:
         header = read_regular(data, HEADER_BYTES).split(b"\n", 1)[0].decode("utf-8-sig")
     except (OSError, UnicodeDecodeError):

@@ -42,7 +42,7 @@ PLACE_M = Range(-1.0, 1.0, "place in m")
 ROTATION_RAD = Range(-3.2, 3.2, "rotation in rad")
 UNIT = Range(-1.000001, 1.000001, "component of a direction")
 RECORDING_S = Range(0.0, 3600.0, "duration of a recording in s")
-# Of tables of presses: any pad that a hand can hold. Their squares and quotients are numbers, too.
+# Limits of tables of presses: any pad that a hand can hold. Their squares and quotients are numbers, too.
 PLACE_MM = Range(-1e4, 1e4, "place in mm")
 SPACING_MM = Range(1e-3, 1e3, "spacing in mm")
 STIFFNESS = Range(0.05, 20.0, "stiffness over that of the contact model's pad")

@@ -86,7 +86,7 @@ class BusConfig(_Section, frozen=True):
 class ServiceConfig(_Section, frozen=True):
     """Real-time settings, which the daemon requests from the operating system."""
 
-    # Of SCHED_FIFO; 0: a normal process. None: what the unit gives (service/realtime.py), where the system permits it.
+    # SCHED_FIFO priority; 0: a normal process. None: what the unit gives (service/realtime.py), if permitted.
     realtime_priority: Annotated[int, Meta(ge=0, le=99)] | None = None
     lock_memory: bool = False
 
@@ -223,7 +223,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
 
     @property
     def model_kind(self) -> ModelKind | None:
-        """Of a contact model that another package reads; None: of this one."""
+        """The kind of contact model that another package reads; None: a model of this package."""
         return None if self.other_magnets else kind_of(self.contact.model)
 
     @property

@@ -10,7 +10,7 @@ EXAMPLE_PATH = Path(__file__).with_name("example.toml")
 ARRAY_PATH = Path(__file__).with_name("array.toml")  # the second standard pad
 FIRST_PAD = "# One [[pad]] table for each pad."
 GEOMETRY, OTHER_SOURCES = "[pad.geometry]", "# --- A pad behind an STM32 board"
-# Of a further pad; its other keys are explained with the first one.
+# For a further pad; its other keys are explained at the first one.
 SHORT_GEOMETRY = "[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [-8, 8, 0], [-8, -8, 0]]"
 SHARED_KEYS = ("rate_hz", "range_gauss", "trigger", "publish", "chip")
 COLLECTING = "# --- The machine and the gauge"

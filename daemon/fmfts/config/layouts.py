@@ -17,8 +17,8 @@ Vector = tuple[float, float, float]
 BoardName = Literal["anyskin5", "anyskin5_back", "reskin5", "reskin5_back"]
 
 # Designator → place in mm, and the rotation in degrees of the chip's x from the pad's: that of pick-and-place, which is
-# counter-clockwise, and 90, since x points to the edge with pins 1 to 4 (Melexis 3901090393 rev 002, figure 9). Of a
-# chip that is not turned this edge is at +y.
+# counter-clockwise, and 90, since x points to the edge with pins 1 to 4 (Melexis 3901090393 rev 002, figure 9). A chip
+# that is not turned has this edge at +y.
 _CHIPS: dict[str, tuple[float, float, float]] = {
     "U1": (0.0, 0.0, 90.0),
     "U2": (0.0, 7.0, -90.0),

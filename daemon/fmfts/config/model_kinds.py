@@ -33,7 +33,7 @@ class ModelKind(Protocol):
 
 
 def kind_of(model: str) -> ModelKind | None:
-    """Of the file that `[pad.contact] model` names; None: of this package."""
+    """The kind of the file that `[pad.contact] model` names; None: a kind of this package."""
     return _added(Path(model).suffix[1:])
 
 

@@ -33,7 +33,7 @@ FORMAT = "fmfts array response 1"
 LARGEST_BYTES, MOST_KNOTS = 4_000_000, 66
 # As several.h has room for them: terms, and places of a grid (several/scan.py).
 MOST_TERMS, WIDEST_MM = 8, 60.0
-# Of the change of a pose, relative: of the table that ships (lab/results/several.md).
+# Relative error of a change of pose, of the shipped table (lab/results/several.md).
 SHIPPED_ERROR, LARGEST_ERROR = 0.005, 0.2
 
 
@@ -52,7 +52,7 @@ class Pressed(NamedTuple):
 
     @classmethod
     def of(cls, packed: Array) -> Pressed:
-        """From what C writes (…, 7P): press_table.h. Of several fingers, (K, …) in front."""
+        """From what C writes (…, 7P): press_table.h. For several fingers, with (K, …) in front."""
         poses, front = packed.shape[-1] // PRESSED, packed.shape[:-1]
         slope, by_shear = packed[..., poses : 4 * poses], packed[..., 4 * poses : 6 * poses]
         slope, by_shear = slope.reshape(*front, poses, 3), by_shear.reshape(*front, poses, 2)
@@ -112,12 +112,12 @@ class ArrayResponse:
 
     @classmethod
     def unknown(cls, magnets: int) -> ArrayResponse:
-        """Of a pad whose presses nobody knows: none of them moves anything."""
+        """For a pad without a table of presses: no press moves any magnet."""
         nothing = np.zeros((5, 5, 1, CHANGE * magnets))
         return cls(0.0, 1.0, 1.0, nothing, np.zeros((5, 5, 2, CHANGE * magnets)), "")
 
     def only(self, magnets: Sequence[int]) -> ArrayResponse:
-        """Of some of the magnets, in this order: each one moves as if the others were not there."""
+        """The same for some of the magnets, in this order: each one moves as if the others were not there."""
         numbers = [CHANGE * magnet + number for magnet in magnets for number in range(CHANGE)]
         return replace(self, coefficient=self.coefficient[..., numbers], shear=self.shear[..., numbers])
 

@@ -8,7 +8,7 @@ from typing import Protocol
 class PluggedModel(Protocol):
     @property
     def hash(self) -> str:
-        """Of the file's content, as messages and recordings name it."""
+        """Hash of the file's content, as messages and recordings name it."""
 
     @property
     def told(self) -> str:

@@ -55,7 +55,7 @@ def facts_of(facts: Facts, stiffness: float) -> Facts:
         envelope=msgspec.structs.replace(envelope, force_max_n=envelope.force_max_n * stiffness),
         own_error=errors_of(facts.own_error, 1.0, stiffness, stiffness),
         response_error=facts.response_error and errors_of(facts.response_error, 1.0, stiffness, stiffness),
-        # Of a newton of shear.
+        # For a newton of shear.
         friction_error=friction and errors_of(friction, 1.0 / stiffness, 1.0, stiffness),
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 from fmfts.arithmetic.elementary import square
 from fmfts.common.record import Numbers
 
-# Of cast silicone, one standard deviation. Sylgard 184, which build-a-pad.md names, has a Young's modulus of 1.32 MPa
+# One standard deviation of cast silicone. Sylgard 184, which build-a-pad.md names, has a Young's modulus of 1.32 MPa
 # cured at 25 °C and of 2.97 MPa cured at 200 °C (Johnston et al., "Mechanical characterization of bulk Sylgard 184 for
 # microfluidics and microengineering", J. Micromech. Microeng. 24, 035017, 2014); 20 MPa over the ratio of base to agent
 # (Wang et al., J. Appl. Polym. Sci. 131, 41050, 2014). The shipped pads have 1.22 MPa. Within the cures of

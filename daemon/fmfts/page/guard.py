@@ -1,4 +1,4 @@
-"""Who may talk to the page's server: names and origins that are accepted, the token, and where it may be bound."""
+"""Guards the page's server: accepted names and origins, the token, and the addresses to bind to."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def _estimates(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -
         return {"contact": False, "contacts": [], "force_n": 0.0, "force_sd_n": estimator.quiet_force_sd_n}
     whole, deviation = resultant(fit.fingers), deviation_of(reading, fit)
     share = float(root_of_squares(estimator.silicone, estimator.scene.silicone))
-    # Of the sum of shears at most: how the errors of two fingers go together is not kept.
+    # Upper bound for the sum of shears: the correlation of two fingers' errors is not kept.
     shear, shear_deviation = fit.shear_n.sum(axis=0), fit.shear_deviation_n.sum(axis=0)
     each_deviation = deviation_of_each(reading, fit)
     fingers = zip(reading.ids, fit.fingers, each_deviation, fit.shear_n, fit.shear_deviation_n, strict=True)

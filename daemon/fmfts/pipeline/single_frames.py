@@ -13,7 +13,7 @@ MM = np.array([1e3, 1e3, 1e3, 1.0, 1.0])  # of a change of pose: m → mm; compo
 
 
 class SingleFrames:
-    """Of one pad with its baseline. noise_t: of a field value."""
+    """For one pad with its baseline. noise_t: of a field value."""
 
     def __init__(self, baselined: BaselinedPad, noise_t: float) -> None:
         drawing, mounting = baselined.drawing, baselined.mounting

@@ -104,5 +104,5 @@ def joined(start: State, parts: Parts, prior: Prior, seen: Sequence[NeighbourEst
 
 
 def their_magnets(seen: Sequence[NeighbourEstimate]) -> list[Magnet]:
-    """Of the neighbours that `joined` adds, in its order."""
+    """The neighbours that `joined` adds, in its order."""
     return [magnet for other in seen for magnet in other.magnets]

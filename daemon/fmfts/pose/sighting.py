@@ -59,7 +59,7 @@ class Sighting:
 
     @classmethod
     def unseen(cls, pad: Pad) -> Sighting:
-        """Of the pad as drawn."""
+        """For the pad as drawn."""
         others = (Neighbour(one.rest_position_m, one.rest_axis, 0.0) for one in pad.other_magnets)
         rest: Where = (State.at_rest(pad), *others)
         count = len(pad.magnets)

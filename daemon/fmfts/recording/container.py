@@ -66,7 +66,7 @@ def chunk_records(path: Path) -> Iterator[Record | None]:
     The records between two None take as long to read as PART_BYTES of messages, whether they are yielded or skipped.
     After a larger record there are several None. Only a chunk is read and unpacked in one go.
 
-    Of a file that was cut off it yields what is before the cut. Raises RecordingError where the file is no recording,
+    From a truncated file it yields what is before the cut. Raises RecordingError where the file is no recording,
     is damaged, or exceeds a limit.
     """
     described: dict[tuple[type[Record], int], int] = {}  # channels and schemas → their bytes

@@ -155,7 +155,7 @@ def turning(start: Sequence[float], end: Sequence[float]) -> Quaternion:
 
 
 def rotation_of(matrix: Sequence[Sequence[float]]) -> Quaternion:
-    """Of a rotation matrix (3, 3). The column of 4qqᵀ with the largest diagonal has no cancellation (Shepperd 1978)."""
+    """From a matrix (3, 3). The column of 4qqᵀ with the largest diagonal has no cancellation (Shepperd 1978)."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix
     columns = [
         (1 + xx - yy - zz, xy + yx, xz + zx, zy - yz),

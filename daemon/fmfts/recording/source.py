@@ -44,8 +44,8 @@ class _NextFrame:
 class Replayed:
     """A Source of one recording, for those of its pads that the config names; they stay synchronous.
 
-    states: the recorded state of each pad before its first frame, by pad index. Of a recording of several runs of the
-    daemon, it plays the first run that has all these pads.
+    states: the recorded state of each pad before its first frame, by pad index. If a recording has several runs of the
+    daemon, the first run with all these pads is played.
     """
 
     def __init__(self, pads: Mapping[int, PadConfig]) -> None:

@@ -12,5 +12,5 @@ def missing(number: int, before: int) -> int:
 
 
 def is_next(number: int, before: int) -> bool:
-    """Whether `number` follows `before`. That of a packet that comes again does not."""
+    """Whether `number` follows `before`; the number of a repeated packet does not."""
     return missing(number, before) <= MOST_MISSING

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Patience(NamedTuple):
-    """Of one pad at most `most` frames stay, and none that is older than the newest by more than `longest_us`."""
+    """At most `most` frames of one pad stay, none older than the newest by more than `longest_us`."""
 
     most: int
     longest_us: int

@@ -18,7 +18,7 @@ from fmfts.several.scan import Another
 
 Array = NDArray[np.float64]
 
-# Of one-finger frames as built 4 % have a larger gain than this, of wrong ones of two fingers told as one nine in ten.
+# 4 % of the one-finger frames on built pads exceed this gain, and 90 % of the frames that wrongly report two as one.
 HALF_GAIN, WIDTH = 10.0, 0.5
 # A resultant that is d off is then less than five deviations off.
 MOST = 1.0 / 16.0

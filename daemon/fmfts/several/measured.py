@@ -36,7 +36,7 @@ class Measured:
         return np.empty(0) if self.foreign_t2 is None else np.ascontiguousarray(self.foreign_t2, dtype=np.float64)
 
     def only(self, used: NDArray[np.bool_]) -> Measured:
-        """Of these axes (N, 3)."""
+        """The same for these axes (N, 3)."""
         return Measured(self.field_t, self.variance_t2, used.ravel(), self.foreign_t2)
 
     def checked(self, *names: str, **others: Array) -> None:

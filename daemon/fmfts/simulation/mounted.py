@@ -33,7 +33,7 @@ GOOD = Tolerance(
 
 
 def with_chips_turned(sensor_rotation_rad: float, cross_axis: float) -> Tolerance:
-    """Of a good pad whose chips are as good as this."""
+    """For a good pad whose chips are this good."""
     return replace(GOOD, sensor_rotation_rad=sensor_rotation_rad, cross_axis=cross_axis)
 
 
@@ -43,8 +43,8 @@ class MountedPad:
 
     Each chip has its own axes: `pad.sensors` holds them as they are turned, cross_axis (N, 3, 3) what they read across.
     tilted (3, 3): from axes of the silicone to those of the sensors; presses move the magnet in the former.
-    magnet_off_m (2,): how far the magnet is cast from the pad's middle. Of a wide pad, a press moves any magnet as it
-    would move one in the middle, if it is as far from it.
+    magnet_off_m (2,): how far the magnet is cast from the pad's middle. On a wide pad a press moves any magnet as it
+    would move one in the middle at the same distance.
     """
 
     pad: Pad

@@ -87,7 +87,7 @@ class MountedMagnets:
         shear_n = np.array([(touches[number].shear_x_n, touches[number].shear_y_n) for number in pressing])
         x_mm, y_mm = (place_mm[:, None] - self.off_mm).reshape(-1, 2).T
         pressed = self.response.pressed_alone(x_mm, y_mm, force_n)
-        # Of what the press of each magnet's own place would do to all of them, only what it does to this one.
+        # A press at each magnet's place, and only its effect on that magnet.
         each = np.arange(count)
         own = pressed.change.reshape(-1, count, count, CHANGE)[:, each, each]
         by_shear = pressed.by_shear.reshape(-1, count, count, CHANGE, 2)[:, each, each]

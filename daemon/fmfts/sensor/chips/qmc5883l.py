@@ -31,7 +31,7 @@ class _Registers:
     stale_samples = 1
 
     def identify(self, wires: Wires, chip: Chip) -> bytes:
-        """Control 2, the period, and the identification 0xFF. That alone is also what a bus says that nobody drives.
+        """Control 2, the period, and the identification 0xFF. An undriven bus reads the same value.
 
         PX4 and ArduPilot read a register before: the first answer after power-on may be wrong.
         """

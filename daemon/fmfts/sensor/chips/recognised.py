@@ -8,7 +8,7 @@ from fmfts.sensor.chips import CHIPS, Chip
 
 
 def kind_of(answer: bytes) -> Chip | None:
-    """The chip that identifies itself so, None if none does. Of two that answer alike it is the first."""
+    """The chip that identifies itself so, None if none does. If two kinds answer alike, the first counts."""
     return next((each for each in CHIPS.values() if each.is_identity(answer)), None)
 
 

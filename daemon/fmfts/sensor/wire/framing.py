@@ -97,7 +97,7 @@ class Decoder:
             self._joined = True
         # Nothing that is so long without a zero is the rest of a packet.
         self._overlong |= len(pending) > MAX_LINE_BYTES
-        # Of an endless line only one byte more than allowed is kept: enough to recognise it as garbage.
+        # From an endless line one byte more than allowed is kept: enough to recognise it as garbage.
         self._pending = pending[: MAX_LINE_BYTES + 1]
         self._count_garbage(0, len(pending) - len(self._pending))
         return packets

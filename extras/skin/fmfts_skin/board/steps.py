@@ -1,7 +1,7 @@
 """How many microtesla is one count of the board's chips? The stream does not say; its values tell.
 
-The firmware multiplies each count by a step that follows from the chips' gain and resolution. Whoever builds a board
-may change both, so the coarsest step of the published library is taken of which all values are multiples. Counts of
+The firmware multiplies each count by a step that follows from the chips' gain and resolution. A board's builder may
+change both, so the coarsest published step that divides all values is taken. Counts of
 that step are the chips' own: nothing is rounded. A value between two steps was damaged on its way.
 """
 

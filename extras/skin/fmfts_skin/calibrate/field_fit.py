@@ -36,7 +36,7 @@ STEP_UT = 2.0  # of the chip: no value is known better
 # From one recording to the next an untouched pad's rest does not say by so much where the field starts from under load:
 # a printed pad gives its set of tens of µT back as it is pressed.
 REPEATED_UT = 8.0
-# Of the moment from frame to frame beside what a stretch of rows tells, where no rest tells it: half a kelvin or two.
+# Deviation of the moment from frame to frame, beside a stretch's mean, where no rest row measures it: 0.5 to 2 K.
 MOMENT_SHARE = 0.003
 # Two pads of a structure, or two days of one, differ by this in what load makes the same change of the field. eFlesh's
 # printed pad softened by 3 % between two recordings six minutes apart; a stage's height of contact is off by 10 %.

@@ -25,7 +25,7 @@ Indices = NDArray[np.intp]
 GAIN, ROTATION_RAD, OFFSET = 0.03, 0.03, 0.01
 COPIES, TESTED_COPIES = 6, 3
 EIGHTHS = 8
-# Of the monomials' own squares: keeps the normal equations regular.
+# Share of the monomials' squares that is added: it keeps the normal equations regular.
 RIDGE = 1e-6
 ROWS_OF_A_NUMBER, FEWEST_ROWS = 4, 150
 WORTH = 0.02  # a larger power must lower the error by this share
