@@ -53,17 +53,31 @@ def shaken(force_n: float) -> Finger:
 
 
 class Bench:
-    """One built pad under its weights. thickness_mm, by_mm: of the slab, and of what the weight stands on."""
+    """One built pad under its weights. by_mm: how wide what the weight stands on is. remanence_t: of its magnet; None:
+    nearly as drawn."""
 
-    def __init__(self, cell: Cell, by_mm: float, seed: int) -> None:
-        self.config = msgspec.structs.replace(config_of(cell, 0.0, seed, counted=True), tolerance=ANY_CURE)
+    def __init__(
+        self,
+        cell: Cell,
+        by_mm: float,
+        seed: int,
+        tolerance: ToleranceConfig = ANY_CURE,
+        remanence_t: float | None = None,
+    ) -> None:
+        self.config = msgspec.structs.replace(config_of(cell, 0.0, seed, counted=True), tolerance=tolerance)
+        self._remanence_t = remanence_t
         self._weighed_by = replace(cell, finger_mm=by_mm)
         self._by_m = by_mm * 1e-3
         self._seed = seed
         self.baseline = baseline_of(self.config, self.pad(cell), turn=True)
 
     def pad(self, cell: Cell) -> RealPad:
-        return cast_pad(self.config, cell, 0.0, 0.0)
+        source = cast_pad(self.config, cell, 0.0, 0.0)
+        if self._remanence_t is not None:
+            built = source.built
+            magnet = built.pad.magnet.with_remanence(self._remanence_t)
+            source.stands(replace(built, pad=replace(built.pad, magnet=magnet)))
+        return source
 
     def weighed(self, before: Baseline, said_n: float, finger: Finger, by_m: float | None = None) -> Baseline:
         """BaselineError says why it is refused."""

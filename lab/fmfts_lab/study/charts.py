@@ -12,7 +12,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from fmfts_lab.study import heat_map, speed_chart
+from fmfts_lab.study import heat_map, speed_chart, transfer, transfer_chart
 from fmfts_lab.study.harness import Row, read_table, save
 from fmfts_lab.study.stability import DAEMON
 
@@ -20,6 +20,7 @@ KEPT = Path(__file__).parents[2] / "results"
 DRAWN: dict[str, Callable[[Sequence[Row]], Iterator[tuple[str, Figure]]]] = {
     "speed-accuracy": speed_chart.figures,
     "stability": lambda rows: heat_map.figures(rows, DAEMON),
+    "transfer": lambda rows: iter([("", transfer_chart.draw(rows, transfer.METHODS))]),
 }
 
 

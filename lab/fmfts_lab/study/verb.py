@@ -17,6 +17,7 @@ STUDIES: dict[str, str] = {
     "scene": "fmfts_lab.study.scene_study",
     "paper-table3": "fmfts_lab.study.paper_table3",
     "paper-table4": "fmfts_lab.study.experiment",
+    "transfer": "fmfts_lab.study.transfer",
 }
 # Option → the study that has it.
 OPTIONS = {"chips": "scene", "controller": "speed-accuracy"}
