@@ -260,7 +260,7 @@ def test_one_kind_of_baseline_at_a_time(pad: Pad) -> None:
 
 
 @pytest.mark.parametrize("nonsense", ["a magnet passes", "noise alone", "half of it lost"])
-def test_turn_none_is_refused_or_solved_and_never_internal_error(nonsense: str, pad: Pad) -> None:
+def test_impossible_turn_is_refused_or_solved_without_internal_error(nonsense: str, pad: Pad) -> None:
     """Fields that are far from any pad's leave equations without a solution: that is said of the turn."""
     random = np.random.default_rng(5)
     refused = 0

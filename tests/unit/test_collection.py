@@ -45,7 +45,7 @@ def test_recording_goes_on_until_it_has_fewest_frames_that_it_needs() -> None:
     assert spent_s < 0.5 + EXTRA_S
 
 
-def test_recording_ends_though_frames_lack() -> None:
+def test_recording_ends_even_if_frames_are_missing() -> None:
     count, spent_s = collected(50, 0.5, 50)
     assert count < 50
     assert 0.5 + EXTRA_S <= spent_s < 0.5 + EXTRA_S + 1.0

@@ -79,7 +79,7 @@ def told(pipeline: PadPipeline, frames: list[Frame]) -> list[bytes]:
     return [msgspec.msgpack.encode(msgspec.structs.replace(one, t_publish_ns=0, utc_ns=0)) for one in messages]
 
 
-def test_warm_pad_is_known_less_well_by_what_offsets_may_have_drifted() -> None:
+def test_warm_pad_has_larger_deviations_for_offset_drift() -> None:
     """25 K by 400 nT/K are 10 µT on each axis: 50 times a sample's noise, and 70 times that of a mean of two."""
     config, frames = config_of(11), warm_frames(config_of(11), 0.5)
     tracking = tracking_model_for(config.scene, config.magnet).tracking

@@ -244,7 +244,7 @@ def test_busy_board_is_asked_again_and_a_refusal_is_not_repeated() -> None:
     assert "out of range" in line.state.warnings["request rate"]
 
 
-def test_board_that_can_is_asked_for_early_samples_after_every_hello() -> None:
+def test_capable_board_is_asked_for_early_samples_after_each_hello() -> None:
     line = Line(pad(publish="sample"), pad("right", pad_index=1))
     line.feed(hello(4, 4, can_send_early=1))
     (start,) = line.asked()

@@ -115,7 +115,7 @@ def test_pad_is_made_once() -> None:
         pad.__init__(*parts())  # type: ignore[misc]
 
 
-def test_frame_that_is_none_of_the_pad_is_refused() -> None:
+def test_frame_of_another_shape_or_time_is_refused() -> None:
     pad = _pad.Pad(*parts())
     for arguments, why in (
         ((5, 15, 15, NO_READINGS[1:], 1, 1, 1, 0.0), "31 bytes, 32 expected"),

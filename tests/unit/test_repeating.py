@@ -86,9 +86,7 @@ def test_no_more_than_once(pytester: pytest.Pytester) -> None:
 
 
 @pytest.mark.parametrize("words", [{"busy_share": NEVER_BUSY}, {"marker": "other"}])
-def test_neither_on_idle_computer_nor_what_is_judged_otherwise(
-    pytester: pytest.Pytester, words: dict[str, object]
-) -> None:
+def test_idle_computer_or_judged_failure_is_not_repeated(pytester: pytest.Pytester, words: dict[str, object]) -> None:
     result, tried = run(pytester, failures=1, **words)
     assert (result.ret, tried) == (1, 1)
 
