@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 import struct
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from mcap.reader import make_reader
 
 from fmfts.config.pad_facts import pad_facts
 from fmfts.recording.file import RecordingWriter, read
+from fmfts.recording.recorder import Recorder
 from fmfts.recording.ros2 import CONTACT, RosMessage, RosPad
+from fmfts_client import Message
 from unit.test_foxglove import CONFIG, contact
 
 ROS = Path(__file__).parents[2] / "clients" / "ros2"
@@ -67,3 +71,17 @@ def test_replay_leaves_them_out(tmp_path: Path) -> None:
         schema, channel = found[topic]
         assert schema is not None
         assert (schema.encoding, channel.message_encoding) == ("ros2msg", "cdr")
+
+
+def test_contacts_before_the_pads_state_are_told_later(tmp_path: Path) -> None:
+    """A busy computer hears contacts before the state that says where the pad is: each has its ROS 2 message."""
+    path = tmp_path / "touch.mcap"
+    with closing(Recorder(path, None, f"ipc://{tmp_path}/bus", for_ros=True)) as recorder:
+        for number in (0, 1):
+            recorder._take(Message("contact", "left", contact(number)))
+        recorder._draw_from_now_on(Message("state", "left", {"config": msgspec.to_builtins(CONFIG)}))
+        recorder._take(Message("contact", "left", contact(2)))
+        recorder._writer.finish()
+    with path.open("rb") as file:
+        topics = [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
+    assert topics.count("contact/left") == topics.count("ros/left/contact") == topics.count("ros/left/wrench") == 3

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import signal
 import time
+from collections import deque
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
@@ -28,6 +29,7 @@ FLUSH_S = 1.0
 PATIENCE_S = 5.0
 TURN_S = 0.1
 BATCH = 1000
+MOST_BEFORE_STATE = 1000  # contacts of a pad until its state says where it is: 4.5 s
 
 
 class NothingCameError(RecordingError):
@@ -62,6 +64,7 @@ class Recorder:
         self._scenes: dict[str, PadScene | None] = {}
         self._for_ros = for_ros
         self._ros: dict[str, RosPad] = {}
+        self._before_state: dict[str, deque[dict[str, Any]]] = {}
         self._next_seq: dict[tuple[str, str], int] = {}
         self.missed = 0
         self._stop_requested = False
@@ -141,9 +144,14 @@ class Recorder:
         elif message.kind == "contact" and (scene := self._scenes.get(message.pad)) is not None:
             for drawn in scene.contact(message.body):
                 self._writer.draw(drawn, message.body["utc_ns"])
-            if (ros := self._ros.get(message.pad)) is not None:
-                for told in ros.contact(message.body):
-                    self._writer.tell_ros(told, message.body["utc_ns"])
+            self._tell_ros(message.pad, message.body)
+        elif message.kind == "contact" and self._for_ros and message.pad not in self._scenes:
+            self._before_state.setdefault(message.pad, deque(maxlen=MOST_BEFORE_STATE)).append(message.body)
+
+    def _tell_ros(self, pad: str, body: dict[str, Any]) -> None:
+        if (ros := self._ros.get(pad)) is not None:
+            for told in ros.contact(body):
+                self._writer.tell_ros(told, body["utc_ns"])
 
     def _draw_from_now_on(self, state: Message) -> None:
         if self._scenes.get(state.pad) is not None:
@@ -161,6 +169,8 @@ class Recorder:
         self._scenes[state.pad] = PadScene(state.pad, facts)
         if self._for_ros:
             self._ros[state.pad] = RosPad(state.pad, facts)
+            for body in self._before_state.pop(state.pad, ()):
+                self._tell_ros(state.pad, body)
 
 
 def with_neighbours(pad: str, endpoint: str | Endpoints | None) -> set[str]:

@@ -72,14 +72,18 @@ def compare(name: str, messages: Iterator[tuple[str, dict[str, Any]]], contacts:
             continue
         stamp, force = told["header"]["stamp"], told["wrench"]["force"]
         own = contacts[stamp["sec"] * 1_000_000_000 + stamp["nanosec"]]
-        assert force["z"] == -own["force_n"]
+        # A computer that is busy makes a pad stale now and then: then there is no force, and no message of a wrench.
+        is_known = "force_n" in own
+        assert force["z"] == -own["force_n"] if is_known else math.isnan(force["z"])
         if topic == "ros/left/contact":
-            assert (told["health"], told["contact"]) == (own["health"], int(own["contact"]))
+            assert (told["health"], told["contact"]) == (own["health"], int(own.get("contact", -1)))
             for key in NUMBERS:
                 assert told[key] == own[key] if key in own else math.isnan(told[key]), f"{key}: {told[key]}"
-            assert told["wrench_covariance"][14] == own["force_sd_n"] * own["force_sd_n"]
+            variance = told["wrench_covariance"][14]
+            assert variance == own["force_sd_n"] * own["force_sd_n"] if is_known else math.isnan(variance)
             numbers += len(NUMBERS)
-    assert counts["ros/left/contact"] == counts["ros/left/wrench"] == len(contacts), counts
+    assert counts["ros/left/contact"] == len(contacts), f"{counts} of {len(contacts)}"
+    assert counts["ros/left/wrench"] == sum("force_n" in body for body in contacts.values()) > 0, counts
     assert counts["tf"] > 1
     print(f"{name}: {len(contacts)} contacts and wrenches, {counts['tf']} transforms; {numbers} numbers to the bit")
 
