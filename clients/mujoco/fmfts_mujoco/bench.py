@@ -26,6 +26,12 @@ APART_M = 0.05
 BALL_KG = 0.08
 
 
+def go_before_others() -> None:
+    """As root. Others may not, and then what else this computer does counts, too."""
+    with suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, -15)
+
+
 def table(pads: int, friction: float = 0.3) -> mujoco.MjModel:
     """Pads on a table, and a ball of 80 g on each, which slides up and down and along x and y."""
     bodies = []
@@ -51,8 +57,7 @@ def pads_on(model: mujoco.MjModel, count: int) -> tuple[Pads, mujoco.MjData]:
 
 def cost(count: int, seconds: float) -> tuple[float, float]:
     """Processor time in s of a second of the simulation, without the pads and with them; the same model in turn."""
-    with suppress(PermissionError):  # as root: else other programs' use of the cache counts, too
-        os.setpriority(os.PRIO_PROCESS, 0, -15)
+    go_before_others()
     model = table(count)
     pads, data = pads_on(model, count)
     spent: dict[bool, list[float]] = {False: [], True: []}
