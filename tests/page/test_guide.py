@@ -89,6 +89,7 @@ def test_guided_first_use_of_a_simulated_pad_reports_each_step(browser: Browser,
         assert "cannot be used: take one of 20 to 408 g" in run_card(page, 6, "refused")
         page.fill("#cards > li:nth-child(7) input", "0")
         assert "weight, g: more than 0, up to 1000." in run_card(page, 6, "refused")
+        assert 'set ambient = "posture" in [pad.scene]' in run_card(page, 7, "refused")
         until(page, f"{HEALTH} === 'ok'")
         assert page.complaints == []  # type: ignore[attr-defined]
         page.context.close()

@@ -288,6 +288,7 @@ def parts_of(pipeline: PadPipeline) -> tuple[Any, ...]:
             (bytearray(each.sighting.table.buffer.tobytes()), len(each.sighting.magnets))
             for each in pipeline._neighbours
         ),
+        None if pipeline.hand is None else bytearray(pipeline.hand.table.buffer.tobytes()),
     )
 
 

@@ -19,6 +19,7 @@ from fmfts.pipeline import _pad
 from fmfts.pipeline.encoded import EncodedMessage
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.words import Words, words_of
+from fmfts.pose.hand import Hand
 from fmfts.pose.sighting import Sighting
 from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
@@ -43,7 +44,7 @@ def record(fields: list[tuple[str, str, int]], **values: Any) -> Record:
 
 def parts(**changes: Any) -> list[Any]:
     """The arguments of a pad without a baseline. Other changes than of a whole part are of the parameters."""
-    names = ("memory", "network", "response", "words", "own", "neighbours")
+    names = ("memory", "network", "response", "words", "own", "neighbours", "hand")
     chip = PAD.chip
     parameters = {
         "sensors": len(PAD.sensors),
@@ -59,6 +60,7 @@ def parts(**changes: Any) -> list[Any]:
         "words": words(),
         "own": Sighting.unseen(PAD).table.buffer,
         "neighbours": (),
+        "hand": None,
     } | {name: value for name, value in changes.items() if name in names}
     return [record(_pad.PARAMETERS, **parameters).buffer, *whole.values()]
 
@@ -83,6 +85,8 @@ UNFIT: dict[str, tuple[Callable[[], list[Any]], str]] = {
     "too many neighbours": (lambda: parts(neighbours=((SIGHTING, 1),) * 9), "9 neighbours, 8 at most"),
     "too many magnets": (lambda: parts(neighbours=((SIGHTING, 1), (SIGHTING, 8))), "8 together at most"),
     "neighbours that the parameters lack": (lambda: parts(neighbours=((SIGHTING, 1),)), "other neighbours"),
+    "a hand of another pad": (lambda: parts(hand=Hand(9).table.buffer), "hand: 448 bytes"),
+    "a hand at an odd address": (lambda: parts(hand=misaligned(8 * 74)), "odd address"),
     "a long name": (lambda: parts(words=words(pad="x" * 3000)), "more than 2048 bytes"),
     "a name with a zero": (lambda: parts(words=words(pad="x\0y")), "null character"),
 }

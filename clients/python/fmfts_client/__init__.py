@@ -5,6 +5,7 @@ from fmfts_client.contact import Contact, Event, Finger, Pose, Status
 from fmfts_client.control import ControlError, RefusedError, UnreachableError, request
 from fmfts_client.endpoints import EndpointError, Endpoints
 from fmfts_client.fields import SCHEMA_VERSION, MessageError, SchemaError
+from fmfts_client.joints import JointPublisher
 from fmfts_client.keys import KEY_VARIABLE, BadKeyError
 from fmfts_client.now import Now
 from fmfts_client.subscription import Message, Subscription
@@ -21,6 +22,7 @@ __all__ = [
     "Endpoints",
     "Event",
     "Finger",
+    "JointPublisher",
     "Message",
     "MessageError",
     "Now",

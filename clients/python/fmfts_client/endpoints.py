@@ -39,6 +39,14 @@ class Endpoints:
     frames: str
     key: Optional[Path] = None
 
+    @property
+    def joints(self) -> str:
+        """Where the daemon receives joint positions: `…/joints` beside the bus; over tcp the bus's port + 3."""
+        if self.bus.startswith("ipc://"):
+            return f"{self.bus.rpartition('/')[0]}/joints"
+        host, _, port = self.bus.rpartition(":")
+        return f"{host}:{int(port) + 3}"
+
     @classmethod
     def from_base(cls, base: str, key: Optional[Path] = None) -> Endpoints:
         """The three endpoints of a base.

@@ -16,6 +16,7 @@ from fmfts.baseline.evenness import STEEL_TURNS
 from fmfts.baseline.file_format import StoredGains, StoredGeometry, StoredPresses, StoredRecording, StoredTurn
 from fmfts.baseline.mounting import Mounting, nominal_mounting
 from fmfts.baseline.origin import Origin, foreign
+from fmfts.baseline.posture import StoredPosture
 from fmfts.baseline.recording import BaselineError, ForeignError, Recording, solvable
 from fmfts.baseline.refine import AtRest, pick, refined
 from fmfts.baseline.rest_field import RestField
@@ -58,6 +59,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     # Where the sensors were found to be, of a board whose drawing is rough; then `refine` has the presses that told.
     learned: StoredGeometry | None = None
     silicone: StoredSilicone | None = None  # what a weight told of it; None: nothing was weighed
+    posture: StoredPosture | None = None  # what the hand's posture does to the field; None: it was not taught
     # How far rest has drifted from the recorded one, (5,) in m and rad. Never in a file: a restart undoes it.
     drift: tuple[float, ...] | None = None
 
@@ -102,7 +104,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
 
     def require_sensors(self, sensors: int) -> None:
         """BaselineError unless each recording is one of so many sensors."""
-        parts = (self.bare, self.rest, self.turn, self.refine, self.gains, self.learned)
+        parts = (self.bare, self.rest, self.turn, self.refine, self.gains, self.learned, self.posture)
         if any(part is not None and part.sensors != sensors for part in parts):
             raise BaselineError(
                 f"pad '{self.pad}': its baseline is of another number of sensors than {sensors}: record it again"

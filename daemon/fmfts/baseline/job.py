@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from concurrent.futures import Executor, Future
 from dataclasses import replace
 from typing import Any
@@ -135,6 +136,11 @@ class BaselineJob:
             if request.origin is not None:  # by now the board has said which one it is
                 request = replace(request, origin=request.origin.on(self._source.state.board))
             self._result = self._executor.submit(request.record, self._collection.frames, self._before)
+
+    def joints(self, position_rad: Mapping[str, float], time_ns: int) -> None:
+        """Positions of a hand's joints meanwhile, and their time on the host's clock."""
+        if self._result is None:
+            self._request.joints.take(position_rad, time_ns)
 
     @property
     def share(self) -> float:

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-from fmfts.baseline.baseline import Baseline
-from fmfts.baseline.mounting import Mounting
+from fmfts.baseline.baseline import AnyMounting, Baseline
 from fmfts.pad import Pad
 from fmfts.sensor import Frame
 
 
 class Learner(Protocol):
-    """Learns from presses what needs rooms above this one: a geometry (fmfts.learn), or a silicone (pipeline.weighing).
+    """Learns what a recording of its own tells: a geometry (fmfts.learn), a silicone (pipeline.weighing), or what a
+    hand's posture does to the field (posture.py).
 
-    option: how a person asks for it. seconds: the usual time. presses: so many, all over the pad; 0: a weight stands on
-    it, of `weight_n`.
+    option: how a person asks for it. seconds: the usual time. presses: so many, all over the pad; 0: none.
+    weight_n: a weight that stands on it; 0: none.
     """
 
     @property
@@ -32,5 +32,5 @@ class Learner(Protocol):
 
     def make(
         self, pad: Pad, frames: Sequence[Frame], before: Baseline | None
-    ) -> tuple[Baseline, Mounting, dict[str, Any]]:
+    ) -> tuple[Baseline, AnyMounting, dict[str, Any]]:
         """`before` with what was learned, its mounting, and facts. BaselineError if the presses do not tell it."""

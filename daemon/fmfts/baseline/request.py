@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from fmfts.arithmetic.elementary import square
@@ -30,9 +31,11 @@ from fmfts.baseline.chips_found import chips_found
 from fmfts.baseline.coverage import Coverage, PressCoverage, TurnCoverage
 from fmfts.baseline.file_format import StoredGains
 from fmfts.baseline.files import previous, store, stored_gains
+from fmfts.baseline.joint_track import JointTrack
 from fmfts.baseline.learner import Learner
 from fmfts.baseline.mounting import ambient_of
 from fmfts.baseline.origin import Origin, foreign
+from fmfts.baseline.posture import PostureLearner
 from fmfts.baseline.prospects import prospects
 from fmfts.baseline.recording import ForeignError
 from fmfts.pad import Pad, Tolerance
@@ -99,6 +102,7 @@ class BaselineRequest:
     origin: Origin | None = None
     gains: StoredGains | None = None
     learn: Learner | None = None
+    track: JointTrack = field(default_factory=JointTrack)
 
     def __post_init__(self) -> None:
         if self.bare + self.turn + self.refine + (self.learn is not None) > 1:
@@ -115,6 +119,11 @@ class BaselineRequest:
         if self.learn is not None:
             return self.learn.seconds
         return TURN_S if self.turn else REFINE_S if self.refine else DURATION_S
+
+    @property
+    def joints(self) -> JointTrack:
+        """What the joints of a hand do meanwhile."""
+        return self.learn.track if isinstance(self.learn, PostureLearner) else self.track
 
     @property
     def only_adds(self) -> bool:
@@ -183,7 +192,11 @@ class BaselineRequest:
             if self.bare:
                 baseline = make_bare(self.pad, self.tolerance, recording, before, self.gains)
                 return baseline, None if _needs_rest(self.pad) else baseline.mounting(self.pad), {}
-            return *make_rest(self.pad, self.tolerance, recording, before, self.replaced, self.gains), {}
+            baseline, mounting = make_rest(self.pad, self.tolerance, recording, before, self.replaced, self.gains)
+            if before is not None and before.posture is not None and before.rest is not None:
+                posture = before.posture.after_rest(self.track, frames)
+                baseline = msgspec.structs.replace(baseline, posture=posture).sealed()
+            return baseline, mounting, {}
         except BaselineError as error:
             raise self._refused(error) from error
 

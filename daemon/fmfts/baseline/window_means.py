@@ -31,8 +31,8 @@ STILLEST = 0.1  # share of the samples of a fast turn that tell the noise
 class Means:
     """field_t (K, N, 3) in sensor axes, each the mean of `mean_of` frames.
 
-    wander_t (K,): how far the field moved in it. time_s (K,) since the recording began. noise_t (N, 3): standard
-    deviation of one sample.
+    wander_t (K,): how far the field moved in it. time_s (K,) since `first_us`, the board's time of the first frame.
+    noise_t (N, 3): standard deviation of one sample.
     """
 
     field_t: Array
@@ -40,6 +40,7 @@ class Means:
     time_s: Array
     noise_t: Array
     mean_of: int = MEAN_OF
+    first_us: float = 0.0
 
 
 def means(frames: Sequence[Frame]) -> Means:
@@ -97,6 +98,7 @@ def _means_of(fields: Array, times: Array, noise_t: Array, mean_of: int) -> Mean
         time_s=(times[: count * mean_of].reshape(count, mean_of).mean(axis=1) - times[0]) * 1e-6,
         noise_t=noise_t,
         mean_of=mean_of,
+        first_us=float(times[0]),
     )
 
 

@@ -5,14 +5,18 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from fmfts.bus.messages import EarlyMessage, FrameMessage
+from fmfts.bus.messages import EarlyMessage, FrameMessage, KnownJoints
+from fmfts.common import possible
 from fmfts.sensor.chips import DEFAULT_CHIP, Chip
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.frame import Frame
+from fmfts.sensor.joints import Joints
 
 
-def frame_message(frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = True) -> FrameMessage:
-    """The message of a frame. used: whether the pipeline processed it."""
+def frame_message(
+    frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = True, joints: Joints | None = None
+) -> FrameMessage:
+    """The message of a frame. used: whether the pipeline processed it. joints: that it knew of; None: of no hand."""
     return FrameMessage(
         pad=pad,
         boot=boot,
@@ -28,7 +32,25 @@ def frame_message(frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = T
         temperature_c=frame.temperature_c,
         used=used,
         may_search=msgspec.UNSET if frame.may_search else False,
+        joints=msgspec.UNSET if joints is None else _known(joints),
     )
+
+
+def _known(joints: Joints) -> KnownJoints:
+    return KnownJoints(
+        t_ns=joints.time_ns,
+        position_rad=list(joints.position_rad),
+        before_ns=joints.before_ns,
+        before_rad=list(joints.before_rad),
+    )
+
+
+def _joints(known: KnownJoints) -> Joints:
+    """ValueError: no hand has such joints."""
+    possible.JOINT_RAD.require([*known.position_rad, *known.before_rad])
+    if any(time_ns is not None and abs(time_ns) >= 1 << 62 for time_ns in (known.t_ns, known.before_ns)):
+        raise ValueError("joints at a time that no clock tells")
+    return Joints(known.t_ns, tuple(known.position_rad), known.before_ns, tuple(known.before_rad))
 
 
 def early_message(early: EarlySample, pad: str, boot: str, utc_ns: int) -> EarlyMessage:
@@ -74,4 +96,5 @@ def frame_of(message: FrameMessage, pad_index: int = 0, chip: Chip = DEFAULT_CHI
         temperature_c=chip.believed_c(message.temperature_c),
         chip=chip,
         may_search=message.may_search is not False,
+        joints=_joints(message.joints) if isinstance(message.joints, KnownJoints) else None,
     )

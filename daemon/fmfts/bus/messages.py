@@ -81,6 +81,25 @@ class NowMessage(msgspec.Struct, frozen=True, kw_only=True):
     shear_y_rate_sd_n_per_s: float | None
 
 
+class KnownJoints(msgspec.Struct, frozen=True, kw_only=True):
+    """The newest positions of a hand's joints and the ones before, in a FrameMessage, in the baseline's order."""
+
+    t_ns: int | None
+    position_rad: list[float]
+    before_ns: int | None
+    before_rad: list[float]
+
+
+class JointsMessage(msgspec.Struct, frozen=True, kw_only=True):
+    """`joints`: what a program tells the daemon of a hand's joints. t_ns: on this computer's CLOCK_MONOTONIC; null: as
+    it arrives."""
+
+    v: int
+    t_ns: int | None
+    names: list[str]
+    position_rad: list[float]
+
+
 class ContactMessage(_Message, frozen=True, kw_only=True):
     """`contact/<pad>`: one per frame, and at least ten a second while the source is silent.
 
@@ -201,6 +220,8 @@ class FrameMessage(_Message, frozen=True, kw_only=True):
     used: bool
     # Of a pad with several magnets; left out where it is true.
     may_search: bool | msgspec.UnsetType = msgspec.UNSET
+    # Of a pad on a hand that moves: the joints that its pipeline knew of. Left out by other pads.
+    joints: KnownJoints | msgspec.UnsetType = msgspec.UNSET
 
 
 class EarlyMessage(_Message, frozen=True, kw_only=True):

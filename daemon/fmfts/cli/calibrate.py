@@ -131,7 +131,7 @@ def _calibrate(options: argparse.Namespace) -> int:
     if options.shear and options.sheared is not None:
         raise VerbError(exit_codes.USAGE, "--sheared is for models without shear: give --sheared or --shear, not both")
     training = Options(
-        scene=pad.scene.ambient,
+        scene=pad.scene.solved,
         noise_t=_noise_t(options),
         hidden=options.hidden,
         presses=options.presses,
@@ -182,7 +182,7 @@ def _evaluate(options: argparse.Namespace) -> int:
             say(f"warning: {SHEAR_UNKNOWN.format(friction=model.friction)}")
         if labelled.digest == model.facts.data:
             say("note: the model was made from these very presses: on others its errors are larger")
-        evaluation = evaluate(labelled, options.data, model, pad.scene.ambient, _noise_t(options))
+        evaluation = evaluate(labelled, options.data, model, pad.scene.solved, _noise_t(options))
         if options.plot is not None:
             _draw(evaluation, options.plot)
     except (DataError, ModelError) as error:

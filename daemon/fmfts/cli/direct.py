@@ -16,6 +16,7 @@ from fmfts.baseline.learner import Learner
 from fmfts.baseline.request import BaselineRequest, restore
 from fmfts.bus.lock import BusError, serving_pid
 from fmfts.config import Config, I2cSource, PadConfig
+from fmfts.pipeline.configured import posture_learner
 from fmfts.recording.baseline import require_device
 from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.missing import missing_sensors
@@ -90,8 +91,16 @@ def record_baseline(
     refine: bool,
     duration_s: float | None,
     learn: Learner | None = None,
+    posture: bool = False,
+    no_joints: bool = False,
 ) -> dict[str, Any]:
     """Record a baseline on the device itself, judge and store it; returns its facts. pads: all pads of the file."""
+    if posture:
+        learn = posture_learner(pad, no_joints)
+        if not no_joints:
+            raise AbsentError(
+                f"pad '{pad.name}': joint positions come to a running daemon: start `fmfts-daemon run`, then ask again"
+            )
     with ThreadPoolExecutor(max_workers=1) as executor:
         require_device(pad)
         work = BaselineRequest(

@@ -35,6 +35,9 @@ def add_to(verb: AddVerb) -> None:
         action="store_true",
         help="press some 60 times anywhere: learn the geometry, from a sketch of the board",
     )
+    kind.add_argument(
+        "--posture", action="store_true", help="move the untouched hand for a minute: learn what that does to the field"
+    )
     kind.add_argument("--restore", action="store_true", help="record nothing: bring the last good baseline back")
     kind.add_argument(
         "--undo-drift", action="store_true", help="record nothing: forget the drift followed by [pad.rebaseline]"
@@ -43,8 +46,9 @@ def add_to(verb: AddVerb) -> None:
     baseline.add_argument(
         "--duration-s",
         type=seconds,
-        help="duration of the recording: 0.5 to 60 (3; --turn 20; --refine 40; --learn 60)",
+        help="duration of the recording: 0.5 to 60 (3; --turn 20; --refine 40; --learn and --posture 60)",
     )
+    baseline.add_argument("--no-joints", action="store_true", help="with --posture: nothing publishes joint positions")
     selftest = verb("selftest", _selftest, "measure every axis in a field that the chip makes itself")
     for added in (baseline, selftest):
         added.add_argument("--pad", metavar="NAME", help="needed if there are several")
@@ -68,7 +72,9 @@ def _baseline(options: argparse.Namespace) -> int:
         return through_daemon(options, "baseline", {"undo_drift": True}, nothing_to_undo)
     if options.restore:
         return through_daemon(options, "baseline", {"restore": True}, lambda pad, pads, restore: restore_baseline(pad))
-    names = ("bare", "replaced", "turn", "refine", "duration_s")
+    if options.no_joints and not options.posture:
+        raise VerbError(exit_codes.USAGE, "--no-joints belongs to --posture: `fmfts-daemon baseline --posture`")
+    names = ("bare", "replaced", "turn", "refine", "duration_s", *(("posture", "no_joints") if options.posture else ()))
     arguments = {name: getattr(options, name) for name in names}
     return through_daemon(options, "baseline", arguments, record_baseline)
 

@@ -165,10 +165,15 @@ class SiliconeConfig(_Section, frozen=True):
 
 
 class SceneConfig(_Section, frozen=True):
-    ambient: Literal["constant", "drifting"] = "drifting"
+    ambient: Literal["constant", "drifting", "posture"] = "drifting"
     remanence: Literal["measured", "drifting"] = "measured"
     neighbours: tuple[PadName, ...] = ()
     steel_nearby: bool = False
+
+    @property
+    def solved(self) -> Literal["constant", "drifting"]:
+        """What a frame solves the ambient field as: what a posture does to it is known, or widens the deviations."""
+        return "constant" if self.ambient == "constant" else "drifting"
 
 
 class PlacementConfig(_Section, frozen=True):

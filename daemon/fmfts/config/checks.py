@@ -42,7 +42,7 @@ MOST_OTHER_MAGNETS = 8  # of the neighbours of a pad with one magnet: the solver
 
 def problems_in(config: Config) -> list[Problem]:
     """All problems of `config`. What pads share is looked at only if each pad alone is good."""
-    problems = [*_of_the_bus(config), *_of_the_keys(config), *_of_pads(config)]
+    problems = [*_of_the_bus(config), *_of_the_keys(config), *_of_the_joints(config), *_of_pads(config)]
     problems += config.problems_of_extras()
     problems += _names(config.pad)
     if not problems:
@@ -62,6 +62,16 @@ def _of_the_bus(config: Config) -> Iterator[Problem]:
             yield ("bus", "endpoint"), "other machines are let in with keys alone: set bus.keys (docs/security.md)"
 
 
+def _of_the_joints(config: Config) -> Iterator[Problem]:
+    base = config.bus.endpoint or ""
+    if not base.startswith("tcp://") or config.bus.keys is not None:
+        return
+    for number, pad in enumerate(config.pad):
+        if pad.scene.ambient == "posture":
+            text = "joint positions over tcp need keys, as any user of this machine could send others: set bus.keys, or"
+            yield ("pad", number, "scene", "ambient"), f"{text} an endpoint that begins with ipc://"
+
+
 def _of_the_keys(config: Config) -> Iterator[Problem]:
     if "\0" in (config.bus.keys or ""):
         yield ("bus", "keys"), "must be the name of a folder, which holds no zero byte"
@@ -77,12 +87,22 @@ def _of_pads(config: Config) -> Iterator[Problem]:
             _rest,
             _model,
             _finger,
+            _posture,
             several_problems,
             _kind_of_model,
         )
         for check in checks:
             for keys, text in check(pad):
                 yield ("pad", number, *keys), text
+
+
+def _posture(pad: PadConfig) -> Iterator[Problem]:
+    if pad.scene.ambient != "posture":
+        return
+    if pad.rebaseline.enabled:
+        yield ("rebaseline", "enabled"), 'with scene.ambient = "posture" no drift is followed: set it to false'
+    if pad.source.publish == "sample":
+        yield ("source", "publish"), 'with scene.ambient = "posture" nothing is told between frames: set "frame"'
 
 
 def _source(pad: PadConfig) -> Iterator[Problem]:

@@ -21,7 +21,7 @@ Name = Annotated[str, Meta(max_length=64)]
 PadName = Annotated[str, Meta(pattern=r"^[\w-]{1,32}\Z")]
 Number = Annotated[int, Meta(ge=0, le=2**31)]
 READING_S, WORKING_S = 3.0, 10.0
-Baseline = Literal["bare", "rest", "replaced", "turn", "refine", "restore", "undo_drift"]
+Baseline = Literal["bare", "rest", "replaced", "turn", "refine", "restore", "undo_drift", "posture"]
 
 
 class Watch(Struct, forbid_unknown_fields=True, tag="watch", tag_field="ask"):

@@ -12,6 +12,30 @@ static int view_sighting(const Py_buffer *buffer, size_t magnets, fmfts_sighting
     return fmfts_has_size(buffer, FMFTS_SIGHTING(magnets) * sizeof(double), "sighting");
 }
 
+/* The parts of a hand's table, in the order of hand.py. Without a buffer the pad is on no hand that moves. */
+static int view_hand(fmfts_pad_object *self)
+{
+    const Py_buffer *buffer = &self->given.hand;
+    fmfts_hand *hand = &self->pad.hand;
+    double sensors = self->pad.parameters->pose.sensors;
+    if (!buffer->buf) {
+        return 1;
+    }
+    size_t axes = sensors >= 1.0 && sensors <= FMFTS_SENSORS ? 3 * (size_t)sensors : 0;
+    if (!fmfts_has_size(buffer, (2 + 6 * axes) * sizeof(double), "hand")) {
+        return 0;
+    }
+    hand->state = buffer->buf;
+    hand->time_ns = hand->state + 1;
+    hand->field_t = hand->time_ns + 1;
+    hand->rate_t_per_s = hand->field_t + axes;
+    hand->variance_t2 = hand->rate_t_per_s + axes;
+    hand->rate_variance = hand->variance_t2 + axes;
+    hand->wide_field_t = hand->rate_variance + axes;
+    hand->wide_variance_t2 = hand->wide_field_t + axes;
+    return 1;
+}
+
 /* neighbour: a tuple of its sighting's buffer and its number of magnets. felt: how many magnets are felt besides. */
 static int take_neighbour(fmfts_pad_object *self, PyObject *neighbour, size_t *felt)
 {
@@ -119,8 +143,8 @@ int fmfts_take(fmfts_pad_object *self, PyObject *args)
 {
     fmfts_given *given = &self->given;
     PyObject *model, *words, *neighbours;
-    if (!PyArg_ParseTuple(args, "w*w*Oz*O!w*O!", &given->parameters, &given->memory, &model, &given->response, &PyTuple_Type,
-                          &words, &given->own, &PyTuple_Type, &neighbours)) {
+    if (!PyArg_ParseTuple(args, "w*w*Oz*O!w*O!|z*", &given->parameters, &given->memory, &model, &given->response, &PyTuple_Type,
+                          &words, &given->own, &PyTuple_Type, &neighbours, &given->hand)) {
         return 0;
     }
     given->words = Py_NewRef(words);
@@ -130,7 +154,7 @@ int fmfts_take(fmfts_pad_object *self, PyObject *args)
     if (!fmfts_has_size(&given->parameters, sizeof(fmfts_parameters), "parameters") ||
         !fmfts_has_size(&given->memory, sizeof(fmfts_memory), "memory") ||
         !fmfts_is_aligned(&given->response, sizeof(double)) || !view_sighting(&given->own, 1, &self->pad.own) ||
-        !take_neighbours(self, neighbours) || !take_words(&self->pad.words, words) ||
+        !view_hand(self) || !take_neighbours(self, neighbours) || !take_words(&self->pad.words, words) ||
         (model != Py_None && !fmfts_take_model(model, &given->model, &self->pad.network))) {
         return 0;
     }
@@ -148,6 +172,7 @@ void fmfts_release(fmfts_given *given)
     PyBuffer_Release(&given->memory);
     PyBuffer_Release(&given->response);
     PyBuffer_Release(&given->own);
+    PyBuffer_Release(&given->hand);
     for (int i = 0; i < FMFTS_FELT; i++) {
         PyBuffer_Release(&given->neighbour[i]);
     }

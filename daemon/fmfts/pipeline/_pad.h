@@ -15,7 +15,7 @@ enum {
 
 /* What Python handed over, held as long as the pad. */
 typedef struct {
-    Py_buffer parameters, memory, response, own, neighbour[FMFTS_FELT];
+    Py_buffer parameters, memory, response, own, neighbour[FMFTS_FELT], hand;
     fmfts_model_given model;
     PyObject *words;
     int neighbours;

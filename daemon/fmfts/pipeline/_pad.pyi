@@ -61,6 +61,7 @@ class Pad:
 
     network: of a contact model, as in network.h; None without a model. response: as in refine.h. own: the doubles of
     the pad's own Sighting; neighbours: the same of those that it feels, each with its number of magnets.
+    hand: the doubles of its Hand; None: it is on no hand that moves.
     """
 
     def __init__(
@@ -72,6 +73,7 @@ class Pad:
         words: Words,
         own: Buffer,
         neighbours: tuple[tuple[Buffer, int], ...],
+        hand: Buffer | None = None,
         /,
     ) -> None: ...
     @property

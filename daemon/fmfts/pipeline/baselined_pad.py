@@ -19,7 +19,15 @@ from fmfts.pose import (
     repeats_allowed,
     solve,
 )
-from fmfts.pose.hidden_gradient import STANDS_STILL, HiddenGradient, Reference, effect_of_gradient, reference_of
+from fmfts.pose.hidden_gradient import (
+    EVEN_T,
+    STANDS_STILL,
+    HiddenGradient,
+    Reference,
+    effect_of_field,
+    effect_of_gradient,
+    reference_of,
+)
 
 Array = NDArray[np.float64]
 
@@ -28,16 +36,25 @@ class BaselinedPad:
     """drawing: the pad as configured; pad: as mounted. at_rest: whether the baseline recorded the unloaded pad.
 
     Without rest, the moment and its drift are unknown: frames are then solved with the paper's method and its dipole.
+    on_hand: whether the pad is on a hand whose posture changes its field.
     repeats_allowed (N, 3): see `fmfts.pose.repeats_allowed`. change_error (8, 5, M): see `Mounting.change_error`.
     """
 
-    def __init__(self, drawing: Pad, baseline: Baseline, mounting: Mounting, tracking: TrackingModel) -> None:
+    def __init__(
+        self,
+        drawing: Pad,
+        baseline: Baseline,
+        mounting: Mounting,
+        tracking: TrackingModel,
+        on_hand: bool = False,
+    ) -> None:
         recorded = baseline.rest or baseline.bare
         assert recorded is not None  # a mounting is computed from one of them
         self.drawing = drawing
         self.baseline = baseline
         self.mounting = mounting
         self.at_rest = baseline.rest is not None
+        self._posture = baseline.posture if on_hand else None
         pad = mounting.mounted(drawing)
         self.pad = pad if self.at_rest else replace(pad, magnet=replace(pad.magnet, as_cylinder=False))
         self.temperature_c = recorded.temperature_c if self.at_rest else None
@@ -49,16 +66,28 @@ class BaselinedPad:
 
     @classmethod
     def of(
-        cls, drawing: Pad, baseline: Baseline, tracking: TrackingModel, mounting: Mounting | None = None
+        cls,
+        drawing: Pad,
+        baseline: Baseline,
+        tracking: TrackingModel,
+        mounting: Mounting | None = None,
+        on_hand: bool = False,
     ) -> BaselinedPad:
         """mounting: computed from the baseline if None. BaselineError if the baseline does not fit the pad."""
-        return cls(drawing, baseline, mounting or baseline.mounting(drawing), tracking)
+        return cls(drawing, baseline, mounting or baseline.mounting(drawing), tracking, on_hand)
 
     def hidden_gradient(self) -> HiddenGradient:
         mounting, solved = self.mounting, self.tracking.estimated
         effect = effect_of_gradient(self.pad, mounting.rest, mounting.noise_t, solved)
         reference = self._earth() if self.tracking.ambient_turns else STANDS_STILL
-        return HiddenGradient(self.pad, mounting.rest, reference, mounting.ambient_error(solved), effect)
+        error, posture = mounting.ambient_error(solved), self._posture
+        even_t = EVEN_T if posture is None else float(root_of_squares(EVEN_T, posture.even_t))
+        return HiddenGradient(self.pad, mounting.rest, reference, error, effect, even_t)
+
+    def to_pose(self) -> Array:
+        """(5, 3N) by how much each value of the field changes a frame's pose at rest."""
+        mounting = self.mounting
+        return effect_of_field(self.pad, mounting.rest, mounting.noise_t, self.tracking.estimated)
 
     def _earth(self) -> Reference:
         mounting, turn = self.mounting, self.baseline.turn

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fmfts.arithmetic.matrix import root_of_squares
+from fmfts.baseline import BaselineError
+from fmfts.baseline.posture import PostureLearner
 from fmfts.config import BridgeSource, PadConfig
 from fmfts.contact import ContactModel, NoContactModel, OtherPadError
 from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
@@ -16,6 +18,7 @@ from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.plugged import PluggedPipeline
 from fmfts.pipeline.several_pipeline import SeveralPipeline
+from fmfts.pose.hand import Hand
 from fmfts.pose.observable import are_observable, needed_sensors
 from fmfts.scene.neighbours import SceneNeighbour, neighbours_around
 from fmfts.scene.tracking import (
@@ -94,10 +97,25 @@ def pipeline_of(config: PadConfig, model: AnyModel, boot: str) -> Pipeline:
     rate_hz = float(config.source.rate_hz)
     if isinstance(model, ArrayModel) or (config.other_magnets and isinstance(model, NoContactModel)):
         per_k = config.magnet.temperature_coefficient_per_k
-        return SeveralPipeline(config.pad(), model, boot, rate_hz, several_scene_of(config), per_k)
+        return SeveralPipeline(config.pad(), model, boot, rate_hz, several_scene_of(config), per_k, hand_of(config))
     assert isinstance(model, ContactModel | NoContactModel)
     tracking = scene_model_of(config).tracking
-    return PadPipeline(config.pad(), model, boot, rate_hz, tracking, lead_of(config))
+    return PadPipeline(config.pad(), model, boot, rate_hz, tracking, lead_of(config), hand_of(config))
+
+
+def hand_of(config: PadConfig) -> Hand | None:
+    """The hand whose posture the pad's field depends on; None: there is none."""
+    return Hand(3 * len(config.geometry.sensors_mm)) if config.scene.ambient == "posture" else None
+
+
+def posture_learner(config: PadConfig, no_joints: bool = False) -> PostureLearner:
+    """What `baseline --posture` asks for. BaselineError where the pad's scene has no posture."""
+    if config.scene.ambient != "posture":
+        raise BaselineError(
+            f"pad '{config.name}': nothing would use what a posture does to its field: set ambient = \"posture\" in "
+            "[pad.scene], and start the daemon again (docs/scene.md#a-hand-that-moves)"
+        )
+    return PostureLearner(without_joints=no_joints)
 
 
 def lead_of(config: PadConfig) -> Lead:
@@ -114,7 +132,7 @@ def lead_of(config: PadConfig) -> Lead:
 
 def several_scene_of(config: PadConfig) -> Scene:
     """What else changes the field of a pad with several magnets, or with unknown ones."""
-    moves = config.scene.ambient == "drifting" or config.scene.steel_nearby
+    moves = config.scene.ambient != "constant" or config.scene.steel_nearby
     warming_k = HOTTER_K if config.scene.remanence == "drifting" else COEFFICIENT_SHARE * UNREAD_WARMING_K
     per_k = config.magnet.temperature_coefficient_per_k
     moment = float(root_of_squares(MOMENT_DEVIATION, per_k * warming_k))

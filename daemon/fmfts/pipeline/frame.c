@@ -14,12 +14,14 @@ bool fmfts_judge(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *
     if (parameters->message.has_baseline != 0.0) {
         fmfts_subtract(step);                                /* pose/alignment.c: baseline, deviations */
         fmfts_feel(step, pad->neighbour, (double)next.message.sampled_ns); /* pose/neighbour.c: magnets of other pads */
+        fmfts_take_posture(step, &pad->hand, (double)next.message.sampled_ns); /* pose/posture.c: the hand's own steel and motors */
         fmfts_track(step);                                   /* pose/tracker.c: pose; pose/fault_search.c: a faulty sensor */
         fmfts_watch_residuals(step);                         /* pose/residual_monitor.c: small faults that last */
         fmfts_doubt_beside_steel(step);                      /* pose/tracker.c */
         fmfts_watch_ambient(step);                           /* pose/ambient_motion.c: a robot that turns */
         fmfts_watch_alternation(step);                       /* pose/alternating.c: mains, motors, noise that grew */
         fmfts_follow_foreign(step);                          /* pose/hidden_gradient.c: a tool that no residual shows */
+        fmfts_doubt_posture(step);                           /* pose/posture.c */
         if (fmfts_has_trusted_pose(&work)) {                 /* contact_of_pose.c, as the next four */
             fmfts_follow_gaps(&work);                        /* a temperature that is missing; a finger that may be gone */
             fmfts_find_change(pad, &work);                   /* pose/silicone.c, overlap.c, change.c: from rest; contact/touch.c */

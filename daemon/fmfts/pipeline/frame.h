@@ -61,7 +61,7 @@ typedef struct {
 } fmfts_words;
 
 /* A pad, with all that its frames need besides their memory. response: as in refine.h, or NULL. own: where its magnet was last
- * seen. neighbour: the same of the pads that it feels. */
+ * seen. neighbour: the same of the pads that it feels. hand: what moves with the joints of its hand. */
 typedef struct {
     const fmfts_parameters *parameters;
     fmfts_network network;
@@ -69,6 +69,7 @@ typedef struct {
     size_t response_bytes;
     fmfts_words words;
     fmfts_sighting own, neighbour[FMFTS_FELT];
+    fmfts_hand hand;
 } fmfts_pad;
 
 /* What a message tells of the contact at the time of publishing. places: x and y, too; else force alone. */

@@ -6,6 +6,7 @@ C judges the frames of a pad with one magnet (frame.c). No C hands these pads th
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -18,6 +19,7 @@ from fmfts.pipeline.last_frame import LastFrame
 from fmfts.pipeline.sensors_ok import mask_of
 from fmfts.pipeline.words import NO_BASELINE
 from fmfts.pose import Aligned, Alignment
+from fmfts.pose.hand import Hand
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 
@@ -35,10 +37,12 @@ class Judged(Protocol):
 
 class JudgedInPython:
     """messages: the number of the last one. missing: sensor (from 0) → why it could not be used in the last frame;
-    empty while frames are absent."""
+    empty while frames are absent. hand: that the pad is on, if its field depends on the hand's posture."""
 
-    def __init__(self, pad: Pad, model_hash: str, boot: str, rate_hz: float) -> None:
+    def __init__(self, pad: Pad, model_hash: str, boot: str, rate_hz: float, hand: Hand | None = None) -> None:
         self.pad, self._model_hash, self._boot, self._rate_hz = pad, model_hash, boot, rate_hz
+        self.hand = hand
+        self._posture_unknown = ""  # why, in the last frame
         self.messages, self._sampled_ns = 0, 0
         self.missing: dict[int, str] = {}
         self._why_none = NO_BASELINE
@@ -80,11 +84,21 @@ class JudgedInPython:
         if frame.valid.any() and not aligned.is_old:
             # Else the frame holds no new sample, so the newest is still the last one.
             self._sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
-        return aligned
+        return aligned if self.hand is None else self._without_posture(aligned, frame, self.hand)
+
+    def _without_posture(self, aligned: Aligned, frame: Frame, hand: Hand) -> Aligned:
+        if frame.joints is not None:
+            hand.recall(frame.joints)
+        field_t, foreign_t2, self._posture_unknown = hand.at(self._sampled_ns)
+        return replace(aligned, field_t=aligned.field_t - field_t.reshape(-1, 3), foreign_t2=foreign_t2)
 
     def _message(self, reading: Judged, told: dict[str, Any], temperature_c: float | None) -> ContactMessage:
         """told: the estimates of the message, by their fields."""
         self.messages += 1
+        health, reason = reading.health, reading.reason
+        if self._posture_unknown and health in ("ok", "degraded", "disturbed", "lost"):
+            health = "degraded" if health == "ok" else health
+            reason = "; ".join(filter(None, (reason, self._posture_unknown)))
         return ContactMessage(
             pad=self.pad.name,
             boot=self._boot,
@@ -93,8 +107,8 @@ class JudgedInPython:
             t_publish_ns=time.monotonic_ns(),
             utc_ns=time.time_ns(),
             temperature_c=temperature_c,
-            health=reading.health,
-            reason=reading.reason,
+            health=health,
+            reason=reason,
             **told,
             sensors_ok=mask_of(reading.used),
             model=self._model_hash,

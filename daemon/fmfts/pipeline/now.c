@@ -192,7 +192,8 @@ void fmfts_find_now(const fmfts_pad *pad, const fmfts_frame *frame, fmfts_frame_
 {
     const fmfts_parameters *parameters = pad->parameters;
     fmfts_memory *memory = work->memory;
-    bool is_healthy = work->step.verdict.health == FMFTS_OK && parameters->pose.neighbours == 0.0;
+    bool is_healthy = work->step.verdict.health == FMFTS_OK && parameters->pose.neighbours == 0.0 &&
+                      !pad->hand.state;
     if (parameters->now.tells_now == 0.0) {
         return;
     }

@@ -22,6 +22,7 @@ from fmfts.pipeline.possible_memory import require_alike, require_possible
 from fmfts.pipeline.weighed import on_weighed_silicone
 from fmfts.pipeline.words import NO_BASELINE, words_of
 from fmfts.pose import TrackingModel
+from fmfts.pose.hand import Hand
 from fmfts.pose.neighbour import NeighbourView
 from fmfts.pose.sighting import Sighting, SightingMemory
 from fmfts.sensor import Frame
@@ -44,7 +45,8 @@ class PipelineMemory:
 
 
 class PadPipeline:
-    """Makes a message of each frame of one pad. model: may serve other pads of the same geometry, too.
+    """Makes a message of each frame of one pad. model: may serve other pads of the same geometry, too. hand: that the
+    pad is on, if its field depends on the hand's posture.
 
     memory_kind: the type of `memory`, by which a recording keeps it.
     """
@@ -59,10 +61,12 @@ class PadPipeline:
         rate_hz: float,
         tracking: TrackingModel,
         lead: Lead = Lead(),  # noqa: B008
+        hand: Hand | None = None,
     ) -> None:
         self.pad = pad
         self.model = self._unweighed = model
         self._boot, self._rate_hz, self._tracking, self._lead = boot, rate_hz, tracking, lead
+        self.hand = hand
         self._baselined: BaselinedPad | None = None
         self._why_none = NO_BASELINE
         self._memory = Record(_pad.MEMORY)
@@ -85,6 +89,7 @@ class PadPipeline:
             words_of(self.pad, self._boot, self.model, self._baselined, self._why_none),
             self._sighting.table.buffer,
             seen,
+            None if self.hand is None else self.hand.table.buffer,
         )
 
     @property
@@ -134,8 +139,11 @@ class PadPipeline:
 
         mounting: computed from the baseline if None. Returns the mounting in use.
         """
-        self._baselined = BaselinedPad.of(self.pad, baseline, self._tracking, mounting)
+        self._baselined = BaselinedPad.of(self.pad, baseline, self._tracking, mounting, self.hand is not None)
         self.model = on_weighed_silicone(self._unweighed, baseline)
+        if self.hand is not None:
+            model = None if baseline.posture is None else baseline.posture.model()
+            self.hand.use(model, self._baselined.to_pose())
         self._memory.fill(without_samples(first_memory(self.pad, self._baselined)))
         self._sighting.rests((self._baselined.mounting.rest,))
         self._build()
@@ -169,6 +177,8 @@ class PadPipeline:
 
     def payload(self, frame: Frame) -> bytes:
         """The same, for who asks nothing of it but to be sent."""
+        if frame.joints is not None and self.hand is not None:
+            self.hand.recall(frame.joints)
         temperature_c = np.nan if frame.temperature_c is None else frame.temperature_c
         times = frame.device_time_us, frame.host_time_ns
         payload = self._compiled.judge(*frame.packed, frame.sequence, *times, temperature_c)

@@ -31,7 +31,7 @@ from fmfts.pose.gates import (
     MOVED_MISFIT,
     SOUND,
 )
-from fmfts.pose.hidden_gradient import EVEN_T, HEALTHY, HiddenGradient
+from fmfts.pose.hidden_gradient import HEALTHY, HiddenGradient
 from fmfts.pose.neighbour import NeighbourView
 from fmfts.pose.problem import Part
 from fmfts.pose.silicone import silicone_fields
@@ -184,7 +184,7 @@ def hidden_gradient_fields(hidden: HiddenGradient) -> Values:
         "reference_t": hidden.reference.field_t,
         "reference_strength_t": length(hidden.reference.field_t),
         "iron_t": hidden.reference.iron_t,
-        "even_t": EVEN_T,
+        "even_t": hidden.even_t,
         "healthy_deviations": HEALTHY,
         "strongest_foreign_t": hidden.strongest_t,
         "ambient_errors": hidden.ambient_error.shape[-1],

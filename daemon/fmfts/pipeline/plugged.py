@@ -11,6 +11,7 @@ from fmfts.baseline import Baseline
 from fmfts.bus.messages import ContactMessage, Health
 from fmfts.contact.plugged import PluggedModel
 from fmfts.pad import Pad, Placement
+from fmfts.pose.hand import Hand
 from fmfts.pose.sighting import Sighting
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
@@ -23,6 +24,7 @@ class PluggedPipeline(Protocol):
     memory_kind: type[Any]
     missing: dict[int, str]
     messages: int
+    hand: Hand | None
 
     @property
     def model(self) -> PluggedModel: ...

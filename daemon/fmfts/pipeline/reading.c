@@ -16,6 +16,7 @@ void fmfts_begin_step(const fmfts_parameters *parameters, fmfts_memory *memory, 
     step->memory = &memory->pose;
     step->temperature_c = temperature_c;
     step->felt.count = 0;
+    step->posture = FMFTS_POSTURE_NONE;
     step->nearest.known = false;
     step->verdict.health = FMFTS_OK;
     step->verdict.has_estimate = step->verdict.stronger = false;

@@ -25,6 +25,7 @@ from fmfts.pipeline.judged_in_python import JudgedInPython
 from fmfts.pipeline.several_message import several_told
 from fmfts.pose import Aligned, repeats_allowed
 from fmfts.pose.alignment import AlignmentMemory
+from fmfts.pose.hand import Hand
 from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView
 from fmfts.pose.sighting import Sighting, SightingMemory
 from fmfts.pose.state import Neighbour
@@ -70,8 +71,9 @@ class SeveralPipeline(JudgedInPython):
         rate_hz: float,
         scene: Scene,
         magnet_per_k: float,
+        hand: Hand | None = None,
     ) -> None:
-        super().__init__(pad, model.hash, boot, rate_hz)
+        super().__init__(pad, model.hash, boot, rate_hz, hand)
         self._model = model
         self._scene, self._magnet_per_k = scene, magnet_per_k
         self._estimator: FingersEstimator | PosesEstimator | None = None
@@ -118,6 +120,8 @@ class SeveralPipeline(JudgedInPython):
                 self._estimator.memory.counter.next_id = before.memory.counter.next_id
         self._at_first = deepcopy(self._estimator.memory)
         self._sighting.rests(*rest_of(mounting))
+        if self.hand is not None:
+            self.hand.use(None if baseline.posture is None else baseline.posture.model())
         return mounting
 
     def feel(self, neighbour: Sighting, placement: Placement) -> None:

@@ -26,6 +26,7 @@ class Aligned:
     noise_share (N, 1): noise of field_t over that of one sample. bend_t (N, 3): the error that curvature may cause.
     repeats (N, 3): how many new samples in a row repeated the value before. is_old: nothing new came for too long.
     began_anew: the board's clock did. leap_us: by how much it leapt before this frame, beyond the time that passed.
+    foreign_t2 (3N, 3N): covariance of what the posture of a hand may have left in field_t; None: the pad is on no hand.
     """
 
     field_t: Array
@@ -36,6 +37,7 @@ class Aligned:
     is_old: bool = False
     began_anew: bool = False
     leap_us: int = 0
+    foreign_t2: Array | None = None
 
     def elapsed_s(self, last_us: int | None) -> float:
         """How long ago the last frame's instant was; 0 without one."""

@@ -46,11 +46,19 @@ class HiddenGradient:
     """What such a field does to one pad.
 
     pad: as mounted. ambient_error (8, 3, M): see `Leftover.ambient_error`. effect (5, 5): S, by the components of the
-    gradient.
+    gradient. even_t: deviation of the ambient field's strength where nothing foreign is.
     """
 
-    def __init__(self, pad: Pad, rest: State, reference: Reference, ambient_error: Array, effect: Array) -> None:
-        self.reference, self.ambient_error = reference, ambient_error
+    def __init__(
+        self,
+        pad: Pad,
+        rest: State,
+        reference: Reference,
+        ambient_error: Array,
+        effect: Array,
+        even_t: float = EVEN_T,
+    ) -> None:
+        self.reference, self.ambient_error, self.even_t = reference, ambient_error, even_t
         self._effect = effect
         self.unit: Array = square(GRADIENT_PER_T) * product(effect, effect.T)
         # A position that is known no better than VAGUE_M cannot be used (gate.c).
@@ -62,7 +70,7 @@ class HiddenGradient:
         strength_t = length(self.reference.field_t)
         if not isfinite(strength_t):
             return self.strongest_t
-        margin_t = HEALTHY * length(np.array([EVEN_T, self.reference.iron_t]))
+        margin_t = HEALTHY * length(np.array([self.even_t, self.reference.iron_t]))
         return min(float(np.sqrt(margin_t * (2.0 * strength_t + margin_t))), self.strongest_t)
 
     def unseen_changes(self) -> Array:
@@ -76,12 +84,27 @@ def effect_of_gradient(pad: Pad, rest: State, noise_t: Array, solved: NDArray[np
 
     pad: as mounted. noise_t (N, 3). solved: the columns that a frame estimates.
     """
+    jacobian = _jacobian(pad, rest)
+    return _effect(jacobian, jacobian[:, GRADIENT], noise_t, solved)
+
+
+def effect_of_field(pad: Pad, rest: State, noise_t: Array, solved: NDArray[np.intp]) -> Array:
+    """(5, 3N) the same of each value of the field."""
+    jacobian = _jacobian(pad, rest)
+    return _effect(jacobian, np.eye(len(jacobian)), noise_t, solved)
+
+
+def _jacobian(pad: Pad, rest: State) -> Array:
     rows = measurement_rows(np.zeros((len(pad.sensors), 3)), pad.sensors, 1.0)
-    _, jacobian = predict(rows, magnet_rows(pad.magnet), rest)
+    jacobian: Array = predict(rows, magnet_rows(pad.magnet), rest)[1]
+    return jacobian
+
+
+def _effect(jacobian: Array, fields: Array, noise_t: Array, solved: NDArray[np.intp]) -> Array:
     weight = 1.0 / noise_t.ravel()[:, None]
     seen = weight * jacobian[:, solved]
     scale = lengths(seen.T)
-    effect: Array = (least_squares(seen / scale, weight * jacobian[:, GRADIENT]) / scale[:, None])[:5]
+    effect: Array = (least_squares(seen / scale, weight * fields) / scale[:, None])[:5]
     return effect
 
 

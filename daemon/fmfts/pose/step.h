@@ -22,6 +22,21 @@ typedef struct {
     double rest_error[FMFTS_FELT][2], placement_m[FMFTS_FELT];
 } fmfts_felt;
 
+/* What the joints of the pad's hand do to its field: hand.py. Pointers into doubles that Python owns, in its order: [axes] each.
+ * state: of hand.py; NULL: the pad is on no hand that moves. rates: per second from time_ns on. Variances as of independent
+ * errors. wide: in any posture. */
+typedef struct {
+    double *state, *time_ns, *field_t, *rate_t_per_s, *variance_t2, *rate_variance, *wide_field_t, *wide_variance_t2;
+} fmfts_hand;
+
+/* What is known of the hand's posture in a frame. ANY: any of those taught, for no joints are
+ * published. OUTSIDE: none of those taught. SILENT, AHEAD: the newest joint positions
+ * are too old, or stamped by another clock. */
+typedef enum {
+    FMFTS_POSTURE_NONE, FMFTS_POSTURE_KNOWN, FMFTS_POSTURE_ANY, FMFTS_POSTURE_UNTAUGHT, FMFTS_POSTURE_NO_JOINTS, FMFTS_POSTURE_OUTSIDE, FMFTS_POSTURE_NO_REST,
+    FMFTS_POSTURE_SILENT, FMFTS_POSTURE_AHEAD
+} fmfts_posture;
+
 /* The Earth's field at the baseline, and its strength: Reference of hidden_gradient.py. */
 typedef struct {
     double field_t[3], strength_t;
@@ -103,6 +118,8 @@ typedef struct {
     fmfts_missing missing;
     fmfts_field field;
     fmfts_felt felt;
+    fmfts_posture posture;
+    double joints_later_s; /* the frame's time since the newest joint positions */
     fmfts_pose pose;
     fmfts_nearest nearest;
     fmfts_verdict verdict;
@@ -128,6 +145,12 @@ double fmfts_lasting_variance(const fmfts_pose_parameters *parameters, const fmf
 /* neighbour.c: finds the neighbours at `time_ns` (host's clock), from where they were last seen (one for each pad); adds their
  * field at rest, which the baseline has subtracted, and the variance of their places. */
 void fmfts_feel(fmfts_step *step, const fmfts_sighting *seen, double time_ns);
+
+/* posture.c: takes off the field that the hand's posture makes at `time_ns` (host's clock), and adds the variance of its errors. */
+void fmfts_take_posture(fmfts_step *step, const fmfts_hand *hand, double time_ns);
+
+/* posture.c: a frame whose posture is not known is degraded at best, and says why. */
+void fmfts_doubt_posture(fmfts_step *step);
 
 /* neighbour.c: the field [axes] without that of the neighbours at `placed`, as they were solved. */
 void fmfts_take_neighbours(const fmfts_step *step, const double placed[][FMFTS_PLACED], double field_t[FMFTS_AXES]);

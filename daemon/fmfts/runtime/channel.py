@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Mapping
 
 from fmfts.baseline import Baseline
 from fmfts.baseline.job import BaselineJob
@@ -140,6 +141,15 @@ class Channel:
                 self._anew_ns = now_ns
                 self.pipeline.start_anew()
             self.announcer.send(self.pipeline.absent("lost", f"internal error: {sentence}"))
+
+    def joints(self, position_rad: Mapping[str, float], time_ns: int) -> None:
+        """Take positions of a hand's joints, and their time on the host's clock. C may be judging frames meanwhile."""
+        if self.pipeline.hand is not None:
+            with self._contained:
+                self.pipeline.hand.take(position_rad, time_ns)
+        if self.job is not None:
+            with Contained(self.job.break_off):
+                self.job.joints(position_rad, time_ns)
 
     def source_changed(self, now_ns: int) -> None:
         """Begin anew: the source was given up after an error, or another one took its place."""

@@ -8,7 +8,7 @@ import secrets
 import signal
 import socket
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import cycle
 from pathlib import Path
@@ -17,6 +17,7 @@ from types import FrameType
 from fmfts.bus.control import ControlServer
 from fmfts.bus.door import Door
 from fmfts.bus.gate import Gate
+from fmfts.bus.joints import JointListener
 from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
 from fmfts.config import Config, ReplaySource
@@ -77,6 +78,8 @@ class Daemon:
         of_samples = sum(pad.source.publish == "sample" for pad in config.pad)
         self._publisher = Publisher(endpoints, self._boot, key, [pad.name for pad in config.pad], of_samples)
         self._control = ControlServer(endpoints.control, keys)
+        on_hands = any(pad.scene.ambient == "posture" for pad in config.pad)
+        self._joints = JointListener(endpoints.joints, keys) if on_hands else None
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="baseline")
         self._channels: dict[tuple[int, int], Channel] = {}
         self._sources: list[GuardedSource] = []
@@ -94,7 +97,7 @@ class Daemon:
             self._fast_loop.add(source, [self._channels[id(source), pad_index] for pad_index in names])
         priority = config.service.realtime_priority
         self._door = Door(
-            [*self._publisher.sockets, *self._control.sockets],
+            [*self._publisher.sockets, *self._control.sockets, *(self._joints.sockets if self._joints else ())],
             open_files.raise_limit(),
             default_priority() if priority is None else priority,
         )
@@ -105,7 +108,9 @@ class Daemon:
         self._schedule = Schedule(self._sources, self._fast_loop)
         self._verbs = Verbs(by_name, list(self._channels.values()), self._executor, self._fast_loop.end)
         self._peers = Peers(
-            self._schedule, self._fast_loop, self._publisher, self._control, self._gate, self._verbs.handle
+            *(self._schedule, self._fast_loop, self._publisher, self._control, self._gate, self._verbs.handle),
+            joints=self._joints,
+            hear=self._hear_joints,
         )
         self._notifier = Notifier()
         self._stopping = False
@@ -114,6 +119,8 @@ class Daemon:
         self._silence_order = list(self._channels.values())  # the next to be told of first
         self._wake_read, self._wake_write = socket.socketpair()
         log.info("publishing on %s, control on %s", endpoints.bus, endpoints.control)
+        if self._joints is not None:
+            log.info("joint positions are received on %s", endpoints.joints)
 
     def __enter__(self) -> Daemon:
         return self
@@ -126,6 +133,8 @@ class Daemon:
         self._door.close()
         self._peers.close()
         self._control.close()
+        if self._joints is not None:
+            self._joints.close()
         self._publisher.close()
         if self._gate is not None:
             self._gate.close()
@@ -201,6 +210,10 @@ class Daemon:
             self._pass_early(source, frames, early)
         with source.contained("its descriptor"):
             self._schedule.served(source, had_frames=bool(frames))
+
+    def _hear_joints(self, position_rad: Mapping[str, float], time_ns: int) -> None:
+        for channel in self._channels.values():
+            channel.joints(position_rad, time_ns)
 
     def _begin_anew(self, source: GuardedSource, now_ns: int) -> None:
         """Begin anew with a source's pads: it failed, or another took its place, whose recording may be new."""

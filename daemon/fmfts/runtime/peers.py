@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import select
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from fmfts.bus.control import ControlServer, Request
 from fmfts.bus.gate import Gate
+from fmfts.bus.joints import JointListener
 from fmfts.bus.publisher import Publisher
 from fmfts.runtime.fast_loop import FastLoop
 from fmfts.runtime.schedule import NEVER_NS, Schedule
@@ -36,17 +37,21 @@ class Peers:
         gate: Gate | None,
         handle: Callable[[Request], None],
         clock: Callable[[], int] = time.monotonic_ns,
+        joints: JointListener | None = None,
+        hear: Callable[[Mapping[str, float], int], None] = lambda position_rad, time_ns: None,
     ) -> None:
+        """hear: gets what `joints` received."""
         self._schedule = schedule
         self._fast_loop = fast_loop
         self._control = control
         self._publisher = publisher
         self._gate = gate
         self._handle = handle
+        self._joints, self._hear = joints, hear
         self._clock = clock
         # One descriptor for all doors, so that one call silences them while frames have the loop.
         self._doors = select.epoll()
-        for door in (control, publisher, gate):
+        for door in (control, publisher, gate, joints):
             if door is not None:
                 self._doors.register(door.fileno(), select.EPOLLIN)
         self._schedule.wake_for(self._doors.fileno())
@@ -75,6 +80,7 @@ class Peers:
         def time_is_up() -> bool:
             return self._clock() >= end_ns
 
+        more_joints = self._joints is not None and self._hear_until(self._joints, time_is_up)
         if self._publisher.has_new_subscriber(time_is_up):
             self._fast_loop.end_recorded(self._clock())
         more_keys = self._gate is not None and self._gate.answer(time_is_up)
@@ -85,7 +91,15 @@ class Peers:
                 break
         if served:
             self._schedule.review()
-        return self._control.may_have_more or self._publisher.may_have_more or more_keys
+        return self._control.may_have_more or self._publisher.may_have_more or more_keys or more_joints
+
+    def _hear_until(self, joints: JointListener, time_is_up: Callable[[], bool]) -> bool:
+        """True if there may be more: ZeroMQ signals nothing again until all is read."""
+        while (told := joints.receive()) is not None:
+            self._hear(*told)
+            if time_is_up():
+                return True
+        return False
 
     def _pause(self, begun_ns: int) -> None:
         now_ns = self._clock()

@@ -36,7 +36,9 @@ class Recorders:
     def frame(self, frame: Frame, used: bool) -> None:
         if self.config is not None and self._publisher.state_wanted(self._name):
             self._send_state(self.config)
-        self._publisher.send_frame(self._name, frame_message(frame, self._name, self._boot, time.time_ns(), used))
+        joints = None if self._pipeline.hand is None else self._pipeline.hand.joints
+        message = frame_message(frame, self._name, self._boot, time.time_ns(), used, joints)
+        self._publisher.send_frame(self._name, message)
 
     def early(self, early: EarlySample) -> bool:
         """False if they have no state yet, without which no replay can use the sample: it comes with the next frame."""

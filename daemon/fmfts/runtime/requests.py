@@ -17,6 +17,7 @@ from fmfts.baseline.request import BaselineRequest, Recorded
 from fmfts.bus.control import AbsentError, BadRequestError, NoSuchPadError, Request
 from fmfts.common.names import no_such_pad
 from fmfts.config import PadConfig
+from fmfts.pipeline.configured import posture_learner
 from fmfts.pipeline.press_of_one_newton import gained, press_of_one_newton
 from fmfts.pipeline.weighing import Weighing
 from fmfts.recording.baseline import require_device
@@ -47,6 +48,8 @@ class _Baseline(_OfPad, forbid_unknown_fields=True):
     restore: bool = False
     turn: bool = False
     refine: bool = False
+    posture: bool = False
+    no_joints: bool = False  # of posture: none are published
     undo_drift: bool = False
     stop: bool = False  # records nothing after all
     duration_s: float | None = None
@@ -135,8 +138,8 @@ class Verbs:
     def _baseline(self, request: Request) -> None:
         arguments = request.arguments_as(_Baseline)
         others = (arguments.bare, arguments.turn, arguments.refine, arguments.restore, arguments.undo_drift)
-        if arguments.rest and any(others):
-            raise BadRequestError("one of rest, bare, turn, refine, restore and undo_drift at a time")
+        if (arguments.rest and any((*others, arguments.posture))) or (arguments.posture and any(others)):
+            raise BadRequestError("one of rest, bare, turn, refine, posture, restore and undo_drift at a time")
         channel = self._named(arguments.pad)
         if arguments.stop:
             facts = _stopped(channel)
@@ -164,6 +167,7 @@ class Verbs:
             arguments.turn,
             arguments.refine,
             _origin(channel),
+            learn=posture_learner(self._configs[channel.name], arguments.no_joints) if arguments.posture else None,
         )
         self._record(request, channel, work)
 

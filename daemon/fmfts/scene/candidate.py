@@ -73,7 +73,7 @@ class Surroundings:
     @property
     def drifts(self) -> bool:
         """Does the ambient field change, so that no running model can estimate the moment?"""
-        return self.config.scene.ambient == "drifting" or self.config.scene.steel_nearby
+        return self.config.scene.ambient != "constant" or self.config.scene.steel_nearby
 
     @property
     def moment_deviation(self) -> float:

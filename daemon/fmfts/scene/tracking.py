@@ -82,7 +82,7 @@ def tracking_model_for(scene: SceneConfig, magnet: MagnetConfig, chip: Chip = DE
         initial[LOG_MOMENT] += square(per_k * HOTTER_K)
         why += f"; it drifts, which a drifting field hides: {abs(per_k) * HOTTER_K:.1%} of it count as unknown"
     unread_k = 0.0 if chip.thermometer is None else UNREAD_WARMING_K
-    turns = scene.ambient == "drifting"
+    turns = scene.ambient != "constant"
     tracking = TrackingModel(
         *(parts, initial, walk, per_k, abs(per_k) * COEFFICIENT_SHARE, unread_k, turns),
         chip.offset_t_per_k,

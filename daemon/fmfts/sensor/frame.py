@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.sensor.chips import DEFAULT_CHIP, Chip
+from fmfts.sensor.joints import Joints
 
 AGE_UNKNOWN_US = 65535
 READING_BYTES = 8
@@ -32,6 +33,7 @@ class Frame:
     chip: what made the counts, all of them alike.
     may_search: the pipeline of a pad with several magnets may search fingers anew, which takes long. A recording keeps
     it, so that a replay does the same (runtime/search_turns.py).
+    joints: of a recorded frame, those of the pad's hand that were known; None: what the pipeline was told holds.
     """
 
     pad_index: int
@@ -47,6 +49,7 @@ class Frame:
     run: int = 0
     chip: Chip = DEFAULT_CHIP
     may_search: bool = True
+    joints: Joints | None = None
 
     def without_search(self) -> Frame:
         """The same frame, which may not search."""
@@ -130,6 +133,7 @@ class WireFrame(Frame):
         _put_run(self, run)
         _put_chip(self, chip)
         _put_may_search(self, may_search)
+        _put_joints(self, None)  # no wire tells them
         _put_packed(self, packed)
 
     @property
@@ -189,6 +193,7 @@ _put_temperature_c = Frame.__dict__["temperature_c"].__set__
 _put_run = Frame.__dict__["run"].__set__
 _put_chip = Frame.__dict__["chip"].__set__
 _put_may_search = Frame.__dict__["may_search"].__set__
+_put_joints = Frame.__dict__["joints"].__set__
 _put_packed = WireFrame.__dict__["_packed"].__set__
 
 

@@ -58,11 +58,12 @@ class SinceRest:
         memory.last_c = memory.last_c if temperature_c is None else temperature_c
         warmer_k = 0.0 if first_c is None or memory.last_c is None else memory.last_c - first_c
         self.moment = 1.0 + self._magnet_per_k * warmer_k
-        own, foreign_t2 = mounting.magnet_field(np.where(there, aligned.field_t, 0.0)), None
+        own, foreign_t2 = mounting.magnet_field(np.where(there, aligned.field_t, 0.0)), aligned.foreign_t2
         self.around_t = memory.ambient_t
         if neighbours:
-            foreign_t, foreign_t2 = change_of(mounting.sensors, neighbours)
+            foreign_t, of_neighbours_t2 = change_of(mounting.sensors, neighbours)
             own = own - foreign_t
+            foreign_t2 = of_neighbours_t2 if foreign_t2 is None else foreign_t2 + of_neighbours_t2
             # Chips that are turned read the neighbours' field wrong, too; over the pad it is about even.
             self.around_t = memory.ambient_t + mounting.sensors.to_pad(foreign_t).mean(axis=0)
         own = own / self.moment

@@ -52,7 +52,7 @@ class SkinEstimator(RestedPad):
         if used.sum() < self._fewest:
             only = f"only {int(used.sum())} values are left, and a contact needs {self._fewest}"
             return self._none("lost", "; ".join([only, *told]), used)
-        memory, known = self.memory, self._of(used)
+        memory, known = self.memory, self._in_posture(self._of(used), used)
         change_ut = self._change_ut(field_t)[used.ravel()]
         white = solve_lower(known.root_at_rest, change_ut)
         untouched = float(product(white, white))
@@ -99,6 +99,15 @@ class SkinEstimator(RestedPad):
         first, last = np.array([axis.first for axis in axes]), np.array([axis.last for axis in axes])
         outside = (contact <= first + near) | (contact >= last - near)
         return bool(contact[-1] > last[-1] or outside[:-1].any())
+
+    def _in_posture(self, known: _Values, used: Mask) -> _Values:
+        """With the errors of this frame's posture, if the pad is part of a hand that moves."""
+        if self._foreign_t2 is None:
+            return known
+        values = np.flatnonzero(used.ravel())
+        also = MICROTESLA * MICROTESLA * self._foreign_t2[np.ix_(values, values)]
+        finder = known.finder.beside(also)
+        return _Values(finder, cholesky(finder.covariance_at(np.zeros(1))[0]))
 
     def _of(self, used: Mask) -> _Values:
         """Each set of values is prepared once: a sensor that fails comes back as a set that is known."""

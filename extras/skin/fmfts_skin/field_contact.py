@@ -7,6 +7,7 @@ the moment of all magnets may have changed since the pad's rest was known is con
 
 from __future__ import annotations
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -53,10 +54,8 @@ class ContactFinder:
         self.response = response
         share = response.moment_share if moment_share is None else moment_share
         common = share * response.reference_ut
-        self._covariance = response.covariance + common[:, None] * common[None, :]
-        if also_ut2 is not None:
-            self._covariance = self._covariance + also_ut2
-        self._log = np.array([log_determinant(one) for one in self._covariance])
+        covariance = response.covariance + common[:, None] * common[None, :]
+        self._expect(covariance if also_ut2 is None else covariance + also_ut2)
         self._cell = np.array([axis.spacing for axis in response.axes])
         load = response.axes[-1]
         self._least = np.array([axis.first for axis in response.axes])
@@ -64,7 +63,18 @@ class ContactFinder:
         self._least[-1] -= BELOW_REST * (load.last - load.first)
         self._most[-1] += BEYOND * (load.last - load.first)
         self._grid = self._contacts()
-        self._levels = self._of_level()
+        self._grid_change = self.response.felt(self._grid).change
+
+    def beside(self, also_ut2: Array) -> ContactFinder:
+        """A finder of the same table that allows for more errors, of covariance (P, P)."""
+        other = copy(self)
+        other._expect(self._covariance + also_ut2)
+        return other
+
+    def _expect(self, covariance: Array) -> None:
+        self._covariance = covariance
+        self._log = np.array([log_determinant(one) for one in covariance])
+        self._levels: list[tuple[Array, NDArray[np.intp], Array]] | None = None
 
     def _contacts(self) -> Array:
         """(G, D): the grid."""
@@ -80,7 +90,7 @@ class ContactFinder:
         whitened (P, g)."""
         lower, share = self.response.of_level(self._grid[:, -1])
         nearest = lower + (share > 0.5)
-        change = self.response.felt(self._grid).change
+        change = self._grid_change
         out = []
         for level, covariance in enumerate(self._covariance):
             members = np.flatnonzero(nearest == level)
@@ -127,6 +137,8 @@ class ContactFinder:
         """(K, D): for each frame the most likely contact of the grid."""
         cost = np.empty((len(change_ut), len(self._grid)))
         log = self._log_at(self._grid[:, -1])
+        if self._levels is None:
+            self._levels = self._of_level()
         for root, members, template in self._levels:
             white = solve_lower(root, change_ut.T)
             size, own = (template * template).sum(axis=0), (white * white).sum(axis=0)

@@ -53,6 +53,15 @@ class ForceEstimator(RestedPad):
         change: Array = (self._as_at_rest(field_t.ravel()[self._values]) - self._rest_t) / self._scale_t
         return change
 
+    @property
+    def _errors(self) -> Array:
+        """(V, V) covariance of the change of one frame."""
+        errors: Array = self._covariance
+        if self._foreign_t2 is None:
+            return errors
+        values = self._foreign_t2[np.ix_(self._values, self._values)]
+        return errors + values / (self._scale_t * self._scale_t)
+
     def _judged(self, field_t: Array, used: Mask, told: list[str]) -> SkinReading:
         memory, change = self.memory, np.where(used.ravel()[self._values], self._change(field_t), np.nan)
         known = np.isfinite(change)
@@ -62,7 +71,7 @@ class ForceEstimator(RestedPad):
             return self._none("lost", "; ".join([only, *told]), used)
         found = self.model.forces.find(change[None])
         slope = polynomial.slope(np.where(known, change, 0.0))
-        by_frame = product(slope.T, self._covariance, slope)
+        by_frame = product(slope.T, self._errors, slope)
         white = solve_lower(cholesky(by_frame + LEAST_NORMAL_N2 * np.eye(DIRECTIONS)), found.force[0])
         memory.touching = float(product(white, white)) > self._needed_chi2
         health, reason = health_of(bool(known.all()), told)

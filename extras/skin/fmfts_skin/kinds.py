@@ -27,12 +27,12 @@ class FieldResponses:
         return SkinModel.load(path, sensors)
 
     def pipeline(self, config: PadConfig, model: SkinModel | SkinForceModel, boot: str) -> SkinPipeline:
-        from fmfts.pipeline.configured import several_scene_of
+        from fmfts.pipeline.configured import hand_of, several_scene_of
         from fmfts_skin.pipeline import SkinPipeline
 
         per_k = config.magnet.temperature_coefficient_per_k
         rate_hz, ambient_t = float(config.source.rate_hz), several_scene_of(config).ambient_t
-        return SkinPipeline(config.pad(), model, boot, rate_hz, ambient_t, per_k)
+        return SkinPipeline(config.pad(), model, boot, rate_hz, ambient_t, per_k, hand_of(config))
 
 
 class ForceModels(FieldResponses):

@@ -20,6 +20,7 @@ from fmfts.pad import Pad, Placement
 from fmfts.pipeline.judged_in_python import JudgedInPython
 from fmfts.pose import repeats_allowed
 from fmfts.pose.alignment import AlignmentMemory
+from fmfts.pose.hand import Hand
 from fmfts.pose.sighting import Sighting
 from fmfts.sensor import Frame
 from fmfts.sensor.missing import missing_sensors
@@ -59,8 +60,9 @@ class SkinPipeline(JudgedInPython):
         rate_hz: float,
         ambient_t: float,
         magnet_per_k: float,
+        hand: Hand | None = None,
     ) -> None:
-        super().__init__(pad, model.hash, boot, rate_hz)
+        super().__init__(pad, model.hash, boot, rate_hz, hand)
         self.model, self._ambient_t, self._magnet_per_k = model, ambient_t, magnet_per_k
         self._estimator: RestedPad | None = None
         self._at_first: SkinMemory | None = None  # the estimator's memory before any frame
@@ -91,6 +93,8 @@ class SkinPipeline(JudgedInPython):
         else:
             self._estimator = SkinEstimator(*rested, self.model.response)
         self._at_first = deepcopy(self._estimator.memory)
+        if self.hand is not None:
+            self.hand.use(None if baseline.posture is None else baseline.posture.model())
         return mounting
 
     def feel(self, neighbour: Sighting, placement: Placement) -> None:

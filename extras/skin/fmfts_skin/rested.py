@@ -83,6 +83,7 @@ class RestedPad(ABC):
     magnet_per_k: float
     memory: SkinMemory = field(init=False)
     _onset_chi2: float = field(init=False)
+    _foreign_t2: Array | None = field(init=False, default=None)  # of this frame: see Aligned
     untold: ClassVar[str]  # why there is no contact where too little is left
 
     def watch(self, unknowns: int, places: int = 1) -> None:
@@ -99,6 +100,7 @@ class RestedPad(ABC):
         self.memory.see(aligned, temperature_c, self.rate_hz)
         used = np.isfinite(aligned.field_t) & (aligned.repeats <= self.repeats_allowed)
         told = [f"sensor {sensor + 1} is {why}" for sensor, why in missing.items()]
+        self._foreign_t2 = aligned.foreign_t2
         try:
             return self._judged(aligned.field_t, used, told)
         except SingularError:

@@ -105,7 +105,7 @@ def _trained_on_poses(kind: str, size: tuple[int, ...], config: PadConfig) -> Ba
     pad, random = config.pad(), np.random.default_rng(SEED)
     model = ContactModel.load(config.contact.model, pad, refine=True)
     assert model.refiner is not None
-    solver = FrameSolver(pad, rest_field_of(pad), config.scene.ambient, NOISE_T)
+    solver = FrameSolver(pad, rest_field_of(pad), config.scene.solved, NOISE_T)
     press = presses_within(model.refiner.response, TRAINED_ON, random)
     samples = Samples.expected(model.refiner.response, solver, press).noisy(1, random)
     regressor = regressor_of(kind, size)

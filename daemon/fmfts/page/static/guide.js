@@ -20,6 +20,8 @@ const STEPS = [
   { key: "weigh", title: "Put a known weight on it", ask: "weigh", hands: "Lay the pad level. Put 50 to 150 g on a coin, a ball or a small cylinder in its middle, nothing of iron. Let go, and wait ten seconds.",
     numbers: [{ key: "weight_n", words: "weight, g", value: 100, most: 1000, unit: STANDARD_GRAVITY_M_PER_S2 * 1e-3 }, { key: "width_m", words: "width of what touches the pad, mm", value: 10, most: 15, unit: 1e-3 }],
     icon: [["M9 31h30v6H9z"], ["M19 25h10v6H19z"], ["M17 11h14v14H17z", 1], ["M21 18h6", 1]] },
+  { key: "posture", title: "Move the fingers", ask: "baseline", rest: { kind: "posture" }, hands: "Only for a pad with ambient = \"posture\", while joint positions are published: move the untouched hand through all its postures for a minute.",
+    icon: [["M14 38v-10l6-8M20 20l4-10", 1], ["M26 38v-12l6-6M32 20l2-9"], ["M10 38h24"]] },
 ];
 
 // What a person gets from a step: fact, words, factor, unit. The last two are what `turn` and `refine` measure.

@@ -87,4 +87,4 @@ def _magnet(options: argparse.Namespace, noise_t: float) -> KnownMagnet | None:
     if pad.other_magnets or not pad.are_magnets_known:
         return None
     pad = configured_pad(options)
-    return KnownMagnet(pad.pad(), pad.scene.ambient, noise_t, options.baseline)
+    return KnownMagnet(pad.pad(), pad.scene.solved, noise_t, options.baseline)

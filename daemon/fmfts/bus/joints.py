@@ -1,0 +1,91 @@
+"""Receives the joint positions that a robot's program publishes, between frames."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Mapping
+
+import msgspec
+import zmq
+
+from fmfts.bus.gate import key_of
+from fmfts.bus.keys import KeyFolder, why_refused
+from fmfts.bus.messages import JointsMessage
+from fmfts.bus.server import BoundSocket
+from fmfts.common import possible
+
+TOPIC = b"joints"
+LARGEST_RECEIVED = 16_384
+MOST_JOINTS, LONGEST_NAME = 64, 100
+MOST_WAITING = 100  # messages of one peer; a daemon that was busy does without the older ones
+TOLD_AGAIN_S = 60.0
+log = logging.getLogger(__name__)
+_decoder = msgspec.msgpack.Decoder(JointsMessage)
+Told = tuple[Mapping[str, float], int]  # positions in rad, and their time on the host's clock
+
+
+class JointListener:
+    """Serves `endpoint`; `keys` encrypt tcp. refused: how many messages were of no use. BusError where the endpoint
+    cannot be bound."""
+
+    def __init__(self, endpoint: str, keys: KeyFolder | None = None) -> None:
+        key = None if keys is None else keys.server()
+        self._socket = BoundSocket(zmq.SUB, endpoint, 1, LARGEST_RECEIVED, key, MOST_WAITING)
+        self._socket.zmq.setsockopt(zmq.SUBSCRIBE, TOPIC)
+        self._keys = None if self._socket.path is not None else keys
+        self.refused = 0
+        self._told_s = -TOLD_AGAIN_S
+
+    @property
+    def sockets(self) -> tuple[BoundSocket, ...]:
+        return (self._socket,)
+
+    def fileno(self) -> int:
+        """Descriptor to wait for. ZeroMQ signals edges only: call `receive` until it is None."""
+        return int(self._socket.zmq.getsockopt(zmq.FD))
+
+    def receive(self) -> Told | None:
+        """The next positions; None if no message is waiting."""
+        while self._socket.readable():
+            parts = self._socket.zmq.recv_multipart(zmq.NOBLOCK, copy=False)
+            try:
+                self._require_trust(parts[-1])
+                return _told([part.bytes for part in parts])
+            except (msgspec.DecodeError, ValueError) as error:
+                self._refuse(str(error))
+        return None
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def _require_trust(self, part: zmq.Frame) -> None:
+        if self._keys is not None and (why := why_refused(self._keys, "joints", True, key_of(part))):
+            raise ValueError(why)
+        if not self._socket.trusted:
+            raise ValueError("joint positions over tcp are refused without keys: use ipc://…, or set [bus] keys")
+
+    def _refuse(self, why: str) -> None:
+        self.refused += 1
+        if time.monotonic() - self._told_s >= TOLD_AGAIN_S:
+            self._told_s = time.monotonic()
+            log.warning("%d message(s) with joint positions were left out; the last: %s", self.refused, why[:300])
+
+
+def _told(parts: list[bytes]) -> Told:
+    """ValueError or msgspec.DecodeError: it is no message of joints."""
+    if len(parts) != 2:
+        raise ValueError(f"{len(parts)} parts, not a topic and a map (docs/messages.md)")
+    message = _decoder.decode(parts[1])
+    if len(message.names) != len(message.position_rad) or not 0 < len(message.names) <= MOST_JOINTS:
+        raise ValueError(
+            f"{len(message.names)} names and {len(message.position_rad)} positions: as many of each, 1 to {MOST_JOINTS}"
+        )
+    if max(map(len, message.names)) > LONGEST_NAME:
+        raise ValueError(f"a joint's name has more than {LONGEST_NAME} letters")
+    possible.JOINT_RAD.require(message.position_rad)
+    now_ns = time.monotonic_ns()
+    time_ns = now_ns if message.t_ns is None else message.t_ns
+    if not 0 <= time_ns < 1 << 62:
+        raise ValueError(f"t_ns is {time_ns}: it is the time of this computer's CLOCK_MONOTONIC")
+    return dict(zip(message.names, message.position_rad, strict=True)), time_ns

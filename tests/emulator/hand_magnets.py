@@ -1,0 +1,57 @@
+"""A hand that moves past a pad: magnets of motors and of another finger, as point dipoles on two joints.
+
+The dipole's field is Jackson's (Classical Electrodynamics, 5.56); the finger is two rigid links in one plane. Nothing
+of this is the daemon's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+MU0_OVER_4PI = 1e-7
+NAMES = ("knuckle", "middle", "still")
+
+
+@dataclass(frozen=True)
+class HandMagnets:
+    """Magnets that two joints move. Where a Source keeps its neighbours, `field` is asked.
+
+    moment_am2: of the finger's magnet; the motor's is half. period_s: of the knuckle; the other joint's is longer.
+    stiff: the joints stand at the start.
+    """
+
+    moment_am2: float = 0.02
+    period_s: float = 4.0
+    base_m: tuple[float, float, float] = (0.045, 0.005, -0.01)
+    links_m: tuple[float, float] = (0.035, 0.025)
+    since_s: float = 0.0
+
+    def joints_rad(self, time_s: float) -> dict[str, float]:
+        moved = max(time_s - self.since_s, 0.0)
+        knuckle = 1.2 + 0.45 * (1.0 - np.cos(2.0 * np.pi * moved / self.period_s))
+        middle = 0.2 + 0.35 * (1.0 - np.cos(2.0 * np.pi * moved / (1.7 * self.period_s)))
+        return dict(zip(NAMES, (float(knuckle), float(middle), 0.7), strict=True))
+
+    def dipoles(self, time_s: float) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Place in m and moment in A·m² of each magnet, in the pad's axes."""
+        joints = self.joints_rad(time_s)
+        first, second = joints["knuckle"], joints["knuckle"] + joints["middle"]
+        along = np.array([np.cos(first), 0.0, np.sin(first)])
+        tip = np.array([np.cos(second), 0.0, np.sin(second)])
+        knuckle = np.array(self.base_m) + self.links_m[0] * along
+        across = np.array([-np.sin(second), 0.0, np.cos(second)])
+        motor = 0.5 * self.moment_am2 * np.array([along[2], 0.3, -along[0]])
+        return [(knuckle, motor), (knuckle + self.links_m[1] * tip, self.moment_am2 * across)]
+
+    def field(self, position_m: np.ndarray, sampled_s: np.ndarray, warming_k: float = 0.0) -> np.ndarray:
+        """(N, 3) T at places (N, 3), each at its own time (N,)."""
+        out = np.zeros(position_m.shape)
+        for sensor, (place_m, time_s) in enumerate(zip(position_m, sampled_s, strict=True)):
+            for magnet_m, moment in self.dipoles(float(time_s)):
+                away = place_m - magnet_m
+                distance = np.linalg.norm(away)
+                unit = away / distance
+                out[sensor] += MU0_OVER_4PI * (3.0 * unit * (unit @ moment) - moment) / distance**3
+        return out
