@@ -306,3 +306,25 @@ def test_wrong_parameter_ends_the_node_with_a_sentence(place: Path, tmp_path: Pa
     with node(place, f"ipc://{tmp_path}", tmp_path, "unknown_shear:=none") as ros:
         assert ros.process.wait(PATIENCE_S) == 1
     assert "unknown_shear: 'none': one of nan, zero" in (tmp_path / "node.log").read_text()
+
+
+HAND = '[[pad]]\nname = "left"\n[pad.source]\ntype = "simulated"\nfinger = "none"\n[pad.scene]\nambient = "posture"\n'
+
+
+def test_joint_states_teach_a_posture(place: Path, tmp_path: Path) -> None:
+    with RunningDaemon(tmp_path, HAND) as daemon, node(place, daemon.base, tmp_path, "joint_states:=/joint_states"):
+        untaught = daemon.command("baseline", "--posture", "--duration-s", "3", "--config", daemon.config)
+        assert untaught.returncode != 0
+        assert "no joint positions arrived" in untaught.stderr
+        with RosProcess(place, HERE / "joint_states.py", log=tmp_path / "hand.log"):
+            daemon.wait_for(lambda contact: contact.health == "degraded")
+            until = time.monotonic() + PATIENCE_S
+            taught = untaught
+            while taught.returncode != 0 and time.monotonic() < until:
+                words = ("--posture", "--duration-s", "6", "--config", daemon.config, "--json")
+                taught = daemon.command("baseline", *words)
+            assert taught.returncode == 0, taught.stderr
+            assert json.loads(taught.stdout)["posture_joints"] == ["knuckle", "middle"]
+            daemon.wait_for(lambda contact: contact.health == "ok")
+        silent = daemon.wait_for(lambda contact: "stopped arriving" in contact.reason)
+        assert silent.health == "degraded"

@@ -15,6 +15,7 @@ from fmfts_client import (
     Contact,
     ControlError,
     EndpointError,
+    JointPublisher,
     Message,
     MessageError,
     SchemaError,
@@ -26,6 +27,7 @@ from fmfts_client.silence import why_silent
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
@@ -56,7 +58,12 @@ class FmftsNode(Node):
         if shear not in SHEAR:
             raise ValueError(f"unknown_shear: {shear!r}: one of {', '.join(SHEAR)}")
         self._unknown_shear = SHEAR[shear]
+        joints = self.declare_parameter("joint_states", "").value
         self._subscription = Subscription(("contact", "status"), None, self._endpoint)
+        self._joints = JointPublisher(self._endpoint) if joints else None
+        if joints:
+            alone = MutuallyExclusiveCallbackGroup()
+            self.create_subscription(JointState, joints, self._pass_joints, 10, callback_group=alone)
         self._names = RosNames()
         self._pads: dict[str, RosPad] = {}
         self._boots: frozenset[str] = frozenset()
@@ -78,7 +85,21 @@ class FmftsNode(Node):
         self._stopping.set()
         self._receiver.join()
         self._subscription.close()
+        if self._joints is not None:
+            self._joints.close()
         super().destroy_node()
+
+    def _pass_joints(self, state: JointState) -> None:
+        """Pass a hand's joint positions on to the daemon, with the stamp on its clock."""
+        known = {name: value for name, value in zip(state.name, state.position, strict=False) if math.isfinite(value)}
+        if self._joints is None or not known:
+            return
+        now_ns, stamp_ns = (
+            self.get_clock().now().nanoseconds,
+            state.header.stamp.sec * 10**9 + state.header.stamp.nanosec,
+        )
+        age_ns = now_ns - stamp_ns if stamp_ns else 0
+        self._joints.publish(known, time.monotonic_ns() - age_ns)
 
     def _receive(self) -> None:
         judged_s = diagnosed_s = 0.0
