@@ -14,6 +14,7 @@ from fmfts.calibrate.evaluation import printed
 from fmfts.config import GeometryConfig
 from fmfts.pad import Array
 from fmfts_lab.real.sold_sensor import SESSIONS, written_session
+from fmfts_lab.real.untouched_hand import HandRows, judged, line_of
 from fmfts_lab.real.waved_boards import BOARDS, file_of, turned
 from fmfts_skin.calibrate.force_fit import Presses
 from fmfts_skin.calibrate.force_judge import make_route
@@ -72,7 +73,7 @@ def waved_boards(folder: Path) -> Shown:
 
 
 def moving_hand(folder: Path) -> Shown:
-    """How uneven the field of four skins becomes while a hand moves and touches nothing."""
+    """How uneven the field of four skins becomes while a hand moves and touches nothing, and what they report."""
     shown = Shown("A hand that moves and touches nothing", "row", "uneven change, µT rms")
     rotations = GeometryConfig(board="anyskin5").sensor_rotations_deg
     turn = np.exp(1j * np.radians([z for *_, z in rotations]))
@@ -92,6 +93,8 @@ def moving_hand(folder: Path) -> Shown:
             step = max(len(rms) // 100, 1)
             for skin in range(4):
                 shown.curves[f"skin {skin + 1}"] = np.arange(0.0, len(rms), step), rms[::step, skin]
+    recordings = [HandRows.of(path) for path in sorted(folder.glob("leaphand_nocontact_*.txt"))]
+    shown.lines += [f"{rows}, {scene}: {line_of(each)}" for scene, rows, each in judged(recordings)]
     return shown
 
 
