@@ -30,6 +30,7 @@ from fmfts_lab.bench import (
     now,
     overload,
     resident,
+    second_weight,
     several,
     silicone,
     speed,
@@ -63,7 +64,7 @@ def main() -> None:
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
         "alternating | neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | "
         "overload | frame | resident | now | several | eflesh | real | learned | structure | weigh | "
-        "few-presses",
+        "few-presses | second-weight",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -266,6 +267,9 @@ def main() -> None:
     verb.add_argument("--against", action="store_true", help="labelled by a weighed pad that presses against it")
     verb.add_argument("--refine", action="store_true", help="after baseline --refine, too")
     verb.set_defaults(run=few_presses.run)
+    verb = verbs.add_parser("second-weight", help="whether a second weight, aside, tells how thick a pad is")
+    verb.add_argument("--pads", type=int, default=6, help="how many pads are built, for each thickness")
+    verb.set_defaults(run=second_weight.run)
     options = parser.parse_args()
     options.run(options)
 
