@@ -45,8 +45,8 @@ def deck(slab: Slab, mesh: SlabMesh, press: Press) -> str:
         *(f"{i}, {x:.9g}, {y:.9g}, {z:.9g}" for i, (x, y, z) in enumerate(points, 1)),
         *_elements("SILICONE", cells, ~mesh.magnet_cells),
         *_elements("MAGNET", cells, mesh.magnet_cells),
-        *_set("FIXED", np.flatnonzero(fixed)),
-        *_set("INCLUSION", np.unique(mesh.cells[mesh.magnet_cells])),
+        *point_set("FIXED", np.flatnonzero(fixed)),
+        *point_set("INCLUSION", np.unique(mesh.cells[mesh.magnet_cells])),
         *("*MATERIAL, NAME=PDMS", "*HYPERELASTIC, MOONEY-RIVLIN", energy),
         *("*MATERIAL, NAME=STIFF", "*ELASTIC", f"{magnet_mpa:.9g}, 0.3"),
         *("*SOLID SECTION, ELSET=SILICONE, MATERIAL=PDMS", "*SOLID SECTION, ELSET=MAGNET, MATERIAL=STIFF"),
@@ -91,7 +91,7 @@ def _elements(name: str, cells: np.ndarray, chosen: np.ndarray) -> Iterator[str]
         yield from (", ".join(numbers[:11]) + ",", ", ".join(numbers[11:]))
 
 
-def _set(name: str, points: Iterable[int]) -> Iterator[str]:
+def point_set(name: str, points: Iterable[int]) -> Iterator[str]:
     yield f"*NSET, NSET={name}"
     yield from (f"{i + 1}," for i in points)
 

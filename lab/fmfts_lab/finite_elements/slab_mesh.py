@@ -41,7 +41,13 @@ class SlabMesh:
         }
         line = _divided(sorted({-half_width, -span, span, half_width} | edges), MM * element_m)
         height = _divided([0.0, bottom, top, MM * slab.thickness_m], MM * element_m)
+        return cls.on_lines(slab, element_m, line, height)
 
+    @classmethod
+    def on_lines(cls, slab: Slab, element_m: float, line: Array, height: Array) -> SlabMesh:
+        """Grid lines in mm, which hold the magnet's faces and the rim's edge. element_m: for the message only."""
+        radius, span = MM * slab.magnet_diameter_m / 2.0, MM * (slab.width_m / 2.0 - slab.rim_m)
+        bottom, top = (MM * (slab.magnet_height_m + sign * slab.magnet_length_m / 2.0) for sign in (-1, 1))
         points_asked = len(line) ** 2 * len(height)
         if points_asked > MOST_POINTS:
             raise ValueError(
