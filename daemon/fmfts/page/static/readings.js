@@ -2,6 +2,7 @@
 
 import { atMost, fingersText, forceText, known, placeText, posesOf, shown, touchOf, withDeviation } from "./numbers.js";
 import { sensorStates } from "./pads.js";
+import { slipWords } from "./shear.js";
 
 const element = (id) => document.getElementById(id);
 const DEGREES = 180 / Math.PI;
@@ -30,7 +31,7 @@ function placeWords(contact) {
   if (fingersText(contact)) return fingersText(contact);
   if (!placeText(contact)) return "place not known";
   const shear = known(contact.shear_x_n) ? `; shear ${shown(contact.shear_x_n, 2)}, ${shown(contact.shear_y_n, 2)} N` : "";
-  return `x ${withDeviation(contact.x_m, contact.x_sd_m, "mm", 1, 1e3)}, y ${withDeviation(contact.y_m, contact.y_sd_m, "mm", 1, 1e3)}${shear}`;
+  return `x ${withDeviation(contact.x_m, contact.x_sd_m, "mm", 1, 1e3)}, y ${withDeviation(contact.y_m, contact.y_sd_m, "mm", 1, 1e3)}${shear}${slipWords(contact)}`;
 }
 
 function showBar(pad, contact, touch) {

@@ -3,14 +3,14 @@
 import { atMost, forceText, known, posesOf, touchesOf, touchOf, shown } from "./numbers.js";
 import { begin, colour, disc, faded, font, forceRadius, halfSide, hatch, label } from "./paint.js";
 import { sensorStates } from "./pads.js";
+import { drawShear } from "./shear.js";
 import { freeSpot, widestLabel } from "./spots.js";
 
 const SENSOR_M = 0.0026, UNSEEN = ["stale", "disconnected", "no_baseline", "lost", "disturbed"];
 
 export function drawTop(canvas, pad, contact) {
   const [ctx, width, height] = begin(canvas);
-  const half = halfSide(pad.shape);
-  const scale = Math.min(width / 2 - 34, height / 2 - 20) / half; // room for the numbers
+  const half = halfSide(pad.shape), scale = Math.min(width / 2 - 34, height / 2 - 20) / half; // room for the numbers
   if (scale <= 0) return; // of a canvas without room a browser refuses what is drawn
   ctx.translate(width / 2, height / 2);
   drawAxes(ctx, half, scale);
@@ -188,6 +188,7 @@ function drawContact(ctx, pad, contact, scale, half, full) {
   } else if (touches.length) {
     for (const each of touches) drawTouch(ctx, each, scale, half, full);
     if (full) nameTouches(ctx, pad, contact, touches, scale, half);
+    if (full && touches.length === 1) drawShear(ctx, contact, contact.x_m * scale, -contact.y_m * scale, scale);
   } else label(ctx, "touched", 0, full ? half - 16 : 0, { px: full ? 15 : 10, weight: 700, fill: colour.contact });
 }
 
