@@ -170,7 +170,7 @@ static bool is_text(const struct item *item, const char *text)
 
 /* ---- the schema: docs/messages.md ---- */
 
-enum kind { INTEGER, NUMBER, FLAG, TOUCH, HEALTH, SENTENCE, WORD, VECTOR, POSE, NOW, FINGERS, POSES };
+enum kind { INTEGER, NUMBER, FLAG, TOUCH, HEALTH, SENTENCE, WORD, VECTOR, POSE, NOW, SLIP, FINGERS, POSES };
 
 enum { ALWAYS = -1 }; /* instead of the offset of `known`: the value must not be null */
 
@@ -236,6 +236,19 @@ static const struct field now_fields[] = {
     NULLABLE(NUMBER, fmfts_now, shear_y_rate_sd_n_per_s),
 };
 
+static const struct field slip_fields[] = {
+    NULLABLE(FLAG, fmfts_slip, slipping),
+    NULLABLE(NUMBER, fmfts_slip, sticking_probability),
+    NULLABLE(NUMBER, fmfts_slip, speed_m_per_s),
+    NULLABLE(NUMBER, fmfts_slip, speed_sd_m_per_s),
+    NULLABLE(NUMBER, fmfts_slip, direction_rad),
+    NULLABLE(NUMBER, fmfts_slip, direction_sd_rad),
+    NULLABLE(NUMBER, fmfts_slip, friction),
+    NULLABLE(NUMBER, fmfts_slip, friction_sd),
+    NULLABLE(NUMBER, fmfts_slip, margin_n),
+    NULLABLE(NUMBER, fmfts_slip, margin_sd_n),
+};
+
 /* In the order in which the daemon sends them: then finding a key takes one comparison. */
 static const struct field contact_fields[] = {
     FIELD(WORD, fmfts_contact, pad),
@@ -265,6 +278,7 @@ static const struct field contact_fields[] = {
     {"contacts", FINGERS, offsetof(struct fmfts_contact, contacts.known), offsetof(struct fmfts_contact, contacts), true},
     {"more", FLAG, offsetof(struct fmfts_contact, more.known), offsetof(struct fmfts_contact, more.value), true},
     {"now", NOW, offsetof(struct fmfts_contact, now.known), offsetof(struct fmfts_contact, now), true},
+    {"slip", SLIP, offsetof(struct fmfts_contact, slip.known), offsetof(struct fmfts_contact, slip), true},
     {"pose", POSE, offsetof(struct fmfts_contact, pose.known), offsetof(struct fmfts_contact, pose), false},
     {"poses", POSES, offsetof(struct fmfts_contact, poses.known), offsetof(struct fmfts_contact, poses), true},
     FIELD(INTEGER, fmfts_contact, sensors_ok),
@@ -276,6 +290,7 @@ enum {
     POSE_COUNT = sizeof pose_fields / sizeof *pose_fields,
     FINGER_COUNT = sizeof finger_fields / sizeof *finger_fields,
     NOW_COUNT = sizeof now_fields / sizeof *now_fields,
+    SLIP_COUNT = sizeof slip_fields / sizeof *slip_fields,
     CONTACT_COUNT = sizeof contact_fields / sizeof *contact_fields
 };
 
@@ -371,6 +386,10 @@ static void set_unknown(enum kind kind, char *value)
         set_all_unknown(pose_fields, POSE_COUNT, value);
     if (kind == NOW)
         set_all_unknown(now_fields, NOW_COUNT, value);
+    if (kind == SLIP) {
+        memset(value, 0, sizeof(struct fmfts_slip));
+        set_all_unknown(slip_fields, SLIP_COUNT, value);
+    }
     if (kind == FINGERS) {
         struct fmfts_fingers *fingers = (void *)value;
         memset(fingers, 0, sizeof *fingers);
@@ -473,6 +492,8 @@ static bool read_value(struct reader *reader, const struct item *item, enum kind
         return read_pose(reader, item, value, why);
     case NOW:
         return read_now(reader, item, value, why);
+    case SLIP:
+        return read_map(reader, item, slip_fields, SLIP_COUNT, value, why);
     case FINGERS:
         return read_fingers(reader, item, value, why);
     case POSES:
@@ -485,7 +506,7 @@ static bool read_field(struct reader *reader, const struct field *field, char *i
 {
     static const char *const wanted[] = {
         "an integer of 64 bits", "a finite number",       "true or false", "true, false or null", "text", "text",
-        "text of 64 bytes",      "three finite numbers", "a map", "a map", "a list of maps", "a list of maps"};
+        "text of 64 bytes",      "three finite numbers", "a map", "a map", "a map", "a list of maps", "a list of maps"};
     struct item item;
     if (!read_item(reader, &item))
         return fail(why, "cut off, or no msgpack, at %s", field->name);
@@ -581,6 +602,7 @@ enum fmfts_result fmfts_decode(const void *body, size_t size, struct fmfts_conta
     struct fmfts_contact read;
     memset(&read, 0, sizeof read);
     set_unknown(NOW, (char *)&read.now);
+    set_unknown(SLIP, (char *)&read.slip);
     set_unknown(FINGERS, (char *)&read.contacts);
     set_unknown(POSES, (char *)&read.poses);
     if (!read_map(&reader, &map, contact_fields, CONTACT_COUNT, &read, why))

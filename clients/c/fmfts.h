@@ -114,6 +114,18 @@ struct fmfts_now {
     struct fmfts_number shear_y_n, shear_y_sd_n, shear_y_rate_n_per_s, shear_y_rate_sd_n_per_s;
 };
 
+/* Whether the finger slips over the silicone. Use it only if `known` is true. Speed and direction mean something while it slips;
+ * friction, and margin_n, the tangential force that is left until it slips, are known after the first slip of a touch. */
+struct fmfts_slip {
+    bool known; /* the pad's configuration asks for it */
+    struct fmfts_flag slipping; /* not known without a touch, and where that is too light */
+    struct fmfts_number sticking_probability;
+    struct fmfts_number speed_m_per_s, speed_sd_m_per_s;
+    struct fmfts_number direction_rad, direction_sd_rad; /* of the finger over the silicone, from the pad's x toward y */
+    struct fmfts_number friction, friction_sd;
+    struct fmfts_number margin_n, margin_sd_n;
+};
+
 struct fmfts_contact {
     char pad[FMFTS_WORD_SIZE];
     char boot[FMFTS_WORD_SIZE]; /* changes when the daemon restarts; then `seq` begins again */
@@ -142,6 +154,7 @@ struct fmfts_contact {
     char model[FMFTS_WORD_SIZE];
     struct fmfts_word baseline;
     struct fmfts_now now; /* not known from a daemon that does not send it */
+    struct fmfts_slip slip;
     /* The client fills this in: by how much this machine's CLOCK_MONOTONIC is ahead of the daemon's. 0 over ipc (same
      * machine); over tcp learned from arrivals, and not known until messages have come for FMFTS_ALIVE_MS. */
     struct fmfts_number clock_ahead_s;

@@ -60,6 +60,9 @@ static void require_whole(const struct fmfts_contact *contact)
     for (size_t i = 0; i < 20; i++)
         require_number(&of_now[i]);
     require(now->known == now->force_n.known, "now is known with its force, or not at all");
+    const struct fmfts_number *of_slip = &contact->slip.sticking_probability;
+    for (size_t i = 0; i < 9; i++)
+        require_number(&of_slip[i]);
     require_pose(&contact->pose);
     require_fingers(&contact->contacts);
     const struct fmfts_poses *poses = &contact->poses;

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 from hypothesis import strategies as st
 
-from fmfts.bus.messages import ContactMessage, FingerMessage, NowMessage, PoseMessage
+from fmfts.bus.messages import ContactMessage, FingerMessage, NowMessage, PoseMessage, SlipMessage
 
 # The daemon's encoder adds them all up to see that they are finite.
 LARGEST = 1e300
@@ -47,6 +47,7 @@ contacts = built(
     reason=reasons,
     pose=poses | st.none(),
     now=nows | st.none(),
+    slip=unset | built(SlipMessage),
     contacts=unset | st.none() | st.lists(built(FingerMessage), max_size=6),
     more=unset | st.booleans(),
     poses=unset | st.none() | st.lists(poses, max_size=2),

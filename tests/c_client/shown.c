@@ -141,6 +141,27 @@ static void show_now(const char *name, const struct fmfts_now *now)
     printf("\"t_ns\": %" PRId64 "}, ", now->t_ns);
 }
 
+static void show_slip(const char *name, const struct fmfts_slip *slip)
+{
+    if (!slip->known) {
+        if (!isnan(slip->speed_m_per_s.value) || slip->friction.known || slip->slipping.known)
+            abort();
+        printf("\"%s\": null, ", name);
+        return;
+    }
+    printf("\"%s\": {", name);
+    optional("sticking_probability", &slip->sticking_probability);
+    optional("speed_m_per_s", &slip->speed_m_per_s);
+    optional("speed_sd_m_per_s", &slip->speed_sd_m_per_s);
+    optional("direction_rad", &slip->direction_rad);
+    optional("direction_sd_rad", &slip->direction_sd_rad);
+    optional("friction", &slip->friction);
+    optional("friction_sd", &slip->friction_sd);
+    optional("margin_n", &slip->margin_n);
+    optional("margin_sd_n", &slip->margin_sd_n);
+    printf("\"slipping\": %s}, ", !slip->slipping.known ? "null" : slip->slipping.value ? "true" : "false");
+}
+
 void show_contact(const struct fmfts_contact *contact)
 {
     static const char *const touches[] = {"null", "false", "true"};
@@ -171,6 +192,7 @@ void show_contact(const struct fmfts_contact *contact)
     show_fingers(&contact->contacts);
     printf("\"more\": %s, ", !contact->more.known ? "null" : contact->more.value ? "true" : "false");
     show_now("now", &contact->now);
+    show_slip("slip", &contact->slip);
     printf("\"pose\": ");
     show_pose(&contact->pose);
     printf(", ");

@@ -25,7 +25,7 @@ from unit.bus_messages import contact_message, finger_message, fingers_message, 
 LONGEST_REASON = 255
 HEALTHS = get_args(Health)
 
-OF_SEVERAL = ("contacts", "more", "poses")  # only of pads with several magnets
+OF_SEVERAL = ("contacts", "more", "poses", "slip")  # only of pads with several magnets, or that were asked for it
 MAX_FINGERS, MAX_MAGNETS = 4, 9
 FIELDS = sorted(field.name for field in msgspec.structs.fields(ContactMessage))
 FINGER_FIELDS = sorted(field.name for field in msgspec.structs.fields(FingerMessage))

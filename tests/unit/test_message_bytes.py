@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from fmfts.bus.encoding import decode_contact, encode
-from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, NowMessage, PoseMessage
+from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, NowMessage, PoseMessage, SlipMessage
 from fmfts_client.fields import SCHEMA_VERSION
 from needed import missing
 
@@ -26,11 +26,15 @@ NUMBERS = {
     "temperature_c": 1, "place": 5, "deviation": 5, "force_n": 1, "force_sd_n": 1, "force_min_n": 1,
     "displacement_m": 1, "displacement_sd_m": 1, "position_m": 3, "position_sd_m": 3, "axis": 3, "axis_sd_rad": 1,
     "remanence_t": 1, "remanence_sd_t": 1, "ambient_t": 3, "ambient_sd_t": 3, "residual_t": 1, "chi2": 1, "value": 5,
-    "now_deviation": 5, "rate": 5, "rate_deviation": 5,
+    "now_deviation": 5, "rate": 5, "rate_deviation": 5, "sticking_probability": 1, "speed_m_per_s": 1,
+    "speed_sd_m_per_s": 1, "direction_rad": 1, "direction_sd_rad": 1, "friction": 1, "friction_sd": 1, "margin_n": 1,
+    "margin_sd_n": 1,
 }  # fmt: skip
 POSE = PoseMessage.__struct_fields__
 # What a reading tells: the flags of write_message.c after `contact`.
 TOLD = ("over_range", "force", "place", "force_min", "displacement", "pose", "outputs", "now", "now_places")
+TOLD += ("slip", "slip_known", "slipping", "friction")
+SLIP = SlipMessage.__struct_fields__[1:]
 EDGES = [0, 23, 31, 32, 127, 128, 255, 256, 65535, 65536, 2**31, 2**32 - 1, 2**32, 2**53, 2**63 - 1]
 
 Words = tuple[str, str, str, str, str | None]
@@ -106,6 +110,9 @@ def expected(
             if told["now_places"] or name == "force":
                 now |= {form: column[index] for form, column in zip(forms, columns, strict=True)}
         fields["now"] = NowMessage(**(now | {"t_ns": now_ns}))
+    if told["slip"]:
+        known = {name: numbers[name] if told["friction"] or SLIP.index(name) < 5 else None for name in SLIP}
+        fields["slip"] = SlipMessage(slipping=bool(told["slipping"]), **known) if told["slip_known"] else SlipMessage()
     if told["pose"]:
         pose = {name: tuple(value) if NUMBERS[name] > 1 else value for name in POSE for value in [numbers[name]]}
         if np.isnan(numbers["ambient_t"][0]):

@@ -34,11 +34,20 @@ static void fill(fmfts_reading *r, const double *number)
     number = take(r->now.contact.value, number, OUTPUTS);
     number = take(r->now.contact.deviation, number, OUTPUTS);
     number = take(r->now.contact.rate, number, OUTPUTS);
-    take(r->now.contact.rate_deviation, number, OUTPUTS);
+    number = take(r->now.contact.rate_deviation, number, OUTPUTS);
+    number = take(&r->slip.sticking, number, 1);
+    number = take(&r->slip.speed_m_per_s, number, 1);
+    number = take(&r->slip.speed_sd_m_per_s, number, 1);
+    number = take(&r->slip.direction_rad, number, 1);
+    number = take(&r->slip.direction_sd_rad, number, 1);
+    number = take(&r->slip.friction, number, 1);
+    number = take(&r->slip.friction_sd, number, 1);
+    number = take(&r->slip.margin_n, number, 1);
+    take(&r->slip.margin_sd_n, number, 1);
 }
 
 /* flags: health, contact, over_range, tells_force, tells_place, tells_force_min, tells_displacement, tells_pose, outputs, now.known,
- * now.places. integers: version, number, the four times, sensors_ok. words: pad, boot, reason, model, baseline or NULL. */
+ * now.places, tells_slip, slip.known, slip.slipping, slip.knows_friction. integers: version, number, the four times, sensors_ok. words: pad, boot, reason, model, baseline or NULL. */
 size_t write_message(const double *numbers, const int *flags, const int64_t *integers, const char *const *words,
                      uint8_t *message, int *is_finite)
 {
@@ -53,6 +62,8 @@ size_t write_message(const double *numbers, const int *flags, const int64_t *int
         .tells_pose = flags[7],
         .estimate.outputs = flags[8],
         .now = {.known = flags[9], .places = flags[10], .contact.outputs = flags[8]},
+        .tells_slip = flags[11],
+        .slip = {.known = flags[12], .slipping = flags[13], .knows_friction = flags[14]},
         .sensors_ok = (unsigned)integers[6],
     };
     const fmfts_words told = {

@@ -8,6 +8,7 @@ from fmfts_client.fields import SCHEMA_VERSION, MessageError, SchemaError
 from fmfts_client.joints import JointPublisher
 from fmfts_client.keys import KEY_VARIABLE, BadKeyError
 from fmfts_client.now import Now
+from fmfts_client.slip import Slip
 from fmfts_client.subscription import Message, Subscription
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "Pose",
     "RefusedError",
     "SchemaError",
+    "Slip",
     "Status",
     "Subscription",
     "UnreachableError",

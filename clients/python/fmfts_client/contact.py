@@ -9,6 +9,7 @@ from typing import Any, Optional
 
 from fmfts_client.fields import MAY_BE_MISSING, NOT_SENT, check_version, parse
 from fmfts_client.now import Now
+from fmfts_client.slip import Slip
 
 Vector = tuple[float, float, float]
 # Most tasks stop at a force of a newton or more: half of one is the least that a controller can decide with.
@@ -83,6 +84,8 @@ class Contact:
     baseline: Optional[str]
     # The contact when this was published; None where it is not known, and from a daemon that does not send it.
     now: Optional[Now] = field(default=None, metadata=MAY_BE_MISSING)
+    # Whether the finger slips; None of a pad whose configuration does not ask for it.
+    slip: Optional[Slip] = field(default=None, metadata=MAY_BE_MISSING)
     # Each finger of a pad with several magnets; (): no contact; None: cannot tell, or a pad with one magnet. Place,
     # force and shear above are the resultant of all fingers.
     contacts: Optional[tuple[Finger, ...]] = field(default=None, metadata=MAY_BE_MISSING)

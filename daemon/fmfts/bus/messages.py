@@ -12,7 +12,7 @@ import msgspec
 from fmfts_client.fields import SCHEMA_VERSION
 
 Health = Literal["ok", "degraded", "disturbed", "lost", "stale", "disconnected", "no_baseline"]
-EventKind = Literal["onset", "release", "over_range", "health", "baseline"]
+EventKind = Literal["onset", "release", "over_range", "health", "baseline", "slip", "stick"]
 Vector = tuple[float, float, float]
 
 
@@ -100,11 +100,27 @@ class JointsMessage(msgspec.Struct, frozen=True, kw_only=True):
     position_rad: list[float]
 
 
+class SlipMessage(msgspec.Struct, frozen=True, kw_only=True):
+    """Whether the finger slips over the silicone, in a ContactMessage. Never null, so that a recording keeps it."""
+
+    slipping: bool | None = None
+    sticking_probability: float | None = None
+    speed_m_per_s: float | None = None
+    speed_sd_m_per_s: float | None = None
+    direction_rad: float | None = None
+    direction_sd_rad: float | None = None
+    friction: float | None = None
+    friction_sd: float | None = None
+    margin_n: float | None = None
+    margin_sd_n: float | None = None
+
+
 class ContactMessage(_Message, frozen=True, kw_only=True):
     """`contact/<pad>`: one per frame, and at least ten a second while the source is silent.
 
     Of a pad with several magnets place, force and shear are the resultant of its `contacts`, and `pose` is null. A pad
     with one magnet leaves `contacts`, `more` and `poses` out, so that its messages are as short as ever, and the same.
+    So does one that was not asked for `slip`.
     """
 
     seq: int
@@ -132,11 +148,17 @@ class ContactMessage(_Message, frozen=True, kw_only=True):
     contacts: list[FingerMessage] | msgspec.UnsetType | None = msgspec.UNSET
     more: bool | msgspec.UnsetType = msgspec.UNSET
     now: NowMessage | None = None
+    slip: SlipMessage | msgspec.UnsetType = msgspec.UNSET
     pose: PoseMessage | None
     poses: list[PoseMessage] | msgspec.UnsetType | None = msgspec.UNSET
     sensors_ok: int
     model: str
     baseline: str | None
+
+    @property
+    def slipping(self) -> bool:
+        """Whether it tells of a finger that slips."""
+        return isinstance(self.slip, SlipMessage) and self.slip.slipping is True
 
     @property
     def ambient_t(self) -> Vector | None:
@@ -253,4 +275,6 @@ AnyMessage = ContactMessage | EventMessage | StatusMessage | FrameMessage | Earl
 def without_estimate(message: ContactMessage, **changes: Any) -> ContactMessage:
     """`message` without what was estimated, and with `changes`. It keeps the keys of its kind of pad."""
     nothing: dict[str, Any] = dict(NO_ESTIMATE if message.contacts is msgspec.UNSET else NO_ESTIMATE_OF_SEVERAL)
+    if message.slip is not msgspec.UNSET:
+        nothing["slip"] = SlipMessage()
     return msgspec.structs.replace(message, **(nothing | changes))

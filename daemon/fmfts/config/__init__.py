@@ -189,12 +189,17 @@ class PlacementConfig(_Section, frozen=True):
         return Placement(np.array(self.position_mm, dtype=float) * 1e-3, rotation, self.tolerance_mm * 1e-3)
 
 
+Friction = Annotated[float, Meta(ge=0, le=2)]
+
+
 class ContactConfig(_Section, frozen=True):
     model: str = "default"
     refine: bool = False
-    friction: Annotated[float, Meta(ge=0, le=2)] = 0.3
+    friction: Friction = 0.3
     finger_mm: tuple[FingerSize, FingerSize] = (FINGER_M[0] * 1e3, FINGER_M[1] * 1e3)
     smoothing_ms: Annotated[float, Meta(ge=0, le=1000)] = 0.0
+    slip: bool = False
+    slip_friction: tuple[Friction, Friction] = (0.2, 1.2)
 
 
 class RebaselineConfig(_Section, frozen=True):

@@ -90,6 +90,7 @@ def _of_pads(config: Config) -> Iterator[Problem]:
             _posture,
             several_problems,
             _kind_of_model,
+            _slip,
         )
         for check in checks:
             for keys, text in check(pad):
@@ -216,6 +217,17 @@ def _model(pad: PadConfig) -> Iterator[Problem]:
             ("contact", "model"),
             f'neither "default" nor "shear" nor "none" nor a file: there is no {pad.contact.model}',
         )
+
+
+def _slip(pad: PadConfig) -> Iterator[Problem]:
+    if pad.contact.slip and (pad.contact.model in (NO_MODEL, "default") or pad.other_magnets or pad.model_kind):
+        yield (
+            ("contact", "slip"),
+            'needs a model that tells shear, which other models take for a finger that moves: set model = "shear", or '
+            "a model of `calibrate --shear`",
+        )
+    if not 0.0 < pad.contact.slip_friction[0] < pad.contact.slip_friction[1]:
+        yield ("contact", "slip_friction"), "the smallest friction must be above 0 and below the largest"
 
 
 def _kind_of_model(pad: PadConfig) -> Iterator[Problem]:

@@ -47,6 +47,11 @@ SHEAR_UNKNOWN = (
     "shearing finger does to it is not known, and its deviations do not count it: calibrate with --sheared, or use a "
     "finger that cannot shear and set friction = 0"
 )
+# For a person who asks a model for slip that has three outputs, or no response.
+SLIP_UNKNOWN = (
+    "slip = true needs a model that tells shear: one of three outputs takes the shear of a finger that sticks for a "
+    'finger that moves. Set model = "shear" in [pad.contact], or calibrate with --shear'
+)
 CENTRED = np.zeros(2)
 CALIBRATED = StructureTolerance()
 # Places along each side of the pad at which the detection limit is computed.
@@ -62,10 +67,12 @@ class ContactModel:
     exert widens the deviations of a model of three outputs. smoothing_s: time constant of the `Smoother` of each pad.
     tolerance: of the pad's structure, which widens them, too.
     response: of the pad that the model was trained for, None if the file holds none.
+    slip_friction: smallest and largest friction of a finger that may slip; None: nobody asked for slip.
     """
 
     response: Response | None = None
     tolerance = StructureTolerance()
+    slip_friction: tuple[float, float] | None = None
 
     def __init__(
         self,
@@ -152,6 +159,11 @@ class ContactModel:
         return self._packed
 
     @property
+    def tells_slip(self) -> bool:
+        """Whether it can tell a finger that slips from one that shears the silicone."""
+        return self.has_shear and self.response is not None
+
+    @property
     def shear_is_unknown(self) -> bool:
         """Whether the finger may shear, and nothing tells what that does to this model's answers."""
         return self.friction > 0.0 and not self.has_shear and self.facts.friction_error is None
@@ -178,11 +190,16 @@ class ContactModel:
         friction: float = 0.0,
         smoothing_s: float = 0.0,
         tolerance: StructureTolerance = CALIBRATED,
+        slip_friction: tuple[float, float] | None = None,
     ) -> ContactModel:
         """Load and verify a model for `pad`. path: or a name in contact/shipped.py. ModelError says what is wrong."""
         file = path_of(path)
         try:
-            return cls._load(file, pad, refine, friction, smoothing_s).with_tolerance(tolerance)
+            loaded = cls._load(file, pad, refine, friction, smoothing_s)
+            if slip_friction is not None and not loaded.tells_slip:
+                raise ValueError(SLIP_UNKNOWN)
+            loaded.slip_friction = slip_friction
+            return loaded.with_tolerance(tolerance)
         except ValueError as error:
             raise ModelError(f"contact model {file}: {error}; {REMEDY}") from error
         except (ModelError, MemoryError):
@@ -234,7 +251,7 @@ class ContactModel:
         response = None if self.response is None else silicone.response_of(self.response, stiffness)
         refiner = Refiner(response) if self.refiner is not None and response is not None else None
         weighed = type(self)(inference, facts, self.hash, refiner, self.friction, self.smoothing_s)
-        weighed.response = response
+        weighed.response, weighed.slip_friction = response, self.slip_friction
         return weighed.with_tolerance(self.tolerance.weighed(deviation))
 
     def reads(self, force_n: float, width_m: float) -> float:

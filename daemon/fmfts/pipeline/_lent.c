@@ -50,7 +50,8 @@ static fmfts_handled tally(fmfts_pad_object *self, const fmfts_sample *sample, c
     if (self->times.sampled != before_ns) {
         lent->latency_s[lent->latencies++] = (double)(self->times.published - self->times.sampled) * 1e-9;
     }
-    if (now->health != before->health || now->contact != before->contact || now->over_range != before->over_range) {
+    if (now->health != before->health || now->contact != before->contact || now->over_range != before->over_range ||
+        now->slipping != before->slipping) {
         PyObject *message = PyBytes_FromStringAndSize((const char *)self->message, (Py_ssize_t)self->message_bytes);
         if (!message) {
             return FMFTS_FAILED;

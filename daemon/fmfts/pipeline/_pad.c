@@ -49,7 +49,7 @@ static bool write_message(fmfts_pad_object *self, int64_t time_us, int64_t host_
         .utc = fmfts_now_ns(CLOCK_REALTIME),
         .now = now->known ? host_ns + (int64_t)((now->time_us - (double)time_us) * 1000.0) : 0,
     };
-    self->gist = (fmfts_gist){reading->health, reading->contact, reading->over_range};
+    self->gist = (fmfts_gist){reading->health, reading->contact, reading->over_range, fmfts_is_slipping(reading)};
     self->message_bytes =
         fmfts_write_message(&self->pad.words, reading, self->memory->message.number, &self->times, self->message);
     if (self->message_bytes == 0) {
@@ -174,7 +174,9 @@ static PyObject *absent(PyObject *object, PyObject *args)
     }
     fmfts_forget_touch(&self->memory->contact); /* whoever touched may be gone */
     fmfts_forget_motion(&self->memory->motion);
+    fmfts_forget_slip(&self->memory->slip);
     memset(&self->reading, 0, sizeof self->reading);
+    self->reading.tells_slip = self->pad.parameters->slip.tells_slip != 0.0;
     self->reading.health = health_of(health);
     self->reading.temperature_c = NAN;
     fmfts_say(&self->reading.reason, "%s", reason);
@@ -211,8 +213,8 @@ static PyObject *last(PyObject *object, void *unused)
         return Py_NewRef(Py_None);
     }
     PyObject *contact = gist->contact == FMFTS_NOT_KNOWN ? Py_None : gist->contact == FMFTS_IN_CONTACT ? Py_True : Py_False;
-    return Py_BuildValue("(sOOLL)", fmfts_health_name(gist->health), contact, gist->over_range ? Py_True : Py_False,
-                         (long long)self->times.sampled, (long long)self->times.published);
+    return Py_BuildValue("(sOOOLL)", fmfts_health_name(gist->health), contact, gist->over_range ? Py_True : Py_False,
+                         gist->slipping ? Py_True : Py_False, (long long)self->times.sampled, (long long)self->times.published);
 }
 
 static PyMethodDef methods[] = {

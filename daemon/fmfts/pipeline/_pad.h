@@ -40,7 +40,7 @@ typedef struct {
 typedef struct {
     fmfts_health health;
     fmfts_contact contact;
-    bool over_range;
+    bool over_range, slipping;
 } fmfts_gist;
 
 /* reading, gist, times, message: of the last message. */

@@ -19,7 +19,7 @@ STATE: int  # numbers of a state, and of a step
 STEP: int
 
 # health, contact, over_range, t_sample_ns, t_publish_ns of a message.
-Gist = tuple[Health, bool | None, bool, int, int]
+Gist = tuple[Health, bool | None, bool, bool, int, int]
 # See encoded.py.
 Passed = tuple[int, int, int, int, int, int, int, bytes, tuple[bytes, ...], list[float]]
 

@@ -54,6 +54,7 @@ def load_contact_model(config: PadConfig, path: str | None = None) -> ContactMod
         friction=contact.friction,
         smoothing_s=contact.smoothing_ms * 1e-3,
         tolerance=config.structure_tolerance(path),
+        slip_friction=contact.slip_friction if contact.slip else None,
     )
 
 

@@ -18,6 +18,7 @@ class EncodedMessage(msgspec.Struct, frozen=True, gc=False):
     health: Health
     contact: bool | None
     over_range: bool
+    slipping: bool
     t_sample_ns: int
     t_publish_ns: int
 
@@ -44,7 +45,7 @@ class Passed(NamedTuple):
 
     first_sequence, sequence: of the first frame and the last; without any, of the one before. arrival_ns: of the last
     frame. frame_us, frame_ns: the last frame's time on the board's clock, and on the host's. t_sample_ns, payload: of
-    the last message. changes: the messages whose health, contact or over_range differs from the one before.
+    the last message. changes: the messages whose health, contact, over_range or slipping differs from the one before.
     latencies_s: sample → publish, of each frame with a new sample.
     """
 

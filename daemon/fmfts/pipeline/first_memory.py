@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmfts.arithmetic.elementary import square
-from fmfts.common.record import Numbers
+from fmfts.common.record import Numbers, Values
 from fmfts.pad import Pad
 from fmfts.pipeline._pad import MEMORY
 from fmfts.pipeline.baselined_pad import BaselinedPad
@@ -16,6 +16,12 @@ KEPT = ("number", "sampled_ns")  # of the last message: numbers go on
 OF_SAMPLES = (
     *("field_t", "time_us", "repeats", "without_news", "newest_us", "leapt_us"),
     *("frame_us", "frame_ns", "sequence", "stood_ns", "stood_sequence"),
+)
+
+# Recordings that were made before there was slip do not have these: nothing slipped.
+OF_SLIP = (
+    *("slip_frames", "slip_state", "slip_covariance", "slip_score", "slipping"),
+    *("slip_since_s", "slip_speed", "slip_spread", "learnt_friction", "learnt_weight"),
 )
 
 # What is not 0, and is the same of every pad.
@@ -48,6 +54,11 @@ def first_memory(pad: Pad, baselined: BaselinedPad | None) -> dict[str, Numbers]
         "covariance": covariance,
         "unread_variance": unread_variance,
     }
+
+
+def with_slip(fields: Values) -> Values:
+    """The same, if a version that knew of no slip wrote it."""
+    return {name: np.zeros(count or ()) for name, _, count in MEMORY if name in OF_SLIP} | fields
 
 
 def without_samples(memory: dict[str, Numbers]) -> dict[str, Numbers]:

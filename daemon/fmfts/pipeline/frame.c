@@ -30,6 +30,7 @@ bool fmfts_judge(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *
             }
             fmfts_doubt_contact(pad, &work);                 /* something pulls, or the field jumped; contact/touch.c: is it certain */
         }
+        fmfts_find_slip(pad, &work, reading);                /* slip.c; contact/slip.c, friction.c: only where asked for */
         fmfts_find_now(pad, frame, &work, reading);          /* now.c: the contact when the message is published */
     }
     fmfts_read(pad, &work, reading);                         /* reading.c: what the message tells of all this */

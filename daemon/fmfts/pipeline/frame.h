@@ -3,6 +3,7 @@
 #define FMFTS_FRAME_H
 
 #include "../contact/now.h"
+#include "../contact/slip.h"
 #include "../pose/motion.h"
 
 /* What a message needs of a pad. */
@@ -27,12 +28,14 @@ FMFTS_STRUCT(fmfts_message_memory, FMFTS_MESSAGE_MEMORY)
     FMFTS_CONTACT_PARAMETERS(ONE, MANY)                                                                                \
     FMFTS_MOTION_PARAMETERS(ONE, MANY)                                                                                 \
     FMFTS_NOW_PARAMETERS(ONE, MANY)                                                                                    \
+    FMFTS_SLIP_PARAMETERS(ONE, MANY)                                                                                   \
     FMFTS_MESSAGE_PARAMETERS(ONE, MANY)
 typedef struct {
     fmfts_pose_parameters pose;
     fmfts_contact_parameters contact;
     fmfts_motion_parameters motion;
     fmfts_now_parameters now;
+    fmfts_slip_parameters slip;
     fmfts_message_parameters message;
 } fmfts_parameters;
 
@@ -42,12 +45,14 @@ typedef struct {
     FMFTS_CONTACT_MEMORY(ONE, MANY)                                                                                    \
     FMFTS_MOTION_MEMORY(ONE, MANY)                                                                                     \
     FMFTS_NOW_MEMORY(ONE, MANY)                                                                                        \
+    FMFTS_SLIP_MEMORY(ONE, MANY)                                                                                       \
     FMFTS_MESSAGE_MEMORY(ONE, MANY)
 typedef struct {
     fmfts_pose_memory pose;
     fmfts_contact_memory contact;
     fmfts_motion_memory motion;
     fmfts_now_memory now;
+    fmfts_slip_memory slip;
     fmfts_message_memory message;
 } fmfts_memory;
 
@@ -105,6 +110,8 @@ typedef struct {
     double ambient_t[3], ambient_sd_t[3]; /* NaN: not measured */
     double residual_t, chi2;
     fmfts_now now;
+    bool tells_slip; /* whether the pad was asked for it, so that its message has the key */
+    fmfts_slip slip;
     fmfts_judged judged;
 } fmfts_reading;
 
@@ -129,6 +136,9 @@ enum { FMFTS_MESSAGE_ROOM = FMFTS_TEXT_ROOM + 4096 };
  * ContactMessage. Returns the size; 0 if there is no room, which only long words can cause. */
 size_t fmfts_write_message(const fmfts_words *words, const fmfts_reading *reading, int64_t number, const fmfts_times *times,
                            uint8_t message[FMFTS_MESSAGE_ROOM]);
+
+/* slip.c: whether the message tells of a finger that slips. */
+bool fmfts_is_slipping(const fmfts_reading *reading);
 
 /* message.c: as a message names it. */
 const char *fmfts_health_name(fmfts_health health);

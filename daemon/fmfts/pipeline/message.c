@@ -5,7 +5,7 @@
 
 #include "frame.h"
 
-enum { MESSAGE_FIELDS = 30, NOW_FIELDS = 21, POSE_FIELDS = 10, FORCE = 2 };
+enum { MESSAGE_FIELDS = 30, NOW_FIELDS = 21, SLIP_FIELDS = 10, POSE_FIELDS = 10, FORCE = 2 };
 
 /* msgpack's first byte of each type that a message has. */
 enum {
@@ -169,6 +169,29 @@ static void put_now(fmfts_packer *p, const fmfts_now *now, int64_t t_ns)
     }
 }
 
+/* The map is there only where the pad was asked for it, and then always. */
+static void put_slip(fmfts_packer *p, const fmfts_reading *r)
+{
+    const fmfts_slip *slip = &r->slip;
+    if (!r->tells_slip) {
+        return;
+    }
+    put_name(p, "slip");
+    bool known = slip->known, knows = known && slip->knows_friction;
+    put_typed(p, FIXED_MAP | SLIP_FIELDS, 0, 0);
+    put_name(p, "slipping");
+    put_typed(p, !known ? NIL : slip->slipping ? TRUE : FALSE, 0, 0);
+    put_number(p, "sticking_probability", known ? &slip->sticking : NULL);
+    put_number(p, "speed_m_per_s", known ? &slip->speed_m_per_s : NULL);
+    put_number(p, "speed_sd_m_per_s", known ? &slip->speed_sd_m_per_s : NULL);
+    put_number(p, "direction_rad", known ? &slip->direction_rad : NULL);
+    put_number(p, "direction_sd_rad", known ? &slip->direction_sd_rad : NULL);
+    put_number(p, "friction", knows ? &slip->friction : NULL);
+    put_number(p, "friction_sd", knows ? &slip->friction_sd : NULL);
+    put_number(p, "margin_n", knows ? &slip->margin_n : NULL);
+    put_number(p, "margin_sd_n", knows ? &slip->margin_sd_n : NULL);
+}
+
 static void put_pose(fmfts_packer *p, const fmfts_reading *r)
 {
     put_name(p, "pose");
@@ -198,6 +221,7 @@ static void put_reading(fmfts_packer *p, const fmfts_reading *r, int64_t now_ns)
     put_text(p, r->reason.text, r->reason.size);
     put_contact(p, r);
     put_now(p, &r->now, now_ns);
+    put_slip(p, r);
     put_pose(p, r);
     put_integer(p, "sensors_ok", r->sensors_ok);
 }
@@ -206,7 +230,7 @@ size_t fmfts_write_message(const fmfts_words *words, const fmfts_reading *readin
                            uint8_t message[FMFTS_MESSAGE_ROOM])
 {
     fmfts_packer packer = {.bytes = message, .room = FMFTS_MESSAGE_ROOM, .fits = true}, *p = &packer;
-    put_typed(p, MAP16, MESSAGE_FIELDS, 2);
+    put_typed(p, MAP16, MESSAGE_FIELDS + (reading->tells_slip ? 1 : 0), 2);
     put_integer(p, "v", words->version);
     put_words(p, "pad", words->pad);
     put_words(p, "boot", words->boot);

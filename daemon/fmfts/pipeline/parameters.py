@@ -56,6 +56,7 @@ def parameters_of(
     parameters.put("period_us", 1e6 / rate_hz)
     parameters.fill(_chip(drawing.chip))
     parameters.put("repeats_allowed", np.full(3 * len(drawing.sensors), np.inf))
+    parameters.fill(_slip(model))
     if baselined is None:
         return parameters
     parameters.put("has_baseline", 1.0)
@@ -209,6 +210,12 @@ def _touch(baselined: BaselinedPad, touch: TouchDetector) -> Values:
 
 def _contact(baselined: BaselinedPad, model: ContactModel) -> Values:
     return model.for_c | {"has_model": 1.0, "magnet_off_m": baselined.magnet_off_m}
+
+
+def _slip(model: ContactModel | NoContactModel) -> Values:
+    """tells_slip: 0 where the pad was not asked for slip."""
+    friction = model.slip_friction if isinstance(model, ContactModel) else None
+    return {"tells_slip": friction is not None, "slip_friction": friction or (0.0, 0.0)}
 
 
 def _message(mounting: Mounting, remanence_t: float) -> Values:

@@ -28,7 +28,8 @@ void fmfts_begin(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *
 {
     fmfts_begin_step(pad->parameters, memory, frame->temperature_c, work);
     work->step.missing.words = &pad->words.chip;
-    reading->now.known = reading->judged.known = false;
+    reading->now.known = reading->judged.known = reading->slip.known = false;
+    reading->tells_slip = pad->parameters->slip.tells_slip != 0.0;
 }
 
 /* When the instant was on the host's clock. Of a memory that a recording claims, it may be any time. */

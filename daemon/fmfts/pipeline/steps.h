@@ -57,6 +57,9 @@ void fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work);
 double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate,
                         const fmfts_contact_memory *touch);
 
+/* slip.c: whether the finger slips, if the pad was asked for it. */
+void fmfts_find_slip(const fmfts_pad *pad, fmfts_frame_work *work, fmfts_reading *reading);
+
 /* now.c: what holds when the message is published; it is known of healthy frames without neighbours or a
  * hand that moves only. */
 void fmfts_find_now(const fmfts_pad *pad, const fmfts_frame *frame, fmfts_frame_work *work, fmfts_reading *reading);

@@ -86,8 +86,13 @@ def _nullable(kind: type[msgspec.Struct]) -> tuple[str, ...]:
 
 @cache
 def _may_be_left_out(kind: type[msgspec.Struct]) -> tuple[str, ...]:
-    """The keys that only messages of one sort have: all of them, of which at least one is never null, or none."""
-    return tuple(each.encode_name for each in msgspec.structs.fields(kind) if each.default is msgspec.UNSET)
+    """The keys that only messages of one sort have: all of them, of which at least one is never null, or none.
+
+    A map that is never null (`slip`) is a sort of its own: it is there, or it is not.
+    """
+    alone = set(_structs_in(kind)) - set(_nullable(kind))
+    fields = msgspec.structs.fields(kind)
+    return tuple(each.encode_name for each in fields if each.default is msgspec.UNSET and each.encode_name not in alone)
 
 
 @cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 
-from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health
+from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health, SlipMessage
 from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.pipeline.encoded import Answer, EncodedMessage, message_of
 from fmfts.runtime.sparing_log import SparingLog
@@ -85,8 +85,17 @@ class Announcer:
             self.event("health", text)
         if message.contact is not None:
             self._follow_contact(message)
+        if message.slipping != (before is not None and before.slipping):
+            self._tell_slip(message)
         if message.over_range and not (before is not None and before.over_range):
             self.event("over_range", f"at least {message.force_min_n or 0.0:.2f} N")
+
+    def _tell_slip(self, message: ContactMessage) -> None:
+        slip = message.slip
+        if isinstance(slip, SlipMessage) and slip.slipping:
+            self.event("slip", f"{(slip.speed_m_per_s or 0.0) * 1e3:.0f} mm/s, friction {slip.friction or 0.0:.2f}")
+        else:
+            self.event("stick", "" if message.contact else "the touch ended")
 
     def _follow_contact(self, message: ContactMessage) -> None:
         """Publish onset and release. Called only if `contact` is known; an unknown contact changes nothing."""
@@ -98,8 +107,8 @@ class Announcer:
             self.is_touched, self._touched_since_ns = bool(message.contact), message.t_sample_ns
 
 
-def _gist(answer: Answer) -> tuple[Health, bool | None, bool]:
-    return answer.health, answer.contact, answer.over_range
+def _gist(answer: Answer) -> tuple[Health, bool | None, bool, bool]:
+    return answer.health, answer.contact, answer.over_range, answer.slipping
 
 
 def _place(message: ContactMessage) -> str:

@@ -33,6 +33,7 @@ from fmfts_lab.bench import (
     second_weight,
     several,
     silicone,
+    slip,
     speed,
     structure,
     tools,
@@ -64,7 +65,7 @@ def main() -> None:
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
         "alternating | neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | "
         "overload | frame | resident | now | several | eflesh | real | learned | structure | weigh | "
-        "few-presses | second-weight",
+        "few-presses | second-weight | slip",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -270,6 +271,12 @@ def main() -> None:
     verb = verbs.add_parser("second-weight", help="whether a second weight, aside, tells how thick a pad is")
     verb.add_argument("--pads", type=int, default=6, help="how many pads are built, for each thickness")
     verb.set_defaults(run=second_weight.run)
+    verb = verbs.add_parser("slip", help="fingers that slip: noticed how often, how soon; friction; false alarms")
+    verb.add_argument("--part", choices=("bound", "table", "drags", "healthy"), help="only this part")
+    verb.add_argument("--slides", type=int, default=40, help="by the table, at each speed")
+    verb.add_argument("--repeats", type=int, default=2, help="of each drag at each speed")
+    verb.add_argument("--minutes", type=float, default=10.0, help="of each healthy finger")
+    verb.set_defaults(run=slip.run)
     options = parser.parse_args()
     options.run(options)
 

@@ -15,7 +15,7 @@ from sensor_msgs.msg import PointCloud2
 from fmfts_ros.diagnosis import status_of, verdict
 from fmfts_ros.fingers import finger_cloud
 from fmfts_ros.messages import contact_point, has_force, wrench
-from fmfts_ros.touches import kinds
+from fmfts_ros.touches import kinds, slip_message
 
 # Sensor data: nothing is sent again. The history covers 0.2 s in which the other side gets no processor time.
 SENSOR_DATA = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -44,6 +44,7 @@ class RosPad:
             for end, (kind, maker) in kinds().items()
         ]
         self._fingers: Publisher | None = None  # a pad with one magnet has no such topic
+        self._slip: Publisher | None = None  # nor one whose configuration does not ask for it
 
     @property
     def silence_s(self) -> float:
@@ -72,6 +73,10 @@ class RosPad:
             publisher.publish(maker(contact, self.frame, self.height_m))
         if contact.tells_fingers:
             self._publish_fingers(contact)
+        slip = slip_message(contact, self.frame)
+        if slip is not None:
+            self._slip = self._slip or self._node.create_publisher(type(slip), f"~/{self.name}/slip", SENSOR_DATA)
+            self._slip.publish(slip)
 
     def _publish_fingers(self, contact: Contact) -> None:
         if self._fingers is None:

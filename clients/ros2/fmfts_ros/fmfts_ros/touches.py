@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import fields
 from typing import Any
 
 from fmfts_client import Contact
@@ -15,6 +16,10 @@ try:
     from fmfts_msgs.msg import Contact as FmftsContact
 except ImportError:
     FmftsContact = None
+try:
+    from fmfts_msgs.msg import Slip as FmftsSlip
+except ImportError:
+    FmftsSlip = None
 try:
     from tactile_msgs.msg import TactileContact, TactileContacts
 except ImportError:
@@ -47,6 +52,20 @@ def contact_message(contact: Contact, frame: str, height_m: float) -> Any:
         setattr(message, name, NAN if value is None else value)
     _put(told, message.wrench)
     message.wrench_covariance = [part for row in told.covariance for part in row]
+    return message
+
+
+def slip_message(contact: Contact, frame: str) -> Any:
+    """What the daemon tells of a finger that may slip; None where it tells nothing, or the type is not there."""
+    slip = contact.slip
+    if slip is None or FmftsSlip is None:
+        return None
+    message = FmftsSlip()
+    message.header.stamp, message.header.frame_id = sample_time(contact), frame
+    for part in fields(slip):
+        value = getattr(slip, part.name)
+        setattr(message, part.name, NAN if value is None else value)
+    message.slipping = -1 if slip.slipping is None else int(slip.slipping)
     return message
 
 
