@@ -30,15 +30,15 @@ class Estimate(ctypes.Structure):
         ("by_pose", ctypes.c_double * 30),
         *(
             (name, ctypes.c_double)
-            for name in ("force_min_n", "central_force_sd_n", "pose_force_sd_n", "own_force_sd_n", "doubt")
+            for name in ("force_min_n", "central_force_sd_n", "pose_force_sd_n", "own_force_sd_n", "doubt", "explained")
         ),
-        *((name, ctypes.c_bool) for name in ("over_range", "refused")),
+        *((name, ctypes.c_bool) for name in ("over_range", "refused", "is_beyond")),
     )
 
     @classmethod
     def of(cls, force_n: float, force_sd_n: float, pose_sd_n: float, refused: bool = False) -> Estimate:
         """pose_sd_n: the part of the deviation that the pose causes, and all of it in the middle of the pad."""
-        made = cls(outputs=3, central_force_sd_n=pose_sd_n, pose_force_sd_n=pose_sd_n, refused=refused)
+        made = cls(outputs=3, central_force_sd_n=pose_sd_n, pose_force_sd_n=pose_sd_n, explained=1.0, refused=refused)
         made.place[2], made.deviation[2], made.own_force_sd_n = force_n, force_sd_n, force_sd_n
         made.doubt = min((2.0 * force_sd_n / force_n) ** 2, 1.0) if force_n > 0.0 else 1.0
         return made

@@ -27,6 +27,10 @@ typedef struct {
 #define BEND_DEVIATIONS 3.0
 #define STRAIGHT_SHARE 0.02
 
+/* If a refined place is known no better than this, another press may explain the pose as well: the force at the rim is three times that
+ * in the middle. */
+#define VAGUE_MM 1.0
+
 static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0, 1.0, 1.0}; /* mm → m; newtons stay */
 
 static double root_of_squares(double a, double b)
@@ -125,27 +129,51 @@ static void bend_of(const fmfts_network *network, const fmfts_question *question
     }
 }
 
-/* Replaces the answer by the most likely press of the pad's response. False if there is none. */
+/* The change of pose from rest, and its covariance, as the table of presses has them. */
+static void movement_of(const fmfts_contact_parameters *parameters, const fmfts_question *question, double moved[FMFTS_MOVED],
+                        double covariance[FMFTS_MOVED * FMFTS_MOVED])
+{
+    for (int i = 0; i < FMFTS_MOVED; i++) {
+        moved[i] = question->pose[i] - parameters->model_rest[i];
+        for (int j = 0; j < FMFTS_MOVED; j++) {
+            covariance[FMFTS_MOVED * i + j] = question->covariance[POSE * i + j] + (i == j ? parameters->least_variance : 0.0);
+        }
+    }
+}
+
+/* The share of the movement that a press explains. Asked only where the force is large enough for a contact. */
+static double explained_share(const fmfts_contact_parameters *parameters, const fmfts_question *question, const fmfts_response *response,
+                              const found *found)
+{
+    double moved[FMFTS_MOVED], covariance[FMFTS_MOVED * FMFTS_MOVED], force_n = found->contact[2];
+    if ((int)response->loads != found->outputs - 2 || !(force_n > 0.0 && force_n * force_n > found->variance[2])) {
+        return 1.0;
+    }
+    movement_of(parameters, question, moved, covariance);
+    return fmfts_explained_share(response, moved, covariance, found->contact, FMFTS_EXPLAINED_SHARE);
+}
+
+/* Replaces the answer by the most likely press of the pad's response, and widens its bend. False if there is none. */
 static bool refine(const fmfts_contact_parameters *parameters, const fmfts_question *question,
-                   const fmfts_response *response, found *found)
+                   const fmfts_response *response, found *found, double bend[CONTACT])
 {
     double moved[FMFTS_MOVED], covariance[FMFTS_MOVED * FMFTS_MOVED], spread[CONTACT * CONTACT], chi2;
     int outputs = found->outputs;
     if ((int)response->loads != outputs - 2) {
         return false;
     }
-    for (int i = 0; i < FMFTS_MOVED; i++) {
-        moved[i] = question->pose[i] - parameters->model_rest[i];
-        for (int j = 0; j < FMFTS_MOVED; j++) {
-            covariance[FMFTS_MOVED * i + j] =
-                question->covariance[POSE * i + j] + (i == j ? parameters->least_variance : 0.0);
-        }
-    }
+    movement_of(parameters, question, moved, covariance);
     if (!fmfts_refine(response, moved, covariance, (int)parameters->refine_steps, found->contact, spread, &chi2)) {
         return false;
     }
+    double vague = VAGUE_MM * VAGUE_MM, force_n = found->contact[2], wider[CONTACT] = {1.0, 1.0, 1.0, 1.0, 1.0};
+    bool has_place = force_n * force_n > spread[(outputs + 1) * 2];
+    if (outputs < CONTACT && has_place && (spread[0] > vague || spread[outputs + 1] > vague)) {
+        fmfts_look_elsewhere(response, moved, covariance, found->contact, spread, wider);
+    }
     for (int i = 0; i < outputs; i++) {
         found->variance[i] = spread[(outputs + 1) * i];
+        bend[i] = fmax(bend[i], wider[i]);
     }
     return true;
 }
@@ -232,9 +260,11 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
     answer_of(network, question, &found);
     bend_of(network, question, &found, bend);
     bool has_table = response && fmfts_view_response(response, response_bytes, &table);
-    if (response && parameters->refine_steps > 0.0 && !(has_table && refine(parameters, question, &table, &found))) {
+    if (response && parameters->refine_steps > 0.0 && !(has_table && refine(parameters, question, &table, &found, bend))) {
         return false;
     }
+    estimate->explained = has_table ? explained_share(parameters, question, &table, &found) : 1.0;
+    estimate->is_beyond = question->share < 1.0 || found.contact[2] > limit;
     fmfts_answer answer = {found.outputs, found.contact, found.by_pose};
     fmfts_count_tolerances(parameters, has_table ? &table : NULL, question, &answer, structure);
     for (int i = 0; i < found.outputs; i++) {

@@ -1,4 +1,5 @@
-/* A healthy frame, from the change of pose to a contact: touch.c, smooth.c, estimate.c, tolerances.c, network.c and refine.c. */
+/* A healthy frame, from the change of pose to a contact: touch.c, smooth.c, estimate.c, explained.c, tolerances.c,
+ * network.c, refine.c and elsewhere.c. */
 #ifndef FMFTS_CONTACT_STEP_H
 #define FMFTS_CONTACT_STEP_H
 
@@ -13,6 +14,9 @@ enum { FMFTS_BINS = 16, FMFTS_RINGS = 8, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_
 
 /* A force is certain, and a contact begins, if it is so many deviations above zero. */
 #define FMFTS_CERTAIN_FORCE_DEVIATIONS 2.0
+
+/* A contact begins where a press explains this share of the movement. */
+#define FMFTS_EXPLAINED_SHARE 0.75
 
 /* A contact ends when so many frames in a row are as close to rest as 99 % of unloaded frames. */
 #define FMFTS_RELEASE_FRAMES 5
@@ -79,15 +83,16 @@ typedef struct {
 /* place: x, y (m), force and, of a model that tells them, two shears (N), with deviations. central_force_sd_n: the deviation
  * of the same force in the middle of the pad; pose_force_sd_n: the part of it that the pose causes; own_force_sd_n:
  * that of the force without what the pad's structure leaves open, by which contacts are decided; refused: shear cannot be told from
- * place here, so that no number means anything.
+ * place here, so that no number means anything. explained: the share of the magnet's
+ * movement that a press explains; is_beyond: it is more than the model was trained on.
  * doubt: see estimate.c. */
 typedef struct {
     int outputs; /* 3 or 5 */
     double place[FMFTS_CONTACT];
     double deviation[FMFTS_CONTACT];
     double by_pose[FMFTS_CONTACT * FMFTS_POSE]; /* the network's Jacobian, in the model's units */
-    double force_min_n, central_force_sd_n, pose_force_sd_n, own_force_sd_n, doubt;
-    bool over_range, refused;
+    double force_min_n, central_force_sd_n, pose_force_sd_n, own_force_sd_n, doubt, explained;
+    bool over_range, refused, is_beyond;
 } fmfts_estimate;
 
 /* touch.c: χ² of a change of pose [numbers], at most FMFTS_MOST_CHANGE, with its covariance [numbers][numbers]. False if that is not one. */
@@ -106,6 +111,11 @@ void fmfts_unseen(fmfts_contact_memory *memory);
 
 /* touch.c: begins again, untouched. */
 void fmfts_forget_touch(fmfts_contact_memory *memory);
+
+/* explained.c: the share of a change of pose that the press of `answer` (mm, N) explains or, if that is not enough, the most likely one near
+ * it. covariance: [5][5] of the change, in the table's units. */
+double fmfts_explained_share(const fmfts_response *table, const double change[FMFTS_MOVED], const double *covariance,
+                             const double *answer, double enough);
 
 /* smooth.c: smooths the pose of the question, if that is configured. */
 void fmfts_smooth(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double elapsed_s,

@@ -1,0 +1,39 @@
+/* Whether a press moves the magnet as it moved. Steel or a magnet near the pad shifts and tilts the estimate by many deviations, upwards
+ * as often as downwards, and the model reads a force of most such poses. With χ² of the change from rest, and χ² of what the best press
+ * leaves of it, a press explains
+ *
+ *     1 - χ²(left) / χ²(change)
+ *
+ * A share holds where deviations are too small for a finger of another shape, for shear, or for other silicone. */
+#include <math.h>
+
+#include "step.h"
+
+enum { STEPS = 8 };
+
+static double left_chi2(const fmfts_response *table, const double change[FMFTS_MOVED], const double *covariance, const double *press)
+{
+    double left[FMFTS_MOVED], chi2;
+    fmfts_move(table, press, left);
+    for (int i = 0; i < FMFTS_MOVED; i++) {
+        left[i] = change[i] - left[i];
+    }
+    return fmfts_chi2_from_rest(FMFTS_MOVED, left, covariance, &chi2) ? chi2 : INFINITY;
+}
+
+double fmfts_explained_share(const fmfts_response *table, const double change[FMFTS_MOVED], const double *covariance,
+                             const double *answer, double enough)
+{
+    double press[FMFTS_MAX_PRESS], spread[FMFTS_MAX_PRESS * FMFTS_MAX_PRESS], whole, chi2;
+    if (!fmfts_chi2_from_rest(FMFTS_MOVED, change, covariance, &whole) || !(whole > 0.0)) {
+        return 1.0;
+    }
+    double left = left_chi2(table, change, covariance, answer);
+    for (size_t i = 0; i < 2 + table->loads; i++) {
+        press[i] = answer[i];
+    }
+    if (left > (1.0 - enough) * whole && fmfts_refine(table, change, covariance, STEPS, press, spread, &chi2)) {
+        left = fmin(left, chi2);
+    }
+    return 1.0 - left / whole;
+}
