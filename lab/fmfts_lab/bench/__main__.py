@@ -22,6 +22,7 @@ from fmfts_lab.bench import (
     few_presses,
     frame_cost,
     imperfect_causes,
+    kept_figures,
     latency,
     learned,
     long_squeeze,
@@ -65,7 +66,7 @@ def main() -> None:
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
         "alternating | neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | "
         "overload | frame | resident | now | several | eflesh | real | learned | structure | weigh | "
-        "few-presses | second-weight | slip",
+        "few-presses | second-weight | slip | tables",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -140,9 +141,10 @@ def main() -> None:
     verb.add_argument("--untouched", action="store_true", help="nothing presses: are contacts told all the same?")
     verb.add_argument(
         "--counted",
-        choices=("shipped", "drawn", "unnamed"),
+        choices=("stated", "shipped", "drawn", "unnamed"),
         default="shipped",
-        help="what deviations count: the daemon's defaults; what pads are drawn with; no rotation, no cross-axis",
+        help="what deviations count: default tolerances, as pads have; all of them, of pads that have less; "
+        "only what these have; no rotation, no cross-axis",
     )
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=as_built.run)
@@ -277,6 +279,11 @@ def main() -> None:
     verb.add_argument("--repeats", type=int, default=2, help="of each drag at each speed")
     verb.add_argument("--minutes", type=float, default=10.0, help="of each healthy finger")
     verb.set_defaults(run=slip.run)
+    verb = verbs.add_parser(
+        "tables", help="write tables of pages anew, from the figures that are kept of several seeds"
+    )
+    verb.add_argument("--results", type=Path, default=kept_figures.RESULTS, metavar="FOLDER", help="of the pages")
+    verb.set_defaults(run=kept_figures.run)
     options = parser.parse_args()
     options.run(options)
 

@@ -20,6 +20,7 @@ from fmfts.baseline.request import REFINE_S, BaselineRequest
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import ContactConfig, PadConfig, SceneConfig, SiliconeConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
+from fmfts.contact.tolerances import PROBE_M
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.encoded import message_of
 from fmfts.simulation.finger import Finger, no_finger
@@ -27,7 +28,7 @@ from fmfts_lab.bench.built_world import CROSS_AXIS, BuiltSource, Defects, Presse
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import PUBLISHED, WRONG_DEVIATIONS, Truth
 
-Counted = Literal["shipped", "drawn", "unnamed"]
+Counted = Literal["stated", "shipped", "drawn", "unnamed"]
 Kind = Literal["bare + rest", "+ refine", "+ turn", "+ turn + refine"]
 KINDS: tuple[Kind, ...] = ("bare + rest", "+ refine", "+ turn", "+ turn + refine")
 ROTATIONS_DEG, GAINS = (0.0, 0.5, 1.0, 2.0), (0.005, 0.05)
@@ -36,6 +37,8 @@ RELEASE_S = 0.2
 WITHIN_DEVIATIONS = 2.0
 # Touches are counted by force between these (N).
 LIGHT_N = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0)
+# A press that exceeds this is missed if no frame of it says contact.
+MISSED_N = 0.15
 
 
 @dataclass(slots=True)
@@ -55,6 +58,8 @@ class Cell:
     off_n: list[float] = field(default_factory=list)
     light: Counter[int] = field(default_factory=Counter)  # frames of a touch, by its place in LIGHT_N
     noticed: Counter[int] = field(default_factory=Counter)  # and of those, with contact
+    presses: int = 0  # above MISSED_N
+    missed: int = 0
 
     @property
     def line(self) -> str:
@@ -68,7 +73,7 @@ class Cell:
             f"{self.wrong:4d} wrong of {self.frames}, worst {self.worst:5.1f} sd, "
             f"within 2 sd {within:6.2%}, error {error}, "
             f"false contact {self.false_contacts / max(self.rest_frames, 1):.2%}, "
-            f"refused {self.refused.total()}\n    touches noticed: "
+            f"missed {self.missed} of {self.presses} presses, refused {self.refused.total()}\n    touches noticed: "
             + ", ".join(f"{low:g} to {high:g} N {share:.1%}" for low, high, share in self.noticed_shares)
             + "".join(f"\n    {count} × {reason}" for reason, count in self.refused.items())
         )
@@ -95,6 +100,8 @@ class Cell:
             "false_contact_frames": self.false_contacts,
             "rest_frames": self.rest_frames,
             "noticed_shares": self.noticed_shares,
+            "presses": self.presses,
+            "missed": self.missed,
         }
 
     def saw(self, messages: Iterable[ContactMessage], truth: Truth, finger: Finger) -> None:
@@ -104,9 +111,16 @@ class Cell:
         self.health.update(message.health for message in messages)
         self.wrong += int((deviations > WRONG_DEVIATIONS).sum())
         self.worst = max(self.worst, float(deviations.max()))
+        felt: bool | None = None  # None: no press
         for message in messages:
             time_s = message.t_sample_ns * 1e-9
             touch = finger(time_s)
+            if touch.force_n > MISSED_N:
+                felt = bool(felt) or message.contact is True
+            elif felt is not None:
+                self.presses += 1
+                self.missed += not felt
+                felt = None
             if touch.force_n == finger(time_s - RELEASE_S).force_n == 0.0:
                 self.rest_frames += 1
                 self.false_contacts += message.contact is True
@@ -126,22 +140,36 @@ class Cell:
 
 
 def pad_config(defects: Defects, refine: bool, counted: Counted) -> PadConfig:
-    """counted: what the deviations count besides the gains. "shipped": the tolerances that the daemon has by default,
-    and silicone that creeps. "drawn": what these pads have, which do not creep: only so, deviations can be as large as
-    errors. "unnamed": no rotation and no cross-axis, as before there were tolerances for them."""
+    """counted: what the deviations count besides the gains. "stated": the default tolerances, but for the rotation,
+    which is that of the row; pads are drawn from the same. "drawn": only what these pads have, silicone of the model
+    and its probe. Only in these two can deviations be as large as errors, and in both no silicone creeps. "shipped":
+    all that the daemon counts by default. "unnamed": no rotation and no cross-axis, as before they had tolerances."""
+    usual = ToleranceConfig()
     rotation_deg, cross_axis = {
-        "shipped": (ToleranceConfig().sensor_rotation_deg, ToleranceConfig().cross_axis),
+        "stated": (defects.rotation_deg, usual.cross_axis),
+        "shipped": (usual.sensor_rotation_deg, usual.cross_axis),
         "drawn": (defects.rotation_deg, CROSS_AXIS),
         "unnamed": (0.0, 0.0),
     }[counted]
+    is_drawn = counted == "drawn"
+    structure = 0.0 if is_drawn else None
+    finger_mm = (1e3 * PROBE_M, 1e3 * PROBE_M) if is_drawn else ContactConfig().finger_mm
     return PadConfig(
         name="built",
         source=SimulatedSource(finger="none", turning_deg_per_s=0.0),
-        tolerance=ToleranceConfig(gain=defects.gain, sensor_rotation_deg=rotation_deg, cross_axis=cross_axis),
-        silicone=SiliconeConfig(0.0, 0.0) if counted == "drawn" else SiliconeConfig(),
+        tolerance=ToleranceConfig(
+            gain=defects.gain,
+            sensor_rotation_deg=rotation_deg,
+            cross_axis=cross_axis,
+            modulus=structure,
+            thickness_mm=structure,
+        ),
+        silicone=SiliconeConfig(creep_per_decade=0.0, hysteresis=0.0)
+        if counted in ("stated", "drawn")
+        else SiliconeConfig(),
         scene=SceneConfig(ambient="drifting" if defects.turning else "constant"),
         # The fingers of these worlds do not shear: else the deviations are twice as wide, and hide what is wrong.
-        contact=ContactConfig(refine=refine, friction=0.0),
+        contact=ContactConfig(refine=refine, friction=0.0, finger_mm=finger_mm),
     )
 
 
@@ -207,7 +235,7 @@ def run(options: Namespace) -> None:
     for rotation_deg in options.rotations:
         for gain in options.gains:
             for turning in (False, True):
-                defects = Defects(rotation_deg, gain, turning)
+                defects = Defects(rotation_deg, gain, turning, stated=options.counted == "stated")
                 cells: dict[Kind, Cell] = {kind: Cell() for kind in KINDS}
                 model = load_contact_model(pad_config(defects, options.refine, options.counted))
                 for seed in range(options.seed, options.seed + options.pads):
@@ -224,7 +252,14 @@ def run(options: Namespace) -> None:
                 for kind, cell in cells.items():
                     print(f"{defects.label} {kind:15} {cell.line}", flush=True)
                     found.append(
-                        {"rotation_deg": rotation_deg, "gain": gain, "turning": turning, "kind": kind} | cell.facts
+                        {
+                            "seed": options.seed,
+                            "rotation_deg": rotation_deg,
+                            "gain": gain,
+                            "turning": turning,
+                            "kind": kind,
+                        }
+                        | cell.facts
                     )
     if options.out:
         Path(options.out).write_bytes(msgspec.json.format(msgspec.json.encode(found)) + b"\n")

@@ -7,33 +7,51 @@ Earth's field of a workshop, whose strength depends on the attitude.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from fmfts.baseline.request import TURN_S
-from fmfts.config import PadConfig
+from fmfts.config import PadConfig, ToleranceConfig
 from fmfts.pad import Array, Pad, SensorArray
 from fmfts.sensor.frame import WireFrame
 from fmfts.simulation.cylinder import cylinder_field
 from fmfts.simulation.finger import Touch, columns
 from fmfts.simulation.mounted import MountedPad
+from fmfts_lab.bench.stated_world import StatedMechanics
 from fmfts_lab.bench.tapped import ManyFrames
 
 RATE_HZ = 220
 EARTH_T, UNEVEN, GRADIENT_T = 0.5e-4, 0.005, 5e-8
-CROSS_AXIS, OFFSET_T = 0.002, 1e-6
+CROSS_AXIS, OFFSET_T, REMANENCE = 0.002, 1e-6, 0.05
 TURNING_DEG_PER_S = 20.0
 X, Y, Z = np.eye(3)
 
 
 @dataclass(frozen=True, slots=True)
 class Defects:
-    """What one row of the table does to a pad; standard deviations."""
+    """What one row of the table does to a pad; standard deviations.
+
+    stated: all else is drawn from the default tolerances, silicone and fingers, too.
+    """
 
     rotation_deg: float
     gain: float
     turning: bool
+    stated: bool = False
+
+    @property
+    def cross_axis(self) -> float:
+        return ToleranceConfig().cross_axis if self.stated else CROSS_AXIS
+
+    @property
+    def remanence(self) -> float:
+        return ToleranceConfig().remanence if self.stated else REMANENCE
+
+    @property
+    def magnet_tilt_deg(self) -> float:
+        """Of the magnet in its silicone, besides the tilt of the whole pad."""
+        return ToleranceConfig().magnet_tilt_deg if self.stated else 0.0
 
     @property
     def label(self) -> str:
@@ -108,19 +126,23 @@ def _drawn(drawing: Pad, exact: MountedPad, defects: Defects, random: np.random.
     turned = [_turned_by(vector) for vector in np.deg2rad(random.normal(0.0, defects.rotation_deg, (count, 3)))]
     tilt = _turned_by(np.append(np.deg2rad(random.normal(0.0, 1.0, 2)), 0.0))
     place_m = drawing.sensors.position_m + random.normal(0.0, 1e-4, (count, 3))
-    across = np.triu(random.normal(0.0, CROSS_AXIS, (count, 3, 3)), 1)
+    across = np.triu(random.normal(0.0, defects.cross_axis, (count, 3, 3)), 1)
     direction = random.standard_normal(3)
-    from_z = tilt @ exact.rest_axis_from_z
+    askew = np.deg2rad(random.normal(0.0, 1.0, 2) * defects.magnet_tilt_deg) if defects.stated else np.zeros(2)
+    from_z = tilt @ _turned_by(np.append(askew, 0.0)) @ exact.rest_axis_from_z
     pad = replace(
         drawing,
         sensors=SensorArray(place_m, drawing.sensors.axes @ np.array(turned)),
-        magnet=drawing.magnet.with_remanence(drawing.magnet.remanence_t * float(np.exp(random.normal(0.0, 0.05)))),
+        magnet=drawing.magnet.with_remanence(
+            drawing.magnet.remanence_t * float(np.exp(random.normal(0.0, defects.remanence)))
+        ),
         rest_position_m=drawing.rest_position_m + random.normal(0.0, 1e-4, 3),
         rest_axis=from_z[:, 2],
     )
     gain = random.normal(1.0, defects.gain, (count, 3))
     ambient_t = EARTH_T * direction / np.linalg.norm(direction)
-    return MountedPad(pad, gain, ambient_t, from_z, exact.mechanics, across + across.transpose(0, 2, 1), tilted=tilt)
+    mechanics: Any = StatedMechanics.drawn(exact.mechanics, random) if defects.stated else exact.mechanics
+    return MountedPad(pad, gain, ambient_t, from_z, mechanics, across + across.transpose(0, 2, 1), tilted=tilt)
 
 
 class Presses:

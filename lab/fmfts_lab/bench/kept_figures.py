@@ -1,0 +1,109 @@
+"""`python -m fmfts_lab.bench tables`: the tables of result pages, from figures that the benchmarks wrote with --out.
+
+A row is measured with several seeds, and the table says the lowest and the highest of them. `lab/results/figures` keeps
+what each seed gave, so that a page cannot say what no command found.
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+RESULTS = Path(__file__).parents[2] / "results"
+FIGURES = RESULTS / "figures"
+FEWEST_SEEDS = 3
+# The table stands between such lines; the rest of the page is written by hand.
+BEGIN, END = "<!-- {}, made by `python -m fmfts_lab.bench tables`: begin -->\n", "<!-- end -->\n"
+
+Facts = dict[str, Any]
+Rows = Sequence[Sequence[Facts]]  # for each row of the table, what each seed gave
+
+
+class Table(NamedTuple):
+    """figures: the files NAME-SEED.json of `lab/results/figures`."""
+
+    page: str
+    figures: str
+    made: Callable[[Rows], str]
+
+
+def kept(figures: str) -> Rows:
+    """ValueError where too few seeds were measured, or not the same rows with each."""
+    files = sorted(FIGURES.glob(f"{figures}-[0-9]*.json"))
+    if len(files) < FEWEST_SEEDS:
+        raise ValueError(f"{figures}: {len(files)} seeds in {FIGURES}, at least {FEWEST_SEEDS} are needed")
+    seeds = [msgspec.json.decode(file.read_bytes()) for file in files]
+    if len({len(rows) for rows in seeds}) != 1:
+        raise ValueError(f"{figures}: not all seeds have the same rows")
+    return list(zip(*seeds, strict=True))
+
+
+def spread(values: Iterable[float | None], form: str) -> str:
+    """The lowest and the highest, once where both read the same; "–" where a seed has none."""
+    found = list(values)
+    if any(value is None for value in found):
+        return "–"
+    told = [format(value, form) for value in (min(found), max(found))]  # type: ignore[type-var]
+    return told[0] if told[0] == told[1] else f"{told[0].removesuffix('%')} to {told[1].replace('%', ' %')}"
+
+
+def markdown(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [columns, ["---"] * len(columns), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def as_built(rows: Rows) -> str:
+    """Of pads that are drawn from the tolerances that their deviations count."""
+    lines = []
+    for seeds in rows:
+        first = seeds[0]
+        presses = sum(one["presses"] for one in seeds)
+        lines.append(
+            (
+                f"±{100.0 * first['gain']:g} %",
+                "turning" if first["turning"] else "still",
+                first["kind"],
+                f"{sum(one['wrong'] for one in seeds)} of {sum(one['frames'] for one in seeds)}",
+                spread((one["worst_sd"] for one in seeds), ".1f"),
+                spread((one["within_2_sd"] for one in seeds), ".1%"),
+                f"{sum(one['within_2_sd'] for one in seeds) / len(seeds):.1%}".replace("%", " %"),
+                spread((1e3 * one["place_error_m"] for one in seeds), ".2f"),
+                spread((one["force_error_n"] for one in seeds), ".2f"),
+                f"{sum(one['missed'] for one in seeds)} of {presses}",
+                str(sum(sum(one["refused"].values()) for one in seeds)),
+            )
+        )
+    columns = (
+        "gains",
+        "robot",
+        "baseline",
+        "wrong",
+        "worst, sd",
+        "within 2 sd",
+        "mean",
+        "mm",
+        "N",
+        "missed",
+        "refused",
+    )
+    return markdown(columns, lines)
+
+
+TABLES = (Table("as-built.md", "as-built", as_built),)
+
+
+def page(text: str, table: Table) -> str:
+    """The page with this table made anew. ValueError where it lacks its marks."""
+    begin = BEGIN.format(table.figures)
+    before, after = text[: text.index(begin)], text[text.index(END, text.index(begin)) :]
+    return f"{before}{begin}{table.made(kept(table.figures))}{after}"
+
+
+def run(options: Namespace) -> None:
+    for table in TABLES:
+        place = options.results / table.page
+        place.write_text(page(place.read_text(encoding="utf-8"), table), encoding="utf-8")

@@ -1,0 +1,51 @@
+"""Silicone and fingers that differ from the contact model's by what the default tolerances state: see tolerances.py.
+
+Deviations count all of it. So only pads that are drawn from it can judge whether they are as large as errors. Whether
+its tables are right is for `structure`, which has presses of another solver.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmfts.contact.tolerances import FINGER_M, MODULUS, RING_MM, THICKER_MM, THICKER_SHARE, THICKNESS_M
+from fmfts.pad import Array
+from fmfts.simulation.finger_shape import PATCH_MM2, FingerShape
+from fmfts.simulation.mechanics import Mechanics
+
+# Of the modulus, so that none is negative.
+SOFTEST = 0.4
+# Half of what a finger's moments along and across differ by, as a share of that by which both are off: tolerances.c.
+UNEVEN = 0.5
+NARROWEST_MM2 = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class StatedMechanics:
+    """A pad's mechanics, as its silicone and what presses it make them. thicker_mm: than the model's slab."""
+
+    model: Mechanics
+    modulus: float
+    thicker_mm: float
+    finger: FingerShape
+
+    @classmethod
+    def drawn(cls, model: Mechanics, random: np.random.Generator) -> StatedMechanics:
+        disc_mm2 = (1e3 * random.uniform(*FINGER_M)) ** 2 / 16.0
+        farthest_mm2 = (1e3 * FINGER_M[1]) ** 2 / 16.0 - PATCH_MM2
+        uneven_mm2 = random.normal(0.0, UNEVEN * farthest_mm2 / 2.0)
+        moments = (max(disc_mm2 + uneven_mm2, NARROWEST_MM2), max(disc_mm2 - uneven_mm2, NARROWEST_MM2))
+        modulus = max(random.normal(1.0, MODULUS), SOFTEST)
+        return cls(model, modulus, 1e3 * random.normal(0.0, THICKNESS_M), FingerShape(moments))
+
+    def response(self, x_m: Array, y_m: Array, force_n: Array) -> Array:
+        """(K, 5) movement of the magnet, as `Mechanics.response`."""
+        radius_m = np.maximum(np.hypot(x_m, y_m), 1e-9)
+        rings_m = 1e-3 * RING_MM * np.arange(len(THICKER_MM))
+        outwards_m = 1e-3 * self.thicker_mm * np.interp(radius_m, rings_m, THICKER_MM)
+        share = self.thicker_mm * np.interp(radius_m, rings_m, THICKER_SHARE)
+        as_if = 1.0 + outwards_m / radius_m
+        press = x_m * as_if, y_m * as_if, force_n / self.modulus * (1.0 + share)
+        return self.finger.response(self.model, press)
