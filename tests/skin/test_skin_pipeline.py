@@ -198,7 +198,7 @@ def test_turning_and_presses_are_refused_with_the_reason(option: str, model: Pat
     request = BaselineRequest(
         made.pad(), made.tolerance.si(), bare=False, replaced=False, duration_s=1.0, **{option: True}
     )
-    with pytest.raises(BaselineError, match="the magnets of this pad are unknown"):
+    with pytest.raises(BaselineError, match="this pad's magnets are unknown"):
         request.make(list(frames(100, NOBODY, 100)), before)
 
 

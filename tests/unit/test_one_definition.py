@@ -15,7 +15,7 @@ from typing import get_args
 import msgspec
 import pytest
 
-from fmfts.bus.messages import ContactMessage, FingerMessage, Health, PoseMessage
+from fmfts.bus.messages import ContactMessage, FingerMessage, Health, PoseMessage, SlipMessage
 from fmfts.config import BridgeSource
 from fmfts.config.checks import FEWEST_SENSORS
 from fmfts.sensor.chips import CHIPS, HMC5983, Chip, ChipName
@@ -44,7 +44,15 @@ KIND_OF = {
 # Text of 64 bytes, but for sentences: those may be longer.
 TEXTS = {"reason": "FIELD SENTENCE"}
 # Maps, lists of maps, and what only some pads send: written without a macro.
-OTHER_KINDS = {"pose": "POSE", "now": "NOW", "contacts": "FINGERS", "more": "FLAG", "poses": "POSES"}
+OTHER_KINDS = {
+    "pose": "POSE",
+    "now": "NOW",
+    "slip": "SLIP",
+    "slipping": "NULLABLE FLAG",
+    "contacts": "FINGERS",
+    "more": "FLAG",
+    "poses": "POSES",
+}
 
 
 def constants(path: Path) -> dict[str, int]:
@@ -85,8 +93,9 @@ def due(kind: type[msgspec.Struct], *before: str) -> list[tuple[str, str]]:
         ("contact_fields", due(ContactMessage, "pad", "boot")),
         ("pose_fields", due(PoseMessage)),
         ("finger_fields", due(FingerMessage)),
+        ("slip_fields", due(SlipMessage)),
     ],
-    ids=["contact", "pose", "finger"],
+    ids=["contact", "pose", "finger", "slip"],
 )
 def test_c_client_has_the_daemons_fields_in_the_daemons_order(table: str, fields: list[tuple[str, str]]) -> None:
     """The order is what makes looking one up cheap."""

@@ -151,7 +151,7 @@ def test_message_without_an_estimate_is_as_msgspec_writes_it() -> None:
         assert encode(message) == content
         assert (message.seq, message.health, message.sensors_ok, message.pad) == (number, "disconnected", 0, PAD.name)
         assert message.reason == reason[:2047]
-        assert pad.last == ("disconnected", None, False, message.t_sample_ns, message.t_publish_ns)
+        assert pad.last == ("disconnected", None, False, False, message.t_sample_ns, message.t_publish_ns)
     with pytest.raises(ValueError, match="no health 'fine'"):
         pad.absent("fine", "")
 

@@ -256,7 +256,7 @@ def test_shipped_model_is_not_used_for_other_magnets() -> None:
     # Three magnets over five sensors: neither a table, nor enough values.
     three = config_of("3 over 8", "default")
     few = msgspec.structs.replace(three.geometry, sensors_mm=three.geometry.sensors_mm[:5])
-    with pytest.raises(ModelError, match=r"is for another pad.*With 8 sensors it would tell touch and poses"):
+    with pytest.raises(ModelError, match=r"is for another pad.*With 8 sensors it can publish touch and poses alone"):
         contact_model_of(msgspec.structs.replace(three, geometry=few))
 
 

@@ -36,7 +36,7 @@ enum { N = FMFTS_SLIP_STATES, FILTERS = FMFTS_SLIP_FILTERS, STUCK = FMFTS_STUCK,
 #define REMEMBERS_S 0.03
 #define LARGEST_ANGLE_SD 1.8137993642342178 /* of a direction of which nothing is known: pi/sqrt(3) */
 /* What presses has another shape than the probe: share of the shear, one deviation (lab/results/slip.md). */
-#define SHAPE_SHARE 0.1
+#define SHAPE_SHARE 0.2
 
 /* What the filters say of the finger's motion. which: the moving filter that explains it best. */
 typedef struct {

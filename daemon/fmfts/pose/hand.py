@@ -32,7 +32,7 @@ KNOWN, STATE_UNTAUGHT, STATE_NONE_CAME, STATE_UNKNOWN, STATE_ANY, STATE_NO_REST 
 
 
 def hand_fields(values: int) -> list[Field]:
-    """The fields of Hand.table; C takes them in this order (fmfts_hand in posture.h)."""
+    """The fields of Hand.table; C takes them in this order (fmfts_hand in step.h)."""
     each = ("field_t", "rate_t_per_s", "variance_t2", "rate_variance", "wide_field_t", "wide_variance_t2")
     return [("state", "<f8", 0), ("time_ns", "<f8", 0), *((name, "<f8", values) for name in each)]
 
