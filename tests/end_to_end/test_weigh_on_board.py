@@ -67,4 +67,4 @@ def test_stranger_weighs_a_pad_and_its_forces_are_right(tmp_path: Path) -> None:
             board.field(pressed(0.0, 0.0, 0.0))
             daemon.wait_for(lambda contact: contact.contact is False)
             replaced = daemon.command("baseline", "--rest", "--replaced", "--pad", "left")
-            assert "the silicone is taken for as stiff as that of the pad before" in replaced.stdout
+            assert "the new silicone is assumed to be as stiff as the old one, which was weighed" in replaced.stdout
