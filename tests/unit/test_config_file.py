@@ -19,10 +19,10 @@ from fmfts.common import exit_codes
 from fmfts.common.toml import parse
 from fmfts.config import BridgeSource, Config, I2cSource, ReplaySource, SimulatedSource
 from fmfts.config import file as config_file
-from fmfts.config.checks import MOST_OTHER_MAGNETS
 from fmfts.config.conversion import convert
 from fmfts.config.example import ARRAY_PATH
 from fmfts.config.file import ConfigError, load, load_as
+from fmfts.config.neighbour_checks import MOST_OTHER_MAGNETS
 from fmfts.pose import _kernel
 from fmfts_collect.settings import CollectingConfig
 from fmfts_lab.finite_elements.array_pad import array_config

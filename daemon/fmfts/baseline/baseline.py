@@ -290,13 +290,9 @@ def encode(baseline: Baseline) -> bytes:
 
 
 def _baseline(
-    pad: Pad,
-    tolerance: Tolerance,
-    bare: StoredRecording | None,
-    rest: StoredRecording | None,
-    before: Baseline | None,
+    pad: Pad, tolerance: Tolerance, bare: StoredRecording | None, rest: StoredRecording | None, before: Baseline | None
 ) -> Baseline:
     turn, gains, silicone = (None, None, None) if before is None else (before.turn, before.gains, before.silicone)
     tolerances = {name: float(getattr(tolerance, name)) for name in Tolerance.__slots__}
-    recordings = bare, rest, turn, None, gains
-    return Baseline(FORMAT, "", pad.name, pad.geometry_hash, tolerances, *recordings, silicone=silicone).sealed()
+    known = bare, rest, turn, None, gains
+    return Baseline(FORMAT, "", pad.name, pad.geometry_hash, tolerances, *known, silicone=silicone).sealed()

@@ -9,6 +9,8 @@ from fmfts.baseline.baseline import AnyMounting, Baseline
 from fmfts.pad import Pad
 from fmfts.sensor import Frame
 
+LEARN_PRESSES = 60  # of which a geometry is learnt
+
 
 class Learner(Protocol):
     """Learns what a recording of its own tells: a geometry (fmfts.learn), a silicone (pipeline.weighing), or what a

@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
-from fmfts.arithmetic.elementary import square
 from fmfts.baseline import (
     Baseline,
     BaselineError,
@@ -25,18 +23,15 @@ from fmfts.baseline import (
     turning_means,
 )
 from fmfts.baseline.alternating import warnings_of
-from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.baseline.baseline import AnyMounting, require_rest
-from fmfts.baseline.chips_found import chips_found
 from fmfts.baseline.coverage import Coverage, PressCoverage, TurnCoverage
+from fmfts.baseline.facts import report, whose
 from fmfts.baseline.file_format import StoredGains
 from fmfts.baseline.files import previous, store, stored_gains
 from fmfts.baseline.joint_track import JointTrack
 from fmfts.baseline.learner import Learner
-from fmfts.baseline.mounting import ambient_of
 from fmfts.baseline.origin import Origin, foreign
 from fmfts.baseline.posture import PostureLearner
-from fmfts.baseline.prospects import prospects
 from fmfts.baseline.recording import ForeignError
 from fmfts.pad import Pad, Tolerance
 from fmfts.sensor import Frame
@@ -45,13 +40,10 @@ from fmfts.sensor import Frame
 DURATION_S = 3.0
 # The time that a person needs for turning about two axes, and for thirty presses.
 TURN_S, REFINE_S, LEARN_S = 20.0, 40.0, 60.0
-LEARN_PRESSES = 60
 CAST_ALIKE = (
     "the new silicone is assumed to be as stiff as the old one, which was weighed, with a larger deviation: "
     "`fmfts-daemon weigh` measures the new one"
 )
-# A drawing whose places are no better is rough: presses tell them better than it does.
-ROUGH_PLACE_M = 5e-4
 SHORTEST_S, LONGEST_S = 0.5, 60.0
 
 
@@ -76,7 +68,7 @@ class Recorded:
         """The facts for the person who asked for the baseline."""
         is_silicone_alone = "stiffness" in self.gained
         return (
-            (_whose(self.baseline) if is_silicone_alone else _report(self.baseline, self.mounting, pad))
+            (whose(self.baseline) if is_silicone_alone else report(self.baseline, self.mounting, pad))
             | self.gained
             | {"warnings": self.warnings, "stored": str(self.path)}
         )
@@ -235,78 +227,3 @@ def restore(pad: Pad, origin: Origin | None = None) -> Recorded:
 def _needs_rest(pad: Pad) -> bool:
     """Whether a bare recording alone makes no mounting of such a pad."""
     return bool(pad.other_magnets) or not pad.are_magnets_known
-
-
-def _whose(baseline: Baseline) -> dict[str, Any]:
-    return {"pad": baseline.pad, "baseline": baseline.id, "kind": baseline.kind}
-
-
-def _report(baseline: Baseline, mounting: AnyMounting | None, pad: Pad) -> dict[str, Any]:
-    """The facts about a new baseline, for the person who asked for it."""
-    recording = baseline.rest or baseline.bare
-    assert recording is not None
-    facts: dict[str, Any] = {
-        **_whose(baseline),
-        **({} if baseline.origin is None else {"recorded_on": str(baseline.origin)}),
-        "gains_from": _gains_from(baseline),
-        "duration_s": recording.duration_s,
-        "temperature_c": recording.temperature_c,
-        "noise_t": float(np.sqrt(np.mean(square(np.array(recording.noise_t))))),
-        "noise_per_axis_t": recording.noise_t,
-    }
-    if baseline.bare is not None:
-        ambient_t, deviation_t = ambient_of(pad, baseline.bare.recording())
-        facts |= {"ambient_t": ambient_t.tolist(), "ambient_sd_t": deviation_t.tolist()}
-    if isinstance(mounting, ArrayMounting):
-        facts |= _of_several(baseline, mounting, pad)
-    elif isinstance(mounting, Mounting) and baseline.rest is not None:
-        deviation = np.sqrt(np.diagonal(mounting.rest_covariance))
-        remanence_t = mounting.remanence_t(pad)
-        facts |= {
-            "with_bare": baseline.bare is not None,
-            "remanence_t": remanence_t,
-            "remanence_sd_t": float(deviation[5]) * remanence_t,
-            "rest_position_m": mounting.rest.position_m.tolist(),
-            "rest_position_sd_m": deviation[:3].tolist(),
-            "rest_axis": mounting.rest.axis.tolist(),
-            "rest_axis_sd_rad": float(deviation[3:5].max()),
-            "chi2": mounting.chi2,
-            "measurements": mounting.measurements,
-            "chips": chips_found(mounting),
-            "could_gain": _could_gain(baseline, mounting, pad),
-        }
-    return facts
-
-
-def _could_gain(baseline: Baseline, mounting: Mounting, pad: Pad) -> list[str]:
-    if baseline.turn is not None or baseline.refine is not None:
-        return []
-    if baseline.tolerance["sensor_position_m"] >= ROUGH_PLACE_M and baseline.bare is not None:
-        return [f"--learn: the places and rotations of the sensors, from {LEARN_PRESSES} presses anywhere"]
-    return prospects(mounting, pad)
-
-
-def _of_several(baseline: Baseline, mounting: ArrayMounting, pad: Pad) -> dict[str, Any]:
-    deviation = np.sqrt(np.diagonal(mounting.rest_covariance)).reshape(-1, 6)
-    remanences_t = mounting.remanences_t(pad)
-    return {
-        "with_bare": baseline.bare is not None,
-        "remanence_t": mounting.remanence_t(pad),
-        "remanence_sd_t": float(deviation[:, 5].max()) * max(remanences_t),
-        "remanences_t": remanences_t,
-        "rest_positions_m": mounting.magnets.position_m.tolist(),
-        "rest_position_m": mounting.magnets.position_m.mean(axis=0).tolist(),
-        "rest_position_sd_m": deviation[:, :3].max(axis=0).tolist(),
-        "chi2": mounting.chi2,
-        "measurements": mounting.measurements,
-    }
-
-
-def _gains_from(baseline: Baseline) -> str:
-    """In words, as far as a person can change it."""
-    match baseline.gains_from, baseline.gains:
-        case "selftest", StoredGains(utc=utc, deviation=deviation):
-            return f"selftest of {utc} (±{deviation * 1e2:.1f} %)"
-        case "turn", _:
-            return "turn"
-    return f"tolerance.gain (±{baseline.tolerance['gain'] * 1e2:.1f} %)"

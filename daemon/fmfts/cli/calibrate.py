@@ -172,7 +172,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     from fmfts.calibrate.evaluation import firm_and_central, printed
     from fmfts.calibrate.field_table import DataError
     from fmfts.contact import ModelError
-    from fmfts.contact.model import SHEAR_UNKNOWN
+    from fmfts.contact.unknown_shear import SHEAR_UNKNOWN
     from fmfts.pipeline.configured import load_contact_model
 
     try:

@@ -22,7 +22,7 @@ def run(options: argparse.Namespace) -> int:
     from fmfts.config.checks import other_silicone
     from fmfts.config.i2c_checks import rates_carried
     from fmfts.contact import ContactModel, ModelError, NoContactModel
-    from fmfts.contact.model import SHEAR_UNKNOWN
+    from fmfts.contact.unknown_shear import SHEAR_UNKNOWN
     from fmfts.runtime.opening import load_models
     from fmfts.sensor import SourceError
 

@@ -28,8 +28,9 @@ from fmfts.contact.refinement import STEPS, Refiner
 from fmfts.contact.response import CHANGE, Response
 from fmfts.contact.seal import hash_of, unsealed
 from fmfts.contact.shipped import path_of
-from fmfts.contact.structure import magnets_differ, shipped_friction_error
+from fmfts.contact.structure import friction_deviation, magnets_differ, shipped_friction_error
 from fmfts.contact.tolerances import StructureTolerance, wider_than_probe_mm2
+from fmfts.contact.unknown_shear import SLIP_UNKNOWN
 from fmfts.contact.verified import inference_of, read
 from fmfts.pad import Array, Pad
 
@@ -41,17 +42,6 @@ POSE_UNIT = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])  # m → mm; the axis is a 
 CONTACT_UNIT = np.array([1e-3, 1e-3, 1.0, 1.0, 1.0])  # mm → m; newtons stay
 # Added to a pose's covariance so that it can be inverted even if the pose is called certain: (0.1 µm)², (0.1 mrad)².
 TINY = np.diag([1e-8, 1e-8, 1e-8, 1e-8, 1e-8])
-# For a person who set [pad.contact] friction where nothing is known of its effect.
-SHEAR_UNKNOWN = (
-    "[pad.contact] friction = {friction:g} has no effect: the contact model was made without --sheared, so what a "
-    "shearing finger does to it is not known, and its deviations do not count it: calibrate with --sheared, or use a "
-    "finger that cannot shear and set friction = 0"
-)
-# For a person who asks a model for slip that has three outputs, or no response.
-SLIP_UNKNOWN = (
-    "slip = true needs a model that tells shear: one of three outputs takes the shear of a finger that sticks for a "
-    'finger that moves. Set model = "shear" in [pad.contact], or calibrate with --shear'
-)
 CENTRED = np.zeros(2)
 CALIBRATED = StructureTolerance()
 # Places along each side of the pad at which the detection limit is computed.
@@ -99,7 +89,7 @@ class ContactModel:
         own, fit = facts.own_error, facts.response_error
         of_network = np.stack(own.tables, axis=-1) * self._unit
         of_response = 0.0 if fit is None else np.stack(fit.tables, axis=-1) * self._unit
-        of_finger = np.broadcast_to(self._friction_deviation(friction), of_network.shape)
+        of_finger = np.broadcast_to(friction_deviation(facts, friction, self._unit), of_network.shape)
         # Refining removes the network's own error: the error of the response remains.
         trained = of_response if refiner else root_of_squares(of_network, of_response)
         self.own_deviation = root_of_squares(trained, of_finger)
@@ -167,18 +157,6 @@ class ContactModel:
     def shear_is_unknown(self) -> bool:
         """Whether the finger may shear, and nothing tells what that does to this model's answers."""
         return self.friction > 0.0 and not self.has_shear and self.facts.friction_error is None
-
-    def _friction_deviation(self, friction: float) -> Array | float:
-        """Deviation through shear within the cone of friction, at the largest force of each bin of the own error."""
-        tables = self.facts.friction_error
-        if tables is None or self.has_shear:
-            return 0.0
-        force_max_n = self.facts.envelope.force_max_n
-        # The last bin has no end: take the largest calibrated force.
-        force_n = np.append(np.minimum(tables.force_n[:-1], force_max_n), force_max_n)
-        shear_n = friction * force_n / np.sqrt(2.0)  # rms over the disc of radius µF
-        deviation: Array = np.stack(tables.tables, axis=-1) * self._unit * shear_n[:, None, None]
-        return deviation
 
     @classmethod
     def load(

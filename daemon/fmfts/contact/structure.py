@@ -1,12 +1,13 @@
-"""Which pads a contact model is for: those of the same structure, wherever their sensors are."""
+"""Which pads a contact model is for: those of the same structure, wherever their sensors are, and what shear does."""
 
 from __future__ import annotations
 
 import msgspec
+import numpy as np
 
-from fmfts.contact.contract import ErrorTables, Facts
+from fmfts.contact.contract import SHEAR_OUTPUT_ORDER, ErrorTables, Facts
 from fmfts.contact.shipped import DEFAULT_PATH, STANDARD_DIMENSIONS, STANDARD_HASH
-from fmfts.pad import Dimensions, Pad, differences
+from fmfts.pad import Array, Dimensions, Pad, differences
 
 
 def magnets_differ(facts: Facts, pad: Pad) -> str:
@@ -44,3 +45,18 @@ def shipped_friction_error(geometry_hash: str) -> ErrorTables | None:
         return None
     shipped = msgspec.json.decode(DEFAULT_PATH.with_suffix(".json").read_bytes(), type=_Report)
     return shipped.friction_error
+
+
+def friction_deviation(facts: Facts, friction: float, unit: Array) -> Array | float:
+    """Deviation of a model's outputs, in `unit` of mm and N, through shear within the cone of friction.
+
+    At the largest force of each bin of its own error: (forces, radii, outputs); 0 of a model that tells shear.
+    """
+    tables = facts.friction_error
+    if tables is None or facts.outputs == SHEAR_OUTPUT_ORDER:
+        return 0.0
+    # The last bin has no end: take the largest calibrated force.
+    force_n = np.append(np.minimum(tables.force_n[:-1], facts.envelope.force_max_n), facts.envelope.force_max_n)
+    shear_n = friction * force_n / np.sqrt(2.0)  # rms over the disc of radius µF
+    deviation: Array = np.stack(tables.tables, axis=-1) * unit * shear_n[:, None, None]
+    return deviation

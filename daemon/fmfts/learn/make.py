@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from fmfts.baseline.baseline import UNKNOWN_MAGNETS, Baseline, require_rest
 from fmfts.baseline.file_format import StoredGeometry, StoredPresses
 from fmfts.baseline.learned import LearnedGeometry
+from fmfts.baseline.learner import LEARN_PRESSES
 from fmfts.baseline.mounting import Mounting
 from fmfts.baseline.recording import BaselineError
 from fmfts.baseline.refine import STEADY_T, PressFields
-from fmfts.baseline.request import LEARN_PRESSES, LEARN_S
+from fmfts.baseline.request import LEARN_S
 from fmfts.baseline.unknowns import STANDING_AMBIENT_T
 from fmfts.baseline.window_means import Means, means
 from fmfts.learn.drawing import FIRST_PLACE, Drawing

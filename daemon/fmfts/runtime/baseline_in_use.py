@@ -15,6 +15,8 @@ from fmfts.sensor import Source
 
 log = logging.getLogger(__name__)
 
+UNKNOWN_BOARD = "frames come, but the board has not identified itself yet, and the baseline belongs to one board"
+
 
 class BaselineInUse:
     """origin: the pad's sensors, as the configuration names them; None: no board is compared with it."""
@@ -79,9 +81,9 @@ class BaselineInUse:
         elif self._pipeline.baseline is None:
             self.use(baseline)
 
-    def has_drifted(self, answer: Answer) -> bool:
-        """Take the answer to a frame. True if the rest has moved with it."""
+    def drift_news(self, answer: Answer) -> str | None:
+        """Take the answer to a frame. A sentence if the rest has moved with it."""
         if self._rebaselining is None or not self._rebaselining.saw(answer):
-            return False
+            return None
         self._recorders.state_changed()
-        return True
+        return f"rest drifted, {self._rebaselining.size_m * 1e6:.1f} µm since it was recorded"

@@ -16,7 +16,7 @@ from fmfts.pipeline.configured import Pipeline
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.runtime.announcer import Announcer
-from fmfts.runtime.baseline_in_use import BaselineInUse
+from fmfts.runtime.baseline_in_use import UNKNOWN_BOARD, BaselineInUse
 from fmfts.runtime.failure import Contained, sentence_of, trace_of
 from fmfts.runtime.impossible_frames import ImpossibleFrames
 from fmfts.runtime.lateness import Lateness
@@ -33,7 +33,6 @@ log = logging.getLogger(__name__)
 
 SHORTEST_SILENCE_NS = 150_000_000
 ANEW_NS = 1_000_000_000  # shortest time between two errors that make a pipeline forget all frames: forgetting is slow
-UNKNOWN_BOARD = "frames come, but the board has not identified itself yet, and the baseline belongs to one board"
 
 
 class Channel:
@@ -61,8 +60,7 @@ class Channel:
         self._anew_ns = 0  # when an error last made the pipeline forget all frames
         self._contained = Contained(self.break_off)
         self._logged: set[str] = set()  # kinds of errors whose traceback is in the log
-        self.is_recorded = False
-        self.recorders = Recorders(pipeline, publisher, boot)
+        self.is_recorded, self.recorders = False, Recorders(pipeline, publisher, boot)
         self.baseline = BaselineInUse(source, pipeline, self.recorders)
         self._log = SparingLog(self.name, self._lateness)
         self.announcer = Announcer(self.name, source, publisher, boot, self._started_ns, self._log)
@@ -86,7 +84,6 @@ class Channel:
 
     def frame(self, frame: Frame, superseded: bool = False) -> None:
         """Process one frame: publish its contact message, and an event for each change. superseded: only record it.
-
         An error in this makes the pad "lost" until the next frame, and no more: the other pads go on.
         """
         with self._contained:
@@ -123,9 +120,8 @@ class Channel:
         self.announcer.send(answer)
         self._statistics.published(answer.t_sample_ns, answer.t_publish_ns)
         self._last_used_ns = arrived_ns
-        if self.baseline.has_drifted(answer):
-            drift_um = (self.baseline.drift_m or 0.0) * 1e6
-            self.announcer.event("baseline", f"rest drifted, {drift_um:.1f} µm since it was recorded")
+        if news := self.baseline.drift_news(answer):
+            self.announcer.event("baseline", news)
 
     def break_off(self, error: BaseException) -> None:
         """Publish an error in this pad's work as "lost", and forget all frames: one of them may have caused it."""
@@ -255,8 +251,7 @@ class Channel:
 
     def told(self) -> tuple[Health, str]:
         """Health and reason as they were published last. Where it is not "ok", there is a reason."""
-        last = self.announcer.last
-        if last is None:
+        if (last := self.announcer.last) is None:
             return self._absence(time.monotonic_ns())
         return last.health, last.reason or self._lateness.sentence
 

@@ -11,8 +11,9 @@ import msgspec
 import numpy as np
 
 from fmfts.baseline import BaselineError
+from fmfts.baseline.learner import LEARN_PRESSES
 from fmfts.baseline.mounting import Mounting
-from fmfts.baseline.request import LEARN_PRESSES, LEARN_S, BaselineRequest
+from fmfts.baseline.request import LEARN_S, BaselineRequest
 from fmfts.config import ContactConfig, GeometryConfig, PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
 from fmfts.learn.make import FromPresses
