@@ -7,11 +7,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from bus_messages import contact_message
 
 import unit.test_ros_fingers as stand_ins
+from fmfts.bus.messages import SlipMessage
 from unit.test_ros_fingers import FakeNode, Header, Vector3, Wrench, message, received
 
 HEIGHT_M = 0.012
@@ -27,17 +29,25 @@ TactileContact = message(
 TactileContacts = message("TactileContacts", contacts=list)
 
 
-def fmfts_contact() -> type:
-    """Of the fields of its own definition."""
-    lines = (MESSAGES / "Contact.msg").read_text().splitlines()
+def of_definition(name: str) -> type:
+    """Of the fields of its own definition. As rosidl's types of Humble do, it asserts that an int8 gets an integer."""
+    lines = (MESSAGES / f"{name}.msg").read_text().splitlines()
     fields = [line.split() for line in lines if not line.startswith("#") and "=" not in line]
-    return message("Contact", **{name: DEFAULTS[kind] for kind, name in fields})
+    integers = {field for kind, field in fields if kind == "int8"}
+    plain = message(name, **{field: DEFAULTS[kind] for kind, field in fields})
+
+    class Checked(plain):  # type: ignore[misc, valid-type]
+        def __setattr__(self, field: str, value: Any) -> None:
+            assert field not in integers or isinstance(value, int), f"the '{field}' field must be of type 'int'"
+            super().__setattr__(field, value)
+
+    return Checked
 
 
 @pytest.fixture
 def touches(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     types = {
-        "fmfts_msgs.msg": {"Contact": fmfts_contact()},
+        "fmfts_msgs.msg": {name: of_definition(name) for name in ("Contact", "Slip")},
         "tactile_msgs.msg": {"TactileContact": TactileContact, "TactileContacts": TactileContacts},
     }
     monkeypatch.setattr(stand_ins, "TYPES", stand_ins.TYPES | types)
@@ -72,6 +82,27 @@ def test_pad_publishes_both_beside_its_wrench(touches: Any) -> None:
     pad.take(received(contact_message()))
     for topic in ("wrench", "contact", "tactile_contacts"):
         assert len(node.published[f"~/left/{topic}"]) == 1, topic
+
+
+SLIPPING = SlipMessage(
+    slipping=True, sticking_probability=0.02, speed_m_per_s=0.05, speed_sd_m_per_s=0.004, direction_rad=1.2,
+    direction_sd_rad=0.1, friction=0.6, friction_sd=0.1, margin_n=0.0, margin_sd_n=0.1,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("slip", "state"), [(SLIPPING, 1), (msgspec.structs.replace(SLIPPING, slipping=False), 0), (SlipMessage(), -1)]
+)
+def test_slip_has_its_state_and_all_numbers(touches: Any, slip: SlipMessage, state: int) -> None:
+    told = touches("touches").slip_message(received(contact_message(slip=slip)), "left")
+    assert (told.slipping, told.header.frame_id) == (state, "left")
+    for name in set(SlipMessage.__struct_fields__) - {"slipping"}:
+        value = getattr(slip, name)
+        assert getattr(told, name) == value if value is not None else math.isnan(getattr(told, name)), name
+
+
+def test_pad_that_is_not_asked_for_slip_has_no_such_message(touches: Any) -> None:
+    assert touches("touches").slip_message(received(contact_message()), "left") is None
 
 
 def test_node_without_tactile_packages_publishes_only_its_own_topics(monkeypatch: pytest.MonkeyPatch) -> None:

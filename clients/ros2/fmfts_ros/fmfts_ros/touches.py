@@ -62,10 +62,10 @@ def slip_message(contact: Contact, frame: str) -> Any:
         return None
     message = FmftsSlip()
     message.header.stamp, message.header.frame_id = sample_time(contact), frame
-    for part in fields(slip):
-        value = getattr(slip, part.name)
-        setattr(message, part.name, NAN if value is None else value)
     message.slipping = -1 if slip.slipping is None else int(slip.slipping)
+    for name in (part.name for part in fields(slip) if part.name != "slipping"):
+        value = getattr(slip, name)
+        setattr(message, name, NAN if value is None else value)
     return message
 
 
