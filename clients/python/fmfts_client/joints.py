@@ -17,7 +17,7 @@ from typing import Any, Optional, Union
 import msgpack  # type: ignore[import-untyped]
 import zmq
 
-from fmfts_client.endpoints import Endpoints, for_client
+from fmfts_client.endpoints import EndpointError, Endpoints, for_client
 from fmfts_client.fields import SCHEMA_VERSION
 from fmfts_client.keys import is_loopback, show_key
 
@@ -70,10 +70,15 @@ class JointPublisher:
 def read_table(path: Path) -> tuple[list[str], list[float], list[list[float]]]:
     """Names, times in s and rows of a recorded table. ValueError says what is wrong with it."""
     with path.open(newline="") as file:
-        header, *lines = csv.reader(file)
-    if header[:1] != ["t_s"] or len(header) < 2 or not lines:
-        raise ValueError(f"{path}: the first column must be t_s, each other one a joint in rad, and there must be rows")
-    rows = [[float(cell) for cell in line] for line in lines]
+        header, *lines = list(csv.reader(file)) or [[]]
+    if header[:1] != ["t_s"] or len(header) < 2 or len(lines) < 2:
+        raise ValueError(
+            f"{path}: the first column must be t_s, each other one a joint in rad, and there must be two rows or more"
+        )
+    try:
+        rows = [[float(cell) for cell in line] for line in lines]
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}: each cell below the first row must be a number") from error
     if any(len(row) != len(header) or not all(map(math.isfinite, row)) for row in rows):
         raise ValueError(f"{path}: a row has no {len(header)} finite numbers")
     times = [row[0] for row in rows]
@@ -98,7 +103,7 @@ def main() -> None:
                     publisher.publish(dict(zip(names, row)))
                 if not options.loop:
                     return
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, EndpointError) as error:
         sys.exit(str(error))
     except KeyboardInterrupt:
         return
