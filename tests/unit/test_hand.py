@@ -73,9 +73,12 @@ def test_joints_that_stop_arriving_are_wide_and_named(model: PostureModel) -> No
     hand.use(model)
     last_ns = moved(hand, 1.3)
     silent = hand.at(last_ns + int((SILENT_S + 0.08) * 1e9))
-    assert silent.why == "joint positions stopped arriving 0.3 s ago"
+    assert silent.why == "joint positions stopped arriving 0.3 s ago: start the program that publishes them"
     assert np.trace(silent.covariance_t2) > 5.0 * np.trace(hand.at(last_ns).covariance_t2)
-    assert "stamped 2.0 s ahead" in hand.at(last_ns - 2_000_000_000).why
+    ahead = hand.at(last_ns - 2_000_000_000).why
+    assert (
+        ahead == "joint positions are stamped 2.0 s ahead of the frames: stamp them by this computer's monotonic clock"
+    )
 
 
 def test_one_joint_that_stops_is_a_hand_that_stops(model: PostureModel) -> None:
@@ -85,6 +88,15 @@ def test_one_joint_that_stops_is_a_hand_that_stops(model: PostureModel) -> None:
     for number in range(1, 40):
         hand.take({"knuckle": 1.5}, last_ns + number * PERIOD_NS)
     assert "stopped arriving" in hand.at(last_ns + 40 * PERIOD_NS).why
+
+
+def test_joint_that_is_stamped_by_another_clock_is_not_known(model: PostureModel) -> None:
+    hand = Hand(12)
+    hand.use(model)
+    hand.take({"middle": 0.3}, 1_700_000_000_000_000_000)
+    for number in range(1, 40):
+        hand.take({"knuckle": 1.5, "still": 0.0}, number * PERIOD_NS)
+    assert hand.at(40 * PERIOD_NS).why == NONE_CAME
 
 
 def test_joints_may_come_from_several_programs(model: PostureModel) -> None:

@@ -26,6 +26,7 @@ SECOND_NS = 1_000_000_000
 # Positions that come sooner after others are left out: one takes as long as fifty frames, and hands are slow.
 SPARES_NS = 15_000_000
 UNTAUGHT = "the field of the hand's posture was not taught: `fmfts-daemon baseline --posture`"
+START, STAMP = "start the program that publishes them", "stamp them by this computer's monotonic clock"
 NONE_CAME = "no joint positions have arrived: docs/scene.md says how to publish them"
 # The table's `state`, as posture.c has it.
 KNOWN, STATE_UNTAUGHT, STATE_NONE_CAME, STATE_UNKNOWN, STATE_ANY, STATE_NO_REST = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
@@ -71,7 +72,7 @@ class Hand:
     def take(self, position_rad: Mapping[str, float], time_ns: int) -> None:
         """Positions by the joints' names, and their time on the host's clock. Those of an older time are left out.
 
-        Each message may tell some of the joints; together they count once none is older than SILENT_S.
+        Each message may tell some of the joints; together they count once none is older than another by SILENT_S.
         """
         if self._model is None or not self._model.names:
             return
@@ -81,7 +82,8 @@ class Hand:
         last, told = self.joints, self._told
         if len(told) < len(self._model.names) or not any(name in position_rad for name in told):
             return
-        if time_ns - min(at_ns for _, at_ns in told.values()) > SILENT_S * SECOND_NS:
+        at_ns = [one_ns for _, one_ns in told.values()]
+        if max(at_ns) - min(at_ns) > SILENT_S * SECOND_NS:
             return
         if last.time_ns is not None and time_ns < last.time_ns + SPARES_NS:
             if last.time_ns - time_ns < SECOND_NS:
@@ -115,9 +117,9 @@ class Hand:
             return self._wide
         later_s = (time_ns - self.joints.time_ns) * 1e-9
         if later_s > SILENT_S:
-            return self._wide._replace(why=f"joint positions stopped arriving {later_s:.1f} s ago")
+            return self._wide._replace(why=f"joint positions stopped arriving {later_s:.1f} s ago: {START}")
         if later_s < -AHEAD_S:
-            return self._wide._replace(why=f"joint positions are stamped {-later_s:.1f} s ahead of the frames")
+            return self._wide._replace(why=f"joint positions are stamped {-later_s:.1f} s ahead of the frames: {STAMP}")
         if self._newest.why:
             return self._newest
         goes_on_s = min(later_s, GOES_ON_S)

@@ -76,10 +76,13 @@ void fmfts_doubt_posture(fmfts_step *step)
         fmfts_say(&verdict->reason, "%sno joint positions have arrived: docs/scene.md says how to publish them", before);
         break;
     case FMFTS_POSTURE_SILENT:
-        fmfts_say(&verdict->reason, "%sjoint positions stopped arriving %.1f s ago", before, step->joints_later_s);
+        fmfts_say(&verdict->reason, "%sjoint positions stopped arriving %.1f s ago: start the program that publishes them", before,
+                  step->joints_later_s);
         break;
     case FMFTS_POSTURE_AHEAD:
-        fmfts_say(&verdict->reason, "%sjoint positions are stamped %.1f s ahead of the frames", before, -step->joints_later_s);
+        fmfts_say(&verdict->reason,
+                  "%sjoint positions are stamped %.1f s ahead of the frames: stamp them by this computer's monotonic clock", before,
+                  -step->joints_later_s);
         break;
     case FMFTS_POSTURE_ANY:
         fmfts_say(&verdict->reason, "%sthe postures change the field by too much to do without joint positions", before);
