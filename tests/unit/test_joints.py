@@ -93,6 +93,25 @@ def test_message_that_is_none_is_left_out_and_counted(
         assert told[0] == {"a": 1.0}
 
 
+@pytest.mark.parametrize("parts", [(b"joints", b"\x01"), (b"joints", *[b"\x01"] * 40)], ids=["bad", "many parts"])
+def test_flood_of_what_is_none_leaves_the_loop_when_its_time_is_up(
+    listener: JointListener, endpoints: Endpoints, parts: tuple[bytes, ...]
+) -> None:
+    with zmq.Context.instance().socket(zmq.PUB) as socket:
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.connect(endpoints.joints)
+        assert next_of(listener, lambda: socket.send_multipart(parts)) is None
+        until, refused = time.monotonic() + PATIENCE_S, 0
+        while not listener.may_have_more:
+            assert time.monotonic() < until
+            socket.send_multipart(parts)
+            refused = listener.refused
+            assert listener.receive(lambda: True) is None
+        assert listener.refused == refused + 1, "one message, or three parts of it, at once"
+        while listener.may_have_more:
+            assert listener.receive(lambda: True) is None
+
+
 def test_tcp_without_keys_is_refused() -> None:
     endpoints = Endpoints.from_base(tcp_base())
     listener = JointListener(endpoints.joints)
@@ -123,7 +142,10 @@ def test_recorded_table_is_played(listener: JointListener, endpoints: Endpoints,
     ("text", "why"),
     [
         ("s,a\n0,1\n1,2\n", "first column must be t_s"),
-        ("t_s,a\n", "there must be rows"),
+        ("", "first column must be t_s"),
+        ("t_s,a\n", "must be two rows or more"),
+        ("t_s,a\n0,1\n", "must be two rows or more"),
+        ("t_s,a\n0,1\n1,open\n", "joints.csv: .*'open': each cell"),
         ("t_s,a\n0,1\n0,2\n", "does not rise"),
         ("t_s,a\n0,1\n1\n", "no 2 finite numbers"),
     ],
@@ -133,3 +155,14 @@ def test_table_that_is_none_is_refused(tmp_path: Path, text: str, why: str) -> N
     path.write_text(text)
     with pytest.raises(ValueError, match=why):
         read_table(path)
+
+
+@pytest.mark.parametrize("endpoint", ["udp://here", "tcp://127.0.0.1"])
+def test_player_says_in_a_sentence_that_an_endpoint_is_none(tmp_path: Path, endpoint: str) -> None:
+    table = tmp_path / "joints.csv"
+    table.write_text("t_s,a\n0,1\n0.01,1\n")
+    words = [sys.executable, "-m", "fmfts_client.joints", table, "--bus", endpoint]
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert ended.returncode == 1
+    assert endpoint in ended.stderr
+    assert "Traceback" not in ended.stderr

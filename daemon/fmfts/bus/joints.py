@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import msgspec
 import zmq
@@ -18,6 +18,7 @@ from fmfts.common import possible
 TOPIC = b"joints"
 LARGEST_RECEIVED = 16_384
 MOST_JOINTS, LONGEST_NAME = 64, 100
+MOST_PARTS = 3  # that are read at once, one more than a message has: a peer may send any number
 MOST_WAITING = 100  # messages of one peer; a daemon that was busy does without the older ones
 TOLD_AGAIN_S = 60.0
 log = logging.getLogger(__name__)
@@ -26,15 +27,15 @@ Told = tuple[Mapping[str, float], int]  # positions in rad, and their time on th
 
 
 class JointListener:
-    """Serves `endpoint`; `keys` encrypt tcp. refused: how many messages were of no use. BusError where the endpoint
-    cannot be bound."""
+    """Serves `endpoint`; `keys` encrypt tcp. refused: how many messages were of no use. may_have_more: `receive` had no
+    time left. BusError where the endpoint cannot be bound."""
 
     def __init__(self, endpoint: str, keys: KeyFolder | None = None) -> None:
         key = None if keys is None else keys.server()
         self._socket = BoundSocket(zmq.SUB, endpoint, 1, LARGEST_RECEIVED, key, MOST_WAITING)
         self._socket.zmq.setsockopt(zmq.SUBSCRIBE, TOPIC)
         self._keys = None if self._socket.path is not None else keys
-        self.refused = 0
+        self.refused, self.may_have_more = 0, False
         self._told_s = -TOLD_AGAIN_S
 
     @property
@@ -42,22 +43,32 @@ class JointListener:
         return (self._socket,)
 
     def fileno(self) -> int:
-        """Descriptor to wait for. ZeroMQ signals edges only: call `receive` until it is None."""
+        """Descriptor to wait for. ZeroMQ signals edges only: call `receive` until it is None and has no more."""
         return int(self._socket.zmq.getsockopt(zmq.FD))
 
-    def receive(self) -> Told | None:
-        """The next positions; None if no message is waiting."""
+    def receive(self, time_is_up: Callable[[], bool] = lambda: False) -> Told | None:
+        """The next positions; None if no message is waiting, or if the time is up: a peer may send what is none."""
+        self.may_have_more = False
         while self._socket.readable():
-            parts = self._socket.zmq.recv_multipart(zmq.NOBLOCK, copy=False)
+            parts = self._parts()
             try:
                 self._require_trust(parts[-1])
                 return _told([part.bytes for part in parts])
             except (msgspec.DecodeError, ValueError) as error:
                 self._refuse(str(error))
+            if time_is_up():
+                self.may_have_more = True
+                break
         return None
 
     def close(self) -> None:
         self._socket.close()
+
+    def _parts(self) -> list[zmq.Frame]:
+        parts = [self._socket.zmq.recv(zmq.NOBLOCK, copy=False)]
+        while parts[-1].more and len(parts) < MOST_PARTS:
+            parts.append(self._socket.zmq.recv(zmq.NOBLOCK, copy=False))
+        return parts
 
     def _require_trust(self, part: zmq.Frame) -> None:
         if self._keys is not None and (why := why_refused(self._keys, "joints", True, key_of(part))):

@@ -95,11 +95,11 @@ class Peers:
 
     def _hear_until(self, joints: JointListener, time_is_up: Callable[[], bool]) -> bool:
         """True if there may be more: ZeroMQ signals nothing again until all is read."""
-        while (told := joints.receive()) is not None:
+        while (told := joints.receive(time_is_up)) is not None:
             self._hear(*told)
             if time_is_up():
                 return True
-        return False
+        return joints.may_have_more
 
     def _pause(self, begun_ns: int) -> None:
         now_ns = self._clock()
