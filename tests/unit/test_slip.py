@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
+from bus_messages import contact_message
 
 from fmfts.bus.encoding import decode_contact
 from fmfts.bus.messages import ContactMessage, EventMessage, SlipMessage, without_estimate
@@ -19,6 +21,7 @@ from fmfts.pipeline import _pad
 from fmfts.pipeline.first_memory import OF_SLIP, first_memory
 from fmfts.pipeline.pad_pipeline import PipelineMemory
 from fmfts.runtime.announcer import Announcer
+from fmfts.sensor import Frame
 from fmfts.sensor.source import SourceState
 from fmfts.simulation.finger import Finger, Touch
 from fmfts_client import Contact
@@ -28,6 +31,7 @@ from fmfts_lab.bench.slip_world import Drag, DragMechanics, Healthy, Slide
 from fmfts_lab.bench.tapped import ManyFrames
 
 ASKED = ContactConfig(model="shear", slip=True)
+SLIPPING = SlipMessage(slipping=True, sticking_probability=0.02, speed_m_per_s=0.05, friction=0.6)
 
 
 @cache
@@ -115,6 +119,7 @@ def test_friction_is_forgotten_when_the_touch_ends() -> None:
 def test_margin_is_friction_times_force_less_shear() -> None:
     finger = slide(1.0)
     known = [m for m in told(finger, finger.seconds) if (one := slip_of(m)) is not None and one.margin_n is not None]
+    assert len(known) > 60
     for message in known[-60:]:
         slip = slip_of(message)
         assert slip is not None
@@ -154,6 +159,34 @@ def test_fields_of_slip_are_those_of_the_memory() -> None:
     memory = Record(_pad.MEMORY)
     memory.fill(first_memory(pad().config.pad(), None))
     assert set(OF_SLIP) <= set(memory.copy())
+
+
+def replace_number(frame: Frame, number: int) -> Frame:
+    values = (frame.gain_code, frame.counts, frame.age_us, frame.fresh, frame.valid, frame.temperature_c)
+    return Frame(frame.pad_index, number, frame.device_time_us, frame.host_time_ns, *values)
+
+
+def without_news(frame: Frame, number: int) -> Frame:
+    """2 ms after it, as a bus gives it that is read faster than the chips measure: with the same samples."""
+    old = np.zeros(len(frame.fresh), dtype=bool)
+    age_us = (frame.age_us + 2000).astype(np.uint16)
+    device_us, host_ns = frame.device_time_us + 2000, frame.host_time_ns + 2_000_000
+    values = (frame.gain_code, frame.counts, age_us, old, frame.valid, frame.temperature_c)
+    return Frame(frame.pad_index, number, device_us, host_ns, *values)
+
+
+@pytest.mark.parametrize("kind", ["slide", "jerk"])
+def test_samples_that_come_twice_tell_no_more(kind: str) -> None:
+    finger = slide(0.7) if kind == "slide" else Healthy.drawn(np.random.default_rng(8), kind)
+    source, pipeline = ManyFrames(pad().config), pad().pipeline()
+    source.finger = finger
+    once, twice = told(finger, 1.5), []
+    for number, frame in enumerate(frame for frames in source.batches(330) for frame in frames):
+        twice.append(pipeline.process(replace_number(frame, 2 * number)))
+        again = pipeline.process(without_news(frame, 2 * number + 1))
+        assert again.slipping == twice[-1].slipping
+    assert any(slip_of(message) is not None for message in once)
+    assert [message.slip for message in twice] == [message.slip for message in once]
 
 
 def test_model_without_shear_refuses_slip() -> None:
@@ -217,11 +250,29 @@ def test_onset_and_end_of_a_slip_are_events() -> None:
     assert [kind for kind in sent.kinds if kind in ("slip", "stick")] == ["slip", "stick"]
 
 
+@pytest.mark.parametrize(
+    ("changes", "detail"),
+    [
+        ({"slip": msgspec.structs.replace(SLIPPING, slipping=False)}, ""),
+        ({"slip": SlipMessage(), "contact": False}, "the touch ended"),
+        ({"slip": SlipMessage(), "contact": None}, "it is no longer known whether the finger slips"),
+        ({"slip": SlipMessage()}, "it is no longer known whether the finger slips"),
+    ],
+)
+def test_end_of_a_slip_says_whether_the_finger_sticks(changes: dict[str, Any], detail: str) -> None:
+    sent = Sent()
+    announcer = Announcer("slip", sent, sent, "boot", 0, sent)  # type: ignore[arg-type]
+    announcer.send(contact_message(slip=SLIPPING))
+    announcer.send(contact_message(**changes))
+    assert ("stick", detail) in sent.details
+
+
 class Sent:
-    """Source, publisher and log, of which only the events matter. kinds: of the events that were sent."""
+    """Source, publisher and log, of which only the events matter. kinds, details: of the events that were sent."""
 
     def __init__(self) -> None:
         self.kinds: list[str] = []
+        self.details: list[tuple[str, str]] = []
         self.state = SourceState(description="")
 
     def send_contact(self, name: str, message: ContactMessage) -> ContactMessage:
@@ -229,6 +280,7 @@ class Sent:
 
     def send_event(self, name: str, event: EventMessage) -> None:
         self.kinds.append(event.kind)
+        self.details.append((event.kind, event.detail))
 
     def tell(self, *args: object, **more: object) -> None:
         """A line of the log."""

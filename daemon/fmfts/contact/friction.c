@@ -134,6 +134,9 @@ static void learn(const fmfts_slip_parameters *parameters, const fmfts_slip_fram
     double squared = square(x[SHEAR]) + square(x[SHEAR + 1]) - 2.0 * variance;
     double ratio = sqrt(fmax(squared, 0.0)) / x[FORCE], share = fmin(frame->elapsed_s / REMEMBERS_S, 1.0);
     double weight = share * square(x[FORCE]) / variance;
+    if (!(weight > 0.0)) { /* no time has passed */
+        return;
+    }
     ratio = fmin(fmax(ratio, parameters->slip_friction[0]), parameters->slip_friction[1]);
     memory->learnt_friction += (ratio - memory->learnt_friction) * weight / (memory->learnt_weight + weight);
     memory->learnt_weight += weight;

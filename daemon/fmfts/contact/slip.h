@@ -31,8 +31,8 @@ enum { FMFTS_SLIP_STATES = 7, FMFTS_SLIP_FILTERS = 3, FMFTS_STUCK = 0 };
 FMFTS_STRUCT(fmfts_slip_parameters, FMFTS_SLIP_PARAMETERS)
 FMFTS_STRUCT(fmfts_slip_memory, FMFTS_SLIP_MEMORY)
 
-/* A change of pose from rest, in the model's units, with what a frame's noise alone leaves uncertain of it. shear_sd_n: what else is
- * uncertain of a shear, the same in all frames of a touch. */
+/* A change of pose from rest, in the model's units, with what a frame's noise alone leaves uncertain of it. elapsed_s: since the last frame;
+ * 0: it has the same samples. shear_sd_n: what else is uncertain of a shear, the same in all frames of a touch. */
 typedef struct {
     double elapsed_s, change[FMFTS_MOVED], noise[FMFTS_MOVED * FMFTS_MOVED], shear_sd_n;
 } fmfts_slip_frame;

@@ -72,6 +72,8 @@ void fmfts_find_slip(const fmfts_pad *pad, fmfts_frame_work *work, fmfts_reading
         }
     }
     frame.shear_sd_n = lasting_shear_n(estimate, whole, noise);
-    fmfts_follow_slip(&response, &frame, estimate, memory);
+    if (frame.elapsed_s > 0.0) { /* the same samples once more tell nothing: counted again, their noise would look like a motion */
+        fmfts_follow_slip(&response, &frame, estimate, memory);
+    }
     fmfts_judge_slip(&parameters->slip, &frame, memory, &reading->slip);
 }

@@ -92,10 +92,13 @@ class Announcer:
 
     def _tell_slip(self, message: ContactMessage) -> None:
         slip = message.slip
-        if isinstance(slip, SlipMessage) and slip.slipping:
+        if not isinstance(slip, SlipMessage) or slip.slipping is None:
+            ended = message.contact is False
+            self.event("stick", "the touch ended" if ended else "it is no longer known whether the finger slips")
+        elif slip.slipping:
             self.event("slip", f"{(slip.speed_m_per_s or 0.0) * 1e3:.0f} mm/s, friction {slip.friction or 0.0:.2f}")
         else:
-            self.event("stick", "" if message.contact else "the touch ended")
+            self.event("stick", "")
 
     def _follow_contact(self, message: ContactMessage) -> None:
         """Publish onset and release. Called only if `contact` is known; an unknown contact changes nothing."""
