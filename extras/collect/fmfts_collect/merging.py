@@ -231,9 +231,9 @@ def _read_by(other: str, recording: Path) -> tuple[Log, float]:
             one = recorded.message
             if not isinstance(one, ContactMessage) or recorded.pad != other or one.health != "ok":
                 continue
-            if not one.contact:
+            if one.contact is False:  # null is not "untouched"
                 rows.append((one.t_sample_ns * 1e-9, 0.0))
-            elif one.force_n is not None and one.force_sd_n is not None and not one.over_range:
+            elif one.contact and one.force_n is not None and one.force_sd_n is not None and not one.over_range:
                 rows.append((one.t_sample_ns * 1e-9, one.force_n))
                 shares.append(one.force_sd_n / one.force_n)
     except RecordingError as error:
