@@ -121,6 +121,12 @@ def test_posture_without_joints_is_stored_too(pad: Pad) -> None:
     assert np.trace(model.predicted(None).covariance_t2) > 1e-10
 
 
+def test_hand_that_stands_still_is_refused(pad: Pad) -> None:
+    joints, change = rows(pad, 60.0, 300)
+    with pytest.raises(BaselineError, match=r"no joint moved by more than 0\.01 rad meanwhile"):
+        fit_posture(NAMES, np.tile(joints[:1], (300, 1)), change, by_ambient(pad))
+
+
 def test_short_recording_is_refused(pad: Pad) -> None:
     joints, change = rows(pad, 4.0, 40)
     with pytest.raises(BaselineError, match="only 40 moments"):

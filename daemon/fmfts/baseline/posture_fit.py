@@ -48,7 +48,12 @@ def fit_posture(names: tuple[str, ...], joints_rad: Array, change_t: Array, by_a
     even_t = float(lengths(even - even.mean(axis=0)).max()) / 2.0  # a deviation
     mean = uneven.mean(axis=0)
     middle, off, axes = _coordinates(joints_rad)
-    if not len(axes):
+    if names and not len(axes):
+        raise BaselineError(
+            f"no joint moved by more than {MOVES_RAD:g} rad meanwhile: move the hand through all its postures, or "
+            "record it with --no-joints where nothing publishes what moves"
+        )
+    if not names:
         spread = _spread(uneven - mean)
         nothing = np.zeros((0, change_t.shape[1]))
         left = 1e-12 * np.eye(len(mean)) * spread.max()
