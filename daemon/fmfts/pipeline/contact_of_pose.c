@@ -129,7 +129,7 @@ void fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work)
         work->has_estimate = false;
     } else if (work->touch_is_known) {
         fmfts_press(&pad->parameters->contact, &memory->contact, &work->estimate);
-        if (memory->contact.in_contact != 0.0 && work->estimate.over_range && fmfts_has_jumped(&work->step)) {
+        if (memory->contact.touched != 0.0 && work->estimate.over_range && fmfts_has_jumped(&work->step)) {
             fmfts_degrade(verdict, JUMPED);
         }
     }
