@@ -21,6 +21,7 @@ HANDS = ("leap", "allegro")
 PLATE_ABOVE_CHIPS_MM, SILICONE_MM, BOARDS_MM, BOARD_MM, CHIP_MM, CABLE_MM = 10.0, (4.0, 40.0, 40.0), 50.8, 1.6, 1.0, 6.0
 RIM_MM = 3.0  # of the silicone, held; the slab of the finite elements that made the contact model has the same
 CHIPS_APART_MM, FROM_STEEL_MM = 25.4, 30.0
+PLA_KG_PER_MM3 = 1.24e-6
 # Of LEAP's last motor, of which its own fingertip leaves 14 mm free, and of the fork that DIGIT has for Allegro.
 LEAP_HORNS_MM, LEAP_CIRCLE_MM, LEAP_FREE_MM, LEAP_WIDTH_MM = 29.0, 6.0, 14.0, 20.0
 ALLEGRO_FREE_MM, ALLEGRO_PITCH_MM, ALLEGRO_ROWS_MM = 15.0, 6.0, 10.0
@@ -81,6 +82,14 @@ def cut_mm3(folder: Path, body: Path, other: str) -> float:
     return volume_mm3(read(output.read_text()))
 
 
+def moments(corners: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Volume, its first (3,) and its second (3, 3) moments, by tetrahedra from the origin to triangles (K, 3, 3)."""
+    six = np.linalg.det(corners)
+    summed = corners.sum(axis=1)
+    second = np.einsum("k,kij,kil->jl", six, corners, corners) + np.einsum("k,kj,kl->jl", six, summed, summed)
+    return six.sum() / 6, six @ summed / 24, second / 120
+
+
 @pytest.mark.parametrize("name", [*HANDS, "lid"])
 def test_printed_file_is_what_the_source_makes(name: str, tmp_path: Path) -> None:
     setting = 'part="lid"' if name == "lid" else f'hand="{name}"'
@@ -124,6 +133,27 @@ def test_lid_presses_the_boards_against_their_ledge(tmp_path: Path) -> None:
     resting += box((-2.0, -edge, z_mm - edge), (0.0, edge, z_mm + edge)) + "}"
     rim_mm2 = (BOARDS_MM**2 - (2 * edge) ** 2) * 0.1
     assert cut_mm3(tmp_path, HARDWARE / "fingertip-leap.stl", resting) == pytest.approx(rim_mm2, rel=0.01)
+
+
+@pytest.mark.parametrize("hand", HANDS)
+def test_descriptions_have_the_inertia_of_what_is_printed(hand: str) -> None:
+    lid = printed("lid")  # as it is printed, its plate lies on z = 0, and z points toward the pad
+    lid = lid @ np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    lid += pad_origin_mm(hand) - (CHIP_MM + BOARD_MM + lid[..., 0].max(), 0.0, 0.0)
+    volume, first, second = (one + other for one, other in zip(moments(printed(hand)), moments(lid), strict=True))
+    centre_mm = first / volume
+    spread = (second - volume * np.outer(centre_mm, centre_mm)) * PLA_KG_PER_MM3 * 1e-6
+    urdf = ElementTree.parse(HARDWARE / f"fingertip-{hand}.urdf").find("link[@name='fingertip']/inertial")
+    mjcf = ElementTree.parse(HARDWARE / f"fingertip-{hand}.xml").find("worldbody/body/inertial")
+    assert urdf is not None
+    assert mjcf is not None
+    parts = {key: value for part in urdf for key, value in part.attrib.items()}
+    inertia = [parts[key] for key in ("ixx", "iyy", "izz")]
+    assert (mjcf.get("mass"), mjcf.get("pos")) == (parts["value"], parts["xyz"])
+    assert str(mjcf.get("diaginertia")).split() == inertia
+    assert float(parts["value"]) == pytest.approx(volume * PLA_KG_PER_MM3, rel=0.02)
+    np.testing.assert_allclose([float(each) * 1e3 for each in parts["xyz"].split()], centre_mm, atol=0.1)
+    np.testing.assert_allclose([float(each) for each in inertia], np.trace(spread) - np.diag(spread), rtol=0.04)
 
 
 def test_leap_motor_fits_and_its_screws_go_through(tmp_path: Path) -> None:
