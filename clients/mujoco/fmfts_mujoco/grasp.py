@@ -42,7 +42,8 @@ class GraspEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         self, config: Path | str | None = None, endpoint: str | None = None, *, as_built: bool = False
     ) -> None:
         """config: of a daemon that runs, and takes its frames from here, in real time; None: all in this process.
-        as_built: other silicone and other fingertips in each episode, on pads that are mounted as a hand does."""
+        as_built: pads that are mounted as a hand does, with other silicone and fingertips: in each episode, or where a
+        daemon reads them once."""
         self.model = mujoco.MjModel.from_xml_path(str(MODELS / "gripper.xml"))
         self.data = mujoco.MjData(self.model)
         self.pads: Pads | Robot

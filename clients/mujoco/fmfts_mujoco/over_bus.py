@@ -42,7 +42,7 @@ class Robot:
         as_built: bool = False,
     ) -> None:
         """config: the daemon's file; each pad has `frames_from`. endpoint: of the daemon. as_built: pads differ from
-        their drawing as their tolerances say. ModelError, ConfigError."""
+        their drawing as their tolerances say, always by the same. ModelError, ConfigError."""
         mujoco.mj_forward(model, data)
         pads = load(Path(config))[0].pad
         self.scene = Scene(model, pads, as_built=as_built)
