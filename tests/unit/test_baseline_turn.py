@@ -255,7 +255,7 @@ def test_simulated_pad_tumbles_for_its_turn() -> None:
 
 
 def test_one_kind_of_baseline_at_a_time(pad: Pad) -> None:
-    with pytest.raises(BaselineError, match="one of bare, turn, refine and learn"):
+    with pytest.raises(BaselineError, match="one of bare, turn, refine, learn, posture and weigh at a time"):
         BaselineRequest(pad, UNTESTED, bare=False, replaced=False, turn=True, refine=True)
 
 

@@ -98,7 +98,7 @@ class BaselineRequest:
 
     def __post_init__(self) -> None:
         if self.bare + self.turn + self.refine + (self.learn is not None) > 1:
-            raise OptionError(f"pad '{self.pad.name}': one of bare, turn, refine and learn at a time")
+            raise OptionError(f"pad '{self.pad.name}': one of bare, turn, refine, learn, posture and weigh at a time")
         if not SHORTEST_S <= self.seconds <= LONGEST_S:
             raise OptionError(
                 f"pad '{self.pad.name}': a baseline takes {SHORTEST_S:g} to {LONGEST_S:g} s, not {self.seconds:g} s"

@@ -90,7 +90,8 @@ def _told(parts: list[bytes]) -> Told:
     message = _decoder.decode(parts[1])
     if len(message.names) != len(message.position_rad) or not 0 < len(message.names) <= MOST_JOINTS:
         raise ValueError(
-            f"{len(message.names)} names and {len(message.position_rad)} positions: as many of each, 1 to {MOST_JOINTS}"
+            f"{len(message.names)} names and {len(message.position_rad)} positions: as many of each, "
+            f"1 to {MOST_JOINTS}: publish the joints of the hand alone"
         )
     if max(map(len, message.names)) > LONGEST_NAME:
         raise ValueError(f"a joint's name has more than {LONGEST_NAME} letters")
