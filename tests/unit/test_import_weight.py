@@ -36,6 +36,13 @@ def test_what_starts_often_imports_nothing_heavy(module: str) -> None:
     assert found.stdout.split() == []
 
 
+def test_manual_pages_are_made_without_numpy() -> None:
+    """Debian's package makes them where nothing but Python is installed."""
+    code = "import sys; sys.modules['numpy'] = None; import fmfts.cli.manual; print('made')"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.split() == ["made"]
+
+
 def test_running_daemon_does_without_onnxruntime_where_model_is_compiled() -> None:
     code = (
         "import sys, fmfts.runtime.daemon; from fmfts.config import PadConfig, SimulatedSource; "

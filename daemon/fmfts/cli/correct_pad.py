@@ -6,17 +6,15 @@ import argparse
 import json
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from fmfts.cli.verb import VerbError, ended_by, lacking, refuse_options, say, written_to
 from fmfts.common import exit_codes
-from fmfts.pad import Array
 
 if TYPE_CHECKING:
     from fmfts.baseline import Baseline
     from fmfts.calibrate.pad_fit import StartingModel
     from fmfts.calibrate.pad_set import MountedPad
     from fmfts.config import PadConfig
+    from fmfts.pad import Array
 
 LARGEST_PLACE_SD_MM, LARGEST_SCALE_SD = 5.0, 0.3
 
@@ -66,6 +64,8 @@ def starting_model(pad: PadConfig, baseline: Baseline) -> StartingModel:
 
 def mounted_pad(pad: PadConfig, baseline: Baseline, start: StartingModel, noise_t: float) -> MountedPad:
     """The pad with its baseline. Raises BaselineError."""
+    import numpy as np
+
     from fmfts.calibrate.pad_set import MountedPad
     from fmfts.contact.model import POSE_UNIT
     from fmfts.pipeline.baselined_pad import BaselinedPad
