@@ -7,7 +7,7 @@ to spare, and some directions badly.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,9 +16,10 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.array_correction import LEVELS, Correction
 from fmfts.calibrate.array_set import ArraySet
-from fmfts.calibrate.correction_fit import Level, Predictions, Rows, error_of_table, smallest_correction
+from fmfts.calibrate.correction_fit import Level, Predictions, error_of_table, smallest_correction
 from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.labelled_poses import Say
+from fmfts.calibrate.press_set import Rows
 from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Array
 from fmfts.pose.magnets import field_and_slope, field_of
@@ -47,19 +48,7 @@ class _Fields(Predictions):
     may_stay = True
 
     data: ArraySet
-    correction: Correction
     noise_t2: Array
-
-    @property
-    def press(self) -> Array:
-        return self.data.press
-
-    @property
-    def line(self) -> tuple[int, ...]:
-        return self.data.line
-
-    def only(self, rows: Rows) -> _Fields:
-        return replace(self, data=_only(self.data, rows))
 
     @cached_property
     def of_map(self) -> Array:
@@ -134,18 +123,7 @@ def _on_the_table(data: ArraySet, whose: str, start: ArrayResponse, say: Say) ->
             f"{whose}: {int((~inside).sum())} presses are beyond ±{start.last_mm:g} mm, where a table of presses ends: "
             "left out"
         )
-    return _only(data, np.flatnonzero(inside))
-
-
-def _only(data: ArraySet, rows: Rows) -> ArraySet:
-    return replace(
-        data,
-        press=data.press[rows],
-        press_deviation=data.press_deviation[rows],
-        change_t=data.change_t[rows],
-        ambient_t=data.ambient_t[rows],
-        line=tuple(data.line[row] for row in rows.tolist()),
-    )
+    return data.only(np.flatnonzero(inside))
 
 
 def _require_enough(whose: str, press: Array) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from fmfts.baseline.files import StateError, stored
 from fmfts.calibrate.dataset import LARGEST_RATIO, labels_of, require_consistent
 from fmfts.calibrate.field_table import DataError, FieldTable, field_columns, read
 from fmfts.calibrate.labelled_poses import Say
+from fmfts.calibrate.press_set import PressSet
 from fmfts.common.reading import digest_of
 from fmfts.contact.contract import OUTPUT_ORDER
 from fmfts.pad import Array, Pad
@@ -27,27 +27,21 @@ OF_COLLECT = "baseline"  # the column of a table that `collect` wrote
 
 
 @dataclass(frozen=True, slots=True)
-class ArraySet:
-    """K presses on one mounted pad.
+class Changes(PressSet):
+    """change_t (K, 3N): of the magnets' field, since rest, in sensor axes. ambient_t (K,): deviation of an ambient
+    field that may be left in it."""
 
-    press (K, 5): x and y in mm, force, and shear along x and y in N. press_deviation (K, 3): of place and force.
-    change_t (K, 3N): of the magnets' field, since rest, in sensor axes. ambient_t (K,): deviation of an ambient field
-    that may be left in it. line (K,): its line in the file. digest: SHA-256 of the file. baseline: its id.
-    """
+    change_t: Array
+    ambient_t: Array
+
+
+@dataclass(frozen=True, slots=True)
+class ArraySet(Changes):
+    """Presses on one mounted pad with several magnets. baseline: its id."""
 
     pad: Pad
     mounting: ArrayMounting
-    press: Array
-    press_deviation: Array
-    change_t: Array
-    ambient_t: Array
-    line: tuple[int, ...]
-    digest: str
     baseline: str
-
-    @property
-    def has_shear(self) -> bool:
-        return bool(self.press[:, 3:].any())
 
 
 def read_array_set(path: Path, pad: Pad, pad_size_mm: float, baseline: Path | None, say: Say) -> ArraySet:
@@ -62,18 +56,9 @@ def read_array_set(path: Path, pad: Pad, pad_size_mm: float, baseline: Path | No
     except BaselineError as error:
         raise DataError(str(error)) from error
     table = of_this_baseline(path, read(path, len(pad.sensors)), recorded.id, say)
-    return ArraySet(pad, mounting, *changes_of(path, table, mounting, pad_size_mm), recorded.id)
-
-
-class Changes(NamedTuple):
-    """The presses of a file: see ArraySet."""
-
-    press: Array
-    press_deviation: Array
-    change_t: Array
-    ambient_t: Array
-    line: tuple[int, ...]
-    digest: str
+    found = changes_of(path, table, mounting, pad_size_mm)
+    values = (found.press, found.press_deviation, found.line, found.digest, found.change_t, found.ambient_t)
+    return ArraySet(*values, pad, mounting, recorded.id)
 
 
 def changes_of(
@@ -107,7 +92,7 @@ def changes_of(
     force_n = np.sqrt(np.square(FORCE_SHARE * press[:, 2]) + np.square(np.maximum(spread_n, FORCE_N)))
     deviation = np.column_stack([np.full((len(press), 2), place_mm), force_n])
     lines = tuple(table.line[row] for row in rows)
-    return Changes(press[rows], deviation[rows], change_t[rows], ambient_t[rows], lines, digest_of(path))
+    return Changes(press[rows], deviation[rows], lines, digest_of(path), change_t[rows], ambient_t[rows])
 
 
 def baseline_of(path: Path | None, pad: Pad) -> Baseline:

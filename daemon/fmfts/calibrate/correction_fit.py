@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from fmfts.calibrate.array_correction import Correction
 from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.labelled_poses import Say
+from fmfts.calibrate.press_set import PressSet, Rows
 from fmfts.contact.array_response import LARGEST_ERROR, SHIPPED_ERROR
 from fmfts.pad import Array
-
-Rows = NDArray[np.intp]
 
 FOLDS = 5
 ITERATIONS, SETTLED, LONGEST_STEP = 8, 0.02, 1.0  # in deviations of the parameters
@@ -31,8 +30,9 @@ WORTHWHILE = 0.02
 WRONG_LABEL, AGREE_BETTER = 8.0, 0.6
 
 
+@dataclass(frozen=True)
 class Predictions(ABC):
-    """Predicts presses of one set. press (K, 5): x and y in mm, force and shear in N. line (K,): in the file.
+    """Predicts presses of one set.
 
     levels: of the correction, from the smallest; labels_by: the one by which a wrong label is found. may_stay: whether
     no correction at all may be chosen.
@@ -42,19 +42,8 @@ class Predictions(ABC):
     labels_by: ClassVar[str]
     may_stay: ClassVar[bool]
 
+    data: PressSet
     correction: Correction
-
-    @property
-    @abstractmethod
-    def press(self) -> Array: ...
-
-    @property
-    @abstractmethod
-    def line(self) -> tuple[int, ...]: ...
-
-    @abstractmethod
-    def only(self, rows: Rows) -> Self:
-        """Of some of the presses."""
 
     @abstractmethod
     def predicted(
@@ -64,19 +53,19 @@ class Predictions(ABC):
         an error of the response, the lower triangles (R, V, V) of C: what noise, labels, the baseline and the response
         itself may be off."""
 
-    @property
-    def has_shear(self) -> bool:
-        return bool(self.press[:, 3:].any())
+    def only(self, rows: Rows) -> Self:
+        """Of some of the presses."""
+        return replace(self, data=self.data.only(rows))
 
     def fitted(self, rows: Rows, level: str) -> Array:
         """The most likely parameters, given these rows."""
         theta, deviation = self.correction.none, self.correction.deviation
         if level == "none":
             return theta
-        free = self.correction.free(level, self.has_shear)
+        free = self.correction.free(level, self.data.has_shear)
         triangle = np.empty(0)
         for step_number in range(ITERATIONS):
-            # What the labels and the baseline may be off goes with the movement: once it is about right it stays.
+            # The errors of labels and baseline scale with the movement: C stays once that is about right.
             error = SHIPPED_ERROR if step_number < WEIGHED else None
             residual, slope, _, root = self.predicted(theta, rows, error, free)
             triangle = triangle if root is None else root
@@ -148,13 +137,13 @@ def smallest_correction(predictions: Predictions, whose: str, say: Say) -> Corre
     chosen = _chosen(levels, 0 if predictions.may_stay else 1)
     _require_good_labels(whose, predictions, left[chosen], say)
     name = levels[chosen].name
-    theta = predictions.fitted(np.arange(len(predictions.press)), name)
+    theta = predictions.fitted(np.arange(len(predictions.data.press)), name)
     say(f"chosen: {name}")
     return Corrected(tuple(levels), name, theta, left[chosen])
 
 
 def _left_out(predictions: Predictions, level: str) -> tuple[Level, LeftOutFits]:
-    press, correction = predictions.press, predictions.correction
+    press, correction = predictions.data.press, predictions.correction
     error, of_press = np.empty((len(press), 3)), np.empty(len(press))
     means, folds = [], []
     for out in _folds(press):
@@ -168,7 +157,7 @@ def _left_out(predictions: Predictions, level: str) -> tuple[Level, LeftOutFits]
         for row, one, slope, triangle in zip(out, white, by_label, root, strict=True):
             error[row] = np.linalg.lstsq(np.linalg.solve(triangle, slope), one, rcond=None)[0]
         folds.append((theta, out))
-    numbers = 0 if level == "none" else int(correction.free(level, predictions.has_shear).sum())
+    numbers = 0 if level == "none" else int(correction.free(level, predictions.data.has_shear).sum())
     spread = float(np.std(means) / np.sqrt(FOLDS))
     return Level(level, numbers, float(of_press.mean()), spread, error), LeftOutFits(tuple(folds), of_press)
 
@@ -225,15 +214,15 @@ def _require_good_labels(whose: str, predictions: Predictions, left: LeftOutFits
     """DataError where one press is far off, and the others agree much better without it."""
     off = np.sqrt(left.of_press)
     worst = int(np.argmax(off))
-    x, y, force = predictions.press[worst, :3].tolist()
-    told = f"row {predictions.line[worst]} ({x:g}, {y:g}) mm, {force:g} N"
-    say(f"the press that fits worst: {told}: {off[worst]:.1f} deviations")
+    x, y, force = predictions.data.press[worst, :3].tolist()
+    which = f"row {predictions.data.line[worst]} ({x:g}, {y:g}) mm, {force:g} N"
+    say(f"the press that fits worst: {which}: {off[worst]:.1f} deviations")
     if off[worst] < WRONG_LABEL:
         return
     others = predictions.only(np.delete(np.arange(len(off)), worst))
     without, _ = _left_out(others, predictions.labels_by)
     if np.sqrt(without.left_out) < AGREE_BETTER * np.sqrt(np.mean(left.of_press)):
         raise DataError(
-            f"{whose}: {told}: its field is {off[worst]:.0f} deviations from what the other presses say, and without "
+            f"{whose}: {which}: its field is {off[worst]:.0f} deviations from what the other presses say, and without "
             f"it those agree to {np.sqrt(without.left_out):.1f}: is its label wrong? Correct that row, or leave it out"
         )

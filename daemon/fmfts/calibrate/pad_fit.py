@@ -6,7 +6,7 @@ baseline, labels and the response itself may be off in it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.array_correction import Correction
-from fmfts.calibrate.correction_fit import Corrected, Predictions, Rows, smallest_correction
+from fmfts.calibrate.correction_fit import Corrected, Predictions, smallest_correction
 from fmfts.calibrate.evaluation import metrics
 from fmfts.calibrate.export import export, network_of, packed_weights
 from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.field_units import drawn_field
 from fmfts.calibrate.labelled_poses import Say
 from fmfts.calibrate.pad_set import PoseSet
+from fmfts.calibrate.press_set import Rows
 from fmfts.calibrate.reshaped import Reshaped, error_of, sizes_of
 from fmfts.calibrate.tracked import FrameSolver
 from fmfts.contact import ContactModel
@@ -51,22 +52,10 @@ class _Poses(Predictions):
     may_stay = False
 
     data: PoseSet
-    correction: Correction
-
-    @property
-    def press(self) -> Array:
-        return self.data.press
-
-    @property
-    def line(self) -> tuple[int, ...]:
-        return self.data.line
-
-    def only(self, rows: Rows) -> _Poses:
-        return replace(self, data=self.data.only(rows))
 
     @cached_property
     def _of_map(self) -> Array:
-        return self.correction.map_at(self.press[:, :2], np.zeros((1, 2)))
+        return self.correction.map_at(self.data.press[:, :2], np.zeros((1, 2)))
 
     def predicted(
         self, theta: Array, rows: Rows, error: float | None, free: NDArray[np.bool_] | None = None
@@ -117,7 +106,7 @@ class CorrectedModel:
 
 @dataclass(frozen=True, slots=True)
 class StartingModel:
-    """The model to correct. stiffness: that a weight told of the pad, over the model's; 1 without one."""
+    """The model to correct. stiffness: of the pad by a weight, over the model's; 1 without one."""
 
     model: ContactModel
     stiffness: float = 1.0

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmfts.baseline import Mounting
 from fmfts.calibrate.array_set import changes_of, of_this_baseline
 from fmfts.calibrate.field_table import DataError, read
 from fmfts.calibrate.labelled_poses import Say
+from fmfts.calibrate.press_set import PressSet
 from fmfts.contact.contract import OUTPUT_ORDER
 from fmfts.pad import Array, Pad
 
@@ -26,30 +26,12 @@ PlaceOf = Callable[[Array, Array], Array]
 
 
 @dataclass(frozen=True, slots=True)
-class PoseSet:
-    """K presses on one mounted pad with one magnet.
+class PoseSet(PressSet):
+    """Presses on one mounted pad with one magnet. change (K, 5), covariance (K, 5, 5): of the magnet's pose since rest,
+    in mm and components of the axis."""
 
-    press (K, 5): x and y in mm, force, and shear along x and y in N. press_deviation (K, 3): of place and force. change
-    (K, 5), covariance (K, 5, 5): of the magnet's pose since rest, in mm and components of the axis. line (K,): in the
-    file. digest: SHA-256 of the file.
-    """
-
-    press: Array
-    press_deviation: Array
     change: Array
     covariance: Array
-    line: tuple[int, ...]
-    digest: str
-
-    def only(self, rows: NDArray[np.intp]) -> PoseSet:
-        return replace(
-            self,
-            press=self.press[rows],
-            press_deviation=self.press_deviation[rows],
-            change=self.change[rows],
-            covariance=self.covariance[rows],
-            line=tuple(self.line[row] for row in rows.tolist()),
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +64,7 @@ def read_pose_set(path: Path, mounted: MountedPad, pad_size_mm: float, place_mm:
             )
         solved.append(pose)
     change, covariance = (np.array(each) for each in zip(*solved, strict=True))
-    data = PoseSet(found.press, found.press_deviation, change, covariance, found.line, found.digest)
+    data = PoseSet(found.press, found.press_deviation, found.line, found.digest, change, covariance)
     if are_known:
         return data
     say(f"{path}: no columns x_mm, y_mm: the places are those that the uncorrected model reads")

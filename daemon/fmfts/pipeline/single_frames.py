@@ -1,15 +1,17 @@
-"""The pose that a single frame tells of a mounted pad, as the contact model gets it: without a frame before it."""
+"""The pose from a single frame of a mounted pad, as the contact model gets it: without a frame before it."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from fmfts.contact.model import POSE_UNIT
+from fmfts.contact.response import CHANGE
 from fmfts.pad import Array
 from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.drawn import NominalFrame
 from fmfts.pose import Status, solve
 
-MM = np.array([1e3, 1e3, 1e3, 1.0, 1.0])  # of a change of pose: m → mm; components of the axis stay
+UNIT = POSE_UNIT[:CHANGE]
 
 
 class SingleFrames:
@@ -38,4 +40,4 @@ class SingleFrames:
             return None
         position_m, axis, covariance = self._nominal.pose(estimate)
         changed = np.concatenate([position_m, axis[:2]]) - self._rest
-        return changed * MM, covariance[:5, :5] * MM * MM[:, None]
+        return changed * UNIT, covariance[:CHANGE, :CHANGE] * UNIT * UNIT[:, None]

@@ -122,7 +122,7 @@ def pressed(one: World, press: Array, labels_are_exact: bool = False, frames: in
     labels = np.concatenate([press, np.zeros((len(press), 2))], axis=1)
     lines = tuple(range(2, len(press) + 2))
     around = np.full(len(press), AFTER_REST_T)
-    return ArraySet(PAD, one.mounting, labels, deviation, np.array(change), around, lines, "", "")
+    return ArraySet(labels, deviation, lines, "", np.array(change), around, PAD, one.mounting, "")
 
 
 def _silent(_: str) -> None:
