@@ -8,11 +8,14 @@ import pytest
 from emulator.hand_magnets import NAMES, HandMagnets
 from fmfts.baseline.posture_fit import fit_posture
 from fmfts.pad import Pad
-from fmfts.pose.hand import NONE_CAME, SILENT_S, SPARES_NS, UNTAUGHT, Hand
+from fmfts.pose._alignment import SILENT_S
+from fmfts.pose.hand import SPARES_NS, Hand
 from fmfts.pose.posture import PostureModel
 from fmfts.sensor.joints import Joints
 from unit.test_posture_fit import by_ambient, rows
 
+UNTAUGHT = "the field of the hand's posture was not taught: `fmfts-daemon baseline --posture`"
+NONE_CAME = "no joint positions have arrived: docs/scene.md says how to publish them"
 HAND = HandMagnets(period_s=4.0)
 PERIOD_NS = 20_000_000
 

@@ -13,7 +13,7 @@ import msgpack
 import pytest
 import zmq
 
-from fmfts.bus.joints import JointListener, Told
+from fmfts.bus.joints import JointListener, Positions
 from fmfts_client import Endpoints, JointPublisher
 from fmfts_client.joints import read_table
 from ports import tcp_base
@@ -34,7 +34,7 @@ def listener(endpoints: Endpoints) -> Iterator[JointListener]:
     made.close()
 
 
-def next_of(listener: JointListener, say: Any) -> Told | None:
+def next_of(listener: JointListener, say: Any) -> Positions | None:
     """What arrives while `say` says it again and again: a publisher needs a moment to connect."""
     until = time.monotonic() + PATIENCE_S
     refused = listener.refused

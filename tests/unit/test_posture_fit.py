@@ -12,7 +12,7 @@ from emulator.hand_magnets import NAMES, HandMagnets
 from fmfts.baseline import BaselineError
 from fmfts.baseline.joint_track import JointTrack
 from fmfts.baseline.posture import StoredPosture
-from fmfts.baseline.posture_fit import Taught, fit_posture, without_even
+from fmfts.baseline.posture_fit import Taught, fit_posture
 from fmfts.pad import Array, Pad
 from fmfts.pose.posture import OTHER_SCALE, PostureModel
 
@@ -32,6 +32,10 @@ def rows(pad: Pad, seconds: float, count: int, hand: HandMagnets = HAND, seed: i
 
 def by_ambient(pad: Pad) -> Array:
     return pad.sensors.axes.transpose(0, 2, 1).reshape(-1, 3)
+
+
+def without_even(change: Array, by_ambient: Array) -> Array:
+    return change - (by_ambient @ np.linalg.lstsq(by_ambient, change.T, rcond=None)[0]).T
 
 
 @pytest.fixture

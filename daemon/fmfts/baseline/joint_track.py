@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from fmfts.baseline.recording import BaselineError
+from fmfts.common import possible
 from fmfts.pad import Array
 
 # Positions that are further apart do not say where the joints were between them.
 APART_S = 0.25
-MOST_JOINTS = 64
 NONE_CAME = (
     "no joint positions arrived while it was recorded: let a program publish them (docs/scene.md#a-hand-that-moves), "
     "then record it again"
@@ -19,7 +19,7 @@ NONE_CAME = (
 
 
 class JointTrack:
-    """Positions by joint, in order of time. Each source of positions may tell some of the joints, at its own rate."""
+    """Positions by joint, in order of time. Each source may send some of the joints, at its own rate."""
 
     def __init__(self) -> None:
         self._times: dict[str, list[int]] = {}
@@ -28,7 +28,7 @@ class JointTrack:
     def take(self, position_rad: Mapping[str, float], time_ns: int) -> None:
         """time_ns: on the host's clock. What is older than the newest is left out."""
         for name, position in position_rad.items():
-            if name not in self._times and len(self._times) >= MOST_JOINTS:
+            if name not in self._times and len(self._times) >= possible.MOST_JOINTS:
                 continue
             times = self._times.setdefault(name, [])
             if not times or time_ns > times[-1]:
@@ -41,11 +41,10 @@ class JointTrack:
 
     def at(self, time_ns: Array) -> Array:
         """(K, J) positions at times (K,) on the host's clock, NaN where they are not known."""
-        return (
-            np.stack([self._at(name, time_ns) for name in self.names], axis=1)
-            if self.names
-            else np.empty((len(time_ns), 0))
-        )
+        positions = np.empty((len(time_ns), len(self.names)))
+        for column, name in enumerate(self.names):
+            positions[:, column] = self._at(name, time_ns)
+        return positions
 
     def mean(self, names: tuple[str, ...], from_ns: int, to_ns: int) -> Array | None:
         """(J,) over a time in which they stood still, of these joints; None where one of them is not known."""
@@ -65,8 +64,8 @@ class JointTrack:
         share = np.clip((time_ns - times[before]) / span, 0.0, 1.0)
         found = positions[before] + share * (positions[after] - positions[before])
         nearest_ns = np.minimum(np.abs(time_ns - times[before]), np.abs(time_ns - times[after]))
-        told: Array = np.where(nearest_ns <= APART_S * 1e9, found, np.nan)
-        return told
+        known: Array = np.where(nearest_ns <= APART_S * 1e9, found, np.nan)
+        return known
 
 
 def require_joints(track: JointTrack) -> None:

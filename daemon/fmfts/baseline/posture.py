@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fmfts.baseline.file_format import now
 from fmfts.baseline.joint_track import JointTrack, require_joints
-from fmfts.baseline.posture_fit import Taught, fit_posture
+from fmfts.baseline.posture_fit import MOST_COORDINATES, Taught, fit_posture
 from fmfts.baseline.recording import BaselineError
 from fmfts.baseline.window_means import means
 from fmfts.common import possible
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 SECONDS = 60.0
 MOST_ROWS = 600
-MOST_JOINTS, MOST_TERMS, MOST_COORDINATES, MOST_VALUES = 64, 200, 6, 192
+MOST_TERMS, MOST_VALUES = 200, 192  # in a file
 Numbers = tuple[float, ...]
 
 
@@ -65,7 +65,8 @@ class StoredPosture(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omi
         alike = all(len(rows) == count and {len(row) for row in rows} <= {width} for rows, count, width in shapes)
         if not alike or {len(self.middle_rad), len(self.off_rad)} != {joints} or values % 3 or not values:
             raise ValueError("no hand's posture is taught so")
-        if joints > MOST_JOINTS or terms > MOST_TERMS or len(self.axes) > MOST_COORDINATES or values > MOST_VALUES:
+        has_many_terms = terms > MOST_TERMS or len(self.axes) > MOST_COORDINATES
+        if joints > possible.MOST_JOINTS or values > MOST_VALUES or has_many_terms:
             raise ValueError("no hand has so many joints, or fields")
         possible.JOINT_RAD.require(chain(self.middle_rad, self.off_rad, self.rest_rad or ()))
         possible.JOINT_AXIS.require(chain(*self.axes))
@@ -74,10 +75,7 @@ class StoredPosture(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omi
         possible.INVERSE_NORMAL.require(chain(*self.inverse_normal))
         possible.FIELD_T.require([self.even_t])
         possible.FIELD_T2.require(chain(*self.left_t2, *self.spread_t2))
-        if (
-            min((row[i] for matrix in (self.left_t2, self.spread_t2) for i, row in enumerate(matrix)), default=0.0)
-            < 0.0
-        ):
+        if any(row[i] < 0.0 for matrix in (self.left_t2, self.spread_t2) for i, row in enumerate(matrix)):
             raise ValueError("a negative variance")
 
     @property

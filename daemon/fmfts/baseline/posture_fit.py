@@ -1,4 +1,4 @@
-"""Teaches the field of a posture: the smallest smooth function of the joints that explains parts it was not told."""
+"""Fits the field of a posture: the smallest smooth function of the joints that predicts parts left out of its fit."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Taught(NamedTuple):
 def fit_posture(names: tuple[str, ...], joints_rad: Array, change_t: Array, by_ambient: Array) -> Taught:
     """joints_rad (K, J), change_t (K, P): of the field since rest. J may be 0: then only the spread is learned.
 
-    by_ambient (P, 3): each value by the ambient field. BaselineError if the rows do not tell it.
+    by_ambient (P, 3): each value by the ambient field. BaselineError if the rows do not determine it.
     """
     if len(change_t) < FEWEST_ROWS:
         raise BaselineError(f"only {len(change_t)} moments with fields and joint positions; {FEWEST_ROWS} are needed")
@@ -53,28 +53,20 @@ def fit_posture(names: tuple[str, ...], joints_rad: Array, change_t: Array, by_a
             f"no joint moved by more than {MOVES_RAD:g} rad meanwhile: move the hand through all its postures, or "
             "record it with --no-joints where nothing publishes what moves"
         )
+    spread = _spread(uneven - mean)
     if not names:
-        spread = _spread(uneven - mean)
         nothing = np.zeros((0, change_t.shape[1]))
         left = 1e-12 * np.eye(len(mean)) * spread.max()
-        model = PostureModel(
-            *(names, middle, off, axes, np.zeros((0, 0)), nothing, np.zeros((0, 0)), left, mean, spread)
-        )
+        no_terms = np.zeros((0, 0))
+        model = PostureModel(names, middle, off, axes, no_terms, nothing, no_terms, left, mean, spread)
         return Taught(model, _rms(uneven), _rms(uneven), 0, even_t)
     along = product(joints_rad - middle, axes.T)
     exponents, ridge, left = _best(along, uneven)
     basis = basis_of(exponents, along)
     normal = _normal(basis, exponents, ridge)
     weight = solve(normal, product(basis.T, uneven))
-    model = PostureModel(
-        *(names, middle, off, axes, exponents, weight, inverse(normal), _spread(left), mean, _spread(uneven - mean))
-    )
+    model = PostureModel(names, middle, off, axes, exponents, weight, inverse(normal), _spread(left), mean, spread)
     return Taught(model, _rms(uneven), _rms(left), len(exponents), even_t)
-
-
-def without_even(change_t: Array, by_ambient: Array) -> Array:
-    """(K, P) without the part that an even field makes."""
-    return _parts(change_t, by_ambient)[1]
 
 
 def _parts(change_t: Array, by_ambient: Array) -> tuple[Array, Array]:

@@ -17,13 +17,13 @@ from fmfts.common import possible
 
 TOPIC = b"joints"
 LARGEST_RECEIVED = 16_384
-MOST_JOINTS, LONGEST_NAME = 64, 100
+LONGEST_NAME = 100
 MOST_PARTS = 3  # that are read at once, one more than a message has: a peer may send any number
 MOST_WAITING = 100  # messages of one peer; a daemon that was busy does without the older ones
-TOLD_AGAIN_S = 60.0
+LOGGED_AGAIN_S = 60.0
 log = logging.getLogger(__name__)
 _decoder = msgspec.msgpack.Decoder(JointsMessage)
-Told = tuple[Mapping[str, float], int]  # positions in rad, and their time on the host's clock
+Positions = tuple[Mapping[str, float], int]  # by joint, in rad, and their time on the host's clock
 
 
 class JointListener:
@@ -36,7 +36,7 @@ class JointListener:
         self._socket.zmq.setsockopt(zmq.SUBSCRIBE, TOPIC)
         self._keys = None if self._socket.path is not None else keys
         self.refused, self.may_have_more = 0, False
-        self._told_s = -TOLD_AGAIN_S
+        self._logged_s = -LOGGED_AGAIN_S
 
     @property
     def sockets(self) -> tuple[BoundSocket, ...]:
@@ -46,14 +46,14 @@ class JointListener:
         """Descriptor to wait for. ZeroMQ signals edges only: call `receive` until it is None and has no more."""
         return int(self._socket.zmq.getsockopt(zmq.FD))
 
-    def receive(self, time_is_up: Callable[[], bool] = lambda: False) -> Told | None:
-        """The next positions; None if no message is waiting, or if the time is up: a peer may send what is none."""
+    def receive(self, time_is_up: Callable[[], bool] = lambda: False) -> Positions | None:
+        """The next positions; None if none is waiting, or if the time is up, as a peer may send other messages."""
         self.may_have_more = False
         while self._socket.readable():
             parts = self._parts()
             try:
                 self._require_trust(parts[-1])
-                return _told([part.bytes for part in parts])
+                return _positions([part.bytes for part in parts])
             except (msgspec.DecodeError, ValueError) as error:
                 self._refuse(str(error))
             if time_is_up():
@@ -78,20 +78,20 @@ class JointListener:
 
     def _refuse(self, why: str) -> None:
         self.refused += 1
-        if time.monotonic() - self._told_s >= TOLD_AGAIN_S:
-            self._told_s = time.monotonic()
+        if time.monotonic() - self._logged_s >= LOGGED_AGAIN_S:
+            self._logged_s = time.monotonic()
             log.warning("%d message(s) with joint positions were left out; the last: %s", self.refused, why[:300])
 
 
-def _told(parts: list[bytes]) -> Told:
+def _positions(parts: list[bytes]) -> Positions:
     """ValueError or msgspec.DecodeError: it is no message of joints."""
     if len(parts) != 2:
         raise ValueError(f"{len(parts)} parts, not a topic and a map (docs/messages.md)")
     message = _decoder.decode(parts[1])
-    if len(message.names) != len(message.position_rad) or not 0 < len(message.names) <= MOST_JOINTS:
+    if len(message.names) != len(message.position_rad) or not 0 < len(message.names) <= possible.MOST_JOINTS:
         raise ValueError(
             f"{len(message.names)} names and {len(message.position_rad)} positions: as many of each, "
-            f"1 to {MOST_JOINTS}: publish the joints of the hand alone"
+            f"1 to {possible.MOST_JOINTS}: publish the joints of the hand alone"
         )
     if max(map(len, message.names)) > LONGEST_NAME:
         raise ValueError(f"a joint's name has more than {LONGEST_NAME} letters")

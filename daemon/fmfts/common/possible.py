@@ -49,6 +49,7 @@ STIFFNESS = Range(0.05, 20.0, "stiffness over that of the contact model's pad")
 FORCE_N = Range(1e-3, 1e5, "force in N")
 SAMPLES = Range(1, 1e7, "number of samples")
 # Of what a hand's posture does to the field: motors' counts are angles, too, and a finger slides a metre at most.
+MOST_JOINTS = 64  # of a hand
 JOINT_RAD = Range(-1e3, 1e3, "joint position in rad")
 JOINT_AXIS = Range(-1e3, 1e3, "coordinate per rad")
 POLYNOMIAL_ORDER = Range(0.0, 20.0, "order of a polynomial")

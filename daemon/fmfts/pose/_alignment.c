@@ -1,4 +1,4 @@
-/* fmfts.pose._alignment: push.c and beside.c for Python, through the stable ABI. Only alignment.py and neighbour.py call it, and make the
+/* fmfts.pose._alignment: push.c, beside.c and joints.c for Python, through the stable ABI. alignment.py and neighbour.py make the
  * arrays. */
 #define PY_SSIZE_T_CLEAN
 #include "../common/stable_abi.h"
@@ -7,6 +7,7 @@
 
 #include "../common/aligned.h"
 #include "beside.h"
+#include "joints.h"
 #include "limits.h"
 #include "push.h"
 
@@ -165,7 +166,23 @@ static PyObject *change_beside(PyObject *module, PyObject *args)
     return result;
 }
 
+/* posture(newest, later_s): what is known of the posture, goes_on_s, unsure_s, and why it is not known; see joints.h. */
+static PyObject *posture(PyObject *module, PyObject *args)
+{
+    double newest, later_s;
+    fmfts_text why;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "dd", &newest, &later_s)) {
+        return NULL;
+    }
+    fmfts_posture known = fmfts_posture_at(newest, later_s);
+    fmfts_clear(&why);
+    fmfts_say_posture(known, later_s, &why);
+    return Py_BuildValue("ddds", (double)known, fmfts_goes_on_s(later_s), fmfts_unsure_s(later_s), why.text);
+}
+
 static PyMethodDef methods[] = {
+    {"posture", posture, METH_VARARGS, "What is known of a hand's posture; see hand.py."},
     {"change_beside", change_beside, METH_VARARGS, "What a neighbouring pad does to the field; see neighbour.py."},
     {"see", see, METH_VARARGS, "Where a neighbouring pad's magnets are; see neighbour.py."},
     {"leap_us", leap_us, METH_VARARGS, "By how much a board's clock leapt; see push.h."},
@@ -183,6 +200,13 @@ static const struct {
     {"REACH_M", FMFTS_REACH_M},
     {"REACH_RAD", FMFTS_REACH_RAD},
     {"MOMENT_DEVIATION", FMFTS_MOMENT_DEVIATION},
+    {"SILENT_S", FMFTS_SILENT_S},
+    {"POSTURE_KNOWN", FMFTS_POSTURE_KNOWN},
+    {"POSTURE_OUTSIDE", FMFTS_POSTURE_OUTSIDE},
+    {"POSTURE_NO_REST", FMFTS_POSTURE_NO_REST},
+    {"POSTURE_NO_JOINTS", FMFTS_POSTURE_NO_JOINTS},
+    {"POSTURE_UNTAUGHT", FMFTS_POSTURE_UNTAUGHT},
+    {"POSTURE_ANY", FMFTS_POSTURE_ANY},
 };
 
 static int set_up(PyObject *module)

@@ -27,6 +27,7 @@ def change_beside(*given: NDArray[Any] | float) -> None: ...
 def leap_us(
     last_us: int, stood_ns: int, stood_sequence: int, frame_us: int, host_ns: int, sequence: int, period_us: float, /
 ) -> int: ...
+def posture(newest: float, later_s: float, /) -> tuple[float, float, float, str]: ...
 
 JUMP_T: float
 LONGEST_GAP_US: float
@@ -34,3 +35,10 @@ VAGUE_M: float
 REACH_M: float
 REACH_RAD: float
 MOMENT_DEVIATION: float
+SILENT_S: float
+POSTURE_KNOWN: float
+POSTURE_OUTSIDE: float
+POSTURE_NO_REST: float
+POSTURE_NO_JOINTS: float
+POSTURE_UNTAUGHT: float
+POSTURE_ANY: float

@@ -1,8 +1,8 @@
-"""Where a hand's joints are, as they were told last, and what that does to the field at a frame's time.
+"""Where a hand's joints are, by the newest positions, and what that does to the field at a frame's time.
 
 Joint positions come by themselves, with their own times. Between the two newest ones the field is interpolated, and
 beyond the newest it goes on for a while, with a deviation by its own speed. Joints that stop arriving leave the hand in
-any of the postures that were taught.
+any of the postures that were taught. joints.c has the limits, and the sentences.
 """
 
 from __future__ import annotations
@@ -14,26 +14,18 @@ import numpy as np
 from fmfts.arithmetic.matrix import cholesky, eigen, product, solve_lower
 from fmfts.common.record import Field, Record
 from fmfts.pad import Array
+from fmfts.pose import _alignment
 from fmfts.pose.posture import REST_UNKNOWN, PostureModel, Predicted
 from fmfts.sensor.joints import NO_JOINTS, Joints
 
-# Positions go on along their last speed for so long; then they are not known. Two that are further apart tell no speed.
-GOES_ON_S, SILENT_S, APART_S = 0.1, 0.25, 0.5
-AHEAD_S = 0.5  # a stamp so far ahead of a frame is of another clock
-# A stamp's error, and which share of the change since the newest position the last speed does not foresee.
-STAMP_S, UNFORESEEN = 3e-3, 0.5
+APART_S = 0.5  # positions that are further apart give no speed
 SECOND_NS = 1_000_000_000
 # Positions that come sooner after others are left out: one takes as long as fifty frames, and hands are slow.
 SPARES_NS = 15_000_000
-UNTAUGHT = "the field of the hand's posture was not taught: `fmfts-daemon baseline --posture`"
-START, STAMP = "start the program that publishes them", "stamp them by this computer's monotonic clock"
-NONE_CAME = "no joint positions have arrived: docs/scene.md says how to publish them"
-# The table's `state`, as posture.c has it.
-KNOWN, STATE_UNTAUGHT, STATE_NONE_CAME, STATE_UNKNOWN, STATE_ANY, STATE_NO_REST = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 
 
 def hand_fields(values: int) -> list[Field]:
-    """The fields of Hand.table; C takes them in this order (fmfts_hand in step.h)."""
+    """The fields of Hand.table; C takes them in this order (fmfts_hand in step.h). state: in joints.h."""
     each = ("field_t", "rate_t_per_s", "variance_t2", "rate_variance", "wide_field_t", "wide_variance_t2")
     return [("state", "<f8", 0), ("time_ns", "<f8", 0), *((name, "<f8", values) for name in each)]
 
@@ -46,8 +38,6 @@ class Hand:
         self.joints = NO_JOINTS
         self._values = values
         self._model: PostureModel | None = None
-        self._wide = self._newest = Predicted(np.zeros(values), np.zeros((values, values)), UNTAUGHT)
-        self._rate_t_per_s = np.zeros(values)
         self.use(None)
 
     @property
@@ -60,11 +50,9 @@ class Hand:
         from the field; None: C judges no frame of this pad."""
         self._model, self._to_pose = model, to_pose
         self.joints = NO_JOINTS
-        self._told: dict[str, tuple[float, int]] = {}
-        nothing = np.zeros(self._values), np.zeros((self._values, self._values))
-        self._wide = Predicted(*nothing, UNTAUGHT) if model is None else model.predicted(None)
-        if model is not None and model.names:
-            self._wide = self._wide._replace(why=NONE_CAME)
+        self._latest: dict[str, tuple[float, int]] = {}  # by joint: its position and time
+        nothing = Predicted(np.zeros(self._values), np.zeros((self._values, self._values)))
+        self._wide = nothing if model is None else model.predicted(None)._replace(why="")
         self._wide_values = self._wide.field_t, self._independent(self._wide.covariance_t2)
         self._newest, self._rate_t_per_s = self._wide, np.zeros(self._values)
         self._show()
@@ -72,24 +60,24 @@ class Hand:
     def take(self, position_rad: Mapping[str, float], time_ns: int) -> None:
         """Positions by the joints' names, and their time on the host's clock. Those of an older time are left out.
 
-        Each message may tell some of the joints; together they count once none is older than another by SILENT_S.
+        Each message may hold some of the joints; together they count once none is older than another by SILENT_S.
         """
         if self._model is None or not self._model.names:
             return
         for name in self._model.names:
             if name in position_rad:
-                self._told[name] = float(position_rad[name]), time_ns
-        last, told = self.joints, self._told
-        if len(told) < len(self._model.names) or not any(name in position_rad for name in told):
+                self._latest[name] = float(position_rad[name]), time_ns
+        last, latest = self.joints, self._latest
+        if len(latest) < len(self._model.names) or not any(name in position_rad for name in latest):
             return
-        at_ns = [one_ns for _, one_ns in told.values()]
-        if max(at_ns) - min(at_ns) > SILENT_S * SECOND_NS:
+        at_ns = [one_ns for _, one_ns in latest.values()]
+        if max(at_ns) - min(at_ns) > _alignment.SILENT_S * SECOND_NS:
             return
         if last.time_ns is not None and time_ns < last.time_ns + SPARES_NS:
             if last.time_ns - time_ns < SECOND_NS:
                 return
             last = NO_JOINTS  # that clock has begun anew
-        position = tuple(told[name][0] for name in self._model.names)
+        position = tuple(latest[name][0] for name in self._model.names)
         self.recall(Joints(time_ns, position, last.time_ns, last.position_rad))
 
     def recall(self, joints: Joints) -> None:
@@ -113,37 +101,39 @@ class Hand:
 
     def at(self, time_ns: int) -> Predicted:
         """The field that the posture makes at a time of the host's clock."""
-        if self.joints.time_ns is None:  # none came, or none were there while it was taught
-            return self._wide
-        later_s = (time_ns - self.joints.time_ns) * 1e-9
-        if later_s > SILENT_S:
-            return self._wide._replace(why=f"joint positions stopped arriving {later_s:.1f} s ago: {START}")
-        if later_s < -AHEAD_S:
-            return self._wide._replace(why=f"joint positions are stamped {-later_s:.1f} s ahead of the frames: {STAMP}")
-        if self._newest.why:
+        later_s = np.nan if self.joints.time_ns is None else (time_ns - self.joints.time_ns) * 1e-9
+        posture, goes_on_s, unsure_s, why = _alignment.posture(self._state, later_s)
+        if posture in (_alignment.POSTURE_OUTSIDE, _alignment.POSTURE_NO_REST):
             return self._newest
-        goes_on_s = min(later_s, GOES_ON_S)
-        unsure_t = self._rate_t_per_s * (STAMP_S + UNFORESEEN * max(later_s, 0.0))
+        if posture == _alignment.POSTURE_ANY:
+            return self._wide
+        if posture != _alignment.POSTURE_KNOWN:
+            return self._wide._replace(why=why)
+        unsure_t = self._rate_t_per_s * unsure_s
         covariance = self._newest.covariance_t2 + product(unsure_t[:, None], unsure_t[None, :])
         return Predicted(self._newest.field_t + self._rate_t_per_s * goes_on_s, covariance)
+
+    @property
+    def _state(self) -> float:
+        if self._model is None:
+            return _alignment.POSTURE_UNTAUGHT
+        if not self._model.names:
+            return _alignment.POSTURE_ANY
+        if self.joints.time_ns is None:
+            return _alignment.POSTURE_NO_JOINTS
+        if self._newest.why:
+            return _alignment.POSTURE_NO_REST if self._newest.why == REST_UNKNOWN else _alignment.POSTURE_OUTSIDE
+        return _alignment.POSTURE_KNOWN
 
     def _show(self) -> None:
         """Write the table, if C reads it."""
         if self._to_pose is None:
             return
-        newest = self._newest
-        state = {"": KNOWN, REST_UNKNOWN: STATE_NO_REST}.get(newest.why, STATE_UNKNOWN)
-        if self._model is None:
-            state = STATE_UNTAUGHT
-        elif not self._model.names:
-            state = STATE_ANY
-        elif self.joints.time_ns is None:
-            state = STATE_NONE_CAME
-        told_ns = np.nan if self.joints.time_ns is None else float(self.joints.time_ns)
-        rate = self._rate_t_per_s
+        newest, rate = self._newest, self._rate_t_per_s
+        time_ns = np.nan if self.joints.time_ns is None else float(self.joints.time_ns)
         of_rate = self._independent(product(rate[:, None], rate[None, :]))
         parts = newest.field_t, rate, self._independent(newest.covariance_t2), of_rate, *self._wide_values
-        self.table.flat[:] = np.concatenate([[state, told_ns], *parts])  # at once: C may read between two calls
+        self.table.flat[:] = np.concatenate([[self._state, time_ns], *parts])  # at once: C may read between two calls
 
     def _independent(self, covariance_t2: Array) -> Array:
         """(P,) variances of independent errors by which no direction of the pose is more certain than it is."""

@@ -1,34 +1,6 @@
-/* What the posture of a hand does to the field of a pad on it: its own steel, motors and other magnets. hand.py tells the field
- * for the newest joint positions, and how fast it changes; here it is taken off at a frame's time. */
-#include <math.h>
-
+/* What the posture of a hand does to the field of a pad on it: its own steel, motors and other magnets. hand.py computes
+ * it for the newest joint positions, and how fast it changes; here it is subtracted at a frame's time. */
 #include "step.h"
-
-/* As in hand.py. */
-static const double GOES_ON_S = 0.1, SILENT_S = 0.25, AHEAD_S = 0.5, STAMP_S = 3e-3, UNFORESEEN = 0.5;
-
-static fmfts_posture posture_of(const fmfts_hand *hand, double later_s)
-{
-    if (*hand->state == 2.0) {
-        return FMFTS_POSTURE_UNTAUGHT;
-    }
-    if (*hand->state == 5.0) {
-        return FMFTS_POSTURE_ANY;
-    }
-    if (*hand->state == 3.0 || isnan(later_s)) {
-        return FMFTS_POSTURE_NO_JOINTS;
-    }
-    if (later_s > SILENT_S) {
-        return FMFTS_POSTURE_SILENT;
-    }
-    if (later_s < -AHEAD_S) {
-        return FMFTS_POSTURE_AHEAD;
-    }
-    if (*hand->state == 6.0) {
-        return FMFTS_POSTURE_NO_REST;
-    }
-    return *hand->state == 1.0 ? FMFTS_POSTURE_KNOWN : FMFTS_POSTURE_OUTSIDE;
-}
 
 void fmfts_take_posture(fmfts_step *step, const fmfts_hand *hand, double time_ns)
 {
@@ -38,9 +10,8 @@ void fmfts_take_posture(fmfts_step *step, const fmfts_hand *hand, double time_ns
     if (!hand->state) {
         return;
     }
-    double later_s = (time_ns - *hand->time_ns) * 1e-9, goes_on_s = fmin(later_s, GOES_ON_S);
-    double unsure_s = STAMP_S + UNFORESEEN * fmax(later_s, 0.0);
-    step->posture = posture_of(hand, later_s);
+    double later_s = (time_ns - *hand->time_ns) * 1e-9, goes_on_s = fmfts_goes_on_s(later_s), unsure_s = fmfts_unsure_s(later_s);
+    step->posture = fmfts_posture_at(*hand->state, later_s);
     step->joints_later_s = later_s;
     bool is_known = step->posture == FMFTS_POSTURE_KNOWN;
     for (int axis = 0; axis < 3 * (int)parameters->sensors; axis++) {
@@ -63,38 +34,13 @@ void fmfts_take_posture(fmfts_step *step, const fmfts_hand *hand, double time_ns
 void fmfts_doubt_posture(fmfts_step *step)
 {
     fmfts_verdict *verdict = &step->verdict;
-    const char *before = verdict->reason.size ? "; " : "";
-    bool is_told = step->posture == FMFTS_POSTURE_ANY && verdict->health != FMFTS_LOST;
-    if (step->posture == FMFTS_POSTURE_NONE || step->posture == FMFTS_POSTURE_KNOWN || is_told) {
+    /* Without joints the deviations cover all postures that were taught: nothing is wrong unless the pose is lost. */
+    bool is_covered = step->posture == FMFTS_POSTURE_ANY && verdict->health != FMFTS_LOST;
+    if (step->posture == FMFTS_POSTURE_NONE || step->posture == FMFTS_POSTURE_KNOWN || is_covered) {
         return;
     }
-    switch (step->posture) {
-    case FMFTS_POSTURE_UNTAUGHT:
-        fmfts_say(&verdict->reason, "%sthe field of the hand's posture was not taught: `fmfts-daemon baseline --posture`", before);
-        break;
-    case FMFTS_POSTURE_NO_JOINTS:
-        fmfts_say(&verdict->reason, "%sno joint positions have arrived: docs/scene.md says how to publish them", before);
-        break;
-    case FMFTS_POSTURE_SILENT:
-        fmfts_say(&verdict->reason, "%sjoint positions stopped arriving %.1f s ago: start the program that publishes them", before,
-                  step->joints_later_s);
-        break;
-    case FMFTS_POSTURE_AHEAD:
-        fmfts_say(&verdict->reason,
-                  "%sjoint positions are stamped %.1f s ahead of the frames: stamp them by this computer's monotonic clock", before,
-                  -step->joints_later_s);
-        break;
-    case FMFTS_POSTURE_ANY:
-        fmfts_say(&verdict->reason, "%sthe postures change the field by too much to do without joint positions", before);
-        break;
-    case FMFTS_POSTURE_NO_REST:
-        fmfts_say(&verdict->reason,
-                  "%sthe joints of the rest recording are not known: `fmfts-daemon baseline --rest` while joint positions are "
-                  "published", before);
-        break;
-    default:
-        fmfts_say(&verdict->reason, "%sthe hand is in a posture that was not taught: `fmfts-daemon baseline --posture`", before);
-    }
+    fmfts_say(&verdict->reason, "%s", verdict->reason.size ? "; " : "");
+    fmfts_say_posture(step->posture, step->joints_later_s, &verdict->reason);
     if (verdict->health == FMFTS_OK) {
         verdict->health = FMFTS_DEGRADED;
     }

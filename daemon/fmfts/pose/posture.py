@@ -21,6 +21,7 @@ import numpy as np
 
 from fmfts.arithmetic.matrix import product
 from fmfts.pad import Array
+from fmfts.pose import _alignment
 
 # By which share the field of a posture changes, a joint's play, and what is unlike: within a day, and from one
 # recording of a LEAP hand to another (two recordings, four skins: lab/results/real.md).
@@ -29,18 +30,16 @@ PLAY_RAD, OTHER_PLAY_RAD = 0.005, 0.035
 UNLIKE, OTHER_UNLIKE = 0.02, 0.07
 # A posture that is this far from all that was taught, as a share of the taught half range, is not known.
 BEYOND = 0.25
-REST_UNKNOWN = (
-    "the joints of the rest recording are not known: `fmfts-daemon baseline --rest` while joint positions are published"
-)
+REST_UNKNOWN = _alignment.posture(_alignment.POSTURE_NO_REST, 0.0)[-1]
 # A joint may leave the taught surface by so much more than it did while it was taught.
 OFF_RAD = 0.05
-# Of a posture that was not taught the field is unknown by so much more than by the taught ones.
+# Outside the taught postures the field's deviation is so many times the one over all of them.
 UNTAUGHT = 2.0
 
 
 class Predicted(NamedTuple):
-    """field_t (P,): change of the field since rest. covariance_t2 (P, P): of its errors. why: joints do not tell it; ""
-    if they do."""
+    """field_t (P,): change of the field since rest. covariance_t2 (P, P): of its errors. why: reason if the joints
+    do not determine it, else empty."""
 
     field_t: Array
     covariance_t2: Array

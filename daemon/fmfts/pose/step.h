@@ -11,6 +11,7 @@
 #include "../common/text.h"
 #include "../sensor/missing.h"
 #include "beside.h"
+#include "joints.h"
 #include "pose_fields.h"
 
 /* The neighbours' magnets at one instant, in this pad's axes. covariance: of a step of all, [FMFTS_MOVES × count]². */
@@ -23,19 +24,11 @@ typedef struct {
 } fmfts_felt;
 
 /* What the joints of the pad's hand do to its field: hand.py. Pointers into doubles that Python owns, in its order: [axes] each.
- * state: of hand.py; NULL: the pad is on no hand that moves. rates: per second from time_ns on. Variances as of independent
+ * state: see joints.h; NULL: the pad is on no hand that moves. rates: per second from time_ns on. Variances as of independent
  * errors. wide: in any posture. */
 typedef struct {
     double *state, *time_ns, *field_t, *rate_t_per_s, *variance_t2, *rate_variance, *wide_field_t, *wide_variance_t2;
 } fmfts_hand;
-
-/* What is known of the hand's posture in a frame. ANY: any of those taught, for no joints are
- * published. OUTSIDE: none of those taught. SILENT, AHEAD: the newest joint positions
- * are too old, or stamped by another clock. */
-typedef enum {
-    FMFTS_POSTURE_NONE, FMFTS_POSTURE_KNOWN, FMFTS_POSTURE_ANY, FMFTS_POSTURE_UNTAUGHT, FMFTS_POSTURE_NO_JOINTS, FMFTS_POSTURE_OUTSIDE, FMFTS_POSTURE_NO_REST,
-    FMFTS_POSTURE_SILENT, FMFTS_POSTURE_AHEAD
-} fmfts_posture;
 
 /* The Earth's field at the baseline, and its strength: Reference of hidden_gradient.py. */
 typedef struct {
