@@ -20,7 +20,7 @@ from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
 from fmfts.bus.unread import MOST_IN_ALL, MOST_OF_A_PEER, OF_AN_ANSWER, Answer, Unread
 from fmfts.runtime.fast_loop import FastLoop
-from fmfts.runtime.peers import BUDGET_NS, PAUSES, Peers
+from fmfts.runtime.peers import BUDGET_NS, PAUSES, Peers, Servers
 from fmfts.runtime.schedule import NEVER_NS, Schedule
 from fmfts_client import Endpoints
 
@@ -43,7 +43,11 @@ class Loop:
         self.handled: list[str] = []
         self.act: Callable[[Request], None] = lambda request: request.reply()
         self.peers = Peers(
-            self._schedule, self._fast_loop, self._publisher, self.control, self.gate, self._handle, self._clock
+            self._schedule,
+            self._fast_loop,
+            Servers(self._publisher, self.control, self.gate),
+            self._handle,
+            self._clock,
         )
         self._sockets: list[zmq.Socket[bytes]] = []
 

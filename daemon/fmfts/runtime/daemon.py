@@ -33,7 +33,7 @@ from fmfts.runtime.opening import (
     tell_models,
     use_baseline,
 )
-from fmfts.runtime.peers import Peers
+from fmfts.runtime.peers import Peers, Servers
 from fmfts.runtime.requests import Verbs
 from fmfts.runtime.schedule import Schedule
 from fmfts.runtime.search_turns import turns_of
@@ -108,9 +108,10 @@ class Daemon:
         self._schedule = Schedule(self._sources, self._fast_loop)
         self._verbs = Verbs(by_name, list(self._channels.values()), self._executor, self._fast_loop.end)
         self._peers = Peers(
-            *(self._schedule, self._fast_loop, self._publisher, self._control, self._gate, self._verbs.handle),
-            joints=self._joints,
-            hear=self._hear_joints,
+            self._schedule,
+            self._fast_loop,
+            Servers(self._publisher, self._control, self._gate, self._joints, self._hear_joints),
+            self._verbs.handle,
         )
         self._notifier = Notifier()
         self._stopping = False

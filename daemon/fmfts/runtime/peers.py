@@ -5,6 +5,7 @@ from __future__ import annotations
 import select
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from fmfts.bus.control import ControlServer, Request
 from fmfts.bus.gate import Gate
@@ -17,6 +18,17 @@ from fmfts.runtime.schedule import NEVER_NS, Schedule
 BUDGET_NS = 500_000
 # Afterwards frames have the loop for so many times as long: peers take a fifth of a processor at most.
 PAUSES = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Servers:
+    """What peers are connected to. hear: gets the positions that `joints` received, and their time."""
+
+    publisher: Publisher
+    control: ControlServer
+    gate: Gate | None = None
+    joints: JointListener | None = None
+    hear: Callable[[Mapping[str, float], int], None] = lambda position_rad, time_ns: None
 
 
 class Peers:
@@ -32,26 +44,18 @@ class Peers:
         self,
         schedule: Schedule,
         fast_loop: FastLoop,
-        publisher: Publisher,
-        control: ControlServer,
-        gate: Gate | None,
+        servers: Servers,
         handle: Callable[[Request], None],
         clock: Callable[[], int] = time.monotonic_ns,
-        joints: JointListener | None = None,
-        hear: Callable[[Mapping[str, float], int], None] = lambda position_rad, time_ns: None,
     ) -> None:
-        """hear: gets what `joints` received."""
         self._schedule = schedule
         self._fast_loop = fast_loop
-        self._control = control
-        self._publisher = publisher
-        self._gate = gate
+        self._servers = servers
         self._handle = handle
-        self._joints, self._hear = joints, hear
         self._clock = clock
-        # One descriptor for all doors, so that one call silences them while frames have the loop.
+        # One descriptor for all servers, so that one call silences them while frames have the loop.
         self._doors = select.epoll()
-        for door in (control, publisher, gate, joints):
+        for door in (servers.control, servers.publisher, servers.gate, servers.joints):
             if door is not None:
                 self._doors.register(door.fileno(), select.EPOLLIN)
         self._schedule.wake_for(self._doors.fileno())
@@ -60,7 +64,7 @@ class Peers:
 
     def serve(self, called: bool) -> None:
         """Serve peers for BUDGET_NS at most, or not at all in a pause. called: something may have arrived."""
-        self._is_wanted |= called or self._control.may_have_more
+        self._is_wanted |= called or self._servers.control.may_have_more
         begun_ns = self._clock()
         if self._is_silenced and begun_ns < self.due_ns:
             return
@@ -80,23 +84,24 @@ class Peers:
         def time_is_up() -> bool:
             return self._clock() >= end_ns
 
-        more_joints = self._joints is not None and self._hear_until(self._joints, time_is_up)
-        if self._publisher.has_new_subscriber(time_is_up):
+        servers = self._servers
+        more_joints = servers.joints is not None and self._hear_until(servers.joints, time_is_up)
+        if servers.publisher.has_new_subscriber(time_is_up):
             self._fast_loop.end_recorded(self._clock())
-        more_keys = self._gate is not None and self._gate.answer(time_is_up)
+        more_keys = servers.gate is not None and servers.gate.answer(time_is_up)
         served = 0
-        while self._control.serve_one(self._handle):
+        while servers.control.serve_one(self._handle):
             served += 1
             if time_is_up():
                 break
         if served:
             self._schedule.review()
-        return self._control.may_have_more or self._publisher.may_have_more or more_keys or more_joints
+        return servers.control.may_have_more or servers.publisher.may_have_more or more_keys or more_joints
 
     def _hear_until(self, joints: JointListener, time_is_up: Callable[[], bool]) -> bool:
         """True if there may be more: ZeroMQ signals nothing again until all is read."""
-        while (told := joints.receive(time_is_up)) is not None:
-            self._hear(*told)
+        while (positions := joints.receive(time_is_up)) is not None:
+            self._servers.hear(*positions)
             if time_is_up():
                 return True
         return joints.may_have_more
