@@ -85,8 +85,7 @@ static bool go(const look *look, const minimum *from, const double axis[2], doub
     double square = 0.0;
     memcpy(press, from->press, sizeof(double[SIZE]));
     for (int i = 0; i < 2; i++) {
-        double last = table->first_mm[i] + table->spacing_mm[i] * (double)(table->knots[i] - 1);
-        press[i] = fmfts_within(from->press[i] + deviations * axis[i], table->first_mm[i], last);
+        press[i] = fmfts_within(from->press[i] + deviations * axis[i], table->first_mm[i], fmfts_last_mm(table, i));
         square += (press[i] - from->press[i]) * (press[i] - from->press[i]);
     }
     return square > NEAREST_MM * NEAREST_MM;

@@ -216,7 +216,7 @@ static void limit(const fmfts_response *response, double *lowest, double *highes
     double farthest = FARTHEST_LOAD * response->scale_n;
     for (int axis = 0; axis < 2; axis++) {
         lowest[axis] = response->first_mm[axis];
-        highest[axis] = lowest[axis] + response->spacing_mm[axis] * (double)(response->knots[axis] - 1);
+        highest[axis] = fmfts_last_mm(response, axis);
     }
     for (size_t l = 0; l < response->loads; l++) {
         lowest[2 + l] = l == 0 ? 0.0 : -farthest;

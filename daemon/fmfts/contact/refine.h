@@ -24,6 +24,12 @@ typedef struct {
     const double *coefficient;
 } fmfts_response;
 
+/* Where the table ends along an axis; it begins at first_mm. */
+static inline double fmfts_last_mm(const fmfts_response *response, int axis)
+{
+    return response->first_mm[axis] + response->spacing_mm[axis] * (double)(response->knots[axis] - 1);
+}
+
 /* content: knots, monomials, loads, first_mm, spacing_mm, scale_n and the coefficients as doubles, then the exponents as
  * int32. False if it is not a response, a spacing or scale is not positive, or it is larger than the limits above. */
 bool fmfts_view_response(const void *content, size_t size, fmfts_response *response);

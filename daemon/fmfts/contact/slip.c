@@ -93,7 +93,7 @@ static void predict(int which, double elapsed_s, filter *f)
     }
 }
 
-/* The press that a filter says, and its derivative by the lever; of a filter without one it is zero. */
+/* The press by a filter's state, and its derivative by the lever: zero for a filter without one. */
 static void press_of(int which, const double *x, double press[FMFTS_MAX_PRESS], double by_lever[2])
 {
     memcpy(press, x, sizeof(double[FMFTS_MAX_PRESS]));
@@ -147,7 +147,7 @@ static void update(int which, const fmfts_response *response, const fmfts_slip_f
     for (int i = 0; i < MOVED; i++) {
         double innovation = row[i][N];
         for (int k = 0; k < N; k++) {
-            innovation -= row[i][k] * (f->x[k] - before[k]); /* of what the rows before have moved */
+            innovation -= row[i][k] * (f->x[k] - before[k]); /* less what the rows before have moved */
         }
         take(row[i], innovation, f);
     }
@@ -156,8 +156,7 @@ static void update(int which, const fmfts_response *response, const fmfts_slip_f
 static bool is_on_table(const fmfts_response *response, const double *x)
 {
     for (int i = 0; i < FORCE; i++) {
-        double last = response->first_mm[i] + response->spacing_mm[i] * (double)(response->knots[i] - 1);
-        if (!(x[i] >= response->first_mm[i] && x[i] <= last)) {
+        if (!(x[i] >= response->first_mm[i] && x[i] <= fmfts_last_mm(response, i))) {
             return false;
         }
     }

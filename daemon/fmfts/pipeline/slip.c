@@ -47,13 +47,13 @@ bool fmfts_is_slipping(const fmfts_reading *reading)
 void fmfts_find_slip(const fmfts_pad *pad, fmfts_frame_work *work, fmfts_reading *reading)
 {
     const fmfts_parameters *parameters = pad->parameters;
+    if (parameters->slip.tells_slip == 0.0) {
+        return;
+    }
     fmfts_slip_memory *memory = &work->memory->slip;
     const fmfts_estimate *estimate = &work->estimate;
     fmfts_slip_frame frame = {.elapsed_s = work->step.field.elapsed_s};
     fmfts_response response;
-    if (parameters->slip.tells_slip == 0.0) {
-        return;
-    }
     bool touching = work->has_estimate && work->memory->contact.in_contact != 0.0;
     if (!touching || estimate->refused || estimate->over_range || frame.elapsed_s > parameters->contact.longest_gap_s ||
         !pad->response || !fmfts_view_response(pad->response, pad->response_bytes, &response) || response.loads != 3) {
