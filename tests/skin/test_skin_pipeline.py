@@ -7,13 +7,14 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from fmfts.baseline import BaselineError
 from fmfts.baseline.request import BaselineRequest, Recorded
 from fmfts.bus.messages import ContactMessage
-from fmfts.config import Config, ContactConfig, GeometryConfig, PadConfig, SceneConfig, SimulatedSource
+from fmfts.config import Config, ContactConfig, GeometryConfig, PadConfig, SceneConfig, SiliconeConfig, SimulatedSource
 from fmfts.config.checks import problems_in
 from fmfts.contact import ModelError
 from fmfts.pad import Array
@@ -188,6 +189,15 @@ def test_skin_without_rest_recording_publishes_no_estimate(model: Path) -> None:
     pipeline.use(bare.make(some, None)[0])
     message = pipeline.process(next(frames(1, NOBODY, 200)))
     assert (message.health, message.reason, message.contact) == ("no_baseline", BARE_ONLY, None)
+
+
+def test_keys_that_change_nothing_are_refused(model: Path) -> None:
+    contact = ContactConfig(model=str(model), refine=True, smoothing_ms=40.0)
+    made = msgspec.structs.replace(config(model, silicone=SiliconeConfig(hysteresis=0.1)), contact=contact)
+    keys = {keys for keys, _ in problems_in(Config(pad=(made,)))}
+    section = ("pad", 0)
+    expected = ("contact", "refine"), ("contact", "smoothing_ms"), ("silicone", "hysteresis")
+    assert keys == {(*section, *one) for one in expected}
 
 
 @pytest.mark.parametrize("option", ["turn", "refine"])

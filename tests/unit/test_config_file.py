@@ -132,6 +132,9 @@ OTHER = "[[pad.magnet]]\nrest_mm = [-6, 0, 12]\n"
         (PAD + MAGNET + OTHER + '[pad.contact]\nmodel = "shear"\n', "a pad with several magnets needs"),
         (PAD + MAGNET + OTHER + '[pad.contact]\nmodel = "none"\n', "2 magnets need 7 sensors at least, not 4"),
         (PAD + MAGNET + OTHER + "[pad.rebaseline]\nenabled = true\n", "follows no drift"),
+        (PAD + MAGNET + OTHER + "[pad.contact]\nrefine = true\n", "fingers are already the most likely ones"),
+        (PAD + MAGNET + OTHER + "[pad.contact]\nsmoothing_ms = 40\n", "smooths nothing: leave it out"),
+        (PAD + MAGNET + OTHER + "[pad.contact]\nfinger_mm = [6, 6]\n", "fingers of 4 to 8 mm, always"),
     ],
 )
 def test_errors_of_several_magnets_name_their_place(tmp_path: Path, text: str, expected: str) -> None:

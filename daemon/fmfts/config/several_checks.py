@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.config.section import Problem
@@ -12,6 +12,12 @@ from fmfts.pose.observable import are_observable, needed_sensors
 
 FEWEST_SENSORS = 5
 MAGNETS_APART_MM = 5.0  # nearer ones would be in each other's rubber
+# Keys that a pad with one magnet has, and this one would leave unread: by section and name, what to do instead.
+UNREAD = {
+    ("contact", "refine"): "fingers are already the most likely ones: leave it out",
+    ("contact", "smoothing_ms"): "a pad with several magnets smooths nothing: leave it out, and smooth in your program",
+    ("contact", "finger_mm"): "a pad with several magnets allows for fingers of 4 to 8 mm, always: leave it out",
+}
 
 
 def several_problems(pad: PadConfig) -> Iterator[Problem]:
@@ -44,3 +50,12 @@ def several_problems(pad: PadConfig) -> Iterator[Problem]:
         yield ("source", "imperfections"), "they are simulated with one magnet only: leave them, and finger_shape, out"
     if pad.rebaseline.enabled:
         yield ("rebaseline", "enabled"), "the baseline of a pad with several magnets follows no drift: set it to false"
+    yield from unread_keys(pad, UNREAD)
+
+
+def unread_keys(pad: PadConfig, unread: Mapping[tuple[str, str], str]) -> Iterator[Problem]:
+    """Keys that differ from what holds without them, and would change nothing. unread: what to do, by their names."""
+    for (section, key), text in unread.items():
+        own = getattr(pad, section)
+        if getattr(own, key) != getattr(type(own)(), key):
+            yield (section, key), text
