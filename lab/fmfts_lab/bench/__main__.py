@@ -102,6 +102,7 @@ def main() -> None:
         "--gains", type=int, default=1000, help="of so many of them the gain of a second finger is computed"
     )
     verb.add_argument("--speed", action="store_true", help="only the time of a frame")
+    verb.add_argument("--growth", action="store_true", help="only the same by magnets, sensors and fingers")
     verb.add_argument("--repeats", type=int, default=400, help="frames that are timed")
     verb.add_argument(
         "--running", type=int, nargs="?", const=16, metavar="PADS", help="only a daemon with so many such pads (16)"
@@ -109,7 +110,7 @@ def main() -> None:
     verb.add_argument("--seconds", type=float, default=20.0, help="with --running: how long it is measured")
     verb.add_argument("--drills", action="store_true", help="faults, steel, turning and warming instead")
     verb.add_argument("--merged", action="store_true", help="only two fingers that come nearer to each other")
-    verb.add_argument("--chart", type=Path, metavar="FILE", help="with --merged: draw it")
+    verb.add_argument("--chart", type=Path, metavar="FILE", help="with --merged or --growth: draw it")
     verb.add_argument("--above", action="store_true", help="only two fingers that are just far enough apart")
     verb.add_argument("--doubted", action="store_true", help="only one finger: how often two are suspected")
     verb.add_argument("--whole", action="store_true", help="only what is published of one finger, and of solved pairs")

@@ -22,6 +22,7 @@ from fmfts_lab.bench import (
     several_doubted,
     several_drills,
     several_free,
+    several_growth,
     several_merged,
     several_poses,
     several_running,
@@ -78,6 +79,7 @@ HEAD = (
 def run(options: Namespace) -> None:
     for asked, other in (
         (options.speed, several_speed),
+        (options.growth, several_growth),
         (options.running, several_running),
         (options.drills, several_drills),
         (options.merged, several_merged),
