@@ -192,6 +192,24 @@ def test_verbs_refuse_bad_data_with_65(tmp_path: Path, config: str, capsys: pyte
     assert "absent.onnx: it cannot be read" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--place-sd-mm", "0.05"], "--place-sd-mm: is for --correct alone"),
+        (["--scale-sd", "0"], "--scale-sd: is for --correct alone"),
+        (["--correct", "--place-sd-mm", "6"], "--place-sd-mm is 6: more than 0, up to 5 mm"),
+        (["--correct", "--scale-sd", "0.4"], "--scale-sd is 0.4: a share from 0 to 0.3; .*weigh that pad"),
+    ],
+)
+def test_deviations_of_presses_are_for_a_correction_and_possible(
+    tmp_path: Path, config: str, capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
+) -> None:
+    data, made = str(written(tmp_path, lambda rows: None)), tmp_path / "m.onnx"
+    assert main(["calibrate", data, "-o", str(made), "--config", config, *words]) == exit_codes.USAGE
+    assert re.search(complaint, capsys.readouterr().err)
+    assert not made.exists()
+
+
 def test_target_that_cannot_be_written_is_refused_before_anything_is_solved(
     tmp_path: Path, config: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

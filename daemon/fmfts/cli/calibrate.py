@@ -13,6 +13,7 @@ from fmfts.cli.verb import (
     configured_or_standard_pad,
     ended_by,
     lacking,
+    refuse_options,
     require_one_file,
     say,
     written_to,
@@ -50,14 +51,12 @@ def add_to(verb: AddVerb) -> None:
     calibrate.add_argument(
         "--place-sd-mm",
         type=float,
-        default=0.5,
         metavar="MM",
         help="with --correct: deviation of the places of the presses (0.5: by hand; of a stage 0.05)",
     )
     calibrate.add_argument(
         "--scale-sd",
         type=float,
-        default=0.01,
         metavar="SHARE",
         help="with --correct: by how much all forces may be off together, as a gauge's scale (0.01)",
     )
@@ -105,6 +104,8 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
+    if not options.correct:
+        refuse_options(options, correct_pad.OF_PRESSES, "is for --correct alone: add that, or leave it out")
     if (other := elsewhere.calibration_of_set(options.data)) is not None:
         return other.calibrate(options, _noise_t(options))
     require_one_file(options)

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fmfts.cli.correct_pad import OF_PRESSES
 from fmfts.cli.verb import VerbError, ended_by, lacking, refuse_options, say, written_to
 from fmfts.common import exit_codes
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def calibrate(options: argparse.Namespace, pad: PadConfig, noise_t: float) -> int:
-    _refuse(options, pad, "shear", "sheared", "hidden")
+    _refuse(options, pad, "shear", "sheared", "hidden", *OF_PRESSES)
     try:
         from fmfts.calibrate.command import make_array_response
     except ImportError as error:

@@ -16,16 +16,22 @@ if TYPE_CHECKING:
     from fmfts.config import PadConfig
     from fmfts.pad import Array
 
-LARGEST_PLACE_SD_MM, LARGEST_SCALE_SD = 5.0, 0.3
+PLACE_SD_MM, LARGEST_PLACE_SD_MM = 0.5, 5.0
+SCALE_SD, LARGEST_SCALE_SD = 0.01, 0.3
+WEIGH_FIRST = "weigh that pad (`fmfts-daemon weigh`), and record and collect again"
+OF_PRESSES = ("place_sd_mm", "scale_sd")  # options that tell how well the few presses are known
 
 
 def correct(options: argparse.Namespace, pad: PadConfig, noise_t: float) -> int:
     why = "makes a model from a whole set of presses, and --correct corrects the configured one"
     refuse_options(options, ("shear", "sheared", "hidden", "start"), why)
-    if not 0.0 < options.place_sd_mm <= LARGEST_PLACE_SD_MM:
-        raise VerbError(exit_codes.USAGE, f"--place-sd-mm is {options.place_sd_mm:g}: more than 0, up to 5 mm")
-    if not 0.0 <= options.scale_sd <= LARGEST_SCALE_SD:
-        raise VerbError(exit_codes.USAGE, f"--scale-sd is {options.scale_sd:g}: a share from 0 to 0.3")
+    place_sd_mm = PLACE_SD_MM if options.place_sd_mm is None else options.place_sd_mm
+    scale_sd = SCALE_SD if options.scale_sd is None else options.scale_sd
+    if not 0.0 < place_sd_mm <= LARGEST_PLACE_SD_MM:
+        raise VerbError(exit_codes.USAGE, f"--place-sd-mm is {place_sd_mm:g}: more than 0, up to 5 mm")
+    if not 0.0 <= scale_sd <= LARGEST_SCALE_SD:
+        why = f"--scale-sd is {scale_sd:g}: a share from 0 to {LARGEST_SCALE_SD:g}"
+        raise VerbError(exit_codes.USAGE, f"{why}; if another pad gave the forces, {WEIGH_FIRST}")
     try:
         from fmfts.calibrate.command import CorrectionJob, make_corrected_model
     except ImportError as error:
@@ -39,7 +45,7 @@ def correct(options: argparse.Namespace, pad: PadConfig, noise_t: float) -> int:
         baseline = baseline_of(options.baseline, pad.pad())
         start = starting_model(pad, baseline)
         mounted = mounted_pad(pad, baseline, start, noise_t)
-        job = CorrectionJob(mounted, start, options.pad_size_mm, options.place_sd_mm, options.scale_sd)
+        job = CorrectionJob(mounted, start, options.pad_size_mm, place_sd_mm, scale_sd)
         report = make_corrected_model(options.data, options.output, job, say)
     if options.json:
         print(json.dumps(report, indent=1))

@@ -78,9 +78,9 @@ def lacking(error: ImportError, extra: str = "") -> VerbError:
 
 
 def refuse_options(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
-    """Raise VerbError for the first of these options that is given."""
+    """Raise VerbError for the first of these options that is given, a number 0 among them."""
     for name in names:
-        if getattr(options, name):
+        if getattr(options, name) is not None and getattr(options, name) is not False:
             raise VerbError(exit_codes.USAGE, f"--{name.replace('_', '-')}: {why}")
 
 

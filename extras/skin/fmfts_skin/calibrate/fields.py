@@ -6,6 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
+from fmfts.cli.correct_pad import OF_PRESSES
 from fmfts.cli.verb import ended_by, lacking, refuse_options, say, written_to
 from fmfts.common.kind_of_file import begins_with, columns_of
 from fmfts.common.reading import read_regular, unreadable_told
@@ -36,7 +37,7 @@ def calibrate(options: argparse.Namespace) -> int:
         f"{options.data} is of a pad whose magnets are unknown (it has depth_mm, shear_n, rest or recording); its "
         "table is made without that option"
     )
-    refuse_options(options, ("shear", "sheared", "hidden", "baseline", "pad"), why)
+    refuse_options(options, ("shear", "sheared", "hidden", "baseline", "pad", "correct", *OF_PRESSES), why)
     with ended_by(DataError), written_to(options.output):
         report = make_field_response(options.data, options.output, say)
     if options.json:

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fmfts.cli.correct_pad import OF_PRESSES
 from fmfts.cli.verb import VerbError, configured_pad, ended_by, lacking, refuse_options, say, written_to
 from fmfts.common import exit_codes
 from fmfts.common.kind_of_file import begins_with, columns_of
@@ -36,7 +37,7 @@ def calibrate(options: argparse.Namespace, noise_t: float) -> int:
     from fmfts.calibrate.field_table import DataError
 
     why = f"{options.data} has force_x_n, force_y_n and force_z_n: leave it out"
-    refuse_options(options, ("shear", "sheared", "hidden", "start"), why)
+    refuse_options(options, ("shear", "sheared", "hidden", "start", "correct", *OF_PRESSES), why)
     with ended_by(DataError), written_to(options.output):
         sources = [options.data, *options.sessions]
         report = make_force_file(sources, options.output, _magnet(options, noise_t), options.route, say)
