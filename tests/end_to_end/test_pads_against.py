@@ -117,6 +117,9 @@ def test_other_pad_labels_presses_and_corrects_the_model(folder: Path) -> None:
     facts = json.loads(out)
     assert (facts["collected"], facts["refused"]) == (len(PRESSES), [])
     assert 0.1 < facts["scale_sd"] < 0.6, "nobody weighed the left pad: its silicone may be of any cure"
+    (told,) = facts["warnings"]
+    assert f"pad 'left' in {folder / 'frames.mcap'} knows its forces to {facts['scale_sd']:.0%} alone" in told
+    assert "weigh that pad" in told
     code, out, error = command(
         folder,
         *("calibrate", "--correct", folder / "data.csv", "-o", folder / "own.onnx", "--json"),

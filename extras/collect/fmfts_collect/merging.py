@@ -15,8 +15,10 @@ import numpy as np
 
 from fmfts.bus.frame_message import frame_of
 from fmfts.bus.messages import ContactMessage, FrameMessage
+from fmfts.cli.correct_pad import WEIGH_FIRST
 from fmfts.common.reading import damage_told, digest_of
 from fmfts.config import PadConfig
+from fmfts.contact.tolerances import MODULUS
 from fmfts.recording.file import RecordingError, read
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import CHIPS
@@ -63,14 +65,16 @@ def merge(config: CollectingConfig, pad: PadConfig, log_path: Path, recording: P
 
 def against(config: CollectingConfig, pad: PadConfig, other: str, recording: Path, output: Path) -> dict[str, Any]:
     """As `merge`, with the forces that the pad `other` read in the same recording. Its facts have how uncertain the
-    scale of those forces is, too."""
+    scale of those forces is, too, and a warning where nobody can have weighed that pad."""
     if output.exists():
         raise RefusedError(f"{output} exists already: give another file with -o, or remove that one")
     unmoved = unmoved_since_baseline(pad.pad())
     log, scale_sd = _read_by(other, recording)
     heard = _Heard(log, _frames(recording, pad), SAME_CLOCK)
     named = _Named(f"against {other}", digest_of(recording)[:12], f"pad '{other}' in {recording}")
-    return _written(config, pad, unmoved, heard, named, recording, output) | {"scale_sd": scale_sd}
+    facts = _written(config, pad, unmoved, heard, named, recording, output)
+    told = f"{named.told} knows its forces to {scale_sd:.0%} alone, like a pad that nobody weighed: {WEIGH_FIRST}"
+    return facts | {"scale_sd": scale_sd, "warnings": [told] if scale_sd > MODULUS else []}
 
 
 @dataclass(frozen=True, slots=True)
