@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 from emulator.hand_magnets import HandMagnets
 from fmfts.baseline import Baseline, make_bare, make_rest, summarise
 from fmfts.baseline.posture import PostureLearner
-from fmfts.baseline.request import BaselineRequest
+from fmfts.baseline.request import POSTURE_DROPPED, BaselineRequest
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import Config, PadConfig, SceneConfig, SimulatedSource
 from fmfts.config.checks import problems_in
@@ -178,6 +179,21 @@ def test_rest_recorded_again_keeps_the_posture_with_its_joints() -> None:
     assert all(message.health == "ok" for message, _ in told(world, pipeline_with(known), 1.0)[20:])
     message = told(world, pipeline_with(unknown), 0.2)[-1][0]
     assert "the joints of the rest recording are not known" in message.reason
+
+
+def test_bare_baseline_says_that_it_drops_the_posture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is told against the rest, which bare drops, too."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    world, before, baseline, _ = taught(6, 0.005)
+    pad, tolerance = config().pad(), config().tolerance.si()
+    world.source.mounted = False
+    frames = list(world.frames(3.0))
+    world.source.mounted = True
+    request = BaselineRequest(pad, tolerance, bare=True, replaced=False)
+    assert POSTURE_DROPPED not in request.record(frames, before).facts(pad)["warnings"]
+    recorded = request.record(frames, baseline)
+    assert recorded.baseline.posture is None
+    assert POSTURE_DROPPED in recorded.facts(pad)["warnings"]
 
 
 def test_pad_without_posture_has_no_hand_and_the_same_messages() -> None:

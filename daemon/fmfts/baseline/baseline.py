@@ -172,7 +172,7 @@ def make_bare(
     before: Baseline | None = None,
     gains: StoredGains | None = None,
 ) -> Baseline:
-    """A baseline of the field without the pad. It drops the rest recording of `before`.
+    """A baseline of the field without the pad. It drops the rest recording of `before`, and what was taught on it.
 
     It keeps the turn of `before`, and its gains if there are no newer `gains`, because they belong to the sensors.
     """

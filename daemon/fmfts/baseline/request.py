@@ -44,6 +44,10 @@ CAST_ALIKE = (
     "the new silicone is assumed to be as stiff as the old one, which was weighed, with a larger deviation: "
     "`fmfts-daemon weigh` measures the new one"
 )
+POSTURE_DROPPED = (
+    "what was taught of the hand's posture is dropped with the old rest: record `fmfts-daemon baseline --rest`, then "
+    "teach it again: `fmfts-daemon baseline --posture`"
+)
 SHORTEST_S, LONGEST_S = 0.5, 60.0
 
 
@@ -210,6 +214,8 @@ class BaselineRequest:
         warnings = [] if self.only_adds else warnings_of(frames)
         if self.replaced and baseline.silicone is not None:
             warnings.append(CAST_ALIKE)
+        if before is not None and before.posture is not None and baseline.posture is None:
+            warnings.append(POSTURE_DROPPED)
         return Recorded(baseline, mounting, store(baseline, self.pad), gained, warnings)
 
 
