@@ -12,7 +12,8 @@ ROOT = Path(__file__).parents[2]
 FOLDERS = ("docs", "clients", "extras", "firmware", "lab")
 PAGES = sorted([*ROOT.glob("*.md"), *(page for folder in FOLDERS for page in (ROOT / folder).rglob("*.md"))])
 # Their files in backticks are exact; a path that begins with a room is inside the robot's package.
-EXACT = sorted([*ROOT.glob("docs/how-to*"), ROOT / "docs/architecture.md", ROOT / "docs/glossary.md"])
+NAMED = ("CONTRIBUTING.md", "docs/architecture.md", "docs/glossary.md")
+EXACT = sorted([*ROOT.glob("docs/how-to*"), *(ROOT / page for page in NAMED)])
 LINK = re.compile(r"!?\[[^\[\]]*\]\(([^()\s]+)\)")
 CODE = re.compile(r"`([^`\n]+)`")
 PATH = re.compile(r"[\w.+-]+(?:/[\w.+-]+)*/?")
