@@ -44,6 +44,11 @@ def eventually(condition: Callable[[], object]) -> None:
         time.sleep(0.005)
 
 
+def hears(client: Client, number: int) -> bool:
+    client.latest(timeout_s=0.01)
+    return client.contact is not None and client.contact.seq == number
+
+
 def connect(publisher: Publisher, client: Client) -> None:
     """Send until the client hears: a subscription takes a moment to arrive."""
 
@@ -196,17 +201,19 @@ def test_rate_is_compared_with_the_configured_one(
 def test_contacts_of_samples_between_frames_are_not_a_wrong_rate(publisher: Publisher, endpoints: Endpoints) -> None:
     with Client("demo", endpoints) as client:
         connect(publisher, client)
-        now_ns = time.monotonic_ns() + 200_000_000
+        now_ns = time.monotonic_ns() + 400_000_000
         for number in range(600):  # 1.5 s of 100 frames a second, and three samples after each
             times = {
                 "t_sample_ns": now_ns - (600 - number) // 4 * 10**7,
                 "t_publish_ns": now_ns - (600 - number) * 2_500_000,
             }
             publisher.send_contact("demo", contact_message(boot="two", seq=number, **times))
+            if number % 100 == 99:  # of more at once the publisher drops some, where nobody lets ZeroMQ's thread run
+                eventually(lambda last=number: hears(client, last))
         publisher.send_status("demo", status_message(rate_nominal_hz=100.0))
-        while time.monotonic_ns() < now_ns or client.contact is None or client.contact.seq < 599:
+        eventually(lambda: client.latest(timeout_s=0.01) is None and client.status is not None)
+        while time.monotonic_ns() < now_ns:
             client.latest(timeout_s=0.01)
-            assert time.monotonic_ns() < now_ns + 5_000_000_000
         rate_hz, freq_ok, late_s = client.rate_hz, client.freq_ok, (time.monotonic_ns() - now_ns) * 1e-9
         assert rate_hz > 350.0 - 400.0 * late_s, "so much of the window of a second has passed without messages"
         assert freq_ok or late_s > 0.01
