@@ -12,11 +12,11 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Annotation
 
-from fmfts_lab.study import charts, labels, speed_chart
+from fmfts_lab.study import charts, heat_map, labels, speed_chart
 from fmfts_lab.study.contact_methods import contact_methods
 from fmfts_lab.study.controller import CHART
 from fmfts_lab.study.controller_methods import controller_methods
-from fmfts_lab.study.harness import read_table
+from fmfts_lab.study.harness import Row, read_table
 from fmfts_lab.study.pose_methods import pose_methods
 from fmfts_lab.study.stability import COMPARED, DAEMON
 from fmfts_lab.study.style import WIDTH_INCH, sheet
@@ -57,6 +57,20 @@ def test_kept_tables_have_no_method_that_is_gone() -> None:
     assert [one for one in told if one[1] not in known[one[0]]] == []
     compared = {row["method"] for row in read_table(RESULTS / "study-stability.csv")}
     assert compared == {DAEMON, *COMPARED}
+
+
+def test_daemon_is_compared_with_methods_that_answer_as_often() -> None:
+    def row(method: str, wrong: int, flagged: int) -> Row:
+        counted = {"frames": 100, "right": 100 - wrong - flagged, "wrong": wrong, "flagged": flagged}
+        return {"dimension": "noise", "condition": "tenfold", "second": "", "method": method, **counted}
+
+    silent, open_ones = row("silent", 1, 90), [row("first", 30, 10), row("second", 20, 20)]
+    for others, told in (
+        ([silent, *open_ones], "0 of the daemon's frames, 20 or more of those of each method that flags no more"),
+        ([silent], "0 of the daemon's frames"),
+    ):
+        _, figure = next(heat_map.figures([row(DAEMON, 0, 20), *others], DAEMON))
+        assert figure.get_suptitle().replace("\n", " ") == f"Wrong and not flagged: {told}"
 
 
 def test_every_named_method_exists() -> None:
