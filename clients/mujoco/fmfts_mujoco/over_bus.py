@@ -40,9 +40,11 @@ class Robot:
         endpoint: str | Endpoints | None = None,
         *,
         as_built: bool = False,
+        seed: int | np.random.Generator = 0,
     ) -> None:
         """config: the daemon's file; each pad has `frames_from`. endpoint: of the daemon. as_built: pads differ from
-        their drawing as their tolerances say, always by the same. ModelError, ConfigError."""
+        their drawing as their tolerances say, always by the same. seed: of the noise, the clocks, and the silicone and
+        fingers of pads as built; the same seed sends the same. ModelError, ConfigError."""
         mujoco.mj_forward(model, data)
         pads = load(Path(config))[0].pad
         self.scene = Scene(model, pads, as_built=as_built)
@@ -59,7 +61,7 @@ class Robot:
         self._started_ns = 0
         self.unsent, self.late = 0, 0
         self.baselines = baselines(self.scene, data)
-        self.scene.start(np.random.default_rng())
+        self.scene.start(np.random.default_rng(seed))
 
     def store_baselines(self, environ: Mapping[str, str] = os.environ) -> None:
         """Record the pads as the robot stood at first, where a daemon with this environment reads them as it starts."""

@@ -66,6 +66,28 @@ def test_robot_without_a_daemon_goes_on(tmp_path: Path) -> None:
     robot.close()
 
 
+def test_same_seed_builds_the_same_pads_with_the_same_noise(tmp_path: Path) -> None:
+    config = tmp_path / "pads.toml"
+    config.write_text(CONFIG)
+    model = world()
+    made = []
+    for seed in (3, 3, 4):
+        data = mujoco.MjData(model)
+        robot = Robot(model, data, config, f"ipc://{tmp_path}", as_built=True, seed=seed)
+        for _ in range(20):
+            mujoco.mj_step(model, data)
+            robot.scene.record(data)
+        counts = [frame.counts.tolist() for frame in robot.scene.frames()[0]]
+        assert counts
+        structures = robot.scene.stacked.structures
+        assert structures is not None
+        made.append((float(structures.modulus[0]), counts))
+        robot.close()
+    assert made[0] == made[1]
+    assert made[0][0] != made[2][0]
+    assert made[0][1] != made[2][1]
+
+
 def test_full_socket_does_not_block_the_simulation(tmp_path: Path) -> None:
     """A daemon that hangs: its socket takes some frames, and then none."""
     config = tmp_path / "pads.toml"
