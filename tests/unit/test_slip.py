@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -114,6 +115,37 @@ def test_friction_is_forgotten_when_the_touch_ends() -> None:
     assert first[-1].friction is not None
     assert second
     assert all(one.friction is None and one.margin_n is None for one in second)
+
+
+def learnt_under(allowed: tuple[float, float], friction: float) -> SlipMessage:
+    """What a pad with these bounds tells of the frame after the onset of a slip, which has taught nothing yet."""
+    source, pipeline = ManyFrames(pad().config), pad().pipeline()
+    source.finger = slide(0.4, friction)
+    frames = [frame for frames in source.batches(600) for frame in frames]
+    onset = next(number for number, frame in enumerate(frames) if pipeline.process(frame).slipping)
+    memory = pipeline.memory
+    fields = memory.fields | {name: np.zeros(()) for name in ("learnt_weight", "learnt_friction")}
+    other = pad(msgspec.structs.replace(ASKED, slip_friction=allowed)).pipeline()
+    other.recall(replace(memory, fields=fields))
+    slip = slip_of(other.process(frames[onset + 1]))
+    assert slip is not None
+    assert slip.slipping
+    return slip
+
+
+@pytest.mark.parametrize(("allowed", "friction"), [((0.57, 1.2), 0.45), ((0.2, 0.5), 0.8)])
+def test_friction_outside_of_what_was_expected_is_what_was_measured(
+    allowed: tuple[float, float], friction: float
+) -> None:
+    """Bounds tell slips from rolling. The margin counts on no more than the upper one, whose deviation says so."""
+    found, free = (learnt_under(bounds, friction) for bounds in (allowed, (0.01, 4.0)))
+    assert found.friction is not None
+    assert found.friction_sd is not None
+    assert free.friction is not None
+    assert free.friction_sd is not None
+    assert found.friction == pytest.approx(min(free.friction, allowed[1]), rel=1e-9)
+    assert found.friction_sd == pytest.approx(np.hypot(free.friction_sd, free.friction - found.friction), rel=1e-9)
+    assert not allowed[0] < free.friction < allowed[1]
 
 
 def test_margin_is_friction_times_force_less_shear() -> None:

@@ -10,7 +10,9 @@
  *
  * Once it slips, STUCK is put where the finger is, again and again: a finger of speed v would be ahead of it by D = v·dt, one that has
  * stopped by 0. With d along the motion and its variance s², the log odds of going on grow by (d·D − D²/2)/s² (A. Wald, "Sequential
- * analysis", 1947). While it slips, |shear|/force is its friction. */
+ * analysis", 1947). While it slips, |shear|/force is its friction, whatever was expected of it. The least of slip_friction tells slips
+ * from rolling alone. Above the largest, a ball digs in, or the expectation is wrong: the margin counts on the largest, and the
+ * deviation covers both. */
 #include <math.h>
 
 #include "../arithmetic/erfc.h"
@@ -128,8 +130,7 @@ static double going_on(const fmfts_slip_memory *memory, const motion *found)
     return GOES_ON + (along * ahead - 0.5 * ahead * ahead) / variance;
 }
 
-static void learn(const fmfts_slip_parameters *parameters, const fmfts_slip_frame *frame, const double *x, double variance,
-                  fmfts_slip_memory *memory)
+static void learn(const fmfts_slip_frame *frame, const double *x, double variance, fmfts_slip_memory *memory)
 {
     double squared = square(x[SHEAR]) + square(x[SHEAR + 1]) - 2.0 * variance;
     double ratio = sqrt(fmax(squared, 0.0)) / x[FORCE], share = fmin(frame->elapsed_s / REMEMBERS_S, 1.0);
@@ -137,7 +138,6 @@ static void learn(const fmfts_slip_parameters *parameters, const fmfts_slip_fram
     if (!(weight > 0.0)) { /* no time has passed */
         return;
     }
-    ratio = fmin(fmax(ratio, parameters->slip_friction[0]), parameters->slip_friction[1]);
     memory->learnt_friction += (ratio - memory->learnt_friction) * weight / (memory->learnt_weight + weight);
     memory->learnt_weight += weight;
 }
@@ -179,7 +179,7 @@ void fmfts_judge_slip(const fmfts_slip_parameters *parameters, const fmfts_slip_
     slip->sticking = 1.0 - follow(parameters, lasting, &found, memory);
     slip->slipping = memory->slipping != 0.0;
     if (slip->slipping) {
-        learn(parameters, frame, x, shear_variance, memory);
+        learn(frame, x, shear_variance, memory);
     }
     slip->speed_m_per_s = speed * M_PER_MM;
     slip->speed_sd_m_per_s = speed_sd * M_PER_MM;
@@ -188,7 +188,8 @@ void fmfts_judge_slip(const fmfts_slip_parameters *parameters, const fmfts_slip_
     slip->knows_friction = memory->learnt_weight > 0.0;
     if (slip->knows_friction) {
         double variance = 1.0 / memory->learnt_weight + lasting / square(force) + square(SHAPE_SHARE * memory->learnt_friction);
-        slip->friction = memory->learnt_friction;
+        slip->friction = fmin(memory->learnt_friction, parameters->slip_friction[1]);
+        variance += square(memory->learnt_friction - slip->friction);
         slip->friction_sd = sqrt(variance);
         slip->margin_n = slip->friction * force - length(x + SHEAR);
         slip->margin_sd_n = sqrt(variance * square(force) + shear_variance);
