@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fmfts.cli import calibrate_array, correct_pad, elsewhere
 from fmfts.cli.verb import (
+    OF_PRESSES,
     AddVerb,
     VerbError,
     configured_or_standard_pad,
@@ -105,7 +106,7 @@ def add_to(verb: AddVerb) -> None:
 
 def _calibrate(options: argparse.Namespace) -> int:
     if not options.correct:
-        refuse_options(options, correct_pad.OF_PRESSES, "is for --correct alone: add that, or leave it out")
+        refuse_options(options, OF_PRESSES, "is for --correct alone: add that, or leave it out")
     if (other := elsewhere.calibration_of_set(options.data)) is not None:
         return other.calibrate(options, _noise_t(options))
     require_one_file(options)

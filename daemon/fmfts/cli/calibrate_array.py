@@ -7,8 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmfts.cli.correct_pad import OF_PRESSES
-from fmfts.cli.verb import VerbError, ended_by, lacking, refuse_options, say, written_to
+from fmfts.cli.verb import OF_PRESSES, VerbError, ended_by, lacking, refuse_options, say, written_to
 from fmfts.common import exit_codes
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING
 
-from fmfts.cli.verb import VerbError, ended_by, lacking, refuse_options, say, written_to
+from fmfts.cli.verb import WEIGH_FIRST, VerbError, ended_by, lacking, refuse_options, say, written_to
 from fmfts.common import exit_codes
 
 if TYPE_CHECKING:
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 PLACE_SD_MM, LARGEST_PLACE_SD_MM = 0.5, 5.0
 SCALE_SD, LARGEST_SCALE_SD = 0.01, 0.3
-WEIGH_FIRST = "weigh that pad (`fmfts-daemon weigh`), and record and collect again"
-OF_PRESSES = ("place_sd_mm", "scale_sd")  # options that tell how well the few presses are known
 
 
 def correct(options: argparse.Namespace, pad: PadConfig, noise_t: float) -> int:

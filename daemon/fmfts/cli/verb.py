@@ -26,6 +26,9 @@ Kind = TypeVar("Kind", bound="Config")
 
 log = logging.getLogger("fmfts")
 
+OF_PRESSES = ("place_sd_mm", "scale_sd")  # options of `calibrate --correct`: how well the few presses are known
+WEIGH_FIRST = "weigh that pad (`fmfts-daemon weigh`), and record and collect again"
+
 
 class VerbError(Exception):
     """Ends the command with the exit code `code`, and prints one sentence."""

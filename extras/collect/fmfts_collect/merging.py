@@ -15,7 +15,7 @@ import numpy as np
 
 from fmfts.bus.frame_message import frame_of
 from fmfts.bus.messages import ContactMessage, FrameMessage
-from fmfts.cli.correct_pad import WEIGH_FIRST
+from fmfts.cli.verb import WEIGH_FIRST
 from fmfts.common.reading import damage_told, digest_of
 from fmfts.config import PadConfig
 from fmfts.contact.tolerances import MODULUS

@@ -6,8 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
-from fmfts.cli.correct_pad import OF_PRESSES
-from fmfts.cli.verb import ended_by, lacking, refuse_options, say, written_to
+from fmfts.cli.verb import OF_PRESSES, ended_by, lacking, refuse_options, say, written_to
 from fmfts.common.kind_of_file import begins_with, columns_of
 from fmfts.common.reading import read_regular, unreadable_told
 

@@ -7,8 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmfts.cli.correct_pad import OF_PRESSES
-from fmfts.cli.verb import VerbError, configured_pad, ended_by, lacking, refuse_options, say, written_to
+from fmfts.cli.verb import OF_PRESSES, VerbError, configured_pad, ended_by, lacking, refuse_options, say, written_to
 from fmfts.common import exit_codes
 from fmfts.common.kind_of_file import begins_with, columns_of
 from fmfts.common.reading import unreadable_told
