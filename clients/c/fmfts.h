@@ -129,7 +129,7 @@ struct fmfts_slip {
 struct fmfts_contact {
     char pad[FMFTS_WORD_SIZE];
     char boot[FMFTS_WORD_SIZE]; /* changes when the daemon restarts; then `seq` begins again */
-    int64_t seq;                /* grows by 1 each; a gap: contacts were lost, or skipped for a newer one */
+    int64_t seq;                /* grows by 1 each; a gap: contacts were lost, skipped for a newer one, or too old when they were judged */
     int64_t t_sample_ns;        /* CLOCK_MONOTONIC of the daemon's machine: fmfts_sample_age_s() gives the age */
     int64_t t_publish_ns;       /* on the same clock */
     int64_t utc_ns;             /* t_publish_ns as a date, since 1970 */
