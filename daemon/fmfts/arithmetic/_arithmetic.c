@@ -1,17 +1,20 @@
-/* fmfts.arithmetic._arithmetic: matrix.c and elementary.h for Python, through the stable ABI. matrix.py allocates the
- * arrays. */
+/* fmfts.arithmetic._arithmetic: matrix.c, elementary.h and spline.h for Python, through the stable ABI. matrix.py and
+ * spline.py allocate the arrays. */
 #define PY_SSIZE_T_CLEAN
 #include "../common/stable_abi.h"
 
 #include <Python.h>
 
+#include <stdint.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "../common/aligned.h"
 #include "elementary.h"
 #include "matrix.h"
+#include "spline.h"
 
-enum { MOST_BUFFERS = 3 };
+enum { MOST_BUFFERS = 4, MOST_CELLS = 10000, MOST_POWERS = 64 };
 
 /* The arrays of doubles of one call. */
 typedef struct {
@@ -157,6 +160,55 @@ static PyObject *complement(PyObject *module, PyObject *args)
     return none_of(&a);
 }
 
+/* cover(first, spacing, cells, at, cell, value, slope): fmfts_cover of each place. */
+static PyObject *cover(PyObject *module, PyObject *args)
+{
+    Py_ssize_t cells;
+    fmfts_knots knots;
+    arrays a = {.count = 4};
+    (void)module;
+    if (!PyArg_ParseTuple(args, "ddny*w*w*w*", &knots.first, &knots.spacing, &cells, &a.buffer[0], &a.buffer[1], &a.buffer[2],
+                          &a.buffer[3])) {
+        return NULL;
+    }
+    const size_t places = (size_t)a.buffer[0].len / sizeof(double), all = FMFTS_COVERING * places;
+    if (cells < 1 || cells > MOST_CELLS || !(knots.spacing > 0.0)) {
+        PyErr_Format(PyExc_ValueError, "%zd cells: 1 to %d, of a positive width", cells, MOST_CELLS);
+    } else if (have_lengths(&a, (size_t[]){places, places, all, all})) {
+        knots.cells = (size_t)cells;
+        for (size_t i = 0; i < places; i++) {
+            fmfts_splines splines;
+            fmfts_cover(&knots, ((const double *)a.buffer[0].buf)[i], &splines);
+            ((int64_t *)a.buffer[1].buf)[i] = (int64_t)splines.cell;
+            memcpy((double *)a.buffer[2].buf + FMFTS_COVERING * i, splines.value, sizeof splines.value);
+            memcpy((double *)a.buffer[3].buf + FMFTS_COVERING * i, splines.slope, sizeof splines.slope);
+        }
+    }
+    return none_of(&a);
+}
+
+/* powers(most, count, x, value): fmfts_powers of each number. */
+static PyObject *powers(PyObject *module, PyObject *args)
+{
+    double most, slope[MOST_POWERS];
+    Py_ssize_t count;
+    arrays a = {.count = 2};
+    (void)module;
+    if (!PyArg_ParseTuple(args, "dny*w*", &most, &count, &a.buffer[0], &a.buffer[1])) {
+        return NULL;
+    }
+    const size_t numbers = (size_t)a.buffer[0].len / sizeof(double);
+    if (count < 0 || count > MOST_POWERS) {
+        PyErr_Format(PyExc_ValueError, "%zd powers, at most %d", count, MOST_POWERS);
+    } else if (have_lengths(&a, (size_t[]){numbers, (size_t)count * numbers})) {
+        for (size_t i = 0; i < numbers; i++) {
+            fmfts_powers(((const double *)a.buffer[0].buf)[i], most, (size_t)count, (double *)a.buffer[1].buf + (size_t)count * i,
+                         slope);
+        }
+    }
+    return none_of(&a);
+}
+
 static PyObject *of_number(PyObject *number, double (*function)(double))
 {
     double x = PyFloat_AsDouble(number);
@@ -182,6 +234,8 @@ static PyMethodDef methods[] = {
     {"solve_lower_transposed", solve_lower_transposed, METH_VARARGS, NULL},
     {"rotate_columns", rotate_columns, METH_VARARGS, NULL},
     {"complement", complement, METH_VARARGS, NULL},
+    {"cover", cover, METH_VARARGS, NULL},
+    {"powers", powers, METH_VARARGS, NULL},
     {"exp", exponential, METH_O, NULL},
     {"log", logarithm, METH_O, NULL},
     {NULL, NULL, 0, NULL},

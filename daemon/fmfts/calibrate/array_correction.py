@@ -19,9 +19,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.spline import cover, spline_collocation
 from fmfts.contact.array_response import CHANGE, ArrayResponse
 from fmfts.pad import Array
-from fmfts.simulation.mechanics import spline_collocation
 
 LEVELS = ("force", "shape", "places", "map")
 KINDS = np.array([0, 0, 1, 2, 2])  # sideways, down, tilt
@@ -185,16 +185,10 @@ def _table(table: ArrayResponse, place_mm: Array, own: slice) -> tuple[Array, Ar
 
 def _basis(along_mm: Array, first_mm: float, spacing_mm: float, cells: int) -> tuple[Array, Array]:
     """(K, cells + 3) cubic B-splines and their slopes; a place beyond the ends counts as on the end."""
-    place = np.clip((along_mm - first_mm) / spacing_mm, 0.0, cells)
-    cell = np.minimum(place.astype(np.intp), cells - 1)
-    u = place - cell
-    v = 1.0 - u
-    values = [v**3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (3 * v**3 - 6 * v**2 + 4) / 6, u**3 / 6]
-    slopes = [-(v**2) / 2, (3 * u**2 - 4 * u) / 2, -(3 * v**2 - 4 * v) / 2, u**2 / 2]
-    value, slope = np.zeros((2, len(place), cells + 3))
-    for number, (one, by) in enumerate(zip(values, slopes, strict=True)):
-        value[np.arange(len(place)), cell + number] = one
-        slope[np.arange(len(place)), cell + number] = by / spacing_mm
+    splines = cover(along_mm, first_mm, spacing_mm, cells)
+    value, slope = np.zeros((2, len(along_mm), cells + 3))
+    for out, of_splines in ((value, splines.value), (slope, splines.slope)):
+        np.put_along_axis(out, splines.indices, of_splines, axis=1)
     return value, slope
 
 

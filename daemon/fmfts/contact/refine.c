@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "../arithmetic/descent.h"
+#include "../arithmetic/spline.h"
 #include "../pose/algebra.h"
 
 static const double FIRST_DAMPING = 1e-3, DAMPING_FACTOR = 10.0;
@@ -58,22 +59,9 @@ bool fmfts_view_response(const void *content, size_t size, fmfts_response *respo
     return true;
 }
 
-/* Values and derivatives of the four cubic B-splines that cover a place. Returns the index of the first. */
-static size_t stencil(const fmfts_response *response, int axis, double place_mm, double value[4], double slope[4])
+static void cover(const fmfts_response *response, int axis, double place_mm, fmfts_splines *along)
 {
-    double last = (double)response->knots[axis] - 1.0, spacing = response->spacing_mm[axis];
-    double place = fmfts_within((place_mm - response->first_mm[axis]) / spacing, 0.0, last);
-    size_t cell = (size_t)fmfts_within(place, 0.0, last - 1.0);
-    double u = place - (double)cell, v = 1.0 - u;
-    value[0] = v * v * v / 6.0;
-    value[1] = (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0;
-    value[2] = (-3.0 * u * u * u + 3.0 * u * u + 3.0 * u + 1.0) / 6.0;
-    value[3] = u * u * u / 6.0;
-    slope[0] = -v * v / 2.0 / spacing;
-    slope[1] = (3.0 * u * u - 4.0 * u) / 2.0 / spacing;
-    slope[2] = (-3.0 * u * u + 2.0 * u + 1.0) / 2.0 / spacing;
-    slope[3] = u * u / 2.0 / spacing;
-    return cell;
+    fmfts_cover(&(fmfts_knots){response->first_mm[axis], response->spacing_mm[axis], response->knots[axis] - 1}, place_mm, along);
 }
 
 /* Monomials of the load, and their derivatives. Above scale_n, powers of the normal force follow their tangents. */
@@ -82,15 +70,9 @@ static void monomials(const fmfts_response *response, const double *load, double
 {
     double power[FMFTS_MAX_LOADS][FMFTS_MAX_EXPONENT + 1], by_load[FMFTS_MAX_LOADS][FMFTS_MAX_EXPONENT + 1];
     for (size_t l = 0; l < response->loads; l++) {
-        double whole = load[l] / response->scale_n, beyond = l == 0 && whole > 1.0 ? whole - 1.0 : 0.0;
-        double inside = whole - beyond, lower = 1.0;
         power[l][0] = 1.0;
         by_load[l][0] = 0.0;
-        for (int e = 1; e <= FMFTS_MAX_EXPONENT; e++) {
-            by_load[l][e] = e * lower;
-            lower *= inside;
-            power[l][e] = lower + by_load[l][e] * beyond;
-        }
+        fmfts_powers(load[l] / response->scale_n, l == 0 ? 1.0 : INFINITY, FMFTS_MAX_EXPONENT, power[l] + 1, by_load[l] + 1);
     }
     for (size_t m = 0; m < response->monomials; m++) {
         const int32_t *exponent = response->exponent + m * response->loads;
@@ -109,19 +91,19 @@ static void monomials(const fmfts_response *response, const double *load, double
 FMFTS_INLINE void respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
                           double slope[FMFTS_MOVED][FMFTS_MAX_PRESS], bool with_slope)
 {
-    double along_x[4], along_y[4], slope_x[4], slope_y[4];
     double value[FMFTS_MAX_MONOMIALS], by_load[FMFTS_MAX_MONOMIALS][FMFTS_MAX_LOADS];
-    size_t column = stencil(response, 0, press[0], along_x, slope_x);
-    size_t row = stencil(response, 1, press[1], along_y, slope_y);
+    fmfts_splines x, y;
+    cover(response, 0, press[0], &x);
+    cover(response, 1, press[1], &y);
     monomials(response, press + 2, value, by_load);
     memset(change, 0, sizeof(double[FMFTS_MOVED]));
     if (with_slope) {
         memset(slope, 0, sizeof(double[FMFTS_MOVED][FMFTS_MAX_PRESS]));
     }
-    for (size_t i = 0; i < 4; i++) {
-        for (size_t j = 0; j < 4; j++) {
-            double here = along_x[i] * along_y[j], by_x = slope_x[i] * along_y[j], by_y = along_x[i] * slope_y[j];
-            const double *patch = response->coefficient + ((column + i) * (response->knots[1] + 2) + row + j) *
+    for (size_t i = 0; i < FMFTS_COVERING; i++) {
+        for (size_t j = 0; j < FMFTS_COVERING; j++) {
+            double here = x.value[i] * y.value[j], by_x = x.slope[i] * y.value[j], by_y = x.value[i] * y.slope[j];
+            const double *patch = response->coefficient + ((x.cell + i) * (response->knots[1] + 2) + y.cell + j) *
                                                               response->monomials * FMFTS_MOVED;
             for (size_t m = 0; m < response->monomials; m++) {
                 for (size_t c = 0; c < FMFTS_MOVED; c++) {
@@ -154,14 +136,16 @@ void fmfts_move(const fmfts_response *response, const double *press, double chan
 
 void fmfts_basis(const fmfts_response *response, const double *press, double *basis)
 {
-    double along_x[4], along_y[4], unused[4], value[FMFTS_MAX_MONOMIALS], by_load[FMFTS_MAX_MONOMIALS][FMFTS_MAX_LOADS];
-    size_t column = stencil(response, 0, press[0], along_x, unused), row = stencil(response, 1, press[1], along_y, unused);
+    double value[FMFTS_MAX_MONOMIALS], by_load[FMFTS_MAX_MONOMIALS][FMFTS_MAX_LOADS];
     size_t deep = response->knots[1] + 2, monomial = response->monomials;
+    fmfts_splines x, y;
+    cover(response, 0, press[0], &x);
+    cover(response, 1, press[1], &y);
     monomials(response, press + 2, value, by_load);
     memset(basis, 0, (response->knots[0] + 2) * deep * monomial * sizeof(double));
     for (size_t i = 0; i < 16; i++) {
         for (size_t m = 0; m < monomial; m++) {
-            basis[((column + i / 4) * deep + row + i % 4) * monomial + m] = along_x[i / 4] * along_y[i % 4] * value[m];
+            basis[((x.cell + i / 4) * deep + y.cell + i % 4) * monomial + m] = x.value[i / 4] * y.value[i % 4] * value[m];
         }
     }
 }

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.spline import cover, powers, spline_collocation
 from fmfts.pad import Array
 
 
@@ -60,11 +61,11 @@ class Mechanics:
         self, x_m: Array, y_m: Array, force_n: Array, shear_x_n: Array | None = None, shear_y_n: Array | None = None
     ) -> Array:
         """(K, 5) displacement in m, and the unit axis' x and y (of a table of shear: what shear adds to both)."""
-        column, along_x = self._stencil(x_m)
-        row, along_y = self._stencil(y_m)
-        patch = self.coefficient[column[:, :, None], row[:, None, :]]
+        along_x, along_y = (cover(at_m, self.first_m, self.spacing_m, self.count - 1) for at_m in (x_m, y_m))
+        patch = self.coefficient[along_x.indices[:, :, None], along_y.indices[:, None, :]]
         term = self._terms(force_n, shear_x_n, shear_y_n)
-        response: Array = np.einsum("kp,kpc->kc", term, np.einsum("ka,kb,kabpc->kpc", along_x, along_y, patch))
+        of_term = np.einsum("ka,kb,kabpc->kpc", along_x.value, along_y.value, patch)
+        response: Array = np.einsum("kp,kpc->kc", term, of_term)
         if self.sheared is not None and (shear_x_n is not None or shear_y_n is not None):
             response += self.sheared.response(x_m, y_m, force_n, shear_x_n, shear_y_n)
         return response
@@ -72,28 +73,9 @@ class Mechanics:
     def _terms(self, force_n: Array, shear_x_n: Array | None, shear_y_n: Array | None) -> Array:
         """(K, T) powers of the load; beyond the largest force, those of the normal force continue as tangents."""
         of_force, of_x, of_y = self.exponents.T
-        inside = np.minimum(force_n, self.largest_force_n)[:, None]
-        term: Array = inside**of_force
-        beyond = force_n[:, None] - inside
-        if np.any(beyond > 0.0):
-            term = term + beyond * of_force * inside ** np.maximum(of_force - 1, 0)
+        power = np.ones((len(force_n), 1 + int(of_force.max())))
+        power[:, 1:] = powers(force_n, self.largest_force_n, power.shape[1] - 1)
+        term: Array = power[:, of_force]
         for shear_n, exponent in ((shear_x_n, of_x), (shear_y_n, of_y)):
             term = term * (exponent == 0 if shear_n is None else shear_n[:, None] ** exponent)
         return term
-
-    def _stencil(self, coordinate_m: Array) -> tuple[np.ndarray[tuple[int, int], np.dtype[np.intp]], Array]:
-        """Indices (K, 4) and weights (K, 4) of the four cubic B-splines that cover each coordinate."""
-        place = np.clip((coordinate_m - self.first_m) / self.spacing_m, 0.0, self.count - 1.0)
-        cell = np.minimum(place.astype(np.intp), self.count - 2)
-        u = place - cell
-        weight = np.stack([(1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3], axis=1) / 6.0
-        return cell[:, None] + np.arange(4), weight
-
-
-def spline_collocation(count: int) -> Array:
-    """Matrix (count+2, count+2): B-spline coefficients → values at the knots, not-a-knot conditions at both ends."""
-    matrix = np.zeros((count + 2, count + 2))
-    for knot in range(count):
-        matrix[knot + 1, knot : knot + 3] = 1 / 6, 4 / 6, 1 / 6
-    matrix[0, :5] = matrix[-1, -5:] = 1, -4, 6, -4, 1
-    return matrix

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError, cholesky, product
+from fmfts.arithmetic.spline import cover
 from fmfts.common.reading import damage_told
-from fmfts_skin.splines import cubic
 
 Array = NDArray[np.float64]
 PLACE = ("x_mm", "y_mm")
@@ -49,11 +49,9 @@ class Axis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def stencil(self, at: Array) -> tuple[NDArray[np.intp], Array, Array]:
         """For coordinates (K,): the first of the four splines that cover each, their values (K, 4) and slopes."""
-        place = (at - self.first) / self.spacing
-        inside = np.clip(place, 0.0, float(self.cells))
-        cell = np.minimum(inside.astype(np.intp), self.cells - 1)
-        values, slopes = cubic(inside - cell)
-        return cell, values + (place - inside)[:, None] * slopes, slopes / self.spacing
+        cell, values, slopes = cover(at, self.first, self.spacing, self.cells)
+        beyond = at - np.clip(at, self.first, self.last)
+        return cell, values + beyond[:, None] * slopes, slopes
 
 
 @cache

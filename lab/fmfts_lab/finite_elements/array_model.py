@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from fmfts.arithmetic.spline import spline_collocation
 from fmfts.contact.array_model import ARRAY_PATH
 from fmfts.contact.array_response import CHANGE, ArrayResponse
 from fmfts.pad import Array
-from fmfts.simulation.mechanics import spline_collocation
 from fmfts_lab.finite_elements.array_pad import PLACES_M, array_config
 from fmfts_lab.finite_elements.array_presses import array_slab, columns_of
 from fmfts_lab.finite_elements.reciprocity import Influence
