@@ -2,6 +2,9 @@
 
 Hagan and Menhaj, "Training feedforward networks with the Marquardt algorithm", IEEE Trans. Neural Networks 5 (1994).
 For a thousand parameters or fewer, tens of its steps reach more than tens of thousands of gradient descent.
+
+It does not call arithmetic/descent.c, which is for a few unknowns: of 443 parameters LAPACK solves the normal equations
+in 3 ms, matrix.c in 10, of 1,103 in 30 and 190. The same bits on every processor are not needed here.
 """
 
 from __future__ import annotations

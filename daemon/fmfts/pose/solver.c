@@ -3,6 +3,9 @@
  * The residuals are ρ = (measured − predicted)/deviation, and J is the Jacobian of the prediction. d is the step from the
  * prior's mean, and Ω = P⁻¹ the prior's information. Each step h solves (A + λ diag A) h = g, where A = JᵀJ + DᵀΩD,
  * g = Jᵀρ − DᵀΩd, and D is the derivative of d: the identity, except for the axis, which lies on a sphere (docs/pose.md).
+ *
+ * arithmetic/descent.c is not called, for time: here a point's χ² comes with its normal equations, the last step needs neither, and
+ * the factors of common sizes are unrolled. A damped step of six unknowns takes 64 ns; by matrix.c it takes 160.
  */
 #include "solver.h"
 
