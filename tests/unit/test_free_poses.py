@@ -15,7 +15,7 @@ from fmfts.pose.observable import are_observable, needed_values
 from fmfts.several.field_model import FieldModel
 from fmfts.several.free_poses import FARTHEST, free_poses, is_explained
 from fmfts.several.measured import Measured
-from fmfts.several.odd_pose_sensor import odd_pose_sensor
+from fmfts.several.odd_pose_sensor import Values, odd_pose_sensor
 from fmfts_lab.bench.several_layouts import LAYOUTS
 from fmfts_lab.bench.several_world import BUILT, BY_HAND, World, any_press, world
 from oracle.poses import at
@@ -129,7 +129,8 @@ def test_sensor_that_is_wrong_is_named(name: str) -> None:
         if is_explained(found, there):
             continue  # 3 over 8 has six values to spare, and three of them go with the sensor
         tried += 1
-        odd = odd_pose_sensor(model, found, change, wrong, there, np.zeros(3), needed_values(len(one.magnets)) - 3, 0)
+        values = Values(wrong, there, np.zeros(3))
+        odd = odd_pose_sensor(model, found, change, values, needed_values(len(one.magnets)) - 3, 0)
         right += odd is not None and odd.sensor == sensor
     assert tried >= 25
     assert right >= 0.9 * tried
@@ -146,7 +147,7 @@ def test_sensor_without_poses_explain_frame_best_is_tried_first() -> None:
         found = free_poses(model, change, wrong, np.zeros(3))
         if is_explained(found, there):
             continue
-        odd = odd_pose_sensor(model, found, change, wrong, there, np.zeros(3), needed_values(3) - 3, 0)
+        odd = odd_pose_sensor(model, found, change, Values(wrong, there, np.zeros(3)), needed_values(3) - 3, 0)
         tried += odd is not None
         right += odd is not None and odd.sensor == sensor
     assert tried >= 30

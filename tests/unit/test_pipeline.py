@@ -52,7 +52,7 @@ def pipeline_of(config: PadConfig, baseline: Baseline | None, lead: Lead = NO_LE
     pad = config.pad()
     model = ContactModel.load("default", pad)
     tracking = tracking_model_for(config.scene, config.magnet).tracking
-    pipeline = PadPipeline(pad, model, "boot", 220.0, tracking, lead)
+    pipeline = PadPipeline(pad, model, "boot", 220.0, tracking, lead=lead)
     if baseline is not None:
         pipeline.use(baseline)
     return pipeline

@@ -122,16 +122,23 @@ bool fmfts_rotate_columns(size_t m, size_t n, double *a, double *v)
     return false;
 }
 
-/* column −= v·(v·column)·scale, for the rows from `first` on; v is column `first` of a [m][n]. */
-static void reflect(size_t m, size_t first, size_t stride, const double *v, double scale, size_t columns, double *column)
+/* A reflection: v [rows], each so many doubles after the one before. */
+typedef struct {
+    size_t rows, stride;
+    const double *v;
+    double scale;
+} mirror;
+
+/* column −= v·(v·column)·scale, of a matrix of so many columns. */
+static void reflect(const mirror *m, size_t columns, double *column)
 {
     double share = 0.0;
-    for (size_t i = first; i < m; i++) {
-        share += v[i * stride] * column[i * columns];
+    for (size_t i = 0; i < m->rows; i++) {
+        share += m->v[i * m->stride] * column[i * columns];
     }
-    share *= scale;
-    for (size_t i = first; i < m; i++) {
-        column[i * columns] -= share * v[i * stride];
+    share *= m->scale;
+    for (size_t i = 0; i < m->rows; i++) {
+        column[i * columns] -= share * m->v[i * m->stride];
     }
 }
 
@@ -144,7 +151,7 @@ void fmfts_complement(size_t m, size_t n, double *a, double *scale, double *comp
         double square = along(m - k, n, a + k * n + k, a + k * n + k);
         scale[k] = square > 0.0 ? 2.0 / square : 0.0;
         for (size_t j = k + 1; j < n; j++) {
-            reflect(m, k, n, a + k, scale[k], n, a + j);
+            reflect(&(mirror){m - k, n, a + k * n + k, scale[k]}, n, a + k * n + j);
         }
     }
     for (size_t i = 0; i < m * left; i++) {
@@ -152,7 +159,7 @@ void fmfts_complement(size_t m, size_t n, double *a, double *scale, double *comp
     }
     for (size_t k = n; k-- > 0;) {
         for (size_t j = 0; j < left; j++) {
-            reflect(m, k, n, a + k, scale[k], left, complement + j);
+            reflect(&(mirror){m - k, n, a + k * n + k, scale[k]}, left, complement + k * left + j);
         }
     }
 }

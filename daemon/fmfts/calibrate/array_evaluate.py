@@ -17,7 +17,7 @@ from fmfts.pad import Array
 from fmfts.pose import Aligned
 from fmfts.several.count import CounterMemory, resultant
 from fmfts.several.estimator import FingersEstimator
-from fmfts.several.field_model import Scene
+from fmfts.several.field_model import FieldModel, Scene
 from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.resultant import deviation_of
@@ -78,7 +78,7 @@ def evaluate_array(data: ArraySet, model: ArrayModel, scene: Scene, rate_hz: flo
     """noise_t: of one frame's value, which the deviations are for."""
     mounting, count = data.mounting, len(data.pad.sensors)
     shape = (count, 3)
-    estimator = FingersEstimator(data.pad, mounting, model.response, scene, rate_hz, np.full(shape, np.inf), 0.0, None)
+    estimator = FingersEstimator(FieldModel(data.pad, mounting, model.response, scene), rate_hz, np.full(shape, np.inf))
     share = np.full(shape, noise_t) / mounting.noise_t
     columns = 5 if data.has_shear else 3
     found, deviation = np.full((2, len(data.press), columns), np.nan)

@@ -101,7 +101,8 @@ PyObject *fmfts_py_refine(PyObject *module, PyObject *args)
         const size_t press = 2 + response.loads, moved = FMFTS_MOVED, unit = sizeof(double);
         if (fmfts_has_bytes(&b[CHANGE], moved * unit, unit, "change") && fmfts_has_bytes(&b[COVARIANCE], moved * moved * unit, unit, "covariance") &&
             fmfts_has_bytes(&b[PRESS], press * unit, unit, "press") && fmfts_has_bytes(&b[SPREAD], press * press * unit, unit, "spread")) {
-            bool found = fmfts_refine(&response, b[CHANGE].buf, b[COVARIANCE].buf, steps, b[PRESS].buf, b[SPREAD].buf, &chi2);
+            bool found = fmfts_refine(&response, (fmfts_movement){b[CHANGE].buf, b[COVARIANCE].buf}, steps, b[PRESS].buf,
+                                      b[SPREAD].buf, &chi2);
             result = found ? PyFloat_FromDouble(chi2) : Py_NewRef(Py_None);
         }
     }

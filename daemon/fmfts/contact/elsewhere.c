@@ -93,7 +93,8 @@ static bool go(const look *look, const minimum *from, const double axis[2], doub
 
 static bool descend(const look *look, minimum *found)
 {
-    return fmfts_refine(look->response, look->change, look->covariance, STEPS, found->press, found->spread, &found->chi2);
+    const fmfts_movement movement = {look->change, look->covariance};
+    return fmfts_refine(look->response, movement, STEPS, found->press, found->spread, &found->chi2);
 }
 
 /* Adds to `variance` what the chords say. Returns whether a press with a lower χ² was met: `found` is then that. */

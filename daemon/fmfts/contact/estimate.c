@@ -163,7 +163,8 @@ static bool refine(const fmfts_contact_parameters *parameters, const fmfts_quest
         return false;
     }
     movement_of(parameters, question, moved, covariance);
-    if (!fmfts_refine(response, moved, covariance, (int)parameters->refine_steps, found->contact, spread, &chi2)) {
+    const fmfts_movement movement = {moved, covariance};
+    if (!fmfts_refine(response, movement, (int)parameters->refine_steps, found->contact, spread, &chi2)) {
         return false;
     }
     double vague = VAGUE_MM * VAGUE_MM, force_n = found->contact[2], wider[CONTACT] = {1.0, 1.0, 1.0, 1.0, 1.0};

@@ -32,7 +32,7 @@ double fmfts_explained_share(const fmfts_response *table, const double change[FM
     for (size_t i = 0; i < 2 + table->loads; i++) {
         press[i] = answer[i];
     }
-    if (left > (1.0 - enough) * whole && fmfts_refine(table, change, covariance, STEPS, press, spread, &chi2)) {
+    if (left > (1.0 - enough) * whole && fmfts_refine(table, (fmfts_movement){change, covariance}, STEPS, press, spread, &chi2)) {
         left = fmin(left, chi2);
     }
     return 1.0 - left / whole;

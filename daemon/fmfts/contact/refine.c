@@ -208,13 +208,13 @@ static void limit(const fmfts_response *response, double *lowest, double *highes
     }
 }
 
-bool fmfts_refine(const fmfts_response *response, const double change[FMFTS_MOVED], const double *covariance, int steps,
-                  double *press, double *spread, double *chi2)
+bool fmfts_refine(const fmfts_response *response, fmfts_movement movement, int steps, double *press, double *spread,
+                  double *chi2)
 {
     double lowest[FMFTS_MAX_PRESS], highest[FMFTS_MAX_PRESS], best[FMFTS_MAX_PRESS];
     double room[FMFTS_DESCENT_ROOM(FMFTS_MAX_PRESS)], inverse[FMFTS_MAX_PRESS * FMFTS_MAX_PRESS];
     fmfts_matrix matrix, factored;
-    cause problem = {.response = response, .change = change};
+    cause problem = {.response = response, .change = movement.change};
     fmfts_descent search = {
         .unknowns = 2 + response->loads,
         .iterations = steps > 0 ? (size_t)steps : 0,
@@ -228,7 +228,7 @@ bool fmfts_refine(const fmfts_response *response, const double change[FMFTS_MOVE
         .take = take,
     };
     for (size_t c = 0; c < FMFTS_MOVED; c++) {
-        memcpy(matrix[c], covariance + c * FMFTS_MOVED, sizeof(double[FMFTS_MOVED]));
+        memcpy(matrix[c], movement.covariance + c * FMFTS_MOVED, sizeof(double[FMFTS_MOVED]));
     }
     if (!factor(FMFTS_MOVED, matrix, 0.0, factored)) {
         return false;

@@ -44,10 +44,15 @@ void fmfts_move(const fmfts_response *response, const double *press, double chan
 /* The factor of each coefficient, without the five numbers of a change: the change is linear in the coefficients. */
 void fmfts_basis(const fmfts_response *response, const double *press, double *basis);
 
-/* Moves `press` by `steps` trials of Levenberg–Marquardt. covariance: of `change`, 5 × 5. spread: receives the covariance of
- * the press, (2 + loads)². chi2: of what it leaves of the change. False, and nothing is written, if `covariance` is not positive definite. */
-bool fmfts_refine(const fmfts_response *response, const double change[FMFTS_MOVED], const double *covariance, int steps,
-                  double *press, double *spread, double *chi2);
+/* A change of pose [FMFTS_MOVED], and its covariance [FMFTS_MOVED]². */
+typedef struct {
+    const double *change, *covariance;
+} fmfts_movement;
+
+/* Moves `press` by `steps` trials of Levenberg–Marquardt. spread: receives the covariance of the press, (2 + loads)². chi2: of
+ * what it leaves of the change. False, and nothing is written, if the covariance is not positive definite. */
+bool fmfts_refine(const fmfts_response *response, fmfts_movement movement, int steps, double *press, double *spread,
+                  double *chi2);
 
 /* elsewhere.c: goes on from a press without shear that fmfts_refine found. wider [3]: the factor of each variance because other presses
  * explain the change about as well; not written where there is no press. */

@@ -98,10 +98,11 @@ def pipeline_of(config: PadConfig, model: AnyModel, boot: str) -> Pipeline:
     rate_hz = float(config.source.rate_hz)
     if isinstance(model, ArrayModel) or (config.other_magnets and isinstance(model, NoContactModel)):
         per_k = config.magnet.temperature_coefficient_per_k
-        return SeveralPipeline(config.pad(), model, boot, rate_hz, several_scene_of(config), per_k, hand_of(config))
+        scene, hand = several_scene_of(config), hand_of(config)
+        return SeveralPipeline(config.pad(), model, boot, rate_hz, scene, per_k, hand=hand)
     assert isinstance(model, ContactModel | NoContactModel)
     tracking = scene_model_of(config).tracking
-    return PadPipeline(config.pad(), model, boot, rate_hz, tracking, lead_of(config), hand_of(config))
+    return PadPipeline(config.pad(), model, boot, rate_hz, tracking, lead=lead_of(config), hand=hand_of(config))
 
 
 def hand_of(config: PadConfig) -> Hand | None:

@@ -60,6 +60,7 @@ class PadPipeline:
         boot: str,
         rate_hz: float,
         tracking: TrackingModel,
+        *,
         lead: Lead = Lead(),  # noqa: B008
         hand: Hand | None = None,
     ) -> None:

@@ -20,6 +20,7 @@ from fmfts.bus.messages import ContactMessage, Health
 from fmfts.common.memory import require_alike
 from fmfts.contact import NoContactModel
 from fmfts.contact.array_model import ArrayModel
+from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Array, Pad, Placement
 from fmfts.pipeline.judged_in_python import JudgedInPython
 from fmfts.pipeline.several_message import several_told
@@ -33,10 +34,11 @@ from fmfts.sensor import Frame
 from fmfts.sensor.missing import missing_sensors
 from fmfts.several.count import Search
 from fmfts.several.estimator import FingersEstimator
-from fmfts.several.field_model import Scene
+from fmfts.several.field_model import FieldModel, Scene
 from fmfts.several.poses_estimator import PosesEstimator
 from fmfts.several.reading import FingersMemory, FingersReading, PosesMemory, PosesReading
 from fmfts.several.sighted import rest_of
+from fmfts.several.since_rest import Warmth
 
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
 
@@ -71,6 +73,7 @@ class SeveralPipeline(JudgedInPython):
         rate_hz: float,
         scene: Scene,
         magnet_per_k: float,
+        *,
         hand: Hand | None = None,
     ) -> None:
         super().__init__(pad, model.hash, boot, rate_hz, hand)
@@ -111,11 +114,13 @@ class SeveralPipeline(JudgedInPython):
         rest, mounting = baseline.rest, mounting or baseline.array_mounting(self.pad)
         before, self._baseline = self._estimator, baseline
         allowed = repeats_allowed(mounting.noise_t, self.pad.chip.coarseness_t(rest.gain_code))
-        others = self._scene, self._rate_hz, allowed, self._magnet_per_k, rest.temperature_c
+        others = self._rate_hz, allowed, Warmth(self._magnet_per_k, rest.temperature_c)
         if isinstance(self._model, NoContactModel):
-            self._estimator = PosesEstimator(self.pad, mounting, *others)
+            unknown = ArrayResponse.unknown(len(self.pad.magnets))
+            self._estimator = PosesEstimator(FieldModel(self.pad, mounting, unknown, self._scene), *others)
         else:
-            self._estimator = FingersEstimator(self.pad, mounting, self._model.response, *others)
+            field_model = FieldModel(self.pad, mounting, self._model.response, self._scene)
+            self._estimator = FingersEstimator(field_model, *others)
             if isinstance(before, FingersEstimator):  # a finger of before is another one
                 self._estimator.memory.counter.next_id = before.memory.counter.next_id
         self._at_first = deepcopy(self._estimator.memory)

@@ -72,17 +72,7 @@ def starts_in_box(middle_m: Array, half_m: Array) -> Array:
 
 
 def _solve_each(problem: Problem, starts: list[State]) -> list[Solution]:
-    prior, motion = problem.prior, problem.motion
-    batch = Batch.of(
-        np.repeat(problem.measurements[None], len(starts), axis=0),
-        problem.magnets,
-        problem.parts,
-        np.array([start.vector() for start in starts]),
-        None if prior is None else prior.mean.vector(),
-        None if prior is None else prior.covariance,
-        None if motion is None else motion.rate,
-        None if motion is None else motion.diffusion,
-    )
+    batch = Batch.of_problem(problem, starts)
     batch.solve(problem.stop_chi2, problem.max_iterations, problem.project)
     return [batch.solution(index) for index in range(len(starts))]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +51,7 @@ class Batch:
         start: Array,
         prior_mean: Array | None = None,
         prior_covariance: Array | None = None,
+        *,
         rate: Array | None = None,
         diffusion: Array | None = None,
     ) -> Batch:
@@ -78,6 +80,21 @@ class Batch:
             prior_covariance=each(prior_covariance, 3),
             rate=each(rate, 2),
             diffusion=each(diffusion, 2),
+        )
+
+    @classmethod
+    def of_problem(cls, problem: Problem, starts: Sequence[State]) -> Batch:
+        """The problem from each of these starts."""
+        prior, motion = problem.prior, problem.motion
+        return cls.of(
+            np.repeat(problem.measurements[None], len(starts), axis=0),
+            problem.magnets,
+            problem.parts,
+            np.array([start.vector() for start in starts]),
+            None if prior is None else prior.mean.vector(),
+            None if prior is None else prior.covariance,
+            rate=None if motion is None else motion.rate,
+            diffusion=None if motion is None else motion.diffusion,
         )
 
     def solve(self, stop_chi2: float, max_iterations: int, project: bool = False) -> None:
@@ -140,16 +157,6 @@ def deviations(problem: Problem) -> Array | None:
 
 def solve_problem(problem: Problem) -> Solution:
     """The most probable state; see fmfts.pose.problem."""
-    prior, motion = problem.prior, problem.motion
-    batch = Batch.of(
-        problem.measurements[None],
-        problem.magnets[None],
-        problem.parts[None],
-        problem.start.vector()[None],
-        None if prior is None else prior.mean.vector()[None],
-        None if prior is None else prior.covariance[None],
-        None if motion is None else motion.rate[None],
-        None if motion is None else motion.diffusion[None],
-    )
+    batch = Batch.of_problem(problem, [problem.start])
     batch.solve(problem.stop_chi2, problem.max_iterations, problem.project)
     return batch.solution(0)

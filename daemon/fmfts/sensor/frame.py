@@ -121,6 +121,7 @@ class WireFrame(Frame):
         host_time_ns: int,
         packed: Packed,
         temperature_c: float | None,
+        *,
         run: int = 0,
         chip: Chip = DEFAULT_CHIP,
         may_search: bool = True,
@@ -154,9 +155,9 @@ class WireFrame(Frame):
             host_time_ns,
             self._packed,
             self.temperature_c,
-            self.run,
-            self.chip,
-            may_search,
+            run=self.run,
+            chip=self.chip,
+            may_search=may_search,
         )
 
     @property

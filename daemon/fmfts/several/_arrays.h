@@ -99,6 +99,11 @@ static inline bool understood(call *c, int finger)
     return has_doubles(c, finger, FMFTS_FINGER * c->fingers);
 }
 
+static inline fmfts_fingers fingers(const call *c, int which)
+{
+    return (fmfts_fingers){c->fingers, array(c, which)};
+}
+
 /* How many values there are, by array `which`. */
 static inline size_t used(const call *c, int which)
 {

@@ -41,7 +41,7 @@ PyObject *fmfts_py_predict(PyObject *module, PyObject *args)
     if (understood(&c, FINGERS) && has_predicted(&c, PREDICTED)) {
         bool finite = fmfts_finite(FMFTS_FINGER * c.fingers, array(&c, FINGERS));
         if (finite) {
-            fmfts_predict(&c.model, c.fingers, array(&c, FINGERS), &c.work->predicted[0]);
+            fmfts_predict(&c.model, fingers(&c, FINGERS), &c.work->predicted[0]);
             exchange(&c, PREDICTED, true);
         }
         result = PyBool_FromLong(finite);
@@ -64,8 +64,8 @@ PyObject *fmfts_py_covariance(PyObject *module, PyObject *args)
     if (understood(&c, FINGERS) && has_predicted(&c, PREDICTED) && (values = c.model.values) &&
         has_doubles(&c, VARIANCE, values) && has_doubles(&c, AMBIENT, 3) && has_doubles(&c, COVARIANCE, values * values)) {
         exchange(&c, PREDICTED, false);
-        fmfts_several_covariance(&c.model, c.fingers, array(&c, FINGERS), &c.work->predicted[0], array(&c, VARIANCE),
-                                 array(&c, AMBIENT), c.work);
+        fmfts_several_covariance(&c.model, fingers(&c, FINGERS), &c.work->predicted[0], array(&c, VARIANCE), array(&c, AMBIENT),
+                                 c.work);
         memcpy(array(&c, COVARIANCE), c.work->covariance, values * values * sizeof(double));
         result = Py_NewRef(Py_None);
     }

@@ -23,8 +23,11 @@ PyObject *fmfts_py_poses(PyObject *module, PyObject *args)
             has_doubles(&c, POSITION, places) && has_doubles(&c, AXIS, places) &&
             has_doubles(&c, POSE_VARIANCE, numbers) && has_doubles(&c, MOVES, numbers * moves) &&
             has_doubles(&c, TOLD, numbers * used(&c, USED)) && has_doubles(&c, BY_FINGER, numbers * unknowns)) {
-            fmfts_measured measured = {
-                .variance_t2 = array(&c, VARIANCE), .used = c.buffer[USED].buf, .foreign_t2 = foreign(&c, FOREIGN)};
+            fmfts_measured measured = {.variance_t2 = array(&c, VARIANCE),
+                                       .used = c.buffer[USED].buf,
+                                       .foreign_t2 = foreign(&c, FOREIGN),
+                                       .ambient_t = array(&c, AMBIENT)};
+            fmfts_fitted fitted = {fingers(&c, FINGERS), array(&c, COVARIANCE), array(&c, MISFIT)};
             fmfts_poses poses = {
                 .change = array(&c, CHANGE),
                 .position = array(&c, POSITION),
@@ -34,9 +37,7 @@ PyObject *fmfts_py_poses(PyObject *module, PyObject *args)
                 .told = array(&c, TOLD),
                 .by_finger = array(&c, BY_FINGER),
             };
-            result = told(fmfts_poses_of(&c.model, array(&c, UNFELT), c.fingers, array(&c, FINGERS), array(&c, COVARIANCE),
-                                         array(&c, MISFIT), &measured, array(&c, AMBIENT), c.work, &poses),
-                          0.0);
+            result = told(fmfts_poses_of(&c.model, array(&c, UNFELT), &fitted, &measured, c.work, &poses), 0.0);
         }
     }
     release(&c);
@@ -63,7 +64,8 @@ PyObject *fmfts_py_free_poses(PyObject *module, PyObject *args)
             has_doubles(&c, COVARIANCE, numbers * numbers) && has_doubles(&c, MISFIT, values) &&
             has_doubles(&c, FOUND_AMBIENT, 3) && has_doubles(&c, BY_POSE, values * numbers) &&
             has_doubles(&c, COUNTED, numbers) && has_doubles(&c, POSITION, places) && has_doubles(&c, AXIS, places)) {
-            fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf, foreign(&c, FOREIGN)};
+            fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf, foreign(&c, FOREIGN),
+                                       array(&c, AMBIENT)};
             fmfts_free_poses found = {
                 .change = array(&c, CHANGE),
                 .covariance = array(&c, COVARIANCE),
@@ -74,8 +76,8 @@ PyObject *fmfts_py_free_poses(PyObject *module, PyObject *args)
                 .position = array(&c, POSITION),
                 .axis = array(&c, AXIS),
             };
-            fmfts_refusal refusal = fmfts_free_poses_of(&c.model, c.buffer[LIMITS].buf, array(&c, START), &measured,
-                                                        array(&c, AMBIENT), c.work, &found);
+            fmfts_refusal refusal =
+                fmfts_free_poses_of(&c.model, c.buffer[LIMITS].buf, array(&c, START), &measured, c.work, &found);
             result = told(refusal, found.chi2);
         }
     }

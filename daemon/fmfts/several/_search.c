@@ -38,8 +38,8 @@ PyObject *fmfts_py_fit(PyObject *module, PyObject *args)
             has_doubles(&c, COVARIANCE, unknowns * unknowns) && has_doubles(&c, MISFIT, values) &&
             has_doubles(&c, FOUND_AMBIENT, 3) && has_doubles(&c, SHEAR, 2 * c.fingers) &&
             has_doubles(&c, SHEAR_DEVIATION, 2 * c.fingers)) {
-            fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf,
-                                       foreign(&c, FOREIGN)};
+            fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf, foreign(&c, FOREIGN),
+                                       array(&c, AMBIENT)};
             fmfts_found found = {
                 .fingers = array(&c, FINGERS),
                 .covariance = array(&c, COVARIANCE),
@@ -48,8 +48,7 @@ PyObject *fmfts_py_fit(PyObject *module, PyObject *args)
                 .shear_n = array(&c, SHEAR),
                 .shear_deviation_n = array(&c, SHEAR_DEVIATION),
             };
-            fmfts_refusal refusal = fmfts_several_fit(&c.model, &search, c.fingers, array(&c, START), &measured,
-                                                      array(&c, AMBIENT), c.work, &found);
+            fmfts_refusal refusal = fmfts_several_fit(&c.model, &search, fingers(&c, START), &measured, c.work, &found);
             result = told(refusal, found.chi2);
         }
     }
@@ -70,10 +69,11 @@ PyObject *fmfts_py_whitener(PyObject *module, PyObject *args)
     size_t there = used(&c, USED);
     if (understood(&c, FINGERS) && has_doubles(&c, VARIANCE, c.model.values) && has_foreign(&c, FOREIGN) &&
         has(&c, USED, c.model.values) && has_doubles(&c, AMBIENT, 3) && has_doubles(&c, ROOT, there * there)) {
-        fmfts_measured measured = {
-            .variance_t2 = array(&c, VARIANCE), .used = c.buffer[USED].buf, .foreign_t2 = foreign(&c, FOREIGN)};
-        fmfts_refusal refusal =
-            fmfts_whitener(&c.model, c.fingers, array(&c, FINGERS), &measured, array(&c, AMBIENT), c.work);
+        fmfts_measured measured = {.variance_t2 = array(&c, VARIANCE),
+                                   .used = c.buffer[USED].buf,
+                                   .foreign_t2 = foreign(&c, FOREIGN),
+                                   .ambient_t = array(&c, AMBIENT)};
+        fmfts_refusal refusal = fmfts_whitener(&c.model, fingers(&c, FINGERS), &measured, c.work);
         memcpy(array(&c, ROOT), c.work->root, there * there * sizeof(double));
         result = told(refusal, 0.0);
     }
@@ -97,7 +97,7 @@ PyObject *fmfts_py_chi2_with(PyObject *module, PyObject *args)
         double chi2 = 0.0;
         fmfts_measured measured = {.field_t = array(&c, FIELD), .used = c.buffer[USED].buf};
         fmfts_refusal refusal =
-            fmfts_chi2_with(&c.model, array(&c, ROOT), c.fingers, array(&c, FINGERS), &measured, c.work, &chi2);
+            fmfts_chi2_with(&c.model, array(&c, ROOT), fingers(&c, FINGERS), &measured, c.work, &chi2);
         result = told(refusal, chi2);
     }
     release(&c);
@@ -122,11 +122,11 @@ PyObject *fmfts_py_valley(PyObject *module, PyObject *args)
             has_doubles(&c, LIMITS, sizeof(fmfts_valley_limits) / sizeof(double)) && has_doubles(&c, FIELD, values) &&
             has_doubles(&c, VARIANCE, values) && has_foreign(&c, FOREIGN) && has(&c, USED, values) &&
             has_doubles(&c, AMBIENT, 3) && has_doubles(&c, THERE, 2 * all) && has_doubles(&c, CHI2, 2 * ways)) {
-            fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf, foreign(&c, FOREIGN)};
-            result = told(fmfts_valley(&c.model, &search, c.buffer[LIMITS].buf, c.fingers, array(&c, FINGERS),
-                                       ways, array(&c, AWAY), array(&c, DIRECTION), &measured, array(&c, AMBIENT), c.work,
-                                       array(&c, THERE), array(&c, CHI2)),
-                          0.0);
+            fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf, foreign(&c, FOREIGN),
+                                       array(&c, AMBIENT)};
+            fmfts_ways where = {ways, array(&c, AWAY), array(&c, DIRECTION), array(&c, THERE), array(&c, CHI2),
+                                c.buffer[LIMITS].buf};
+            result = told(fmfts_valley(&c.model, &search, fingers(&c, FINGERS), &measured, c.work, &where), 0.0);
         }
     }
     release(&c);
@@ -135,17 +135,25 @@ PyObject *fmfts_py_valley(PyObject *module, PyObject *args)
 
 enum { SCANNED = 0, SCAN_ROOM = FIRST, SCAN_ROOT, SCAN_FIELD, SCAN_USED, SCAN_FOUND, SCAN_ALL };
 
+/* A grid, and what it points to. */
+typedef struct {
+    fmfts_search search;
+    fmfts_measured measured;
+    fmfts_grid grid;
+} scanned;
+
 /* Arrays search, work, room, root, field, used, others …, found: of a scan that fills `found`, with so many `others`. */
-static bool scans(call *c, PyObject *args, int others, fmfts_search *search, fmfts_measured *measured)
+static bool scans(call *c, PyObject *args, int others, scanned *s)
 {
     if (!take(c, args, SCAN_FOUND + others, SCAN_ALL + others)) {
         return false;
     }
     size_t there = used(c, SCAN_USED), values = (size_t)c->buffer[SCAN_USED].len;
     c->work = c->buffer[WORK].buf;
-    *measured = (fmfts_measured){.field_t = array(c, SCAN_FIELD), .used = c->buffer[SCAN_USED].buf};
-    if (searches(c, SCANNED, values, search) && has_doubles(c, WORK, WORK_DOUBLES) &&
-        has_doubles(c, SCAN_ROOM, FMFTS_SCAN_DOUBLES(values, search->panels * FMFTS_PANEL)) &&
+    s->measured = (fmfts_measured){.field_t = array(c, SCAN_FIELD), .used = c->buffer[SCAN_USED].buf};
+    s->grid = (fmfts_grid){&s->search, array(c, SCAN_ROOT), &s->measured, c->work, array(c, SCAN_ROOM)};
+    if (searches(c, SCANNED, values, &s->search) && has_doubles(c, WORK, WORK_DOUBLES) &&
+        has_doubles(c, SCAN_ROOM, FMFTS_SCAN_DOUBLES(values, s->search.panels * FMFTS_PANEL)) &&
         has_doubles(c, SCAN_ROOT, there * there) && has_doubles(c, SCAN_FIELD, values)) {
         return true;
     }
@@ -153,22 +161,25 @@ static bool scans(call *c, PyObject *args, int others, fmfts_search *search, fmf
     return false;
 }
 
+static PyObject *finite_or_told(bool finite, double number)
+{
+    return told((fmfts_refusal){finite ? FMFTS_FINE : FMFTS_NOT_FINITE, 0}, number);
+}
+
 /* best_single(search, work, room, root, field, used, finger): the number is its gain. */
 PyObject *fmfts_py_best_single(PyObject *module, PyObject *args)
 {
     call c;
-    fmfts_search search;
-    fmfts_measured measured;
+    scanned s;
     PyObject *result = NULL;
     (void)module;
-    if (!scans(&c, args, 0, &search, &measured)) {
+    if (!scans(&c, args, 0, &s)) {
         return NULL;
     }
     if (has_doubles(&c, SCAN_FOUND, FMFTS_FINGER)) {
         double gain = 0.0;
-        bool finite = fmfts_best_single(&search, array(&c, SCAN_ROOT), &measured, c.work, array(&c, SCAN_ROOM),
-                                        array(&c, SCAN_FOUND), &gain);
-        result = told((fmfts_refusal){finite ? FMFTS_FINE : FMFTS_NOT_FINITE, 0}, gain);
+        bool finite = fmfts_best_single(&s.grid, array(&c, SCAN_FOUND), &gain);
+        result = finite_or_told(finite, gain);
     }
     release(&c);
     return result;
@@ -178,20 +189,18 @@ PyObject *fmfts_py_best_single(PyObject *module, PyObject *args)
 PyObject *fmfts_py_best_pairs(PyObject *module, PyObject *args)
 {
     call c;
-    fmfts_search search;
-    fmfts_measured measured;
+    scanned s;
     PyObject *result = NULL;
     (void)module;
-    if (!scans(&c, args, 0, &search, &measured)) {
+    if (!scans(&c, args, 0, &s)) {
         return NULL;
     }
     size_t most = (size_t)c.buffer[SCAN_FOUND].len / (2 * FMFTS_FINGER * sizeof(double)), count = 0;
     if (most > FMFTS_SEVERAL_STARTS) {
         PyErr_Format(PyExc_ValueError, "%zu pairs, at most %d", most, FMFTS_SEVERAL_STARTS);
     } else if (has_doubles(&c, SCAN_FOUND, 2 * FMFTS_FINGER * most)) {
-        bool finite = fmfts_best_pairs(&search, array(&c, SCAN_ROOT), &measured, most, c.work, array(&c, SCAN_ROOM),
-                                       array(&c, SCAN_FOUND), &count);
-        result = told((fmfts_refusal){finite ? FMFTS_FINE : FMFTS_NOT_FINITE, 0}, (double)count);
+        bool finite = fmfts_best_pairs(&s.grid, most, array(&c, SCAN_FOUND), &count);
+        result = finite_or_told(finite, (double)count);
     }
     release(&c);
     return result;
@@ -202,21 +211,19 @@ PyObject *fmfts_py_another(PyObject *module, PyObject *args)
 {
     enum { PREDICTED = SCAN_FOUND, SLOPE, FOUND };
     call c;
-    fmfts_search search;
-    fmfts_measured measured;
+    scanned s;
     PyObject *result = NULL;
     (void)module;
-    if (!scans(&c, args, FOUND - PREDICTED, &search, &measured)) {
+    if (!scans(&c, args, FOUND - PREDICTED, &s)) {
         return NULL;
     }
-    size_t unknowns = (size_t)c.buffer[SLOPE].len / (search.values * sizeof(double));
+    size_t values = s.search.values, unknowns = (size_t)c.buffer[SLOPE].len / (values * sizeof(double));
     if (unknowns > FMFTS_SEVERAL_UNKNOWNS) {
         PyErr_Format(PyExc_ValueError, "%zu unknowns, at most %d", unknowns, FMFTS_SEVERAL_UNKNOWNS);
-    } else if (has_doubles(&c, PREDICTED, search.values) && has_doubles(&c, SLOPE, search.values * unknowns) &&
-               has_doubles(&c, FOUND, (2 + unknowns) * search.places)) {
-        result = told(fmfts_another(&search, array(&c, SCAN_ROOT), &measured, unknowns, array(&c, PREDICTED),
-                                    array(&c, SLOPE), c.work, array(&c, SCAN_ROOM), array(&c, FOUND)),
-                      0.0);
+    } else if (has_doubles(&c, PREDICTED, values) && has_doubles(&c, SLOPE, values * unknowns) &&
+               has_doubles(&c, FOUND, (2 + unknowns) * s.search.places)) {
+        const fmfts_others others = {unknowns, array(&c, PREDICTED), array(&c, SLOPE)};
+        result = told(fmfts_another(&s.grid, &others, array(&c, FOUND)), 0.0);
     }
     release(&c);
     return result;

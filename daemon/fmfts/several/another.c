@@ -45,20 +45,19 @@ static void measure(size_t used, const double *left, const double *field, double
 }
 
 /* The white slopes of the others and their transpose, what they leave of the field, and the root of their normal matrix. */
-static bool begin(const double *root, const fmfts_measured *measured, size_t unknowns, const double *predicted_t,
-                  const double *slope, double least, fmfts_several_work *work, double *across, double *normal,
-                  fmfts_refusal *refusal)
+static bool begin(const fmfts_grid *grid, const fmfts_others *told, double *across, double *normal, fmfts_refusal *refusal)
 {
-    size_t used = work->used;
+    fmfts_several_work *work = grid->work;
+    size_t used = work->used, unknowns = told->unknowns;
     for (size_t i = 0; i < used; i++) {
         size_t value = work->index[i];
-        work->white[i] = measured->field_t[value] - predicted_t[value];
+        work->white[i] = grid->measured->field_t[value] - told->predicted_t[value];
         for (size_t k = 0; k < unknowns; k++) {
-            work->slope[unknowns * i + k] = slope[unknowns * value + k];
+            work->slope[unknowns * i + k] = told->slope[unknowns * value + k];
         }
     }
-    fmfts_solve_lower(used, 1, root, work->white);
-    fmfts_solve_lower(used, unknowns, root, work->slope);
+    fmfts_solve_lower(used, 1, grid->root, work->white);
+    fmfts_solve_lower(used, unknowns, grid->root, work->slope);
     for (size_t i = 0; i < used; i++) {
         for (size_t k = 0; k < unknowns; k++) {
             across[used * k + i] = work->slope[unknowns * i + k];
@@ -66,36 +65,35 @@ static bool begin(const double *root, const fmfts_measured *measured, size_t unk
     }
     fmfts_product(unknowns, used, unknowns, across, work->slope, normal);
     for (size_t k = 0; k < unknowns; k++) {
-        normal[(unknowns + 1) * k] += least;
+        normal[(unknowns + 1) * k] += grid->search->head->least;
     }
     return fmfts_factored(unknowns, normal, refusal);
 }
 
-fmfts_refusal fmfts_another(const fmfts_search *search, const double *root, const fmfts_measured *measured, size_t unknowns,
-                            const double *predicted_t, const double *slope, fmfts_several_work *work, double *room,
-                            double *found)
+fmfts_refusal fmfts_another(const fmfts_grid *grid, const fmfts_others *told, double *found)
 {
     double across[FMFTS_SEVERAL_UNKNOWNS * FMFTS_SEVERAL_VALUES], normal[FMFTS_SEVERAL_UNKNOWNS * FMFTS_SEVERAL_UNKNOWNS];
     double moved[FMFTS_SEVERAL_UNKNOWNS * FMFTS_PANEL], along[FMFTS_PANEL], size[FMFTS_PANEL];
     fmfts_refusal refusal = {FMFTS_FINE, 0};
-    if (!fmfts_white_templates(search, root, measured, work, room)) {
+    if (!fmfts_white_templates(grid)) {
         return (fmfts_refusal){FMFTS_NOT_FINITE, 0};
     }
-    if (!begin(root, measured, unknowns, predicted_t, slope, search->head->least, work, across, normal, &refusal)) {
+    if (!begin(grid, told, across, normal, &refusal)) {
         return refusal;
     }
-    const others o = {work->used, unknowns, work->slope, across, normal};
-    size_t places = search->places;
+    const fmfts_several_work *work = grid->work;
+    const others o = {work->used, told->unknowns, work->slope, across, normal};
+    size_t places = grid->search->places;
     explain(&o, 1, work->white, moved);
-    for (size_t panel = 0; panel < search->panels; panel++) {
-        double *left = room + panel * o.used * FMFTS_PANEL;
+    for (size_t panel = 0; panel < grid->search->panels; panel++) {
+        double *left = grid->room + panel * o.used * FMFTS_PANEL;
         explain(&o, FMFTS_PANEL, left, moved);
         measure(o.used, left, work->white, along, size);
         for (size_t j = 0, place = FMFTS_PANEL * panel; j < FMFTS_PANEL && place < places; j++, place++) {
             double whole = size[j] > 0.0 ? size[j] : 1.0;
             found[place] = along[j] > 0.0 ? along[j] * along[j] / whole : 0.0;
             found[places + place] = along[j] / whole;
-            for (size_t k = 0; k < unknowns; k++) {
+            for (size_t k = 0; k < o.unknowns; k++) {
                 found[(2 + k) * places + place] = moved[FMFTS_PANEL * k + j];
             }
         }

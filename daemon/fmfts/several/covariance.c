@@ -51,13 +51,12 @@ static void lasting(const fmfts_several *model, const double *change, const doub
     }
 }
 
-size_t fmfts_considered_moves(const fmfts_several *model, size_t fingers, const double *finger,
-                              const fmfts_predicted *predicted, double *move)
+size_t fmfts_considered_moves(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted, double *move)
 {
     size_t poses = model->poses, count = 0, places = 2 * model->magnets;
-    for (size_t f = 0; f < fingers; f++, count += 3) {
+    for (size_t f = 0; f < fingers.count; f++, count += 3) {
         const double *by_shear = predicted->pressed[f] + 4 * poses, *laplacian = by_shear + 2 * poses;
-        double shear_n = model->head->friction * finger[FMFTS_FINGER * f + 2], wider = 0.5 * model->head->patch_mm2;
+        double shear_n = model->head->friction * fingers.at[FMFTS_FINGER * f + 2], wider = 0.5 * model->head->patch_mm2;
         for (size_t p = 0; p < poses; p++) {
             move[count * poses + p] = shear_n * by_shear[2 * p];
             move[(count + 1) * poses + p] = shear_n * by_shear[2 * p + 1];
@@ -68,7 +67,7 @@ size_t fmfts_considered_moves(const fmfts_several *model, size_t fingers, const 
         /* A magnet's poses go with its own place alone; all other terms of the sum are zero. */
         const double *root = model->off_root + 2 * (p / FMFTS_POSE_CHANGE) * places;
         double by_x = 0.0, by_y = 0.0;
-        for (size_t f = 0; f < fingers; f++) {
+        for (size_t f = 0; f < fingers.count; f++) {
             const double *slope = predicted->pressed[f] + poses + 3 * p;
             by_x = f ? by_x + -slope[0] : -slope[0];
             by_y = f ? by_y + -slope[1] : -slope[1];
@@ -80,20 +79,19 @@ size_t fmfts_considered_moves(const fmfts_several *model, size_t fingers, const 
     return count + places;
 }
 
-void fmfts_response_error(const fmfts_several *model, size_t fingers, const double *finger,
-                          const fmfts_predicted *predicted, double *deviation)
+void fmfts_response_error(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted, double *deviation)
 {
     double of_table = model->head->response_error, of_sum = 0.5 * model->head->sum_error_per_n;
     for (size_t p = 0; p < model->poses; p++) {
         double variance = 0.0;
-        for (size_t f = 0; f < fingers; f++) {
+        for (size_t f = 0; f < fingers.count; f++) {
             double error = of_table * predicted->pressed[f][p];
             variance += error * error;
         }
-        for (size_t i = 0; i < fingers; i++) {
+        for (size_t i = 0; i < fingers.count; i++) {
             for (size_t j = 0; j < i; j++) {
-                double both = fabs(predicted->pressed[i][p]) * finger[FMFTS_FINGER * j + 2] +
-                              fabs(predicted->pressed[j][p]) * finger[FMFTS_FINGER * i + 2];
+                double both = fabs(predicted->pressed[i][p]) * fingers.at[FMFTS_FINGER * j + 2] +
+                              fabs(predicted->pressed[j][p]) * fingers.at[FMFTS_FINGER * i + 2];
                 double error = of_sum * both;
                 variance += error * error;
             }
@@ -103,8 +101,8 @@ void fmfts_response_error(const fmfts_several *model, size_t fingers, const doub
 }
 
 /* The columns that go through the poses. Returns how many. */
-static size_t through_poses(const fmfts_several *model, size_t fingers, const double *finger,
-                            const fmfts_predicted *predicted, fmfts_several_work *work, double *column)
+static size_t through_poses(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted,
+                            fmfts_several_work *work, double *column)
 {
     double move[FMFTS_SEVERAL_MOVES * FMFTS_SEVERAL_POSES], deviation[FMFTS_SEVERAL_POSES];
     size_t poses = model->poses, stride = model->stride;
@@ -115,12 +113,12 @@ static size_t through_poses(const fmfts_several *model, size_t fingers, const do
         }
         memset(row + model->values, 0, (stride - model->values) * sizeof(double));
     }
-    size_t count = fmfts_considered_moves(model, fingers, finger, predicted, move);
+    size_t count = fmfts_considered_moves(model, fingers, predicted, move);
     memset(column, 0, count * stride * sizeof(double));
     for (size_t i = 0; i < count; i++) {
         add_rows(poses, stride, move + i * poses, work->by_pose, column + i * stride);
     }
-    fmfts_response_error(model, fingers, finger, predicted, deviation);
+    fmfts_response_error(model, fingers, predicted, deviation);
     for (size_t p = 0; p < poses; p++) {
         for (size_t v = 0; v < stride; v++) {
             column[(count + p) * stride + v] = work->by_pose[p * stride + v] * deviation[p];
@@ -129,9 +127,8 @@ static size_t through_poses(const fmfts_several *model, size_t fingers, const do
     return count + poses;
 }
 
-void fmfts_several_covariance(const fmfts_several *model, size_t fingers, const double *finger,
-                              const fmfts_predicted *predicted, const double *variance_t2, const double ambient_t[3],
-                              fmfts_several_work *work)
+void fmfts_several_covariance(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted,
+                              const double *variance_t2, const double ambient_t[3], fmfts_several_work *work)
 {
     size_t values = model->values, stride = model->stride, columns = 3 + 1 + model->causes;
     double *moment = work->factor + 3 * stride;
@@ -142,8 +139,8 @@ void fmfts_several_covariance(const fmfts_several *model, size_t fingers, const 
         moment[v] = v < values ? model->head->moment * (predicted->field[v] + model->at_rest[v]) : 0.0;
     }
     lasting(model, predicted->change, ambient_t, moment + stride);
-    if (fingers) {
-        columns += through_poses(model, fingers, finger, predicted, work, work->factor + columns * stride);
+    if (fingers.count) {
+        columns += through_poses(model, fingers, predicted, work, work->factor + columns * stride);
     }
     for (size_t i = 0; i < values; i += FMFTS_LANES) {
         for (size_t j = 0; j <= i; j += FMFTS_LANES) {

@@ -40,8 +40,8 @@ static bool take(void *problem, const double *at, double *chi2, double *normal, 
         valued->there = &work->predicted[1];
         valued->predict(valued, at, valued->here);
     }
-    if (!fmfts_root_of(valued->model, valued->fingers, valued->fingers ? at : NULL, valued->here, valued->measured,
-                       valued->ambient_t, work, &valued->refusal)) {
+    const fmfts_fingers fingers = {valued->fingers, valued->fingers ? at : NULL};
+    if (!fmfts_root_of(valued->model, fingers, valued->here, valued->measured, work, &valued->refusal)) {
         return false;
     }
     *chi2 = fmfts_whiten(work, work->root, valued->measured, valued->here->field, work->white);

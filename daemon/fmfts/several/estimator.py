@@ -11,9 +11,6 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import SingularError
-from fmfts.baseline.array_mounting import ArrayMounting
-from fmfts.contact.array_response import ArrayResponse
-from fmfts.pad import Pad
 from fmfts.pose import Aligned
 from fmfts.pose.alignment import has_jumped
 from fmfts.pose.magnets import CHANGE, Magnets
@@ -23,7 +20,7 @@ from fmfts.pose.state import Neighbour
 from fmfts.several import reasons, searches
 from fmfts.several.at_rest import AtRest
 from fmfts.several.count import MOST_FINGERS, RELEASE_FRAMES, CounterMemory, FingerCounter, Search
-from fmfts.several.field_model import FINGER, FieldModel, Scene
+from fmfts.several.field_model import FINGER, FieldModel
 from fmfts.several.fit import Fit, Fitter, Measured
 from fmfts.several.free_poses import FreePoses, free_poses, is_explained
 from fmfts.several.hidden import hidden_variance
@@ -34,7 +31,7 @@ from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.scan import Another
 from fmfts.several.sighted import sighted
-from fmfts.several.since_rest import SinceRest
+from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth
 from fmfts.several.trust import trusted
 from fmfts.several.valley import valley_variance
 
@@ -58,29 +55,19 @@ LONGEST_GAP_S = 0.05
 class FingersEstimator:
     """Field → fingers of a pad that has a baseline.
 
-    repeats_allowed (N, 3): of an axis that is not stuck. magnet_per_k: temperature coefficient of the remanence;
-    temperature_c: at the baseline, None if it is not known.
+    repeats_allowed (N, 3): of an axis that is not stuck.
     """
 
-    def __init__(
-        self,
-        pad: Pad,
-        mounting: ArrayMounting,
-        response: ArrayResponse,
-        scene: Scene,
-        rate_hz: float,
-        repeats_allowed: Array,
-        magnet_per_k: float,
-        temperature_c: float | None,
-    ) -> None:
-        self.pad, self.mounting, self.response, self.scene = pad, mounting, response, scene
+    def __init__(self, model: FieldModel, rate_hz: float, repeats_allowed: Array, warmth: Warmth = CONSTANT) -> None:
+        pad, mounting = model.pad, model.mounting
+        self.pad, self.mounting, self.response, self.scene = pad, mounting, model.response, model.scene
         self.repeats_allowed = repeats_allowed
-        self._since_rest = SinceRest(pad, mounting, magnet_per_k, temperature_c)
+        self._since_rest = SinceRest(pad, mounting, warmth)
         self._longest_gap_s = max(LONGEST_GAP_S, (RELEASE_FRAMES + 0.5) / rate_hz)
-        self.fitter = Fitter(FieldModel(pad, mounting, response, scene))
+        self.fitter = Fitter(model)
         self._counter = FingerCounter(self.fitter, rate_hz)
         self._cold = FingerCounter(self.fitter, rate_hz)
-        self.memory = FingersMemory(self._counter.memory, Recovery(np.zeros(mounting.gain.size)), last_c=temperature_c)
+        self.memory = FingersMemory(self._counter.memory, Recovery(np.zeros(mounting.gain.size)), last_c=warmth.rest_c)
         self.at_rest = AtRest(pad, mounting)
         self._unfelt_variance = np.tile(square(UNFELT), (len(mounting.magnets), 1))
         self._poses: tuple[FingersReading, Poses] | None = None  # of the last reading that was asked for

@@ -24,19 +24,19 @@ void fmfts_changed_field(const fmfts_several *model, const double *change, doubl
     }
 }
 
-void fmfts_predict(const fmfts_several *model, size_t fingers, const double *finger, fmfts_predicted *predicted)
+void fmfts_predict(const fmfts_several *model, fmfts_fingers fingers, fmfts_predicted *predicted)
 {
-    size_t poses = model->poses, unknowns = FMFTS_FINGER * fingers;
+    size_t poses = model->poses, unknowns = FMFTS_FINGER * fingers.count;
     double by_finger[FMFTS_SEVERAL_POSES * FMFTS_SEVERAL_UNKNOWNS], *change = predicted->change;
     memset(change, 0, poses * sizeof(double));
-    if (!fingers) {
+    if (!fingers.count) {
         memset(predicted->field, 0, model->values * sizeof(double));
         memcpy(predicted->by_pose, model->rest_slope, model->values * poses * sizeof(double));
         return;
     }
-    for (size_t f = 0; f < fingers; f++) {
+    for (size_t f = 0; f < fingers.count; f++) {
         double *pressed = predicted->pressed[f], *slope = pressed + poses;
-        fmfts_press_by_table(&model->table, finger + FMFTS_FINGER * f, pressed);
+        fmfts_press_by_table(&model->table, fingers.at + FMFTS_FINGER * f, pressed);
         for (size_t p = 0; p < poses; p++) {
             const double *off = model->off_mm + 2 * (p / FMFTS_POSE_CHANGE);
             double shifted = slope[3 * p] * off[0] + slope[3 * p + 1] * off[1];

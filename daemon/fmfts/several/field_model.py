@@ -70,7 +70,7 @@ class FieldModel:
     """The fields of one mounted pad under fingers (K, 3): x and y in mm, force in N."""
 
     def __init__(self, pad: Pad, mounting: ArrayMounting, response: ArrayResponse, scene: Scene) -> None:
-        self.mounting, self.response, self.scene = mounting, response, scene
+        self.pad, self.mounting, self.response, self.scene = pad, mounting, response, scene
         self._si = np.tile(MM, len(mounting.magnets))
         count, causes, terms = len(mounting.sensors), mounting.errors.by_pose.shape[2], response.coefficient.shape[2]
         require_room(magnets=len(mounting.magnets), sensors=count, causes=causes, terms=terms)

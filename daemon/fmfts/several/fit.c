@@ -14,7 +14,7 @@ static double within(const fmfts_search *search, size_t i, double value)
 
 static void predict(const fmfts_valued *valued, const double *finger, fmfts_predicted *predicted)
 {
-    fmfts_predict(valued->model, valued->fingers, finger, predicted);
+    fmfts_predict(valued->model, (fmfts_fingers){valued->fingers, finger}, predicted);
 }
 
 /* No finger moves farther than longest_step_mm at once. */
@@ -93,27 +93,26 @@ void fmfts_ambient_of(const fmfts_several *model, const fmfts_several_work *work
     }
 }
 
-fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *search, size_t fingers,
-                                const double *start, const fmfts_measured *measured, const double *ambient_t,
-                                fmfts_several_work *work, fmfts_found *found)
+fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *search, fmfts_fingers start,
+                                const fmfts_measured *measured, fmfts_several_work *work, fmfts_found *found)
 {
     double unused[FMFTS_SEVERAL_UNKNOWNS];
     fmfts_refusal refusal = {FMFTS_NOT_FINITE, 0};
-    if (!fmfts_list_used(model->values, measured, work) || !fmfts_finite(FMFTS_FINGER * fingers, start) ||
-        !fmfts_finite(3, ambient_t)) {
+    const size_t unknowns = FMFTS_FINGER * start.count;
+    if (!fmfts_list_used(model->values, measured, work) || !fmfts_finite(unknowns, start.at) ||
+        !fmfts_finite(3, measured->ambient_t)) {
         return refusal;
     }
     refusal.kind = FMFTS_FINE;
-    for (size_t i = 0; i < FMFTS_FINGER * fingers; i++) {
-        found->fingers[i] = within(search, i, start[i]);
+    for (size_t i = 0; i < unknowns; i++) {
+        found->fingers[i] = within(search, i, start.at[i]);
     }
     fmfts_valued valued = {
         .model = model,
         .search = search,
         .measured = measured,
-        .ambient_t = ambient_t,
         .work = work,
-        .fingers = fingers,
+        .fingers = start.count,
         .slope = work->slope,
         .predict = predict,
         .refusal = refusal,
@@ -122,9 +121,10 @@ fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *
     if (!at) {
         return valued.refusal;
     }
-    fmfts_spread(search, FMFTS_FINGER * fingers, work, unused, found->covariance);
+    fmfts_spread(search, unknowns, work, unused, found->covariance);
     fmfts_ambient_of(model, work, found->ambient_t);
-    fmfts_shear_of(model, fingers, found->fingers, found->covariance, work, found->shear_n, found->shear_deviation_n);
+    fmfts_shear_of(model, (fmfts_fingers){start.count, found->fingers}, found->covariance, work, found->shear_n,
+                   found->shear_deviation_n);
     for (size_t v = 0; v < model->values; v++) {
         found->misfit_t[v] = measured->field_t[v] - at->field[v];
     }

@@ -36,12 +36,12 @@ typedef struct {
     const double *template_t;   /* [panels][values][FMFTS_PANEL]: what a press at each place does to the field */
 } fmfts_search;
 
-/* As Measured; field_t or variance_t2 may be NULL where they are not asked for. Arrays of all values; used: 1 where there
- * is one. foreign_t2 [values][values], NULL: none. */
+/* As Measured; all but `used` may be NULL where they are not asked for. Arrays of all values; used: 1 where there is one.
+ * foreign_t2 [values][values], NULL: none. ambient_t [3]: the ambient field. */
 typedef struct {
     const double *field_t, *variance_t2;
     const uint8_t *used;
-    const double *foreign_t2;
+    const double *foreign_t2, *ambient_t;
 } fmfts_measured;
 
 /* As Fit; whoever calls gives the arrays. */
@@ -69,10 +69,9 @@ bool fmfts_list_used(size_t values, const fmfts_measured *measured, fmfts_severa
 /* whitener.c: overwrites a [n][n] with its lower triangle. False, and what is wrong, where there is none. */
 bool fmfts_factored(size_t n, double *a, fmfts_refusal *refusal);
 
-/* whitener.c: work->root [used][used], the lower triangle of C at `finger`. False as above. */
-bool fmfts_root_of(const fmfts_several *model, size_t fingers, const double *finger, const fmfts_predicted *predicted,
-                   const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work,
-                   fmfts_refusal *refusal);
+/* whitener.c: work->root [used][used], the lower triangle of C at these fingers. False as above. */
+bool fmfts_root_of(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted,
+                   const fmfts_measured *measured, fmfts_several_work *work, fmfts_refusal *refusal);
 
 /* whitener.c: white [used] = L⁻¹ · (measured − predicted). Returns its square, χ². */
 double fmfts_whiten(const fmfts_several_work *work, const double *root, const fmfts_measured *measured,
@@ -88,7 +87,6 @@ typedef struct fmfts_valued {
     const struct fmfts_free_limits *limits;
     const fmfts_search *search;
     const fmfts_measured *measured;
-    const double *ambient_t;
     fmfts_several_work *work;
     size_t fingers;
     double *slope;
@@ -112,19 +110,18 @@ bool fmfts_spread(const fmfts_search *search, size_t n, const fmfts_several_work
 void fmfts_ambient_of(const fmfts_several *model, const fmfts_several_work *work, double *ambient);
 
 /* shear.c: shear_n and deviation_n [fingers][2], from what fmfts_several_fit left in `work`. */
-void fmfts_shear_of(const fmfts_several *model, size_t fingers, const double *finger, const double *covariance,
-                    const fmfts_several_work *work, double *shear_n, double *deviation_n);
+void fmfts_shear_of(const fmfts_several *model, fmfts_fingers fingers, const double *covariance, const fmfts_several_work *work,
+                    double *shear_n, double *deviation_n);
 
 /* fit.c */
-fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *search, size_t fingers,
-                                const double *start, const fmfts_measured *measured, const double *ambient_t,
-                                fmfts_several_work *work, fmfts_found *found);
+fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *search, fmfts_fingers start,
+                                const fmfts_measured *measured, fmfts_several_work *work, fmfts_found *found);
 
-/* whitener.c: as fmfts_root_of, with the prediction at `finger`. */
-fmfts_refusal fmfts_whitener(const fmfts_several *model, size_t fingers, const double *finger,
-                             const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work);
+/* whitener.c: as fmfts_root_of, with the prediction for these fingers. */
+fmfts_refusal fmfts_whitener(const fmfts_several *model, fmfts_fingers fingers, const fmfts_measured *measured,
+                             fmfts_several_work *work);
 
-fmfts_refusal fmfts_chi2_with(const fmfts_several *model, const double *root, size_t fingers, const double *finger,
+fmfts_refusal fmfts_chi2_with(const fmfts_several *model, const double *root, fmfts_fingers fingers,
                               const fmfts_measured *measured, fmfts_several_work *work, double *chi2);
 
 /* valley.py's STEPS and LEAST_FORCE_N. */
@@ -132,12 +129,24 @@ typedef struct {
     double steps, least_force_n;
 } fmfts_valley_limits;
 
-/* valley.c: there [ways][2][3·fingers]: the most likely fingers that are `away` from `finger` along `direction`, both [ways]
- * [3·fingers], to either side, under the covariance at `finger`; chi2 [ways][2]: theirs, infinite where there are none. */
-fmfts_refusal fmfts_valley(const fmfts_several *model, const fmfts_search *search, const fmfts_valley_limits *limits,
-                           size_t fingers, const double *finger, size_t ways, const double *away, const double *direction,
-                           const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work, double *there,
-                           double *chi2);
+/* away, direction [count][3·fingers]. there [count][2][3·fingers], chi2 [count][2]: what is found. */
+typedef struct {
+    size_t count;
+    const double *away, *direction;
+    double *there, *chi2;
+    const fmfts_valley_limits *limits;
+} fmfts_ways;
+
+/* valley.c: the most likely fingers that are `away` from `fingers` along `direction`, to either side, under the covariance at
+ * `fingers`, and their χ², infinite where there are none. */
+fmfts_refusal fmfts_valley(const fmfts_several *model, const fmfts_search *search, fmfts_fingers fingers,
+                           const fmfts_measured *measured, fmfts_several_work *work, const fmfts_ways *ways);
+
+/* Of Fit: covariance [3·fingers][3·fingers], misfit_t [values]. */
+typedef struct {
+    fmfts_fingers fingers;
+    const double *covariance, *misfit_t;
+} fmfts_fitted;
 
 /* As Poses, and position and axis [magnets][3] after the change; whoever calls gives the arrays. used: values that there are. */
 typedef struct {
@@ -145,10 +154,9 @@ typedef struct {
     double *moves, *told, *by_finger;            /* [P][2·P + 3·fingers + 2·magnets], [P][used], [P][3·fingers] */
 } fmfts_poses;
 
-/* poses.c: of one finger and more. unfelt [5]: as UNFELT. covariance [3·fingers][3·fingers] and misfit_t [values]: of Fit. */
-fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, size_t fingers, const double *finger,
-                             const double *covariance, const double *misfit_t, const fmfts_measured *measured,
-                             const double *ambient_t, fmfts_several_work *work, fmfts_poses *poses);
+/* poses.c: of one finger and more. unfelt [5]: as UNFELT. */
+fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, const fmfts_fitted *fitted,
+                             const fmfts_measured *measured, fmfts_several_work *work, fmfts_poses *poses);
 
 /* As free_poses.py has them. farthest: of each number of a magnet's change of pose. */
 typedef struct fmfts_free_limits {
@@ -163,26 +171,34 @@ typedef struct {
 
 /* free_poses.c: start [P]. */
 fmfts_refusal fmfts_free_poses_of(const fmfts_several *model, const fmfts_free_limits *limits, const double *start,
-                                  const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work,
-                                  fmfts_free_poses *found);
+                                  const fmfts_measured *measured, fmfts_several_work *work, fmfts_free_poses *found);
 
-/* scan.c: white [panels][used][FMFTS_PANEL]: L⁻¹ · templates. Lists the values that there are in `work`. False where one of
- * them, or the root, is not finite. */
-bool fmfts_white_templates(const fmfts_search *search, const double *root, const fmfts_measured *measured,
-                           fmfts_several_work *work, double *white);
+/* A grid to scan. root [used][used]. room: FMFTS_SCAN_DOUBLES(values, padded places). */
+typedef struct {
+    const fmfts_search *search;
+    const double *root;
+    const fmfts_measured *measured;
+    fmfts_several_work *work;
+    double *room;
+} fmfts_grid;
 
-/* another.c: found [2 + unknowns][places]: gain, force, and by_force of Scan.another, wherever the other fingers are.
- * predicted_t [values], slope [values][unknowns]: of those. room: as below. */
-fmfts_refusal fmfts_another(const fmfts_search *search, const double *root, const fmfts_measured *measured, size_t unknowns,
-                            const double *predicted_t, const double *slope, fmfts_several_work *work, double *room,
-                            double *found);
+/* scan.c: fills the room with L⁻¹ · templates, [panels][used][FMFTS_PANEL]. Lists the values that there are in `work`. False where
+ * one of them, or the root, is not finite. */
+bool fmfts_white_templates(const fmfts_grid *grid);
 
-/* scan.c. room: FMFTS_SCAN_DOUBLES(values, padded places). root [used][used]. finger [3] and what it gains. */
-bool fmfts_best_single(const fmfts_search *search, const double *root, const fmfts_measured *measured,
-                       fmfts_several_work *work, double *room, double *finger, double *gain);
+/* Fingers that are known: predicted_t [values], slope [values][unknowns]. */
+typedef struct {
+    size_t unknowns;
+    const double *predicted_t, *slope;
+} fmfts_others;
 
-/* starts [most][2][3]: the best pairs, at different places. count: how many there are. */
-bool fmfts_best_pairs(const fmfts_search *search, const double *root, const fmfts_measured *measured, size_t most,
-                      fmfts_several_work *work, double *room, double *starts, size_t *count);
+/* another.c: found [2 + unknowns][places]: gain, force, and by_force of Scan.another, wherever the other fingers are. */
+fmfts_refusal fmfts_another(const fmfts_grid *grid, const fmfts_others *others, double *found);
+
+/* scan.c: finger [3] and what it gains. */
+bool fmfts_best_single(const fmfts_grid *grid, double *finger, double *gain);
+
+/* scan.c: starts [most][2][3]: the best pairs, at different places. count: how many there are. */
+bool fmfts_best_pairs(const fmfts_grid *grid, size_t most, double *starts, size_t *count);
 
 #endif

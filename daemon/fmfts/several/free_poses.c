@@ -70,20 +70,18 @@ static const fmfts_predicted *descend(fmfts_valued *valued, fmfts_free_poses *fo
 }
 
 fmfts_refusal fmfts_free_poses_of(const fmfts_several *model, const fmfts_free_limits *limits, const double *start,
-                                  const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work,
-                                  fmfts_free_poses *found)
+                                  const fmfts_measured *measured, fmfts_several_work *work, fmfts_free_poses *found)
 {
     fmfts_valued valued = {
         .model = model,
         .limits = limits,
         .measured = measured,
-        .ambient_t = ambient_t,
         .work = work,
         .slope = work->factor, /* what the root came of is no longer needed */
         .predict = predict,
     };
     if (!fmfts_list_used(model->values, measured, work) || !fmfts_finite(model->poses, start) ||
-        !fmfts_finite(3, ambient_t)) {
+        !fmfts_finite(3, measured->ambient_t)) {
         return (fmfts_refusal){FMFTS_NOT_FINITE, 0};
     }
     memcpy(found->change, start, model->poses * sizeof(double));

@@ -26,21 +26,23 @@ class OddPose(NamedTuple):
     poses: FreePoses
 
 
+class Values(NamedTuple):
+    """Of a frame. there (N, 3): the values that may be used. around_t (3,): the change of the ambient field."""
+
+    measured: Measured
+    there: Mask
+    around_t: Array
+
+
 def odd_pose_sensor(
-    model: FieldModel,
-    poses: FreePoses,
-    start: Array,
-    measured: Measured,
-    there: Mask,
-    around_t: Array,
-    fewest: int,
-    search: int,
+    model: FieldModel, poses: FreePoses, start: Array, values: Values, fewest: int, search: int
 ) -> OddPose | None:
     """The sensor without which the frame is explained; None where it is not without the one that this search tries.
 
-    poses: with all values `there` (N, 3). start (5M,): of a frame that was explained. fewest: values that are needed.
+    poses: with all values. start (5M,): of a frame that was explained. fewest: values that are needed.
     search: how many searches were made before, in frames in a row that nothing explains.
     """
+    measured, there, around_t = values
     best_first = np.argsort(-_gains(model, poses, measured.only(there), around_t), kind="stable")
     sensor = int(best_first[search % TRIED])
     used = there.copy()

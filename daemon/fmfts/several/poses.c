@@ -1,4 +1,5 @@
 /* Where the magnets of a frame are: poses.py explains it. */
+#include <math.h>
 #include <string.h>
 
 #include "../arithmetic/matrix.h"
@@ -29,82 +30,87 @@ static double sum_of_products(size_t n, const double *a, const double *b)
     return all;
 }
 
-/* Poses.variance of a row. */
-static double variance_of(size_t moves, const double *move, size_t used, const double *told, size_t unknowns,
-                          const double *by_finger, const double *covariance)
+/* What the errors of the fingers add to Poses.variance of a row. */
+static double by_fingers(size_t unknowns, const double *by_finger, const double *covariance)
 {
     double of_fingers[FMFTS_SEVERAL_UNKNOWNS];
-    double own = sum_of_products(moves, move, move) - sum_of_products(used, told, told);
     fmfts_product(1, unknowns, unknowns, by_finger, covariance, of_fingers);
-    double variance = own + sum_of_products(unknowns, of_fingers, by_finger);
-    return 0.0 > variance ? 0.0 : variance;
+    return sum_of_products(unknowns, of_fingers, by_finger);
 }
 
-/* What may move the magnets, in SI: move [moves][P] and by_table [P], and as Poses has it, in `all`. Returns its columns. */
-static size_t list_moves(const fmfts_several *model, size_t moves, const double *unfelt, double *move, double *by_table,
-                         double *all)
+static double square_of(size_t n, const double *a)
 {
-    size_t poses = model->poses, columns = poses + moves + poses;
+    return sum_of_products(n, a, a);
+}
+
+/* What may move the magnets, in SI: move [count][P], and by_table [P]: the table's errors. */
+typedef struct {
+    size_t count;
+    double move[FMFTS_SEVERAL_MOVES * FMFTS_SEVERAL_POSES], by_table[FMFTS_SEVERAL_POSES];
+} moves;
+
+/* Brings the moves from the response's units to SI, and lists them in `all` as Poses has it. Returns its columns. */
+static size_t list_moves(const fmfts_several *model, const double *unfelt, moves *m, double *all)
+{
+    size_t poses = model->poses, columns = poses + m->count + poses;
     memset(all, 0, poses * columns * sizeof(double));
     for (size_t p = 0; p < poses; p++) {
         double unit = model->head->unit[p % FMFTS_POSE_CHANGE], *row = all + p * columns;
         row[p] = unfelt[p % FMFTS_POSE_CHANGE];
-        for (size_t i = 0; i < moves; i++) {
-            row[poses + i] = move[i * poses + p] = unit * move[i * poses + p];
+        for (size_t i = 0; i < m->count; i++) {
+            row[poses + i] = m->move[i * poses + p] = unit * m->move[i * poses + p];
         }
-        row[poses + moves + p] = by_table[p] = unit * by_table[p];
+        row[poses + m->count + p] = m->by_table[p] = unit * m->by_table[p];
     }
     return columns;
 }
 
 /* told [P][used] = B (L⁻¹ P B)' of poses.py; white [used][P]: L⁻¹ P; room [used][P]. The table's errors move each number of
  * pose by itself: of their columns all else is zero. */
-static void tell(const fmfts_several *model, size_t used, size_t moves, const double *move, const double *by_table,
-                 const double *white, double *room, double *told)
+static void tell(size_t poses, size_t used, const moves *m, const double *white, double *room, double *told)
 {
     double by_pose[FMFTS_SEVERAL_POSES * FMFTS_SEVERAL_MOVES], through[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_MOVES];
-    size_t poses = model->poses;
     for (size_t p = 0; p < poses; p++) {
-        for (size_t i = 0; i < moves; i++) {
-            by_pose[p * moves + i] = move[i * poses + p];
+        for (size_t i = 0; i < m->count; i++) {
+            by_pose[p * m->count + i] = m->move[i * poses + p];
         }
     }
-    fmfts_product(used, poses, moves, white, by_pose, through);
-    fmfts_product(used, moves, poses, through, move, room);
+    fmfts_product(used, poses, m->count, white, by_pose, through);
+    fmfts_product(used, m->count, poses, through, m->move, room);
     for (size_t p = 0; p < poses; p++) {
         for (size_t v = 0; v < used; v++) {
-            told[p * used + v] = room[v * poses + p] + by_table[p] * (white[v * poses + p] * by_table[p]);
+            told[p * used + v] = room[v * poses + p] + m->by_table[p] * (white[v * poses + p] * m->by_table[p]);
         }
     }
 }
 
-fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, size_t fingers, const double *finger,
-                             const double *covariance, const double *misfit_t, const fmfts_measured *measured,
-                             const double *ambient_t, fmfts_several_work *work, fmfts_poses *poses)
+fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, const fmfts_fitted *fitted,
+                             const fmfts_measured *measured, fmfts_several_work *work, fmfts_poses *poses)
 {
     enum { REST = FMFTS_SEVERAL_UNKNOWNS + 1 };
-    double move[FMFTS_SEVERAL_MOVES * FMFTS_SEVERAL_POSES], by_table[FMFTS_SEVERAL_POSES];
+    const fmfts_fingers fingers = fitted->fingers;
+    moves m;
     double rest[FMFTS_SEVERAL_VALUES * REST], explained[FMFTS_SEVERAL_POSES * REST];
-    fmfts_refusal refusal = fmfts_whitener(model, fingers, finger, measured, ambient_t, work);
+    fmfts_refusal refusal = fmfts_whitener(model, fingers, measured, work);
     if (refusal.kind != FMFTS_FINE) {
         return refusal;
     }
     /* What the root came of is no longer needed. */
     double *white = work->factor, *room = white + FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_POSES;
     const fmfts_predicted *predicted = &work->predicted[0];
-    size_t numbers = model->poses, unknowns = FMFTS_FINGER * fingers, used = work->used, columns = unknowns + 1;
+    size_t numbers = model->poses, unknowns = FMFTS_FINGER * fingers.count, used = work->used, columns = unknowns + 1;
     for (size_t v = 0; v < used; v++) {
         size_t value = work->index[v];
         memcpy(white + v * numbers, predicted->by_pose + value * numbers, numbers * sizeof(double));
         memcpy(rest + v * columns, predicted->slope + value * unknowns, unknowns * sizeof(double));
-        rest[v * columns + unknowns] = misfit_t[value];
+        rest[v * columns + unknowns] = fitted->misfit_t[value];
     }
     fmfts_solve_lower(used, numbers, work->root, white);
     fmfts_solve_lower(used, columns, work->root, rest);
-    size_t moves = fmfts_considered_moves(model, fingers, finger, predicted, move);
-    fmfts_response_error(model, fingers, finger, predicted, by_table);
-    size_t all = list_moves(model, moves, unfelt, move, by_table, poses->moves);
-    tell(model, used, moves, move, by_table, white, room, poses->told);
+    m.count = fmfts_considered_moves(model, fingers, predicted, m.move);
+    fmfts_response_error(model, fingers, predicted, m.by_table);
+    size_t all = list_moves(model, unfelt, &m, poses->moves);
+    tell(numbers, used, &m, white, room, poses->told);
     fmfts_product(numbers, used, columns, poses->told, rest, explained);
     for (size_t p = 0; p < numbers; p++) {
         double unit = model->head->unit[p % FMFTS_POSE_CHANGE], *by_finger = poses->by_finger + p * unknowns;
@@ -113,8 +119,8 @@ fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, s
             by_finger[u] = slope[u % FMFTS_FINGER] * unit - explained[p * columns + u];
         }
         poses->change[p] = predicted->change[p] + explained[p * columns + unknowns];
-        poses->variance[p] = variance_of(all, poses->moves + p * all, used, poses->told + p * used, unknowns, by_finger,
-                                         covariance);
+        double own = square_of(all, poses->moves + p * all) - square_of(used, poses->told + p * used);
+        poses->variance[p] = fmax(0.0, own + by_fingers(unknowns, by_finger, fitted->covariance));
     }
     fmfts_moved_magnets(model, poses->change, poses->position, poses->axis);
     return refusal;

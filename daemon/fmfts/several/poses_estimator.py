@@ -12,10 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError
-from fmfts.baseline.array_mounting import ArrayMounting
-from fmfts.contact.array_response import ArrayResponse
 from fmfts.contact.touch import TouchDetector
-from fmfts.pad import Pad
 from fmfts.pose import Aligned
 from fmfts.pose.alignment import has_jumped
 from fmfts.pose.magnets import CHANGE
@@ -25,15 +22,15 @@ from fmfts.pose.state import Neighbour
 from fmfts.several import reasons, searches
 from fmfts.several.at_rest import AtRest
 from fmfts.several.count import Search
-from fmfts.several.field_model import FieldModel, Scene
+from fmfts.several.field_model import FieldModel
 from fmfts.several.free_poses import FreePoses, free_poses, is_explained
 from fmfts.several.measured import Measured
-from fmfts.several.odd_pose_sensor import odd_pose_sensor
+from fmfts.several.odd_pose_sensor import Values, odd_pose_sensor
 from fmfts.several.odd_sensor import note_agreement
 from fmfts.several.reading import PosesMemory, PosesReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.sighted import sighted
-from fmfts.several.since_rest import SinceRest
+from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth
 from fmfts.several.trust import trusted
 
 Array = NDArray[np.float64]
@@ -43,25 +40,16 @@ Mask = NDArray[np.bool_]
 class PosesEstimator:
     """Field → poses of a pad that has a baseline. Parameters as of FingersEstimator."""
 
-    def __init__(
-        self,
-        pad: Pad,
-        mounting: ArrayMounting,
-        scene: Scene,
-        rate_hz: float,
-        repeats_allowed: Array,
-        magnet_per_k: float,
-        temperature_c: float | None,
-    ) -> None:
-        self.pad, self.mounting, self.scene = pad, mounting, scene
+    def __init__(self, model: FieldModel, rate_hz: float, repeats_allowed: Array, warmth: Warmth = CONSTANT) -> None:
+        pad, mounting = model.pad, model.mounting
+        self.pad, self.mounting, self.scene, self._model = pad, mounting, model.scene, model
         self.repeats_allowed, self.at_rest = repeats_allowed, AtRest(pad, mounting)
-        self._since_rest = SinceRest(pad, mounting, magnet_per_k, temperature_c)
-        self._model = FieldModel(pad, mounting, ArrayResponse.unknown(len(pad.magnets)), scene)
+        self._since_rest = SinceRest(pad, mounting, warmth)
         self._touch = TouchDetector(rate_hz, magnets=len(pad.magnets))
         self._fewest = taken_values(len(pad.magnets)) + FEWEST_SPARE
         values, numbers = mounting.gain.size, CHANGE * len(pad.magnets)
         self.memory = PosesMemory(
-            np.zeros(numbers), np.zeros(values), Recovery(np.zeros(values)), self._touch.memory, last_c=temperature_c
+            np.zeros(numbers), np.zeros(values), Recovery(np.zeros(values)), self._touch.memory, last_c=warmth.rest_c
         )
 
     def recall(self, memory: PosesMemory) -> None:
@@ -121,7 +109,8 @@ class PosesEstimator:
         if search == "made":
             with_all = poses if memory.left_out < 0 else self._solved(measured, there)
             number = searches.number_of(memory.unexplained)
-            odd = odd_pose_sensor(self._model, with_all, memory.change, measured, there, around_t, self._fewest, number)
+            values = Values(measured, there, around_t)
+            odd = odd_pose_sensor(self._model, with_all, memory.change, values, self._fewest, number)
             if odd is not None:
                 used, poses, explained = there.copy(), odd.poses, True
                 used[odd.sensor] = False

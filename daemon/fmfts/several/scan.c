@@ -17,10 +17,12 @@ typedef struct {
     size_t starts, start[FMFTS_SEVERAL_STARTS][2];    /* the pairs that are found */
 } scan;
 
-bool fmfts_white_templates(const fmfts_search *search, const double *root, const fmfts_measured *measured,
-                           fmfts_several_work *work, double *white)
+bool fmfts_white_templates(const fmfts_grid *grid)
 {
-    if (!fmfts_list_used(search->values, measured, work) || !fmfts_finite(work->used * work->used, root)) {
+    const fmfts_search *search = grid->search;
+    fmfts_several_work *work = grid->work;
+    double *white = grid->room;
+    if (!fmfts_list_used(search->values, grid->measured, work) || !fmfts_finite(work->used * work->used, grid->root)) {
         return false;
     }
     for (size_t panel = 0; panel < search->panels; panel++, white += work->used * FMFTS_PANEL) {
@@ -28,16 +30,18 @@ bool fmfts_white_templates(const fmfts_search *search, const double *root, const
         for (size_t i = 0; i < work->used; i++) {
             memcpy(white + i * FMFTS_PANEL, from + work->index[i] * FMFTS_PANEL, FMFTS_PANEL * sizeof(double));
         }
-        fmfts_solve_lower(work->used, FMFTS_PANEL, root, white);
+        fmfts_solve_lower(work->used, FMFTS_PANEL, grid->root, white);
     }
     return true;
 }
 
 /* Fills white, along and size. False where a value that there is, or the root, is not finite. */
-static bool begin(scan *s, const fmfts_search *search, const double *root, const fmfts_measured *measured,
-                  fmfts_several_work *work, double *room)
+static bool begin(scan *s, const fmfts_grid *grid)
 {
-    if (!fmfts_white_templates(search, root, measured, work, room)) {
+    const fmfts_search *search = grid->search;
+    fmfts_several_work *work = grid->work;
+    double *room = grid->room;
+    if (!fmfts_white_templates(grid)) {
         return false;
     }
     size_t used = work->used, padded = search->panels * FMFTS_PANEL;
@@ -49,9 +53,9 @@ static bool begin(scan *s, const fmfts_search *search, const double *root, const
     s->best = s->size + padded;
     s->starts = 0;
     for (size_t i = 0; i < used; i++) {
-        work->white[i] = measured->field_t[work->index[i]];
+        work->white[i] = grid->measured->field_t[work->index[i]];
     }
-    fmfts_solve_lower(used, 1, root, work->white);
+    fmfts_solve_lower(used, 1, grid->root, work->white);
     memset(s->along, 0, 2 * padded * sizeof(double));
     for (size_t panel = 0; panel < search->panels; panel++) {
         const double *white = room + panel * used * FMFTS_PANEL;
@@ -74,12 +78,12 @@ static void put_finger(const fmfts_search *search, size_t place, double share, d
     finger[2] = search->head->force_n * share;
 }
 
-bool fmfts_best_single(const fmfts_search *search, const double *root, const fmfts_measured *measured,
-                       fmfts_several_work *work, double *room, double *finger, double *gain)
+bool fmfts_best_single(const fmfts_grid *grid, double *finger, double *gain)
 {
+    const fmfts_search *search = grid->search;
     scan s;
     size_t best = 0;
-    if (!begin(&s, search, root, measured, work, room)) {
+    if (!begin(&s, grid)) {
         return false;
     }
     *gain = -1.0;
@@ -186,11 +190,11 @@ static bool best_pair(const scan *s, size_t found[2])
     return most > 0.0;
 }
 
-bool fmfts_best_pairs(const fmfts_search *search, const double *root, const fmfts_measured *measured, size_t most,
-                      fmfts_several_work *work, double *room, double *starts, size_t *count)
+bool fmfts_best_pairs(const fmfts_grid *grid, size_t most, double *starts, size_t *count)
 {
+    const fmfts_search *search = grid->search;
     scan s;
-    if (!begin(&s, search, root, measured, work, room)) {
+    if (!begin(&s, grid)) {
         return false;
     }
     for (size_t i = 0; i < search->places; i += FMFTS_LANES) {

@@ -83,6 +83,12 @@ typedef struct {
     double pressed[FMFTS_SEVERAL_FINGERS][FMFTS_PRESSED * FMFTS_SEVERAL_POSES];
 } fmfts_predicted;
 
+/* at [count][3]: x, y in mm, force in N. */
+typedef struct {
+    size_t count;
+    const double *at;
+} fmfts_fingers;
+
 /* What one Fitter computes in. */
 typedef struct {
     fmfts_predicted predicted[2];
@@ -105,21 +111,18 @@ void fmfts_moved_magnets(const fmfts_several *model, const double *change, doubl
 void fmfts_changed_field(const fmfts_several *model, const double *change, double *field, double *slope);
 
 /* field_model.c */
-void fmfts_predict(const fmfts_several *model, size_t fingers, const double *finger, fmfts_predicted *predicted);
+void fmfts_predict(const fmfts_several *model, fmfts_fingers fingers, fmfts_predicted *predicted);
 
 /* covariance.c: what moves the poses besides the fingers' places and forces, each by one deviation, in the response's units:
  * [3·fingers + 2·magnets][P]. Returns how many. */
-size_t fmfts_considered_moves(const fmfts_several *model, size_t fingers, const double *finger,
-                              const fmfts_predicted *predicted, double *move);
+size_t fmfts_considered_moves(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted, double *move);
 
 /* covariance.c: deviation [P] of each number of pose, in the response's units: errors of the table, and of adding up
  * fingers. */
-void fmfts_response_error(const fmfts_several *model, size_t fingers, const double *finger,
-                          const fmfts_predicted *predicted, double *deviation);
+void fmfts_response_error(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted, double *deviation);
 
 /* covariance.c: fills work->covariance [V][V]. */
-void fmfts_several_covariance(const fmfts_several *model, size_t fingers, const double *finger,
-                              const fmfts_predicted *predicted, const double *variance_t2, const double ambient_t[3],
-                              fmfts_several_work *work);
+void fmfts_several_covariance(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted,
+                              const double *variance_t2, const double ambient_t[3], fmfts_several_work *work);
 
 #endif

@@ -16,11 +16,11 @@ static const double *shear_column(const fmfts_several *model, const fmfts_severa
     return work->factor + (first + 3 * (i / 2) + i % 2) * model->stride;
 }
 
-void fmfts_shear_of(const fmfts_several *model, size_t fingers, const double *finger, const double *covariance,
-                    const fmfts_several_work *work, double *shear_n, double *deviation_n)
+void fmfts_shear_of(const fmfts_several *model, fmfts_fingers fingers, const double *covariance, const fmfts_several_work *work,
+                    double *shear_n, double *deviation_n)
 {
     enum { MOST = 2 * FMFTS_SEVERAL_FINGERS };
-    size_t columns = 2 * fingers, unknowns = FMFTS_FINGER * fingers;
+    size_t columns = 2 * fingers.count, unknowns = FMFTS_FINGER * fingers.count;
     double white[FMFTS_SEVERAL_VALUES * MOST];
     bool known = fmfts_finite(unknowns * unknowns, covariance);
     for (size_t v = 0; v < work->used; v++) {
@@ -31,7 +31,7 @@ void fmfts_shear_of(const fmfts_several *model, size_t fingers, const double *fi
     fmfts_solve_lower(work->used, columns, work->root, white);
     for (size_t i = 0; i < columns; i++) {
         double along = 0.0, size = 0.0, by_finger[FMFTS_SEVERAL_UNKNOWNS], spent = 0.0;
-        double prior_n = model->head->friction * finger[FMFTS_FINGER * (i / 2) + 2];
+        double prior_n = model->head->friction * fingers.at[FMFTS_FINGER * (i / 2) + 2];
         for (size_t v = 0; v < work->used; v++) {
             along += white[v * columns + i] * work->white[v];
             size += white[v * columns + i] * white[v * columns + i];

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,15 +30,21 @@ class RestMemory(Protocol):
     last_c: float | None
 
 
+class Warmth(NamedTuple):
+    """magnet_per_k: temperature coefficient of the remanence. rest_c: at the baseline, None if it is not known."""
+
+    magnet_per_k: float
+    rest_c: float | None
+
+
+CONSTANT = Warmth(0.0, None)
+
+
 class SinceRest:
-    """Subtracts the baseline, at its temperature, and what neighbouring pads do to the field.
+    """Subtracts the baseline, at its temperature, and what neighbouring pads do to the field."""
 
-    magnet_per_k: temperature coefficient of the remanence; temperature_c: at the baseline, None if it is not known.
-    """
-
-    def __init__(self, pad: Pad, mounting: ArrayMounting, magnet_per_k: float, temperature_c: float | None) -> None:
-        self._mounting = mounting
-        self._magnet_per_k, self._temperature_c = magnet_per_k, temperature_c
+    def __init__(self, pad: Pad, mounting: ArrayMounting, warmth: Warmth) -> None:
+        self._mounting, self._warmth = mounting, warmth
         # By which share of its force the silicone may have crept.
         self.silicone = float(root_of_squares(pad.silicone.creep_per_decade, pad.silicone.hysteresis))
         # Of the last frame: the change of the field around, and the factor on the magnets' moments.
@@ -54,10 +60,10 @@ class SinceRest:
         now_t: Array | float,
     ) -> Measured:
         """now_t (3N,): by how much presses change the field now, as far as it is known."""
-        mounting, first_c = self._mounting, self._temperature_c
+        mounting, first_c = self._mounting, self._warmth.rest_c
         memory.last_c = memory.last_c if temperature_c is None else temperature_c
         warmer_k = 0.0 if first_c is None or memory.last_c is None else memory.last_c - first_c
-        self.moment = 1.0 + self._magnet_per_k * warmer_k
+        self.moment = 1.0 + self._warmth.magnet_per_k * warmer_k
         own, foreign_t2 = mounting.magnet_field(np.where(there, aligned.field_t, 0.0)), aligned.foreign_t2
         self.around_t = memory.ambient_t
         if neighbours:

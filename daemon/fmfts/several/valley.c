@@ -43,45 +43,52 @@ static bool step_across(const fmfts_search *search, double least_force_n, size_t
     return fmfts_finite(n, finger);
 }
 
-/* Moves `finger` to the minimum across `direction`. Returns its chi-square, infinite where there is none. */
-static double fitted_across(const fmfts_several *model, const fmfts_search *search, const fmfts_valley_limits *limits,
-                            size_t fingers, const double *direction, const fmfts_measured *measured,
-                            fmfts_several_work *work, double *finger)
+typedef struct {
+    const fmfts_several *model;
+    const fmfts_search *search;
+    const fmfts_measured *measured;
+    const fmfts_valley_limits *limits;
+    fmfts_several_work *work;
+} course;
+
+/* Moves so many fingers, at `finger`, to the minimum across `direction`. Returns its χ², infinite where there is none. */
+static double fitted_across(const course *c, size_t fingers, const double *direction, double *finger)
 {
     size_t unknowns = FMFTS_FINGER * fingers;
+    fmfts_several_work *work = c->work;
     fmfts_predicted *predicted = &work->predicted[0];
-    for (double step = 0.0; step < limits->steps; step += 1.0) {
-        fmfts_predict(model, fingers, finger, predicted);
-        fmfts_whiten(work, work->root, measured, predicted->field, work->white);
+    for (double step = 0.0; step < c->limits->steps; step += 1.0) {
+        fmfts_predict(c->model, (fmfts_fingers){fingers, finger}, predicted);
+        fmfts_whiten(work, work->root, c->measured, predicted->field, work->white);
         fmfts_whiten_slope(predicted->slope, unknowns, work, work->slope);
-        if (!step_across(search, limits->least_force_n, unknowns, direction, work, finger)) {
+        if (!step_across(c->search, c->limits->least_force_n, unknowns, direction, work, finger)) {
             return INFINITY;
         }
     }
-    fmfts_predict(model, fingers, finger, predicted);
-    return fmfts_whiten(work, work->root, measured, predicted->field, work->white);
+    fmfts_predict(c->model, (fmfts_fingers){fingers, finger}, predicted);
+    return fmfts_whiten(work, work->root, c->measured, predicted->field, work->white);
 }
 
-fmfts_refusal fmfts_valley(const fmfts_several *model, const fmfts_search *search, const fmfts_valley_limits *limits,
-                           size_t fingers, const double *finger, size_t ways, const double *away, const double *direction,
-                           const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work, double *there,
-                           double *chi2)
+fmfts_refusal fmfts_valley(const fmfts_several *model, const fmfts_search *search, fmfts_fingers fingers,
+                           const fmfts_measured *measured, fmfts_several_work *work, const fmfts_ways *ways)
 {
-    size_t unknowns = FMFTS_FINGER * fingers;
-    fmfts_refusal refusal = fmfts_whitener(model, fingers, finger, measured, ambient_t, work);
+    const course c = {model, search, measured, ways->limits, work};
+    size_t unknowns = FMFTS_FINGER * fingers.count;
+    fmfts_refusal refusal = fmfts_whitener(model, fingers, measured, work);
     if (refusal.kind != FMFTS_FINE) {
         return refusal;
     }
-    if (!fmfts_finite(ways * unknowns, away) || !fmfts_finite(ways * unknowns, direction)) {
+    if (!fmfts_finite(ways->count * unknowns, ways->away) || !fmfts_finite(ways->count * unknowns, ways->direction)) {
         return (fmfts_refusal){FMFTS_NOT_FINITE, 0};
     }
-    for (size_t side = 0; side < 2 * ways; side++) {
-        const double *step = away + side / 2 * unknowns;
-        double *moved = there + side * unknowns;
+    for (size_t side = 0; side < 2 * ways->count; side++) {
+        const double *step = ways->away + side / 2 * unknowns;
+        double *moved = ways->there + side * unknowns;
         for (size_t i = 0; i < unknowns; i++) {
-            moved[i] = on_the_table(search, limits->least_force_n, i, side % 2 ? finger[i] - step[i] : finger[i] + step[i]);
+            double to = side % 2 ? fingers.at[i] - step[i] : fingers.at[i] + step[i];
+            moved[i] = on_the_table(search, ways->limits->least_force_n, i, to);
         }
-        chi2[side] = fitted_across(model, search, limits, fingers, direction + side / 2 * unknowns, measured, work, moved);
+        ways->chi2[side] = fitted_across(&c, fingers.count, ways->direction + side / 2 * unknowns, moved);
     }
     return refusal;
 }

@@ -31,11 +31,10 @@ bool fmfts_factored(size_t n, double *a, fmfts_refusal *refusal)
     return false;
 }
 
-bool fmfts_root_of(const fmfts_several *model, size_t fingers, const double *finger, const fmfts_predicted *predicted,
-                   const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work,
-                   fmfts_refusal *refusal)
+bool fmfts_root_of(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted,
+                   const fmfts_measured *measured, fmfts_several_work *work, fmfts_refusal *refusal)
 {
-    fmfts_several_covariance(model, fingers, finger, predicted, measured->variance_t2, ambient_t, work);
+    fmfts_several_covariance(model, fingers, predicted, measured->variance_t2, measured->ambient_t, work);
     for (size_t i = 0; i < work->used; i++) {
         for (size_t j = 0; j < work->used; j++) {
             size_t place = work->index[i] * model->values + work->index[j];
@@ -68,27 +67,31 @@ double fmfts_whiten(const fmfts_several_work *work, const double *root, const fm
     return chi2;
 }
 
-fmfts_refusal fmfts_whitener(const fmfts_several *model, size_t fingers, const double *finger,
-                             const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work)
+static bool are_finite(fmfts_fingers fingers)
+{
+    return fmfts_finite(FMFTS_FINGER * fingers.count, fingers.at);
+}
+
+fmfts_refusal fmfts_whitener(const fmfts_several *model, fmfts_fingers fingers, const fmfts_measured *measured,
+                             fmfts_several_work *work)
 {
     fmfts_refusal refusal = {FMFTS_NOT_FINITE, 0};
-    if (fmfts_list_used(model->values, measured, work) && fmfts_finite(FMFTS_FINGER * fingers, finger) &&
-        fmfts_finite(3, ambient_t)) {
+    if (fmfts_list_used(model->values, measured, work) && are_finite(fingers) && fmfts_finite(3, measured->ambient_t)) {
         refusal.kind = FMFTS_FINE;
-        fmfts_predict(model, fingers, finger, &work->predicted[0]);
-        fmfts_root_of(model, fingers, finger, &work->predicted[0], measured, ambient_t, work, &refusal);
+        fmfts_predict(model, fingers, &work->predicted[0]);
+        fmfts_root_of(model, fingers, &work->predicted[0], measured, work, &refusal);
     }
     return refusal;
 }
 
-fmfts_refusal fmfts_chi2_with(const fmfts_several *model, const double *root, size_t fingers, const double *finger,
+fmfts_refusal fmfts_chi2_with(const fmfts_several *model, const double *root, fmfts_fingers fingers,
                               const fmfts_measured *measured, fmfts_several_work *work, double *chi2)
 {
     fmfts_refusal refusal = {FMFTS_NOT_FINITE, 0};
-    if (fmfts_list_used(model->values, measured, work) && fmfts_finite(FMFTS_FINGER * fingers, finger) &&
+    if (fmfts_list_used(model->values, measured, work) && are_finite(fingers) &&
         fmfts_finite(work->used * work->used, root)) {
         refusal.kind = FMFTS_FINE;
-        fmfts_predict(model, fingers, finger, &work->predicted[0]);
+        fmfts_predict(model, fingers, &work->predicted[0]);
         *chi2 = fmfts_whiten(work, root, measured, work->predicted[0].field, work->white);
     }
     return refusal;

@@ -167,7 +167,7 @@ def estimator_of(one: World) -> FingersEstimator:
     """For `read_once`: a pad's estimator takes longer to make than to read a frame."""
     without_end = np.full(one.gain.shape, np.inf)
     pad = array_config().pad()
-    return FingersEstimator(pad, one.mounting, one.response, SCENE, RATE_HZ, without_end, 0.0, None)
+    return FingersEstimator(FieldModel(pad, one.mounting, one.response, SCENE), RATE_HZ, without_end)
 
 
 def read_once(one: World, change: Array, estimator: FingersEstimator | None = None) -> FingersReading:

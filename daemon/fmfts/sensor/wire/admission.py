@@ -66,7 +66,8 @@ class Admission:
             if self._board.hello is not None:
                 self._accepted[key] = chip
         temperature_c = None if temperature_raw == TEMPERATURE_UNKNOWN else chip.temperature_c(temperature_raw)
-        return WireFrame(pad_index, sequence, time_us, host_time_ns, packed, temperature_c, self._clock.restarts, chip)
+        restarts = self._clock.restarts
+        return WireFrame(pad_index, sequence, time_us, host_time_ns, packed, temperature_c, run=restarts, chip=chip)
 
     def early(self, early: PackedEarly, now_ns: int) -> EarlySample | None:
         pad_index, sensor, gain_code, time_us, counts = early
