@@ -22,7 +22,7 @@ typedef struct {
     int count;
 } arrays;
 
-/* The product of sizes that Python gives, where it is one of an array; else more than any array has. */
+/* The product of sizes from Python if an array can have it; else more than any array has. */
 static size_t times(Py_ssize_t count, Py_ssize_t m, Py_ssize_t n)
 {
     Py_ssize_t product;

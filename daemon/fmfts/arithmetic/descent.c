@@ -21,7 +21,7 @@ double fmfts_within(double value, double lowest, double highest)
     return !(value >= lowest) ? lowest : value > highest ? highest : value;
 }
 
-/* Overwrites `step`, the right side, with where the damped normal equations lead. */
+/* Overwrites `step`, the right-hand side, with the solution of the damped normal equations. */
 static fmfts_descent_end solve(const fmfts_descent *search, double damping, const double *normal, double *root, double *step)
 {
     size_t n = search->unknowns;
@@ -40,7 +40,7 @@ static fmfts_descent_end solve(const fmfts_descent *search, double damping, cons
     return fmfts_finite(n, step) ? FMFTS_DESCENDED : FMFTS_NO_NUMBER;
 }
 
-/* How far a step goes, in deviations of each unknown by itself. */
+/* The length of a step, in the deviation of each unknown alone. */
 static double length_of(size_t n, const double *from, const double *to, const double *normal)
 {
     double longest = 0.0;

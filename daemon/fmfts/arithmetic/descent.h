@@ -1,4 +1,4 @@
-/* Damped least squares (Levenberg–Marquardt) within limits: one search for whatever has a residual and its slope. */
+/* Damped least squares (Levenberg–Marquardt) within limits: for any residual with its slope. */
 #ifndef FMFTS_DESCENT_H
 #define FMFTS_DESCENT_H
 
@@ -7,10 +7,10 @@
 
 /* What is searched. All arrays are [unknowns].
  *
- * iterations: so many trials at most. rounding: χ² that is larger by this share is not larger. settled: a step that is shorter
- * than this, in deviations of each unknown by itself, is the last. damping: the first; a step that raises χ² multiplies it by
- * damping_factor, a good one divides it; beyond most_damping the search ends. floor: is added to the diagonal of the normal
- * matrix, so that an unknown of which nothing is measured stays where it is; NULL: nothing. */
+ * iterations: number of trials at most. rounding: a relative increase of χ² up to this is ignored. settled: the last
+ * step is shorter than this, in the deviation of each unknown alone. damping: the first; a step that raises χ²
+ * multiplies it by damping_factor, a good one divides it; beyond most_damping the search ends. floor: is added to the
+ * diagonal of the normal matrix, so that an unknown of which nothing is measured stays where it is; NULL: nothing. */
 typedef struct {
     size_t unknowns, iterations;
     double settled, rounding, damping, damping_factor, most_damping;
@@ -18,10 +18,10 @@ typedef struct {
     void *problem;
     /* χ² of a trial, under the weights at the last point that was taken. */
     double (*judge)(void *problem, const double *trial);
-    /* Takes the point that was judged last, or the start: χ², the normal matrix J'WJ [unknowns][unknowns], and J'Wr, under the
+    /* Accepts the last trial point, or the start: χ², the normal matrix J'WJ [unknowns][unknowns], and J'Wr, under the
      * weights there. False ends the search. */
     bool (*take)(void *problem, const double *at, double *chi2, double *normal, double *right);
-    /* Shortens a step that is too long to be believed; NULL: any is. */
+    /* Shortens a step that is too long; NULL: none is. */
     void (*shorten)(void *problem, double *step);
 } fmfts_descent;
 

@@ -37,7 +37,7 @@ static inline double fmfts_exp(double x)
     double tail = r * r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0)))));
     double power_high = FMFTS_POWERS_OF_TWO[step][0], power_low = FMFTS_POWERS_OF_TWO[step][1];
     double value = power_high + (power_low + (power_high + power_low) * (high + (low + tail)));
-    /* In two steps: 2^exponent alone may be beyond a double's range. */
+    /* In two steps, as 2^exponent alone may be beyond a double's range. */
     int half = (exponent - (exponent & 1)) / 2;
     return value * fmfts_power_of_two(half) * fmfts_power_of_two(exponent - half);
 }

@@ -1,4 +1,4 @@
-"""How accurately a mounting is known: the figures that a person compares before and after --turn or --refine."""
+"""The accuracy of a mounting: figures to compare before and after --turn or --refine."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def accuracy(mounting: Mounting, pad: Pad) -> dict[str, float]:
     covariance = leftover.covariance * scale * scale[:, None]
     first = 9 + 3 * len(pad.sensors)
     gain, rotation, cross_axis = np.sqrt(np.diagonal(relative_covariance(covariance[first:, first:]))).reshape(3, -1)
-    by_change = mounting.change_error(FREE_FIELD)[:5]  # in an ambient field that stays
+    by_change = mounting.change_error(FREE_FIELD)[:5]  # in a constant ambient field
     error = product(PRESS_1N, by_change.reshape(5, -1)).reshape(5, -1)
     press = np.sqrt(square(error).sum(axis=1))
     return {

@@ -22,18 +22,18 @@ Array = NDArray[np.float64]
 
 # Probability of finding one in white noise.
 FALSE_FINDING = 1e-6
-SLOWEST_HZ = 1.0  # what is slower moves the mean, and the recording is refused for it
+SLOWEST_HZ = 1.0  # slower ones move the mean, for which the recording is refused
 FEWEST_SAMPLES = 25
 # A field of less than this share of a sample's noise changes no deviation.
 SMALLEST_SHARE = 0.5
-# A sample's noise over the chip's own, from which on it is told.
+# Ratio of a sample's noise to the chip's own, above which it is reported.
 MUCH_NOISE = 2.5
 # Mains, and what rectifiers make of it.
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)
 
 
 def warnings_of(frames: Sequence[Frame]) -> list[str]:
-    """What a person should know of the recording of an untouched pad that is good enough to be used: sentences."""
+    """Warnings about a usable recording of an untouched pad: sentences."""
     found = alternation(frames)
     return _noisy(frames) if found is None else [found.sentence]
 
@@ -67,7 +67,7 @@ class Alternation:
 
     @property
     def sentence(self) -> str:
-        """What it is, and what to do."""
+        """The likely source, and what to do."""
         near = (hz for hz in MAINS_HZ if abs(self._as_sampled(hz) - self.frequency_hz) < self.resolution_hz)
         mains = next(near, None)
         seen = f"seen at {self.frequency_hz:.1f} Hz by samples at {self.rate_hz:.0f} Hz"
@@ -83,10 +83,10 @@ class Alternation:
 
 
 def alternation(frames: Sequence[Frame]) -> Alternation | None:
-    """The strongest one in the frames of an untouched pad; None where noise explains all."""
+    """The strongest one in the frames of an untouched pad; None if noise explains all."""
     sampled = _samples(frames)
     if not all(len(times) for times, _ in sampled):
-        return None  # a board that does not tell when it measures
+        return None  # a board that does not report when it measures
     seconds = min(float(np.ptp(times)) for times, _ in sampled)
     rate_hz = min(len(times) - 1 for times, _ in sampled) / seconds
     if rate_hz <= 2.0 * SLOWEST_HZ:

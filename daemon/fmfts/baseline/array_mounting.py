@@ -1,9 +1,9 @@
-"""The mounted pad with several magnets as it really is: rest poses and moments of all, places and gains of the sensors.
+"""The mounted pad with several magnets: rest poses and moments of all, places and gains of the sensors.
 
-As `mounting.py` for one magnet: the maximum a posteriori over everything that mounting and manufacture leave open, with
-the tolerances as priors, from the field at rest. Four magnets over eight sensors have 123 unknowns and 24 values,
-so most of them stay as uncertain as their tolerances. What stays uncertain is kept as the errors that it causes in a
-change of the field (`FieldErrors`), which every estimate of fingers takes into account.
+As `mounting.py` for one magnet: the maximum a posteriori over all errors of mounting and manufacture, with the
+tolerances as priors, from the field at rest. Four magnets over eight sensors have 123 unknowns and 24 values, so most
+of them stay as uncertain as their tolerances. What stays uncertain is kept as the errors that it causes in a change of
+the field (`FieldErrors`), which every estimate of fingers takes into account.
 """
 
 from __future__ import annotations
@@ -34,8 +34,9 @@ FALSE_REFUSAL = 1e-5  # the probability of refusing a pad that is within its tol
 TYPICAL_CHANGE = np.array([2e-5, 2e-5, 4e-4, 3e-2, 3e-2])
 # A press moves each magnet down; the errors are those of a change half way.
 HALF_A_PRESS = np.array([0.0, 0.0, -2e-4, 0.0, 0.0])
-# So many independent causes of errors are kept for each sensor, and of a small pad as many as of one with eight.
-# What is left out is 2 to 3 % of the variance with eight sensors and with sixteen. FMFTS_SEVERAL_CAUSES has room.
+# Number of independent causes of errors that are kept for each sensor; a pad with fewer than eight sensors keeps as
+# many as one with eight. The neglected ones are 2 to 3 % of the variance with eight and with sixteen sensors.
+# FMFTS_SEVERAL_CAUSES has room.
 CAUSES_A_SENSOR, FEWEST_CAUSES = 6, 48
 
 
@@ -44,11 +45,11 @@ class ArrayMounting:
     """A pad of M magnets and N sensors as it is mounted.
 
     magnets: at rest. frames (M, 3, 3): see `rest_frames`. gain (N, 3), sensors: of the chips as built. offset_t (N, 3):
-    the field at rest, along the sensors' axes, without the magnets': the ambient field, and what no parameter explains.
-    rest_field_t (N, 3): of the magnets at rest. noise_t (N, 3): of one sample. errors: of a change of the field, by
-    what the recording left uncertain. log_moment (M,). rest_covariance (6M, 6M): of position, tilt and log moment of
-    each. chi2: misfit, priors included, of `measurements` values. misfit_t (N, 3). ambient_t, ambient_deviation_t (3,):
-    from the bare recording, None without one.
+    the field at rest, along the sensors' axes, without the magnets': the ambient field, and the unexplained rest.
+    rest_field_t (N, 3): of the magnets at rest. noise_t (N, 3): of one sample. errors: of a change of the field, from
+    the recording's uncertainty. log_moment (M,). rest_covariance (6M, 6M): of position, tilt and log moment of each.
+    chi2: misfit, priors included, of `measurements` values. misfit_t (N, 3). ambient_t, ambient_deviation_t (3,): from
+    the bare recording, None without one.
     """
 
     magnets: Magnets
@@ -72,7 +73,7 @@ class ArrayMounting:
         return measured_t / self.gain - self.offset_t
 
     def moved_since(self, pad: Pad, recording: Recording) -> Array:
-        """How far the magnet that moved most has gone since then (3,), in m."""
+        """Displacement (3,) in m since then of the magnet that moved most."""
         return moved_since(self, recording)[0]
 
     def remanence_t(self, pad: Pad) -> float:
@@ -136,7 +137,7 @@ def estimate_array_mounting(
 
 
 def moved_since(before: ArrayMounting, recording: Recording) -> tuple[Array, Array]:
-    """How far the magnet that moved most has gone since `before` (3,) in m, and the change of the ambient field (3,)
+    """Displacement (3,) in m since `before` of the magnet that moved most, and the change of the ambient field (3,)
     in T, to first order."""
     change = (before.magnet_field(recording.mean_t) - before.rest_field_t).ravel()
     slope = field_and_slope(before.magnets, before.frames, before.sensors)[1]
@@ -169,7 +170,7 @@ def _errors(unknowns: ArrayUnknowns, scaled: Array, covariance: Array) -> FieldE
     count = len(places)
     by_axes = sensitivity.matrices(np.eye(9 * count)).reshape(count, 3, 3, -1)
     by_field = product(unknowns.pad.sensors.axes[:, None], by_axes).reshape(3 * count, 3, -1) / gain[:, None, None]
-    # The field's part of the causes, in units in which each has one deviation.
+    # The causes' effect on the field, in units in which each has one deviation.
     all_by_field = np.zeros((gain.size, 3, len(scaled)))
     all_by_field[:, :, -9 * count :] = by_field * unknowns.deviation[-9 * count :]
     # The covariance of these errors, with the typical changes as weights, has a few large directions: they are kept.

@@ -1,4 +1,4 @@
-"""What mounting and manufacture leave open of a pad with several magnets, and the field that follows from it."""
+"""The unknowns of mounting and manufacture for a pad with several magnets, and the field that follows from them."""
 
 from __future__ import annotations
 

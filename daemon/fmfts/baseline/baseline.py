@@ -1,4 +1,4 @@
-"""The baseline of a pad as a file: the recordings made before loading, and all that is needed to use them again."""
+"""A pad's baseline as a file: the recordings before loading, and all that is needed to use them again."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     rest: StoredRecording | None
     turn: StoredTurn | None = None
     refine: StoredPresses | None = None
-    # What a self-test measured before the turn; None: there was none, so that tolerance.gain holds.
+    # The self-test's gains before the turn; None: there was none, so tolerance.gain holds.
     gains: StoredGains | None = None
-    # The sensors that it was recorded with; None: it is of an older version, or no file's.
+    # The sensors of the recording; None: from an older version, or not from a file.
     origin: Origin | None = None
-    # Where the sensors were found to be, of a board whose drawing is rough; then `refine` has the presses that told.
+    # Learned places of the sensors, for a rough drawing; `refine` then has the presses.
     learned: StoredGeometry | None = None
-    silicone: StoredSilicone | None = None  # what a weight told of it; None: nothing was weighed
-    posture: StoredPosture | None = None  # what the hand's posture does to the field; None: it was not taught
+    silicone: StoredSilicone | None = None  # the stiffness by a known weight; None: nothing was weighed
+    posture: StoredPosture | None = None  # the field of the hand's posture; None: not recorded
     # How far rest has drifted from the recorded one, (5,) in m and rad. Never in a file: a restart undoes it.
     drift: tuple[float, ...] | None = None
 
@@ -70,7 +70,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
 
     @property
     def gains_from(self) -> Literal["tolerance", "selftest", "turn"]:
-        """What the gains of the chips are known from, before the field at rest."""
+        """The source of the chips' gains, before the field at rest."""
         return "turn" if self.turn is not None else "selftest" if self.gains is not None else "tolerance"
 
     def mounting(self, pad: Pad) -> Mounting:
@@ -103,7 +103,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
         return self.array_mounting(pad) if pad.other_magnets else self.mounting(pad)
 
     def require_sensors(self, sensors: int) -> None:
-        """BaselineError unless each recording is one of so many sensors."""
+        """BaselineError unless each recording has this many sensors."""
         parts = (self.bare, self.rest, self.turn, self.refine, self.gains, self.learned, self.posture)
         if any(part is not None and part.sensors != sensors for part in parts):
             raise BaselineError(
@@ -123,7 +123,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
         raise BaselineError(f"pad '{self.pad}': the baseline holds no recording")
 
     def recorded_on(self, origin: Origin | None) -> Baseline:
-        """A copy that says with which sensors it was recorded."""
+        """A copy with the sensors of its recording."""
         return msgspec.structs.replace(self, origin=origin).sealed()
 
     def is_foreign_to(self, origin: Origin | None) -> bool:
@@ -150,7 +150,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     def _at_rest(self, pad: Pad, rest: StoredRecording) -> AtRest:
         tolerance = Tolerance(**self.tolerance)
         measured, learned = self._before_turn(pad), None
-        if self.learned is not None and self.refine is not None:  # without its presses it would be taken as exact
+        if self.learned is not None and self.refine is not None:  # without its presses it would count as exact
             learned = self.learned.geometry()
             pad, measured = learned.turned(pad), learned.from_drawing(measured)
         if self.turn is not None:
@@ -172,7 +172,7 @@ def make_bare(
     before: Baseline | None = None,
     gains: StoredGains | None = None,
 ) -> Baseline:
-    """A baseline of the field without the pad. It drops the rest recording of `before`, and what was taught on it.
+    """A baseline of the field without the pad. It drops the rest recording of `before`, and what was recorded on it.
 
     It keeps the turn of `before`, and its gains if there are no newer `gains`, because they belong to the sensors.
     """
@@ -191,7 +191,7 @@ def make_rest(
     """A baseline of the mounted, unloaded pad, with the bare recording of `before`. BaselineError if it does not fit.
 
     Unless the pad was `replaced`, its magnet must be where it was before: else a load would become the new zero. The
-    presses of `before` are kept unless the pad was replaced (its silicone is another's then), its turn is always kept.
+    presses of `before` are kept unless the pad, and so its silicone, was replaced; its turn is always kept.
     """
     bare = None if before is None else before.bare
     baseline = _baseline(pad, tolerance, bare, StoredRecording.of(recording), before).tested(gains)
@@ -217,8 +217,8 @@ def make_turn(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline
         try:
             return baseline, baseline.array_mounting(pad) if pad.other_magnets else baseline._mounting(pad)
         except MisfitError as error:
-            # Bare and rest fitted: nothing is new but the turn. Steel that turns along acts on the ambient field alone,
-            # so what it adds to the chips' gains is wrong for the magnet's field.
+            # Bare and rest fitted, so the turn is the cause. Steel that turns with the pad acts on the ambient field
+            # alone, so it causes errors of the gains for the magnet's field.
             raise BaselineError(f"the turn contradicts the rest: {error.facts} {STEEL_TURNS}") from error
 
 

@@ -30,7 +30,7 @@ class Reduced:
     @classmethod
     def of(cls, own: Array, shared: Array, residual: Array) -> Reduced:
         """own (K, R, P), shared (K, R, M), residual (K, R), all in standard deviations; R > P."""
-        # Only the part perpendicular to a block's own columns tells about the shared unknowns.
+        # Only the part perpendicular to a block's own columns determines the shared unknowns.
         basis, own_answer = (np.stack(parts) for parts in zip(*map(pseudo_inverse, own), strict=True))
         across = basis.transpose(0, 2, 1)
         left = (shared - product(basis, product(across, shared))).reshape(-1, shared.shape[2])

@@ -1,4 +1,4 @@
-"""What a baseline found of each chip, as a sentence for the person who recorded it."""
+"""A sentence about each chip's errors, for the person who recorded the baseline."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from fmfts.baseline.sensitivity import relative_covariance
 
 Array = NDArray[np.float64]
 
-# A rotation or a gain is named if it is so many of its own deviations from the drawing's.
+# A rotation or a gain is named if it differs from the drawing's by this many of its deviations.
 NAMED_DEVIATIONS = 3.0
-# A direction is called by one axis of the pad if this share of it is along that.
+# A direction gets the name of a pad's axis if this share of it is along that axis.
 MOSTLY = 0.9
 
 

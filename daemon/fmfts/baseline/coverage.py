@@ -1,6 +1,6 @@
-"""What a person who turns the robot, or presses the pad, has done so far, and what is still missing.
+"""Guides a person who turns the robot or presses the pad: what is done, and what is still missing.
 
-It only guides and ends a recording early: whether a recording is good enough, its estimation judges.
+It may end a recording early; the estimation decides whether the recording is good enough.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from fmfts.sensor import Frame
 
 Array = NDArray[np.float64]
 
-# More than what the estimation asks for at least, so that an early end costs no accuracy worth naming.
+# More than the estimation's minimum, so that an early end costs no noticeable accuracy.
 SWEEP_SHARE = 1.4 * SMALLEST_SHARE
-# Between two looks at all of the recording; a look costs more than a frame.
+# Interval of evaluations of the whole recording, each of which takes longer than a frame.
 LOOK_FRAMES = 55
 # A press begins where the field changes by more than the first, and ends below the second. Noise alone makes 0.7 µT, a
 # touch of 0.3 N at a corner of the standard pad 7.6 µT.
 PRESS_BEGINS_T, PRESS_ENDS_T = 3e-6, 1.8e-6
 REST_FRAMES = 44  # the field of the untouched pad is the median of so many first frames
 ENOUGH_PRESSES, ENOUGH_IN_PART = 30, 4
-# Light and firm presses: the strongest change of the field is at least so many times the weakest.
+# Light and firm presses: smallest ratio of the strongest change of the field to the weakest.
 ENOUGH_RANGE = 3.0
 
 
@@ -55,7 +55,7 @@ class TurnCoverage:
     def take(self, frame: Frame) -> None:
         field_t = frame.field_t
         self._frames += 1
-        # Single frames: a mean of a field that turns fast is too short, and their noise is nothing beside the sweep.
+        # Single frames: the mean of a fast turning field is too short, and their noise is negligible beside the sweep.
         if self._frames % MEAN_OF == 0 and np.isfinite(field_t).all():
             self._seen.append(self._pad.sensors.to_pad(field_t[None])[0].mean(axis=0))
         if self._frames % LOOK_FRAMES == 0 and len(self._seen) >= 3:
@@ -91,7 +91,7 @@ class TurnCoverage:
 
     @property
     def _first_axis(self) -> str:
-        """The pad's axis about which the robot turned: the field has gone around it, and swept nothing along it."""
+        """The pad's axis about which the robot turned: the field moved around it, not along it."""
         along = np.abs(self._least_swept)
         return f" (the pad's {'xyz'[int(np.argmax(along))]})" if along.max() > MOSTLY else ""
 
@@ -108,7 +108,7 @@ class PressCoverage:
         self._wanted = wanted
         self._first: list[Array] = []
         self._rest: Array | None = None
-        self._peak: Array | None = None  # the largest change of the press that is under way
+        self._peak: Array | None = None  # the largest change in the present press
         self._in_part = np.zeros(len(pad.sensors), dtype=np.intp)
         self._weakest_t, self._strongest_t = np.inf, 0.0
 
@@ -122,7 +122,7 @@ class PressCoverage:
                 self._rest = np.median(self._first, axis=0)
             return
         change = self._pad.sensors.to_pad((field_t - self._rest)[None])[0]
-        change = change - change.mean(axis=0)  # what all sensors see alike is no press
+        change = change - change.mean(axis=0)  # a change that all sensors have in common is no press
         size = length(change.ravel())
         if size > PRESS_BEGINS_T and (self._peak is None or size > length(self._peak.ravel())):
             self._peak = change
@@ -155,7 +155,7 @@ class PressCoverage:
 
     @property
     def _missing(self) -> str:
-        """What the presses lack besides their number."""
+        """What the presses lack, besides their number."""
         missing = []
         lacking = int((self._in_part < ENOUGH_IN_PART).sum())
         if lacking:

@@ -30,14 +30,15 @@ LARGEST_AMBIENT_T = 2e-4
 # A chip's typical zero is taken as one deviation of each axis; of three axes together fewer than one in a thousand is
 # further than this beyond what the Earth's field leaves of LARGEST_AMBIENT_T.
 LARGEST_ZERO = 3.0
-# So much of the drawn magnet's field is a magnet. With zeros of the LIS3MDL the share errs by 0.24 (standard pad): one
-# bare pad in four hundred is refused; of mounted ones one in seven is not, and then `--rest` finds no magnet.
+# From this share of the drawn magnet's field on, a magnet is present. The LIS3MDL's zeros cause an error of 0.24
+# (standard pad): one bare pad in 400 is refused. One mounted pad in seven is not refused; `--rest` then finds no
+# magnet.
 MAGNET_SHARE = 0.75
-# Two causes are alike if one is not ten times as probable as the other: in units of −2 ln of the evidence.
+# Two causes are alike unless one is ten times as probable as the other: in units of −2 ln of the evidence.
 ALIKE = 2.0 * 2.303
 MOST_TOLD = 3
 NO_MAGNET = "There is no magnet above the sensors: mount the pad, then record --rest."
-SLIGHT_MISFIT_T = 1e-6  # five deviations of a sample; less at one axis is no cause of a refusal
+SLIGHT_MISFIT_T = 1e-6  # five deviations of a sample; a smaller misfit of an axis is no cause of a refusal
 WITHOUT_BARE = (
     "Or a chip's own zero is off, which only `baseline --bare` measures: take the pad off, record --bare, mount it, "
     "and record --rest again."
@@ -79,7 +80,7 @@ def check_bare(pad: Pad, bare: Recording) -> None:
 
 
 def _magnet_share(pad: Pad, bare: Recording) -> float:
-    """How much of the drawn magnets' field at rest is in what differs between the sensors, by least squares."""
+    """The share of the drawn magnets' field at rest in the differences between the sensors, by least squares."""
     drawn = sum_of_fields(Magnets.drawn(pad), pad.sensors.position_m)
     pattern = drawn - drawn.mean(axis=0)
     return float((pattern * pad.sensors.to_pad(bare.mean_t)).sum() / square(pattern).sum())
@@ -103,7 +104,7 @@ def estimate_and_judge(
         f"the field does not fit an unloaded pad: χ² = {mounting.chi2:.0f}, where tolerances, gains and noise explain "
         f"at most {_limit(mounting):.0f}; magnet {np.abs(mounting.rest_strain).max():.1f} deviations from its place"
     )
-    if abs(misfit[worst]) > SLIGHT_MISFIT_T:  # else what does not fit is the magnet's place or strength
+    if abs(misfit[worst]) > SLIGHT_MISFIT_T:  # else the magnet's place or strength does not fit
         facts += f"; worst: sensor {worst[0] + 1}, axis {'xyz'[worst[1]]}, {misfit[worst] * 1e6:+.1f} µT off"
     facts += "."
     cause = _cause(pad, tolerance, rest, bare, measured)
@@ -153,7 +154,7 @@ def _cause(
 
 @dataclass(frozen=True, slots=True)
 class _Explanation:
-    """The faults that are assumed, −2 ln of how probable they are after the recordings, and the mounting with them."""
+    """Assumed faults, −2 ln of their probability after the recordings, and the mounting with them."""
 
     faults: tuple[Fault, ...]
     surprise: float

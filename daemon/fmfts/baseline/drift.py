@@ -20,13 +20,13 @@ Array = NDArray[np.float64]
 # A tilt counts as the movement it makes at this distance: there tilt and position are equally uncertain (docs/pose.md).
 LEVER_M = 4e-3
 SCALE = np.array([1.0, 1.0, 1.0, LEVER_M, LEVER_M])
-# A pose that moves within a window by more than so many allowed rates, and deviations of its mean, does not drift.
+# A pose does not drift if it moves within a window by more than this many allowed rates, and deviations of its mean.
 STEEPEST_RATES, STEEPEST_DEVIATIONS = 3.0, 5.0
 CERTAIN_DEVIATIONS = 3.0
 # Smaller steps make no new baseline; this is a tenth of the uncertainty of one window.
 LEAST_STEP_M = 1e-7
 FEWEST = 20
-AT_LIMIT = 1.0 - 1e-9  # rounding may leave the drift so little below its limit
+AT_LIMIT = 1.0 - 1e-9  # rounding may leave the drift this far below its limit
 
 
 @dataclass(frozen=True, slots=True)

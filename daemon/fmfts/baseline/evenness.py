@@ -1,10 +1,10 @@
-"""How even the strength of the ambient field was while the robot turned, without noise: by attitude and by place.
+"""The variation of the ambient field's strength while the robot turned, without noise: by attitude and by place.
 
 The field's strength at orientation k is |f_k| with f_k = (HᵀWH)⁻¹HᵀW(y_k − o), where H are the chips' sensitivities. Of
 its logarithm's variance the noise makes uᵀ(HᵀWH)⁻¹u/|f|² with u = f/|f|. Steel that turns with the pad makes the rest
 depend on the attitude: by a quadratic form of u, as it multiplies the field by a matrix, and by a linear one, as the
-offsets o take a part of it in. What is left depends on where the pad was: a workshop's field is uneven from place to
-place, and tells less of the gains.
+offsets o take a part of it in. The rest depends on the pad's place: a workshop's field differs from place to place, and
+determines the gains less well.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ STRENGTH_DEVIATION, INDEPENDENT = 0.005, 10
 # Limit of the part that depends on the attitude. The workshop's own part, which no gain explains, is below
 # STRENGTH_DEVIATION; screws that reach three times that made a healthy sensor look faulty.
 LARGEST_BY_ATTITUDE = 3.0 * STRENGTH_DEVIATION
-# With it the field's strength tells gains to 3 % (of INDEPENDENT orientations), hardly better than a chip's tolerance.
-# A real board that was waved by hand met 3.6 % (tests/unit/test_turn_of_real_boards.py).
+# At this limit the field's strength determines gains to 3 % (with INDEPENDENT orientations), hardly better than a
+# chip's tolerance. A real board that was waved by hand met 3.6 % (tests/unit/test_turn_of_real_boards.py).
 LARGEST_BY_PLACE = 0.1
 STEEL_TURNS = (
     "Steel turns with the pad, as screws in its mount do, or stands near: move it 30 mm away from the sensors, and "
@@ -37,7 +37,7 @@ def unevenness(reported: Array, by_field: Array, deviation: Array) -> float:
     """How much the field's strength differs from place to place: relative deviation, at least STRENGTH_DEVIATION.
 
     reported (K, N, 3): without offsets. by_field (N, 3, 3): what the chips report of unit fields. deviation (N, 3).
-    BaselineError if the strength depends on the attitude more than a workshop explains, or on the place too much.
+    BaselineError if the strength varies more with attitude than in a workshop, or too much with place.
     """
     matrix = (by_field / deviation[:, :, None]).reshape(-1, 3)
     covariance = inverse(product(matrix.T, matrix))

@@ -1,4 +1,4 @@
-"""The facts about a new baseline, for the person who asked for it."""
+"""The facts about a new baseline, for the person who recorded it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fmfts.baseline.mounting import Mounting, ambient_of
 from fmfts.baseline.prospects import prospects
 from fmfts.pad import Pad
 
-# A drawing whose places are no better is rough: presses tell them better than it does.
+# A drawing with such places is rough: presses determine them better.
 ROUGH_PLACE_M = 5e-4
 
 
@@ -25,7 +25,7 @@ def whose(baseline: Baseline) -> dict[str, Any]:
 
 
 def report(baseline: Baseline, mounting: AnyMounting | None, pad: Pad) -> dict[str, Any]:
-    """mounting: None of several or unknown magnets before rest was recorded."""
+    """mounting: None before rest was recorded, for pads with several or unknown magnets."""
     recording = baseline.rest or baseline.bare
     assert recording is not None
     facts: dict[str, Any] = {
@@ -86,7 +86,7 @@ def _of_several(baseline: Baseline, mounting: ArrayMounting, pad: Pad) -> dict[s
 
 
 def _gains_from(baseline: Baseline) -> str:
-    """In words, as far as a person can change it."""
+    """A description, as far as a person can change it."""
     match baseline.gains_from, baseline.gains:
         case "selftest", StoredGains(utc=utc, deviation=deviation):
             return f"selftest of {utc} (±{deviation * 1e2:.1f} %)"

@@ -20,7 +20,7 @@ from fmfts.pad import Tolerance
 from fmfts.sensor.chips import GAIN_CODES
 
 Rows = tuple[tuple[float, float, float], ...]
-MOST_FIELDS = 1000  # of a turn, or of presses: a recording keeps 100 and 40
+MOST_FIELDS = 1000  # most fields of a turn, or of presses: a recording keeps 100 and 40
 
 
 class StoredRecording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -178,7 +178,7 @@ class StoredGeometry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def require_fields(*fields: Rows, sensors: int | None = None) -> None:
-    """ValueError unless all are fields that a chip can tell, and of so many sensors."""
+    """ValueError unless all are possible fields, of this many sensors."""
     if len(fields) > MOST_FIELDS:
         raise ValueError(f"{len(fields)} fields: no recording keeps more than {MOST_FIELDS}")
     for field in fields:

@@ -1,4 +1,4 @@
-"""The folder of baselines: the one in use, and beside it the good one before it."""
+"""The folder of baselines: the one in use, and the previous good one."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def previous(pad: Pad, origin: Origin | None = None) -> Baseline:
 
 
 class _TestedSensors(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The file of a self-test: the gains, and whose they are."""
+    """The file of a self-test: the gains, and their sensors."""
 
     format: int
     pad: str

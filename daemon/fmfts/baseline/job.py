@@ -18,9 +18,9 @@ from fmfts.sensor import Frame, Source
 from fmfts.sensor.probing import silence_of
 from fmfts.sensor.tasks import PATIENCE_S, Selftest
 
-# The device's clock decides when a recording is complete; this computer's clock, when it takes too long.
+# The device's clock decides when a recording is complete; this computer's clock decides when it takes too long.
 OVERTIME_S = 5.0
-# A computer that is busy loses frames. So long a recording goes on for the fewest that it needs.
+# A busy computer loses frames: longest extension of a recording to get enough.
 EXTRA_S = 2.5
 # A board that was just opened has the range of before, until the request for the configured one has arrived.
 SETTLING_S = 0.5
@@ -68,9 +68,9 @@ class Collection:
         return ""
 
     def _leaps_at(self, frame: Frame) -> bool:
-        """Whether the device's clock went back, or on by more than the time that passed here.
+        """Whether the device's clock went back, or forward by more than the time that passed here.
 
-        A busy computer reads a frame late, but never sooner after its instant than the least delay allows."""
+        A busy computer reads a frame late, but never earlier than the smallest delay."""
         delay_ns = frame.host_time_ns - 1000 * frame.device_time_us
         if not self.frames:
             self._least_delay_ns = delay_ns
@@ -105,7 +105,7 @@ class BaselineJob:
         self._source = source
         self._executor = executor
         self._unsettled = unsettled
-        # Twice as many, as a sensor may be without a new sample in some.
+        # Twice as many, as a sensor may have no new sample in some.
         self._collection = Collection(source, request.seconds, 2 * MINIMUM_FRAMES, pad_index)
         self._coverage = request.coverage
         self._result: Future[Recorded] | None = None
@@ -117,7 +117,7 @@ class BaselineJob:
         self._error = error
 
     def stop(self) -> bool:
-        """Record nothing. False: too late, there are frames enough and a baseline is made of them."""
+        """Record nothing. False: too late, a baseline is already computed from enough frames."""
         self._stopped = self._result is None
         return self._stopped
 
@@ -133,7 +133,7 @@ class BaselineJob:
             self._coverage.take(frame)
         if self._collection.complete or (self._coverage is not None and self._coverage.enough):
             request = self._request
-            if request.origin is not None:  # by now the board has said which one it is
+            if request.origin is not None:  # by now the board has sent its hello
                 request = replace(request, origin=request.origin.on(self._source.state.board))
             self._result = self._executor.submit(request.record, self._collection.frames, self._before)
 

@@ -10,7 +10,7 @@ from fmfts.baseline.recording import BaselineError
 from fmfts.common import possible
 from fmfts.pad import Array
 
-# Positions that are further apart do not say where the joints were between them.
+# Longest gap between positions that is interpolated.
 APART_S = 0.25
 NONE_CAME = (
     "no joint positions arrived while it was recorded: let a program publish them (docs/scene.md#a-hand-that-moves), "
@@ -47,7 +47,7 @@ class JointTrack:
         return positions
 
     def mean(self, names: tuple[str, ...], from_ns: int, to_ns: int) -> Array | None:
-        """(J,) over a time in which they stood still, of these joints; None where one of them is not known."""
+        """(J,) of these joints while they stand still; None if one of them is not known."""
         if not set(names) <= set(self.names):
             return None
         positions = self.at(np.linspace(float(from_ns), float(to_ns), 20))[:, [self.names.index(one) for one in names]]

@@ -1,7 +1,7 @@
 """The geometry that `baseline --learn` found, as the start of the estimate of a mounting.
 
-It is no measurement of its own: the presses beside it are, and the drawing's tolerances stay the prior. Only where the
-estimate begins, and which axes the small rotations of the chips count from, is taken from it.
+It is no measurement: the stored presses are, and the drawing's tolerances stay the prior. It gives only the start of
+the estimate, and the axes from which the chips' small rotations count.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class LearnedGeometry:
     pose: Array
 
     def turned(self, pad: Pad) -> Pad:
-        """The drawing with the chips turned as they were found."""
+        """The drawing with the learned rotations of the chips."""
         turns = np.array([rotation_from_vector(one) for one in self.rotation_rad])
         return replace(pad, sensors=SensorArray(pad.sensors.position_m, product(pad.sensors.axes, turns)))
 

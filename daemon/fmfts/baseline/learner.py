@@ -1,4 +1,4 @@
-"""What a request to record a baseline asks of rooms above it."""
+"""The interface to higher rooms that a request to record a baseline needs."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ LEARN_PRESSES = 60  # of which a geometry is learnt
 
 
 class Learner(Protocol):
-    """Learns what a recording of its own tells: a geometry (fmfts.learn), a silicone (pipeline.weighing), or what a
-    hand's posture does to the field (posture.py).
+    """Learns from its own recording: a geometry (fmfts.learn), a silicone (pipeline.weighing), or a hand's posture
+    field (posture.py). option: its name on the command line.
 
-    option: how a person asks for it. seconds: the usual time. presses: so many, all over the pad; 0: none.
+     seconds: the usual time. presses: so many, all over the pad; 0: none.
     weight_n: a weight that stands on it; 0: none.
     """
 
@@ -35,4 +35,4 @@ class Learner(Protocol):
     def make(
         self, pad: Pad, frames: Sequence[Frame], before: Baseline | None
     ) -> tuple[Baseline, AnyMounting, dict[str, Any]]:
-        """`before` with what was learned, its mounting, and facts. BaselineError if the presses do not tell it."""
+        """`before` with the learned facts, and its mounting. BaselineError if the presses do not determine them."""

@@ -1,4 +1,4 @@
-"""What a baseline leaves unknown, and its effect on the field and on a change of pose."""
+"""The uncertainty that a baseline leaves, and its effect on the field and on a change of pose."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ TYPICAL_CHANGE = np.array([3e-4, 3e-4, 5e-4, 0.1, 0.1])
 # At most this many independent causes of error are kept for a change of pose: FMFTS_LEFTOVERS in pose/step.h.
 MOST_CAUSES = 25
 TILT, AMBIENT_COLUMNS = slice(3, 5), np.arange(6, 9)
-TELLS_LITTLE = 1e-2  # the share of a tolerance's variance below which a recording tells nothing of a distance
+TELLS_LITTLE = 1e-2  # the share of a tolerance's variance below which a recording does not determine a distance
 # A finger presses down; sideways and in tilt it may move either way.
 HALF_A_PRESS = np.array([0.0, 0.0, -3e-4, 0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True)
 class Leftover:
-    """What the baseline leaves uncertain: the estimate `scaled` (M,) of the unknowns, and its covariance (M, M).
+    """The baseline's uncertainty: the estimate `scaled` (M,) of the unknowns, and its covariance (M, M).
 
     weight: (3N,) of the field values of a frame. pad_share: how much of the magnet's tilt is the whole pad's;
-    unshared_tilt_rad: what of the pad's tilt stays unknown where the magnet's is known.
+    unshared_tilt_rad: deviation of the pad's tilt if the magnet's is known.
     """
 
     unknowns: Unknowns
@@ -56,7 +56,7 @@ class Leftover:
     def field_errors(self) -> FieldErrors:
         """The errors of the field, after a change of pose and of the ambient field, that these uncertainties cause.
 
-        Besides the columns of the M unknowns there is one for the tracker's use of a dipole in place of the cylinder.
+        After the columns of the M unknowns there is one for the tracker's dipole in place of the cylinder.
         """
         state, places, matrix = self.unknowns.unpack(self.scaled)
         state = replace(state, ambient_t=np.zeros(3))
@@ -104,8 +104,8 @@ class Leftover:
         return np.asarray(relative / typical[:, :, None], dtype=np.float64)
 
     def pad_turn(self) -> Array:
-        """See `Mounting.pad_turn`. The most probable tilt is too small: chips that are all turned look like a tilt, and
-        a part of it is put down to them. That part is given back."""
+        """See `Mounting.pad_turn`. The most probable tilt is too small, because a part of it is attributed to the
+        chips: a common rotation looks the same. That part is added."""
         drawn, tilt = (
             self.unknowns.pad.rest_axis,
             self.unknowns.deviation[TILT] * self.scaled[TILT] / self._told_of_tilt,

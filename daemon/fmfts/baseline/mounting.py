@@ -1,7 +1,7 @@
-"""The mounted pad as it really is: rest pose, magnet, sensor places and gains, estimated from the field at rest.
+"""The mounted pad: rest pose, magnet, sensor places and gains, estimated from the field at rest.
 
-No pad is exactly like its drawing. So the rest pose is not assumed but estimated: the maximum a posteriori over
-everything that mounting and manufacture leave open, with the tolerances as priors. Contact uses the change from it.
+No pad is exactly like its drawing. So the rest pose is estimated: the maximum a posteriori over all errors of mounting
+and manufacture, with the tolerances as priors. Contact uses the change from it.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from fmfts.pose import solve as solve_pose
 
 Array = NDArray[np.float64]
 
-ITERATIONS_TO_COMPARE = 8  # a search that has not settled by then is that of a wrong assumption
-BROKEN_T = 5e-5  # what a broken sensor reads: anything, as the size of the Earth's field
+ITERATIONS_TO_COMPARE = 8  # a search that has not converged by then has a wrong assumption
+BROKEN_T = 5e-5  # deviation of a broken sensor's reading: the Earth's field
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ class Mounting:
         return measured_t / self.gain - self.offset_t
 
     def moved_since(self, pad: Pad, recording: Recording) -> Array:
-        """How far the magnet has gone since then (3,), in m; the ambient field may have turned."""
+        """Displacement (3,) of the magnet since then, in m; the ambient field may have turned."""
         field_t, deviation_t = self.magnet_field(recording.mean_t), recording.mean_deviation_t
         estimate = solve_pose(field_t, self.mounted(pad), self.rest, deviation_t=deviation_t, free=FREE_FIELD)
         return estimate.position_m - self.rest.position_m
@@ -126,10 +126,10 @@ def estimate_mounting(
     """The most probable mounting, from the field at rest and, if it was recorded, the field without the pad.
 
     With a bare recording, the difference of the two is the magnet's field, and the ambient field is measured. Without
-    one the ambient field is a further unknown, and its estimate is too bad to publish (18–31 mG wrong).
-    used: (N,) sensors to use, None: all. measured: sensitivities, None: only their tolerances are known.
-    presses: fields of presses that move the magnet, None: no presses. They need all sensors. to_compare: fast,
-    for one of many assumptions: without what the linear model neglects, and a search that does not settle ends early.
+    one the ambient field is a further unknown, and its estimate is too inaccurate to publish (18–31 mG off). used: (N,)
+    sensors to use, None: all. measured: sensitivities, None: only their tolerances are known. presses: fields of
+    presses that move the magnet, None: no presses. They need all sensors. to_compare: fast, for one of many
+    assumptions: without second-order errors, and a search that does not converge ends early.
     """
     count = len(pad.sensors)
     unknowns = Unknowns.of(pad, tolerance, bare is None, measured)
@@ -203,7 +203,7 @@ def estimate_mounting(
 def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording, known: Sensitivity) -> Mounting:
     """The mounting as drawn, for a pad whose rest was not recorded yet: only the ambient field is known.
 
-    All sensors have the same weight, as in the paper: it is known how wrong they may be, but not which ones are.
+    All sensors have the same weight, as in the paper: only their common tolerance is known.
     """
     shape = bare.mean_t.shape
     at_rest_t = dipole_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet.strength_t_m3)
@@ -212,7 +212,7 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording, known: Sen
     place = _by_place(np.full(shape, tolerance.sensor_position_m), distance)
     # At a random direction of the field, two of three components are across an axis.
     across = 2.0 * (square(tolerance.sensor_rotation_rad) + square(tolerance.cross_axis))
-    gain, uncertain = known.mean[: bare.mean_t.size].reshape(shape), known.covariance[0, 0]  # of each gain the same
+    gain, uncertain = known.mean[: bare.mean_t.size].reshape(shape), known.covariance[0, 0]  # the same for each gain
     proportional = np.sqrt(uncertain + across + np.mean(square(place)))
     ambient, ambient_deviation = ambient_of(pad, bare)
     return Mounting(

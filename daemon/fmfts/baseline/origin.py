@@ -1,4 +1,4 @@
-"""Says whose a baseline is: the board, the I2C bus and mux, or the simulation whose sensors it was recorded with."""
+"""The origin of a baseline: the board, the I2C bus and mux, or the simulation with the recorded sensors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     uid, pad_index: of a board. bus, mux_address, channels, addresses: of chips on an I2C bus, which have no numbers of
     their own; addresses: None where the mux's channels tell them apart; mux_addresses: of each sensor's mux, in place
     of mux_address, where there are several.
-    port: of a board that tells no identity of its own. seed: of a simulated pad. chip: what kind of chip they are.
+    port: of a board without an identity of its own. seed: of a simulated pad. chip: what kind of chip they are.
     """
 
     kind: str
@@ -30,7 +30,7 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     mux_addresses: tuple[int, ...] | None = None
 
     def on(self, board: Mapping[str, object]) -> Origin:
-        """The same with what the board says of itself (`SourceState.board`)."""
+        """The same with the board's own facts (`SourceState.board`)."""
         uid = board.get("uid")
         return (
             msgspec.structs.replace(self, uid=uid.lower()) if self.kind == "bridge" and isinstance(uid, str) else self
@@ -67,7 +67,7 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
 
 
 def foreign(pad: str, whose: Origin, mine: Origin) -> str:
-    """The sentence that refuses a baseline. whose: it is; mine: the sensors that there are now."""
+    """The sentence that refuses a baseline. whose: its sensors; mine: the present sensors."""
     return (
         f"pad '{pad}': its baseline was recorded on {whose}, but the pad is on {mine}, which has other sensors: "
         f"record a baseline here: `fmfts-daemon baseline --bare --pad {pad}` without the pad, then `--rest` with it"
@@ -75,7 +75,7 @@ def foreign(pad: str, whose: Origin, mine: Origin) -> str:
 
 
 def unbound(pad: str) -> str:
-    """The sentence for a baseline of an older version, which does not say whose it is."""
+    """The sentence for a baseline of an older version, without an origin."""
     return (
         f"pad '{pad}': its baseline does not say on which board it was recorded, so it is accepted; "
         f"`fmfts-daemon baseline --rest --pad {pad}` records one that does"

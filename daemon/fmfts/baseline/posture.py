@@ -1,4 +1,4 @@
-"""`baseline --posture`: an untouched minute in which the hand moves teaches what its posture does to the field."""
+"""`baseline --posture`: measures the field of the hand's postures, in an untouched minute in which the hand moves."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Numbers = tuple[float, ...]
 
 
 class StoredPosture(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """A `PostureModel` in a baseline's file, with the time at which it was taught; matrices row by row.
+    """A `PostureModel` in a baseline's file, with the time of its recording; matrices row by row. even_t: see Taught.
 
     even_t: see Taught.
     """
@@ -48,7 +48,7 @@ class StoredPosture(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omi
     mean_t: Numbers
     spread_t2: tuple[Numbers, ...]
     even_t: float
-    # Of a rest that was recorded later: its joints, or that they are not known.
+    # The joints of a later rest recording, or that they are not known.
     rest_rad: Numbers | None = None
     rest_unknown: bool = False
 
@@ -128,7 +128,7 @@ class StoredPosture(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omi
 
 @dataclass(frozen=True)
 class PostureLearner:
-    """A `Learner`. track: what the joints did meanwhile; whoever records adds to it."""
+    """A `Learner`. track: the joint positions meanwhile, which the recorder adds."""
 
     seconds: float = SECONDS
     without_joints: bool = False
@@ -137,7 +137,7 @@ class PostureLearner:
     option, presses, weight_n = "--posture", 0, 0.0
 
     def require(self, pad: Pad, before: Baseline) -> None:
-        """Any pad with a rest can be taught."""
+        """Any pad with a rest recording is accepted."""
 
     def make(
         self, pad: Pad, frames: Sequence[Frame], before: Baseline | None

@@ -27,7 +27,7 @@ Indices = NDArray[np.intp]
 
 
 class Taught(NamedTuple):
-    """model, and the uneven change of the field (rms, T) before and after the posture is subtracted; terms: how many.
+    """model, and the uneven change of the field (rms, T) before and after subtracting the posture; terms: how many.
     even_t: deviation of the even part, which is not modelled."""
 
     model: PostureModel

@@ -70,7 +70,7 @@ class PressBundle:
         ]
 
     def _whitening(self, matrix: Array) -> Array:
-        """(3N, 3N) matrix that makes the errors of a change (noise, ambient field) independent with deviation one."""
+        """(3N, 3N) matrix that whitens the errors of a change (noise, ambient field)."""
         to_sensor = self.unknowns.pad.sensors.axes.transpose(0, 2, 1)
         ambient = product(matrix, to_sensor).reshape(-1, 3) * STANDING_AMBIENT_T
         variance = (square(self.presses.deviation_t)).ravel() + square(self.unknowns.model_deviation_t)

@@ -1,4 +1,4 @@
-"""What a self-test, --turn or --refine would bring at this pad, before anybody makes one."""
+"""The predicted gain of a self-test, --turn or --refine for this pad."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from fmfts.pad import Pad
 
 Array = NDArray[np.float64]
 
-# What they leave open of a chip: lab/results/as-built.md. A turn and presses compare the chips with each other.
+# A chip's remaining errors: lab/results/as-built.md. A turn and presses compare the chips with each other.
 SELFTEST_GAIN = 0.005
 TURN_GAIN, TURN_ROTATION_RAD, TURN_CROSS_AXIS = 0.006, 0.0015, 0.0025
 REFINE_PLACE_M, REFINE_GAIN, REFINE_ROTATION_RAD, REFINE_CROSS_AXIS = 1.2e-4, 0.02, 0.012, 0.005
-# Less than this is not worth the trouble: a tenth.
+# The smallest gain worth the effort: a tenth.
 WORTH = 0.9
 
 
 def prospects(mounting: Mounting, pad: Pad) -> list[str]:
-    """For each step that would make the magnet's way in a press of 1 N at least a tenth more certain, what it would
-    bring, easiest first.
+    """The gain of each step that reduces the deviation of the magnet's movement in a press of 1 N by at least a tenth,
+    easiest first.
 
-    The figures are deviations of that way. Place and force of the press have more, because the contact model has errors
-    of its own.
+    The figures are deviations of that movement. Place and force of the press have more, because the contact model has
+    errors of its own.
     """
     now = accuracy(mounting, pad)
     if not now:

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 MINIMUM_FRAMES = 50
 FEW_FRAMES = "is the pad streaming, the computer busy?"
-# A chip that measures gives most frames a new sample, also where its clock is slower than the frames.
+# A working chip gives most frames a new sample, even if its clock is slower than the frames.
 STOPPED_SHARE = 0.5
 MINIMUM_SHARE_VALID = 0.95
 BLOCKS = 8
@@ -39,8 +39,9 @@ class ForeignError(BaselineError):
 @contextmanager
 def solvable(otherwise: str) -> Iterator[None]:
     """Turns SingularError and ValueError into BaselineError: numbers far from any pad's may have no solution.
+    otherwise: the text, with the fault and what to do.
 
-    otherwise: the text, which says what was wrong and what to do.
+    
     """
     try:
         yield
@@ -116,7 +117,7 @@ def summarise(frames: Sequence[Frame]) -> Recording:
             )
     alternating = alternation(frames)
     if alternating is not None:
-        # Differences of successive samples tell of what is slow against the samples too little.
+        # Differences of successive samples show too little of slow changes.
         noise = root_of_squares(np.maximum(noise, _scatter(fields, fresh)), alternating.together_t)
     temperatures = [frame.temperature_c for frame in frames if frame.temperature_c is not None]
     return Recording(
@@ -154,7 +155,7 @@ def _silent(frames: Sequence[Frame], answers: NDArray[np.int64]) -> str:
 
 
 def _silent_at_the_end(frames: Sequence[Frame], sensor: int) -> Sequence[Frame]:
-    """The last frames, those in which the sensor no longer answers."""
+    """The last frames, in which the sensor no longer answers."""
     count = next((back for back, frame in enumerate(reversed(frames)) if frame.valid[sensor]), len(frames))
     return frames[len(frames) - count :]
 

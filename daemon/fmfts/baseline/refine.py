@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 FEWEST, MOST = 15, 40
 # If the field moves by less during a mean (20 mG: the magnet moves 0.1 mm), its curvature changes the mean by < 0.1 mG.
 STEADY_T = 2e-6
-# Poses nearer than this to rest or to each other, in typical presses, tell nothing new.
+# Poses nearer than this to rest or to each other, in typical presses, are redundant.
 SMALLEST_DISTANCE = 0.1
 FALSE_OUTLIER = 1e-4
 LARGEST_MISFIT = 5.0

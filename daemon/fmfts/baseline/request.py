@@ -1,4 +1,4 @@
-"""What a person asked to record: makes the baseline from its frames, judges it, stores it, and tells what it found."""
+"""A request to record: makes the baseline from its frames, judges it, stores it, and reports the result."""
 
 from __future__ import annotations
 
@@ -63,13 +63,13 @@ class Recorded:
     """A baseline that is stored and may be used."""
 
     baseline: Baseline
-    mounting: AnyMounting | None  # None of several or unknown magnets before rest was recorded
+    mounting: AnyMounting | None  # None before rest was recorded, for several or unknown magnets
     path: Path
     gained: dict[str, Any]
-    warnings: list[str] = field(default_factory=list)  # what the person should know of the recording
+    warnings: list[str] = field(default_factory=list)  # warnings about the recording
 
     def facts(self, pad: Pad) -> dict[str, Any]:
-        """The facts for the person who asked for the baseline."""
+        """The facts for the person who recorded the baseline."""
         is_silicone_alone = "stiffness" in self.gained
         return (
             (whose(self.baseline) if is_silicone_alone else report(self.baseline, self.mounting, pad))
@@ -82,10 +82,10 @@ class Recorded:
 class BaselineRequest:
     """bare: the pad is not mounted; else it is mounted and unloaded. replaced: it is another pad than the last time.
 
-    turn, refine: improve the last baseline by turning the robot, or by presses anywhere. learn: by presses that tell
-    what the drawing does not. duration_s None: the usual time for this kind of recording. origin: the sensors that it
-    is recorded with. gains: of a self-test, None: those of the last baseline. BaselineError if the options exclude each
-    other or the duration is out of range.
+    turn, refine: improve the last baseline by turning the robot, or by presses anywhere. learn: by presses that replace
+    a rough drawing. duration_s None: the usual time for this kind of recording. origin: the sensors that it is recorded
+    with. gains: of a self-test, None: those of the last baseline. BaselineError if the options exclude each other or
+    the duration is out of range.
     """
 
     pad: Pad
@@ -118,18 +118,18 @@ class BaselineRequest:
 
     @property
     def joints(self) -> JointTrack:
-        """What the joints of a hand do meanwhile."""
+        """Joint positions of a hand meanwhile."""
         return self.learn.track if isinstance(self.learn, PostureLearner) else self.track
 
     @property
     def only_adds(self) -> bool:
-        """To a baseline that must be there, and whose sensors it does not tell."""
+        """Whether it adds to an existing baseline, without recording its sensors."""
         return self.turn or self.refine or self.learn is not None
 
     @property
     def coverage(self) -> Coverage | None:
-        """Guides the person, and ends the recording when it has enough. None if nobody need do anything meanwhile, or
-        if a duration was asked for."""
+        """Guides the person, and ends the recording when it has enough. None if nothing needs to be done meanwhile, or
+        with a given duration."""
         if self.duration_s is not None:
             return None
         if self.turn:
@@ -156,7 +156,7 @@ class BaselineRequest:
     def make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, AnyMounting | None]:
         """Make a baseline from the frames. BaselineError, with the pad's name, if they are not good enough.
 
-        A `before` of other sensors is left out; what only adds to it is refused.
+        A `before` of other sensors is ignored; a request that only adds to it is refused.
         """
         return self._made(frames, before)[:2]
 
@@ -166,7 +166,7 @@ class BaselineRequest:
                 self._require_own(before)
             before = None
         baseline, mounting, facts = self._make(frames, before and before.tested(self.gains))
-        # Turning and presses only add to a baseline, and so do not tell whose it is.
+        # Turning and presses only add to a baseline, so its origin stays.
         origin = baseline.origin if self.only_adds else self.origin
         return (baseline if baseline.origin == origin else baseline.recorded_on(origin)), mounting, facts
 

@@ -1,4 +1,4 @@
-"""A mounted pad whose magnets are unknown: its field at rest, from which its contact model counts changes."""
+"""A mounted pad with unknown magnets: its field at rest, from which its contact model computes changes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 class RestField:
     """rest_t, noise_t (N, 3): the field at rest, the ambient field among it, and the noise of one sample.
 
-    temperature_c: of the recording, None if nothing told it.
+    temperature_c: of the recording, None if it is unknown.
     """
 
     rest_t: Array
@@ -32,4 +32,4 @@ class RestField:
         """Nobody knows it."""
 
     def moved_since(self, pad: Pad, recording: Recording) -> None:
-        """Nobody can tell: a change of the field may be its temperature."""
+        """Not known: a change of the field may come from temperature."""

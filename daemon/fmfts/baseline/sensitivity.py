@@ -83,7 +83,7 @@ def columns(field: Array) -> Array:
 def split(matrix: Array, drawn_axes: Array) -> tuple[Array, Array]:
     """K (N, 3, 3) as gains (N, 3) along axes (N, 3, 3), whose columns are unit vectors in pad axes.
 
-    drawn_axes: those of the drawing. A chip's axes are where it feels the field; they need not be at right angles.
+    drawn_axes: those of the drawing. A chip's axes are its directions of measurement; they need not be at right angles.
     """
     gain = lengths(matrix)
     return gain, product(drawn_axes, (matrix / gain[:, :, None]).transpose(0, 2, 1))

@@ -1,4 +1,4 @@
-"""What a weight told of a pad's silicone (pipeline/weighing.py), as part of its baseline's file."""
+"""A pad's stiffness by a known weight (pipeline/weighing.py), as part of its baseline's file."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from fmfts.baseline.file_format import now
 from fmfts.common import possible
 from fmfts.contact.tolerances import THICKNESS_M, StructureTolerance
 
-# Another pad of its cast: the modulus of one batch and cure to 5 %, and a thickness of its own. The weight told the
-# old pad's thickness along with the modulus, so that both pads' count.
+# Another pad of its cast: the modulus of one batch and cure to 5 %, and a thickness of its own. The weight measured the
+# old pad's thickness along with the modulus, so both pads' thicknesses count.
 SAME_CURE = 0.05
 OTHER_THICKNESS = StructureTolerance(thickness_m=THICKNESS_M).force_share
 
@@ -37,6 +37,6 @@ class StoredSilicone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return cls(now(), model, weight_n, stiffness, deviation)
 
     def of_another_pad(self) -> StoredSilicone:
-        """For a pad that was cast like this one."""
+        """For a pad cast like this one."""
         deviation = root_of_squares(self.deviation, SAME_CURE, OTHER_THICKNESS, OTHER_THICKNESS)
         return msgspec.structs.replace(self, deviation=float(deviation))

@@ -1,8 +1,8 @@
-"""What may be wrong with a pad whose field fits none within its tolerances: assumptions, each with a sentence.
+"""Possible faults of a pad whose field fits no pad within the tolerances: assumptions, each with a sentence.
 
 Each assumption is one model of pad and recordings; two of them combine to a third. Models are compared by their
-evidence: D. J. C. MacKay, "Bayesian interpolation", Neural Computation 4 (1992) 415. It prefers the assumption that
-leaves least open, where several explain a field.
+evidence: D. J. C. MacKay, "Bayesian interpolation", Neural Computation 4 (1992) 415. If several explain a field, it
+prefers the one with the fewest free parameters.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from fmfts.pad import Pad, SensorArray, Tolerance, rotation_from_vector
 
 Array = NDArray[np.float64]
 
-# Prior deviations of what is wrong, far beyond those of mounting: as a finger, a wrong rest_mm or a wrong part needs.
+# Prior deviations of faults, far beyond those of mounting: a finger, a wrong rest_mm or a wrong part.
 ELSEWHERE_M, ELSEWHERE_RAD, REMANENCE, TURNED_RAD, GAIN = 2e-3, 0.2, 1.0, 0.2, 0.2
 ALL_GAINS = 0.05
 UNEXPLAINED_T = 3e-5  # steel or another magnet beside the pad, or a drawing that is not this pad's: any field
@@ -34,11 +34,11 @@ QUARTER = np.pi / 2.0
 
 @dataclass(frozen=True, slots=True)
 class Assumption:
-    """A pad as it may be, and how its recordings are to be read.
+    """An assumed pad, and how to read its recordings.
 
-    order (N,): sensor i of the pad is the recording's sensor order[i]. used (N,): False for a sensor that tells
-    nothing. beyond (9N,): deviations of sensitivities, besides those of the tolerances. unexplained_t: deviation of
-    what no part explains. alternatives: of so many assumptions one is right, so each is less probable.
+    order (N,): sensor i of the pad is the recording's sensor order[i]. used (N,): False for a sensor without
+    information. beyond (9N,): deviations of sensitivities, besides those of the tolerances. unexplained_t: deviation of
+    the unexplained field. alternatives: number of equivalent assumptions, so that each is less probable.
     """
 
     pad: Pad
@@ -73,7 +73,7 @@ Fault = Callable[[Assumption], Assumption]
 
 
 def faults_alone(drawing: Pad) -> Iterator[Fault]:
-    """Faults that explain so much that a second one beside them is never found."""
+    """Faults that explain so much that no second one is searched beside them."""
     yield _unexplained
     if len(drawing.sensors) > 3:
         for sensor in range(len(drawing.sensors)):

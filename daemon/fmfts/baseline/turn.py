@@ -1,10 +1,10 @@
 """Estimates the sensitivities of the chips by turning the unloaded pad: all see one vector, the Earth's field.
 
 At orientation k every sensor reports y_k = K·Rᵀ·u_k + o. u_k has the constant length E; o is the field of the pad's
-magnet, which turns along, and the chip's offset. The gain and the rotation that all sensors have in common stay
-unknown: the field at rest tells them as far as the magnet's place is known. See V. Renaudin, M. H. Afzal and
-G. Lachapelle, "Complete triaxis magnetometer calibration in the magnetic domain", J. Sensors (2010); here the chips
-share each u_k, instead of an ellipsoid for each chip.
+magnet, which turns along, and the chip's offset. The common gain and rotation of all sensors stay unknown: the field at
+rest determines them as far as the magnet's place is known. See V. Renaudin, M. H. Afzal and G. Lachapelle, "Complete
+triaxis magnetometer calibration in the magnetic domain", J. Sensors (2010); here the chips share each u_k, instead of
+an ellipsoid for each chip.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def _misfit(pad: Pad, turn: Turn, fit: _Fit) -> TurnMisfit:
 
 
 def _prior(before: Sensitivity, count: int) -> Array:
-    """(12N + 1,) what is known before of each shared unknown, as 1/variance: of offsets and strength nothing.
+    """(12N + 1,) the prior information on each shared unknown, as 1/variance: none on offsets and strength.
 
     A tolerance of zero means that the value is exact; the floor avoids a division by zero.
     """
@@ -185,7 +185,7 @@ def _deviation(turn: Turn, repeated: float = 1.0) -> Array:
 
 
 def _repeated(orientations: int) -> float:
-    """Factor on a deviation of each orientation, so that many tell no more than INDEPENDENT ones."""
+    """Factor on the deviation of each orientation, so that many count no more than INDEPENDENT ones."""
     return float(np.sqrt(max(orientations / INDEPENDENT, 1.0)))
 
 

@@ -1,4 +1,4 @@
-"""What a turn leaves unexplained: how much more than expected, and whether a touch, steel or one chip caused it."""
+"""The misfit of a turn: its size against the expected one, and whether a touch, steel or one chip caused it."""
 
 from __future__ import annotations
 
@@ -86,14 +86,15 @@ def _compared(chi2: Array, freedom: int) -> tuple[float, NDArray[np.bool_]]:
 def _sensor_alone(misfit: Array, by_field: Array) -> int | None:
     """The only sensor (from 0) without which the others see one field turn; None if there is none, or more than one.
 
-    A touch moves the magnet, which is as far from every sensor as from every other: all of them see it. What happens to
-    one chip, or on its way, is in that chip's readings alone. misfit (K, N, 3), by_field (N, 3, 3): in deviations.
+    A touch moves the magnet, which is equally far from all sensors: all of them measure it. A fault of one chip, or its
+    wires, is in that chip's readings alone. misfit (K, N, 3), by_field (N, 3, 3): in deviations.
     """
     count = misfit.shape[1]
     found = []
     for sensor in range(count) if count > 2 else ():
         others = np.arange(count) != sensor
-        # What no ambient field can be: so it does not depend on the field that was estimated with the bad sensor.
+        # The part that no ambient field explains, so that it does not depend on the field estimated with the bad
+        # sensor.
         parity = complement(by_field[others].reshape(-1, 3)).T
         chi2 = square(product(misfit[:, others].reshape(len(misfit), -1), parity.T)).sum(axis=1)
         inflation, touched = _compared(chi2, len(parity))

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 AMBIENT_DEVIATION_T = 5e-5
 # The change of the ambient field between two recordings while the robot stands still.
 STANDING_AMBIENT_T = 1e-7
-# A smaller variance of a sensitivity is none: of a tolerance of zero.
+# A smaller variance of a sensitivity counts as zero, from a tolerance of zero.
 EXACT = 1e-15
 
 

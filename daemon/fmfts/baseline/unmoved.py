@@ -1,4 +1,4 @@
-"""Refuses a new zero that would be a load: the magnet must be where the last baseline found it."""
+"""Refuses a new zero under a load: the magnet must be where the last baseline found it."""
 
 from __future__ import annotations
 

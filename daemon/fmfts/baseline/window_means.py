@@ -1,6 +1,6 @@
 """Averages the frames of a moving field over short windows, each with its time.
 
-A field that turns by θ within a window has a mean that is θ²/24 too short: whoever turns fast gets shorter windows.
+If a field turns by θ within a window, its mean is θ²/24 too short: fast turns get shorter windows.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 MEAN_OF = 11
 # The mean over this arc is a quarter of a percent too short, half of what a workshop's field differs.
 LARGEST_ARC = 0.25
-STILLEST = 0.1  # share of the samples of a fast turn that tell the noise
+STILLEST = 0.1  # share of a fast turn's samples that determine the noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ def means(frames: Sequence[Frame]) -> Means:
 
 
 def turning_means(frames: Sequence[Frame]) -> Means:
-    """As `means`, over windows as short as the speed needs with which the field turns."""
+    """As `means`, over windows that are short enough for the field's speed."""
     fields, times = _whole(frames)
     window = turning_window(fields)
     return _means_of(fields, times, _noise(frames, 1.0 if window == MEAN_OF else STILLEST), window)
@@ -103,7 +103,7 @@ def _means_of(fields: Array, times: Array, noise_t: Array, mean_of: int) -> Mean
 
 
 def _what_is_wrong(frames: Sequence[Frame], sensor: int) -> str:
-    """With a sensor that is missing in many frames: what the last of them shows."""
+    """If a sensor is missing in many frames, the error is about the last of them."""
     found = (missing_sensors(frame).get(sensor) for frame in reversed(frames))
     what = next((each for each in found if each is not None), SILENT)
     return f"{what}: check its wiring" if what == SILENT else what
@@ -140,7 +140,7 @@ def _noise_of(samples: Array, stillest: float) -> Array:
 
 def _robust_deviation(differences: Array) -> Array:
     """Standard deviation along the first axis, without outliers beyond four times a rough one from the median of the
-    squares. The median alone would not do: as a median of counts it is itself a count."""
+    squares. The median alone is too coarse: a median of counts is itself a count."""
     squares = square(differences)
     rough = np.nanmedian(squares, axis=0) / 0.4549  # the median of χ² with one degree
     deviation: Array = np.sqrt(np.nanmean(np.where(squares <= 16.0 * rough, squares, np.nan), axis=0))

@@ -31,7 +31,7 @@ class KeysError(BusError):
 
 
 class ClosedKeysError(KeysError):
-    """This user may not read a key or the list."""
+    """This user cannot read a key or the list."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class ClientList:
             try:
                 self._by_key = {client.public: client for client in self.read().values()}
             except KeysError as error:
-                if error.__cause__ is not None:  # it could not be opened or read, which may be over the next time
+                if error.__cause__ is not None:  # it could not be opened or read: try again next time
                     raise
                 self._damage = str(error)  # a damaged list is not read again for each peer that connects
             self._read_at = version

@@ -21,7 +21,7 @@ READING = frozenset({"status", "probe", "pads"})
 CHANGING = frozenset({"baseline", "selftest", "weigh"})
 VERBS = READING | CHANGING
 LARGEST_REQUEST = 1024  # the largest valid one has less than half of it
-LARGEST_RECEIVED = 2 * LARGEST_REQUEST  # beyond this ZeroMQ hangs up instead of answering
+LARGEST_RECEIVED = 2 * LARGEST_REQUEST  # beyond this ZeroMQ closes the connection instead of answering
 # Requests of one peer that wait in this process, and answers that one peer has not read. A peer that sends more waits
 # in its own `send`; see unread.py for answers.
 MOST_WAITING = MOST_UNREAD = 32
@@ -201,7 +201,7 @@ class ControlServer:
             self._unread.keep((route, payload))
 
     def _inform(self, route: tuple[bytes, ...], payload: bytes) -> None:
-        """Send what a peer that reads nothing can do without."""
+        """Send something that may be dropped for a peer that reads nothing."""
         if not self._unread.of(route):
             self._is_sent((route, payload))
 

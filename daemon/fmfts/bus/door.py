@@ -2,7 +2,7 @@
 files.
 
 Its ipc listener takes EMFILE of accept(2) for an error of its own program (libzmq 4.3.5, `ipc_listener.cpp`). Its tcp
-listener does not, but then the daemon can open no device and no file any more. No option bounds the connections. So the
+listener does not, but then the daemon can open no more devices and files. No option bounds the connections. So the
 doors are closed long before: an ipc socket's file gets another name, and the kernel drops what asks for a new tcp
 connection (listener.py). Connected peers stay; the ZeroMQ of all others tries again until the doors open.
 """
@@ -33,7 +33,7 @@ SHARE_OF_LIMIT = 2
 MEASURED_PER_S = 25_000.0
 FASTEST_PER_S = 2 * MEASURED_PER_S
 LONGEST_LOOK_S = 0.005
-# Below this limit a flood of connections might be faster than a look. Linux' own hard limit is 4096 at least.
+# Below this limit a flood of connections might exceed it between two looks. Linux' own hard limit is at least 4096.
 SAFE_LIMIT = 4096
 
 log = logging.getLogger(__name__)
@@ -114,7 +114,7 @@ class Door:
 
     def _watch(self) -> None:
         if self._priority:
-            with suppress(RealtimeError):  # the daemon asks for the same, and says why it may not
+            with suppress(RealtimeError):  # the daemon requests the same, and reports why it is refused
                 take_thread_priority(self._priority)
         failure = ""
         while not self._ended.wait(self._look_s):

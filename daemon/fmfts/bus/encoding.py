@@ -1,4 +1,4 @@
-"""Encodes messages as msgpack maps, and refuses what is not a number: NaN and infinity are never published."""
+"""Encodes messages as msgpack maps, and refuses NaN and infinity, which are never published."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def encode_facts(facts: Any) -> bytes:
 
 
 def encoded(facts: Any) -> msgspec.Raw:
-    """Facts, or a message, as a part of later `encode_facts`, which encodes it no more. Raises NotFiniteError."""
+    """Facts, or a message, encoded once as a part for later `encode_facts`. Raises NotFiniteError."""
     return msgspec.Raw(encode_facts(facts))
 
 

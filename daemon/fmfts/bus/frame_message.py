@@ -16,7 +16,7 @@ from fmfts.sensor.joints import Joints
 def frame_message(
     frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = True, joints: Joints | None = None
 ) -> FrameMessage:
-    """The message of a frame. used: whether the pipeline processed it. joints: that it knew of; None: of no hand."""
+    """The message of a frame. used: whether the pipeline processed it. joints: those it used; None: no hand."""
     return FrameMessage(
         pad=pad,
         boot=boot,
@@ -46,7 +46,7 @@ def _known(joints: Joints) -> KnownJoints:
 
 
 def _joints(known: KnownJoints) -> Joints:
-    """ValueError: no hand has such joints."""
+    """ValueError: impossible joint positions."""
     possible.JOINT_RAD.require([*known.position_rad, *known.before_rad])
     if any(time_ns is not None and abs(time_ns) >= 1 << 62 for time_ns in (known.t_ns, known.before_ns)):
         raise ValueError("joints at a time that no clock tells")
@@ -67,7 +67,7 @@ def early_message(early: EarlySample, pad: str, boot: str, utc_ns: int) -> Early
 
 
 def early_of(message: EarlyMessage, chip: Chip = DEFAULT_CHIP) -> EarlySample:
-    """The sample of a message. chip: of the recorded configuration. ValueError: a number is none that a chip gives."""
+    """The sample of a message. chip: of the recorded configuration. ValueError: a chip cannot give such a number."""
     early = EarlySample(0, message.sensor, message.device_time_us, message.gain_code, message.counts, chip)
     if not early.is_possible:
         raise ValueError("a sample that no chip gives")
@@ -75,9 +75,10 @@ def early_of(message: EarlyMessage, chip: Chip = DEFAULT_CHIP) -> EarlySample:
 
 
 def frame_of(message: FrameMessage, pad_index: int = 0, chip: Chip = DEFAULT_CHIP) -> Frame:
-    """The frame of a message, as its source gave it. chip: of the recorded configuration, for no message names it.
+    """The frame of a message, as its source gave it. chip: of the recorded configuration, because messages do not name
+    it.
 
-    ValueError: a number is none that a source gives.
+    ValueError: a source cannot give such a number.
     """
     numbers = (message.sequence, message.device_time_us, message.host_time_ns)
     sensors = {len(each) for each in (message.counts, message.age_us, message.fresh, message.valid)}

@@ -18,8 +18,8 @@ from fmfts.common import possible
 TOPIC = b"joints"
 LARGEST_RECEIVED = 16_384
 LONGEST_NAME = 100
-MOST_PARTS = 3  # that are read at once, one more than a message has: a peer may send any number
-MOST_WAITING = 100  # messages of one peer; a daemon that was busy does without the older ones
+MOST_PARTS = 3  # parts read at once, one more than a message has: a peer may send any number
+MOST_WAITING = 100  # messages kept of one peer; a busy daemon drops older ones
 LOGGED_AGAIN_S = 60.0
 log = logging.getLogger(__name__)
 _decoder = msgspec.msgpack.Decoder(JointsMessage)
@@ -27,8 +27,8 @@ Positions = tuple[Mapping[str, float], int]  # by joint, in rad, and their time 
 
 
 class JointListener:
-    """Serves `endpoint`; `keys` encrypt tcp. refused: how many messages were of no use. may_have_more: `receive` had no
-    time left. BusError where the endpoint cannot be bound."""
+    """Serves `endpoint`; `keys` encrypt tcp. refused: number of unusable messages. may_have_more: `receive` had no time
+    left. BusError where the endpoint cannot be bound."""
 
     def __init__(self, endpoint: str, keys: KeyFolder | None = None) -> None:
         key = None if keys is None else keys.server()
@@ -84,7 +84,7 @@ class JointListener:
 
 
 def _positions(parts: list[bytes]) -> Positions:
-    """ValueError or msgspec.DecodeError: it is no message of joints."""
+    """ValueError or msgspec.DecodeError if it is no message of joints."""
     if len(parts) != 2:
         raise ValueError(f"{len(parts)} parts, not a topic and a map (docs/messages.md)")
     message = _decoder.decode(parts[1])

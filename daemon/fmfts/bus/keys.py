@@ -34,7 +34,7 @@ class NotWrittenError(BusError):
 
 
 class OptionError(BusError):
-    """A client's name that cannot be, is taken, or is not on the list."""
+    """A client's name is invalid, taken, or not on the list."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class KeyFolder:
         return self._list.read()
 
     def check(self) -> None:
-        """Raise KeysError where the daemon could not let anybody in."""
+        """Raise KeysError if the daemon could admit nobody."""
         self.server()
         self.clients()
 

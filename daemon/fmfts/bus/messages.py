@@ -91,8 +91,8 @@ class KnownJoints(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class JointsMessage(msgspec.Struct, frozen=True, kw_only=True):
-    """`joints`: what a program tells the daemon of a hand's joints. t_ns: on this computer's CLOCK_MONOTONIC; null: as
-    it arrives."""
+    """`joints`: a hand's joint positions, from another program. t_ns: on this computer's CLOCK_MONOTONIC; null: as it
+    arrives."""
 
     v: int
     t_ns: int | None
@@ -119,8 +119,8 @@ class ContactMessage(_Message, frozen=True, kw_only=True):
     """`contact/<pad>`: one per frame, and at least ten a second while the source is silent.
 
     Of a pad with several magnets place, force and shear are the resultant of its `contacts`, and `pose` is null. A pad
-    with one magnet leaves `contacts`, `more` and `poses` out, so that its messages are as short as ever, and the same.
-    So does one that was not asked for `slip`.
+    with one magnet omits `contacts`, `more` and `poses`, and a pad without `slip` omits that key, so that old messages
+    stay the same.
     """
 
     seq: int
@@ -157,7 +157,7 @@ class ContactMessage(_Message, frozen=True, kw_only=True):
 
     @property
     def slipping(self) -> bool:
-        """Whether it tells of a finger that slips."""
+        """Whether it says that a finger slips."""
         return isinstance(self.slip, SlipMessage) and self.slip.slipping is True
 
     @property
@@ -242,7 +242,7 @@ class FrameMessage(_Message, frozen=True, kw_only=True):
     used: bool
     # Of a pad with several magnets; left out where it is true.
     may_search: bool | msgspec.UnsetType = msgspec.UNSET
-    # Of a pad on a hand that moves: the joints that its pipeline knew of. Left out by other pads.
+    # For a pad on a hand that moves: the joints that its pipeline used. Other pads omit it.
     joints: KnownJoints | msgspec.UnsetType = msgspec.UNSET
 
 

@@ -1,4 +1,4 @@
-"""Keeps answers for peers that ask and do not read. What such a peer costs is bounded, and no other peer waits for it.
+"""Keeps answers for peers that ask and do not read. Their cost is bounded, and no other peer waits for them.
 
 ZeroMQ holds the first answers for a peer (`send_high_mark`). Beyond them the daemon refuses each request with a short
 sentence, which waits here. A peer with MOST_OF_A_PEER bytes of them has stopped reading: later ones are dropped, and

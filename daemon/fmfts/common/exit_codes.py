@@ -30,14 +30,14 @@ OF_ERROR = {
     "NoSuchPadError": USAGE,
     "OptionError": USAGE,
     "RefusedAddressError": USAGE,
-    # what was asked cannot be done with these data, or now
+    # the request cannot be carried out with these data, or now
     "BaselineError": DATA,
     "BadRequestError": DATA,
     "CannotError": DATA,
     "DataError": DATA,
     "RecordingError": DATA,
     "RefusedError": DATA,
-    # somebody does not answer
+    # a device, daemon or package is absent
     "AbsentError": UNAVAILABLE,
     "BusError": UNAVAILABLE,
     "ClusterError": UNAVAILABLE,

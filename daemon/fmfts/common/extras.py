@@ -1,4 +1,4 @@
-"""Packages beside this one: what they add, by entry points, and how to install one that is missing."""
+"""Other packages of this project: their parts, by entry points, and how to install a missing one."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ def entry_points_of(group: str) -> Any:
 
 
 def added(group: str, name: str) -> Any:
-    """What a package adds by this name; None where it is not installed."""
+    """A package's part of this name; None if it is not installed."""
     return next((point.load() for point in entry_points_of(group) if point.name == name), None)
 
 
 def how_to_install(package: str) -> str:
-    """The rest of a sentence about what a package brings."""
+    """The end of a sentence about a package's part."""
     pip = f"{sys.executable} -m pip install"
     if package == LABORATORY:
         return f"belongs to the laboratory; install it in a checkout of fmfts with\n    {pip} {IN_CHECKOUT} ./lab"

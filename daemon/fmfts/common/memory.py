@@ -1,4 +1,4 @@
-"""What one frame leaves to the next, as msgpack: a dataclass of numbers, flags and arrays."""
+"""The memory from frame to frame, as msgpack: a dataclass of numbers, flags and arrays."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Memory = TypeVar("Memory")
 
 
 def _is_memory(value: object) -> bool:
-    """A frozen dataclass is a value, which may be there or not."""
+    """The type of a field that holds a frozen dataclass or None."""
     parameters = getattr(value, "__dataclass_params__", None)
     return parameters is not None and not parameters.frozen
 
@@ -22,7 +22,7 @@ def encode(memory: object) -> bytes:
 
 
 def decode(content: bytes, kind: type[Memory]) -> Memory:
-    """ValueError where it is no memory of that kind."""
+    """ValueError if it is no memory of that kind."""
     return msgspec.msgpack.decode(content, type=kind, dec_hook=_decoded)
 
 

@@ -1,4 +1,4 @@
-"""Says that a name is not known, which ones are, and which one was probably meant."""
+"""The sentence for an unknown name, with the known ones and the most similar one."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What physics allows of a number that comes from a wire, a file or a person. Each door asks here first.
+"""Physical limits of numbers that come from a wire, a file or a person; every reader checks them first.
 
-The configuration has narrower limits, beside its keys; what a chip can tell stands with the chip (sensor/chips).
+The configuration has narrower limits, beside its keys, and so have the chips (sensor/chips).
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 
 class Range(NamedTuple):
-    """A closed range, and what is in it, for people."""
+    """A closed range, with a name for people."""
 
     lowest: float
     highest: float
@@ -37,7 +37,7 @@ GAIN = Range(0.1, 10.0, "gain")
 SHARE = Range(0.0, 1.0, "share")
 # Where silicone, solder and the chips' data sheets end. Each chip's own range is narrower (Thermometer).
 TEMPERATURE_C = Range(-60.0, 150.0, "temperature in °C")
-# A pad, and what is learned of it, fits into a metre; a rotation vector ends at half a turn.
+# A pad, and all that is learned about it, fits into a metre; a rotation vector ends at half a turn.
 PLACE_M = Range(-1.0, 1.0, "place in m")
 ROTATION_RAD = Range(-3.2, 3.2, "rotation in rad")
 UNIT = Range(-1.000001, 1.000001, "component of a direction")
@@ -48,7 +48,7 @@ SPACING_MM = Range(1e-3, 1e3, "spacing in mm")
 STIFFNESS = Range(0.05, 20.0, "stiffness over that of the contact model's pad")
 FORCE_N = Range(1e-3, 1e5, "force in N")
 SAMPLES = Range(1, 1e7, "number of samples")
-# Of what a hand's posture does to the field: motors' counts are angles, too, and a finger slides a metre at most.
+# Limits of joint positions: motors' counts are angles, too, and a finger slides a metre at most.
 MOST_JOINTS = 64  # of a hand
 JOINT_RAD = Range(-1e3, 1e3, "joint position in rad")
 JOINT_AXIS = Range(-1e3, 1e3, "coordinate per rad")

@@ -1,4 +1,4 @@
-"""Reads files of which anything may be wrong, so that each kind of file fails in one way: with its own error."""
+"""Reads files that may be damaged in any way, so that each kind of file fails with its own error."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ def digest_of(path: Path) -> str:
 
 @contextmanager
 def damage_told(named: type[Exception], sentence: str, remedy: str = "") -> Iterator[None]:
-    """Every error inside becomes `named`, with `sentence`, what was wrong, and what to do. `named` itself passes.
+    """Every error inside becomes `named`, with `sentence`, the cause, and what to do. `named` itself passes.
 
-    What a decoder raises for damaged bytes is no part of its promises, so no list of its errors is ever complete.
+    A decoder may raise any error for damaged bytes, so no list of its errors is ever complete.
     """
     try:
         yield

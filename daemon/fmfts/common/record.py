@@ -1,4 +1,4 @@
-"""A record of named numbers that Python and C both read and write: a C struct, whose fields C tells (fields.h)."""
+"""A record of named numbers that Python and C both read and write: a C struct, whose fields come from C (fields.h)."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Record:
         return {name: self._values[name].copy() for name in self._values.dtype.names or ()}
 
     def recall(self, values: Values) -> None:
-        """Go on from a `copy` of another record of these fields. ValueError, and nothing changes, if it is none."""
+        """Continue from a `copy` of another record of these fields. ValueError, and nothing changes, if it is none."""
         names = self._values.dtype.names or ()
         if set(values) != set(names):
             other = ", ".join(sorted(set(values) ^ set(names))[:3])

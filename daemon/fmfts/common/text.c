@@ -9,7 +9,7 @@ void fmfts_clear(fmfts_text *text)
     text->text[0] = 0;
 }
 
-/* The size without a character of UTF-8 whose last bytes do not fit. */
+/* The size without an incomplete last character of UTF-8. */
 static size_t whole_characters(const char *text, size_t size)
 {
     size_t first = size;

@@ -1,4 +1,4 @@
-/* A sentence for a person, made piece by piece. It never ends within a character, and what does not fit is left out. */
+/* A sentence for a person, made piece by piece. It is cut to its size, never within a character. */
 #ifndef FMFTS_TEXT_H
 #define FMFTS_TEXT_H
 

@@ -1,4 +1,4 @@
-"""Parses TOML within limits, because anybody may have written it: tomllib takes minutes for a key of many parts."""
+"""Parses TOML within limits, because its author is not trusted: tomllib takes minutes for a key of many parts."""
 
 from __future__ import annotations
 

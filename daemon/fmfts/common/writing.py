@@ -12,7 +12,7 @@ _FULL = {
 
 
 def why_not_written(error: OSError, elsewhere: str = "name another place") -> str:
-    """The system's words and what to do. elsewhere: how to name another place, where this one cannot be had."""
+    """The system's words and what to do. elsewhere: how to name another place, if this one cannot be used."""
     return f"{error.strerror or error}: {_FULL.get(error.errno or 0) or _other(error, elsewhere)}"
 
 

@@ -34,7 +34,7 @@ static PyObject *infer(PyObject *module, PyObject *args)
     return result;
 }
 
-/* The answer in Python's words; see estimate() in _contact.pyi. */
+/* The answer as Python objects; see estimate() in _contact.pyi. */
 static PyObject *told(const fmfts_estimate *estimate, double *places, double *deviations)
 {
     for (int i = 0; i < estimate->outputs; i++) {
@@ -45,8 +45,8 @@ static PyObject *told(const fmfts_estimate *estimate, double *places, double *de
                          estimate->force_min_n);
 }
 
-/* estimate(parameters, model, response, pose, covariance, places, deviations): as fmfts_estimate_contact, of the pose moved into what
- * the model was trained on. */
+/* estimate(parameters, model, response, pose, covariance, places, deviations): as fmfts_estimate_contact, for the pose
+ * moved into the range of the training. */
 static PyObject *estimate(PyObject *module, PyObject *args)
 {
     enum { PARAMETERS, RESPONSE, POSE, COVARIANCE, PLACES, DEVIATIONS, BUFFERS };

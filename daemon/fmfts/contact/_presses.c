@@ -84,7 +84,8 @@ PyObject *fmfts_py_basis(PyObject *module, PyObject *args)
     return result;
 }
 
-/* refine(response, change, covariance, steps, press, spread): χ² that fmfts_refine leaves. None if the covariance is not one. */
+/* refine(response, change, covariance, steps, press, spread): χ² that fmfts_refine leaves. None if the covariance is
+ * not positive definite. */
 PyObject *fmfts_py_refine(PyObject *module, PyObject *args)
 {
     enum { RESPONSE, CHANGE, COVARIANCE, PRESS, SPREAD, BUFFERS };

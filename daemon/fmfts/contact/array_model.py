@@ -14,8 +14,8 @@ from fmfts.contact.seal import hash_of
 from fmfts.pad import Pad, RestingMagnet, SensorArray
 
 ARRAY_PATH = Path(__file__).with_name("array.response")
-# Places (8, 3) in mm of the second standard pad's sensors. A table of presses is of magnets and silicone, but its hash
-# is that of a whole pad, and these sensors are in it.
+# Places (8, 3) in mm of the second standard pad's sensors. A table of presses describes magnets and silicone only, but
+# its hash is that of a whole pad with these sensors.
 STANDARD_SENSORS_MM = np.array(
     [(12, 0, 0), (-12, 0, 0), (0, 12, 0), (0, -12, 0), (12, 12, 0), (12, -12, 0), (-12, 12, 0), (-12, -12, 0)], float
 )
@@ -32,7 +32,7 @@ class ArrayModel:
 
     @property
     def told(self) -> str:
-        """What it is, in a few words for the log."""
+        """A short description for the log."""
         return f"{self.response.magnets} magnets, up to two fingers"
 
     @property
@@ -69,8 +69,8 @@ class ArrayModel:
 
 
 def standard_magnets_of(pad: Pad, response: ArrayResponse) -> list[int] | None:
-    """Which of the second standard pad's magnets a pad holds, in its order; None where it holds others, or where
-    `response` is of another pad than the standard one."""
+    """Which of the second standard pad's magnets a pad holds, in its order; None if it holds others, or if `response`
+    is not the standard pad's."""
     places = [(*(1e3 * one.rest_position_m).tolist(), *one.rest_axis.tolist()) for one in pad.magnets]
     standard = [(float(x), float(y), float(z), 0.0, 0.0, float(up)) for x, y, z, up in STANDARD_MAGNETS]
     kind = pad.magnets[0].magnet

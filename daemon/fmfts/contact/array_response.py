@@ -31,7 +31,7 @@ PRESSED = 7  # numbers of a press for each number of pose: see Pressed
 FORMAT = "fmfts array response 1"
 # The table that ships has 0.28 MB, 17 knots and 4 terms.
 LARGEST_BYTES, MOST_KNOTS = 4_000_000, 66
-# As several.h has room for them: terms, and places of a grid (several/scan.py).
+# Limits of several.h: terms, and places of a grid (several/scan.py).
 MOST_TERMS, WIDEST_MM = 8, 60.0
 # Relative error of a change of pose, of the shipped table (lab/results/several.md).
 SHIPPED_ERROR, LARGEST_ERROR = 0.005, 0.2
@@ -43,7 +43,7 @@ class ResponseError(ValueError):
 
 class Pressed(NamedTuple):
     """What one finger does to P = 5M numbers of pose: change (P,); slope (P, 3) by x, y and the force; by_shear (P, 2);
-    and laplacian (P,), ∂²/∂x² + ∂²/∂y² of the change, which tells what a wider patch would do."""
+    and laplacian (P,), ∂²/∂x² + ∂²/∂y² of the change, which gives the effect of a wider patch."""
 
     change: Array
     slope: Array
@@ -100,11 +100,11 @@ class ArrayResponse:
         return np.ascontiguousarray(np.concatenate([self.coefficient, self.shear], axis=2), dtype=float)
 
     def pressed(self, x_mm: float, y_mm: float, force_n: float) -> Pressed:
-        """What a finger does without shear; see Pressed."""
+        """The effect of a finger without shear; see Pressed."""
         return Pressed(*(each[0] for each in self.pressed_alone(*np.array([[x_mm], [y_mm], [force_n]], float))))
 
     def pressed_alone(self, x_mm: Array, y_mm: Array, force_n: Array) -> Pressed:
-        """What each of K fingers (K,) does alone: as `pressed`, K in front."""
+        """The effect of each of K fingers alone: as `pressed`, K in front."""
         width, _, terms, numbers = self.coefficient.shape
         fingers, packed = np.stack([x_mm, y_mm, force_n], axis=1), np.empty((len(x_mm), PRESSED * numbers))
         _contact.pressed(self.table, width, terms, self.first_mm, self.spacing_mm, self.scale_n, fingers, packed)
@@ -117,7 +117,7 @@ class ArrayResponse:
         return cls(0.0, 1.0, 1.0, nothing, np.zeros((5, 5, 2, CHANGE * magnets)), "")
 
     def only(self, magnets: Sequence[int]) -> ArrayResponse:
-        """The same for some of the magnets, in this order: each one moves as if the others were not there."""
+        """The same for some of the magnets, in this order. Each moves as if the others were absent."""
         numbers = [CHANGE * magnet + number for magnet in magnets for number in range(CHANGE)]
         return replace(self, coefficient=self.coefficient[..., numbers], shear=self.shear[..., numbers])
 
@@ -142,7 +142,7 @@ class ArrayResponse:
 
     @classmethod
     def of(cls, content: bytes, whose: str) -> ArrayResponse:
-        """Of a file's content. ResponseError where it is no such response. whose: the file's name, for the error."""
+        """From a file's content. ResponseError if it is no such response. whose: the file's name, for the error."""
         with damage_told(ResponseError, f"{whose}: is no response of several magnets"):
             stored = msgspec.msgpack.decode(content, type=_Stored)
             if stored.format != FORMAT:

@@ -17,11 +17,12 @@ from fmfts.contact.inference import POSE
 # Nothing is imported from the working directory, which `-c` puts first. Python 3.10 has no -P.
 PROCESS = "import sys; sys.path = [*filter(None, sys.path)]; from fmfts.contact import session; session.{}()"
 LONGEST_S = 30.0
-MODELS = 8  # of as many, what was read is kept: each model is read only once, for all pads
+MODELS = 8  # number of models whose result is kept: each is read only once, for all pads
 
 
 class Told(msgspec.Struct):
-    """What onnxruntime tells of a model. answers: its own to `poses_of`, float32; empty unless it has weights."""
+    """What onnxruntime reports about a model. answers: its answers to `poses_of`, float32; empty unless it has
+    weights."""
 
     metadata: dict[str, str]
     answers: bytes
@@ -42,7 +43,7 @@ def told(content: bytes) -> Told:
 
 @lru_cache(MODELS)
 def tried(content: bytes) -> bytes:
-    """The model as it was looked at. ValueError if it may ask for more than a pad has: see operators.py, session.py."""
+    """The checked model. ValueError if it may need more time or memory than a pad has: see operators.py, session.py."""
     return _asked("try_out", content)
 
 

@@ -44,7 +44,7 @@ class ModelError(Exception):
 
 
 class OtherPadError(ModelError):
-    """The model is whole, and for a pad of other dimensions."""
+    """The model is intact, but for a pad of other dimensions."""
 
 
 class Envelope(Struct, frozen=True, forbid_unknown_fields=True):
@@ -83,13 +83,13 @@ class ErrorTables(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Facts(Struct, frozen=True, forbid_unknown_fields=True):
-    """What a model says of itself.
+    """Facts in a model's metadata.
 
-    dimensions: of the pad, those that geometry_hash is of; None: not known. own_error: errors besides those that
-    the Jacobian carries over from the pose. response_error: errors of the response that the network was trained on,
-    measured with presses left out of its fit; None: not known. friction_error: rms error of noise-free answers per
-    newton of shear, over its directions, in a model of three outputs; None if the calibration set had no shear. scene,
-    noise_ut: what the model was trained for. data: SHA-256 of the calibration set.
+    dimensions: of the pad, those of geometry_hash; None: not known. own_error: errors besides those that the Jacobian
+    propagates from the pose. response_error: errors of the response that the network was trained on, measured with
+    presses left out of its fit; None: not known. friction_error: rms error of noise-free answers per newton of shear,
+    over its directions, in a model of three outputs; None if the calibration set had no shear. scene, noise_ut: what
+    the model was trained for. data: SHA-256 of the calibration set.
     """
 
     contract: Literal[2]

@@ -1,7 +1,7 @@
 /* How a finger may accelerate the magnet: along the directions in which presses move it.
  *
- * The finger's force and place are taken for twice integrated white noise. With S [5][outputs] the slopes of the pad's response at the
- * last contact, the magnet's pose accelerates as white noise of the power density
+ * The finger's force and place are modelled as twice integrated white noise. With S [5][outputs] the slopes of the
+ * pad's response at the last contact, the magnet's pose accelerates as white noise of the power density
  *
  *     W = S diag(q) S^T,  q: drive_power, for x, y and each load
  *

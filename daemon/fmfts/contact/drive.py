@@ -11,7 +11,8 @@ from fmfts.pad import Array
 # Found by `bench now` on six built pads: a tap of 1 N in 50 ms has 80 N/s at most, and turns round within 25 ms.
 FORCE_DRIVE_N2_PER_S3 = 2e5
 PLACE_DRIVE_MM2_PER_S3 = 3e6
-# The next place is unknown: the mean over so many along each side, out to this share of the table, at this force.
+# The next place is unknown: average over a grid with this many places a side, out to this share of the table, at this
+# force.
 PLACES, REACH, LIGHT_N = 9, 5.0 / 7.0, 0.1
 
 

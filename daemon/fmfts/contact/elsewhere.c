@@ -1,12 +1,13 @@
-/* How far another press explains a change of pose about as well as the one that was found.
+/* How far away another press explains a change of pose about as well as the one found.
  *
  * A light press near the middle moves the magnet much like a firmer one near the rim. Where the pose is uncertain, χ² has a long
- * valley between them, or two minima. Along it the force grows faster than in proportion, so that its slope at the answer says too
- * little of its deviation. So χ² is looked at REACH deviations away, both ways along both axes of the place's ellipse, each time with
- * the most likely force for that place. A step that raises χ² by Δ is sqrt(Δ) deviations; if it changes the answer by d, the answer's
- * deviation along this axis is d / sqrt(Δ), the slope of a chord. Where χ² is lower than at the answer, the search goes on from there.
+ * valley between them, or two minima. Along it the force grows faster than linearly, so that its slope at the answer
+ * gives too small a deviation. So χ² is evaluated REACH deviations away, both ways along both axes of the place's
+ * ellipse, each time with the most likely force for that place. A step that raises χ² by Δ is sqrt(Δ) deviations; if it
+ * changes the answer by d, the answer's deviation along this axis is d / sqrt(Δ), the slope of a chord. If χ² is lower
+ * there than at the answer, the search continues from there.
  *
- * That something presses is not doubtful then, only what: contacts are decided by the slope at the answer. */
+ * This does not question whether something presses: contacts are decided by the slope at the answer. */
 #include <math.h>
 #include <string.h>
 
@@ -17,9 +18,9 @@
 enum { SIZE = 3, FORCE = 2, STEPS = 8, FORCE_STEPS = 3, LOOKS = 3 }; /* of presses without shear */
 
 static const double REACH = 3.0;
-/* Closer to the answer than this the table ends: nothing can be learnt there. */
+/* If the table ends closer to the answer than this, that direction is skipped. */
 static const double NEAREST_MM = 0.5;
-/* The answer is known to one deviation at best. */
+/* The answer has at least one deviation. */
 static const double LEAST_DELTA = 1.0;
 
 typedef struct {
@@ -78,7 +79,7 @@ static void axes_of(const double spread[SIZE * SIZE], double axis[2][2])
     axis[1][0] = -shorter * y, axis[1][1] = shorter * x;
 }
 
-/* The press so many deviations along an axis, at the most on the table's edge. False if that is where the answer is. */
+/* The press this many deviations along an axis, at most on the table's edge. False if the answer is on that edge. */
 static bool go(const look *look, const minimum *from, const double axis[2], double deviations, double press[SIZE])
 {
     const fmfts_response *table = look->response;
@@ -97,7 +98,8 @@ static bool descend(const look *look, minimum *found)
     return fmfts_refine(look->response, movement, STEPS, found->press, found->spread, &found->chi2);
 }
 
-/* Adds to `variance` what the chords say. Returns whether a press with a lower χ² was met: `found` is then that. */
+/* Adds the variances of the chords to `variance`. Returns whether a press with a lower χ² was found: `found` is then
+ * that press. */
 static bool look_around(const look *look, minimum *found, double variance[SIZE])
 {
     double axis[2][2], unused;

@@ -1,5 +1,5 @@
 /* The contact model's answer and its variance. The variance is that of the pose, carried over by the Jacobian and widened by its bend,
- * plus the model's own error, plus what the pad's structure leaves open (tolerances.c). */
+ * plus the model's own error, plus that of the pad's structure (tolerances.c). */
 #include <math.h>
 
 #include "step.h"
@@ -12,18 +12,19 @@ typedef struct {
     double *by_pose;
 } found;
 
-/* A pose or a force is over range if it is so many deviations outside of what the model was trained on (parameters). The lower bound
- * of a force over range is the model's force less CERTAIN_DEVIATIONS. */
+/* A pose or a force is over range if it is this many deviations outside the range of the training (parameters). The
+ * lower bound of a force over range is the model's force less CERTAIN_DEVIATIONS. */
 #define CERTAIN_DEVIATIONS 3.0
 /* A magnet is lifted if it is higher than in training by so many deviations and HYSTERESIS_MM. */
 #define LIFTED_DEVIATIONS 6.0
 #define HYSTERESIS_MM 0.02
 
 /* How much a model bends over the deviations of a pose. A force grows faster than the displacement. Where the true force is larger
- * than the model's answer, the slope of the answer is too small, and so is the deviation that it carries over from the pose. So the
- * mean of two slopes counts: that of the answer, and that of a force which is larger by BEND_DEVIATIONS. By the trapezium rule this is
- * the slope of the chord between both. Where the true force is smaller, the deviation is a little too large. If the force's deviation
- * is a smaller share of it than STRAIGHT_SHARE, the bend makes no deviation larger by more than a twentieth. */
+ * than the model's answer, the slope of the answer is too small, and so is the deviation that it propagates from the
+ * pose. So the mean of two slopes is used: at the answer, and at a force that is larger by BEND_DEVIATIONS. By the
+ * trapezium rule this is the slope of the chord between both. Where the true force is smaller, the deviation is a
+ * little too large. If the force's deviation is a smaller share of it than STRAIGHT_SHARE, the bend makes no deviation
+ * larger by more than a twentieth. */
 #define BEND_DEVIATIONS 3.0
 #define STRAIGHT_SHARE 0.02
 
@@ -61,7 +62,7 @@ static bool too_hard(const fmfts_contact_parameters *parameters, const double *c
     return beyond > 0.0 && beyond * beyond > outside * outside * (variance - slipping * slipping);
 }
 
-/* The network's answer in mm and N, and its variance, carried over from the pose by the Jacobian. */
+/* The network's answer in mm and N, and its variance, propagated from the pose by the Jacobian. */
 static void answer_of(const fmfts_network *network, const fmfts_question *question, found *found)
 {
     float pose[POSE], contact[CONTACT], jacobian[CONTACT * POSE];
@@ -100,7 +101,7 @@ static void bend_of(const fmfts_network *network, const fmfts_question *question
     for (int i = 0; i < found->outputs; i++) {
         bend[i] = 1.0;
     }
-    bool has_shear = found->outputs == CONTACT; /* whose deviations are careful as they are: model.py */
+    bool has_shear = found->outputs == CONTACT; /* whose deviations are large enough: model.py */
     if (has_shear || !(variance > straight * straight) || !(doubt(force_n, variance) < 1.0)) {
         return;
     }
@@ -141,7 +142,7 @@ static void movement_of(const fmfts_contact_parameters *parameters, const fmfts_
     }
 }
 
-/* The share of the movement that a press explains. Asked only where the force is large enough for a contact. */
+/* The share of the movement that a press explains. Computed only if the force is large enough for a contact. */
 static double explained_share(const fmfts_contact_parameters *parameters, const fmfts_question *question, const fmfts_response *response,
                               const found *found)
 {
@@ -216,7 +217,7 @@ static int bin_in_tables(const fmfts_contact_parameters *parameters, const doubl
     return force_bin * (int)parameters->radius_bins + radius_bin;
 }
 
-/* The deviation of the same force in the middle of the pad: without a touch there is no place whose errors could count. */
+/* The deviation of the same force in the middle of the pad, since there is no place without a touch. */
 static double central_force_sd_n(const fmfts_contact_parameters *parameters, const double *contact, const found *found)
 {
     int bin = bin_in_tables(parameters, contact, 0);
@@ -272,7 +273,7 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
         place[i] = found.contact[i] * UNIT[i];
     }
     spread_of(parameters, place, &found, bend, structure, variance);
-    double own_variance = variance[2] - structure[2]; /* a scale that is off makes no touch and no squeeze */
+    double own_variance = variance[2] - structure[2]; /* an error of scale causes neither a touch nor over range */
     estimate->outputs = found.outputs;
     estimate->refused = found.outputs == CONTACT && (is_beyond_edge(parameters, place, 0) || is_beyond_edge(parameters, place, 1));
     for (int i = 0; i < found.outputs; i++) {

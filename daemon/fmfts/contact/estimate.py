@@ -1,4 +1,4 @@
-"""What a contact model answers."""
+"""The answer of a contact model."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class ContactEstimate:
 
     over_range: the pose or the force is beyond what the model was trained on. The values are then those of the nearest
     pose that it knows; only force_min_n, a lower bound of the force, can be trusted. Else that is None.
-    refused: a model of five outputs found the press outside of where it can tell shear from place: none of its numbers
-    can be trusted.
+    refused: the press is where a model of five outputs cannot separate shear from place: none of its numbers can be
+    trusted.
     """
 
     values: Array

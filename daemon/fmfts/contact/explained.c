@@ -1,10 +1,11 @@
-/* Whether a press moves the magnet as it moved. Steel or a magnet near the pad shifts and tilts the estimate by many deviations, upwards
- * as often as downwards, and the model reads a force of most such poses. With χ² of the change from rest, and χ² of what the best press
- * leaves of it, a press explains
+/* Whether a press can move the magnet as it moved. Steel or a magnet near the pad shifts and tilts the estimate by many
+ * deviations, upwards as often as downwards, and the model gives a force for most such poses. With χ² of the change
+ * from rest, and χ² that the best press leaves, a press explains
  *
  *     1 - χ²(left) / χ²(change)
  *
- * A share holds where deviations are too small for a finger of another shape, for shear, or for other silicone. */
+ * A share is used because the deviations may be too small for a finger of another shape, for shear, or for other
+ * silicone. */
 #include <math.h>
 
 #include "step.h"

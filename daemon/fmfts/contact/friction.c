@@ -1,18 +1,19 @@
-/* Whether the finger slips, from the filters of slip.c, and what its slips tell of its friction.
+/* Whether the finger slips, from the filters of slip.c, and its friction from its slips.
  *
  * While the finger sticks, the places of STUCK and of a moving filter differ by noise alone. The evidence that it moves is
  *
  *     E = dᵀ(P + P')⁻¹d / 2,  d: difference of the places, P, P': their covariances;  ln odds = E + ln FALSE_ODDS
  *
- * A finger that rolls moves its place, too. Only one that slips pushes the silicone along its motion, with its friction µ:
+ * A finger that rolls moves its place, too. Only a slipping finger shears the silicone along its motion, with its
+ * friction µ:
  *
  *     slips = moves · Φ((t − µ_least·force)/σ_t),  t: shear along d
  *
  * Once it slips, STUCK is put where the finger is, again and again: a finger of speed v would be ahead of it by D = v·dt, one that has
  * stopped by 0. With d along the motion and its variance s², the log odds of going on grow by (d·D − D²/2)/s² (A. Wald, "Sequential
- * analysis", 1947). While it slips, |shear|/force is its friction, whatever was expected of it. The least of slip_friction tells slips
- * from rolling alone. Above the largest, a ball digs in, or the expectation is wrong: the margin counts on the largest, and the
- * deviation covers both. */
+ * analysis", 1947). While it slips, |shear|/force is its friction, even outside slip_friction. The smallest
+ * slip_friction only separates slips from rolling. Above the largest, a ball digs in, or the setting is wrong: the
+ * margin uses the largest, and the deviation covers both. */
 #include <math.h>
 
 #include "../arithmetic/erfc.h"
@@ -26,21 +27,22 @@ enum { N = FMFTS_SLIP_STATES, FILTERS = FMFTS_SLIP_FILTERS, STUCK = FMFTS_STUCK,
 #define ENDS 0.2
 #define GOES_ON 3.0       /* log odds with which it goes on */
 #define CONFIRMED 3.0     /* log odds at which STUCK is put where the finger is */
-/* It is expected to go on with so much of its speed: where a velocity is too large, a finger that goes on looks as if it stopped. */
+/* Share of its speed with which the finger should continue: with too large a velocity, a moving finger looks as if it
+ * stopped. */
 #define SLOWER 0.6
 #define LEAST_SPEED_MM_PER_S 3.0
 #define M_PER_MM 1e-3
-/* Of a lighter touch, or one whose place is not known to so much, nothing is said; nor before so many frames. */
+/* Nothing is reported below this force, above this deviation of the place, and in the first frames. */
 #define LEAST_FORCE_N 0.2
 #define PLACED_MM 0.4
 #define SETTLED_FRAMES 8.0
-/* Frames of a slip do not tell the shear independently: the filters remember about so long. */
+/* Frames of a slip are not independent measurements of the shear: the filters' memory in frames. */
 #define REMEMBERS_S 0.03
-#define LARGEST_ANGLE_SD 1.8137993642342178 /* of a direction of which nothing is known: pi/sqrt(3) */
-/* What presses has another shape than the probe: share of the shear, one deviation (lab/results/slip.md). */
+#define LARGEST_ANGLE_SD 1.8137993642342178 /* deviation of an unknown direction: pi/sqrt(3) */
+/* The finger's shape differs from the probe's: share of the shear, one deviation (lab/results/slip.md). */
 #define SHAPE_SHARE 0.2
 
-/* What the filters say of the finger's motion. which: the moving filter that explains it best. */
+/* The finger's motion by the filters. which: the moving filter that explains it best. */
 typedef struct {
     int which;
     double away[2], spread[2][2], evidence;
@@ -113,7 +115,7 @@ static double probability(double log_odds)
     return 1.0 / (1.0 + fmfts_exp(-log_odds));
 }
 
-/* Log odds that a finger that slips goes on, from how far it is ahead of STUCK. */
+/* Log odds that a slip continues, from the finger's distance ahead of STUCK. */
 static double going_on(const fmfts_slip_memory *memory, const motion *found)
 {
     const double *v = memory->slip_state + N * found->which + VELOCITY;

@@ -30,7 +30,7 @@ class Inference(ABC):
 
     @property
     def for_c(self) -> bytes | Inference:
-        """What C evaluates the model with: the weights of a network that it knows, or a call of run()."""
+        """How C evaluates the model: by the weights of a known network, or by calling run()."""
         return self
 
     @abstractmethod

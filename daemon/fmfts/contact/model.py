@@ -40,7 +40,7 @@ REMEDY = "make it again with `fmfts-daemon calibrate`, or set [pad.contact] mode
 OUTSIDE_DEVIATIONS = 3.0
 POSE_UNIT = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])  # m → mm; the axis is a number
 CONTACT_UNIT = np.array([1e-3, 1e-3, 1.0, 1.0, 1.0])  # mm → m; newtons stay
-# Added to a pose's covariance so that it can be inverted even if the pose is called certain: (0.1 µm)², (0.1 mrad)².
+# Added to a pose's covariance so that it can be inverted even if it is zero: (0.1 µm)², (0.1 mrad)².
 TINY = np.diag([1e-8, 1e-8, 1e-8, 1e-8, 1e-8])
 CENTRED = np.zeros(2)
 CALIBRATED = StructureTolerance()
@@ -57,7 +57,7 @@ class ContactModel:
     exert widens the deviations of a model of three outputs. smoothing_s: time constant of the `Smoother` of each pad.
     tolerance: of the pad's structure, which widens them, too.
     response: of the pad that the model was trained for, None if the file holds none.
-    slip_friction: smallest and largest friction of a finger that may slip; None: nobody asked for slip.
+    slip_friction: smallest and largest friction of a finger that may slip; None: slip is off.
     """
 
     response: Response | None = None
@@ -81,9 +81,9 @@ class ContactModel:
         self.has_shear = facts.outputs == SHEAR_OUTPUT_ORDER
         self._unit = CONTACT_UNIT[: len(facts.outputs)]
         self.rest_pose = np.array(facts.rest_pose)
-        # The axis's last component is no limit: it follows from the others, and not linearly.
+        # The axis's last component gets no limit: it follows from the others, not linearly.
         self.lowest = np.array([*facts.envelope.pose_min[:5], -np.inf])
-        # Nor is height above rest: no press lifts the magnet.
+        # Nor does height above rest: no press lifts the magnet.
         self.highest = np.array([*facts.envelope.pose_max[:2], np.inf, *facts.envelope.pose_max[3:5], np.inf])
         self.trained_top_mm = facts.envelope.pose_max[2]
         own, fit = facts.own_error, facts.response_error
@@ -119,7 +119,7 @@ class ContactModel:
 
     @property
     def for_c(self) -> dict[str, Numbers]:
-        """What estimate.c needs of this model: contact/step.h."""
+        """The parameters of estimate.c: contact/step.h."""
         return {
             "refine_steps": STEPS if self.refines else 0,
             "least_variance": TINY[0, 0],
@@ -143,19 +143,19 @@ class ContactModel:
 
     @property
     def packed_response(self) -> bytes | None:
-        """The pad's response to as many loads as the model tells, as C reads it; None if it is not known."""
+        """The pad's response to the model's loads, as C reads it; None if it is not known."""
         if self._packed is None and self.response is not None:
             self._packed = (self.response if self.has_shear else self.response.without_shear()).packed()
         return self._packed
 
     @property
     def tells_slip(self) -> bool:
-        """Whether it can tell a finger that slips from one that shears the silicone."""
+        """Whether it can distinguish a slipping finger from one that shears the silicone."""
         return self.has_shear and self.response is not None
 
     @property
     def shear_is_unknown(self) -> bool:
-        """Whether the finger may shear, and nothing tells what that does to this model's answers."""
+        """Whether the finger may shear, with an unknown effect on this model's answers."""
         return self.friction > 0.0 and not self.has_shear and self.facts.friction_error is None
 
     @classmethod
@@ -182,7 +182,7 @@ class ContactModel:
             raise ModelError(f"contact model {file}: {error}; {REMEDY}") from error
         except (ModelError, MemoryError):
             raise
-        except Exception as error:  # what a damaged file makes of the arithmetic is not foreseeable
+        except Exception as error:  # a damaged file may cause any error of arithmetic
             raise ModelError(f"contact model {file}: damaged ({type(error).__name__}: {error}); {REMEDY}") from error
 
     @classmethod
@@ -217,14 +217,14 @@ class ContactModel:
         return loaded
 
     def with_tolerance(self, tolerance: StructureTolerance) -> ContactModel:
-        """This model, whose deviations count what the pad's structure leaves open."""
+        """This model, with deviations that include the pad's structure."""
         self.tolerance = tolerance
         self.parameters.fill(tolerance.for_c)
         return self
 
     def on_silicone(self, stiffness: float, deviation: float) -> ContactModel:
-        """This model on a pad whose silicone was weighed. stiffness: over that of the model's pad; deviation: of it, as
-        a share, with all that a press in the middle leaves open."""
+        """This model for a pad whose stiffness was measured by a weight. stiffness: over that of the model's pad;
+        deviation: as a share, with all uncertainty of a press in the middle."""
         facts, inference = silicone.facts_of(self.facts, stiffness), silicone.inference_of(self.inference, stiffness)
         response = None if self.response is None else silicone.response_of(self.response, stiffness)
         refiner = Refiner(response) if self.refiner is not None and response is not None else None
@@ -250,8 +250,8 @@ class ContactModel:
     ) -> ContactEstimate:
         """Place and force of one pose in the nominal frame: position_m (3,), axis (3,), covariance (6, 6) of both.
 
-        magnet_off_m (2,): how far from its drawn place the magnet is. It counts as a deviation of the place: a press
-        on a wide pad is told from the magnet, one on a narrow pad from its rim. ValueError if a number is not finite.
+        magnet_off_m (2,): how far from its drawn place the magnet is. It counts as a deviation of the place: on a wide
+        pad the magnet is the reference, on a narrow pad the rim. ValueError if a number is not finite.
         """
         pose = np.concatenate([position_m, axis]) * POSE_UNIT
         pose_covariance = np.ascontiguousarray(covariance * POSE_UNIT * POSE_UNIT[:, None])

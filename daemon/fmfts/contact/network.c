@@ -1,7 +1,7 @@
 /* Computes FORWARD and BACKWARD of graph.py. Inner loops run over the hidden units, and keep sums apart in lanes: a compiler
  * can vectorise that without changing the order of any sum. */
 #if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC optimize("tree-loop-vectorize") /* only here: the solver, compiled into _fast as well, is faster without */
+#pragma GCC optimize("tree-loop-vectorize") /* only for this file: the solver, also in _fast, is faster without */
 #endif
 #include "network.h"
 

@@ -17,8 +17,8 @@ enum {
     FMFTS_MAX_OUTPUTS = 5,
 };
 
-/* Views into one vector of floats. evaluate: what answers instead of them, with `context`, if the model is another graph; else
- * NULL. */
+/* Views into one vector of floats. evaluate: the function to call instead, with `context`, if the model is another
+ * graph; else NULL. */
 typedef struct {
     void (*evaluate)(void *context, const float *pose, float *contact, float *jacobian);
     void *context;

@@ -1,4 +1,4 @@
-"""What stands in a contact model's place where none fits the pad: the pad runs, and place and force are not known."""
+"""Replaces the contact model if none fits the pad: the pad runs, without place and force."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ NO_MODEL = "none"  # `[pad.contact] model`, and the hash in messages and recordi
 
 @dataclass(frozen=True, slots=True)
 class NoContactModel:
-    """reason: the `reason` of messages whose place and force are null because of this. tells: what they say instead."""
+    """reason: the `reason` of messages whose place and force are null because of this. tells: what messages contain
+    instead."""
 
     reason: str
     tells: str

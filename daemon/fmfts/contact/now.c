@@ -1,11 +1,11 @@
-/* The contact carried on from the newest sample to the time of publishing. With F and its rate at the newest sample, `lead` seconds
- * before:
+/* The contact, extrapolated from the newest sample to the time of publishing. With F and its rate at the newest sample,
+ * `lead` seconds before:
  *
  *     force = F + LEAD_SHARE * rate * lead, and place = x + rate * lead
  *
- * A rate is shrunk by what is known of fingers (one deviation P): r = r' P^2 / (P^2 + s^2). Its deviation counts what the finger may
- * accelerate within AHEAD_S. The deviation of a carried value is s(F) + s(rate) * lead, as if both had the same cause, because the
- * filter's errors of a value and of its rate mostly do. */
+ * A rate is shrunk by the prior of fingers' rates (deviation P): r = r' P^2 / (P^2 + s^2). Its deviation includes the
+ * finger's acceleration within AHEAD_S. The deviation of an extrapolated value is s(F) + s(rate) * lead, as if both had
+ * the same cause, because the filter's errors of a value and of its rate mostly do. */
 #include "now.h"
 
 #include <math.h>
@@ -14,9 +14,9 @@ enum { FORCE = 2 /* and the shears after it */ };
 
 #define FORCE_RATE_N_PER_S 60.0
 #define PLACE_RATE_M_PER_S 0.12
-/* A press that is fast now turns round soon. With all of its rate the force would overshoot a tap's peak by 0.12 N. */
+/* A fast press soon reverses. With its full rate the force would overshoot a tap's peak by 0.12 N. */
 #define LEAD_SHARE 0.75
-/* The rates' deviations are right for readers that carry the contact on for so long. */
+/* The rates' deviations are right for clients that extrapolate the contact for this long. */
 #define AHEAD_S 5e-3
 #define M2_PER_MM2 1e-6
 

@@ -12,8 +12,8 @@
     MANY(double, untouched_drive, FMFTS_MOVED * FMFTS_MOVED)                                                           \
     MANY(double, drive_power, FMFTS_CONTACT)
 
-/* made_us: when frame 0 would have been made, on the board's clock, as far as recent frames tell. told_us: the time that the last
- * message was about. */
+/* made_us: when frame 0 would have been made, on the board's clock, by recent frames. told_us: the time for which the
+ * last `now` held. */
 #define FMFTS_NOW_MEMORY(ONE, MANY) ONE(double, made_us) ONE(double, told_us)
 
 FMFTS_STRUCT(fmfts_now_parameters, FMFTS_NOW_PARAMETERS)

@@ -1,7 +1,7 @@
-"""Refuses models whose tensors are larger for some poses than for others: evaluating a few poses first tells what every
-pose takes only where no size depends on the pose.
+"""Refuses models whose tensors are larger for some poses than for others: a test with a few poses bounds time and
+memory only if no size depends on the pose.
 
-It needs the onnx package. Models that `calibrate` wrote need no look: network.c evaluates them.
+It needs the onnx package. Models of `calibrate` need no check: network.c evaluates them.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Part = Any  # of a model, as the onnx package reads it
 
 DEFAULT_DOMAIN = ("", "ai.onnx")
 DOCUMENT = "those that docs/calibration.md lists"
-# The sizes of what they give follow from the sizes of what they get.
+# Operators whose outputs' sizes follow from the sizes of their inputs.
 PLAIN = frozenset({
     "Abs", "Acos", "Add", "And", "Asin", "Atan", "BatchNormalization", "Cast", "Ceil", "Celu", "Clip", "Concat",
     "Constant", "Cos", "Cosh", "Div", "Einsum", "Elu", "Equal", "Erf", "Exp", "Flatten", "Floor", "Gemm", "Greater",
@@ -30,11 +30,11 @@ SIZED_FROM = {
     "ConstantOfShape": 0, "Expand": 1, "Gather": 1, "ReduceSum": 1, "Reshape": 1, "Slice": 1, "Split": 1, "Squeeze": 1,
     "Tile": 1, "Unsqueeze": 1,
 }  # fmt: skip
-OF_SIZES = frozenset({"Shape", "Size"})  # what they give is the same for every pose, whatever they get
+OF_SIZES = frozenset({"Shape", "Size"})  # operators whose output is the same for every pose and input
 
 
 def require_even(content: bytes) -> bytes:
-    """The model as it was looked at. ValueError names what is wrong, or the operator if a tensor may have another size
+    """The model after the check. ValueError names what is wrong, or the operator if a tensor may have another size
     for another pose."""
     try:
         import onnx
@@ -77,7 +77,7 @@ def _require_known(model: Part) -> None:
 
 
 def _tensors(part: Part) -> Iterator[Part]:
-    """All that are anywhere within."""
+    """All nodes, with those of nested graphs."""
     for field, value in part.ListFields():
         if field.message_type is not None:
             for inner in [value] if hasattr(value, "ListFields") else value:

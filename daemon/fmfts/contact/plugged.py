@@ -1,4 +1,4 @@
-"""What the daemon asks of a contact model of another package: only what it tells of it to people."""
+"""What the daemon needs of a contact model of another package: only descriptions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class PluggedModel(Protocol):
 
     @property
     def told(self) -> str:
-        """What it is, in a few words for the log."""
+        """A short description for the log."""
 
     @property
     def calibrated_range(self) -> dict[str, object]:

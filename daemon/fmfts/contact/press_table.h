@@ -1,4 +1,5 @@
-/* What one finger does to the poses of several magnets, by a table of presses: array_response.py has the equation. */
+/* The effect of one finger on the poses of several magnets, by a table of presses: array_response.py has the equation.
+ * */
 #ifndef FMFTS_PRESS_TABLE_H
 #define FMFTS_PRESS_TABLE_H
 

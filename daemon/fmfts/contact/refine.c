@@ -11,7 +11,7 @@ static const double FIRST_DAMPING = 1e-3, DAMPING_FACTOR = 10.0;
 static const double FARTHEST_LOAD = 3.0; /* presses are searched up to this multiple of the calibrated force */
 static const double UNKNOWN = 1e-6;      /* a prior deviation of 1 m: at rest, the place is unknown */
 
-/* A change of pose, and the press that was judged last: what it leaves, and its slope. */
+/* A change of pose, and the last trial press: its residual, and its slope. */
 typedef struct {
     const fmfts_response *response;
     const double *change;
@@ -87,7 +87,7 @@ static void monomials(const fmfts_response *response, const double *load, double
     }
 }
 
-/* with_slope is a constant wherever this stands: values alone take a fifth of the time. */
+/* with_slope is a constant at each call: values alone take a fifth of the time. */
 FMFTS_INLINE void respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
                           double slope[FMFTS_MOVED][FMFTS_MAX_PRESS], bool with_slope)
 {

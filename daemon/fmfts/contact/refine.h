@@ -54,8 +54,8 @@ typedef struct {
 bool fmfts_refine(const fmfts_response *response, fmfts_movement movement, int steps, double *press, double *spread,
                   double *chi2);
 
-/* elsewhere.c: goes on from a press without shear that fmfts_refine found. wider [3]: the factor of each variance because other presses
- * explain the change about as well; not written where there is no press. */
+/* elsewhere.c: continues from a press without shear that fmfts_refine found. wider [3]: the factor of each variance
+ * because other presses explain the change about as well; not written without a press. */
 void fmfts_look_elsewhere(const fmfts_response *response, const double change[FMFTS_MOVED], const double *covariance,
                           double *press, double *spread, double *wider);
 

@@ -1,7 +1,7 @@
-"""What `calibrate` writes behind a model, as its last entries of metadata: its weights, which network.c evaluates, and
-the SHA-256 of all before. A damaged file is refused, whatever the damage.
+"""The last entries of metadata that `calibrate` appends to a model: its weights, which network.c evaluates, and the
+SHA-256 of all before. So any damaged file is refused.
 
-A weight with another bit is a number like any other, and the model with it answers forces like any other.
+A weight with a wrong bit would be a plausible number, and give plausible forces.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from fmfts.contact.contract import WEIGHTS_KEY
 
 KEY = "fmfts.sha256"
 METADATA = 14  # the field of a ModelProto with entries of metadata: StringStringEntryProto, key 1, value 2
-BYTES = 2  # protobuf's wire type of a field that tells its length
+BYTES = 2  # protobuf's wire type of a field with a length
 
 
 def sealed(model: bytes, weights: str) -> bytes:
-    """The model, and behind it its weights and the seal. It is the same model to every reader of ONNX."""
+    """The model, followed by its weights and the seal. ONNX readers see the same model."""
     return with_seal(model + _entry(WEIGHTS_KEY, weights))
 
 
@@ -47,7 +47,7 @@ def hash_of(content: bytes, weights: str | None = None) -> str:
 
 
 def _is_like(found: bytes, right: bytes) -> bool:
-    """Whether most of the bytes are those of a seal: it may be damaged itself."""
+    """Whether most bytes are those of a seal, which may be damaged itself."""
     return sum(one == other for one, other in zip(found, right, strict=False)) > len(found) // 2
 
 

@@ -1,6 +1,6 @@
-"""Evaluates a model with onnxruntime, and looks at one in a process of its own (beside.py).
+"""Evaluates a model with onnxruntime, and checks one in a process of its own (beside.py).
 
-Import it only where it is needed: it takes 30 MB and a tenth of a second.
+Import it only if needed: it takes 30 MB and a tenth of a second.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from fmfts.contact.contract import (
 )
 from fmfts.contact.inference import POSE, Inference
 
-# What a model may take: its file has 4 MB at most, and a pad has 4 ms from frame to frame.
+# Limits of memory and time: a model's file has 4 MB at most, and a pad 4 ms a frame.
 MOST_MORE, LONGEST_CPU_S, SLOWEST_S = 1 << 26, 10, 0.02
 PROBED_EVERY = 29  # of the poses to compare at: from each share, corners and others
 
@@ -61,7 +61,7 @@ def session_of(content: bytes) -> onnxruntime.InferenceSession:
     options.inter_op_num_threads = 1
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.add_session_config_entry("session.inter_op.allow_spinning", "0")
-    options.add_session_config_entry("session.load_model_format", "ONNX")  # the format that is looked at
+    options.add_session_config_entry("session.load_model_format", "ONNX")  # the format to check
     options.log_severity_level = 4  # errors are raised, and reported in our own words
     try:
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
@@ -91,7 +91,7 @@ def _width_of(session: onnxruntime.InferenceSession) -> int:
 
 
 def tell() -> None:
-    """Read a model from standard input, and write what `Told` has."""
+    """Read a model from standard input, and write a `Told`."""
     with _said_in_a_line():
         _limit()
         session = session_of(sys.stdin.buffer.read())
@@ -103,8 +103,8 @@ def tell() -> None:
 
 
 def try_out() -> None:
-    """Read a model from standard input, look at its operators, let it evaluate a few poses, and write it as it was
-    looked at: a few bytes of ONNX may ask for any time and memory."""
+    """Read a model from standard input, check its operators, evaluate a few poses, and write it: a few bytes of ONNX
+    may need any time and memory."""
     with _said_in_a_line():
         from fmfts.contact.operators import require_even
 
@@ -124,7 +124,7 @@ def try_out() -> None:
 
 
 def _answers(session: onnxruntime.InferenceSession, poses: Poses) -> bytes:
-    """One at a time, as in the daemon: what a model takes may depend on how many poses it gets."""
+    """One at a time, as in the daemon: a model's cost may depend on the number of poses."""
     answers = [session.run(list(OUTPUTS), {INPUT: pose[None]}) for pose in poses]
     return b"".join(np.concatenate([contact[:, :, None], slope], axis=2).tobytes() for contact, slope in answers)
 
@@ -141,7 +141,7 @@ def _said_in_a_line(before: str = "") -> Iterator[None]:
 
 
 def _limit() -> None:
-    """From here on this process may use so much memory more, and so much time."""
+    """Limit the memory and time that this process may use from here on."""
     status = Path("/proc/self/status").read_text()
     (used_kb,) = (int(line.split()[1]) for line in status.splitlines() if line.startswith("VmData:"))
     resource.setrlimit(resource.RLIMIT_DATA, ((used_kb << 10) + MOST_MORE, resource.RLIM_INFINITY))

@@ -14,7 +14,7 @@ def path_of(model: str) -> Path:
     return SHIPPED_PATHS.get(model, Path(model))
 
 
-# The standard pad, for which the models here were made before models said their dimensions (Pad.dimensions).
+# The standard pad: these models are older than the field for dimensions (Pad.dimensions).
 STANDARD_HASH = "2caf330ca8af"
 STANDARD_DIMENSIONS: Dimensions = {
     "geometry.sensors_mm": (8, 8, 0, 8, -8, 0, -8, 8, 0, -8, -8, 0),

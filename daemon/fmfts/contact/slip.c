@@ -1,4 +1,4 @@
-/* Where a finger is that sticks, and where it is if it moves: extended Kalman filters beside each other.
+/* The place of a finger if it sticks, and if it moves: parallel extended Kalman filters.
  *
  * Shear of a sticking finger moves the magnet and not the place; a finger that slips moves the place. Each filter explains a change of
  * pose by the pad's response to place (mm), force and shear (N). friction.c compares them.
@@ -28,7 +28,8 @@ enum { FORCE = 2, SHEAR = 3, LEVER = 5, VELOCITY = 5 };
 
 /* By filter; SPEED mm/s. */
 static const double SPEED[FILTERS] = {0.0, 8.0, 80.0}, LASTS_S[FILTERS] = {1.0, 0.15, 0.1};
-/* Deviations of a change in a second: of a place that sticks, which creeps, and of what a hand does to force and shear. */
+/* Deviations of a change in a second: of a sticking place, which creeps, and of force and shear, which a hand changes.
+ * */
 #define PLACE_WALK_MM 0.05
 #define FORCE_WALK_N 10.0
 #define SHEAR_WALK_N 3.0
@@ -41,7 +42,7 @@ static const double SPEED[FILTERS] = {0.0, 8.0, 80.0}, LASTS_S[FILTERS] = {1.0, 
 #define LEAST_FORCE_N 0.05 /* of the linearisation */
 /* The score forgets within so long. */
 #define REMEMBERS_S 0.1
-/* χ² of five numbers that once in ten million frames is larger: the filters begin again. */
+/* χ² of five numbers that is exceeded once in ten million frames: the filters then restart. */
 #define SURPRISE_CHI2 43.0
 
 typedef struct {
@@ -147,7 +148,7 @@ static void update(int which, const fmfts_response *response, const fmfts_slip_f
     for (int i = 0; i < MOVED; i++) {
         double innovation = row[i][N];
         for (int k = 0; k < N; k++) {
-            innovation -= row[i][k] * (f->x[k] - before[k]); /* less what the rows before have moved */
+            innovation -= row[i][k] * (f->x[k] - before[k]); /* minus the update by earlier rows */
         }
         take(row[i], innovation, f);
     }
@@ -194,7 +195,7 @@ void fmfts_follow_slip(const fmfts_response *response, const fmfts_slip_frame *f
         }
     }
     if (!(least_chi2 < SURPRISE_CHI2)) {
-        memory->slip_frames = memory->slipping = 0.0; /* what was learnt of the friction stays */
+        memory->slip_frames = memory->slipping = 0.0; /* the learnt friction stays */
     }
 }
 

@@ -12,10 +12,10 @@ enum { FMFTS_SLIP_STATES = 7, FMFTS_SLIP_FILTERS = 3, FMFTS_STUCK = 0 };
     ONE(double, tells_slip)                                                                                            \
     MANY(double, slip_friction, 2)
 
-/* slip_frames: since the filters began; 0: they do not run. slip_score: of each filter, its recent log likelihood. slip_since_s: since
- * STUCK was put where the finger is; slip_speed: with which it is expected to go on, mm/s. slip_spread: variance of STUCK's
- * place along an axis when it was put there, mm². learnt_…: of this touch's slips; weight:
- * 1/deviation², 0 before the first one. */
+/* slip_frames: since the filters began; 0: they do not run. slip_score: of each filter, its recent log likelihood.
+ * slip_since_s: since STUCK was put where the finger is; slip_speed: its expected speed, mm/s. slip_spread: variance of
+ * STUCK's place along an axis when it was put there, mm². learnt_…: of this touch's slips; weight: 1/deviation², 0
+ * before the first one. */
 #define FMFTS_SLIP_MEMORY(ONE, MANY)                                                                                           \
     ONE(double, slip_frames)                                                                                           \
     MANY(double, slip_state, FMFTS_SLIP_FILTERS *FMFTS_SLIP_STATES)                                                    \
@@ -31,14 +31,15 @@ enum { FMFTS_SLIP_STATES = 7, FMFTS_SLIP_FILTERS = 3, FMFTS_STUCK = 0 };
 FMFTS_STRUCT(fmfts_slip_parameters, FMFTS_SLIP_PARAMETERS)
 FMFTS_STRUCT(fmfts_slip_memory, FMFTS_SLIP_MEMORY)
 
-/* A change of pose from rest, in the model's units, with what a frame's noise alone leaves uncertain of it. elapsed_s: since the last frame;
- * 0: it has the same samples. shear_sd_n: what else is uncertain of a shear, the same in all frames of a touch. */
+/* A change of pose from rest, in the model's units, with the covariance of a frame's noise alone. elapsed_s: since the
+ * last frame; 0: it has the same samples. shear_sd_n: other uncertainty of a shear, the same in all frames of a touch.
+ * */
 typedef struct {
     double elapsed_s, change[FMFTS_MOVED], noise[FMFTS_MOVED * FMFTS_MOVED], shear_sd_n;
 } fmfts_slip_frame;
 
-/* sticking: probability. speed, direction: of the finger over the silicone, if it slips. friction and margin, the tangential force
- * that is left until it slips: known after a slip in this touch. */
+/* sticking: probability. speed, direction: of the finger over the silicone, if it slips. friction and margin (the
+ * additional tangential force until it slips) are known after a slip in this touch. */
 typedef struct {
     bool known, slipping, knows_friction;
     double sticking, speed_m_per_s, speed_sd_m_per_s, direction_rad, direction_sd_rad;
@@ -55,10 +56,10 @@ void fmfts_follow_slip(const fmfts_response *response, const fmfts_slip_frame *f
 /* slip.c: the place (2) at which STUCK explains the frame, and its covariance (2, 2). */
 void fmfts_stuck_place(const fmfts_slip_memory *memory, double place[2], double covariance[2][2]);
 
-/* slip.c: puts STUCK where the filter `which` has the finger now. held: it shall stay there, whatever the next frames say. */
+/* slip.c: puts STUCK where the filter `which` has the finger now. held: the next frames do not move it. */
 void fmfts_stick_here(int which, bool held, fmfts_slip_memory *memory);
 
-/* friction.c: whether it slips, and what its slips have taught. */
+/* friction.c: whether it slips, and its learnt friction. */
 void fmfts_judge_slip(const fmfts_slip_parameters *parameters, const fmfts_slip_frame *frame, fmfts_slip_memory *memory,
                       fmfts_slip *slip);
 

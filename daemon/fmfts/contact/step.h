@@ -65,9 +65,9 @@ enum { FMFTS_BINS = 16, FMFTS_RINGS = 8, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_
 FMFTS_STRUCT(fmfts_contact_parameters, FMFTS_CONTACT_PARAMETERS)
 FMFTS_STRUCT(fmfts_contact_memory, FMFTS_CONTACT_MEMORY)
 
-/* The input of the contact model, in its units. share: the largest share (at most 1) of the displacement from rest that is inside
- * of what the model was trained on: at every place the displacement grows with force, so a share of it never means a larger force.
- * lifted_m: how far the magnet certainly is above all that training saw; 0 if it is not. */
+/* The input of the contact model, in its units. share: the largest share (at most 1) of the displacement from rest
+ * within the range of the training. Displacement grows with force at every place, so a share of it never means a larger
+ * force. lifted_m: how far the magnet certainly is above that range; 0 if it is not. */
 typedef struct {
     double pose[FMFTS_POSE];
     double covariance[FMFTS_POSE * FMFTS_POSE];
@@ -80,12 +80,11 @@ typedef struct {
     const double *contact, *by_pose;
 } fmfts_answer;
 
-/* place: x, y (m), force and, of a model that tells them, two shears (N), with deviations. central_force_sd_n: the deviation
+/* place: x, y (m), force and, with a shear model, two shears (N), with deviations. central_force_sd_n: the deviation
  * of the same force in the middle of the pad; pose_force_sd_n: the part of it that the pose causes; own_force_sd_n:
- * that of the force without what the pad's structure leaves open, by which contacts are decided; refused: shear cannot be told from
- * place here, so that no number means anything. explained: the share of the magnet's
- * movement that a press explains; is_beyond: it is more than the model was trained on.
- * doubt: see estimate.c. */
+ * that of the force without the uncertainty of the pad's structure, which decides contacts; refused: shear and place
+ * cannot be separated here, so no number is valid. explained: the share of the magnet's movement that a press explains;
+ * is_beyond: it is beyond the range of the training. doubt: see estimate.c. */
 typedef struct {
     int outputs; /* 3 or 5 */
     double place[FMFTS_CONTACT];
@@ -109,7 +108,7 @@ void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memor
 /* touch.c: a frame without a pose. After some of them the contact is released, and a new one needs an onset. */
 void fmfts_unseen(fmfts_contact_memory *memory);
 
-/* touch.c: begins again, untouched. */
+/* touch.c: restarts, untouched. */
 void fmfts_forget_touch(fmfts_contact_memory *memory);
 
 /* explained.c: the share of a change of pose that the press of `answer` (mm, N) explains or, if that is not enough, the most likely one near
@@ -121,16 +120,16 @@ double fmfts_explained_share(const fmfts_response *table, const double change[FM
 void fmfts_smooth(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double elapsed_s,
                   fmfts_question *question);
 
-/* estimate.c: moves the question into the range that the model was trained on. */
+/* estimate.c: moves the question into the range of the training. */
 void fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_question *question);
 
-/* tolerances.c: the variance of an answer (mm and N, with its Jacobian by the pose) from what the pad's structure leaves open. response:
- * NULL if it is not known. */
+/* tolerances.c: the variance of an answer (mm and N, with its Jacobian by the pose) from the uncertainty of the pad's
+ * structure. response: NULL if it is not known. */
 void fmfts_count_tolerances(const fmfts_contact_parameters *parameters, const fmfts_response *response,
                            const fmfts_question *question, const fmfts_answer *answer, double variance[FMFTS_CONTACT]);
 
-/* tolerances.c: what a finger adds to the movement under `press` whose second moment along x, or along y, is larger than the probe's by
- * wider_mm2; less than 0: smaller. */
+/* tolerances.c: the additional movement under `press` for a finger whose second moment along x, or y, exceeds the
+ * probe's by wider_mm2 (negative: smaller). */
 void fmfts_wider_finger(const fmfts_response *response, const double press[FMFTS_CONTACT], double wider_mm2, double more[2][FMFTS_MOVED]);
 
 /* estimate.c: the network's answer, and of a model that refines, the most likely press near it. response: NULL if it is not known; then

@@ -1,4 +1,4 @@
-"""Which pads a contact model is for: those of the same structure, wherever their sensors are, and what shear does."""
+"""Which pads a contact model fits (those of the same structure, with any sensors), and the effect of shear."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fmfts.pad import Array, Dimensions, Pad, differences
 def magnets_differ(facts: Facts, pad: Pad) -> str:
     """How the magnets of the model's pad differ from those of `pad`; "" if they do not.
 
-    A model goes from a magnet's pose to a contact, so that it does not matter where the sensors are that tell the pose.
+    A model goes from a magnet's pose to a contact, so the places of the sensors do not matter.
     """
     if facts.geometry_hash == pad.geometry_hash:
         return ""
@@ -31,15 +31,15 @@ def _of_magnets(dimensions: Dimensions) -> Dimensions:
 
 
 class _Report(msgspec.Struct):
-    """Of the shipped model's report, which is read sooner than the model."""
+    """From the shipped model's report, which is faster to read than the model."""
 
     friction_error: ErrorTables | None
 
 
 def shipped_friction_error(geometry_hash: str) -> ErrorTables | None:
-    """What shear does to the answers of the shipped model, if it is for a pad of this geometry; else None.
+    """The effect of shear on the shipped model's answers, if it fits this geometry; else None.
 
-    Shear moves the magnet of any pad of one structure alike, whoever measured the presses.
+    Shear moves the magnets of all pads of one structure alike.
     """
     if geometry_hash != STANDARD_HASH:
         return None
@@ -50,7 +50,7 @@ def shipped_friction_error(geometry_hash: str) -> ErrorTables | None:
 def friction_deviation(facts: Facts, friction: float, unit: Array) -> Array | float:
     """Deviation of a model's outputs, in `unit` of mm and N, through shear within the cone of friction.
 
-    At the largest force of each bin of its own error: (forces, radii, outputs); 0 of a model that tells shear.
+    At the largest force of each bin of its own error: (forces, radii, outputs); 0 for a shear model.
     """
     tables = facts.friction_error
     if tables is None or facts.outputs == SHEAR_OUTPUT_ORDER:

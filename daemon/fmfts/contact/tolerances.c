@@ -1,9 +1,10 @@
-/* What the pad's structure leaves open of a contact. Silicone differs from cast to cast, and nobody tells the pad what presses it. None of
- * it is noise: it is the same in every frame of a pad or of a touch, and no filter makes it smaller. Each cause shifts the answer by e, and
- * adds e e^T:
+/* The uncertainty of a contact from the pad's structure. Silicone differs from cast to cast, and the finger is unknown.
+ * These errors are the same in every frame of a pad or touch, so no filter reduces them. Each cause shifts the answer
+ * by e, and adds e e^T:
  *
  * - A modulus that is higher by a share s takes (1 + s) times the force for the same movement: e = s F, exactly, at the same place.
- * - Thicker silicone moves less, and in another shape. Its effect on an answer depends on how far the press is from the middle: parameters.
+ * - Thicker silicone moves less, and in another shape. Its effect on an answer depends on the distance of the press
+ * from the middle: parameters.
  * - A finger of another size or shape moves the magnet like the mean of presses at the points of its area, to second order:
  *   d = (h(x + a) + h(x - a)) / 2 - h(x), where a^2 is what its second moment has more than the probe's that calibrated the pad. The
  *   model's Jacobian J takes d for a movement: e = J d. */
@@ -14,7 +15,7 @@
 
 enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE, MOVED = FMFTS_MOVED, FORCE = 2 };
 
-/* A finger's moments along and across differ, as a share of that by which both are off. */
+/* Difference of a finger's moments along and across, as a share of their common difference from the probe's. */
 #define UNEVEN 0.5
 
 static void add_square(double *variance, double error)
@@ -62,7 +63,7 @@ void fmfts_wider_finger(const fmfts_response *response, const double press[CONTA
     }
 }
 
-/* The error of each output if the magnet has moved by so much more. The axis stays one of length one. */
+/* The error of each output for this additional movement of the magnet. The axis stays a unit vector. */
 static void add_movement(const fmfts_question *question, const fmfts_answer *answer, const double moved[MOVED], double *variance)
 {
     double along = question->pose[3] * moved[3] + question->pose[4] * moved[4];

@@ -1,7 +1,6 @@
-"""What a pad's structure leaves open of a contact: how stiff and how thick its silicone is, and what presses it.
+"""The uncertainty of a contact from the pad's structure: stiffness and thickness of its silicone, and the finger.
 
-tolerances.c counts it in every deviation. All of it is the same in each frame: no filter makes it smaller, but a
-calibration does.
+tolerances.c includes it in every deviation. It is the same in each frame: a calibration reduces it, a filter does not.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ THICKNESS_M = 0.2e-3  # poured by hand up to a mark, and levelled by eye
 FINGER_M = (3e-3, 12e-3)
 PROBE_M = 6e-3  # that calibrated the shipped pads
 
-# What a slab of the standard pad that is a millimetre thicker does to an answer, by distance from the middle: the place
-# outwards, as mm, and the share by which the force is too small. Small strains, mean of an axis and a diagonal:
-# `python -m fmfts_lab.finite_elements.thickness`.
+# Errors of an answer on a slab that is a millimetre thicker, by distance from the middle: the place outwards, in mm,
+# and the share by which the force is too small. Small strains, mean of an axis and a diagonal: `python -m
+# fmfts_lab.finite_elements.thickness`.
 RING_MM = 2.0
 THICKER_MM = np.array([0.0, -0.25, -0.53, -0.51, 0.08, 1.01, 1.80, 2.10])
 THICKER_SHARE = np.array([-0.58, -0.60, -0.63, -0.64, -0.57, -0.40, -0.16, 0.09])
@@ -36,7 +35,7 @@ class StructureTolerance:
     """modulus: standard deviation, as a share. thickness_m: of the slab. finger_m: the smallest and the largest width
     of what presses. The first value of each: it is as calibrated.
 
-    is_weighed: a weight has told the scale of forces in the middle, whatever makes it; `modulus` is what that leaves.
+    is_weighed: a weight measured the scale of forces in the middle; `modulus` is the remaining deviation.
     """
 
     modulus: float = 0.0
@@ -58,27 +57,27 @@ class StructureTolerance:
 
     @property
     def finger_mm2(self) -> float:
-        """One deviation of a second moment. A disc's, w²/16, of the width farthest from the probe's is two away."""
+        """One deviation of a second moment: half the largest difference of a disc (w²/16) from the probe."""
         farthest_mm2 = max(abs(wider_than_probe_mm2(width_m)) for width_m in self.finger_m)
         return farthest_mm2 / 2.0
 
     @property
     def force_share(self) -> float:
-        """What the silicone leaves open of a force near the middle, as a share of it."""
+        """The deviation of a force near the middle through the silicone, as a share."""
         return float(
             np.sqrt(square(self.modulus) + square(self.thickness_m * 1e3 * (THICKER_SHARE[0] - self._weighed_share)))
         )
 
     @property
     def _weighed_share(self) -> float:
-        """A thickness that is off has changed what the weight told, too."""
+        """An error of thickness has also changed the result of the weight."""
         return float(THICKER_SHARE[0]) if self.is_weighed else 0.0
 
     def weighed(self, deviation: float) -> StructureTolerance:
-        """After a weight in the middle has told the scale of forces to this share."""
+        """After a weight in the middle measured the scale of forces to this share."""
         return replace(self, modulus=deviation, is_weighed=True)
 
 
 def wider_than_probe_mm2(width_m: float) -> float:
-    """What the second moment of a disc has more than the probe's."""
+    """The second moment of a disc, minus the probe's."""
     return float(1e6 * (square(width_m) - square(PROBE_M)) / 16.0)

@@ -1,8 +1,8 @@
 /* Decides whether the pad is in contact: a χ² test of the magnet's displacement from rest, a force that is certain, and a press that
  * explains the displacement.
  *
- * All have hysteresis. Steel near a pad moves the estimate sideways by many deviations, while the force may be none: no
- * controller should close or open on that.
+ * All have hysteresis. Steel near a pad moves the estimate sideways by many deviations, without a force: no controller
+ * should act on that.
  */
 #include <math.h>
 
@@ -15,8 +15,9 @@
 #define KEPT_FORCE_DEVIATIONS 1.0
 
 /* Of presses of another solver, by fingers of 3 to 12 mm, in other silicone and with a friction of 0.3, 99 in 100 are explained to 0.95
- * or more; steel is mostly to 0.1 to 0.6. Beyond the calibrated forces the table goes on along its tangents, which must hide no squeeze.
- * At the end of a light touch, creep of the silicone is what most of the movement is. */
+ * or more; steel is mostly to 0.1 to 0.6. Beyond the calibrated forces the table continues along its tangents, so the
+ * share falls, but a squeeze must stay a contact. At the end of a light touch, most of the movement is creep of the
+ * silicone. */
 #define BEYOND_SHARE 0.5
 #define KEPT_SHARE 0.25
 
@@ -54,8 +55,8 @@ bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memor
     return true;
 }
 
-/* One of which no number can be trusted counts as certain. hidden_force_sd_n: of a force that no covariance of a pose counts,
- * because nothing betrays its cause: what shifts the magnet also makes the place, and so the model's error, doubtful. */
+/* A refused estimate counts as certain. hidden_force_sd_n: of a force with a hidden cause, which the pose's covariance
+ * does not include. Such a cause also shifts the place, so the model's error there is doubtful. */
 void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const fmfts_estimate *estimate)
 {
     double needed = memory->in_contact != 0.0 ? KEPT_FORCE_DEVIATIONS : FMFTS_CERTAIN_FORCE_DEVIATIONS;
@@ -70,7 +71,7 @@ void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memor
     memory->in_contact = memory->touched != 0.0 && is_certain && estimate->explained > share ? 1.0 : 0.0;
 }
 
-/* Otherwise a false contact would follow each gap as often as one unloaded frame in a hundred is not close to rest. */
+/* Otherwise a false contact would follow one gap in a hundred: as often as an unloaded frame is not close to rest. */
 void fmfts_unseen(fmfts_contact_memory *memory)
 {
     memory->quiet_frames = fmin(memory->quiet_frames + 1.0, FMFTS_RELEASE_FRAMES);

@@ -1,14 +1,14 @@
-"""What a person is told whose contact model does not know what a finger that shears the silicone does."""
+"""Warnings for contact models with an unknown effect of shear."""
 
 from __future__ import annotations
 
-# For a person who set [pad.contact] friction where nothing is known of its effect.
+# For [pad.contact] friction with an unknown effect.
 SHEAR_UNKNOWN = (
     "[pad.contact] friction = {friction:g} has no effect: the contact model was made without --sheared, so what a "
     "shearing finger does to it is not known, and its deviations do not count it: calibrate with --sheared, or use a "
     "finger that cannot shear and set friction = 0"
 )
-# For a person who asks a model for slip that has three outputs, or no response.
+# For slip with a model that has three outputs, or no response.
 SLIP_UNKNOWN = (
     "slip = true needs a model that tells shear: one of three outputs takes the shear of a finger that sticks for a "
     'finger that moves. Set model = "shear" in [pad.contact], or calibrate with --shear'

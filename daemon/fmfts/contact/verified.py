@@ -27,7 +27,7 @@ def read(file: Path) -> bytes:
 
 
 def inference_of(content: bytes, model: Told, facts: Facts) -> Inference:
-    """Our own network with the weights that the model holds; onnxruntime if there are none, or if it answers otherwise.
+    """Our own network with the model's weights; onnxruntime if there are none, or if their answers differ.
 
     ValueError if onnxruntime cannot evaluate it.
     """
@@ -46,6 +46,6 @@ def inference_of(content: bytes, model: Told, facts: Facts) -> Inference:
 
 def _by_onnxruntime(content: bytes) -> Inference:
     model = tried(content)
-    from fmfts.contact.session import SessionInference  # 30 MB that most daemons do not need
+    from fmfts.contact.session import SessionInference  # imported here: 30 MB that most daemons do not need
 
     return SessionInference(model)

@@ -1,4 +1,4 @@
-"""Learns a pad's geometry from presses that nobody labelled: how its sensors lie, where its magnet is.
+"""Learns a pad's geometry from unlabelled presses: places and rotations of its sensors, and its magnet.
 
-It is an offline computation with SciPy: the running daemon never imports it. What it finds is stored in the baseline.
+It is an offline computation with SciPy, which the running daemon never imports. The baseline stores the result.
 """

@@ -1,4 +1,4 @@
-"""A pad's geometry as one vector of errors of its drawing, and what it means for the field that the chips report."""
+"""A pad's geometry as one vector of errors of its drawing, and the reported field that follows."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ REST, LOG_MOMENT, OCTUPOLE, FIRST_PLACE = slice(0, 5), 5, 6, 7
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """A pad as it may be. sensors: places and axes at right angles. matrix (N, 3, 3): what a chip reports of a field in
+    """A possible pad. sensors: places and axes at right angles. matrix (N, 3, 3): what a chip reports of a field in
     its own axes (gains and cross-axis terms). by_rotation (N, 3, 3): how a change of a chip's rotation vector turns it.
     octupole_m2: κ of the magnet; rest: its pose and log moment, untouched."""
 
@@ -42,7 +42,7 @@ class Geometry:
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """A pad's drawing and its tolerances: the prior of what is learned.
+    """A pad's drawing and its tolerances: the prior of the learned geometry.
 
     The vector (M,) counts deviations from the drawing in its tolerances: rest pose (5), log moment, κ, places (3N),
     rotation vectors in the chips' own axes (3N), gains (3N), cross-axis terms (3N). free_octupole: κ is unknown, too.
@@ -85,7 +85,7 @@ class Drawing:
 
     def derivatives(self, geometry: Geometry, state: State) -> tuple[Array, Array, Array]:
         """What the chips report (3N,) of the magnet in `state`, and its derivatives by the pose (3N, 5) and by the
-        vector (3N, M), as if rest and pose were one: who uses a press sets the columns of rest to zero."""
+        vector (3N, M), as if rest and pose were one: for a press, the caller sets the columns of rest to zero."""
         sensors, count = geometry.sensors, len(self.pad.sensors)
         strength = self.pad.magnet.strength_t_m3 * float(np.exp(state.log_moment))
         to_chip = geometry.matrix @ sensors.axes.transpose(0, 2, 1)

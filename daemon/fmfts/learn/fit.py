@@ -67,7 +67,7 @@ class Bundle:
     _at: Array | None = field(default=None, init=False)
 
     def fit(self, start: Array, most: int, robust: bool = False) -> Fit:
-        """At most so many evaluations. robust: what is off by more than ROBUST deviations counts less (Huber)."""
+        """At most so many evaluations. robust: residuals beyond ROBUST deviations count less (Huber)."""
         from scipy.optimize import least_squares
 
         loss = {"loss": "huber", "f_scale": ROBUST} if robust else {}
@@ -124,13 +124,13 @@ def weighted(field_t: Array, deviation_t: Array, predicted: Array) -> tuple[Arra
 
 
 def projected(own: Array, seen: Array) -> Array:
-    """What of the columns `seen` (R, C) is perpendicular to the columns `own` (R, 5)."""
+    """The part of the columns `seen` (R, C) that is perpendicular to the columns `own` (R, 5)."""
     basis, _ = np.linalg.qr(own)
     return np.asarray(seen - basis @ (basis.T @ seen))
 
 
 def misfits(drawing: Drawing, vector: Array, fields: Fields) -> tuple[Array, NDArray[np.intp]]:
-    """Residuals (K, 3N) of presses with a geometry that is given, in deviations, and the degrees of freedom (K,)."""
+    """Residuals (K, 3N) of presses with a given geometry, in deviations, and the degrees of freedom (K,)."""
     geometry = drawing.geometry(vector)
     left = []
     for press, pose in zip(fields.press_t, solved_poses(geometry, drawing, fields), strict=True):
@@ -167,8 +167,8 @@ def solved_poses(geometry: Geometry, drawing: Drawing, fields: Fields, before: A
 
 
 def _cold_starts(at_rest: Array, geometry: Geometry) -> list[Array]:
-    """State vectors (K, 15) at rest, and moved to each side and down by a part of the way to the nearest sensor: where
-    a press moves the magnet far there are wrong minima."""
+    """State vectors (K, 15) at rest, and moved to each side and down by a part of the way to the nearest sensor: large
+    displacements have wrong minima."""
     away = float(np.linalg.norm(geometry.sensors.position_m - geometry.rest.position_m, axis=1).min())
     starts = [at_rest]
     for sideways in ((1, 0), (0, 1), (-1, 0), (0, -1)):

@@ -32,15 +32,15 @@ from fmfts.sensor import Frame
 Array = NDArray[np.float64]
 
 FEWEST, MOST = 30, 100
-# Presses whose fields are nearer than this to each other, or to rest, tell nothing new.
+# Presses whose fields are nearer than this to each other, or to rest, are redundant.
 NEAREST_T = 1.5e-6
-# Where a person may be sent: the middle, and half and nearly all the way to each side and corner, pressed two ways.
+# Suggested places: the middle, and half and nearly all the way to each side and corner, pressed two ways.
 REACH_MM, FORCES_N = (0.0, 5.0, 9.0), (0.5, 1.8)
 
 
 @dataclass(frozen=True, slots=True)
 class _Known:
-    """What is known before a press: the pad with the drawing's tolerances, and the magnet's field untouched."""
+    """The knowledge before a press: the pad with the drawing's tolerances, and the magnet's field untouched."""
 
     drawing: Drawing
     gain: Array
@@ -71,7 +71,7 @@ class _Known:
 
 
 def make_learned(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, Mounting, dict[str, Any]]:
-    """`before`, with the geometry from presses; its mounting; and facts of what was learned.
+    """`before` with the geometry from presses, its mounting, and the facts.
 
     `before` must have bare and rest. Presses that an earlier --learn kept count as well. BaselineError if the presses
     are too few, fit no pad, or leave more than one answer.
@@ -135,7 +135,7 @@ def require_learnable(pad: Pad, before: Baseline) -> None:
 
 
 def spread_out(raw_t: Array, rest_t: Array) -> Array:
-    """(K, N, 3) fields as far from each other and from rest as possible. Where the magnet is, nobody knows yet."""
+    """(K, N, 3) fields as far from each other and from rest as possible, since the magnet's place is still unknown."""
     distance = _apart(raw_t, rest_t)
     chosen: list[int] = []
     while len(chosen) < min(MOST, len(raw_t)) and distance.max() > NEAREST_T:
@@ -145,12 +145,12 @@ def spread_out(raw_t: Array, rest_t: Array) -> Array:
 
 
 def _apart(raw_t: Array, other_t: Array) -> Array:
-    """(K,) how far fields are from another one, by the values that both have."""
+    """(K,) distances of fields from another one, by their common values."""
     return np.asarray(np.sqrt(np.nansum((raw_t - other_t) ** 2, axis=(1, 2))), dtype=np.float64)
 
 
 def next_place(learned: Learned, fields: Fields) -> str:
-    """Where the next press tells most, in a sentence. The silicone is taken for the standard pad's."""
+    """The most informative next press, in a sentence. The silicone is assumed to be the standard pad's."""
     from fmfts.config import PadConfig, SimulatedSource
     from fmfts.contact import ContactModel
 

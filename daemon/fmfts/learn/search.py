@@ -1,4 +1,4 @@
-"""Searches the geometry from several starts, leaves out presses that fit none, and says what the presses leave open."""
+"""Searches the geometry from several starts, excludes presses that fit none, and reports what stays undetermined."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ Array = NDArray[np.float64]
 Which = NDArray[np.bool_]
 
 STARTS = 6
-FAR_START = 1.5  # a start is no further from the drawing, in its tolerances: what is further counts as a mistake
-# Of presses that fit, one in ten thousand is left out. Where they scatter by more than their noise, deviations grow.
+FAR_START = 1.5  # largest distance of a start from the drawing, in its tolerances: beyond, the drawing counts as wrong
+# One fitting press in ten thousand is excluded. If presses scatter by more than their noise, deviations grow.
 FALSE_OUTLIER = 1e-4
 LARGEST_MISFIT, MOST_OUTLIERS = 5.0, 0.2
 # Two answers are alike unless one is a hundred times as probable: in −2 ln.
 ALIKE = 9.2
 ROUNDS = 3  # of leaving presses out
 EVALUATIONS, EVALUATIONS_TO_COMPARE = 150, 40
-# The octupole is taken from the presses where that lowers the misfit of left-out presses by so much.
+# The octupole is estimated from the presses if that lowers the misfit of left-out presses by this.
 OCTUPOLE_WORTH = 0.98
 LEFT_OUT = 4  # every fourth press
 
 
 class LearnError(Exception):
-    """The presses teach no geometry; the text says why, with the figure."""
+    """The presses do not determine a geometry; the text says why, with the figure."""
 
 
 @dataclass(frozen=True, slots=True)
 class Learned:
     """fit, of the presses `used` (K,), and its covariance (M, M) in SI, wider where the presses scatter by more than
-    their noise (`inflation`). agreeing: of so many `starts` that ended there. open: what the presses leave open, as
-    sentences: where there are any, the answer is one of several."""
+    their noise (`inflation`). agreeing: of so many `starts` that ended there. open: what stays undetermined, as
+    sentences: if there are any, the answer is one of several."""
 
     drawing: Drawing
     fit: Fit
@@ -59,7 +59,7 @@ def learn(drawing: Drawing, fields: Fields, starts: int = STARTS, seed: int = 0)
     tried = [_settled(drawing, fields, vector, EVALUATIONS_TO_COMPARE) for vector in vectors]
     best, used, inflation = _cleaned(drawing, fields, min(tried, key=_typical_chi2))
     kept = fields.only(used)
-    # The others are judged by the same presses, from where they ended.
+    # The other answers are judged by the same presses.
     others = [Bundle(drawing, kept).fit(one.vector, EVALUATIONS_TO_COMPARE) for one in tried]
     inverted = mirrored(drawing, best.vector)
     if inverted is not None:
@@ -102,7 +102,7 @@ def covariance_of(fit: Fit, inflation: float) -> Array:
 
 
 def octupole_factor(learned: Learned) -> float | None:
-    """κ as a multiple of the drawing's; None where the drawing's was taken."""
+    """κ as a multiple of the drawing's; None if the drawing's was kept."""
     if not learned.drawing.free_octupole:
         return None
     found = learned.drawing.geometry(learned.fit.vector).octupole_m2
@@ -135,7 +135,7 @@ def _cleaned(drawing: Drawing, fields: Fields, fit: Fit) -> tuple[Fit, Which, fl
     for _ in range(ROUNDS):
         residual, freedom = misfits(drawing, fit.vector, fields)
         chi2 = (residual**2).sum(axis=1)
-        told = freedom > 0  # where so much was clipped that a pose explains anything, a press tells nothing
+        told = freedom > 0  # a press with too many clipped values carries no information
         inflation = max(1.0, float(np.sqrt(np.median(chi2[told] / freedom[told])))) if told.any() else np.inf
         limit = np.array([quantile(FALSE_OUTLIER, max(int(one), 1)) for one in freedom])
         used = told & (chi2 < limit * inflation**2)

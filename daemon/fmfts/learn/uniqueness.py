@@ -1,4 +1,4 @@
-"""What unlabelled presses cannot tell, or tell twice: a second answer that fits, the length scale, which way is up."""
+"""Ambiguities of unlabelled presses: a second answer that fits, the length scale, which way is up."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from fmfts.pose import State
 
 Array = NDArray[np.float64]
 
-ANOTHER = 5.0  # deviations between two answers that are not one
-# Beyond these deviations what was learned does not serve: a twentieth of every distance (and so of every force), five
+ANOTHER = 5.0  # deviations between two different answers
+# Beyond these deviations the learned geometry is useless: a twentieth of every distance (and so of every force), five
 # degrees of the pad's axes (0.9 mm at its rim), and twice of a sensor against the others what a measured board has.
 LARGEST_SCALE, LARGEST_TURN_RAD, LARGEST_PLACE_M = 0.05, np.deg2rad(5.0), 2e-4
 FEW_TILTS_RAD = np.deg2rad(1.0)
@@ -74,7 +74,7 @@ def _sides(drawing: Drawing, fits: list[Fit]) -> list[bool]:
 
 
 def open_directions(drawing: Drawing, fit: Fit, rivals: list[Fit]) -> list[str]:
-    """What the presses leave open, each as a sentence with its figure and what would settle it; empty: nothing."""
+    """What stays undetermined, each as a sentence with its figure and a remedy; empty: nothing."""
     told = []
     images = _sides(drawing, [fit, *rivals])[1:]
     if any(images):

@@ -13,7 +13,7 @@ static int send(const fmfts_bus *bus, const void *part, size_t size, int flags)
     int sent;
     do {
         sent = bus->send(bus->socket, part, size, flags);
-    } while (sent < 0 && errno == EINTR); /* Python handles the signal after the frame */
+    } while (sent < 0 && errno == EINTR); /* Python handles the signal after this frame */
     if (sent < 0) {
         PyErr_SetFromErrno(PyExc_OSError);
     }
@@ -38,7 +38,7 @@ bool fmfts_send_all(fmfts_bus *bus)
     return sent;
 }
 
-/* Leaves the pad's last message to be sent together with others. */
+/* Notes the pad's last message as unsent, to send it together with others. */
 static bool publish_later(fmfts_bus *bus, fmfts_pad_object *pad)
 {
     pad->is_unsent = true;
@@ -94,7 +94,8 @@ bool fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t
     return pass(line, bus, size, arrival_ns);
 }
 
-/* Tells the board's clock that nothing which arrived before is unread: what comes between a read and a look at the clock is. */
+/* Tells the board's clock until when all bytes have been read: bytes may still arrive between the read and this time.
+ * */
 static void found_empty(const fmfts_board_line *line, int64_t at_ns)
 {
     for (int i = 0; i < FMFTS_WIRE_PADS; i++) {
@@ -112,13 +113,13 @@ bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, fmfts_p
     int64_t read_ns = 0;
     memcpy(bus->bytes, line->unread, size);
     do {
-        read_ns = fmfts_now_ns(CLOCK_MONOTONIC); /* before the read: another program may hold this one up after it */
+        read_ns = fmfts_now_ns(CLOCK_MONOTONIC); /* before the read: another program may delay this one after it */
         count = read(descriptor, bus->bytes + size, FMFTS_READ_BYTES);
         largest = count > largest ? count : largest;
         if (count > 0) {
             size = fmfts_keep_newest(bus->bytes, size + (size_t)count, patience, line->left_out);
         }
-        /* What does not shrink, Python reads in parts. */
+        /* If the rest does not shrink, Python reads it in parts. */
     } while (count > FMFTS_READ_BYTES / 2 && size <= FMFTS_ROOM - FMFTS_READ_BYTES);
     if (count == 0 || (count < 0 && errno != EAGAIN)) {
         line->needs_python = true; /* Python's read() finds the same error, and handles it */

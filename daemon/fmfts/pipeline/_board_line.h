@@ -9,8 +9,8 @@
 enum {
     FMFTS_READ_BYTES = 4096, /* the most that Linux hands over of a serial line at once */
     FMFTS_ROOM = 3 * FMFTS_READ_BYTES,
-    /* So many messages are sent together: ZeroMQ's thread, once awake, writes all of them at once. To wake it for each takes a
-     * sixth of the processor time of 64 pads. The first one waits for the frames of seven others, 0.2 ms. */
+    /* Number of messages that are sent together: ZeroMQ's thread, once awake, writes all of them at once. Waking it for
+     * each would take a sixth of the processor time of 64 pads. The first message waits for seven others, 0.2 ms. */
     FMFTS_TOGETHER = 8,
 };
 
@@ -34,7 +34,7 @@ typedef struct {
     uint8_t unread[FMFTS_ROOM];          /* the beginning of a frame, or bytes for Python */
 } fmfts_board_line;
 
-/* Appends `size` bytes (at most FMFTS_READ_BYTES) to the unread ones, and handles the frames at their beginning.
+/* Appends `size` bytes (at most FMFTS_READ_BYTES) to the unread ones, and handles all whole frames.
  * False and an exception if a contact could not be sent. Do not call it for a line that needs
  * Python. */
 bool fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t size, int64_t arrival_ns,
@@ -46,7 +46,7 @@ bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, fmfts_p
 /* Sends what fmfts_pass and fmfts_serve left unsent. False and an exception if a contact could not be sent. */
 bool fmfts_send_all(fmfts_bus *bus);
 
-/* Frees the line and lets go of its pads. NULL: nothing. */
+/* Frees the line and releases its pads. NULL: does nothing. */
 void fmfts_free_line(fmfts_board_line *line);
 
 /* Whether Python has something to do for it. */

@@ -1,4 +1,4 @@
-/* Changes of pose for Python: change.c and silicone.c on numbers that are given, without a frame. */
+/* Changes of pose for Python: change.c and silicone.c on given numbers, without a frame. */
 #include <string.h>
 
 #include "_pad.h"

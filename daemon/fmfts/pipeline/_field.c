@@ -1,4 +1,4 @@
-/* The tracker of frame.c on a field that is given, without counts, baseline and contact: for studies that compare it with other
+/* The tracker of frame.c on a given field, without counts, baseline and contact: for studies that compare it with other
  * methods. */
 #include <math.h>
 #include <string.h>

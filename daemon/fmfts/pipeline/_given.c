@@ -36,7 +36,8 @@ static int view_hand(fmfts_pad_object *self)
     return 1;
 }
 
-/* neighbour: a tuple of its sighting's buffer and its number of magnets. felt: how many magnets are felt besides. */
+/* neighbour: a tuple of its sighting's buffer and its number of magnets. felt: number of neighbouring magnets so far.
+ * */
 static int take_neighbour(fmfts_pad_object *self, PyObject *neighbour, size_t *felt)
 {
     int i = self->given.neighbours;
@@ -72,7 +73,7 @@ static int take_neighbours(fmfts_pad_object *self, PyObject *neighbours)
     return 1;
 }
 
-/* What is printed, even where nobody thought it would be. */
+/* Printable text, even in words from elsewhere. */
 static const char *or_nothing(const char *words)
 {
     return words ? words : "";

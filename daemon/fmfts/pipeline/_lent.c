@@ -24,7 +24,7 @@ static bool is_overdue(const fmfts_lent *lent, int64_t host_ns)
     return fmfts_now_ns(CLOCK_MONOTONIC) - host_ns > lent->overdue_ns;
 }
 
-/* Of a packet that made no message. Python finds an error of the contact model again, and raises it. */
+/* The result for a packet without a message. Python finds an error of the contact model again, and raises it. */
 static fmfts_handled without_message(fmfts_handled otherwise)
 {
     if (!PyErr_Occurred()) {
@@ -37,7 +37,7 @@ static fmfts_handled without_message(fmfts_handled otherwise)
     return FMFTS_FOR_PYTHON;
 }
 
-/* Accounts for a frame whose message is written. before: what the message before said, and when its sample was taken. */
+/* Counts a frame whose message is written. before: gist and time of sample of the message before. */
 static fmfts_handled tally(fmfts_pad_object *self, const fmfts_sample *sample, const fmfts_gist *before, int64_t before_ns)
 {
     fmfts_lent *lent = &self->lent;
@@ -67,7 +67,7 @@ static fmfts_handled handle_frame(fmfts_pad_object *self, const fmfts_sample *sa
     fmfts_lent *lent = &self->lent;
     const fmfts_gist before = self->gist;
     const int64_t before_ns = self->memory->message.sampled_ns;
-    fmfts_clock_line clock = *lent->clock; /* of a frame that Python reads again, the clock must not have learned */
+    fmfts_clock_line clock = *lent->clock; /* Python reads this frame again, so the clock must not count it twice */
     fmfts_frame frame = {
         .readings = sample->readings,
         .time_us = (int64_t)sample->time_us,
@@ -78,7 +78,7 @@ static fmfts_handled handle_frame(fmfts_pad_object *self, const fmfts_sample *sa
         .fresh = sample->fresh,
     };
     if (!is_expected(self, sample) || !fmfts_goes_on(&clock, frame.time_us, arrival_ns)) {
-        return FMFTS_FOR_PYTHON; /* which begins anew after a reset of the board */
+        return FMFTS_FOR_PYTHON; /* the clock restarts after a reset of the board */
     }
     frame.host_ns = fmfts_host_time(&clock, frame.time_us, arrival_ns);
     if (is_overdue(lent, frame.host_ns)) {

@@ -9,10 +9,10 @@
 enum {
     EVENTS = 256,
     MOST_DESCRIPTORS = 1 << 24, /* more than Linux gives */
-    /* After so many waits in a row in which something was ready at once, the loop is behind. The first waits after a stall
-     * of the computer are not enough, so that its backlog is not lost. */
+    /* The loop is behind after this many waits in a row in which something was ready at once. A short stall of the
+     * computer takes fewer, so that its backlog is not lost. */
     BUSY_WAITS = 4,
-    REST_NS = 50000, /* a wait that took so long began with nothing ready */
+    REST_NS = 50000, /* a wait that took this long began with nothing ready */
 };
 
 typedef struct {

@@ -6,7 +6,7 @@
 static const fmfts_field_name PARAMETERS[] = FMFTS_NAMES(FMFTS_PARAMETERS);
 static const fmfts_field_name MEMORY[] = FMFTS_NAMES(FMFTS_MEMORY);
 
-/* Nothing lies between the fields, nor between the structs within: one flat NumPy record describes them. */
+/* Fields and inner structs have no padding: one flat NumPy record describes them. */
 #define ONE_BYTES(type, name) +sizeof(type)
 #define MANY_BYTES(type, name, count) +sizeof(type) * (count)
 _Static_assert(sizeof(fmfts_parameters) == 0 FMFTS_PARAMETERS(ONE_BYTES, MANY_BYTES), "parameters with gaps");

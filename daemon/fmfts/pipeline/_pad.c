@@ -37,7 +37,8 @@ static void pad_dealloc(PyObject *object)
     Py_DECREF(type);
 }
 
-/* Encodes the reading as the next message, with `now` reckoned from one instant on the board's clock and on the host's. */
+/* Encodes the reading as the next message, with `now` relative to one instant on the board's clock and on the host's.
+ * */
 static bool write_message(fmfts_pad_object *self, int64_t time_us, int64_t host_ns)
 {
     const fmfts_reading *reading = &self->reading;
@@ -67,7 +68,7 @@ bool fmfts_tell(fmfts_pad_object *self, const fmfts_frame *frame)
 {
     bool judged = fmfts_judge(&self->pad, self->memory, frame, &self->reading);
     if (!judged || PyErr_Occurred()) {
-        self->reading.judged.known = false; /* of a frame that the memory has not */
+        self->reading.judged.known = false; /* the newest frame is not in the memory */
         return false;
     }
     return write_message(self, frame->time_us, frame->host_ns);
@@ -93,7 +94,7 @@ static int are_possible(int64_t sequence, int64_t time_us, int64_t host_ns)
     return 0;
 }
 
-/* 0 and ValueError if the frame is none of this pad. */
+/* 0 and ValueError if the frame is not this pad's. */
 static int is_of(const fmfts_pad_object *self, const fmfts_frame *frame, Py_ssize_t readings_bytes)
 {
     Py_ssize_t expected = FMFTS_READING_BYTES * (Py_ssize_t)self->pad.parameters->pose.sensors;
@@ -172,7 +173,7 @@ static PyObject *absent(PyObject *object, PyObject *args)
     if (health_of(health) == FMFTS_HEALTHS) {
         return PyErr_Format(PyExc_ValueError, "there is no health '%s'", health);
     }
-    fmfts_forget_touch(&self->memory->contact); /* whoever touched may be gone */
+    fmfts_forget_touch(&self->memory->contact); /* the finger may be gone */
     fmfts_forget_motion(&self->memory->motion);
     fmfts_forget_slip(&self->memory->slip);
     memset(&self->reading, 0, sizeof self->reading);

@@ -9,11 +9,11 @@
 #include "frame.h"
 
 enum {
-    FMFTS_CHANGES = 8,   /* so many changes may wait for Python */
+    FMFTS_CHANGES = 8,   /* number of changes that may wait for Python */
     FMFTS_TALLIED = 256, /* the most frames before Python must look */
 };
 
-/* What Python handed over, held as long as the pad. */
+/* Python's objects, held as long as the pad. */
 typedef struct {
     Py_buffer parameters, memory, response, own, neighbour[FMFTS_FELT], hand;
     fmfts_model_given model;
@@ -30,13 +30,13 @@ typedef struct {
     PyObject *change[FMFTS_CHANGES]; /* messages that Python tells of: health or contact changed */
     size_t changes;
     size_t frames, early;              /* messages of frames, and of samples before their frames */
-    uint32_t first_sequence, sequence; /* of the first frame and the last; without any, of the one before */
+    uint32_t first_sequence, sequence; /* of the first frame and the last; without any, of the previous one */
     int64_t arrival_ns;                /* of the last frame */
     size_t latencies;
     double latency_s[FMFTS_TALLIED]; /* sample → publish, of frames with a new sample */
 } fmfts_lent;
 
-/* What a message says that Python may have to tell, too. health is FMFTS_HEALTHS before the first message. */
+/* The part of a message from which Python makes events. health is FMFTS_HEALTHS before the first message. */
 typedef struct {
     fmfts_health health;
     fmfts_contact contact;
@@ -69,13 +69,13 @@ int64_t fmfts_now_ns(int clock);
 /* _given.c: takes the arguments of Pad(…), which _pad.pyi explains. 0 and an exception if they do not fit together. */
 int fmfts_take(fmfts_pad_object *self, PyObject *args);
 
-/* _given.c: whether what Python may have changed since then still fits. 0 and ValueError if not. */
+/* _given.c: whether objects that Python may have changed since then still fit. 0 and ValueError if not. */
 int fmfts_still_fits(const fmfts_pad_object *self);
 
-/* _given.c: gives all of it back. */
+/* _given.c: releases all of it. */
 void fmfts_release(fmfts_given *given);
 
-/* False and ValueError if the buffer has another size, or begins where no double may. */
+/* False and ValueError if the buffer has another size, or is not aligned for doubles. */
 static inline bool fmfts_has_size(const Py_buffer *buffer, size_t size, const char *what)
 {
     return fmfts_has_bytes(buffer, size, sizeof(double), what);
@@ -85,15 +85,15 @@ static inline bool fmfts_has_size(const Py_buffer *buffer, size_t size, const ch
  * model raised. */
 bool fmfts_tell(fmfts_pad_object *self, const fmfts_frame *frame);
 
-/* _pad.c: the same of a sample that came before its frame. False without an exception if it tells nothing new. */
+/* _pad.c: the same for a sample that came before its frame. False without an exception if it contains nothing new. */
 bool fmfts_tell_early(fmfts_pad_object *self, int sensor, unsigned gain_code, const int16_t counts[3], int64_t time_us);
 
-/* What becomes of a packet: Python must read it; its message is written; it is left out because it is overdue; it is a sample
- * before its frame that tells nothing; or there is an exception. */
+/* The result for a packet: Python must read it; its message is written; it is overdue and dropped; it is a sample
+ * before its frame with nothing new; or there is an exception. */
 typedef enum { FMFTS_FOR_PYTHON, FMFTS_WRITTEN, FMFTS_OVERDUE, FMFTS_SILENT, FMFTS_FAILED } fmfts_handled;
 
-/* _lent.c: handles one packet of the board's line, without its closing zero. It is for Python, and nothing changes, if it is
- * neither a frame nor an early sample of this pad, or one of which Python decides. */
+/* _lent.c: handles one packet of the board's line, without its closing zero. Python must read it, and nothing changes,
+ * if it is neither a frame nor an early sample of this pad, or if only Python can decide. */
 fmfts_handled fmfts_handle_line(fmfts_pad_object *self, const uint8_t *line, size_t size, int64_t arrival_ns);
 
 /* _field.c: track_field(), which _pad.pyi explains. */
@@ -109,7 +109,7 @@ PyObject *fmfts_pad_begin(PyObject *object, PyObject *args);
 PyObject *fmfts_pad_end(PyObject *object, PyObject *unused);
 PyObject *fmfts_pad_last_ns(PyObject *object, PyObject *unused);
 
-/* _lent.c: ends it, whatever was handled. */
+/* _lent.c: ends the loan, whatever was handled. */
 void fmfts_end(fmfts_pad_object *self);
 
 /* _lent.c: the object as a pad. NULL and TypeError if it is another object, ValueError if it was not begun. */

@@ -1,4 +1,4 @@
-"""A pad with its baseline: everything that is known before the first frame is read."""
+"""A pad with its baseline: all that is known before the first frame."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class BaselinedPad:
         on_hand: bool = False,
     ) -> None:
         recorded = baseline.rest or baseline.bare
-        assert recorded is not None  # a mounting is computed from one of them
+        assert recorded is not None  # mountings are computed only from such baselines
         self.drawing = drawing
         self.baseline = baseline
         self.mounting = mounting
@@ -85,7 +85,7 @@ class BaselinedPad:
         return HiddenGradient(self.pad, mounting.rest, reference, error, effect, even_t)
 
     def to_pose(self) -> Array:
-        """(5, 3N) by how much each value of the field changes a frame's pose at rest."""
+        """(5, 3N) derivative of a frame's pose at rest by each value of the field."""
         mounting = self.mounting
         return effect_of_field(self.pad, mounting.rest, mounting.noise_t, self.tracking.estimated)
 
@@ -93,7 +93,7 @@ class BaselinedPad:
         mounting, turn = self.mounting, self.baseline.turn
         if turn is None:
             return reference_of(self.pad, None if mounting.ambient_t is None else mounting.offset_t, None)
-        # An error of `offset_t` is in both, and is none of their difference.
+        # An error of `offset_t` is in both, so it cancels in their difference.
         turned_t = turn.turn().field_t / mounting.gain - mounting.rest_field_t
         return reference_of(self.pad, mounting.offset_t, turned_t)
 
@@ -107,7 +107,7 @@ class BaselinedPad:
         return None if resting is None else self.in_nominal_frame(resting)[2]
 
     def resting(self, systematic_t: Array | float = 0.0) -> PoseEstimate | None:
-        """The pose of one frame at rest, of which noise and these deviations (N, 3) are unknown; None without one."""
+        """The pose of one frame at rest, with noise and these deviations (N, 3); None if there is no such pose."""
         if not self.at_rest:
             return None
         deviation_t = root_of_squares(self.mounting.noise_t, systematic_t)

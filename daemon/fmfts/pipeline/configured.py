@@ -35,12 +35,12 @@ from fmfts.several.field_model import Scene
 AnyModel = ContactModel | NoContactModel | ArrayModel | PluggedModel
 Pipeline = PadPipeline | SeveralPipeline | PluggedPipeline
 DEFAULT_MODEL = "default"
-# The ambient field since the baseline, along each axis, while a robot turns in the Earth's field: a pad with several
-# magnets solves it anew in each frame.
+# Deviation of the ambient field since the baseline, along each axis, while a robot turns: a pad with several magnets
+# estimates it in each frame.
 TURNING_T = 1e-4
 # From a frame's last byte to its message, at the median, with a pad that is the only one (lab/results/latency.md).
 HOST_S = 0.3e-3
-# From the end of a conversion to when it is read: the way over the chip's bus, and the turns of the others.
+# From the end of a conversion to its reading: the transfer over the chip's bus, and those of the other chips.
 READ_S = 0.4e-3
 
 
@@ -71,10 +71,10 @@ def load_any_model(config: PadConfig, path: str) -> ContactModel | ArrayModel | 
 
 
 def contact_model_of(config: PadConfig) -> AnyModel:
-    """The configured contact model. No model where the file asks for "none", or for a shipped one that does not fit.
+    """The configured contact model. No model if the file has "none", or a shipped one that does not fit.
 
     ModelError if another file is configured and cannot serve this pad, or if a pad with several magnets has none, and
-    too few sensors to tell the poses without one.
+    too few sensors to estimate the poses without one.
     """
     name, magnets = config.contact.model, 1 + len(config.other_magnets)
     if name == NO_MODEL:
@@ -111,7 +111,7 @@ def hand_of(config: PadConfig) -> Hand | None:
 
 
 def posture_learner(config: PadConfig, no_joints: bool = False) -> PostureLearner:
-    """What `baseline --posture` asks for. BaselineError where the pad's scene has no posture."""
+    """The setting for `baseline --posture`. BaselineError if the pad's scene has no posture."""
     if config.scene.ambient != "posture":
         raise BaselineError(
             f"pad '{config.name}': nothing would use what a posture does to its field: set ambient = \"posture\" in "
@@ -121,7 +121,7 @@ def posture_learner(config: PadConfig, no_joints: bool = False) -> PostureLearne
 
 
 def lead_of(config: PadConfig) -> Lead:
-    """How old frames and samples are when their messages are published: the time on the line, and HOST_S."""
+    """Ages of frames and samples when their messages are published: the time on the line, and HOST_S."""
     source = config.source
     if isinstance(source, BridgeSource):
         byte_s = LINE_BITS_PER_BYTE / source.baud
@@ -133,7 +133,7 @@ def lead_of(config: PadConfig) -> Lead:
 
 
 def several_scene_of(config: PadConfig) -> Scene:
-    """What else changes the field of a pad with several magnets, or with unknown ones."""
+    """Other causes of a change of field, for a pad with several or unknown magnets."""
     moves = config.scene.ambient != "constant" or config.scene.steel_nearby
     warming_k = HOTTER_K if config.scene.remanence == "drifting" else COEFFICIENT_SHARE * UNREAD_WARMING_K
     per_k = config.magnet.temperature_coefficient_per_k
@@ -145,7 +145,8 @@ def several_scene_of(config: PadConfig) -> Scene:
 def feel_neighbours(
     config: PadConfig, configs: Sequence[PadConfig], pipelines: Mapping[str, Pipeline]
 ) -> list[SceneNeighbour]:
-    """Tell the pipeline of `config` which neighbours it feels. Returns all neighbours that `config` names."""
+    """Tell the pipeline of `config` which neighbours its sensors measure. Returns all neighbours that `config`
+    names."""
     neighbours = list(neighbours_around(config, configs))
     for neighbour in neighbours:
         if neighbour.is_felt:

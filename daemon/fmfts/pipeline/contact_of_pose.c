@@ -6,8 +6,8 @@
 #define MM_PER_M 1e3
 /* A finger never lifts the magnet. If it stays lifted for this long, its baseline was recorded under load. */
 #define LIFTED_S 0.6
-/* Something that pulls at the pad lifts it too. If the magnet is back at rest for this long, the baseline was good: a load that
- * is put on again passes by that place, to within 20 mN, in less time. */
+/* A pull also lifts it. If the magnet is back at rest for this long, the baseline was good: a returning load passes
+ * that position (to within 20 mN) in less time. */
 #define RESTED_S 0.15
 static const char JUMPED[] = "the field jumped between two samples by more than a finger can change it: a wire that was moved, a "
                              "blow, a magnet, or frames that this computer left out";
@@ -45,8 +45,8 @@ void fmfts_follow_gaps(fmfts_frame_work *work)
     }
 }
 
-/* Whether the pose's covariance and what the baseline leaves unknown count the same errors: the leftovers are those of a
- * solution from all sensors and without neighbours; another one keeps both. */
+/* Whether the pose's covariance and the baseline's uncertainty include the same errors: the latter is for a solution
+ * from all sensors and without neighbours. For other solutions both are kept. */
 static bool counts_twice(const fmfts_step *step)
 {
     for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {
@@ -64,7 +64,7 @@ void fmfts_find_change(const fmfts_pad *pad, fmfts_frame_work *work)
     double overlap[5][5], elapsed_s = step->field.elapsed_s;
     bool overlaps = counts_twice(step);
     if (elapsed_s > contact->longest_gap_s) {
-        fmfts_forget_touch(&work->memory->contact); /* who touched may be gone */
+        fmfts_forget_touch(&work->memory->contact); /* the finger may be gone */
     }
     fmfts_follow_creep(step->parameters, step->memory, elapsed_s);
     if (overlaps) {
@@ -93,8 +93,8 @@ bool fmfts_find_contact(const fmfts_pad *pad, fmfts_frame_work *work)
                                   &work->estimate);
 }
 
-/* Counts for how long the magnet is above its rest, and then, for how long it has been back at rest. A press that brings it
- * exactly there, where a baseline under load found it, does not hold it there. */
+/* Counts for how long the magnet is above its rest, and then, for how long it has been back at rest. A press may pass
+ * that position, but does not hold it there. */
 static void follow_lift(fmfts_pose_memory *memory, bool lifted, bool resting, double elapsed_s)
 {
     memory->rested_s = memory->lifted_s > 0.0 && resting && !lifted ? memory->rested_s + elapsed_s : 0.0;
@@ -135,16 +135,17 @@ void fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work)
     }
 }
 
-/* The deviation of the force while no touch is felt: it may be anything up to the detection limit, counted as a uniform
- * distribution. detection_limit_n: where on the pad a touch is felt least. */
+/* The deviation of the force without a detected touch: it may be anything up to the detection limit, as a uniform
+ * distribution. detection_limit_n: at the pad's least sensitive place. */
 static double quiet_force_sd_n(double force_sd_n, double detection_limit_n)
 {
     double uniform_sd_n = detection_limit_n / sqrt(3.0);
     return sqrt(force_sd_n * force_sd_n + uniform_sd_n * uniform_sd_n);
 }
 
-/* Of the estimate in contact, of 0 without one. The less a felt force exceeds its noise, the more the detection limit counts. If
- * the magnet has moved and the force is not certain, 0 is wrong by up to all of the estimate. */
+/* Deviation of the estimate in contact, of 0 without contact. The less a force exceeds its noise, the more the
+ * detection limit counts. If the magnet has moved but the force is not certain, 0 may be wrong by the whole estimate.
+ * */
 double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate,
                         const fmfts_contact_memory *touch)
 {

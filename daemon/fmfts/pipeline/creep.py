@@ -1,4 +1,4 @@
-"""What earlier loads have left of a pad's change of pose: silicone.c without frames."""
+"""The change of pose that earlier loads left: silicone.c without frames."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fmfts.pose.silicone import silicone_fields
 
 
 class Creep:
-    """Follows the loads of one pad. longest_gap_s: after a longer one nobody knows what pressed meanwhile."""
+    """Follows the loads of one pad. longest_gap_s: after a longer one the load in between is unknown."""
 
     def __init__(self, silicone: Silicone, longest_gap_s: float) -> None:
         self._parameters, self._memory = Record(_pad.PARAMETERS), Record(_pad.MEMORY)

@@ -28,8 +28,8 @@ class NominalFrame:
         silicone: Silicone | None = None,
         pad_turn: Array = UPRIGHT,
     ) -> None:
-        """pad_turn (3, 3): see `Mounting.pad_turn`. What widens the covariance, too: change_error (8, 5, M), see
-        `Mounting.change_error`; silicone, its share of the change itself."""
+        """pad_turn (3, 3): see `Mounting.pad_turn`. These also widen the covariance: change_error (8, 5, M), see
+        `Mounting.change_error`; silicone, as a share of the change itself."""
         self._parameters = Record(_pad.PARAMETERS)
         self._parameters.fill(
             {

@@ -1,4 +1,4 @@
-"""Messages of a pad that C has encoded, and what C tells of those that it has sent."""
+"""Messages of a pad that C has encoded, and C's report about those that it has sent."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from fmfts.pipeline._pad import Pad
 
 
 class EncodedMessage(msgspec.Struct, frozen=True, gc=False):
-    """payload: the message as it is sent; `message` decodes it. The rest, which Python asks for each time, is in it."""
+    """payload: the message as sent; `message` decodes it. The other fields repeat parts of it, which Python needs each
+    time."""
 
     payload: bytes
     health: Health
@@ -43,7 +44,7 @@ def message_of(answer: Answer) -> ContactMessage:
 class Passed(NamedTuple):
     """What C has published between `begin` and `end` of a Pad: of `frames`, and of samples that came before theirs.
 
-    first_sequence, sequence: of the first frame and the last; without any, of the one before. arrival_ns: of the last
+    first_sequence, sequence: of the first frame and the last; without any, of the previous one. arrival_ns: of the last
     frame. frame_us, frame_ns: the last frame's time on the board's clock, and on the host's. t_sample_ns, payload: of
     the last message. changes: the messages whose health, contact, over_range or slipping differs from the one before.
     latencies_s: sample → publish, of each frame with a new sample.

@@ -22,11 +22,11 @@ SHEAR = ("shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n")
 
 
 def fingers_told(reading: FingersReading, estimator: FingersEstimator) -> dict[str, Any]:
-    """The fields of a message that a reading tells; where no fingers explain the field, the poses alone."""
+    """The fields of a message from a reading; the poses alone if no fingers explain the field."""
     fit, free = reading.fit, reading.free
     if fit is not None:
         told = _estimates(reading, fit, estimator)
-        if not reading.over_range:  # what fingers beyond the table do to the magnets is not known
+        if not reading.over_range:  # the effect of fingers beyond the table is unknown
             told["poses"] = _poses(reading, fit, estimator)
         return told
     if free is None:
@@ -37,9 +37,10 @@ def fingers_told(reading: FingersReading, estimator: FingersEstimator) -> dict[s
 
 
 def _poses(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -> list[PoseMessage]:
-    """The pose of each magnet: by the fingers and the table of presses, and by what the residual tells of shear."""
+    """The pose of each magnet: from the fingers and the table of presses, and from the residual's information on
+    shear."""
     magnets, variance = estimator.poses(reading)
-    # Under a finger the ambient field is known to less than this, and how much less is not kept.
+    # Under a finger the deviation of the ambient field is larger than this, but is not kept.
     ambient = None if len(fit.fingers) else fit.ambient_t
     return magnets_told(estimator, magnets, variance, residual_of(fit.misfit_t, reading.used), fit.chi2, ambient)
 
@@ -65,8 +66,8 @@ def _estimates(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -
 
 
 def _finger(share: float, finger: Array, deviation: Array, shear: Array, shear_deviation: Array) -> dict[str, Any]:
-    """From mm to m. share: of the force, by which silicone may have crept or be of another cast. No shear where none is
-    expected (friction 0): that it is none is not known so well."""
+    """From mm to m. share: deviation of the force from creep and from the cast. Shear is null if none is expected
+    (friction 0), because it is not certain to be zero."""
     (x, y, force), (x_sd, y_sd, force_sd) = finger.tolist(), deviation.tolist()
     force_sd = float(root_of_squares(force_sd, share * force))
     (shear_x, shear_y), (shear_x_sd, shear_y_sd) = shear.tolist(), shear_deviation.tolist()

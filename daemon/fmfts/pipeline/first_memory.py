@@ -1,4 +1,4 @@
-"""What a pad remembers before its first frame."""
+"""A pad's memory before its first frame."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pose.state import LOG_MOMENT
 
 KEPT = ("number", "sampled_ns")  # of the last message: numbers go on
-# What alignment.c keeps of the last frames.
+# The fields that alignment.c keeps of the last frames.
 OF_SAMPLES = (
     *("field_t", "time_us", "repeats", "without_news", "newest_us", "leapt_us"),
     *("frame_us", "frame_ns", "sequence", "stood_ns", "stood_sequence"),
 )
 
-# Recordings that were made before there was slip do not have these: nothing slipped.
+# Older recordings lack these, from before slip was detected.
 OF_SLIP = (
     *("slip_frames", "slip_state", "slip_covariance", "slip_score", "slipping"),
     *("slip_since_s", "slip_speed", "slip_spread", "learnt_friction", "learnt_weight"),
 )
 
-# What is not 0, and is the same of every pad.
+# The fields that are not 0, and equal for every pad.
 FIRST: dict[str, Numbers] = {
     "last_us": np.nan,
     "misfit": 1.0,
@@ -57,10 +57,10 @@ def first_memory(pad: Pad, baselined: BaselinedPad | None) -> dict[str, Numbers]
 
 
 def with_slip(fields: Values) -> Values:
-    """The same, if a version that knew of no slip wrote it."""
+    """The same, if a version without slip wrote it."""
     return {name: np.zeros(count or ()) for name, _, count in MEMORY if name in OF_SLIP} | fields
 
 
 def without_samples(memory: dict[str, Numbers]) -> dict[str, Numbers]:
-    """The same, for a pad that gets another baseline: its samples go on."""
+    """The same, for a pad that gets another baseline: its samples continue."""
     return {name: value for name, value in memory.items() if name not in OF_SAMPLES}

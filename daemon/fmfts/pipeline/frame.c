@@ -1,5 +1,5 @@
-/* The way of every frame of a pad, from counts to what its message tells, in order. Each step is in the file that its comment
- * names. What it remembers is in fmfts_memory; what it says in fmfts_reading. */
+/* The steps of every frame of a pad, from counts to its message, in order. Each comment names the file of its step.
+ * fmfts_memory is what the next frame needs; fmfts_reading is the result. */
 #include "steps.h"
 
 bool fmfts_judge(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *frame, fmfts_reading *reading)
@@ -31,13 +31,13 @@ bool fmfts_judge(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *
             fmfts_doubt_contact(pad, &work);                 /* something pulls, or the field jumped; contact/touch.c: is it certain */
         }
         fmfts_find_slip(pad, &work, reading);                /* slip.c; contact/slip.c, friction.c: only where asked for */
-        fmfts_find_now(pad, frame, &work, reading);          /* now.c: the contact when the message is published */
+        fmfts_find_now(pad, frame, &work, reading);          /* now.c: the contact at the time of publishing */
     }
-    fmfts_read(pad, &work, reading);                         /* reading.c: what the message tells of all this */
+    fmfts_read(pad, &work, reading);                         /* reading.c: the fields of the message */
     if (!fmfts_is_finite(reading)) {
         return false;
     }
-    fmfts_show_others(pad, &work);                           /* reading.c: to pads that feel this one's magnet */
+    fmfts_show_others(pad, &work);                           /* reading.c: for pads that measure this one's magnet */
     *memory = next;
     return true;
 }

@@ -39,7 +39,7 @@ typedef struct {
     fmfts_message_parameters message;
 } fmfts_parameters;
 
-/* All that one frame leaves to the next. */
+/* All that the next frame needs of the earlier ones. */
 #define FMFTS_MEMORY(ONE, MANY)                                                                                        \
     FMFTS_POSE_MEMORY(ONE, MANY)                                                                                       \
     FMFTS_CONTACT_MEMORY(ONE, MANY)                                                                                    \
@@ -56,7 +56,7 @@ typedef struct {
     fmfts_message_memory message;
 } fmfts_memory;
 
-/* What a person reads of a pad. no_model, lifted: reasons; no_baseline: why there is none, or that rest is not recorded. model,
+/* A pad's texts. no_model, lifted: reasons; no_baseline: why there is none, or that rest is not recorded. model,
  * baseline: hash and id (NULL: none) of every message. version: of the messages' schema. */
 typedef struct {
     int64_t version;
@@ -65,8 +65,8 @@ typedef struct {
     fmfts_chip_words chip;
 } fmfts_words;
 
-/* A pad, with all that its frames need besides their memory. response: as in refine.h, or NULL. own: where its magnet was last
- * seen. neighbour: the same of the pads that it feels. hand: what moves with the joints of its hand. */
+/* A pad, with all that its frames need besides their memory. response: as in refine.h, or NULL. own: its magnet's last
+ * estimate. neighbour: those of its neighbours. hand: the posture's field. */
 typedef struct {
     const fmfts_parameters *parameters;
     fmfts_network network;
@@ -77,15 +77,15 @@ typedef struct {
     fmfts_hand hand;
 } fmfts_pad;
 
-/* What a message tells of the contact at the time of publishing. places: x and y, too; else force alone. */
+/* A message's `now`. places: x and y, too; else force alone. */
 typedef struct {
     bool known, places;
     double time_us; /* on the board's clock */
     fmfts_contact_now contact; /* outputs: 3 or 5 */
 } fmfts_now;
 
-/* What the last frame says of the samples that come before the next. moment: the covariance of the magnet's moment with the pose,
- * and its variance. known: the rest means something. */
+/* The last frame's values for samples that come before the next frame. moment: the covariance of the magnet's moment
+ * with the pose, and its variance. known: the other values are valid. */
 typedef struct {
     double drive[FMFTS_MOVED * FMFTS_MOVED], moment[FMFTS_MOVED + 1];
     bool known, over_range;
@@ -93,7 +93,7 @@ typedef struct {
 
 typedef enum { FMFTS_NOT_KNOWN, FMFTS_NO_CONTACT, FMFTS_IN_CONTACT } fmfts_contact;
 
-/* What a frame says, as its message tells it. Numbers that are not told are not looked at. */
+/* The result of a frame, for its message. Numbers that are not published are not checked. */
 typedef struct {
     fmfts_health health;
     fmfts_text reason;
@@ -110,7 +110,7 @@ typedef struct {
     double ambient_t[3], ambient_sd_t[3]; /* NaN: not measured */
     double residual_t, chi2;
     fmfts_now now;
-    bool tells_slip; /* whether the pad was asked for it, so that its message has the key */
+    bool tells_slip; /* whether it is configured, so that the message has the key */
     fmfts_slip slip;
     fmfts_judged judged;
 } fmfts_reading;
@@ -118,14 +118,14 @@ typedef struct {
 /* frame.c: judges one frame, in `memory`. False, and the memory is as before, if a number of its message is not finite. */
 bool fmfts_judge(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *frame, fmfts_reading *reading);
 
-/* now.c: takes a sample that came before its frame, after the last frame, whose reading this is; its `now` tells then what the
- * sample says. False if it tells nothing new. */
+/* now.c: takes a sample that came before its frame, and updates `now` in the last frame's reading. False if the sample
+ * contains nothing new. */
 bool fmfts_take_early(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_early *early, fmfts_reading *reading);
 
 /* now.c: the field of a sample as measured. */
 void fmfts_read_early(const fmfts_pose_parameters *parameters, unsigned gain_code, const int16_t counts[3], double field_t[3]);
 
-/* The times of a message in ns: on the host's monotonic clock, and UTC. now: what its `now` is about. */
+/* The times of a message in ns: on the host's monotonic clock, and UTC. now: the time of its `now`. */
 typedef struct {
     int64_t sampled, published, utc, now;
 } fmfts_times;
@@ -137,13 +137,13 @@ enum { FMFTS_MESSAGE_ROOM = FMFTS_TEXT_ROOM + 4096 };
 size_t fmfts_write_message(const fmfts_words *words, const fmfts_reading *reading, int64_t number, const fmfts_times *times,
                            uint8_t message[FMFTS_MESSAGE_ROOM]);
 
-/* slip.c: whether the message tells of a finger that slips. */
+/* slip.c: whether the message says that the finger slips. */
 bool fmfts_is_slipping(const fmfts_reading *reading);
 
-/* message.c: as a message names it. */
+/* message.c: the name of a health in messages. */
 const char *fmfts_health_name(fmfts_health health);
 
-/* message.c: whether all numbers that the reading tells are finite. */
+/* message.c: whether all published numbers of the reading are finite. */
 bool fmfts_is_finite(const fmfts_reading *reading);
 
 #endif

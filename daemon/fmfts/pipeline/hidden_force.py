@@ -1,4 +1,4 @@
-"""The force that a passing tool may look like without anything that betrays it."""
+"""The force that a passing tool may look like without being detected."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What pads have in common whose frames Python judges: one clock, one instant, numbered messages.
+"""The common part of pads whose frames Python judges: one clock, one instant, numbered messages.
 
-C judges the frames of a pad with one magnet (frame.c). No C hands these pads theirs from a board's bytes.
+C judges the frames of a pad with one magnet (frame.c). For these pads C does not read frames from a board's bytes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from fmfts.sensor.early import EarlySample
 
 
 class Judged(Protocol):
-    """What one frame says. used (N, 3): the axes that it was made from."""
+    """The result of one frame. used (N, 3): the axes that it was made from."""
 
     @property
     def health(self) -> Health: ...
@@ -70,10 +70,10 @@ class JudgedInPython:
         return self._last_frame.host_time_ns(device_time_us)
 
     def early(self, early: EarlySample) -> None:
-        """A sample that comes before its frame says nothing new: such a pad has no `now`."""
+        """Ignores a sample that comes before its frame: such a pad has no `now`."""
 
     def begin(self, clock: memoryview, topic: bytes, pad_index: int, overdue_ns: int) -> None:
-        """No C handles the frames of such a pad from the board's bytes."""
+        """C never takes such a pad's frames from a board's bytes."""
 
     def _forget_samples(self) -> None:
         self._alignment = Alignment(len(self.pad.sensors), period_us=1e6 / self._rate_hz)
@@ -93,7 +93,7 @@ class JudgedInPython:
         return replace(aligned, field_t=aligned.field_t - field_t.reshape(-1, 3), foreign_t2=foreign_t2)
 
     def _message(self, reading: Judged, told: dict[str, Any], temperature_c: float | None) -> ContactMessage:
-        """told: the estimates of the message, by their fields."""
+        """told: the message's estimates, by field."""
         self.messages += 1
         health, reason = reading.health, reading.reason
         if self._posture_unknown and health in ("ok", "degraded", "disturbed", "lost"):

@@ -1,4 +1,4 @@
-"""The frame before, and how much time passed since: a board's clock may leap, and time does not."""
+"""The previous frame, and the time since then, even if the board's clock jumps."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class LastFrame:
         return frame_ns + 1000 * (device_time_us - frame_us)
 
     def leap_us(self, frame: Frame) -> int:
-        """By how much the board's clock leapt between this frame and `frame`, beyond the time that passed."""
+        """By how much the board's clock jumped between this frame and `frame`, beyond the time that passed."""
         began_ns, number = self._began
         times = frame.device_time_us, frame.host_time_ns, frame.sequence
         return _alignment.leap_us(self.times[0], began_ns, number, *times, self._period_us)

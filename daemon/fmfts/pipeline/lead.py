@@ -1,4 +1,4 @@
-"""How old what a source tells is when its message is published."""
+"""The age of a source's data when its message is published."""
 
 from __future__ import annotations
 

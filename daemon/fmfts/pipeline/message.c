@@ -14,7 +14,7 @@ enum {
     TEXT8 = 0xD9, TEXT16 = 0xDA, MAP16 = 0xDE,
 };
 
-/* Of what a contact model tells: value and deviation, and of `now` the rates of both, too. */
+/* Keys of a contact model's outputs: value and deviation, and for `now` the rates of both. */
 static const char *const OUTPUT[FMFTS_CONTACT][4] = {
     {"x_m", "x_sd_m", "x_rate_m_per_s", "x_rate_sd_m_per_s"},
     {"y_m", "y_sd_m", "y_rate_m_per_s", "y_rate_sd_m_per_s"},
@@ -31,7 +31,7 @@ const char *fmfts_health_name(fmfts_health health)
     return HEALTH[health];
 }
 
-/* room: of `bytes`; 0: only what follows is wanted. is_finite: all numbers so far are. */
+/* room: size of `bytes`; 0: only is_finite is wanted, whether all numbers so far are finite. */
 typedef struct {
     uint8_t *bytes;
     size_t size, room;
@@ -149,7 +149,7 @@ static void put_contact(fmfts_packer *p, const fmfts_reading *r)
     put_number(p, "displacement_sd_m", r->tells_displacement ? &r->displacement_sd_m : NULL);
 }
 
-/* t_ns: what it is about. Without a touch only the force means something. */
+/* t_ns: the time for which it holds. Without a touch only the force is valid. */
 static void put_now(fmfts_packer *p, const fmfts_now *now, int64_t t_ns)
 {
     const fmfts_contact_now *contact = &now->contact;
@@ -169,7 +169,7 @@ static void put_now(fmfts_packer *p, const fmfts_now *now, int64_t t_ns)
     }
 }
 
-/* The map is there only where the pad was asked for it, and then always. */
+/* The map is present if and only if `slip` is configured. */
 static void put_slip(fmfts_packer *p, const fmfts_reading *r)
 {
     const fmfts_slip *slip = &r->slip;

@@ -14,10 +14,11 @@ static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0, 1.0, 1.0}; /* mm → m; ne
 
 /* Before so many frames the filter has not settled. */
 enum { SETTLED_FRAMES = 3 };
-/* Beyond it (a board that stalls, a chip that stopped) the newest sample says nothing of the time of publishing. */
+/* Beyond it (a board that stalls, a chip that stopped) the newest sample is too old for an extrapolation. */
 #define LONGEST_LEAD_S 0.02
-/* A frame is made just after its newest conversion, at best: the latest of the recent frames tells when. What it tells is let go by
- * this share of a period each frame, so that a board with another rate than it should have is followed. */
+/* At the earliest a frame is made just after its newest conversion, so the latest of the recent frames gives the time.
+ * This bound is relaxed by this share of a period each frame, to follow a board with another rate than its nominal one.
+ * */
 #define LET_GO 0.0025
 #define JUMP_PERIODS 2.5 /* a board that was reset */
 
@@ -34,7 +35,7 @@ static double publish_us(const fmfts_parameters *parameters, const fmfts_frame *
     return made_us + made_since_us + parameters->now.lead_us;
 }
 
-/* The filter's pose in the form of the solver's. What the moment leaves uncertain is taken over from that. */
+/* The filter's pose in the form of the solver's. The uncertainty through the moment is the solver's. */
 static void at_newest(const fmfts_pose_parameters *parameters, const fmfts_motion_memory *memory, const double *moment,
                       double *state, fmfts_pose *pose)
 {
@@ -104,7 +105,7 @@ static bool has_covariance(const fmfts_motion_memory *memory)
     return true;
 }
 
-/* The filter's change of pose from rest, and what the contact model says of it. False if that is no answer. */
+/* The filter's change of pose from rest, and the contact model's answer. False if there is none. */
 static bool ask(const fmfts_pad *pad, const fmfts_memory *memory, const fmfts_judged *judged, fmfts_displacement *displacement,
                 fmfts_estimate *estimate)
 {
@@ -122,8 +123,8 @@ static bool ask(const fmfts_pad *pad, const fmfts_memory *memory, const fmfts_ju
                                   estimate);
 }
 
-/* No finger lifts the magnet. Near rest, noise and what the baseline leaves unknown look like corner presses. In a contact the
- * message has a force already, and both say the same. */
+/* No finger lifts the magnet. Near rest, noise and what the baseline leaves unknown look like corner presses. In a
+ * contact, message and `now` agree about it. */
 static bool is_pressed(const fmfts_pad *pad, const fmfts_memory *memory, const fmfts_displacement *displacement,
                        const fmfts_estimate *estimate)
 {
@@ -134,7 +135,7 @@ static bool is_pressed(const fmfts_pad *pad, const fmfts_memory *memory, const f
            chi2 > pad->parameters->contact.release_chi2;
 }
 
-/* The contact at time_us, into `now`; not known where the filter or the model cannot say it. */
+/* The contact at time_us, into `now`; not known if the filter or the model does not give it. */
 static void tell(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_judged *judged, double time_us, fmfts_now *now)
 {
     const fmfts_parameters *parameters = pad->parameters;
@@ -164,7 +165,7 @@ static void tell(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_judged 
     now->time_us = time_us;
 }
 
-/* Lets the filter take the frame's samples. False if they contradict what was predicted. */
+/* Gives the frame's samples to the filter. False if they contradict the prediction. */
 static bool follow(const fmfts_pad *pad, fmfts_frame_work *work, unsigned fresh, fmfts_judged *judged)
 {
     const fmfts_parameters *parameters = pad->parameters;
@@ -218,7 +219,7 @@ void fmfts_read_early(const fmfts_pose_parameters *parameters, unsigned gain_cod
     }
 }
 
-/* Whether the sample is one of this pad that goes on from those of the last frame, and not by too much. */
+/* Whether the sample is this pad's, and follows those of the last frame without a long gap. */
 static bool goes_on(const fmfts_pad *pad, const fmfts_memory *memory, const fmfts_early *early)
 {
     const fmfts_pose_parameters *parameters = &pad->parameters->pose;

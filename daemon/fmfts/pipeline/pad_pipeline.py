@@ -31,7 +31,7 @@ from fmfts.sensor.early import EarlySample
 
 @dataclass(slots=True)
 class PipelineMemory:
-    """All that the next message depends on besides its frame, the configuration and the baseline.
+    """All that the next message depends on, besides its frame, the configuration and the baseline.
 
     fields: of FMFTS_MEMORY (frame.h), by name. why_no_baseline: the reason of messages without one.
     sensors: of the pad; has_baseline: whether it had one.
@@ -78,7 +78,7 @@ class PadPipeline:
         self._build()
 
     def _build(self) -> None:
-        """Make C's pad anew, which goes on with the memory."""
+        """Make C's pad anew, with the same memory."""
         self._parameters = parameters_of(self.pad, self._baselined, self.model, self._rate_hz, self._lead)
         put_neighbours(self._parameters, self._neighbours)
         seen = tuple((each.sighting.table.buffer, len(each.sighting.magnets)) for each in self._neighbours)
@@ -103,7 +103,7 @@ class PadPipeline:
 
     @property
     def force_scale(self) -> float | None:
-        """How stiff the silicone is, as a weight told, over that of the contact model's pad; None: nothing told it."""
+        """Stiffness of the silicone by a known weight, over that of the contact model's pad; None: not weighed."""
         stored = None if self.baseline is None or self.model is self._unweighed else self.baseline.silicone
         return None if stored is None else stored.stiffness
 
@@ -132,7 +132,7 @@ class PadPipeline:
 
     @property
     def detection_limit_n(self) -> float:
-        """The largest force (N) anywhere on the pad that may go unfelt; 0 without a baseline."""
+        """The largest force (N) anywhere on the pad that may go undetected; 0 without a baseline."""
         return self._parameters.number("detection_limit_n")
 
     def use(self, baseline: Baseline, mounting: Mounting | None = None) -> Mounting:
@@ -161,11 +161,11 @@ class PadPipeline:
         self._build()
 
     def be_felt(self) -> Sighting:
-        """Where this pad's magnet is, for another pad that feels it: kept up to date from the next frame on."""
+        """This pad's magnet, for a neighbour that measures it: updated from the next frame on."""
         return self._sighting
 
     def start_anew(self) -> None:
-        """Forget all frames, because the next have another clock, or an error came of one of them."""
+        """Forget all frames, because the next have another clock, or one caused an error."""
         self._memory.fill(first_memory(self.pad, self._baselined))
 
     def process(self, frame: Frame) -> ContactMessage:
@@ -177,7 +177,7 @@ class PadPipeline:
         return EncodedMessage.of(self.payload(frame), self._compiled)
 
     def payload(self, frame: Frame) -> bytes:
-        """The same, for who asks nothing of it but to be sent."""
+        """The same, encoded for sending only."""
         if frame.joints is not None and self.hand is not None:
             self.hand.recall(frame.joints)
         temperature_c = np.nan if frame.temperature_c is None else frame.temperature_c
@@ -187,15 +187,15 @@ class PadPipeline:
         return payload
 
     def early(self, early: EarlySample) -> EncodedMessage | None:
-        """The message of a sample that came before its frame: what the last frame said, with another `now`. None where
-        the sample says nothing new, or cannot be used: the next frame judges it."""
+        """The message of a sample that came before its frame: the last message with another `now`. None if the sample
+        is not new, or cannot be used: the next frame judges it."""
         if not self._has_frame or early.sensor >= len(self.pad.sensors):
             return None
         payload = self._compiled.early(early.sensor, early.gain_code, *early.counts, early.device_time_us)
         return None if payload is None else EncodedMessage.of(payload, self._compiled)
 
     def absent(self, health: Health, reason: str) -> ContactMessage:
-        """The message to publish while no frame can be used. It ends the touch: whoever touched may be gone."""
+        """The message to publish while no frame can be used. It ends the touch: the finger may be gone."""
         self._has_frame = False
         return decode_contact(self._compiled.absent(health, reason))
 
@@ -222,7 +222,7 @@ class PadPipeline:
 
     @property
     def memory(self) -> PipelineMemory:
-        """What the pipeline remembers between two frames."""
+        """The pipeline's memory between two frames."""
         pad = len(self.pad.sensors), self._baselined is not None
         return PipelineMemory(self._memory.copy(), self._sighting.memory, self._why_none, *pad)
 

@@ -49,7 +49,7 @@ def parameters_of(
 ) -> Record:
     """All parameters but those of neighbours. baselined: None while nothing can be subtracted.
 
-    ValueError where something does not fit into the fields, which have a room that frame.h says.
+    ValueError if something exceeds the sizes of frame.h.
     """
     parameters = Record(PARAMETERS)
     parameters.put("sensors", len(drawing.sensors))
@@ -79,7 +79,7 @@ def parameters_of(
 
 
 def detection_limit_n(baselined: BaselinedPad, model: ContactModel | NoContactModel, touch: TouchDetector) -> float:
-    """The largest force (N) anywhere on the pad that may go unfelt; 0 where it is not known."""
+    """The largest force (N) anywhere on the pad that may go undetected; 0 if not known."""
     resting = baselined.resting_covariance() if isinstance(model, ContactModel) else None
     if resting is None or not isinstance(model, ContactModel):
         return 0.0
@@ -87,7 +87,7 @@ def detection_limit_n(baselined: BaselinedPad, model: ContactModel | NoContactMo
 
 
 def response_of(model: ContactModel | NoContactModel) -> Response | None:
-    """Of the pad, with as many loads as the model tells; None if it is not known."""
+    """The pad's response, with the model's loads; None if it is not known."""
     if isinstance(model, NoContactModel) or model.response is None:
         return None
     return model.response if model.has_shear else model.response.without_shear()
@@ -154,7 +154,7 @@ def _tracking(baselined: BaselinedPad) -> Values:
         "at_rest": baselined.at_rest,
         "rest_temperature_c": np.nan if rest_c is None else rest_c,
         "rest": baselined.mounting.rest.vector(),
-        # One more: the moment of the frames before.
+        # One more: the moment of earlier frames.
         "gate_chi2": _quantiles(FALSE_ALARM, values - free + 1),
         "surprising_chi2": _quantiles(SOUND, values - free + 1),
         "line_chi2": quantile(FALSE_LINE, 6),
@@ -213,7 +213,7 @@ def _contact(baselined: BaselinedPad, model: ContactModel) -> Values:
 
 
 def _slip(model: ContactModel | NoContactModel) -> Values:
-    """tells_slip: 0 where the pad was not asked for slip."""
+    """tells_slip: 0 if slip is not configured."""
     friction = model.slip_friction if isinstance(model, ContactModel) else None
     return {"tells_slip": friction is not None, "slip_friction": friction or (0.0, 0.0)}
 
@@ -245,6 +245,6 @@ def _now(baselined: BaselinedPad, response: Response | None, lead: Lead) -> Valu
         "early_chi2": quantile(FALSE_INNOVATION, 3),
         "to_pose": to_the_pose,
         "untouched_drive": untouched_drive(response, to_the_pose),
-        "drive_power": drive_power(loads=3),  # force, and shear of a model that tells it
+        "drive_power": drive_power(loads=3),  # force, and shear with a shear model
         "weights": MODE_WEIGHTS,
     }

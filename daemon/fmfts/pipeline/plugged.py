@@ -1,6 +1,6 @@
 """The pipeline of a pad whose contact model is another package's, as the daemon, a replay and a recorder use it.
 
-`PadPipeline` says of each what it does. No C hands such a pad its frames from a board's bytes: `begin` gives None.
+`PadPipeline` describes each method. C never takes such a pad's frames from a board's bytes: `begin` gives None.
 """
 
 from __future__ import annotations

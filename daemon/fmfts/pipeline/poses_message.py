@@ -57,7 +57,7 @@ def magnets_told(
     ambient_change_t: Array | None = None,
 ) -> list[PoseMessage]:
     """The pose of each magnet. variance (M, 5): of its change since rest. ambient_change_t (3,): of the ambient field
-    since the baseline; None where it is not told."""
+    since the baseline; None if it is not published."""
     mounting, at_rest, ambient, ambient_deviation = estimator.mounting, estimator.at_rest, None, None
     if mounting.ambient_t is not None and mounting.ambient_deviation_t is not None and ambient_change_t is not None:
         deviation_t = root_of_squares(mounting.ambient_deviation_t, at_rest.ambient_deviation_t(ambient_change_t))

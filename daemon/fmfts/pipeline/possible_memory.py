@@ -1,4 +1,5 @@
-"""What a pad's memory may hold: C takes an index and a time of it as they are, and a recording may claim any number."""
+"""Checks the numbers of a pad's memory: C uses its indices and times unchecked, and a recording may contain any
+number."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ CAUSES = Range(0, 4, "cause that fault_search.c finds")
 
 
 def require_possible(fields: Values, sensors: int) -> None:
-    """ValueError names the first number that no pad with so many sensors remembers."""
+    """ValueError names the first number that is impossible for a pad with this many sensors."""
     mask = Range(0, 2**sensors - 1, f"set of {sensors} sensors")
     of_name = {
         "found_sensor": Range(-1, sensors - 1, f"sensor of {sensors}"),
@@ -31,7 +32,7 @@ def require_possible(fields: Values, sensors: int) -> None:
 
 
 def require_alike(memory: SightingMemory, sighting: Sighting) -> None:
-    """ValueError where it is of another number of magnets."""
+    """ValueError if it has another number of magnets."""
     own = sighting.memory
     if memory.values.shape != own.values.shape or memory.covariance.shape != own.covariance.shape:
         raise ValueError(f"magnets were seen at {memory.values.shape[0]} places, and this pad has {len(own.values)}")

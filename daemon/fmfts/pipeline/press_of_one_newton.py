@@ -1,4 +1,4 @@
-"""How accurately a press of 1 N in the middle of a pad would be published, computed before anybody presses."""
+"""The predicted accuracy of a press of 1 N in the middle of a pad."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from fmfts.pose.state import turned
 def press_of_one_newton(pipeline: Pipeline) -> dict[str, float]:
     """Standard deviations of its place (m, the larger of x and y) and of its force (N), with the pipeline's baseline.
 
-    The pose is as uncertain as at rest, and by what the baseline and the silicone leave unknown of the magnet's way.
-    The contact model carries that over and adds its own error, as it does for every frame. Empty without a baseline at
-    rest, without a contact model that holds the response of its pad, and for a pad of several magnets.
+    The pose is as uncertain as at rest, plus the uncertainty of the magnet's movement through baseline and silicone.
+    The contact model propagates that and adds its own error, as for every frame. Empty without a baseline at rest,
+    without a contact model that holds the response of its pad, and for a pad of several magnets.
     """
     baselined, model = (pipeline.baselined, pipeline.model) if isinstance(pipeline, PadPipeline) else (None, None)
     if baselined is None or not isinstance(model, ContactModel) or model.response is None:

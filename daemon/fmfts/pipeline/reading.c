@@ -1,4 +1,4 @@
-/* What a frame's message tells of what its steps found. */
+/* The fields of a frame's message, from the results of its steps. */
 #include <math.h>
 #include <string.h>
 
@@ -32,7 +32,7 @@ void fmfts_begin(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *
     reading->tells_slip = pad->parameters->slip.tells_slip != 0.0;
 }
 
-/* When the instant was on the host's clock. Of a memory that a recording claims, it may be any time. */
+/* When the instant was on the host's clock. In a recording's memory it may be any time. */
 static int64_t host_ns_at(const fmfts_frame *frame, int64_t instant_us)
 {
     const double most_ns = 2305843009213693952.0; /* 2^61, as the host's own times */
@@ -47,7 +47,7 @@ void fmfts_date(const fmfts_frame *frame, fmfts_frame_work *work)
         work->memory->message.sampled_ns = host_ns_at(frame, field->instant_us);
     }
     if (field->began_anew) {
-        fmfts_forget_touch(&work->memory->contact); /* nobody knows for how long nothing was seen: the finger may be gone */
+        fmfts_forget_touch(&work->memory->contact); /* the length of the gap is unknown: the finger may be gone */
     }
     if (field->leap_us) {
         fmfts_forget_motion(&work->memory->motion);
@@ -82,8 +82,8 @@ static void read_pose(const fmfts_message_parameters *parameters, const fmfts_st
     reading->chi2 = step->pose.chi2;
 }
 
-/* Without a contact the force is 0, without a place. Beyond the model's range there is only a lower bound. A model that tells
- * shear tells nothing where it cannot tell shear from place. */
+/* Without a contact the force is 0, without a place. Beyond the model's range there is only a lower bound. A shear
+ * model gives no values where it cannot separate shear from place. */
 static void read_contact(const fmfts_pad *pad, const fmfts_frame_work *work, fmfts_reading *reading)
 {
     const fmfts_estimate *estimate = &work->estimate;
@@ -112,7 +112,7 @@ static void read_displacement(const fmfts_pad *pad, fmfts_frame_work *work, fmft
     }
 }
 
-/* Without a baseline nothing is solved; what the frame measured can be used. */
+/* Without a baseline nothing is solved, but the measured axes are reported. */
 static void use_what_was_measured(fmfts_step *step)
 {
     const fmfts_missing *missing = &step->missing;
@@ -132,7 +132,7 @@ unsigned fmfts_sensors_used(const fmfts_step *step)
     return mask;
 }
 
-/* Whether the frame has a pose with a contact, or with a touch that is not known: what other pads see of the magnet. */
+/* Whether the frame has a pose that neighbours may use, with a known touch or a contact. */
 static bool has_contact(const fmfts_pad *pad, const fmfts_frame_work *work)
 {
     const fmfts_verdict *verdict = &work->step.verdict;

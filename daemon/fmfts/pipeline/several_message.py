@@ -1,4 +1,4 @@
-"""From what one frame of a pad with several magnets says to the estimates of its message."""
+"""From the reading of a pad with several magnets to the estimates of its message."""
 
 from __future__ import annotations
 

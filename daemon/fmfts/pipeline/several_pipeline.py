@@ -45,7 +45,7 @@ BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --res
 
 @dataclass(slots=True)
 class SeveralMemory:
-    """As PipelineMemory, of a pad with several magnets. sighting: None where no neighbour feels the pad. fingers: with
+    """As PipelineMemory, of a pad with several magnets. sighting: None if no neighbour measures the pad. fingers: with
     a table of presses; poses: without one."""
 
     alignment: AlignmentMemory
@@ -84,7 +84,7 @@ class SeveralPipeline(JudgedInPython):
         self._sighting = Sighting.unseen(pad)
         self._neighbours: list[NeighbourView] = []
         self._is_felt = False
-        self.search: Search = "none"  # what became of the search for fingers in the last frame
+        self.search: Search = "none"  # the last frame's search for fingers
 
     @property
     def model(self) -> ArrayModel | NoContactModel:
@@ -106,7 +106,7 @@ class SeveralPipeline(JudgedInPython):
     def use(self, baseline: Baseline, mounting: ArrayMounting | None = None) -> ArrayMounting | None:
         """From the next frame on, subtract this baseline. BaselineError if it does not fit the pad.
 
-        Returns the mounting; None, and nothing is told yet, if only a bare recording is there.
+        Returns the mounting; None, and nothing is published yet, if there is only a bare recording.
         """
         if baseline.rest is None:
             self._estimator, self._baseline, self._why_none = None, baseline, BARE_ONLY
@@ -135,7 +135,7 @@ class SeveralPipeline(JudgedInPython):
         self._neighbours.append(NeighbourView(neighbour, placement))
 
     def be_felt(self) -> Sighting:
-        """Where this pad's magnets are, for another pad that feels them: kept up to date from the next frame on."""
+        """This pad's magnets, for a neighbour that measures them: updated from the next frame on."""
         self._is_felt = True
         return self._sighting
 
@@ -166,7 +166,7 @@ class SeveralPipeline(JudgedInPython):
             reading = FingersReading("no_baseline", self._why_none, frame.usable)
         else:
             stuck = aligned.repeats > estimator.repeats_allowed
-            # Each axis that holds a measurement has a field: then there is nothing to look for.
+            # Every axis with a measurement has a field: no sensor is missing.
             is_whole = np.isfinite(frame.field_t).all() and not stuck.any()
             self.missing = {} if is_whole else missing_sensors(frame, stuck)
             seen = [view.at(self._sampled_ns) for view in self._neighbours]
@@ -183,7 +183,7 @@ class SeveralPipeline(JudgedInPython):
         frame: Frame,
         neighbours: Sequence[NeighbourEstimate],
     ) -> tuple[FingersReading | PosesReading, tuple[tuple[Neighbour, ...], Array] | None]:
-        """What the frame says, and where the magnets are for pads that feel them."""
+        """The frame's reading, and the magnets for neighbours that measure them."""
         what = aligned, frame.temperature_c, self.missing, neighbours, frame.may_search
         if isinstance(estimator, FingersEstimator):
             fingers = estimator.read(*what)
@@ -195,7 +195,7 @@ class SeveralPipeline(JudgedInPython):
 
     @property
     def memory(self) -> SeveralMemory:
-        """What the pipeline remembers between two frames."""
+        """The pipeline's memory between two frames."""
         estimator = self._estimator
         return SeveralMemory(
             self._alignment.memory,
@@ -223,7 +223,7 @@ class SeveralPipeline(JudgedInPython):
             self._sighting.recall(memory.sighting)
 
     def absent(self, health: Health, reason: str) -> ContactMessage:
-        """The message to publish while no frame can be used. It ends the touch: whoever touched may be gone."""
+        """The message to publish while no frame can be used. It ends the touch: the finger may be gone."""
         if self._estimator is not None:
             self._estimator.forget_touch()
         self.missing = {}

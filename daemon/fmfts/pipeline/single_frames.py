@@ -1,4 +1,4 @@
-"""The pose from a single frame of a mounted pad, as the contact model gets it: without a frame before it."""
+"""The pose from a single frame of a mounted pad, without earlier frames, in the contact model's units."""
 
 from __future__ import annotations
 

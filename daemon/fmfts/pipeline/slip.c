@@ -1,4 +1,4 @@
-/* `slip` of a message: what contact/slip.c and friction.c say of the change of pose. It is known of a contact whose place is. */
+/* `slip` of a message: from contact/slip.c and friction.c. It is known if the contact's place is. */
 #include <math.h>
 #include <string.h>
 
@@ -7,7 +7,7 @@
 
 #define MM_PER_M 1e3
 
-/* The pose's covariance by noise alone: what the moment leaves uncertain is the same in all frames. */
+/* The pose's covariance by noise alone: the uncertainty through the moment is the same in all frames. */
 static void noise_of(const fmfts_pose *pose, double noise[5][5])
 {
     double moment_variance = pose->covariance[(FMFTS_STEP + 1) * LOG_COLUMN];
@@ -22,8 +22,8 @@ static void noise_of(const fmfts_pose *pose, double noise[5][5])
     }
 }
 
-/* What the baseline, the moment and the silicone leave uncertain of a shear, the mean of both: the same in all frames. Stiffness is not
- * in it, because it scales force and shear alike. whole, noise [POSE][POSE]: of the pose. */
+/* The deviation of a shear through baseline, moment and silicone, the mean of both axes: the same in all frames.
+ * Stiffness is excluded, because it scales force and shear alike. whole, noise [POSE][POSE]: of the pose. */
 static double lasting_shear_n(const fmfts_estimate *estimate, const double *whole, const double *noise)
 {
     double variance = 0.0;

@@ -1,7 +1,6 @@
 """A pipeline's memory of earlier frames, as bytes. A recording starts with it, so a replay continues bit for bit.
 
-Of a pad with one magnet it holds each field of FMFTS_MEMORY (frame.h) by its name, which the C beside its equation
-uses.
+For a pad with one magnet it holds each field of FMFTS_MEMORY (frame.h) by name.
 """
 
 from __future__ import annotations

@@ -5,13 +5,14 @@
 
 #include "frame.h"
 
-/* What the steps of one frame hand on. touched: whether χ² of the change from rest is known; the answer is in the memory. */
+/* Data that one step of a frame passes to the next. touched: whether χ² of the change from rest is known; the answer is
+ * in the memory. */
 typedef struct {
     fmfts_step step;
     fmfts_memory *memory;
     fmfts_displacement displacement;
     bool touch_is_known, has_estimate; /* has_estimate: of the contact model */
-    double lifted_m;                   /* how far the magnet certainly is above all that training saw */
+    double lifted_m;                   /* how far the magnet certainly is above the range of the training */
     fmfts_estimate estimate;
 } fmfts_frame_work;
 
@@ -25,16 +26,16 @@ void fmfts_begin(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *
 /* reading.c: notes the host's time of the sample. Without a new one the newest is still the last. */
 void fmfts_date(const fmfts_frame *frame, fmfts_frame_work *work);
 
-/* reading.c: what the message tells. */
+/* reading.c: the fields of the message. */
 void fmfts_read(const fmfts_pad *pad, fmfts_frame_work *work, fmfts_reading *reading);
 
 /* reading.c: the sensors of which every axis is used, as a mask. */
 unsigned fmfts_sensors_used(const fmfts_step *step);
 
-/* reading.c: tells pads that feel this one's magnet where it is. */
+/* reading.c: updates the magnet's estimate for neighbours that measure it. */
 void fmfts_show_others(const fmfts_pad *pad, const fmfts_frame_work *work);
 
-/* reading.c: says this, too, of a frame that then is degraded. */
+/* reading.c: makes the frame degraded, with this additional reason. */
 void fmfts_degrade(fmfts_verdict *verdict, const char *why);
 
 /* contact_of_pose.c: whether the frame has a pose to make a contact of. A touch without one ends after some frames. */
@@ -43,7 +44,7 @@ bool fmfts_has_trusted_pose(fmfts_frame_work *work);
 /* contact_of_pose.c: counts for how long the temperature is missing, and forgets the touch after a gap. */
 void fmfts_follow_gaps(fmfts_frame_work *work);
 
-/* contact_of_pose.c: the change of pose from rest, with all that is uncertain of it, and whether it is a touch. */
+/* contact_of_pose.c: the change of pose from rest, with its covariance, and whether it is a touch. */
 void fmfts_find_change(const fmfts_pad *pad, fmfts_frame_work *work);
 
 /* contact_of_pose.c: place and force, if there is a contact model, and whether that is a contact. False if the model gives no
@@ -57,11 +58,11 @@ void fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work);
 double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate,
                         const fmfts_contact_memory *touch);
 
-/* slip.c: whether the finger slips, if the pad was asked for it. */
+/* slip.c: whether the finger slips, if slip is configured. */
 void fmfts_find_slip(const fmfts_pad *pad, fmfts_frame_work *work, fmfts_reading *reading);
 
-/* now.c: what holds when the message is published; it is known of healthy frames without neighbours or a
- * hand that moves only. */
+/* now.c: the contact at the time of publishing; only for healthy frames without neighbours and without a hand that
+ * moves. */
 void fmfts_find_now(const fmfts_pad *pad, const fmfts_frame *frame, fmfts_frame_work *work, fmfts_reading *reading);
 
 #endif

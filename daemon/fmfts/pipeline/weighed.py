@@ -11,7 +11,7 @@ log = logging.getLogger(__name__)
 
 
 def on_weighed_silicone(model: ContactModel | NoContactModel, baseline: Baseline) -> ContactModel | NoContactModel:
-    """The model with the silicone that the baseline holds; as it is where that holds none, or another model's."""
+    """The model with the baseline's stiffness; unchanged if the baseline has none, or another model's."""
     silicone = baseline.silicone
     if silicone is None or not isinstance(model, ContactModel):
         return model

@@ -1,8 +1,8 @@
-"""`fmfts-daemon weigh`: a known weight in the middle of a pad tells how stiff its silicone is.
+"""`fmfts-daemon weigh`: a known weight in the middle of a pad measures the stiffness of its silicone.
 
-The pad judges the frames as it always does, with nothing of its structure left open. What it reads of the weight, over
-what stands there, is the stiffness: a factor of all forces. It is the most probable one under the tolerances of
-modulus and thickness, and is kept in the baseline.
+The pad judges the frames as usual, but with a known structure. The weight over the reported force is the stiffness: a
+factor of all forces. It is the most probable one under the tolerances of modulus and thickness, and is kept in the
+baseline.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from fmfts.pad import Pad
 from fmfts.pipeline.configured import load_contact_model, pipeline_of
 from fmfts.sensor import Frame
 
-# Nobody has said how the silicone was cured: all published cures of Sylgard 184 (tolerances.py) are within two of these
-# deviations of the model's. What a person said in the configuration holds instead.
+# Default for an unknown cure: all published cures of Sylgard 184 (tolerances.py) are within two of these deviations of
+# the model's. A configured value replaces it.
 ANY_CURE = log(2.0) / 2.0
 UNBELIEVABLE = 3.5  # deviations
-MIDDLE_M = 2e-3  # as it is read: a baseline without --turn and --refine may leave it off by a millimetre
+MIDDLE_M = 2e-3  # of the estimated place: without --turn and --refine it may be off by a millimetre
 LIGHTEST_N, HEAVIEST_N = 0.2, 4.0
-# What else leaves the ratio open: the model itself and a pad that is not level (2 %), and a kitchen scale.
+# Other deviations of the ratio: the model itself and a pad that is not level (2 %), and a kitchen scale.
 READ_SHARE, SCALE_N = 0.02, 0.01
-WIDTH_SHARE = 0.25  # of what is corrected for the width, which stands for the shape
+WIDTH_SHARE = 0.25  # share of the correction for the width, which approximates the shape
 SETTLED_S, SECONDS = 0.5, 3.0
 TREMBLING = 1.5  # of the noise of the untouched pad
 MOSTLY = 0.95
@@ -45,8 +45,8 @@ MOSTLY = 0.95
 
 @dataclass(frozen=True, slots=True)
 class Weighing:
-    """A `Learner`. width_m: of what stands on the silicone; None: as wide as the configuration says of fingers.
-    anew: also where an earlier weight contradicts it."""
+    """A `Learner`. width_m: of the weight's contact with the silicone; None: any width of `finger_mm`. anew: accept it
+    even if an earlier weight contradicts it."""
 
     config: PadConfig
     weight_n: float
@@ -142,8 +142,7 @@ class Weighing:
         return tolerance.force_share if is_said else hypot(ANY_CURE, tolerance.force_share)
 
     def _of_width(self, model: ContactModel, force_n: float) -> tuple[float, float]:
-        """What the model reads of what stands there, over what it reads of the probe that calibrated it; and the
-        deviation of its logarithm."""
+        """The model's force for this width, over that for the probe; and the deviation of its logarithm."""
         probe = model.reads(force_n, PROBE_M)
         if self.width_m is not None:
             ratio = model.reads(force_n, self.width_m) / probe
@@ -181,7 +180,7 @@ def _require_still(frames: Sequence[Frame], before: Baseline) -> None:
 
 
 def _read(config: PadConfig, model: ContactModel, frames: Sequence[Frame], baseline: Baseline) -> _Reading:
-    """The mean of what the pad says of these frames. Its deviation is that of one: noise is the least of it."""
+    """The mean force of these frames. Its deviation is that of one frame, because noise is the smallest part."""
     pipeline = pipeline_of(config, model, boot="")
     pipeline.use(baseline)
     begun_us = frames[0].device_time_us + 1e6 * SETTLED_S

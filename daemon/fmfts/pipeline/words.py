@@ -1,4 +1,4 @@
-"""What a person reads of a pad in its messages, besides what its frames say."""
+"""A pad's fixed texts in its messages."""
 
 from __future__ import annotations
 

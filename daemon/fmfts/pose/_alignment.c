@@ -34,7 +34,8 @@ static int sizes_agree(const Py_buffer *b, Py_ssize_t sensors)
     return 1;
 }
 
-/* Whether differences of these times fit into 64 bits. A board counts 48 bits; a recording may claim any time. */
+/* Whether differences of these times fit into 64 bits. A board's clock has 48 bits; a recording may contain any time.
+ * */
 static int times_are_possible(const int64_t *time, Py_ssize_t sensors, long long frame_us)
 {
     const int64_t most = (int64_t)1 << 53;

@@ -64,7 +64,7 @@ def acquire(problem: Problem, starts_m: Array, chi2_limit: float) -> Acquired:
 
 
 def starts_in_box(middle_m: Array, half_m: Array) -> Array:
-    """Start positions (27, 3) m: a box's corners, edges, faces and middle. half_m (3,): half of its sides."""
+    """Start positions (27, 3) m: corners, edges, faces and middle of a box. half_m (3,): half of its sides."""
     corner = np.array([-1.0, 0.0, 1.0])
     grid = np.stack(np.meshgrid(corner, corner, corner, indexing="ij"), axis=-1).reshape(-1, 3)
     starts: Array = middle_m + half_m * grid
@@ -86,7 +86,7 @@ def _bent(problem: Problem, best: Solution) -> bool:
     step = np.zeros(len(problem.parts))
     step[columns] = BELIEVED_DEVIATIONS * np.sqrt(variances[-1]) * deviation * directions[:, -1]
     known = deviations(problem)
-    assert known is not None  # otherwise `best` would not have converged
+    assert known is not None  # a singular covariance would have prevented convergence
     rows, known = problem.measurements[np.isfinite(known)], known[np.isfinite(known)]
     value, jacobian = predict(rows, problem.magnets, best.state)
     for move in (step, -step):

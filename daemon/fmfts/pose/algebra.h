@@ -10,7 +10,7 @@
 
 /* The largest step and one column for the right-hand side, rounded up to an even number: rows are aligned for vectors. */
 #define FMFTS_STRIDE (FMFTS_MAX_COLUMNS + 2)
-/* A column is not measured if the others explain all of its variance but this share, which is rounding. */
+/* A column is unobservable if the others explain all but this share of its variance: the rest is rounding. */
 #define FMFTS_SINGULAR 1e-11
 #define FMFTS_INLINE static inline __attribute__((always_inline))
 

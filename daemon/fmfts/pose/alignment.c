@@ -6,7 +6,7 @@
 #include "push.h"
 #include "step.h"
 
-enum { AGE_UNKNOWN_US = 65535 }; /* frame.py: of a sample as old as this, nobody knows when it was taken */
+enum { AGE_UNKNOWN_US = 65535 }; /* frame.py: the time of a sample of this age or older is unknown */
 
 static unsigned little_endian(const uint8_t *bytes)
 {
@@ -62,7 +62,7 @@ static void remember_frame(fmfts_pose_memory *memory, const fmfts_frame *frame)
     memory->frame_ns = frame->host_ns;
 }
 
-/* Without a new sample the instant stays where it was: after a leap, where the board's clock now says that it was. */
+/* Without a new sample the instant stays. After a jump of the board's clock it is converted to the new time. */
 static int64_t instant_us(fmfts_pose_memory *memory, int64_t aligned_us, int64_t leap_us)
 {
     if (!memory->without_news) {
@@ -126,7 +126,7 @@ double fmfts_lasting_variance(const fmfts_pose_parameters *parameters, const fmf
     return variance + (by_place * by_place + parameters->systematic_t * parameters->systematic_t);
 }
 
-/* What offsets of the chips have drifted since rest, by the last temperature: its variance. */
+/* Variance of the chips' offset drift since rest, by the last temperature. */
 static double drift_t2(fmfts_step *step)
 {
     double warmed_k = step->temperature_c - step->parameters->rest_temperature_c;
@@ -143,7 +143,7 @@ static void add_up(fmfts_step *step, int sensor, double drift_t2)
     double change[3], share = field->noise_share[sensor], lasting_t2 = drift_t2 + FMFTS_ALTERNATING_SHARE * step->memory->alternating_t2;
     for (int k = 0; k < 3; k++) {
         change[k] = field->field_t[3 * sensor + k] - parameters->rest_field_t[3 * sensor + k];
-        change[k] = isnan(change[k]) ? 0.0 : change[k]; /* what was not measured says nothing of the other axes */
+        change[k] = isnan(change[k]) ? 0.0 : change[k]; /* without a value, this axis says nothing about the others */
     }
     for (int axis = 3 * sensor; axis < 3 * sensor + 3; axis++) {
         double noise_t = parameters->noise_t[axis] * share;

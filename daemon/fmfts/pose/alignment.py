@@ -24,9 +24,10 @@ class Aligned:
     """field_t (N, 3): at `time_us` (the board's clock), NaN where a sensor has no value.
 
     noise_share (N, 1): noise of field_t over that of one sample. bend_t (N, 3): the error that curvature may cause.
-    repeats (N, 3): how many new samples in a row repeated the value before. is_old: nothing new came for too long.
-    began_anew: the board's clock did. leap_us: by how much it leapt before this frame, beyond the time that passed.
-    foreign_t2 (3N, 3N): covariance of what the posture of a hand may have left in field_t; None: the pad is on no hand.
+    repeats (N, 3): how many new samples in a row repeated the value before. is_old: no new sample came for too long.
+    began_anew: the board's clock restarted. leap_us: by how much that clock jumped before this frame, beyond the time
+    that passed. foreign_t2 (3N, 3N): covariance of the posture's field that remains in field_t; None if no hand carries
+    the pad.
     """
 
     field_t: Array
@@ -78,10 +79,10 @@ class Alignment:
     ) -> Aligned:
         """Add a frame, and align. field_t (N, 3), time_us (N,): the newest samples. fresh (N,): which are new.
 
-        timed (N,): which sensors gave a sample at all, and tell its time; None: all. The `time_us` of the others means
-        nothing, because their age is not known. Without any such sensor, the instant stays where it was: after a leap,
-        where the board's clock now says that it was. frame_us: the frame's own time; None: that of its newest sample.
-        leap_us: see Aligned.
+        timed (N,): which sensors gave a sample with its time; None: all. The `time_us` of the others is meaningless,
+        because their age is not known. Without any such sensor the instant stays; after a jump of the board's clock it
+        is converted to the new time. frame_us: the frame's own time; None: that of its newest sample. leap_us: see
+        Aligned.
         """
         self._newest_us = int(self.memory.time_us[0].max()) or self._newest_us
         aligned = self._push(field_t, time_us, fresh, timed, frame_us)
@@ -124,7 +125,7 @@ class Alignment:
 
 
 def has_jumped(aligned: Aligned) -> bool:
-    """Whether an axis has a sample of which it is not known when its field changed."""
+    """Whether the time of the last change of field is unknown for a sample of any axis."""
     return bool((aligned.bend_t > _alignment.JUMP_T / 2.0).any())
 
 
@@ -132,7 +133,7 @@ def repeats_allowed(noise_t: Array, step_t: Array | float) -> Array:
     """How often in a row (N, 3) a healthy axis may repeat one value; an axis that repeats it more often is stuck.
 
     noise_t (N, 3): includes rounding. step_t: tesla per count, one number or one for each axis. The result is infinite
-    where rounding hides the noise: such an axis may stay the same without a fault.
+    where rounding hides the noise: a healthy axis may then repeat one value for ever.
     """
     before_rounding = np.sqrt(np.maximum(square(noise_t) - square(step_t) / 12.0, 0.0))
     steps = before_rounding / step_t

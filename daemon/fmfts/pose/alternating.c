@@ -1,24 +1,25 @@
 /* Finds, while the pad runs, a field that alternates (mains, motors), or samples that scatter more than at the baseline.
  *
- * A frame surprises if its χ² is one that few healthy frames have. A press or a fault surprises in one direction; what alternates
- * turns its direction again and again. Then each frame solves for the ambient field on its own, which leaves the pose as it is
- * (frame_solver.c), and χ² of all frames says by how much samples are off besides: chips on their own clocks see another phase each,
- * and a near motor another field (R. K. Mehra, "On the identification of variances and adaptive Kalman filtering", IEEE Trans.
- * Automatic Control 15 (1970) 175). */
+ * A frame is an outlier if few healthy frames have so large a χ². Outliers of a press or a fault point in one
+ * direction; those of an alternating field reverse it again and again. After detection each frame solves for the
+ * ambient field on its own, which does not change the pose (frame_solver.c), and χ² of all frames gives the variance
+ * that remains: chips on their own clocks see another phase each, and a near motor another field (R. K. Mehra, "On the
+ * identification of variances and adaptive Kalman filtering", IEEE Trans. Automatic Control 15 (1970) 175). */
 #include <string.h>
 
 #include "model.h"
 #include "spectrum.h"
 #include "tracking.h"
 
-/* The sum of the squares of what surprised, forgotten over so many frames, that healthy frames reach less than once in fifty hours; none
- * counts as more than MOST_SURPRISE. */
+/* Detection threshold: the sum of the outliers' squares, with this memory in frames, which healthy frames exceed less
+ * than once in fifty hours. No outlier counts as more than MOST_SURPRISE. */
 #define ENOUGH 7.0
 #define KEPT_FRAMES 40.0
 #define MOST_SURPRISE 2.3
-/* The cosine beyond which it turned: errors of a pad that was built otherwise than its baseline says last for a whole press. */
+/* An outlier reverses direction if the cosine is below this: errors of a pad that differs from its baseline keep their
+ * direction for a whole press. */
 #define OTHER_WAY 0.5
-/* Once found, a spectrum is made once in so many frames; so many without a line, or much noise, end it. */
+/* After detection: frames from one spectrum to the next, and how many spectra without a line, or much noise, end it. */
 enum { LOOK_EVERY = 16, QUIET_LOOKS = 12 };
 /* The variance follows χ², at most by a factor of MOST_RATIO in each frame, up to LARGEST_T: upwards over RISE_FRAMES, and downwards
  * over FALL_FRAMES once CALM_FRAMES passed without a rise. The phases that chips see beat with the differences of their clocks: while
@@ -28,7 +29,7 @@ enum { LOOK_EVERY = 16, QUIET_LOOKS = 12 };
 #define CALM_FRAMES 256
 #define MOST_RATIO 4.0
 #define LARGEST_T 4e-6
-/* A line that is told, and what must be added to noise, as a share of it, to be told. */
+/* Smallest amplitude of a line, and smallest added noise as a share of the noise, that are reported. */
 #define TOLD_T 2e-7
 #define TOLD_SHARE 1.0
 
@@ -42,7 +43,7 @@ static double mean_noise_t2(const fmfts_pose_parameters *parameters)
     return sum;
 }
 
-/* What no pose explains, of each axis in deviations, and of the moment. */
+/* Residual of each axis, and of the moment, in deviations. */
 static void find_misfit(const fmfts_step *step, double misfit[FMFTS_AXES + 1])
 {
     const fmfts_pose_parameters *parameters = step->parameters;
@@ -69,12 +70,13 @@ static double along(const double *a, const double *b)
     return sum;
 }
 
-/* How much more than one healthy frame in a hundred the frame surprises, if it does in the other direction than the last that did.
- * Beside steel χ² may be large where the nearest pose leaves little: then the direction is that of noise. */
+/* By how much the frame's χ² exceeds that of 99 % of healthy frames, if its direction is opposite to the last
+ * outlier's. Beside steel χ² may be large although the nearest pose leaves small residuals: the direction is then that
+ * of noise. */
 static double turned(fmfts_step *step)
 {
     double misfit[FMFTS_AXES + 1], *last = step->memory->last_surprise;
-    bool is_explained = step->verdict.health == FMFTS_DEGRADED; /* by a sensor that is left out */
+    bool is_explained = step->verdict.health == FMFTS_DEGRADED; /* residuals of an excluded sensor */
     if (is_explained || !step->misfit.known || !fmfts_surprises(step)) {
         return 0.0;
     }
@@ -101,7 +103,7 @@ static void remember_ambient(fmfts_step *step)
     memory->ring_frames++;
 }
 
-/* Where the scene lets the ambient field move, it follows what alternates slowly, and no frame surprises. */
+/* If the scene lets the ambient field move, its estimate follows a slow alternation, and no frame is an outlier. */
 static bool has_line(fmfts_step *step)
 {
     fmfts_pose_memory *memory = step->memory;
@@ -127,8 +129,9 @@ static void look_for_beginning(fmfts_step *step)
     }
 }
 
-/* The variance with which χ² would be as large as that of healthy frames. What it adds is counted for each axis of a chip, as all
- * three err together: independent errors of three times the variance are never smaller. */
+/* The variance for which χ² would equal that of healthy frames. The added part is counted three times for each axis,
+ * because the errors of a chip's three axes are correlated: independent errors of three times the variance are never
+ * smaller. */
 static void follow_variance(fmfts_step *step)
 {
     double *variance_t2 = &step->memory->alternating_t2, mean_t2 = 0.0;

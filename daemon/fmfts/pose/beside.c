@@ -48,7 +48,7 @@ static void turn_steps(const double rotation[9], const double there[3], const do
     turn[LOG_COLUMN][LOG_COLUMN] = 1.0;
 }
 
-/* Multiplies the six values of a step, which stand `apart` doubles apart, by `turn`. */
+/* Multiplies the six values of a step by `turn`. apart: their distance in doubles. */
 static void turn_six(const double turn[FMFTS_MOVES][FMFTS_MOVES], double *values, size_t apart)
 {
     double before[FMFTS_MOVES];

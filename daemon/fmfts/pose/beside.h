@@ -42,7 +42,8 @@ void fmfts_field_of_placed(const double magnet[FMFTS_MAGNET], const double place
 double fmfts_placement_variance(const double rest_error[2], double placement_m, const double now_m[3], const double place_m[3],
                                 const double change_t[3]);
 
-/* A pad that is considered, not solved; arrays as above, of all its magnets. direction: of the chips' axes. */
+/* A neighbouring pad that is considered, not solved; arrays as above, of all its magnets. direction: of the chips'
+ * axes. */
 typedef struct {
     size_t sensors, magnets;
     const double *place_m, *direction, *magnet, *rest, *now, *rest_error, *covariance;

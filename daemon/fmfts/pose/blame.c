@@ -16,7 +16,7 @@
 
 enum { PATTERNS = FMFTS_STEP - AMBIENT_COLUMN, EXPLANATIONS = FMFTS_AXES + FMFTS_SENSORS + 1 };
 
-/* Patterns in tesla of the judged axes, one deviation each. sensor: that is to blame; negative: none. */
+/* Patterns in tesla of the judged axes, one deviation each. sensor: the faulty one; negative: none. */
 typedef struct {
     int sensor;
     size_t count;
@@ -28,7 +28,7 @@ typedef struct {
     double log_evidence, misfit, probability;
 } explanation;
 
-/* The mean that is to be explained. by_mean: R times the mean. */
+/* The mean to explain. by_mean: R times the mean. */
 typedef struct {
     size_t axes;
     double weight[FMFTS_AXES][FMFTS_AXES], by_mean[FMFTS_AXES], chi2; /* R, Rm, mᵀRm */
@@ -85,7 +85,8 @@ static explanation evidence_of(const problem *p, const cause *from)
     return (explanation){from->sensor, -0.5 * (misfit + log_determinant), misfit, 0.0};
 }
 
-/* Each single axis, each whole sensor, and a foreign field, of which the scene's model holds parts fixed. Returns how many. */
+/* Lists the explanations: each axis, each whole sensor, and a foreign field, parts of which the scene's model holds
+ * fixed. Returns their number. */
 static size_t explain_all(const fmfts_step *step, const fmfts_judged_axes *judged, const problem *p, explanation *each)
 {
     size_t count = 0;
@@ -118,7 +119,8 @@ static size_t explain_all(const fmfts_step *step, const fmfts_judged_axes *judge
     return count;
 }
 
-/* Computes the probabilities. Returns the most probable explanation, and the probability of all that blame its sensor. */
+/* Computes the probabilities. Returns the most probable explanation, and the total probability of explanations by the
+ * same sensor. */
 static const explanation *most_probable(explanation *each, size_t count, double *held)
 {
     double sum = 0.0, most = -INFINITY;

@@ -5,7 +5,7 @@
 #include "model.h"
 #include "step.h"
 
-/* The covariance (5, 5) of the change from what the baseline leaves unknown of the pad. */
+/* The covariance (5, 5) of the change that the baseline's uncertainty causes. */
 static void leftover_covariance(const fmfts_pose_parameters *parameters, const double *change, const double *ambient_t,
                                 double covariance[5][5])
 {
@@ -83,7 +83,7 @@ static void measure(const fmfts_pose_parameters *parameters, const double *state
     }
 }
 
-/* A covariance over the rest axis's tangents, as one over the estimate's: turned [5][5]. */
+/* Transforms a covariance from the rest axis's tangents to the estimate's: turned [5][5]. */
 static void turn_back(const fmfts_displacement *d, const double added[5][5], double *turned)
 {
     double back[5][5];

@@ -1,10 +1,10 @@
-/* Says why a frame does not fit: finds one faulty sensor and leaves it out, or tells what else it may be. */
+/* Finds why a frame does not fit: excludes one faulty sensor, or reports other possible causes. */
 #include "../arithmetic/elementary.h"
 #include "model.h"
 #include "tracking.h"
 
-/* The sensors [mask] without each of which the others fit, better than with a foreign field. last: the last one, with its
- * solution. */
+/* The suspects [mask]: sensors without which the others fit better than with a foreign field. last: the last suspect,
+ * with its solution. */
 typedef struct {
     unsigned sensors;
     int count, last;
@@ -44,7 +44,7 @@ static void suspect_sensors(const fmfts_attempt *attempt, const fmfts_solved *fo
     }
 }
 
-/* Whether one sensor alone is suspected, and that is to be believed. */
+/* Whether exactly one sensor is suspected, with enough evidence. */
 static bool is_clear(const fmfts_step *step, const suspicion *found)
 {
     return found->count == 1 &&
@@ -65,8 +65,8 @@ static void blame(const fmfts_attempt *attempt, const fmfts_solved *whole, const
     fmfts_accept(step, attempt->prior, &found->without_last);
 }
 
-/* What the search found, if neither a pose nor a single sensor explains the frame. Two faulty sensors of four look like a
- * foreign field, and one of three does. */
+/* The verdict if neither a pose nor a single sensor explains the frame. Two faulty sensors of four look like a foreign
+ * field, and so does one of three. */
 static fmfts_cause cause_of(const fmfts_pose_parameters *parameters, const fmfts_solved *whole, const fmfts_solved *foreign,
                             const suspicion *found)
 {
@@ -89,13 +89,13 @@ static void say_suspects(const fmfts_step *step, fmfts_text *reason)
     fmfts_say(reason, " may be at fault");
 }
 
-/* whole: the sensors [mask] that were solved with. */
+/* whole: the sensors [mask] of the solution. */
 static void say_not_alone(const fmfts_step *step, unsigned whole, fmfts_text *reason)
 {
     const char *alone = "the field does not come from this magnet alone: steel, a magnet, or a turned robot";
     unsigned all = (1u << (int)step->parameters->sensors) - 1;
     int blamed = fmfts_blamed(step->memory);
-    /* A sensor that was left out, as it contradicted the others, is not to blame: without it they do not fit either. */
+    /* An excluded sensor is not the cause: without it the others do not fit either. */
     if (blamed >= 0 && !fmfts_is_missing(&step->missing, blamed)) {
         whole |= 1u << blamed;
     }
@@ -146,7 +146,7 @@ static void say_stronger(fmfts_step *step, const fmfts_solved *whole)
               100.0 * stronger);
 }
 
-/* The frame fits a magnet whose strength has leapt, which only a field can look like. */
+/* The frame fits a magnet whose strength has jumped, which only a foreign field can cause. */
 static void say_unsteady(fmfts_step *step)
 {
     step->verdict.health = FMFTS_DISTURBED;

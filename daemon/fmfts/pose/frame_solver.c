@@ -7,14 +7,13 @@
 
 /* Solve to a thousandth of a deviation: before rest is recorded, deviations include the mounting's tolerances (0.4 mm). */
 static const double STOP_CHI2 = 1e-6;
-/* Whether an explanation can be right shows long before. A wrong one converges slowly: in fifty steps, to a pose that nobody is
- * told. */
+/* Stop a wrong explanation early: it would take fifty steps, to a pose that is not published. */
 static const double ROUGH_CHI2 = 0.1;
 enum { ROUGH_ITERATIONS = 18 };
 /* Of 130,000 solves that ended near rest, none was farther away than 20 mm on its way. */
 static const double REACH_M = 0.03;
 
-/* The pad's own magnet and its neighbours as one problem. A neighbour's prior is where its own pad saw it last. */
+/* The pad's own magnet and its neighbours as one problem. A neighbour's prior is its own pad's last estimate. */
 typedef struct {
     double measurements[FMFTS_AXES * FMFTS_MEASUREMENT];
     double magnets[FMFTS_MAGNET * FMFTS_MAX_MAGNETS];
@@ -77,7 +76,7 @@ static void add_foreign_field(frame_problem *problem)
 
 /* The ambient field is any within this of its mean, independently of the frame before. */
 #define ALTERNATES_T 1e-5
-/* The moment of a few seconds before, which the field cannot be told from in one frame. */
+/* The mean moment of recent seconds, because one frame cannot separate moment and field. */
 #define MOMENT_DEVIATION 5e-4
 
 static void forget_correlation(frame_problem *problem, size_t column)
@@ -178,8 +177,8 @@ static void solve_from_start(const fmfts_step *step, const frame_problem *posed,
     }
 }
 
-/* Whether another start would find nothing else. A magnet alone has one plausible pose, which all starts lead to; beside a foreign
- * field it may have two. */
+/* Whether another start is useless. A magnet alone has one plausible pose, which all starts find; beside a foreign
+ * field there may be two. */
 static bool is_settled(const fmfts_attempt *attempt, const fmfts_solved *solved)
 {
     const fmfts_pose_parameters *parameters = attempt->step->parameters;
@@ -189,7 +188,7 @@ static bool is_settled(const fmfts_attempt *attempt, const fmfts_solved *solved)
     return attempt->is_doubtful || fmfts_has_plausible_pose(parameters, solved, FMFTS_LOG_MOMENT_REACH);
 }
 
-/* Solves from rest, too. That is taken if it converged, and fits better or is the only one that converged. */
+/* Solves from rest, too. That solution is used if it converged, and fits better or is the only one that converged. */
 static void solve_from_rest(const fmfts_step *step, frame_problem *problem, bool is_rough, fmfts_solved *solved)
 {
     fmfts_solved again;

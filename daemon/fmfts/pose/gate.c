@@ -6,13 +6,14 @@
 
 /* A magnet that is farther from rest than this is not the pad's. */
 static const double REACH_M = 8e-3;
-/* No magnet becomes stronger than at its baseline, but for the cold (2.4 % in 20 K) and errors of calibration (1.3 % under a
- * press, of gains good to 5 %). Steel above it looks just like that: like a stronger magnet, farther away. Here: by 5 %. */
+/* A magnet becomes stronger than at its baseline only by cooling (2.4 % in 20 K) and by errors of calibration (1.3 %
+ * under a press, with gains good to 5 %). Steel above it makes it look stronger and farther away: beyond 5 %, it is
+ * steel. */
 static const double LOG_STRONGER = 0.04879016416943205;
 
 double fmfts_strongest(const fmfts_pose_parameters *parameters)
 {
-    return parameters->at_rest != 0.0 ? LOG_STRONGER : FMFTS_LOG_MOMENT_REACH; /* else no baseline tells the moment */
+    return parameters->at_rest != 0.0 ? LOG_STRONGER : FMFTS_LOG_MOMENT_REACH; /* else the moment has no baseline */
 }
 
 bool fmfts_has_plausible_pose(const fmfts_pose_parameters *parameters, const fmfts_solved *solved, double strongest)

@@ -1,8 +1,8 @@
-"""Where a hand's joints are, by the newest positions, and what that does to the field at a frame's time.
+"""The field of a hand's posture at a frame's time, from the newest joint positions.
 
-Joint positions come by themselves, with their own times. Between the two newest ones the field is interpolated, and
-beyond the newest it goes on for a while, with a deviation by its own speed. Joints that stop arriving leave the hand in
-any of the postures that were taught. joints.c has the limits, and the sentences.
+Joint positions arrive independently of frames, with their own times. The field is interpolated between the two newest,
+and extrapolated for a while, with a deviation proportional to its rate. If joint positions stop arriving, the hand may
+be in any recorded posture. joints.c has the limits, and the sentences.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fmfts.sensor.joints import NO_JOINTS, Joints
 
 APART_S = 0.5  # positions that are further apart give no speed
 SECOND_NS = 1_000_000_000
-# Positions that come sooner after others are left out: one takes as long as fifty frames, and hands are slow.
+# Positions that follow sooner are ignored: one takes as long as fifty frames, and hands are slow.
 SPARES_NS = 15_000_000
 
 
@@ -42,12 +42,12 @@ class Hand:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The joints that were taught."""
+        """The joints of the recorded postures."""
         return () if self._model is None else self._model.names
 
     def use(self, model: PostureModel | None, to_pose: Array | None = None) -> None:
-        """From the next frame on, with what was taught; None: nothing was. to_pose (5, P): how C's pose at rest follows
-        from the field; None: C judges no frame of this pad."""
+        """From the next frame on, use this posture field; None: there is none. to_pose (5, P): how C's pose at rest
+        follows from the field; None: C judges no frame of this pad."""
         self._model, self._to_pose = model, to_pose
         self.joints = NO_JOINTS
         self._latest: dict[str, tuple[float, int]] = {}  # by joint: its position and time
@@ -60,7 +60,8 @@ class Hand:
     def take(self, position_rad: Mapping[str, float], time_ns: int) -> None:
         """Positions by the joints' names, and their time on the host's clock. Those of an older time are left out.
 
-        Each message may hold some of the joints; together they count once none is older than another by SILENT_S.
+        Each message may hold some of the joints. They count when all joints are known, at times that differ by less
+        than SILENT_S.
         """
         if self._model is None or not self._model.names:
             return
@@ -76,12 +77,12 @@ class Hand:
         if last.time_ns is not None and time_ns < last.time_ns + SPARES_NS:
             if last.time_ns - time_ns < SECOND_NS:
                 return
-            last = NO_JOINTS  # that clock has begun anew
+            last = NO_JOINTS  # the publisher's clock restarted
         position = tuple(latest[name][0] for name in self._model.names)
         self.recall(Joints(time_ns, position, last.time_ns, last.position_rad))
 
     def recall(self, joints: Joints) -> None:
-        """Continue from the joints of another hand that was taught the same. ValueError if there are others."""
+        """Continue from another hand with the same joints. ValueError if its joints differ."""
         model = self._model
         if model is None or joints.time_ns is None:
             return
@@ -133,10 +134,10 @@ class Hand:
         time_ns = np.nan if self.joints.time_ns is None else float(self.joints.time_ns)
         of_rate = self._independent(product(rate[:, None], rate[None, :]))
         parts = newest.field_t, rate, self._independent(newest.covariance_t2), of_rate, *self._wide_values
-        self.table.flat[:] = np.concatenate([[self._state, time_ns], *parts])  # at once: C may read between two calls
+        self.table.flat[:] = np.concatenate([[self._state, time_ns], *parts])  # in one call: C may read between two
 
     def _independent(self, covariance_t2: Array) -> Array:
-        """(P,) variances of independent errors by which no direction of the pose is more certain than it is."""
+        """(P,) variances of independent errors that bound the covariance in every direction of the pose."""
         variance_t2 = np.diagonal(covariance_t2).copy()
         if self._to_pose is None or not variance_t2.any():
             return variance_t2

@@ -1,24 +1,25 @@
-/* What a foreign field that no residual shows adds to the uncertainty of a change of pose.
+/* The uncertainty of a change of pose from a foreign field without a residual.
  *
- * Where the ambient field is estimated, a foreign field's uniform part is taken for it. Of its gradient's five components the
- * four sensors around a magnet see two: xx + yy is to them a change of height, xz and yz a shift with a tilt. So a magnet on a
- * tool can look like a press, without a residual. Its uniform part betrays it: the Earth's field turns with the robot, but
- * keeps its strength; where the robot stands still, it keeps its direction, too. So
+ * If the ambient field is estimated, the estimate includes a foreign field's uniform part. Four sensors around a magnet
+ * detect two of the five components of its gradient. The others look like a press: xx + yy like a change of height, xz
+ * and yz like a shift with a tilt. But the uniform part reveals it: the Earth's field turns with the robot, but keeps
+ * its strength; where the robot stands still, it keeps its direction, too. So
  *
  *     strange = |reference + change| − |reference|      (reference: the Earth's field at the baseline, or 0)
  *     σ² = even_t² + b̂ᵀCb̂ + Σₘ (b̂·eₘ)² + iron_t²·|b̂ − b̂₀|²   (b̂, b̂₀: directions of reference + change, of reference)
  *     foreign² = max(strange² − (healthy_deviations·σ)², 0)
  *
- * with C the change's covariance, and eₘ the errors that the baseline leaves. iron: a magnet that turns along is in the
- * reference, but is none of the Earth's; a turn of the robot measures it. The covariance of the change of pose then grows by
- * foreign²·unit_gradient, which hidden_gradient.py computes.
+ * with C the change's covariance, and eₘ the errors that the baseline leaves. iron: the field of a magnet that turns
+ * with the pad, which the reference includes; a turn of the robot measures it. The covariance of the change of pose
+ * then grows by foreign²·unit_gradient, which hidden_gradient.py computes.
  */
 #include <math.h>
 
 #include "model.h"
 #include "step.h"
 
-/* A tool that passes turns its field: for moments it is as strong as the Earth's alone. What was seen fades slowly. */
+/* A passing tool rotates its field: at moments the sum is as strong as the Earth's alone. So a detected field fades
+ * slowly. */
 #define FADES_S 1.0
 
 /* The variance of what turns along with the pad. */
@@ -68,7 +69,7 @@ static double foreign_t(const fmfts_pose_parameters *parameters, const fmfts_ref
     }
     double strength = sqrt(dot3(total, total)), strange = strength - reference->strength_t;
     if (!(fabs(strange) > healthy * parameters->even_t)) {
-        return 0.0; /* also where the reference is not known */
+        return 0.0; /* also if the reference is unknown */
     }
     fmfts_change(parameters, state, change);
     for (int i = 0; i < 3; i++) {

@@ -1,4 +1,4 @@
-"""A foreign field that no residual shows, before the first frame; hidden_gradient.c says what it is, and follows it."""
+"""Prepares the parameters of hidden_gradient.c, which explains and follows a foreign field without a residual."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ Array = NDArray[np.float64]
 
 # The Earth's field differs by this between two places of a robot's hand, and steel far away adds as much: 1 %.
 EVEN_T = 5e-7
-# In so many deviations, a healthy pad's field is as strong as in its baseline.
+# Deviations within which a healthy pad's field is as strong as in its baseline.
 HEALTHY = 3.0
 NEAREST_M = 0.06
 GRADIENT_PER_T = 3.0 / NEAREST_M
-# What the robot carries and nobody has measured: unknown by a tenth of the Earth's field.
+# Without a turn, the field of what the robot carries is unknown: a tenth of the Earth's.
 IRON_T = 5e-6
 
 
@@ -32,7 +32,7 @@ IRON_T = 5e-6
 class Reference:
     """field_t (3,): the Earth's field at the baseline; zero where it does not turn, NaN where it is not known.
 
-    iron_t: deviation of what else the baseline has taken for it, along each axis.
+    iron_t: deviation of other fields in that value, along each axis.
     """
 
     field_t: Array
@@ -46,7 +46,7 @@ class HiddenGradient:
     """What such a field does to one pad.
 
     pad: as mounted. ambient_error (8, 3, M): see `Leftover.ambient_error`. effect (5, 5): S, by the components of the
-    gradient. even_t: deviation of the ambient field's strength where nothing foreign is.
+    gradient. even_t: deviation of the ambient field's strength without a foreign field.
     """
 
     def __init__(
@@ -112,7 +112,8 @@ def reference_of(pad: Pad, ambient_t: Array | None, turned_t: Array | None) -> R
     """The reference of a robot that turns.
 
     pad: as mounted. ambient_t (N, 3): the field at rest without the magnet's, in sensor axes; None if no recording of
-    the bare pad tells it from the magnet's. turned_t (K, N, 3): the same at K orientations, None if there was no turn.
+    the bare pad separates it from the magnet's. turned_t (K, N, 3): the same at K orientations, None if there was no
+    turn.
     """
     nothing = Reference(np.full(3, np.nan), 0.0)
     if ambient_t is None:

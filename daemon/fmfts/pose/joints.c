@@ -2,11 +2,12 @@
 
 #include <math.h>
 
-/* Positions go on along their last speed for so long; then the field stays. */
+/* How long the field is extrapolated along its last rate; then it stays. */
 static const double GOES_ON_S = 0.1;
-/* A stamp so far ahead of a frame is of another clock. */
+/* A time stamp that is further ahead of a frame comes from another clock. */
 static const double AHEAD_S = 0.5;
-/* A stamp's error, and which share of the change since the newest position the last speed does not foresee. */
+/* The error of a time stamp, and the share of the change since the newest position that the last rate does not predict.
+ * */
 static const double STAMP_S = 3e-3, UNFORESEEN = 0.5;
 
 fmfts_posture fmfts_posture_at(double newest, double later_s)

@@ -1,16 +1,15 @@
-/* What the newest joint positions of a hand say of its posture at the time of a frame: for posture.c, and through _alignment.c for
- * hand.py. */
+/* What is known of a hand's posture at the time of a frame: for posture.c, and through _alignment.c for hand.py. */
 #ifndef FMFTS_JOINTS_H
 #define FMFTS_JOINTS_H
 
 #include "../common/text.h"
 
-/* Joint positions that are older than this say nothing more. */
+/* Joint positions older than this are unknown. */
 #define FMFTS_SILENT_S 0.25
 
-/* What is known of a posture. ANY: one of those taught, for no joints are published. OUTSIDE: it is none of those taught. NO_REST:
- * which one the rest recording was made in is not known. SILENT, AHEAD: the newest joint positions are too old, or stamped by
- * another clock. Without these two, and NONE, it is the state of a hand's table. */
+/* What is known of a posture. ANY: no joints are published, so it is any recorded one. OUTSIDE: none of the recorded
+ * ones. NO_REST: the posture of the rest recording is unknown. SILENT, AHEAD: the newest joint positions are too old,
+ * or stamped by another clock. The other values but NONE are also states of a hand's table. */
 typedef enum {
     FMFTS_POSTURE_NONE, /* the pad is on no hand that moves */
     FMFTS_POSTURE_KNOWN,
@@ -32,7 +31,7 @@ double fmfts_goes_on_s(double later_s);
 /* The deviation of the field is its rate times this. */
 double fmfts_unsure_s(double later_s);
 
-/* Appends why a posture is not known, and what to do; of KNOWN and NONE nothing. */
+/* Appends why a posture is not known, and what to do; nothing for KNOWN and NONE. */
 void fmfts_say_posture(fmfts_posture posture, double later_s, fmfts_text *text);
 
 #endif

@@ -72,7 +72,7 @@ static bool step_from_mean(const fmfts_search *search, const double *state, doub
         step[LOG_COLUMN] = own[LOG_VALUE] - from[LOG_VALUE];
         uint8_t part = search->problem->parts[first_column(m) + TILT_COLUMN];
         if (part == FMFTS_FREE || part == FMFTS_FIXED) {
-            step[TILT_COLUMN] = step[TILT_COLUMN + 1] = 0.0; /* this axis has no prior: any distance is allowed */
+            step[TILT_COLUMN] = step[TILT_COLUMN + 1] = 0.0; /* an axis without a prior may be any distance away */
             turn[m][0][0] = turn[m][1][1] = 1.0;
             turn[m][0][1] = turn[m][1][0] = 0.0;
             continue;

@@ -2,7 +2,7 @@
 
 The field is the sum of the magnets' fields; `dipole.py` has the equation of one. A change of pose is five numbers for
 each magnet, as for a single one: its displacement, and the x and y of its axis in axes in which it points along +z at
-rest (mechanics move the axis of a magnet that lies upside down like that of any other).
+rest (mechanics move an upside-down magnet's axis like any other).
 """
 
 from __future__ import annotations

@@ -116,7 +116,7 @@ static double along(size_t count, const double *a, const double *b)
     return sum;
 }
 
-/* False if the unknowns leave nothing of these axes to judge, or are not determined by them. */
+/* False if no redundancy is left, or these axes do not determine the unknowns. */
 static bool solve_axes(const fmfts_step *step, double common[][FMFTS_AXES], const double *own_t2, fmfts_judged_axes *judged)
 {
     double covariance[FMFTS_AXES][FMFTS_AXES];
@@ -168,8 +168,9 @@ static double chi2_of(fmfts_judged_axes *judged, const double *value, double own
     return along(judged->axes, own, weighed);
 }
 
-/* Whether a fault that was found ended: the last frames are sound, and would not be with the mean's residuals. Without this a
- * large fault outlives its cause by the seconds in which the mean forgets it. A small one is not seen in so few frames. */
+/* Whether a fault ended: the last frames are healthy, and the mean's residuals would not be. Otherwise a large fault
+ * would outlive its cause by the seconds in which the mean forgets it. A few frames cannot show the end of a small
+ * fault. */
 static bool is_over(const fmfts_step *step, double common[][FMFTS_AXES], const double *recent_t)
 {
     const fmfts_pose_parameters *parameters = step->parameters;

@@ -5,8 +5,8 @@
 #include "model.h"
 #include "step.h"
 
-/* What is wrong, if anything: the faulty sensor (negative: none alone), or a foreign field, which explains it better. Neither:
- * it is not clear which of the suspects (mask). */
+/* The verdict: a faulty sensor (negative: no single one), or a foreign field, which explains the mean better. Without
+ * both, one of the suspects (mask) is faulty. */
 typedef struct {
     bool is_wrong, foreign;
     int sensor;

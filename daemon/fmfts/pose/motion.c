@@ -24,7 +24,7 @@
 #include "model.h"
 #include "motion_modes.h"
 
-/* The filter begins with the solver's pose, which shares samples with the next frame: so much of its covariance. */
+/* The filter begins with the solver's pose, which shares samples with the next frame: factor of its covariance. */
 #define FIRST_COVARIANCE 4.0
 /* The variance of the first rates is that of the drive in this time. */
 #define FIRST_RATE_S 0.02
@@ -94,7 +94,7 @@ static double begin_modes(const fmfts_motion_memory *memory, fmfts_mode modes[MO
     return goes_on ? memory->early_from_us : memory->motion_us;
 }
 
-/* Whether the innovations are those of a healthy pad, by the mode that they fit best, whose sum was `before`. */
+/* Whether the best mode's innovations are those of a healthy pad. before: its sum before this frame. */
 static bool is_sound(const fmfts_mode modes[MODES], const double *before, double most)
 {
     double chi2 = INFINITY;

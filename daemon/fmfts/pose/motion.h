@@ -44,8 +44,8 @@ void fmfts_forget_motion(fmfts_motion_memory *memory);
 /* Begins with the frame's pose at its instant. drive [5][5]: W of motion.c, as below. */
 void fmfts_begin_motion(const fmfts_step *step, const double *drive, fmfts_motion_memory *memory);
 
-/* Takes the fresh samples (bit i of `fresh`: of sensor i) that `pose` holds, but for those that came before their frame. False
- * if they contradict what was predicted: the filter has stopped then. */
+/* Takes the fresh samples of `pose` (bit i of `fresh`: sensor i), except those that came before their frame. Stops the
+ * filter and returns False if they contradict the prediction. */
 bool fmfts_follow(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
                   const fmfts_pose_memory *pose, unsigned fresh, const double *drive, fmfts_motion_memory *memory);
 

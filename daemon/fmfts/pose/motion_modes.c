@@ -13,7 +13,7 @@
 /* Share of the deviation that lasts (gains, places) that counts in each sample. In full it would slow the filter, which would
  * take noise for larger than it is; without it, gains that are off would look like motion. */
 #define LASTING_SHARE 0.5
-/* No press tilts a magnet so far (sine): a filter that says so has lost it. */
+/* The largest tilt (sine) of a pressed magnet: beyond, the filter has lost it. */
 #define LARGEST_TILT 0.7
 
 enum { N = FMFTS_MOTION_STATES, RATE = FMFTS_RATE, AMBIENT = FMFTS_AMBIENT_CHANGE, MODES = FMFTS_MODES };
@@ -182,7 +182,7 @@ bool fmfts_take_sample(const fmfts_driven *driven, const fmfts_early *sample, fm
     return true;
 }
 
-/* After a long gap every mode is as likely as the others, whichever it was before. shares: the modes' probabilities after the
+/* After a long gap all modes are equally likely. shares: the modes' probabilities after the
  * last frame. */
 static void merge_modes(const fmfts_motion_parameters *own, double elapsed_s, const fmfts_mode *modes, const double *shares,
                         double probability[MODES])

@@ -9,7 +9,7 @@ typedef struct {
     double x[FMFTS_MOTION_STATES], p[FMFTS_MOTION_STATES][FMFTS_MOTION_STATES], chi2, widths;
 } fmfts_mode;
 
-/* What a sensor's sample is taken with: the pad, its last pose, and the drive W [5][5]. */
+/* Inputs besides a sensor's sample: the pad, its last pose, and the drive W [5][5]. */
 typedef struct {
     const fmfts_pose_parameters *parameters;
     const fmfts_pose_memory *pose;

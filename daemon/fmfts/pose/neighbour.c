@@ -1,4 +1,5 @@
-/* The magnets of neighbouring pads, which are unknowns beside the pad's own. Their prior is where their own pad saw them last.
+/* The magnets of neighbouring pads, which are unknowns beside the pad's own. Their prior is their own pad's last
+ * estimate.
  *
  * The baseline already subtracts the field of the neighbours at rest. Their modelled field at rest is therefore added again,
  * and the solve models the magnets where they are now: only the change between the two counts.
@@ -86,7 +87,7 @@ void fmfts_take_neighbours(const fmfts_step *step, const double placed[][FMFTS_P
     }
 }
 
-/* A neighbour turns along with the robot: the bare recording has taken its field for the Earth's. */
+/* A neighbour turns with the robot: the bare recording counts its field as the Earth's. */
 fmfts_reference fmfts_reference_beside(const fmfts_pose_parameters *parameters, const fmfts_felt *felt)
 {
     fmfts_reference reference = {.strength_t = parameters->reference_strength_t};
@@ -99,7 +100,7 @@ fmfts_reference fmfts_reference_beside(const fmfts_pose_parameters *parameters, 
         for (int sensor = 0; sensor < sensors; sensor++) {
             double field_t[3];
             field_of(parameters, sensor, felt->magnet[n], felt->rest[n], field_t);
-            for (int axis = 0; axis < 3; axis++) { /* to the pad's axes as the recording's field: as if axes were orthogonal */
+            for (int axis = 0; axis < 3; axis++) { /* as with the recording's field, axes are assumed orthogonal */
                 for (int i = 0; i < 3; i++) {
                     reference.field_t[i] -= parameters->direction[9 * sensor + 3 * axis + i] * field_t[axis] / sensors;
                 }

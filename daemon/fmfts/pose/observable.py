@@ -5,9 +5,8 @@ from __future__ import annotations
 from fmfts.pose.magnets import CHANGE
 
 FREE_FIELD = 3  # values that the ambient field takes
-# So many values more than are taken tell whether the poses explain a frame; and so many at least a pad has to have, so
-# that it may lose a sensor. Where one value was left, poses that explained a frame were wrong beside a foreign magnet,
-# which they bent to explain (lab/results/several.md).
+# Redundant values that a check of the poses needs, and that a pad needs in total so that it may lose a sensor. With one
+# redundant value, poses fitted a foreign magnet's field and were wrong (lab/results/several.md).
 FEWEST_SPARE, OBSERVABLE_SPARE = 3, 6
 
 
@@ -27,5 +26,5 @@ def needed_sensors(magnets: int) -> int:
 
 
 def are_observable(magnets: int, sensors: int) -> bool:
-    """Whether so many sensors tell the poses of so many magnets, and notice what is wrong with one of them."""
+    """Whether this many sensors determine the poses of this many magnets, and detect a fault of one sensor."""
     return sensors >= needed_sensors(magnets)

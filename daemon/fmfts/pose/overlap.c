@@ -1,10 +1,10 @@
 /* The errors that both a frame's covariance and the baseline's leftovers contain.
  *
- * What the baseline leaves unknown of the chips is in the deviation of each measurement, so that the solver trusts those least
- * that it knows least. So it is in the frame's covariance C, as if it were new in each measurement. The error of a change of
- * pose (change_error) is that of the same causes, and knows how they act together. Only one may count. With H the slopes of
- * the measurements, W their weights, and L² the lasting part of their variances (unknown_t2), a frame's estimate moves by
- * C·Hᵀ·W per measurement, so the part of C to take away is
+ * What the baseline leaves unknown of the chips is in the deviation of each measurement, which gives uncertain
+ * measurements less weight. So it is in the frame's covariance C, as if it were new in each measurement. The error of a
+ * change of pose (change_error) has the same causes, with their correlations. Only one of the two may count. With H the
+ * slopes of the measurements, W their weights, and L² the lasting part of their variances (unknown_t2), a frame's
+ * estimate moves by C·Hᵀ·W per measurement, so the part of C to take away is
  *
  *     C·Hᵀ·W·L²·W·H·C
  *
@@ -16,7 +16,7 @@
 #include "model.h"
 #include "step.h"
 
-/* A smaller share of every measurement's variance is not taken away: deviations would change by half a thousandth. */
+/* If the share is smaller in every measurement, it is not removed: deviations would change by half a thousandth. */
 static const double NEGLIGIBLE = 1e-3;
 
 enum { SOLVED = GRADIENT_COLUMN }; /* the columns that a frame may estimate come first: pose, moment, ambient field */
@@ -38,7 +38,7 @@ static void rows_of_pose(const fmfts_pose_parameters *parameters, const double *
     }
 }
 
-/* Whether what the baseline leaves unknown is too small a part of every measurement to matter: mostly at rest. */
+/* Whether the baseline's uncertainty is negligible in every measurement: mostly at rest. */
 static bool is_negligible(const fmfts_pose_parameters *parameters, const fmfts_field *field)
 {
     for (int axis = 0; axis < 3 * (int)parameters->sensors; axis++) {

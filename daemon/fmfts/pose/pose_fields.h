@@ -86,8 +86,8 @@ enum {
     MANY(double, drawn_turn, 9)                                                                                        \
     MANY(double, pad_turn, 9)
 
-/* What the last search found that no pose explained: nothing, as there was none; one of several sensors is at fault; no pose of
- * this magnet; a field that is not of this magnet alone; one sensor is at fault, or the field has turned. */
+/* The cause of the last unexplained frame: no search; one of several sensors is faulty; no pose of this magnet; a
+ * foreign field; one sensor is faulty, or the field has turned. */
 typedef enum {
     FMFTS_NOT_SEARCHED, FMFTS_SENSOR_AT_FAULT, FMFTS_NO_POSE, FMFTS_NOT_ALONE, FMFTS_NOT_CONFIRMED
 } fmfts_cause;
@@ -114,12 +114,12 @@ typedef enum {
     MANY(double, state, FMFTS_STATE) /* tracker.c: of the last good frame */                                           \
     MANY(double, covariance, FMFTS_STEP * FMFTS_STEP)                                                                  \
     ONE(double, since_good_s)                                                                                          \
-    ONE(double, unread_variance) /* what the unknown temperature adds to that of the log moment, until one is read */  \
+    ONE(double, unread_variance) /* variance of the log moment through the unknown temperature, until one is read */  \
     ONE(double, warmth_variance) /* the most that warming has added to it */                                           \
     ONE(double, misfit) /* recent mean of chi2 per degree of freedom */                                                \
     ONE(int64_t, disturbed_frames) /* how many frames no pose explained since then */                                  \
     ONE(int64_t, searched) /* fmfts_cause: what the last search for the cause found */                                 \
-    ONE(int64_t, searched_sensors) /* mask: those that may be at fault */                                              \
+    ONE(int64_t, searched_sensors) /* mask: the suspects */                                              \
     MANY(double, mean_t, FMFTS_AXES) /* mean_residuals.c: of the residuals */                                          \
     MANY(double, lasting_t2, FMFTS_AXES)                                                                               \
     MANY(double, frames, FMFTS_AXES)                                                                                   \
@@ -138,7 +138,7 @@ typedef enum {
     MANY(double, lowest_t, 3) /* ambient_motion.c: range of the ambient field in the frames that it explained */       \
     MANY(double, highest_t, 3)                                                                                         \
     ONE(int64_t, explained) /* bit i: whether it explained the i-th last frame that was looked at */                   \
-    ONE(double, moved_t) /* how far it was found to move */                                                            \
+    ONE(double, moved_t) /* how far the field moved */                                                            \
     ONE(int64_t, frames_seen)                                                                                          \
     ONE(int64_t, well_frames)                                                                                          \
     MANY(double, crept, 5 * FMFTS_DECADES) /* silicone.c */                                                            \
@@ -152,7 +152,7 @@ typedef enum {
     ONE(double, alternating_t2) /* the variance that it adds to each axis */                                           \
     ONE(int64_t, calm_frames) /* since that variance rose */                                                           \
     MANY(double, last_surprise, FMFTS_AXES + 1)                                                                        \
-    ONE(double, surprises) /* how much recent frames surprised, each the other way */                                  \
+    ONE(double, surprises) /* sum of recent outliers that alternate in direction */                                  \
     MANY(double, last_ambient_t, 3)                                                                                    \
     MANY(double, ring_t, 3 * FMFTS_RING) /* spectrum.c: the ambient field of recent frames */                          \
     ONE(int64_t, ring_frames)                                                                                          \

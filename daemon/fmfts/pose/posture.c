@@ -34,7 +34,7 @@ void fmfts_take_posture(fmfts_step *step, const fmfts_hand *hand, double time_ns
 void fmfts_doubt_posture(fmfts_step *step)
 {
     fmfts_verdict *verdict = &step->verdict;
-    /* Without joints the deviations cover all postures that were taught: nothing is wrong unless the pose is lost. */
+    /* Without joints the deviations cover all recorded postures: a frame is degraded only if the pose is lost. */
     bool is_covered = step->posture == FMFTS_POSTURE_ANY && verdict->health != FMFTS_LOST;
     if (step->posture == FMFTS_POSTURE_NONE || step->posture == FMFTS_POSTURE_KNOWN || is_covered) {
         return;

@@ -8,8 +8,8 @@ errors are a covariance over all values:
 
     C = (1 + φᵀN⁻¹φ) S + s² f fᵀ + Σᵢ σᵢ² ∂f/∂uᵢ ∂f/∂uᵢᵀ + d² |f|² 1
 
-S: what left-out parts of the recording showed. N: normal matrix of W. s: share by which magnets grow stronger or
-nearer; σᵢ: play of a joint; d: how unlike another day is. The last three are wider where the rest is of another day.
+S: what left-out parts of the recording showed. N: normal matrix of W. s: share by which magnets become stronger or
+nearer; σᵢ: play of a joint; d: difference between days. The last three are larger if the rest is of another day.
 """
 
 from __future__ import annotations
@@ -23,17 +23,16 @@ from fmfts.arithmetic.matrix import product
 from fmfts.pad import Array
 from fmfts.pose import _alignment
 
-# By which share the field of a posture changes, a joint's play, and what is unlike: within a day, and from one
-# recording of a LEAP hand to another (two recordings, four skins: lab/results/real.md).
+# s, σ and d within a day, and between two recordings of a LEAP hand (two recordings, four skins: lab/results/real.md).
 SCALE, OTHER_SCALE = 0.03, 0.5
 PLAY_RAD, OTHER_PLAY_RAD = 0.005, 0.035
 UNLIKE, OTHER_UNLIKE = 0.02, 0.07
-# A posture that is this far from all that was taught, as a share of the taught half range, is not known.
+# A posture farther than this from all recorded ones, as a share of their half range, is unknown.
 BEYOND = 0.25
 REST_UNKNOWN = _alignment.posture(_alignment.POSTURE_NO_REST, 0.0)[-1]
-# A joint may leave the taught surface by so much more than it did while it was taught.
+# Factor by which a joint may deviate more from the recorded surface than in the recording.
 OFF_RAD = 0.05
-# Outside the taught postures the field's deviation is so many times the one over all of them.
+# Outside the recorded postures: factor of the field's deviation over all of them.
 UNTAUGHT = 2.0
 
 
@@ -51,8 +50,8 @@ class PostureModel:
     """names: the joints (J). middle_rad, off_rad (J,): see `coordinates`. axes (m, J): A. exponents (T, m): of φ.
 
     weight_t (T, P): W. inverse_normal (T, T). left_t2 (P, P): S. mean_t (P,), spread_t2 (P, P): over the postures that
-    were taught. rest_rad (J,): the joints of the rest recording, if that is another than the one before the posture was
-    taught; None: it is that one. rest_unknown: it is another one, and its joints are not known.
+    were taught. rest_rad (J,): the joints of the rest recording, if it is newer than the posture; else None.
+    rest_unknown: it is newer, and its joints are not known.
     """
 
     names: tuple[str, ...]
@@ -96,7 +95,7 @@ class PostureModel:
         return Predicted(field_t, covariance)
 
     def coordinates(self, position_rad: Array) -> tuple[Array, str]:
-        """u (m,), and why the posture is not one of those taught; "" if it is."""
+        """u (m,), and why this is not a recorded posture; "" if it is."""
         from_middle = position_rad - self.middle_rad
         coordinates: Array = product(self.axes, from_middle)
         size = (self.axes * self.axes).sum(axis=1)
@@ -110,14 +109,14 @@ class PostureModel:
         return coordinates, ""
 
     def _rest_basis(self) -> Array:
-        """φ(u_rest), or zero where the fields were taught as changes from this very rest."""
+        """φ(u_rest), or zero if the fields were recorded as changes from this rest."""
         if self.rest_rad is None:
             return np.zeros(len(self.exponents))
         coordinates, _ = self.coordinates(self.rest_rad)
         return _basis(self.exponents, np.minimum(np.maximum(coordinates, -1.0), 1.0))[0]
 
     def _anywhere(self, more: float, why: str) -> Predicted:
-        """In any of the postures that were taught."""
+        """In any of the recorded postures."""
         mean_t, spread_t2 = self.mean_t, self.spread_t2
         if self.rest_rad is not None:
             mean_t = mean_t - product(self._rest_basis(), self.weight_t)

@@ -37,7 +37,7 @@ typedef struct {
     const double *rate;             /* columns, or NULL */
     const double *diffusion;        /* columns, or NULL */
     double stop_chi2; /* stop where a step promises to lower χ² by less than this */
-    double wanted_chi2; /* give up if this is not reached soon; 0: never */
+    double wanted_chi2; /* give up if χ² is not below this soon; 0: never */
     double reach_m;     /* give up if the first magnet gets farther than this from the start; 0: never */
     int max_iterations;
     bool project; /* cold start: compute axis, moment and ambient from the position (projection.c) */

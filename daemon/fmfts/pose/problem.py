@@ -121,7 +121,7 @@ class Solution:
 
     @property
     def unobservable(self) -> tuple[str, ...]:
-        """Names of the columns that cannot be told apart, the strongest first; empty if all are observable."""
+        """Names of the columns that cannot be separated, the strongest first; empty if all are observable."""
         share = np.abs(self.direction)
         strongest = np.argsort(-np.nan_to_num(share))
         return tuple(column_name(int(column)) for column in strongest if share[column] > 0.1)
@@ -153,8 +153,8 @@ def measurement_rows(
 
 
 def magnet_rows(*magnets: Magnet, octupole: bool | None = None) -> Array:
-    """Strength and κ (len(magnets), 2). octupole: True treats all as cylinders, False all as dipoles, None each as it
-    is described."""
+    """Strength and κ (len(magnets), 2). octupole: True treats all as cylinders, False as dipoles, None each as
+    described."""
     if octupole is not None:
         magnets = tuple(replace(magnet, as_cylinder=octupole) for magnet in magnets)
     return np.array([(magnet.strength_t_m3, magnet.modelled_octupole_m2) for magnet in magnets])

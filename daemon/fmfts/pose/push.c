@@ -8,13 +8,12 @@
 #include <math.h>
 #include <string.h>
 
-/* Shares of the time after which a chip has stopped. After 1.5 periods without a frame, one was lost, or left out as newer ones
- * superseded it. Then a sample is new, too, that is half a period later than the last one: the frame that had it first never came
- * here. */
+/* Shares of the time after which a chip has stopped. After 1.5 periods without a frame, one was lost or dropped. Then a
+ * sample half a period later than the last one is also new: the frame that held it first never arrived. */
 #define GAP_SHARE 0.6
 #define UNSEEN_SHARE 0.2
-/* After so many frames without any new sample, or periods of them, none of a chip is in them: the next one tells of the past.
- * Frames are left out by a computer that has too little time, so that they alone do not count it. */
+/* After this many frames, or frame periods, without a new sample, the chip's next sample is old. Periods count too,
+ * because an overloaded computer drops frames. */
 enum { MOST_WITHOUT_NEWS = 3 };
 
 fmfts_periods fmfts_periods_of(double period_us)
@@ -37,7 +36,7 @@ int64_t fmfts_latest(size_t count, const int64_t *time_us)
 }
 
 /* Short steps forward are gaps: the samples' times say how long they are. For other steps the host's clock says how much time
- * passed. In a suspended computer that clock stands; then the numbers of the frames say it. */
+ * passed. While a computer is suspended that clock stands; then the frames' numbers give the time. */
 int64_t fmfts_leap_us(const fmfts_last *last, int64_t frame_us, int64_t host_ns, int64_t sequence, double period_us)
 {
     int64_t there_us = frame_us - last->frame_us, passed_ns = host_ns - last->stood_ns, frames = sequence - last->stood_sequence;
@@ -58,7 +57,7 @@ static bool is_timed(const fmfts_pushed *frame, size_t sensor)
     return !frame->timed || frame->timed[sensor];
 }
 
-/* Forgets all samples where the board's clock began again, or no frame came for long. Returns whether it began again. */
+/* Forgets all samples if the board's clock restarted, or no frame came for long. Returns whether it restarted. */
 static bool forget_before_gap(const fmfts_periods *periods, fmfts_samples *samples, const fmfts_pushed *frame)
 {
     size_t sensors = samples->sensors;
@@ -219,7 +218,7 @@ void fmfts_push(const fmfts_periods *periods, fmfts_samples *samples, const fmft
         for (size_t axis = 3 * i; axis < 3 * i + 3; axis++) {
             interpolate(samples, axis, &b, aligned);
             aligned->field_t[axis] = runs ? aligned->field_t[axis] : NAN;
-            aligned->bend_t[axis] = runs ? aligned->bend_t[axis] : 0.0; /* what is not told has no error */
+            aligned->bend_t[axis] = runs ? aligned->bend_t[axis] : 0.0; /* an unpublished axis has no error */
         }
     }
 }

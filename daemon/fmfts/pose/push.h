@@ -37,7 +37,7 @@ typedef struct {
     double stopped_us, longest_gap_us, old_us;
 } fmfts_periods;
 
-/* As Aligned; whoever calls gives the arrays [sensors][3], and noise_share [sensors]. */
+/* As Aligned; the caller provides the arrays [sensors][3], and noise_share [sensors]. */
 typedef struct {
     double *field_t, *noise_share, *bend_t;
     int64_t time_us, *repeats;
@@ -50,7 +50,7 @@ typedef struct {
     int64_t frame_us, stood_ns, stood_sequence;
 } fmfts_last;
 
-/* By how much the board's clock leapt between the last frame and this one, beyond the time that passed. */
+/* By how much the board's clock jumped between the last frame and this one, beyond the time that passed. */
 int64_t fmfts_leap_us(const fmfts_last *last, int64_t frame_us, int64_t host_ns, int64_t sequence, double period_us);
 
 /* There is at least one sensor. */

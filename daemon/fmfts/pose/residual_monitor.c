@@ -3,7 +3,8 @@
 
 #include "mean_residuals.h"
 
-/* The mean of residuals shows 20 nT, and offsets of chips drift by some 10 nT/K: from here on they may be what it shows. */
+/* The mean of residuals shows 20 nT, and offsets of chips drift by some 10 nT/K: beyond this change they may be the
+ * cause. */
 #define WARMED_K 5.0
 
 static bool ambient_is_known(const fmfts_pose_parameters *parameters)
@@ -51,14 +52,14 @@ static void say_suspects(const fmfts_step *step, fmfts_text *reason)
             before = " or ";
         }
     }
-    if (is_one(step->memory->suspects)) { /* no other sensor explains it as well, so what is left is no sensor */
+    if (is_one(step->memory->suspects)) { /* no other sensor explains it as well, so the cause is no sensor */
         fmfts_say(reason, " is a little off, or a weak foreign field is near: it is not clear which");
     } else {
         fmfts_say(reason, " is a little off: it is not clear which one");
     }
 }
 
-/* What the chips' warming may have to do with a mean that is wrong. */
+/* The hint that the chips' warming may explain the mean. */
 static void say_warming(const fmfts_step *step, fmfts_text *reason)
 {
     double warmed_k = fabs(step->temperature_c - step->parameters->rest_temperature_c); /* NaN: not known */
@@ -69,7 +70,7 @@ static void say_warming(const fmfts_step *step, fmfts_text *reason)
     }
 }
 
-/* Replaces what a frame that fits says by what is known of the frames before it. */
+/* Overrules the verdict on a frame that fits, by the verdict of the frames before it. */
 static void overrule(fmfts_step *step)
 {
     const fmfts_pose_memory *memory = step->memory;
@@ -102,7 +103,7 @@ static void overrule(fmfts_step *step)
     say_warming(step, reason);
 }
 
-/* residual_t [axes]: of what was measured, also by a sensor that is blamed, to what `nearest` predicts. */
+/* residual_t [axes]: measured, also by an excluded sensor, minus predicted by `nearest`. */
 static void find_residuals(fmfts_step *step, double *residual_t)
 {
     const fmfts_pose_parameters *parameters = step->parameters;
@@ -138,7 +139,7 @@ static void observe(fmfts_step *step)
     if (memory->sound) {
         memory->heard = 0;
     } else if (found.is_wrong && found.sensor < 0 && is_one(memory->heard) && (memory->heard & found.suspects)) {
-        found.sensor = first_of(memory->heard); /* the mean suspects it, too */
+        found.sensor = first_of(memory->heard); /* the mean residual suspects this sensor, too */
     }
     memory->found = found.is_wrong;
     memory->found_sensor = found.sensor;

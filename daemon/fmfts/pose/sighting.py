@@ -1,4 +1,4 @@
-"""Where a pad's magnets were last seen: what one pad tells those that feel it."""
+"""The last estimate of a pad's magnets, which its neighbours use."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ def sighting_fields(magnets: int) -> list[Field]:
 
 
 class Sighting:
-    """Where a pad's M magnets were last seen, in the pad's own axes. covariance (6M, 6M): of a step from there.
+    """Where a pad's M magnets were last estimated, in the pad's own axes. covariance (6M, 6M): of a step from there.
 
-    time_ns: when, on the host's clock; None if never: the magnets are then assumed at rest. rest_error (M, 2): what the
-    baseline left open, which `covariance` does not contain: deviations of each magnet's place in m, and of its field
-    relative to that. table: all of it, which C reads and writes, too.
+    time_ns: when, on the host's clock; None if never: the magnets are then assumed at rest. rest_error (M, 2): the
+    baseline's uncertainty, which `covariance` does not include: deviations of each magnet's place in m, and of its
+    field as a share. table: all values, shared with C.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class Sighting:
         self.table.put("time_ns", np.nan if time_ns is None else float(time_ns))
 
     def rests(self, rest: Where, rest_error: Array | None = None) -> None:
-        """Begin again from the rest state of a new baseline."""
+        """Restart from the rest state of a new baseline."""
         self.rest = self.last = rest
         self.covariance, self.time_ns = np.zeros(self.covariance.shape), None
         self.rest_error = np.zeros(self.rest_error.shape) if rest_error is None else rest_error

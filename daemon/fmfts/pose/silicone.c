@@ -1,8 +1,9 @@
 /* What silicone adds to the uncertainty of a change of pose: it creeps under a load, and recovers slowly afterwards.
  *
- * A spring would move the magnet by the same way whenever the same force acts. Silicone moves it further the longer the load
- * lasts, and lets it back as slowly. How much differs from pad to pad, so nothing is corrected: it is counted. The change of
- * pose, filtered with a time constant for each decade, tells how much each decade can have crept, and where to.
+ * A spring would move the magnet by the same way whenever the same force acts. Silicone moves it further the longer the
+ * load lasts, and recovers as slowly. The amount differs from pad to pad, so nothing is corrected; the deviations
+ * include it. The change of pose, filtered with a time constant for each decade, gives how far each decade can have
+ * crept, and in which direction.
  */
 #include <string.h>
 

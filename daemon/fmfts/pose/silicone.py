@@ -1,4 +1,4 @@
-"""How silicone creeps, and how much of that is counted: what silicone.c needs of it, which says why."""
+"""Parameters of the creep of silicone; silicone.c has the model."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DECADE_DEVIATION = 1.25
 
 
 def silicone_fields(silicone: Silicone, longest_gap_s: float) -> dict[str, float | Array]:
-    """What silicone.c needs. longest_gap_s: between two frames; after a longer one nobody knows what pressed in it."""
+    """What silicone.c needs. longest_gap_s: between two frames; after a longer one the load in between is unknown."""
     return {
         "silicone_share": float(root_of_squares(silicone.hysteresis, silicone.creep_per_decade)),
         "creep_share": DECADE_DEVIATION * silicone.creep_per_decade,

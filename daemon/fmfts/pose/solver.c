@@ -16,7 +16,7 @@
 #define FIRST_DAMPING 1e-4
 #define NO_DAMPING 1e-7 /* below this, Marquardt's step equals the Gauss–Newton step */
 #define ROUNDING 1e-12  /* relative error of a sum of squares */
-/* Explanations that are right take two steps to the χ² that is wanted, and hardly ever more than ten. */
+/* Right explanations reach the wanted χ² in two steps, hardly ever in more than ten. */
 #define VAIN_ITERATIONS 12
 
 /* step: Marquardt's step. Returns the decrease of χ² that the linear model promises for it; −∞ if there is no step. */
@@ -84,8 +84,8 @@ static void take_step(const fmfts_search *search, const double *state, const dou
     }
 }
 
-/* Whether the search has taken many steps and is still above what is wanted, or has left where a magnet can be: then it hardly ever
- * comes to an answer. */
+/* Whether to give up: after many steps χ² is still above the wanted one, or the magnet is too far away. Such searches
+ * hardly ever succeed. */
 static bool is_vain(const fmfts_problem *problem, const fmfts_descent *d, const double *state)
 {
     double away[3];

@@ -9,7 +9,7 @@ enum { AXES = 3, FREQUENCIES = FMFTS_RING, SLOWEST = 6 }; /* half a resolution a
 /* cos and sin of 2π/128: half a turn in as many steps as there are frequencies. */
 static const double COSINE = 0.9987954562051724, SINE = 0.049067674327418015;
 static const double MAINS_HZ[] = {50.0, 60.0, 100.0, 120.0, 150.0, 180.0};
-/* How far chips' clocks are from the nominal rate, of which a frequency is seen through its alias. */
+/* How far chips' clocks deviate from the nominal rate, which shifts an aliased frequency. */
 #define CLOCK_SHARE 0.03
 enum { MAINS = sizeof MAINS_HZ / sizeof MAINS_HZ[0] };
 

@@ -9,11 +9,12 @@ typedef struct {
     double hz, amplitude_t;
 } fmfts_line;
 
-/* spectrum.c: the strongest line in the ring of the last FMFTS_RING ambient fields [frames][3]; noise alone shows one as seldom as
- * parameters->line_chi2 says. */
+/* spectrum.c: the strongest line in the ring of the last FMFTS_RING ambient fields [frames][3]; noise alone exceeds
+ * parameters->line_chi2 seldom (gates.py). */
 fmfts_line fmfts_strongest_line(const fmfts_pose_parameters *parameters, const double *ring_t);
 
-/* spectrum.c: says what alternates: mains, if it can be that, or the frequency as it is seen. */
+/* spectrum.c: names the source of the alternating field: mains, if the frequency fits, or else the observed frequency.
+ * */
 void fmfts_say_line(const fmfts_pose_parameters *parameters, const fmfts_line *line, fmfts_text *text);
 
 #endif

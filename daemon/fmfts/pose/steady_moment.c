@@ -1,12 +1,14 @@
-/* Remembers the magnet's moment where each frame estimates its own: warming and ageing change it over minutes, so a moment that leaps
- * is an ambient field in disguise. In one frame a uniform field along the pad's normal is exactly a stronger magnet, farther away.
- * Its error is that of a press's frames, too, which averaging does not reduce: of its variance only the noise falls. */
+/* Remembers the magnet's moment where each frame estimates its own: warming and ageing change it over minutes, so a
+ * moment that jumps is really an ambient field. In one frame a uniform field along the pad's normal equals a stronger
+ * magnet, farther away. All frames of a press have the same error of the moment: averaging reduces only the noise in
+ * its variance. */
 #include "model.h"
 #include "tracking.h"
 
 /* The mean forgets over so many frames (a second at 220 Hz), and is known after so many. */
 enum { MEMORY_FRAMES = 220, KNOWN_FRAMES = 32 };
-/* After a longer gap the magnet may have warmed; one that has leapt for so many frames without a break is another one. */
+/* After a longer gap the magnet may have warmed. If its moment has differed for this many frames without a break, it is
+ * another magnet. */
 #define GAP_S 2.0
 enum { LEAPT_FRAMES = 64 };
 

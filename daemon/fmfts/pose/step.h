@@ -24,8 +24,8 @@ typedef struct {
 } fmfts_felt;
 
 /* What the joints of the pad's hand do to its field: hand.py. Pointers into doubles that Python owns, in its order: [axes] each.
- * state: see joints.h; NULL: the pad is on no hand that moves. rates: per second from time_ns on. Variances as of independent
- * errors. wide: in any posture. */
+ * state: see joints.h; NULL: the pad is on no hand that moves. rates: per second from time_ns on. Variances of
+ * independent errors. wide: those of any posture. */
 typedef struct {
     double *state, *time_ns, *field_t, *rate_t_per_s, *variance_t2, *rate_variance, *wide_field_t, *wide_variance_t2;
 } fmfts_hand;
@@ -47,8 +47,8 @@ typedef struct {
 /* The field (T, sensor axes) at one instant, and the variance of its errors; NaN where it was not measured. */
 typedef struct {
     int64_t instant_us;
-    bool is_old, began_anew; /* nothing new came for too long; the board's clock began anew */
-    int64_t leap_us;         /* by how much that clock leapt before this frame, beyond the time that passed */
+    bool is_old, began_anew; /* no new sample came for too long; the board's clock restarted */
+    int64_t leap_us;         /* by how much that clock jumped before this frame, beyond the time that passed */
     double elapsed_s;        /* since the last frame's instant */
     double field_t[FMFTS_AXES];
     double bend_t[FMFTS_AXES];     /* the error that curvature between two samples may cause */
@@ -58,14 +58,15 @@ typedef struct {
     double variance_t2[FMFTS_AXES]; /* of all, with noise */
 } fmfts_field;
 
-/* The last two are of a pad of which no frame can be used. */
+/* The last two: no frame of this pad can be used. */
 typedef enum {
     FMFTS_OK, FMFTS_DEGRADED, FMFTS_DISTURBED, FMFTS_LOST, FMFTS_NO_BASELINE, FMFTS_STALE, FMFTS_DISCONNECTED,
     FMFTS_HEALTHS /* how many there are */
 } fmfts_health;
 
-/* What is said of a frame. used: the axes that the estimate was solved from. has_estimate: the memory's state is this frame's,
- * and `pose` belongs to it. stronger: the frame fits a magnet that is stronger than at its baseline, which no magnet is. */
+/* The verdict on a frame. used: the axes that the estimate was solved from. has_estimate: the memory's state is this
+ * frame's, and `pose` belongs to it. stronger: the frame fits a magnet that is stronger than at its baseline, which no
+ * magnet is. */
 typedef struct {
     fmfts_health health;
     fmfts_text reason; /* empty if ok */
@@ -124,10 +125,10 @@ typedef struct {
 /* alignment.c: takes the frame's samples into the memory, and brings them to one instant; notes what is missing. */
 void fmfts_align(fmfts_step *step, const fmfts_frame *frame);
 
-/* alignment.c: leaves out what is stuck, subtracts the baseline, and adds up the deviations. */
+/* alignment.c: excludes stuck sensors, subtracts the baseline, and adds up the deviations. */
 void fmfts_subtract(fmfts_step *step);
 
-/* alignment.c: whether an axis has a sample of which it is not known when its field changed. */
+/* alignment.c: whether the time of the last change of field is unknown for a sample of any axis. */
 bool fmfts_has_jumped(const fmfts_step *step);
 
 /* alignment.c: the variance of what the baseline leaves unknown of an axis, at a change [3] of its sensor's field from rest. The
@@ -139,7 +140,8 @@ double fmfts_lasting_variance(const fmfts_pose_parameters *parameters, const fmf
  * field at rest, which the baseline has subtracted, and the variance of their places. */
 void fmfts_feel(fmfts_step *step, const fmfts_sighting *seen, double time_ns);
 
-/* posture.c: takes off the field that the hand's posture makes at `time_ns` (host's clock), and adds the variance of its errors. */
+/* posture.c: subtracts the field of the hand's posture at `time_ns` (host's clock), and adds the variance of its
+ * errors. */
 void fmfts_take_posture(fmfts_step *step, const fmfts_hand *hand, double time_ns);
 
 /* posture.c: a frame whose posture is not known is degraded at best, and says why. */
@@ -151,8 +153,8 @@ void fmfts_take_neighbours(const fmfts_step *step, const double placed[][FMFTS_P
 /* neighbour.c: the reference of hidden_gradient.c. */
 fmfts_reference fmfts_reference_beside(const fmfts_pose_parameters *parameters, const fmfts_felt *felt);
 
-/* tracker.c: solves for the magnet's state from the last good one, and says what the frame alone is: ok, or degraded without the
- * sensors that are missing or contradict the others, or no pose of this magnet. If it fits, the memory goes on from it. */
+/* tracker.c: solves for the magnet's state from the last good one, and judges the frame alone: ok; degraded, without
+ * missing or contradicting sensors; or no pose of this magnet. If it fits, the memory goes on from it. */
 void fmfts_track(fmfts_step *step);
 
 /* tracker.c, after residual_monitor.c: where the scene says that steel may be near, a frame that left out a measured axis is
@@ -171,11 +173,12 @@ bool fmfts_confirms(const fmfts_pose_parameters *parameters, fmfts_pose_memory *
 /* ambient_motion.c: where the scene calls the ambient field constant, finds that it moves; the frame is then disturbed. */
 void fmfts_watch_ambient(fmfts_step *step);
 
-/* By so much more than its variance is counted what alternates: the three axes of a chip err together, and independent errors of
+/* Factor of the alternating field's variance: errors of a chip's three axes are correlated, and independent errors of
  * three times the variance are never smaller. */
 #define FMFTS_ALTERNATING_SHARE 3.0
 
-/* alternating.c: finds that the field alternates, or that samples scatter more than they did, says so, and counts it. */
+/* alternating.c: detects an alternating field, or samples that scatter more than at the baseline, reports it, and
+ * widens the deviations. */
 void fmfts_watch_alternation(fmfts_step *step);
 
 /* overlap.c: the part of the memory's covariance of the pose that the baseline's leftovers count, too. */
@@ -193,8 +196,8 @@ void fmfts_displace(const fmfts_pose_parameters *parameters, const fmfts_pose_me
  * largest deviation of the three. */
 void fmfts_distance(const fmfts_displacement *d, double *moved_m, double *deviation_m);
 
-/* silicone.c: notes in `memory` the load of its state. elapsed_s: since the last frame. Whoever does not call it, as the pose of a
- * frame cannot be trusted, adds that to `unseen_s`. */
+/* silicone.c: notes in `memory` the load of its state. elapsed_s: since the last frame. If a frame's pose cannot be
+ * trusted, do not call it: add that time to `unseen_s`. */
 void fmfts_follow_creep(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, double elapsed_s);
 
 /* silicone.c: adds to `covariance` what silicone leaves uncertain of the change of pose. */

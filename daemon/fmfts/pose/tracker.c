@@ -142,7 +142,7 @@ void fmfts_accept(fmfts_step *step, const fmfts_prior *prior, const fmfts_solved
     memory->warmth_variance = prior->warmth_variance;
     memory->since_good_s = 0.0;
     memory->disturbed_frames = 0;
-    memory->searched = FMFTS_NOT_SEARCHED; /* another disturbance has another cause */
+    memory->searched = FMFTS_NOT_SEARCHED; /* a later disturbance may have another cause */
     fmfts_note_nearest(step, solved);
     double misfit = misfit_of(step);
     for (int i = 0; i < FMFTS_STEP * FMFTS_STEP; i++) {
@@ -153,7 +153,7 @@ void fmfts_accept(fmfts_step *step, const fmfts_prior *prior, const fmfts_solved
     step->verdict.has_estimate = true;
 }
 
-/* Without a pose yet. */
+/* As long as no pose was found. */
 static void begin(fmfts_step *step, const double field_t[FMFTS_AXES])
 {
     fmfts_verdict *verdict = &step->verdict;

@@ -20,8 +20,8 @@ typedef struct {
     double state[FMFTS_STATE], covariance[FMFTS_STEP * FMFTS_STEP], warmth_variance;
 } fmfts_prior;
 
-/* One way to solve a frame. field_t: NaN leaves an axis out. has_foreign_field: a foreign field is unknown, too. is_doubtful: it
- * hardly fits, so that first a rough solution will do. */
+/* One way to solve a frame. field_t: NaN leaves an axis out. has_foreign_field: a foreign field is unknown, too.
+ * is_doubtful: it will probably not fit, so a rough solution suffices at first. */
 typedef struct {
     fmfts_step *step;
     const fmfts_prior *prior;
@@ -54,7 +54,7 @@ bool fmfts_fits_steadily(const fmfts_pose_parameters *parameters, const fmfts_so
 /* gate.c: whether few healthy frames fit as badly as this one. */
 bool fmfts_surprises(const fmfts_step *step);
 
-/* steady_moment.c: whether the moment of recent frames is known, and a frame estimates its own. */
+/* steady_moment.c: whether each frame estimates the moment, and that of recent frames is known. */
 bool fmfts_knows_moment(const fmfts_step *step);
 
 /* steady_moment.c: how the solution fits, with the moment of recent frames as one more measurement; remembers its moment. */
@@ -66,8 +66,8 @@ double fmfts_probability(const fmfts_pose_parameters *parameters, const fmfts_so
 /* frame_solver.c: the field [axes] as measurements [axes][FMFTS_MEASUREMENT], with the deviations of the step's field. */
 void fmfts_write_measurements(const fmfts_step *step, const double *field_t, double *row);
 
-/* frame_solver.c: solves from the prior's state. If that finds no plausible pose, also from rest, in each frame that searches. A
- * doubtful solution is rough unless it fits. */
+/* frame_solver.c: solves from the prior's state. If that finds no plausible pose, and this frame searches, solves also
+ * from rest. A doubtful solution stays rough unless it fits. */
 void fmfts_solve_frame(const fmfts_attempt *attempt, fmfts_solved *solved);
 
 /* tracker.c: the sensors [mask] all of whose axes are measured in `field_t`. */

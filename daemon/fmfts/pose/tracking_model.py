@@ -22,8 +22,8 @@ class TrackingModel:
     growth of that variance per second. moment_per_k, moment_per_k_deviation: change of the log moment per kelvin.
     offset_t_per_k: deviation of the drift of a chip's offset on each axis.
     unread_warming_k: deviation of the pad's warming since the baseline, until a temperature is read. ambient_turns: the
-    ambient field may change by the robot's turning; else only by what is foreign. steel_nearby: steel or other magnets
-    pass the pad.
+    robot may turn in the ambient field; else only foreign fields change it. steel_nearby: steel or other magnets pass
+    the pad.
     """
 
     parts: Parts

@@ -63,7 +63,7 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """noise_t: of one sample. others: the pads whose magnets may be felt."""
+    """noise_t: of one sample. others: the pads whose magnets this pad may measure."""
 
     config: PadConfig
     response: Response

@@ -1,4 +1,4 @@
-"""The neighbours that a pad's configuration names: where their magnets are, and whether they can be felt here."""
+"""The neighbours that a pad's configuration names: the places of their magnets, and whether this pad measures them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One chip's sample that comes before the frame that holds it, so that nobody waits for the frame (wire.md)."""
+"""One chip's sample that comes before the frame that holds it, to save the wait for the frame (wire.md)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class EarlySample:
 
     @property
     def is_possible(self) -> bool:
-        """Whether a source can have given these numbers. Which sensors a pad has, its pipeline knows."""
+        """Whether a source can have given these numbers. The pipeline checks the sensor's number."""
         counts_fit = all(-(1 << 15) <= count < 1 << 15 for count in self.counts)
         return self.sensor >= 0 and self.gain_code in range(8) and self.device_time_us >= 0 and counts_fit
 

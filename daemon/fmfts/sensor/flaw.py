@@ -1,4 +1,4 @@
-"""Finds impossible frames, such as no working driver gives, before anybody computes with them."""
+"""Finds impossible frames, which no working driver gives, before they are used."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fmfts.sensor.frame import READING_BYTES, Frame, WireFrame
 
 LARGEST = 1 << 62  # of any number of a frame, so that C can add two of them
 LATEST_US = 1 << 53  # a board's clock, which C reckons in doubles: 285 years
-EARLIEST_NS = 1_000_000_000  # no frame is from later than so long after now
+EARLIEST_NS = 1_000_000_000  # a frame's time is at most this far in the future
 
 
 def flaw_of(frame: Frame, sensors: int, now_ns: int) -> str:

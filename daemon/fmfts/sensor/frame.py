@@ -1,4 +1,4 @@
-"""One reading of one pad: the only thing that leaves this stage, whatever the source was."""
+"""One reading of one pad, the same for every source."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class Frame:
     device_time_us: the source's own clock at the newest conversion, 64 bit, never wraps.
     host_time_ns: the same instant on the host's CLOCK_MONOTONIC.
     temperature_c: None where the source has no thermometer.
-    run: another number after each restart of the source, whose sequence and clock begin anew then.
+    run: changes with each restart of the source, which restarts its sequence and clock.
     chip: what made the counts, all of them alike.
     may_search: the pipeline of a pad with several magnets may search fingers anew, which takes long. A recording keeps
     it, so that a replay does the same (runtime/search_turns.py).
-    joints: of a recorded frame, those of the pad's hand that were known; None: what the pipeline was told holds.
+    joints: of a recorded frame, the hand's known joints; None: the pipeline's own hold.
     """
 
     pad_index: int
@@ -83,7 +83,7 @@ class Frame:
 
     @property
     def impossible(self) -> NDArray[np.bool_]:
-        """(N, 3) axes whose count the chip's converter cannot tell; they hold no measurement."""
+        """(N, 3) axes with an impossible count; they hold no measurement."""
         largest = self.chip.largest_count
         impossible: NDArray[np.bool_] = ~self.overflow & ((self.counts > largest) | (self.counts < -largest - 1))
         return impossible
@@ -108,7 +108,7 @@ class Frame:
 
 
 class WireFrame(Frame):
-    """A frame that stays packed until somebody wants its arrays, which the compiled path does not."""
+    """A frame that stays packed until its arrays are needed; the compiled path does not need them."""
 
     __slots__ = ("_packed",)
     _packed: Packed
@@ -134,7 +134,7 @@ class WireFrame(Frame):
         _put_run(self, run)
         _put_chip(self, chip)
         _put_may_search(self, may_search)
-        _put_joints(self, None)  # no wire tells them
+        _put_joints(self, None)  # not on the wire
         _put_packed(self, packed)
 
     @property

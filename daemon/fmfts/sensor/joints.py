@@ -1,4 +1,4 @@
-"""Where the joints of a hand were, as far as the frames of a pad on it depend on that."""
+"""Joint positions of a hand, for the frames of a pad on it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whose a device is. One user each: an flock on the device node itself, so that no lock file can be left behind."""
+"""Locks a device for one user: by an flock on the device node itself, so that no lock file can be left behind."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fmfts.sensor.source import SourceError
 
 
 def lock_device(descriptor: int, path: str) -> None:
-    """Take the device for as long as `descriptor` is open; SourceError names who has it."""
+    """Lock the device for as long as `descriptor` is open; SourceError names the process that holds it."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -27,7 +27,7 @@ def in_use(path: str) -> str:
 
 
 def not_permitted(error: OSError, group: str) -> str:
-    """The end of a sentence that begins with a device that is there and may not be opened; group: whose it usually is.
+    """The end of a sentence about a device without permission; group: its usual group.
 
     The modes of the node give EACCES; EPERM comes of a service's DeviceAllow=, resolved once at its start (systemd
     leaves out classes whose driver is not loaded by then: systemd.resource-control(5)).

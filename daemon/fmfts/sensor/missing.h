@@ -1,4 +1,5 @@
-/* Which sensors of a frame cannot be used, and why: silent, saturated on an axis, telling what the chip cannot, or stuck. */
+/* Which sensors of a frame cannot be used, and why: silent, saturated on an axis, with an impossible count, or stuck.
+ * */
 #ifndef FMFTS_MISSING_H
 #define FMFTS_MISSING_H
 
@@ -7,7 +8,7 @@
 #include "../common/text.h"
 #include "reading.h"
 
-/* What a person reads of a chip. saturated: by gain code, what follows the axes; unusable: the same of a count that it has not. */
+/* Texts about a chip. saturated: by gain code, the words after the axes; unusable: the same for an impossible count. */
 typedef struct {
     const char *saturated[FMFTS_GAIN_CODES], *untellable;
 } fmfts_chip_words;
@@ -20,7 +21,7 @@ typedef struct {
     const fmfts_chip_words *words;
 } fmfts_missing;
 
-/* Whether anything is wrong with the sensor. */
+/* Whether the sensor cannot be used fully. */
 bool fmfts_is_missing(const fmfts_missing *missing, int sensor);
 
 /* Appends what is wrong with the sensor, to follow "sensor 1 is ". False, and nothing is appended, if nothing is. */

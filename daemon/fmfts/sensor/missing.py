@@ -36,7 +36,7 @@ def saturated(chip: Chip, gain_code: int, axes: NDArray[np.bool_]) -> str:
 
 
 def saturated_at(chip: Chip, gain_code: int) -> str:
-    """The range that a sensor is saturated at, and what to do: to follow the axes."""
+    """The range at which a sensor saturates, and what to do: the words after the axes."""
     now = chip.ranges_gauss[gain_code] if gain_code < len(chip.ranges_gauss) else 0.0
     larger = [each for each in chip.ranges_gauss if each > now]
     do = f"set range_gauss = {larger[0]:g}" if larger else "no range is larger: is another magnet near?"
@@ -46,12 +46,12 @@ def saturated_at(chip: Chip, gain_code: int) -> str:
 
 
 def untellable(chip: Chip, axes: NDArray[np.bool_]) -> str:
-    """What is wrong with a sensor whose `axes` (3,) tell a count that `chip` has not."""
+    """What is wrong with a sensor whose `axes` (3,) have a count that is impossible for `chip`."""
     return f"telling on {_named(axes)}{untellable_by(chip)}"
 
 
 def untellable_by(chip: Chip) -> str:
-    """That a count is none of the chip's: to follow the axes."""
+    """The words after the axes for an impossible count."""
     return f" what its converter cannot (is it {chip.named}?)"
 
 

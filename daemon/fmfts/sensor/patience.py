@@ -1,4 +1,4 @@
-"""How long frames wait for a daemon that is late before newer ones of the same pad supersede them."""
+"""How long frames wait for a late daemon before newer ones of the same pad supersede them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class Patience(NamedTuple):
     longest_us: int
 
 
-# Three frames at 220 Hz: what an adapter hands over at once, or a scheduler holds up, is used; a longer backlog is not.
+# Three frames at 220 Hz: a burst of an adapter or a short delay of the scheduler is used; a longer backlog is not.
 IN_TIME = Patience(1 << 30, 15_000)
 BEHIND = Patience(1, 15_000)
-RECORDED = Patience(1 << 30, 200_000)  # somebody wants all frames, also those that nobody judges
+RECORDED = Patience(1 << 30, 200_000)  # a recorder wants all frames, also those that are not judged

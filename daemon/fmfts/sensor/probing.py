@@ -1,4 +1,4 @@
-"""What a source says of itself and of one pad on it; the same facts whether the daemon is asked or the device."""
+"""Facts of a source and of one of its pads; the same from the daemon and from the device."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ NOTHING_MISSING: Mapping[int, str] = MappingProxyType({})
 def faults_of(source: Source, pad_index: int, missing: Mapping[int, str] = NOTHING_MISSING) -> list[str]:
     """A sentence for everything that is wrong with this pad, its sensors, or with the whole source, now.
 
-    missing: what frames show of sensors that cannot be used (missing.py). What the source says of a sensor is better.
+    missing: what frames show of sensors that cannot be used (missing.py). The source's own report about a sensor has
+    priority.
     """
     state = source.state
     sensors = {sensor: text for (pad, sensor), text in state.sensor_faults.items() if pad == pad_index}
     seen = {sensor: f"sensor {sensor + 1} is {what}" for sensor, what in missing.items()}
-    # What the pad is said to be, one of its sensors may be said to be, too.
+    # Also reported of the pad, unless already of a sensor.
     pads = [
         text
         for pad, text in state.pad_faults.items()
@@ -40,7 +41,7 @@ def silence_of(source: Source, pad_index: int, patience_s: float) -> str:
 
 
 def is_sound(source: Source, pad_index: int, missing: Mapping[int, str] = NOTHING_MISSING) -> bool:
-    """Nothing is known to be wrong with this pad or its sensors. Warnings about the whole source do not count."""
+    """This pad and its sensors have no known fault. Warnings about the whole source do not count."""
     state = source.state
     faulty = bool(missing) or any(pad == pad_index for pad, _ in state.sensor_faults)
     return not faulty and pad_index not in state.pad_faults
@@ -49,8 +50,8 @@ def is_sound(source: Source, pad_index: int, missing: Mapping[int, str] = NOTHIN
 def probe_facts(
     pad: str, source: Source, pad_index: int, silence: str, missing: Mapping[int, str] = NOTHING_MISSING
 ) -> dict[str, Any]:
-    """silence: what is known of frames that do not come, "" where they do. Who sends none is not connected, unless
-    its sensors are known, and are why nothing of the pad is used.
+    """silence: why no frames come, "" if they come. A source without frames is not connected, unless faults of its
+    known sensors are the reason.
 
     missing: as for `faults_of`. sound: the pad is connected, and all its sensors can be used.
     """
@@ -64,6 +65,6 @@ def probe_facts(
         "connected": connected,
         "sound": connected and is_sound(source, pad_index, missing),
         "reason": state.reason or silence,
-        "board": dict(state.board),  # the source goes on changing its own
+        "board": dict(state.board),  # a copy, because the source keeps changing its own
         "faults": faults_of(source, pad_index, missing),
     }

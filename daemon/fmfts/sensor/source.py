@@ -1,4 +1,4 @@
-"""What every source of frames looks like to the pipeline."""
+"""The interface of every source of frames."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fmfts.sensor.patience import Patience
 
 
 class SourceError(Exception):
-    """A source cannot do what was asked; the text names pad, device, cause and what to do next."""
+    """A source cannot carry out a request; the text names pad, device, cause and what to do next."""
 
 
 class AbsentError(SourceError):
@@ -25,7 +25,7 @@ class CannotError(SourceError):
 
 @dataclass(slots=True)
 class SourceState:
-    """What a source knows of itself; read by `status`, written by the source alone. Counters only grow."""
+    """A source's state, which only the source writes and `status` reads. Counters only grow."""
 
     description: str
     connected: bool = False
@@ -49,7 +49,7 @@ class SourceState:
                 self.left_out[pad_index] = self.left_out.get(pad_index, 0) + count
 
     def follow(self, before: SourceState) -> SourceState:
-        """Go on from the state of a source that this one replaces: its counters, and why it is not connected."""
+        """Continue from the state of the source that this one replaces: its counters, and why it is not connected."""
         self.crc_errors += before.crc_errors
         self.garbage_bytes += before.garbage_bytes
         self.reconnects += before.reconnects
@@ -65,7 +65,7 @@ class SourceState:
             self.connected, self._was_connected, self.reason, self.since_ns = True, True, "", now_ns
 
     def disconnect(self, reason: str, now_ns: int) -> None:
-        """Absent, with the reason as it is known now; `since_ns` stays when it was absent before."""
+        """Mark it absent, for this reason; `since_ns` stays if it was absent before."""
         if self.connected or not self.since_ns:
             self.since_ns = now_ns
         self.connected, self.reason = False, reason
@@ -83,7 +83,7 @@ class Source(Protocol):
         """CLOCK_MONOTONIC time at which `poll` wants to be called although nothing is readable; None: never."""
 
     def poll(self, now_ns: int) -> Sequence[Frame]:
-        """The frames that are complete now; also opens, reopens and asks again when their time has come."""
+        """The frames that are complete now. Also opens, reopens and repeats requests when they are due."""
 
     def request_selftest(self, pad_index: int) -> None:
         """Start a self-test; its result appears later in `selftest_result`. SourceError where it cannot."""
@@ -92,12 +92,12 @@ class Source(Protocol):
         """The last self-test's facts for this pad (`selftest_facts` in chips/selftest.py), None while it runs."""
 
     def close(self) -> None:
-        """Give the device back. Idempotent."""
+        """Release the device. Idempotent."""
 
 
 @runtime_checkable
 class ByteSource(Source, Protocol):
-    """A source whose samples may be read by somebody else, as the bytes that they come in."""
+    """A source whose bytes another reader may take over."""
 
     patience: Patience | None  # set by the daemon: which frames `poll` leaves out as superseded; None: none
 
@@ -110,14 +110,14 @@ class ByteSource(Source, Protocol):
         frame before which it came; each is returned once. Only of pads that are configured so."""
 
     def lendable(self) -> frozenset[int]:
-        """Pads whose samples somebody else may read now; none where there is more to read than samples, or to say."""
+        """Pads whose samples another reader may take now; none while there are other packets to read or to send."""
 
     def lend(self) -> tuple[int, bytes]:
-        """The descriptor, and the beginning of a sample that was read; until `give_back`, only the caller reads."""
+        """The descriptor, and the beginning of an unfinished sample; until `give_back`, only the caller reads."""
 
     def give_back(self, unread: bytes, heard_ns: int, left_out: Sequence[int]) -> None:
-        """unread: what was no sample, for `poll`. heard_ns: when a sample came, 0: none did. left_out: frames that the
-        caller left out, by pad index."""
+        """unread: other bytes, for `poll`. heard_ns: when a sample came, 0: none came. left_out: frames that the caller
+        dropped, by pad index."""
 
     def passed(self, pad_index: int, sequence: int) -> None:
         """The caller handled frames of this pad, and this was the number of the last one."""

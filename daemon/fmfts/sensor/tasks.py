@@ -1,4 +1,4 @@
-"""Work on one pad that takes seconds: the running daemon does it between frames, a one-shot verb on its own."""
+"""Work on one pad that takes seconds: the running daemon does it between frames, a verb without a daemon by itself."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ SELFTEST_S = 25.0  # longer than a source waits for its device (wire/selftests.p
 
 
 class Task(Protocol):
-    """Ask `facts`, then `problem`, a few times a second until one of them has something to say."""
+    """Call `facts`, then `problem`, a few times a second until one of them has a result."""
 
     @property
     def share(self) -> float:
-        """How much of it is done, 0 to 1."""
+        """The share that is done, 0 to 1."""
 
     @property
     def hint(self) -> str:
         """What a person should do now, "" if nothing."""
 
     def facts(self) -> dict[str, Any] | None:
-        """The result, None while there is none. Raises what made an end of the work."""
+        """The result, None while there is none. Raises the error that ended the work."""
 
     def problem(self, now_s: float) -> str:
-        """Why there will never be a result, "" while there is hope. now_s: time.monotonic()."""
+        """Why there will be no result; "" while there may be one. now_s: time.monotonic()."""
 
 
 class Selftest:

@@ -1,4 +1,4 @@
-"""A pad as its driver needs it, and what that asks of the chips. `sources.py` makes it from the configuration."""
+"""A pad as its driver needs it, with the settings of the chips. `sources.py` makes it from the configuration."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Settings:
 
     @classmethod
     def of(cls, pad: WiredPad) -> Settings:
-        """SourceError where no chip can do what is asked."""
+        """SourceError if the chip lacks a setting."""
         if pad.trigger == "simultaneous" and not pad.chip.has_trigger:
             raise SourceError(f"pad {pad.name!r}: {no_trigger(pad.chip)}")
         most_hz = highest_rate_hz(pad.chip, pad.trigger, over_bridge=isinstance(pad, PadOnBoard))

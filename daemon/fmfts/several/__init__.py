@@ -1,1 +1,2 @@
-"""Pads with several magnets: from the field to the fingers that press. docs/several.md tells how, and how well."""
+"""Pads with several magnets: from the field to the fingers that press. docs/several.md describes the method and its
+accuracy."""

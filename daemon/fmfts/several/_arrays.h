@@ -115,7 +115,7 @@ static inline size_t used(const call *c, int which)
     return count;
 }
 
-/* Whether array `which` is a covariance of all values, or empty: then there is none. */
+/* Whether array `which` is a covariance of all values; empty: there is none. */
 static inline bool has_foreign(const call *c, int which)
 {
     return !c->buffer[which].len || has_doubles(c, which, c->model.values * c->model.values);
@@ -126,7 +126,7 @@ static inline const double *foreign(const call *c, int which)
     return c->buffer[which].len ? array(c, which) : NULL;
 }
 
-/* What a search told: what is wrong, or None; the size of a matrix that is wrong; a number that was found. */
+/* The result of a search: the error, or None; the size of a bad matrix; a number that was found. */
 static inline PyObject *told(fmfts_refusal refusal, double number)
 {
     static const char *const wrong[] = {

@@ -185,7 +185,7 @@ PyObject *fmfts_py_best_single(PyObject *module, PyObject *args)
     return result;
 }
 
-/* best_pairs(search, work, room, root, field, used, starts): as many as there is room for. The number is how many. */
+/* best_pairs(search, work, room, root, field, used, starts): as many as fit. The number is how many. */
 PyObject *fmfts_py_best_pairs(PyObject *module, PyObject *args)
 {
     call c;

@@ -1,4 +1,4 @@
-/* One more finger at each place of the grid beside those that are told: Scan.another explains it. */
+/* One more finger at each place of the grid, beside the given ones: Scan.another explains it. */
 #include "../arithmetic/matrix.h"
 #include "fit.h"
 
@@ -28,8 +28,8 @@ static void explain(const others *o, size_t columns, double *x, double *moved)
     }
 }
 
-/* Of the places of one panel: along, size: the product of what is left of a template with what is left of the field, and
- * with itself. */
+/* For the places of one panel: along, size: the product of a template's residual with the field's residual, and with
+ * itself. */
 static void measure(size_t used, const double *left, const double *field, double along[FMFTS_PANEL], double size[FMFTS_PANEL])
 {
     for (size_t j = 0; j < FMFTS_PANEL; j++) {

@@ -1,4 +1,4 @@
-"""What goes to the compiled part, and how much of it there is room for."""
+"""Arrays for the compiled part, and their limits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def require_room(**counts: int) -> None:
-    """ValueError where a pad has more magnets, sensors, fingers … than several.h has room for."""
+    """ValueError if a pad exceeds the limits of several.h for magnets, sensors, fingers …"""
     for name, count in counts.items():
         if count > MOST[name]:
             raise ValueError(f"a pad with several magnets may have {MOST[name]} {name}, and this one has {count}")

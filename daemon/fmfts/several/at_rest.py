@@ -1,4 +1,4 @@
-"""What the baseline of a pad with several magnets leaves unknown, as each message tells it."""
+"""The baseline's uncertainty of a pad with several magnets, as in each message."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ REST = 6  # numbers of a magnet at rest: position, tilt and log moment
 
 
 class Where(NamedTuple):
-    """A magnet, and how well its place is known, with what the baseline leaves unknown of its rest."""
+    """A magnet, with the deviations of its place, which include the baseline's uncertainty of its rest."""
 
     position_m: Vector
     position_sd_m: Vector
@@ -36,7 +36,7 @@ class AtRest:
         remanences_t = np.array(mounting.remanences_t(pad))
         self.remanences = np.stack([remanences_t, remanences_t * np.sqrt(self.variance[:, -1])], axis=1).tolist()
         self._last: tuple[Magnets, Array, list[Where]] | None = None
-        # The mean over the sensors: of their noise, and of what the baseline left of their gains and rotations.
+        # The mean over the sensors: of their noise, and of the remaining errors of gains and rotations.
         count = len(pad.sensors)
         by_ambient = mounting.sensors.axes.transpose(0, 2, 1).reshape(3 * count, 3)
         own = mounting.errors.by_field.reshape(len(by_ambient), -1)

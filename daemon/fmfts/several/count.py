@@ -1,9 +1,9 @@
 """How many fingers press: the smallest number that explains the frame, with hysteresis, and which finger is which.
 
-A finger is added where it lowers χ² by more than a threshold, tested with what the fingers before leave uncertain
-(shear, patch, table: field_model.py), so that a wide or sliding finger is not taken for two. A finger is taken away
-when χ² needs it no more: its force is near zero, or it came so near to the other one that they cannot be told apart (a
-wide patch looks the same).
+A finger is added where it lowers χ² by more than a threshold, tested with the uncertainty of the earlier fingers
+(shear, patch, table: field_model.py), so that a wide or sliding finger does not count as two. A finger is removed when
+χ² no longer needs it: its force is near zero, or it is too near to the other one to be distinguished (a wide patch
+looks the same).
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from fmfts.several.fit import APART_MM, GRID_FORCE_N, Fit, Fitter, Measured
 Array = NDArray[np.float64]
 
 MOST_FINGERS = 2
-# By so much a second finger must lower χ². None of 300,000 frames of one finger was split; the gain that one in a
+# A second finger must lower χ² by this. None of 300,000 frames of one finger was split; the gain that one in a
 # million of them has is 35 at most, on pads whose chips were placed by hand (lab/results/several.md).
 SECOND_GAIN = 45.0
-# The first finger may be anywhere: as many places as fingers can be told apart.
+# The first finger may be anywhere: as many places as can be distinguished.
 PLACES = 50
 SMALLEST_SHARE = 0.05  # a second finger has at least this share of the force
-# A finger whose force is less than so many deviations, or that is too near to the other one, is tried without: it stays
-# where χ² would rise by more than half of what brought it, goes at once where by less than a quarter, and else after so
-# many frames in a row.
+# If a finger's force is less than this many deviations, or it is too near to the other one, the frame is fitted without
+# it. It stays if χ² then rises by more than half of the threshold, is removed at once if by less than a quarter, else
+# after this many frames in a row.
 RELEASE_DEVIATIONS, KEEPS, RELEASES, RELEASE_FRAMES = 3.0, 0.5, 0.25, 5
-TOGETHER_MM = 6.5  # nearer than this two become one; two are told from APART_MM on
+TOGETHER_MM = 6.5  # two fingers nearer than this become one; two are reported from APART_MM on
 
 
-# What became of the search that a frame wants where the fingers of the frame before do not explain it: it wants none,
-# the search was made, or it is due.
+# The state of a frame's search, which is needed if the previous frame's fingers do not explain it: none needed, made,
+# or due.
 Search = Literal["none", "made", "due"]
 
 
 @dataclass(slots=True)
 class CounterMemory:
-    """count: fingers in the last frame. places (MOST_FINGERS, 3): theirs first, in mm and N. ids (MOST_FINGERS,): who
-    they are. next_id: of the next new finger. doubtful_frames: for how many frames in a row one of them has been too
+    """count: fingers in the last frame. places (MOST_FINGERS, 3): theirs first, in mm and N. ids (MOST_FINGERS,): their
+    numbers. next_id: of the next new finger. doubtful_frames: for how many frames in a row one of them has been too
     weak, or two too near.
     """
 
@@ -85,11 +85,11 @@ class FingerCounter:
         self.memory = CounterMemory()
 
     def forget(self) -> None:
-        """No finger presses any more, or nobody knows."""
+        """No finger presses any more, or it is unknown."""
         self.memory.count = self.memory.doubtful_frames = 0
 
     def detection_limit_n(self, noise_t: Array) -> float:
-        """The least force (N) that is felt wherever it presses on the table, by noise_t (N, 3) alone."""
+        """The smallest force (N) that is detected at every place of the table, with noise_t (N, 3) alone."""
         fitter, nobody = self._fitter, np.zeros((0, FINGER))
         quiet = Measured(np.zeros(noise_t.size), (noise_t * noise_t).ravel(), np.ones(noise_t.size, dtype=np.bool_))
         size = fitter.sizes(fitter.whitener(nobody, quiet, np.zeros(3)), quiet)
@@ -98,7 +98,7 @@ class FingerCounter:
     def update(self, measured: Measured, ambient_t: Array, may_search: bool = True) -> Counted:
         """The fingers of the next frame. SingularError where the values determine nothing.
 
-        may_search: a second finger may be searched, which takes ten times as long as all else.
+        may_search: it may search for a second finger, which takes ten times as long as the rest.
         """
         memory = self.memory
         fit, ids = self._fitter.fit(memory.fingers, measured, ambient_t), memory.ids[: memory.count].tolist()
@@ -132,7 +132,7 @@ class FingerCounter:
         return best if gain > SECOND_GAIN else None
 
     def _split(self, one: Fit, pair: Fit, id_of_one: int) -> list[int]:
-        """The finger that was there keeps its id: the one of the two that is nearer to it."""
+        """The nearer one of the two keeps the previous finger's id."""
         first, other = (length((finger - one.fingers[0])[:2]) for finger in pair.fingers)
         return [id_of_one, self._new_id()] if first <= other else [self._new_id(), id_of_one]
 
@@ -141,9 +141,9 @@ class FingerCounter:
         return self.memory.next_id - 1
 
     def _fewer(self, fit: Fit, ids: list[int], measured: Measured, ambient_t: Array) -> tuple[Fit, list[int]]:
-        """Take away each finger that the frame does not need: at once where it needs none of it, or after some frames.
+        """Remove each finger that the frame does not need, at once or after some frames.
 
-        The deviation of a force alone does not tell: near the table's edge it is mostly that of the place.
+        The deviation of a force alone does not decide: near the table's edge it comes mostly from the place.
         """
         memory = self.memory
         while ids and self._is_doubtful(fit):
@@ -165,7 +165,7 @@ class FingerCounter:
 
 
 def are_two(fingers: Array) -> bool:
-    """Whether two fingers (2, 3) are far enough apart, and the weaker one strong enough, to be told as two."""
+    """Whether two fingers (2, 3) are far enough apart, and the weaker one strong enough, to be reported as two."""
     forces = fingers[:, 2]
     apart = length((fingers[0] - fingers[1])[:2]) >= APART_MM
     return bool(apart and forces.min() > SMALLEST_SHARE * forces.sum())

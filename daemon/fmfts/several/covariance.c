@@ -1,4 +1,4 @@
-/* How wrong the predicted field may be: field_model.py explains it. */
+/* The covariance of the predicted field: field_model.py explains it. */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,4 @@
-/* The search that fit.c and free_poses.c share: what arithmetic/descent.c asks of either. */
+/* The search that fit.c and free_poses.c share: the callbacks of arithmetic/descent.c. */
 #include <string.h>
 
 #include "fit.h"

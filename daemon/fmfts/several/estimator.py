@@ -38,15 +38,15 @@ from fmfts.several.valley import valley_variance
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# A third finger is looked for where χ² is larger than one in so many healthy frames has it, and believed where it
-# lowers χ² by so much: none of 1,200 healthy frames of two fingers has such a place.
+# A third finger is searched if χ² exceeds that of this share of healthy frames, and accepted if it lowers χ² by this:
+# none of 1,200 healthy frames of two fingers has such a place.
 SUSPICIOUS, THIRD_GAIN = 0.02, 20.0
-# One finger is doubted where χ² is so large, and another one would lower it by so much: too little to tell two, but of
-# frames of one finger one in ten thousand has it (lab/results/several.md).
+# One finger is doubtful if χ² is this large and a second finger would lower it by this: too little to report two, but
+# only one in ten thousand frames of one finger has it (lab/results/several.md).
 DOUBTED, DOUBTED_GAIN = 0.005, 20.0
-# A finger that may hide beside one is looked for in the half of the healthy frames that one explains less well.
+# A hidden second finger is searched in the half of the healthy frames with the larger χ².
 EXPLAINED_WELL = 0.5
-# A third finger is gone when two explain so many frames in a row: by chance they explain one of three now and then.
+# A third finger is gone when two explain this many frames in a row: by chance two sometimes explain a frame of three.
 GONE_FRAMES = 10
 # A gap after which fingers are searched anew.
 LONGEST_GAP_S = 0.05
@@ -70,7 +70,7 @@ class FingersEstimator:
         self.memory = FingersMemory(self._counter.memory, Recovery(np.zeros(mounting.gain.size)), last_c=warmth.rest_c)
         self.at_rest = AtRest(pad, mounting)
         self._unfelt_variance = np.tile(square(UNFELT), (len(mounting.magnets), 1))
-        self._poses: tuple[FingersReading, Poses] | None = None  # of the last reading that was asked for
+        self._poses: tuple[FingersReading, Poses] | None = None  # of the last requested reading
         self._values_for_poses = needed_values(len(pad.magnets))
         self._quiet_force_sd_n = self._counter.detection_limit_n(mounting.noise_t / mounting.gain) / sqrt(3.0)
 
@@ -81,12 +81,12 @@ class FingersEstimator:
 
     @property
     def quiet_force_sd_n(self) -> float:
-        """Deviation (N) of no force: what may press and not be felt, where it is felt least."""
+        """Deviation (N) of a force of zero: the largest force that goes undetected at the least sensitive place."""
         return self._quiet_force_sd_n
 
     def poses(self, reading: FingersReading) -> tuple[Magnets, Array]:
-        """The magnets of the last frame, and the variances (M, 5) of their changes since rest: by what is not known of
-        the fingers, and by what moves magnets besides (several/poses.py)."""
+        """The magnets of the last frame, and the variances (M, 5) of their changes since rest: from the fingers'
+        uncertainty, and from other causes (several/poses.py)."""
         fit = reading.fit
         if fit is None or reading.measured is None or not len(fit.fingers):
             return self.mounting.magnets, self._unfelt_variance
@@ -102,7 +102,7 @@ class FingersEstimator:
         self._counter.forget()
 
     def sighted(self, reading: FingersReading) -> tuple[tuple[Neighbour, ...], Array] | None:
-        """The magnets in the last frame, and the covariance (6M, 6M) of a step from there; None if it does not tell."""
+        """The magnets in the last frame, and the covariance (6M, 6M) of a step from there; None if not known."""
         poses: Poses | FreePoses | None = reading.free
         if reading.fit is not None and reading.measured is not None and not reading.over_range:
             poses = self._poses_of(reading, reading.fit, reading.measured)
@@ -111,7 +111,7 @@ class FingersEstimator:
         return sighted(self.mounting, poses, self._since_rest.moment, self.scene.moment)
 
     def _poses_of(self, reading: FingersReading, fit: Fit, measured: Measured) -> Poses:
-        """Once a frame, though its message and the pads beside it need them."""
+        """Computed once a frame, for its message and for neighbouring pads."""
         if self._poses is None or self._poses[0] is not reading:
             self._poses = reading, poses_of(self.fitter, fit, measured, self._since_rest.around_t)
         return self._poses[1]
@@ -125,7 +125,7 @@ class FingersEstimator:
         may_search: bool = True,
     ) -> FingersReading:
         """Judge one aligned frame. missing: what is wrong with sensors that cannot be used. neighbours: the magnets of
-        other pads at the time of this frame. may_search: it may take as long as a search for fingers takes."""
+        other pads at the time of this frame. may_search: it may search for fingers, which takes long."""
         memory = self.memory
         elapsed_s = aligned.elapsed_s(memory.last_us)
         memory.last_us = aligned.time_us
@@ -174,12 +174,12 @@ class FingersEstimator:
         is_open = not explained and odd is None and search != "due"
         free = self._free_poses(measured, used) if memory.more or is_open else None
         if memory.more and not explained and free is None and self._tells_poses(used):
-            memory.more = 0  # nor would a third finger explain it
+            memory.more = 0  # a third finger does not explain it either
         if memory.more:
             memory.unexplained += search != "due"
             return FingersReading("degraded", reasons.THREE, used, ids=counted.ids, more=True, search=search, free=free)
         if search == "due" and not explained:
-            self._remember(before)  # as if this frame had not been
+            self._remember(before)  # continue as if this frame had not come
             return FingersReading("disturbed", reasons.not_searched(fit.chi2), used, search=search)
         if odd is not None:
             used = there.copy()
@@ -221,13 +221,13 @@ class FingersEstimator:
         self.memory.counter = self._counter.memory = counter
 
     def _is_third(self, fit: Fit, used: Mask, measured: Measured, odd: Odd | None) -> bool:
-        """Whether one more finger explains what two leave, and better than that a sensor is wrong."""
+        """Whether one more finger explains the residual of two, and better than a faulty sensor does."""
         another = self._another(fit, used, measured, SUSPICIOUS) if len(fit.fingers) == MOST_FINGERS else None
         gain = 0.0 if another is None else float(another.gain.max())
         return gain > THIRD_GAIN and (odd is None or fit.chi2 - gain < odd.chi2)
 
     def _another(self, fit: Fit, used: Mask, measured: Measured, suspicious: float) -> Another | None:
-        """What one more finger would explain; None where more than `suspicious` of healthy frames have such a χ²."""
+        """The gain of one more finger; None if more than `suspicious` of healthy frames have such a χ²."""
         if fit.chi2 <= limit(suspicious, used, fit):
             return None
         seen = measured.only(used)
@@ -246,11 +246,11 @@ class FingersEstimator:
         return FingersReading("disturbed", reasons.unexplained(fit.chi2), used, search=search)
 
     def _tells_poses(self, used: Mask) -> bool:
-        """Whether so many values tell the poses without fingers, and notice where they do not explain a frame."""
+        """Whether this many values determine the poses without fingers, with enough redundancy for a check."""
         return bool(np.count_nonzero(used) >= self._values_for_poses)
 
     def _free_poses(self, measured: Measured, used: Mask) -> FreePoses | None:
-        """The poses that explain a frame that no fingers explain; None where none do, or where nobody can tell."""
+        """The poses that explain a frame that no fingers explain; None if there are none, or they are unknown."""
         if not self._tells_poses(used):
             return None
         at_rest, seen = np.zeros(CHANGE * len(self.mounting.magnets)), measured.only(used)

@@ -1,4 +1,4 @@
-/* What fingers do to the field: field_model.py explains it. */
+/* The effect of fingers on the field: field_model.py explains it. */
 #include <string.h>
 
 #include "../arithmetic/matrix.h"

@@ -1,4 +1,4 @@
-"""What fingers do to the field of a pad with several magnets, and how wrong that may be.
+"""The effect of fingers on the field of a pad with several magnets, and its covariance.
 
 The unknowns are the fingers themselves: x, y and the force of each. The magnets' poses follow from them by the table of
 presses (`ArrayResponse`), and the field from the poses. All else that changes the field is not solved but considered:
@@ -6,10 +6,10 @@ it widens the covariance of the field, and so the deviations of what is solved (
 
     C = noise + A A' σ_A² + m m' σ_m² + E E' + P (S S' (μF)² + w w' σ_w² + (ε·change)² + D D' σ_D²) P'
 
-A: the ambient field, along each axis. m: all moments together (temperature). E: what the baseline left uncertain, for
-this change of poses (`FieldErrors`). P: the field's slope by the poses; S: what shear of a finger does, of a deviation
-of μ times its force; w: what a wider or narrower patch does; ε: errors of the table, and of adding up fingers. D: a
-press's place is told from where each magnet rests, and that is known to σ_D.
+A: the ambient field, along each axis. m: all moments together (temperature). E: the baseline's uncertainty, for this
+change of poses (`FieldErrors`). P: the field's slope by the poses; S: the effect of a finger's shear, with a deviation
+of μ times its force; w: the effect of a wider or narrower patch; ε: errors of the table, and of adding up fingers. D: a
+press's place is relative to the rest of each magnet, which is known to σ_D.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ SUM_ERROR_PER_N = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Deviations of what else changes the field. ambient_t: of the ambient field since the baseline, along each axis.
-    moment: relative, of all moments together. friction: shear of a finger over its force. silicone: of the scale of all
-    forces, as a share."""
+    """Deviations of other causes of a change of field. ambient_t: of the ambient field since the baseline, along each
+    axis. moment: relative, of all moments together. friction: shear of a finger over its force. silicone: of the scale
+    of all forces, as a share."""
 
     ambient_t: float
     moment: float
@@ -83,7 +83,7 @@ class FieldModel:
             place.reshape(2 * len(drawn), -1) + SMALLEST_M * SMALLEST_M * np.eye(2 * len(drawn))
         )
         self._rest_slope = field_and_slope(mounting.magnets, mounting.frames, mounting.sensors)[1]
-        # As several.h reads them, and where C computes.
+        # The model as several.h reads it, and the work space of C.
         self.packed, self.work = self._packed(), np.zeros(_several.WORK_BYTES // 8)
 
     def predict(self, fingers: Array) -> Predicted:
@@ -92,11 +92,11 @@ class FieldModel:
         return Predicted(field, slope, by_pose, change, tuple(map(Pressed.of, pressed)))
 
     def field_of(self, fingers: Array) -> Array:
-        """(3N,) as `predict` has it, and all that is asked for in most frames."""
+        """(3N,) as in `predict`, which is all that most frames need."""
         return self._predicted(fingers)[0]
 
     def _predicted(self, fingers: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """As Predicted; what each finger does alone, (K, …), is still packed."""
+        """As Predicted; the effect of each finger alone, (K, …), is still packed."""
         values, poses, unknowns = len(self.at_rest), len(self._si), FINGER * len(fingers)
         field, slope, by_pose = np.empty(values), np.empty((values, unknowns)), np.empty((values, poses))
         change, pressed = np.empty(poses), np.empty((len(fingers), PRESSED * poses))
@@ -107,8 +107,8 @@ class FieldModel:
         return field, slope, by_pose, change, pressed
 
     def covariance(self, fingers: Array, predicted: Predicted, variance_t2: Array, ambient_t: Array) -> Array:
-        """C (3N, 3N) of the module's docstring. variance_t2 (3N,): of noise. ambient_t (3,): the change of the ambient
-        field, as far as it is known, which chips that are turned read wrong."""
+        """C (3N, 3N) of the module's docstring. variance_t2 (3N,): of noise. ambient_t (3,): the known change of the
+        ambient field, which rotated chips misread."""
         covariance = np.empty((len(self.at_rest), len(self.at_rest)))
         each = [np.concatenate([part.ravel() for part in one]) for one in predicted.pressed]
         pressed = np.concatenate(each) if each else np.empty(0)
@@ -128,7 +128,7 @@ class FieldModel:
         return covariance
 
     def _packed(self) -> Array:
-        """All of this as several.h has it."""
+        """The whole model in the form of several.h."""
         mounting, response, scene = self.mounting, self.response, self.scene
         magnets, sensors, errors = mounting.magnets, mounting.sensors, mounting.errors
         head = Record(_several.HEAD)

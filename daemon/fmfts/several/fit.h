@@ -5,7 +5,7 @@
 #include "../arithmetic/descent.h"
 #include "several.h"
 
-enum { FMFTS_PANEL = 16 }; /* so many places of the grid stand beside each other: with all values, they fit into L1 */
+enum { FMFTS_PANEL = 16 }; /* number of grid places in a panel: with all values, it fits into L1 */
 
 /* The numbers at the head of a packed search: fit.py, scan.py. */
 #define FMFTS_SEARCH_HEAD(ONE, MANY)                                                                                   \
@@ -33,7 +33,7 @@ typedef struct {
     const fmfts_search_head *head;
     size_t places, panels, values;
     const double *x_mm, *y_mm;  /* [panels · FMFTS_PANEL] */
-    const double *template_t;   /* [panels][values][FMFTS_PANEL]: what a press at each place does to the field */
+    const double *template_t;   /* [panels][values][FMFTS_PANEL]: the effect of a press at each place on the field */
 } fmfts_search;
 
 /* As Measured; all but `used` may be NULL where they are not asked for. Arrays of all values; used: 1 where there is one.
@@ -44,13 +44,13 @@ typedef struct {
     const double *foreign_t2, *ambient_t;
 } fmfts_measured;
 
-/* As Fit; whoever calls gives the arrays. */
+/* As Fit; the caller provides the arrays. */
 typedef struct {
     double *fingers, *covariance, *misfit_t, *ambient_t, *shear_n, *shear_deviation_n;
     double chi2;
 } fmfts_found;
 
-/* Why there is no result. size: of the matrix. */
+/* Reason for no result. size: of the matrix. */
 typedef struct {
     enum { FMFTS_FINE, FMFTS_NOT_FINITE, FMFTS_INDEFINITE, FMFTS_INFINITE } kind;
     size_t size;
@@ -60,13 +60,13 @@ typedef struct {
  * best gain with another place. */
 #define FMFTS_SCAN_DOUBLES(values, padded) (((values) + 3) * (padded))
 
-/* packed.c: false if `packed` is no search for fields of so many values, or larger than there is room for. */
+/* packed.c: false if `packed` is no search for fields of this many values, or too large. */
 bool fmfts_view_search(const double *packed, size_t count, size_t values, fmfts_search *search);
 
-/* whitener.c: lists the values that there are in `work`. False where one of them is not finite. */
+/* whitener.c: lists the present values in `work`. False if one of them is not finite. */
 bool fmfts_list_used(size_t values, const fmfts_measured *measured, fmfts_several_work *work);
 
-/* whitener.c: overwrites a [n][n] with its lower triangle. False, and what is wrong, where there is none. */
+/* whitener.c: overwrites a [n][n] with its lower triangle. False, with the reason, if there is none. */
 bool fmfts_factored(size_t n, double *a, fmfts_refusal *refusal);
 
 /* whitener.c: work->root [used][used], the lower triangle of C at these fingers. False as above. */
@@ -91,22 +91,22 @@ typedef struct fmfts_valued {
     size_t fingers;
     double *slope;
     void (*predict)(const struct fmfts_valued *valued, const double *at, fmfts_predicted *predicted);
-    fmfts_predicted *here, *there; /* at the point that was taken, and judged last; of the start `here` is NULL */
+    fmfts_predicted *here, *there; /* at the accepted point, and the last trial; at the start `here` is NULL */
     fmfts_refusal refusal;
 } fmfts_valued;
 
-/* descend.c: moves `at` to the minimum near it. Sets valued->refusal, and returns false, where a matrix is refused. Else what is
- * predicted there is in valued->here, and the white slope and residual are left in `work`. */
+/* descend.c: moves `at` to the minimum near it. Sets valued->refusal, and returns false, where a matrix is refused.
+ * Else the prediction there is in valued->here, and the white slope and residual are in `work`. */
 bool fmfts_find_minimum(fmfts_valued *valued, fmfts_descent *search, double *at, double *chi2);
 
-/* descend.c: normal [n][n] and right [n] of what is white. */
+/* descend.c: normal [n][n] and right [n] of the white slope and residual. */
 void fmfts_normal_equations(const fmfts_several_work *work, size_t n, const double *slope, double *normal, double *right);
 
-/* fit.c: right [n] = slope' · white, and the covariance [n][n] of the fingers, of what is white in `work`. False, and it is
- * infinite, where the values do not determine them. */
+/* fit.c: right [n] = slope' · white, and the covariance [n][n] of the fingers, from the white arrays in `work`. False,
+ * and it is infinite, if the values do not determine them. */
 bool fmfts_spread(const fmfts_search *search, size_t n, const fmfts_several_work *work, double *right, double *covariance);
 
-/* fit.c: ambient [3] = σ² · (L⁻¹ A)' · white: the most likely ambient field, given the residual, of what is in `work`. */
+/* fit.c: ambient [3] = σ² · (L⁻¹ A)' · white: the most likely ambient field, given the residual in `work`. */
 void fmfts_ambient_of(const fmfts_several *model, const fmfts_several_work *work, double *ambient);
 
 /* shear.c: shear_n and deviation_n [fingers][2], from what fmfts_several_fit left in `work`. */
@@ -148,7 +148,8 @@ typedef struct {
     const double *covariance, *misfit_t;
 } fmfts_fitted;
 
-/* As Poses, and position and axis [magnets][3] after the change; whoever calls gives the arrays. used: values that there are. */
+/* As Poses, and position and axis [magnets][3] after the change; the caller provides the arrays. used: number of
+ * present values. */
 typedef struct {
     double *change, *position, *axis, *variance; /* [P], [magnets][3], [magnets][3], [P] */
     double *moves, *told, *by_finger;            /* [P][2·P + 3·fingers + 2·magnets], [P][used], [P][3·fingers] */
@@ -158,12 +159,13 @@ typedef struct {
 fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, const fmfts_fitted *fitted,
                              const fmfts_measured *measured, fmfts_several_work *work, fmfts_poses *poses);
 
-/* As free_poses.py has them. farthest: of each number of a magnet's change of pose. */
+/* As in free_poses.py. farthest: of each number of a magnet's change of pose. */
 typedef struct fmfts_free_limits {
     double iterations, settled, rounding, damping, damping_factor, most_damping, half_a_press_m, farthest[FMFTS_POSE_CHANGE];
 } fmfts_free_limits;
 
-/* As FreePoses; whoever calls gives the arrays: [P], [P][P], [values], [3], [values][P], [P], [magnets][3], [magnets][3]. */
+/* As FreePoses; the caller provides the arrays: [P], [P][P], [values], [3], [values][P], [P], [magnets][3],
+ * [magnets][3]. */
 typedef struct {
     double *change, *covariance, *misfit_t, *ambient_t, *by_pose, *counted, *position, *axis;
     double chi2;

@@ -1,7 +1,7 @@
 """Finds the K fingers that best explain a field: Gauss–Newton in the space of fingers, from a start or from a scan.
 
-χ² has several minima as soon as there are two fingers. So a new finger is not searched from where the residual is
-largest, which misses the best one in a fifth of all cases, but from the best of all pairs of places on a grid.
+χ² has several minima as soon as there are two fingers. A search from the largest residual misses the best minimum in a
+fifth of all cases, so a new finger is searched from the best of all pairs of places on a grid.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ __all__ = ["APART_MM", "GRID_FORCE_N", "GRID_MM", "STARTS", "Fit", "Fitter", "Me
 Array = NDArray[np.float64]
 
 ITERATIONS = 12
-# A fit that begins at the right fingers ends within so many; any other is of no use where this many are asked for.
+# Iterations within which a fit from the right fingers converges; other fits are then useless.
 FEW_ITERATIONS = 3
-# A step counts as none when it is below this share of each unknown's deviation.
+# A step below this share of each unknown's deviation counts as zero.
 SETTLED = 0.03
-# χ² that is larger by this share is not larger: it is rounding.
+# A relative increase of χ² up to this is rounding.
 ROUNDING = 1e-12
 DAMPING, DAMPING_FACTOR, MOST_DAMPING = 1e-4, 10.0, 1e6
 LONGEST_STEP_MM, LEAST_STEP_MM = 4.0, 1e-12
-# Added to the normal matrix, so that fingers of which the values say nothing stay where they are.
+# Added to the normal matrix, so that undetermined fingers stay where they are.
 FLOOR = np.array([1e-9, 1e-9, 1e-6])
-FARTHEST_LOAD = 3.0  # the search goes so far beyond the table's largest force
+FARTHEST_LOAD = 3.0  # limit of the search, as a multiple of the table's largest force
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +66,7 @@ class Fit:
 class Fitter:
     """Fits fingers to the fields of one mounted pad.
 
-    A number that is not finite, of a value that there is, is refused by a ValueError that names it. One Fitter is for
-    one thread.
+    A present value that is not finite raises a ValueError that names it. One Fitter is for one thread.
     """
 
     def __init__(self, model: FieldModel) -> None:
@@ -85,7 +84,7 @@ class Fitter:
         self._scan = Scan(self.grid, self.search, model.work, scan_room)
 
     def whitener(self, fingers: Array, measured: Measured, ambient_t: Array) -> Array:
-        """The lower triangle of C at `fingers`, for the values that there are."""
+        """The lower triangle of C at `fingers`, for the present values."""
         require_room(fingers=len(fingers))
         there = measured.there
         used = int(there.sum())
@@ -120,7 +119,7 @@ class Fitter:
     def fit(self, start: Array, measured: Measured, ambient_t: Array, few_iterations: bool = False) -> Fit:
         """The most likely fingers near `start` (K, 3). SingularError where the values do not determine them.
 
-        few_iterations: to see soon whether they are near it, FEW_ITERATIONS in place of ITERATIONS.
+        few_iterations: a short trial, FEW_ITERATIONS in place of ITERATIONS.
         """
         require_room(fingers=len(start))
         unknowns, values = FINGER * len(start), len(measured.field_t)
@@ -170,7 +169,7 @@ class Fitter:
         return size
 
     def _head(self, iterations: int) -> Record:
-        """The constants of the search, as fit.h has them."""
+        """The constants of the search, for fit.h."""
         head = Record(_several.SEARCH_HEAD)
         head.fill(
             {

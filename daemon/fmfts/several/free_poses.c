@@ -7,8 +7,9 @@
 
 enum { MOST = FMFTS_SEVERAL_POSES };
 
-/* counted [P]: the change that the baseline's errors go with. They are known for a magnet that is half a press down. One that is
- * pressed by d is d/2 down on the way, nearer to the chips: the slope of a dipole's gradient goes with r⁻⁵. */
+/* counted [P]: the change to which the baseline's errors are proportional. They are computed for a magnet that is half
+ * a press down. On its way down by d it is d/2 nearer to the chips on average, and the slope of a dipole's gradient
+ * goes with r⁻⁵. */
 static void count_change(const fmfts_several *model, double half_a_press_m, const double *change, double *counted)
 {
     double base_m = 0.0;
@@ -27,7 +28,7 @@ static void count_change(const fmfts_several *model, double half_a_press_m, cons
     }
 }
 
-/* What magnets that have moved do to the field. */
+/* The field of magnets that have moved. */
 static void predict(const fmfts_valued *valued, const double *change, fmfts_predicted *predicted)
 {
     const fmfts_several *model = valued->model;
@@ -77,7 +78,7 @@ fmfts_refusal fmfts_free_poses_of(const fmfts_several *model, const fmfts_free_l
         .limits = limits,
         .measured = measured,
         .work = work,
-        .slope = work->factor, /* what the root came of is no longer needed */
+        .slope = work->factor, /* the matrix of the root is no longer needed */
         .predict = predict,
     };
     if (!fmfts_list_used(model->values, measured, work) || !fmfts_finite(model->poses, start) ||

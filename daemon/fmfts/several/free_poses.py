@@ -1,7 +1,7 @@
 """The poses of all magnets by the field alone, without a table of presses: Gauss–Newton in the space of poses.
 
-The unknowns are the changes of pose since rest, five of each magnet. The ambient field, all moments together and what
-the baseline left uncertain are considered, as field_model.py explains, for these poses in place of fingers:
+The unknowns are the changes of pose since rest, five of each magnet. The ambient field, all moments together and the
+baseline's uncertainty are considered, as field_model.py explains, for poses instead of fingers:
 
     C = noise + A A' σ_A² + m m' σ_m² + E E'
 
@@ -30,7 +30,7 @@ from fmfts.several.odd_sensor import UNEXPLAINED
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# No press moves a magnet so far, in m and components of the axis: what a search finds there is none.
+# No press moves a magnet farther, in m and components of the axis: a result there is invalid.
 FARTHEST = np.array([3e-3, 3e-3, 3e-3, 0.6, 0.6])
 HALF_A_PRESS_M = -float(HALF_A_PRESS[2])
 # As fit.h has them.
@@ -41,7 +41,7 @@ LIMITS = np.array([ITERATIONS, SETTLED, ROUNDING, DAMPING, DAMPING_FACTOR, MOST_
 class FreePoses:
     """The magnets; change (5M,): of their poses since rest, in m and components of the axis, with its covariance (5M,
     5M). chi2: of the residual; misfit_t (3N,). ambient_t (3,): the change of the ambient field that goes with it.
-    predicted: there; its change is the one that the baseline's errors go with."""
+    predicted: there; the baseline's errors are proportional to its change."""
 
     magnets: Magnets
     change: Array
@@ -58,7 +58,7 @@ class FreePoses:
 
     @property
     def is_farthest(self) -> bool:
-        """Whether a magnet is as far from rest as the search goes."""
+        """Whether a magnet is at the limit of the search."""
         return bool((np.abs(self.change.reshape(-1, CHANGE)) >= FARTHEST).any())
 
 

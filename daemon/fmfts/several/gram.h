@@ -7,7 +7,7 @@
 
 #include "several.h"
 
-/* Two doubles in one register, which every processor has; the compiler does not find it by itself here. */
+/* Two doubles in one register, which every processor has; the compiler does not vectorise this by itself. */
 typedef double fmfts_two __attribute__((vector_size(16)));
 
 static inline fmfts_two fmfts_load_two(const double *from)

@@ -1,4 +1,4 @@
-"""The field that fingers are searched in."""
+"""The measured field, from which fingers are estimated."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Measured:
 
     @property
     def foreign(self) -> Array:
-        """`foreign_t2` as C reads it: nothing where there is none."""
+        """`foreign_t2` as C reads it: empty if there is none."""
         return np.empty(0) if self.foreign_t2 is None else np.ascontiguousarray(self.foreign_t2, dtype=np.float64)
 
     def only(self, used: NDArray[np.bool_]) -> Measured:
@@ -40,12 +40,12 @@ class Measured:
         return Measured(self.field_t, self.variance_t2, used.ravel(), self.foreign_t2)
 
     def checked(self, *names: str, **others: Array) -> None:
-        """ValueError that names a value that there is, of the fields `names`, or a number of `others`, not finite."""
+        """ValueError that names a present value of the fields `names`, or a number of `others`, that is not finite."""
         finite(**{name: np.where(self.used, getattr(self, name), 0.0) for name in names}, **others)
 
 
 def refuse(wrong: str | None, size: int, measured: Measured, **others: Array) -> None:
-    """Raises what NumPy would have raised, where C says that something is wrong."""
+    """Raises NumPy's error for a failure that C reports."""
     if wrong == "input":
         measured.checked("field_t", "variance_t2", **others)
     if wrong is not None:

@@ -15,7 +15,8 @@ from fmfts.several.measured import Measured
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# So many sensors are tried, one in each search: those without which χ² would fall most, to first order, the best first.
+# Number of sensors that are tried, one in each search: those without which χ² would fall most, to first order, best
+# first.
 TRIED = 3
 
 
@@ -37,7 +38,7 @@ class Values(NamedTuple):
 def odd_pose_sensor(
     model: FieldModel, poses: FreePoses, start: Array, values: Values, fewest: int, search: int
 ) -> OddPose | None:
-    """The sensor without which the frame is explained; None where it is not without the one that this search tries.
+    """The sensor without which the frame is explained; None if that is not the one that this search tries.
 
     poses: with all values. start (5M,): of a frame that was explained. fewest: values that are needed.
     search: how many searches were made before, in frames in a row that nothing explains.
@@ -52,7 +53,7 @@ def odd_pose_sensor(
     try:
         without = free_poses(model, start, measured.only(used), around_t)
     except SingularError:
-        return None  # without this sensor the others do not tell
+        return None  # without this sensor the others do not determine the poses
     return OddPose(sensor, without) if is_explained(without, used) else None
 
 

@@ -16,13 +16,13 @@ from fmfts.several.fit import Fit, Fitter, Measured
 
 Array = NDArray[np.float64]
 
-# So many values more than the unknowns of two fingers are needed to notice that something is wrong.
+# Number of redundant values, beyond the unknowns of two fingers, that detecting a fault needs.
 SPARE = 4
 FEWEST_VALUES = FREE_FIELD + 2 * FINGER + SPARE
-# A frame is not explained when its χ² is larger than one in so many healthy ones has it.
+# A frame is unexplained if only this share of healthy frames has a larger χ².
 UNEXPLAINED = 1e-6
-# A sensor that was left out agrees when its values fit as well as those of one in a thousand healthy frames do. After
-# so many frames in a row in which it agrees, it is used again.
+# An excluded sensor agrees if its values fit as well as in all but a thousandth of healthy frames. After this many such
+# frames in a row it is used again.
 AGREES, AGREES_FRAMES = 1e-3, 20
 
 
@@ -66,7 +66,7 @@ def odd_sensor(
 ) -> Odd | None:
     """The sensor whose absence leaves the least χ²; None where no absence is enough.
 
-    there (N, 3): the values that there are. before: of a counter whose fingers may be the right ones.
+    there (N, 3): the values that there are. before: a counter's memory, whose fingers may be right.
     """
     found: list[Odd] = []
     for sensor in np.flatnonzero(there.any(axis=1)).tolist():
@@ -78,7 +78,7 @@ def odd_sensor(
         try:
             fit = fitter.fit(before.fingers, without, ambient_t, few_iterations=True)
         except SingularError:
-            continue  # without this sensor the others do not tell
+            continue  # without this sensor the others do not determine the fingers
         if fit.chi2 <= limit(UNEXPLAINED, used, fit):
             found.append(Odd(sensor, fit.chi2, before))
     return min(found, key=lambda one: one.chi2, default=None)
@@ -87,7 +87,7 @@ def odd_sensor(
 def is_odd(
     sensor: int, measured: Measured, there: NDArray[np.bool_], ambient_t: Array, cold: FingerCounter
 ) -> Odd | None:
-    """This sensor, if fingers that `cold`, a counter without memory, searches anew explain the frame without it."""
+    """This sensor, if `cold`, a counter without memory, finds fingers that explain the frame without it."""
     used = there.copy()
     used[sensor] = False
     if used.sum() < FEWEST_VALUES or not there[sensor].any():

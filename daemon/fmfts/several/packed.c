@@ -1,4 +1,4 @@
-/* Looks into what field_model.py and fit.py have packed. */
+/* Reads the arrays that field_model.py and fit.py have packed. */
 #include <math.h>
 
 #include "fit.h"

@@ -95,7 +95,7 @@ fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, c
     if (refusal.kind != FMFTS_FINE) {
         return refusal;
     }
-    /* What the root came of is no longer needed. */
+    /* The matrix of the root is no longer needed. */
     double *white = work->factor, *room = white + FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_POSES;
     const fmfts_predicted *predicted = &work->predicted[0];
     size_t numbers = model->poses, unknowns = FMFTS_FINGER * fingers.count, used = work->used, columns = unknowns + 1;

@@ -1,7 +1,7 @@
-"""Where a pad with several magnets has its magnets, and how well that is known.
+"""The poses of a pad's magnets, with their covariance.
 
-The table of presses tells the poses that the fingers cause, but what it only considers (shear, patch, its own errors)
-moves the magnets, too. So the residual is asked about it. With the fingers x ± Σ, what is considered p ~ N(0, 1), the
+The table of presses gives the poses that the fingers cause, but considered causes (shear, patch, the table's errors)
+move the magnets, too. The residual determines these. With the fingers x ± Σ, the considered causes p ~ N(0, 1), the
 poses A x + B p, and the field J x + P (B p) of covariance C (field_model.py), the most likely poses given the residual
 r are
 
@@ -26,8 +26,8 @@ from fmfts.several.measured import Measured, refuse
 
 Array = NDArray[np.float64]
 
-# Of each magnet, in m and components of the axis: by what is too weak to be told as a finger, and by silicone that has
-# not come back yet from a press.
+# Of each magnet, in m and components of the axis: from undetected fingers, and from silicone that has not recovered yet
+# from a press.
 UNFELT = np.array([1e-5, 1e-5, 2e-5, 2e-3, 2e-3])
 
 
@@ -53,7 +53,7 @@ class Poses(NamedTuple):
 
 
 def poses_of(fitter: Fitter, fit: Fit, measured: Measured, around_t: Array) -> Poses:
-    """Where the fingers, and what moves magnets besides, have moved the magnets of a frame.
+    """The magnets of a frame, moved by the fingers and other causes.
 
     around_t (3,): the change of the field around, as `Fitter.fit` has it.
     """
@@ -92,6 +92,6 @@ def poses_of(fitter: Fitter, fit: Fit, measured: Measured, around_t: Array) -> P
 
 
 def _untouched(rest: Magnets, fit: Fit) -> Poses:
-    """At rest, but for what is too weak to be told as a finger."""
+    """At rest, with the uncertainty of undetected fingers."""
     unfelt, nothing = np.tile(UNFELT, len(rest)), np.zeros((CHANGE * len(rest), 0))
     return Poses(rest, np.zeros(len(unfelt)), square(unfelt), np.diag(unfelt), nothing, nothing, fit.covariance)

@@ -1,7 +1,7 @@
 """One pad with several magnets and no table of presses: field → poses of all magnets, and whether the pad is touched.
 
-Only a table tells where a finger presses, and how hard (estimator.py). The field alone tells where the magnets are, if
-the sensors give enough values (free_poses.py).
+Place and force of a finger need a table (estimator.py). The field alone determines the magnets' poses, if the sensors
+give enough values (free_poses.py).
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class PosesEstimator:
         if memory.left_out >= 0:
             used[memory.left_out] = False
             if np.count_nonzero(used) < self._fewest <= np.count_nonzero(there):
-                memory.left_out, used = -1, there.copy()  # it is needed now, and may be well again
+                memory.left_out, used = -1, there.copy()  # it is needed now, and may have recovered
         if np.count_nonzero(used) < self._fewest:
             self._touch.unseen()
             return PosesReading("lost", reasons.too_few_for_poses(missing, used, self._fewest), used)
@@ -131,7 +131,7 @@ class PosesEstimator:
         return PosesReading(health, reason, used, poses, touched, search)
 
     def _solved(self, measured: Measured, used: Mask) -> FreePoses:
-        """From the poses of the frame before. χ² has one minimum: from any press, none of 900 others was missed."""
+        """Starts from the previous frame's poses. χ² has one minimum: from any press, none of 900 others was missed."""
         return free_poses(self._model, self.memory.change, measured.only(used), self._since_rest.around_t)
 
     def _try_again(self, measured: Measured, there: Mask, poses: FreePoses) -> None:

@@ -1,4 +1,4 @@
-"""What one frame of a pad with several magnets says, and what it leaves to the next."""
+"""The result of a frame of a pad with several magnets, and the memory for the next."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Array = NDArray[np.float64]
 
 @dataclass(slots=True)
 class FingersMemory:
-    """What a frame leaves to the next. ambient_t (3,): the change of the ambient field since the baseline.
+    """The memory from frame to frame. ambient_t (3,): the change of the ambient field since the baseline.
 
-    unexplained: how many frames in a row nothing explained, but those whose search is due. more: for how many frames
-    two fingers have to explain the field before a third one is taken for gone. left_out: a sensor that contradicts all
-    others, −1: none. agrees_frames: for how many frames it has not. last_us: the board's time of the last frame.
-    last_c: the last temperature that was told. unsettled: how many frames more have to be explained until fingers are
-    trusted again.
+    unexplained: number of unexplained frames in a row, without those whose search is due. more: for how many frames two
+    fingers must still explain the field until a third one counts as gone. left_out: a sensor that contradicts all
+    others, −1: none. agrees_frames: for how many frames it has agreed. last_us: the board's time of the last frame.
+    last_c: the last known temperature. unsettled: how many more frames must be explained until fingers are trusted
+    again.
     """
 
     counter: CounterMemory
@@ -43,11 +43,11 @@ class FingersMemory:
 
 
 class FingersReading(NamedTuple):
-    """What one frame says. used (N, 3): the axes that it was made from. fit: None without a trustworthy one.
+    """The result of a frame. used (N, 3): the axes that it was made from. fit: None without a trustworthy one.
 
     more: two fingers do not explain the frame. measured: what `fit` was made from. least_variance (1 + K, 3): of the
-    place (mm²) and force (N²) of the resultant and of each finger, where that is more than `fit` says. search: what
-    became of the search for fingers, which takes long. free: where no fingers explain the frame, and poses do.
+    place (mm²) and force (N²) of the resultant and of each finger, where that is more than `fit` says. search: the
+    state of the search for fingers. free: poses that explain the frame if no fingers do.
     """
 
     health: Health
@@ -64,7 +64,7 @@ class FingersReading(NamedTuple):
 
     @property
     def tells(self) -> bool:
-        """Whether it tells a finger, or one that presses beyond the table."""
+        """Whether it has a finger, or one beyond the table."""
         return self.fit is not None and len(self.fit.fingers) > 0
 
     @property
@@ -75,7 +75,7 @@ class FingersReading(NamedTuple):
 
 @dataclass(slots=True)
 class PosesMemory:
-    """What a frame of a pad without a table of presses leaves to the next. change (5M,): of the poses since rest. now_t
+    """The memory of a pad without a table of presses. change (5M,): of the poses since rest. now_t
     (3N,): by how much they change the field. The others as in FingersMemory."""
 
     change: Array
@@ -92,8 +92,8 @@ class PosesMemory:
 
 
 class PosesReading(NamedTuple):
-    """What one frame of a pad without a table of presses says. used (N, 3): the axes that it was made from. poses:
-    None without trustworthy ones. touched: None where nobody knows."""
+    """The result of a frame of a pad without a table of presses. used (N, 3): the axes that it was made from. poses:
+    None without trustworthy ones. touched: None if unknown."""
 
     health: Health
     reason: str
@@ -104,7 +104,7 @@ class PosesReading(NamedTuple):
 
     @property
     def tells(self) -> bool:
-        """Whether it tells poses."""
+        """Whether it has poses."""
         return self.poses is not None
 
     @property

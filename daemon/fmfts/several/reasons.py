@@ -1,4 +1,4 @@
-"""What the messages of a pad with several magnets say of its health."""
+"""The reasons in the messages of a pad with several magnets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Silicone that was pressed comes back slowly: what is left of a press is neither a finger, nor known."""
+"""Pressed silicone recovers slowly: the rest of a press is no finger, and only roughly known."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# What is left of a press decays in this time and in as long as it was held: creep comes back as slowly as it came.
+# The rest of a press decays in this time, and in the time for which it was held: silicone recovers as slowly as it
+# crept.
 RECOVERY_S = 10.0
 
 
@@ -26,10 +27,10 @@ class Recovery:
         self.recent_t = self.recent_t / (1.0 + elapsed_s / (RECOVERY_S + self.held_s))
 
     def remember(self, change_t: Array) -> None:
-        """change_t (3N,): what fingers change the field by, now."""
+        """change_t (3N,): the present change of the field by fingers."""
         self.recent_t = np.maximum(self.recent_t, np.abs(change_t))
 
     def beyond_t(self, now_t: Array | float) -> Array:
-        """(3N,) by how much more the field was changed than it is now."""
+        """(3N,) by how much more fingers changed the field before than now."""
         beyond: Array = np.maximum(self.recent_t - now_t, 0.0)
         return beyond

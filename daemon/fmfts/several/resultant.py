@@ -1,4 +1,4 @@
-"""How well the sum of all fingers is known, which is in the message's scalar fields, and each finger."""
+"""The deviations of each finger, and of their sum, which the message's scalar fields hold."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ typedef struct {
     const double *white;
     size_t used;
     double *along, *size, *best;
-    size_t other[FMFTS_SEVERAL_PLACES + FMFTS_PANEL]; /* the place after it with which it gains that */
+    size_t other[FMFTS_SEVERAL_PLACES + FMFTS_PANEL]; /* the place after it with that gain */
     size_t starts, start[FMFTS_SEVERAL_STARTS][2];    /* the pairs that are found */
 } scan;
 
@@ -128,7 +128,7 @@ static void crosses(const scan *s, size_t i, size_t j, double cross[FMFTS_LANES]
     fmfts_gram(s->used, panel_of(s, i), FMFTS_PANEL, panel_of(s, j), FMFTS_PANEL, cross);
 }
 
-/* Whether a pair is where one that was found stands. */
+/* Whether a pair is near a found one. */
 static bool taken(const scan *s, size_t i, size_t j)
 {
     const fmfts_search *search = s->search;
@@ -209,7 +209,7 @@ bool fmfts_best_pairs(const fmfts_grid *grid, size_t most, double *starts, size_
         put_finger(search, found[0], p.first / p.determinant, starts + 2 * FMFTS_FINGER * s.starts);
         put_finger(search, found[1], p.second / p.determinant, starts + 2 * FMFTS_FINGER * s.starts + FMFTS_FINGER);
         memcpy(s.start[s.starts++], found, sizeof found);
-        /* What was found takes its neighbours' place: their best pairs are others now. */
+        /* Places near a found pair are excluded: other pairs become the best ones. */
         for (size_t i = 0; i < search->places; i += FMFTS_LANES) {
             for (size_t j = i; j < i + FMFTS_LANES; j++) {
                 if (s.best[j] > 0.0 && taken(&s, j, s.other[j])) {

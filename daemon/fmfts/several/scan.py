@@ -1,6 +1,6 @@
 """Tries fingers on a grid: all places, and all pairs of places.
 
-What a finger does to the field is almost in proportion to its force. So each place has one template, the field of a
+A finger's effect on the field is almost proportional to its force. So each place has one template, the field of a
 press of 1 N, and the best forces at given places follow from least squares. With templates t and a field f that are
 white (L⁻¹·t, L⁻¹·f), a = t·f and s = t·t, one finger lowers χ² by a²/s. For two, with c = t₁·t₂:
 
@@ -24,16 +24,16 @@ Array = NDArray[np.float64]
 
 GRID_MM = 2.0
 GRID_FORCE_N = 1.0
-APART_MM = 8.0  # fingers that are nearer to each other are one: a wide patch looks the same
-STARTS = 3  # so many of the best pairs are followed to their minimum
-LEAST = 1e-9  # the normal matrix of a finger without force: its place says nothing
-NEAR_MM = 1.5 * GRID_MM  # a pair that is nowhere farther than this from a better one leads to the same minimum
+APART_MM = 8.0  # nearer fingers count as one: a wide patch looks the same
+STARTS = 3  # number of best pairs that are followed to their minimum
+LEAST = 1e-9  # the normal matrix of a finger without force, whose place has no effect
+NEAR_MM = 1.5 * GRID_MM  # a pair within this distance of a better one leads to the same minimum
 
 
 class Another(NamedTuple):
     """One more finger at each of G places beside K others. places (G, 3). gain (G,): by how much it lowers χ² at most;
-    0 where it would pull, or is too near. force (G,): its own then. by_force (3K, G): how far a newton of it moves the
-    others, the other way."""
+    0 if it would pull, or is too near. force (G,): its own. by_force (3K, G): how far a newton of it moves the others,
+    with the opposite sign."""
 
     places: Array
     gain: Array
@@ -118,8 +118,8 @@ class Scan:
     ) -> list[Array]:
         """The best fingers beside a first one, `finger` (1, 3), which may move a little for each: pairs (2, 3).
 
-        A second finger that is much weaker than the first one is lost in `best_pairs`, where the first one's press is
-        only as its share of a press of 1 N. predicted: of the first finger.
+        `best_pairs` misses a second finger that is much weaker than the first one, because its template of the first is
+        only proportional to force. predicted: of the first finger.
         """
         return best_beside(finger, self.another(root, finger, predicted, measured), most)
 

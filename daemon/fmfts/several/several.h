@@ -1,8 +1,8 @@
-/* A pad with several magnets: what fingers do to its field, and how wrong that may be. The Python file of the same name as
- * each C file has the equations.
+/* A pad with several magnets: the effect of fingers on its field, and its covariance. The Python file of the same name
+ * as each C file has the equations.
  *
- * Re-entrant: no allocation, no globals. Units are those of the Python. Arrays are row-major and as long as the pad needs;
- * the sizes below are the most that there is room for. */
+ * Re-entrant: no allocation, no globals. Units are those of the Python. Arrays are row-major and as long as the pad
+ * needs; the sizes below are limits. */
 #ifndef FMFTS_SEVERAL_H
 #define FMFTS_SEVERAL_H
 
@@ -27,7 +27,7 @@ enum {
     FMFTS_SEVERAL_VALUES = 3 * FMFTS_SEVERAL_SENSORS,
     FMFTS_SEVERAL_POSES = FMFTS_POSE_CHANGE * FMFTS_SEVERAL_MAGNETS,
     FMFTS_SEVERAL_UNKNOWNS = FMFTS_FINGER * FMFTS_SEVERAL_FINGERS,
-    /* Causes that go through the poses: shear and patch of each finger, and the place of each magnet. */
+    /* Causes that act through the poses: shear and patch of each finger, and the place of each magnet. */
     FMFTS_SEVERAL_MOVES = 3 * FMFTS_SEVERAL_FINGERS + 2 * FMFTS_SEVERAL_MAGNETS,
     /* Of the factor of C: ambient field, moment, the baseline's errors, these, and the table's error of each pose. */
     FMFTS_SEVERAL_COLUMNS = 3 + 1 + FMFTS_SEVERAL_CAUSES + FMFTS_SEVERAL_MOVES + FMFTS_SEVERAL_POSES,
@@ -74,7 +74,8 @@ typedef struct {
     fmfts_press_table table;
 } fmfts_several;
 
-/* Predicted: field [V], slope [V][3·fingers], by_pose [V][P], change [P]; of each finger what press_table.h says. */
+/* Predicted: field [V], slope [V][3·fingers], by_pose [V][P], change [P]; for each finger the array of press_table.h.
+ * */
 typedef struct {
     double field[FMFTS_SEVERAL_VALUES];
     double slope[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_UNKNOWNS];
@@ -101,7 +102,7 @@ typedef struct {
     size_t used, index[FMFTS_SEVERAL_VALUES];                     /* the values that there are */
 } fmfts_several_work;
 
-/* packed.c: false if `packed` is no model, its table has no spacing, or it is larger than there is room for. */
+/* packed.c: false if `packed` is no model, its table has no spacing, or it is too large. */
 bool fmfts_view_several(const double *packed, size_t count, fmfts_several *model);
 
 /* field_model.c: where the magnets are, [magnets][3], after a change of pose [P], in SI. */

@@ -1,4 +1,4 @@
-"""The magnets of a pad with several of them, for pads beside it that feel their fields."""
+"""The magnets of a pad with several, for neighbouring pads that measure their fields."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 def rest_of(mounting: ArrayMounting) -> tuple[tuple[Neighbour, ...], Array]:
-    """The magnets at rest, and what is not known of them (M, 2): see `Sighting.rest_error`."""
+    """The magnets at rest, and their uncertainty (M, 2): see `Sighting.rest_error`."""
     variance = np.maximum(np.diagonal(mounting.rest_covariance), 0.0).reshape(-1, COLUMNS)
     off_m, tilt_rad, share = (np.sqrt(variance[:, own].max(axis=1)) for own in (slice(3), slice(3, 5), slice(5, 6)))
     resting = mounting.magnets.changed(np.zeros(CHANGE * len(variance)), mounting.frames)

@@ -22,7 +22,7 @@ Mask = NDArray[np.bool_]
 
 
 class RestMemory(Protocol):
-    """What of an estimator's memory is asked for here. ambient_t (3,): the change of the ambient field since the
+    """The part of an estimator's memory that is used here. ambient_t (3,): the change of the ambient field since the
     baseline. last_c: the last temperature that was told."""
 
     recovery: Recovery
@@ -70,7 +70,7 @@ class SinceRest:
             foreign_t, of_neighbours_t2 = change_of(mounting.sensors, neighbours)
             own = own - foreign_t
             foreign_t2 = of_neighbours_t2 if foreign_t2 is None else foreign_t2 + of_neighbours_t2
-            # Chips that are turned read the neighbours' field wrong, too; over the pad it is about even.
+            # Rotated chips also misread the neighbours' field, which is about uniform over the pad.
             self.around_t = memory.ambient_t + mounting.sensors.to_pad(foreign_t).mean(axis=0)
         own = own / self.moment
         noise = mounting.noise_t * aligned.noise_share / mounting.gain

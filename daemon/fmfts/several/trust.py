@@ -1,4 +1,4 @@
-"""Fingers or poses that explain a frame, and are not to be trusted all the same: told, and said to be `degraded`."""
+"""Fingers or poses that explain a frame but cannot be trusted: published as `degraded`."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from fmfts.several.reading import FingersMemory, FingersReading, PosesMemory, Po
 
 AnyReading = TypeVar("AnyReading", FingersReading, PosesReading)
 
-# After a frame that nothing explains, so many in a row have to be explained. Where a magnet is broken, or three fingers
-# press, one frame of two or three is explained by chance, each time by other fingers.
+# After an unexplained frame, this many in a row must be explained. If a magnet is broken, or three fingers press, one
+# frame in two or three is explained by chance, each time by other fingers.
 SETTLED_FRAMES = 10
 
 
 def trusted(reading: AnyReading, memory: FingersMemory | PosesMemory, has_jumped: bool) -> AnyReading:
-    """The reading of a frame as it may be told. has_jumped: some of its samples are from before the field jumped, some
-    from after it, and fingers that are not there may explain both."""
+    """The reading of a frame as it may be published. has_jumped: some samples are from before a jump of the field, some
+    from after it, and false fingers may explain both."""
     if reading.is_unexplained:
         memory.unsettled = SETTLED_FRAMES
-    if reading.is_unexplained or reading.health == "disturbed":  # one that waits may be explained when it is searched
+    if reading.is_unexplained or reading.health == "disturbed":  # a waiting frame may be explained when it is searched
         return reading
     unsettled = reasons.UNSETTLED if isinstance(reading, FingersReading) else reasons.UNSETTLED_POSES
     doubt = reasons.JUMPED if has_jumped else unsettled if memory.unsettled else ""

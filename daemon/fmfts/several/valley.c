@@ -1,4 +1,4 @@
-/* Where the fingers are when one of them is put elsewhere: valley.py explains it. */
+/* The fingers when one of them is held elsewhere: valley.py explains it. */
 #include "fit.h"
 
 #include <math.h>
@@ -21,7 +21,7 @@ static double sum_of_products(size_t n, const double *a, const double *b)
     return sum;
 }
 
-/* One step of Gauss-Newton that leaves `finger` where it is along `direction`. False where it leads nowhere. */
+/* One step of Gauss-Newton that keeps `finger` along `direction`. False if there is none. */
 static bool step_across(const fmfts_search *search, double least_force_n, size_t n, const double *direction,
                         const fmfts_several_work *work, double *finger)
 {

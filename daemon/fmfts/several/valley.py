@@ -1,9 +1,9 @@
-"""What two fingers may be off where χ² is a long valley: a finger near the rim that is not well known.
+"""The error of two fingers if χ² is a long valley: for an uncertain finger near the rim.
 
 There a finger further out that presses harder has nearly the same field, and χ² is no parabola: it rises at first, and
-then stays. So each finger is put `AWAY` deviations to either side of where it was found, along the direction in which
-it is known least; all else is fitted again; and if a finger or the resultant has moved there by d, where χ² has risen
-by c, its deviation is d/√c at least. Along a parabola that is never more than the deviation that was told.
+then stays. So each finger is moved by `AWAY` deviations to either side, along its least certain direction, and all else
+is fitted again. If a finger or the resultant then moved by d while χ² rose by c, its deviation is at least d/√c. Along
+a parabola that never exceeds the published deviation.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from fmfts.several.measured import Measured, refuse
 Array = NDArray[np.float64]
 
 AWAY, STEPS = 3.0, 2
-LEAST_RISE = 1.0  # a smaller rise of χ² is not told from none
-# A finger whose place is known better than this is in no such valley.
+LEAST_RISE = 1.0  # a smaller rise of χ² counts as none
+# A finger with a smaller deviation of its place is in no such valley.
 UNSURE_MM = 0.3
 LEAST_FORCE_N = 0.01
 LIMITS = np.array([STEPS, LEAST_FORCE_N])  # as fit.h has them

@@ -1,4 +1,4 @@
-/* A field in units of its own errors, among the values that there are: fit.py explains it. */
+/* The present values of a field, in units of their errors: fit.py explains it. */
 #include <math.h>
 #include <string.h>
 

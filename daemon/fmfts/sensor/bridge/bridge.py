@@ -44,7 +44,7 @@ class Bridge(PacketSource):
         self._baud = any_pad.baud
         self._by_id = by_id
         self._candidates: list[str] = []
-        self._found: dict[str, str] = {}  # port → what it holds, in the present round of `_candidates`
+        self._found: dict[str, str] = {}  # port → what answered there, in the present round of `_candidates`
         self._serial: serial.Serial | None = None
         self._port = any_pad.port
         self._opened_ns = 0
@@ -53,8 +53,8 @@ class Bridge(PacketSource):
         self._look_ns = 0
         self._there: frozenset[object] = frozenset()
         self._strange_is_logged = False
-        self._is_drained = False  # the last read emptied the line …
-        self._read_ns = 0  # … of all that came before this
+        self._is_drained = False  # the last read emptied the line
+        self._read_ns = 0  # and all bytes before this time were read
 
     def deadline_ns(self) -> int | None:
         if self._serial is None:
@@ -98,11 +98,11 @@ class Bridge(PacketSource):
 
     @property
     def _is_configured_port(self) -> bool:
-        """Nothing is sent to another port before a packet came from it: any device may be there."""
+        """Sends nothing to another port before a packet came from it: any device may be there."""
         return self._port == self._configured_port
 
     def _look(self, now_ns: int) -> None:
-        """If a device was plugged in just now, try the ports at once."""
+        """Try the ports at once if a device was just plugged in."""
         self._look_ns = now_ns + LOOK_NS
         before, self._there = self._there, serial_port.presence(self._ports_to_try())
         if self._there - before:
@@ -160,13 +160,13 @@ class Bridge(PacketSource):
         return frames
 
     def _drain(self) -> str:
-        """Read all that waits into `_unread`, without what is superseded. Returns why the port is gone, if it is."""
+        """Read all waiting bytes into `_unread`, without superseded frames. Returns why the port is gone, if it is."""
         assert self._descriptor is not None
         self._is_drained, size = True, READ_BYTES
         try:
             # A short read empties the line. After a long one the kernel may not have handed over the rest yet.
             while size > READ_BYTES // 2 and len(self._unread) <= 2 * READ_BYTES:
-                read_ns = self.clock_ns()  # before it: another program may hold this one up after it
+                read_ns = self.clock_ns()  # before the read: another program may delay this one after it
                 more = os.read(self._descriptor, READ_BYTES)
                 self._read_ns = read_ns
                 if not more:
@@ -226,7 +226,7 @@ class Bridge(PacketSource):
         self.state.disconnect(reason, now_ns)
 
     def _log_strange(self, strange: str | None) -> None:
-        """Once until a board is there: the reason in the status goes on counting."""
+        """Log it once until a board is there: the reason in the status keeps counting."""
         if strange is not None and not self._strange_is_logged:
             self._strange_is_logged = True
             log.warning("%s: %s", self._port, strange)

@@ -20,7 +20,7 @@ PORTS = ("/dev/serial/by-id/*", "/dev/ttyACM*", "/dev/ttyUSB*")
 
 
 def candidates(root: Path = Path("/")) -> list[str]:
-    """Serial ports, each once, by the name that stays the same where there is one."""
+    """Serial ports, each once, by its stable name if it has one."""
     found: dict[Path, str] = {}
     for pattern in PORTS:
         for path in sorted(root.glob(pattern.removeprefix("/"))):
@@ -70,7 +70,7 @@ def is_named(port: str, device: serial.Serial) -> bool:
 
 def close(device: serial.Serial) -> None:
     """Close without waiting for bytes that an unplugged adapter will never send."""
-    with suppress(termios.error, OSError):  # a device that is gone has nothing to flush
+    with suppress(termios.error, OSError):  # a missing device has nothing to flush
         termios.tcflush(device.fileno(), termios.TCIOFLUSH)
     device.close()
 
@@ -96,7 +96,7 @@ def transfer_ns(port: str, baud: int, size: int) -> int:
 
 
 def bytes_per_s(port: str, baud: int) -> float:
-    """What the port's UART carries; infinite if it has none (a pty, or a board's own USB)."""
+    """The rate of the port's UART; infinite if it has none (a pty, or a board's own USB)."""
     driver = SYS_CLASS_TTY / Path(os.path.realpath(port)).name / "device" / "driver"
     has_none = not driver.exists() or driver.resolve().name == "cdc_acm"
     return math.inf if has_none else baud / LINE_BITS_PER_BYTE

@@ -11,7 +11,7 @@ from fmfts.sensor.chips.mmc5983ma import MMC5983MA
 from fmfts.sensor.chips.qmc5883l import QMC5883L
 from fmfts.sensor.chips.qmc5883p import QMC5883P
 
-# As the configuration writes it.
+# Names as in the configuration.
 ChipName = Literal[
     "hmc5983",
     "hmc5883l",
@@ -28,7 +28,7 @@ CHIPS: dict[str, Chip] = {
     for chip in (HMC5983, HMC5883L, MMC5983MA, MMC5603NJ, QMC5883L, QMC5883P, LIS3MDL, MLX90393, ANYSKIN)
 }
 
-# Where nobody names a chip: old recordings, tables of fields, studies.
+# The default chip: of old recordings, tables of fields, studies.
 DEFAULT_CHIP = HMC5983
 NOISE_T = DEFAULT_CHIP.noise_t
 

@@ -22,7 +22,8 @@ PerAxis = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Thermometer:
-    """Temperature registers: `at_zero_c` + count · `c_per_count`. range_c: where the chip works; it tells no other."""
+    """Temperature registers: `at_zero_c` + count · `c_per_count`. range_c: where the chip works, the only temperatures
+    that it can report."""
 
     at_zero_c: float
     c_per_count: float
@@ -47,9 +48,10 @@ class BiasStrap:
 
 @dataclass(frozen=True, slots=True)
 class OwnField:
-    """A self-test that tells good axes from broken ones, and no gains: the chip makes a field that is hardly known.
+    """A self-test that separates good axes from broken ones, without gains: the chip makes a field of nearly unknown
+    strength. gain_code: for the measurement.
 
-    gain_code: that it is measured with. limits: least and largest count of it, of either sign, by axis.
+     limits: least and largest count of it, of either sign, by axis.
     without, with_field: what to write; settle_s: the time after each until samples count; samples: that are averaged.
     """
 
@@ -63,12 +65,12 @@ class OwnField:
 
 @dataclass(frozen=True, slots=True)
 class SetReset:
-    """A self-test of bridges that a pulse turns over: the field changes its sign, and the bridge's own zero does not.
+    """A self-test with bridges that a pulse reverses: the field changes its sign, the bridge's own zero does not.
 
     stop: what to write to end a stream. set_pulse, reset_pulse: for either pulse; settle_s: the time after `stop`, and
     after a pulse. measure: for one measurement without a pulse of the chip's own; samples: that are averaged.
     coil: for a current through its own coil one way, and the other, until it is set up; its field is hardly known.
-    largest_zero_gauss: of a good axis, of either sign. least_coil_gauss: what turning the current over must do to it.
+    largest_zero_gauss: of a good axis, of either sign. least_coil_gauss: the smallest change when the current reverses.
     """
 
     stop: bytes
@@ -86,11 +88,11 @@ class SetReset:
 class Film:
     """A magnetic film that the host has to magnetise: by a pulse at set-up, after a strong field, and now and then.
 
-    upset_gauss: a field (norm) that may upset the film, so that no axis counts until a pulse. doubtful_gauss: what a
-    stronger field may read as while the film is upset (no source tells); a pulse follows when the field has gone.
-    pulse: what to write; pause_s: until a measurement may begin.
-    every_s: a pulse that was not needed costs another zero of 1 mG (more than a frame's noise), so they are rare. One
-    is needed only after a field that was strong while nobody read the chip.
+    upset_gauss: a field (norm) that may upset the film, so that no axis counts until a pulse. doubtful_gauss: a
+    stronger field may read like this while the film is upset (assumed); a pulse follows when the field has gone. pulse:
+    what to write; pause_s: until a measurement may begin. every_s: a pulse that was not needed costs another zero of 1
+    mG (more than a frame's noise), so they are rare. One is needed only after a strong field while the chip was not
+    read.
     """
 
     upset_gauss: float
@@ -104,31 +106,26 @@ class Film:
 class Chip:
     """The facts of one kind of chip. `name` is for the configuration, `label` for people.
 
-    driver: its registers. address: where it answers first; other_addresses: where its pins can put it.
-    identity: what it says of itself where identity_mask has ones.
-    ranges_gauss, counts_per_gauss: by gain code; the second for each axis x, y, z, negative where the axis is turned
-    over to make them right-handed, z out of the chip's face.
-    largest_count: what the converter can tell, of either sign (and −largest_count − 1). saturated_count: what it says
-    instead where the field is larger.
+    driver: its registers. address: where it answers first; other_addresses: by its pins. identity: its identification
+    where identity_mask has ones. ranges_gauss, counts_per_gauss: by gain code; the second for each axis x, y, z,
+    negative where the axis is inverted to make them right-handed, z out of the chip's face. largest_count: of the
+    converter, of either sign (and −largest_count − 1). saturated_count: what it returns beyond its range.
     output_rates_hz: by the chip's rate code, slowest first; free_rate_hz: the highest that this chip has.
-    paced_by_host: it has no stream that is used: to run free, each chip is started again whenever it was read.
-    single_rate_hz, single_conversion_s, single_wait_s: of measurements at the host's word; the wait is long enough for
-    the slowest chip; a rate of 0: it takes no such word. clock_tolerance: relative, of the chip's own clock.
-    noise_t: standard deviation of one sample at the rate that serves 220 Hz. noises_t: of each of output_rates_hz,
-    empty where it is the same at all. single_noise_t: of a measurement at the host's word; None: noise_t.
-    zero_t: what an axis typically tells where there is no field; None: no source that we could read tells it.
-    sensitivity_per_k: relative change of the counts with temperature.
-    offset_t_per_k: deviation of the drift of each axis's offset. No data sheet says what set and reset pulses leave:
-    assumed, a fifteenth of the HMC5983's count. For chips without such pulses it is a guess (unverified).
+    paced_by_host: its stream is not used: to run free, each chip is restarted whenever it was read.
+    single_rate_hz, single_conversion_s, single_wait_s: of triggered measurements; the wait is long enough for the
+    slowest chip; a rate of 0: it cannot be triggered. clock_tolerance: relative, of the chip's own clock. noise_t:
+    standard deviation of one sample at the rate that serves 220 Hz. noises_t: of each of output_rates_hz, empty where
+    it is the same at all. single_noise_t: of a triggered measurement; None: noise_t. zero_t: the typical reading of an
+    axis without a field; None: in no source. sensitivity_per_k: relative change of the counts with temperature.
+    offset_t_per_k: deviation of the drift of each axis's offset. The offset after set and reset pulses is in no data
+    sheet: assumed, a fifteenth of the HMC5983's count. For chips without such pulses it is a guess (unverified).
     thermometer: None where the chip has none that can be used. bias_strap: None where it has no self-test of its gains.
-    film: None where the chip sees to it by itself, or has none.
-    own_field, set_reset: the self-tests of others, on I2C only.
-    board_rates_hz: those of output_rates_hz that the firmware of boards uses; empty: it does not read this chip.
-    board_single_hz: the highest rate of simultaneous measurements there, of one pad.
-    asked_by_command: it has no identification to read: `identify` writes to whatever chip is at its address.
-    streamed: a board of others reads it, and nothing here does.
-    dump: reads its registers for `fmfts-daemon report`; None: they are not known.
-    supply: who still makes it, what it costs; remarks: what else its buyer must know, and what no data sheet confirms.
+    film: None if the chip magnetises it by itself, or has none. own_field, set_reset: the self-tests of others, on I2C
+    only. board_rates_hz: those of output_rates_hz that the firmware of boards uses; empty: it does not read this chip.
+    board_single_hz: the highest rate of simultaneous measurements there, of one pad. asked_by_command: it has no
+    identification to read: `identify` writes to the chip at its address, whatever it is. streamed: only a board of
+    another maker reads it. dump: reads its registers for `fmfts-daemon report`; None: they are not known. supply:
+    availability and price; remarks: other facts for the buyer, and unverified ones.
     """
 
     name: str
@@ -178,7 +175,7 @@ class Chip:
         object.__setattr__(self, "step_t", steps)
 
     def coarseness_t(self, gain_code: int) -> NDArray[np.float64]:
-        """(3,) how far two neighbouring counts of each axis are apart, in tesla."""
+        """(3,) the step between two counts of each axis, in tesla."""
         size: NDArray[np.float64] = np.abs(self.step_t[gain_code])
         return size
 
@@ -203,12 +200,12 @@ class Chip:
 
     @property
     def has_trigger(self) -> bool:
-        """It measures at the host's word."""
+        """It can be triggered."""
         return self.single_rate_hz > 0
 
     @property
     def usual_range_gauss(self) -> float:
-        """What a configuration without `range_gauss` means: the finest range that holds the standard pad's field."""
+        """The default range: the finest that holds the standard pad's field."""
         return min(each for each in self.ranges_gauss if each >= USUAL_RANGE_GAUSS)
 
     def gain_code_for_range(self, range_gauss: float) -> int:
@@ -219,7 +216,7 @@ class Chip:
         raise ValueError(f"the chip has no range of ±{range_gauss} G: one of {', '.join(map(str, self.ranges_gauss))}")
 
     def highest_rate_hz(self, trigger: str) -> int:
-        """What the chip can deliver: by itself ("free"), or at the host's word ("simultaneous")."""
+        """The chip's largest rate: by itself ("free"), or triggered ("simultaneous")."""
         return self.single_rate_hz if trigger == "simultaneous" else self.free_rate_hz
 
     def output_rate_hz(self, rate_hz: float) -> float:
@@ -240,12 +237,12 @@ class Chip:
         )
 
     def temperature_c(self, count: int) -> float | None:
-        """None where the chip has no thermometer, or could not work: its registers then mean nothing."""
+        """None if the chip has no thermometer, or cannot work at this temperature."""
         thermometer = self.thermometer
         return None if thermometer is None else self.believed_c(thermometer.at_zero_c + count * thermometer.c_per_count)
 
     def believed_c(self, temperature_c: float | None) -> float | None:
-        """The temperature, or None where this chip cannot have told it."""
+        """The temperature, or None if this chip cannot report it."""
         if temperature_c is None or self.thermometer is None:
             return None
         lowest_c, highest_c = self.thermometer.range_c

@@ -1,4 +1,4 @@
-"""How a chip is spoken to on an I2C bus: what each file of this folder implements for its registers."""
+"""The interface to a chip on an I2C bus, which each file of this folder implements."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def transfer_bits(written: int, read: int = 0) -> int:
 
 
 class Setup(NamedTuple):
-    """What a chip is asked for. single: measurements at the host's word, in place of a stream of its own."""
+    """Settings of a chip. single: triggered measurements, instead of its own stream."""
 
     gain_code: int
     rate_hz: float
@@ -44,8 +44,8 @@ Dump = Callable[[Wires], Iterator[tuple[int, bytes]]]
 def registers(*blocks: tuple[int, int], advance: int = 0) -> Dump:
     """Reads blocks of registers, each of (first number, bytes) in one transfer.
 
-    A block must be one that the chip may be asked for without harm, for example all data registers of a chip that locks
-    its output until the last of them was read. advance: the bit that makes the number grow within a transfer.
+    Reading a block must be harmless: for example, all data registers of a chip that locks its output until the last one
+    was read. advance: the bit that makes the number grow within a transfer.
     """
 
     def dump(wires: Wires) -> Iterator[tuple[int, bytes]]:
@@ -60,7 +60,7 @@ class Driver(Protocol):
 
     sample_bits, trigger_bits: bit times on the wires of `sample`, and of writing `trigger` to one chip.
     trigger: starts one measurement; empty where the chip only streams.
-    stale_samples: how many samples after `set_up` are still of the settings before.
+    stale_samples: how many samples after `set_up` still have the old settings.
     """
 
     sample_bits: int
@@ -86,11 +86,11 @@ class Driver(Protocol):
         """Counts (x, y, z) of a sample, `chip.saturated_count` where an axis is beyond its range."""
 
     def temperature_count(self, wires: Wires, block: bytes) -> int | None:
-        """What the thermometer says, or None. block: the newest sample, which holds it on some chips."""
+        """The thermometer's reading, or None. block: the newest sample, which holds it on some chips."""
 
 
 def saturating(chip: Chip, counts: Axes) -> Axes:
-    """`counts` with the axes marked that the chip cannot tell; where the field is larger, they mean nothing."""
+    """`counts` with the axes marked that are beyond the chip's range, whose counts are meaningless."""
     x, y, z = (count if abs(count) <= chip.largest_count else chip.saturated_count for count in counts)
     return x, y, z
 

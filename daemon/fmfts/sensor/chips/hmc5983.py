@@ -18,7 +18,7 @@ MODE_CONTINUOUS, MODE_SINGLE = 0x00, 0x01
 TEMPERATURE_COMPENSATION = 0x80  # off at power-on
 AVERAGE_8 = 0x60
 BIAS_NONE, BIAS_POSITIVE, BIAS_NEGATIVE = 0x00, 0x01, 0x02
-IDLE_RATE_HZ = 15  # of single measurements, which do not use it; from the data sheet's example of a self-test
+IDLE_RATE_HZ = 15  # rate for single measurements, which ignore it; from the data sheet's example of a self-test
 STRAP_GAIN_CODE = 5
 
 _TO_STATUS, _TO_DATA = bytes((STATUS,)), bytes((DATA,))

@@ -81,7 +81,7 @@ LIS3MDL = Chip(
     identity=b"\x3d\x00\x00",
     ranges_gauss=(4.0, 8.0, 12.0, 16.0),
     counts_per_gauss=tuple((counts, counts, counts) for counts in (6842, 3421, 2281, 1711)),  # table 3
-    largest_count=27366,  # the full scale: what it says beyond it is not specified
+    largest_count=27366,  # the full scale: counts beyond it are not specified
     saturated_count=-32768,
     output_rates_hz=(80.0, 155.0, 300.0, 560.0, 1000.0),  # table 21
     free_rate_hz=1000,
@@ -90,8 +90,8 @@ LIS3MDL = Chip(
     single_wait_s=7.2e-3,
     clock_tolerance=0.1,
     noise_t=4.6e-3 * TESLA_PER_GAUSS,
-    # Ultra-high performance from table 3 (3.2 mG; 4.1 mG in z counts least and is left out); the faster ones by the
-    # number of measurements that each averages: no data sheet tells them.
+    # Ultra-high performance from table 3 (3.2 mG; 4.1 mG in z counts least and is left out); the faster ones from the
+    # number of measurements that each averages: in no data sheet.
     noises_t=tuple(mg * 1e-3 * TESLA_PER_GAUSS for mg in (3.2, 3.2, 4.6, 6.1, 8.1)),
     single_noise_t=3.2e-3 * TESLA_PER_GAUSS,
     zero_t=1.0 * TESLA_PER_GAUSS,  # table 3: zero-gauss level, typical

@@ -1,7 +1,7 @@
 """The registers of MEMSIC's chips with a film: MMC5983MA and MMC5603NJ. Only their numbers differ.
 
-They measure at the host's word alone. Their streams are left aside: no source says whether a stream announces a new
-measurement, and with automatic set and reset each measurement takes twice its time and 1 ms.
+They are always triggered. Their streams are not used: no source says whether a stream announces a new measurement, and
+with automatic set and reset each measurement takes twice its time and 1 ms.
 """
 
 from __future__ import annotations
@@ -56,7 +56,8 @@ class Memsic:
         return wires.exchange(bytes((self.product,)), 1) + b"\x00\x00"
 
     def set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
-        """A reset leaves the film as it was, perhaps turned over: then each axis has the other sign. So it is set."""
+        """A reset does not change the film, which may be reversed, so that each axis has the wrong sign. So it is
+        set."""
         wires.write(bytes((self.control_0 + 1, RESET)))
         time.sleep(self.reset_s)
         wires.write(bytes((self.control_0 + 1, BANDWIDTH)))
@@ -65,12 +66,12 @@ class Memsic:
         return self.is_set_up(wires, chip, setup)
 
     def is_set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
-        """Only that it has started: controls cannot be read back. A chip that was reset measures for 8 ms, or not at
-        all: `I2cPad` sees that a measurement is late."""
+        """Checks only that it has started: controls cannot be read back. A chip that was reset measures for 8 ms, or
+        not at all: `I2cPad` sees that a measurement is late."""
         return bool(wires.exchange(self.to_status, 1)[0] & self.fuses_read)
 
     def sample(self, wires: Wires) -> tuple[bool, bytes | None]:
-        """Until its end a measurement leaves the one before in the registers: read only what is announced."""
+        """Until its end the registers hold the measurement before: read only announced ones."""
         if not wires.exchange(self.to_status, 1)[0] & self.done:
             return False, None
         return True, wires.exchange(b"\x00", 6)

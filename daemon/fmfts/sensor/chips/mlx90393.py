@@ -25,7 +25,7 @@ ANALOG = 0x007F  # of register 0: GAIN_SEL in bits 6–4, HALLCONF in 3–0; the
 INTERRUPT_PIN, BURST_OF_ALL = 0x8000, ALL << 6  # of register 1; a burst rate of 0: without a pause
 # Of register 2. OSR2 0, OSR 0, DIG_FILT in bits 4–2, RES_Z, RES_Y and RES_X in 10–5. RES picks 16 of 19 bits. With
 # RES 0 and 1 a field beyond the range wraps around, and reads as another field; with RES 2 the converter's own end
-# (±22000 counts) is reached first, so that it can be told (section 16.2.6).
+# (±22000 counts) is reached first, so that it can be detected (section 16.2.6).
 # OSR 0: T = 67 + 64 2^OSR (2 + 2^DIG_FILT) µs an axis; of pairs that average as many samples it is the shortest.
 RESOLUTION = 2
 RESOLUTIONS = RESOLUTION << 9 | RESOLUTION << 7 | RESOLUTION << 5
@@ -54,7 +54,7 @@ class _Registers:
         return _register(wires, 0)
 
     def set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
-        """Its registers cannot be read while it measures in a burst: it leaves that first, and begins it last."""
+        """Its registers cannot be read in a burst: it ends the burst first, and begins it last."""
         wires.exchange(bytes((EXIT,)), 1)
         time.sleep(EXIT_S)
         analog = int.from_bytes(_register(wires, 0)[1:], "big") & ~ANALOG
@@ -98,7 +98,7 @@ def _register(wires: Wires, number: int) -> bytes:
 
 
 def _words(wires: Wires) -> Iterator[tuple[int, bytes]]:
-    """The 32 words that the maker leaves to the customer. They can be read outside of a burst only."""
+    """The customer's 32 words, which can be read only outside a burst."""
     wires.exchange(bytes((EXIT,)), 1)
     time.sleep(EXIT_S)
     for number in range(32):
@@ -171,7 +171,7 @@ _FACTORS = {gain * 2**res: largest for res, largest in reversed([*enumerate(_BOA
 # recordings have no other code.
 _STREAMED_UT = ((0.161, 0.294), *((_BOARD_UT[0] * each, _BOARD_UT[1] * each) for each in _FACTORS))
 STREAMED_LARGEST = (32767, *_FACTORS.values())
-# The code for values that are multiples of no such step: 0.6/0.968 µT is less than the chip's noise, and holds 19 mT.
+# The code for other steps: 0.6/0.968 µT is less than the chip's noise, and reaches 19 mT.
 STREAMED_UNKNOWN = 1 + [*_FACTORS].index(4.0)
 
 ANYSKIN = replace(
@@ -187,7 +187,7 @@ ANYSKIN = replace(
     ),
     counts_per_gauss=tuple((100 / xy, 100 / xy, 100 / z) for xy, z in _STREAMED_UT),
     largest_count=32767,
-    output_rates_hz=(500.0,),  # the board's own, whatever it is
+    output_rates_hz=(500.0,),  # the board's own rate
     free_rate_hz=500,
     single_rate_hz=0,
     board_rates_hz=(),
@@ -202,7 +202,7 @@ ANYSKIN = replace(
 
 
 def _configuration(chip: Chip, setup: Setup, analog: int) -> tuple[int, int, int]:
-    """The wanted content of registers 0 to 2. analog: what the factory wrote into register 0."""
+    """The wanted content of registers 0 to 2. analog: the factory's content of register 0."""
     speed = chip.output_rates_hz.index(chip.output_rate_hz(setup.rate_hz))
     filtered = _SINGLE_FILTER if setup.single else _FILTERS[speed]
     gain = FINEST_GAIN_SEL - setup.gain_code

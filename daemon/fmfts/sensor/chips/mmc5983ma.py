@@ -21,8 +21,8 @@ _SET_RESET = SetReset(
     samples=5,
     coil=(bytes((CONTROL_3, COIL_ONE_WAY)), bytes((CONTROL_3, COIL_OTHER_WAY))),
     largest_zero_gauss=0.5,  # null field output, page 2
-    # Nothing that could be read for certain tells the coil's field; a public driver says 80 to 175 mG either way. This
-    # is 20 deviations of the noise of two means of five: an axis that shows less does not feel the coil.
+    # The coil's field is in no certain source; a public driver has 80 to 175 mG either way. This limit is 20 deviations
+    # of the noise of two means of five: an axis below it does not measure the coil.
     least_coil_gauss=10e-3,
 )
 

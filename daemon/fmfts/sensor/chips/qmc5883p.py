@@ -24,11 +24,11 @@ class _Registers:
 
     sample_bits = 2 * transfer_bits(1, 1) + transfer_bits(1, 6)
     trigger_bits = 0
-    trigger = b""  # how long its single measurements take is in no source
+    trigger = b""  # the duration of its single measurements is in no source
     stale_samples = 1
 
     def identify(self, wires: Wires, chip: Chip) -> bytes:
-        """With both controls: a potentiometer at this address answers 0x80 to every question."""
+        """Reads both controls, too: a potentiometer at this address answers 0x80 to any request."""
         return wires.exchange(bytes((IDENTIFICATION,)), 1) + wires.exchange(bytes((CONTROL_1,)), 2)
 
     def set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
@@ -42,9 +42,9 @@ class _Registers:
         return wires.exchange(bytes((CONTROL_1,)), 2) == _configuration(chip, setup)
 
     def sample(self, wires: Wires) -> tuple[bool, bytes | None]:
-        """The status is asked once more after the axes: a sample that ended in between is then read, and read once.
+        """Reads the status again after the axes, so that a sample that ended in between is read once.
 
-        Right whether reading the status (as the data sheet has it, by reznikmm) or the axes clears "ready".
+        This is right whether reading the status (data sheet, reznikmm) or the axes clears "ready".
         """
         block = None
         for _ in range(2):

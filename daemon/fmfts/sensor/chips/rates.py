@@ -18,7 +18,7 @@ BITS_PER_GROUP = 20  # the mux's control byte read back
 
 
 def highest_rate_hz(chip: Chip, trigger: str, *, over_bridge: bool) -> int:
-    """What the chips allow, and the board that reads them; an I2C bus has a limit of its own, `i2c_rate_hz`."""
+    """The rate that the chips and their board allow; an I2C bus has its own limit, `i2c_rate_hz`."""
     chip_hz = chip.highest_rate_hz(trigger)
     if not over_bridge:
         return chip_hz
@@ -26,7 +26,7 @@ def highest_rate_hz(chip: Chip, trigger: str, *, over_bridge: bool) -> int:
 
 
 def usual_rate_hz(chip: Chip, trigger: str, *, over_bridge: bool) -> int:
-    """What a configuration without `rate_hz` means; where a chip has no such trigger, for which it is refused, any."""
+    """The default rate; any number if the chip lacks this trigger, which is refused elsewhere."""
     return min(USUAL_RATE_HZ, highest_rate_hz(chip, trigger, over_bridge=over_bridge) or USUAL_RATE_HZ)
 
 
@@ -42,8 +42,7 @@ def single_on_board_hz(chip: Chip, sensors: int) -> int:
 
 
 def fastest_on_board_hz(chip: Chip, rate_hz: int) -> float:
-    """How many samples a second a chip may give that runs free for frames at `rate_hz`: its clock is off by its
-    tolerance."""
+    """The largest rate of a free-running chip's samples for frames at `rate_hz`, with its clock's tolerance."""
     rates = (*(rate for rate in chip.board_rates_hz if rate >= rate_hz), chip.board_rates_hz[-1])
     return min(rates) * (1.0 + chip.clock_tolerance)
 
@@ -83,12 +82,12 @@ def i2c_cycle_s(chip: Chip, clock_hz: int, load: BusLoad, trigger: str) -> float
 
 
 def i2c_rate_hz(chip: Chip, trigger: str, clock_hz: int, load: BusLoad) -> int:
-    """What chips and bus allow together: simultaneous conversions have to end before they can be read."""
+    """The rate that chips and bus allow together: simultaneous conversions have to end before they can be read."""
     waiting_s = chip.single_wait_s if trigger == "simultaneous" else 0.0
     bus_hz = int(1.0 / (waiting_s + i2c_cycle_s(chip, clock_hz, load, trigger)))
     return min(chip.highest_rate_hz(trigger), bus_hz)
 
 
 def no_trigger(chip: Chip) -> str:
-    """The sentence for a chip that is asked for simultaneous measurements, and takes no such word."""
+    """The sentence for a chip that has no simultaneous measurements."""
     return f'{chip.named} measures at its own times only: set trigger = "free"'

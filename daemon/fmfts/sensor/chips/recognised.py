@@ -8,14 +8,14 @@ from fmfts.sensor.chips import CHIPS, Chip
 
 
 def kind_of(answer: bytes) -> Chip | None:
-    """The chip that identifies itself so, None if none does. If two kinds answer alike, the first counts."""
+    """The chip with this identification; None if there is none. If two kinds have the same, the first counts."""
     return next((each for each in CHIPS.values() if each.is_identity(answer)), None)
 
 
 def why_not(chip: Chip, answer: bytes) -> str | None:
     """What is wrong with a sensor that identifies itself by `answer`, to follow its name; None if nothing is.
 
-    What is sold as one chip is often another one, with other registers and another scale.
+    Chips are often sold under another's name, with other registers and another scale.
     """
     if chip.is_identity(answer):
         return None
@@ -28,7 +28,7 @@ def why_not(chip: Chip, answer: bytes) -> str | None:
 def why_not_among(chip: Chip, answers: Sequence[bytes]) -> tuple[int, str] | None:
     """The first sensor of a pad that is of another kind than `chip`, and what to do; None where all may be `chip`s.
 
-    answers: of each sensor; what no known chip says tells nothing here.
+    answers: of each sensor; unknown ones are ignored.
     """
     kinds = [kind_of(answer) for answer in answers]
     for sensor, (answer, kind) in enumerate(zip(answers, kinds, strict=True)):

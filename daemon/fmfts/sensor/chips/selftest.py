@@ -10,11 +10,12 @@ SATURATED = "saturated: the field outside leaves no room for the bias; move the 
 
 
 def strap_counts(chip: Chip, unbiased: Axes, positive: Axes, negative: Axes) -> tuple[Axes, Axes]:
-    """What the bias strap alone did, from the counts without and with either bias; saturated where one of them was.
+    """The effect of the bias strap alone, from the counts without and with either bias; saturated where one of them
+    was.
 
     The data sheet says that the chip subtracts the external field itself; then positive and negative are symmetric
-    about zero. A chip that does not shows them symmetric about the unbiased reading. Whichever is nearer is taken off,
-    axis by axis, as in firmware/core/hmc5983.c: a strap that does nothing fails on both kinds.
+    about zero. A chip that does not subtract it shows them symmetric about the unbiased reading. The nearer centre is
+    subtracted, axis by axis, as in firmware/core/hmc5983.c: a dead strap fails on both kinds.
     """
     axes = [_strap_axis(chip, *counts) for counts in zip(unbiased, positive, negative, strict=True)]
     (x, y, z), (x_down, y_down, z_down) = zip(*axes, strict=True)
@@ -37,7 +38,7 @@ def strap_of(chip: Chip) -> BiasStrap:
 
 
 def no_selftest(chip: Chip) -> str:
-    """The sentence for who asks for the self-test of a chip that has none, or none here."""
+    """The sentence for a chip that has no self-test, or none here."""
     if chip.tested_on_i2c:
         return (
             f"{chip.named} is tested only on an I2C bus of the computer, neither by a board nor in the simulation: "
@@ -47,12 +48,12 @@ def no_selftest(chip: Chip) -> str:
 
 
 def own_field_counts(chip: Chip, without: Sequence[Axes], with_field: Sequence[Axes]) -> Axes:
-    """What the chip's own field did, from samples without and with it; saturated where one of them was."""
+    """The effect of the chip's own field, from samples without and with it; saturated where one of them was."""
     return _of_both(chip, without, with_field, (-1.0, 1.0))
 
 
 def bridge_zero_counts(chip: Chip, after_set: Sequence[Axes], after_reset: Sequence[Axes]) -> Axes:
-    """What the bridges say without a field, from samples after either pulse; saturated where one of them was."""
+    """The bridges' readings without a field, from samples after either pulse; saturated where one of them was."""
     return _of_both(chip, after_set, after_reset, (0.5, 0.5))
 
 
@@ -68,7 +69,7 @@ def _of_both(chip: Chip, first: Sequence[Axes], second: Sequence[Axes], weights:
 
 
 def limits(chip: Chip, gain_code: int, axis: int) -> tuple[int, int]:
-    """Least and largest count of a good axis: the data sheet's, scaled from the gain code that it gives them for."""
+    """Smallest and largest count of a good axis: the data sheet's, scaled from its gain code."""
     strap = strap_of(chip)
     scale = chip.counts_per_gauss[gain_code][axis] / chip.counts_per_gauss[strap.gain_code][axis]
     low, high = strap.limits
@@ -82,14 +83,13 @@ def selftest_facts(
     negative: Sequence[Axes],
     faults: Sequence[str | None] = (),
 ) -> dict[str, object]:
-    """What a bias-strap measurement tells: per sensor and axis counts, gain relative to nominal, and what failed.
+    """The facts of a self-test: per sensor and axis the counts, the gain relative to nominal, and failures.
 
     positive, negative: counts per sensor under either bias, the external field subtracted; with an own field it is the
-    first of them, and no gain is known. With set and reset pulses: the bridges' zeros, and what turning over the coil's
-    current did; told as `zero_t` and `coil_t`, as the frames' fields are turned, None where an axis is saturated.
-    faults: per sensor, why there is no measurement at all.
-    `gain_factor` multiplies the nominal counts per gauss of an axis; None where its counts are out of limits. Its
-    deviation `gain_factor_sd` is that of the straps' fields.
+    first of them, and no gain is known. With set and reset pulses: the bridges' zeros, and the effect of reversing the
+    coil's current; as `zero_t` and `coil_t` in the frames' axes, None if an axis is saturated. faults: per sensor, why
+    there is no measurement at all. `gain_factor` multiplies the nominal counts per gauss of an axis; None where its
+    counts are out of limits. Its deviation `gain_factor_sd` is that of the straps' fields.
     """
     sensors = []
     for index, (up, down) in enumerate(zip(positive, negative, strict=True)):

@@ -37,7 +37,7 @@ class Switches:
         self._control: dict[int, int | None] = dict.fromkeys(addresses)  # None: unknown
 
     def select(self, address: int | None, control: int) -> None:
-        """Connect the channels in `control` of the mux at `address`, and none of any other. None: of all muxes none."""
+        """Connect only the channels in `control` of the mux at `address`. None: disconnect all muxes."""
         for other, active in self._control.items():
             if other != address and active != NO_CHANNEL:
                 self._write(other, NO_CHANNEL)
@@ -45,7 +45,8 @@ class Switches:
             self._write(address, control)
 
     def foreign_control(self, address: int) -> int | None:
-        """The control byte, if it is not the one written last: somebody else uses this mux. Then it is unknown."""
+        """The control byte, if it is not the one written last, because another program uses this mux. It is unknown
+        then."""
         actual = self._bus.read(address, 1)[0]
         if actual == self._control[address]:
             return None
@@ -57,6 +58,6 @@ class Switches:
         self._control = dict.fromkeys(self._control)
 
     def _write(self, address: int, control: int) -> None:
-        self._control[address] = None  # until it is known to have arrived
+        self._control[address] = None  # unknown until the write succeeded
         self._bus.write(address, bytes((control,)))
         self._control[address] = control

@@ -1,4 +1,4 @@
-"""Which I2C adapter of the kernel a bus is on, and what that cannot do: so that a fault of it is no fault of wires.
+"""The kernel's I2C adapter of a bus, and its limits, so that its faults are not reported as faults of wires.
 
 What each driver refuses and reports: lab/results/chip-facts.md.
 """
@@ -41,9 +41,9 @@ class Adapter:
         return error.errno in NOT_ACKNOWLEDGED or (self.driver == "cp2112" and error.errno == errno.ETIMEDOUT)
 
     def highest_rate_hz(self, load: BusLoad) -> int | None:
-        """More frames a second it cannot carry through USB, whatever the clock of the bus; None where it is not on USB.
+        """The largest rate of frames through USB, whatever the clock of the bus; None if it is not on USB.
 
-        A sensor takes a selection of its channel and one exchange at least.
+        A sensor takes at least a selection of its channel and one exchange.
         """
         if not self.is_usb:
             return None
@@ -88,7 +88,7 @@ def smbus_only(path: str, adapter: Adapter) -> str:
 
 
 def why_not_possible(path: str, adapter: Adapter, what: str, error: OSError) -> str | None:
-    """The sentence where the adapter is at fault, and not what is on the wires; None where it is not."""
+    """The sentence if the adapter is at fault, not the wires; else None."""
     if error.errno in GONE:
         return f"{path}: its adapter ({adapter}) is gone: {error.strerror}. Plug it in again"
     if error.errno not in REFUSED:

@@ -54,7 +54,7 @@ class CallRecord:
 class I2cBus:
     """Transfers on /dev/i2c-`number`, locked for this process.
 
-    A failure raises the kernel's OSError, and SourceError where the adapter itself is why: it would fail again.
+    A failure raises the kernel's OSError, or SourceError if the adapter itself is the cause and would fail again.
     """
 
     def __init__(self, number: int, record: CallRecord) -> None:

@@ -12,7 +12,7 @@ from fmfts.sensor.i2c.sensor import Sensor, now_us
 
 
 class Exposure(IntEnum):
-    """What a film has met since its last pulse."""
+    """Exposure of a film to fields since its last pulse."""
 
     NOTHING = 0
     DOUBTFUL = 1
@@ -39,7 +39,7 @@ def undisturbed(chip: Chip, gain_code: int, sensor: Sensor, axes: Axes) -> Axes:
 
 
 def magnetise(chip: Chip, sensor: Sensor) -> None:
-    """Only while no measurement is running: no source says what a pulse does to one."""
+    """Only while no measurement is running: the effect of a pulse on one is in no source."""
     assert chip.film is not None
     sensor.wires.write(chip.film.pulse)
     sensor.exposure, sensor.magnetised_us = Exposure.NOTHING, now_us()

@@ -1,4 +1,4 @@
-"""Which chips answer on a bus, whatever the configuration says: so that a fault can name what is there."""
+"""Finds which chips answer on a bus, independently of the configuration, so that a fault can name them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def identity_of_another(chip: Chip, bus: I2cBus, address: int | None = None) -> 
 
 
 def chips_answering(bus: I2cBus, address: int | None = None) -> Iterator[tuple[Chip, int]]:
-    """The chips on the selected channel, and where each answers. Kinds with the same identification count as one.
+    """The chips on the selected channel, and the address of each. Kinds with the same identification count as one.
 
     Most kinds are asked by reading alone. An MLX90393 is asked by a command, which may end its measurement, and which
     another chip at its address (BMM150, LIS3DH, MCP9808) takes as a write to its register 0x50 or 0x80. So it is asked

@@ -23,7 +23,7 @@ LOOK_US = 5_000_000
 MISSES_UNTIL_LOST = 3  # a single NACK is noise
 TRIGGER_TRIES = 3
 UNREAD_US = 250_000  # beside two frames. Longer than it takes to set all chips of a pad up, or that would never end
-LATE_UNTIL_RESET = 2  # triggered measurements in a row that do not end: the chip has forgotten its settings
+LATE_UNTIL_RESET = 2  # triggered measurements in a row that do not end: the chip lost its settings
 
 
 class MuxError(Exception):
@@ -66,7 +66,7 @@ class I2cPad:
             self._guard(sensor, self._set_up)
 
     def try_again(self, sensor: Sensor) -> None:
-        """Set a sensor up that was lost, however short ago that was."""
+        """Set up a lost sensor, without waiting."""
         self._guard(sensor, self._set_up)
 
     def trigger(self) -> int:
@@ -84,7 +84,7 @@ class I2cPad:
                 self._select(mux_address, tca9548a.several(channels))
                 wires.write(self.chip.driver.trigger)
             except (MuxError, OSError):
-                self.bus_errors += 1  # reading each sensor shows which one failed
+                self.bus_errors += 1  # the readings show which sensor failed
                 continue
             for one in alike:
                 one.started_measuring_us = now_us()
@@ -123,7 +123,7 @@ class I2cPad:
             self._guard(sensor, self._check)
 
     def mux_misuse(self) -> str | None:
-        """A sentence if a mux is not as this process left it. Samples may then be another sensor's: drops them."""
+        """A sentence if another program changed a mux. Samples may then be another sensor's, and are dropped."""
         for address in dict.fromkeys(self.wiring.mux_addresses):
             try:
                 control = self.switches.foreign_control(address)
@@ -156,7 +156,7 @@ class I2cPad:
         return Setup(self.settings.gain_code, self.settings.rate_hz, bool(self.settings.trigger))
 
     def _select(self, address: int | None, control: int) -> None:
-        """Connect these channels of the mux at `address`, and none of any other. None: none at all."""
+        """Connect only these channels of the mux at `address`. None: none at all."""
         self.bus.place = _place(address, control)
         try:
             self.switches.select(address, control)
@@ -228,7 +228,7 @@ class I2cPad:
         sensor.started_measuring_us = now_us()
 
     def _has_measured(self, sensor: Sensor, period_us: int) -> bool:
-        """False for a chip that keeps its last sample, and was not asked for another one, or too long ago."""
+        """False for a chip that keeps its last sample, and got no new command, or too long ago."""
         if not self.chip.paced_by_host:
             return True
         running_us = now_us() - sensor.started_measuring_us
@@ -239,7 +239,7 @@ class I2cPad:
         if not self._has_measured(sensor, period_us):
             self.select(sensor)
             if self._is_paced:
-                self._repair(sensor)  # who knows what became of its settings and its film meanwhile
+                self._repair(sensor)  # its settings and its film may have changed meanwhile
             elif sensor.is_silent(period_us):
                 sensor.lose(SensorState.NO_NEW_DATA)
             return

@@ -216,7 +216,7 @@ def complain(sentence: str | None) -> None:
 
 
 def _come_first(config: ReaderConfig) -> None:
-    """Called after all imports, which take half a second. What is refused, the reader works without."""
+    """Called after all imports, which take half a second. The reader also works without what is refused."""
     try:
         if config.lock_memory:
             lock_memory()

@@ -80,7 +80,7 @@ def reader_config(pads: Mapping[int, PadOnI2c]) -> ReaderConfig:
 
 
 def _check_channels(pad: PadOnI2c) -> None:
-    """Every sensor can be reached, and by a way of its own."""
+    """Every sensor can be reached, each by its own path."""
     channels, addresses = pad.channels, pad.addresses
     muxes = pad.mux_addresses
     if len(muxes) != len(channels):

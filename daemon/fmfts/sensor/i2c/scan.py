@@ -1,7 +1,7 @@
 """Finds the muxes and chips on an I2C bus: `python -m fmfts.sensor.i2c.scan BUS CALL_RECORD_FD [registers]`.
 
-With `registers` it also reads the registers of each chip. It asks what is there, whatever the configuration says. A
-process of its own, because a wedged bus blocks each call for seconds. It prints JSON, or ends with 1 and a sentence.
+With `registers` it also reads the registers of each chip. It ignores the configuration. It is a process of its own,
+because a wedged bus blocks each call for seconds. It prints JSON, or ends with 1 and a sentence.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ REGISTERS = "registers"
 class Found(msgspec.Struct, frozen=True):
     """A chip, by its name in CHIPS. mux_address, channel: None where it is straight on the bus.
 
-    registers: lines such as "0x09: 1d 41 01", from the first of these registers on; none where nobody asked for them.
+    registers: lines such as "0x09: 1d 41 01" with the first register's number; empty unless requested.
     """
 
     chip: str
@@ -103,7 +103,7 @@ def scan(bus: I2cBus, *, registers: bool = False) -> Iterator[Found]:
 
 
 def _answering(bus: I2cBus) -> Iterator[tuple[str, int]]:
-    """The names of the chips on the selected channel, and where each answers."""
+    """The names and addresses of the chips on the selected channel."""
     yield from ((chip.name, address) for chip, address in chips_answering(bus))
 
 
@@ -122,7 +122,7 @@ def _dumped(bus: I2cBus, name: str, address: int) -> tuple[str, ...]:
 
 
 def _is_mux(bus: I2cBus, address: int) -> bool:
-    """It holds its control byte. Ends with no channel open."""
+    """Whether it is a mux: it holds its control byte. Ends with no channel open."""
     try:
         for control in (mux.one(3), mux.NO_CHANNEL):
             bus.write(address, bytes((control,)))

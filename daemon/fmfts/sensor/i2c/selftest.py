@@ -1,7 +1,7 @@
 """The self-test of one pad on an I2C bus.
 
-With a bias strap (HMC5983 data sheet 900425), with a field of the chip's own that is hardly known (LIS3MDL, AN4602), or
-with set and reset pulses (MMC5983MA).
+With a bias strap (HMC5983 data sheet 900425), with the chip's own field of nearly unknown strength (LIS3MDL, AN4602),
+or with set and reset pulses (MMC5983MA).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ NOTHING: Axes = (0, 0, 0)
 def measure(pad: I2cPad, request_id: int, after_each: Callable[[], object] = lambda: None) -> Selftest:
     """Measure every sensor without bias and with it, then configure all as before. Blocks 0.1 to 0.3 s a sensor.
 
-    after_each: called after each sensor, so that whoever waits hears that the work goes on.
+    after_each: called after each sensor, to report progress.
     """
     gain_code = _gain_code(pad.chip)
     sensors = []
@@ -42,7 +42,7 @@ def _gain_code(chip: Chip) -> int:
 
 def _measure_sensor(pad: I2cPad, sensor: Sensor, gain_code: int) -> SelftestSensor:
     if sensor.state != SensorState.OK:
-        # On a busy computer it may be lost for a moment: what counts is whether it answers now.
+        # On a busy computer it may be lost for a moment, so only its present answer counts.
         pad.try_again(sensor)
     if sensor.state != SensorState.OK:
         return SelftestSensor(sensor.state, NOTHING, NOTHING)
@@ -105,7 +105,7 @@ def _with_pulses(pad: I2cPad, sensor: Sensor, test: SetReset) -> tuple[Axes, Axe
 def _samples(
     pad: I2cPad, sensor: Sensor, settings: bytes, settle_s: float, wanted: int, each: Sequence[bytes] = ()
 ) -> list[Axes] | None:
-    """The counts of so many samples, without the first one, which may be of the time before; None if one is late.
+    """The counts of this many samples, without the first one, which may be older; None if one is late.
 
     each: what to write for every measurement of a chip that does not stream.
     """
@@ -127,7 +127,7 @@ def _samples(
 def _biased(pad: I2cPad, sensor: Sensor, settings: bytes) -> Axes | None:
     """Counts under the bias that `settings` makes; None if no conversion ended in time."""
     sensor.wires.write(settings)
-    _single(pad, sensor)  # this one still has the old gain
+    _single(pad, sensor)  # the first sample still has the old gain
     block = _single(pad, sensor)
     return None if block is None else pad.chip.driver.axes(pad.chip, block)
 
@@ -142,7 +142,7 @@ def _next(pad: I2cPad, sensor: Sensor) -> bytes | None:
     """The next sample; None if none comes in time."""
     end_s = time.monotonic() + CONVERSION_LIMIT_S
     while True:
-        is_last = time.monotonic() >= end_s  # of a busy computer, which stood still meanwhile, as of any other
+        is_last = time.monotonic() >= end_s  # also on a busy computer that stalled meanwhile
         ready, block = pad.chip.driver.sample(sensor.wires)
         if ready or is_last:
             return block if ready else None

@@ -32,17 +32,17 @@ class Sensor:
     sampled_us: int | None = None
     polled_us: int = 0
     started_us: int = 0  # it was set up, or its last discarded sample came
-    started_measuring_us: int = 0  # its last measurement at this program's word; 0: it did not take the word
+    started_measuring_us: int = 0  # its last triggered measurement; 0: the trigger failed
     late: int = 0  # measurements in a row that had not ended when they were read
     exposure: int = 0  # of its film to strong fields, since the last pulse
     magnetised_us: int = 0
     retry_us: int = 0
-    fresh: bool = False  # in no frame yet
+    fresh: bool = False  # sample not in a frame yet
     unsent: bool = False  # nor sent early
     discard: int = 0
     misses: int = 0
     temperature_raw: int = TEMPERATURE_UNKNOWN
-    other: bytes | None = None  # the identification of another chip that answers in its place
+    other: bytes | None = None  # identification of another chip at its address
     look_us: int = 0
 
     def begin(self, block: bytes | None, stale_samples: int) -> None:
@@ -79,5 +79,5 @@ class Sensor:
 
 @lru_cache(maxsize=16)
 def period_us_of(chip: Chip, settings: Settings) -> int:
-    """Asked for at every reading of every sensor."""
+    """Needed at every reading of every sensor."""
     return round(1e6 / (settings.rate_hz if settings.trigger else chip.output_rate_hz(settings.rate_hz)))

@@ -118,7 +118,7 @@ class I2c(PacketSource):
         if self._killed:
             return ()
         try:
-            more = os.read(self._pipe("stdout"), READ_BYTES)  # as much as a pipe holds
+            more = os.read(self._pipe("stdout"), READ_BYTES)  # the size of a pipe's buffer
             if not more:
                 self._check_ns = now_ns  # the reader is ending: `_check` finds out why
             self._unread += more
@@ -173,7 +173,7 @@ class I2c(PacketSource):
     def _ended(self, now_ns: int) -> None:
         assert self._process is not None
         code = self._process.returncode
-        last_words = self._last_words if code > 0 else ""  # after a signal its last sentence was about something else
+        last_words = self._last_words if code > 0 else ""  # after a signal its last sentence is unrelated
         reason = self._killed or last_words or f"its reader ended with code {code}"
         self._forget_process()
         self._link.lost(reason)

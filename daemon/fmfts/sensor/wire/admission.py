@@ -1,4 +1,4 @@
-"""Which samples of a line are taken: of the right board, as its hello says, and at a time that its clock can tell."""
+"""Decides which samples of a line are used: those of the right board, by its hello, at a plausible time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fmfts.sensor.wire.packets import TEMPERATURE_UNKNOWN, Sample, Verb
 from fmfts.sensor.wire.requests import Requests
 from fmfts.sensor.wired_pad import WiredPad
 
-TOO_LATE_NS = 1_000_000  # a time that more packets of the same read show to be so much too late is corrected
+TOO_LATE_NS = 1_000_000  # correct a time if other packets of the same read show that it is too late by more than this
 
 
 class Admission:
@@ -79,13 +79,13 @@ class Admission:
         if sensor >= pad.sensors:
             self.leave_out("early sample", f"the pad has no sensor {sensor} (they count from 0)")
         elif self.guard.crowd is not None or not self._clock.is_plausible(time_us, now_ns):
-            pass  # frames tell of that
+            pass  # frames already report that
         else:
             return EarlySample(pad_index, sensor, time_us, gain_code, counts, pad.chip)
         return None
 
     def host_time_ns(self, time_us: int, now_ns: int, counted: object, number: int) -> int | None:
-        """When a packet's sample was taken, on this host; None if it is refused. number: the packet's, in the series
+        """The host's time of a packet's sample; None if it is refused. number: the packet's, in the series
         `counted`."""
         if (why := self.guard.why_not(self._clock, time_us, now_ns, counted, number)) is not None:
             if why is not NOT_YET:
@@ -103,7 +103,7 @@ class Admission:
         return host_time_ns
 
     def _admitted(self, pad_index: int, sensors: int, time_us: int, now_ns: int, sequence: int) -> int | None:
-        """When a sample was taken; None if it is of no configured pad, or does not agree with its configuration."""
+        """The time of a sample; None if its pad is not configured, or contradicts its configuration."""
         if not self.fits("sample", pad_index, sensors):
             return None
         host_time_ns = self.host_time_ns(time_us, now_ns, pad_index, sequence)

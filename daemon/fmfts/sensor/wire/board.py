@@ -1,4 +1,4 @@
-"""Keeps in the source's state what a board reported, and tells which requests bring it to the configured settings."""
+"""Keeps a board's reports in the source's state, and finds the requests that bring it to the configured settings."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ class Board:
         return None if self.hello is None else faults.contradiction(self.hello, pad_index, sensors)
 
     def contradiction_of(self, selftest: Selftest) -> str | None:
-        """The same of a self-test's result, and of its gain code."""
+        """The same for a self-test's result, and its gain code."""
         if selftest.gain_code >= len(self.chip.counts_per_gauss):
             return f"there is no gain code {selftest.gain_code}"
         return self.contradiction(selftest.pad_index, len(selftest.sensors))
 
     def was_reset(self) -> bool:
-        """Its clock began anew. True: it may have other pads now, and has to say hello before its samples count."""
+        """Its clock restarted. True: it may have other pads now, and must say hello before its samples are used."""
         self._has_said_its_pads = not self._made.differ_from_found
         return not self._has_said_its_pads
 
@@ -90,7 +90,7 @@ class Board:
         return None if self.hello is None else faults.pad_mismatch(pad, pad_index, self.hello)
 
     def describe(self) -> None:
-        """Write into the state what the last hello says. Call it only for the right board."""
+        """Write the last hello into the state. Call it only for the right board."""
         hello = self.hello
         assert hello is not None
         self._has_said_its_pads = True
@@ -113,7 +113,7 @@ class Board:
         assert hello is not None
         if hello.gain_code != wanted.gain_code:
             yield Verb.RANGE, wanted.gain_code
-        # The order matters: a board refuses a rate that its present trigger cannot reach.
+        # The order matters, because a board refuses a rate that its present trigger cannot reach.
         changes = [(Verb.TRIGGER, hello.trigger, wanted.trigger), (Verb.RATE, hello.rate_hz, wanted.rate_hz)]
         for verb, actual, value in reversed(changes) if wanted.trigger else changes:
             if actual != value:

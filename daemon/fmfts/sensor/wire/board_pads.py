@@ -1,4 +1,4 @@
-"""Which pads a board is to make of the sensors that it found: it cannot know which of them are one pad."""
+"""Decides which pads a board makes of its sensors: it cannot know which of them belong to one pad."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class BoardPads:
 
     @property
     def differ_from_found(self) -> bool:
-        """The board has to be asked for these pads, and after each reset that makes it forget."""
+        """Request these pads from the board, and again after each reset."""
         return any(sensors != FOUND_SENSORS for sensors in self._sensors.values())
 
     def forget(self) -> None:
-        """It may be another board, or wired otherwise."""
+        """It may be another board, or have other wiring."""
         self._refused = None
 
     def refuse(self, hello: Hello) -> None:

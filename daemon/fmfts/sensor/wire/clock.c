@@ -11,7 +11,7 @@ enum {
     STANDSTILL_NS = 400000000,
     STANDSTILL_PACKETS = 8,
     LATE_APART_NS = STANDSTILL_NS / (STANDSTILL_PACKETS - 1),
-    /* A minimum that is older says nothing of the slope now; and products of two differences fit into 64 bits. */
+    /* Older minima are useless for the present slope; and products of two differences fit into 64 bits. */
     LONGEST_SPAN_US = 100000000,
 };
 
@@ -146,7 +146,7 @@ static void note_late(fmfts_clock_line *line, const fmfts_packet *p, int64_t arr
     }
 }
 
-/* How long the packet may have waited because the host did not read; 0 if nobody ever told. */
+/* How long the packet may have waited because the host did not read; 0 if that was never reported. */
 static double unread_ns(const fmfts_clock_line *line, int64_t arrival_ns)
 {
     return line->empty_ns ? (double)(arrival_ns - line->empty_ns) : 0.0;
@@ -175,7 +175,7 @@ int64_t fmfts_host_time(fmfts_clock_line *line, int64_t device_us, int64_t arriv
     fmfts_packet p = packet_of(line, device_us, arrival_ns);
     double above_ns = above(line, &p), unsure = unsure_ns(line, &p);
     if (above_ns > unsure && above_ns - unread_ns(line, arrival_ns) <= unsure) {
-        /* The host itself may be the cause: the packet says nothing of the board's clock. */
+        /* The host itself may be the cause, so the packet is no evidence about the board's clock. */
     } else if (above_ns > unsure) {
         note_late(line, &p, arrival_ns);
     } else {

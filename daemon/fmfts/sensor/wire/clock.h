@@ -2,12 +2,13 @@
  *
  * The delay of a packet is never negative and often near its minimum. So the map is a line below all points (device time, arrival).
  * Its slope comes from the lower convex hull of the last half minute (Moon, Skelly, Towsley 1999), its height from the earliest
- * arrivals of the last seconds. No host can measure the constant part of the delay; the caller gives what it knows of it as
+ * arrivals of the last seconds. No host can measure the constant part of the delay; the caller gives the known part as
  * fixed_delay_ns.
  *
  * A packet far above the line is late and changes nothing: after a stall, a host gets its backlog in one burst. If only late packets
- * arrive for a while, the board's clock has stood still, and the line moves up. Packets that may have waited because this host did not
- * read do not count for that: whoever reads says when nothing was left unread. No allocation, no globals.
+ * arrive for a while, the board's clock has stood still, and the line moves up. Packets that may have waited because
+ * this host did not read do not count for that: the reader reports when nothing was left unread. No allocation, no
+ * globals.
  */
 #ifndef FMFTS_CLOCK_H
 #define FMFTS_CLOCK_H
@@ -25,9 +26,9 @@ typedef struct {
     int64_t us, ns;
 } fmfts_packet;
 
-/* What was learned; 8 bytes each (clock.py). empty_ns: when the host last found no byte unread; 0: it never said. is_host: the device's
- * clock is the host's own. begun: there was a packet. origin: the first one, in absolute times. lowest: of this bucket; minimum: of the
- * last ones, oldest first. The line is height_ns + slope_ns_per_us × us. */
+/* The learned map; 8 bytes each (clock.py). empty_ns: when the host last found no byte unread; 0: never reported.
+ * is_host: the device's clock is the host's own. begun: there was a packet. origin: the first one, in absolute times.
+ * lowest: of this bucket; minimum: of the last ones, oldest first. The line is height_ns + slope_ns_per_us × us. */
 typedef struct {
     int64_t empty_ns, is_host, fixed_delay_ns;
     double tolerance_ns_per_us;
@@ -43,7 +44,7 @@ typedef struct {
 /* Forgets all packets: the board was reset, or its line was closed. */
 void fmfts_restart_clock(fmfts_clock_line *line);
 
-/* Whether a packet goes on from what was learned. Of the host's own clock every one does, and the first one. */
+/* Whether a packet fits the learned map. The first one does, and every one of the host's own clock. */
 bool fmfts_goes_on(const fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns);
 
 /* How far a packet is above the line, in ns, after the first one. */

@@ -24,7 +24,7 @@ class HostClock:
         return self._line.buffer
 
     def found_empty(self, at_ns: int) -> None:
-        """See DeviceClock; here nothing follows from it."""
+        """See DeviceClock; not needed here."""
 
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         return _wire.host_time(self.line, device_us, arrival_ns)
@@ -33,7 +33,7 @@ class HostClock:
         return True
 
     def restart(self) -> None:
-        """There is nothing to forget."""
+        """Nothing to do: there is no learned map."""
         self.restarts += 1
 
 
@@ -56,7 +56,7 @@ class DeviceClock:
         return self._line.buffer
 
     def found_empty(self, at_ns: int) -> None:
-        """Nothing that arrived before `at_ns` is unread: what is read later has waited no longer than since then."""
+        """All bytes that arrived before `at_ns` were read: later ones have waited at most since then."""
         self._line.put("empty_ns", at_ns)
 
     def restart(self) -> None:
@@ -94,16 +94,16 @@ class DeviceClock:
         return _wire.above_line(self.line, self.newest_us, arrival_ns)
 
     def unread_ns(self, arrival_ns: int) -> float:
-        """How long a packet may have waited because the host did not read; 0 if nobody ever told."""
+        """How long a packet may have waited because the host did not read; 0 if that was never reported."""
         empty_ns = self._line.integer("empty_ns")
         return float(arrival_ns - empty_ns) if empty_ns else 0.0
 
     def is_plausible(self, device_us: int, arrival_ns: int) -> bool:
-        """Whether this time goes on from what was learned. If it does not, `to_host_ns` begins anew."""
+        """Whether this time fits the learned map. If not, `to_host_ns` restarts."""
         return _wire.goes_on(self.line, device_us, arrival_ns)
 
     def at_ns(self, device_us: int, arrival_ns: int) -> int:
-        """The same as `to_host_ns` of a packet that it learned from, by what it knows now."""
+        """As `to_host_ns` for an earlier packet, by the present map."""
         above_ns = _wire.above_line(self.line, device_us, arrival_ns)
         return arrival_ns - max(0, int(above_ns)) - self._line.integer("fixed_delay_ns")
 

@@ -62,7 +62,7 @@ def _count(value: int, most: int, what: str) -> int:
 
 
 def _sensors(told: int, room: int) -> int:
-    """How many sensors a packet is of. told: its four bits. room: for how many it is long enough."""
+    """The number of sensors in a packet. told: its four bits. room: the number that fits its length."""
     if told != MORE_SENSORS:
         return _count(told, BOARD_SENSORS, "sensors")
     if not BOARD_SENSORS < room <= MAX_SENSORS:

@@ -55,7 +55,7 @@ def sensor_fault(pad: HelloPad, sensor: int, state: int, chip: Chip) -> str | No
             else f"does not answer at 0x{chip.address:02X}: check SDA/SCL of that channel"
         )
     elif state == SensorState.MUX_SILENT and len(pad.muxes) > 1:
-        # A mux that does not answer may have a channel open, so nothing is read through the others either.
+        # A silent mux may have a channel open, so the board reads nothing through the others either.
         muxes = " or ".join(f"0x{mux:02x}" for mux in pad.muxes)
         what = f"cannot be reached, mux {muxes} does not answer: check their supply, address pins and RESET"
     else:

@@ -95,7 +95,7 @@ class Decoder:
                 if packet is not None:
                     packets.append(packet)
             self._joined = True
-        # Nothing that is so long without a zero is the rest of a packet.
+        # A packet is never this long without a zero.
         self._overlong |= len(pending) > MAX_LINE_BYTES
         # From an endless line one byte more than allowed is kept: enough to recognise it as garbage.
         self._pending = pending[: MAX_LINE_BYTES + 1]

@@ -1,4 +1,4 @@
-"""Says which samples of a line can be believed: those of one board alone, whose times go on from each other."""
+"""Decides which samples of a line can be trusted: those of a single board, with consistent times."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from fmfts.sensor.wire.packets import Verb
 from fmfts.sensor.wire.requests import Requests
 from fmfts.sensor.wire.time_gate import TimeGate
 
-# A board that did not answer for so long has left the line. It is asked every second while there are two.
+# A board that did not answer for this long has left the line. While there are two, each is asked every second.
 LEFT_NS = 3_000_000_000
 ASK_NS = 1_000_000_000
 NOT_YET = "a clock does not begin with a packet that may have waited here"
 
 
 class LineGuard:
-    """requests: those to the board. crowd: what is wrong while several boards send on the line; None: there is one."""
+    """requests: those to the board. crowd: the fault while several boards send on the line; None: there is one."""
 
     def __init__(self, requests: Requests) -> None:
         self.crowd: str | None = None
@@ -44,7 +44,7 @@ class LineGuard:
     def why_not(
         self, clock: DeviceClock | HostClock, time_us: int, arrival_ns: int, counted: object, number: int
     ) -> str | None:
-        """Why a sample with this time and number cannot be believed; None: it can. counted: see TimeGate."""
+        """Why a sample with this time and number cannot be trusted; None: it can. counted: see TimeGate."""
         if self.crowd is not None:
             return "several boards send on this line"
         if isinstance(clock, DeviceClock) and not self._times.admits(clock, time_us, arrival_ns, counted, number):

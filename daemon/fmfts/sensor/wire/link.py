@@ -74,7 +74,7 @@ class Link:
         return self._board.is_right
 
     def line_carries(self, bytes_per_s: float) -> None:
-        """Tell the link how much its carrier can take; without a call it can take everything."""
+        """Set the rate of the link's carrier; by default it is unlimited."""
         self._board.line_bytes_per_s = bytes_per_s
 
     @property
@@ -256,7 +256,7 @@ class Link:
         if not refused and request.verb in SETTING:
             self._board.granted(Verb(request.verb), request.argument)
         if refused and request.verb == Verb.HELLO and request.argument and reply.result != Result.BUSY:
-            self._board.cannot_make_pads()  # and says so of the pads
+            self._board.cannot_make_pads()  # and reports it for the pads
             return
         faults.note(self._state.warnings, subject, faults.refusal(request, reply) if refused else None)
         if refused and request.verb == Verb.SELFTEST:

@@ -19,7 +19,7 @@ typedef struct {
 static bool is_superseded_in(kind *own, uint64_t time_us, fmfts_patience patience)
 {
     if (own->kept == 0 || time_us > own->newest_us) {
-        own->newest_us = time_us; /* what follows this packet is old, and was sent again */
+        own->newest_us = time_us; /* the packets after this one are old, and were sent again */
         own->kept = 0;
     }
     uint64_t age_us = own->newest_us - time_us;
@@ -55,7 +55,7 @@ size_t fmfts_keep_newest(uint8_t *bytes, size_t size, fmfts_patience patience, u
     if (!last_zero || memchr(bytes, 0, size) == last_zero) {
         return size; /* at most one line */
     }
-    /* What stays is moved to the end of `bytes`, and at last to their beginning. */
+    /* The remaining lines are moved to the end of `bytes`, and finally to their beginning. */
     uint8_t *end = last_zero + 1, *stays = end;
     while (end > bytes) {
         size_t before = (size_t)(end - 1 - bytes);

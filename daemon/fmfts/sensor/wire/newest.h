@@ -1,4 +1,4 @@
-/* Leaves out samples that newer ones of the same pad supersede: newest.py explains when. No allocation, no globals. */
+/* Drops samples that newer ones of the same pad supersede: newest.py explains when. No allocation, no globals. */
 #ifndef FMFTS_NEWEST_H
 #define FMFTS_NEWEST_H
 
@@ -7,7 +7,7 @@
 
 #include "sample.h"
 
-/* Patience of patience.py: of one pad at most so many samples stay, and none that is older than the newest by more. */
+/* Patience of patience.py: the most samples of one pad that stay, and their largest age against the newest. */
 typedef struct {
     unsigned most;
     int64_t longest_us;

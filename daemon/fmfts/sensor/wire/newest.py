@@ -1,5 +1,5 @@
-"""Leaves out samples that newer ones of the same pad supersede, so that a host that was late is not late for long; and
-early samples that newer ones of the same sensor, or a frame, supersede.
+"""Drops samples that newer ones of the same pad supersede, so that a late host catches up; and early samples that newer
+ones of the same sensor, or a frame, supersede.
 
 The bytes of everything else stay as they are.
 """

@@ -1,4 +1,5 @@
-"""What both sources of packets do: bytes wait for `poll`, or another reader borrows the line (see ByteSource)."""
+"""The common part of both packet sources: bytes wait for `poll`, or another reader borrows the line (see
+ByteSource)."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from fmfts.sensor.wired_pad import WiredPad
 
 
 class PacketSource:
-    """The part of a ByteSource that knows neither a port nor a process; `_descriptor` is set while a line is open."""
+    """The part of a ByteSource without a port or a process; `_descriptor` is set while a line is open."""
 
     def __init__(
         self, pads: Mapping[int, WiredPad], description: str, clock: DeviceClock | HostClock, uid: bytes | None = None
@@ -72,7 +73,7 @@ class PacketSource:
         return self._link.selftest_result(pad_index)
 
     def _keep_newest(self) -> None:
-        """Leave out of the unread bytes what newer ones supersede."""
+        """Drop superseded samples from the unread bytes."""
         if self.patience is not None:
             self._unread, left_out = keep_newest(self._unread, self.patience)
             self.state.leave_out(left_out)

@@ -8,7 +8,7 @@ from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.packets import ALL_PADS, Reply, Request, Verb
 
 REPEAT_NS = 250_000_000
-DEAF_AFTER = 8  # after sending a request so often, the board seems not to hear
+DEAF_AFTER = 8  # after this many repetitions of a request the board counts as deaf
 
 
 class Requests:

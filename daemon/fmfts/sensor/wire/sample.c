@@ -1,4 +1,4 @@
-/* Decodes a line that holds a sample or an early packet, as framing.py and codec.py do. All others are left to them. */
+/* Decodes a line that holds a sample or an early packet, as framing.py and codec.py do. Python decodes all others. */
 #include "sample.h"
 
 #include <math.h>

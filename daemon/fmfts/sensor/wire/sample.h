@@ -36,8 +36,8 @@ typedef struct {
 /* The same of an early packet. */
 bool fmfts_read_early_sample(const uint8_t *line, size_t size, fmfts_early_sample *early);
 
-/* As Chip.temperature_c; NaN if the temperature is not known, is none that the chip can have, or if all numbers are NaN (a
- * chip without a thermometer). range_c: lowest and highest. */
+/* As Chip.temperature_c; NaN if the temperature is unknown or impossible, or if all numbers are NaN (a chip without a
+ * thermometer). range_c: lowest and highest. */
 double fmfts_temperature_c(const fmfts_sample *sample, double at_zero_c, double c_per_count, const double *range_c);
 
 #endif

@@ -23,7 +23,7 @@ class StrangeBytes:
             self.count, self._first = 0, b""
 
     def sentence(self, seconds: float, baud: int) -> str | None:
-        """What came in this time, and what that may be; None if it is too little to tell."""
+        """The bytes of this time, and their likely sender; None if there are too few."""
         if self.count < FEWEST:
             return None
         return (

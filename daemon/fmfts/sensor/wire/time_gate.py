@@ -1,15 +1,14 @@
-"""Refuses packets whose time cannot be: one that is ahead of the time that passed here, or that was there before.
+"""Refuses packets with an impossible time: ahead of the time that passed here, or repeated.
 
-A valid packet may be old: something on the line sent it again. Or its sender's memory was damaged. The clock would take
-each for a reset of the board, and what follows for another one. A real reset, a clock that leapt, or a computer that
-was suspended, shows in the packets after it: they go on from each other, as packets of a running clock do, or a hello
-came before them.
+A valid packet may be old because something on the line sent it again, or because its sender's memory was damaged. The
+clock would take it for a reset of the board, and the next packet for another reset. After a real reset, a jump of the
+clock, or a suspended computer, the next packets are consistent with each other, as those of a running clock are, or a
+hello precedes them.
 
-A packet's number says whether it was there before; its time says when it was made. Packets that come again have old
-numbers, so a clock that leaps back while the numbers go on is convincing at once.
+Repeated packets have old numbers, so a clock that jumps back while the numbers continue is accepted at once.
 
-No clock begins with a packet that may have waited here, because this host did not read: all that follows would be taken
-for younger than it is by as much. The next packet tells, if it is read later, and as much time passed there as here.
+A clock never begins with a packet that may have waited here because this host did not read: all later packets would
+seem younger by that wait. The next packet decides, if it is read later, and the same time passed on both clocks.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from fmfts.sensor.numbering import is_next
 from fmfts.sensor.wire._wire import JUMP_NS
 from fmfts.sensor.wire.clock import DeviceClock
 
-# So many packets in a row that go on from each other are a clock's: a reset board, whose hello was lost.
+# This many consistent packets in a row show a running clock: a reset board, whose hello was lost.
 CONVINCING = 3
 # Packets of the last seconds that come again go on from each other too. A board that was reset counts from zero, so its
 # clock is no older than the last packet of before, but for this much, and for so long its packets must come.
@@ -45,7 +44,7 @@ class TimeGate:
         self._numbers: dict[object, int] = {}  # the newest admitted one of each sequence of numbers
 
     def hello(self, clock: DeviceClock) -> None:
-        """The board said unasked who it is, as it does after a reset: the next packet tells its new time."""
+        """The board sent a hello unasked, as after a reset: the next packet has its new time."""
         self._forget_if_it_went_on(clock)
         self._hello = True
 
@@ -74,7 +73,7 @@ class TimeGate:
             return False
         before_us, before_ns = (device_us, arrival_ns) if self._strange is None else self._strange
         if not clock.has_begun and device_us < before_us and arrival_ns - before_ns <= REPEATED_NS:
-            self.waits = True  # it was sent again: newer ones came just now, and the clock begins with one of those
+            self.waits = True  # a repeated packet: newer ones came just now, and the clock begins with one of those
             return False
         goes_on = self._goes_on(device_us, arrival_ns)
         is_new = clock.unread_ns(arrival_ns) <= JUMP_NS or (goes_on and arrival_ns - before_ns > JUMP_NS)
@@ -102,7 +101,7 @@ class TimeGate:
     def _is_believed(
         self, clock: DeviceClock, device_us: int, arrival_ns: int, goes_on: bool, has_next_number: bool
     ) -> bool:
-        """A strange time: whether it is a clock's that began anew. goes_on: from the strange one before."""
+        """A strange time: whether the clock restarted. goes_on: consistent with the strange one before."""
         if goes_on:
             self._count += 1
         else:
