@@ -45,7 +45,7 @@ class SensorArray:
         return cls(position_m, np.broadcast_to(np.eye(3), (len(position_m), 3, 3)).copy())
 
     def mirrored(self) -> SensorArray:
-        """The same sensors with their z turned over."""
+        """The same sensors with their z inverted."""
         return type(self)(self.position_m, self.axes * np.array([1.0, 1.0, -1.0]))
 
     def __len__(self) -> int:
@@ -137,8 +137,8 @@ class RestingMagnet:
 class Pad:
     """One pad with the nominal places of its drawing. The baseline estimates the places of the mounted pad.
 
-    other_magnets: those besides the first, of a pad that holds several. are_magnets_known: else those here mean
-    nothing, and the pad's contact model goes from contact to field.
+    other_magnets: those besides the first, of a pad that holds several. are_magnets_known: if not, the magnets here are
+    meaningless, and the contact model goes from contact to field.
     """
 
     name: str
@@ -146,7 +146,7 @@ class Pad:
     magnet: Magnet
     rest_position_m: Array
     rest_axis: Array
-    chip: Chip = DEFAULT_CHIP  # each of the sensors is one
+    chip: Chip = DEFAULT_CHIP  # the index of each sensor
     silicone: Silicone = Silicone()
     other_magnets: tuple[RestingMagnet, ...] = ()
     are_magnets_known: bool = True
@@ -200,7 +200,7 @@ class Pad:
 
 
 def differences(one: Dimensions, other: Dimensions, whose: str, others: str) -> str:
-    """The dimensions that differ, as text, each with both values. whose, others: who has which."""
+    """The dimensions that differ, as text, each with both values. whose, others: names of both."""
     return "; ".join(
         f"{name} is {_listed(one[name])} {whose} and {_listed(other[name])} {others}"
         for name in one
@@ -239,7 +239,7 @@ class Placement:
 class Tolerance:
     """Standard deviations between a pad and its drawing; gain and remanence are relative.
 
-    cross_axis: of what an axis reads of a field across it, relative to that field, besides the chip's rotation.
+    cross_axis: of an axis's reading of a perpendicular field, relative to that field, besides the chip's rotation.
     """
 
     sensor_position_m: float
@@ -258,13 +258,13 @@ class Tolerance:
 
     @property
     def pad_share(self) -> float:
-        """How much of a tilt that is found at rest is most likely the whole pad's."""
+        """The share of a tilt at rest that is most likely the whole pad's."""
         whole = self.tilt_rad * self.tilt_rad
         return self.pad_tilt_rad * self.pad_tilt_rad / whole if whole else 0.0
 
     @property
     def unshared_tilt_rad(self) -> float:
-        """What stays unknown of the pad's own tilt where both together are known."""
+        """The deviation of the pad's own tilt if the sum of both is known."""
         return self.magnet_tilt_rad * float(np.sqrt(self.pad_share))
 
 

@@ -25,7 +25,7 @@ _SETTINGS_OF_A_PAD = {
 class Device:
     """A source that can be made, again and again. names: of its pads, by their index on it.
 
-    open: SourceError where the source cannot do what is configured. is_file: what is in a file decides that, too.
+    open: SourceError where the source cannot do what is configured. is_file: the content of a file decides that, too.
     """
 
     names: Mapping[int, str]
@@ -40,10 +40,10 @@ def open_sources(pads: Sequence[PadConfig], around: Sequence[PadConfig] = ()) ->
 
 
 def devices(pads: Sequence[PadConfig], around: Sequence[PadConfig] = ()) -> list[Device]:
-    """What the sources are made of.
+    """The sources' makers.
 
     Pads with one serial port share a Bridge, pads with one bus number an I2c, pads of one recording a Replayed. Each
-    simulated pad has its own Simulated, which feels the magnets of its neighbours (from `around`, or else `pads`).
+    simulated pad has its own Simulated, which measures the magnets of its neighbours (from `around`, or else `pads`).
     `open` reads a recording, but opens no other device, because that could fail or wait: `poll` opens it. Raises
     SourceError where pads cannot share a device.
     """
@@ -105,7 +105,7 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
 
 
 def on_board(pad: PadConfig, pads: Sequence[PadConfig] = ()) -> PadOnBoard:
-    """What the bridge's driver needs from the configuration. pads: all that are configured, or none beside it."""
+    """The bridge driver's settings from the configuration. pads: all that are configured, or none beside it."""
     source = pad.source
     assert isinstance(source, BridgeSource)
     beside = tuple(
@@ -117,7 +117,7 @@ def on_board(pad: PadConfig, pads: Sequence[PadConfig] = ()) -> PadOnBoard:
 
 
 def on_i2c(pad: PadConfig) -> PadOnI2c:
-    """What the I2C driver needs from the configuration."""
+    """The I2C driver's settings from the configuration."""
     source = pad.source
     assert isinstance(source, I2cSource)
     return PadOnI2c(
@@ -131,7 +131,7 @@ def on_i2c(pad: PadConfig) -> PadOnI2c:
 
 
 def origin_of(pad: PadConfig) -> Origin | None:
-    """The pad's sensors as far as the configuration tells; None: it is a recording, whose baseline is in it."""
+    """The pad's sensors as far as configured; None: a recording, which has its own baseline."""
     match pad.source:
         case BridgeSource(chip=chip, uid=uid, pad_index=pad_index):
             return Origin("bridge", chip, uid=None if uid is None else uid.lower(), pad_index=pad_index)

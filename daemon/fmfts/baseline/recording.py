@@ -41,7 +41,7 @@ def solvable(otherwise: str) -> Iterator[None]:
     """Turns SingularError and ValueError into BaselineError: numbers far from any pad's may have no solution.
     otherwise: the text, with the fault and what to do.
 
-    
+
     """
     try:
         yield

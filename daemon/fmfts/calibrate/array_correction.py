@@ -30,7 +30,7 @@ FORCE, KIND, WIDTH, SHEAR, MAP = 0.4, 0.2, 0.1, 0.3, 0.1
 PLACE_MM = 0.3
 CELLS = 5  # of the map, along x and along y
 SCALARS = 6  # log factors: force, three kinds, width, shear
-SAME_MM = 0.5  # a symmetry takes each magnet so near to another one
+SAME_MM = 0.5  # largest distance at which a symmetry maps one magnet onto another
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,9 @@ class Correction:
         return np.concatenate([scalars, np.full(2 * magnets, PLACE_MM), of_map])
 
     def presses(self, theta: Array, press: Array, off_mm: Array, of_map: Array) -> tuple[Array, Array, Array]:
-        """What presses (K, 5) do: change (K, 5M) in the table's units; its slope (K, 5M, U) by the parameters, and by
-        x, y and the force (K, 5M, 3). off_mm (M, 2): how far each magnet rests beside its drawn place, to first order
-        as the running pad counts it. of_map: of `map_at` for the presses."""
+        """The effect of presses (K, 5): change (K, 5M) in the table's units; its slope (K, 5M, U) by the parameters,
+        and by x, y and the force (K, 5M, 3). off_mm (M, 2): how far each magnet rests from its drawn place, to first
+        order, as in the running pad. of_map: `map_at` of the presses."""
         magnets, force = len(self.centre_mm), press[:, 2]
         of_force, shear_factor = np.exp(theta[0]), np.exp(theta[0] + theta[5])
         factor, narrow = np.exp(theta[1:4])[KINDS], np.exp(-theta[4])
@@ -99,7 +99,7 @@ class Correction:
             by_force = np.einsum("ktp,kt->kp", value[:, terms], by_load) * factor
             moved = sides[0] * off[0] + sides[1] * off[1]
             change[:, number] = pure + shear - narrow * moved
-            # The running pad counts no shear in how far a magnet rests beside its place.
+            # The running pad ignores shear in a magnet's offset from its place.
             sides = sides + np.stack(
                 [np.einsum("kap,ka->kp", each[:, -2:], press[:, 3:]) * shear_factor for each in (along_x, along_y)]
             )

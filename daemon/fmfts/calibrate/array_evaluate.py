@@ -1,4 +1,4 @@
-"""Compares what a pad with several magnets tells of labelled presses, each as a single frame, with the labels."""
+"""Compares the answers of a pad with several magnets for labelled presses, each as a single frame, with the labels."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ Told = Literal["one finger", "two fingers", "no finger", "over range", "more", "
 @dataclass(frozen=True, slots=True)
 class ArrayEvaluation:
     """press, found, deviation (K, 3 or 5): labels, the resultant, and its published deviations; NaN where no finger is
-    told. told (K,): what is. ok (K,): healthy. chi2 (K,): NaN where nothing explains the frame. model: its hash."""
+    reported. told (K,): what is reported. ok (K,): healthy. chi2 (K,): NaN if nothing explains the frame. model: its
+    hash."""
 
     press: Array
     found: Array
@@ -75,7 +76,7 @@ class ArrayEvaluation:
 
 
 def evaluate_array(data: ArraySet, model: ArrayModel, scene: Scene, rate_hz: float, noise_t: float) -> ArrayEvaluation:
-    """noise_t: of one frame's value, which the deviations are for."""
+    """noise_t: of one frame's value, for the deviations."""
     mounting, count = data.mounting, len(data.pad.sensors)
     shape = (count, 3)
     estimator = FingersEstimator(FieldModel(data.pad, mounting, model.response, scene), rate_hz, np.full(shape, np.inf))

@@ -1,8 +1,8 @@
 """Fits a correction of a table of presses to measured fields: the smallest that explains presses left out of the fit.
 
-The field is what is measured, and the table is judged by the field that it predicts: C is what noise, labels, the
-baseline and the table itself may be off in it. Poses are not solved first: eight sensors know four poses with one value
-to spare, and some directions badly.
+The field is what is measured, and the table is judged by the field that it predicts: C is the covariance through noise,
+labels, the baseline and the table itself. Poses are not solved first: eight sensors determine four poses with one
+redundant value, and some directions poorly.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ FEWEST_PRESSES, FEWEST_PLACES = 18, 9
 
 @dataclass(frozen=True, slots=True)
 class FittedTable:
-    """response: the table. levels: all that were tried, the uncorrected table first. chosen: of them. force_factor:
-    on the forces that the start needs for the same movement."""
+    """response: the table. levels: all that were tried, the uncorrected table first. chosen: of them. force_factor: on
+    the start's forces for the same movement."""
 
     response: ArrayResponse
     levels: tuple[Level, ...]
@@ -98,7 +98,7 @@ def fit_table(data: ArraySet, whose: str, start: ArrayResponse, noise_t: float, 
 
     DataError where the presses are too few, or no correction explains their fields.
     """
-    with threadpool_limits(1):  # gives the same file with any number of cores, and leaves the others free
+    with threadpool_limits(1):  # one thread: the same file with any number of cores
         return _fitted(data, whose, start, noise_t, say)
 
 

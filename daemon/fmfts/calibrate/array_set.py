@@ -1,4 +1,4 @@
-"""Reads labelled presses of a pad with several magnets: what each one did to the field of its magnets."""
+"""Reads labelled presses of a pad with several magnets: the change of field of each one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from fmfts.common.reading import digest_of
 from fmfts.contact.contract import OUTPUT_ORDER
 from fmfts.pad import Array, Pad
 
-# Deviations of a label: a stage's place, and the share of the force that a gauge is off.
+# Deviations of a label: a stage's place, and a gauge's force, as a share.
 PLACE_MM, FORCE_SHARE, FORCE_N = 0.05, 0.01, 0.005
 # Deviation of the ambient field along each axis: since the last row of the untouched pad, and since the baseline.
 AMBIENT_AFTER_REST_T, AMBIENT_T = 3e-7, 1e-5
@@ -28,8 +28,8 @@ OF_COLLECT = "baseline"  # the column of a table that `collect` wrote
 
 @dataclass(frozen=True, slots=True)
 class Changes(PressSet):
-    """change_t (K, 3N): of the magnets' field, since rest, in sensor axes. ambient_t (K,): deviation of an ambient
-    field that may be left in it."""
+    """change_t (K, 3N): of the magnets' field, since rest, in sensor axes. ambient_t (K,): deviation of a remaining
+    ambient field."""
 
     change_t: Array
     ambient_t: Array
@@ -64,7 +64,7 @@ def read_array_set(path: Path, pad: Pad, pad_size_mm: float, baseline: Path | No
 def changes_of(
     path: Path, table: FieldTable, mounting: ArrayMounting | Mounting, pad_size_mm: float, place_mm: float = PLACE_MM
 ) -> Changes:
-    """What each press did to the field, since the row of the untouched pad before it. place_mm: deviation of a place;
+    """The change of field by each press, since the row of the untouched pad before it. place_mm: deviation of a place;
     infinite: places are not known, and all have the label (0, 0)."""
     if np.isinf(place_mm):
         unknown = dict.fromkeys(OUTPUT_ORDER[:2], ["0"] * len(table.line))
@@ -111,7 +111,7 @@ def baseline_of(path: Path | None, pad: Pad) -> Baseline:
 
 
 def of_this_baseline(path: Path, table: FieldTable, own: str, say: Say) -> FieldTable:
-    """Without rows that `collect` wrote with another baseline: where the magnets were then is not known."""
+    """Excludes rows that `collect` wrote with another baseline, because their rest is not known."""
     if OF_COLLECT not in table.others:
         return table
     named = table.others[OF_COLLECT]

@@ -19,7 +19,7 @@ from fmfts.pad import Array, Pad, SensorArray
 
 # Places (4, 2) of the shipped table's magnets.
 SHIPPED_MM = np.array([(6.0, 6.0), (6.0, -6.0), (-6.0, 6.0), (-6.0, -6.0)])
-# A magnet may be so far from where the table, brought to the pad's size, has one: a correction takes the rest.
+# Largest distance of a magnet from the scaled table's: a correction removes the rest.
 NEAR_MM = 1.5
 SMALLEST_SCALE, LARGEST_SCALE = 0.5, 2.0
 

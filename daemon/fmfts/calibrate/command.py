@@ -100,8 +100,8 @@ def make_array_response(source: Path, target: Path, job: ArrayJob, start: Path |
 
 @dataclass(frozen=True, slots=True)
 class CorrectionJob:
-    """A pad with one magnet as `calibrate --correct` needs it. place_mm: deviation of the places of presses. scale: by
-    which all forces of the set may be off, relative."""
+    """A pad with one magnet as `calibrate --correct` needs it. place_mm: deviation of the places of presses. scale:
+    common relative error of all forces of the set."""
 
     mounted: MountedPad
     start: StartingModel
@@ -128,7 +128,8 @@ def make_corrected_model(source: Path, target: Path, job: CorrectionJob, say: Sa
 
 
 def evaluate_array_model(source: Path, model: Path, job: ArrayJob, say: Say) -> ArrayEvaluation:
-    """What the model at `model` tells of the presses in `source`. DataError, ModelError as their readers raise them."""
+    """The answers of the model at `model` for the presses in `source`. DataError, ModelError as their readers raise
+    them."""
     loaded = ArrayModel.load(model, job.pad)
     data = read_array_set(source, job.pad, job.pad_size_mm, job.baseline, say)
     return evaluate_array(data, loaded, job.scene, job.rate_hz, job.noise_t)
@@ -144,7 +145,7 @@ def report_of(target: Path, example: str) -> Path:
 
 
 def _require_writable(target: Path) -> None:
-    """Raises OSError now rather than after minutes of training."""
+    """Raises OSError now, not after minutes of training."""
     if target.is_dir():
         raise IsADirectoryError(EISDIR, os.strerror(EISDIR), str(target))
     with NamedTemporaryFile(dir=target.parent):
@@ -160,7 +161,7 @@ def write_model(target: Path, content: bytes, report: Path, facts: dict[str, Any
 
 
 def replace_file(target: Path, content: bytes) -> None:
-    """Replaces the file in one step, because a running daemon may be reading it."""
+    """Replaces the file in one step, because a running daemon may read it."""
     new = target.with_name(f"{target.name}.new")
     new.write_bytes(content)
     new.replace(target)

@@ -1,6 +1,6 @@
 """Chooses the smallest correction of a known response that explains presses left out of its fit.
 
-A pad with several magnets and a pad with one are corrected in the same way. They differ in what a press is compared by:
+A pad with several magnets and a pad with one are corrected in the same way. They compare a press by different values:
 the field (array_fit.py) or the magnet's pose (pad_fit.py).
 """
 
@@ -23,10 +23,11 @@ from fmfts.pad import Array
 
 FOLDS = 5
 ITERATIONS, SETTLED, LONGEST_STEP = 8, 0.02, 1.0  # in deviations of the parameters
-WEIGHED = 2  # iterations after which C stays
-# A larger correction must lower what is left of the left-out presses' squares by so much, or by what the folds differ.
+WEIGHED = 2  # iterations after which C is constant
+# A larger correction must lower the mean square of left-out presses by this share, or by the differences between the
+# folds.
 WORTHWHILE = 0.02
-# A press that is so many deviations off has a wrong label, if the others agree so much better without it.
+# A press has a wrong label if it is this many deviations off and the others agree this much better without it.
 WRONG_LABEL, AGREE_BETTER = 8.0, 0.6
 
 
@@ -34,8 +35,8 @@ WRONG_LABEL, AGREE_BETTER = 8.0, 0.6
 class Predictions(ABC):
     """Predicts presses of one set.
 
-    levels: of the correction, from the smallest; labels_by: the one by which a wrong label is found. may_stay: whether
-    no correction at all may be chosen.
+    levels: of the correction, from the smallest; labels_by: the one that is used to find wrong labels. may_stay:
+    whether "no correction" may be chosen.
     """
 
     levels: ClassVar[tuple[str, ...]]
@@ -50,8 +51,8 @@ class Predictions(ABC):
         self, theta: Array, rows: Rows, error: float | None, free: NDArray[np.bool_] | None = None
     ) -> tuple[Array, Array, Array, Array | None]:
         """Residual (R, V) of rows, its slopes by the free parameters (R, V, U) and by place and force (R, V, 3); with
-        an error of the response, the lower triangles (R, V, V) of C: what noise, labels, the baseline and the response
-        itself may be off."""
+        an error of the response, the lower triangles (R, V, V) of C, the covariance through noise, labels, the baseline
+        and the response itself."""
 
     def only(self, rows: Rows) -> Self:
         """Of some of the presses."""
@@ -65,7 +66,8 @@ class Predictions(ABC):
         free = self.correction.free(level, self.data.has_shear)
         triangle = np.empty(0)
         for step_number in range(ITERATIONS):
-            # The errors of labels and baseline scale with the movement: C stays once that is about right.
+            # The errors of labels and baseline scale with the movement, so C is recomputed until the movement is about
+            # right.
             error = SHIPPED_ERROR if step_number < WEIGHED else None
             residual, slope, _, root = self.predicted(theta, rows, error, free)
             triangle = triangle if root is None else root
@@ -83,9 +85,10 @@ class Predictions(ABC):
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A step of the correction, and how well it predicts presses that are left out of its fit.
+    """A level of the correction, and its prediction of presses left out of its fit. left_out: mean square of a value,
+    in deviations. spread: difference between the folds.
 
-    left_out: mean square of a value, in deviations. spread: what the folds differ by. error (K, 3): of place and force.
+     error (K, 3): of place and force.
     """
 
     name: str
@@ -117,7 +120,7 @@ class Corrected:
 
 @dataclass(frozen=True, slots=True)
 class LeftOutFits:
-    """Of presses left out: theta of the fit that did not know them, for each fold, and its rows."""
+    """For left-out presses: theta of the fit without them, for each fold, and its rows."""
 
     folds: tuple[tuple[Array, Rows], ...]
     of_press: Array  # (K,) mean square of a value, in deviations
@@ -163,8 +166,8 @@ def _left_out(predictions: Predictions, level: str) -> tuple[Level, LeftOutFits]
 
 
 def _folds(press: Array) -> Iterator[Rows]:
-    """Rows to leave out; all presses of a place at once, for the others would tell what is there. Presses at fewer
-    places than folds are left out one by one."""
+    """Rows to leave out: all presses of a place at once, because the others there would give the answer. With fewer
+    places than folds, presses are left out one by one."""
     places, which = np.unique(press[:, :2], axis=0, return_inverse=True)
     if len(places) < FOLDS:
         places, which = press, np.arange(len(press))
@@ -174,7 +177,7 @@ def _folds(press: Array) -> Iterator[Rows]:
 
 
 def _chosen(levels: list[Level], first: int) -> int:
-    """The smallest from `first` on that is as good as the best, but for what is not worthwhile or by chance."""
+    """The smallest from `first` on that is as good as the best, apart from small or random differences."""
     best = min(levels, key=lambda level: level.left_out)
     allowed = best.left_out * (1.0 + WORTHWHILE) + best.spread
     return next(
@@ -183,8 +186,8 @@ def _chosen(levels: list[Level], first: int) -> int:
 
 
 def error_of_table(predictions: Predictions, left: LeftOutFits, whose: str) -> float:
-    """The response's own error, relative, by which presses that it does not know are as wrong as is said. DataError
-    where it is too large."""
+    """The response's own relative error, with which left-out presses have the stated deviations. DataError if it is too
+    large."""
 
     def mean_square(error: float) -> float:
         total, count = 0.0, 0

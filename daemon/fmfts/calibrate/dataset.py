@@ -18,10 +18,10 @@ from fmfts.pose import solve
 
 PAD_SIZE_MM = 40.0
 LARGEST_FORCE_N = 50.0
-# With fewer, the model of the standard pad is wrong, and the presses left out of the fit do not show it.
+# With fewer, the standard pad's model is wrong, and left-out presses do not show it.
 FEWEST_PRESSES, FEWEST_PLACES = 150, 8
-FEWEST_VALUES = 6  # the unknowns of the paper; the solver refuses what is too few for its own
-# Largest ratio between a measured field and the drawing's: remanence and place of the magnet explain less.
+FEWEST_VALUES = 6  # the paper's unknowns; the solver itself refuses too few values for its own
+# Largest ratio between a measured field and the drawing's: remanence and place of the magnet cause smaller ones.
 LARGEST_RATIO = 3.0
 # A wrong unit shows in the components that are strong at rest: a press changes them by half, a unit by ten or more.
 STRONG_SHARE, LEAST_UNIT_RATIO = 0.2, 8.0
@@ -115,7 +115,7 @@ def read_labelled(
 
 
 def mean_of_known(field: Array) -> Array:
-    """(N, 3) mean over rows (K, N, 3) of those that know each value; NaN where none does."""
+    """(N, 3) mean over the rows (K, N, 3) that have a value; NaN if none has."""
     known = np.isfinite(field)
     with np.errstate(invalid="ignore"):
         mean: Array = np.where(known, field, 0.0).sum(axis=0) / known.sum(axis=0)

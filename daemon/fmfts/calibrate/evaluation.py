@@ -64,7 +64,7 @@ def rows(press: Array, found: Array, deviation: Array | None = None) -> list[Row
 
 
 def firm_and_central(press: Array, found: Array) -> str:
-    """A sentence with the mean errors of what docs/limits.md gives figures of; "" where no press is of it."""
+    """A sentence with the mean errors in the region of docs/limits.md's figures; "" without a press there."""
     chosen = (np.hypot(press[:, 0], press[:, 1]) <= RELIABLE_MM) & (press[:, 2] >= LIGHT_N)
     if not chosen.any():
         return ""
@@ -102,7 +102,7 @@ def own_error(predict: Predict, samples: Samples, noisy: Samples, bins: ForceBin
 
     It is the error without noise (`samples`), or, where that is larger, the error of `noisy` samples beyond what the
     Jacobian predicts from their noise, in the bin of the answer: a network that was trained on noise answers the mean
-    of all presses that are possible, which is too little at the edge.
+    of all possible presses, which is too small at the edge.
     """
     found = predict(noisy.pose)
     from_noise = np.einsum("kim,kij,kjm->km", by_pose := _slope(predict, noisy.pose), noisy.covariance, by_pose)

@@ -15,7 +15,7 @@ from fmfts.calibrate.evaluate import Evaluation
 from fmfts.calibrate.evaluation import RELIABLE_MM
 from fmfts.pad import Array
 
-LONGEST_MM = 4.0  # of an arrow, on the axes of a pad of 40 mm
+LONGEST_MM = 4.0  # longest arrow, on the axes of a pad of 40 mm
 FACTORS = (1, 2, 5, 10, 20, 50)
 
 

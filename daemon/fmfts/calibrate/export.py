@@ -57,7 +57,7 @@ def export(network: ContactNetwork, facts: Facts, response: Response | None) -> 
 
 
 def packed_weights(network: ContactNetwork) -> str:
-    """What stands behind the model for network.c."""
+    """The weights that follow the model, for network.c."""
     return pack_weights(weights(_constants(network)))
 
 

@@ -91,7 +91,7 @@ def constants(
 
 
 def weights(constants: dict[str, NDArray[np.float32]]) -> NDArray[np.float32]:
-    """The constants from which the others follow, as network.h describes them."""
+    """The independent constants, as network.h describes them."""
     head = [*constants["w3"].shape, constants["softening"][0]]
     order = ("rest", "by_scale", "w1", "b1", "w2", "b2", "w3", "b3")
     return np.concatenate([np.array(head, dtype=np.float32), *(constants[name].ravel() for name in order)])

@@ -1,7 +1,7 @@
 """Corrects the contact model of a pad with one magnet by a few presses: the smallest correction that explains them.
 
-What is compared is the change of the magnet's pose: four sensors tell its five numbers well. C is what noise, the
-baseline, labels and the response itself may be off in it.
+It compares the change of the magnet's pose, whose five numbers four sensors determine well. C is the covariance through
+noise, the baseline, labels and the response itself.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from fmfts.contact.seal import hash_of, unsealed
 from fmfts.pad import Array, Pad
 
 FEWEST_PRESSES = 5
-# Deviations of the factors of each kind of movement, and of the width. A slab of another thickness is one of another
-# stiffness but for some percent of them (contact/tolerances.py), and few presses on one side would tell them wrongly.
+# Deviations of the factors of each kind of movement, and of the width. Thickness acts like stiffness, up to some
+# percent (contact/tolerances.py), and few presses on one side would give a wrong ratio of the factors.
 KIND, WIDTH = 0.05, 0.04
 LEAST_ERROR, LARGEST_ERROR = 0.01, 0.2
 SIDEWAYS, DOWN, TILT = [0, 1], [2], [3, 4]  # numbers of a change of pose
@@ -48,7 +48,7 @@ class _Poses(Predictions):
 
     levels = ("force", "shape", "places")
     labels_by = "shape"
-    # Presses are made to learn the scale of forces: it is corrected even where other errors are larger.
+    # The presses' purpose is the scale of forces: it is corrected even if other errors are larger.
     may_stay = False
 
     data: PoseSet
@@ -75,8 +75,8 @@ class _Poses(Predictions):
 
 
 def _errors(poses: _Poses, made: Corrected, whose: str) -> Array:
-    """(5,) the response's own errors, relative to the sizes of a movement, from presses that fits did not know: what
-    labels, noise and the baseline do not explain. DataError where the movement down is missed by too much."""
+    """(5,) the response's own errors, relative to the sizes of a movement, from left-out presses: the part that labels,
+    noise and the baseline do not explain. DataError if the error of the downward movement is too large."""
     more, size = np.zeros(CHANGE), np.zeros(CHANGE)
     for theta, rows in made.left.folds:
         residual, _, _, root = poses.predicted(theta, rows, 0.0)
@@ -106,15 +106,15 @@ class CorrectedModel:
 
 @dataclass(frozen=True, slots=True)
 class StartingModel:
-    """The model to correct. stiffness: of the pad by a weight, over the model's; 1 without one."""
+    """The model to correct. stiffness: of the pad by a known weight, over the model's; 1 without a weight."""
 
     model: ContactModel
     stiffness: float = 1.0
 
 
 def correct_model(data: PoseSet, whose: str, start: StartingModel, pad: Pad, scale: float, say: Say) -> CorrectedModel:
-    """The contact model of this pad. whose: names the set in errors. scale: by which all labels' forces may be off,
-    relative.
+    """The contact model of this pad. whose: names the set in errors. scale: common relative error of the labels'
+    forces.
 
     DataError where the presses are too few, a label is wrong, or no correction explains them.
     """
@@ -176,7 +176,7 @@ def _facts(made: Corrected, reshaped: Reshaped, found: Array, data: PoseSet) -> 
 
 
 def _as_table(response: Response, stiffness: float) -> ArrayResponse:
-    """The response to normal forces as a table of presses of one magnet, on silicone that is so much stiffer."""
+    """The response to normal forces as a table of presses of one magnet, on silicone that is stiffer by this factor."""
     scale_n = response.scale_n * stiffness
     powers = response.exponent[:, 0]
     terms = int(powers.max())

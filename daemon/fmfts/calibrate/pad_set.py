@@ -1,4 +1,4 @@
-"""Reads a few labelled presses of a pad with one magnet: how each one moved the magnet."""
+"""Reads a few labelled presses of a pad with one magnet, each with its displacement of the magnet."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from fmfts.pad import Array, Pad
 
 PLACES = OUTPUT_ORDER[:2]
 PLACE_MM = 0.5  # deviation of a place that a hand pressed beside a ruler
-READ_PLACE_MM = 1.0  # of one that the uncorrected model read
+READ_PLACE_MM = 1.0  # of a place by the uncorrected model
 # The change of pose (5,) from the change of the field (N, 3), and its covariance (5, 5); None if no pose explains it.
 PoseOf = Callable[[Array], tuple[Array, Array] | None]
-# The place (2,) in mm that the uncorrected model reads from a change of pose (5,) with its covariance (5, 5).
+# The place (2,) in mm by the uncorrected model from a change of pose (5,) with its covariance (5, 5).
 PlaceOf = Callable[[Array, Array], Array]
 
 
@@ -46,7 +46,7 @@ class MountedPad:
 
 
 def read_pose_set(path: Path, mounted: MountedPad, pad_size_mm: float, place_mm: float, say: Say) -> PoseSet:
-    """Read columns force_n, b1x_ut … and x_mm, y_mm; without places, the model's own reading of each is taken.
+    """Read columns force_n, b1x_ut … and x_mm, y_mm; without places, the model's own are used.
 
     The fields are as recorded, except in a table that `collect` wrote. place_mm: deviation of a place. Raises
     DataError, which names file, row and column.

@@ -1,4 +1,4 @@
-"""Labelled presses of one mounted pad, whatever they are compared by: its field (array_set.py) or pose (pad_set.py)."""
+"""Labelled presses of one mounted pad, to compare by field (array_set.py) or pose (pad_set.py)."""
 
 from __future__ import annotations
 

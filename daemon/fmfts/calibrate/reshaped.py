@@ -1,4 +1,4 @@
-"""The contact model of a pad whose silicone moves otherwise: the same network between linear maps.
+"""The contact model of a pad with other silicone: the same network between linear maps.
 
 A correction by factors (array_correction.py: "force", "shape" and "places") says that the pad moves under a press as
 another pad does under another press:
@@ -41,7 +41,7 @@ class Reshaped:
 
     @classmethod
     def of(cls, theta: Array, stiffness: float) -> Reshaped:
-        """theta: of a Correction of one magnet. stiffness: of what it corrects, over the model's."""
+        """theta: of a Correction of one magnet. stiffness: of the corrected pad, over the model's."""
         return cls(
             float(stiffness * np.exp(-theta[0])),
             np.exp(theta[1:4])[KINDS],
@@ -84,7 +84,7 @@ class Reshaped:
 
 
 def sizes_of(change: Array) -> Array:
-    """(K, 5) how large each number of a change of pose (K, 5) is, whatever its direction: sideways, down and tilt."""
+    """(K, 5) sizes of a change of pose (K, 5) without its direction: sideways, down and tilt."""
     size = np.abs(change)
     for pair in ([0, 1], [3, 4]):
         size[:, pair] = np.sqrt(np.mean(np.square(size[:, pair]), axis=1, keepdims=True))
@@ -92,8 +92,8 @@ def sizes_of(change: Array) -> Array:
 
 
 def error_of(response: Response, facts: Facts, solver: FrameSolver, error: Array, scale: float) -> ErrorTables:
-    """What a response's own errors (5,) make of answers, beside what the facts say of it: relative to `sizes_of`.
-    scale: by which all forces of the labels may be off, relative."""
+    """The errors of answers through a response's own errors (5,), relative to `sizes_of`, in addition to the facts.
+    scale: common relative error of the labels' forces."""
     bins = facts.own_error.force_n
     press = presses_in_bins(response, bins, JUDGED_IN_A_BIN, np.random.default_rng(5))
     change, slope = response.change_and_slope(press)

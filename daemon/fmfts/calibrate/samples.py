@@ -12,7 +12,7 @@ from fmfts.calibrate.tracked import FrameSolver, upright
 from fmfts.contact.response import Response, bound_of
 from fmfts.pad import Array
 
-# Largest force of training, relative to the calibrated one: so the estimate still rises where it must be "over range".
+# Largest force of training, relative to the calibrated one: the estimate must still rise in the range of "over range".
 BEYOND = 1.3
 UNLOADED = 0.05  # share of samples without force, from which the model learns the rest pose
 

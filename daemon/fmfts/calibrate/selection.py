@@ -28,7 +28,7 @@ WORTH_THE_TIME = 0.02
 @dataclass(frozen=True, slots=True)
 class Candidate:
     """score (folds,): rms of `error_in_bounds` for left-out presses with the noise of one frame. parameters: number of
-    learnt numbers."""
+    weights."""
 
     name: str
     hidden: int | None

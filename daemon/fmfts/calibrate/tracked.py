@@ -100,7 +100,7 @@ class FrameSolver:
         return self._tracked(batch)
 
     def solved_if_possible(self, field_t: Array, bound_t: Array) -> Array:
-        """(K, 6) poses as `solved`; NaN where the values of a row tell none."""
+        """(K, 6) poses as `solved`; NaN if a row's values do not determine one."""
         batch = self._within(field_t, bound_t)
         solved = batch.summary[:, STATUS] == 0
         pose: Array = np.where(solved[:, None], self._tracked(batch).pose, np.nan)
@@ -115,7 +115,7 @@ class FrameSolver:
         return self._solved(np.where(inside, bound_t, field_t))
 
     def _predicted(self, state: Array) -> Array:
-        """(K, N, 3): what the sensors would read in the states (K, columns)."""
+        """(K, N, 3): the predicted fields in the states (K, columns)."""
         sensors, magnet = self._geometry.sensors, magnet_rows(self._geometry.magnet)
         rows = measurement_rows(np.zeros((len(sensors), 3)), sensors, self.noise_t)
         each = [predict(rows, magnet, State.from_vector(one))[0] for one in state]

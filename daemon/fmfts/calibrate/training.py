@@ -48,7 +48,7 @@ COMPARING, TRAINED = 0.6, 0.9  # shares of the time
 PRESSES, HELD_OUT, NOISY_COPIES = 20000, 12000, 4
 JUDGED_IN_A_BIN = 1500  # samples in each bin of force
 # Beyond SHEAR_REACH_MM a sheared press has the pose of another press without shear, so shear is not estimated there.
-# Training goes a little farther, so that the model recognises presses beyond the reach.
+# Training extends a little farther, so that the model recognises presses beyond it.
 SHEAR_REACH_MM, SHEAR_TRAINED_MM = 8.0, 10.5
 RULE = (
     f"chosen: the smallest network within {WORTH_THE_TIME:.0%} of the best one, or within what the folds differ by;\n"

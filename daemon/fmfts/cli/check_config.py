@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _why_keys_are_closed(config: Config) -> str:
-    """Why this user may not read the daemon's keys; "" where they are good. Raises VerbError for other faults."""
+    """Why this user cannot read the daemon's keys; "" if they are good. Raises VerbError for other faults."""
     from fmfts.bus.client_list import ClosedKeysError, KeysError
     from fmfts.bus.keys import KeyFolder
 

@@ -57,7 +57,7 @@ def correct(options: argparse.Namespace, pad: PadConfig, noise_t: float) -> int:
 
 
 def starting_model(pad: PadConfig, baseline: Baseline) -> StartingModel:
-    """The configured contact model, on the silicone that a weight told of this pad. Raises ModelError."""
+    """The configured contact model, with the stiffness by a known weight. Raises ModelError."""
     from fmfts.calibrate.pad_fit import StartingModel
     from fmfts.pipeline.configured import load_contact_model
 

@@ -136,7 +136,7 @@ def _shown(config: Path, folder: Path, seconds: float | None) -> int:
 def set_up_pads(config: Path, environ: Mapping[str, str]) -> None:
     """Store baselines of the simulated pads after self-test, bare, rest and turn, and say so.
 
-    environ: of the daemon that will use them. Says nothing of a file that is wrong, because the daemon does.
+    environ: of the daemon that will use them. Does not report a wrong file, because the daemon does.
     """
     from fmfts.baseline.files import store
     from fmfts.config import SimulatedSource, neighbours_of
@@ -161,7 +161,7 @@ def set_up_pads(config: Path, environ: Mapping[str, str]) -> None:
 
 
 def command_beside(base: str) -> str:
-    """What begins a line of a shell for a verb that asks the daemon at `base`."""
+    """The beginning of a shell's line for a verb that uses the daemon at `base`."""
     from fmfts_client.endpoints import OVERRIDE
 
     program = "fmfts-daemon"
@@ -172,7 +172,7 @@ def command_beside(base: str) -> str:
 
 
 def _config(options: argparse.Namespace, folder: Path) -> Path:
-    """The configuration of the standard pad that was asked for."""
+    """The requested standard pad's configuration."""
     from fmfts.config.example import ARRAY_PATH, EXAMPLE_PATH
 
     if options.pad == "standard":

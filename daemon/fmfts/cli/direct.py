@@ -37,7 +37,7 @@ class AbsentError(Exception):
     """Neither a daemon nor the device answers."""
 
 
-# What the functions here raise; common/exit_codes.py says with which exit code each ends.
+# Errors of the functions here; common/exit_codes.py has their exit codes.
 ERRORS = AbsentError, BaselineError, BusError, ControlError, EndpointError, SourceError, StateError
 
 
@@ -123,8 +123,8 @@ def record_baseline(
 
 
 def learn_baseline(pad: PadConfig, pads: Sequence[PadConfig], base: str | None, **options: Any) -> dict[str, Any]:
-    """The same, of presses that teach a geometry. AbsentError where a daemon serves: such work would take the time in
-    which it must read frames."""
+    """The same for presses that determine a geometry. AbsentError if a daemon serves: such work would take its time for
+    frames."""
     from fmfts.learn.make import FromPresses
 
     endpoints = for_client(named_base(base))
@@ -164,7 +164,7 @@ def run_selftest(pad: PadConfig, pads: Sequence[PadConfig]) -> dict[str, Any]:
 def probe_running(base: str | None) -> dict[str, Any] | None:
     """Facts about every device, as the daemon on the endpoint `base` sees them; None where none runs.
 
-    A board may be silent for a moment, where the computer is busy: it gets as long as `probe` gives one.
+    On a busy computer a board may be silent for a moment: it gets as much time as in `probe`.
     """
     until = time.monotonic() + PATIENCE_S
     while True:
@@ -178,7 +178,7 @@ def probe(config: Config) -> dict[str, Any]:
     """Facts about every device of the configuration, as each reports them."""
     sources = open_sources(config.pad)
     missing: dict[str, dict[int, str]] = {}  # by pad, of its last frame
-    whole: set[str] = set()  # pads whose last frame had all sensors, none of them said to be at fault
+    whole: set[str] = set()  # pads whose last frame had all sensors, without a reported fault
     until = time.monotonic() + PATIENCE_S
     try:
         while time.monotonic() < until and len(whole) < len(config.pad):
@@ -206,7 +206,7 @@ def probe(config: Config) -> dict[str, Any]:
 
 
 def _on_the_buses(unsound: Sequence[PadConfig]) -> dict[str, dict[str, Any]]:
-    """What is really on the I2C buses of pads that are not sound. Their devices must be closed."""
+    """The chips on the I2C buses of faulty pads. Their devices must be closed."""
     from fmfts.sensor.i2c.scan import scanned
 
     facts = {}

@@ -1,4 +1,4 @@
-"""What other packages add to `fmfts-daemon`; where one is not installed, its verb says how to install it."""
+"""The parts of other packages in `fmfts-daemon`; the verb of a missing package says how to install it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ VERBS = "fmfts.verbs"  # entry points: functions that take an AddVerb
 VIEWS = "fmfts.views"  # functions that `view` calls, by their package's extra
 LAYOUTS = "fmfts.layouts"  # paths, by the program that reads them
 CONFIGURATIONS = "fmfts.configurations"  # by the name of the table that it reads: a subclass of Config
-CALIBRATIONS = "fmfts.calibrations"  # modules with what Calibration names, by their package's extra
+CALIBRATIONS = "fmfts.calibrations"  # modules like Calibration, by their package's extra
 PACKAGES = ("fmfts_lab", "fmfts_collect", "fmfts_fleet", "fmfts_foxglove", "fmfts_skin")
 # Each verb's line of help, and its package: the laboratory, or an extra of this one.
 OF_VERB = {
@@ -66,7 +66,7 @@ def not_installed(what: str, package: str) -> VerbError:
 
 
 def view(package: str, what: str) -> Callable[..., Any]:
-    """What an extra adds to the verb `view`, which `what` names. Raises VerbError where it is not installed."""
+    """An extra's function for the verb `view`, named by `what`. Raises VerbError if it is not installed."""
     viewing: Callable[..., Any] = _required(VIEWS, package, what)
     return viewing
 

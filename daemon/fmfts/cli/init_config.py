@@ -171,7 +171,8 @@ def _lines_for(chip: Chip, *, over_bridge: bool, most_hz: int = 1000) -> list[st
 
 
 def _chip_of(identifications: Sequence[str]) -> Chip:
-    """The kind that most of a board's sensors are, the usual one where none says. identifications: as in `status`."""
+    """The most frequent kind of a board's sensors; the usual one if none identifies itself. identifications: as in
+    `status`."""
     from fmfts.sensor.chips import DEFAULT_CHIP
     from fmfts.sensor.chips.recognised import kind_of
 
@@ -189,7 +190,7 @@ def _with_value(line: str, values: Mapping[str, str]) -> str:
 
 
 def _asked(source: Any) -> tuple[dict[str, Any], str]:
-    """What the source says of itself, and why it does not, or what is wrong."""
+    """The source's own facts, and why there are none, or its fault."""
     from fmfts.config import PadConfig
     from fmfts.sensor import SourceError
     from fmfts.sensor.tasks import PATIENCE_S

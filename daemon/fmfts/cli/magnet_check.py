@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def judged_pad(pad: PadConfig, readings: Readings, pole: int) -> Verdict:
-    """pole: +1 where the north pole points up, −1 where down, 0 where nobody knows. Raises TooLittleError."""
+    """pole: +1 if the north pole points up, −1 if down, 0 if unknown. Raises TooLittleError."""
     from fmfts.config import GeometryConfig
     from fmfts.config.layouts import BoardName
     from fmfts.magnet_check import Board, instructed_hand, judged, judged_by_name
@@ -91,7 +91,7 @@ def _require_hand(pad: PadConfig) -> None:
 
 
 class _Terminal:
-    """Shows one line that changes, or, where nobody looks, each new kind of hint once. Notices Enter."""
+    """Shows one changing line on a terminal, else each new kind of hint once. Detects Enter."""
 
     def __init__(self) -> None:
         self._is_terminal = sys.stderr.isatty()
@@ -185,7 +185,7 @@ def _tell(verdict: Verdict, pad: PadConfig, options: argparse.Namespace) -> None
 
 
 def offer(verdict: Verdict, pad: PadConfig, path: Path, options: argparse.Namespace) -> None:
-    """Writes the geometry into the file if that was asked for; else says what to write, or why that cannot be."""
+    """Writes the geometry into the file with --write; else says what to write, or why it cannot."""
     from fmfts.config.rewriting import RewritingError, rewrite, with_geometry
     from fmfts.magnet_check.geometry import NotWritableError, keys_of
 

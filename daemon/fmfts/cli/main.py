@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _handled(options)
     except VerbError as failure:
         for handler in logging.getLogger().handlers:
-            handler.flush()  # a thread writes the log, and whoever reads its last line looks for why this ended
+            handler.flush()  # a thread writes the log, whose last line must say why this ended
         print(f"{command}: {failure}", file=sys.stderr)
         return failure.code
     except KeyboardInterrupt:
@@ -141,10 +141,10 @@ def _no_such_verb(word: str, verbs: Sequence[str]) -> str:
 
 
 class _Verb(argparse.ArgumentParser):
-    """Names the option that a mistyped one probably means, before argparse misses what is required."""
+    """Names the probably intended option for a mistyped one, before argparse reports a missing one."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        # Some verbs hand the rest of the line on: those words are not theirs.
+        # Some verbs pass the rest of the line on: those words are not their options.
         if not any(action.nargs in (argparse.PARSER, argparse.REMAINDER) for action in self._actions):
             for word in takewhile(lambda word: word != "--", args or ()):
                 if word.startswith("--"):

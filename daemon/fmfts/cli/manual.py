@@ -144,7 +144,7 @@ def _is_verbs(action: argparse.Action) -> bool:
 
 
 def _roff(text: str) -> str:
-    """Text in which nothing is a request of troff."""
+    """Text without troff requests."""
     escaped = text.replace("\\", "\\e").replace("-", "\\-")
     return f"\\&{escaped}" if escaped.startswith((".", "'")) else escaped
 

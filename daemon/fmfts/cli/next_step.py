@@ -1,4 +1,4 @@
-"""Says what comes next on the way from a new pad to contacts: probe, selftest, baseline --bare, --rest, run, listen."""
+"""Names the next step from a new pad to contacts: probe, selftest, baseline --bare, --rest, run, listen."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def after_selftest(facts: Mapping[str, Any], config: str, pad: str) -> str:
 
 
 def after_baseline(facts: Mapping[str, Any], config: str, pad: str, *, is_running: bool) -> str:
-    """is_running: a daemon recorded it, and uses it already."""
+    """is_running: a daemon recorded it, and already uses it."""
     kind = facts.get("kind")
     if kind == "bare":
         return f"mount the pad, then `fmfts-daemon baseline --rest{config}{pad}` while nothing touches it"

@@ -54,7 +54,7 @@ def page_beside(folder: Path, base: str, *options: str) -> Iterator[Callable[[],
 
 
 def _free_port() -> int:
-    """The usual port, so that an open tab finds the next demo; any other where another program has it."""
+    """The usual port, so that an open tab finds the next demo; another one if it is taken."""
     with socket.socket() as attempt:
         attempt.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

@@ -1,4 +1,4 @@
-"""`fmfts-daemon report`: writes one file with all that others need to find out what is wrong with a pad."""
+"""`fmfts-daemon report`: writes one file with all that others need to diagnose a pad."""
 
 from __future__ import annotations
 

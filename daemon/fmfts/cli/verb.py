@@ -47,7 +47,7 @@ def seconds(text: str) -> float:
 
 
 def with_json(parser: argparse.ArgumentParser) -> None:
-    """For verbs that tell facts."""
+    """Options of verbs that print facts."""
     parser.add_argument("--json", action="store_true", help="print facts as JSON")
 
 
@@ -88,7 +88,7 @@ def refuse_options(options: argparse.Namespace, names: Sequence[str], why: str) 
 
 
 def say(line: str) -> None:
-    """Tell a person how the work goes, beside the output."""
+    """Report progress to a person, beside the output."""
     print(line, file=sys.stderr)
 
 
@@ -125,7 +125,7 @@ def configuration_as(kind: type[Kind], options: argparse.Namespace) -> tuple[Kin
 
 
 def configuration_if_any(options: argparse.Namespace) -> Config | None:
-    """The same; None where no file is named and none is where it is looked for. Raises VerbError."""
+    """The same; None if no file is given and none exists in the default places. Raises VerbError."""
     from fmfts.config.file import is_there_any
 
     return configuration(options) if options.config is not None or is_there_any() else None
@@ -149,7 +149,7 @@ def pad_named(config: Config, name: str | None) -> PadConfig:
 
 
 def configured_pad(options: argparse.Namespace, several: bool = False) -> PadConfig:
-    """The pad that `--config` and `--pad` name, with one magnet, or with several where the verb can do such a pad.
+    """The pad that `--config` and `--pad` name, with one magnet, or with several if the verb supports that.
 
     Raises VerbError.
     """
@@ -165,7 +165,7 @@ def configured_pad(options: argparse.Namespace, several: bool = False) -> PadCon
 
 
 def require_known_magnets(pad: PadConfig) -> None:
-    """Raise VerbError for a pad whose magnets nobody knows."""
+    """Raise VerbError for a pad with unknown magnets."""
     if not pad.are_magnets_known:
         raise VerbError(
             exit_codes.CONFIG,

@@ -1,4 +1,4 @@
-"""`fmfts-daemon weigh`: a known weight on the pad tells how stiff its silicone is."""
+"""`fmfts-daemon weigh`: a known weight on the pad measures the stiffness of its silicone."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ __all__ = [
 STANDARD_SENSORS_MM: tuple[Vector, ...] = ((8, 8, 0), (8, -8, 0), (-8, 8, 0), (-8, -8, 0))
 # Magnets in mm: thinner ones are not made (a smaller number was meant in metres), thicker ones fit no fingertip.
 MagnetSize = Annotated[float, Meta(ge=0.2, le=50.0)]
-# Wider ones touch more than the table of presses knows.
+# Wider ones exceed the table of presses.
 FingerSize = Annotated[float, Meta(ge=0.0, le=30.0)]
 
 
@@ -123,7 +123,8 @@ class MagnetConfig(_Section, frozen=True):
 
 
 class ToleranceConfig(_Section, frozen=True):
-    """Standard deviations of a pad's building errors: the priors of the baseline's estimate, and what it cannot tell.
+    """Standard deviations of a pad's building errors: the priors of the baseline's estimate, and uncertainties that it
+    does not reduce.
 
     modulus, thickness_mm: None where a file has none: usual ones of a shipped contact model, 0 of one that was
     calibrated on the pad.
@@ -172,7 +173,7 @@ class SceneConfig(_Section, frozen=True):
 
     @property
     def solved(self) -> Literal["constant", "drifting"]:
-        """What a frame solves the ambient field as: what a posture does to it is known, or widens the deviations."""
+        """The frame's model of the ambient field: a posture's effect is known, or widens the deviations."""
         return "constant" if self.ambient == "constant" else "drifting"
 
 
@@ -233,16 +234,16 @@ class PadConfig(_Section, frozen=True, kw_only=True):
 
     @property
     def model_kind(self) -> ModelKind | None:
-        """The kind of contact model that another package reads; None: a model of this package."""
+        """The kind of a contact model of another package; None: a model of this package."""
         return None if self.other_magnets else kind_of(self.contact.model)
 
     @property
     def are_magnets_known(self) -> bool:
-        """Else its contact model is of another package, and goes without their poses."""
+        """If not, another package's contact model works without their poses."""
         return self.model_kind is None
 
     def structure_tolerance(self, model: str | None = None) -> StructureTolerance:
-        """What silicone and finger leave open of the contacts of a model, in SI; None: of the configured one."""
+        """The uncertainty of a model's contacts through silicone and finger, in SI; None: of the configured one."""
         is_shipped = (self.contact.model if model is None else model) in SHIPPED_PATHS
         usual = (MODULUS, THICKNESS_M * 1e3) if is_shipped else (0.0, 0.0)
         said = (self.tolerance.modulus, self.tolerance.thickness_mm)
@@ -274,7 +275,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
 
 
 class Config(_Section, frozen=True):
-    """removed: keys that a file may still have, and what holds without them."""
+    """removed: keys that a file may still have, and their replacements."""
 
     removed: ClassVar[Mapping[str, str]] = {}
     pad: tuple[PadConfig, ...]
@@ -283,7 +284,7 @@ class Config(_Section, frozen=True):
     collect: dict[str, Any] = field(default_factory=dict)  # of the package fmfts-collect, which reads and checks it
 
     def problems_of_extras(self) -> Iterator[Problem]:
-        """What is wrong in the tables of other packages, beyond their types; a package's own configuration tells it."""
+        """Errors in the tables of other packages, beyond their types; a package's own configuration finds them."""
         return iter(())
 
 

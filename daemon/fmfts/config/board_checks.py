@@ -1,4 +1,4 @@
-"""What is wrong with the configuration of pads on a board: how many sensors its firmware reads."""
+"""Errors in the configuration of pads on a board: more sensors than its firmware reads."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fmfts.sensor.wire.packets import ALL_BOARD_SENSORS, BOARD_SENSORS, FOUND_SE
 
 
 def of_pad(sensors: int) -> Iterator[Problem]:
-    """A pad with so many sensors."""
+    """A pad with this many sensors."""
     if sensors > BOARD_SENSORS:
         yield (
             ("geometry", "sensors_mm"),
@@ -21,7 +21,7 @@ def of_pad(sensors: int) -> Iterator[Problem]:
 
 
 def of_boards(pads: Sequence[PadConfig]) -> Iterator[Problem]:
-    """What the pads of one board ask of it together. A pad before them that is not configured is there all the same."""
+    """The total load of the pads of one board, including unconfigured pads before them."""
     on: dict[str, dict[int, int]] = {}  # board → sensors of each pad by its index
     for number, pad in enumerate(pads):
         source = pad.source

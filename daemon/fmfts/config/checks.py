@@ -239,7 +239,7 @@ def _kind_of_model(pad: PadConfig) -> Iterator[Problem]:
 def other_silicone(pad: PadConfig) -> str | None:
     """A warning where a shipped model is used with another simulated slab than it was made for, else None.
 
-    A model's file does not tell the mechanics that it was made for.
+    A model's file does not contain the mechanics that it was made for.
     """
     source = pad.source
     if isinstance(source, SimulatedSource) and source.mechanics != "standard" and pad.contact.model in SHIPPED_PATHS:

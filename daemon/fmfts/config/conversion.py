@@ -1,6 +1,6 @@
-"""From the file's tables to a configuration, with all that is wrong about them at once.
+"""From the file's tables to a configuration, with all their errors at once. msgspec stops at the first error.
 
-msgspec stops at the first error. Here each wrong key is told, mended in a copy, and the copy is read again.
+Here each wrong key is reported, mended in a copy, and the copy is read again.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from fmfts.config import Config
 from fmfts.config.section import Key
 from fmfts.config.wording import explain, keys_in, numbers, place, type_at, value_at
 
-MOST = 50  # errors that are told
+MOST = 50  # most errors that are reported
 Kind = TypeVar("Kind", bound=Config)
 
 
 @dataclass(frozen=True, slots=True)
 class Converted(Generic[Kind]):
-    """config: None if nothing can be made of the file. wrong: sentences. mended: paths to values that are not its."""
+    """config: None if the file is unusable. wrong: sentences. mended: paths to replaced values."""
 
     config: Kind | None
     wrong: tuple[str, ...]
     mended: tuple[tuple[Key, ...], ...]
 
     def is_mended(self, keys: Sequence[Key]) -> bool:
-        """Is this a path to a value that is not the file's, or within or around one?"""
+        """Is this a path to a replaced value, or within or around one?"""
         return any(tuple(keys[: len(path)]) == path or path[: len(keys)] == tuple(keys) for path in self.mended)
 
 
@@ -54,7 +54,7 @@ def convert(data: dict[str, Any], kind: type[Kind]) -> Converted[Kind]:
             missing = re.search(r"missing required field `([^`]*)`", text)
             named = missing or re.search(r"unknown field `([^`]*)`", text)
             path = (*keys, named[1]) if named else keys
-            # Which keys a table has depends on its type: of a type that is not the file's nobody asked for them.
+            # A table's keys depend on its type: those of a replaced type were not in the file.
             if not (missing and path in mended) and not (named and (*keys, "type") in mended):
                 wrong.append(explain(data, text, left, kind))
             if not (_fill(left, path, kind) if missing else path):
@@ -64,7 +64,7 @@ def convert(data: dict[str, Any], kind: type[Kind]) -> Converted[Kind]:
 
 
 def _mend(data: dict[str, Any], keys: Sequence[Key]) -> tuple[Key, ...]:
-    """Take away the value, or the whole list around it: a list of another length would be wrong, too."""
+    """Remove the value, or the whole list around it: a list of another length would also be wrong."""
     path = list(keys)
     while path and not (isinstance(path[-1], str) and isinstance(value_at(data, path[:-1]), dict)):
         path.pop()
@@ -74,7 +74,7 @@ def _mend(data: dict[str, Any], keys: Sequence[Key]) -> tuple[Key, ...]:
 
 
 def _fill(data: dict[str, Any], keys: Sequence[Key], whole: type[Config]) -> bool:
-    """Put something allowed where a required key is missing. False if nothing is known that would be."""
+    """Insert an allowed value for a missing required key. False if none is known."""
     table, name = value_at(data, keys[:-1]), str(keys[-1])
     if not isinstance(table, dict) or name in table:
         return False
@@ -95,7 +95,7 @@ def _fill(data: dict[str, Any], keys: Sequence[Key], whole: type[Config]) -> boo
 
 
 def _likely_type(union: inspect.Type, table: dict[str, Any]) -> str:
-    """Of the types that a table may have, the one with the most of its keys; among those the one that needs least."""
+    """Among the table's possible types, the one with most of its keys, then with the fewest required keys."""
     assert isinstance(union, inspect.UnionType)
 
     def likelihood(kind: inspect.StructType) -> tuple[int, int]:

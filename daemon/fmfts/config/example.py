@@ -39,7 +39,7 @@ ROUGH = {
 def written_for(pads: Sequence[FoundPad], where: str, is_sketch: bool = False) -> str:
     """The text of a configuration for these pads; where: says where they were found. Comments are the example's.
 
-    is_sketch: nobody measured the geometry.
+    is_sketch: the geometry was not measured.
     """
     text = EXAMPLE_PATH.read_text(encoding="utf-8")
     general, rest = text.split(FIRST_PAD, 1)
@@ -70,7 +70,7 @@ def _rough_line(key: str) -> str | None:
 
 
 def unusual(pad: FoundPad) -> str | None:
-    """What to look at where a pad has not the four chips of a standard one, or may be half of one; else None."""
+    """A hint if a pad has not the standard four chips, or may be half of one; else None."""
     if pad.other_half:
         return (
             f"{pad.other_half} and {pad.name} are behind one mux. Where their eight sensors are one pad "
@@ -97,7 +97,7 @@ def shared_lines() -> list[str]:
     lines: list[str] = []
     is_shared = False
     for line in text[: text.index(GEOMETRY)].splitlines():
-        if not line.startswith(" "):  # else the comment of the line before goes on
+        if not line.startswith(" "):  # else it continues the comment of the line before
             is_shared = line.partition(" = ")[0] in SHARED_KEYS
         if is_shared:
             lines.append(line)
@@ -110,7 +110,7 @@ def _pad(pad: FoundPad, sections: str) -> str:
 
 
 def _with_sensors(sections: str, count: int) -> str:
-    """Of another number of sensors than the example's four the places are not known: `check-config` asks for them."""
+    """For another number of sensors than the example's four the places are unknown: `check-config` demands them."""
     if count == 4:
         return sections
     lines = sections.splitlines()

@@ -22,7 +22,7 @@ from fmfts.contact.shipped import SHIPPED_PATHS
 ENVIRONMENT = "FMFTS_CONFIG"
 OTHER_MAGNET = re.compile(r"other_magnets, value (\d+)")
 MOST_PADS = 256
-CURLY = "\u201c\u201d\u201e\u2018\u2019"  # what a word processor puts in the place of " and '
+CURLY = "\u201c\u201d\u201e\u2018\u2019"  # a word processor's replacements of " and '
 DEFAULT_PATHS = (Path("/etc/fmfts/config.toml"), Path("config.toml"), Path("pad.toml"))
 
 
@@ -76,7 +76,7 @@ def _first_magnet_apart(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def is_there_any(environ: Mapping[str, str] = os.environ) -> bool:
-    """Whether a configuration is found where no file is named."""
+    """Whether a configuration exists in the default places."""
     return bool(environ.get(ENVIRONMENT)) or any(candidate.exists() for candidate in DEFAULT_PATHS)
 
 
@@ -89,7 +89,7 @@ def _told(file: Path, wrong: Sequence[str]) -> str:
 
 
 def find(path: Path | None, environ: Mapping[str, str] = os.environ) -> Path:
-    """The file that `load` reads. Raises ConfigError where none is named, and none is in DEFAULT_PATHS."""
+    """The file that `load` reads. Raises ConfigError if none is given, and none is in DEFAULT_PATHS."""
     if path is not None:
         return path
     if environ.get(ENVIRONMENT):
@@ -128,7 +128,7 @@ def _line_shown(text: str, error: str) -> str:
 
 
 def _slip(line: str) -> str:
-    """What was probably meant by a line that is not TOML."""
+    """The probable intention of a line that is not TOML."""
     value = line.partition("=")[2].strip()
     if value.strip(CURLY) != value:
         return f'; quotes are straight: "{value.strip(CURLY)}"'

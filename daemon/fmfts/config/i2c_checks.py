@@ -1,4 +1,4 @@
-"""What is wrong with the configuration of pads on an I2C bus: ways to the chips, and what a bus can carry."""
+"""Errors in the configuration of pads on an I2C bus: paths to the chips, and the load of the bus."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _ways(source: I2cSource, addresses: Sequence[int]) -> Iterator[Problem]:
 
 
 def rates_carried(pads: Sequence[PadConfig], source: I2cSource) -> str:
-    """What rate the bus of one of these pads carries at usual clocks, with all pads that are on it."""
+    """The rate of the bus of one of these pads at usual clocks, with all pads on it."""
     load = BusLoad.of(
         (len(pad.geometry.sensors_mm), pad.source.sensor_muxes)
         for pad in pads
@@ -94,7 +94,7 @@ def rates_carried(pads: Sequence[PadConfig], source: I2cSource) -> str:
 
 
 def of_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:
-    """What pads that share a bus ask of it together."""
+    """The total load of the pads on a bus."""
     on: dict[int, list[tuple[int, Sequence[int]]]] = {}  # bus → sensors of each pad, and the mux of each sensor
     clock_hz: dict[int, int] = {}
     for number, pad in enumerate(pads):

@@ -2,7 +2,7 @@
 
 Places, turns and address pins: the layout 5X_ReSkin.Zip of raunaqbhirangi/reskin_sensor (pick-and-place and Gerber
 files); AnySkin's board looks the same. Orders: the addresses in both firmwares (5X_binary_burst_stream).
-docs/anyskin.md says what confirms them, and what does not.
+docs/anyskin.md has what is confirmed, and what is not.
 
 Pad axes: z out of the face with the chips, the connector at −y. Of `…_back` z is out of the other face, and the
 connector is at −y, too.

@@ -14,7 +14,7 @@ from fmfts.contact.plugged import PluggedModel
 if TYPE_CHECKING:
     from fmfts.config import PadConfig
 
-MODELS = "fmfts.contact_models"  # entry points: objects with what ModelKind names, by the suffix without its point
+MODELS = "fmfts.contact_models"  # entry points: objects like ModelKind, by the suffix without its point
 # The extra that reads such files, where no package here does.
 OF_SUFFIX = {".response": "skin", ".force": "skin"}
 
@@ -23,10 +23,10 @@ class ModelKind(Protocol):
     """How another package judges a pad's configuration, reads its contact model, and makes its pipeline."""
 
     def problems(self, pad: PadConfig) -> Iterator[Problem]:
-        """What such a pad cannot do."""
+        """Configured functions that such a pad lacks."""
 
     def load(self, path: Path, sensors: int) -> PluggedModel:
-        """ModelError if it cannot serve a pad of so many sensors."""
+        """ModelError if it cannot serve a pad with this many sensors."""
 
     def pipeline(self, config: PadConfig, model: Any, boot: str) -> Any:
         """A PluggedPipeline (pipeline/plugged.py), still without a baseline."""
@@ -44,6 +44,6 @@ def _added(suffix: str) -> ModelKind | None:
 
 
 def lacking(model: str) -> str | None:
-    """What to install for such a file, as the rest of a sentence about it; None: it needs no other package."""
+    """The package to install for such a file, as the end of a sentence; None: it needs no other package."""
     extra = OF_SUFFIX.get(Path(model).suffix)
     return None if extra is None or kind_of(model) is not None else how_to_install(extra)

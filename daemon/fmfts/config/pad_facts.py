@@ -1,4 +1,4 @@
-"""Facts of a configured pad for whoever draws it: places of its sensors, its magnet, and where it sits."""
+"""Facts of a configured pad for drawing it: places of its sensors, its magnet, and its placement."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fmfts.config import PadConfig
 
 
 def pad_facts(config: PadConfig) -> dict[str, Any]:
-    """What the configuration says of a pad's shape, in SI; the unit is in each key."""
+    """A pad's configured shape, in SI; the unit is in each key."""
     pad, placement = config.pad(), config.placement.si()
     several = {"rest_positions_m": [one.rest_position_m.tolist() for one in pad.magnets]} if pad.other_magnets else {}
     return several | {

@@ -20,7 +20,7 @@ GEOMETRY = re.compile(r"^\s*\[\s*pad\s*\.\s*geometry\s*\]")
 
 
 class RewritingError(Exception):
-    """The file is left as it was; the text says why, and what to write by hand."""
+    """The file is unchanged; the text says why, and what to write by hand."""
 
 
 def with_geometry(text: str, pad: str, values: Mapping[str, str]) -> str:
@@ -104,7 +104,7 @@ def _with_value(table: list[str], key: str, value: str | None) -> list[str]:
     at = next((number for number, line in enumerate(table) if re.match(rf"\s*{key}\s*=", line)), None)
     if at is None:
         return table if value is None else [f"{key} = {value}", *table]
-    # A list may go on for several lines.
+    # A list may continue on several lines.
     last = next(
         (last for last in range(at, len(table)) if _read("\n".join(table[at : last + 1])) is not None), len(table) - 1
     )

@@ -1,4 +1,4 @@
-"""What is wrong with the configuration of a pad with several magnets, besides what is checked of every pad."""
+"""Errors in the configuration of a pad with several magnets, besides those of every pad."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fmfts.contact.no_model import NO_MODEL
 from fmfts.pose.observable import are_observable, needed_sensors
 
 FEWEST_SENSORS = 5
-MAGNETS_APART_MM = 5.0  # nearer ones would be in each other's rubber
+MAGNETS_APART_MM = 5.0  # nearer ones would overlap
 # Keys that a pad with one magnet has, and this one would leave unread: by section and name, what to do instead.
 UNREAD = {
     ("contact", "refine"): "fingers are already the most likely ones: leave it out",
@@ -21,7 +21,7 @@ UNREAD = {
 
 
 def several_problems(pad: PadConfig) -> Iterator[Problem]:
-    """What a pad with several magnets cannot do yet, and what only such a pad can."""
+    """Functions that a pad with several magnets lacks, and those that only such a pad has."""
     source, places = pad.source, [one.rest_mm for one in (pad.magnet, *pad.other_magnets)]
     if not pad.other_magnets:
         if isinstance(source, SimulatedSource) and source.fingers == 2:
@@ -54,7 +54,7 @@ def several_problems(pad: PadConfig) -> Iterator[Problem]:
 
 
 def unread_keys(pad: PadConfig, unread: Mapping[tuple[str, str], str]) -> Iterator[Problem]:
-    """Keys that differ from what holds without them, and would change nothing. unread: what to do, by their names."""
+    """Keys with another value than the default that would have no effect. unread: what to do, by their names."""
     for (section, key), text in unread.items():
         own = getattr(pad, section)
         if getattr(own, key) != getattr(type(own)(), key):

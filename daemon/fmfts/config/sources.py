@@ -110,7 +110,7 @@ class ReplaySource(HardwareSource, frozen=True, tag="replay", tag_field="type", 
 class PluggedSource(HardwareSource, frozen=True, kw_only=True):
     """A device that another package reads. Its subclass has `tag`, which is the file's `type`, and tag_field="type".
 
-    key: the name of the key that tells devices apart.
+    key: the name of the key that distinguishes devices.
     """
 
     key: ClassVar[str] = "port"
@@ -121,11 +121,11 @@ class PluggedSource(HardwareSource, frozen=True, kw_only=True):
 
     @property
     def device(self) -> str:
-        """What tells devices apart, in words for people, too."""
+        """The identity of the device, also in words for people."""
         return str(getattr(self, self.key))
 
     def problems(self) -> Iterator[Problem]:
-        """What is wrong with this table beyond its types; the keys begin in the pad."""
+        """Errors in this table beyond its types; the keys begin in the pad."""
         return iter(())
 
     def driver(self, pads: Mapping[int, PadConfig]) -> Source:
@@ -134,7 +134,7 @@ class PluggedSource(HardwareSource, frozen=True, kw_only=True):
 
 
 def lacking_source(kind: Any) -> str | None:
-    """What to install for a source of this type, as the rest of a sentence about it; None: nothing."""
+    """The package to install for a source of this type, as the end of a sentence; None: nothing."""
     extra = None if str(kind) in PLUGGED else OF_TYPE.get(str(kind))
     return None if extra is None else how_to_install(extra)
 
@@ -142,7 +142,7 @@ def lacking_source(kind: Any) -> str | None:
 def _plugged() -> dict[str, type[PluggedSource]]:
     """The sources of other packages, by their type. One that cannot be loaded stops no pad of another type.
 
-    Whose module is loaded here may itself be why this one is imported: so its package imports fmfts.config first.
+    A package that is loaded here must import fmfts.config first, because importing it may cause this call.
     """
     found = {}
     for point in entry_points_of(SOURCES):

@@ -1,4 +1,4 @@
-"""Says in words where in the file an error is, what stands there, and what is allowed."""
+"""Describes the place of an error in the file, the value there, and the allowed values."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def keys_in(error: str) -> list[Key]:
 def explain(data: dict[str, Any], error: str, mended: dict[str, Any], whole: type[Config]) -> str:
     """Rewrites msgspec's text of an error for a person who edits the file.
 
-    mended: `data` with a known type in each table, which tells what may stand there. whole: of the file.
+    mended: `data` with a known type in each table, which gives the allowed keys. whole: of the file.
     """
     what, keys = error.partition(" - at ")[0], keys_in(error)
     if missing := re.search(r"missing required field `(.*)`", what):
@@ -73,7 +73,7 @@ def explain(data: dict[str, Any], error: str, mended: dict[str, Any], whole: typ
 
 
 def _meant(kind: inspect.Type, keys: Sequence[Key], value: Any) -> str:
-    """The word of a list of words that was probably meant, the number in a text, or the unit."""
+    """The probably intended word of a list, the number in a text, or the unit."""
     if isinstance(kind, inspect.IntType | inspect.FloatType) and isinstance(value, str):
         return ", without quotes"
     if isinstance(kind, inspect.FloatType) and str(keys[-1]).endswith("_mm") and isinstance(value, float):

@@ -1,6 +1,6 @@
-"""How improbable an explanation is before any reading, as −2 ln of its probability, and its shortest description.
+"""The prior improbability of an explanation, as −2 ln of its probability, and its shortest description.
 
-The probabilities are guesses of how often boards are built, wired and configured wrong. They decide only between
+The probabilities are guesses of the frequency of errors in building, wiring and configuration. They decide only between
 explanations that the readings cannot tell apart.
 """
 

@@ -1,4 +1,4 @@
-"""What [pad.geometry] must say for the board as the check found it."""
+"""The [pad.geometry] of the board that the check found."""
 
 from __future__ import annotations
 

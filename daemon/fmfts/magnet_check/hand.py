@@ -1,4 +1,4 @@
-"""The instructions to the person who holds the magnet, and that it is one magnet, as residuals of the fit."""
+"""Residuals of the fit from the instructions to the person who holds the magnet, and from its constant moment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finds in a pad's frames when a hand holds a magnet still, and averages what the chips read meanwhile."""
+"""Finds in a pad's frames when a hand holds a magnet still, and averages the readings."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from fmfts.magnet_check.readings import Array, Readings
 from fmfts.sensor.frame import Frame
 
-HOLD_S = 1.0  # a mean of so long; a trembling hand moves all chips' fields alike
+HOLD_S = 1.0  # duration of a mean; a trembling hand changes all chips' fields alike
 PARTS = 4
 FEWEST_FRAMES = 12
-# The means of the parts may differ by so much of the field: 3 % is 0.4 mm at 40 mm.
+# The parts' means may differ by this share of the field: 3 % is 0.4 mm at 40 mm.
 STEADY = 0.04
 STEADY_T = 2e-6
 STEADY_DEVIATIONS = 5.0
 LEAST_FIELD_T = 2e-5  # of the sensor that sees most; weaker, the errors of the ambient field exceed those of gains
-MOVED = 0.15  # of the field: less change from one step to the next is the same place
+MOVED = 0.15  # share of the field: a smaller change between two steps counts as the same place
 SATURATED_SHARE = 0.05
 
 
@@ -39,7 +39,7 @@ class Hold:
         self._fields: deque[tuple[float, Array, NDArray[np.bool_]]] = deque()
         self.held: Held | None = None
         self.hint = "waiting for frames"
-        self.is_judged = False  # frames of a whole second were looked at
+        self.is_judged = False  # whether a whole second of frames was examined
 
     def take(self, frame: Frame, is_asked: bool = False) -> None:
         """Sets `held` once the magnet is held still, or when the person asks for it and it can be used; else `hint`."""
@@ -74,7 +74,7 @@ class Hold:
         return held, np.where(enough, np.ptp(np.array(parts), axis=0), 0.0)
 
     def _refused(self, held: Held, apart: Array, is_asked: bool) -> str:
-        """Why this is not taken, and what to do; "" where it is."""
+        """Why this is not accepted, and what to do; "" if it is."""
         overflow = np.array([each for _, _, each in self._fields]).mean(axis=0) > SATURATED_SHARE
         if self._before is not None:
             fresh = overflow & np.isfinite(self._before.mean_t)
@@ -100,7 +100,7 @@ class Hold:
 
 
 def readings_of(before: Held, steps: list[Held]) -> Readings:
-    """What the magnet added in each step to what the chips read without it."""
+    """The magnet's field in each step: the readings minus those without it."""
     change = np.array([step.mean_t - before.mean_t for step in steps])
     noise = np.sqrt(before.noise_t**2 + np.mean([step.noise_t**2 for step in steps], axis=0))
     return Readings(change, noise)

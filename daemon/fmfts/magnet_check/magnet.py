@@ -113,14 +113,14 @@ class Fitter:
         size2 = (self.change * self.change).sum(axis=2, keepdims=True)
         variance = readings.noise_t**2 + AMBIENT_T**2 + FINITE_MAGNET**2 * size2
         variance = np.where(self.missing, UNUSED_T2, variance)
-        # (N, 3K, 3K): noise, gains of the axes, and rotation of the chip, all of what was really read.
+        # (N, 3K, 3K): noise, gains of the axes, and rotation of the chip, in proportion to the readings.
         flat = np.moveaxis(self.change, 1, 0)  # (N, K, 3)
         causes = [flat * np.eye(3)[axis] * board.gain_sd for axis in range(3)]
         causes += [np.cross(np.eye(3)[axis], flat) * board.rotation_sd_rad for axis in range(3)]
         effect = np.stack(causes, axis=-1).reshape(self.channels, -1, 6)
         self.known = effect @ effect.transpose(0, 2, 1)
         self.known += np.eye(3 * self.steps) * np.moveaxis(variance, 1, 0).reshape(self.channels, -1)[:, :, None]
-        # A channel that tells nothing: any reading as large as the largest.
+        # An unused channel: any reading up to the largest is as probable.
         anything = np.where(self.missing, UNUSED_T2, float(size2.max()))
         self.anything = np.eye(3 * self.steps) * np.moveaxis(anything, 1, 0).reshape(self.channels, -1)[:, :, None]
 
@@ -163,7 +163,7 @@ class Fitter:
         return Fits(magnets, surprise, chi2, of_readings.sum(axis=2))
 
     def chips(self, explanations: Explanations, magnets: Magnets) -> Array:
-        """(H, N, 3, 3): from a field in pad axes to what each channel reads."""
+        """(H, N, 3, 3): from a field in pad axes to each channel's reading."""
         axes = self.board.axes[explanations.place]
         return np.exp(magnets.log_scale)[:, :, None, None] * (explanations.turn @ axes.transpose(0, 1, 3, 2))
 
@@ -208,7 +208,7 @@ class Fitter:
         return np.concatenate([residual, words], axis=1), np.concatenate([whitened, by_unknowns], axis=1)
 
     def _instructed(self, explanations: Explanations, magnets: Magnets) -> tuple[Array, Array]:
-        """What is known before any reading: of the hand, and of each channel's scale."""
+        """The prior: of the hand, and of each channel's scale."""
         drawn = np.where(explanations.free, 0.0, np.log(explanations.scale))
         scale_sd = np.where(explanations.free, FREE_SCALE_SD, FIXED_SCALE_SD)
         rows, slopes = of_hand(self.hand, magnets.position_m, magnets.moment)

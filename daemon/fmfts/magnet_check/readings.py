@@ -1,4 +1,4 @@
-"""What the check with one magnet measures, and what it assumes of the board and of the person's hand."""
+"""The measurements of the check with one magnet, and its assumptions about the board and the person's hand."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fmfts.pad import Pad, Tolerance
 
 Array = NDArray[np.float64]
 
-# Deviations of what the drawing leaves open. A chip's sensitive spot is not in its middle, so the place has a floor.
+# Deviations from the drawing. A chip's sensitive spot is not in its middle, so the place has a floor.
 LEAST_PLACE_M = 3e-4
 LEAST_ROTATION_RAD = np.radians(1.5)
 LEAST_GAIN = 0.05
@@ -23,7 +23,7 @@ FINITE_MAGNET = 0.015
 
 @dataclass(frozen=True, slots=True)
 class Readings:
-    """change_t (K, N, 3): in step k, what the magnet adds to channel c's reading, in the axes of its chip.
+    """change_t (K, N, 3): in step k, the magnet's field in channel c's reading, in the axes of its chip.
 
     noise_t (N, 3): standard deviation of a change. Channels are the sensors as they arrive, in the order of the frames.
     """
@@ -60,9 +60,8 @@ class Board:
 class Hand:
     """Where a person holds the magnet, by the instructions: means and deviations, in metres and without unit.
 
-    offset_m, offset_sd_m (K, 3): of each step from the first; nobody measures how far he moves a hand, but its side he
-    knows. pole: +1 where the magnet's north pole points to +z, −1 where to −z,
-    0 where the person does not know.
+    offset_m, offset_sd_m (K, 3): of each step from the first; a person knows the direction of a movement, not its exact
+    length. pole: +1 where the magnet's north pole points to +z, −1 where to −z, 0 where the person does not know.
     """
 
     offset_m: Array

@@ -26,7 +26,7 @@ ALL_PERMUTATIONS = 4  # of so many channels
 KEPT = 12
 ROUGH_ROUNDS, REFINED = 1, 48  # rounds of the first fits, and how many of them are fitted to the end
 AGAIN = 2
-HOPELESS = 100.0  # worse by more than any explanation is less probable before the readings
+HOPELESS = 100.0  # a larger difference than that of any two prior probabilities
 Key = tuple[object, ...]
 
 
@@ -50,7 +50,7 @@ class Search:
         self.count = len(board)
 
     def run(self) -> list[Found]:
-        """All explanations that were looked at, the most probable first."""
+        """All examined explanations, the most probable first."""
         parts = [self._guessed()]
         for height_m in START_HEIGHTS_M:
             simple = self._simple()
@@ -134,7 +134,7 @@ class Search:
         return Magnets(position, moment, unit.log_scale)
 
     def _guessed(self) -> tuple[Explanations, Magnets]:
-        """What explains each channel best under magnets that a hand may hold, whatever the drawing says."""
+        """The best explanation of each channel under magnets that a hand may hold, without the drawing."""
         poles = (self.hand.pole,) if self.hand.pole else (1, -1)
         steps = self.fitter.steps
         size = np.sqrt((self.fitter.change**2).sum(axis=2))[:, self.used]

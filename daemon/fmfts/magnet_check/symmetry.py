@@ -33,8 +33,8 @@ def number_of(turn: Array) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """A whole pad, turned or mirrored. matrix (3, 3): from the drawing to where it is. to (N,): the place that each of
-    the drawing's places comes to."""
+    """A whole pad, turned or mirrored. matrix (3, 3): from the drawing to its real place. to (N,): the place that each
+    of the drawing's places comes to."""
 
     matrix: Array
     to: NDArray[np.intp]
@@ -44,7 +44,8 @@ class Image:
         return bool((self.matrix == np.eye(3)).all())
 
     def of_turns(self, turns: Array, place: NDArray[np.intp], board: Board, sense: float) -> Array | None:
-        """The turns (…, N, 3, 3) with which channels at the images read what they read at `place`, if there are any."""
+        """The turns (…, N, 3, 3) with which channels at the images have the same readings as at `place`, if there are
+        any."""
         whole = sense * np.linalg.det(self.matrix)
         before, after = board.axes[place], board.axes[self.to[place]]
         found = whole * turns @ before.transpose(0, 2, 1) @ self.matrix.T @ after

@@ -1,4 +1,4 @@
-"""What the check says in the end: the board is as drawn, or what is wrong, or which explanations remain."""
+"""The verdict of the check: the board is as drawn, its faults, or the remaining explanations."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from fmfts.magnet_check.cost import Description
 from fmfts.magnet_check.readings import AMBIENT_T, Board, Hand, Readings
 from fmfts.magnet_check.search import Found, Search
 
-# An explanation is alike if it is not twenty times less probable; −2 ln.
+# An explanation remains possible unless it is twenty times less probable; −2 ln.
 ALIKE = 2.0 * log(20.0)
-# So much less probable by the readings alone a simple fault must be, before a board is said to be without it.
+# A simple fault is excluded if the readings alone make it this much less probable.
 EXCLUDED = 2.0 * log(30.0)
 SAME_READINGS = 0.05
 SAME_SCALE = 0.3  # of a logarithm: 2 and 2.18 are one
@@ -27,7 +27,7 @@ FEWEST = 3
 
 
 class TooLittleError(Exception):
-    """The readings say nothing of the board; the text says why, and what to do."""
+    """The readings are too weak for a verdict; the text says why, and what to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Verdict:
     """found: the explanations that remain, the most probable first; none where nothing explains the readings.
 
     blind: explanations that the readings cannot exclude, although the drawing is more probable before them.
-    dead: axes (N, 3) that read nothing. worst: the channel that fits worst, where nothing explains the readings.
+    dead: axes (N, 3) that read nothing. worst: the channel that fits worst, if nothing explains the readings.
     layouts: names of published boards that explain the readings without any fault, where the configuration names
     another, or where several do. The most probable is the first, and `board` is its layout.
     """
@@ -62,7 +62,7 @@ class Verdict:
 
 
 def judged(board: Board, readings: Readings, hand: Hand) -> Verdict:
-    """Raises TooLittleError where too few sensors feel the magnet."""
+    """Raises TooLittleError if too few sensors measure the magnet."""
     dead = dead_axes(readings)
     used = dead.sum(axis=1) < 2
     if used.sum() < FEWEST:
@@ -84,7 +84,7 @@ def judged_by_name(name: str, boards: Mapping[str, Board], readings: Readings, h
     """The verdict about the board `name`, or which other of the published boards explains the readings better.
 
     boards: the layout of each name. A board whose chips are soldered cannot have exchanged channels. So the layout of
-    another name goes before every fault that explains the readings no better. Raises TooLittleError.
+    another name is preferred to every fault that explains the readings no better. Raises TooLittleError.
     """
     verdict = judged(boards[name], readings, hand)
     drawn = {}
@@ -118,7 +118,7 @@ def _is_explained(search: Search, found: Found) -> bool:
 
 
 def _is_blind(one: Found, best: Found) -> bool:
-    """Whether the readings do not exclude this fault. A fault that no reading can show is left to its probability."""
+    """Whether the readings do not exclude this fault. For an unobservable fault its prior probability decides."""
     less = float(one.fit.surprise[0] - best.fit.surprise[0])
     vague = (one.explanation.free & ~best.explanation.free).any() or (
         one.explanation.used != best.explanation.used
@@ -144,7 +144,7 @@ def _is_twin(one: Found, other: Found) -> bool:
 
 
 def dead_axes(readings: Readings) -> NDArray[np.bool_]:
-    """(N, 3) axes that read no change at all although most sensors feel the magnet well."""
+    """(N, 3) axes that read no change although most sensors measure the magnet well."""
     size = np.abs(readings.change_t)
     limit = DETECTED * np.sqrt(readings.noise_t**2 + AMBIENT_T**2) / 2.0
     silent: NDArray[np.bool_] = np.asarray(~(size > limit).any(axis=0), dtype=np.bool_)

@@ -61,7 +61,7 @@ def _other_layout(names: tuple[str, ...]) -> str:
 def report(found: Found, dead: NDArray[np.bool_]) -> list[str]:
     """What is wrong by this explanation, a sentence for each cause; none where all is as drawn.
 
-    dead (N, 3): axes of which more is said elsewhere.
+    dead (N, 3): axes that are reported elsewhere.
     """
     description = found.description
     return [
@@ -76,7 +76,7 @@ def report(found: Found, dead: NDArray[np.bool_]) -> list[str]:
 
 
 def is_wrong(description: Description, channel: int) -> bool:
-    """Whether anything is wrong with this channel."""
+    """Whether this channel has a fault."""
     return bool(
         not description.image.is_same
         or (description.common != np.eye(3)).any()
@@ -89,7 +89,7 @@ def is_wrong(description: Description, channel: int) -> bool:
 
 
 def magnet(found: Found) -> str:
-    """How strong the magnet seems, so that the person can compare it: a scale that all chips share shows only there."""
+    """The apparent size of the magnet, for the person to compare: only this shows a common scale error."""
     moment = float(np.linalg.norm(found.fit.magnets.moment[0, 0]))
     size_mm = 1e3 * (16.0 * moment / NEODYMIUM_T) ** (1.0 / 3.0)  # B_T = Br·r²·L/4 with L = 2r
     return (

@@ -37,7 +37,7 @@ UNKNOWNS = {5: FREE_POSE, 6: FREE_PAPER, 8: FREE_FIELD, 9: np.union1d(FREE_PAPER
 @dataclass(frozen=True, slots=True)
 class PoseOptions:
     """baseline: a file with the ambient field and the gains; None: the table's fields need neither. sequence: start
-    each row from the pose before, not from rest. noise_t: standard deviation of a field value.
+    each row from the previous pose, not from rest. noise_t: standard deviation of a field value.
 
     unknowns: the pose alone (5), with the moment (6, the paper's), with the ambient field (8), with both (9). octupole:
     model the magnet as a cylinder. gradient_t_per_m: standard deviation of the ambient field's gradient about zero.

@@ -74,7 +74,7 @@ class Comparison:
         if one == two:
             self.identical += 1
         else:
-            # A key may be in one alone: pads with several magnets have more of them.
+            # Either may have additional keys: pads with several magnets have more.
             names = [name for name in one | two if name not in one or name not in two or one[name] != two[name]]
             self.different.append((contact.pad, contact.seq, names))
 

@@ -1,4 +1,4 @@
-"""What a page may ask for, and who answers: the daemon's control socket, or the recordings of this process.
+"""The requests that a page may send, answered by the daemon's control socket or by the recordings of this process.
 
 A request is JSON with an `id`. Its answers have the same `id`: {progress} any number of times, then {done} or {error}.
 """
@@ -32,7 +32,7 @@ class Watch(Struct, forbid_unknown_fields=True, tag="watch", tag_field="ask"):
 
 
 class Ping(Struct, forbid_unknown_fields=True, tag="ping", tag_field="ask"):
-    """For the clocks: answered with the time here."""
+    """For comparing clocks: answered with the time here."""
 
     sent_ms: float
 
@@ -54,7 +54,7 @@ class RecordBaseline(Struct, forbid_unknown_fields=True, tag="baseline", tag_fie
 
 
 class Weigh(Struct, forbid_unknown_fields=True, tag="weigh", tag_field="ask"):
-    """As the verb `weigh`: a known weight on the pad, on something so wide."""
+    """As the verb `weigh`: a known weight on the pad, and the width below it."""
 
     id: Number
     pad: PadName

@@ -1,4 +1,4 @@
-"""One open page: whether it is let in, what it watches, and what it asks for."""
+"""One open page: its admission, its view, and its requests."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from fmfts.recording.file import time_span_ns
 
 HELLO_S = 5.0
 REQUESTS_AT_ONCE = 4
-ANSWERS_KEPT = 64  # that the page has not taken yet: no further request of it is read meanwhile
+ANSWERS_KEPT = 64  # most bytes that the page has not taken yet: beyond, its requests are not read
 WRONG_TOKEN, TOO_MANY = 4401, 4429  # application's own close codes
 FAILED = 1011  # the protocol's own for an internal error
 BATCH_S = 0.025
@@ -119,12 +119,12 @@ class PageConnection:
 
     def _say(self, answer: dict[str, Any]) -> None:
         if "progress" in answer and len(self._said) >= ANSWERS_KEPT:
-            return  # a later one says more
+            return  # a later one replaces it
         self._said.append(json.dumps(answer))
         self._ready.set()
 
     async def _send(self) -> None:
-        """Sends what is there, as fast as the page takes it: meanwhile newer contacts replace older ones."""
+        """Sends waiting messages as fast as the page takes them: meanwhile newer contacts replace older ones."""
         while True:
             await self._ready.wait()
             self._ready.clear()
@@ -141,14 +141,14 @@ class PageConnection:
         self._feed.add(self._viewer)
 
     def _end_replay(self) -> None:
-        """What was shown until now is not sent any more: it would be drawn among what is shown next."""
+        """Older waiting messages are dropped: they would be drawn among the new ones."""
         if self._replay is not None:
             self._replay.cancel()
             self._replay = None
         self._viewer.forget()
 
     async def _show(self, asked: Replay) -> None:
-        """Show a recording in place of the bus. If it cannot be read, what is shown now goes on."""
+        """Show a recording in place of the bus. If it cannot be read, the present view continues."""
         assert asked.name is not None
         try:
             path = self._commands.recordings.path_of(asked.name)

@@ -21,7 +21,7 @@ KEPT_FOR_A_PAGE = 2_000  # 9 s of a pad at 220 Hz, for a browser that does not r
 
 
 class Viewer:
-    """What one page is still to be sent: every message of the pad in `detail`, of other pads the newest contact."""
+    """Messages to send to one page: every message of the pad in `detail`, of other pads the newest contact."""
 
     def __init__(self) -> None:
         self.detail: bytes | None = None  # topic
@@ -38,12 +38,12 @@ class Viewer:
         self._in_order.append((topic, body))
 
     def take_newest(self, contacts: dict[bytes, bytes]) -> None:
-        """Keep the newest contact of each pad; those before are replaced."""
+        """Keep the newest contact of each pad, which replaces the previous one."""
         if not self.hidden:
             self._newest.update(contacts)
 
     def forget(self) -> None:
-        """What is kept is not to be sent any more."""
+        """Drop all kept messages."""
         self._newest.clear()
         self._in_order.clear()
 
@@ -160,5 +160,5 @@ def packed_topic(topic: bytes) -> bytes:
 
 
 def is_map(body: bytes) -> bool:
-    """Does a MessagePack map begin here? What follows is checked where it is decoded."""
+    """Does a MessagePack map begin here? The decoder checks the rest."""
     return bool(body) and (0x80 <= body[0] <= 0x8F or body[0] in (0xDE, 0xDF))

@@ -1,4 +1,5 @@
-"""The page's files, read once at start: no request opens a file. Each answer forbids what the page does not need."""
+"""The page's files, read once at start: no request opens a file. Each answer's headers forbid everything that the page
+does not need."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Response
 
 FOLDER = Path(__file__).parent / "static"
-SOCKET = "socket"  # the name, in each place, of what its page connects to
+SOCKET = "socket"  # name of the socket, in each place
 TYPES = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",

@@ -1,12 +1,12 @@
-"""Another opinion for the page: what a fixed baseline, which is only subtracted, says of the same frames.
+"""A second method for the page: a fixed baseline, which is only subtracted, on the same frames.
 
-That is the paper's way (Eq. 9 and 10): the ambient field is what it was when the baseline was recorded, and the
-magnet's six unknowns are solved for. Nothing asks whether the field has changed since: every answer is believed. It
-gets the same gains, sensor places and contact model as the daemon, so that only the way differs.
+This is the paper's method (Eq. 9 and 10): the ambient field is that of the baseline, and the magnet's six unknowns are
+solved for. It never checks whether the field has changed, and accepts every answer. It has the same gains, sensor
+places and contact model as the daemon, so that only the method differs.
 
 A process of its own, `python -m fmfts.page.ghost --bind ENDPOINT`, publishes `ghost/<pad>`: {pad, t_sample_ns,
-magnet_m, x_m, y_m, force_n, force_sd_n}; null where the solver finds no pose. force_sd_n: of noise
-and of the model alone, for the method knows no other cause.
+magnet_m, x_m, y_m, force_n, force_sd_n}; null where the solver finds no pose. force_sd_n: from noise and model alone,
+because the method has no other cause.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ log = logging.getLogger(__name__)
 
 
 class FixedBaseline:
-    """The paper's way for one pad. BaselineError or ModelError if the pad cannot be served."""
+    """The paper's method for one pad. BaselineError or ModelError if the pad cannot be served."""
 
     def __init__(self, config: PadConfig, baseline: Baseline) -> None:
         drawing = config.pad()
@@ -70,7 +70,7 @@ class FixedBaseline:
 
 
 class Ghosts:
-    """The ways of all pads, made of the states that a daemon sends before its frames."""
+    """The method for all pads, made from the states that a daemon sends before its frames."""
 
     def __init__(self) -> None:
         self._ways: dict[str, FixedBaseline | None] = {}
@@ -88,11 +88,11 @@ class Ghosts:
             log.warning("pad '%s' has no ghost: %s", state.pad, error)
 
     def wants(self, pad: str) -> bool:
-        """Is it time for another answer about this pad?"""
+        """Is another answer about this pad due?"""
         return self._ways.get(pad) is not None and time.monotonic() - self._said_s.get(pad, 0.0) >= INTERVAL_S
 
     def message(self, frame: FrameMessage) -> dict[str, object]:
-        """What to publish of a frame that is wanted."""
+        """The message for a requested frame."""
         way = self._ways[frame.pad]
         assert way is not None
         self._said_s[frame.pad] = time.monotonic()

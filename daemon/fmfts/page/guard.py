@@ -16,7 +16,7 @@ TOKEN_BYTES = 24
 
 
 class RefusedAddressError(Exception):
-    """The page may not be served like that; the text says why, and what to do."""
+    """These settings of the page's server are refused; the text says why, and what to do."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Guard:
         return context
 
     def hosts(self, port: int) -> frozenset[str]:
-        """What a browser may call this server. A page of another name, led here by a DNS trick, is refused by it."""
+        """Accepted names of this server. They exclude a page of another name that a DNS trick led here."""
         names = {"localhost", "127.0.0.1", "[::1]"}
         if not self.is_loopback:
             names = {socket.gethostname(), socket.getfqdn(), *_own_addresses(self.host)}
@@ -78,7 +78,7 @@ class Guard:
         return [f"{self.scheme}://{host}" for host in sorted(self.hosts(port))]
 
     def address(self, port: int) -> str:
-        """What a person opens. The token follows #, and so is neither sent to a server nor written to its log."""
+        """The address for a person. The token follows #, so it is neither sent to a server nor logged."""
         name = "127.0.0.1" if self.is_loopback else socket.getfqdn() if _is_any(self.host) else self.host
         return f"{self.scheme}://{f'[{name}]' if ':' in name else name}:{port}/#{self.token}"
 

@@ -32,7 +32,7 @@ SHOWN = ("contact", "event", "status")
 
 
 class RecordingsError(Exception):
-    """It cannot be done; the text says why, and what to do."""
+    """A request about recordings fails; the text says why, and what to do."""
 
 
 class Recordings:
@@ -61,7 +61,7 @@ class Recordings:
     def begin(self) -> dict[str, Any]:
         """Start to record all pads into a new file, and wait until messages go there.
 
-        RecordingsError if that is under way, or cannot be.
+        RecordingsError if one is under way, or it fails.
         """
         with self._lock:
             if self.under_way is not None:
@@ -149,7 +149,7 @@ class Recordings:
 
 
 def pads_of(path: Path) -> list[dict[str, Any]]:
-    """What the page must know of the pads of a recording, as `pads` of the control socket tells it of running ones."""
+    """Facts of the pads in a recording, as `pads` of the control socket gives for running ones."""
     found: dict[str, dict[str, Any]] = {}
     named = set()
     for one in read(path):

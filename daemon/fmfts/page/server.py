@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class RobotView:
-    """What the open pages of one robot share."""
+    """The common part of the open pages of one robot."""
 
     feed: Feed
     commands: Commands
@@ -39,7 +39,7 @@ class RobotView:
 
 
 class FrontPage(Protocol):
-    """The page at FRONT where that is no robot's own: of another package, such as a fleet's."""
+    """The page at FRONT if it is not a robot's own: from another package, such as the fleet's."""
 
     folder: Path  # of its files, which are beside those of a robot's page
     page: str  # which of them it is
@@ -82,7 +82,7 @@ class PageServer:
         """
         _allow_many_descriptors()
         for name in ("websockets.server", "asyncio"):
-            logging.getLogger(name).setLevel(logging.CRITICAL)  # what strangers send is no event of ours
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # malformed input of strangers is not logged
         over = asyncio.Event()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(number) != signal.SIG_IGN:
@@ -178,7 +178,7 @@ class PageServer:
             view.pages.discard(page)
 
     async def _feed_pages(self) -> None:
-        """Brings what has arrived on the buses to the open pages; sleeps while there is none."""
+        """Passes messages of the buses to the open pages; sleeps while there is no page."""
         while True:
             looked_at = [view for view in self._views.values() if view.pages]
             if not looked_at:
@@ -192,7 +192,7 @@ class PageServer:
 
 
 async def _first_over(tasks: list[asyncio.Task[Any]]) -> None:
-    """Wait until one of them ends. Its error is logged and raised: nobody else would see that all pages stand still."""
+    """Wait until one of them ends. Its error is logged and raised, because otherwise all pages would silently stop."""
     ended, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     for task in ended:
         try:

@@ -35,6 +35,6 @@ def serve_page(
 
 
 def view_of(where: Where, folder: Path, robot: str = "fmfts", beside: Sequence[str] = ()) -> RobotView:
-    """What the pages of a robot share. robot: with this name its recordings begin."""
+    """The common part of a robot's pages. robot: the beginning of its recordings' names."""
     recordings = Recordings(folder, where.base, where.endpoints.key, robot)
     return RobotView(Feed(where.endpoints, beside), Commands(where.endpoints, recordings))

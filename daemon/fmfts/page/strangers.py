@@ -1,6 +1,6 @@
-"""Bounds the connections that have not shown the token. They never take the place of a page that has.
+"""Bounds the connections that have not shown the token. They never replace a page that has.
 
-Each counts from the moment at which the kernel hands it over, so before TLS. A new one takes the place of the oldest: a
+Each counts from its acceptance by the kernel, before TLS. A new one takes the place of the oldest: a
 program that opens a thousand silent connections cannot lock others out.
 """
 
@@ -15,7 +15,7 @@ from typing import Any
 
 # A connection passes through at most eight turns of the loop until its token is known, so it is not among the oldest.
 WAITING, ACCEPTED_IN_A_TURN = 512, 32
-QUEUE = 256  # what the kernel keeps until the loop accepts it
+QUEUE = 256  # the kernel's queue until the loop accepts
 Address = tuple[Any, ...]  # of the other end: unique while the connection lasts
 
 
@@ -37,7 +37,7 @@ class Stranger:
 
 
 class Strangers:
-    """The connections without a token, in the order of their coming."""
+    """The connections without a token, in the order of their arrival."""
 
     def __init__(self) -> None:
         self._waiting: dict[Address, Stranger] = {}
@@ -45,7 +45,7 @@ class Strangers:
     def came(self, connection: socket.socket, address: Address) -> None:
         """A new connection. Beyond WAITING the oldest is dropped."""
         self._waiting.pop(address, None)
-        if len(self._waiting) >= WAITING:  # some may have ended before there was a transport to tell of it
+        if len(self._waiting) >= WAITING:  # some may have ended before they had a transport
             self._waiting = {key: each for key, each in self._waiting.items() if not each.is_closed}
         if len(self._waiting) >= WAITING:
             self._waiting.pop(next(iter(self._waiting))).drop()

@@ -1,4 +1,4 @@
-"""Reads the records of an MCAP file within limits: it believes no length before it has looked how much is there.
+"""Reads the records of an MCAP file within limits: it checks every length before it uses it.
 
 A length that a record claims is compared with its limit, and with the bytes that the file has left, before anything of
 that size is read or unpacked. The mcap package decodes what is in a record; it gets no more than that record's bytes.
@@ -30,9 +30,9 @@ from fmfts.recording.output import RecordingError
 LARGEST_CHUNK, LARGEST_ATTACHMENT = 1 << 23, 1 << 24
 # Channels and schemas, of which a program must keep all: how many, how many bytes of one, and of all.
 MOST_DESCRIPTIONS, LARGEST_DESCRIPTION, LARGEST_DESCRIPTIONS = 4096, 1 << 20, 1 << 24
-# Messages that repeat themselves shrink to a fortieth. What grows more than this, after so many bytes, was made to.
+# Messages that repeat themselves shrink to a fortieth. A larger factor, after this many bytes, is an attack.
 MOST_GROWTH, FREE_GROWTH = 100, 1 << 24
-# A damaged length is rather a huge one; a smaller one that the file does not hold is a file that was cut off.
+# A damaged length is probably huge; a smaller one beyond the file's end means that the file was cut off.
 LARGEST_RECORD = 1 << 26
 # Between two chunks there is an index for each channel.
 MOST_UNREAD = 2 * MOST_DESCRIPTIONS
@@ -131,7 +131,7 @@ def _raw_records(path: Path, wanted: Collection[int]) -> Iterator[_Raw | None]:
     """Yields the records of the kinds `wanted`, and skips the others unread: None after each part of these."""
     try:
         with open_regular(path) as file:
-            size = os.fstat(file.fileno()).st_size  # what is there now: a recorder may still be writing
+            size = os.fstat(file.fileno()).st_size  # the present size: a recorder may still be writing
             if size == 0:
                 raise RecordingError(f"{path} is empty: its recorder has only just begun, or was stopped at once")
             if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
@@ -146,7 +146,7 @@ def _raw_records_in(path: Path, file: IO[bytes], size: int, wanted: Collection[i
     while size - at >= HEAD.size:
         kind, length = HEAD.unpack(file.read(HEAD.size))
         begin = at + HEAD.size
-        # Zeros are what a power cut leaves behind.
+        # A power cut leaves zeros behind.
         if kind in (0, Opcode.DATA_END) or size - begin < length <= LARGEST_RECORD:
             return
         damaged = f"{path} is not a recording, or damaged after byte {at}"
@@ -159,7 +159,7 @@ def _raw_records_in(path: Path, file: IO[bytes], size: int, wanted: Collection[i
             unread = 0
             yield _Raw(kind, file.read(length), at)
         else:
-            # However long a recording is, a report's facts may come behind all of its chunks.
+            # A report's facts may follow all chunks of a recording.
             unread = 0 if kind == Opcode.CHUNK else unread + 1
             skipped += 1
             if skipped % (PART_BYTES // RECORD_BYTES) == 0:
@@ -170,7 +170,7 @@ def _raw_records_in(path: Path, file: IO[bytes], size: int, wanted: Collection[i
 
 
 class _Content(ReadDataStream):
-    """The content of one record. What claims to be longer than the record is damaged; the base class cuts it short."""
+    """The content of one record. A field that is longer than the record is damaged; the base class truncates it."""
 
     def __init__(self, content: bytes) -> None:
         super().__init__(BytesIO(content))
@@ -207,7 +207,7 @@ def _unpacked(chunk: Chunk) -> bytes:
 
 
 def _records_in(data: bytes) -> Iterator[tuple[Record | None, int]]:
-    """Yields the records in a chunk, each with its size; None in the place of one of another kind."""
+    """Yields the records in a chunk, each with its size; None instead of one of another kind."""
     at = 0
     while at < len(data):
         kind, length = HEAD.unpack_from(data, at)

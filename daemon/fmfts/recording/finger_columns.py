@@ -1,4 +1,4 @@
-"""The fingers on a pad as a fixed number of columns, for who plots: a list has none that stays with a finger."""
+"""The fingers on a pad in a fixed number of columns, for plots: a finger's place in the list may change."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class FingerColumns:
     """Gives each finger a column, and keeps it there."""
 
     def __init__(self) -> None:
-        self._ids: dict[str, int] = {}  # of who is in a column
+        self._ids: dict[str, int] = {}  # ids of the fingers in a column
 
     def fingers(self, time: Time, pad: str, contacts: list[dict[str, Any]], more: bool) -> Fingers:
         """contacts: as in the message."""

@@ -1,4 +1,4 @@
-"""Writes an MCAP file such that what was written survives: each chunk is handed to the system, and errors are told."""
+"""Writes an MCAP file whose written part survives: each chunk is passed to the system, and errors are reported."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class NotWrittenError(RecordingError):
 class McapFile:
     """A new file. Raises NotWrittenError where it exists already, or cannot be made.
 
-    writer: of the mcap package, typed by what is called. Use it within `disk`, which names the file in errors.
+    writer: of the mcap package, typed by the used methods. Use it within `disk`, which names the file in errors.
     """
 
     def __init__(self, path: Path, profile: str) -> None:

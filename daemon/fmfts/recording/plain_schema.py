@@ -1,7 +1,7 @@
 """JSON schemas that other programs read, of the messages in a recording.
 
-Foxglove reads only schemas of a plain form: an object, whose properties have one type each, without references. So what
-may be null is left out of a recorded message where it is null, instead of being of two types.
+Foxglove reads only schemas of a plain form: an object, whose properties have one type each, without references. So a
+field that may be null is omitted from a recorded message if it is null, instead of having two types.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def plain_schema(kind: type[msgspec.Struct]) -> Schema:
 
 
 def _plain(schema: Schema, definitions: dict[str, Schema]) -> Schema | None:
-    """None for what cannot be described."""
+    """None for a type that cannot be described."""
     if "$ref" in schema:
         return _plain(definitions[schema["$ref"].rpartition("/")[2]], definitions)
     if "anyOf" in schema:
@@ -55,7 +55,7 @@ def _may_be_null(schema: Schema) -> bool:
 
 
 def without_nulls(body: dict[str, Any], kind: type[msgspec.Struct]) -> dict[str, Any]:
-    """A message as its plain schema wants it: without keys that are null, in it and in its structs."""
+    """A message in its plain schema: without null keys, also in its structs."""
     return {name: value for name, value in _in_structs(body, kind, without_nulls).items() if value is not None}
 
 
@@ -88,7 +88,7 @@ def _nullable(kind: type[msgspec.Struct]) -> tuple[str, ...]:
 def _may_be_left_out(kind: type[msgspec.Struct]) -> tuple[str, ...]:
     """The keys that only messages of one sort have: all of them, of which at least one is never null, or none.
 
-    A map that is never null (`slip`) is a sort of its own: it is there, or it is not.
+    A map that is never null (`slip`) is a sort of its own: present or absent.
     """
     alone = set(_structs_in(kind)) - set(_nullable(kind))
     fields = msgspec.structs.fields(kind)

@@ -29,7 +29,7 @@ FLUSH_S = 1.0
 PATIENCE_S = 5.0
 TURN_S = 0.1
 BATCH = 1000
-MOST_BEFORE_STATE = 1000  # contacts of a pad until its state says where it is: 4.5 s
+MOST_BEFORE_STATE = 1000  # contacts of a pad that wait for its state: 4.5 s
 
 
 class NothingCameError(RecordingError):

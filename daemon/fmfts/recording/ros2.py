@@ -18,7 +18,7 @@ from fmfts_client.wrench import wrench_of
 
 NAN = math.nan
 NS_PER_S = 1_000_000_000
-# As docs/messages.md explains them; what is not known is NaN.
+# As docs/messages.md explains them; unknown values are NaN.
 NUMBERS = (
     *("x_m", "x_sd_m", "y_m", "y_sd_m", "force_n", "force_sd_n", "force_min_n"),
     *("shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n"),
@@ -79,7 +79,7 @@ class RosMessage:
 
 
 class _Told(msgspec.Struct):
-    """As much of a ContactMessage as is told here."""
+    """The part of a ContactMessage that is used here."""
 
     utc_ns: int
     t_sample_ns: int

@@ -46,7 +46,7 @@ TOUCH, UNCERTAIN, WARNING = Color(r=0.9, g=0.3, b=0.1), Color(r=0.9, g=0.5, b=0.
 
 
 class Wrench(msgspec.Struct, frozen=True, kw_only=True):
-    """What the finger exerts on the pad, in newton, in the pad's frame: a press is negative along z.
+    """The finger's force on the pad, in newton, in the pad's frame: a press is negative along z.
 
     Foxglove has no schema for a wrench. An unknown part is left out.
     """
@@ -81,7 +81,7 @@ class PadScene:
         return cls(pad, pad_facts(recorded_pad(config)))
 
     def contact(self, body: dict[str, Any]) -> Iterator[Drawn]:
-        """What a ContactMessage looks like; nothing if the last one was drawn less than 1/SHOWN_HZ ago."""
+        """The drawing of a ContactMessage; nothing if the last one was drawn less than 1/SHOWN_HZ ago."""
         now_ns = body["utc_ns"]
         if 0 <= now_ns - self._shown_ns < 1e9 / SHOWN_HZ:
             return
@@ -167,7 +167,7 @@ class PadScene:
         return Entity(timestamp=time, frame_id=self._pad, id="magnet", cylinders=magnets, spheres=ellipsoids)
 
     def _touch(self, time: Time, body: dict[str, Any]) -> Entity | None:
-        """Each finger where they are told, else the one contact; the resultant of two fingers is where none is."""
+        """Each finger if they are known, else the one contact: at the resultant of two fingers nothing touches."""
         fingers = body.get("contacts")
         touches = [body] if fingers is None and body["contact"] else fingers or []
         touches = [each for each in touches if each["x_m"] is not None and each["y_m"] is not None]

@@ -1,4 +1,4 @@
-"""Plays a recording in place of a device: gives its frames at the times at which they once arrived."""
+"""Plays a recording in place of a device: its frames come at the times of their arrival."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.source import CannotError, SourceError, SourceState
 
-# After a longer stall of this computer, playing goes on where it was, later, without skipping frames.
+# After a longer stall of this computer, playing continues at the same frame, later.
 LONGEST_STALL_NS = 100_000_000
-# What one poll reads at most, and gives at most of each pad. A recording of another program, or one that was made to
+# The most that one poll reads, and returns for each pad. A recording of another program, or one that was made to
 # hold up the other pads, may have seconds of other records between two frames, or all frames at one time.
 LONGEST_READING_NS, MOST_FRAMES_OF_A_PAD = 1_000_000, 8
 # A message that is played: a frame of 64 sensors has 6 kB, a state 16 kB. Nested values take 150 ns a byte to decode.
@@ -223,7 +223,7 @@ def _require_same_structure(pad: PadConfig, state: StateMessage, path: Path) -> 
 
 
 def _require_possible(frame: Frame, recorded_ns: int, sensors: int) -> None:
-    """ValueError unless a pad of so many sensors can have given the frame."""
+    """ValueError unless a pad with this many sensors can have given the frame."""
     if len(frame.counts) != sensors:
         raise ValueError(f"it is of {len(frame.counts)} sensors, the pad has {sensors}")
     latest = ((recorded_ns, LATEST_NS), (frame.device_time_us, LATEST_US), (frame.sequence, LAST_SEQUENCE))

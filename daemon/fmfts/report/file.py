@@ -19,7 +19,7 @@ from fmfts.view.facts import fact_lines
 NAME = "report.json"
 LARGEST_FACTS = 1 << 22
 MOST_TEXTS = 1000
-# A stranger's file must not command the terminal of who reads it.
+# A stranger's file must not control the reader's terminal.
 CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 
 
@@ -58,7 +58,7 @@ def facts_of(path: Path) -> dict[str, Any]:
 
 
 def lines_of(path: Path) -> Iterator[str]:
-    """All that a report tells, as text: its facts, then what its messages say in words. Raises RecordingError."""
+    """The whole report as text: its facts, then the texts in its messages. Raises RecordingError."""
     for line in _lines(path):
         yield CONTROLS.sub("�", line)
 

@@ -1,4 +1,4 @@
-"""Gathers what goes into a report. What cannot be had is one sentence in `missing`: never the end of the report."""
+"""Gathers what goes into a report. Missing facts are sentences in `missing`; they never end the report."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class Gathering:
         return measured
 
     def _daemon(self, until_stopped: ExitStack) -> tuple[str | None, str]:
-        """The endpoint of the daemon that runs, or of one that is started for the report; and who that is."""
+        """The endpoint of the daemon that runs, or of one that is started for the report; and which one that is."""
         base = named_base(None if self.config is None else self.config.bus.endpoint)
         if serving_pid(for_client(base).control) is not None:
             return base, "the running daemon"

@@ -1,4 +1,4 @@
-"""What the computer is: versions, kernel, I2C adapters and serial ports. What cannot be read is left out."""
+"""The computer: versions, kernel, I2C adapters and serial ports. Unreadable facts are omitted."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PACKAGES = ("numpy", "scipy", "pyzmq", "msgpack", "msgspec", "onnxruntime", "smb
 OF_RELEASE = ("PRETTY_NAME", "VERSION_ID", "ID", "VARIANT")
 LONGEST = 4096  # bytes of a file of /sys or /proc
 
-# Bits of I2C_FUNCS that decide what a driver of ours may do (linux/i2c.h).
+# Bits of I2C_FUNCS that our drivers need (linux/i2c.h).
 FUNCTIONS = {
     0x0000_0001: "I2C",
     0x0000_0002: "10-bit addresses",
@@ -85,7 +85,7 @@ def adapters(root: Path = Path("/")) -> list[int]:
 
 
 def _functions(bus: int) -> str:
-    """What the adapter can do, or why it does not say so. Asking sends nothing over the wires."""
+    """The adapter's functions, or why they are unknown. Asking sends nothing over the wires."""
     try:
         with smbus2.SMBus(bus) as opened:
             bits = int(opened.funcs)
@@ -134,7 +134,7 @@ def _present(facts: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def ports_of(configured: Iterable[str], found: Iterable[str]) -> list[str]:
-    """Each port once: those of the configuration, and those that there are."""
+    """Each port once: those of the configuration, and the existing ones."""
     known: dict[str, str] = {}
     for port in (*configured, *found):
         known.setdefault(os.path.realpath(port), port)

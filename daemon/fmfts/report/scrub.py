@@ -1,4 +1,4 @@
-"""Removes from text what names the user or his computer, and what could be a secret, before it goes into a report."""
+"""Removes names of the user and the computer, and possible secrets, from a report's text."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from typing import Any
 FIRST_PERSON, LAST_PERSON = 1000, 59999  # user ids of people, by the policy of Debian
 NOT_NAMES = frozenset({"", "root", "fmfts", "localhost", "nobody"})
 USER, HOST, REMOVED = "<user>", "<host>", "<removed>"
-BINARY = "memory"  # of a state: base64, in which a name may stand by chance
-# What stands after such a name, to the end of the line, may be a secret. A folder of keys (`keys = …`) is none. Counts
+BINARY = "memory"  # a state's base64, which may contain a name by chance
+# The rest of a line after such a name may be a secret. A folder of keys (`keys = …`) is none. Counts
 # are bounded, so that no text takes a time that grows with the square of its length.
 SECRET_WORD = re.compile(
     r"(?i:secret|passw(?:or)?d|passphrase|psk|token|credential|authorization|api_?key|private_?key)"
@@ -115,6 +115,6 @@ def _without_ipv6(found: re.Match[str]) -> str:
 
 
 def _any_of(words: Iterable[str]) -> re.Pattern[str]:
-    """Matches each of the words, where no letter and no digit stands beside it."""
+    """Matches each of the words, unless a letter or digit is beside it."""
     longest_first = "|".join(map(re.escape, sorted(words, key=len, reverse=True)))
     return re.compile(rf"(?<![A-Za-z0-9])(?:{longest_first})(?![A-Za-z0-9])" if longest_first else r"(?!)")

@@ -1,4 +1,4 @@
-"""The files of baselines and self-tests that a report brings, and a copy of them to work on."""
+"""The files of baselines and self-tests in a report, and a working copy of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LARGEST_BYTES = 1_000_000
 
 
 def state_folder() -> Path:
-    """The service's, where this user has none: he may have stopped the service to make a report."""
+    """The service's folder if this user has none, because the service may have been stopped for the report."""
     folders = state_directory(), SERVICE_STATE
     return next((each for each in folders if any((each / kind).is_dir() for kind in KINDS)), folders[0])
 

@@ -1,4 +1,4 @@
-"""Sends a pad's messages, and tells each change of its health and touch: as an event, and in the log."""
+"""Sends a pad's messages, and reports each change of health and touch: as an event, and in the log."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Announcer:
         self.is_touched = False
         self._touched_since_ns = started_ns
         self.health_since_ns = started_ns
-        self._told_opening = False  # the reason that was told last is that the source is being opened
+        self._told_opening = False  # the last reported reason is that the source is being opened
 
     @property
     def last(self) -> ContactMessage | None:
@@ -43,7 +43,7 @@ class Announcer:
         self._follow(self._send(answer))
 
     def sent_in_c(self, changes: list[ContactMessage], last: EncodedMessage) -> None:
-        """Tell of the messages that C has sent since `begin`: those that changed something, and the last one."""
+        """Report the messages that C has sent since `begin`: those that changed something, and the last one."""
         for message in changes:
             self._follow(message)
         self._follow(last)
@@ -56,7 +56,7 @@ class Announcer:
         return answer
 
     def _follow(self, answer: Answer) -> None:
-        """Tell what a message that was sent has changed, if it has: mostly nothing, and then it is not decoded."""
+        """Report the changes in a sent message. Mostly there are none, and then it is not decoded."""
         before = self._last
         if before is None or self._told_opening or _gist(answer) != _gist(before):
             self._tell(message_of(answer))

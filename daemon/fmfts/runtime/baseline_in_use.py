@@ -1,4 +1,4 @@
-"""The baseline that a pad uses: only with the board that it was recorded on, and followed as it drifts, if allowed."""
+"""The baseline that a pad uses: only with the board of its recording, and with its drift followed, if allowed."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ class BaselineInUse:
         self._source = source
         self._pipeline = pipeline
         self._recorders = recorders
-        self._last: Baseline | None = None  # that was to be used, whose board may be away
+        self._last: Baseline | None = None  # the chosen baseline, whose board may be absent
         self._board: object = None  # uid of the board that the baseline was last compared with
         self._rebaselining: Rebaselining | None = None
 
     @property
     def is_followed(self) -> bool:
-        """As it drifts; this needs all frames."""
+        """Follows the drift; this needs all frames."""
         return self._rebaselining is not None
 
     @property
     def drift_m(self) -> float | None:
-        """How far its rest has moved; None where it is not followed."""
+        """How far its rest has moved; None if drift is not followed."""
         return None if self._rebaselining is None else self._rebaselining.size_m
 
     def use(self, baseline: Baseline) -> None:
         """Use another baseline and forget the learned drift. BaselineError if it does not fit the pad."""
         mounting = self._pipeline.use(baseline)
         self._last = baseline
-        self._board = self._source.state.board.get("uid")  # who gives a baseline has compared it
+        self._board = self._source.state.board.get("uid")  # the caller has compared its board
         self._rebaselining = None
         wanted = None if self._recorders.config is None else self._recorders.config.rebaseline
         if (
@@ -58,7 +58,7 @@ class BaselineInUse:
         self._recorders.state_changed()
 
     def board_is_known(self) -> bool:
-        """Compare the baseline with the board whenever that says who it is. False: it has not said so yet."""
+        """Compare the baseline with the board whenever the board identifies itself. False: it has not done so yet."""
         baseline, uid = self._last, self._source.state.board.get("uid")
         if baseline is None or baseline.origin is None or baseline.origin.uid is None or self.origin is None:
             return True
@@ -71,7 +71,7 @@ class BaselineInUse:
         return True
 
     def _compare(self, baseline: Baseline, whose: Origin, mine: Origin) -> None:
-        """Use the baseline if it is this board's. Else go on without one, until its own board is back."""
+        """Use the baseline if it is this board's. Else continue without one, until its own board is back."""
         if not whose.agrees_with(mine):
             reason = foreign(self._pipeline.pad.name, whose, mine)
             log.error("%s", reason)
@@ -82,7 +82,7 @@ class BaselineInUse:
             self.use(baseline)
 
     def drift_news(self, answer: Answer) -> str | None:
-        """Take the answer to a frame. A sentence if the rest has moved with it."""
+        """Take a frame's message. A sentence if it moved the rest."""
         if self._rebaselining is None or not self._rebaselining.saw(answer):
             return None
         self._recorders.state_changed()

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from fmfts.sensor import Frame, SourceState
 from fmfts.sensor.patience import RECORDED, Patience
 
-# Frames of one pad in one poll. For a recorded pad: more than a stall of this computer leaves behind. Otherwise:
-# as many as are judged in 5 ms.
+# Frames of one pad in one poll. For a recorded pad: more than the backlog of a stall. Otherwise: as many as take 5 ms.
 MOST_RECORDED, MOST_JUDGED = 256, 32
-# The mean rate that is handled. A board whose clock is off is no flood, nor one that runs at the next higher rate.
+# The largest mean rate, as a multiple of the nominal one: above an inaccurate clock, or a board at the next higher
+# rate.
 MOST_TIMES_NOMINAL = 2.0
 FLOOD = (
     f"more than {MOST_TIMES_NOMINAL:g} × rate_hz frames a second come, and those beyond it are left out: set rate_hz "

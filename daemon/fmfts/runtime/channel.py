@@ -69,7 +69,7 @@ class Channel:
 
     @property
     def wants_all(self) -> bool:
-        """Also the frames that newer ones supersede are wanted: by a recorder, or for a baseline."""
+        """Superseded frames are wanted, too: by a recorder, or for a baseline."""
         return self.is_recorded or self.job is not None or self.baseline.is_followed
 
     @property
@@ -131,7 +131,7 @@ class Channel:
             text = "pad '%s': internal error, worth reporting; its contacts are published as lost\n%s"
             log.error(text, self.name, trace_of(error))
         self._statistics.dropped += 1
-        self._last_used_ns = now_ns  # silence is not what is wrong
+        self._last_used_ns = now_ns  # silence is not the fault
         with Contained(lambda again: log.error("pad '%s': internal error\n%s", self.name, trace_of(again))):
             if now_ns - self._anew_ns >= ANEW_NS:
                 self._anew_ns = now_ns
@@ -148,7 +148,7 @@ class Channel:
                 self.job.joints(position_rad, time_ns)
 
     def source_changed(self, now_ns: int) -> None:
-        """Begin anew: the source was given up after an error, or another one took its place."""
+        """Restart: the source was closed after an error, or replaced."""
         with self._contained:
             self._statistics.start_anew()
             self._last_frame_ns = None
@@ -156,9 +156,9 @@ class Channel:
             self.announcer.send(self.pipeline.absent(*self._absence(now_ns)))
 
     def early(self, early: EarlySample) -> None:
-        """Process a sample that came before its frame: publish what the last frame said, with another `now`.
+        """Process a sample that came before its frame: publish the last message with another `now`.
 
-        Where it says nothing new, nothing is published: the frame that holds it comes soon.
+        A sample without news is not published: its frame comes soon.
         """
         with self._contained:
             self._take_early(early)

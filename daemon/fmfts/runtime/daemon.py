@@ -56,7 +56,7 @@ from fmfts_client.endpoints import for_daemon
 log = logging.getLogger(__name__)
 
 TICK_NS = 50_000_000  # while a pad is silent, its health is published so often
-SILENT_AT_ONCE = 4  # so many pads' silence is published at once; frames of the others wait meanwhile
+SILENT_AT_ONCE = 4  # number of silent pads that are published in one turn; frames of the others wait meanwhile
 QUIET_TICK_NS = 200_000_000  # while all is well; waking an idle computer costs more than the work of the tick
 SECOND_NS = 1_000_000_000
 
@@ -117,7 +117,7 @@ class Daemon:
         self._stopping = False
         self._tick_ns = self._look_ns = self._status_ns = self._silence_ns = time.monotonic_ns()
         self._next_status = cycle(self._channels.values())
-        self._silence_order = list(self._channels.values())  # the next to be told of first
+        self._silence_order = list(self._channels.values())  # the next pad to report
         self._wake_read, self._wake_write = socket.socketpair()
         log.info("publishing on %s, control on %s", endpoints.bus, endpoints.control)
         if self._joints is not None:
@@ -217,7 +217,7 @@ class Daemon:
             channel.joints(position_rad, time_ns)
 
     def _begin_anew(self, source: GuardedSource, now_ns: int) -> None:
-        """Begin anew with a source's pads: it failed, or another took its place, whose recording may be new."""
+        """Restart a source's pads: it failed, or was replaced, perhaps with a new recording."""
         for channel in self._channels.values():
             if channel.source is source:
                 channel.source_changed(now_ns)
@@ -225,7 +225,7 @@ class Daemon:
                     use_baseline(channel, self._configs[channel.name], self._pads)
 
     def _pass_early(self, source: Source, frames: Sequence[Frame], early: Sequence[tuple[int, EarlySample]]) -> None:
-        """Only samples whose frame has not come with them: it holds them, and where Python is slow, it is soon late."""
+        """Only samples whose frame did not come with them: the frame holds them, and a slow Python would be late."""
         last = {frame.pad_index: number for number, frame in enumerate(frames)}
         for before, sample in early:
             channel = self._channels.get((id(source), sample.pad_index))
@@ -242,7 +242,7 @@ class Daemon:
             with self._fast_loop.ended(channel.source, now_ns):
                 # The frames that C handled are counted now, so the pad may not be silent.
                 if channel.is_silent(now_ns):
-                    # Its frames may be waiting unread: on a busy computer this loop itself is stopped at times.
+                    # Its frames may be unread, because a busy computer may stop this loop for a while.
                     self._serve(channel.source, now_ns)
                     channel.tick(now_ns)
         if not silent:

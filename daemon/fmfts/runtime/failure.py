@@ -1,4 +1,4 @@
-"""Contains errors that nobody expected, so that one pad's work cannot end the daemon or another pad's work."""
+"""Confines unexpected errors, so that one pad's work cannot end the daemon or another pad's work."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def text_of(error: BaseException) -> str:
     """The text of an error in one line that a message can carry, whatever it is."""
     try:
         text = " ".join(str(error).split())
-    except Exception as again:  # noqa: BLE001 - the text of an error may be as broken as what raised it
+    except Exception as again:  # noqa: BLE001 - the text of an error may fail itself
         text = f"its text cannot be shown, {type(again).__name__}"
     return _encodable(text)
 
@@ -56,5 +56,5 @@ def trace_of(error: BaseException) -> str:
 
 
 def _encodable(text: str) -> str:
-    """Without lone surrogates, which a file name that is no UTF-8 has: no message and no log can carry them."""
+    """Without the lone surrogates of a file name that is no UTF-8: messages and logs cannot hold them."""
     return text.encode("utf-8", "backslashreplace").decode()

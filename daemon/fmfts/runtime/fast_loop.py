@@ -1,7 +1,7 @@
 """Waits for bytes. Meanwhile C reads frames from a board's line, judges them and publishes their contacts.
 
-C takes over after a frame. Anything else on the line (a status, a board that was reset), a request, a recorder or a
-baseline that is being made ends that: then `poll` of the source reads the bytes, and Python has each frame judged.
+C takes over after a frame. Other packets on the line (a status, a reset board), a request, a recorder or a baseline
+recording end that. Then the source's `poll` reads the bytes, and Python passes each frame to C.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class FastLoop:
         return [descriptor for descriptor, _ in self._epoll.poll(timeout_s)]
 
     def left_waiting(self, descriptors: Iterable[int | None]) -> None:
-        """wait() returned these, and nobody read them. No descriptor tells of packets in memory: remember them."""
+        """Remember descriptors that wait() returned but nobody read: packets in memory do not wake epoll."""
         self._unserved |= self._offered & {descriptor for descriptor in descriptors if descriptor is not None}
 
     def begin(self, source: Source, now_ns: int) -> None:
@@ -90,7 +90,7 @@ class FastLoop:
                 self._unserved.discard(descriptor)
 
     def _not_begun(self, line: LentBoard, error: BaseException) -> None:
-        """Python goes on with the frames. A source that gave what C cannot read is given up."""
+        """Python continues with the frames. A source whose data C cannot read is closed."""
         for channel in line.channels:
             channel.end()
         if isinstance(error, SourceError):
@@ -100,9 +100,9 @@ class FastLoop:
         line.source.fail("lend", error)
 
     def end(self, source: Source) -> bool:
-        """Take the source back from C, and account for the frames that C handled.
+        """Take the source back from C, and count the frames that C handled.
 
-        False if nothing was on its line that C left to Python.
+        False if C left no bytes to Python.
         """
         line = self._boards.get(id(source))
         if line is None or self._loop is None:

@@ -20,20 +20,21 @@ from fmfts.sensor.source import CannotError
 log = logging.getLogger(__name__)
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 5.0
-LOOK_NS = 20_000_000  # so often the loop looks whether a source is open again
-# A poll that computes for longer is followed by a rest of REST times as long, so that other sources have nine tenths of
-# the time. A driver needs far less, and a board's queue holds more.
+LOOK_NS = 20_000_000  # interval of checks whether a source is open again
+# After a poll that computes for longer, the source rests for REST times as long, so that others have nine tenths of the
+# time. A driver needs far less, and a board's queue holds more.
 GREEDY_NS, REST = 10_000_000, 9
 SHORTEST_WAIT_NS = 500_000  # a source whose deadline is always now must not take the whole processor
-# No poll may wait. This computer may be to blame for one slow poll, hardly for three in a row.
+# No poll may wait. A busy computer may cause one slow poll, hardly three in a row.
 SLOW_S, MOST_SLOW_POLLS = 0.1, 3
-LOG_AGAIN_NS = 3_600_000_000_000  # after so long, the log shows the traceback of the same kind of error again
+LOG_AGAIN_NS = 3_600_000_000_000  # after this time, the log shows the traceback of the same kind of error again
 
 
 class GuardedSource:
     """A ByteSource that raises nothing. `device` is the source behind it, None while that is closed after an error.
+    changed: the last `poll` closed the device or got a new one, whose clock and numbers restart.
 
-    changed: the last `poll` gave the device up or got a new one, whose clock and numbers begin anew.
+
     """
 
     def __init__(
@@ -50,9 +51,9 @@ class GuardedSource:
         self._open_device = open_device
         self._pads = frozenset(pads)
         self._budget = Budget(rate_hz, len(self._pads))
-        self._bytes: ByteSource | None = None  # the device, if it is one
+        self._bytes: ByteSource | None = None  # the device, if it is a ByteSource
         self._patience: Patience | None = None
-        self._failure = ""  # why the next poll gives the device up
+        self._failure = ""  # why the next poll closes the device
         self._contexts: dict[tuple[str, tuple[type[BaseException], ...]], Contained] = {}
         self._renewal: Renewal | None = None
         self._pause_s = FIRST_PAUSE_S
@@ -67,7 +68,7 @@ class GuardedSource:
             self._adopt(self._open_device())
 
     def fail(self, where: str, error: BaseException) -> None:
-        """Give the device up at the next poll. where: which of its methods raised the error."""
+        """Close the device at the next poll. where: which of its methods raised the error."""
         if self._failure:
             return
         now_ns, kind = time.monotonic_ns(), f"{where}: {type(error).__name__}"
@@ -163,7 +164,7 @@ class GuardedSource:
         return frozenset()
 
     def lend(self) -> tuple[int, bytes]:
-        """SourceError where the device cannot lend its descriptor after all."""
+        """SourceError if the device fails to lend its descriptor."""
         if self._bytes is not None and not self._failure:
             with self.contained("lend"):
                 return checked.lent(self._bytes.fileno(), self._bytes.lend())
@@ -180,7 +181,7 @@ class GuardedSource:
                 self._bytes.passed(pad_index, sequence)
 
     def contained(self, where: str, *passes: type[BaseException]) -> Contained:
-        """A context in which an error gives the device up, unless `passes` names its type."""
+        """A context in which an error closes the device, unless `passes` names its type."""
         # Each is made once: a frame enters several.
         key = where, passes
         if key not in self._contexts:
@@ -188,7 +189,7 @@ class GuardedSource:
         return self._contexts[key]
 
     def _adopt(self, device: Source) -> None:
-        self.device = device  # at once, so that it is closed if it can do nothing else
+        self.device = device  # first, so that it is closed whatever else fails
         self._bytes = device if isinstance(device, ByteSource) else None
         state = device.state
         if not isinstance(state, SourceState):
@@ -197,7 +198,7 @@ class GuardedSource:
         self._opened_ns, self._slow_polls = time.monotonic_ns(), 0
 
     def _judge_pace(self, poll_s: float) -> None:
-        """Nothing can interrupt a poll. A source that makes all others wait again and again is given up for a while."""
+        """A poll cannot be interrupted. A source that repeatedly makes all others wait is closed for a while."""
         self._slow_polls = self._slow_polls + 1 if poll_s > SLOW_S else 0
         if self._slow_polls >= MOST_SLOW_POLLS:
             raise TimeoutError(f"{MOST_SLOW_POLLS} polls took {poll_s:.2f} s each, and all other pads wait meanwhile")
@@ -209,7 +210,7 @@ class GuardedSource:
         self._renewal = Renewal(self.device, self._pause_s, self._open_device)
         self._pause_s = min(2.0 * self._pause_s, LONGEST_PAUSE_S)
         self.device, self._bytes, self.changed = None, None, True
-        # What is known only by the device that failed holds no longer.
+        # The failed device's own facts are no longer valid.
         self.state = SourceState(self.state.description).follow(self.state)
         self._failure = ""
 
@@ -224,5 +225,5 @@ class GuardedSource:
 
 
 def device_of(source: Source) -> Source | None:
-    """The source itself, or that behind a guard; None while there is none."""
+    """The source itself, or the one behind a guard; None while there is none."""
     return source.device if isinstance(source, GuardedSource) else source

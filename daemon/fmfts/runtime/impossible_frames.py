@@ -1,4 +1,4 @@
-"""Frames of a pad that cannot be true: left out, counted and named."""
+"""Impossible frames of a pad: dropped, counted and reported."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from fmfts.runtime.announcer import Announcer
 from fmfts.runtime.sparing_log import SparingLog
 from fmfts.runtime.statistics import PadStatistics
 
-NAMED_NS = 10_000_000_000  # the status names an impossible frame for so long; the log names one in that time
+NAMED_NS = 10_000_000_000  # how long the status reports an impossible frame; the log reports one in that time
 
 
 class ImpossibleFrames:
-    """last: what was wrong with the last one; "" if there was none. last_ns: when it came, or 0."""
+    """last: the fault of the last one; "" if there was none. last_ns: when it came, or 0."""
 
     def __init__(self, statistics: PadStatistics, log: SparingLog, announcer: Announcer) -> None:
         self.last, self.last_ns = "", 0

@@ -1,4 +1,4 @@
-"""Which of a pad's frames are too old to be published, and what the status says of a computer that is overloaded."""
+"""Decides which of a pad's frames are too old to be published, and reports an overloaded computer in the status."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import time
 from fmfts.runtime.statistics import PadStatistics
 from fmfts.sensor import Source
 
-# Nobody is told of an older frame: a controller would act on what is no longer so. Newer ones are on their way.
+# Older frames are not published: a controller would act on an outdated contact. Newer ones follow.
 OVERDUE_NS = 50_000_000
-OVERLOADED = 0.01  # share of frames left out from which on the status tells of it
+OVERLOADED = 0.01  # share of dropped frames above which the status reports it
 
 
 class Lateness:
-    """overdue_ns: the age from which on a frame is left out. sentence: empty unless this computer is overloaded."""
+    """overdue_ns: the age above which a frame is dropped. sentence: empty unless this computer is overloaded."""
 
     def __init__(self, source: Source, pad_index: int, rate_hz: float, statistics: PadStatistics) -> None:
         # At low rates a frame's newest sample may be nearly a period old when it is sent.
@@ -24,7 +24,7 @@ class Lateness:
         self._statistics = statistics
         self._counted = 0  # of `state.left_out`
         self._late_s = 0.0
-        self._behind_ns: int | None = None  # when a frame was last found to be left out
+        self._behind_ns: int | None = None  # when a frame was last dropped
 
     def is_to_be_left_out(self, taken_ns: int, now_ns: int, superseded: bool = False) -> bool:
         """Whether a frame of that time is too old, or superseded by another. If it is, it is counted."""
@@ -55,7 +55,7 @@ class Lateness:
     def judge(self) -> str:
         """Judge the interval that the statistics just ended.
 
-        Returns what to tell if an overload began or ended, else "".
+        Returns a sentence if an overload began or ended, else "".
         """
         before, percent = self.sentence, 100 * self._statistics.overloaded
         is_overloaded = self._statistics.overloaded >= OVERLOADED
@@ -66,7 +66,7 @@ class Lateness:
 
     @property
     def reason(self) -> str:
-        """Why frames come, and none is used."""
+        """Why frames arrive, but none is used."""
         late = f"{self._late_s:.2f} s late" if self._late_s * 1e9 > self.overdue_ns else "too late"
         clock = ", or the clock of the board stands" if self._source.state.has_clock else ""
         return f"frames come {late}: {self.sentence or f'this computer is overloaded{clock}'}"

@@ -1,4 +1,4 @@
-"""Makes what a pad needs before its first frame: contact model, source, pipeline, baseline, neighbours."""
+"""Makes a pad's parts before its first frame: contact model, source, pipeline, baseline, neighbours."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def load_models(config: Config) -> dict[str, AnyModel]:
 
 
 def tell_models(config: Config, models: Mapping[str, AnyModel]) -> None:
-    """Log what each pad's contact model is, and what it lacks."""
+    """Log each pad's contact model, and its limits."""
     for pad in config.pad:
         model = models[pad.name]
         if isinstance(model, NoContactModel):
@@ -99,7 +99,7 @@ def channel_of(
     boot: str,
     pads: Sequence[PadConfig],
 ) -> Channel:
-    """The channel of a pad with its baseline; without one, or with one that does not fit, it says so and waits for one.
+    """The channel of a pad with its baseline; without a fitting one, it reports that and waits for one.
 
     pads: all that are configured.
     """
@@ -128,7 +128,7 @@ def use_baseline(channel: Channel, config: PadConfig, pads: Sequence[PadConfig])
     try:
         if isinstance(config.source, ReplaySource):
             recording = device_of(channel.source)
-            if recording is None:  # it cannot be read now, nor the baseline in it
+            if recording is None:  # the recording cannot be read now, nor its baseline
                 return
             baseline = recorded_baseline(recording, channel.pad_index)
         else:
@@ -149,7 +149,7 @@ def use_baseline(channel: Channel, config: PadConfig, pads: Sequence[PadConfig])
     except BaselineError as error:
         log.error("%s", error)
         pipeline.refuse(str(error))
-    except StateError:  # of no pad: no baseline can be kept
+    except StateError:  # for no pad: no folder for baselines
         raise
     except Exception as error:
         log.exception("pad '%s': internal error with its baseline, worth reporting", pad.name)
@@ -157,7 +157,7 @@ def use_baseline(channel: Channel, config: PadConfig, pads: Sequence[PadConfig])
 
 
 def introduce_neighbours(pads: Sequence[PadConfig], pipelines: Mapping[str, Pipeline]) -> None:
-    """Let each pad feel the fields of its neighbours' magnets."""
+    """Give each pad the magnets of its neighbours."""
     for pad in pads:
         for neighbour in feel_neighbours(pad, pads, pipelines):
             log.info("pad '%s': %s", pad.name, neighbour.why)
@@ -167,7 +167,7 @@ def introduce_neighbours(pads: Sequence[PadConfig], pipelines: Mapping[str, Pipe
 
 
 def _stored(config: PadConfig, pad: Pad) -> Baseline | None:
-    """The stored baseline of the pad. A simulated pad takes none of other sensors: it simulates its own."""
+    """The stored baseline of the pad. A simulated pad uses only a baseline of its own sensors."""
     try:
         return stored(pad, origin_of(config))
     except ForeignError as error:

@@ -1,4 +1,4 @@
-"""Answers what `status`, `pads` and `probe` ask: they read all pads, and change none."""
+"""Answers `status`, `pads` and `probe`, which read all pads, and change none."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Overview:
         return now | self._facts[name] | self._channels[name].pipeline.model.calibrated_range
 
     def _now_of(self, name: str) -> tuple[str, str | None]:
-        """What changes of a pad: its health and its baseline."""
+        """The changing facts of a pad: its health and its baseline."""
         channel = self._channels[name]
         baseline = channel.pipeline.baseline
         return channel.health, None if baseline is None else baseline.id
@@ -71,7 +71,7 @@ def _renewed(channel: Channel, status: StatusMessage) -> StatusMessage:
 
 
 def _silence(channel: Channel) -> str:
-    """Why no frame of a pad is used whose source is open, "" where frames are used."""
+    """Why no frame of a pad with an open source is used; "" if frames are used."""
     health, reason = channel.told()
     if health not in ("stale", "disconnected"):
         return ""

@@ -14,9 +14,9 @@ from fmfts.bus.publisher import Publisher
 from fmfts.runtime.fast_loop import FastLoop
 from fmfts.runtime.schedule import NEVER_NS, Schedule
 
-# Peers may take so much of the loop's time at once, and one request more. Frames that arrive meanwhile wait as long.
+# Time of the loop that peers may take at once, plus one request. Frames that arrive meanwhile wait.
 BUDGET_NS = 500_000
-# Afterwards frames have the loop for so many times as long: peers take a fifth of a processor at most.
+# Afterwards frames have the loop for this many times as long: peers take at most a fifth of a processor.
 PAUSES = 4
 
 
@@ -99,7 +99,7 @@ class Peers:
         return servers.control.may_have_more or servers.publisher.may_have_more or more_keys or more_joints
 
     def _hear_until(self, joints: JointListener, time_is_up: Callable[[], bool]) -> bool:
-        """True if there may be more: ZeroMQ signals nothing again until all is read."""
+        """True if there may be more: ZeroMQ signals again only after all is read."""
         while (positions := joints.receive(time_is_up)) is not None:
             self._servers.hear(*positions)
             if time_is_up():

@@ -21,9 +21,9 @@ from fmfts.pose.state import tangent_basis
 
 log = logging.getLogger(__name__)
 
-# Between the frames that are decoded, and many more.
+# Interval of the frames that are decoded.
 LONGEST_GAP_S = 1.0
-# Every frame must be quiet, but only one in so many is decoded for the mean; that is more than enough.
+# Every frame must be quiet, but decoding one in this many is enough for the mean.
 LOOKED_AT = 11
 
 
@@ -39,7 +39,7 @@ class Rebaselining:
         self._silicone = Creep(pipeline.pad.silicone, LONGEST_GAP_S)
         self._basis = tangent_basis(mounting.rest.axis)
         self._seen_s: float | None = None
-        # What silicone may still recover by must not be larger than one step.
+        # The remaining recovery of the silicone must be smaller than one step.
         self._largest_recovery_m = limits.rate_m_per_s * limits.quiet_s
 
     @property
@@ -65,7 +65,7 @@ class Rebaselining:
         return True
 
     def _is_recovering(self, message: ContactMessage) -> bool:
-        """Whether earlier loads may have left more behind than a step of the rest pose."""
+        """Whether the remaining creep of earlier loads may exceed a step of the rest pose."""
         if message.pose is None:
             return True
         now_s, rest = message.t_sample_ns * 1e-9, self._mounting.rest
@@ -77,12 +77,12 @@ class Rebaselining:
 
 
 def _is_untouched(answer: Answer) -> bool:
-    """Whether it says for certain that nothing touches the pad."""
+    """Whether the message is certain that nothing touches the pad."""
     return answer.health == "ok" and answer.contact is False and not answer.over_range
 
 
 def _quiet(message: ContactMessage, detection_limit_n: float) -> Quiet | None:
-    """The reading of an untouched pad; None if the message leaves it open whether something touches the pad."""
+    """The reading of an untouched pad; None if the message does not exclude a touch."""
     pose, force_n, force_sd_n = message.pose, message.force_n, message.force_sd_n
     if not _is_untouched(message) or pose is None or force_n is None or force_sd_n is None:
         return None

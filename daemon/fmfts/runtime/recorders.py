@@ -1,4 +1,4 @@
-"""What recorders of a pad get, while there are any: its frames and samples, and the state that a replay starts from."""
+"""Sends frames, samples and the state for a replay to the recorders of a pad, while there are any."""
 
 from __future__ import annotations
 

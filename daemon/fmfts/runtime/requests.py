@@ -42,7 +42,7 @@ class _OfPad(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class _Baseline(_OfPad, forbid_unknown_fields=True):
-    rest: bool = False  # what it is without any of these
+    rest: bool = False  # the kind without any of these
     bare: bool = False
     replaced: bool = False
     restore: bool = False
@@ -51,7 +51,7 @@ class _Baseline(_OfPad, forbid_unknown_fields=True):
     posture: bool = False
     no_joints: bool = False  # of posture: none are published
     undo_drift: bool = False
-    stop: bool = False  # records nothing after all
+    stop: bool = False  # ends a recording without a result
     duration_s: float | None = None
 
 
@@ -71,7 +71,7 @@ class Verbs:
         executor: Executor,
         take_back: Callable[[Source], object] = lambda source: None,
     ) -> None:
-        """take_back: lets Python use a source that C may be reading. What only reads goes without it."""
+        """take_back: lets Python use a source that C may be reading. Requests that only read do not need it."""
         self._configs = configs
         self._channels = {channel.name: channel for channel in channels}
         self._overview = Overview(configs, self._channels)
@@ -192,7 +192,7 @@ class Verbs:
         channel.job = BaselineJob(
             work, _recorded(channel), channel.source, self._executor, unsettled, channel.pad_index
         )
-        if isinstance(device, Simulated):  # nobody else can take it off, turn it or press it
+        if isinstance(device, Simulated):  # a simulated pad must be taken off, turned or pressed here
             weight_n = 0.0 if work.learn is None else work.learn.weight_n
             self._hands[channel.name] = Hands(
                 device, bare=work.bare, turn=work.turn, refine=work.refine, weight_n=weight_n
@@ -214,7 +214,7 @@ class Verbs:
         self._require_idle(channel, Restoration, "a baseline is being restored")
 
     def _require_idle(self, channel: Channel, kind: type[Task], doing: str) -> None:
-        """However many peers ask for it, there is one task of a kind for a pad."""
+        """A pad has at most one task of a kind."""
         if any(pending.pad == channel.name and isinstance(pending.task, kind) for pending in self._pending):
             raise BadRequestError(f"pad '{channel.name}': {doing} already: ask again when it has ended")
 
@@ -227,7 +227,7 @@ class Verbs:
 
 
 def _origin(channel: Channel) -> Origin | None:
-    """The sensors that there are now, as far as they are known."""
+    """The present sensors, as far as they are known."""
     return None if channel.baseline.origin is None else channel.baseline.origin.on(channel.source.state.board)
 
 

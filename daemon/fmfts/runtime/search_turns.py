@@ -1,12 +1,12 @@
-"""Which pad may search fingers anew: one at most in each round of frames, and each in its turn.
+"""Decides which pad may search fingers: at most one in each round of frames, in turn.
 
-A frame whose fingers follow from those of the frame before takes a pad with several magnets some 0.4 ms. Where nothing
+A frame whose fingers follow from those of the frame before takes a pad with several magnets some 0.4 ms. If nothing
 explains the field, it searches: up to 3 ms, more than half of the time between two frames. Steel near a hand of sixteen
-pads would make all of them search at once. So one pad searches in each round; the others say of their frames what they
-can without, and search in later rounds.
+pads would make all of them search at once. So one pad searches in each round; the others judge their frames without a
+search, and search in later rounds.
 
-Rounds are counted in frames, not in time, and each frame says whether it may search. A recording keeps that, so that a
-replay of one pad alone says the same.
+Rounds are counted in frames, not in time, and each frame records whether it may search. So a replay of one pad alone
+gives the same result.
 """
 
 from __future__ import annotations
@@ -17,20 +17,21 @@ from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.sensor import Frame
 from fmfts.several.count import Search
 
-# The first pad that waits loses its turn where no frame of it comes in so many rounds: it is away.
+# The first waiting pad loses its turn if it has no frame in this many rounds: it is absent.
 PATIENCE_ROUNDS = 10
 
 
 class SearchTurns:
-    """A round ends when the pad that searched comes again, or, if it is away, after as many frames as there are pads.
+    """A round ends with the next frame of the pad that searched or, if it is absent, after as many frames as there are
+    pads.
 
     pads: with several magnets.
     """
 
     def __init__(self, pads: int) -> None:
         self._pads = pads
-        self._searched: str | None = None  # who searched in the round that goes on
-        self._waiting: dict[str, None] = {}  # pads whose search is due, the first that asked first
+        self._searched: str | None = None  # the pad that searched in the present round
+        self._waiting: dict[str, None] = {}  # pads whose search is due, in the order of their requests
         self._frames = 0  # since the search; or, in a new round, since the first that waits had a frame
 
     def allowed(self, pad: str, frame: Frame) -> Frame:
@@ -38,7 +39,7 @@ class SearchTurns:
         return frame if self._may_search(pad) else frame.without_search()
 
     def told(self, pad: str, search: Search) -> None:
-        """What became of the search in this frame."""
+        """The state of the search in this frame."""
         if search == "due":
             self._waiting.setdefault(pad)
             return

@@ -1,4 +1,4 @@
-"""The log of one pad, which an overloaded computer, where health changes many times a second, does not flood."""
+"""The log of one pad, with a limit for an overloaded computer, on which health changes many times a second."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from fmfts.runtime.lateness import Lateness
 log = logging.getLogger(__name__)
 
 PERIOD_NS = 10_000_000_000
-MOST = 3  # a short stall makes as many changes, and each of them is worth a line
+MOST = 3  # a short stall causes this many changes, each worth a line
 
 
 class SparingLog:
-    """Logs lines of a pad. While frames are left out, at most MOST in PERIOD_NS; the next tells how many were not."""
+    """Logs lines of a pad. While frames are dropped, at most MOST in PERIOD_NS; the next line has the number of the
+    omitted ones."""
 
     def __init__(self, pad: str, lateness: Lateness) -> None:
         self._pad = pad
         self._lateness = lateness
         self._told_ns: deque[int] = deque(maxlen=MOST)
-        self._held: tuple[int, str] | None = None  # the last line that was not told
+        self._held: tuple[int, str] | None = None  # the last omitted line
         self._untold = 0
 
     def tell(self, level: int, text: str, now_ns: int, *, is_urgent: bool = False) -> None:
-        """is_urgent: no overload causes it, so it is told at once."""
+        """is_urgent: no overload causes it, so it is logged at once."""
         is_behind = self._lateness.is_behind(now_ns, PERIOD_NS)
         if is_behind and not is_urgent and self._has_told_enough(now_ns):
             self._held, self._untold = (level, text), self._untold + 1
@@ -32,7 +33,7 @@ class SparingLog:
             self._write(level, text, self._untold, now_ns)
 
     def catch_up(self, now_ns: int) -> None:
-        """Tell the last line that was held back, when its time has come. Call it about once a second."""
+        """Log the last omitted line when it is due. Call it about once a second."""
         if self._held is not None and not self._has_told_enough(now_ns):
             self._write(*self._held, self._untold - 1, now_ns)
 

@@ -1,4 +1,4 @@
-"""What a pad really delivered: true rate, gaps, latency. The status publishes it once a second; counters only grow."""
+"""A pad's actual rate, gaps and latency. The status publishes it once a second; counters only grow."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ class PadStatistics:
     overloaded: float = 0.0
     _last: tuple[int, int] | None = None  # run, sequence
     _last_times: tuple[int, int] = (0, 0)  # on the board's clock in µs, on the host's in ns
-    _expected: int | None = None  # the sequence after one that could not be
+    _expected: int | None = None  # the sequence after an impossible one
     _first_ns: int | None = None
     _sampled_ns: int = 0  # of the last message
-    _left_out: int = 0  # frames left out, less those that the sequence numbers have shown to be missing
+    _left_out: int = 0  # dropped frames, minus those that sequence numbers have shown to be missing
     _arrived: tuple[int, int] = (0, 0)  # frames, and those left out, since the last `interval`
     _published: int = 0  # messages since the last `interval`
     _latencies_s: list[float] = field(default_factory=list)
@@ -40,9 +40,9 @@ class PadStatistics:
     def frame(self, frame: Frame) -> bool:
         """Count a frame, and the frames missing before it: the jump of the sequence number within a run.
 
-        False if the frame came before, or if its number cannot be: so many frames cannot be missing. Two frames with
-        such numbers in a row that go on from each other are accepted, unless they are no newer than the last one: any
-        number of frames may come again in their order.
+        False if the frame came before, or if its number cannot be: so many frames cannot be missing. Two consecutive
+        frames with such numbers are accepted, unless they are no newer than the last one: any number of frames may be
+        repeated in their order.
         """
         self._arrive(1)
         if self._last is not None and self._last[0] == frame.run:

@@ -1,4 +1,4 @@
-"""The state of the daemon in one line, for `systemctl status`: true rates, and what is wrong and for how long."""
+"""The state of the daemon in one line, for `systemctl status`: actual rates, and faults with their durations."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class PatientHandler(logging.Handler):
                 line.set()
                 continue
             data = memoryview(f"{line}\n".encode(errors="backslashreplace"))
-            with suppress(OSError):  # the log cannot be written, and there is no other place to report that
+            with suppress(OSError):  # the log cannot be written, which cannot be reported elsewhere
                 while data:
                     # Another program that shares the terminal may have made it non-blocking.
                     select.select([], [self._descriptor], [])

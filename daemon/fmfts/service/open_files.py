@@ -1,4 +1,4 @@
-"""How many files, devices and connections this process has open, and how many it may have."""
+"""The number of files, devices and connections that this process has open, and its limit."""
 
 from __future__ import annotations
 
@@ -19,5 +19,5 @@ def raise_limit() -> int:
 
 
 def count() -> int:
-    """How many this process has open now."""
+    """The number that this process has open now."""
     return os.stat(OWN).st_size or len(os.listdir(OWN))  # Linux before 6.2 gives no size here

@@ -58,9 +58,9 @@ def _why_not_locked(code: int) -> str:
 
 
 def take_default_priority() -> None:
-    """Take the priority that the service's unit gives in FMFTS_REALTIME_PRIORITY, and say in the log where it may not.
+    """Take the priority that the service's unit gives in FMFTS_REALTIME_PRIORITY; log a refusal.
 
-    Not an error: the daemon works without it, and on a busy computer leaves frames out, and says so.
+    It is no error: without it the daemon drops frames on a busy computer, and reports that.
     """
     given = default_priority()
     if given == 0:

@@ -57,7 +57,7 @@ def write_atomically(path: Path, content: bytes) -> None:
 def give_to(like: os.stat_result, descriptor: int) -> None:
     """Give an open file the owner and group in `like`: root may do so; a user may give it one of its own groups."""
     for owner in (like.st_uid, -1):
-        with suppress(OSError):  # then it is its writer's, as without this
+        with suppress(OSError):  # then its owner is its writer
             os.fchown(descriptor, owner, like.st_gid)
             return
 

@@ -15,7 +15,8 @@ from fmfts.simulation.source import Simulated
 
 
 def simulated_baseline(config: PadConfig, beside: Sequence[PadConfig] = ()) -> Baseline:
-    """The baseline of the pad that `config` simulates; the same seed builds the same pad. beside: pads it feels."""
+    """The baseline of the pad that `config` simulates; the same seed builds the same pad. beside: pads whose magnets it
+    measures."""
     bare = BaselineRequest(config.pad(), config.tolerance.si(), bare=True, replaced=False)
     rest = BaselineRequest(config.pad(), config.tolerance.si(), bare=False, replaced=False)
     before, _ = bare.make(_frames(config, beside, mounted=False), None)
@@ -31,7 +32,7 @@ def hold_still(source: Simulated, mounted: bool) -> None:
 
 
 def pressed_pads(source: Simulated) -> list[Simulated | NeighbourMagnets]:
-    """All that fingers may press: the pad, and its neighbours as it feels them."""
+    """All pads that fingers may press: this one, and its neighbours."""
     return [source, *source.neighbours]
 
 

@@ -54,6 +54,6 @@ class ChipArray:
 
 
 def as_counts(chip: Chip, counts: Array) -> NDArray[np.int16]:
-    """What the converter makes of counts that need not be whole: the saturated count where they are too large."""
+    """The converter's output for real numbers of counts: the saturated count if they are too large."""
     whole = np.rint(counts)
     return np.where(np.abs(whole) > chip.largest_count, chip.saturated_count, whole).astype(np.int16)

@@ -29,7 +29,7 @@ _decoder = msgspec.msgpack.Decoder(FrameMessage)
 class Fed:
     """Frames of one pad: each is a datagram, a `frame/<pad>` message as the bus sends them (docs/messages.md).
 
-    Only the user of the daemon may write to the socket. Frames of another `boot` are of a program that started anew.
+    Only the user of the daemon may write to the socket. Frames with another `boot` come from a restarted program.
     """
 
     def __init__(self, config: PadConfig) -> None:
@@ -63,7 +63,7 @@ class Fed:
         return frames
 
     def _frame(self, datagram: bytes) -> Frame | None:
-        """None, and it is counted, where the datagram is no frame of this pad."""
+        """None, and it is counted, if the datagram is no frame of this pad."""
         try:
             message = _decoder.decode(datagram)
             frame = frame_of(message, 0, self._chip)
@@ -92,7 +92,7 @@ class Fed:
 
 
 def _bound(path: Path) -> socket.socket:
-    """A datagram socket at `path`, in place of what an earlier daemon left there."""
+    """A datagram socket at `path`, which replaces that of an earlier daemon."""
     opened = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
     mask = os.umask(0o177)
     try:

@@ -106,7 +106,7 @@ MEETING_S = 10.0  # after which two fingers that meet begin again
 class MeetingFingers:
     """Two fingers: one presses and stays, the other comes, slides up to it, and goes away again.
 
-    They are 15 mm apart at first and 4 mm at the nearest, where no pad tells them as two.
+    They are 15 mm apart at first and 4 mm at the nearest, where no pad distinguishes them.
     """
 
     def __init__(self, seed: int) -> None:

@@ -1,4 +1,4 @@
-"""What a person does for a baseline, done to a simulated pad: lets it alone, turns it, presses it, weighs on it."""
+"""A person's actions for a baseline, on a simulated pad: leave it alone, turn it, press it, put a weight on it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from fmfts.simulation.baseline import hold_still, pressed_pads
 from fmfts.simulation.finger import REACH_M, Stroke, Touch, steady_finger
 from fmfts.simulation.source import Simulated
 
-# In the first frames a chip may still tell what it saw before the hands came.
+# In the first frames a chip may still have older samples.
 UNSETTLED_FRAMES = 4
-ALONE_S = 0.5  # before the first press: the field at rest is looked at
+ALONE_S = 0.5  # before the first press: measures the field at rest
 PRESS_EVERY_S = 0.6
 WEAKEST_N, STRONGEST_N = 0.3, 1.7
 # Multiples of these, modulo one, fill a square and a line evenly however many are taken (M. Roberts, R2 sequence).
@@ -48,9 +48,9 @@ class Hands:
             source.finger = steady_finger(0.0, 0.0, weight_n)
 
     def let_go(self) -> None:
-        """The pad is as it was, and what the configuration says of it goes on."""
+        """Restores the pad and its configured motion."""
         source = self._source
         source.mounted, source.tumbling, source.turning_rad_per_s = self._before
-        source.turning_since_s = source.time_s  # from where it stands; it does not jump to where it would be by now
+        source.turning_since_s = source.time_s  # from its present orientation, without a jump
         for pad, fingers in zip(pressed_pads(source), self._fingers, strict=True):
             pad.finger, pad.second_finger = fingers

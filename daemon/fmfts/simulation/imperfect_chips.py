@@ -1,4 +1,4 @@
-"""Simulates what real chips do besides white noise, each with the figure and its source.
+"""Simulates errors of real chips besides white noise, each with its size and source.
 
 Figures of the HMC5983's family from Honeywell's data sheets 900425 (HMC5883L/5983) and 900248 (its bridges, HMC1001).
 """
@@ -25,7 +25,7 @@ DECADES_S = np.array([0.016, 0.16, 1.6, 16.0, 160.0])
 STEP_T, STEP_EVERY_S = 1.5e-7, 10.0
 # "Linearity": 0.1 % of full scale at ±2 G (900425): a cubic.
 NONLINEARITY, LINEAR_RANGE_T = 1e-3, 2e-4
-# No check sum: a wrong bit passes. On a sound bus it happens never; here, one reading in so many.
+# There is no check sum, so a wrong bit passes. A healthy bus has none; here, one reading in this many.
 READINGS_PER_BIT_ERROR = 2000
 BITS = 11  # a higher bit makes a count that no chip gives
 
@@ -47,7 +47,7 @@ class ImperfectChips:
         self._time_s = np.zeros(sensors)
 
     def reported(self, time_s: Array, field_t: Array, warming_k: float) -> Array:
-        """What the chips report, but for white noise, of `field_t` (K, N, 3) in their axes at their times (K, N)."""
+        """The chips' readings without white noise for `field_t` (K, N, 3) in their axes at their times (K, N)."""
         if "nonlinear" in self._kinds:
             field_t = field_t + self._bend * LINEAR_RANGE_T * (field_t / LINEAR_RANGE_T) ** 3
         if "offset_drift" in self._kinds:
@@ -73,7 +73,7 @@ class ImperfectChips:
         return error_t
 
     def transferred(self, counts: NDArray[np.int16]) -> NDArray[np.int16]:
-        """The counts (…, N, 3) after the way over a bus on which a bit may flip."""
+        """The counts (…, N, 3) after a bus on which a bit may flip."""
         if "bit_errors" not in self._kinds:
             return counts
         wrong = self._random.uniform(size=counts.shape) < 1.0 / READINGS_PER_BIT_ERROR / 3.0

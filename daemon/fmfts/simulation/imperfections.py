@@ -1,4 +1,4 @@
-"""What real pads do besides what their tolerances name: the switches `imperfections` and `finger_shape` of a now."""
+"""Errors of real pads besides their tolerances: the switches `imperfections` and `finger_shape`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from fmfts.simulation.silicone import Silicone
 
 # A magnet that was cast into the silicone by hand, without a jig.
 CAST_OFF_M, CAST_TILT_RAD = 1e-3, float(np.deg2rad(5.0))
-# Steel screws in the mount, 30 mm away and larger than advised: what they add to a uniform field.
+# Steel screws in the mount, 30 mm away and larger than advised: their effect on a uniform field.
 SOFT_IRON = 0.03
 TOP_M = 2e-3  # height of the standard pad's top over the magnet's centre
 
@@ -34,7 +34,7 @@ def cast(built: MountedPad, random: np.random.Generator) -> MountedPad:
 
 @dataclass(frozen=True, slots=True)
 class PadNow:
-    """The pad as it was built, its magnet as warm as it is, and how warm the chips are, against 25 °C."""
+    """The built pad with its magnet at this temperature, and the warming of the chips above 25 °C."""
 
     built: MountedPad
     magnet: Magnet
@@ -59,7 +59,7 @@ class Imperfections:
         self._chips = ImperfectChips(kinds, count, built.pad.chip, rate_hz, random)
 
     def field(self, now: PadNow, touches: Sequence[Touch], ambient_t: Array, time_s: Array) -> Array:
-        """(K, N, 3) what the chips would report, but for noise, at each sensor's times (K, N) in an ambient field
+        """(K, N, 3) the chips' readings without noise, at each sensor's times (K, N) in an ambient field
         (K, N, 3). touches: of these times, one after the other; empty where the pad is not mounted."""
         built, places_m = now.built, now.built.pad.sensors.position_m
         field_t = ambient_t @ self._soft_iron.T
@@ -82,5 +82,5 @@ class Imperfections:
         return position_m.reshape(*time_s.shape, 3), axis.reshape(*time_s.shape, 3)
 
     def transferred(self, counts: NDArray[np.int16]) -> NDArray[np.int16]:
-        """The counts (…, N, 3) after the way over the bus."""
+        """The counts (…, N, 3) after the bus."""
         return self._chips.transferred(counts)

@@ -2,7 +2,7 @@
 
 It interpolates by cubic splines over x and y, and by a polynomial in the force through zero, so that an unloaded pad is
 exactly at rest. Beyond the largest force the displacement continues along its tangent. A press beyond the grid counts
-as one on its edge. lab/README.md tells where the standard pad's table comes from, and how accurate it is.
+as one on its edge. lab/README.md describes the origin and accuracy of the standard pad's table.
 """
 
 from __future__ import annotations

@@ -41,8 +41,8 @@ def with_chips_turned(sensor_rotation_rad: float, cross_axis: float) -> Toleranc
 class MountedPad:
     """A built pad. rest_axis_from_z (3, 3): from axes in which the unloaded magnet points along +z to pad axes.
 
-    Each chip has its own axes: `pad.sensors` holds them as they are turned, cross_axis (N, 3, 3) what they read across.
-    tilted (3, 3): from axes of the silicone to those of the sensors; presses move the magnet in the former.
+    Each chip has its own axes: `pad.sensors` holds them as they are turned, cross_axis (N, 3, 3) their cross-axis
+    terms. tilted (3, 3): from axes of the silicone to those of the sensors; presses move the magnet in the former.
     magnet_off_m (2,): how far the magnet is cast from the pad's middle. On a wide pad a press moves any magnet as it
     would move one in the middle at the same distance.
     """
@@ -116,7 +116,7 @@ class MountedPad:
         return self.moved(self.response(*press))
 
     def centred(self, x_m: Array, y_m: Array, *load: Array) -> tuple[Array, ...]:
-        """A press as the table of presses counts it: from the magnet's place."""
+        """A press relative to the magnet's place, as in the table of presses."""
         return x_m - self.magnet_off_m[0], y_m - self.magnet_off_m[1], *load
 
     def response(self, *press: Array) -> Array:
@@ -136,7 +136,7 @@ class MountedPad:
         return cylinder_field(self.pad.sensors.position_m, position_m, axis, magnet or self.pad.magnet)
 
     def sensed(self, field_t: Array) -> Array:
-        """A field (…, N, 3) in pad axes → what the chips report of it."""
+        """A field (…, N, 3) in pad axes → the chips' readings."""
         own = self.pad.sensors.to_sensor(field_t)
         if self.cross_axis is not None:
             own = own + np.einsum("iab,...ib->...ia", self.cross_axis, own)

@@ -1,6 +1,6 @@
 """The magnets of a simulated pad with several, and their field under one or two fingers.
 
-A magnet that was cast beside its place feels a press as one in its place feels a press beside. Fingers add up:
+A magnet that was cast off its place reacts to a press like a magnet in its place to a shifted press. Fingers add up:
 lab/results/several.md has how far that holds.
 """
 
@@ -69,7 +69,7 @@ class MountedMagnets:
 
     def moved(self, touches: Sequence[Sequence[Touch]]) -> list[Magnets]:
         """The magnets under each of these sets of fingers."""
-        each = list(dict.fromkeys(touch for own in touches for touch in own))  # one that holds still: once
+        each = list(dict.fromkeys(touch for own in touches for touch in own))  # a still finger: once
         changes = dict(zip(each, self._changes(each), strict=True))
         rest = np.zeros((len(self.remanence_t), CHANGE))
         sums = (sum((changes[touch] for touch in own), rest) for own in touches)

@@ -1,4 +1,4 @@
-"""Simulates the magnets of a neighbouring pad, with its own fingers, as a simulated pad feels them."""
+"""Simulates the magnets of a neighbouring pad, with its own fingers, as a simulated pad measures them."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from fmfts.simulation.pad_file import mechanics_of
 
 @dataclass(slots=True)
 class OneMagnet:
-    """placement: of the magnet's pad, in the axes of the pad that feels it. The fingers may be replaced at any time; no
-    second one presses such a pad."""
+    """placement: of the magnet's pad, in the axes of the measuring pad. The fingers may be replaced at any time; such a
+    pad has no second finger."""
 
     built: MountedPad
     placement: Placement
@@ -27,7 +27,7 @@ class OneMagnet:
     second_finger: Finger | None = None
 
     def field(self, place_m: Array, sampled_s: Array, warming_k: float) -> Array:
-        """Field (N, 3) in tesla at places (N, 3), in the axes of the pad that feels it, each at its own time (N,)."""
+        """Field (N, 3) in tesla at places (N, 3), in the axes of the measuring pad, each at its own time (N,)."""
         position_m, axis = self.built.pose(*columns([self.finger(moment) for moment in sampled_s.tolist()]))
         turn, magnet = self.placement.rotation, self.built.pad.magnet
         warm = magnet.with_remanence(magnet.remanence_t * (1.0 + self.remanence_per_k * warming_k))
@@ -56,7 +56,7 @@ NeighbourMagnets = OneMagnet | SeveralMagnets
 
 
 def neighbour_of(pad: PadConfig, neighbour: PadConfig, source: SimulatedSource) -> NeighbourMagnets:
-    """The magnets of `neighbour` as `pad` feels them, with a random error of its place. source: of `neighbour`.
+    """The magnets of `neighbour` as `pad` measures them, with a random error of its place. source: of `neighbour`.
 
     ValueError where no such pad is simulated.
     """

@@ -16,10 +16,11 @@ from fmfts.simulation.source import Simulated
 
 
 def set_up(config: PadConfig, beside: Sequence[PadConfig] = ()) -> tuple[Baseline, list[str]]:
-    """The baseline of a pad that went through all steps, and the names of the steps. beside: pads that it feels.
+    """The baseline of a pad that went through all steps, and the names of the steps. beside: pads whose magnets it
+    measures.
 
     The same seed builds the same pad, so the baseline is of the pad that a daemon simulates with this configuration. A
-    chip without a self-test goes without one. BaselineError if a recording is not good enough.
+    chip without a self-test skips it. BaselineError if a recording is not good enough.
     """
     source = simulated_pad(config, beside)
     steps = ["bare", "rest", "turn"]
@@ -52,7 +53,7 @@ def _tested(source: Simulated) -> StoredGains | None:
 
 
 def _recorded(source: Simulated, request: BaselineRequest, rate_hz: int) -> list[Frame]:
-    """The frames of a recording, which ends when the person who turns the pad has done enough."""
+    """The frames of a recording, which ends when the pad was turned enough."""
     hands = Hands(source, bare=request.bare, turn=request.turn, refine=request.refine)
     frames: list[Frame] = []
     coverage = request.coverage

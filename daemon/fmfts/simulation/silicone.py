@@ -1,4 +1,4 @@
-"""Simulates what makes silicone no spring: it creeps under a load, recovers slowly, and differs on the way back.
+"""Simulates how silicone differs from a spring: it creeps under a load, recovers slowly, and has hysteresis.
 
 Linear viscoelasticity: a load held since time 0 moves the magnet by J(t) times the way of a spring, J(t) = 1 + Σ c
 (1 − exp(−t/τ)), a Prony series with one term for each decade of time. Equal terms have a loss tangent of about

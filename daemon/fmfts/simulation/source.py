@@ -49,7 +49,7 @@ class Simulated:
         noise_t: float | None = None,
         perfect: bool = False,
     ) -> None:
-        """beside: pads whose magnets it feels, if they are simulated too. noise_t: of a sample; None: the chip's.
+        """beside: pads whose magnets it measures, if they are simulated too. noise_t: of a sample; None: the chip's.
         perfect: without building errors and ambient field. Raises ValueError unless the source is simulated,
         SourceError where its pad model cannot be used."""
         source = config.source
@@ -246,7 +246,7 @@ class Simulated:
         return WARMEST_K * (1.0 - exp(-self._warming_k_per_s * now_s / WARMEST_K))
 
     def _told_c(self, warming_k: float) -> float | None:
-        """What the thermometer says, in its own steps; None where there is none."""
+        """The thermometer's reading, in its own steps; None if there is none."""
         thermometer = self._chip.thermometer
         if thermometer is None:
             return None

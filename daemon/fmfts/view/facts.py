@@ -28,7 +28,7 @@ UNITS = {
     "_s": Unit("s", 1.0, 2),
     "_c": Unit("°C", 1.0, 1),
 }
-# Keys whose own words tell a person too little, with the unit's place in the sentence.
+# Keys that need more words for a person, with the unit's place in the sentence.
 LABELS = {
     "gain_sd": "gains, relative to each other",
     "largest_zero_t": "largest good zero",

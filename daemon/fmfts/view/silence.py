@@ -1,4 +1,4 @@
-"""Finds out why a listener receives nothing: asks the daemon, or, if it does not answer, examines the endpoint."""
+"""Finds why a listener receives nothing: asks the daemon or, if it does not answer, examines the endpoint."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class NoSuchPadError(Exception):
 
 
 def require_pad(endpoints: Endpoints, pad: str | None) -> None:
-    """Raise NoSuchPadError if a daemon answers that does not have `pad`. None, or no daemon yet: nothing is wrong."""
+    """Raise NoSuchPadError if a daemon answers that does not have `pad`. None, or no daemon yet: no error."""
     if pad is None:
         return
     try:

@@ -11,7 +11,7 @@ from fmfts_client import Contact
 
 Places = Sequence[tuple[float, float]]
 
-HALF_WIDTH_M = 0.020  # the bus does not tell the pad's size; a contact farther out is drawn at the edge
+HALF_WIDTH_M = 0.020  # the pad's size is not on the bus; a contact farther out is drawn at the edge
 FULL_BAR_N = 5.0
 MAGNET_RADIUS_M = 0.002
 
@@ -73,7 +73,7 @@ def _disc(x_m: float, y_m: float, radius_m: float, column_m: float) -> list[tupl
 
 
 def _touches(contact: Contact) -> Iterator[tuple[float, float, float, str]]:
-    """Place, force and mark of each finger where they are told, else of the contact as one."""
+    """Place, force and mark of each known finger, else of the contact as one."""
     if contact.contacts is not None:
         for finger in contact.contacts:
             yield finger.x_m, finger.y_m, finger.force_n, str(finger.id % 10)  # one cell; the figures have all digits

@@ -63,7 +63,7 @@ class Tally:
 
     @property
     def rate_hz(self) -> float | None:
-        """Rate of the messages of the last second; None where they only say that no frame comes."""
+        """Rate of the messages of the last second; None if they only report that no frame comes."""
         without_frames = self.contact is None or self.contact.health in ("stale", "disconnected")
         if without_frames or len(self._published_ns) < 2:
             return None
@@ -156,7 +156,7 @@ def _finger_text(finger: Finger) -> str:
 
 
 def shown_number(contact: Contact) -> float | None:
-    """What the history shows: the force in N, else how far the magnet moved in mm."""
+    """The history's value: the force in N, else how far the magnet moved in mm."""
     if contact.over_range:
         return contact.force_min_n
     if contact.force_n is None and contact.displacement_m is not None:
