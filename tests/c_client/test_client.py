@@ -105,7 +105,7 @@ def test_latest_after_a_pause_skips_what_waited(client: Talker, publisher: Publi
     eventually(after_a_pause, lambda answer: answer.get("seq") == 50)
 
 
-def test_what_waited_too_long_is_not_handed_out_as_new(client: Talker, publisher: Publisher) -> None:
+def test_delayed_message_is_not_returned_as_new(client: Talker, publisher: Publisher) -> None:
     publisher.send_contact("demo", contact_message(seq=1))
     time.sleep(0.4)
     answer = client.latest(0)
@@ -142,7 +142,7 @@ def test_pad_whose_name_begins_alike_is_not_mixed_in(client: Talker, publisher: 
         ((b"\xc0" * 100_000,), "64 KiB"),
     ],
 )
-def test_message_that_is_none_is_counted_and_explained(
+def test_invalid_message_is_counted_and_explained(
     client: Talker, publisher: Publisher, parts: tuple[bytes, ...], reason: str
 ) -> None:
     send_raw(publisher, b"contact/demo", *parts)

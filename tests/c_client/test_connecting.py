@@ -207,7 +207,7 @@ def test_folder_of_a_stranger_in_a_shared_place_is_refused(program: Path, tmp_pa
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="needs a folder of another user")
-def test_folder_that_only_its_owner_could_make_may_be_meant(program: Path, tmp_path: Path) -> None:
+def test_missing_folder_in_a_private_place_is_accepted(program: Path, tmp_path: Path) -> None:
     folder = tmp_path / "robot"
     folder.mkdir(mode=0o755)
     publisher = Publisher(Endpoints.from_base(f"ipc://{folder}"), BOOT)

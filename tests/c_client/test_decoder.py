@@ -92,14 +92,14 @@ def test_whole_numbers_and_single_floats_serve_as_numbers(c_client: Talker) -> N
 
 @given(st.sampled_from(FIELDS), anything)
 @settings(max_examples=150)
-def test_what_the_python_client_refuses_the_c_client_refuses(c_client: Talker, name: str, value: Any) -> None:
+def test_c_client_refuses_the_same_messages_as_python(c_client: Talker, name: str, value: Any) -> None:
     message = msgpack.unpackb(encode(contact_message())) | {name: value}
     agree(c_client, msgpack.packb(message))
 
 
 @given(contacts, st.sampled_from(POSE_FIELDS), anything)
 @settings(max_examples=60)
-def test_what_python_client_refuses_in_pose_c_client_refuses(
+def test_c_client_refuses_the_same_poses_as_python(
     c_client: Talker, contact: ContactMessage, name: str, value: Any
 ) -> None:
     message = msgpack.unpackb(encode(contact))
@@ -110,9 +110,7 @@ def test_what_python_client_refuses_in_pose_c_client_refuses(
 
 @given(st.sampled_from(FINGER_FIELDS), anything, st.integers(0, 5))
 @settings(max_examples=80)
-def test_what_python_client_refuses_in_finger_c_client_refuses(
-    c_client: Talker, name: str, value: Any, which: int
-) -> None:
+def test_c_client_refuses_the_same_fingers_as_python(c_client: Talker, name: str, value: Any, which: int) -> None:
     """Also in one of those for which there is no place."""
     fingers = [finger_message(number) for number in range(6)]
     message = msgpack.unpackb(encode(fingers_message(*fingers)))
@@ -122,7 +120,7 @@ def test_what_python_client_refuses_in_finger_c_client_refuses(
 
 @given(st.sampled_from(OF_SEVERAL), anything | st.lists(anything, max_size=3))
 @settings(max_examples=80)
-def test_lists_that_are_none_are_refused_by_both(c_client: Talker, name: str, value: Any) -> None:
+def test_both_clients_refuse_invalid_lists(c_client: Talker, name: str, value: Any) -> None:
     agree(c_client, msgpack.packb(msgpack.unpackb(encode(fingers_message(*two_fingers()))) | {name: value}))
 
 
@@ -175,7 +173,7 @@ def agree(c_client: Talker, payload: bytes) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in FIELDS if name not in ("v", "now", *OF_SEVERAL)])
-def test_key_that_is_absent_is_named_and_not_taken_for_null(c_client: Talker, name: str) -> None:
+def test_missing_key_is_named_and_not_null(c_client: Talker, name: str) -> None:
     message = msgpack.unpackb(encode(contact_message()))
     del message[name]
     answer = c_client.decode(msgpack.packb(message))
@@ -214,7 +212,7 @@ def test_message_cut_off_or_too_long_is_refused_at_every_byte(c_client: Talker, 
 @pytest.mark.parametrize("golden", [GOLDEN, GOLDEN_OF_FINGERS], ids=["one magnet", "several"])
 @given(st.data())
 @settings(max_examples=150)
-def test_damaged_byte_gives_what_it_gives_in_python(c_client: Talker, golden: bytes, data: st.DataObject) -> None:
+def test_damaged_byte_decodes_as_in_python(c_client: Talker, golden: bytes, data: st.DataObject) -> None:
     payload = bytearray(golden)
     payload[data.draw(st.integers(0, len(payload) - 1))] = data.draw(st.integers(0, 255))
     try:
@@ -240,7 +238,7 @@ def test_nesting_to_any_depth_is_skipped(c_client: Talker) -> None:
     assert c_client.decode(deep)["result"] == NEW
 
 
-def test_number_that_is_none_is_refused_wherever_it_stands(c_client: Talker) -> None:
+def test_non_finite_number_is_refused_everywhere(c_client: Talker) -> None:
     message = msgpack.unpackb(encode(contact_message()))
     places = [(message, name) for name, value in message.items() if isinstance(value, float)]
     places += [(message["pose"], name) for name, value in message["pose"].items() if isinstance(value, float)]
@@ -266,7 +264,7 @@ def test_number_that_is_none_is_refused_wherever_it_stands(c_client: Talker) -> 
         {"x_m": None},
     ],
 )
-def test_what_is_not_measured_is_not_called_so(c_client: Talker, change: dict[str, Any]) -> None:
+def test_unmeasured_facts_are_not_called_measured(c_client: Talker, change: dict[str, Any]) -> None:
     assert not read(c_client.decode(encode(contact_message(**change))))["measured"]
 
 

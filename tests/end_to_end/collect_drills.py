@@ -93,7 +93,7 @@ def test_frame_lost(benches: Benches) -> None:
     assert "frames were lost" in reason
 
 
-def test_over_force(benches: Benches) -> None:
+def test_over_force_lifts_the_rod(benches: Benches) -> None:
     code, reason = lifted(benches, lambda bench, _: setattr(bench, "stiffening", 20.0))
     assert code == STOPPED
     assert "over-force" in reason

@@ -161,7 +161,7 @@ class TestSensors:
         lost = daemon.wait_for(lambda contact: contact.health == "lost")
         assert (lost.pose, lost.force_n, lost.contact) == (None, None, None)
 
-    def test_dead_mux_is_no_contact(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
+    def test_dead_mux_makes_no_contact(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
         host.tell("mux 0 unplugged")
         lost = daemon.wait_for(lambda contact: contact.health in ("lost", "stale"))
         assert lost.contact is None
@@ -186,7 +186,7 @@ class TestSensors:
 
 
 class TestBaseline:
-    def test_without_one_there_is_neither_pose_nor_force(self, tmp_path: Path, host: FirmwareHost) -> None:
+    def test_missing_baseline_gives_neither_pose_nor_force(self, tmp_path: Path, host: FirmwareHost) -> None:
         with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port)) as daemon:
             contact = daemon.wait_for(lambda contact: contact.health == "no_baseline")
         assert (contact.pose, contact.force_n, contact.contact, contact.x_m) == (None, None, None, None)
@@ -212,7 +212,7 @@ class TestBaseline:
         assert daemon.wait_for(lambda contact: contact.health == "no_baseline").force_n is None
         assert "left.json is damaged" in daemon.log.read_text()
 
-    def test_stored_one_serves_after_a_restart(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
+    def test_stored_baseline_is_used_after_a_restart(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
         before = daemon.wait_for(lambda contact: contact.health == "ok")
         assert daemon.stop() == 0
         daemon.start()

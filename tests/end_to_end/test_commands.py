@@ -170,7 +170,7 @@ class TestDamagedBaseline:
             daemon.wait_until_serving()
             yield daemon
 
-    def test_bus_says_why_there_is_none_and_last_good_one_comes_back(self, damaged: RunningDaemon) -> None:
+    def test_bus_reports_missing_baseline_and_restores_the_last_good(self, damaged: RunningDaemon) -> None:
         without = damaged.wait_for(lambda contact: contact.health == "no_baseline")
         assert "left.json is damaged" in without.reason
         assert "left.previous.json" in without.reason

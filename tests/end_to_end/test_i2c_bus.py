@@ -180,7 +180,7 @@ def test_chip_whose_clock_has_stopped_is_not_repeated_for_ever(kernel: KernelBus
     run(source, lambda frames: "delivers no new samples" in source.state.sensor_faults.get((0, 0), ""))
 
 
-def test_foreign_user_of_the_mux_costs_the_frame_and_is_named(kernel: KernelBus) -> None:
+def test_other_program_on_the_mux_is_named_and_costs_the_frame(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)
 

@@ -62,7 +62,7 @@ def test_reader_that_dies_is_started_again(kernel: KernelBus) -> None:
     assert source.state.reconnects == 1
 
 
-def test_reader_killed_did_not_die_of_what_it_complained_about(kernel: KernelBus) -> None:
+def test_killed_reader_is_not_blamed_on_its_last_line(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)
 
@@ -114,7 +114,7 @@ def test_closing_ends_the_reader(kernel: KernelBus) -> None:
         ([{"mux_address": 0x70 + i} for i in range(4)], "4 pads on one I2C bus"),
     ],
 )
-def test_what_cannot_work_is_refused_before_anything_is_opened(pads: list[dict], words: str) -> None:
+def test_impossible_setting_is_refused_before_opening(pads: list[dict], words: str) -> None:
     with pytest.raises(SourceError, match="pad") as refusal:
         I2c({index: on_i2c(pad(f"pad{index}", **options)) for index, options in enumerate(pads)})
     assert words in str(refusal.value)

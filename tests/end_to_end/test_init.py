@@ -68,7 +68,7 @@ def test_init_writes_the_chips_that_the_board_has(
     assert (source.chip, source.rate_hz, source.range_gauss) == written
 
 
-def test_init_says_where_chips_are_when_they_are_not_four() -> None:
+def test_init_names_the_places_of_chips_unless_there_are_four() -> None:
     three = {"identification": ["00 06 7c"] * 3, "addresses": ["0x0c", "0x0d", "0x0e"]}
     one = {"identification": ["30 00 00"], "mux_address": 0x70, "channels": [4]}
     pads = init_config._pads_of({"uid": UID, "pads": [three, one]}, "/dev/ttyACM0")

@@ -80,7 +80,7 @@ def share(contacts: list[Contact], health: str) -> float:
 
 
 @pytest.mark.real_time
-def test_moving_hand_is_taught_and_a_touch_is_found(tmp_path: Path, host: FirmwareHost, pad: Pad) -> None:
+def test_posture_of_a_moving_hand_is_recorded_and_a_touch_found(tmp_path: Path, host: FirmwareHost, pad: Pad) -> None:
     config = BRIDGE_CONFIG.format(port=host.port) + SCENE
     with RunningDaemon(tmp_path, config) as daemon:
         hand = MovingHand(host, pad, daemon.environment["FMFTS_BUS"])

@@ -237,7 +237,7 @@ def test_check_uses_a_running_daemon_and_repeats_a_weak_step(tmp_path: Path) -> 
         (("--magnet", "--pad", "right"), exit_codes.USAGE, "'right'"),
     ],
 )
-def test_wrong_words_are_refused(words: tuple[str, ...], code: int, text: str, tmp_path: Path) -> None:
+def test_wrong_message_words_are_refused(words: tuple[str, ...], code: int, text: str, tmp_path: Path) -> None:
     config = tmp_path / "pad.toml"
     config.write_text(CONFIG.format(port=tmp_path / "nothing"))
     ended = subprocess.run(

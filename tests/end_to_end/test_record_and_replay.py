@@ -119,7 +119,7 @@ def test_replay_of_a_recording_begun_in_the_middle_is_identical(
     assert not encoded_for_ros(tmp_path / "a.mcap")
 
 
-def test_contacts_are_recorded_for_ros_where_that_is_asked(daemon: RunningDaemon, tmp_path: Path) -> None:
+def test_record_writes_ros_contacts_on_request(daemon: RunningDaemon, tmp_path: Path) -> None:
     replays_identically(daemon, tmp_path / "a.mcap", ("--pad", "far", "--ros2"), ["far"])
     assert encoded_for_ros(tmp_path / "a.mcap") == {"tf", "ros/far/contact", "ros/far/wrench"}
 

@@ -184,7 +184,7 @@ def test_crystal_that_stops_costs_reset_and_internal_clock_takes_over(stream: Em
     stream.wait_until_whole()
 
 
-def test_what_slow_host_loses_costs_packets_hit_and_no_more(stream: EmulatedStream) -> None:
+def test_slow_host_loses_only_the_hit_packets(stream: EmulatedStream) -> None:
     before = stream.latest(Sample).sequence
     packets = stream.decoder.feed(stream.board.run_unread(0.5, buffer_bytes=2000))
     kept = sum(isinstance(packet, Sample) for packet in packets)

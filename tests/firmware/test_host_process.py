@@ -219,7 +219,7 @@ def test_wrong_option_is_a_usage_error(arguments: list[str]) -> None:
     assert run.stderr
 
 
-def test_stepped_board_sends_what_its_time_allows_and_nothing_by_itself() -> None:
+def test_stepped_board_sends_only_in_its_time() -> None:
     with HostBoard("--stepped") as board:
         assert board.command("run 500000") == "ok"
         while list(board.samples(0.5)):  # until all of it is read: the kernel takes 4 kB at once
@@ -255,7 +255,7 @@ def test_board_whose_time_runs_is_not_stepped(board: HostBoard) -> None:
     assert board.command("run 1000") == "error: time passes by itself: start with --stepped"
 
 
-def test_board_held_makes_no_frame_and_counts_those_before_reset(board: HostBoard) -> None:
+def test_held_board_makes_no_frame_and_keeps_its_count(board: HostBoard) -> None:
     seen = board.wait_for_sample(5, lambda s: s.sequence > 20)
     assert board.command("hold on") == "ok"
     made = board.command("frames 0")

@@ -45,7 +45,7 @@ def image(elf: Path, tmp_path: Path) -> bytes:
     return (tmp_path / "image").read_bytes()
 
 
-def test_image_fits_its_share_of_flash(elf: Path, tmp_path: Path) -> None:
+def test_firmware_image_fits_into_flash(elf: Path, tmp_path: Path) -> None:
     assert 4096 < len(image(elf, tmp_path)) <= FLASH_LIMIT
 
 

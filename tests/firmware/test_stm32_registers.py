@@ -116,7 +116,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, int]:
 INSTANCES = [(struct, instance) for struct, names in STRUCTS.items() for instance in names]
 
 
-def test_every_struct_of_the_header_is_checked() -> None:
+def test_layout_check_covers_every_struct() -> None:
     assert set(header()[0]) == set(STRUCTS)
 
 
@@ -144,7 +144,7 @@ def field_of(macro: str) -> tuple[int, bool]:
     raise AssertionError(f"{macro}: {peripheral} {register} has no such field, only {', '.join(masks)}")
 
 
-def test_every_bit_is_its_field_s(compiled: dict[str, int]) -> None:
+def test_every_bit_belongs_to_its_field(compiled: dict[str, int]) -> None:
     checked = 0
     for macro in header()[1]:
         if macro.count("_") < 2 or macro in NOT_IN_SVD:

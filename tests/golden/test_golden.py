@@ -54,7 +54,7 @@ def test_snapshots_and_a_replay_change_no_bit(name: str) -> None:
     assert said_by(name, Way(snapshots=50, anew=frames // 2)) == said_by(name, AS_ALWAYS)
 
 
-def test_each_number_of_a_memory_is_in_its_snapshot() -> None:
+def test_snapshot_holds_every_memory_number() -> None:
     random = np.random.default_rng(1)
     with pipelines_of(load("faulty")[0]) as some, pipelines_of(load("faulty")[0]) as others:
         (one,), (other,) = some.values(), others.values()

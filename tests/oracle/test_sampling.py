@@ -92,14 +92,14 @@ def compared(frames: Iterator[Pushed], count: int, rounding_t: float) -> Counter
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_alignment_is_that_of_each_sensors_history(seed: int) -> None:
+def test_alignment_uses_each_sensors_history(seed: int) -> None:
     count = 4 + seed % 5
     assert compared(drifting(seed, count), count, rounding_t=1e-18)["bent"] > 5, "no field jumped"
 
 
 @pytest.mark.parametrize("count", [1, 4, 8, 16])
 @pytest.mark.parametrize("seed", range(3))
-def test_alignment_of_failing_chips_is_that_of_histories(count: int, seed: int) -> None:
+def test_alignment_of_failing_chips_uses_histories(count: int, seed: int) -> None:
     met = compared(failing(seed, count), count, rounding_t=1e-15)  # jumps add up to fields of millitesla
     # One sensor is at the instant itself: nothing is between two of its samples.
     wanted = {"old", "anew", "gap", "repeated"} | ({"told nothing"} if count == 1 else {"jumped", "between"})

@@ -88,7 +88,7 @@ def prior_of(random: np.random.Generator, pose: Pose) -> Array:
 
 @pytest.mark.parametrize("octupole", [True, False])
 @pytest.mark.parametrize("neighbours", [0, 2])
-def test_each_derivative_is_the_potentials(neighbours: int, octupole: bool) -> None:
+def test_each_derivative_agrees_with_the_potential(neighbours: int, octupole: bool) -> None:
     """Two at a time: the inverse of their covariance is the product of their derivatives. Tilts go together."""
     pose, _ = random_pose(1, 4, neighbours, octupole, noise=0.0)
     columns = len(pose.steps)

@@ -70,7 +70,7 @@ def test_ten_minutes_view_shows_the_hardest_message_of_each_bin(bus: KnownTouche
 
 
 @pytest.mark.parametrize("view", ["#short", "#long"])
-def test_copied_message_is_the_one_that_is_shown_when_paused(bus: KnownTouches, page: Page, view: str) -> None:
+def test_paused_page_copies_the_shown_message(bus: KnownTouches, page: Page, view: str) -> None:
     page.click("#pause")
     page.click(view)
     page.wait_for_timeout(500)  # messages go on arriving

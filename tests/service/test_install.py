@@ -50,7 +50,7 @@ def make(target: str, sources: Path, tree: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_installed_is_services_to_read_runs_and_goes_again(tmp_path: Path) -> None:
+def test_installed_files_are_readable_run_and_are_removed(tmp_path: Path) -> None:
     sources, tree = release(tmp_path / "sources"), tmp_path / "root"
     (tree / CONFIG).parent.mkdir(parents=True)
     (tree / CONFIG).write_text(MINE)

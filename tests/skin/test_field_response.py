@@ -80,7 +80,7 @@ def test_moment_that_wavers_from_frame_to_frame_is_in_deviation() -> None:
     assert within[1] < 0.8
 
 
-def test_slope_is_that_of_the_change() -> None:
+def test_slope_is_the_derivative_of_the_change() -> None:
     press, step = presses(50, 5), 1e-5
     slope = table().felt(press).slope
     for axis in range(3):
@@ -117,7 +117,7 @@ def test_damaged_files_are_refused() -> None:
         FieldResponse.of(no_load.encoded(), "skin.response")
 
 
-def test_another_day_is_learned_from_its_fields_alone() -> None:
+def test_evaluate_learns_another_day_from_its_fields() -> None:
     """Another rest, warmer magnets and another gain: without labels nearly all of the error goes."""
     press = presses(600, 7)
     reference = table().reference_ut
@@ -204,7 +204,7 @@ def test_forces_count_from_the_newest_rest_and_keep_their_gain() -> None:
     assert np.mean(np.abs(error / evaluation.deviation[:, 0]) <= 2.0) > 0.93
 
 
-def test_each_row_has_the_rest_before_it() -> None:
+def test_each_row_uses_the_preceding_rest() -> None:
     data = skin_set(np.zeros((7, 3)), np.arange(7.0)[:, None] * np.ones(15))
     data = replace(data, rest=np.array([0, 1, 1, 0, 0, 1, 0], dtype=np.bool_))
     assert data.rest_ut()[:, 0].tolist() == [1.5, 1.5, 1.5, 1.5, 1.5, 5.0, 5.0]

@@ -120,7 +120,7 @@ def test_clipped_or_missing_value_is_left_out_alone(sessions: list[Path], tmp_pa
 
 
 @pytest.mark.parametrize("axes", ["xz", "z"])
-def test_chips_with_fewer_axes(sessions: list[Path], tmp_path: Path, axes: str) -> None:
+def test_chips_with_fewer_axes_are_calibrated(sessions: list[Path], tmp_path: Path, axes: str) -> None:
     """z alone of four sensors tells the normal force; x and z tell all three."""
     fewer = []
     for source in sessions:
@@ -194,7 +194,9 @@ def test_damaged_model_is_refused(sessions: list[Path], tmp_path: Path) -> None:
             ForceModel.of(damaged, "a.force")
 
 
-def test_verbs(sessions: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_force_model_is_made_and_judged_by_the_verbs(
+    sessions: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     target = str(tmp_path / "a.force")
     assert main(["calibrate", *map(str, sessions[:2]), "-o", target]) == 0
     assert "field route, errors on left-out sessions" in capsys.readouterr().out

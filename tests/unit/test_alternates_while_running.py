@@ -44,7 +44,7 @@ def test_microtesla_makes_no_wrong_contact(direction: tuple[float, float, float]
 
 
 @pytest.mark.parametrize("rate_hz", [75, 220])
-def test_what_alternates_at_the_baseline_is_counted(rate_hz: int) -> None:
+def test_alternating_field_at_the_baseline_counts_as_noise(rate_hz: int) -> None:
     row = Row()
     row.begin_pad()
     trial(at_rate("constant", 1, rate_hz), MODEL, _mains(50.0, 2e-6, (0.0, 0.0, 1.0)), "before", 3.0, row)
@@ -59,7 +59,7 @@ def test_nearby_motor_causes_no_wrong_answer(ambient: Ambient) -> None:
     assert row.wrong == row.false_contacts == 0
 
 
-def test_healthy_pads_never_tremble() -> None:
+def test_healthy_pads_never_report_trembling() -> None:
     for ambient in AMBIENTS:
         assert tapped(ambient, (3,), 60.0).not_ok == 0
 

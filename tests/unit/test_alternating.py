@@ -125,7 +125,7 @@ def test_baseline_recording_reports_alternating_field(
 
 
 @pytest.mark.parametrize("hz", [7.3, 50.0])
-def test_what_alternates_is_counted_as_noise(hz: float) -> None:
+def test_alternating_field_counts_as_noise(hz: float) -> None:
     """Differences of samples 4.5 ms apart show a tenth of 7 Hz. All axes err together: each counts the others, too."""
     summary = summarise(_recorded(hz, 2e-6))
     rms = 2e-6 * np.abs(DIRECTIONS) / np.sqrt(2.0)

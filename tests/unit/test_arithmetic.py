@@ -83,7 +83,7 @@ def test_ends_of_a_range(function: Callable[[float], float], x: float, value: fl
     assert function(x) == value
 
 
-def test_what_is_no_number_stays_none() -> None:
+def test_missing_number_stays_null() -> None:
     assert math.isnan(elementary.exp(math.nan))
     assert math.isnan(elementary.log(math.nan))
     assert math.isnan(elementary.log(-1.0))
@@ -195,13 +195,13 @@ def test_negative_eigenvalues_are_returned() -> None:
 
 
 @pytest.mark.parametrize("bad", [[[1.0, 2.0], [2.0, 1.0]], [[math.nan, 0.0], [0.0, 1.0]], [[1.0, 0.0], [0.0, 0.0]]])
-def test_what_is_not_positive_definite_is_refused(bad: list[list[float]]) -> None:
+def test_indefinite_matrix_is_refused(bad: list[list[float]]) -> None:
     for ask in (matrix.cholesky, matrix.inverse, matrix.log_determinant):
         with pytest.raises(matrix.SingularError):
             ask(np.array(bad))
 
 
-def test_what_is_not_finite_has_no_singular_values() -> None:
+def test_non_finite_matrix_has_no_singular_values() -> None:
     with pytest.raises(matrix.SingularError):
         matrix.singular_values(np.array([[math.nan, 1.0], [1.0, 1.0]]))
 

@@ -28,7 +28,7 @@ def changed(press: Array) -> Array:
 
 @pytest.mark.parametrize("column", range(3))
 @pytest.mark.parametrize("press", [PRESS, np.array([13.9, 0.1, 2.9]), np.array([0.0, 6.0, 3.5])])
-def test_slopes_are_differences(column: int, press: Array) -> None:
+def test_slopes_agree_with_differences(column: int, press: Array) -> None:
     step = np.zeros(3)
     step[column] = 1e-5
     difference = (changed(press + step) - changed(press - step)) / 2e-5
@@ -52,7 +52,7 @@ def test_shipped_table_has_the_pads_eight_symmetries() -> None:
         assert np.allclose(changed(np.append(place, PRESS[2])), change, atol=1e-9)
 
 
-def test_beyond_the_largest_force_it_goes_on_along_its_tangent() -> None:
+def test_table_continues_along_its_tangent() -> None:
     most = SHIPPED.scale_n
     at, slope = (SHIPPED.pressed(2.0, 2.0, most).change, SHIPPED.pressed(2.0, 2.0, most).slope[:, 2])
     assert np.allclose(SHIPPED.pressed(2.0, 2.0, most + 0.5).change, at + 0.5 * slope, rtol=1e-12)

@@ -186,7 +186,7 @@ class TestFile:
         path.write_bytes(baselines.encode(baseline))
         return path, baseline
 
-    def test_comes_back_the_same(self, world: World, pad: Pad, tmp_path: Path) -> None:
+    def test_file_round_trip_keeps_all_values(self, world: World, pad: Pad, tmp_path: Path) -> None:
         path, baseline = self._stored(world, tmp_path)
         loaded = baselines.load(path, pad)
         assert loaded == baseline
@@ -234,7 +234,7 @@ class TestZero:
         zero_t = np.random.default_rng(5).normal(0.0, 5e-5, (4, 3))
         return world.recorded(world.bare() + zero_t), world.recorded(world.field() + zero_t), world
 
-    def test_bare_recording_takes_it_away(self, pad: Pad, recordings: tuple[Recording, Recording, World]) -> None:
+    def test_bare_recording_gives_the_true_rest(self, pad: Pad, recordings: tuple[Recording, Recording, World]) -> None:
         bare, rest, world = recordings
         _, mounting = make_rest(pad, TOLERANCE, rest, make_bare(pad, TOLERANCE, bare))
         # The pad's own tolerances leave 0.1 mm.

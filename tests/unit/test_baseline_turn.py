@@ -145,7 +145,7 @@ def test_chip_whose_offset_jumps_while_turning_is_named_and_no_touch(pad: Pad) -
         assert "touched" not in str(told.value)
 
 
-def test_bit_that_flips_while_turning_is_no_touch(pad: Pad) -> None:
+def test_flipped_bit_while_turning_is_no_touch(pad: Pad) -> None:
     """64 counts in one of the eleven frames of a mean."""
     world = _world(pad, 5, HAND_PLACED)
     means = turned(world)
@@ -171,9 +171,7 @@ def test_steel_in_the_mount_that_turns_along_is_named(pad: Pad, tolerance: Toler
 
 @pytest.mark.long
 @pytest.mark.parametrize(("share", "least", "most"), [(0.0, 0, 0), (0.08, 48, 50)])
-def test_of_fifty_boards_those_with_steel_are_refused_and_no_other(
-    pad: Pad, share: float, least: int, most: int
-) -> None:
+def test_exactly_boards_with_steel_are_refused(pad: Pad, share: float, least: int, most: int) -> None:
     """Turned a little further than needed, so that steel takes away no axis of the sweep, which is another cause."""
     said = []
     for seed in range(50):

@@ -127,7 +127,7 @@ class Counted(Inference):
         self.contact[:], self.jacobian[:] = self._inner.contact, self._inner.jacobian
 
 
-def test_certain_pose_does_not_ask_for_a_second_slope(model: ContactModel, pad: Pad) -> None:
+def test_certain_pose_needs_no_second_slope(model: ContactModel, pad: Pad) -> None:
     """Such a frame costs what it did, and the second slope would change its deviation by next to nothing."""
     assert isinstance(model.inference, CompiledInference)
     vague = [model.estimate(*pose, VAGUE) for pose in poses(pad)]

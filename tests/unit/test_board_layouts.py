@@ -73,7 +73,7 @@ def test_dipole_over_a_public_layout_is_found_where_it_is(board: BoardName) -> N
 
 
 @pytest.mark.parametrize("number", [1, 2])
-def test_anyskins_turns_are_those_of_a_real_hand_that_moves(number: int) -> None:
+def test_anyskin_turns_come_from_a_real_moving_hand(number: int) -> None:
     """The field of the surroundings changes alike at all chips of a pad: what one tells, another tells turned.
 
     sissihrx/anyskin-leaphand: four pads on a LEAP hand that touches nothing; the first one hardly moves.

@@ -134,7 +134,7 @@ def test_device_that_is_no_serial_port_is_refused(tmp_path: Path, kind: str) -> 
     bridge.close()
 
 
-def test_bound_board_is_found_where_it_was_plugged_in_again(board: Board, tmp_path: Path) -> None:
+def test_bound_board_is_found_on_another_port(board: Board, tmp_path: Path) -> None:
     by_id = tmp_path / "by-id"
     by_id.mkdir()
     with plugged(by_id / "moved", uid=b"R" * 12) as right:

@@ -22,7 +22,7 @@ def test_whole_site_has_no_fault(tmp_path: Path) -> None:
     assert main(tmp_path) == 0
 
 
-def test_links_that_lead_nowhere_are_named(tmp_path: Path) -> None:
+def test_broken_links_are_named(tmp_path: Path) -> None:
     broken = '<a href="c.html">c</a><a href="b.html#d">d</a><a href="#nowhere">e</a>'
     found, _ = faults(site(tmp_path, broken))
     assert found == [
@@ -33,7 +33,7 @@ def test_links_that_lead_nowhere_are_named(tmp_path: Path) -> None:
     assert main(tmp_path) == 1
 
 
-def test_what_a_network_would_bring_is_a_fault(tmp_path: Path) -> None:
+def test_address_of_a_network_is_a_fault(tmp_path: Path) -> None:
     loading = '<link rel="stylesheet" href="https://fonts.example.org/x.css"><script src="//example.org/x.js"></script>'
     found, _ = faults(site(tmp_path, loading))
     assert len(found) == 2

@@ -274,7 +274,7 @@ def test_another_schema_version_is_an_error_at_once(publisher: Publisher, endpoi
             client.latest(timeout_s=1.0)
 
 
-def test_number_that_is_none_goes_out_as_lost(
+def test_non_finite_number_is_published_as_lost(
     publisher: Publisher, endpoints: Endpoints, caplog: pytest.LogCaptureFixture
 ) -> None:
     with Client("demo", endpoints) as client, caplog.at_level(logging.ERROR):
@@ -361,7 +361,7 @@ def test_peer_with_thousands_of_subscriptions_costs_frame_no_more(
         assert publisher._subscriptions == {b"frame/demo"}
 
 
-def test_what_peers_subscribe_to_on_the_bus_is_nobodys_work(publisher: Publisher, endpoints: Endpoints) -> None:
+def test_subscriptions_cost_the_loop_nothing(publisher: Publisher, endpoints: Endpoints) -> None:
     with Client("demo", endpoints) as client:
         connect(publisher, client)
         assert not publisher._bus.readable()

@@ -125,7 +125,7 @@ def test_table_says_its_own_error_where_no_correction_reaches_truth() -> None:
     assert again.error == made.response.error
 
 
-def test_correction_of_nothing_is_the_table_itself() -> None:
+def test_empty_correction_keeps_the_table() -> None:
     correction = Correction.of(START, SHIPPED_MM)
     table = correction.table(correction.none, START.error)
     np.testing.assert_allclose(table.coefficient, START.coefficient, atol=1e-12)
@@ -306,7 +306,7 @@ def edited(row: int, **cells: str) -> Callable[[list[dict[str, str]]], list[dict
         (lambda rows: rows[:1], r"force_n is zero in every row"),
     ],
 )
-def test_what_is_wrong_with_a_set_is_named(
+def test_fault_of_a_set_is_named(
     files: tuple[Path, str, list[dict[str, str]]],
     tmp_path: Path,
     edit: Callable[[list[dict[str, str]]], list[dict[str, str]]],

@@ -15,11 +15,11 @@ def test_quantile_is_scipys(degrees_of_freedom: int, probability: float) -> None
 
 
 @pytest.mark.parametrize(("probability", "freedom"), [(1e-9, 0), (0.0, 3), (1.5, 3), (float("nan"), 3)])
-def test_what_is_no_chi2_is_refused(probability: float, freedom: int) -> None:
+def test_invalid_chi2_is_refused(probability: float, freedom: int) -> None:
     with pytest.raises(ValueError, match="degrees of freedom"):
         quantile(probability, freedom)
 
 
 @pytest.mark.parametrize(("probability", "freedom"), [(1e-200, 200), (1e-306, 5), (1e-300, 2)])
-def test_tails_beyond_the_least_double_still_end(probability: float, freedom: int) -> None:
+def test_tail_search_ends_below_the_smallest_double(probability: float, freedom: int) -> None:
     assert survival(quantile(probability, freedom), freedom) == pytest.approx(probability, rel=1e-6)

@@ -41,5 +41,5 @@ def test_wrong_rotations_and_gains_are_reported(pad: Pad) -> None:
     assert 4.0 - 1.0 < float(found[1]) < 4.0 + 2.5
 
 
-def test_chips_as_drawn_are_not_spoken_of(pad: Pad) -> None:
+def test_chips_as_drawn_are_not_reported(pad: Pad) -> None:
     assert said(pad, (0.0, 0.0, 0.0), 0.0) == ""

@@ -89,7 +89,7 @@ def test_finite_elements_without_felupe_name_its_extra(
     assert f"{sys.executable} -m pip install 'fmfts[fem]'" in said
 
 
-def test_package_left_out_by_whoever_installed_without_dependencies_is_named(
+def test_package_missing_after_no_deps_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in [name for name in sys.modules if name.startswith(("fmfts.recording", "mcap"))]:
@@ -105,7 +105,7 @@ def test_package_left_out_by_whoever_installed_without_dependencies_is_named(
     "words",
     [("listen", "--seconds=-1"), ("record", "a.mcap", "--seconds=nan"), ("baseline", "--rest", "--duration-s=0")],
 )
-def test_time_that_is_none_is_refused_as_usage(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_time_is_refused_as_usage(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(words)
     assert ended.value.code == exit_codes.USAGE
@@ -180,7 +180,7 @@ def test_verb_of_an_extra_says_how_to_install_it(
 
 
 @pytest.mark.parametrize("column", ["force_z_n", "depth_mm", "shear_n"])
-def test_set_of_an_extra_says_how_to_install_it(
+def test_data_set_of_an_extra_says_how_to_install_it(
     column: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     data = tmp_path / "set.csv"

@@ -65,7 +65,7 @@ def test_contacts_of_another_machine_are_handed_out_with_their_age(ahead_s: floa
 
 
 @pytest.mark.parametrize("ahead_s", AHEAD_S)
-def test_what_waited_on_its_way_is_not_the_latest(ahead_s: float) -> None:
+def test_delayed_contact_is_not_the_latest(ahead_s: float) -> None:
     with far_daemon() as (publisher, endpoints), Client("demo", endpoints) as client:
         settle(publisher, client, ahead_s)
         send(publisher, ahead_s, waited_s=0.4, seq=7)
@@ -84,7 +84,7 @@ def test_old_sample_is_not_fresh() -> None:
         assert not client.fresh
 
 
-def test_backlog_alone_is_never_new() -> None:
+def test_backlog_never_counts_as_new() -> None:
     """All that a daemon said before it died, read at once by a client that was busy."""
     with far_daemon() as (publisher, endpoints), Client("demo", endpoints) as client:
         deadline_s = time.monotonic() + PATIENCE_S

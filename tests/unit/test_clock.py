@@ -215,7 +215,7 @@ def test_hours_between_packets_do_not_change_the_drift() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_all_that_a_clock_learned_is_in_its_line(seed: int) -> None:
+def test_clock_line_holds_all_learned_values(seed: int) -> None:
     """Stalls, resets, packets out of order: whoever goes on from a copy of the line says the same, to the last bit."""
     draw = np.random.default_rng(seed)
     board = Board(ppm=draw.uniform(-300, 300), seed=seed)

@@ -156,10 +156,10 @@ class TestTimePassed:
         assert self.leap_us(there_us) == 0
 
     @pytest.mark.parametrize("there_us", [2**20, 2**52, -(2**20), -(2**52)])
-    def test_leap_is_what_did_not_pass_here(self, there_us: int) -> None:
+    def test_leap_excludes_time_that_passed_here(self, there_us: int) -> None:
         assert self.leap_us(there_us) == there_us - 10_000
 
-    def test_clock_that_stood_does_not_leap_when_it_goes_on(self) -> None:
+    def test_stopped_clock_does_not_jump_when_it_continues(self) -> None:
         """Frames came meanwhile, with the old time."""
         last, frame = LastFrame(RATE_HZ), tapped()[-1]
         for second in range(4):

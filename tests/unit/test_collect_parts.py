@@ -122,7 +122,7 @@ def test_serial_gauge_is_read_by_its_pattern_and_hangs_up_with_name(tmp_path: Pa
 
 
 @pytest.mark.parametrize("shown", ["nan", "inf", "-inf", "1e999"])
-def test_what_is_not_finite_is_no_reading(tmp_path: Path, shown: str) -> None:
+def test_non_finite_value_is_no_reading(tmp_path: Path, shown: str) -> None:
     port = PtyPort(tmp_path / "gauge")
     gauge = open_gauge(SerialGauge(port=str(tmp_path / "gauge"), pattern=r"F=(\S+)"), None)
     port.write(f"F={shown}\r\nF=1.5\r\n".encode())

@@ -20,7 +20,7 @@ PARTS = parse((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-
     reason="there is no C compiler, or no Python.h",
 )
 @pytest.mark.parametrize("part", PARTS, ids=[part["name"] for part in PARTS])
-def test_what_can_be_compiled_was(part: dict) -> None:
+def test_all_compilable_files_were_compiled(part: dict) -> None:
     library = Path(importlib.import_module(part["name"]).__file__ or "")
     if ROOT not in library.parents:
         return  # installed from a wheel, which is refused where a part is missing

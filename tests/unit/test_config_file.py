@@ -275,7 +275,7 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (PAD + "[pad.tolerance]\ngain = nan", "tolerance.gain = nan: must be a finite number"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_is_refused_with_the_reason(tmp_path: Path, text: str, expected: str) -> None:
+def test_impossible_input_is_refused_with_the_reason(tmp_path: Path, text: str, expected: str) -> None:
     assert expected in complaint(tmp_path, text)
 
 
@@ -306,7 +306,7 @@ def test_what_cannot_be_is_refused_with_the_reason(tmp_path: Path, text: str, ex
         "\ufeff" + PAD,
     ],
 )
-def test_limits_themselves_are_allowed(tmp_path: Path, text: str) -> None:
+def test_limit_values_are_allowed(tmp_path: Path, text: str) -> None:
     load(write(tmp_path, text))
 
 

@@ -47,11 +47,11 @@ def test_turning_pad_advises_drifting_ambient(turning_deg_per_s: float, within_s
     assert moved[0] >= 5.0
 
 
-def test_pad_that_stays_is_not_accused() -> None:
+def test_unmoved_pad_is_not_reported_as_moved() -> None:
     assert {message.health for message in published(0.0, 2.0)} == {"ok"}
 
 
-def test_sensor_that_is_off_stays_the_sensors_fault() -> None:
+def test_sensor_offset_stays_that_sensors_fault() -> None:
     """66 counts are 100 mG: what a moving field would need, its start apart, is that it moves."""
     last = published(0.0, 3.0, offset_counts=66)[-220:]
     assert {message.health for message in last} == {"degraded"}

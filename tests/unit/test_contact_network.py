@@ -163,7 +163,7 @@ def test_network_that_answers_otherwise_is_not_used(
     assert "is not used" in caplog.text
 
 
-def test_process_that_dies_gives_no_answer(monkeypatch: pytest.MonkeyPatch, pad: Pad) -> None:
+def test_dead_process_gives_no_answer(monkeypatch: pytest.MonkeyPatch, pad: Pad) -> None:
     monkeypatch.setattr(beside, "PROCESS", "import os; os.abort()  # {}")
     with pytest.raises(ModelError, match="onnxruntime, in a process of its own, ended with -6"):
         ContactModel.load("default", pad)
@@ -178,7 +178,7 @@ def test_model_is_read_once_for_all_pads(monkeypatch: pytest.MonkeyPatch, pad: P
 # --- what it answers ---
 
 
-def test_it_answers_as_onnxruntime_does_and_repeats_itself(pad: Pad) -> None:
+def test_network_answers_like_onnxruntime_and_repeats(pad: Pad) -> None:
     from fmfts.contact.session import SessionInference  # the other tests run where onnxruntime does not
 
     model = ContactModel.load("default", pad)
@@ -220,7 +220,7 @@ def test_networks_of_any_size_are_those_of_the_equations(hidden: int, outputs: i
     )
 
 
-def test_what_is_no_number_stays_none(pad: Pad) -> None:
+def test_missing_number_stays_null(pad: Pad) -> None:
     inference = ContactModel.load("default", pad).inference
     inference.pose[:] = [np.nan, 0.0, 12.0, 0.0, 0.0, 1.0]
     inference.run()

@@ -153,7 +153,7 @@ def test_size_hidden_in_a_first_of_two_graphs_is_refused() -> None:
         require_even(content)
 
 
-def test_constant_that_a_node_or_caller_sets_is_none() -> None:
+def test_value_set_by_a_node_is_no_constant() -> None:
     proto = model(make_node("Expand", ["pose", "one"], ["some"]), nothing("some"))
     require_even(proto.SerializeToString())
     proto.graph.input.append(make_tensor_value_info("one", TensorProto.INT64, [1]))
@@ -168,14 +168,14 @@ def test_model_with_functions_of_its_own_is_refused() -> None:
         require_even(proto.SerializeToString())
 
 
-def test_what_is_evaluated_is_what_was_looked_at() -> None:
+def test_evaluated_model_is_the_checked_one() -> None:
     """Another reader may find a node where this one sees a field that it does not know: those are not handed on."""
     proto = model(make_node("Identity", ["low"], ["offset"]))
     unknown = b"\xfa\x7f\x02no"  # field 2047
     assert require_even(proto.SerializeToString() + unknown) == proto.SerializeToString()
 
 
-def test_without_the_onnx_package_it_is_said_what_to_install(tmp_path: Path) -> None:
+def test_missing_onnx_package_says_what_to_install(tmp_path: Path) -> None:
     hidden = tmp_path / "onnx.py"
     hidden.write_text("raise ImportError\n")
     asked = "import sys; sys.path.insert(0, sys.argv[1]); from fmfts.contact import operators as o; o.require_even(b'')"

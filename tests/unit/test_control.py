@@ -110,7 +110,7 @@ def test_refusal_reaches_the_client_in_the_daemons_words(server: ControlServer, 
         request("selftest", endpoint=base, pad="left")
 
 
-def test_client_shows_an_error_that_is_no_text(server: ControlServer, base: str) -> None:
+def test_client_shows_a_non_text_error(server: ControlServer, base: str) -> None:
     nested: list[Any] = []
     for _ in range(1010):  # Python's repr of it raises RecursionError
         nested = [nested]
@@ -203,7 +203,7 @@ def test_malformed_request_is_answered_with_the_reason(
     assert reason in answer["error"]
 
 
-def test_number_that_is_none_never_leaves_in_an_answer(server: ControlServer, dealer: Dealer) -> None:
+def test_non_finite_number_is_never_in_an_answer(server: ControlServer, dealer: Dealer) -> None:
     requests, _ = dealer.ask(server, msgpack.packb({"id": 1, "verb": "selftest"}))
     requests[0].reply(noise_t=[1.0, math.nan])
     assert dealer.answer() == {"id": 1, "error": "internal error: noise_t.1 is not a finite number", "code": 65}

@@ -111,7 +111,7 @@ def test_four_presses_are_too_few(bench: Bench, table: Path, tmp_path: Path) -> 
         corrected(bench, few, tmp_path / "own.onnx")
 
 
-def test_weight_is_where_a_correction_starts(bench: Bench, table: Path, tmp_path: Path) -> None:
+def test_correction_starts_from_the_weighed_stiffness(bench: Bench, table: Path, tmp_path: Path) -> None:
     weighed, _ = bench.in_the_middle()
     start = starting_model(bench.config, weighed)
     assert weighed.silicone is not None

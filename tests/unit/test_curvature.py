@@ -10,7 +10,7 @@ from fmfts_lab.bench.curvature import curvature, weight_with_free_ambient
 TRUE, NOISE = np.array([[1.0], [2.0], [3.0]]), 0.3
 
 
-def test_square_has_the_bias_and_the_bound_of_its_closed_form() -> None:
+def test_square_pad_has_bias_and_bound_of_the_closed_form() -> None:
     """y = u² with noise s: the root of y is too small by s²/8u³ in the mean, to second order."""
     found = curvature(lambda at: at**2, TRUE, [1e-3], np.eye(1) / NOISE**2)
     true = TRUE[:, 0]

@@ -127,7 +127,7 @@ def _is_named(pad: Pad, name: str, seeds: range) -> None:
 
 
 @pytest.mark.long
-def test_two_defects_at_once_are_named_or_said_to_be_unexplained(pad: Pad) -> None:
+def test_two_defects_are_named_or_reported_as_unexplained(pad: Pad) -> None:
     """One of the two is named in nine of ten, and no sound sensor is blamed alone in more than one of fifty."""
     # A magnet upside down above left-handed chips makes each sensor read what the one across should read: two swaps.
     alike = [{"all chips by 4°", "a chip by 12°"}, {"upside down", "left-handed chips"}]

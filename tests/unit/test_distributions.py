@@ -30,7 +30,7 @@ def project(folder: Path) -> dict[str, Any]:
     return found
 
 
-def test_all_distributions_have_one_version_and_want_that_of_each_other() -> None:
+def test_all_distributions_require_the_same_version() -> None:
     found = versions()
     assert {"pyproject.toml: fmfts-client", "daemon/fmfts/__init__.py"} <= found.keys()
     assert {str(folder.relative_to(ROOT) / "pyproject.toml") for folder in PROJECTS} <= found.keys()
@@ -57,7 +57,7 @@ def test_licence_is_an_spdx_expression(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("folder", [ROOT / "clients/python", *EXTRAS], ids=lambda folder: folder.name)
-def test_what_is_published_carries_the_licence(folder: Path) -> None:
+def test_published_files_carry_the_licence(folder: Path) -> None:
     assert (folder / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
     assert project(folder)["readme"] == "README.md"
 

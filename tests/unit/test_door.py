@@ -113,7 +113,7 @@ def test_full_daemon_lets_nobody_in_until_some_leave(
     assert "may connect to the bus again" in said[1]
 
 
-def test_door_that_cannot_be_moved_leaves_the_others(
+def test_socket_that_cannot_be_closed_leaves_the_others_open(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     opened = 10

@@ -167,7 +167,7 @@ def test_sample_that_contradicts_stops_now_until_frames_begin_it_again(model: Co
     assert all(abs(now.force_n - 0.8) < 0.15 for now in touched)
 
 
-def test_shear_is_told_between_frames_too() -> None:
+def test_shear_is_published_between_frames() -> None:
     config = msgspec.structs.replace(CONFIG, contact=ContactConfig(model="shear"))
     pipeline, told = pipeline_with(load_contact_model(config)), list[float]()
     for packet in sent_of(pressed, 0.3):

@@ -65,7 +65,7 @@ def test_refused_frame_gives_no_now_afterwards(bus: Bus) -> None:  # noqa: F811
     assert told == pytest.approx([0.5] * len(told), abs=0.1)
 
 
-def test_old_frame_that_comes_again_ends_now_and_makes_no_number_none() -> None:
+def test_repeated_old_frame_makes_now_null_only() -> None:
     model, packets = load_contact_model(CONFIG), sent_of(tapped, 0.4)
     frames = [number for number, packet in enumerate(packets) if not isinstance(packet, EarlySample)]
     # Where the filter took such a frame, its covariance was none any more.

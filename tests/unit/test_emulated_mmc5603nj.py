@@ -83,7 +83,7 @@ def test_measurement_takes_the_time_of_its_bandwidth(
 @pytest.mark.parametrize(
     ("field", "shown"), [(5 / 16384, 5 / 16384), (29.5, 29.5), (33.0, 524287 / 16384), (-33.0, -32.0)]
 )
-def test_twenty_bits_about_the_middle(clock: Clock, field: float, shown: float) -> None:
+def test_mmc5603nj_counts_20_bits_about_the_middle(clock: Clock, field: float, shown: float) -> None:
     chip = made(clock, (field, -0.5, 7 / 16384), upsetting_gauss=100.0)
     assert measured(clock, chip) == [shown, -0.5, -7 / 16384]
 

@@ -139,7 +139,7 @@ def test_sample_is_the_mean_field_of_its_measurement(clock: Clock) -> None:
 
 
 @pytest.mark.parametrize(("field", "shown"), [(5 / 16384, 5 / 16384), (8.5, 131071 / 16384), (-8.5, -8.0)])
-def test_eighteen_bits_about_the_middle_end_at_8_gauss(clock: Clock, field: float, shown: float) -> None:
+def test_mmc5983ma_counts_18_bits_up_to_8_gauss(clock: Clock, field: float, shown: float) -> None:
     assert measured(clock, made(clock, (field, -0.5, 7 / 16384))) == [shown, -0.5, -7 / 16384]
 
 

@@ -102,7 +102,7 @@ def test_emulator_with_the_sources_facts_passes(kind: str) -> None:
 @pytest.mark.parametrize(
     ("kind", "belief", "where", "name", "wrong"), BELIEFS, ids=[f"{b[0]}: {b[1]}" for b in BELIEFS]
 )
-def test_emulator_with_a_wrong_belief_is_caught(
+def test_faulty_emulator_is_caught(
     monkeypatch: pytest.MonkeyPatch, kind: str, belief: str, where: Any, name: str, wrong: Callable[..., Any] | float
 ) -> None:
     assert hasattr(where, name)

@@ -59,7 +59,7 @@ def test_base_of_a_port_names_three_ports() -> None:
         "tcp://h:x",
     ],
 )
-def test_base_that_is_none_is_refused_with_the_forms_that_are(base: str) -> None:
+def test_invalid_base_is_refused_with_the_valid_forms(base: str) -> None:
     with pytest.raises(EndpointError, match="give ipc:///absolute/directory or tcp://host:port"):
         Endpoints.from_base(base)
 
@@ -138,7 +138,7 @@ def test_directory_of_somebody_else_is_refused(tmp_path: Path, monkeypatch: pyte
         for_client(None, {})
 
 
-def test_client_outside_the_services_group_is_told_so(no_service: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_client_outside_the_services_group_gets_the_reason(no_service: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     no_service.mkdir()
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     with pytest.raises(EndpointError, match="usermod -aG fmfts"):

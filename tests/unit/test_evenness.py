@@ -20,7 +20,7 @@ def _told(random: np.random.Generator, stronger: np.ndarray, attitude: np.ndarra
     return unevenness(reported, BY_FIELD, np.full((SENSORS, 3), noise_t))
 
 
-def test_chip_that_repeats_one_value_does_not_hide_how_fast_others_turn() -> None:
+def test_stuck_chip_does_not_hide_the_speed_of_a_turn() -> None:
     angle = np.arange(600) / 220.0  # 1 rad/s: an arc of 0.05 rad in eleven frames
     slow = np.stack([np.cos(angle), np.sin(angle), np.zeros(600)], axis=1)[:, None].repeat(SENSORS, axis=1)
     slow[:, 2] = 0.3

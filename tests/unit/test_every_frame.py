@@ -153,7 +153,7 @@ def test_random_frames_are_judged_without_an_error(data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize("scene", ["drifting", "constant"])
-def test_session_with_faults_comes_back(scene: str) -> None:
+def test_session_with_faults_recovers(scene: str) -> None:
     config = config_of(4, ambient=scene)
     pipeline = pipeline_of(config, simulated_baseline(config))
     phases: dict[int, Counter[str]] = {}

@@ -51,7 +51,7 @@ def test_key_that_is_not_there_is_bad_configuration(verb: tuple[str, ...], place
 
 
 @pytest.mark.parametrize("verb", [("run",), ("probe",), ("selftest",)], ids=" ".join)
-def test_source_that_cannot_be_is_bad_configuration(verb: tuple[str, ...], place: Path) -> None:
+def test_impossible_source_is_bad_configuration(verb: tuple[str, ...], place: Path) -> None:
     assert ended(verb, ABSENT_BOARD + 'uid = "12"\n', place) == exit_codes.CONFIG
 
 

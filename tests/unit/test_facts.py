@@ -31,7 +31,7 @@ def test_figures_have_the_units_and_digits_of_a_workshop(
     assert capsys.readouterr().out == line + "\n"
 
 
-def test_what_is_empty_is_left_out_and_pads_stand_apart(capsys: pytest.CaptureFixture[str]) -> None:
+def test_empty_facts_are_omitted_and_pads_separated(capsys: pytest.CaptureFixture[str]) -> None:
     pads = [{"pad": name, "reason": "", "board": {}, "faults": []} for name in ("left", "right")]
     print_facts({"pads": pads, "could_gain": []}, as_json=False)
     assert capsys.readouterr().out.splitlines() == ["pad: left", "faults: none", "", "pad: right", "faults: none"]

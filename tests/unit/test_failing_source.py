@@ -143,7 +143,7 @@ def test_each_flaw_of_a_frame_is_named() -> None:
         assert flaw_of(changed[0], sensors, now_ns).startswith("a frame"), kind
 
 
-def test_recording_that_is_away_is_its_pads_health(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_recording_is_its_pads_health(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     monkeypatch.setattr(guarded, "FIRST_PAUSE_S", 0.001)
     monkeypatch.setattr(guarded, "LONGEST_PAUSE_S", 0.01)

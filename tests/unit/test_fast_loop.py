@@ -270,7 +270,7 @@ def wait_for(bridge: Bridge) -> None:
 
 
 @pytest.mark.parametrize("answers", [[-1, 1, -1, -1, 1], [1, 1]], ids=["interrupted", "not interrupted"])
-def test_what_a_signal_interrupted_is_sent_again(answers: list[int], bus: Bus) -> None:
+def test_interrupted_send_is_repeated(answers: list[int], bus: Bus) -> None:
     sent, left = [], iter(answers)
 
     def send(socket: int | None, data: int, size: int, flags: int) -> int:

@@ -162,7 +162,7 @@ def test_plug_that_is_pulled_amid_a_packet_is_noticed_at_once(daemon: Daemon, bo
         assert turns_until(daemon, lambda: not daemon._sources[0].state.connected) < 10
 
 
-def test_no_message_after_baseline_came_into_use_is_of_one_before(daemon: Daemon, board: Board, tmp_path: Path) -> None:
+def test_new_baseline_is_used_from_the_next_message_on(daemon: Daemon, board: Board, tmp_path: Path) -> None:
     """One that was restored, which does not need frames: they pass meanwhile."""
     (channel,) = daemon._channels.values()
     other = simulated_baseline(config_of(5))

@@ -65,7 +65,7 @@ def test_another_boot_is_another_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("payload", [b"", b"\xc1", b"\x80", message()[:-9], b"x" * 20000])
-def test_what_is_no_frame_is_counted_and_left_out(tmp_path: Path, payload: bytes) -> None:
+def test_invalid_frame_is_counted_and_dropped(tmp_path: Path, payload: bytes) -> None:
     source, path = fed(tmp_path)
     send(path, payload)
     send(path, message())
@@ -117,7 +117,7 @@ def test_path_too_long_is_reported(tmp_path: Path) -> None:
         fed(tmp_path / ("x" * 120))
 
 
-def test_configuration_leads_to_it(tmp_path: Path) -> None:
+def test_frames_from_makes_a_fed_source(tmp_path: Path) -> None:
     file = tmp_path / "pads.toml"
     file.write_text('[[pad]]\nname = "left"\n[pad.source]\ntype = "simulated"\nframes_from = "left.sock"\n')
     ((source, names),) = open_sources(load(file)[0].pad)

@@ -48,7 +48,7 @@ def test_functions_have_at_most_six_parameters(path: Path) -> None:
     assert not many, f"{path.name}: {', '.join(many)}: more than {MOST} parameters"
 
 
-def test_all_rooms_are_read() -> None:
+def test_room_check_reads_all_rooms() -> None:
     assert {path.relative_to(PACKAGE).parts[0] for path in files()} == set(ROOMS)
     functions = [name for path in files() if path.suffix == ".c" for name, _ in in_c(path.read_text())]
     assert len(functions) > 600

@@ -70,7 +70,7 @@ def test_one_wide_or_sliding_finger_is_not_two(patch_mm: float, share: float, bu
             assert gain_of_second(built, measured) < SECOND_GAIN / 2.0
 
 
-def test_without_room_for_shear_a_sliding_finger_would_be_two(drawn: World) -> None:
+def test_ignoring_shear_would_split_a_sliding_finger(drawn: World) -> None:
     """What the covariance considers is what keeps one finger one: else friction of 0.3 gains hundreds."""
     measured = drawn.measured(drawn.pressed([Press(0.0, 0.0, 2.0, 0.0, 0.6)]))
     assert gain_of_second(world(1, EXACT, friction=0.0), measured) > 3.0 * SECOND_GAIN
@@ -110,7 +110,7 @@ def test_released_finger_goes_within_a_few_frames(built: World) -> None:
     assert follow(built, counter, [], RELEASE_FRAMES)[1] == ()
 
 
-def test_forgetting_begins_anew(built: World) -> None:
+def test_forgotten_clock_restarts(built: World) -> None:
     counter = built.counter()
     _, before = follow(built, counter, [LEFT])
     counter.forget()
@@ -128,7 +128,7 @@ def test_second_finger_is_searched_beside_one_without_force(drawn: World) -> Non
     assert np.abs(starts[0][1, :2] - [7.0, 2.0]).max() <= 2.0
 
 
-def test_two_are_far_enough_apart_and_strong_enough() -> None:
+def test_two_reported_fingers_are_apart_and_strong_enough() -> None:
     assert are_two(np.array([[0.0, 0.0, 1.0], [8.1, 0.0, 0.1]]))
     assert not are_two(np.array([[0.0, 0.0, 1.0], [7.9, 0.0, 1.0]]))
     assert not are_two(np.array([[0.0, 0.0, 1.0], [9.0, 0.0, 0.05]]))

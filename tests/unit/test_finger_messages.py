@@ -85,7 +85,7 @@ def test_golden_messages_are_read_as_their_json_says(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["one-magnet", "one-magnet-lost"])
-def test_message_of_before_is_read_and_encoded_again_to_last_byte(name: str) -> None:
+def test_old_message_round_trip_keeps_every_byte(name: str) -> None:
     payload = (GOLDEN / f"{name}.msgpack").read_bytes()
     message = decode_contact(payload)
     assert [getattr(message, field) for field in OF_SEVERAL] == [msgspec.UNSET] * 3
@@ -132,7 +132,7 @@ def test_reader_that_knows_no_fingers_reads_their_resultant() -> None:
 @pytest.mark.parametrize("number", NOT_NUMBERS)
 @pytest.mark.parametrize("field", FINGER_FIELDS)
 @pytest.mark.parametrize("which", [0, 1])
-def test_finger_with_a_number_that_is_none_is_not_encoded(field: str, number: float, which: int) -> None:
+def test_finger_with_a_non_finite_number_is_not_encoded(field: str, number: float, which: int) -> None:
     fingers = list(two_fingers())
     fingers[which] = msgspec.structs.replace(fingers[which], **{field: number})
     with pytest.raises(NotFiniteError, match=rf"pad 'demo': ContactMessage\.contacts\.{which}\.{field} "):
@@ -141,7 +141,7 @@ def test_finger_with_a_number_that_is_none_is_not_encoded(field: str, number: fl
 
 @pytest.mark.parametrize("number", NOT_NUMBERS)
 @pytest.mark.parametrize("field", POSE_FIELDS)
-def test_magnets_pose_with_a_number_that_is_none_is_not_encoded(field: str, number: float) -> None:
+def test_magnet_pose_with_a_non_finite_number_is_not_encoded(field: str, number: float) -> None:
     poses = [pose_message(), pose_message(**{field: number})]
     with pytest.raises(NotFiniteError, match=rf"ContactMessage\.poses\.1\.{field} "):
         encode(fingers_message(poses=poses))
@@ -193,7 +193,7 @@ def test_without_an_estimate_each_kind_of_pad_keeps_its_keys() -> None:
     assert (one["force_n"], one["pose"], one["health"]) == (None, None, "lost")
 
 
-def test_finger_that_is_no_number_takes_all_estimates_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_finger_with_nan_removes_all_estimates(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     publisher = Publisher(Endpoints.from_base(f"ipc://{tmp_path}"), "b00t", pads=["demo"])
     try:
         with caplog.at_level(logging.ERROR):

@@ -90,7 +90,7 @@ def test_each_finger_is_drawn_without_the_resultant() -> None:
     assert "health" not in there(drawn)
 
 
-def test_what_is_gone_is_not_drawn_any_more() -> None:
+def test_vanished_objects_are_not_drawn() -> None:
     two, one, none, unknown = scenes(
         fingers_message(*two_fingers()), fingers_message(two_fingers()[1]), fingers_message(), UNKNOWN
     )

@@ -54,7 +54,7 @@ def test_mirrored_press_moves_the_magnet_in_the_mirror() -> None:
     np.testing.assert_allclose(swapped_axis[[1, 0, 2]], axis, atol=1e-6)
 
 
-def test_answer_does_not_depend_on_the_way_to_it() -> None:
+def test_solved_press_is_independent_of_earlier_ones() -> None:
     slab = coarse()
     slab.rest()
     direct_m, _ = slab.solve(Press(4e-3, 0.0, 0.6))

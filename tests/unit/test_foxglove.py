@@ -220,7 +220,7 @@ def test_repair_gives_a_killed_recording_its_index(recorded: Path, tmp_path: Pat
         repair(cut, tmp_path / "mended.mcap")
 
 
-def test_contact_is_drawn_where_it_is_and_goes_with_the_finger() -> None:
+def test_drawn_contact_follows_the_finger() -> None:
     there = entities(contact(0))
     touch = there["contact"]
     (ellipse,) = touch.cylinders

@@ -43,7 +43,7 @@ def test_one_changed_bit_is_reported_with_field_and_size() -> None:
     assert 0.0 < found.largest["pose.axis"] < 2e-16
 
 
-def test_field_that_only_one_of_them_has_or_that_is_null_differs() -> None:
+def test_missing_or_null_field_counts_as_difference() -> None:
     found = compared(force_n=1.0, more=False)
     assert found.fields == {"force_n": 1, "more": 1}
     assert found.largest == {}

@@ -31,7 +31,7 @@ def moved(random: np.random.Generator, model: FieldModel) -> tuple[np.ndarray, M
     return change, replace(rest, field_t=rest.field_t + at(model, change).field_t)
 
 
-def test_what_is_not_finite_is_refused_by_name() -> None:
+def test_non_finite_value_is_refused_by_name() -> None:
     model = fitter_of(*USUAL).model
     change, good = moved(np.random.default_rng(32), model)
     broken = replace(good, variance_t2=np.where(np.arange(24) == 7, np.inf, good.variance_t2))

@@ -43,7 +43,7 @@ def true_field(model: PostureModel, time_ns: int) -> np.ndarray:
     return model.predicted(np.array([joints[name] for name in NAMES])).field_t
 
 
-def test_untaught_hand_and_hand_without_joints_say_so(model: PostureModel) -> None:
+def test_missing_posture_or_joints_are_reported(model: PostureModel) -> None:
     hand = Hand(12)
     assert hand.at(0).why == UNTAUGHT
     hand.use(model)
@@ -84,7 +84,7 @@ def test_joints_that_stop_arriving_are_wide_and_named(model: PostureModel) -> No
     )
 
 
-def test_one_joint_that_stops_is_a_hand_that_stops(model: PostureModel) -> None:
+def test_one_silent_joint_makes_the_posture_unknown(model: PostureModel) -> None:
     hand = Hand(12)
     hand.use(model)
     last_ns = moved(hand, 1.3)
@@ -131,7 +131,7 @@ def test_clock_that_begins_anew_is_followed(model: PostureModel) -> None:
     assert hand.joints == Joints(10**9, tuple(HAND.joints_rad(0.0)[name] for name in NAMES))
 
 
-def test_recalled_joints_tell_the_same_field(model: PostureModel) -> None:
+def test_recalled_joints_give_the_same_field(model: PostureModel) -> None:
     hand, other = Hand(12), Hand(12)
     hand.use(model)
     other.use(model)

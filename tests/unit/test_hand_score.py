@@ -94,7 +94,7 @@ def test_last_line_names_the_better_method(turned: Verdict, better: bool) -> Non
     assert all(any(row.startswith(title) for row in rows) for title in TITLES.values())
 
 
-def test_ways_are_shown_beside_each_other_where_they_differ() -> None:
+def test_methods_are_shown_side_by_side_if_they_differ() -> None:
     score = score_of([0.0] * MOVES)
     score.take(TURNED, "thumb", contact(0.0, contact=False))
     assert score.beside() == ""

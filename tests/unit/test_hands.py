@@ -68,7 +68,7 @@ def test_turn_and_presses_are_enough_whenever_they_begin(after_s: float) -> None
 
 
 @pytest.mark.parametrize("kind", ["bare", "rest", "turn", "refine"])
-def test_pad_is_left_as_it_was(kind: str) -> None:
+def test_pad_state_is_restored(kind: str) -> None:
     source = Simulated(CONFIG)
     source.finger = finger = steady_finger(2e-3, 1e-3, 1.0)
     source.turning_rad_per_s = 0.3

@@ -43,7 +43,7 @@ def test_only_a_likely_hidden_finger_widens_the_deviations() -> None:
     assert (hidden_variance(FINGER, another(7.5)) < 0.01 * most)[[0, 2]].all()
 
 
-def test_second_finger_with_all_the_force_leaves_the_first_none() -> None:
+def test_second_finger_may_take_all_the_force() -> None:
     variance = hidden_variance(FINGER, another(19.0, force=4.0))
     assert variance[2] == pytest.approx(MOST * (4.0 - 1.5) ** 2, rel=1e-3)
     assert variance[0] == pytest.approx(MOST * (10.0 - 2.0) ** 2, rel=1e-3)

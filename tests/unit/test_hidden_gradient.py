@@ -89,7 +89,7 @@ def height_sd_m(tracked: Tracked) -> float:
     return float(np.sqrt(tracked.estimate.covariance[2, 2]))
 
 
-def test_effect_of_a_gradient_is_what_the_solver_makes_of_it(pad: Pad) -> None:
+def test_gradient_effect_matches_the_solvers_error(pad: Pad) -> None:
     rest = State.at_rest(pad)
     effect = effect_of_gradient(pad, rest, NOISE_T, FREE_FIELD)
     for component, (row, column) in enumerate([(0, 0), (0, 1), (0, 2), (1, 1), (1, 2)]):
@@ -135,7 +135,7 @@ def test_hidden_field_fades_gradually(pad: Pad) -> None:
     assert later < 1.01 * healthy(pad)[0]
 
 
-def test_where_the_robot_stands_still_a_turned_field_is_foreign(pad: Pad) -> None:
+def test_turned_field_is_foreign_on_a_standing_robot(pad: Pad) -> None:
     turned = rotation_from_vector(np.array([0.0, 0.1, 0.0])) @ EARTH_T - EARTH_T
     assert Follower(pad).judge(turned).estimate is not None
     still = Follower(pad, STANDS_STILL)
@@ -202,7 +202,7 @@ def test_ambient_field_is_as_uncertain_as_claimed(pad: Pad, gain: float) -> None
     assert 3.0 - 4 * 0.39 < np.mean(normalised) < 3.0 + 4 * 0.39
 
 
-def test_unseen_field_leaves_the_earth_s_as_strong_as_it_was(pad: Pad) -> None:
+def test_hidden_field_leaves_the_earths_strength(pad: Pad) -> None:
     """It is at a right angle to the Earth's; what a robot that was never turned carries hides a larger one."""
     measured, unmeasured = hidden_of(pad), hidden_of(pad, Reference(EARTH_T, IRON_T))
     across = np.cross(EARTH_T, [0.0, 0.0, 1.0])

@@ -58,7 +58,7 @@ def test_field_outside_is_taken_off_once_whether_chip_does_it_or_not() -> None:
     assert strap_counts(HMC5983, outside, shifted_up, shifted_down) == (GOOD_UP, GOOD_DOWN)
 
 
-def test_strap_that_does_nothing_fails_on_either_kind() -> None:
+def test_dead_strap_fails_on_either_kind() -> None:
     """A field outside within the limits must not pass for the strap's."""
     outside = (300, 300, 300)
     for shown in ((0, 0, 0), outside):

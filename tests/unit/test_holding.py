@@ -54,7 +54,7 @@ def test_step_is_refused_with_what_to_do(field_t: Callable[[float], float], text
     assert text in hold.hint
 
 
-def test_enter_takes_a_hand_that_moves() -> None:
+def test_enter_accepts_a_moving_hand() -> None:
     assert shown(Hold(NOTHING), lambda time_s: 8e-5 + 2e-5 * time_s, is_asked=True).held is not None
 
 

@@ -119,7 +119,7 @@ def test_off_centre_magnet_moves_like_a_shifted_press() -> None:
     np.testing.assert_allclose(moved, middle.response(np.array([2e-3]), np.array([0.0]), load))
 
 
-def test_switched_off_a_pad_has_no_imperfection() -> None:
+def test_disabled_imperfections_change_no_frame() -> None:
     """The same frames as without the switches, so that a recording stays what it was."""
     plain, shaped = (
         Simulated(PadConfig(name="same", source=SimulatedSource(seed=4, finger_shape=shape)))

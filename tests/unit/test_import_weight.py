@@ -30,7 +30,7 @@ HEAVY = (
         "fmfts.sensor.i2c.reader",
     ],
 )
-def test_what_starts_often_imports_nothing_heavy(module: str) -> None:
+def test_frequent_programs_import_nothing_heavy(module: str) -> None:
     code = f"import sys, {module}; print(*(name for name in {HEAVY} if name in sys.modules))"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.split() == []

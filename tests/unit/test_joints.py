@@ -76,9 +76,7 @@ BAD: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("payload", BAD.values(), ids=BAD)
-def test_message_that_is_none_is_left_out_and_counted(
-    listener: JointListener, endpoints: Endpoints, payload: bytes
-) -> None:
+def test_invalid_message_is_dropped_and_counted(listener: JointListener, endpoints: Endpoints, payload: bytes) -> None:
     with zmq.Context.instance().socket(zmq.PUB) as socket:
         socket.setsockopt(zmq.LINGER, 0)
         socket.connect(endpoints.joints)
@@ -94,7 +92,7 @@ def test_message_that_is_none_is_left_out_and_counted(
 
 
 @pytest.mark.parametrize("parts", [(b"joints", b"\x01"), (b"joints", *[b"\x01"] * 40)], ids=["bad", "many parts"])
-def test_flood_of_what_is_none_leaves_the_loop_when_its_time_is_up(
+def test_flood_of_invalid_messages_keeps_to_its_time(
     listener: JointListener, endpoints: Endpoints, parts: tuple[bytes, ...]
 ) -> None:
     with zmq.Context.instance().socket(zmq.PUB) as socket:
@@ -150,7 +148,7 @@ def test_recorded_table_is_played(listener: JointListener, endpoints: Endpoints,
         ("t_s,a\n0,1\n1\n", "no 2 finite numbers"),
     ],
 )
-def test_table_that_is_none_is_refused(tmp_path: Path, text: str, why: str) -> None:
+def test_invalid_table_is_refused(tmp_path: Path, text: str, why: str) -> None:
     path = tmp_path / "joints.csv"
     path.write_text(text)
     with pytest.raises(ValueError, match=why):

@@ -21,12 +21,12 @@ NAMES = {
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.page)
-def test_table_is_as_its_figures_make_it(table: Table) -> None:
+def test_table_has_the_kept_figures(table: Table) -> None:
     text = (RESULTS / table.page).read_text(encoding="utf-8")
     assert text == kept_figures.page(text, table), "python -m fmfts_lab.bench tables"
 
 
-def test_no_pad_that_is_as_stated_is_wrong_often() -> None:
+def test_pads_within_tolerances_are_seldom_wrong() -> None:
     """With two deviations, 93 to 98 % of the errors in nine of ten rows."""
     rows = kept_figures.kept("as-built")
     within = [sum(one["within_2_sd"] for one in seeds) / len(seeds) for seeds in rows]

@@ -74,7 +74,7 @@ def test_there_are_recordings_small_and_each_explained() -> None:
 
 
 @pytest.mark.parametrize("path", RECORDINGS, ids=lambda path: path.stem)
-def test_replay_is_same_bit_for_bit_each_time_and_says_what_was_said(path: Path) -> None:
+def test_replay_is_bit_identical_and_gives_the_recorded_contacts(path: Path) -> None:
     once, again, wanted = replayed(path), replayed(path), expected(path)
     assert [essence(each) for each in once] == [essence(each) for each in again]
     assert len(once) == len(wanted) > 600
@@ -150,7 +150,7 @@ def test_papers_readings_through_firmware_are_papers_poses() -> None:
         assert len(near) > 40, reading
 
 
-def test_change_that_matters_is_a_difference() -> None:
+def test_relevant_change_is_a_difference() -> None:
     contact = essence(expected(FOLDER / "taps.mcap")[100])
     pose = contact["pose"]
     shifted = [pose["position_m"][0] + 1e-10, *pose["position_m"][1:]]

@@ -364,7 +364,7 @@ def test_key_is_never_written_over(tmp_path: Path) -> None:
     assert list(folder.clients()) == ["one"]
 
 
-def test_curve_is_compiled_in() -> None:
+def test_libzmq_is_built_with_curve() -> None:
     assert zmq.has("curve")
 
 

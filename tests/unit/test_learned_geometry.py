@@ -136,7 +136,7 @@ def test_learning_names_missing_presses_and_baselines(pad: Pad) -> None:
 
 
 @pytest.mark.long
-def test_steel_is_no_geometry(pad: Pad) -> None:
+def test_steel_is_not_learned_as_geometry(pad: Pad) -> None:
     world = rough_world(pad, 3)
     pressed = presses(world, 40)
     field = pressed.field_t + world.random.normal(0.0, 3e-6, pressed.field_t.shape)
@@ -239,7 +239,7 @@ def _near_magnet(pad: Pad, drawn: Magnet, true: Magnet) -> Learned:
     return with_octupole(learn(Drawing(near, tolerance), pressed, starts=1), pressed)
 
 
-def test_presses_are_picked_apart(pad: Pad) -> None:
+def test_chosen_presses_are_far_apart(pad: Pad) -> None:
     world = rough_world(pad, 0)
     one = presses(world, 5).field_t
     picked = spread_out(np.concatenate([one, one, one]), world.field())

@@ -321,7 +321,7 @@ def test_early_samples_come_before_the_frames_that_follow_them() -> None:
     assert line.link.early == []
 
 
-def test_early_sample_that_cannot_be_is_left_out() -> None:
+def test_impossible_early_sample_is_ignored() -> None:
     line = Line(pad(publish="sample"))
     line.feed(hello(4, can_send_early=1), sample(time_us=4545))
     line.feed(make_early(5, 9000))

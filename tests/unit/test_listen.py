@@ -154,7 +154,7 @@ def test_ctrl_c_and_kill_end_cleanly_with_the_summary(base: str, number: int) ->
     assert re.search(r"pad demo: \d+ messages", shown)
 
 
-def test_reader_that_has_seen_enough_is_no_error(base: str) -> None:
+def test_closed_pipe_is_no_error(base: str) -> None:
     with publishing(base, [contact_message()]):
         command = [sys.executable, "-c", LISTEN, base, "{'as_json': True}"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:

@@ -41,7 +41,7 @@ def test_random_mistake_is_named(make) -> None:  # type: ignore[no-untyped-def]
 
 
 @pytest.mark.parametrize("number", range(2))
-def test_good_board_is_not_accused(number: int) -> None:
+def test_good_board_has_no_reported_fault(number: int) -> None:
     outcome = tried((SEED, 50 + number), None)
     assert outcome.verdict == "good", outcome
 
@@ -66,7 +66,7 @@ def test_mirrored_z_and_half_turn_need_a_known_pole() -> None:
     assert "--pole up or --pole down" in said
     with pytest.raises(NotWritableError, match="did not decide"):
         geometry_of(unknown)
-    assert sentences(known) == ["All chips read z with the wrong sign: turn geometry.sensors_mirrored over."]
+    assert sentences(known) == ["All chips read z with the wrong sign: invert geometry.sensors_mirrored."]
     assert geometry_of(known).is_mirrored
 
 

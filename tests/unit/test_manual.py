@@ -104,7 +104,7 @@ def test_layout_of_package_not_installed_says_how_to_install_it(
 
 
 @pytest.mark.parametrize("program", ["foxglove", "plotjuggler"])
-def test_layout_is_for_the_pad_that_is_named_and_for_no_other(
+def test_layout_is_for_the_named_pad_only(
     program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -21,7 +21,7 @@ BY_PRESSURE = DATA / "calibration_pressure_1.23T.csv"
 SEEN_AREA = {0.2827: 0.988, 1.131: 0.949, 1.9792: 0.906}
 
 
-def test_calibration_set_that_ships_is_one_that_command_makes() -> None:
+def test_shipped_calibration_set_is_what_its_command_makes() -> None:
     shipped = np.loadtxt(DATA / "calibration_1.23T.csv", delimiter=",", skiprows=1)
     np.testing.assert_allclose(rows(), shipped, rtol=1e-5)
 

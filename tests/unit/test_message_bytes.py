@@ -198,7 +198,7 @@ def test_nan_is_found_only_in_published_numbers(written: Written, name: str, wro
         assert is_finite is (is_unknown or not is_told)
 
 
-def test_words_that_leave_no_room_make_no_message(written: Written) -> None:
+def test_too_long_words_make_no_message(written: Written) -> None:
     numbers, long = random_numbers(np.random.default_rng(7)), "x" * 10_000
     flags = [0] * (2 + len(TOLD))
     for position in (0, 1, 3, 4):

@@ -125,7 +125,7 @@ def test_unknown_is_null_and_never_left_out() -> None:
 
 @pytest.mark.parametrize("number", NOT_NUMBERS)
 @pytest.mark.parametrize("field", FLOAT_FIELDS)
-def test_contact_with_a_number_that_is_none_is_not_encoded(field: str, number: float) -> None:
+def test_contact_with_a_non_finite_number_is_not_encoded(field: str, number: float) -> None:
     with pytest.raises(NotFiniteError, match=rf"pad 'demo': ContactMessage.{field} "):
         encode(contact_message(**{field: number}))
 
@@ -139,7 +139,7 @@ def test_client_reads_a_daemon_that_does_not_send_now() -> None:
     assert contact.valid
 
 
-def test_now_is_carried_on_to_the_readers_instant() -> None:
+def test_now_is_extrapolated_to_the_clients_time() -> None:
     message = contact_message()
     contact = Contact.from_message(sent(message))
     assert message.now is not None
@@ -190,14 +190,14 @@ def test_client_refuses_a_nested_value_in_its_own_words(field: str) -> None:
 
 @pytest.mark.parametrize("number", NOT_NUMBERS)
 @pytest.mark.parametrize("field", NOW_FIELDS)
-def test_now_with_a_number_that_is_none_is_not_encoded(field: str, number: float) -> None:
+def test_now_with_a_non_finite_number_is_not_encoded(field: str, number: float) -> None:
     with pytest.raises(NotFiniteError, match=rf"now\.{field}"):
         encode(contact_message(now=now_message(1, **{field: number})))
 
 
 @pytest.mark.parametrize("number", NOT_NUMBERS)
 @pytest.mark.parametrize("field", POSE_FIELDS)
-def test_pose_with_a_number_that_is_none_is_not_encoded(field: str, number: float) -> None:
+def test_pose_with_a_non_finite_number_is_not_encoded(field: str, number: float) -> None:
     value = (1.0, number, 0.0) if "Vector" in PoseMessage.__annotations__[field] else number
     with pytest.raises(NotFiniteError, match=rf"pose\.{field}"):
         encode(contact_message(pose=pose_message(**{field: value})))
@@ -257,7 +257,7 @@ def test_client_refuses_a_wrong_value_by_name(field: str, value: object) -> None
 
 
 @pytest.mark.parametrize("vector", [[0.0, 1.0], [0.0, 1.0, 2.0, 3.0], [0.0, math.nan, 0.0], "abc", 3.0, None])
-def test_client_refuses_a_position_that_is_none(vector: object) -> None:
+def test_client_refuses_an_invalid_position(vector: object) -> None:
     message = sent(contact_message())
     message["pose"]["position_m"] = vector
     with pytest.raises(MessageError, match="position_m"):

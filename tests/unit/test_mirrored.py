@@ -32,7 +32,7 @@ def test_mirrored_pad_detects_presses_like_any_other(config: PadConfig) -> None:
     assert felt.force_sd_n < 0.1 * FORCE_N
 
 
-def test_z_alone_is_turned_over(config: PadConfig) -> None:
+def test_only_z_is_inverted(config: PadConfig) -> None:
     field_t = np.tile([1e-5, 2e-5, 3e-5], (4, 1))
     sensors = config.pad().sensors
     assert sensors.to_sensor(field_t).tolist() == np.tile([1e-5, 2e-5, -3e-5], (4, 1)).tolist()

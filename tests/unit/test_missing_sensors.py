@@ -28,7 +28,7 @@ def frame(gain_code: int = 0) -> Frame:
     )
 
 
-def test_nothing_is_missing_from_a_whole_frame() -> None:
+def test_complete_frame_has_no_missing_sensor() -> None:
     assert missing_sensors(frame(), np.zeros((4, 3), bool)) == {}
 
 

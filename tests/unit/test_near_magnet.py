@@ -39,7 +39,7 @@ def test_octupole_on_the_axis_is_what_the_rule_compares() -> None:
     assert exact - dipole == pytest.approx(4.0 * magnet.strength_t_m3 * magnet.octupole_m2 / 60e-3**5, rel=0.03)
 
 
-def test_what_follows_octupole_is_as_large_as_baseline_says() -> None:
+def test_term_after_the_octupole_has_the_stated_size() -> None:
     magnet, away_m = near().pad().magnet, 40e-3
     exact = cylinder_field(np.array([[0.0, 0.0, away_m]]), np.zeros(3), np.array([0.0, 0.0, 1.0]), magnet)[0, 2]
     known = magnet.strength_t_m3 * (2.0 / away_m**3 + 4.0 * magnet.octupole_m2 / away_m**5)

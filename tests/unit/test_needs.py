@@ -171,7 +171,7 @@ def test_cylinder_term_beats_the_dipole_for_a_larger_magnet(response: Response) 
 
 
 @pytest.mark.long
-def test_pad_told_of_its_neighbour_answers_more_presses_and_none_wrong(response: Response) -> None:
+def test_named_neighbour_gives_more_answers_and_none_wrong(response: Response) -> None:
     near = Surroundings(told_of("two"), response, others=[told_of("one", distance_mm=20.0)])
     told, untold = tried_beside(near, 6.0, 1)
     assert told.outcome.wrong == untold.outcome.wrong == 0

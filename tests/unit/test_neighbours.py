@@ -69,7 +69,7 @@ def test_neighbour_is_less_certain_the_longer_it_was_not_seen(pad: Pad) -> None:
 
 
 @pytest.mark.parametrize("magnets", [(1,), (4,), (2, 1, 1)], ids=str)
-def test_neighbours_are_where_the_oracle_has_them(
+def test_neighbours_agree_with_the_oracle(
     pad: Pad, magnets: tuple[int, ...], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     """For a pad with one magnet, which solves them, and for one with several, which considers them."""
@@ -171,7 +171,7 @@ def test_pose_beside_an_uncertain_neighbour_is_as_uncertain_as_it_says() -> None
 
 
 @pytest.mark.long
-def test_two_pressed_pads_30_mm_apart_stay_right_when_told_of_each_other() -> None:
+def test_two_pressed_neighbours_30_mm_apart_stay_right() -> None:
     """The worst of 4,000 errors of healthy pads is below four deviations; five is wrong."""
     pads = pair(30.0, "drifting", seed=1)
     told, untold = pressed_pair(pads, told=True, seconds=5.0), pressed_pair(pads, told=False, seconds=5.0)
@@ -183,7 +183,7 @@ def test_two_pressed_pads_30_mm_apart_stay_right_when_told_of_each_other() -> No
     assert untold.wrong == untold.false_contacts == 0
 
 
-def test_a_neighbour_far_away_is_left_out() -> None:
+def test_far_neighbour_is_ignored() -> None:
     for distance_mm, felt in ((60.0, True), (120.0, False)):
         first, second = pair(distance_mm, "drifting", seed=1)
         (neighbour,) = neighbours_around(first, (first, second))

@@ -50,7 +50,7 @@ def pipelines_of(pads: tuple[PadConfig, PadConfig], baselines: dict[str, Baselin
     return pipelines
 
 
-def test_two_boards_whose_pads_measure_each_other_say_same_by_express() -> None:
+def test_fast_loop_agrees_for_pads_on_two_boards() -> None:
     """From the bytes of both boards to the bus in C, and by way of frames: equal to the last bit."""
     pads = pair(30.0, "drifting", seed=4)
     baselines = {pad.name: simulated_baseline(pad, neighbours_of(pad, pads)) for pad in pads}

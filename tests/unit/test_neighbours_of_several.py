@@ -102,7 +102,7 @@ def is_untouched(messages: list[ContactMessage]) -> bool:
 SETTLED = 10
 
 
-def test_a_press_beside_an_array_disturbs_it_unless_it_knows_of_the_neighbour() -> None:
+def test_press_on_an_unnamed_neighbour_disturbs_an_array() -> None:
     untold = pressed(ARRAYS, no_finger, PRESS, told=False)["first"]
     assert sum(message.health == "disturbed" for message in untold) > FRAMES / 2
     told = pressed(ARRAYS, no_finger, PRESS)
@@ -127,7 +127,7 @@ def test_single_magnet_and_array_ignore_each_others_presses() -> None:
 
 
 @pytest.mark.parametrize("magnets", [ARRAYS, ARRAY_AND_ONE], ids=["an array", "one magnet"])
-def test_a_pad_whose_neighbour_is_lost_is_less_certain_and_never_wrong(magnets: Magnets) -> None:
+def test_lost_neighbour_widens_deviations_without_wrong_answers(magnets: Magnets) -> None:
     """As beside a pad with one magnet: its magnets may be anywhere in their reach, pressed or not."""
     frames = frames_of(magnets, no_finger, PRESS)
     watched, deaf = pipelines_of(magnets), pipelines_of(magnets)
@@ -191,7 +191,7 @@ def test_the_change_of_a_neighbours_field_is_as_uncertain_as_its_magnets() -> No
     np.testing.assert_allclose(covariance, effects @ effects.T, rtol=1e-3, atol=1e-5 * np.abs(covariance).max())
 
 
-def test_what_a_baseline_left_open_counts_in_the_change() -> None:
+def test_baseline_uncertainty_counts_in_the_change() -> None:
     pad = array_config().pad()
     seen = at(pad)
     moved = oracle.stepped(seen.rest, np.tile([0.0, 0.0, -4e-4, 0.0, 0.0, 0.0], 4))
@@ -205,7 +205,7 @@ def test_what_a_baseline_left_open_counts_in_the_change() -> None:
     assert (variance(np.tile([1e-4, 0.0], (4, 1))) > 0.0).all()
 
 
-def test_a_snapshot_of_felt_pads_goes_on_with_the_same_bits() -> None:
+def test_snapshot_of_neighbours_continues_bit_identically() -> None:
     frames = frames_of(ARRAYS, PRESS, LIGHTER)
     before, after = ({name: each[part] for name, each in frames.items()} for part in (slice(44), slice(44, None)))
     first, second = pipelines_of(ARRAYS), pipelines_of(ARRAYS)
@@ -224,7 +224,7 @@ def test_a_snapshot_of_felt_pads_goes_on_with_the_same_bits() -> None:
             )
 
 
-def test_a_simulated_pad_feels_the_magnets_that_its_neighbour_has() -> None:
+def test_simulated_pad_measures_its_neighbours_magnets() -> None:
     one, other = pads(ARRAY_AND_ONE)
     assert isinstance(other.source, SimulatedSource)
     source, beside = simulated_pad(other, [one]), simulated_pad(one)
@@ -240,7 +240,7 @@ def test_a_simulated_pad_feels_the_magnets_that_its_neighbour_has() -> None:
     assert moved.max() > 1e-7
 
 
-def test_an_array_far_away_is_left_out() -> None:
+def test_far_array_is_ignored() -> None:
     for apart_mm, is_felt in ((100.0, True), (200.0, False)):
         first, second = pads(ARRAYS, apart_mm)
         (neighbour,) = neighbours_around(first, (first, second))

@@ -114,7 +114,7 @@ PIECES = st.one_of(
 
 @given(st.lists(PIECES, max_size=30), st.sampled_from([IN_TIME, BEHIND, Patience(2, 30_000)]))
 @settings(examples(200))
-def test_c_and_python_leave_out_the_same(pieces: list[bytes], patience: Patience) -> None:
+def test_c_and_python_drop_the_same_frames(pieces: list[bytes], patience: Patience) -> None:
     data = b"".join(pieces)
     assert _wire.keep_newest(data, *patience) == one_by_one(data, patience)
 

@@ -193,7 +193,7 @@ def test_rates_of_steady_press_are_small_and_their_deviations_honest(model: Cont
     assert max(one.force_rate_sd_n_per_s for one in told) < 60.0, "no more than is known of fingers"
 
 
-def test_drive_of_an_untouched_pad_is_the_mean_along_the_slopes(model: ContactModel) -> None:
+def test_drive_of_an_untouched_pad_averages_the_slopes(model: ContactModel) -> None:
     """Twice the integral of the drive's force noise moves the pose as the response says, at places all over the pad."""
     assert model.response is not None
     response = model.response

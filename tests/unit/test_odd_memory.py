@@ -130,7 +130,7 @@ def test_odd_memory_of_a_slip_tells_nothing_that_is_not_finite() -> None:
 
 
 @pytest.mark.parametrize("name", OUTSIDE)
-def test_number_that_no_pad_remembers_is_refused(name: str) -> None:
+def test_impossible_memory_number_is_refused(name: str) -> None:
     with pipelines_of(load("bare")[0]) as pipelines:
         (pipeline,) = pipelines.values()
         assert isinstance(pipeline, PadPipeline)

@@ -127,7 +127,7 @@ def test_frames_have_the_same_limits_in_c_and_in_python() -> None:
 # The wire
 
 
-def test_both_ends_of_the_wire_have_the_same_limits_and_marks() -> None:
+def test_firmware_and_daemon_have_the_same_limits() -> None:
     board, host = constants(CORE / "wire.h"), constants(WIRE / "sample.h") | constants(WIRE.parent / "reading.h")
     assert board["WIRE_VERSION"] == codec.VERSION
     assert board["WIRE_SENSORS_MAX"] == packets.BOARD_SENSORS
@@ -143,7 +143,7 @@ def test_both_ends_of_the_wire_have_the_same_limits_and_marks() -> None:
     assert unknown == (packets.TEMPERATURE_UNKNOWN, packets.TEMPERATURE_UNKNOWN)
 
 
-def test_both_ends_of_the_wire_number_packets_and_requests_alike() -> None:
+def test_firmware_and_daemon_number_packets_alike() -> None:
     board = constants(CORE / "wire.h")
     types = {f"WIRE_{one.name}": int(one) for one in packets.PacketType}
     types |= {f"WIRE_REQUEST_{one.name}": int(one) for one in packets.Verb}
@@ -273,7 +273,7 @@ def python_files() -> list[Path]:
     return [path for folder in ("daemon", "lab", "extras") for path in sorted((REPOSITORY / folder).rglob("*.py"))]
 
 
-def test_code_never_branches_on_a_chip_name() -> None:
+def test_daemon_never_branches_on_a_chip_name() -> None:
     """What depends on the chip is a fact of it: another chip is another file, and no other branch."""
     named = []
     for path in python_files():

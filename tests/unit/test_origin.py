@@ -46,7 +46,7 @@ BUS = of(I2cSource(bus=1))
     ],
     ids=lambda origin: str(origin),
 )
-def test_baseline_of_other_sensors_is_refused_with_whose_it_is(one: Origin, other: Origin, tmp_path: Path) -> None:
+def test_baseline_of_other_sensors_is_refused_with_its_origin(one: Origin, other: Origin, tmp_path: Path) -> None:
     config = PadConfig(name="left", source=SimulatedSource(finger="none", turning_deg_per_s=0.0))
     path = tmp_path / "left.json"
     path.write_bytes(encode(simulated_baseline(config).recorded_on(one)))

@@ -53,7 +53,7 @@ def test_frame_reads_counts_by_its_chip() -> None:
     assert np.isnan(frame.field_t[1]).tolist() == [False, True, False]
 
 
-def test_gain_code_that_the_chip_has_not_is_no_field() -> None:
+def test_impossible_gain_code_gives_no_field() -> None:
     assert np.isnan(OTHER.step_t[2:]).all()
     assert OTHER.step_t.shape == HMC5983.step_t.shape
     with pytest.raises(ValueError, match=r"one of 2\.5, 5\.0"):
@@ -87,7 +87,7 @@ def test_axis_that_saturates_at_another_count_is_named(config: PadConfig) -> Non
     ]
 
 
-def test_board_says_what_its_chip_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fields_and_temperature_follow_the_configured_chip(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(CHIPS, OTHER.name, OTHER)
     for chip, temperature_c in (("hmc5983", 26.0), ("hmc5883l", None), (OTHER.name, 32.8)):
         line = Line(pad(chip=chip, rate_hz=75))

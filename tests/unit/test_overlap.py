@@ -88,9 +88,7 @@ def test_overlap_is_what_independent_lasting_errors_do_to_estimate(
 
 
 @SCENES
-def test_what_is_left_of_a_covariance_has_no_negative_variance(
-    pad: Pad, tracking: TrackingModel, overlap: Overlap
-) -> None:
+def test_reduced_covariance_has_no_negative_variance(pad: Pad, tracking: TrackingModel, overlap: Overlap) -> None:
     """However much of the deviations lasts: also if the noise is a ten-thousandth of them."""
     state, field = pressed_field(pad)
     for seed, noise in enumerate((1.0, 1e-2, 1e-4)):

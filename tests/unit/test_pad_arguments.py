@@ -113,7 +113,7 @@ def test_pad_that_was_refused_refuses_every_call() -> None:
     assert (pad.last, pad.end(), pad.last_ns()) == (None, None, 0)
 
 
-def test_pad_is_made_once() -> None:
+def test_each_pad_is_made_once() -> None:
     pad = _pad.Pad(*parts())
     with pytest.raises(TypeError, match="only once"):
         pad.__init__(*parts())  # type: ignore[misc]

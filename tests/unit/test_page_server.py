@@ -286,7 +286,7 @@ class TestWhoMay:
                 page.send(json.dumps({"ask": "ping", "sent_ms": 1.0}))
                 assert answered(page, "pong")["pong"] == 1.0
 
-    def test_one_page_too_many_is_told_so(self, served: Served) -> None:
+    def test_surplus_page_is_refused_with_the_reason(self, served: Served) -> None:
         with ExitStack() as stack:
             for _ in range(OPEN_PAGES):
                 page = stack.enter_context(served.page())
@@ -454,7 +454,7 @@ class TestFiles:
             assert all(any((folder / name).exists() for folder in folders) for name in named), file
             assert "https://" not in file.read_text(), file
 
-    def test_what_to_do_is_what_the_manual_says(self) -> None:
+    def test_page_advice_is_the_manuals(self) -> None:
         manual = (ROOT / "docs/troubleshooting.md").read_text()
         plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", manual)
         advice = json.loads((FOLDER / "advice.json").read_text())

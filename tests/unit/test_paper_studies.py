@@ -112,7 +112,7 @@ def test_missing_presses_are_named_with_command_that_solves_them(
 
 
 @pytest.mark.long
-def test_experiment_blames_what_was_not_estimated(tmp_path: Path) -> None:
+def test_experiment_error_comes_from_unestimated_causes(tmp_path: Path) -> None:
     """Three of twenty pads: a baseline that is only subtracted leaves the mounting's errors in the contact."""
     facts = experiment.run(Request(PAD, tmp_path, quick=True))
     mae = {(row["causes"], row["baseline"]): (row["mae_x_mm"], row["mae_f_n"]) for row in facts["table"]}

@@ -48,5 +48,5 @@ def test_parameter_that_does_not_fit_is_refused() -> None:
         record.put("gian", 1.0)
 
 
-def test_all_that_is_remembered_has_a_first_value() -> None:
+def test_every_memory_field_has_a_first_value() -> None:
     assert {name for name, _, _ in MEMORY} == set(first_memory(CONFIG.pad(), baselined())) | set(KEPT)

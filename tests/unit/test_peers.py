@@ -158,7 +158,7 @@ def test_polite_peer_is_answered_in_next_turns_beside_flood(loop: Loop) -> None:
     assert loop.handled.index("polite") - before <= 2 * len(flooders)
 
 
-def test_what_waits_of_one_peer_is_bounded(loop: Loop) -> None:
+def test_waiting_messages_of_a_peer_are_bounded(loop: Loop) -> None:
     """Its requests wait in its own `send`, and none is lost."""
     peer = loop.peer(high_mark=10)
     sent = 0
@@ -200,7 +200,7 @@ def test_peer_that_does_not_read_is_refused_with_a_sentence(loop: Loop) -> None:
     assert [answer["id"] for answer in answers] == list(range(asked))
     assert ["ok" in answer for answer in answers] == [True] * handled + [False] * (asked - handled)
     for answer in answers[handled:]:
-        assert "earlier answers to you are still on their way: read each answer" in answer["error"]
+        assert "earlier answers to you were not read yet: read each answer" in answer["error"]
     peer.send(asking("reads again"))
     assert received(peer, loop)["ok"]
 

@@ -186,7 +186,7 @@ class Bench:
         self._publisher.close()
 
 
-def test_error_in_one_pads_work_is_lost_and_told_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_error_in_one_pad_is_lost_and_reported_once(caplog: pytest.LogCaptureFixture) -> None:
     def broken(frame: Frame) -> ContactMessage:
         raise ZeroDivisionError("a bug")
 

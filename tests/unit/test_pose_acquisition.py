@@ -96,7 +96,7 @@ def test_field_that_no_magnet_makes_is_not_acquired(pad: Pad) -> None:
         assert best.status is not Status.CONVERGED or best.chi2 > quantile(1e-6, 6)
 
 
-def test_nothing_measured_is_not_acquired(pad: Pad) -> None:
+def test_missing_measurements_are_not_acquired(pad: Pad) -> None:
     problem = problem_of(State.at_rest(pad), pad, FREE_PAPER, 4, np.random.default_rng(14))
     problem.measurements[:, VALUE] = np.nan
     assert acquire(problem, STARTS, 100.0).best.status is Status.UNOBSERVABLE

@@ -65,7 +65,7 @@ BAD_STARTS = {
 
 
 @pytest.mark.parametrize("what", BAD_STARTS)
-def test_start_that_is_no_state_is_refused(pad: Pad, what: str) -> None:
+def test_invalid_start_is_refused(pad: Pad, what: str) -> None:
     assert solve_problem(replace(problem_at(pad), start=BAD_STARTS[what])).status is Status.INVALID
 
 
@@ -79,14 +79,14 @@ BAD_MOTIONS = {
 
 
 @pytest.mark.parametrize("what", BAD_MOTIONS)
-def test_motion_that_is_none_is_refused(pad: Pad, what: str) -> None:
+def test_invalid_motion_is_refused(pad: Pad, what: str) -> None:
     problem = problem_at(pad)
     problem.measurements[:, AGE] = 1e-3
     assert solve_problem(replace(problem, motion=Motion(NONE, 1e-12 * ONE))).status is Status.CONVERGED
     assert solve_problem(replace(problem, motion=BAD_MOTIONS[what])).status is Status.INVALID
 
 
-def test_part_that_is_none_is_refused(pad: Pad) -> None:
+def test_invalid_part_is_refused(pad: Pad) -> None:
     problem = problem_at(pad)
     problem.parts[12] = 7
     assert solve_problem(problem).status is Status.INVALID
@@ -98,7 +98,7 @@ def test_search_that_would_never_or_always_end_is_refused(pad: Pad, stop_chi2: f
 
 
 @pytest.mark.parametrize("part", [Part.PRIOR, Part.CONSIDERED])
-def test_prior_that_is_none_is_refused(pad: Pad, part: Part) -> None:
+def test_invalid_prior_is_refused(pad: Pad, part: Part) -> None:
     problem = problem_at(pad)
     problem.parts[5] = part
     assert solve_problem(problem).status is Status.INVALID

@@ -132,7 +132,7 @@ def test_stop_in_deviations_leaves_less_than_a_twentieth_of_one(pad: Pad) -> Non
     assert stopped.iterations < converged.iterations
 
 
-def test_agrees_with_scipy_on_a_noisy_field(pad: Pad) -> None:
+def test_solver_agrees_with_scipy_on_a_noisy_field(pad: Pad) -> None:
     truth = at(pad, (0.7, -0.4, 11.0), (0.3, 0.1, 0.9))
     field = field_of(truth, pad) + np.random.default_rng(7).normal(0.0, 1e-6, (4, 3))
 
@@ -174,7 +174,7 @@ def test_nine_unknowns_at_rest_are_unobservable_not_far_away(pad: Pad) -> None:
 
 
 @pytest.mark.parametrize("deviation", [0.0, float("nan"), -1e-7])
-def test_deviation_that_is_none_is_refused(pad: Pad, deviation: float) -> None:
+def test_invalid_deviation_is_refused(pad: Pad, deviation: float) -> None:
     estimate = solve(field_of(State.at_rest(pad), pad), pad, deviation_t=deviation)
     assert estimate.status is Status.INVALID
     assert np.isnan(estimate.remanence_t)
@@ -190,7 +190,7 @@ def test_axis_of_infinite_deviation_is_left_out(pad: Pad) -> None:
     assert estimate.position_m == pytest.approx(pad.rest_position_m, abs=1e-9)
 
 
-def test_nothing_measured_is_no_pose(pad: Pad) -> None:
+def test_missing_measurements_give_no_pose(pad: Pad) -> None:
     estimate = solve(np.full((4, 3), np.nan), pad)
     assert estimate.status is Status.UNOBSERVABLE
     assert np.isnan(estimate.chi2)

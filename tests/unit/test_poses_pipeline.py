@@ -332,7 +332,7 @@ def test_eight_sensors_under_four_magnets_publish_no_free_poses() -> None:
         assert message.poses is None
 
 
-def test_pad_beside_it_sees_where_its_magnets_are() -> None:
+def test_neighbour_gets_the_magnets_poses() -> None:
     made, beside = ready("2 over 8"), ready("4 over 8", "default")
     sighting = made.be_felt()
     placement = Placement(np.array([0.04, 0.0, 0.0]), np.eye(3), 3e-4)
@@ -348,7 +348,7 @@ def test_pad_beside_it_sees_where_its_magnets_are() -> None:
     assert (np.abs(moved - true) < 5.0 * deviation).all()
 
 
-def test_it_replays_from_a_recording(tmp_path: Path) -> None:
+def test_pad_replays_from_a_recording(tmp_path: Path) -> None:
     name, path, said = "2 over 8", tmp_path / "two.mcap", []
     config, made = config_of(name), ready(name)
     writer = RecordingWriter(path)

@@ -19,7 +19,7 @@ from fmfts.common.possible import SAMPLES, TEMPERATURE_C
         (-(10**400), "an integer of more than 300 digits is no"),
     ],
 )
-def test_number_that_cannot_be_is_named_with_what_can(value: float, told: str) -> None:
+def test_impossible_number_is_named_with_the_valid_range(value: float, told: str) -> None:
     with pytest.raises(ValueError, match=told.replace("+", r"\+")):
         SAMPLES.require([5, value])
 

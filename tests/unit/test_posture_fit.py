@@ -68,7 +68,7 @@ def test_noise_alone_teaches_few_terms(pad: Pad) -> None:
     assert taught.left_t == pytest.approx(NOISE_T, rel=0.15)
 
 
-def test_posture_beyond_what_was_taught_is_said_and_wide(taught: Taught) -> None:
+def test_posture_beyond_the_recorded_ones_widens_deviations(taught: Taught) -> None:
     middle = taught.model.middle_rad
     known = taught.model.predicted(middle)
     bent = taught.model.predicted(middle + np.array([2.0, 0.0, 0.0]))
@@ -93,7 +93,7 @@ def test_rest_of_another_day_shifts_the_field_and_widens(pad: Pad, taught: Taugh
     assert share > OTHER_SCALE
 
 
-def test_unknown_joints_leave_all_taught_postures(taught: Taught) -> None:
+def test_unknown_joints_allow_all_recorded_postures(taught: Taught) -> None:
     anywhere = taught.model.predicted(None)
     assert np.diagonal(anywhere.covariance_t2) == pytest.approx(np.diagonal(taught.model.spread_t2), rel=0.1)
     unknown = replace(taught.model, rest_unknown=True).predicted(taught.model.middle_rad)
@@ -137,7 +137,7 @@ def test_short_recording_is_refused(pad: Pad) -> None:
         fit_posture(NAMES, joints, change, by_ambient(pad))
 
 
-def test_track_joins_publishers_and_knows_where_none_told() -> None:
+def test_track_joins_publishers_and_keeps_gaps() -> None:
     track = JointTrack()
     for number in range(100):
         track.take({"a": 0.01 * number}, number * 10_000_000)

@@ -152,7 +152,7 @@ def test_joints_that_stop_are_named_and_widen() -> None:
     assert told(world, pipeline, 1.0)[-1][0].health == "ok"
 
 
-def test_untaught_pad_says_what_to_do() -> None:
+def test_pad_without_a_recorded_posture_says_what_to_do() -> None:
     world, before, _, _ = taught(5, 0.005)
     message = told(world, pipeline_with(before), 0.1)[-1][0]
     assert message.health in ("degraded", "disturbed", "lost")
@@ -206,7 +206,7 @@ def test_pad_without_posture_has_no_hand_and_the_same_messages() -> None:
         assert (first.health, first.pose, first.force_n) == (second.health, second.pose, second.force_n)
 
 
-def test_posture_is_taught_only_where_the_scene_has_one() -> None:
+def test_posture_is_recorded_only_with_a_posture_scene() -> None:
     from fmfts.baseline import BaselineError
 
     with pytest.raises(BaselineError, match='ambient = "posture"'):
@@ -214,7 +214,7 @@ def test_posture_is_taught_only_where_the_scene_has_one() -> None:
     assert posture_learner(config()).seconds == 60.0
 
 
-def test_configuration_names_what_a_moving_hand_cannot_have() -> None:
+def test_configuration_refuses_keys_that_a_moving_hand_lacks() -> None:
     pad = config()
     drifting = msgspec.structs.replace(pad, rebaseline=msgspec.structs.replace(pad.rebaseline, enabled=True))
     assert not problems_in(Config(pad=[pad]))

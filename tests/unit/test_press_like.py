@@ -62,7 +62,7 @@ def test_change_beside_a_magnet_is_no_press(model: ContactModel, answer: tuple[f
     assert explained(model, BESIDE_MAGNET, np.array(answer)) < 0.3
 
 
-def test_presses_that_are_felt_are_explained(model: ContactModel) -> None:
+def test_detected_presses_are_explained(model: ContactModel) -> None:
     """From answers that are off, as a network's are of an uncertain pose. Of forces beyond the calibrated, too."""
     assert model.response is not None
     random, onset = np.random.default_rng(1), TouchDetector(220.0).onset_chi2

@@ -23,5 +23,5 @@ def test_promised_deviations_are_those_published(scene: dict[str, str]) -> None:
     assert promised["middle_1n_force_sd_n"] == pytest.approx(force_sd_n, rel=0.25)
 
 
-def test_nothing_is_promised_without_a_baseline() -> None:
+def test_no_accuracy_is_predicted_without_a_baseline() -> None:
     assert press_of_one_newton(pipeline_of(config_of(), None)) == {}

@@ -33,7 +33,7 @@ def world(pad: Pad) -> World:
     return world
 
 
-def test_what_is_promised_comes_true(world: World, pad: Pad) -> None:
+def test_predicted_accuracy_is_reached(world: World, pad: Pad) -> None:
     before = world.baseline(SHIPPED)
     said = said_n(before.mounting(pad), pad)
     reached = {

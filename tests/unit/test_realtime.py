@@ -96,12 +96,12 @@ def test_service_without_realtime_priority_says_so_and_goes_on() -> None:
 
 
 @pytest.mark.skipif(not permitted.locked_memory(), reason=permitted.NO_LOCKED_MEMORY)
-def test_memory_stays() -> None:
+def test_memory_is_locked() -> None:
     assert int(in_a_process(LOCKED)) > 1000  # kB
 
 
 @pytest.mark.skipif(not permitted.another_user(), reason="needs root, to give it up")
-def test_what_is_not_permitted_is_reported_with_what_to_grant() -> None:
+def test_missing_permission_is_reported_with_what_to_grant() -> None:
     priority = in_a_process(DENIED.format(limit="RLIMIT_RTPRIO", kept=0, call="take_priority(7)"))
     assert "LimitRTPRIO=7" in priority
     assert "CAP_SYS_NICE" in priority

@@ -42,7 +42,7 @@ def written(path: Path, finish: bool = True) -> list[ContactMessage]:
     return contacts
 
 
-def test_what_was_written_is_read_back_number_for_number(tmp_path: Path) -> None:
+def test_written_numbers_are_read_back_exactly(tmp_path: Path) -> None:
     contacts = written(tmp_path / "a.mcap")
     assert list(read(tmp_path / "a.mcap")) == [Recorded("contact", "demo", contact) for contact in contacts]
     assert is_whole(tmp_path / "a.mcap")
@@ -93,7 +93,7 @@ def test_flipped_bytes_are_refused_or_change_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"not a recording", bytes(1000), b"\x89MCAP0\r\n" + b"\x06" + b"\xff" * 8])
-def test_what_is_no_recording_is_refused_or_empty(tmp_path: Path, content: bytes) -> None:
+def test_invalid_recording_is_refused_or_empty(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "x.mcap").write_bytes(content)
     with pytest.raises(RecordingError, match=r"x\.mcap"):
         Replay(tmp_path / "x.mcap")
@@ -158,7 +158,7 @@ def test_full_disk_is_named_and_what_was_recorded_before_is_good(tmp_path: Path)
     assert 50 <= len(found) < COUNT
 
 
-def test_frame_comes_back_as_its_source_gave_it() -> None:
+def test_frame_round_trip_keeps_all_values() -> None:
     message = frame_message(7)
     frame = frame_of(message)
     assert frame.counts.tolist() == [list(row) for row in message.counts]
@@ -199,7 +199,7 @@ def whole(one: Recorded) -> dict[str, Any]:
     ],
     ids=str,
 )
-def test_state_that_is_wrong_is_refused_with_its_pad_and_file(tmp_path: Path, wrong: dict[str, Any]) -> None:
+def test_wrong_state_is_refused_with_pad_and_file(tmp_path: Path, wrong: dict[str, Any]) -> None:
     path = rewritten(tmp_path / "a.mcap", lambda one: whole(one) | (wrong if one.kind == "state" else {}))
     with pytest.raises(RecordingError, match=r"a\.mcap.* pad '\w+'"):
         list(Replay(path).contacts())

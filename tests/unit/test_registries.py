@@ -42,7 +42,7 @@ def test_settings_and_ways_through_proxy_are_carried_and_nothing_else(
     assert (home / "newcomer" / registries.PIP_OF_A_USER / "pip.conf").read_text().startswith("[global]")
 
 
-def test_what_is_carried_lies_over_what_was_there(tmp_path: Path) -> None:
+def test_copied_file_replaces_the_old_one(tmp_path: Path) -> None:
     """Certificates are links, and Debian's own are there before."""
     for side in ("from", "to"):
         (tmp_path / side).mkdir()

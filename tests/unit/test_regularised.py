@@ -41,12 +41,12 @@ def test_regularised_network_separates_noise_from_the_function(rows: tuple[Array
     assert np.sqrt(last.squared_error / (1.0 - last.effective / 80.0)) == pytest.approx(drawn, rel=0.15)
 
 
-def test_of_several_starts_the_same_one_stays_every_time(rows: tuple[Array, Array]) -> None:
+def test_best_start_is_deterministic(rows: tuple[Array, Array]) -> None:
     first, second = (BayesianNetwork((4, 4), 20, starts=3).fit(*rows).layers.vector() for _ in range(2))
     np.testing.assert_array_equal(first, second)
 
 
-def test_components_show_what_is_faint_and_drop_what_only_repeats() -> None:
+def test_components_show_faint_signals_and_drop_repetitions() -> None:
     random = np.random.default_rng(2)
     strong, faint = random.standard_normal((2, 200))
     values = np.column_stack([strong, 3.0 * strong + 1e-3 * faint, strong, np.full(200, 7.0)])
@@ -65,7 +65,7 @@ def test_gaussians_pass_through_rows_without_ridge_and_not_with_one(rows: tuple[
     assert np.sqrt(np.mean(error**2)) < NOISE
 
 
-def test_weights_are_refused_rather_than_ignored(rows: tuple[Array, Array]) -> None:
+def test_unsupported_weights_are_refused(rows: tuple[Array, Array]) -> None:
     for regressor in (BayesianNetwork((2,)), RegularisedBasis(1.0, 1e-6)):
         with pytest.raises(ValueError, match="no weights"):
             regressor.fit(*rows, np.ones(40))

@@ -79,7 +79,7 @@ def test_repeated_once_with_all_made_anew_and_said(pytester: pytest.Pytester, op
     assert 'name="repeated" value="other programs took' in Path("report.xml").read_text()
 
 
-def test_no_more_than_once(pytester: pytest.Pytester) -> None:
+def test_failed_test_is_repeated_once_only(pytester: pytest.Pytester) -> None:
     result, tried = run(pytester, failures=2)
     assert (result.ret, tried) == (1, 2)
     result.stdout.fnmatch_lines(["*this computer meanwhile*"])

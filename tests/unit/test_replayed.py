@@ -76,7 +76,7 @@ def test_frames_come_as_they_were_recorded_at_their_own_pace(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("speed", [0.5, 4.0])
-def test_speed_changes_when_frames_come_and_not_what_they_say(tmp_path: Path, speed: float) -> None:
+def test_replay_speed_changes_only_the_times_of_frames(tmp_path: Path, speed: float) -> None:
     source = Replayed({0: pad(recording(tmp_path / "a.mcap"), speed=speed)})
     frames = played(source, round(COUNT * PERIOD_NS / speed) + 1_000_000)
     assert np.diff([each.host_time_ns for each in frames]).tolist() == [PERIOD_NS / speed] * (COUNT - 1)
@@ -122,7 +122,7 @@ def test_pads_of_one_recording_share_a_source_and_stay_in_step(tmp_path: Path) -
         ({"chip": "hmc5883l", "rate_hz": 75}, "rate_hz = 100|chip"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_what_would(tmp_path: Path, changed: dict[str, Any], complaint: str) -> None:
+def test_unsuitable_value_is_refused_with_valid_ones(tmp_path: Path, changed: dict[str, Any], complaint: str) -> None:
     with pytest.raises(SourceError, match=complaint):
         Replayed({0: pad(recording(tmp_path / "a.mcap"), **changed)})
 

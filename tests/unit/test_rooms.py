@@ -92,7 +92,7 @@ def test_extra_uses_what_is_open_to_it(path: Path) -> None:
     assert not [name for name in of_others if name.startswith("fmfts_") and name != "fmfts_client"]
 
 
-def test_few_modules_stand_in_no_room() -> None:
+def test_few_modules_are_outside_of_rooms() -> None:
     assert {path.stem for path in PACKAGE.glob("*.py")} == LOOSE
 
 

@@ -39,7 +39,7 @@ def test_wrench_has_the_bytes_that_ros_writes() -> None:
     assert struct.unpack("<6d", data[28:]) == (*force, *torque)
 
 
-def test_what_is_not_known_is_nan_and_no_wrench_is_told_beyond_range() -> None:
+def test_unknown_is_nan_and_over_range_has_no_wrench() -> None:
     messages = told(over_range=True, force_min_n=3.0, contact=None)
     assert messages.keys() == {"tf", "ros/left/contact"}
     data = messages["ros/left/contact"].data
@@ -57,7 +57,7 @@ def test_ros_has_the_same_definition() -> None:
     assert (ROS / "fmfts_msgs/msg/Contact.msg").read_text() == CONTACT + "\n"
 
 
-def test_replay_leaves_them_out(tmp_path: Path) -> None:
+def test_replay_ignores_drawings(tmp_path: Path) -> None:
     writer = RecordingWriter(tmp_path / "touch.mcap")
     writer.add("contact", "left", contact(0))
     for message in told().values():
@@ -73,7 +73,7 @@ def test_replay_leaves_them_out(tmp_path: Path) -> None:
         assert (schema.encoding, channel.message_encoding) == ("ros2msg", "cdr")
 
 
-def test_contacts_before_the_pads_state_are_told_later(tmp_path: Path) -> None:
+def test_contacts_before_the_state_are_recorded_later(tmp_path: Path) -> None:
     """A busy computer hears contacts before the state that says where the pad is: each has its ROS 2 message."""
     path = tmp_path / "touch.mcap"
     with closing(Recorder(path, None, f"ipc://{tmp_path}/bus", for_ros=True)) as recorder:

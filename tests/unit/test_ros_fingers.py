@@ -143,7 +143,7 @@ def test_each_finger_is_a_point_with_its_numbers(ros: Any) -> None:
     assert all(math.isnan(one[name]) for name in ("shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n"))
 
 
-def test_no_contact_is_an_empty_cloud_and_unknown_is_none(ros: Any) -> None:
+def test_no_contact_is_an_empty_cloud_and_unknown_is_null(ros: Any) -> None:
     cloud = ros("fingers").finger_cloud
     assert points(cloud(received(fingers_message()), "left", HEIGHT_M)) == []
     unknown = {
@@ -156,7 +156,7 @@ def test_no_contact_is_an_empty_cloud_and_unknown_is_none(ros: Any) -> None:
     assert cloud(received(fingers_message()), "left", math.nan) is None, "the height is not known yet"
 
 
-def test_numbers_that_a_point_cannot_hold_stop_nothing(ros: Any) -> None:
+def test_unrepresentable_numbers_do_not_stop_the_plot(ros: Any) -> None:
     contact = received(fingers_message(finger_message(2**40 + 5, force_sd_n=1e300)))
     (point,) = points(ros("fingers").finger_cloud(contact, "left", HEIGHT_M))
     assert (point["id"], point["force_sd_n"]) == (5, math.inf)

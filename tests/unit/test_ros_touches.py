@@ -65,7 +65,7 @@ def test_contact_has_all_numbers_and_covariance_of_its_wrench(touches: Any) -> N
     assert told.wrench.force.z == -(contact.force_n or 0.0)
 
 
-def test_what_touches_is_a_tactile_contact_and_nothing_is_none(touches: Any) -> None:
+def test_touches_become_tactile_contacts(touches: Any) -> None:
     contact = received(contact_message())
     (touch,) = touches("touches").tactile_contacts(contact, "left", HEIGHT_M).contacts
     assert (touch.name, touch.header.frame_id) == ("left", "left")

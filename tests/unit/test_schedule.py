@@ -118,7 +118,7 @@ def test_reopened_source_is_heard_on_its_new_descriptor(two: tuple[Schedule, Pip
     assert {id(schedule.wait(soon())) for _ in range(2)} == {id(gone), id(other)}
 
 
-def test_call_is_reported_from_a_source_with_bytes(two: tuple[Schedule, Piped, Piped]) -> None:
+def test_own_descriptor_is_noticed_beside_a_busy_source(two: tuple[Schedule, Piped, Piped]) -> None:
     schedule, awake, _ = two
     ours, theirs = os.pipe()
     try:

@@ -120,7 +120,7 @@ def test_rare_searches_still_try_fingers_and_each_sensor_in_turn() -> None:
     assert numbers == list(range(len(numbers)))
 
 
-def test_frame_that_may_not_search_is_never_ok_with_finger_of_before() -> None:
+def test_frame_without_a_search_is_not_ok_with_an_old_finger() -> None:
     """A second finger comes down: only one is known, and where both are is not searched."""
     made, late = ready(), steady_finger(7e-3, 3e-3, 0.7)
 
@@ -166,7 +166,7 @@ def test_waiting_frames_use_up_no_search_and_keep_the_finger() -> None:
     assert made.search == "due"
 
 
-def test_no_frame_fits_more_than_a_search_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frame_without_search_needs_few_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     """What takes the time: 32 fits a frame when all was searched in each frame, nearly all to the last iteration."""
     fits = Counter[int]()
     whole, made, number = fit.Fitter.fit, ready(), 0

@@ -52,7 +52,7 @@ def test_threat_model_says_what_each_stranger_can_do(who: str) -> None:
     assert all(cell.strip() for cell in row.strip("|").split("|"))
 
 
-def test_each_door_names_tests_that_exist() -> None:
+def test_each_way_in_names_existing_tests() -> None:
     doors = (ROOT / "lab/results/doors.md").read_text().partition("\n## ")[0]
     rows = [line.split("|") for line in doors.splitlines() if line.startswith("| ") and not line.startswith("| door")]
     targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)

@@ -128,7 +128,7 @@ def test_damaged_file_of_a_selftest_is_refused_with_what_to_do(pad: Pad) -> None
         recorded(None, chips(), bare=True)
 
 
-def test_gains_that_no_number_can_be_are_refused(pad: Pad) -> None:
+def test_impossible_gains_are_refused(pad: Pad) -> None:
     facts = dict(after_test(chips()))
     path = store_gains(facts, pad, MINE)
     content = msgspec.json.decode(path.read_bytes())

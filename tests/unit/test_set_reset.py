@@ -43,7 +43,7 @@ def test_zeros_are_distinguished_from_the_field(clock: Clock, trigger: int) -> N
     assert result.sensors[0].negative == pytest.approx((-1024, -1024, -1024), abs=2)  # −2 · 0.125 G
 
 
-def test_zero_is_what_a_frame_without_a_field_says(clock: Clock) -> None:
+def test_frame_without_a_field_reads_zero(clock: Clock) -> None:
     """With the frames' signs, z turned over: so that it is the zero that `baseline --bare` records."""
     one = chip(clock, zero_gauss=ZERO_GAUSS, field_gauss=(0.0, 0.0, 0.0))
     pad, _ = emulated_pad(clock, "mmc5983ma", [one], rate_hz=50)
@@ -87,7 +87,7 @@ def test_axis_that_does_not_measure_the_coil_is_dead(clock: Clock, axis: int) ->
     assert reason.startswith(f"{'xyz'[axis]}: does not measure the chip's coil")
 
 
-def test_what_a_strong_field_left_does_not_count(clock: Clock) -> None:
+def test_samples_after_a_strong_field_are_ignored(clock: Clock) -> None:
     one = chip(clock)
     one.film.upset = True
     assert measured(clock, one).sensors[0].state == SensorState.OK

@@ -30,7 +30,7 @@ def fitter_of(*sizes: int) -> Fitter:
     return Fitter(models_of(1, *sizes))
 
 
-def test_finger_that_is_no_number_is_refused_by_name() -> None:
+def test_finger_with_nan_is_refused_by_name() -> None:
     model = models_of(1)
     with pytest.raises(ValueError, match="fingers: number 4 is nan"):
         model.predict(np.array([[0.0, 0.0, 1.0], [0.0, np.nan, 1.0]]))
@@ -96,7 +96,7 @@ def uniform_along_x() -> Fitter:
     return Fitter(FieldModel(pad, mounting, response, SCENE))
 
 
-def test_of_places_that_are_equally_good_the_first_is_taken() -> None:
+def test_first_of_equal_places_is_chosen() -> None:
     fitter = uniform_along_x()
     random = np.random.default_rng(10)
     measured = measured_of(random, fitter.model, np.array([[0.0, -9.0, 1.0], [0.0, 8.0, 1.0]]))
@@ -183,7 +183,7 @@ def test_number_that_is_not_finite_is_refused_by_name() -> None:
         fitter.best_single(whole, good)
 
 
-def test_what_cannot_be_solved_is_refused_and_says_why() -> None:
+def test_unsolvable_press_is_refused_with_the_reason() -> None:
     fitter, finger = fitter_of(*USUAL), np.array([[1.0, 2.0, 1.0]])
     good = measured_of(np.random.default_rng(15), fitter.model, finger)
     impossible = replace(good, variance_t2=-np.ones(24))
@@ -251,7 +251,7 @@ def test_few_values_are_scanned(values: int) -> None:
         assert all(pair.shape == (2, 3) for pair in fitter.best_pairs(root, measured))
 
 
-def test_no_pair_is_found_twice_where_block_of_c_holds_both_places() -> None:
+def test_scan_finds_each_pair_once() -> None:
     """The places 14 and 15 of a grid 15 wide are at its two ends, and C looks at four places at once."""
     fitter = fitter_of(*USUAL)
     ends = fitter.places[14:16]

@@ -124,7 +124,7 @@ def test_poses_are_computed_once_frame_also_where_pad_beside_it_needs_them(monke
     assert len(computed) == len(said)
 
 
-def test_silent_sensor_degrades_and_two_fingers_are_still_told() -> None:
+def test_silent_sensor_degrades_but_two_fingers_are_published() -> None:
     message = told(ready(), (without(frame, 2) for frame in frames(20, LEFT, RIGHT)))[-1]
     assert (message.health, message.sensors_ok) == ("degraded", 0xFB)
     assert message.reason == "sensor 3 is silent"
@@ -264,7 +264,7 @@ def test_three_fingers_that_stay_are_reported_to_be_more_until_one_goes() -> Non
     ("strong", "weak"),
     [((2.0, -8.9), (8.0, -1.0)), ((0.6, 4.5), (9.1, 9.8)), ((0.0, 2.1), (9.2, -1.9)), ((-1.5, 6.4), (8.4, 5.3))],
 )
-def test_two_fingers_that_look_like_one_are_doubted(strong: tuple[float, float], weak: tuple[float, float]) -> None:
+def test_two_fingers_that_look_like_one_degrade(strong: tuple[float, float], weak: tuple[float, float]) -> None:
     """1.6 and 0.4 N, 10 mm apart: less than a second finger needs to be told, more than one finger alone has."""
     pressed = [steady_finger(x * 1e-3, y * 1e-3, force_n) for (x, y), force_n in ((strong, 1.6), (weak, 0.4))]
     message = told(ready(), frames(12, *pressed))[-1]

@@ -91,7 +91,7 @@ def test_squeeze_is_over_range_wherever_it_is(baseline: Baseline, place_m: tuple
         assert 0.0 <= message.force_min_n <= 5.0
 
 
-def test_shear_is_told_as_well_as_one_frame_allows_on_directly_solved_presses() -> None:
+def test_shear_reaches_the_bound_of_one_frame() -> None:
     """60 presses: the response, to the finite elements' 1 % of what shear adds; 1,200 frames tell rms to 3 %."""
     facts = solved("shear", np.random.default_rng(2))
     assert (np.array(facts["refined, noise-free"]["mae"]) < [0.02, 0.02, 0.005, 0.005, 0.005]).all()

@@ -38,7 +38,7 @@ def test_silicone_recovery_is_a_false_touch_if_not_modelled() -> None:
     assert longest_contact_s(after_squeeze(1.0, counted=False), SQUEEZE.end_s) > 1.0
 
 
-def test_what_recovering_pad_may_hide_is_in_deviation_of_its_force() -> None:
+def test_force_deviation_includes_silicone_recovery() -> None:
     """It sinks by what 0.02 N would do, and more. Without a touch it publishes none, and a deviation that covers it."""
     later = [one for one in after_squeeze(1.0, counted=True) if one.t_sample_ns * 1e-9 > SQUEEZE.end_s + 1.0]
     mistaken = [one.force_n for one in after_squeeze(1.0, counted=False) if one.contact][-100:]

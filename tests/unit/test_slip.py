@@ -134,9 +134,7 @@ def learnt_under(allowed: tuple[float, float], friction: float) -> SlipMessage:
 
 
 @pytest.mark.parametrize(("allowed", "friction"), [((0.57, 1.2), 0.45), ((0.2, 0.5), 0.8)])
-def test_friction_outside_of_what_was_expected_is_what_was_measured(
-    allowed: tuple[float, float], friction: float
-) -> None:
+def test_friction_beyond_slip_friction_is_published(allowed: tuple[float, float], friction: float) -> None:
     """Bounds tell slips from rolling. The margin counts on no more than the upper one, whose deviation says so."""
     found, free = (learnt_under(bounds, friction) for bounds in (allowed, (0.01, 4.0)))
     assert found.friction is not None
@@ -208,7 +206,7 @@ def without_news(frame: Frame, number: int) -> Frame:
 
 
 @pytest.mark.parametrize("kind", ["slide", "jerk"])
-def test_samples_that_come_twice_tell_no_more(kind: str) -> None:
+def test_repeated_samples_add_no_information(kind: str) -> None:
     finger = slide(0.7) if kind == "slide" else Healthy.drawn(np.random.default_rng(8), kind)
     source, pipeline = ManyFrames(pad().config), pad().pipeline()
     source.finger = finger
@@ -263,7 +261,7 @@ def test_dragged_ball_sticks_before_it_slips() -> None:
         assert not rest.any()
 
 
-def test_touch_that_is_light_tells_no_slip() -> None:
+def test_light_touch_reports_no_slip() -> None:
     found = told(lambda time_s: Touch(0.0, 0.0, 0.1 if time_s > 0.3 else 0.0), 1.0)
     assert all(message.slip == SlipMessage() for message in found)
 

@@ -39,7 +39,7 @@ def test_table_is_within_three_thousandths_of_finite_elements_off_its_grid() -> 
     assert (tilt_error < np.where(central, 0.12e-3, 0.003 * tilt)).all()
 
 
-def test_sheared_presses_are_within_three_thousandths_too() -> None:
+def test_sheared_presses_are_accurate_to_three_thousandths() -> None:
     """In any direction, up to half the normal force, within 8 mm: way and tilt."""
     rows = read_solved(SIMULATE / "test_shear.csv")
     assert len(rows) == 60
@@ -48,7 +48,7 @@ def test_sheared_presses_are_within_three_thousandths_too() -> None:
     assert (np.linalg.norm(error[:, 3:], axis=1) < 0.003 * np.linalg.norm(rows[:, 8:], axis=1)).all()
 
 
-def test_shear_adds_what_it_adds() -> None:
+def test_shear_moves_the_magnet_as_the_table_says() -> None:
     """Of that alone the table is right to 1 % rms: a hundredth of what would be lost without it."""
     rows = read_solved(SIMULATE / "test_shear.csv")
     normal = standard_mechanics().response(rows[:, 0] * 1e-3, rows[:, 1] * 1e-3, rows[:, 2])

@@ -148,7 +148,7 @@ def request(out: Path) -> Request:
     return Request(PadConfig(name="demo", source=SimulatedSource()), out, quick=True, seed=2)
 
 
-def test_it_judges_the_pads_and_motions_of_bench_now(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_now_study_uses_the_pads_of_bench_now(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The daemon's two methods give the figures of `bench now` with the same seed."""
     monkeypatch.setattr(controller, "QUICK", (hold, tap(50e-3)))
     others = [method.name for method in controller.controller_methods() if method.name not in (TODAY, NOW)]
@@ -207,7 +207,7 @@ def test_table_and_chart_have_every_method_and_motion(tmp_path: Path) -> None:
         assert name in text.read_text()
 
 
-def test_another_study_knows_nothing_of_the_option(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_option_belongs_to_one_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["study", "stability", "--controller", "--config", "config.toml", "--out", str(tmp_path)]
     assert main(command) == exit_codes.USAGE
     assert "--controller is an option of `study speed-accuracy`" in capsys.readouterr().err

@@ -54,7 +54,7 @@ def test_point_whose_rows_were_cut_off_is_measured_again(tmp_path: Path) -> None
     assert len(rows) == 4
 
 
-def test_other_settings_begin_afresh(tmp_path: Path) -> None:
+def test_study_with_another_seed_starts_anew(tmp_path: Path) -> None:
     interrupted_after(tmp_path, "a")
     measured: list[str] = []
     Study("drill", request(tmp_path, seed=2), COLUMNS).measure({"a": point(measured, "a")})

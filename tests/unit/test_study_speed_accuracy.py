@@ -48,7 +48,7 @@ def test_only_methods_with_a_free_ambient_field_reach_the_bound(find: Find) -> N
 
 
 @pytest.mark.long
-def test_carrying_ambient_field_on_is_better_than_each_frame_alone(find: Find) -> None:
+def test_following_the_ambient_field_beats_single_frames(find: Find) -> None:
     default = pose_error(find, "drifting", "kernel, the daemon's model")
     assert default < pose_error(find, "drifting", "kernel, 8 unknowns")
 

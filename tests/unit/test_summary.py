@@ -15,7 +15,7 @@ def test_true_rates_are_reported() -> None:
     assert one_line(slow, NOW_NS) == "3 of 3 pads ok at 181 to 220 Hz"
 
 
-def test_what_is_wrong_is_reported_with_its_reason_and_since_when() -> None:
+def test_fault_is_reported_with_reason_and_duration() -> None:
     gone = status_message(
         pad="left", health="disconnected", reason="no such port", rate_hz=0.0, since_ns=NOW_NS - 12_300_000_000
     )
@@ -23,7 +23,7 @@ def test_what_is_wrong_is_reported_with_its_reason_and_since_when() -> None:
     assert told == "1 of 2 pads ok at 220 Hz; left: disconnected for 12 s, 0 Hz: no such port"
 
 
-def test_sensors_fault_is_told_although_the_pad_is_ok() -> None:
+def test_sensor_fault_is_reported_on_an_ok_pad() -> None:
     told = one_line([status_message(pad="a", sensor_faults=["sensor 2 does not answer"], since_ns=NOW_NS)], NOW_NS)
     assert told.startswith("0 of 1 pads ok; a: ok for 0 s")
     assert told.endswith("sensor 2 does not answer")

@@ -48,7 +48,7 @@ def test_results_come_in_order_and_each_is_reported_once(workers: int) -> None:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_error_of_a_piece_is_the_sweeps(workers: int) -> None:
+def test_sweep_raises_the_error_of_a_piece(workers: int) -> None:
     with pytest.raises(ArithmeticError, match="does not converge"):
         Workers(workers).map(broken_piece, PIECES)
 
@@ -59,7 +59,7 @@ def test_work_of_a_lost_process_is_done_again(tmp_path: Path, caplog: pytest.Log
     assert "a worker was lost" in caplog.text
 
 
-def test_piece_that_kills_every_process_ends_the_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_task_that_kills_every_process_ends_the_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweep, "LOST_AT_MOST", 1)
     with pytest.raises(BrokenExecutor):
         Workers(2).map(piece_that_always_kills, PIECES[:1])

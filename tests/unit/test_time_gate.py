@@ -101,7 +101,7 @@ def test_old_packets_are_not_accepted_after_hello_that_was_asked_for(first: int)
         assert frame.run == before.run
 
 
-def test_hello_of_long_ago_lets_no_old_packet_in() -> None:
+def test_old_hello_admits_no_old_packet() -> None:
     """The fast loop reads the packets after it, which the gate never sees."""
     line = line_after(300)
     line.feed(hello(4))
@@ -172,7 +172,7 @@ class TestSequence:
         assert taken == [True, True, False, True, False, True, False, True]
         assert (statistics.frames, statistics.dropped, statistics.gaps) == (8, 3, 0)
 
-    def test_number_that_cannot_be_is_dropped_and_those_after_it_are_not(self) -> None:
+    def test_impossible_number_is_dropped_and_later_ones_are_used(self) -> None:
         statistics, taken = self.count(5, 2**31, 6, 7)
         assert taken == [True, False, True, True]
         assert statistics.gaps == 0
@@ -182,7 +182,7 @@ class TestSequence:
         _, taken = self.count(5, 5 + 2 * MOST_MISSING, 6 + 2 * MOST_MISSING, 7 + 2 * MOST_MISSING)
         assert taken == [True, False, True, True]
 
-    def test_numbers_that_begin_anew_after_the_largest_one_go_on(self) -> None:
+    def test_sequence_continues_after_a_wraparound(self) -> None:
         statistics, taken = self.count(2**32 - 2, 2**32 - 1, 0, 1, 3)
         assert all(taken)
         assert statistics.gaps == 1

@@ -92,7 +92,7 @@ def test_certain_force_of_a_magnet_at_rest_is_no_contact() -> None:
     assert not TouchInC().presses(estimate(5.0, 0.1))
 
 
-def test_contact_of_which_no_number_can_be_trusted_is_one() -> None:
+def test_contact_with_untrusted_numbers_still_counts() -> None:
     assert touched().presses(Estimate.of(0.0, 0.1, 0.1, refused=True))
 
 
@@ -172,6 +172,6 @@ def test_finger_that_stays_through_gap_is_there_in_first_frame_after_it(kind: Ki
 
 
 @BOTH
-def test_finger_that_is_not_seen_for_a_few_frames_still_touches(kind: Kind) -> None:
+def test_finger_missing_for_a_few_frames_still_touches(kind: Kind) -> None:
     detector = after_a_gap(kind, RELEASE_FRAMES - 1)
     assert detector.update(at_chi2(detector.release_chi2 * 1.1), COVARIANCE) is True

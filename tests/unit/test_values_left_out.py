@@ -63,7 +63,7 @@ def test_missing_value_does_not_shift_the_pose(tmp_path: Path, edit: Edit) -> No
     assert (fewer.deviation >= whole.deviation * 0.999).all()
 
 
-def test_axis_that_chip_does_not_have_costs_certainty_everywhere(tmp_path: Path) -> None:
+def test_missing_axis_widens_deviations_everywhere(tmp_path: Path) -> None:
     """Chips of two axes: also in the training poses, for which no field was measured."""
 
     def two_axes(_: int, row: dict[str, str]) -> None:

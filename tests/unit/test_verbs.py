@@ -270,7 +270,7 @@ def test_restoring_swaps_the_last_two(daemon: Daemon) -> None:
         assert daemon.channel.pipeline.baseline.id == expected
 
 
-def test_damaged_file_never_becomes_the_one_before(daemon: Daemon) -> None:
+def test_damaged_file_never_replaces_the_previous_baseline(daemon: Daemon) -> None:
     first, _ = record_twice(daemon)
     path = path_of("left")
     kept = previous_of(path).read_bytes()
@@ -325,7 +325,7 @@ def test_probe_calls_a_pad_connected_only_while_frames_come(daemon: Daemon) -> N
     daemon.ask("probe")
     (found,) = daemon.answer()["pads"]
     assert not found["connected"]
-    assert re.fullmatch(r"it is open, but no frame of it is used: silent for \d\.\d s", found["reason"])
+    assert re.fullmatch(r"it is open, but none of its frames is used: silent for \d\.\d s", found["reason"])
 
 
 def test_status_reports_health_of_now_and_never_without_reason(daemon: Daemon) -> None:
@@ -385,7 +385,7 @@ def test_answer_is_encoded_once_until_its_facts_change() -> None:
     assert kept._pads["left"][1] is left
 
 
-def test_only_what_changes_a_pad_takes_its_frames_from_c(daemon: Daemon) -> None:
+def test_only_changing_requests_take_frames_from_c(daemon: Daemon) -> None:
     """However often peers ask for a status, or for what is refused, C goes on with the frames."""
     for verb in ("status", "pads", "probe"):
         daemon.ask(verb)

@@ -155,7 +155,7 @@ def test_messages_without_a_frame_have_no_rate(health: str, is_shown: bool) -> N
     assert ("100.0 Hz" in now_line(tally)) is is_shown
 
 
-def test_old_news_are_shown_as_silence() -> None:
+def test_old_messages_are_shown_as_silence() -> None:
     tally = Tally("demo")
     tally.add(contact(t_publish_ns=time.monotonic_ns() - 1_000_000_000))
     assert now_line(tally) == "demo: nothing arrives"

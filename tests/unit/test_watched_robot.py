@@ -38,7 +38,7 @@ class TestWorstPad:
     def test_every_word_of_health_has_its_place(self) -> None:
         assert set(WORST_FIRST) == set(get_args(Health))
 
-    def test_worst_is_the_one_that_leaves_a_controller_with_least(self) -> None:
+    def test_worst_pad_is_the_least_useful_one(self) -> None:
         pads = [pad(health, health=health, reason="") for health in reversed(WORST_FIRST)]
         for health in WORST_FIRST[:-1]:
             facts = facts_of(pads)
@@ -56,7 +56,7 @@ class TestWorstPad:
         facts = facts_of([pad(rate_hz=99.0, rate_nominal_hz=100.0), pad("right", rate_hz=110.0, rate_nominal_hz=220.0)])
         assert (facts["rate_hz"], facts["rate_nominal_hz"]) == (110.0, 220.0)
 
-    def test_word_of_a_later_daemon_is_shown_and_not_taken_for_well(self) -> None:
+    def test_unknown_health_is_shown_and_not_ok(self) -> None:
         assert facts_of([pad(), pad("right", health="enchanted")])["worst"]["health"] == "enchanted"
 
     def test_how_long_counts_on_the_daemons_own_clock(self) -> None:

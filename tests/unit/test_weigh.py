@@ -42,7 +42,7 @@ def test_weight_reports_the_stiffness_within_its_deviation(weighed: Baseline) ->
     assert weighed.silicone.weight_n == WEIGHT_N
 
 
-def test_forces_are_then_right_and_their_deviations_narrower(bench: Bench, weighed: Baseline) -> None:
+def test_weighed_forces_are_right_with_smaller_deviations(bench: Bench, weighed: Baseline) -> None:
     before, after = Found(), Found()
     bench.presses(STIFF, bench.baseline, 6.0, before)
     bench.presses(STIFF, weighed, 6.0, after)
@@ -55,7 +55,7 @@ def test_forces_are_then_right_and_their_deviations_narrower(bench: Bench, weigh
 
 
 @pytest.mark.parametrize("by_mm", [3.0, 12.0])
-def test_width_of_what_stands_there_is_corrected(weighed: Baseline, by_mm: float) -> None:
+def test_width_below_the_weight_is_corrected(weighed: Baseline, by_mm: float) -> None:
     other = Bench(STIFF, by_mm, seed=2)
     finger = steady_finger(*MIDDLE_M, WEIGHT_N)
     silicones = [other.weighed(other.baseline, WEIGHT_N, finger, by_m).silicone for by_m in (by_mm * 1e-3, 6e-3)]

@@ -126,7 +126,7 @@ def test_zero_displacement_has_the_largest_deviation() -> None:
     assert distance(np.array([0.0, -2e-4, 0.0, 0.1, 0.1]), covariance) == (pytest.approx(2e-4), pytest.approx(2e-6))
 
 
-def test_none_is_not_taken_for_a_path(tmp_path: Path) -> None:
+def test_model_none_is_not_a_path(tmp_path: Path) -> None:
     file = tmp_path / "pad.toml"
     file.write_text('[[pad]]\nname = "a"\nsource = { type = "simulated" }\ncontact = { model = "none" }\n')
     assert load(file)[0].pad[0].contact.model == "none"

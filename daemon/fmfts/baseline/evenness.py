@@ -29,7 +29,7 @@ LARGEST_BY_ATTITUDE = 3.0 * STRENGTH_DEVIATION
 LARGEST_BY_PLACE = 0.1
 STEEL_TURNS = (
     "Steel turns with the pad, as screws in its mount do, or stands near: move it 30 mm away from the sensors, and "
-    "turn again; bare and rest alone do not mind it"
+    "turn again; the bare and rest baselines are not affected"
 )
 
 

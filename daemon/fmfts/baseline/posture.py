@@ -64,10 +64,10 @@ class StoredPosture(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omi
         )
         alike = all(len(rows) == count and {len(row) for row in rows} <= {width} for rows, count, width in shapes)
         if not alike or {len(self.middle_rad), len(self.off_rad)} != {joints} or values % 3 or not values:
-            raise ValueError("no hand's posture is taught so")
+            raise ValueError("no recording gives such a posture")
         has_many_terms = terms > MOST_TERMS or len(self.axes) > MOST_COORDINATES
         if joints > possible.MOST_JOINTS or values > MOST_VALUES or has_many_terms:
-            raise ValueError("no hand has so many joints, or fields")
+            raise ValueError("too many joints, or fields, for a hand")
         possible.JOINT_RAD.require(chain(self.middle_rad, self.off_rad, self.rest_rad or ()))
         possible.JOINT_AXIS.require(chain(*self.axes))
         possible.POLYNOMIAL_ORDER.require(chain(*self.exponents))

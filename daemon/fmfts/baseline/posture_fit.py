@@ -51,7 +51,7 @@ def fit_posture(names: tuple[str, ...], joints_rad: Array, change_t: Array, by_a
     if names and not len(axes):
         raise BaselineError(
             f"no joint moved by more than {MOVES_RAD:g} rad meanwhile: move the hand through all its postures, or "
-            "record it with --no-joints where nothing publishes what moves"
+            "record it with --no-joints if no program publishes joint positions"
         )
     spread = _spread(uneven - mean)
     if not names:

@@ -45,7 +45,7 @@ CAST_ALIKE = (
     "`fmfts-daemon weigh` measures the new one"
 )
 POSTURE_DROPPED = (
-    "what was taught of the hand's posture is dropped with the old rest: record `fmfts-daemon baseline --rest`, then "
+    "the recorded posture of the hand is dropped with the old rest: record `fmfts-daemon baseline --rest`, then "
     "teach it again: `fmfts-daemon baseline --posture`"
 )
 SHORTEST_S, LONGEST_S = 0.5, 60.0

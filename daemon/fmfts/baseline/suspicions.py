@@ -122,7 +122,7 @@ def _upside_down(before: Assumption) -> Assumption:
 
 def _mirrored(before: Assumption) -> Assumption:
     pad = replace(before.pad, sensors=before.pad.sensors.mirrored())
-    text = "The chips read z the other way round than `chip` says: turn geometry.sensors_mirrored over."
+    text = "The chips read z the other way round than `chip` says: invert geometry.sensors_mirrored."
     return _with(before, lambda _: text, pad=pad)
 
 

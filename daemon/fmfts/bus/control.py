@@ -192,7 +192,7 @@ class ControlServer:
     def _require_reader(self, route: tuple[bytes, ...]) -> None:
         if kept := self._unread.of(route):
             raise BadRequestError(
-                f"nothing was done, because {MOST_UNREAD + kept} earlier answers to you are still on their way: read "
+                f"nothing was done, because {MOST_UNREAD + kept} earlier answers to you were not read yet: read "
                 "each answer before you ask again"
             )
 

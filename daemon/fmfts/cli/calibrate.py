@@ -59,7 +59,7 @@ def add_to(verb: AddVerb) -> None:
         "--scale-sd",
         type=float,
         metavar="SHARE",
-        help="with --correct: by how much all forces may be off together, as a gauge's scale (0.01)",
+        help="with --correct: common relative error of all forces, such as a gauge's scale (0.01)",
     )
     calibrate.add_argument(
         "--route",

@@ -30,7 +30,7 @@ def add_to(verb: AddVerb) -> None:
     added.add_argument(
         "--learn",
         action="store_true",
-        help="nobody measured the board: write a sketch with wide tolerances, for `baseline --learn`",
+        help="unknown geometry: write a sketch with wide tolerances, for `baseline --learn`",
     )
     where = added.add_mutually_exclusive_group()
     where.add_argument("--port", metavar="PORT", help="the board's serial port; without it, all ports are tried")

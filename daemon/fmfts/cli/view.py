@@ -26,7 +26,7 @@ def add_to(verb: AddVerb, listeners_config: str) -> None:
     parser.add_argument("--key", type=Path, metavar="PEM", help="the certificate's key; nobody else may read it")
     parser.add_argument("--recordings", type=Path, metavar="FOLDER", default=Path(), help="default: this folder")
     parser.add_argument(
-        "--fixed-baseline", action="store_true", help="draw also what a baseline that is only subtracted would say"
+        "--fixed-baseline", action="store_true", help="also draw the paper's method: a baseline that is only subtracted"
     )
     parser.add_argument(
         "--ghost-endpoint", metavar="ENDPOINT", help="where --fixed-baseline publishes; default: private"

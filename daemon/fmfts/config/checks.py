@@ -102,7 +102,7 @@ def _posture(pad: PadConfig) -> Iterator[Problem]:
     if pad.rebaseline.enabled:
         yield ("rebaseline", "enabled"), 'with scene.ambient = "posture" no drift is followed: set it to false'
     if pad.source.publish == "sample":
-        yield ("source", "publish"), 'with scene.ambient = "posture" nothing is told between frames: set "frame"'
+        yield ("source", "publish"), 'with scene.ambient = "posture" nothing is published between frames: set "frame"'
 
 
 def _source(pad: PadConfig) -> Iterator[Problem]:
@@ -222,7 +222,7 @@ def _slip(pad: PadConfig) -> Iterator[Problem]:
     if pad.contact.slip and (pad.contact.model in (NO_MODEL, "default") or pad.other_magnets or pad.model_kind):
         yield (
             ("contact", "slip"),
-            'needs a model that tells shear, which other models take for a finger that moves: set model = "shear", or '
+            'needs a model with shear; other models mistake shear for a moving finger: set model = "shear", or '
             "a model of `calibrate --shear`",
         )
     if not 0.0 < pad.contact.slip_friction[0] < pad.contact.slip_friction[1]:

@@ -23,7 +23,7 @@ static PyObject *infer(PyObject *module, PyObject *args)
     if (!fmfts_is_aligned(&b[0], sizeof(float))) {
         /* it has raised */
     } else if (!fmfts_view_network(b[0].buf, (size_t)b[0].len / sizeof(float), &network)) {
-        PyErr_SetString(PyExc_ValueError, "the vector is none of a network");
+        PyErr_SetString(PyExc_ValueError, "the vector is not that of a network");
     } else if (fmfts_has_bytes(&b[1], pose, sizeof(float), "pose") &&
                fmfts_has_bytes(&b[2], network.outputs * sizeof(float), sizeof(float), "contact") &&
                fmfts_has_bytes(&b[3], network.outputs * pose, sizeof(float), "jacobian")) {

@@ -107,7 +107,9 @@ def open_directions(drawing: Drawing, fit: Fit, rivals: list[Fit]) -> list[str]:
     tilt = spread_of_tilts(fit)
     if worst_m > LARGEST_PLACE_M:
         cause = (
-            "the presses hardly tilt the magnet" if tilt < FEW_TILTS_RAD else "the presses are too few, or too alike"
+            "the presses hardly tilt the magnet"
+            if tilt < FEW_TILTS_RAD
+            else "there are too few presses, or they are too similar"
         )
         told.append(
             f"a sensor's place against the others is known to {worst_m * 1e3:.2f} mm only, because {cause} "

@@ -112,7 +112,7 @@ def _whole(description: Description) -> Iterator[str]:
             moved = "or the magnet was moved to other sides than +x and +y"
             yield f"The whole board is mirrored against the drawing, {moved}."
     if (description.common == MIRRORED_Z).all():
-        yield "All chips read z with the wrong sign: turn geometry.sensors_mirrored over."
+        yield "All chips read z with the wrong sign: invert geometry.sensors_mirrored."
     elif (description.common != np.eye(3)).any():
         how = _turned(description.common).replace("it has", "they have").replace("its ", "their ")
         yield f"All chips are {how}."

@@ -213,7 +213,7 @@ class PadScene:
         if words == "ok" and body["over_range"]:
             words = "pressed harder than its calibration knows"
         elif words == "ok" and body.get("more"):
-            words = "two fingers do not explain what is felt"
+            words = "two fingers do not explain the field"
         if words == "ok":
             return None
         text = Text(

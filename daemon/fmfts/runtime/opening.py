@@ -83,7 +83,7 @@ def tell_models(config: Config, models: Mapping[str, AnyModel]) -> None:
         model = models[pad.name]
         if isinstance(model, NoContactModel):
             told = f"{model.tells}, no place and no force: {model.reason}"
-            log.warning("pad '%s': it tells %s", pad.name, told)
+            log.warning("pad '%s': it publishes %s", pad.name, told)
             if pad.rebaseline.enabled:
                 log.warning("pad '%s': [pad.rebaseline] needs forces, so no drift is followed", pad.name)
             continue

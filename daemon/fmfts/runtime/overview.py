@@ -75,4 +75,4 @@ def _silence(channel: Channel) -> str:
     health, reason = channel.told()
     if health not in ("stale", "disconnected"):
         return ""
-    return f"it is open, but no frame of it is used: {reason.removeprefix(f'{channel.source.state.description}: ')}"
+    return f"it is open, but none of its frames is used: {reason.removeprefix(f'{channel.source.state.description}: ')}"

@@ -25,7 +25,7 @@ def flaw_of(frame: Frame, sensors: int, now_ns: int) -> str:
     if frame.host_time_ns > now_ns + EARLIEST_NS:
         return f"a frame's time is {(frame.host_time_ns - now_ns) * 1e-9:.1f} s in the future"
     if not isinstance(frame.chip, Chip) or frame.gain_code >= len(frame.chip.step_t):
-        return f"a frame's gain_code {frame.gain_code} is none of its chip"
+        return f"a frame's gain_code {frame.gain_code} does not exist on its chip"
     degrees = frame.temperature_c
     if degrees is not None and not (isinstance(degrees, int | float) and math.isfinite(degrees)):
         return f"a frame's temperature is {degrees!r}"

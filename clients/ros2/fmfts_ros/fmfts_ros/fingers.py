@@ -41,7 +41,7 @@ def finger_cloud(contact: Contact, frame: str, height_m: float) -> PointCloud2 |
 
 
 def has_fingers(contact: Contact) -> bool:
-    """Are `contacts` all that touches? Where two fingers do not explain what is felt, they are wrong."""
+    """Are `contacts` all that touches? Where two fingers do not explain the field, they are wrong."""
     return has_force(contact) and contact.contacts is not None and contact.more is False
 
 

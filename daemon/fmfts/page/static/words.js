@@ -18,7 +18,7 @@ export function wordsOf(contact, status, linkState, replay) {
   }
   const faults = (status?.sensor_faults ?? []).filter((fault) => !contact.reason.includes(fault));
   const known = Object.entries(advice.reasons).find(([words]) => contact.reason.includes(words));
-  const more = contact.more ? "two fingers do not explain what is felt: there are more, or something else presses" : "";
+  const more = contact.more ? "two fingers do not explain the field: there are more, or something else presses" : "";
   const over = contact.over_range ? "pressed harder than this pad is calibrated for: only a lower bound of the force is known" : "";
   const reason = [over, contact.reason, more, ...faults].filter(Boolean).join("; ");
   const help = known ? known[1] : contact.health === "ok" && !faults.length ? "" : advice.health[contact.health === "ok" ? "degraded" : contact.health] ?? "";

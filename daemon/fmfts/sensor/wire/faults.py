@@ -148,7 +148,7 @@ def wrong_sensor_count(pad: WiredPad, sensors: int) -> str:
 def contradiction(hello: Hello, pad_index: int, sensors: int) -> str | None:
     """How a packet about a pad contradicts the board's hello; None if they agree."""
     if pad_index >= len(hello.pads):
-        return f"it is of pad {pad_index}, and the hello has {_some(len(hello.pads), 'pad')}"
+        return f"it is for pad {pad_index}, and the hello has {_some(len(hello.pads), 'pad')}"
     expected = len(hello.pads[pad_index].sensors)
     return None if sensors == expected else f"it has {_some(sensors, 'sensor')}, and the hello has {expected}"
 
