@@ -51,7 +51,7 @@ def test_functions_have_at_most_six_parameters(path: Path) -> None:
 def test_room_check_reads_all_rooms() -> None:
     assert {path.relative_to(PACKAGE).parts[0] for path in files()} == set(ROOMS)
     functions = [name for path in files() if path.suffix == ".c" for name, _ in in_c(path.read_text())]
-    assert len(functions) > 600
+    assert len(functions) > 500
 
 
 @pytest.mark.parametrize(

@@ -3,35 +3,31 @@
 #include "_evaluated.h"
 
 #include <math.h>
+#include <string.h>
 
-#include "../common/_named.h"
-#include "../common/aligned.h"
 #include "_presses.h"
 #include "step.h"
 
 /* infer(vector, pose, contact, jacobian): all float32. ValueError if their sizes do not fit each other. */
-static PyObject *infer(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(infer)
 {
-    Py_buffer b[4] = {{0}};
+    enum { VECTOR, POSE, CONTACT, JACOBIAN };
+    const size_t unit = sizeof(float), pose = FMFTS_NETWORK_POSE * unit;
     fmfts_network network;
-    PyObject *result = NULL;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "y*y*w*w*", &b[0], &b[1], &b[2], &b[3])) {
+    if (!PyArg_ParseTuple(args, "y*y*w*w*", &b[VECTOR], &b[POSE], &b[CONTACT], &b[JACOBIAN]) ||
+        !fmfts_is_aligned(&b[VECTOR], unit)) {
         return NULL;
     }
-    const size_t pose = FMFTS_NETWORK_POSE * sizeof(float);
-    if (!fmfts_is_aligned(&b[0], sizeof(float))) {
-        /* it has raised */
-    } else if (!fmfts_view_network(b[0].buf, (size_t)b[0].len / sizeof(float), &network)) {
+    if (!fmfts_view_network(b[VECTOR].buf, (size_t)b[VECTOR].len / unit, &network)) {
         PyErr_SetString(PyExc_ValueError, "the vector is not that of a network");
-    } else if (fmfts_has_bytes(&b[1], pose, sizeof(float), "pose") &&
-               fmfts_has_bytes(&b[2], network.outputs * sizeof(float), sizeof(float), "contact") &&
-               fmfts_has_bytes(&b[3], network.outputs * pose, sizeof(float), "jacobian")) {
-        fmfts_infer(&network, b[1].buf, b[2].buf, b[3].buf);
-        result = Py_NewRef(Py_None);
+        return NULL;
     }
-    fmfts_give_back(b, 4);
-    return result;
+    if (!fmfts_has_bytes(&b[POSE], pose, unit, "pose") || !fmfts_has_bytes(&b[CONTACT], network.outputs * unit, unit, "contact") ||
+        !fmfts_has_bytes(&b[JACOBIAN], network.outputs * pose, unit, "jacobian")) {
+        return NULL;
+    }
+    fmfts_infer(&network, b[POSE].buf, b[CONTACT].buf, b[JACOBIAN].buf);
+    return Py_NewRef(Py_None);
 }
 
 /* The answer as Python objects; see estimate() in _contact.pyi. */
@@ -45,89 +41,89 @@ static PyObject *told(const fmfts_estimate *estimate, double *places, double *de
                          estimate->force_min_n);
 }
 
+/* Of the arrays of estimate(), and a model. */
+static PyObject *estimated(const Py_buffer *b, const fmfts_network *network)
+{
+    enum { PARAMETERS, RESPONSE, POSE, COVARIANCE, PLACES, DEVIATIONS };
+    const size_t pose = FMFTS_POSE;
+    fmfts_question question;
+    fmfts_estimate found;
+    if (!fmfts_has_bytes(&b[PARAMETERS], sizeof(fmfts_contact_parameters), sizeof(double), "parameters") ||
+        !fmfts_has_doubles(&b[POSE], pose, "pose") || !fmfts_has_doubles(&b[COVARIANCE], pose * pose, "covariance") ||
+        !fmfts_has_doubles(&b[PLACES], network->outputs, "places") ||
+        !fmfts_has_doubles(&b[DEVIATIONS], network->outputs, "deviations") || !fmfts_is_aligned(&b[RESPONSE], sizeof(double))) {
+        return NULL;
+    }
+    memcpy(question.pose, b[POSE].buf, sizeof question.pose);
+    memcpy(question.covariance, b[COVARIANCE].buf, sizeof question.covariance);
+    fmfts_keep_inside(b[PARAMETERS].buf, &question);
+    bool is_known = fmfts_estimate_contact(b[PARAMETERS].buf, &question, network, b[RESPONSE].buf, (size_t)b[RESPONSE].len, &found);
+    if (PyErr_Occurred()) {
+        return NULL;
+    }
+    if (!is_known) {
+        PyErr_SetString(PyExc_ValueError, "the contact model gives no number for this pose, or its covariance is none");
+        return NULL;
+    }
+    return told(&found, b[PLACES].buf, b[DEVIATIONS].buf);
+}
+
 /* estimate(parameters, model, response, pose, covariance, places, deviations): as fmfts_estimate_contact, for the pose
  * moved into the range of the training. */
-static PyObject *estimate(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(estimate)
 {
-    enum { PARAMETERS, RESPONSE, POSE, COVARIANCE, PLACES, DEVIATIONS, BUFFERS };
-    Py_buffer b[BUFFERS] = {{0}};
     PyObject *model, *result = NULL;
     fmfts_model_given given = {.run = NULL};
     fmfts_network network;
-    (void)module;
-    if (PyArg_ParseTuple(args, "y*Oz*y*y*w*w*", &b[PARAMETERS], &model, &b[RESPONSE], &b[POSE], &b[COVARIANCE], &b[PLACES],
-                         &b[DEVIATIONS]) &&
+    if (PyArg_ParseTuple(args, "y*Oz*y*y*w*w*", &b[0], &model, &b[1], &b[2], &b[3], &b[4], &b[5]) &&
         fmfts_take_model(model, &given, &network)) {
-        const size_t unit = sizeof(double), pose = FMFTS_POSE, answer = network.outputs * unit;
-        if (fmfts_has_bytes(&b[PARAMETERS], sizeof(fmfts_contact_parameters), unit, "parameters") &&
-            fmfts_has_bytes(&b[POSE], pose * unit, unit, "pose") &&
-            fmfts_has_bytes(&b[COVARIANCE], pose * pose * unit, unit, "covariance") && fmfts_has_bytes(&b[PLACES], answer, unit, "places") &&
-            fmfts_has_bytes(&b[DEVIATIONS], answer, unit, "deviations") && fmfts_is_aligned(&b[RESPONSE], unit)) {
-            fmfts_question question;
-            fmfts_estimate found;
-            const double *from = b[POSE].buf, *spread = b[COVARIANCE].buf;
-            for (size_t i = 0; i < pose * pose; i++) {
-                question.covariance[i] = spread[i];
-                question.pose[i % pose] = from[i % pose];
-            }
-            fmfts_keep_inside(b[PARAMETERS].buf, &question);
-            bool is_known = fmfts_estimate_contact(b[PARAMETERS].buf, &question, &network, b[RESPONSE].buf, (size_t)b[RESPONSE].len,
-                                                   &found);
-            if (is_known && !PyErr_Occurred()) {
-                result = told(&found, b[PLACES].buf, b[DEVIATIONS].buf);
-            } else if (!PyErr_Occurred()) {
-                PyErr_SetString(PyExc_ValueError, "the contact model gives no number for this pose, or its covariance is none");
-            }
-        }
+        result = estimated(b, &network);
     }
-    fmfts_give_back(b, BUFFERS);
     fmfts_release_model(&given);
     return result;
 }
 
 /* touch(onset_chi2, release_chi2, touched, quiet_frames, change, covariance): both as they are after a frame. change: empty if the
  * frame has no pose. */
-static PyObject *touch(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(touch)
 {
+    enum { CHANGE, COVARIANCE, ARRAYS };
     fmfts_contact_parameters parameters = {0};
     fmfts_contact_memory memory = {0};
-    Py_buffer b[2] = {{0}};
-    PyObject *result = NULL;
     int touched, quiet_frames;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "ddpiy*y*", &parameters.onset_chi2, &parameters.release_chi2, &touched, &quiet_frames, &b[0],
-                          &b[1])) {
+    if (!PyArg_ParseTuple(args, "ddpiy*y*", &parameters.onset_chi2, &parameters.release_chi2, &touched, &quiet_frames, &b[CHANGE],
+                          &b[COVARIANCE])) {
         return NULL;
     }
-    const size_t unit = sizeof(double), numbers = (size_t)b[0].len / unit;
+    const size_t numbers = (size_t)b[CHANGE].len / sizeof(double);
     if (quiet_frames < 0 || quiet_frames > FMFTS_RELEASE_FRAMES || numbers > FMFTS_MOST_CHANGE) {
-        PyErr_Format(PyExc_ValueError, "%d quiet frames, at most %d; %zu numbers of a change, at most %d", quiet_frames,
-                     FMFTS_RELEASE_FRAMES, numbers, FMFTS_MOST_CHANGE);
-    } else if (fmfts_has_bytes(&b[0], numbers * unit, unit, "change") && fmfts_has_bytes(&b[1], numbers * numbers * unit, unit, "covariance")) {
-        bool is_known = true;
-        memory.touched = touched;
-        memory.quiet_frames = quiet_frames;
-        if (numbers == 0) {
-            fmfts_unseen(&memory);
-        } else {
-            is_known = fmfts_touch(&parameters, &memory, numbers, b[0].buf, b[1].buf);
-        }
-        result = Py_BuildValue("(NiN)", PyBool_FromLong(memory.touched != 0.0),
-                               (int)fmin(memory.quiet_frames, FMFTS_RELEASE_FRAMES), PyBool_FromLong(is_known));
+        return PyErr_Format(PyExc_ValueError, "%d quiet frames, at most %d; %zu numbers of a change, at most %d", quiet_frames,
+                            FMFTS_RELEASE_FRAMES, numbers, FMFTS_MOST_CHANGE);
     }
-    fmfts_give_back(b, 2);
-    return result;
+    if (!fmfts_has_doubles(&b[CHANGE], numbers, "change") || !fmfts_has_doubles(&b[COVARIANCE], numbers * numbers, "covariance")) {
+        return NULL;
+    }
+    bool is_known = true;
+    memory.touched = touched;
+    memory.quiet_frames = quiet_frames;
+    if (numbers == 0) {
+        fmfts_unseen(&memory);
+    } else {
+        is_known = fmfts_touch(&parameters, &memory, numbers, b[CHANGE].buf, b[COVARIANCE].buf);
+    }
+    return Py_BuildValue("(NiN)", PyBool_FromLong(memory.touched != 0.0), (int)fmin(memory.quiet_frames, FMFTS_RELEASE_FRAMES),
+                         PyBool_FromLong(is_known));
 }
 
 static PyMethodDef methods[] = {
-    {"touch", touch, METH_VARARGS, "Whether a pad is touched after a frame; see _contact.pyi."},
-    {"estimate", estimate, METH_VARARGS, "Place and force of one pose; see _contact.pyi."},
-    {"infer", infer, METH_VARARGS, "Contact and Jacobian of one pose; see _contact.pyi."},
-    {"respond", fmfts_py_respond, METH_VARARGS, "The change of pose under presses, and its slope; see response.py."},
-    {"basis", fmfts_py_basis, METH_VARARGS, "The factor of each coefficient of a response; see response.py."},
-    {"widened", fmfts_py_widened, METH_VARARGS, "What a wider finger adds to a movement; see _contact.pyi."},
-    {"pressed", fmfts_py_pressed, METH_VARARGS, "What fingers do to several magnets; see array_response.py."},
-    {"refine", fmfts_py_refine, METH_VARARGS, "The press that most likely caused a change; see _contact.pyi."},
+    FMFTS_METHOD(touch, "Whether a pad is touched after a frame; see _contact.pyi."),
+    FMFTS_METHOD(estimate, "Place and force of one pose; see _contact.pyi."),
+    FMFTS_METHOD(infer, "Contact and Jacobian of one pose; see _contact.pyi."),
+    FMFTS_METHOD(respond, "The change of pose under presses, and its slope; see response.py."),
+    FMFTS_METHOD(basis, "The factor of each coefficient of a response; see response.py."),
+    FMFTS_METHOD(widened, "What a wider finger adds to a movement; see _contact.pyi."),
+    FMFTS_METHOD(pressed, "What fingers do to several magnets; see array_response.py."),
+    FMFTS_METHOD(refine, "The press that most likely caused a change; see _contact.pyi."),
     {NULL, NULL, 0, NULL},
 };
 
@@ -135,23 +131,11 @@ static const fmfts_field_name PARAMETER_NAMES[] = FMFTS_NAMES(FMFTS_CONTACT_PARA
 
 static int set_up(PyObject *module)
 {
-    PyObject *names = fmfts_list_of(PARAMETER_NAMES, sizeof PARAMETER_NAMES / sizeof *PARAMETER_NAMES);
-    int failed = !names || PyModule_AddObjectRef(module, "PARAMETERS", names) < 0 ||
-                 PyModule_AddIntConstant(module, "MAX_HIDDEN", FMFTS_MAX_HIDDEN) < 0 ||
-                 PyModule_AddIntConstant(module, "RELEASE_FRAMES", FMFTS_RELEASE_FRAMES) < 0;
-    Py_XDECREF(names);
-    return failed ? -1 : 0;
+    return fmfts_add_fields(module, "PARAMETERS", PARAMETER_NAMES, sizeof PARAMETER_NAMES / sizeof *PARAMETER_NAMES) ||
+                   PyModule_AddIntConstant(module, "MAX_HIDDEN", FMFTS_MAX_HIDDEN) ||
+                   PyModule_AddIntConstant(module, "RELEASE_FRAMES", FMFTS_RELEASE_FRAMES)
+               ? -1
+               : 0;
 }
 
-static PyModuleDef_Slot slots[] = {
-    {Py_mod_exec, (void *)set_up},
-    {0, NULL},
-};
-
-static PyModuleDef definition = {
-    .m_base = PyModuleDef_HEAD_INIT, .m_name = "_contact", .m_size = 0, .m_methods = methods, .m_slots = slots};
-
-PyMODINIT_FUNC PyInit__contact(void)
-{
-    return PyModuleDef_Init(&definition);
-}
+FMFTS_MODULE(_contact, methods, set_up)

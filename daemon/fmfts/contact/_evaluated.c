@@ -3,8 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "../common/aligned.h"
-
 static void fill_with_nan(const Py_buffer *buffer, float *numbers)
 {
     for (size_t i = 0; i < (size_t)buffer->len / sizeof(float); i++) {

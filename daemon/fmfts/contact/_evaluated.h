@@ -2,11 +2,7 @@
 #ifndef FMFTS_EVALUATED_H
 #define FMFTS_EVALUATED_H
 
-#define PY_SSIZE_T_CLEAN
-#include "../common/stable_abi.h"
-
-#include <Python.h>
-
+#include "../common/_binding.h"
 #include "network.h"
 
 /* Objects that are held while the network is used: its vector, or the method and the buffers of the object. All zeros

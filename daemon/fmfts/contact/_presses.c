@@ -5,7 +5,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "../common/aligned.h"
 #include "press_table.h"
 #include "step.h"
 
@@ -31,124 +30,94 @@ static int are_presses(const Py_buffer *press, const fmfts_response *response, s
 }
 
 /* respond(response, press, change, slope): of each press. */
-PyObject *fmfts_py_respond(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(respond)
 {
-    enum { RESPONSE, PRESS, CHANGE, SLOPE, BUFFERS };
-    Py_buffer b[BUFFERS] = {{0}};
+    enum { RESPONSE, PRESS, CHANGE, SLOPE };
     fmfts_response response;
     size_t count;
-    PyObject *result = NULL;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "y*y*w*w*", &b[RESPONSE], &b[PRESS], &b[CHANGE], &b[SLOPE])) {
+    if (!PyArg_ParseTuple(args, "y*y*w*w*", &b[RESPONSE], &b[PRESS], &b[CHANGE], &b[SLOPE]) ||
+        !is_response(&b[RESPONSE], &response) || !are_presses(&b[PRESS], &response, &count) ||
+        !fmfts_has_doubles(&b[CHANGE], count * FMFTS_MOVED, "change") ||
+        !fmfts_has_bytes(&b[SLOPE], (size_t)b[PRESS].len * FMFTS_MOVED, sizeof(double), "slope")) {
         return NULL;
     }
-    if (is_response(&b[RESPONSE], &response) && are_presses(&b[PRESS], &response, &count) &&
-        fmfts_has_bytes(&b[CHANGE], count * sizeof(double[FMFTS_MOVED]), sizeof(double), "change") &&
-        fmfts_has_bytes(&b[SLOPE], (size_t)b[PRESS].len * FMFTS_MOVED, sizeof(double), "slope")) {
-        size_t size = 2 + response.loads;
-        for (size_t k = 0; k < count; k++) {
-            double slope[FMFTS_MOVED][FMFTS_MAX_PRESS], *out = (double *)b[SLOPE].buf + k * FMFTS_MOVED * size;
-            fmfts_respond(&response, (double *)b[PRESS].buf + k * size, (double *)b[CHANGE].buf + k * FMFTS_MOVED, slope);
-            for (size_t c = 0; c < FMFTS_MOVED; c++) {
-                memcpy(out + c * size, slope[c], size * sizeof(double));
-            }
+    size_t size = 2 + response.loads;
+    for (size_t k = 0; k < count; k++) {
+        double slope[FMFTS_MOVED][FMFTS_MAX_PRESS], *out = (double *)b[SLOPE].buf + k * FMFTS_MOVED * size;
+        fmfts_respond(&response, (double *)b[PRESS].buf + k * size, (double *)b[CHANGE].buf + k * FMFTS_MOVED, slope);
+        for (size_t c = 0; c < FMFTS_MOVED; c++) {
+            memcpy(out + c * size, slope[c], size * sizeof(double));
         }
-        result = Py_NewRef(Py_None);
     }
-    fmfts_give_back(b, BUFFERS);
-    return result;
+    return Py_NewRef(Py_None);
 }
 
 /* basis(response, press, basis): of each press. */
-PyObject *fmfts_py_basis(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(basis)
 {
-    enum { RESPONSE, PRESS, BASIS, BUFFERS };
-    Py_buffer b[BUFFERS] = {{0}};
+    enum { RESPONSE, PRESS, BASIS };
     fmfts_response response;
     size_t count;
-    PyObject *result = NULL;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "y*y*w*", &b[RESPONSE], &b[PRESS], &b[BASIS])) {
+    if (!PyArg_ParseTuple(args, "y*y*w*", &b[RESPONSE], &b[PRESS], &b[BASIS]) || !is_response(&b[RESPONSE], &response) ||
+        !are_presses(&b[PRESS], &response, &count)) {
         return NULL;
     }
-    if (is_response(&b[RESPONSE], &response) && are_presses(&b[PRESS], &response, &count)) {
-        size_t each = (response.knots[0] + 2) * (response.knots[1] + 2) * response.monomials;
-        if (fmfts_has_bytes(&b[BASIS], count * each * sizeof(double), sizeof(double), "basis")) {
-            for (size_t k = 0; k < count; k++) {
-                fmfts_basis(&response, (double *)b[PRESS].buf + k * (2 + response.loads), (double *)b[BASIS].buf + k * each);
-            }
-            result = Py_NewRef(Py_None);
-        }
+    size_t each = (response.knots[0] + 2) * (response.knots[1] + 2) * response.monomials;
+    if (!fmfts_has_doubles(&b[BASIS], count * each, "basis")) {
+        return NULL;
     }
-    fmfts_give_back(b, BUFFERS);
-    return result;
+    for (size_t k = 0; k < count; k++) {
+        fmfts_basis(&response, (double *)b[PRESS].buf + k * (2 + response.loads), (double *)b[BASIS].buf + k * each);
+    }
+    return Py_NewRef(Py_None);
 }
 
 /* refine(response, change, covariance, steps, press, spread): χ² that fmfts_refine leaves. None if the covariance is
  * not positive definite. */
-PyObject *fmfts_py_refine(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(refine)
 {
-    enum { RESPONSE, CHANGE, COVARIANCE, PRESS, SPREAD, BUFFERS };
+    enum { RESPONSE, CHANGE, COVARIANCE, PRESS, SPREAD };
     int steps;
     double chi2;
-    Py_buffer b[BUFFERS] = {{0}};
     fmfts_response response;
-    PyObject *result = NULL;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "y*y*y*iw*w*", &b[RESPONSE], &b[CHANGE], &b[COVARIANCE], &steps, &b[PRESS], &b[SPREAD])) {
+    if (!PyArg_ParseTuple(args, "y*y*y*iw*w*", &b[RESPONSE], &b[CHANGE], &b[COVARIANCE], &steps, &b[PRESS], &b[SPREAD]) ||
+        !is_response(&b[RESPONSE], &response)) {
         return NULL;
     }
-    if (is_response(&b[RESPONSE], &response)) {
-        const size_t press = 2 + response.loads, moved = FMFTS_MOVED, unit = sizeof(double);
-        if (fmfts_has_bytes(&b[CHANGE], moved * unit, unit, "change") && fmfts_has_bytes(&b[COVARIANCE], moved * moved * unit, unit, "covariance") &&
-            fmfts_has_bytes(&b[PRESS], press * unit, unit, "press") && fmfts_has_bytes(&b[SPREAD], press * press * unit, unit, "spread")) {
-            bool found = fmfts_refine(&response, (fmfts_movement){b[CHANGE].buf, b[COVARIANCE].buf}, steps, b[PRESS].buf,
-                                      b[SPREAD].buf, &chi2);
-            result = found ? PyFloat_FromDouble(chi2) : Py_NewRef(Py_None);
-        }
+    const size_t press = 2 + response.loads, moved = FMFTS_MOVED;
+    if (!fmfts_has_doubles(&b[CHANGE], moved, "change") || !fmfts_has_doubles(&b[COVARIANCE], moved * moved, "covariance") ||
+        !fmfts_has_doubles(&b[PRESS], press, "press") || !fmfts_has_doubles(&b[SPREAD], press * press, "spread")) {
+        return NULL;
     }
-    fmfts_give_back(b, BUFFERS);
-    return result;
+    const fmfts_movement movement = {b[CHANGE].buf, b[COVARIANCE].buf};
+    bool found = fmfts_refine(&response, movement, steps, b[PRESS].buf, b[SPREAD].buf, &chi2);
+    return found ? PyFloat_FromDouble(chi2) : Py_NewRef(Py_None);
 }
 
 /* widened(response, press, wider_mm2, more): the sum of both axes of fmfts_wider_finger. */
-PyObject *fmfts_py_widened(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(widened)
 {
-    enum { RESPONSE, PRESS, MORE, BUFFERS };
-    double wider_mm2;
-    Py_buffer b[BUFFERS] = {{0}};
+    enum { RESPONSE, PRESS, MORE };
+    double wider_mm2, along[2][FMFTS_MOVED];
     fmfts_response response;
-    PyObject *result = NULL;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "y*y*dw*", &b[RESPONSE], &b[PRESS], &wider_mm2, &b[MORE])) {
+    if (!PyArg_ParseTuple(args, "y*y*dw*", &b[RESPONSE], &b[PRESS], &wider_mm2, &b[MORE]) ||
+        !is_response(&b[RESPONSE], &response) || !fmfts_has_doubles(&b[PRESS], FMFTS_CONTACT, "press") ||
+        !fmfts_has_doubles(&b[MORE], FMFTS_MOVED, "more")) {
         return NULL;
     }
-    const size_t unit = sizeof(double);
-    if (!fmfts_is_aligned(&b[RESPONSE], unit)) {
-        /* it has raised */
-    } else if (!fmfts_view_response(b[RESPONSE].buf, (size_t)b[RESPONSE].len, &response)) {
-        PyErr_SetString(PyExc_ValueError, "the response has another size than can be widened");
-    } else if (fmfts_has_bytes(&b[PRESS], FMFTS_CONTACT * unit, unit, "press") && fmfts_has_bytes(&b[MORE], FMFTS_MOVED * unit, unit, "more")) {
-        double along[2][FMFTS_MOVED], *more = b[MORE].buf;
-        fmfts_wider_finger(&response, b[PRESS].buf, wider_mm2, along);
-        for (int i = 0; i < FMFTS_MOVED; i++) {
-            more[i] = along[0][i] + along[1][i];
-        }
-        result = Py_NewRef(Py_None);
+    fmfts_wider_finger(&response, b[PRESS].buf, wider_mm2, along);
+    for (int i = 0; i < FMFTS_MOVED; i++) {
+        ((double *)b[MORE].buf)[i] = along[0][i] + along[1][i];
     }
-    fmfts_give_back(b, BUFFERS);
-    return result;
+    return Py_NewRef(Py_None);
 }
 
 /* pressed(table, width, terms, first_mm, spacing_mm, scale_n, fingers, pressed): of each finger. */
-PyObject *fmfts_py_pressed(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(pressed)
 {
-    enum { TABLE, FINGERS, PRESSED, BUFFERS };
-    Py_buffer b[BUFFERS] = {{0}};
+    enum { TABLE, FINGERS, PRESSED, ARRAYS };
     Py_ssize_t width, terms;
     fmfts_press_table table;
-    PyObject *result = NULL;
-    (void)module;
     if (!PyArg_ParseTuple(args, "y*nndddy*w*", &b[TABLE], &width, &terms, &table.first_mm, &table.spacing_mm, &table.scale_n,
                           &b[FINGERS], &b[PRESSED])) {
         return NULL;
@@ -156,27 +125,26 @@ PyObject *fmfts_py_pressed(PyObject *module, PyObject *args)
     if (width < 4 || width > 10000 || terms < 1 || terms > FMFTS_TABLE_TERMS || !isfinite(table.first_mm) ||
         !isfinite(table.spacing_mm) || !(table.spacing_mm > 0.0)) {
         PyErr_SetString(PyExc_ValueError, "the table has no spacing, or another size than there is room for");
-    } else {
-        const size_t rows = (size_t)(width * width * (terms + 2)), fingers = (size_t)b[FINGERS].len / sizeof(double[FMFTS_FINGER]);
-        table.width = (size_t)width;
-        table.terms = (size_t)terms;
-        table.poses = (size_t)b[TABLE].len / sizeof(double) / rows;
-        table.table = b[TABLE].buf;
-        if (table.poses > FMFTS_MOST_CHANGE) {
-            PyErr_Format(PyExc_ValueError, "%zu numbers of pose, at most %d", table.poses, FMFTS_MOST_CHANGE);
-        } else if (fmfts_have_doubles(b, (size_t[]){rows * table.poses, FMFTS_FINGER * fingers, FMFTS_PRESSED * table.poses * fingers},
-                                      BUFFERS)) {
-            for (size_t k = 0; k < fingers; k++) {
-                const double *finger = (double *)b[FINGERS].buf + FMFTS_FINGER * k;
-                if (!isfinite(finger[0]) || !isfinite(finger[1])) {
-                    PyErr_Format(PyExc_ValueError, "finger %zu has no place", k);
-                    break;
-                }
-                fmfts_press_by_table(&table, finger, (double *)b[PRESSED].buf + FMFTS_PRESSED * table.poses * k);
-            }
-            result = PyErr_Occurred() ? NULL : Py_NewRef(Py_None);
-        }
+        return NULL;
     }
-    fmfts_give_back(b, BUFFERS);
-    return result;
+    const size_t rows = (size_t)(width * width * (terms + 2)), fingers = (size_t)b[FINGERS].len / sizeof(double[FMFTS_FINGER]);
+    table.width = (size_t)width;
+    table.terms = (size_t)terms;
+    table.poses = (size_t)b[TABLE].len / sizeof(double) / rows;
+    table.table = b[TABLE].buf;
+    if (table.poses > FMFTS_MOST_CHANGE) {
+        return PyErr_Format(PyExc_ValueError, "%zu numbers of pose, at most %d", table.poses, FMFTS_MOST_CHANGE);
+    }
+    const size_t wanted[] = {rows * table.poses, FMFTS_FINGER * fingers, FMFTS_PRESSED * table.poses * fingers};
+    if (!fmfts_have_doubles(b, wanted, ARRAYS)) {
+        return NULL;
+    }
+    for (size_t k = 0; k < fingers; k++) {
+        const double *finger = (double *)b[FINGERS].buf + FMFTS_FINGER * k;
+        if (!isfinite(finger[0]) || !isfinite(finger[1])) {
+            return PyErr_Format(PyExc_ValueError, "finger %zu has no place", k);
+        }
+        fmfts_press_by_table(&table, finger, (double *)b[PRESSED].buf + FMFTS_PRESSED * table.poses * k);
+    }
+    return Py_NewRef(Py_None);
 }

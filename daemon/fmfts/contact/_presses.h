@@ -1,11 +1,8 @@
-/* Functions of fmfts.contact._contact; each takes arrays, in the order that its comment in _presses.c gives. */
+/* _presses.c: each takes arrays, in the order that its comment gives. */
 #ifndef FMFTS_PRESSES_H
 #define FMFTS_PRESSES_H
 
-#define PY_SSIZE_T_CLEAN
-#include "../common/stable_abi.h"
-
-#include <Python.h>
+#include "../common/_binding.h"
 
 PyObject *fmfts_py_respond(PyObject *module, PyObject *args);
 PyObject *fmfts_py_basis(PyObject *module, PyObject *args);

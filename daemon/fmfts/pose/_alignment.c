@@ -1,11 +1,7 @@
 /* fmfts.pose._alignment: push.c, beside.c and joints.c for Python, through the stable ABI. alignment.py and neighbour.py make the
  * arrays. */
-#define PY_SSIZE_T_CLEAN
-#include "../common/stable_abi.h"
+#include "../common/_binding.h"
 
-#include <Python.h>
-
-#include "../common/aligned.h"
 #include "beside.h"
 #include "joints.h"
 #include "limits.h"
@@ -64,14 +60,11 @@ static int numbers_are_possible(const int64_t *number, int count)
 
 /* push(fields, times, repeats, field, time, fresh, timed, aligned, share, bend, repeated, period, without_news, has_time,
  * frame): the instant, whether it is old, whether the clock began anew, and how many frames in a row brought nothing. */
-static PyObject *push(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(push)
 {
-    Py_buffer b[BUFFERS] = {{0}};
     double period_us;
     long long without_news, frame_us;
     int has_time;
-    PyObject *result = NULL;
-    (void)module;
     if (!PyArg_ParseTuple(args, "w*w*w*y*y*y*z*w*w*w*w*dLpL", &b[FIELDS], &b[TIMES], &b[REPEATS], &b[FIELD], &b[TIME],
                           &b[FRESH], &b[TIMED], &b[ALIGNED], &b[SHARE], &b[BEND], &b[REPEATED], &period_us,
                           &without_news, &has_time, &frame_us)) {
@@ -80,72 +73,63 @@ static PyObject *push(PyObject *module, PyObject *args)
     Py_ssize_t sensors = b[FRESH].len;
     if (sensors < 1) {
         PyErr_SetString(PyExc_ValueError, "a frame of no sensors");
-    } else if (sizes_agree(b, sensors) && times_are_possible(b[TIME].buf, sensors, frame_us) &&
-               times_are_possible(b[TIMES].buf, 3 * sensors, 0)) {
-        const fmfts_periods periods = fmfts_periods_of(period_us);
-        fmfts_samples samples = {(size_t)sensors, b[FIELDS].buf, b[TIMES].buf, b[REPEATS].buf, without_news};
-        fmfts_pushed frame = {b[FIELD].buf, b[TIME].buf, b[FRESH].buf, b[TIMED].buf, has_time != 0, frame_us};
-        fmfts_aligned aligned = {
-            .field_t = b[ALIGNED].buf, .noise_share = b[SHARE].buf, .bend_t = b[BEND].buf, .repeats = b[REPEATED].buf};
-        fmfts_push(&periods, &samples, &frame, &aligned);
-        result = Py_BuildValue("LNNL", (long long)aligned.time_us, PyBool_FromLong(aligned.is_old),
-                               PyBool_FromLong(aligned.began_anew), (long long)samples.without_news);
+        return NULL;
     }
-    fmfts_give_back(b, BUFFERS);
-    return result;
+    if (!sizes_agree(b, sensors) || !times_are_possible(b[TIME].buf, sensors, frame_us) ||
+        !times_are_possible(b[TIMES].buf, 3 * sensors, 0)) {
+        return NULL;
+    }
+    const fmfts_periods periods = fmfts_periods_of(period_us);
+    fmfts_samples samples = {(size_t)sensors, b[FIELDS].buf, b[TIMES].buf, b[REPEATS].buf, without_news};
+    fmfts_pushed frame = {b[FIELD].buf, b[TIME].buf, b[FRESH].buf, b[TIMED].buf, has_time != 0, frame_us};
+    fmfts_aligned aligned = {
+        .field_t = b[ALIGNED].buf, .noise_share = b[SHARE].buf, .bend_t = b[BEND].buf, .repeats = b[REPEATED].buf};
+    fmfts_push(&periods, &samples, &frame, &aligned);
+    return Py_BuildValue("LNNL", (long long)aligned.time_us, PyBool_FromLong(aligned.is_old),
+                         PyBool_FromLong(aligned.began_anew), (long long)samples.without_news);
 }
 
 /* leap_us(last frame_us, stood_ns, stood_sequence, frame_us, host_ns, sequence, period_us) → the leap. */
-static PyObject *leap_us(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(leap_us)
 {
-    fmfts_last last;
     long long last_us, stood_ns, stood_sequence, frame_us, host_ns, sequence;
     double period_us;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "LLLLLLd", &last_us, &stood_ns, &stood_sequence, &frame_us, &host_ns, &sequence, &period_us)) {
-        return NULL;
-    }
-    if (!times_are_possible((const int64_t[2]){last_us, frame_us}, 2, 0) ||
+    (void)b;
+    if (!PyArg_ParseTuple(args, "LLLLLLd", &last_us, &stood_ns, &stood_sequence, &frame_us, &host_ns, &sequence, &period_us) ||
+        !times_are_possible((const int64_t[2]){last_us, frame_us}, 2, 0) ||
         !numbers_are_possible((const int64_t[4]){stood_ns, host_ns, stood_sequence, sequence}, 4)) {
         return NULL;
     }
-    last = (fmfts_last){last_us, stood_ns, stood_sequence};
+    const fmfts_last last = {last_us, stood_ns, stood_sequence};
     return PyLong_FromLongLong(fmfts_leap_us(&last, frame_us, host_ns, sequence, period_us));
 }
 
 /* see(turn, place, sighting, time_ns, rest, now, covariance): as fmfts_see. */
-static PyObject *see(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(see)
 {
     enum { TURN, PLACE, SIGHTING, REST, NOW, COVARIANCE, ARRAYS };
-    Py_buffer b[ARRAYS] = {{0}};
     double time_ns;
-    PyObject *result = NULL;
-    (void)module;
     if (!PyArg_ParseTuple(args, "y*y*w*dw*w*w*", &b[TURN], &b[PLACE], &b[SIGHTING], &time_ns, &b[REST], &b[NOW], &b[COVARIANCE])) {
         return NULL;
     }
     const size_t magnets = (size_t)b[NOW].len / sizeof(double[FMFTS_PLACED]), width = FMFTS_MOVES * magnets;
     const size_t placed = FMFTS_PLACED * magnets;
     if (magnets > FMFTS_MOST_TOGETHER) {
-        PyErr_Format(PyExc_ValueError, "%zu magnets, at most %d", magnets, FMFTS_MOST_TOGETHER);
-    } else if (fmfts_have_doubles(b, (size_t[]){9, 3, FMFTS_SIGHTING(magnets), placed, placed, width * width}, ARRAYS)) {
-        const fmfts_sighting sighting = fmfts_view_sighting(b[SIGHTING].buf, magnets);
-        fmfts_see(b[TURN].buf, b[PLACE].buf, &sighting, time_ns,
-                  &(fmfts_seen){b[REST].buf, b[NOW].buf, b[COVARIANCE].buf, width});
-        result = Py_NewRef(Py_None);
+        return PyErr_Format(PyExc_ValueError, "%zu magnets, at most %d", magnets, FMFTS_MOST_TOGETHER);
     }
-    fmfts_give_back(b, ARRAYS);
-    return result;
+    if (!fmfts_have_doubles(b, (size_t[]){9, 3, FMFTS_SIGHTING(magnets), placed, placed, width * width}, ARRAYS)) {
+        return NULL;
+    }
+    const fmfts_sighting sighting = fmfts_view_sighting(b[SIGHTING].buf, magnets);
+    fmfts_see(b[TURN].buf, b[PLACE].buf, &sighting, time_ns, &(fmfts_seen){b[REST].buf, b[NOW].buf, b[COVARIANCE].buf, width});
+    return Py_NewRef(Py_None);
 }
 
 /* change_beside(places, directions, magnets, rest, now, rest_error, covariance, placement_m, rest_t, change_t, covariance_t2) */
-static PyObject *change_beside(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(change_beside)
 {
     enum { PLACES, DIRECTIONS, MAGNETS, REST, NOW, REST_ERROR, COVARIANCE, REST_T, CHANGE_T, COVARIANCE_T2, ARRAYS };
-    Py_buffer b[ARRAYS] = {{0}};
     double placement_m;
-    PyObject *result = NULL;
-    (void)module;
     if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*dw*w*w*", &b[PLACES], &b[DIRECTIONS], &b[MAGNETS], &b[REST], &b[NOW], &b[REST_ERROR],
                           &b[COVARIANCE], &placement_m, &b[REST_T], &b[CHANGE_T], &b[COVARIANCE_T2])) {
         return NULL;
@@ -155,24 +139,24 @@ static PyObject *change_beside(PyObject *module, PyObject *args)
     const size_t wanted[] = {axes, 3 * axes, FMFTS_MAGNET * magnets, placed, placed, 2 * magnets, columns * columns,
                              axes, axes,     axes * axes};
     if (magnets > FMFTS_MOST_TOGETHER || sensors > FMFTS_SENSORS) {
-        PyErr_Format(PyExc_ValueError, "%zu magnets and %zu sensors, at most %d and %d", magnets, sensors, FMFTS_MOST_TOGETHER,
-                     FMFTS_SENSORS);
-    } else if (fmfts_have_doubles(b, wanted, ARRAYS)) {
-        const fmfts_beside pad = {sensors,       magnets,           b[PLACES].buf,     b[DIRECTIONS].buf, b[MAGNETS].buf, b[REST].buf,
-                                  b[NOW].buf,    b[REST_ERROR].buf, b[COVARIANCE].buf, placement_m};
-        fmfts_change_beside(&pad, b[REST_T].buf, b[CHANGE_T].buf, b[COVARIANCE_T2].buf);
-        result = Py_NewRef(Py_None);
+        return PyErr_Format(PyExc_ValueError, "%zu magnets and %zu sensors, at most %d and %d", magnets, sensors,
+                            FMFTS_MOST_TOGETHER, FMFTS_SENSORS);
     }
-    fmfts_give_back(b, ARRAYS);
-    return result;
+    if (!fmfts_have_doubles(b, wanted, ARRAYS)) {
+        return NULL;
+    }
+    const fmfts_beside pad = {sensors,       magnets,           b[PLACES].buf,     b[DIRECTIONS].buf, b[MAGNETS].buf, b[REST].buf,
+                              b[NOW].buf,    b[REST_ERROR].buf, b[COVARIANCE].buf, placement_m};
+    fmfts_change_beside(&pad, b[REST_T].buf, b[CHANGE_T].buf, b[COVARIANCE_T2].buf);
+    return Py_NewRef(Py_None);
 }
 
 /* posture(newest, later_s): what is known of the posture, goes_on_s, unsure_s, and why it is not known; see joints.h. */
-static PyObject *posture(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(posture)
 {
     double newest, later_s;
     fmfts_text why;
-    (void)module;
+    (void)b;
     if (!PyArg_ParseTuple(args, "dd", &newest, &later_s)) {
         return NULL;
     }
@@ -183,11 +167,11 @@ static PyObject *posture(PyObject *module, PyObject *args)
 }
 
 static PyMethodDef methods[] = {
-    {"posture", posture, METH_VARARGS, "What is known of a hand's posture; see hand.py."},
-    {"change_beside", change_beside, METH_VARARGS, "What a neighbouring pad does to the field; see neighbour.py."},
-    {"see", see, METH_VARARGS, "Where a neighbouring pad's magnets are; see neighbour.py."},
-    {"leap_us", leap_us, METH_VARARGS, "By how much a board's clock leapt; see push.h."},
-    {"push", push, METH_VARARGS, "Add a frame, and align; see alignment.py."},
+    FMFTS_METHOD(posture, "What is known of a hand's posture; see hand.py."),
+    FMFTS_METHOD(change_beside, "What a neighbouring pad does to the field; see neighbour.py."),
+    FMFTS_METHOD(see, "Where a neighbouring pad's magnets are; see neighbour.py."),
+    FMFTS_METHOD(leap_us, "By how much a board's clock leapt; see push.h."),
+    FMFTS_METHOD(push, "Add a frame, and align; see alignment.py."),
     {NULL, NULL, 0, NULL},
 };
 
@@ -221,15 +205,4 @@ static int set_up(PyObject *module)
     return failed ? -1 : 0;
 }
 
-static PyModuleDef_Slot slots[] = {
-    {Py_mod_exec, (void *)set_up},
-    {0, NULL},
-};
-
-static PyModuleDef definition = {
-    .m_base = PyModuleDef_HEAD_INIT, .m_name = "_alignment", .m_size = 0, .m_methods = methods, .m_slots = slots};
-
-PyMODINIT_FUNC PyInit__alignment(void)
-{
-    return PyModuleDef_Init(&definition);
-}
+FMFTS_MODULE(_alignment, methods, set_up)

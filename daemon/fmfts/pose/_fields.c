@@ -7,64 +7,53 @@
 #include "search.h"
 
 /* dipole(places, position, axis, strength, octupole, field, by_position, by_axis): of one magnet at many places. */
-PyObject *fmfts_py_dipole(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(dipole)
 {
     enum { PLACES, POSITION, AXIS, FIELD, BY_POSITION, BY_AXIS, ARRAYS };
-    Py_buffer b[ARRAYS] = {{0}};
     fmfts_source source;
-    PyObject *result = NULL;
-    (void)module;
     if (!PyArg_ParseTuple(args, "y*y*y*ddw*w*w*", &b[PLACES], &b[POSITION], &b[AXIS], &source.strength, &source.octupole,
                           &b[FIELD], &b[BY_POSITION], &b[BY_AXIS])) {
         return NULL;
     }
     const size_t places = (size_t)b[PLACES].len / sizeof(double[3]), all = 3 * places;
-    if (fmfts_have_doubles(b, (size_t[]){all, 3, 3, all, 3 * all, 3 * all}, ARRAYS)) {
-        source.position = b[POSITION].buf;
-        source.axis = b[AXIS].buf;
-        tangent_basis(source.axis, source.basis);
-        for (size_t i = 0; i < places; i++) {
-            fmfts_sight sight;
-            look(&source, (double *)b[PLACES].buf + 3 * i, &sight);
-            differentiate(&source, &sight, (double *)b[FIELD].buf + 3 * i, (double(*)[3])b[BY_POSITION].buf + 3 * i,
-                          (double(*)[3])b[BY_AXIS].buf + 3 * i);
-        }
-        result = Py_NewRef(Py_None);
+    if (!fmfts_have_doubles(b, (size_t[]){all, 3, 3, all, 3 * all, 3 * all}, ARRAYS)) {
+        return NULL;
     }
-    fmfts_give_back(b, ARRAYS);
-    return result;
+    source.position = b[POSITION].buf;
+    source.axis = b[AXIS].buf;
+    tangent_basis(source.axis, source.basis);
+    for (size_t i = 0; i < places; i++) {
+        fmfts_sight sight;
+        look(&source, (double *)b[PLACES].buf + 3 * i, &sight);
+        differentiate(&source, &sight, (double *)b[FIELD].buf + 3 * i, (double(*)[3])b[BY_POSITION].buf + 3 * i,
+                      (double(*)[3])b[BY_AXIS].buf + 3 * i);
+    }
+    return Py_NewRef(Py_None);
 }
 
 /* move(frames, position, change, moved, axis): of each magnet. */
-PyObject *fmfts_py_move(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(move)
 {
     enum { FRAMES, POSITION, CHANGE, MOVED, AXIS, ARRAYS };
-    Py_buffer b[ARRAYS] = {{0}};
-    PyObject *result = NULL;
-    (void)module;
     if (!PyArg_ParseTuple(args, "y*y*y*w*w*", &b[FRAMES], &b[POSITION], &b[CHANGE], &b[MOVED], &b[AXIS])) {
         return NULL;
     }
     const size_t count = (size_t)b[POSITION].len / sizeof(double[3]), all = 3 * count;
-    if (fmfts_have_doubles(b, (size_t[]){3 * all, all, FMFTS_POSE_CHANGE * count, all, all}, ARRAYS)) {
-        for (size_t i = 0; i < count; i++) {
-            fmfts_move_magnet((double *)b[FRAMES].buf + 9 * i, (double *)b[POSITION].buf + 3 * i,
-                              (double *)b[CHANGE].buf + FMFTS_POSE_CHANGE * i, (double *)b[MOVED].buf + 3 * i,
-                              (double *)b[AXIS].buf + 3 * i);
-        }
-        result = Py_NewRef(Py_None);
+    if (!fmfts_have_doubles(b, (size_t[]){3 * all, all, FMFTS_POSE_CHANGE * count, all, all}, ARRAYS)) {
+        return NULL;
     }
-    fmfts_give_back(b, ARRAYS);
-    return result;
+    for (size_t i = 0; i < count; i++) {
+        fmfts_move_magnet((double *)b[FRAMES].buf + 9 * i, (double *)b[POSITION].buf + 3 * i,
+                          (double *)b[CHANGE].buf + FMFTS_POSE_CHANGE * i, (double *)b[MOVED].buf + 3 * i,
+                          (double *)b[AXIS].buf + 3 * i);
+    }
+    return Py_NewRef(Py_None);
 }
 
 /* fields(position, axis, frames, strength, octupole, places, axes, field, slope): of all magnets together. */
-PyObject *fmfts_py_fields(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(fields)
 {
     enum { POSITION, AXIS, FRAMES, STRENGTH, OCTUPOLE, PLACES, AXES, FIELD, SLOPE, ARRAYS };
-    Py_buffer b[ARRAYS] = {{0}};
-    PyObject *result = NULL;
-    (void)module;
     if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*w*w*", &b[POSITION], &b[AXIS], &b[FRAMES], &b[STRENGTH], &b[OCTUPOLE], &b[PLACES],
                           &b[AXES], &b[FIELD], &b[SLOPE])) {
         return NULL;
@@ -73,15 +62,15 @@ PyObject *fmfts_py_fields(PyObject *module, PyObject *args)
     const size_t values = 3 * sensors, wanted[ARRAYS] = {3 * count, 3 * count, 9 * count,  count, count,
                                                          values,    9 * sensors, values, values * FMFTS_POSE_CHANGE * count};
     if (count > FMFTS_MOST_TOGETHER) {
-        PyErr_Format(PyExc_ValueError, "%zu magnets: a pad has %d at most", count, FMFTS_MOST_TOGETHER);
-    } else if (fmfts_have_doubles(b, wanted, ARRAYS)) {
-        fmfts_fields(&(fmfts_together){count, sensors, b[POSITION].buf, b[AXIS].buf, b[FRAMES].buf, b[STRENGTH].buf,
-                                       b[OCTUPOLE].buf, b[PLACES].buf, b[AXES].buf},
-                     b[FIELD].buf, b[SLOPE].buf);
-        result = Py_NewRef(Py_None);
+        return PyErr_Format(PyExc_ValueError, "%zu magnets: a pad has %d at most", count, FMFTS_MOST_TOGETHER);
     }
-    fmfts_give_back(b, ARRAYS);
-    return result;
+    if (!fmfts_have_doubles(b, wanted, ARRAYS)) {
+        return NULL;
+    }
+    fmfts_fields(&(fmfts_together){count, sensors, b[POSITION].buf, b[AXIS].buf, b[FRAMES].buf, b[STRENGTH].buf, b[OCTUPOLE].buf,
+                                   b[PLACES].buf, b[AXES].buf},
+                 b[FIELD].buf, b[SLOPE].buf);
+    return Py_NewRef(Py_None);
 }
 
 /* The sources of a state of so many magnets, whose ambient field may have a gradient. */
@@ -105,63 +94,55 @@ static size_t count_magnets(const Py_buffer *magnets)
 }
 
 /* read(rows, magnets, state, predicted, jacobian): what each measurement would read, and its derivative by a step. */
-PyObject *fmfts_py_read(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(read)
 {
     enum { ROWS, ARE_MAGNETS, AT, PREDICTED, JACOBIAN, ARRAYS };
-    Py_buffer b[ARRAYS] = {{0}};
     fmfts_sources sources;
-    PyObject *result = NULL;
-    (void)module;
     if (!PyArg_ParseTuple(args, "y*y*y*w*w*", &b[ROWS], &b[ARE_MAGNETS], &b[AT], &b[PREDICTED], &b[JACOBIAN])) {
         return NULL;
     }
     const size_t rows = (size_t)b[PREDICTED].len / sizeof(double), count = count_magnets(&b[ARE_MAGNETS]);
     const size_t columns = FMFTS_COLUMNS(count), wanted[] = {FMFTS_MEASUREMENT * rows, FMFTS_MAGNET * count, FMFTS_VALUES(count),
                                                              rows, columns * rows};
-    if (count && fmfts_have_doubles(b, wanted, ARRAYS)) {
-        begin_at(&sources, b[ARE_MAGNETS].buf, count, b[AT].buf);
-        for (size_t i = 0; i < rows; i++) {
-            const double *row = (double *)b[ROWS].buf + FMFTS_MEASUREMENT * i;
-            fmfts_sight sight[FMFTS_MAX_MAGNETS];
-            look_all(&sources, row, sight);
-            ((double *)b[PREDICTED].buf)[i] =
-                sense_all(&sources, sight, b[AT].buf, row, row + 3, (double *)b[JACOBIAN].buf + columns * i);
-        }
-        result = Py_NewRef(Py_None);
+    if (!count || !fmfts_have_doubles(b, wanted, ARRAYS)) {
+        return NULL;
     }
-    fmfts_give_back(b, ARRAYS);
-    return result;
+    begin_at(&sources, b[ARE_MAGNETS].buf, count, b[AT].buf);
+    for (size_t i = 0; i < rows; i++) {
+        const double *row = (double *)b[ROWS].buf + FMFTS_MEASUREMENT * i;
+        fmfts_sight sight[FMFTS_MAX_MAGNETS];
+        look_all(&sources, row, sight);
+        ((double *)b[PREDICTED].buf)[i] =
+            sense_all(&sources, sight, b[AT].buf, row, row + 3, (double *)b[JACOBIAN].buf + columns * i);
+    }
+    return Py_NewRef(Py_None);
 }
 
 /* deviations(rows, magnets, start, rate, diffusion, deviations): as fmfts_prepare_rows has them, infinite where a measurement is left
  * out. False if one is invalid. */
-PyObject *fmfts_py_deviations(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(deviations)
 {
     enum { ROWS, ARE_MAGNETS, AT, RATES, SPREADS, DEVIATIONS, ARRAYS };
-    Py_buffer b[ARRAYS] = {{0}};
     fmfts_search search;
-    PyObject *result = NULL;
-    (void)module;
     if (!PyArg_ParseTuple(args, "y*y*y*z*z*w*", &b[ROWS], &b[ARE_MAGNETS], &b[AT], &b[RATES], &b[SPREADS], &b[DEVIATIONS])) {
         return NULL;
     }
     const size_t rows = (size_t)b[DEVIATIONS].len / sizeof(double), count = count_magnets(&b[ARE_MAGNETS]);
     const size_t columns = FMFTS_COLUMNS(count), wanted[] = {FMFTS_MEASUREMENT * rows, FMFTS_MAGNET * count, FMFTS_VALUES(count),
                                                              b[RATES].buf ? columns : 0, b[SPREADS].buf ? columns : 0, rows};
-    if (count && fmfts_have_doubles(b, wanted, ARRAYS)) {
-        bool valid = true;
-        fmfts_problem problem = {.rows = 1, .start = b[AT].buf, .rate = b[RATES].buf, .diffusion = b[SPREADS].buf};
-        search.problem = &problem;
-        search.columns = columns;
-        begin_at(&search.sources, b[ARE_MAGNETS].buf, count, b[AT].buf);
-        for (size_t i = 0; valid && i < rows; i++) {
-            fmfts_row row;
-            problem.measurements = (double *)b[ROWS].buf + FMFTS_MEASUREMENT * i;
-            valid = fmfts_prepare_rows(&search, &row);
-            ((double *)b[DEVIATIONS].buf)[i] = search.row_count ? row.deviation : INFINITY;
-        }
-        result = PyBool_FromLong(valid);
+    if (!count || !fmfts_have_doubles(b, wanted, ARRAYS)) {
+        return NULL;
     }
-    fmfts_give_back(b, ARRAYS);
-    return result;
+    bool valid = true;
+    fmfts_problem problem = {.rows = 1, .start = b[AT].buf, .rate = b[RATES].buf, .diffusion = b[SPREADS].buf};
+    search.problem = &problem;
+    search.columns = columns;
+    begin_at(&search.sources, b[ARE_MAGNETS].buf, count, b[AT].buf);
+    for (size_t i = 0; valid && i < rows; i++) {
+        fmfts_row row;
+        problem.measurements = (double *)b[ROWS].buf + FMFTS_MEASUREMENT * i;
+        valid = fmfts_prepare_rows(&search, &row);
+        ((double *)b[DEVIATIONS].buf)[i] = search.row_count ? row.deviation : INFINITY;
+    }
+    return PyBool_FromLong(valid);
 }

@@ -8,7 +8,7 @@ enum { STATE = INPUTS, SPREAD, DIRECTION, SUMMARY, BUFFERS };
 enum { SUMMARY_VALUES = 6, MOST = 1 << 24 /* limits of pads and rows: no product of sizes overflows */ };
 
 typedef struct {
-    Py_buffer buffer[BUFFERS];
+    Py_buffer *buffer;
     Py_ssize_t pads, rows, magnets;
     double stop_chi2;
     int max_iterations, project;
@@ -80,12 +80,9 @@ static int sizes_agree(const call *c)
     return 1;
 }
 
-static PyObject *solve(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(solve)
 {
-    call c = {0};
-    Py_buffer *b = c.buffer;
-    PyObject *result = NULL;
-    (void)module;
+    call c = {.buffer = b};
     if (!PyArg_ParseTuple(args, "nnny*y*y*y*z*z*z*z*dipw*w*w*w*", &c.pads, &c.rows, &c.magnets, &b[MEASUREMENTS],
                           &b[MAGNETS], &b[PARTS], &b[START], &b[MEAN], &b[COVARIANCE], &b[RATE], &b[DIFFUSION],
                           &c.stop_chi2, &c.max_iterations, &c.project, &b[STATE], &b[SPREAD], &b[DIRECTION],
@@ -93,32 +90,32 @@ static PyObject *solve(PyObject *module, PyObject *args)
         return NULL;
     }
     if (c.magnets < 1 || c.magnets > FMFTS_MAX_MAGNETS) {
-        PyErr_Format(PyExc_ValueError, "%zd magnets: 1 to %d fit into one state", c.magnets, FMFTS_MAX_MAGNETS);
-    } else if (c.pads < 0 || c.pads > MOST || c.rows < 0 || c.rows > MOST) {
-        PyErr_Format(PyExc_ValueError, "%zd pads of %zd rows: at most %d", c.pads, c.rows, MOST);
-    } else if (sizes_agree(&c)) {
-        double *work = PyMem_Malloc((size_t)(FMFTS_WORK(c.rows) + 1) * sizeof(double));
-        if (!work) {
-            PyErr_NoMemory();
-        } else {
-            Py_BEGIN_ALLOW_THREADS
-            solve_pads(&c, work);
-            Py_END_ALLOW_THREADS
-            PyMem_Free(work);
-            result = Py_NewRef(Py_None);
-        }
+        return PyErr_Format(PyExc_ValueError, "%zd magnets: 1 to %d fit into one state", c.magnets, FMFTS_MAX_MAGNETS);
     }
-    fmfts_give_back(b, BUFFERS);
-    return result;
+    if (c.pads < 0 || c.pads > MOST || c.rows < 0 || c.rows > MOST) {
+        return PyErr_Format(PyExc_ValueError, "%zd pads of %zd rows: at most %d", c.pads, c.rows, MOST);
+    }
+    if (!sizes_agree(&c)) {
+        return NULL;
+    }
+    double *work = PyMem_Malloc((size_t)(FMFTS_WORK(c.rows) + 1) * sizeof(double));
+    if (!work) {
+        return PyErr_NoMemory();
+    }
+    Py_BEGIN_ALLOW_THREADS
+    solve_pads(&c, work);
+    Py_END_ALLOW_THREADS
+    PyMem_Free(work);
+    return Py_NewRef(Py_None);
 }
 
 static PyMethodDef methods[] = {
-    {"deviations", fmfts_py_deviations, METH_VARARGS, "How certain measurements are; see kernel.py."},
-    {"dipole", fmfts_py_dipole, METH_VARARGS, "The field of a magnet, and its derivatives; see dipole.py."},
-    {"fields", fmfts_py_fields, METH_VARARGS, "The field of several magnets, and its slope; see magnets.py."},
-    {"move", fmfts_py_move, METH_VARARGS, "Several magnets after a change of pose; see magnets.py."},
-    {"read", fmfts_py_read, METH_VARARGS, "What measurements read in a state; see kernel.py."},
-    {"solve", solve, METH_VARARGS, "Solve one problem for each of `pads`; see kernel.py."},
+    FMFTS_METHOD(deviations, "How certain measurements are; see kernel.py."),
+    FMFTS_METHOD(dipole, "The field of a magnet, and its derivatives; see dipole.py."),
+    FMFTS_METHOD(fields, "The field of several magnets, and its slope; see magnets.py."),
+    FMFTS_METHOD(move, "Several magnets after a change of pose; see magnets.py."),
+    FMFTS_METHOD(read, "What measurements read in a state; see kernel.py."),
+    FMFTS_METHOD(solve, "Solve one problem for each of `pads`; see kernel.py."),
     {NULL, NULL, 0, NULL},
 };
 
@@ -127,15 +124,4 @@ static int set_constants(PyObject *module)
     return PyModule_AddIntConstant(module, "MAX_MAGNETS", FMFTS_MAX_MAGNETS);
 }
 
-static PyModuleDef_Slot slots[] = {
-    {Py_mod_exec, (void *)set_constants},
-    {0, NULL},
-};
-
-static PyModuleDef definition = {
-    .m_base = PyModuleDef_HEAD_INIT, .m_name = "_kernel", .m_size = 0, .m_methods = methods, .m_slots = slots};
-
-PyMODINIT_FUNC PyInit__kernel(void)
-{
-    return PyModuleDef_Init(&definition);
-}
+FMFTS_MODULE(_kernel, methods, set_constants)

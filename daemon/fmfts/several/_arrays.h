@@ -2,19 +2,12 @@
 #ifndef FMFTS_SEVERAL_ARRAYS_H
 #define FMFTS_SEVERAL_ARRAYS_H
 
-#define PY_SSIZE_T_CLEAN
-#include "../common/stable_abi.h"
-
-#include <Python.h>
-
-#include "../common/aligned.h"
+#include "../common/_binding.h"
 #include "fit.h"
-
-enum { MOST_BUFFERS = 17 };
 
 /* The arrays of one call: a packed model, the work space, what is read, then what is written. */
 typedef struct {
-    Py_buffer buffer[MOST_BUFFERS];
+    Py_buffer *buffer;
     int count;
     fmfts_several model;
     fmfts_several_work *work;
@@ -23,13 +16,6 @@ typedef struct {
 
 enum { MODEL, WORK, FIRST };
 enum { WORK_DOUBLES = sizeof(fmfts_several_work) / sizeof(double) };
-
-static inline void release(call *c)
-{
-    for (int i = 0; i < c->count; i++) {
-        PyBuffer_Release(&c->buffer[i]);
-    }
-}
 
 /* Takes the arrays of `args`, `inputs` of them only to read. Raises and returns false where one is no array. */
 static inline bool take(call *c, PyObject *args, int inputs, int all)
@@ -43,7 +29,6 @@ static inline bool take(call *c, PyObject *args, int inputs, int all)
         bool writes = c->count == WORK || c->count >= inputs;
         PyObject *one = PyTuple_GetItem(args, c->count);
         if (!one || PyObject_GetBuffer(one, &c->buffer[c->count], writes ? PyBUF_WRITABLE : PyBUF_SIMPLE) < 0) {
-            release(c);
             return false;
         }
     }
@@ -115,15 +100,36 @@ static inline size_t used(const call *c, int which)
     return count;
 }
 
-/* Whether array `which` is a covariance of all values; empty: there is none. */
-static inline bool has_foreign(const call *c, int which)
+/* Whether the arrays from `first` on have so many doubles. */
+static inline bool have_doubles(const call *c, int first, const size_t *doubles, int count)
 {
-    return !c->buffer[which].len || has_doubles(c, which, c->model.values * c->model.values);
+    for (int i = 0; i < count; i++) {
+        if (!has_doubles(c, first + i, doubles[i])) {
+            return false;
+        }
+    }
+    return true;
 }
 
-static inline const double *foreign(const call *c, int which)
+/* Arrays variance, foreign, used and ambient. foreign: a covariance of all values; empty: there is none. */
+static inline bool measures(const call *c, int variance, fmfts_measured *measured)
 {
-    return c->buffer[which].len ? array(c, which) : NULL;
+    const int foreign = variance + 1, used = variance + 2, ambient = variance + 3;
+    const size_t values = c->model.values, covariances = c->buffer[foreign].len ? values * values : 0;
+    *measured = (fmfts_measured){NULL, array(c, variance), c->buffer[used].buf, covariances ? array(c, foreign) : NULL,
+                                 array(c, ambient)};
+    return has_doubles(c, variance, values) && has_doubles(c, foreign, covariances) && has(c, used, values) &&
+           has_doubles(c, ambient, 3);
+}
+
+/* The same after an array of the field. */
+static inline bool measures_field(const call *c, int field, fmfts_measured *measured)
+{
+    if (!measures(c, field + 1, measured)) {
+        return false;
+    }
+    measured->field_t = array(c, field);
+    return has_doubles(c, field, c->model.values);
 }
 
 /* The result of a search: the error, or None; the size of a bad matrix; a number that was found. */

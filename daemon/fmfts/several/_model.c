@@ -22,53 +22,41 @@ static void exchange(const call *c, int first, bool out)
 
 static bool has_predicted(const call *c, int first)
 {
-    const fmfts_several *m = &c->model;
-    return has_doubles(c, first, m->values) && has_doubles(c, first + 1, m->values * FMFTS_FINGER * c->fingers) &&
-           has_doubles(c, first + 2, m->values * m->poses) && has_doubles(c, first + 3, m->poses) &&
-           has_doubles(c, first + 4, c->fingers * FMFTS_PRESSED * m->poses);
+    const size_t values = c->model.values, poses = c->model.poses, each = FMFTS_PRESSED * poses;
+    const size_t wanted[] = {values, values * FMFTS_FINGER * c->fingers, values * poses, poses, c->fingers * each};
+    return have_doubles(c, first, wanted, 5);
 }
 
 /* predict(model, work, fingers, field, slope, by_pose, change, pressed): False where a finger is not finite. */
-PyObject *fmfts_py_predict(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(predict)
 {
     enum { FINGERS = FIRST, PREDICTED, ALL = PREDICTED + 5 };
-    call c;
-    PyObject *result = NULL;
-    (void)module;
-    if (!take(&c, args, PREDICTED, ALL)) {
+    call c = {.buffer = b};
+    if (!take(&c, args, PREDICTED, ALL) || !understood(&c, FINGERS) || !has_predicted(&c, PREDICTED)) {
         return NULL;
     }
-    if (understood(&c, FINGERS) && has_predicted(&c, PREDICTED)) {
-        bool finite = fmfts_finite(FMFTS_FINGER * c.fingers, array(&c, FINGERS));
-        if (finite) {
-            fmfts_predict(&c.model, fingers(&c, FINGERS), &c.work->predicted[0]);
-            exchange(&c, PREDICTED, true);
-        }
-        result = PyBool_FromLong(finite);
+    bool finite = fmfts_finite(FMFTS_FINGER * c.fingers, array(&c, FINGERS));
+    if (finite) {
+        fmfts_predict(&c.model, fingers(&c, FINGERS), &c.work->predicted[0]);
+        exchange(&c, PREDICTED, true);
     }
-    release(&c);
-    return result;
+    return PyBool_FromLong(finite);
 }
 
 /* covariance(model, work, fingers, field, slope, by_pose, change, pressed, variance, ambient, covariance) */
-PyObject *fmfts_py_covariance(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(covariance)
 {
     enum { FINGERS = FIRST, PREDICTED, VARIANCE = PREDICTED + 5, AMBIENT, COVARIANCE, ALL };
-    call c;
-    PyObject *result = NULL;
-    (void)module;
-    if (!take(&c, args, COVARIANCE, ALL)) {
+    call c = {.buffer = b};
+    if (!take(&c, args, COVARIANCE, ALL) || !understood(&c, FINGERS) || !has_predicted(&c, PREDICTED)) {
         return NULL;
     }
-    size_t values;
-    if (understood(&c, FINGERS) && has_predicted(&c, PREDICTED) && (values = c.model.values) &&
-        has_doubles(&c, VARIANCE, values) && has_doubles(&c, AMBIENT, 3) && has_doubles(&c, COVARIANCE, values * values)) {
-        exchange(&c, PREDICTED, false);
-        fmfts_several_covariance(&c.model, fingers(&c, FINGERS), &c.work->predicted[0], array(&c, VARIANCE), array(&c, AMBIENT),
-                                 c.work);
-        memcpy(array(&c, COVARIANCE), c.work->covariance, values * values * sizeof(double));
-        result = Py_NewRef(Py_None);
+    const size_t values = c.model.values;
+    if (!have_doubles(&c, VARIANCE, (size_t[]){values, 3, values * values}, ALL - VARIANCE)) {
+        return NULL;
     }
-    release(&c);
-    return result;
+    exchange(&c, PREDICTED, false);
+    fmfts_several_covariance(&c.model, fingers(&c, FINGERS), &c.work->predicted[0], array(&c, VARIANCE), array(&c, AMBIENT), c.work);
+    memcpy(array(&c, COVARIANCE), c.work->covariance, values * values * sizeof(double));
+    return Py_NewRef(Py_None);
 }

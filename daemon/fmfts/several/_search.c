@@ -19,118 +19,89 @@ static bool searches(const call *c, int which, size_t values, fmfts_search *sear
 
 /* fit(model, work, search, start, field, variance, foreign, used, ambient, fingers, covariance, misfit, ambient, shear,
  * shear_deviation) */
-PyObject *fmfts_py_fit(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(fit)
 {
-    enum { SEARCH = FIRST, START, FIELD, VARIANCE, FOREIGN, USED, AMBIENT, FINGERS, COVARIANCE, MISFIT, FOUND_AMBIENT, SHEAR,
-           SHEAR_DEVIATION, ALL };
-    call c;
+    enum { SEARCH = FIRST, START, FIELD, FINGERS = FIELD + 5, COVARIANCE, MISFIT, AMBIENT, SHEAR, SHEAR_DEVIATION, ALL };
+    call c = {.buffer = b};
     fmfts_search search;
-    PyObject *result = NULL;
-    (void)module;
-    if (!take(&c, args, FINGERS, ALL)) {
+    fmfts_measured measured;
+    if (!take(&c, args, FINGERS, ALL) || !understood(&c, START)) {
         return NULL;
     }
-    if (understood(&c, START)) {
-        size_t values = c.model.values, unknowns = FMFTS_FINGER * c.fingers;
-        if (searches(&c, SEARCH, values, &search) && has_doubles(&c, FIELD, values) && has_doubles(&c, VARIANCE, values) &&
-            has_foreign(&c, FOREIGN) && has(&c, USED, values) && has_doubles(&c, AMBIENT, 3) &&
-            has_doubles(&c, FINGERS, unknowns) &&
-            has_doubles(&c, COVARIANCE, unknowns * unknowns) && has_doubles(&c, MISFIT, values) &&
-            has_doubles(&c, FOUND_AMBIENT, 3) && has_doubles(&c, SHEAR, 2 * c.fingers) &&
-            has_doubles(&c, SHEAR_DEVIATION, 2 * c.fingers)) {
-            fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf, foreign(&c, FOREIGN),
-                                       array(&c, AMBIENT)};
-            fmfts_found found = {
-                .fingers = array(&c, FINGERS),
-                .covariance = array(&c, COVARIANCE),
-                .misfit_t = array(&c, MISFIT),
-                .ambient_t = array(&c, FOUND_AMBIENT),
-                .shear_n = array(&c, SHEAR),
-                .shear_deviation_n = array(&c, SHEAR_DEVIATION),
-            };
-            fmfts_refusal refusal = fmfts_several_fit(&c.model, &search, fingers(&c, START), &measured, c.work, &found);
-            result = told(refusal, found.chi2);
-        }
+    const size_t values = c.model.values, unknowns = FMFTS_FINGER * c.fingers, shears = 2 * c.fingers;
+    const size_t found_doubles[] = {unknowns, unknowns * unknowns, values, 3, shears, shears};
+    if (!searches(&c, SEARCH, values, &search) || !measures_field(&c, FIELD, &measured) ||
+        !have_doubles(&c, FINGERS, found_doubles, ALL - FINGERS)) {
+        return NULL;
     }
-    release(&c);
-    return result;
+    fmfts_found found = {
+        .fingers = array(&c, FINGERS),
+        .covariance = array(&c, COVARIANCE),
+        .misfit_t = array(&c, MISFIT),
+        .ambient_t = array(&c, AMBIENT),
+        .shear_n = array(&c, SHEAR),
+        .shear_deviation_n = array(&c, SHEAR_DEVIATION),
+    };
+    fmfts_refusal refusal = fmfts_several_fit(&c.model, &search, fingers(&c, START), &measured, c.work, &found);
+    return told(refusal, found.chi2);
 }
 
 /* whitener(model, work, fingers, variance, foreign, used, ambient, root) */
-PyObject *fmfts_py_whitener(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(whitener)
 {
     enum { FINGERS = FIRST, VARIANCE, FOREIGN, USED, AMBIENT, ROOT, ALL };
-    call c;
-    PyObject *result = NULL;
-    (void)module;
+    call c = {.buffer = b};
+    fmfts_measured measured;
     if (!take(&c, args, ROOT, ALL)) {
         return NULL;
     }
-    size_t there = used(&c, USED);
-    if (understood(&c, FINGERS) && has_doubles(&c, VARIANCE, c.model.values) && has_foreign(&c, FOREIGN) &&
-        has(&c, USED, c.model.values) && has_doubles(&c, AMBIENT, 3) && has_doubles(&c, ROOT, there * there)) {
-        fmfts_measured measured = {.variance_t2 = array(&c, VARIANCE),
-                                   .used = c.buffer[USED].buf,
-                                   .foreign_t2 = foreign(&c, FOREIGN),
-                                   .ambient_t = array(&c, AMBIENT)};
-        fmfts_refusal refusal = fmfts_whitener(&c.model, fingers(&c, FINGERS), &measured, c.work);
-        memcpy(array(&c, ROOT), c.work->root, there * there * sizeof(double));
-        result = told(refusal, 0.0);
+    const size_t there = used(&c, USED);
+    if (!understood(&c, FINGERS) || !measures(&c, VARIANCE, &measured) || !has_doubles(&c, ROOT, there * there)) {
+        return NULL;
     }
-    release(&c);
-    return result;
+    fmfts_refusal refusal = fmfts_whitener(&c.model, fingers(&c, FINGERS), &measured, c.work);
+    memcpy(array(&c, ROOT), c.work->root, there * there * sizeof(double));
+    return told(refusal, 0.0);
 }
 
 /* chi2_with(model, work, root, fingers, field, used) */
-PyObject *fmfts_py_chi2_with(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(chi2_with)
 {
     enum { ROOT = FIRST, FINGERS, FIELD, USED, ALL };
-    call c;
-    PyObject *result = NULL;
-    (void)module;
+    call c = {.buffer = b};
+    double chi2 = 0.0;
     if (!take(&c, args, ALL, ALL)) {
         return NULL;
     }
-    size_t there = used(&c, USED);
-    if (understood(&c, FINGERS) && has_doubles(&c, ROOT, there * there) && has_doubles(&c, FIELD, c.model.values) &&
-        has(&c, USED, c.model.values)) {
-        double chi2 = 0.0;
-        fmfts_measured measured = {.field_t = array(&c, FIELD), .used = c.buffer[USED].buf};
-        fmfts_refusal refusal =
-            fmfts_chi2_with(&c.model, array(&c, ROOT), fingers(&c, FINGERS), &measured, c.work, &chi2);
-        result = told(refusal, chi2);
+    const size_t there = used(&c, USED);
+    if (!understood(&c, FINGERS) || !has_doubles(&c, ROOT, there * there) || !has_doubles(&c, FIELD, c.model.values) ||
+        !has(&c, USED, c.model.values)) {
+        return NULL;
     }
-    release(&c);
-    return result;
+    fmfts_measured measured = {.field_t = array(&c, FIELD), .used = c.buffer[USED].buf};
+    fmfts_refusal refusal = fmfts_chi2_with(&c.model, array(&c, ROOT), fingers(&c, FINGERS), &measured, c.work, &chi2);
+    return told(refusal, chi2);
 }
 
 /* valley(model, work, search, fingers, away, direction, limits, field, variance, foreign, used, ambient, there, chi2) */
-PyObject *fmfts_py_valley(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(valley)
 {
-    enum { SEARCH = FIRST, FINGERS, AWAY, DIRECTION, LIMITS, FIELD, VARIANCE, FOREIGN, USED, AMBIENT, THERE, CHI2, ALL };
-    call c;
+    enum { SEARCH = FIRST, FINGERS, AWAY, DIRECTION, LIMITS, FIELD, THERE = FIELD + 5, CHI2, ALL };
+    call c = {.buffer = b};
     fmfts_search search;
-    PyObject *result = NULL;
-    (void)module;
-    if (!take(&c, args, THERE, ALL)) {
+    fmfts_measured measured;
+    if (!take(&c, args, THERE, ALL) || !understood(&c, FINGERS)) {
         return NULL;
     }
-    if (understood(&c, FINGERS)) {
-        size_t values = c.model.values, ways = (size_t)c.buffer[CHI2].len / (2 * sizeof(double));
-        size_t unknowns = FMFTS_FINGER * c.fingers, all = ways * unknowns;
-        if (searches(&c, SEARCH, values, &search) && has_doubles(&c, AWAY, all) && has_doubles(&c, DIRECTION, all) &&
-            has_doubles(&c, LIMITS, sizeof(fmfts_valley_limits) / sizeof(double)) && has_doubles(&c, FIELD, values) &&
-            has_doubles(&c, VARIANCE, values) && has_foreign(&c, FOREIGN) && has(&c, USED, values) &&
-            has_doubles(&c, AMBIENT, 3) && has_doubles(&c, THERE, 2 * all) && has_doubles(&c, CHI2, 2 * ways)) {
-            fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf, foreign(&c, FOREIGN),
-                                       array(&c, AMBIENT)};
-            fmfts_ways where = {ways, array(&c, AWAY), array(&c, DIRECTION), array(&c, THERE), array(&c, CHI2),
-                                c.buffer[LIMITS].buf};
-            result = told(fmfts_valley(&c.model, &search, fingers(&c, FINGERS), &measured, c.work, &where), 0.0);
-        }
+    const size_t ways = (size_t)c.buffer[CHI2].len / (2 * sizeof(double)), all = ways * FMFTS_FINGER * c.fingers;
+    if (!searches(&c, SEARCH, c.model.values, &search) || !measures_field(&c, FIELD, &measured) ||
+        !have_doubles(&c, AWAY, (size_t[]){all, all, sizeof(fmfts_valley_limits) / sizeof(double)}, FIELD - AWAY) ||
+        !have_doubles(&c, THERE, (size_t[]){2 * all, 2 * ways}, ALL - THERE)) {
+        return NULL;
     }
-    release(&c);
-    return result;
+    fmfts_ways where = {ways,           array(&c, AWAY), array(&c, DIRECTION), array(&c, THERE), array(&c, CHI2),
+                        c.buffer[LIMITS].buf};
+    return told(fmfts_valley(&c.model, &search, fingers(&c, FINGERS), &measured, c.work, &where), 0.0);
 }
 
 enum { SCANNED = 0, SCAN_ROOM = FIRST, SCAN_ROOT, SCAN_FIELD, SCAN_USED, SCAN_FOUND, SCAN_ALL };
@@ -152,13 +123,9 @@ static bool scans(call *c, PyObject *args, int others, scanned *s)
     c->work = c->buffer[WORK].buf;
     s->measured = (fmfts_measured){.field_t = array(c, SCAN_FIELD), .used = c->buffer[SCAN_USED].buf};
     s->grid = (fmfts_grid){&s->search, array(c, SCAN_ROOT), &s->measured, c->work, array(c, SCAN_ROOM)};
-    if (searches(c, SCANNED, values, &s->search) && has_doubles(c, WORK, WORK_DOUBLES) &&
-        has_doubles(c, SCAN_ROOM, FMFTS_SCAN_DOUBLES(values, s->search.panels * FMFTS_PANEL)) &&
-        has_doubles(c, SCAN_ROOT, there * there) && has_doubles(c, SCAN_FIELD, values)) {
-        return true;
-    }
-    release(c);
-    return false;
+    return searches(c, SCANNED, values, &s->search) && has_doubles(c, WORK, WORK_DOUBLES) &&
+           has_doubles(c, SCAN_ROOM, FMFTS_SCAN_DOUBLES(values, s->search.panels * FMFTS_PANEL)) &&
+           has_doubles(c, SCAN_ROOT, there * there) && has_doubles(c, SCAN_FIELD, values);
 }
 
 static PyObject *finite_or_told(bool finite, double number)
@@ -167,64 +134,54 @@ static PyObject *finite_or_told(bool finite, double number)
 }
 
 /* best_single(search, work, room, root, field, used, finger): the number is its gain. */
-PyObject *fmfts_py_best_single(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(best_single)
 {
-    call c;
+    call c = {.buffer = b};
     scanned s;
-    PyObject *result = NULL;
-    (void)module;
-    if (!scans(&c, args, 0, &s)) {
+    double gain = 0.0;
+    if (!scans(&c, args, 0, &s) || !has_doubles(&c, SCAN_FOUND, FMFTS_FINGER)) {
         return NULL;
     }
-    if (has_doubles(&c, SCAN_FOUND, FMFTS_FINGER)) {
-        double gain = 0.0;
-        bool finite = fmfts_best_single(&s.grid, array(&c, SCAN_FOUND), &gain);
-        result = finite_or_told(finite, gain);
-    }
-    release(&c);
-    return result;
+    bool finite = fmfts_best_single(&s.grid, array(&c, SCAN_FOUND), &gain);
+    return finite_or_told(finite, gain);
 }
 
 /* best_pairs(search, work, room, root, field, used, starts): as many as fit. The number is how many. */
-PyObject *fmfts_py_best_pairs(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(best_pairs)
 {
-    call c;
+    call c = {.buffer = b};
     scanned s;
-    PyObject *result = NULL;
-    (void)module;
     if (!scans(&c, args, 0, &s)) {
         return NULL;
     }
     size_t most = (size_t)c.buffer[SCAN_FOUND].len / (2 * FMFTS_FINGER * sizeof(double)), count = 0;
     if (most > FMFTS_SEVERAL_STARTS) {
-        PyErr_Format(PyExc_ValueError, "%zu pairs, at most %d", most, FMFTS_SEVERAL_STARTS);
-    } else if (has_doubles(&c, SCAN_FOUND, 2 * FMFTS_FINGER * most)) {
-        bool finite = fmfts_best_pairs(&s.grid, most, array(&c, SCAN_FOUND), &count);
-        result = finite_or_told(finite, (double)count);
+        return PyErr_Format(PyExc_ValueError, "%zu pairs, at most %d", most, FMFTS_SEVERAL_STARTS);
     }
-    release(&c);
-    return result;
+    if (!has_doubles(&c, SCAN_FOUND, 2 * FMFTS_FINGER * most)) {
+        return NULL;
+    }
+    bool finite = fmfts_best_pairs(&s.grid, most, array(&c, SCAN_FOUND), &count);
+    return finite_or_told(finite, (double)count);
 }
 
 /* another(search, work, room, root, field, used, predicted, slope, found): found [2 + unknowns][places]. */
-PyObject *fmfts_py_another(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(another)
 {
-    enum { PREDICTED = SCAN_FOUND, SLOPE, FOUND };
-    call c;
+    enum { PREDICTED = SCAN_FOUND, SLOPE, FOUND, ALL };
+    call c = {.buffer = b};
     scanned s;
-    PyObject *result = NULL;
-    (void)module;
     if (!scans(&c, args, FOUND - PREDICTED, &s)) {
         return NULL;
     }
-    size_t values = s.search.values, unknowns = (size_t)c.buffer[SLOPE].len / (values * sizeof(double));
+    const size_t values = s.search.values, unknowns = (size_t)c.buffer[SLOPE].len / (values * sizeof(double));
     if (unknowns > FMFTS_SEVERAL_UNKNOWNS) {
-        PyErr_Format(PyExc_ValueError, "%zu unknowns, at most %d", unknowns, FMFTS_SEVERAL_UNKNOWNS);
-    } else if (has_doubles(&c, PREDICTED, values) && has_doubles(&c, SLOPE, values * unknowns) &&
-               has_doubles(&c, FOUND, (2 + unknowns) * s.search.places)) {
-        const fmfts_others others = {unknowns, array(&c, PREDICTED), array(&c, SLOPE)};
-        result = told(fmfts_another(&s.grid, &others, array(&c, FOUND)), 0.0);
+        return PyErr_Format(PyExc_ValueError, "%zu unknowns, at most %d", unknowns, FMFTS_SEVERAL_UNKNOWNS);
     }
-    release(&c);
-    return result;
+    const size_t wanted[] = {values, values * unknowns, (2 + unknowns) * s.search.places};
+    if (!have_doubles(&c, PREDICTED, wanted, ALL - PREDICTED)) {
+        return NULL;
+    }
+    const fmfts_others others = {unknowns, array(&c, PREDICTED), array(&c, SLOPE)};
+    return told(fmfts_another(&s.grid, &others, array(&c, FOUND)), 0.0);
 }

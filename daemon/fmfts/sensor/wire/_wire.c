@@ -1,12 +1,8 @@
 /* fmfts.sensor.wire._wire: sample.c and clock.c for Python, through the stable ABI. framing.py and clock.py call it. */
-#define PY_SSIZE_T_CLEAN
-#include "../../common/stable_abi.h"
+#include "../../common/_binding.h"
 
-#include <Python.h>
 #include <string.h>
 
-#include "../../common/_named.h"
-#include "../../common/aligned.h"
 #include "clock.h"
 #include "newest.h"
 #include "sample.h"
@@ -29,11 +25,11 @@ static PyObject *told(const char *line, size_t size)
 /* samples(data) → ([(pad_index, sequence, time_us, temperature_raw, (gain_code, valid, fresh, readings)), or of an early sample
  * (pad_index, sensor, gain_code, time_us, (x, y, z)), …], end): the sample packets at the beginning of `data`, and the offset
  * where they end. */
-static PyObject *samples(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(samples)
 {
     const char *data;
     Py_ssize_t size, end = 0;
-    (void)module;
+    (void)b;
     if (!PyArg_ParseTuple(args, "y#", &data, &size)) {
         return NULL;
     }
@@ -54,13 +50,13 @@ static PyObject *samples(PyObject *module, PyObject *args)
 }
 
 /* keep_newest(data, most, longest_us) → (data without superseded samples, (how many of each pad were left out)); see newest.h. */
-static PyObject *keep_newest(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(keep_newest)
 {
     const char *data;
     Py_ssize_t size;
     unsigned most, left_out[FMFTS_WIRE_PADS] = {0};
     long long longest_us;
-    (void)module;
+    (void)b;
     if (!PyArg_ParseTuple(args, "y#IL", &data, &size, &most, &longest_us)) {
         return NULL;
     }
@@ -80,79 +76,61 @@ static PyObject *keep_newest(PyObject *module, PyObject *args)
 static fmfts_clock_line *take_clock(PyObject *args, Py_buffer *line, long long *device_us, long long *arrival_ns)
 {
     *device_us = *arrival_ns = 0;
-    if (!PyArg_ParseTuple(args, "w*|LL", line, device_us, arrival_ns)) {
+    if (!PyArg_ParseTuple(args, "w*|LL", line, device_us, arrival_ns) ||
+        !fmfts_has_bytes(line, sizeof(fmfts_clock_line), sizeof(double), "line")) {
         return NULL;
     }
-    if (line->len != (Py_ssize_t)sizeof(fmfts_clock_line)) {
-        PyErr_Format(PyExc_ValueError, "line: %zd bytes, %zu expected", line->len, sizeof(fmfts_clock_line));
-    } else if (!fmfts_is_aligned(line, sizeof(double))) {
-        /* it has raised */
-    } else if (*device_us < 0 || *device_us >= 1LL << 48 || *arrival_ns < 0 || *arrival_ns >= 1LL << 62) {
+    if (*device_us < 0 || *device_us >= 1LL << 48 || *arrival_ns < 0 || *arrival_ns >= 1LL << 62) {
         PyErr_Format(PyExc_ValueError, "a packet at %lld us of its board that arrived at %lld ns: no clock tells that", *device_us,
                      *arrival_ns);
-    } else {
-        return line->buf;
+        return NULL;
     }
-    return NULL;
+    return line->buf;
 }
 
 /* host_time(line, device_us, arrival_ns) → ns on the host's clock; see clock.h. */
-static PyObject *host_time(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(host_time)
 {
-    Py_buffer buffer = {0};
     long long device_us, arrival_ns;
-    fmfts_clock_line *line = take_clock(args, &buffer, &device_us, &arrival_ns);
-    PyObject *result = line ? PyLong_FromLongLong(fmfts_host_time(line, device_us, arrival_ns)) : NULL;
-    (void)module;
-    PyBuffer_Release(&buffer);
-    return result;
+    fmfts_clock_line *line = take_clock(args, b, &device_us, &arrival_ns);
+    return line ? PyLong_FromLongLong(fmfts_host_time(line, device_us, arrival_ns)) : NULL;
 }
 
 /* goes_on(line, device_us, arrival_ns) → bool. */
-static PyObject *goes_on(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(goes_on)
 {
-    Py_buffer buffer = {0};
     long long device_us, arrival_ns;
-    fmfts_clock_line *line = take_clock(args, &buffer, &device_us, &arrival_ns);
-    PyObject *result = line ? PyBool_FromLong(fmfts_goes_on(line, device_us, arrival_ns)) : NULL;
-    (void)module;
-    PyBuffer_Release(&buffer);
-    return result;
+    fmfts_clock_line *line = take_clock(args, b, &device_us, &arrival_ns);
+    return line ? PyBool_FromLong(fmfts_goes_on(line, device_us, arrival_ns)) : NULL;
 }
 
 /* above_line(line, device_us, arrival_ns) → ns. */
-static PyObject *above_line(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(above_line)
 {
-    Py_buffer buffer = {0};
     long long device_us, arrival_ns;
-    fmfts_clock_line *line = take_clock(args, &buffer, &device_us, &arrival_ns);
-    PyObject *result = line ? PyFloat_FromDouble(fmfts_above_line(line, device_us, arrival_ns)) : NULL;
-    (void)module;
-    PyBuffer_Release(&buffer);
-    return result;
+    fmfts_clock_line *line = take_clock(args, b, &device_us, &arrival_ns);
+    return line ? PyFloat_FromDouble(fmfts_above_line(line, device_us, arrival_ns)) : NULL;
 }
 
 /* restart(line). */
-static PyObject *restart(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(restart)
 {
-    Py_buffer buffer = {0};
     long long unused_us, unused_ns;
-    fmfts_clock_line *line = take_clock(args, &buffer, &unused_us, &unused_ns);
-    (void)module;
-    if (line) {
-        fmfts_restart_clock(line);
+    fmfts_clock_line *line = take_clock(args, b, &unused_us, &unused_ns);
+    if (!line) {
+        return NULL;
     }
-    PyBuffer_Release(&buffer);
-    return line ? Py_NewRef(Py_None) : NULL;
+    fmfts_restart_clock(line);
+    return Py_NewRef(Py_None);
 }
 
 static PyMethodDef methods[] = {
-    {"above_line", above_line, METH_VARARGS, "How far a packet is above the clock's line; see clock.h."},
-    {"goes_on", goes_on, METH_VARARGS, "Whether a packet goes on from those before; see clock.h."},
-    {"host_time", host_time, METH_VARARGS, "Maps a board's time to the host's; see clock.h."},
-    {"keep_newest", keep_newest, METH_VARARGS, "Leaves out superseded samples; see newest.py."},
-    {"restart", restart, METH_VARARGS, "Forgets a clock's packets; see clock.h."},
-    {"samples", samples, METH_VARARGS, "The sample packets at the beginning of bytes; see framing.py."},
+    FMFTS_METHOD(above_line, "How far a packet is above the clock's line; see clock.h."),
+    FMFTS_METHOD(goes_on, "Whether a packet goes on from those before; see clock.h."),
+    FMFTS_METHOD(host_time, "Maps a board's time to the host's; see clock.h."),
+    FMFTS_METHOD(keep_newest, "Leaves out superseded samples; see newest.py."),
+    FMFTS_METHOD(restart, "Forgets a clock's packets; see clock.h."),
+    FMFTS_METHOD(samples, "The sample packets at the beginning of bytes; see framing.py."),
     {NULL, NULL, 0, NULL},
 };
 
@@ -168,22 +146,10 @@ _Static_assert(sizeof(fmfts_clock_line) == 8 * (17 + 2 * FMFTS_SLOPE_BUCKETS), "
 
 static int set_up(PyObject *module)
 {
-    PyObject *fields = fmfts_list_of(CLOCK, sizeof CLOCK / sizeof *CLOCK);
-    int failed = !fields || PyModule_AddObjectRef(module, "CLOCK", fields) < 0 ||
-                 PyModule_AddIntConstant(module, "JUMP_NS", (long)FMFTS_JUMP_NS) < 0;
-    Py_XDECREF(fields);
-    return failed ? -1 : 0;
+    return fmfts_add_fields(module, "CLOCK", CLOCK, sizeof CLOCK / sizeof *CLOCK) ||
+                   PyModule_AddIntConstant(module, "JUMP_NS", (long)FMFTS_JUMP_NS)
+               ? -1
+               : 0;
 }
 
-static PyModuleDef_Slot slots[] = {
-    {Py_mod_exec, (void *)set_up},
-    {0, NULL},
-};
-
-static PyModuleDef definition = {
-    .m_base = PyModuleDef_HEAD_INIT, .m_name = "_wire", .m_size = 0, .m_methods = methods, .m_slots = slots};
-
-PyMODINIT_FUNC PyInit__wire(void)
-{
-    return PyModuleDef_Init(&definition);
-}
+FMFTS_MODULE(_wire, methods, set_up)
