@@ -40,7 +40,7 @@
 # make fuzz    a million inputs to each decoder, or FUZZ_SECONDS=300 of each: 50 minutes; make fuzz-short: some minutes
 # make fuzz-files    a million damaged files
 # make golden  every frame of the frozen worlds against what was said of it: a minute; make golden-freeze: keep what is
-#              said now, and say in the commit why    (GOLDEN="--way recorded healthy"); make net-catches: 101 deliberate
+#              said now, and say in the commit why    (GOLDEN="--way recorded healthy"); make net-catches: 106 deliberate
 #              changes of equations, gates and memories, each of which the oracle or a frozen world must find
 # make test-versions         each installed Python with the oldest, newest and pinned dependencies: half an hour
 # make wheel   a wheel for this architecture; fails if a compiled part is missing

@@ -36,6 +36,7 @@ SAYS, RECORDED = (
     for name in ("what_goes_with_a_message_is_what_it_says", "snapshots_and_a_replay_change_no_bit")
 )
 TOLERANCES = "tests/oracle/test_tolerances.py"
+SPLINE = "tests/unit/test_spline.py"
 CHANGES = [
     Change("field", "pose/model.h", "further * w * (52.5 - 157.5 * uw)", "further * w * (52.5 - 152.5 * uw)",
            (SOLVER,)),
@@ -156,6 +157,9 @@ CHANGES = [
     Change("contact", "arithmetic/descent.c", "damping /= search->damping_factor;",
            "damping *= search->damping_factor;",
            ("smoothed:400", "smoothed")),
+    Change("contact", "arithmetic/spline.h", "+ 3.0 * u + 1.0) / 6.0", "+ 3.0 * u + 0.9) / 6.0", (SPLINE,)),
+    Change("contact", "arithmetic/spline.h", "double inside = most < x ? most : x,", "double inside = x,", (SPLINE,)),
+    Change("several", "arithmetic/spline.h", "(3.0 * u - 2.0) / (h * h)", "(3.0 * u - 1.9) / (h * h)", (SEVERAL,)),
     Change("now", "pose/motion_modes.c", "own->widths *= s / r", "own->widths *= 1.0", ("healthy:700",)),
     Change("now", "contact/now.c", "LEAD_SHARE 0.75", "LEAD_SHARE 0.7", ("healthy:700",)),
     Change("now", "contact/drive.c", "fmax(place[2], 0.0)", "place[2] * 0.9", ("healthy:700",)),
@@ -175,8 +179,8 @@ CHANGES = [
     Change("message", "pipeline/reading.c", "work->memory->contact.touched != 0.0 ? FMFTS_IN_CONTACT",
            "work->memory->contact.in_contact != 0.0 ? FMFTS_IN_CONTACT", ("without-model:700",)),
     Change("message", "pipeline/_pad.c", "self->memory->message.number++;", ";", (SAYS,)),
-    Change("message", "pipeline/encoded.py", "    over_range: bool\n    t_sample_ns: int\n    t_publish_ns: int\n",
-           "    over_range: bool\n    t_publish_ns: int\n    t_sample_ns: int\n", (SAYS,)),
+    Change("message", "pipeline/encoded.py", "    slipping: bool\n    t_sample_ns: int\n    t_publish_ns: int\n",
+           "    slipping: bool\n    t_publish_ns: int\n    t_sample_ns: int\n", (SAYS,)),
     Change("snapshot", "common/record.py", "            self._values[name] = values[name]\n",
            "            self._values[name] = values[name] if self._values[name].ndim else self._values[name]\n",
            (RECORDED,)),
