@@ -12,10 +12,10 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import msgspec
 import pytest
 from bus_messages import contact_message, frame_message
+from json_schemas import fits
 from mcap.reader import make_reader
 
 from fmfts.bus.messages import ContactMessage
@@ -57,9 +57,8 @@ def test_other_programs_find_json_that_fits_its_schema(tmp_path: Path) -> None:
     assert schema is not None
     assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
     content = msgspec.json.decode(message.data)
-    jsonschema.validate(content, msgspec.json.decode(schema.data))
-    with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(content | {"force_n": "much"}, msgspec.json.decode(schema.data))
+    assert fits(content, msgspec.json.decode(schema.data))
+    assert not fits(content | {"force_n": "much"}, msgspec.json.decode(schema.data))
 
 
 def test_recording_cut_off_anywhere_gives_every_whole_chunk(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from sklearn.cluster import KMeans
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.levenberg import Layers, train
@@ -78,6 +77,8 @@ class RadialBasis:
         self.seed = seed
 
     def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> RadialBasis:
+        from sklearn.cluster import KMeans  # takes a second to import
+
         self._inputs, self._target = Span.of(inputs), Span.of(target)
         shrunk = self._inputs.shrunk(inputs)
         with threadpool_limits(1):
