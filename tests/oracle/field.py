@@ -32,19 +32,19 @@ class OneMagnet:
 
 def potential(r: NDArray[np.complex128], axis: Array, kappa: float) -> NDArray[np.complex128]:
     """(…,) over B_T, at r (…, 3) from the magnet."""
-    u, q = (r * axis).sum(axis=-1), (r * r).sum(axis=-1)
-    return u * q**-1.5 + kappa * (2.5 * u**3 * q**-3.5 - 1.5 * u * q**-2.5)
+    u, q = r @ axis, (r * r).sum(axis=-1)
+    dipole = u * q**-1.5
+    if kappa == 0.0:
+        return dipole
+    return dipole + kappa * dipole * (2.5 * u * u / q - 1.5) / q
 
 
 def field(magnet: OneMagnet, place_m: Array) -> Array:
     """(N, 3) in T."""
     strength = magnet.strength_t_m3 * np.exp(magnet.log_moment)
-    columns = []
-    for axis in range(3):
-        step = np.zeros(3, complex)
-        step[axis] = 1j * TINY
-        columns.append(-potential(place_m - magnet.position_m + step, magnet.axis, magnet.kappa_m2).imag / TINY)
-    return strength * np.stack(columns, axis=-1)
+    steps = 1j * TINY * np.eye(3)[:, None, :]
+    moved = potential((place_m - magnet.position_m) + steps, magnet.axis, magnet.kappa_m2).imag
+    return -strength / TINY * moved.T
 
 
 def reading(
