@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 from fmfts.baseline import Baseline
 from fmfts.baseline.request import DURATION_S, BaselineRequest
@@ -17,6 +18,11 @@ from fmfts.simulation.source import Simulated
 def simulated_baseline(config: PadConfig, beside: Sequence[PadConfig] = ()) -> Baseline:
     """The baseline of the pad that `config` simulates; the same seed builds the same pad. beside: pads whose magnets it
     measures."""
+    return _recorded(config, tuple(beside))
+
+
+@lru_cache(maxsize=64)  # studies and tests put many pipelines on one pad, and a recording takes 0.2 s of a processor
+def _recorded(config: PadConfig, beside: tuple[PadConfig, ...]) -> Baseline:
     bare = BaselineRequest(config.pad(), config.tolerance.si(), bare=True, replaced=False)
     rest = BaselineRequest(config.pad(), config.tolerance.si(), bare=False, replaced=False)
     before, _ = bare.make(_frames(config, beside, mounted=False), None)
