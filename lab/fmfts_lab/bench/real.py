@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
+from fmfts_lab.bench.direct_labels import label_ends
 from fmfts_lab.real.figures import RECORDINGS, Shown
 
 
@@ -29,18 +30,28 @@ def _draw(shown: Shown, file: Path) -> None:
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context({"svg.hashsalt": file.stem, "svg.fonttype": "none"}):
-        figure = Figure(figsize=(6.0, 2.6), layout="constrained")
+        figure = Figure(figsize=(7.5, 3.0))
         axes = figure.subplots()
+        figure.subplots_adjust(left=0.1, right=0.86, bottom=0.17, top=0.9)
         for number, (name, (x, y)) in enumerate(shown.curves.items()):
-            style = {"marker": ".", "linestyle": ""} if shown.points else {}
+            style = {"marker": "."} if shown.points else {}
+            if shown.log and shown.points:
+                style = {"marker": ".", "linestyle": "", "color": "tab:blue"}
             if name.endswith("deviation"):
                 style = {"linestyle": "--", "color": f"C{number // 2}"}
             elif name.endswith("error"):
                 style = {"color": f"C{number // 2}"}
-            axes.plot(x, y, label=name, linewidth=1.0, **style)  # type: ignore[arg-type]
+            label = "_" if name.endswith("deviation") else name.removesuffix(", error")
+            axes.plot(x, y, label=label, linewidth=1.2, **style)  # type: ignore[arg-type]
         if shown.log:
-            axes.set(xscale="log", yscale="log")
+            values = [y for _, y in shown.curves.values()]
+            decades = max(map(max, values)) > 10.0 * min(map(min, values))
+            axes.set(xscale="log", yscale="log" if decades else "linear")
+            for axis in (axes.xaxis, axes.yaxis):
+                axis.set_major_formatter(lambda value, _: f"{value:g}")
+                axis.set_minor_formatter(lambda *_: "")
         axes.set_title(shown.title, fontsize="medium")
         axes.set(xlabel=shown.x, ylabel=shown.y)
-        axes.legend(fontsize="x-small")
+        if not (shown.log and shown.points):
+            label_ends(axes)
         figure.savefig(file, metadata={"Date": None})

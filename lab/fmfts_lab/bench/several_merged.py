@@ -6,7 +6,7 @@ from argparse import Namespace
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from fmfts.several.count import resultant
 from fmfts.several.reading import FingersReading
 from fmfts.several.resultant import deviation_of, deviation_of_each, resultant_deviation
 from fmfts_lab.bench.several_world import BUILT, Press, estimator_of, read_once, two_places, worlds
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Told = Literal["two", "one", "more or disturbed"]
 TOLD: tuple[Told, ...] = ("two", "one", "more or disturbed")
@@ -147,14 +150,32 @@ def _draw(found: dict[tuple[float, float], dict[float, Row]], file: Path) -> Non
     except ImportError:
         raise SystemExit("no chart: it needs matplotlib (pip install 'fmfts[plot]')") from None
     matplotlib.use("Agg")
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as NewFigure
 
-    figure = Figure(figsize=(10.0, 3.2), layout="constrained")
-    for axes, (forces, rows) in zip(figure.subplots(1, len(found), sharey=True), found.items(), strict=True):
-        shares = [[100.0 * row.share(told) for row in rows.values()] for told in TOLD]
-        axes.stackplot(list(rows), shares, labels=TOLD, colors=("#3b76af", "#9dc3e6", "#d9d9d9"))
+    shares = {
+        forces: (list(rows), [[100.0 * row.share(told) for row in rows.values()] for told in TOLD])
+        for forces, rows in found.items()
+    }
+    figure = NewFigure(figsize=(10.0, 3.4), layout="constrained")
+    draw_shares(figure, shares)
+    figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None)
+
+
+def draw_shares(figure: Figure, shares: dict[tuple[float, float], tuple[list[float], list[list[float]]]]) -> None:
+    """By both forces: distances in mm, and for each of TOLD its share in % at each distance."""
+    for axes, (forces, (apart_mm, each)) in zip(
+        figure.subplots(1, len(shares), sharey=True), shares.items(), strict=True
+    ):
+        axes.stackplot(apart_mm, each, colors=("#3b76af", "#9dc3e6", "#d9d9d9"))
         axes.set(title=f"{forces[0]:g} + {forces[1]:g} N", xlabel="mm apart", ylim=(0.0, 100.0))
         axes.margins(x=0.0)
-    axes.legend(title="told as", loc="lower right")
+        for word, x_mm, height, colour in (
+            ("reported\nas two", 11.5, 40.0, "white"),
+            ("reported\nas one", 3.7, 40.0, "black"),
+            ("neither", 6.6, 88.0, "black"),
+        ):
+            axes.text(x_mm, height, word, color=colour, ha="center", va="center", fontsize="small")
     figure.axes[0].set_ylabel("% of frames")
-    figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None)
+    two = next(iter(shares.values()))
+    enough = next(mm for mm, share in zip(two[0], two[1][0], strict=True) if share > 95.0)
+    figure.suptitle(f"Two equal fingers of 1 N are reported as two from {enough:g} mm apart on", fontsize="medium")

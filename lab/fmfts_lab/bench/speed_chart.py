@@ -22,4 +22,6 @@ def draw_growth(sensors_us: dict[int, float], magnets_us: dict[int, float], file
     by_magnets.set(xlabel="magnets (four sensors)", xticks=list(magnets_us), ylim=(0.0, None))
     for axes in (by_sensors, by_magnets):
         axes.grid(alpha=0.3)
+    most = f"{max(sensors_us.values()):.0f} µs with {max(sensors_us)} sensors, {max(magnets_us.values()):.0f} µs with"
+    figure.suptitle(f"A solve takes {most} {max(magnets_us)} magnets", fontsize="medium")
     figure.savefig(file)

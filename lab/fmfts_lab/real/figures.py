@@ -41,7 +41,9 @@ class Shown:
 
 def sold_sensor(folder: Path) -> Shown:
     """Forces of each session by a model of the other."""
-    shown = Shown("Forces of another day, and their stated deviations", "force, N", "N")
+    shown = Shown(
+        "Stated deviations (dashed) follow the errors on another day", "force, N", "rms error of each direction, N"
+    )
     with TemporaryDirectory() as written:
         paths = [written_session(name, folder / file, Path(written)) for name, (file, _) in SESSIONS.items()]
         data = read_force_set(paths)
@@ -62,7 +64,11 @@ def sold_sensor(folder: Path) -> Shown:
 
 def waved_boards(folder: Path) -> Shown:
     """Gains of the chips of four boards by `--turn`."""
-    shown = Shown("Gains by baseline --turn", "chip", "gain of the board's mean, %", points=True)
+    shown = Shown(
+        "Gains of a board's chips differ by up to 6 %; one board measured twice (Plain…) agrees",
+        "chip",
+        "gain, % off the mean",
+    )
     for board in BOARDS:
         _, turn, found = turned(folder / file_of(board))
         gain = np.einsum("iaa->i", matrices(found.mean)) / 3.0
@@ -74,7 +80,7 @@ def waved_boards(folder: Path) -> Shown:
 
 def moving_hand(folder: Path) -> Shown:
     """How uneven the field of four skins becomes while a hand moves and touches nothing, and what they report."""
-    shown = Shown("A hand that moves and touches nothing", "row", "uneven change, µT rms")
+    shown = Shown("A hand that touches nothing changes two of its four skins by 30 µT", "row", "uneven change, µT rms")
     rotations = GeometryConfig(board="anyskin5").sensor_rotations_deg
     turn = np.exp(1j * np.radians([z for *_, z in rotations]))
     for number in (1, 2):
@@ -100,7 +106,12 @@ def moving_hand(folder: Path) -> Shown:
 
 def resting_chip(folder: Path) -> Shown:
     """Noise and drift of an HMC5883L at rest for eleven minutes."""
-    shown = Shown("An HMC5883L at rest", "averaged over, s", "Allan deviation, mG", log=True)
+    shown = Shown(
+        "Averaging an HMC5883L at rest helps for 1 s along z, and for 10 s along x and y",
+        "averaged over, s",
+        "Allan deviation, mG",
+        log=True,
+    )
     try:
         import h5py  # type: ignore[import-not-found,import-untyped,unused-ignore]
     except ImportError:
@@ -128,7 +139,10 @@ def allan_deviation(values: Array, counts: Array) -> Array:
 def four_sensors(folder: Path) -> Shown:
     """How far four sensors of unknown places repeat the field of a magnet that comes back to a grid of 1 cm."""
     shown = Shown(
-        "A magnet brought back to 49 places 80 times", "field at the place, counts", "spread, counts", log=True
+        "A magnet that returns to its place repeats to 20 to 33 counts, in any field",
+        "field at the place, counts",
+        "spread of 80 returns, counts",
+        log=True,
     )
     rows = np.load(folder / "tongue_drive/tcv_1_80.npy")
     _, place = np.unique(rows[:, 12:15], axis=0, return_inverse=True)
