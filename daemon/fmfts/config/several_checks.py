@@ -44,8 +44,8 @@ def several_problems(pad: PadConfig) -> Iterator[Problem]:
             f"without a model {len(places)} magnets need {needed_sensors(len(places))} sensors at least, not "
             f'{sensors}: take more sensors, "default", or the file of a model made for it',
         )
-    if source.publish == "sample":
-        yield ("source", "publish"), 'a pad with several magnets publishes frames only: set publish = "frame"'
+    if source.publish == "sample" and pad.contact.model == NO_MODEL:
+        yield ("source", "publish"), 'a pad without a table of presses has no `now`: set publish = "frame"'
     if isinstance(source, SimulatedSource) and (source.imperfections or source.finger_shape != "round"):
         yield ("source", "imperfections"), "they are simulated with one magnet only: leave them, and finger_shape, out"
     if pad.rebaseline.enabled:

@@ -2,15 +2,18 @@
 #include "_pad.h"
 
 #include "../common/_named.h"
+#include "finger.h"
 
 static const fmfts_field_name PARAMETERS[] = FMFTS_NAMES(FMFTS_PARAMETERS);
 static const fmfts_field_name MEMORY[] = FMFTS_NAMES(FMFTS_MEMORY);
+static const fmfts_field_name FOLLOWED[] = FMFTS_NAMES(FMFTS_FOLLOWED_MEMORY);
 
 /* Fields and inner structs have no padding: one flat NumPy record describes them. */
 #define ONE_BYTES(type, name) +sizeof(type)
 #define MANY_BYTES(type, name, count) +sizeof(type) * (count)
 _Static_assert(sizeof(fmfts_parameters) == 0 FMFTS_PARAMETERS(ONE_BYTES, MANY_BYTES), "parameters with gaps");
 _Static_assert(sizeof(fmfts_memory) == 0 FMFTS_MEMORY(ONE_BYTES, MANY_BYTES), "memory with gaps");
+_Static_assert(sizeof(fmfts_followed_memory) == 0 FMFTS_FOLLOWED_MEMORY(ONE_BYTES, MANY_BYTES), "memory with gaps");
 
 static int add_fields(PyObject *module, const char *name, const fmfts_field_name *field, size_t count)
 {
@@ -39,6 +42,7 @@ static int set_up(PyObject *module)
     Py_XDECREF((PyObject *)loop_type);
     return !loop_type || add_fields(module, "PARAMETERS", PARAMETERS, COUNT(PARAMETERS)) < 0 ||
                    add_fields(module, "MEMORY", MEMORY, COUNT(MEMORY)) < 0 ||
+                   add_fields(module, "FOLLOWED", FOLLOWED, COUNT(FOLLOWED)) < 0 ||
                    PyModule_AddIntConstant(module, "FELT", FMFTS_FELT) < 0 ||
                    PyModule_AddIntConstant(module, "STATE", FMFTS_STATE) < 0 ||
                    PyModule_AddIntConstant(module, "STEP", FMFTS_STEP) < 0
@@ -54,6 +58,8 @@ static PyModuleDef_Slot slots[] = {
 static PyMethodDef methods[] = {
     {"distance", fmfts_distance_from_rest, METH_VARARGS, "How far a change moved a magnet; see _pad.pyi."},
     {"drawn", fmfts_drawn, METH_VARARGS, "A pose in the drawing's frame; see _pad.pyi."},
+    {"follow_finger", fmfts_py_follow_finger, METH_VARARGS, "The finger as it is published; see _pad.pyi."},
+    {"follow_finger_early", fmfts_py_follow_finger_early, METH_VARARGS, "The same after one sample; see _pad.pyi."},
     {"left_behind", fmfts_left_behind, METH_VARARGS, "What earlier loads have left; see _pad.pyi."},
     {"track_field", fmfts_track_field, METH_VARARGS, "Judge a field that is given; see _pad.pyi."},
     {NULL, NULL, 0, NULL},

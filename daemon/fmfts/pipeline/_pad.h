@@ -104,6 +104,10 @@ PyObject *fmfts_drawn(PyObject *module, PyObject *args);
 PyObject *fmfts_left_behind(PyObject *module, PyObject *args);
 PyObject *fmfts_distance_from_rest(PyObject *module, PyObject *args);
 
+/* _finger.c: follow_finger() and follow_finger_early(), which _pad.pyi explains. */
+PyObject *fmfts_py_follow_finger(PyObject *module, PyObject *args);
+PyObject *fmfts_py_follow_finger_early(PyObject *module, PyObject *args);
+
 /* _lent.c: methods of Pad, which _pad.pyi explains. */
 PyObject *fmfts_pad_begin(PyObject *object, PyObject *args);
 PyObject *fmfts_pad_end(PyObject *object, PyObject *unused);

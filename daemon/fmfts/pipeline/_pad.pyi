@@ -14,6 +14,7 @@ Field = tuple[str, str, int]  # name, type as NumPy names it, and how many; 0: o
 
 PARAMETERS: list[Field]  # of fmfts_parameters
 MEMORY: list[Field]  # of fmfts_memory
+FOLLOWED: list[Field]  # of fmfts_followed_memory
 FELT: int  # magnets of neighbouring pads, at most
 STATE: int  # numbers of a state, and of a step
 STEP: int
@@ -34,6 +35,36 @@ def drawn(parameters: Buffer, state: Numbers, covariance: Numbers, pose: Numbers
 
     state (15,), covariance (14, 14): of the mounted pad.
     """
+
+# The time that `now` is about on the board's clock, whether it tells places; value, deviation, rate and its deviation
+# of x, y (m) and force (N).
+Quad = tuple[float, float, float, float]
+Followed = tuple[int, bool, Quad, Quad, Quad]
+
+def follow_finger(
+    parameters: Buffer,
+    memory: Buffer,
+    field_t: Numbers,
+    sampled_us: Numbers,
+    fresh: int,
+    sequence: int,
+    device_time_us: int,
+    /,
+) -> Followed | None:
+    """The finger when the message of a frame is published: finger.h. None: nobody knows."""
+
+def follow_finger_early(
+    parameters: Buffer,
+    memory: Buffer,
+    sensor: int,
+    gain_code: int,
+    x: int,
+    y: int,
+    z: int,
+    device_time_us: int,
+    /,
+) -> Followed | None:
+    """The same after a sample that came before its frame."""
 
 def left_behind(parameters: Buffer, memory: Buffer, left: Numbers, elapsed_s: float, /) -> None:
     """Notes the load of the memory's state. Fills left (5, 5) with the covariance of what earlier loads have left."""

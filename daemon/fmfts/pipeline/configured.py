@@ -23,6 +23,7 @@ from fmfts.pose.observable import are_observable, needed_sensors
 from fmfts.scene.neighbours import SceneNeighbour, neighbours_around
 from fmfts.scene.tracking import (
     AMBIENT_DEVIATION_T,
+    AMBIENT_WALK_T2_PER_S,
     COEFFICIENT_SHARE,
     HOTTER_K,
     MOMENT_DEVIATION,
@@ -99,7 +100,8 @@ def pipeline_of(config: PadConfig, model: AnyModel, boot: str) -> Pipeline:
     if isinstance(model, ArrayModel) or (config.other_magnets and isinstance(model, NoContactModel)):
         per_k = config.magnet.temperature_coefficient_per_k
         scene, hand = several_scene_of(config), hand_of(config)
-        return SeveralPipeline(config.pad(), model, boot, rate_hz, scene, per_k, hand=hand)
+        lead = lead_of(config)
+        return SeveralPipeline(config.pad(), model, boot, rate_hz, scene, per_k, hand=hand, lead=lead)
     assert isinstance(model, ContactModel | NoContactModel)
     tracking = scene_model_of(config).tracking
     return PadPipeline(config.pad(), model, boot, rate_hz, tracking, lead=lead_of(config), hand=hand_of(config))
@@ -139,7 +141,8 @@ def several_scene_of(config: PadConfig) -> Scene:
     per_k = config.magnet.temperature_coefficient_per_k
     moment = float(root_of_squares(MOMENT_DEVIATION, per_k * warming_k))
     ambient_t = TURNING_T if moves else AMBIENT_DEVIATION_T
-    return Scene(ambient_t, moment, config.contact.friction, config.structure_tolerance().force_share)
+    walk_t2_per_s = AMBIENT_WALK_T2_PER_S if moves else 0.0
+    return Scene(ambient_t, moment, config.contact.friction, config.structure_tolerance().force_share, walk_t2_per_s)
 
 
 def feel_neighbours(

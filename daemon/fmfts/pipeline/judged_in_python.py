@@ -69,8 +69,9 @@ class JudgedInPython:
         """The host's time of the board's, near the last frame."""
         return self._last_frame.host_time_ns(device_time_us)
 
-    def early(self, early: EarlySample) -> None:
-        """Ignores a sample that comes before its frame: such a pad has no `now`."""
+    def early(self, early: EarlySample) -> ContactMessage | None:
+        """Ignores a sample that comes before its frame, unless the pad has a `now`."""
+        return None
 
     def begin(self, clock: memoryview, topic: bytes, pad_index: int, overdue_ns: int) -> None:
         """C never takes such a pad's frames from a board's bytes."""
@@ -80,7 +81,8 @@ class JudgedInPython:
 
     def _aligned(self, frame: Frame) -> Aligned:
         """The frame's samples at one instant. Notes when that was, on the host's clock."""
-        aligned = self._last_frame.aligned(frame, frame.field_t, self._alignment)
+        self._field_t = frame.field_t  # of which each frame makes another array
+        aligned = self._last_frame.aligned(frame, self._field_t, self._alignment)
         if frame.valid.any() and not aligned.is_old:
             # Else the frame holds no new sample, so the newest is still the last one.
             self._sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000

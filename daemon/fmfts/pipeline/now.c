@@ -14,19 +14,16 @@ static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0, 1.0, 1.0}; /* mm → m; ne
 
 /* Before so many frames the filter has not settled. */
 enum { SETTLED_FRAMES = 3 };
-/* Beyond it (a board that stalls, a chip that stopped) the newest sample is too old for an extrapolation. */
-#define LONGEST_LEAD_S 0.02
 /* At the earliest a frame is made just after its newest conversion, so the latest of the recent frames gives the time.
  * This bound is relaxed by this share of a period each frame, to follow a board with another rate than its nominal one.
  * */
 #define LET_GO 0.0025
 #define JUMP_PERIODS 2.5 /* a board that was reset */
 
-/* When the frame's message is published, on the board's clock. */
-static double publish_us(const fmfts_parameters *parameters, const fmfts_frame *frame, fmfts_now_memory *memory)
+double fmfts_publish_us(const fmfts_parameters *parameters, int64_t sequence, int64_t frame_us, fmfts_now_memory *memory)
 {
-    double period_us = parameters->pose.period_us, made_since_us = (double)frame->sequence * period_us;
-    double first_us = (double)frame->time_us - made_since_us;
+    double period_us = parameters->pose.period_us, made_since_us = (double)sequence * period_us;
+    double first_us = (double)frame_us - made_since_us;
     double made_us = fmax(memory->made_us - LET_GO * period_us, first_us);
     if (made_us - first_us > JUMP_PERIODS * period_us) {
         made_us = first_us;
@@ -145,7 +142,7 @@ static void tell(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_judged 
     fmfts_displacement displacement;
     fmfts_estimate estimate;
     now->known = false;
-    if (judged->over_range || memory->motion.followed < SETTLED_FRAMES || !(lead_s >= 0.0 && lead_s <= LONGEST_LEAD_S)) {
+    if (judged->over_range || memory->motion.followed < SETTLED_FRAMES || !(lead_s >= 0.0 && lead_s <= FMFTS_LONGEST_LEAD_S)) {
         return;
     }
     memory->now.told_us = time_us;
@@ -178,7 +175,8 @@ static bool follow(const fmfts_pad *pad, fmfts_frame_work *work, unsigned fresh,
     if (memory->motion.motion_us == 0.0) {
         fmfts_begin_motion(step, judged->drive, &memory->motion);
     }
-    if (!fmfts_follow(&parameters->pose, &parameters->motion, &memory->pose, fresh, judged->drive, &memory->motion)) {
+    const fmfts_driven driven = fmfts_driven_magnet(&parameters->pose, &memory->pose, judged->drive);
+    if (!fmfts_follow(&driven, &parameters->motion, fresh, &memory->motion)) {
         return false;
     }
     for (int i = 0; i < FMFTS_MOVED; i++) {
@@ -202,7 +200,7 @@ void fmfts_find_now(const fmfts_pad *pad, const fmfts_frame *frame, fmfts_frame_
         fmfts_forget_motion(&memory->motion);
         return;
     }
-    double time_us = publish_us(parameters, frame, &memory->now);
+    double time_us = fmfts_publish_us(parameters, frame->sequence, frame->time_us, &memory->now);
     reading->judged.known = follow(pad, work, frame->fresh, &reading->judged);
     if (reading->judged.known) {
         tell(pad, memory, &reading->judged, time_us, &reading->now);
@@ -219,28 +217,28 @@ void fmfts_read_early(const fmfts_pose_parameters *parameters, unsigned gain_cod
     }
 }
 
-/* Whether the sample is this pad's, and follows those of the last frame without a long gap. */
-static bool goes_on(const fmfts_pad *pad, const fmfts_memory *memory, const fmfts_early *early)
+bool fmfts_comes_next(const fmfts_pose_parameters *parameters, const int64_t *taken_us, const fmfts_motion_memory *memory,
+                      const fmfts_early *early)
 {
-    const fmfts_pose_parameters *parameters = &pad->parameters->pose;
-    const int64_t *taken_us = memory->pose.time_us;
     double sum = early->field_t[0] + early->field_t[1] + early->field_t[2];
     if (early->sensor < 0 || early->sensor >= (int)parameters->sensors || !isfinite(sum)) {
         return false;
     }
     int64_t ahead_us = early->time_us - fmfts_latest((size_t)parameters->sensors, taken_us);
-    return early->time_us > taken_us[early->sensor] && (double)ahead_us <= LONGEST_LEAD_S * 1e6 &&
-           fmfts_is_next(&memory->motion, early->sensor, (double)early->time_us);
+    return early->time_us > taken_us[early->sensor] && (double)ahead_us <= FMFTS_LONGEST_LEAD_S * 1e6 &&
+           fmfts_is_next(memory, early->sensor, (double)early->time_us);
 }
 
 bool fmfts_take_early(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_early *early, fmfts_reading *reading)
 {
     const fmfts_parameters *parameters = pad->parameters;
     fmfts_judged *judged = &reading->judged;
-    if (!(parameters->now.early_lead_us > 0.0) || !judged->known || !goes_on(pad, memory, early)) {
+    if (!(parameters->now.early_lead_us > 0.0) || !judged->known ||
+        !fmfts_comes_next(&parameters->pose, memory->pose.time_us, &memory->motion, early)) {
         return false;
     }
-    if (!fmfts_follow_early(&parameters->pose, &parameters->motion, &memory->pose, early, judged->drive, &memory->motion)) {
+    const fmfts_driven driven = fmfts_driven_magnet(&parameters->pose, &memory->pose, judged->drive);
+    if (!fmfts_follow_early(&driven, &parameters->motion, early, &memory->motion)) {
         fmfts_forget_motion(&memory->motion);
         judged->known = false;
         return false;

@@ -54,7 +54,7 @@ def parameters_of(
     parameters = Record(PARAMETERS)
     parameters.put("sensors", len(drawing.sensors))
     parameters.put("period_us", 1e6 / rate_hz)
-    parameters.fill(_chip(drawing.chip))
+    parameters.fill(chip_fields(drawing.chip))
     parameters.put("repeats_allowed", np.full(3 * len(drawing.sensors), np.inf))
     parameters.fill(_slip(model))
     if baselined is None:
@@ -110,7 +110,7 @@ def put_neighbours(parameters: Record, neighbours: Sequence[NeighbourView]) -> N
     parameters.put("neighbour_magnet", np.array([(each.strength_t_m3, each.modelled_octupole_m2) for each in magnets]))
 
 
-def _chip(chip: Chip) -> Values:
+def chip_fields(chip: Chip) -> Values:
     thermometer = chip.thermometer
     return {
         "saturated_count": chip.saturated_count,

@@ -8,21 +8,25 @@ Python judges its frames, and calls the compiled fit.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from fmfts.baseline import Baseline
 from fmfts.baseline.array_mounting import ArrayMounting
-from fmfts.bus.messages import ContactMessage, Health
+from fmfts.bus.messages import ContactMessage, Health, NowMessage
 from fmfts.common.memory import require_alike
 from fmfts.contact import NoContactModel
 from fmfts.contact.array_model import ArrayModel
 from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Array, Pad, Placement
+from fmfts.pipeline.finger import FollowedFinger, FollowedMemory, Told, now_told
 from fmfts.pipeline.judged_in_python import JudgedInPython
+from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.several_message import several_told
 from fmfts.pose import Aligned, repeats_allowed
 from fmfts.pose.alignment import AlignmentMemory
@@ -31,6 +35,7 @@ from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView
 from fmfts.pose.sighting import Sighting, SightingMemory
 from fmfts.pose.state import Neighbour
 from fmfts.sensor import Frame
+from fmfts.sensor.early import EarlySample
 from fmfts.sensor.missing import missing_sensors
 from fmfts.several.count import Search
 from fmfts.several.estimator import FingersEstimator
@@ -45,8 +50,8 @@ BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --res
 
 @dataclass(slots=True)
 class SeveralMemory:
-    """As PipelineMemory, of a pad with several magnets. sighting: None if no neighbour measures the pad. fingers: with
-    a table of presses; poses: without one."""
+    """As PipelineMemory, of a pad with several magnets. sighting: None if no neighbour measures the pad. fingers,
+    followed: with a table of presses; poses: without one."""
 
     alignment: AlignmentMemory
     fingers: FingersMemory | None
@@ -55,6 +60,7 @@ class SeveralMemory:
     why_no_estimator: str
     sighting: SightingMemory | None = None
     poses: PosesMemory | None = None
+    followed: FollowedMemory | None = None
 
 
 class SeveralPipeline(JudgedInPython):
@@ -75,9 +81,12 @@ class SeveralPipeline(JudgedInPython):
         magnet_per_k: float,
         *,
         hand: Hand | None = None,
+        lead: Lead = Lead(),  # noqa: B008
     ) -> None:
         super().__init__(pad, model.hash, boot, rate_hz, hand)
-        self._model = model
+        self._model, self._lead = model, lead
+        self._followed: FollowedFinger | None = None
+        self._last: ContactMessage | None = None  # of a frame that has a `now`
         self._scene, self._magnet_per_k = scene, magnet_per_k
         self._estimator: FingersEstimator | PosesEstimator | None = None
         self._at_first: FingersMemory | PosesMemory | None = None  # the estimator's memory before any frame
@@ -110,17 +119,21 @@ class SeveralPipeline(JudgedInPython):
         """
         if baseline.rest is None:
             self._estimator, self._baseline, self._why_none = None, baseline, BARE_ONLY
+            self._followed = self._last = None
             return None
         rest, mounting = baseline.rest, mounting or baseline.array_mounting(self.pad)
         before, self._baseline = self._estimator, baseline
         allowed = repeats_allowed(mounting.noise_t, self.pad.chip.coarseness_t(rest.gain_code))
         others = self._rate_hz, allowed, Warmth(self._magnet_per_k, rest.temperature_c)
+        self._followed = self._last = None
         if isinstance(self._model, NoContactModel):
             unknown = ArrayResponse.unknown(len(self.pad.magnets))
             self._estimator = PosesEstimator(FieldModel(self.pad, mounting, unknown, self._scene), *others)
         else:
             field_model = FieldModel(self.pad, mounting, self._model.response, self._scene)
             self._estimator = FingersEstimator(field_model, *others)
+            if self.hand is None:
+                self._followed = FollowedFinger(self._estimator, self._rate_hz, self._lead)
             if isinstance(before, FingersEstimator):  # a finger of before is another one
                 self._estimator.memory.counter.next_id = before.memory.counter.next_id
         self._at_first = deepcopy(self._estimator.memory)
@@ -143,6 +156,7 @@ class SeveralPipeline(JudgedInPython):
         """Forget all frames, because the next have another clock, or an error left half a memory. A new estimator would
         take 15 ms, in which all other pads wait."""
         self._forget_samples()
+        self._forget_now()
         memory = deepcopy(self._at_first)
         if isinstance(self._estimator, FingersEstimator) and isinstance(memory, FingersMemory):
             memory.counter.next_id = self._estimator.memory.counter.next_id  # a finger of before is another one
@@ -152,7 +166,7 @@ class SeveralPipeline(JudgedInPython):
 
     def refuse(self, reason: str) -> None:
         """Publish `reason` in every message: there is a baseline, but it cannot be used."""
-        self._estimator = self._baseline = None
+        self._estimator = self._baseline = self._followed = self._last = None
         self._why_none = reason
 
     def process(self, frame: Frame) -> ContactMessage:
@@ -167,14 +181,39 @@ class SeveralPipeline(JudgedInPython):
         else:
             stuck = aligned.repeats > estimator.repeats_allowed
             # Every axis with a measurement has a field: no sensor is missing.
-            is_whole = np.isfinite(frame.field_t).all() and not stuck.any()
+            is_whole = np.isfinite(self._field_t).all() and not stuck.any()
             self.missing = {} if is_whole else missing_sensors(frame, stuck)
             seen = [view.at(self._sampled_ns) for view in self._neighbours]
             reading, sighted = self._read(estimator, aligned, frame, seen)
             self.search = reading.search
             if self._is_felt and sighted is not None:
                 self._sighting.saw(*sighted, self._sampled_ns)
-        return self._message(reading, several_told(reading, estimator), frame.temperature_c)
+        told = several_told(reading, estimator)
+        if self._followed is None or not isinstance(reading, FingersReading) or self._neighbours:
+            return self._message(reading, told, frame.temperature_c)
+        told["now"] = now = self._now_of(self._followed.after(reading, aligned, frame, self._field_t))
+        message = self._message(reading, told, frame.temperature_c)
+        self._last = None if now is None else message
+        return message
+
+    def early(self, early: EarlySample) -> ContactMessage | None:
+        """The message of a sample that came before its frame: what the last frame said, with another `now`. None where
+        it says nothing new."""
+        if self._followed is None or self._last is None or early.sensor >= len(self.pad.sensors):
+            return None
+        now = self._now_of(self._followed.early(early))
+        if now is None:
+            return None
+        times = {"t_publish_ns": time.monotonic_ns(), "utc_ns": time.time_ns()}
+        return msgspec.structs.replace(self._last, now=now, **times)
+
+    def _now_of(self, told: Told | None) -> NowMessage | None:
+        return None if told is None else now_told(told, self.host_time_ns(told[0]))
+
+    def _forget_now(self) -> None:
+        self._last = None
+        if self._followed is not None:
+            self._followed.forget()
 
     def _read(
         self,
@@ -204,6 +243,7 @@ class SeveralPipeline(JudgedInPython):
             self._why_none,
             self._sighting.memory if self._is_felt else None,
             estimator.memory if isinstance(estimator, PosesEstimator) else None,
+            None if self._followed is None else self._followed.memory,
         )
 
     def recall(self, memory: SeveralMemory) -> None:
@@ -212,6 +252,9 @@ class SeveralPipeline(JudgedInPython):
         ValueError, and nothing changes, if the memory does not fit this pipeline.
         """
         require_alike(memory, self.memory)
+        self._last = None
+        if self._followed is not None and memory.followed is not None:
+            self._followed.recall(memory.followed)
         self._alignment.memory = memory.alignment
         if isinstance(self._estimator, FingersEstimator) and memory.fingers is not None:
             self._estimator.recall(memory.fingers)
@@ -226,6 +269,7 @@ class SeveralPipeline(JudgedInPython):
         """The message to publish while no frame can be used. It ends the touch: the finger may be gone."""
         if self._estimator is not None:
             self._estimator.forget_touch()
+        self._forget_now()
         self.missing = {}
         reading = FingersReading(health, reason, np.zeros((len(self.pad.sensors), 3), dtype=np.bool_))
         return self._message(reading, several_told(reading, self._estimator), None)

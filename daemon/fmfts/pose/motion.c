@@ -32,30 +32,26 @@
 #define LATE_US 1000.0
 
 enum { N = FMFTS_MOTION_STATES, RATE = FMFTS_RATE, AMBIENT = FMFTS_AMBIENT_CHANGE, MODES = FMFTS_MODES };
-enum { KNOWN = 8 }; /* states that the solver knows: pose and ambient field */
+enum { KNOWN = FMFTS_FOLLOWED }; /* states that the solver knows: pose and ambient field */
 
 void fmfts_forget_motion(fmfts_motion_memory *memory)
 {
     memory->motion_us = 0.0;
 }
 
-void fmfts_begin_motion(const fmfts_step *step, const double *drive, fmfts_motion_memory *memory)
+void fmfts_begin_states(double time_us, const double *known, const double *covariance, const double *drive,
+                        fmfts_motion_memory *memory)
 {
     static const int STATE_OF[KNOWN] = {0, 1, 2, 3, 4, AMBIENT, AMBIENT + 1, AMBIENT + 2};
-    static const int COLUMN_OF[KNOWN] = {0, 1, 2, 3, 4, AMBIENT_COLUMN, AMBIENT_COLUMN + 1, AMBIENT_COLUMN + 2};
-    double change[5];
-    fmfts_change(step->parameters, step->memory->state, change);
     memset(memory->motion_state, 0, sizeof memory->motion_state);
     memset(memory->motion_covariance, 0, sizeof memory->motion_covariance);
     memset(memory->early_us, 0, sizeof memory->early_us);
-    memory->motion_us = (double)step->field.instant_us;
+    memory->motion_us = time_us;
     memory->followed = 0.0;
-    memcpy(memory->motion_state, change, sizeof change);
-    memcpy(memory->motion_state + AMBIENT, step->memory->state + AMBIENT_VALUE, 3 * sizeof(double));
     for (int i = 0; i < KNOWN; i++) {
+        memory->motion_state[STATE_OF[i]] = known[i];
         for (int k = 0; k < KNOWN; k++) {
-            memory->motion_covariance[N * STATE_OF[i] + STATE_OF[k]] =
-                FIRST_COVARIANCE * step->pose.covariance[FMFTS_STEP * COLUMN_OF[i] + COLUMN_OF[k]];
+            memory->motion_covariance[N * STATE_OF[i] + STATE_OF[k]] = FIRST_COVARIANCE * covariance[KNOWN * i + k];
         }
     }
     for (int i = 0; i < RATE; i++) {
@@ -66,6 +62,20 @@ void fmfts_begin_motion(const fmfts_step *step, const double *drive, fmfts_motio
     for (int m = 0; m < MODES; m++) {
         memory->modes[m] = 1.0 / MODES;
     }
+}
+
+void fmfts_begin_motion(const fmfts_step *step, const double *drive, fmfts_motion_memory *memory)
+{
+    static const int COLUMN_OF[KNOWN] = {0, 1, 2, 3, 4, AMBIENT_COLUMN, AMBIENT_COLUMN + 1, AMBIENT_COLUMN + 2};
+    double known[KNOWN], covariance[KNOWN * KNOWN];
+    fmfts_change(step->parameters, step->memory->state, known);
+    memcpy(known + RATE, step->memory->state + AMBIENT_VALUE, 3 * sizeof(double));
+    for (int i = 0; i < KNOWN; i++) {
+        for (int k = 0; k < KNOWN; k++) {
+            covariance[KNOWN * i + k] = step->pose.covariance[FMFTS_STEP * COLUMN_OF[i] + COLUMN_OF[k]];
+        }
+    }
+    fmfts_begin_states((double)step->field.instant_us, known, covariance, drive, memory);
 }
 
 static bool had_early(const fmfts_motion_memory *memory)
@@ -142,10 +152,10 @@ static bool is_old(const fmfts_pose_parameters *parameters, const fmfts_pose_mem
     return had_early(memory);
 }
 
-bool fmfts_follow(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
-                  const fmfts_pose_memory *pose, unsigned fresh, const double *drive, fmfts_motion_memory *memory)
+bool fmfts_follow(const fmfts_driven *driven, const fmfts_motion_parameters *own, unsigned fresh, fmfts_motion_memory *memory)
 {
-    const fmfts_driven driven = {parameters, pose, drive};
+    const fmfts_pose_parameters *parameters = driven->parameters;
+    const fmfts_pose_memory *pose = driven->pose;
     const double none[MODES] = {0.0};
     fmfts_mode modes[MODES];
     double shares[MODES], newest_us = memory->motion_us;
@@ -164,7 +174,7 @@ bool fmfts_follow(const fmfts_pose_parameters *parameters, const fmfts_motion_pa
         sample.time_us = pose->time_us[sample.sensor];
         newest_us = (double)sample.time_us;
         memcpy(sample.field_t, pose->field_t + 3 * sample.sensor, sizeof sample.field_t);
-        if (!fmfts_take_sample(&driven, &sample, modes, memory)) {
+        if (!fmfts_take_sample(driven, &sample, modes, memory)) {
             fmfts_forget_motion(memory);
             return false;
         }
@@ -190,18 +200,16 @@ static void keep_modes(const fmfts_mode modes[MODES], fmfts_motion_memory *memor
     }
 }
 
-bool fmfts_follow_early(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
-                        const fmfts_pose_memory *pose, const fmfts_early *early, const double *drive,
+bool fmfts_follow_early(const fmfts_driven *driven, const fmfts_motion_parameters *own, const fmfts_early *early,
                         fmfts_motion_memory *memory)
 {
-    const fmfts_driven driven = {parameters, pose, drive};
     const double none[MODES] = {0.0};
     fmfts_mode modes[MODES];
     double shares[MODES], before[MODES], from_us = begin_modes(memory, modes, shares);
     for (int m = 0; m < MODES; m++) {
         before[m] = modes[m].chi2;
     }
-    if (!fmfts_take_sample(&driven, early, modes, memory)) {
+    if (!fmfts_take_sample(driven, early, modes, memory)) {
         fmfts_forget_motion(memory);
         return false;
     }

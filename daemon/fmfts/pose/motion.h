@@ -41,20 +41,38 @@ typedef struct {
 /* Stops the filter. It does not run until it begins. */
 void fmfts_forget_motion(fmfts_motion_memory *memory);
 
-/* Begins with the frame's pose at its instant. drive [5][5]: W of motion.c, as below. */
+enum { FMFTS_FOLLOWED = 8 }; /* states that samples depend on: the pose's change, or a finger in its place, and the ambient field */
+
+/* What samples are taken with: the pad, its newest samples, W [5][5] of motion.c, and what they tell of. */
+typedef struct fmfts_driven {
+    const fmfts_pose_parameters *parameters;
+    const fmfts_pose_memory *pose;
+    const double *drive;
+    /* What the axes of a sensor would read in state x, baseline subtracted, and the derivatives of that. */
+    void (*look)(const struct fmfts_driven *driven, int sensor, const double *x, double ahead[3], double slope[3][FMFTS_FOLLOWED]);
+    double strength;   /* of a magnet */
+    const void *finger; /* of a pad with several: pipeline/finger.h */
+} fmfts_driven;
+
+/* motion_modes.c: of one magnet, whose moment is that of the pad's last pose. */
+fmfts_driven fmfts_driven_magnet(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *pose, const double *drive);
+
+/* Begins at time_us, with known [8] and its covariance [8][8]; of the rates nothing is known but the drive. */
+void fmfts_begin_states(double time_us, const double *known, const double *covariance, const double *drive,
+                        fmfts_motion_memory *memory);
+
+/* Begins with the frame's pose at its instant. drive [5][5]: as above. */
 void fmfts_begin_motion(const fmfts_step *step, const double *drive, fmfts_motion_memory *memory);
 
-/* Takes the fresh samples of `pose` (bit i of `fresh`: sensor i), except those that came before their frame. Stops the
+/* Takes the fresh samples of `driven->pose` (bit i of `fresh`: sensor i), except those that came before their frame. Stops the
  * filter and returns False if they contradict the prediction. */
-bool fmfts_follow(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
-                  const fmfts_pose_memory *pose, unsigned fresh, const double *drive, fmfts_motion_memory *memory);
+bool fmfts_follow(const fmfts_driven *driven, const fmfts_motion_parameters *own, unsigned fresh, fmfts_motion_memory *memory);
 
 /* Whether a sample that came before its frame goes on from those that the filter took. */
 bool fmfts_is_next(const fmfts_motion_memory *memory, int sensor, double time_us);
 
 /* Takes one sensor's sample that came before its frame and is next. Otherwise as fmfts_follow. */
-bool fmfts_follow_early(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
-                        const fmfts_pose_memory *pose, const fmfts_early *early, const double *drive,
+bool fmfts_follow_early(const fmfts_driven *driven, const fmfts_motion_parameters *own, const fmfts_early *early,
                         fmfts_motion_memory *memory);
 
 /* The pose after a change [5] from rest. turn: derivative of the axis by the tilt. */

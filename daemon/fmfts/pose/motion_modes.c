@@ -18,7 +18,7 @@
 
 enum { N = FMFTS_MOTION_STATES, RATE = FMFTS_RATE, AMBIENT = FMFTS_AMBIENT_CHANGE, MODES = FMFTS_MODES };
 enum { STILL, MOVING };
-enum { SEEN = 8 };
+enum { SEEN = FMFTS_FOLLOWED };
 static const int STATE[SEEN] = {0, 1, 2, 3, 4, 10, 11, 12}; /* what a sample depends on */
 
 void fmfts_pose_after(const fmfts_pose_parameters *parameters, const double *change, double position[3], double axis[3],
@@ -115,28 +115,50 @@ static void measure(fmfts_mode *own, double value, double ahead, const double *s
     own->widths *= s / r;
 }
 
-/* Takes a chip's sample in one mode. */
-static void take(const fmfts_pose_parameters *parameters, int sensor, double strength, const double *value, const double *r,
-                 fmfts_mode *own)
+static void look_at_magnet(const fmfts_driven *driven, int sensor, const double *x, double ahead[3], double slope[3][SEEN])
 {
-    fmfts_source source = {.strength = strength, .octupole = parameters->octupole_m2};
+    const fmfts_pose_parameters *parameters = driven->parameters;
+    fmfts_source source = {.strength = driven->strength, .octupole = parameters->octupole_m2};
     fmfts_sight sight;
-    double position[3], axis[3], at[SEEN];
-    fmfts_pose_after(parameters, own->x, position, axis, source.basis);
+    double position[3], axis[3];
+    fmfts_pose_after(parameters, x, position, axis, source.basis);
     source.position = position;
     source.axis = axis;
     look(&source, parameters->place_m + 3 * sensor, &sight);
+    for (int k = 0; k < 3; k++) {
+        const double *direction = parameters->direction + 9 * sensor + 3 * k;
+        double by_pose[SEEN + 1];
+        ahead[k] = sense(&source, &sight, direction, by_pose) + dot3(x + AMBIENT, direction);
+        memcpy(slope[k], by_pose, RATE * sizeof(double));
+        memcpy(slope[k] + RATE, direction, 3 * sizeof(double));
+    }
+}
+
+fmfts_driven fmfts_driven_magnet(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *pose, const double *drive)
+{
+    return (fmfts_driven){
+        .parameters = parameters,
+        .pose = pose,
+        .drive = drive,
+        .look = look_at_magnet,
+        .strength = parameters->strength_t_m3 * fmfts_exp(pose->state[LOG_VALUE]),
+    };
+}
+
+/* Takes a chip's sample in one mode. */
+static void take(const fmfts_driven *driven, int sensor, const double *value, const double *r, fmfts_mode *own)
+{
+    double at[SEEN], read[3], slope[3][SEEN];
+    driven->look(driven, sensor, own->x, read, slope);
     for (int k = 0; k < SEEN; k++) {
         at[k] = own->x[STATE[k]];
     }
     for (int k = 0; k < 3; k++) {
-        const double *direction = parameters->direction + 9 * sensor + 3 * k;
-        double slope[SEEN + 1], ahead = sense(&source, &sight, direction, slope) + dot3(at + RATE, direction);
-        memcpy(slope + RATE, direction, 3 * sizeof(double));
+        double ahead = read[k];
         for (int i = 0; i < SEEN; i++) {
-            ahead += slope[i] * (own->x[STATE[i]] - at[i]);
+            ahead += slope[k][i] * (own->x[STATE[i]] - at[i]);
         }
-        measure(own, value[k], ahead, slope, r[k]);
+        measure(own, value[k], ahead, slope[k], r[k]);
     }
 }
 
@@ -167,7 +189,6 @@ bool fmfts_take_sample(const fmfts_driven *driven, const fmfts_early *sample, fm
 {
     const fmfts_pose_parameters *parameters = driven->parameters;
     double value[3], r[3], time_us = (double)sample->time_us, passed_s = (time_us - memory->motion_us) * 1e-6;
-    double strength = parameters->strength_t_m3 * fmfts_exp(driven->pose->state[LOG_VALUE]);
     if (passed_s > 0.0) {
         predict(parameters, passed_s, driven->drive, modes);
         memory->motion_us = time_us;
@@ -177,7 +198,7 @@ bool fmfts_take_sample(const fmfts_driven *driven, const fmfts_early *sample, fm
         if (!fmfts_is_upright(modes[m].x)) {
             return false;
         }
-        take(parameters, sample->sensor, strength, value, r, &modes[m]);
+        take(driven, sample->sensor, value, r, &modes[m]);
     }
     return true;
 }

@@ -9,13 +9,6 @@ typedef struct {
     double x[FMFTS_MOTION_STATES], p[FMFTS_MOTION_STATES][FMFTS_MOTION_STATES], chi2, widths;
 } fmfts_mode;
 
-/* Inputs besides a sensor's sample: the pad, its last pose, and the drive W [5][5]. */
-typedef struct {
-    const fmfts_pose_parameters *parameters;
-    const fmfts_pose_memory *pose;
-    const double *drive;
-} fmfts_driven;
-
 /* motion_modes.c: takes a sensor's sample in every mode, and notes its time. False if the filter is lost. */
 bool fmfts_take_sample(const fmfts_driven *driven, const fmfts_early *sample, fmfts_mode modes[FMFTS_MODES],
                        fmfts_motion_memory *memory);

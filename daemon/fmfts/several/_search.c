@@ -18,10 +18,10 @@ static bool searches(const call *c, int which, size_t values, fmfts_search *sear
 }
 
 /* fit(model, work, search, start, field, variance, foreign, used, ambient, fingers, covariance, misfit, ambient, shear,
- * shear_deviation) */
+ * shear_deviation, noise, slope) */
 FMFTS_FUNCTION(fit)
 {
-    enum { SEARCH = FIRST, START, FIELD, FINGERS = FIELD + 5, COVARIANCE, MISFIT, AMBIENT, SHEAR, SHEAR_DEVIATION, ALL };
+    enum { SEARCH = FIRST, START, FIELD, FINGERS = FIELD + 5, COVARIANCE, MISFIT, AMBIENT, SHEAR, SHEAR_DEVIATION, NOISE, SLOPE, ALL };
     call c = {.buffer = b};
     fmfts_search search;
     fmfts_measured measured;
@@ -29,7 +29,7 @@ FMFTS_FUNCTION(fit)
         return NULL;
     }
     const size_t values = c.model.values, unknowns = FMFTS_FINGER * c.fingers, shears = 2 * c.fingers;
-    const size_t found_doubles[] = {unknowns, unknowns * unknowns, values, 3, shears, shears};
+    const size_t found_doubles[] = {unknowns, unknowns * unknowns, values, 3, shears, shears, values, values * unknowns};
     if (!searches(&c, SEARCH, values, &search) || !measures_field(&c, FIELD, &measured) ||
         !have_doubles(&c, FINGERS, found_doubles, ALL - FINGERS)) {
         return NULL;
@@ -41,6 +41,8 @@ FMFTS_FUNCTION(fit)
         .ambient_t = array(&c, AMBIENT),
         .shear_n = array(&c, SHEAR),
         .shear_deviation_n = array(&c, SHEAR_DEVIATION),
+        .noise_t = array(&c, NOISE),
+        .slope_t = array(&c, SLOPE),
     };
     fmfts_refusal refusal = fmfts_several_fit(&c.model, &search, fingers(&c, START), &measured, c.work, &found);
     return told(refusal, found.chi2);

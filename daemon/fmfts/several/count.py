@@ -115,6 +115,11 @@ class FingerCounter:
         memory.put(fit.fingers, ids)
         return Counted(fit, tuple(ids), search)
 
+    def appears(self, measured: Measured, ambient_t: Array) -> Fit | None:
+        """One finger, where nothing pressed before; None where none does. Nothing is remembered."""
+        nobody = self._fitter.fit(np.zeros((0, FINGER)), measured, ambient_t)
+        return self._first(nobody, measured, ambient_t) if nobody.chi2 > self._first_gain else None
+
     def _first(self, before: Fit, measured: Measured, ambient_t: Array) -> Fit | None:
         root = self._fitter.whitener(before.fingers, measured, ambient_t)
         start, gain = self._fitter.best_single(root, measured)

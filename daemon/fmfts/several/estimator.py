@@ -80,6 +80,11 @@ class FingersEstimator:
         return self._since_rest.silicone
 
     @property
+    def moment(self) -> float:
+        """Factor on all moments since the baseline, in the last frame."""
+        return self._since_rest.moment
+
+    @property
     def quiet_force_sd_n(self) -> float:
         """Deviation (N) of a force of zero: the largest force that goes undetected at the least sensitive place."""
         return self._quiet_force_sd_n
@@ -210,6 +215,13 @@ class FingersEstimator:
         seen = measured.only(used)
         least = valley_variance(self.fitter, fit, seen, self._since_rest.around_t) if len(fit.fingers) > 1 else None
         return FingersReading(health, reason, used, fit, counted.ids, False, over_range, seen, least, search)
+
+    def appears(self, measured: Measured) -> Fit | None:
+        """One finger on a pad that nothing pressed in the last frame, by other samples; None where none does."""
+        try:
+            return self._counter.appears(measured, self._since_rest.around_t)
+        except SingularError:
+            return None
 
     def _odd_sensor(self, measured: Measured, there: Mask, before: CounterMemory, number: int) -> Odd | None:
         if number % 2 == 0:

@@ -47,12 +47,13 @@ SUM_ERROR_PER_N = 0.02
 class Scene:
     """Deviations of other causes of a change of field. ambient_t: of the ambient field since the baseline, along each
     axis. moment: relative, of all moments together. friction: shear of a finger over its force. silicone: of the scale
-    of all forces, as a share."""
+    of all forces, as a share. ambient_walk_t2_per_s: random walk of the ambient field, along each axis."""
 
     ambient_t: float
     moment: float
     friction: float
     silicone: float = 0.0
+    ambient_walk_t2_per_s: float = 0.0
 
 
 class Predicted(NamedTuple):

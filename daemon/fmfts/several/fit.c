@@ -93,6 +93,17 @@ void fmfts_ambient_of(const fmfts_several *model, const fmfts_several_work *work
     }
 }
 
+void fmfts_noise_of(size_t values, const fmfts_measured *measured, const fmfts_several_work *work, double *noise_t)
+{
+    double inner[FMFTS_SEVERAL_VALUES];
+    memcpy(inner, work->white, work->used * sizeof(double));
+    fmfts_solve_lower_transposed(work->used, 1, work->root, inner);
+    memset(noise_t, 0, values * sizeof(double));
+    for (size_t i = 0; i < work->used; i++) {
+        noise_t[work->index[i]] = measured->variance_t2[work->index[i]] * inner[i];
+    }
+}
+
 fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *search, fmfts_fingers start,
                                 const fmfts_measured *measured, fmfts_several_work *work, fmfts_found *found)
 {
@@ -125,6 +136,8 @@ fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *
     fmfts_ambient_of(model, work, found->ambient_t);
     fmfts_shear_of(model, (fmfts_fingers){start.count, found->fingers}, found->covariance, work, found->shear_n,
                    found->shear_deviation_n);
+    fmfts_noise_of(model->values, measured, work, found->noise_t);
+    memcpy(found->slope_t, at->slope, model->values * unknowns * sizeof(double));
     for (size_t v = 0; v < model->values; v++) {
         found->misfit_t[v] = measured->field_t[v] - at->field[v];
     }

@@ -46,7 +46,7 @@ typedef struct {
 
 /* As Fit; the caller provides the arrays. */
 typedef struct {
-    double *fingers, *covariance, *misfit_t, *ambient_t, *shear_n, *shear_deviation_n;
+    double *fingers, *covariance, *misfit_t, *ambient_t, *shear_n, *shear_deviation_n, *noise_t, *slope_t;
     double chi2;
 } fmfts_found;
 
@@ -108,6 +108,10 @@ bool fmfts_spread(const fmfts_search *search, size_t n, const fmfts_several_work
 
 /* fit.c: ambient [3] = σ² · (L⁻¹ A)' · white: the most likely ambient field, given the residual in `work`. */
 void fmfts_ambient_of(const fmfts_several *model, const fmfts_several_work *work, double *ambient);
+
+/* fit.c: noise_t [values] = R · C⁻¹ · misfit: what the residual most likely has of noise alone, of what is in `work`. Zero of values
+ * that there are not. */
+void fmfts_noise_of(size_t values, const fmfts_measured *measured, const fmfts_several_work *work, double *noise_t);
 
 /* shear.c: shear_n and deviation_n [fingers][2], from what fmfts_several_fit left in `work`. */
 void fmfts_shear_of(const fmfts_several *model, fmfts_fingers fingers, const double *covariance, const fmfts_several_work *work,

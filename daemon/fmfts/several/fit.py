@@ -42,6 +42,7 @@ class Fit:
     """K fingers (K, 3): x, y in mm and force in N, with covariance (3K, 3K). chi2: of the residual; misfit_t (3N,).
 
     ambient_t (3,): the change of the ambient field that goes with it. shear_n, shear_deviation_n (K, 2): of each one.
+    noise_t (3N,): what misfit_t most likely has of noise alone. slope_t (3N, 3K): of the predicted field.
     """
 
     fingers: Array
@@ -51,6 +52,8 @@ class Fit:
     ambient_t: Array
     shear_n: Array
     shear_deviation_n: Array
+    noise_t: Array
+    slope_t: Array
 
     @property
     def deviation(self) -> Array:
@@ -124,7 +127,7 @@ class Fitter:
         require_room(fingers=len(start))
         unknowns, values = FINGER * len(start), len(measured.field_t)
         fingers, covariance = np.empty((len(start), FINGER)), np.empty((unknowns, unknowns))
-        misfit, ambient = np.empty(values), np.empty(3)
+        misfit, ambient, noise, slope = np.empty(values), np.empty(3), np.empty(values), np.empty((values, unknowns))
         shear, shear_deviation = np.empty((len(start), 2)), np.empty((len(start), 2))
         wrong, size, chi2 = _several.fit(
             self.model.packed,
@@ -142,9 +145,11 @@ class Fitter:
             ambient,
             shear,
             shear_deviation,
+            noise,
+            slope,
         )
         refuse(wrong, size, measured, start=start, ambient_t=ambient_t)
-        return Fit(fingers, covariance, chi2, misfit, ambient, shear, shear_deviation)
+        return Fit(fingers, covariance, chi2, misfit, ambient, shear, shear_deviation, noise, slope)
 
     def best_single(self, root: Array, measured: Measured) -> tuple[Array, float]:
         """The best finger (1, 3) of the grid, and by how much it lowers χ². root: of C without it."""

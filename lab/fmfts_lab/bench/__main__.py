@@ -103,11 +103,12 @@ def main() -> None:
     )
     verb.add_argument("--speed", action="store_true", help="only the time of a frame")
     verb.add_argument("--growth", action="store_true", help="only the same by magnets, sensors and fingers")
+    verb.add_argument("--now", action="store_true", help="only how wrong `now` is, as `bench now` of one magnet")
     verb.add_argument("--repeats", type=int, default=400, help="frames that are timed")
     verb.add_argument(
         "--running", type=int, nargs="?", const=16, metavar="PADS", help="only a daemon with so many such pads (16)"
     )
-    verb.add_argument("--seconds", type=float, default=20.0, help="with --running: how long it is measured")
+    verb.add_argument("--seconds", type=float, default=20.0, help="with --running, --now: how long it is measured")
     verb.add_argument("--drills", action="store_true", help="faults, steel, turning and warming instead")
     verb.add_argument("--merged", action="store_true", help="only two fingers that come nearer to each other")
     verb.add_argument("--chart", type=Path, metavar="FILE", help="with --merged or --growth: draw it")

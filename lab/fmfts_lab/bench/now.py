@@ -214,7 +214,7 @@ def run(options: Namespace) -> None:
     )
     print(HEADER)
     for name, fact in facts.items():
-        print(_line(name, fact))
+        print(told_line(name, fact))
     told = now_faults.drilled(range(1, 1 + options.drilled), options.samples)
     if told:
         print(f"a sensor begins to fail, {options.drilled} pads\n{now_faults.HEADER}")
@@ -228,7 +228,7 @@ def _measured(options: Namespace) -> dict[str, Errors]:
     return measure(options.seed, options.pads, options.seconds, early=options.samples)
 
 
-def _line(name: str, fact: dict[str, Any]) -> str:
+def told_line(name: str, fact: dict[str, Any]) -> str:
     force = f"{fact['own_n']:6.4f} {fact['today_n']:6.4f} {fact['now_n']:6.4f}"
     ratio = f"{fact['ratio']:5.2f}   {fact['ratio_least']:.2f}–{fact['ratio_most']:.2f}"
     read = f"{fact['read_today_n']:6.4f} {fact['read_held_n']:6.4f} {fact['read_carried_n']:6.4f}"

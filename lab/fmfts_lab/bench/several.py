@@ -24,6 +24,7 @@ from fmfts_lab.bench import (
     several_free,
     several_growth,
     several_merged,
+    several_now,
     several_poses,
     several_running,
     several_speed,
@@ -80,6 +81,7 @@ def run(options: Namespace) -> None:
     for asked, other in (
         (options.speed, several_speed),
         (options.growth, several_growth),
+        (options.now, several_now),
         (options.running, several_running),
         (options.drills, several_drills),
         (options.merged, several_merged),

@@ -1,0 +1,203 @@
+"""`now` of a pad with several magnets: finger.c follows the finger that presses, as now.c follows one magnet's pose.
+
+It is null with two fingers, beside pads that are felt, and on a hand that moves: docs/several.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmfts.arithmetic.elementary import square
+from fmfts.bus.messages import NowMessage
+from fmfts.common.chi2 import quantile
+from fmfts.common.record import Record, Values
+from fmfts.contact.drive import drive_power
+from fmfts.pad import Array
+from fmfts.pipeline import _pad
+from fmfts.pipeline.lead import Lead
+from fmfts.pipeline.parameters import MODE_WEIGHTS, chip_fields
+from fmfts.pipeline.possible_memory import require_possible
+from fmfts.pose import AMBIENT, Aligned
+from fmfts.pose.gates import FALSE_INNOVATION
+from fmfts.sensor import Frame
+from fmfts.sensor.early import EarlySample
+from fmfts.sensor.frame import mask_of
+from fmfts.several.estimator import FingersEstimator
+from fmfts.several.fit import Fit, Measured
+from fmfts.several.reading import FingersReading
+from fmfts.several.resultant import deviation_of
+
+NOT_KNOWN, PRESSING = -1.0, 1.0
+# A finger is looked for in the newest samples where one of them has changed by so much since the frame's instant.
+SURE_DEVIATIONS = 4.0
+LONGEST_AHEAD_S = 0.01
+LIGHT_N = 0.2
+# What the linear field, the table and the gains may be wrong by while a finger moves, as a share of the field's change.
+UNKNOWN_SHARE = 0.03
+NO_SHEAR: dict[str, None] = dict.fromkeys(name for name in NowMessage.__struct_fields__ if name.startswith("shear_"))
+Quad = tuple[float, float, float, float]
+Told = tuple[int, bool, Quad, Quad, Quad]  # _pad.Followed
+
+
+@dataclass(slots=True)
+class FollowedMemory:
+    """fields: of FMFTS_FOLLOWED_MEMORY (finger.h), by name."""
+
+    fields: Values
+
+
+class FollowedFinger:
+    """For one pad with its baseline."""
+
+    def __init__(self, estimator: FingersEstimator, rate_hz: float, lead: Lead) -> None:
+        pad, mounting, scene = estimator.pad, estimator.mounting, estimator.scene
+        self._estimator, self._mounting = estimator, mounting
+        self._sensors = len(pad.sensors)
+        self._parameters, self._memory = Record(_pad.PARAMETERS), Record(_pad.FOLLOWED)
+        walk = np.zeros(_pad.STEP)
+        walk[AMBIENT] = scene.ambient_walk_t2_per_s
+        values = mounting.noise_t.size
+        self._parameters.fill(chip_fields(pad.chip))
+        self._parameters.fill(
+            {
+                "sensors": self._sensors,
+                "period_us": 1e6 / rate_hz,
+                "gain": mounting.gain,
+                "offset_t": mounting.offset_t,
+                "rest_field_t": mounting.rest_field_t,
+                "noise_t": mounting.noise_t / mounting.gain,
+                "sensitivity_deviation": np.full(3 * values, UNKNOWN_SHARE),
+                "direction": mounting.sensors.axes.transpose(0, 2, 1),
+                "walk_per_s": walk,
+                "lead_us": 1e6 * lead.frame_s,
+                "early_lead_us": 1e6 * lead.early_s,
+                "surprise_chi2": quantile(FALSE_INNOVATION, values),
+                "early_chi2": quantile(FALSE_INNOVATION, 3),
+                "drive_power": drive_power(loads=3),
+                "weights": MODE_WEIGHTS,
+            }
+        )
+
+        self._buffers = self._parameters.buffer, self._memory.buffer
+        self._quiet = np.array([0.0, 0.0, estimator.quiet_force_sd_n])
+        self._sure_t = SURE_DEVIATIONS * mounting.noise_t
+
+    @property
+    def memory(self) -> FollowedMemory:
+        return FollowedMemory(self._memory.copy())
+
+    def recall(self, memory: FollowedMemory) -> None:
+        """ValueError, and nothing changes, if no such pad can remember it."""
+        require_possible(memory.fields, self._sensors)
+        self._memory.recall(memory.fields)
+
+    def forget(self) -> None:
+        """Nobody knows what presses."""
+        self._memory.fill({"pressing": NOT_KNOWN, "untouched_us": 0.0, "motion_us": 0.0})
+
+    def after(self, reading: FingersReading, aligned: Aligned, frame: Frame, field_t: Array) -> Told | None:
+        """The contact when the message of a frame is published; None: not known. field_t (N, 3): of the frame."""
+        memory, fit = self._memory, reading.fit
+        if fit is None or reading.health != "ok" or reading.over_range or len(fit.fingers) > 1 or aligned.leap_us:
+            self.forget()
+            return None
+        pressed = len(fit.fingers) > 0
+        memory.fill({"pressing": float(pressed), "places": float(pressed), "instant_us": float(aligned.time_us)})
+        if pressed:
+            self._put(reading.measured, fit, deviation_of(reading, fit), frame)
+        else:
+            memory["finger_deviation"][:] = self._quiet
+            newer_t = field_t - aligned.field_t
+            if (np.abs(newer_t) > self._sure_t).any():
+                self._look_ahead(reading.measured, newer_t, frame)
+        told: Told | None = _pad.follow_finger(
+            *self._buffers,
+            np.ascontiguousarray(field_t),
+            np.ascontiguousarray(frame.sampled_us),
+            mask_of(frame.fresh & frame.valid),
+            frame.sequence,
+            frame.device_time_us,
+        )
+        return told
+
+    def _look_ahead(self, measured: Measured | None, newer_t: Array, frame: Frame) -> None:
+        """The newest samples may show a finger, though nothing pressed at the frame's instant. newer_t (N, 3): by how
+        much they differ from that."""
+        assert measured is not None
+        mounting = self._mounting
+        change_t = measured.field_t + (newer_t / (mounting.gain * self._estimator.moment)).ravel()
+        newest = replace(measured, field_t=change_t, variance_t2=square(mounting.noise_t / mounting.gain).ravel())
+        found = self._estimator.appears(newest)
+        if found is not None:
+            self._memory.put("pressing", PRESSING)
+            self._put(newest, found, found.deviation[0], frame)
+
+    def _put(self, measured: Measured | None, fit: Fit, deviation: Array, frame: Frame) -> None:
+        """The field is linear at the finger where the newest samples should find it: at a tap it has moved on since the
+        frame's instant."""
+        assert measured is not None
+        memory, moment = self._memory, self._estimator.moment
+        finger, rest_t = fit.fingers[0], self._mounting.rest_field_t.ravel()
+        # What is wrong of the table and of gains grows with the force; the ambient field does not.
+        even_t = self._mounting.sensors.to_sensor(np.tile(fit.ambient_t, (self._sensors, 1))).ravel()
+        wrong_t, force_n = fit.misfit_t - fit.noise_t - even_t, float(finger[2])
+        wrong_t_per_n = wrong_t * (force_n / (force_n * force_n + LIGHT_N * LIGHT_N))
+        change_t, slope_t = measured.field_t - fit.noise_t, fit.slope_t.copy()
+        began_us = memory.number("motion_us")
+        if began_us > 0.0:
+            moved = memory["motion_state"]
+            ahead_s = (frame.device_time_us - began_us) * 1e-6
+            there = moved[:3].copy()  # the rates of its place are poorly known
+            there[2] = max(there[2] + min(max(ahead_s, 0.0), LONGEST_AHEAD_S) * moved[7], 0.0)
+            predicted = self._estimator.fitter.model.predict(there[None])
+            change_t = predicted.field_t + even_t + wrong_t + wrong_t_per_n * (float(there[2]) - force_n)
+            finger, slope_t = there, predicted.slope
+        slope_t[:, 2] += wrong_t_per_n
+        memory.fill(
+            {
+                "finger": finger,
+                "finger_covariance": fit.covariance,
+                "finger_deviation": deviation,
+                "ahead_t": moment * (rest_t + change_t),
+                "by_finger": moment * slope_t,
+            }
+        )
+
+    def early(self, early: EarlySample) -> Told | None:
+        """The same after a sample that came before its frame; None where it says nothing new."""
+        told: Told | None = _pad.follow_finger_early(
+            *self._buffers,
+            early.sensor,
+            early.gain_code,
+            *early.counts,
+            early.device_time_us,
+        )
+        return told
+
+
+def now_told(told: Told | None, t_ns: int) -> NowMessage | None:
+    """As a message has it. t_ns: when it holds, on the host's clock."""
+    if told is None:
+        return None
+    _, places, x, y, force = told
+    nothing = None, None, None, None
+    (x_m, x_sd, x_rate, x_rate_sd), (y_m, y_sd, y_rate, y_rate_sd) = (x, y) if places else (nothing, nothing)
+    force_n, force_sd, force_rate, force_rate_sd = force
+    return NowMessage(
+        t_ns=t_ns,
+        x_m=x_m,
+        x_sd_m=x_sd,
+        x_rate_m_per_s=x_rate,
+        x_rate_sd_m_per_s=x_rate_sd,
+        y_m=y_m,
+        y_sd_m=y_sd,
+        y_rate_m_per_s=y_rate,
+        y_rate_sd_m_per_s=y_rate_sd,
+        force_n=force_n,
+        force_sd_n=force_sd,
+        force_rate_n_per_s=force_rate,
+        force_rate_sd_n_per_s=force_rate_sd,
+        **NO_SHEAR,
+    )

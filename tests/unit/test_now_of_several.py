@@ -1,0 +1,131 @@
+"""`now` of a pad with four magnets: the contact when its message is published, and after each sample."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, pi
+
+import numpy as np
+import pytest
+
+from fmfts.bus.messages import ContactMessage
+from fmfts.pipeline.configured import contact_model_of, lead_of, pipeline_of
+from fmfts.pipeline.lead import Lead
+from fmfts.pipeline.several_pipeline import SeveralPipeline
+from fmfts.pipeline.snapshot import restore, snapshot
+from fmfts.sensor import Frame
+from fmfts.sensor.early import EarlySample
+from fmfts.simulation.array import SimulatedArray
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
+from fmfts_lab.finite_elements.array_pad import array_config
+
+CONFIG = array_config(seed=3)
+BASELINE = simulated_baseline(CONFIG)
+RATE_HZ, EARLY_S = 220, 1.1e-3
+OTHER = steady_finger(8e-3, 7e-3, 0.7)
+
+
+def tapping(time_s: float) -> Touch:
+    """1 N taps of 50 ms, one after another."""
+    return Touch(3e-3, -4e-3, 0.5 * (1.0 - cos(2.0 * pi * time_s / 50e-3)) if time_s > 0.3 else 0.0)
+
+
+def ready(early_s: float = 0.0) -> SeveralPipeline:
+    made = pipeline_of(CONFIG, contact_model_of(CONFIG), "boot")
+    assert isinstance(made, SeveralPipeline)
+    made._lead = Lead(lead_of(CONFIG).frame_s, early_s)
+    made.use(BASELINE)
+    return made
+
+
+def frames(count: int, finger: Finger = no_finger, second: Finger | None = None) -> list[Frame]:
+    source, found = SimulatedArray(CONFIG), list[Frame]()
+    source.finger, source.second_finger = finger, second
+    for step in range(count + 1):
+        found.extend(source.poll(round(step * 1e9 / RATE_HZ)))
+    return found[:count]
+
+
+def off_n(messages: list[ContactMessage]) -> tuple[float, float]:
+    """Root mean square of the error of `now`, and of the frame's force taken for that at the same time."""
+    told = [message for message in messages if message.now is not None and message.t_sample_ns > 0.32e9]
+    truth = np.array([tapping(message.now.t_ns * 1e-9).force_n for message in told if message.now is not None])
+    now = np.array([message.now.force_n for message in told if message.now is not None])
+    today = np.array([message.force_n for message in told], dtype=float)
+    return float(np.sqrt(np.mean(np.square(now - truth)))), float(np.sqrt(np.mean(np.square(today - truth))))
+
+
+def test_now_of_four_magnets_follows_a_tap_of_50_ms() -> None:
+    made = ready()
+    messages = [made.process(frame) for frame in frames(220, tapping)]
+    now_n, today_n = off_n(messages)
+    assert now_n < 0.1 < 0.15 < today_n
+    assert sum(message.now is None for message in messages[80:]) <= 2
+
+
+def test_now_of_an_untouched_pad_is_no_force_without_a_place() -> None:
+    made = ready()
+    now = [made.process(frame) for frame in frames(20)][-1].now
+    assert now is not None
+    assert (now.force_n, now.x_m, now.shear_x_n) == (0.0, None, None)
+    assert 0.0 < now.force_sd_n < 0.4
+
+
+def test_now_is_null_under_two_fingers() -> None:
+    made = ready()
+    last = [made.process(frame) for frame in frames(40, steady_finger(-6e-3, -2e-3, 1.0), OTHER)][-1]
+    assert last.contacts
+    assert len(last.contacts) == 2
+    assert last.now is None
+
+
+def samples_of(frame: Frame) -> list[EarlySample]:
+    fresh = sorted(np.flatnonzero(frame.fresh).tolist(), key=lambda sensor: int(frame.sampled_us[sensor]))
+    found = []
+    for sensor in fresh:
+        x, y, z = frame.counts[sensor].tolist()
+        found.append(EarlySample(0, sensor, int(frame.sampled_us[sensor]), frame.gain_code, (x, y, z), frame.chip))
+    return found
+
+
+def test_samples_before_their_frame_bring_a_newer_now() -> None:
+    made, before, brought = ready(EARLY_S), ready(), list[ContactMessage]()
+    alone = [before.process(frame) for frame in frames(220, tapping)]
+    for frame in frames(220, tapping):
+        brought += [answer for sample in samples_of(frame) if (answer := made.early(sample)) is not None]
+        last = made.process(frame)
+        assert last.now is None or last.now.t_ns > frame.host_time_ns - 10_000_000
+    assert len(brought) > 600
+    assert off_n(brought)[0] < 0.8 * off_n(alone)[0] < 0.1
+
+
+def test_sample_of_another_time_is_not_taken() -> None:
+    made = ready(EARLY_S)
+    some = frames(60, steady_finger(3e-3, -4e-3, 1.0))
+    for frame in some:
+        made.process(frame)
+    (sample, *_) = samples_of(some[-1])
+    assert made.early(sample) is None  # the frame held it
+    assert made.early(replace(sample, device_time_us=sample.device_time_us + 1_000_000)) is None
+    assert made.early(replace(sample, sensor=15, device_time_us=sample.device_time_us + 4000)) is None
+
+
+def test_memory_keeps_now_to_the_last_bit() -> None:
+    some, made = frames(160, tapping), ready()
+    for frame in some[:100]:
+        made.process(frame)
+    again = ready()
+    restore(again, snapshot(made))
+    for frame in some[100:]:
+        assert made.process(frame).now == again.process(frame).now
+
+
+@pytest.mark.parametrize("sensor", [2, 6])
+def test_now_is_null_with_a_silent_sensor(sensor: int) -> None:
+    made = ready()
+    for frame in frames(60, steady_finger(3e-3, -4e-3, 1.0)):
+        valid = frame.valid.copy()
+        valid[sensor] = frame.sequence < 40
+        last = made.process(replace(frame, valid=valid))
+    assert (last.health, last.now) == ("degraded", None)
