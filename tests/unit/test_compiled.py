@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import shutil
 import sysconfig
 from pathlib import Path
@@ -33,3 +34,21 @@ def test_every_header_is_in_the_source_archive() -> None:
     """Setuptools packs what `depends` names; a checkout compiles without."""
     named = {name for part in PARTS for name in part["depends"]}
     assert {str(path.relative_to(ROOT)) for path in (ROOT / "daemon").rglob("*.h")} <= named
+
+
+def included(path: Path, found: set[Path]) -> set[Path]:
+    for name in re.findall(r'^#include "([^"]+)"', path.read_text(), re.MULTILINE):
+        header = (path.parent / name).resolve()
+        if header not in found:
+            found.add(header)
+            included(header, found)
+    return found
+
+
+@pytest.mark.parametrize("part", PARTS, ids=[part["name"] for part in PARTS])
+def test_depends_names_the_headers_that_a_part_includes(part: dict) -> None:
+    """An installation compiles a part anew if one of them has changed."""
+    headers: set[Path] = set()
+    for name in part["sources"]:
+        included((ROOT / name).resolve(), headers)
+    assert sorted(part["depends"]) == sorted(str(header.relative_to(ROOT)) for header in headers)

@@ -81,7 +81,7 @@ fmfts_refusal fmfts_another(const fmfts_grid *grid, const fmfts_others *told, do
     if (!begin(grid, told, across, normal, &refusal)) {
         return refusal;
     }
-    const fmfts_several_work *work = grid->work;
+    fmfts_several_work *work = grid->work;
     const others o = {work->used, told->unknowns, work->slope, across, normal};
     size_t places = grid->search->places;
     explain(&o, 1, work->white, moved);
