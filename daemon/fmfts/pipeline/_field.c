@@ -6,7 +6,7 @@
 #include "_pad.h"
 #include "steps.h"
 
-enum { PARAMETERS, MEMORY, FIELD, DEVIATION, LASTING, COVARIANCE, BUFFERS };
+enum { PARAMETERS, MEMORY, FIELD, DEVIATION, LASTING, COVARIANCE };
 
 static int sizes_agree(const Py_buffer *b)
 {
@@ -38,33 +38,29 @@ static void take_field(fmfts_step *step, const Py_buffer *b)
     }
 }
 
-PyObject *fmfts_track_field(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(track_field)
 {
-    Py_buffer b[BUFFERS] = {{0}};
     double elapsed_s, temperature_c;
     fmfts_frame_work work;
-    PyObject *result = NULL;
-    (void)module;
-    if (PyArg_ParseTuple(args, "y*w*y*y*y*w*dd", &b[PARAMETERS], &b[MEMORY], &b[FIELD], &b[DEVIATION], &b[LASTING], &b[COVARIANCE],
-                         &elapsed_s, &temperature_c) &&
-        sizes_agree(b)) {
-        fmfts_step *step = &work.step;
-        fmfts_begin_step(b[PARAMETERS].buf, b[MEMORY].buf, temperature_c, &work);
-        take_field(step, b);
-        step->field.elapsed_s = elapsed_s;
-        fmfts_track(step);
-        fmfts_watch_residuals(step);
-        fmfts_doubt_beside_steel(step);
-        fmfts_watch_ambient(step);
-        fmfts_follow_foreign(step);
-        bool has_estimate = step->verdict.has_estimate;
-        if (has_estimate) {
-            memcpy(b[COVARIANCE].buf, step->pose.covariance, sizeof step->pose.covariance);
-        }
-        result = Py_BuildValue("(ssINdd)", fmfts_health_name(step->verdict.health), step->verdict.reason.text,
-                               fmfts_sensors_used(step), PyBool_FromLong(has_estimate), has_estimate ? step->pose.chi2 : NAN,
-                               has_estimate ? step->pose.residual_t : NAN);
+    if (!PyArg_ParseTuple(args, "y*w*y*y*y*w*dd", &b[PARAMETERS], &b[MEMORY], &b[FIELD], &b[DEVIATION], &b[LASTING], &b[COVARIANCE],
+                          &elapsed_s, &temperature_c) ||
+        !sizes_agree(b)) {
+        return NULL;
     }
-    fmfts_give_back(b, BUFFERS);
-    return result;
+    fmfts_step *step = &work.step;
+    fmfts_begin_step(b[PARAMETERS].buf, b[MEMORY].buf, temperature_c, &work);
+    take_field(step, b);
+    step->field.elapsed_s = elapsed_s;
+    fmfts_track(step);
+    fmfts_watch_residuals(step);
+    fmfts_doubt_beside_steel(step);
+    fmfts_watch_ambient(step);
+    fmfts_follow_foreign(step);
+    bool has_estimate = step->verdict.has_estimate;
+    if (has_estimate) {
+        memcpy(b[COVARIANCE].buf, step->pose.covariance, sizeof step->pose.covariance);
+    }
+    return Py_BuildValue("(ssINdd)", fmfts_health_name(step->verdict.health), step->verdict.reason.text, fmfts_sensors_used(step),
+                         PyBool_FromLong(has_estimate), has_estimate ? step->pose.chi2 : NAN,
+                         has_estimate ? step->pose.residual_t : NAN);
 }

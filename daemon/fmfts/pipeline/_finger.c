@@ -29,50 +29,43 @@ static PyObject *told(const fmfts_now *now)
                          c->rate_deviation[1], c->value[2], c->deviation[2], c->rate[2], c->rate_deviation[2]);
 }
 
-PyObject *fmfts_py_follow_finger(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(follow_finger)
 {
-    enum { PARAMETERS, MEMORY, FIELD, SAMPLED, BUFFERS };
-    Py_buffer b[BUFFERS] = {{0}};
+    enum { PARAMETERS, MEMORY, FIELD, SAMPLED };
     long long sequence, time_us;
     unsigned int fresh;
-    PyObject *result = NULL;
-    (void)module;
-    if (PyArg_ParseTuple(args, "y*w*y*y*ILL", &b[PARAMETERS], &b[MEMORY], &b[FIELD], &b[SAMPLED], &fresh, &sequence, &time_us) &&
-        is_of_a_pad(&b[PARAMETERS], &b[MEMORY])) {
-        const fmfts_parameters *parameters = b[PARAMETERS].buf;
-        size_t sensors = (size_t)parameters->pose.sensors;
-        if (fmfts_has_size(&b[FIELD], 3 * sensors * sizeof(double), "field") &&
-            fmfts_has_size(&b[SAMPLED], sensors * sizeof(int64_t), "sampled")) {
-            const fmfts_finger_frame frame = {sequence, time_us, fresh, b[FIELD].buf, b[SAMPLED].buf};
-            fmfts_now now;
-            fmfts_follow_finger(parameters, b[MEMORY].buf, &frame, &now);
-            result = told(&now);
-        }
+    fmfts_now now;
+    if (!PyArg_ParseTuple(args, "y*w*y*y*ILL", &b[PARAMETERS], &b[MEMORY], &b[FIELD], &b[SAMPLED], &fresh, &sequence, &time_us) ||
+        !is_of_a_pad(&b[PARAMETERS], &b[MEMORY])) {
+        return NULL;
     }
-    fmfts_give_back(b, BUFFERS);
-    return result;
+    const fmfts_parameters *parameters = b[PARAMETERS].buf;
+    const size_t sensors = (size_t)parameters->pose.sensors;
+    if (!fmfts_has_doubles(&b[FIELD], 3 * sensors, "field") ||
+        !fmfts_has_size(&b[SAMPLED], sensors * sizeof(int64_t), "sampled")) {
+        return NULL;
+    }
+    const fmfts_finger_frame frame = {sequence, time_us, fresh, b[FIELD].buf, b[SAMPLED].buf};
+    fmfts_follow_finger(parameters, b[MEMORY].buf, &frame, &now);
+    return told(&now);
 }
 
-PyObject *fmfts_py_follow_finger_early(PyObject *module, PyObject *args)
+FMFTS_FUNCTION(follow_finger_early)
 {
-    enum { PARAMETERS, MEMORY, BUFFERS };
-    Py_buffer b[BUFFERS] = {{0}};
+    enum { PARAMETERS, MEMORY };
     long long time_us;
     int sensor;
     unsigned int gain_code;
     int16_t counts[3];
-    PyObject *result = NULL;
-    (void)module;
-    if (PyArg_ParseTuple(args, "y*w*iIhhhL", &b[PARAMETERS], &b[MEMORY], &sensor, &gain_code, &counts[0], &counts[1], &counts[2],
-                         &time_us) &&
-        is_of_a_pad(&b[PARAMETERS], &b[MEMORY])) {
-        const fmfts_parameters *parameters = b[PARAMETERS].buf;
-        fmfts_early early = {.sensor = sensor, .time_us = time_us};
-        fmfts_now now;
-        fmfts_read_early(&parameters->pose, gain_code, counts, early.field_t);
-        fmfts_follow_finger_early(parameters, b[MEMORY].buf, &early, &now);
-        result = told(&now);
+    fmfts_now now;
+    if (!PyArg_ParseTuple(args, "y*w*iIhhhL", &b[PARAMETERS], &b[MEMORY], &sensor, &gain_code, &counts[0], &counts[1], &counts[2],
+                          &time_us) ||
+        !is_of_a_pad(&b[PARAMETERS], &b[MEMORY])) {
+        return NULL;
     }
-    fmfts_give_back(b, BUFFERS);
-    return result;
+    const fmfts_parameters *parameters = b[PARAMETERS].buf;
+    fmfts_early early = {.sensor = sensor, .time_us = time_us};
+    fmfts_read_early(&parameters->pose, gain_code, counts, early.field_t);
+    fmfts_follow_finger_early(parameters, b[MEMORY].buf, &early, &now);
+    return told(&now);
 }

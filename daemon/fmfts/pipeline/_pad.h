@@ -4,7 +4,6 @@
 
 #include "../contact/_evaluated.h" /* with Python.h first: it chooses what the system's headers declare */
 
-#include "../common/aligned.h"
 #include "../sensor/wire/clock.h"
 #include "frame.h"
 
@@ -97,12 +96,12 @@ typedef enum { FMFTS_FOR_PYTHON, FMFTS_WRITTEN, FMFTS_OVERDUE, FMFTS_SILENT, FMF
 fmfts_handled fmfts_handle_line(fmfts_pad_object *self, const uint8_t *line, size_t size, int64_t arrival_ns);
 
 /* _field.c: track_field(), which _pad.pyi explains. */
-PyObject *fmfts_track_field(PyObject *module, PyObject *args);
+PyObject *fmfts_py_track_field(PyObject *module, PyObject *args);
 
 /* _change.c: drawn(), left_behind() and distance(), which _pad.pyi explains. */
-PyObject *fmfts_drawn(PyObject *module, PyObject *args);
-PyObject *fmfts_left_behind(PyObject *module, PyObject *args);
-PyObject *fmfts_distance_from_rest(PyObject *module, PyObject *args);
+PyObject *fmfts_py_drawn(PyObject *module, PyObject *args);
+PyObject *fmfts_py_left_behind(PyObject *module, PyObject *args);
+PyObject *fmfts_py_distance(PyObject *module, PyObject *args);
 
 /* _finger.c: follow_finger() and follow_finger_early(), which _pad.pyi explains. */
 PyObject *fmfts_py_follow_finger(PyObject *module, PyObject *args);
