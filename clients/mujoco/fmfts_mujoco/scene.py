@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 from fmfts.config import PadConfig
-from fmfts.pad import Array
+from fmfts.pad import Array, rotation_from_vector
 from fmfts.sensor.frame import Frame
 from fmfts.simulation.silicone import Silicone
 
@@ -90,15 +91,17 @@ class Scene:
             history.forget(self.boards.oldest_s)
         return frames
 
-    def unloaded(self, data: mujoco.MjData, seconds: float, *, bare: bool) -> list[list[Frame]]:
+    def unloaded(self, data: mujoco.MjData, seconds: float, *, bare: bool, turned: bool = False) -> list[list[Frame]]:
         """Frames of all pads while nothing presses any, and the robot stands still as it is. bare: each of them as if
-        it was off its sensors, but its neighbours were not."""
+        it was off its sensors, but its neighbours were not. turned: somebody turns the robot once about each axis."""
         step = self._reader.read(data, 0.0)
         pads = self.stacked.pads
         moved, around = History(pads, 5), History(pads, self.stacked.sensors, 3)
         still = np.zeros((1, pads, 5))
         moved.add(np.zeros(1), still)
-        around.add(np.zeros(1), self._surroundings.field(step, still[0])[None])
+        time_s = np.arange(0.0, seconds, AROUND_EVERY_S) if turned else np.zeros(1)
+        fields_t = [self._surroundings.field(_turned(step, each / seconds), still[0]) for each in time_s]
+        around.add(time_s, np.array(fields_t))
         self.boards.start(np.random.default_rng(bare))
         return self.boards.frames(seconds, moved, around, bare=bare)
 
@@ -111,3 +114,11 @@ class Scene:
                 self._around_s = step.time_s
         field_t = [self._surroundings.field(steps[number], response[number]) for number in seen]
         self._around.add(np.array([steps[number].time_s for number in seen]), np.array(field_t))
+
+
+def _turned(step: Step, share: float) -> Step:
+    """This step of a robot that turns once about x, then y, then z; share: of that, 0 to 1."""
+    turn = np.eye(3)
+    for axis, vector in enumerate(np.eye(3)):
+        turn = turn @ rotation_from_vector(vector * 2.0 * np.pi * np.clip(3.0 * share - axis, 0.0, 1.0))
+    return replace(step, origin_m=step.origin_m @ turn.T, turn=turn @ step.turn)
