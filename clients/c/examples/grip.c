@@ -1,0 +1,187 @@
+/* Holds an object between two pads with little more than the least force with which it does not slip.
+ *
+ *     grip left right             closes until both touch, and holds
+ *     grip left right --loosen    then also looks for the least force
+ *
+ * The same controller as clients/python/examples/grip.py, with the same constants. It loosens the object, once, until it slips a
+ * millimetre or two; the force at which that began is the least one. It then holds with `reserve` more, and with as much more as the
+ * shear grows: a glass that is filled. Each further slip teaches anew. While no pad says anything certain the gripper holds as it is,
+ * and never opens. docs/slip.md says what it needs. */
+#define _POSIX_C_SOURCE 200809L
+#include <fmfts.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+enum { PADS = 2, PERIOD_NS = 10000000 };
+static const double period_s = PERIOD_NS * 1e-9;
+static const double first_n = 0.6;         /* of a new grip, and the least of any: below it slips are not told */
+static const double largest_n = 2.0;       /* the pads know no more, and the object may bear no more */
+static const double reserve = 0.15;        /* more than the force at which it slipped */
+static const double first_reserve = 0.5;   /* while the least force is not known */
+static const double still_slips_per_s = 0.6; /* it slips on: so much more, as a share */
+static const double loosens_per_s = 0.15;  /* as a share */
+static const double approach_m_per_s = 0.015, fastest_m_per_s = 0.04;
+/* How fast to close for a newton too little: thirty divided by the gripper's stiffness in N/m. */
+static const double close_m_per_s_per_n = 0.15;
+static const double settled_s = 0.3, smooth_s = 0.15;
+static const double same_s = 0.05; /* a slip that begins again so soon is the same one */
+/* `slipping` waits until sticking_probability is below 0.1: a finger may roll. An object in a gripper hardly does. So a pad that surely
+ * stuck slips from slips_below on. */
+static const double slips_below = 0.5, sticks_above = 0.8;
+static const double moved_m = 2e-3; /* a place that moved so far slipped, too: a slow slip is told late, or not at all */
+static const double late_s = 0.1;   /* an older sample says nothing of now */
+
+enum slips { NOT_KNOWN, STICKS, SLIPS };
+
+/* What is remembered of a pad since its last slip. shear_n: now, smoothed; shear_then_n: after it. */
+struct memory {
+    bool stuck, placed, sheared, sheared_then;
+    double x_m, y_m, shear_n, shear_then_n;
+};
+
+/* found: the least force is known, and the arm may hurry. slipped_n: the force at which it slipped last. */
+struct grip {
+    bool found, touched, slips;
+    double slipped_n, sticks_s;
+    struct memory pad[PADS];
+};
+
+/* For the gripper, and the arm. close_m_per_s: each finger, negative opens. why: it holds, for people. */
+struct command {
+    double close_m_per_s;
+    bool may_lift;
+    const char *why;
+};
+
+/* Is its force known now? Slip and place may be unknown: a light touch. */
+static bool is_usable(const struct fmfts_client *client, const struct fmfts_contact *contact)
+{
+    return fmfts_alive(client) && fmfts_sample_age_s(contact) <= late_s && contact->health == FMFTS_OK && !contact->over_range &&
+           contact->contact != FMFTS_TOUCH_UNKNOWN && contact->force_n.known;
+}
+
+static enum slips is_slipping(const struct fmfts_contact *contact, struct memory *pad)
+{
+    if (!contact->slip.known || !contact->slip.sticking_probability.known || !contact->x_m.known || !contact->y_m.known)
+        return NOT_KNOWN;
+    double sticks = contact->slip.sticking_probability.value, x_m = contact->x_m.value, y_m = contact->y_m.value;
+    pad->stuck = pad->stuck || sticks > sticks_above;
+    if (!pad->placed)
+        pad->placed = true, pad->x_m = x_m, pad->y_m = y_m;
+    bool slipping = contact->slip.slipping.known && contact->slip.slipping.value;
+    bool has_moved = hypot(x_m - pad->x_m, y_m - pad->y_m) > moved_m;
+    return slipping || has_moved || (pad->stuck && sticks < slips_below) ? SLIPS : STICKS;
+}
+
+/* By what factor the pad's shear grew since the last slip; shear is what the margin leaves of the friction. */
+static double grown(const struct fmfts_contact *contact, double sticks_s, struct memory *pad)
+{
+    const struct fmfts_slip *slip = &contact->slip;
+    if (!slip->known || !slip->friction.known || !slip->margin_n.known)
+        return 1.0;
+    double shear_n = slip->friction.value * contact->force_n.value - slip->margin_n.value;
+    pad->shear_n = pad->sheared ? pad->shear_n + fmin(period_s / smooth_s, 1.0) * (shear_n - pad->shear_n) : shear_n;
+    pad->sheared = true;
+    if (sticks_s < settled_s)
+        return 1.0;
+    if (!pad->sheared_then)
+        pad->sheared_then = true, pad->shear_then_n = pad->shear_n;
+    return pad->shear_n / fmax(pad->shear_then_n, 0.1);
+}
+
+static double wanted_n(struct grip *grip, const struct fmfts_contact *const seen[PADS], double force_n, bool loosen)
+{
+    bool begins = grip->sticks_s > same_s, knows = true;
+    double most = 1.0;
+    grip->slips = false;
+    for (int i = 0; i < PADS; i++) {
+        enum slips slips = seen[i] ? is_slipping(seen[i], &grip->pad[i]) : NOT_KNOWN;
+        grip->slips = grip->slips || slips == SLIPS;
+        knows = knows && slips != NOT_KNOWN;
+    }
+    if (grip->slips) {
+        if (loosen && !grip->found)
+            grip->found = begins = true;
+        grip->slipped_n = begins ? force_n : grip->slipped_n * (1.0 + still_slips_per_s * period_s);
+        grip->sticks_s = 0.0;
+        memset(grip->pad, 0, sizeof grip->pad);
+    } else if (loosen && !grip->found && knows) {
+        grip->slipped_n *= 1.0 - loosens_per_s * period_s;
+        if ((1.0 + first_reserve) * grip->slipped_n < first_n) /* it holds with less than the pads can tell */
+            grip->found = true, grip->slipped_n = first_n / (1.0 + reserve);
+    }
+    grip->sticks_s += period_s;
+    for (int i = 0; i < PADS; i++)
+        most = grip->found && seen[i] ? fmax(most, grown(seen[i], grip->sticks_s, &grip->pad[i])) : most;
+    double more = 1.0 + (grip->found ? reserve : first_reserve);
+    return fmin(fmax(more * grip->slipped_n * most, first_n), largest_n);
+}
+
+/* seen: the newest contact of each pad, NULL: not usable. loosen: the arm stands still, with the object in the air, and the least force
+ * shall be found. */
+static struct command step(struct grip *grip, const struct fmfts_contact *const seen[PADS], bool loosen)
+{
+    int count = 0, touched = 0;
+    double force_n = 0.0; /* both fingers press alike; a pad that is touched near its rim reads too little */
+    for (int i = 0; i < PADS; i++) {
+        count += seen[i] != NULL;
+        touched += seen[i] && seen[i]->contact == FMFTS_TOUCHED;
+        force_n = seen[i] ? fmax(force_n, seen[i]->force_n.value) : force_n;
+    }
+    if (count == 0)
+        return (struct command){.why = "no pad knows its force"};
+    if (!grip->touched && touched < count)
+        return (struct command){.close_m_per_s = count == PADS ? approach_m_per_s : 0.0};
+    grip->touched = true;
+    double wanted = wanted_n(grip, seen, force_n, loosen && count == PADS);
+    double speed = fmin(fmax(close_m_per_s_per_n * (wanted - force_n), -fastest_m_per_s), fastest_m_per_s);
+    return (struct command){.close_m_per_s = speed, .may_lift = !grip->slips && force_n > 0.9 * wanted};
+}
+
+static void wait_for_next_period(struct timespec *at)
+{
+    at->tv_nsec += PERIOD_NS;
+    if (at->tv_nsec >= 1000000000) {
+        at->tv_nsec -= 1000000000;
+        at->tv_sec++;
+    }
+    clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, at, NULL);
+}
+
+int main(int count, char **words)
+{
+    char why[FMFTS_TEXT_SIZE], saying[FMFTS_TEXT_SIZE], said[FMFTS_TEXT_SIZE] = "";
+    bool loosen = count > 1 && strcmp(words[count - 1], "--loosen") == 0;
+    const char *names[PADS] = {"left", "right"};
+    struct fmfts_client *client[PADS];
+    struct fmfts_contact contact[PADS] = {0};
+    struct grip grip = {.slipped_n = first_n / (1.0 + first_reserve), .sticks_s = 1.0};
+    struct timespec period;
+    for (int i = 0; i < PADS; i++) {
+        client[i] = fmfts_connect(count - loosen > PADS ? words[1 + i] : names[i], NULL, why);
+        if (!client[i])
+            return fprintf(stderr, "grip: %s\n", why), 69;
+        if (!fmfts_why(client[i], 1000, why)) /* before the loop: it may take a second */
+            fprintf(stderr, "grip: %s\n", why);
+    }
+    clock_gettime(CLOCK_MONOTONIC, &period);
+    for (;;) {
+        const struct fmfts_contact *seen[PADS];
+        for (int i = 0; i < PADS; i++) {
+            if (fmfts_latest(client[i], &contact[i], 0) < 0)
+                return fprintf(stderr, "grip: %s\n", fmfts_refusal(client[i])), 69;
+            seen[i] = is_usable(client[i], &contact[i]) ? &contact[i] : NULL;
+        }
+        struct command command = step(&grip, seen, loosen);
+        /* Your gripper's and arm's commands go here. */
+        const char *what = command.close_m_per_s > 1e-3 ? "close" : command.close_m_per_s < -1e-3 ? "open" : "hold";
+        snprintf(saying, sizeof saying, "%s%s%s%s%s", what, command.may_lift ? ", lift" : "", command.why ? " (" : "",
+                 command.why ? command.why : "", command.why ? ")" : "");
+        if (strcmp(saying, said) != 0)
+            puts(saying), fflush(stdout);
+        memcpy(said, saying, sizeof said);
+        wait_for_next_period(&period);
+    }
+}

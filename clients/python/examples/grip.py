@@ -1,0 +1,150 @@
+#!/usr/bin/env python3
+"""Holds an object between two pads with little more than the least force with which it does not slip.
+
+    grip.py left right             closes until both touch, and holds
+    grip.py left right --loosen    then also looks for the least force
+
+It loosens the object, once, until it slips a millimetre or two; the force at which that began is the least one. It then
+holds with RESERVE more, and with as much more as the shear grows: a glass that is filled. Each further slip teaches
+anew. While a pad says nothing certain the gripper holds as it is, and never opens. docs/slip.md says what it needs.
+"""
+
+import math
+import sys
+import time
+from collections.abc import Sequence
+from typing import NamedTuple, Optional
+
+from fmfts_client import Client, Contact
+
+FIRST_N = 0.6  # of a new grip, and the least of any: below it slips are not told
+LARGEST_N = 2.0  # the pads know no more, and the object may bear no more
+RESERVE = 0.15  # more than the force at which it slipped
+FIRST_RESERVE = 0.5  # while the least force is not known
+STILL_SLIPS_PER_S = 0.6  # it slips on: so much more, as a share
+LOOSENS_PER_S = 0.15  # as a share
+APPROACH_M_PER_S, FASTEST_M_PER_S = 0.015, 0.04
+# How fast to close for a newton too little: thirty divided by the gripper's stiffness in N/m.
+CLOSE_M_PER_S_PER_N = 0.15
+SETTLED_S, SMOOTH_S = 0.3, 0.15
+SAME_S = 0.05  # a slip that begins again so soon is the same one
+# `slipping` waits until sticking_probability is below 0.1: a finger may roll. An object in a gripper hardly does. So a
+# pad that surely stuck slips from SLIPS_BELOW on.
+SLIPS_BELOW, STICKS_ABOVE = 0.5, 0.8
+MOVED_M = 2e-3  # a place that moved so far slipped, too: a slow slip is told late, or not at all
+LATE_S = 0.1  # an older sample says nothing of now
+PERIOD_S = 0.01
+
+
+class Command(NamedTuple):
+    """For the gripper, and the arm. close_m_per_s: each finger, negative opens. why: it holds, for people."""
+
+    close_m_per_s: float
+    may_lift: bool
+    why: str = ""
+
+
+def usable(contact: Optional[Contact], age_s: float) -> bool:
+    """Is its force known now? Slip and place may be unknown: a light touch."""
+    if contact is None or age_s > LATE_S or contact.health != "ok" or contact.over_range:
+        return False
+    return contact.contact is not None and contact.force_n is not None
+
+
+class Grip:
+    """found: the least force is known, and the arm may hurry."""
+
+    def __init__(self) -> None:
+        self.found = False
+        self._touched = self._slips = False
+        self._slipped_n = FIRST_N / (1.0 + FIRST_RESERVE)  # the force at which it slipped last
+        self._sticks_s = 1.0
+        self._stuck: set[str] = set()  # pads that surely stuck since the last slip
+        self._shear_n: dict[str, float] = {}  # by pad: now, smoothed
+        self._shear_then_n: dict[str, float] = {}  # and after the last slip
+        self._place_m: dict[str, tuple[float, float]] = {}  # by pad: where it sticks
+
+    def step(self, pads: Sequence[Optional[Contact]], loosen: bool, period_s: float = PERIOD_S) -> Command:
+        """pads: the newest contact of each, None: not `usable`. loosen: the arm stands still, with the object in the
+        air, and the least force shall be found."""
+        seen = [contact for contact in pads if contact is not None]
+        if not seen:
+            return Command(0.0, False, "no pad knows its force")
+        if not self._touched and not all(contact.contact for contact in seen):
+            return Command(APPROACH_M_PER_S if len(seen) == len(pads) else 0.0, False)
+        self._touched = True
+        # Both fingers press alike. A pad that is touched near its rim reads too little.
+        force_n = max(contact.force_n or 0.0 for contact in seen)
+        wanted_n = self._wanted_n(seen, force_n, loosen and len(seen) == len(pads), period_s)
+        speed = CLOSE_M_PER_S_PER_N * (wanted_n - force_n)
+        speed = min(max(speed, -FASTEST_M_PER_S), FASTEST_M_PER_S)
+        return Command(speed, not self._slips and force_n > 0.9 * wanted_n)
+
+    def _wanted_n(self, seen: Sequence[Contact], force_n: float, loosen: bool, period_s: float) -> float:
+        slips = [self._is_slipping(contact) for contact in seen]
+        begins, self._slips = self._sticks_s > SAME_S, any(slips)
+        if self._slips:
+            if loosen and not self.found:
+                self.found, begins = True, True
+            self._slipped_n = force_n if begins else self._slipped_n * (1.0 + STILL_SLIPS_PER_S * period_s)
+            self._sticks_s = 0.0
+            self._stuck, self._place_m, self._shear_n, self._shear_then_n = set(), {}, {}, {}
+        elif loosen and not self.found and None not in slips:
+            self._slipped_n *= 1.0 - LOOSENS_PER_S * period_s
+            if (1.0 + FIRST_RESERVE) * self._slipped_n < FIRST_N:  # it holds with less than the pads can tell
+                self.found, self._slipped_n = True, FIRST_N / (1.0 + RESERVE)
+        self._sticks_s += period_s
+        grown = max([self._grown(contact, period_s) for contact in seen if self.found] or [1.0])
+        reserve = RESERVE if self.found else FIRST_RESERVE
+        return min(max((1.0 + reserve) * self._slipped_n * max(grown, 1.0), FIRST_N), LARGEST_N)
+
+    def _is_slipping(self, contact: Contact) -> Optional[bool]:
+        """None: nobody knows."""
+        slip = contact.slip
+        if slip is None or slip.sticking_probability is None or contact.x_m is None or contact.y_m is None:
+            return None
+        sticks = slip.sticking_probability
+        if sticks > STICKS_ABOVE:
+            self._stuck.add(contact.pad)
+        x_m, y_m = self._place_m.setdefault(contact.pad, (contact.x_m, contact.y_m))
+        has_moved = math.hypot(contact.x_m - x_m, contact.y_m - y_m) > MOVED_M
+        return bool(slip.slipping) or has_moved or (contact.pad in self._stuck and sticks < SLIPS_BELOW)
+
+    def _grown(self, contact: Contact, period_s: float) -> float:
+        """By what factor the pad's shear grew since the last slip; shear is what the margin leaves of the friction."""
+        slip, pad = contact.slip, contact.pad
+        if slip is None or slip.friction is None or slip.margin_n is None or contact.force_n is None:
+            return 1.0
+        shear_n = slip.friction * contact.force_n - slip.margin_n
+        before_n = self._shear_n.get(pad, shear_n)
+        self._shear_n[pad] = before_n + min(period_s / SMOOTH_S, 1.0) * (shear_n - before_n)
+        if self._sticks_s < SETTLED_S:
+            return 1.0
+        return self._shear_n[pad] / max(self._shear_then_n.setdefault(pad, self._shear_n[pad]), 0.1)
+
+
+def newest(client: Client) -> Optional[Contact]:
+    client.latest()
+    contact = client.contact
+    return contact if contact is not None and client.alive and usable(contact, contact.sample_age_s) else None
+
+
+def main(names: Sequence[str], loosen: bool) -> None:
+    clients = [Client(name) for name in names]
+    for client in clients:
+        print(client.why(), file=sys.stderr)  # before the loop: it may take a second
+    grip, said = Grip(), ""
+    while True:
+        command = grip.step([newest(client) for client in clients], loosen)
+        # Your gripper's and arm's commands go here.
+        what = "close" if command.close_m_per_s > 1e-3 else "open" if command.close_m_per_s < -1e-3 else "hold"
+        saying = f"{what}{', lift' if command.may_lift else ''}{f' ({command.why})' if command.why else ''}"
+        if saying != said:
+            said = saying
+            print(said, flush=True)
+        time.sleep(PERIOD_S)
+
+
+if __name__ == "__main__":
+    words = [word for word in sys.argv[1:] if word != "--loosen"]
+    main(words or ["left", "right"], "--loosen" in sys.argv)

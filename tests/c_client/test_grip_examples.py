@@ -1,0 +1,230 @@
+"""The examples that hold with the least force, in Python and C, are one controller, and hold what they cannot feel."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from types import ModuleType
+
+import msgpack
+import numpy as np
+import pytest
+
+from background import repeating
+from c_client.built import CLIENT, HERE, SANITIZED, build
+from end_to_end.processes import RunningDaemon
+from fmfts.bus.encoding import encode
+from fmfts.bus.messages import ContactMessage, SlipMessage
+from fmfts.bus.publisher import Publisher
+from fmfts_client import Contact, Endpoints
+from unit.bus_messages import contact_message
+
+PYTHON_EXAMPLE = CLIENT.parent / "python/examples/grip.py"
+NAMES = ("left", "right")
+PERIOD_S, GOES_ON_S, PATIENCE_S, LATE_NS = 0.02, 0.5, 30.0, 250_000_000
+STEPS = 2400
+BLIND = "hold (no pad knows its force)"
+PADS = "".join(
+    f"""
+[[pad]]
+name = "{name}"
+[pad.source]
+type = "simulated"
+seed = 1
+turning_deg_per_s = 0.0
+[pad.contact]
+model = "shear"
+slip = true
+"""
+    for name in NAMES
+)
+
+
+@pytest.fixture(scope="module")
+def python() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("grip_example", PYTHON_EXAMPLE)
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(params=["c", "python"])
+def command(request: pytest.FixtureRequest, tmp_path: Path) -> list[str]:
+    if request.param == "python":
+        return [sys.executable, str(PYTHON_EXAMPLE), *NAMES]
+    program = build(tmp_path / "grip", "gcc", [CLIENT / "examples/grip.c"], f"-I{CLIENT}", "-lm", *SANITIZED)
+    return [str(program), *NAMES]
+
+
+def held(pad: str, force_n: float = 2.0, sticks: float | None = 0.99, **changes: object) -> ContactMessage:
+    slip = SlipMessage(slipping=None if sticks is None else sticks < 0.1, sticking_probability=sticks)
+    return contact_message(**({"pad": pad, "force_n": force_n, "slip": slip} | changes))
+
+
+def untouched(pad: str) -> ContactMessage:
+    return held(pad, 0.0, None, contact=False, x_m=None, y_m=None, x_sd_m=None, y_sd_m=None)
+
+
+class Example:
+    """A running one; what it said so far is in `lines`."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._process = process
+        self.lines: list[str] = []
+        self._taken = 0
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self.lines.append(line.strip())
+
+    def says(self, wanted: str) -> None:
+        """A line ends so, after those that were waited for before."""
+        until = time.monotonic() + PATIENCE_S
+        while not any(line.endswith(wanted) for line in self.lines[self._taken :]):
+            assert time.monotonic() < until, self.lines
+            assert self._process.poll() is None, self.lines
+            time.sleep(0.01)
+        self._taken = len(self.lines)
+
+    def goes_on(self, wanted: str) -> None:
+        """It says that, and for a while nothing else: a busy computer, too, makes messages late, but not for long."""
+        until = time.monotonic() + PATIENCE_S
+        while True:
+            assert time.monotonic() < until, self.lines
+            before = len(self.lines)
+            time.sleep(GOES_ON_S)
+            if len(self.lines) == before and self.lines and self.lines[-1].endswith(wanted):
+                break
+        self._taken = len(self.lines)
+
+
+@contextmanager
+def running(command: list[str], environment: dict[str, str]) -> Iterator[Example]:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        try:
+            yield Example(process)
+        finally:
+            process.kill()
+
+
+def test_example_closes_on_slips_and_holds_where_it_is_blind(command: list[str], tmp_path: Path) -> None:
+    endpoints = Endpoints.from_base(f"ipc://{tmp_path}")
+    made: list[Callable[[str], ContactMessage]] = [untouched]
+    publisher = Publisher(endpoints, "b00t", pads=list(NAMES))
+
+    def send() -> None:
+        for name in NAMES:
+            publisher.send_contact(name, made[0](name))
+
+    def late(name: str) -> ContactMessage:
+        message = held(name)
+        return held(name, t_sample_ns=message.t_publish_ns - LATE_NS)
+
+    with running(command, os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}"}) as example:
+        example.says(BLIND)
+        with closing(publisher), repeating(send, PERIOD_S):
+            for make, words in (
+                (untouched, "close"),
+                (lambda name: held(name, 0.6), "hold, lift"),
+                (lambda name: held(name, 0.6, sticks=0.02), "close"),
+                (late, BLIND),
+                (held, "lift"),
+                (lambda name: held(name, health="degraded"), BLIND),
+                (held, "lift"),
+                (lambda name: held(name, force_n=None, x_m=None, y_m=None), BLIND),
+                (lambda name: held(name, health="degraded" if name == "left" else "ok"), "lift"),
+            ):
+                made[0] = make
+                (example.goes_on if words == BLIND else example.says)(words)
+        example.goes_on(BLIND)  # the daemon died
+
+
+def test_example_follows_a_daemon_and_holds_when_it_ends(command: list[str], tmp_path: Path) -> None:
+    with RunningDaemon(tmp_path, PADS) as daemon, running(command, daemon.environment) as example:
+        example.says("close")  # nothing touches at first
+        example.says("lift")  # the script presses hard enough
+        daemon.stop()
+        example.goes_on(BLIND)
+
+
+def drawn(random: np.random.Generator) -> Iterator[tuple[bool, list[ContactMessage | None]]]:
+    """Steps of a grip that is lost, found, slips, grows heavier and goes blind."""
+    force_n, sticks, friction, place_m = 0.0, 1.0, None, 2e-3
+    for number in range(STEPS):
+        force_n = abs(force_n + random.normal(0.01, 0.03)) if force_n < 2.2 else 0.3
+        sticks = float(np.clip(sticks + random.normal(0.02, 0.3), 0.0, 1.0))
+        friction = random.uniform(0.1, 1.0) if random.uniform() < 0.02 else friction
+        place_m = float(np.clip(place_m + random.normal(0.0, 2e-4), -8e-3, 8e-3))
+        slip = SlipMessage(
+            slipping=sticks < 0.1,
+            sticking_probability=sticks,
+            friction=friction,
+            margin_n=None if friction is None else friction * force_n - random.uniform(0.1, 1.0),
+        )
+        told: list[ContactMessage | None] = [
+            held(name, force_n + random.normal(0.0, 0.01), x_m=place_m, slip=slip) for name in NAMES
+        ]
+        for pad, name in enumerate(NAMES):
+            kind = random.uniform()
+            if kind < 0.02:
+                told[pad] = None
+            elif kind < 0.05:
+                told[pad] = held(name, force_n, None)
+            elif number < 20 or kind < 0.06:
+                told[pad] = untouched(name)
+        yield number % 800 > 300, told
+
+
+def test_both_languages_decide_alike(python: ModuleType, tmp_path: Path) -> None:
+    flags = [f"-I{CLIENT}", "-lm", *SANITIZED]
+    program = build(tmp_path / "grip_steps", "gcc", [HERE / "grip_steps.c"], *flags)
+    grip, asked, decided = python.Grip(), bytearray(), []
+    for loosen, told in drawn(np.random.default_rng(3)):
+        asked += bytes([loosen])
+        for message in told:
+            body = b"" if message is None else encode(message)
+            asked += struct.pack("=I", len(body)) + body
+        contacts = [None if each is None else Contact.from_message(msgpack.unpackb(encode(each))) for each in told]
+        command = grip.step(contacts, loosen)
+        decided.append((command.close_m_per_s, command.may_lift, grip.found))
+    ended = subprocess.run([program], input=bytes(asked), capture_output=True, timeout=PATIENCE_S, check=False)
+    assert ended.returncode == 0, ended.stderr.decode()
+    answers = np.array([line.split() for line in ended.stdout.decode().splitlines()], dtype=float)
+    np.testing.assert_allclose(answers, np.array(decided, dtype=float), rtol=1e-12, atol=1e-15)
+    speeds, lifts, found = answers.T
+    assert found[-1] == 1.0
+    assert 0.1 < lifts.mean() < 0.9
+    assert len(np.unique(speeds)) > STEPS / 4
+
+
+def test_grip_tightens_at_a_slip_and_as_the_load_grows(python: ModuleType) -> None:
+    def stepped(grip: object, force_n: float, steps: int, loosen: bool = False, **slip: float | bool) -> float:
+        for _ in range(steps):
+            told = [held(name, force_n, slip=SlipMessage(**slip)) for name in NAMES]  # type: ignore[arg-type]
+            contacts = [Contact.from_message(msgpack.unpackb(encode(each))) for each in told]
+            speed = grip.step(contacts, loosen).close_m_per_s  # type: ignore[attr-defined]
+        return float(speed)
+
+    grip = python.Grip()
+    assert stepped(grip, 0.9, 50, slipping=False, sticking_probability=1.0) < 0.0
+    slips = {"slipping": True, "sticking_probability": 0.01, "friction": 0.5, "margin_n": 0.0}
+    per_n = python.CLOSE_M_PER_S_PER_N
+    assert stepped(grip, 0.8, 1, loosen=True, **slips) == pytest.approx(per_n * python.RESERVE * 0.8, rel=0.02)
+    assert grip.found
+    holds = {"slipping": False, "sticking_probability": 1.0, "friction": 0.5}
+    assert stepped(grip, 0.92, 60, margin_n=0.06, **holds) == pytest.approx(0.0, abs=1e-3)
+    heavier_n = 0.92 * 1.5  # its shear is 1.5 times what it was
+    assert stepped(grip, heavier_n, 200, margin_n=0.5 * heavier_n - 1.5 * 0.4, **holds) == pytest.approx(0.0, abs=1e-3)
