@@ -14,6 +14,7 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from background import repeating
+from fmfts.bus.messages import SlipMessage
 from page.made_up_bus import Bus
 from page.rig import CHROMIUM, TWO_PICTURES, View, opened, until
 from page.views import SIZES, look_at_all_views
@@ -130,6 +131,20 @@ def test_over_range_without_a_place_is_drawn_at_no_place(shows: Callable[..., Pa
     assert page.inner_text("#place") == "place not known"
     middle, *corners = (page.evaluate(RED, [x, y, 60]) for x, y in ((0, 0), (-90, 90), (90, 90), (90, -40)))
     assert min(corners) > 0.5 * middle > 0
+
+
+def test_slip_leaves_a_trail_and_a_sticking_finger_none(shows: Callable[..., Page]) -> None:
+    def dragged(slips: bool) -> int:
+        slip = SlipMessage(slipping=slips, sticking_probability=0.0 if slips else 1.0)
+        for x_mm in (-8, 8):
+            page = shows(x_m=x_mm * 1e-3, y_m=0.0, x_sd_m=1e-4, y_sd_m=1e-4, force_n=0.3, slip=slip)
+        return int(page.evaluate(RED, [-40, 0, 12]))
+
+    sticking = dragged(False)
+    shows(untouched)
+    assert dragged(True) > sticking + 20
+    page = shows(untouched)
+    assert page.evaluate(RED, [-40, 0, 12]) <= sticking
 
 
 def test_recording_that_the_daemon_plays_is_not_called_live(page: Page, bus: tuple[Bus, str]) -> None:

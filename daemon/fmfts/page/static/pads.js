@@ -2,7 +2,7 @@
 
 import { touchesOf } from "./numbers.js";
 
-const FINE_S = 13, COARSE_S = 610, BIN_S = 0.2, RATE_S = 1.0, MOST_EVENTS = 400;
+const FINE_S = 13, COARSE_S = 610, BIN_S = 0.2, RATE_S = 1.0, SLID_S = 5, MOST_EVENTS = 400;
 const NOBODY = Symbol("nobody"); // no finger's id: that of a contact is undefined
 export const SILENT_S = 0.3; // three messages: the daemon sends ten a second, also while the hardware is silent
 
@@ -71,6 +71,7 @@ export class PadState {
     this.events = [];
     this.lost = 0;
     this.trail = []; // [t, x, y, finger]
+    this.slid = []; // [t, x, y, slips]: where the finger slipped, and once where it stuck again
     this.columns = [NOBODY, NOBODY]; // ids of fingers
     this.sent = []; // {t, seq} of the last second
     this.frozen = null;
@@ -90,6 +91,9 @@ export class PadState {
     this.bin(row);
     for (const { id, x_m, y_m } of touches) this.trail.push([t, x_m, y_m, id]);
     while (this.trail.length && (this.trail[0][0] < t - 0.8 || !contact.contact)) this.trail.shift();
+    const slips = contact.slip?.slipping === true;
+    if (touches.length === 1 && (slips || this.slid.at(-1)?.[3])) this.slid.push([t, touches[0].x_m, touches[0].y_m, slips]);
+    while (this.slid.length && (this.slid[0][0] < t - SLID_S || !contact.contact)) this.slid.shift();
   }
 
   // Two places, for the traces: a finger stays in one for as long as it touches.
@@ -133,6 +137,7 @@ export class PadState {
     for (const rows of [this.fine, this.coarse, this.ghosts, this.ages]) rows.clear();
     this.binFrom = -Infinity;
     this.trail = [];
+    this.slid = [];
     this.sent = [];
     this.events = [];
   }

@@ -1,7 +1,8 @@
 // Tangential force as an arrow; once a slip has told the friction, also how long the arrow may become: the cone from above.
+// Where the finger slipped, as a trail.
 
 import { known, shown } from "./numbers.js";
-import { colour, disc, label } from "./paint.js";
+import { colour, disc, faded, label } from "./paint.js";
 
 const M_PER_N = 8e-3; // of the arrow
 
@@ -20,6 +21,15 @@ export function drawShear(ctx, contact, x, y, scale) {
   }
   arrow(ctx, x, y, contact.shear_x_n * length, -contact.shear_y_n * length, tone);
   if (slip?.slipping) label(ctx, `slips, ${shown(slip.speed_m_per_s * 1e3, 0)} mm/s`, x, y + 30, { px: 13, weight: 700, fill: colour.bad });
+}
+
+// slid: of a PadState.
+export function drawSlid(ctx, slid, scale) {
+  ctx.strokeStyle = colour.bad;
+  ctx.lineWidth = 4;
+  ctx.beginPath();
+  slid.forEach(([, x, y], i) => ctx[slid[i - 1]?.[3] ? "lineTo" : "moveTo"](x * scale, -y * scale));
+  faded(ctx, 0.6, () => ctx.stroke());
 }
 
 function arrow(ctx, x, y, dx, dy, tone) {

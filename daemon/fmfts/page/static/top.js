@@ -3,7 +3,7 @@
 import { atMost, forceText, known, posesOf, touchesOf, touchOf, shown } from "./numbers.js";
 import { begin, colour, disc, faded, font, forceRadius, halfSide, hatch, label } from "./paint.js";
 import { sensorStates } from "./pads.js";
-import { drawShear } from "./shear.js";
+import { drawShear, drawSlid } from "./shear.js";
 import { freeSpot, widestLabel } from "./spots.js";
 
 const SENSOR_M = 0.0026, UNSEEN = ["stale", "disconnected", "no_baseline", "lost", "disturbed"];
@@ -35,7 +35,7 @@ export function drawPad(ctx, pad, contact, scale, full) {
   drawSensors(ctx, pad, contact, scale, full);
   if (!contact || UNSEEN.includes(contact.health)) drawVeil(ctx, outline, contact, half, full);
   for (const pose of posesOf(contact)) drawMagnet(ctx, pad, pose, scale, full);
-  if (full && contact) drawTrail(ctx, pad, scale);
+  if (full && contact) { drawTrail(ctx, pad, scale); drawSlid(ctx, pad.slid, scale); }
   if (contact) drawContact(ctx, pad, contact, scale, half, full);
   if (pad.ghost && contact) drawGhost(ctx, pad.ghost, scale, half, full);
 }
