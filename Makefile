@@ -52,6 +52,8 @@
 # make release     check HEAD, then `dist`, `test-dist` and a tag, signed where a key is configured; CHECK=1: no tag. Uploads nothing
 # make lerobot the LeRobot package with the real LeRobot (6 GB the first time)
 # make mujoco  the MuJoCo package: its tests, what a pad costs a step, its policy here and over the bus (160 MB; ten minutes)
+# make grip    the example that grips with the least force: 200 lifts in MuJoCo, and of force alone (half an hour)
+#              (GRIP="--lifts 40 --seed 7 --as-built"; python -m fmfts_mujoco.grip --help)
 # make viewers  what Rerun, Foxglove and MCAP's own decoder read of a recording (300 MB the first time; npm)
 # make ros     the ROS 2 package with real rclpy of two distributions (600 MB the first time)
 # make sizes   modules longer than 250 lines, and the lines of each room
@@ -346,6 +348,12 @@ endif
 ifneq ($(filter compare,$(MUJOCO)),)
 	$(BIN)/python -m fmfts_mujoco.compare
 endif
+
+GRIP ?= --lifts 200 --seed 1
+.PHONY: grip
+grip: $(VENV)/.installed
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e ./clients/mujoco
+	$(BIN)/python -m fmfts_mujoco.grip $(GRIP)
 
 # Makes the recordings that the tests replay again; the commit must explain why they change.
 recordings: $(VENV)/.installed-test firmware

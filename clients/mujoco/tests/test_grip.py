@@ -1,0 +1,87 @@
+"""The gripper that holds with the least force: the world judges alone, and the controller holds where it is blind."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from fmfts_client import Contact
+
+from fmfts_mujoco.grip import _pads, lift, line
+from fmfts_mujoco.lifting import HIGH_M, Lifting
+from fmfts_mujoco.objects import GRAVITY_M_PER_S2, SHAPES, Object
+from fmfts_mujoco.rivals import controller, example
+
+SEED = 4242  # of no reported figure
+
+
+def drawn(number: int, shape: str = "ball") -> Object:
+    return Object.drawn(np.random.default_rng([SEED, number]), shape)
+
+
+@pytest.mark.parametrize(("share", "slides"), [(1.08, False), (0.92, True)])
+def test_object_slides_below_the_least_force_alone(share: float, slides: bool) -> None:
+    """No pad and no controller: two fingers press, and the table is gone."""
+    thing = replace(drawn(1), above_m=0.0, sideways_m=0.0)
+    model = thing.model()
+    data = mujoco.MjData(model)
+    force_n, way_m = share * thing.least_n(thing.mass_kg, 0.0), 0.0
+    for step in range(3000):
+        way_m += 5e-5 * np.clip(force_n - data.sensordata.mean(), -0.5, 0.5)
+        data.ctrl[:2] = way_m
+        data.xfrc_applied[model.body("object").id, 2] = thing.mass_kg * GRAVITY_M_PER_S2 * (step < 2000)
+        if step == 2000:
+            model.geom_contype[model.geom("table").id] = model.geom_conaffinity[model.geom("table").id] = 0
+            before_m = data.xpos[model.body("object").id, 2]
+        mujoco.mj_step(model, data)
+    fell_m = before_m - data.xpos[model.body("object").id, 2]
+    assert (fell_m > 5e-3) if slides else (fell_m < 5e-4)
+
+
+def test_filling_makes_the_glass_heavier_and_nothing_else() -> None:
+    things = [drawn(number, shape) for shape in SHAPES for number in range(50)]
+    assert all((thing.full > 1.0) == (thing.shape == "glass") for thing in things)
+    least_n = [thing.least_n(thing.mass_kg * thing.full, 0.0) for thing in things]
+    assert 0.8 <= min(least_n) < 0.85
+    assert 1.4 < max(least_n) <= 1.45
+    assert 0.02 < min(thing.mass_kg for thing in things) < max(thing.mass_kg for thing in things) < 0.36
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_example_holds_with_little_more_than_the_least_force(shape: str) -> None:
+    ended = lift(2, SEED, "slip", shape, False, "tested")
+    assert ended.end == "held"
+    assert 1.0 < ended.share < 1.35
+    assert ended.slid_m < 12e-3
+    assert "0 dropped" in line("slip", [ended])
+
+
+def test_force_alone_presses_harder() -> None:
+    own, rival = (lift(2, SEED, kind, "ball", False, "tested") for kind in ("slip", "fixed"))
+    assert rival.thing == own.thing
+    assert rival.share > own.share
+
+
+class Blind(Lifting):
+    """Its pads fall silent as soon as the object is lifted."""
+
+    def _contacts(self, usable: object) -> list[Contact | None]:
+        seen = super()._contacts(usable)
+        return [None, None] if self._phase in ("lift", "hold") else seen
+
+
+def test_example_holds_the_object_while_no_pad_says_anything() -> None:
+    configs, recorded = _pads(1, False, "tested")
+    lifted = Blind(drawn(3), configs, recorded, 1, as_built=False).run(controller("slip"), example().usable)
+    there = lifted.during("lift", "hold")
+    force_n = np.array(lifted.force_n)[there]
+    assert np.ptp(force_n[20:]) < 0.05
+    assert lifted.object_m[-1] - lifted.object_m[0] > 0.5e-2
+    assert lifted.object_m[-1] < 2.0 * HIGH_M
+
+
+def test_turned_robot_makes_shear_better_known() -> None:
+    _, recorded = _pads(1, False, "tested")
+    assert all(baseline.turn is not None for baseline in recorded.values())
