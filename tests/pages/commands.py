@@ -18,6 +18,7 @@ else:
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 PAGES += [ROOT / "lab/README.md", *sorted((ROOT / "lab/results").glob("*.md"))]
+PAGES += [page for folder in ("clients", "extras", "firmware") for page in sorted((ROOT / folder).glob("**/*.md"))]
 TABLE = Path(__file__).with_name("commands.toml")
 BLOCK = re.compile(
     r"^```(?:|sh|bash|console)\n(.*?)^```$|((?:^    [^\n]*\n(?:\n(?=    ))?)+)", re.MULTILINE | re.DOTALL
@@ -26,7 +27,8 @@ OTHER_BLOCK = re.compile(r"^```\w+\n.*?^```$", re.MULTILINE | re.DOTALL)
 # What a line of a console begins with; a block whose first line begins otherwise is a file or what was printed.
 PROGRAM = re.compile(
     r"(?:[A-Z_]+=\S+ )*(?:fmfts-daemon|make|(?:\S*/)?python3?|pip|sudo|sudoedit|apt-get|apt|git|gpg|ssh-keygen"
-    r"|sha256sum|scp|ssh|mkdir|chmod|cp|zip|journalctl|dask|cmake|curl|firmware/build/\S+|\$EDITOR|\.)(?= |$)"
+    r"|sha256sum|scp|ssh|ln|cd|ros2|mkdir|chmod|cp|zip|journalctl|dask|cmake|curl|firmware/build/\S+|\$EDITOR|\.)"
+    r"(?= |$)"
 )
 
 
