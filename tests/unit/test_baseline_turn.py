@@ -88,12 +88,13 @@ def test_rest_is_known_better_after_a_turn(turns: Turns) -> None:
     for world, turn in turns.each:
         before = world.baseline(turns.tolerance)
         after = msgspec.structs.replace(before, turn=StoredTurn.of(turn))
-        was, now = (baselines.accuracy(one.mounting(world.pad), world.pad) for one in (before, after))
+        mountings = [one.mounting(world.pad) for one in (before, after)]
+        was, now = (baselines.accuracy(one, world.pad) for one in mountings)
         # The depth also depends on the places, which a turn does not tell.
         assert now["press_1n_sideways_sd_m"] < 0.5 * was["press_1n_sideways_sd_m"]
         assert now["press_1n_force_sd_n"] < was["press_1n_force_sd_n"]
         assert now["gain_sd"] < 0.4 * was["gain_sd"]
-        normalised.append(_press_error(world, after.mounting(world.pad)))
+        normalised.append(_press_error(world, mountings[1]))
     # The mean of 20 χ²₅ has a deviation of 0.7.
     assert np.mean(normalised) < 5.0 + 4 * 0.7
 
