@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import product
 from fmfts.bus.messages import NowMessage
 from fmfts.common.chi2 import quantile
 from fmfts.common.record import Record, Values
@@ -27,7 +28,7 @@ from fmfts.sensor.frame import mask_of
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.fit import Fit, Measured
 from fmfts.several.reading import FingersReading
-from fmfts.several.resultant import deviation_of
+from fmfts.several.resultant import deviation_of_each
 
 NOT_KNOWN, PRESSING = -1.0, 1.0
 # A finger is looked for in the newest samples where one of them has changed by so much since the frame's instant.
@@ -81,6 +82,7 @@ class FollowedFinger:
         )
 
         self._buffers = self._parameters.buffer, self._memory.buffer
+        self._rest_t = mounting.rest_field_t.ravel()
         self._quiet = np.array([0.0, 0.0, estimator.quiet_force_sd_n])
         self._sure_t = SURE_DEVIATIONS * mounting.noise_t
 
@@ -106,7 +108,7 @@ class FollowedFinger:
         pressed = len(fit.fingers) > 0
         memory.fill({"pressing": float(pressed), "places": float(pressed), "instant_us": float(aligned.time_us)})
         if pressed:
-            self._put(reading.measured, fit, deviation_of(reading, fit), frame)
+            self._put(reading.measured, fit, deviation_of_each(reading, fit)[0], frame)
         else:
             memory["finger_deviation"][:] = self._quiet
             newer_t = field_t - aligned.field_t
@@ -139,9 +141,9 @@ class FollowedFinger:
         frame's instant."""
         assert measured is not None
         memory, moment = self._memory, self._estimator.moment
-        finger, rest_t = fit.fingers[0], self._mounting.rest_field_t.ravel()
+        finger, model = fit.fingers[0], self._estimator.fitter.model
         # What is wrong of the table and of gains grows with the force; the ambient field does not.
-        even_t = self._mounting.sensors.to_sensor(np.tile(fit.ambient_t, (self._sensors, 1))).ravel()
+        even_t = product(model.by_ambient, fit.ambient_t)
         wrong_t, force_n = fit.misfit_t - fit.noise_t - even_t, float(finger[2])
         wrong_t_per_n = wrong_t * (force_n / (force_n * force_n + LIGHT_N * LIGHT_N))
         change_t, slope_t = measured.field_t - fit.noise_t, fit.slope_t.copy()
@@ -151,19 +153,16 @@ class FollowedFinger:
             ahead_s = (frame.device_time_us - began_us) * 1e-6
             there = moved[:3].copy()  # the rates of its place are poorly known
             there[2] = max(there[2] + min(max(ahead_s, 0.0), LONGEST_AHEAD_S) * moved[7], 0.0)
-            predicted = self._estimator.fitter.model.predict(there[None])
-            change_t = predicted.field_t + even_t + wrong_t + wrong_t_per_n * (float(there[2]) - force_n)
-            finger, slope_t = there, predicted.slope
+            predicted_t, slope_t = model.field_and_slope_of(there[None])
+            change_t = predicted_t + even_t + wrong_t + wrong_t_per_n * (float(there[2]) - force_n)
+            finger = there
         slope_t[:, 2] += wrong_t_per_n
-        memory.fill(
-            {
-                "finger": finger,
-                "finger_covariance": fit.covariance,
-                "finger_deviation": deviation,
-                "ahead_t": moment * (rest_t + change_t),
-                "by_finger": moment * slope_t,
-            }
-        )
+        memory["finger"][:] = finger
+        memory["finger_covariance"][:] = fit.covariance.ravel()
+        memory["finger_deviation"][:] = deviation
+        values = len(change_t)
+        memory["ahead_t"][:values] = moment * (self._rest_t + change_t)
+        memory["by_finger"][: 3 * values] = (moment * slope_t).ravel()
 
     def early(self, early: EarlySample) -> Told | None:
         """The same after a sample that came before its frame; None where it says nothing new."""

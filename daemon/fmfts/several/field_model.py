@@ -96,6 +96,10 @@ class FieldModel:
         """(3N,) as in `predict`, which is all that most frames need."""
         return self._predicted(fingers)[0]
 
+    def field_and_slope_of(self, fingers: Array) -> tuple[Array, Array]:
+        """(3N,) and (3N, 3K) as `predict` has them."""
+        return self._predicted(fingers)[:2]
+
     def _predicted(self, fingers: Array) -> tuple[Array, Array, Array, Array, Array]:
         """As Predicted; the effect of each finger alone, (K, …), is still packed."""
         values, poses, unknowns = len(self.at_rest), len(self._si), FINGER * len(fingers)

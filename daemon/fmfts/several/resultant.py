@@ -30,6 +30,9 @@ def deviation_of_each(reading: FingersReading, fit: Fit) -> Array:
 
 def resultant_deviation(fit: Fit) -> Array:
     """(3,) of the resultant's place and force: with w the share of a finger, ∂x/∂x_k = w_k, ∂x/∂F_k = (x_k − x)/F."""
+    if len(fit.fingers) == 1:
+        alone: Array = fit.deviation[0]
+        return alone
     middle_x, middle_y, whole = resultant(fit.fingers).tolist()
     force = max(whole, 1e-9)
     by_x: list[float] = []
