@@ -26,9 +26,10 @@ def draw(found_us: Mapping[tuple[str, str], float], goals_us: Mapping[str, float
         times = [found_us[pads[place], fingers] for place in places]
         axes.plot(places, times, marker="o", color=colour)
         place, own_us, shift = pads.index(STANDARD), found_us[STANDARD, fingers], "offset points"
+        aside = -15 if fingers == "one finger" else 6
         last = f"{fingers}, {times[-1]:.0f}"
         axes.annotate(last, (places[-1], times[-1]), (8, -3), textcoords=shift, color=colour)
-        axes.annotate(f"{own_us:.0f}", (place, own_us), (0, 6), textcoords=shift, color=colour, ha="center")
+        axes.annotate(f"{own_us:.0f}", (place, own_us), (0, aside), textcoords=shift, color=colour, ha="center")
         axes.plot([place - 0.3, place + 0.3], [goal_us, goal_us], color=colour, linestyle=":")
     axes.set(yscale="log", ylabel="µs from a frame to its message", xlim=(-0.3, len(pads) + 0.2))
     axes.set_xticks(range(len(pads)), pads)
