@@ -108,6 +108,8 @@ def test_sample_of_another_time_is_not_taken() -> None:
     (sample, *_) = samples_of(some[-1])
     assert made.early(sample) is None  # the frame held it
     assert made.early(replace(sample, device_time_us=sample.device_time_us + 1_000_000)) is None
+    with pytest.raises(ValueError, match="no board counts so far"):
+        made.early(replace(sample, device_time_us=2**62))
     assert made.early(replace(sample, sensor=15, device_time_us=sample.device_time_us + 4000)) is None
 
 

@@ -36,7 +36,7 @@ FMFTS_FUNCTION(follow_finger)
     unsigned int fresh;
     fmfts_now now;
     if (!PyArg_ParseTuple(args, "y*w*y*y*ILL", &b[PARAMETERS], &b[MEMORY], &b[FIELD], &b[SAMPLED], &fresh, &sequence, &time_us) ||
-        !is_of_a_pad(&b[PARAMETERS], &b[MEMORY])) {
+        !is_of_a_pad(&b[PARAMETERS], &b[MEMORY]) || !fmfts_are_possible(sequence, time_us, 0)) {
         return NULL;
     }
     const fmfts_parameters *parameters = b[PARAMETERS].buf;
@@ -60,7 +60,7 @@ FMFTS_FUNCTION(follow_finger_early)
     fmfts_now now;
     if (!PyArg_ParseTuple(args, "y*w*iIhhhL", &b[PARAMETERS], &b[MEMORY], &sensor, &gain_code, &counts[0], &counts[1], &counts[2],
                           &time_us) ||
-        !is_of_a_pad(&b[PARAMETERS], &b[MEMORY])) {
+        !is_of_a_pad(&b[PARAMETERS], &b[MEMORY]) || !fmfts_are_possible(0, time_us, 0)) {
         return NULL;
     }
     const fmfts_parameters *parameters = b[PARAMETERS].buf;

@@ -84,7 +84,7 @@ bool fmfts_tell_early(fmfts_pad_object *self, int sensor, unsigned gain_code, co
 }
 
 /* Whether sums of these fit into 64 bits, and the time into a double. A recording may claim anything. */
-static int are_possible(int64_t sequence, int64_t time_us, int64_t host_ns)
+int fmfts_are_possible(int64_t sequence, int64_t time_us, int64_t host_ns)
 {
     const int64_t most = INT64_C(1) << 61, most_us = INT64_C(1) << 53;
     if (0 <= sequence && sequence < most && 0 <= time_us && time_us < most_us && -most < host_ns && host_ns < most) {
@@ -106,7 +106,7 @@ static int is_of(const fmfts_pad_object *self, const fmfts_frame *frame, Py_ssiz
         PyErr_Format(PyExc_ValueError, "no chip has a gain code %u", frame->gain_code);
         return 0;
     }
-    return are_possible(frame->sequence, frame->time_us, frame->host_ns);
+    return fmfts_are_possible(frame->sequence, frame->time_us, frame->host_ns);
 }
 
 static PyObject *judge(PyObject *object, PyObject *args)
@@ -144,7 +144,7 @@ static PyObject *early(PyObject *object, PyObject *args)
     short count[3];
     long long time_us;
     if (!PyArg_ParseTuple(args, "iIhhhL", &sensor, &gain_code, &count[0], &count[1], &count[2], &time_us) ||
-        !fmfts_still_fits(self) || !are_possible(0, time_us, 0)) {
+        !fmfts_still_fits(self) || !fmfts_are_possible(0, time_us, 0)) {
         return NULL;
     }
     bool is_there = 0 <= sensor && sensor < (int)self->pad.parameters->pose.sensors;

@@ -80,6 +80,9 @@ static inline bool fmfts_has_size(const Py_buffer *buffer, size_t size, const ch
     return fmfts_has_bytes(buffer, size, sizeof(double), what);
 }
 
+/* _pad.c: whether differences of these fit into 64 bits. 0 and ValueError if not. */
+int fmfts_are_possible(int64_t sequence, int64_t time_us, int64_t host_ns);
+
 /* _pad.c: judges a frame, and writes its message. False if a number of it is not finite, or with an exception that the contact
  * model raised. */
 bool fmfts_tell(fmfts_pad_object *self, const fmfts_frame *frame);
