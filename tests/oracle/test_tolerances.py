@@ -31,7 +31,8 @@ STEP = 0.02  # of a movement: small, so that an answer is linear in it
 
 
 def model(pad: Pad, name: str = "default", **tolerance: Any) -> ContactModel:
-    return ContactModel.load(name, pad, tolerance=StructureTolerance(**tolerance))
+    friction = 0.8 if name == "shear" else 0.0
+    return ContactModel.load(name, pad, friction=friction, tolerance=StructureTolerance(**tolerance))
 
 
 def answer(model: ContactModel, pad: Pad, change: Array) -> ContactEstimate:

@@ -16,6 +16,9 @@ from pad_frames import frames_of
 from test_pipeline import config_of, pipeline_of
 
 from examples import examples
+from fmfts.calibrate.export import packed_weights
+from fmfts.calibrate.levenberg import Layers
+from fmfts.calibrate.network import ContactNetwork
 from fmfts.contact import ContactModel, ModelError, beside, comparison, verified
 from fmfts.contact.comparison import answers, poses_of
 from fmfts.contact.contract import WEIGHTS_KEY, pack_weights, parse_weights
@@ -80,10 +83,9 @@ def test_weights_of_no_network_are_refused(packed: str) -> None:
 
 def test_weights_of_another_number_of_outputs_than_the_graph_are_refused(tmp_path: Path, pad: Pad) -> None:
     def of_five(proto: onnx.ModelProto) -> None:
-        shear = onnx.load_from_string(unsealed(SHIPPED_PATHS["shear"].read_bytes()))
-        (its,) = (entry.value for entry in shear.metadata_props if entry.key == WEIGHTS_KEY)
+        five = ContactNetwork(np.zeros(6), np.ones(5), Layers.drawn((10, 2, 2, 5), np.random.default_rng(0)))
         (own,) = (entry for entry in proto.metadata_props if entry.key == WEIGHTS_KEY)
-        own.value = its
+        own.value = packed_weights(five)
 
     with pytest.raises(ModelError, match="another number of outputs than 5"):
         load(tmp_path, pad, with_seal(edited(of_five)))

@@ -256,7 +256,9 @@ def test_silent_sensor_makes_no_jump() -> None:
 def test_model_with_shear_reports_shear_and_its_rate() -> None:
     config = config_of(33)
     tracking = tracking_model_for(config.scene, config.magnet).tracking
-    pipeline = PadPipeline(config.pad(), ContactModel.load("shear", config.pad()), "boot", 220.0, tracking)
+    pipeline = PadPipeline(
+        config.pad(), ContactModel.load("shear", config.pad(), friction=0.3), "boot", 220.0, tracking
+    )
     pipeline.use(simulated_baseline(config))
     source = Simulated(config)
     source.finger = lambda time_s: Touch(1e-3, 1e-3, 0.8) if time_s > 0.4 else no_finger(time_s)

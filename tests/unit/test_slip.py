@@ -160,7 +160,7 @@ def test_margin_is_friction_times_force_less_shear() -> None:
 
 def test_other_fields_are_the_same_with_slip_and_without() -> None:
     finger = slide(2.0)
-    without = told(finger, finger.seconds, ContactConfig(model="shear"))
+    without = told(finger, finger.seconds, ContactConfig(model="shear", friction=ASKED.slip_friction[1]))
     times = {"t_publish_ns": 0, "utc_ns": 0, "baseline": None}
     for asked, plain in zip(told(finger, finger.seconds), without, strict=True):
         assert plain.slip is msgspec.UNSET

@@ -16,6 +16,7 @@ from fmfts.simulation.solved_table import (
 )
 from fmfts_lab.finite_elements.check_table import errors
 from fmfts_lab.finite_elements.solved_presses import (
+    SETS,
     centre_grid,
     normal_grid,
     normal_test,
@@ -48,6 +49,15 @@ def test_sheared_presses_are_accurate_to_three_thousandths() -> None:
     assert (np.linalg.norm(error[:, 3:], axis=1) < 0.003 * np.linalg.norm(rows[:, 8:], axis=1)).all()
 
 
+def test_table_holds_to_the_rim_and_for_twice_the_friction_that_made_it() -> None:
+    """Presses with shear up to 0.8 of their force, all over the pad; the table was made with 0.4."""
+    rows = read_solved(SIMULATE / "test_friction.csv")
+    assert len(rows) == 60
+    error = errors(standard_mechanics(), rows)
+    assert np.abs(error[:, :3]).max() < 0.6e-6  # a frame knows the height to 3.5 µm
+    assert np.abs(error[:, 3:]).max() < 0.2e-3  # and the tilt to 3.5 mrad
+
+
 def test_shear_moves_the_magnet_as_the_table_says() -> None:
     """Of that alone the table is right to 1 % rms: a hundredth of what would be lost without it."""
     rows = read_solved(SIMULATE / "test_shear.csv")
@@ -60,6 +70,7 @@ def test_shear_moves_the_magnet_as_the_table_says() -> None:
 def test_solved_files_hold_the_presses_that_the_command_names() -> None:
     sets = {"pressed.csv": normal_grid(), "pressed_centre.csv": centre_grid(), "test_normal.csv": normal_test()}
     sets |= {"sheared.csv": shear_grid(), "test_shear.csv": shear_test()}
+    sets |= {f"{name}.csv": SETS[name.replace("_", "-")]() for name in ("test_friction", "test_friction_3")}
     for name, presses in sets.items():
         rows = read_solved(SIMULATE / name)
         np.testing.assert_allclose(rows[:, :5], [[float(v) for v in press_columns(press)] for press in presses])

@@ -72,10 +72,9 @@ def judge(labelled: CalibrationSet, tracked: Tracked, model: ContactModel) -> Ev
         contact = model.estimate(position_m, axis, whole / POSE_UNIT / POSE_UNIT[:, None])
         shear_n = () if contact.shear_n is None else contact.shear_n
         found.append(
-            (
-                np.array([contact.x_m, contact.y_m, contact.force_n, *shear_n])
-                / CONTACT_UNIT[: len(model.facts.outputs)]
-            )[:outputs]
+            (np.array([contact.x_m, contact.y_m, contact.force_n, *shear_n]) / CONTACT_UNIT[: len(contact.values)])[
+                :outputs
+            ]
         )
         deviation.append((contact.deviations / unit)[:outputs])
         in_range.append(not (contact.over_range or contact.refused))

@@ -11,8 +11,11 @@ from fmfts.contact.response import CHANGE, Array, Indices, Response
 # Powers of the normal force: three are exact to 0.01 mm up to 2 N, five up to 4 N. Forces that differ by less than
 # LEVEL_SHARE of the largest are one level: a stage reaches a force to 5 % or worse, which shows no curvature.
 NORMAL_POWERS, LEVEL_SHARE = 5, 0.15
-# Exponents of (normal, shear x, shear y): linear in shear, a little stronger on a squeezed pad, and quadratic.
-SHEAR_EXPONENTS = ((0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 2, 0), (0, 1, 1), (0, 0, 2))
+# Exponents of (normal, shear x, shear y): linear in shear, otherwise on a squeezed pad, and quadratic.
+SHEAR_EXPONENTS = (
+    *((0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (2, 1, 0), (2, 0, 1)),
+    *((0, 2, 0), (0, 1, 1), (0, 0, 2)),
+)
 # Weights of roughness, relative to that of the data: from "pass through every point" to "mostly noise".
 ROUGHNESS = (1e-7, 1e-5, 1e-3, 1e-1)
 MOST_CELLS, FEWEST_CELLS = 20, 4
@@ -35,9 +38,31 @@ def best_roughness(press: Array, change: Array, deviation: Array) -> float:
     return min(ROUGHNESS, key=lambda weight: _left_out_error(empty, press, change, deviation, weight))
 
 
-def left_out_residuals(press: Array, change: Array, deviation: Array, roughness: float) -> tuple[Indices, Array]:
-    """Rows (R,) of the presses that folds leave out, and the residuals (R, 5) of the fits without them."""
-    return _left_out(empty_response(press), press, change, deviation, roughness)
+def left_out_residuals(
+    press: Array, change: Array, deviation: Array, roughness: float, empty: Response | None = None
+) -> tuple[Indices, Array]:
+    """Rows (R,) of the presses that folds leave out, and the residuals (R, 5) of the fits without them. empty: what is
+    fitted; None: a whole response."""
+    return _left_out(empty or empty_response(press), press, change, deviation, roughness)
+
+
+def with_shear(normal: Response, press: Array, added: Array, deviation: Array, roughness: float) -> Response:
+    """`normal`, and what shear adds to it: `added` (K, 5) under presses (K, 5), to within `deviation` (K, 5)."""
+    fitted = _solved(shear_alone(normal, press), press, added, deviation, roughness)
+    of_normal = np.pad(normal.exponent, ((0, 0), (0, fitted.loads - normal.loads)))
+    return replace(
+        fitted,
+        exponent=np.concatenate([of_normal, fitted.exponent]),
+        coefficient=np.concatenate([normal.coefficient, fitted.coefficient], axis=2),
+    )
+
+
+def shear_alone(normal: Response, press: Array) -> Response:
+    """A response to shear alone on the knots of `normal`, with coefficients zero."""
+    exponent = np.array(SHEAR_EXPONENTS, dtype=np.intp)
+    coefficient = np.zeros((*normal.coefficient.shape[:2], len(exponent), CHANGE))
+    friction = empty_response(press).friction
+    return replace(normal, exponent=exponent, coefficient=coefficient, friction=friction)
 
 
 def empty_response(press: Array) -> Response:

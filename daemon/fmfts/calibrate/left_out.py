@@ -10,11 +10,12 @@ from fmfts.calibrate.evaluation import ForceBins, tables_of_squares
 from fmfts.calibrate.fitting import left_out_residuals
 from fmfts.calibrate.samples import Samples
 from fmfts.contact.contract import ErrorTables
-from fmfts.contact.response import Response, answer_by_change
+from fmfts.contact.response import SHARE_OF_CONE, Response, answer_by_change
 from fmfts.pad import Array
 
 # The response's error at a place is estimated from so many presses around it: enough for a deviation to 15 %.
 NEIGHBOURS = 24
+LEAST_FORCE_N = 0.01  # of the prior of shear
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +31,10 @@ class LeftOut:
     deviation: Array
 
     @classmethod
-    def of(cls, press: Array, change: Array, deviation: Array, roughness: float) -> LeftOut:
-        rows, residual = left_out_residuals(press, change, deviation, roughness)
+    def of(
+        cls, press: Array, change: Array, deviation: Array, roughness: float, empty: Response | None = None
+    ) -> LeftOut:
+        rows, residual = left_out_residuals(press, change, deviation, roughness, empty)
         return cls(press[rows], residual, deviation[rows])
 
     @property
@@ -49,8 +52,11 @@ class LeftOut:
         return covariance
 
     def error(self, response: Response, samples: Samples, bins: ForceBins) -> ErrorTables:
-        """The error of maximum-likelihood answers that the response's error causes, in bins of `samples`."""
-        gain = answer_by_change(response.change_and_slope(samples.press)[1], samples.covariance)
+        """The error of the most likely answers that the response's error causes, in bins of `samples`. Their shear is
+        known beforehand to be within the calibrated friction."""
+        shear_sd_n = SHARE_OF_CONE * response.friction * np.maximum(samples.press[:, 2], LEAST_FORCE_N)
+        known_to = shear_sd_n if response.loads > 1 else np.inf
+        gain = answer_by_change(response.change_and_slope(samples.press)[1], samples.covariance, known_to)
         square = np.einsum("kmi,kij,kmj->km", gain, self.covariance(samples.press), gain)
         return tables_of_squares(bins, samples.press, square)
 

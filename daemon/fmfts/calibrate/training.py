@@ -28,12 +28,13 @@ from fmfts.calibrate.labelled_poses import LabelledPoses, Say, solver_of
 from fmfts.calibrate.network import ContactNetwork, train_network
 from fmfts.calibrate.samples import Samples, presses_in_bins, presses_within
 from fmfts.calibrate.selection import FOLDS, WORTH_THE_TIME, Candidate, compare, smallest_within_noise
+from fmfts.calibrate.sheared import ShearedResponse
 from fmfts.calibrate.tracked import FrameSolver, Scene
 from fmfts.common.sweep import Workers
 from fmfts.contact.contract import (
     CONTRACT_VERSION,
     INPUT_ORDER,
-    SHEAR_OUTPUT_ORDER,
+    OUTPUT_ORDER,
     Envelope,
     ErrorTables,
     Facts,
@@ -47,9 +48,8 @@ from fmfts.view.progress import Show, unseen
 COMPARING, TRAINED = 0.6, 0.9  # shares of the time
 PRESSES, HELD_OUT, NOISY_COPIES = 20000, 12000, 4
 JUDGED_IN_A_BIN = 1500  # samples in each bin of force
-# Beyond SHEAR_REACH_MM a sheared press has the pose of another press without shear, so shear is not estimated there.
-# Training extends a little farther, so that the model recognises presses beyond it.
-SHEAR_REACH_MM, SHEAR_TRAINED_MM = 8.0, 10.5
+# The error that shear causes in a model without it is told of presses this near: beyond, few sets have sheared ones.
+SHEAR_TRAINED_MM = 10.5
 RULE = (
     f"chosen: the smallest network within {WORTH_THE_TIME:.0%} of the best one, or within what the folds differ by;\n"
     "the daemon runs networks alone: the inversion of the table shows what is possible, and is never chosen"
@@ -60,7 +60,7 @@ SMALL_SHEAR = 0.1  # share of the normal force; its effect is still proportional
 @dataclass(frozen=True, slots=True)
 class Options:
     """scene: sets the unknowns of the pad's tracker. hidden: size of the layers; None: by k-fold selection. presses:
-    number of training presses. shear: also estimate tangential force, near the centre. workers: where folds are
+    number of training presses. shear: also estimate tangential force. workers: where folds are
     computed."""
 
     scene: Scene = "drifting"
@@ -105,18 +105,18 @@ def _calibrated(
     show: Show,
 ) -> Calibrated:
     if options.shear:
-        calibration = _where_shear_can_be_told(path, calibration)
-    elif not calibration.press[:, 3:].any():
+        _require_shear(*(sheared or (path, calibration)))
+    if not calibration.press[:, 3:].any():
         calibration = replace(calibration, press=calibration.press[:, :3])
-    elif calibration.press[:, 3:].any(axis=1).all():
+    elif not options.shear and calibration.press[:, 3:].any(axis=1).all():
         raise DataError(
             f"{path}: columns shear_x_n, shear_y_n: every row has shear, so none shows the effect of a normal press: "
             "add presses without shear, or make a model that estimates it (--shear)"
         )
     known = _labelled_poses(path, calibration, options, say)
     solver, tracked = known.solver, known.tracked
-    response = known.response if options.shear else known.response.without_shear()
-    if sheared is not None:
+    response = known.response.without_shear()
+    if sheared is not None and not options.shear:
         known_shear = _labelled_poses(sheared[0], _where_shear_can_be_told(*sheared), options, say)
     else:
         known_shear = known
@@ -128,7 +128,6 @@ def _calibrated(
             calibration.press,
             tracked,
             known.roughness,
-            sheared=options.shear,
             workers=options.workers,
             done=lambda folds: show(COMPARING * folds / FOLDS, f"{folds} of {FOLDS} folds compared"),
         )
@@ -143,14 +142,17 @@ def _calibrated(
     )
     show(TRAINED, "judging")
     normal = _rows_for(response, calibration.press)
-    facts = describe(known, response, network, friction_error(network, known_shear))
-    model = export(network, facts, response)
-    judged = calibration.press[normal, : 2 + response.loads]
     with_noise, firm_and_central_errors = _on_new_presses(network, response, solver)
+    facts = describe(known, response, network, None if options.shear else friction_error(network, known_shear))
+    if options.shear:
+        of_shear = ShearedResponse.of(known, sheared, options.noise_t, say)
+        response, facts = of_shear.response, of_shear.stated_in(facts, solver)
+    model = export(network, facts, response)
+    judged = calibration.press[normal, :3]
     report = {
         "model": hash_of(unsealed(model), packed_weights(network)),
         "calibration_set_sha256": calibration.digest,
-        "sheared_set_sha256": None if facts.friction_error is None else known_shear.calibration.digest,
+        "sheared_set_sha256": None if sheared is None else sheared[1].digest,
         "presses": len(calibration.press),
         "remanence_t": rounded(solver.remanence_t),
         "scene": options.scene,
@@ -173,10 +175,14 @@ def _labelled_poses(path: str, calibration: CalibrationSet, options: Options, sa
     return LabelledPoses.of(path, calibration, solver_of(calibration, options.scene, options.noise_t), say)
 
 
-def _where_shear_can_be_told(path: str, calibration: CalibrationSet) -> CalibrationSet:
-    """The presses within SHEAR_TRAINED_MM. Raises DataError where none has shear."""
+def _require_shear(path: str, calibration: CalibrationSet) -> None:
     if calibration.press.shape[1] == 3 or not calibration.press[:, 3:].any():
         raise DataError(f"{path}: no row has shear: a model that estimates it needs columns shear_x_n and shear_y_n")
+
+
+def _where_shear_can_be_told(path: str, calibration: CalibrationSet) -> CalibrationSet:
+    """The presses within SHEAR_TRAINED_MM. Raises DataError where none has shear."""
+    _require_shear(path, calibration)
     inside = np.flatnonzero((np.abs(calibration.press[:, :2]) <= SHEAR_TRAINED_MM).all(axis=1))
     return replace(
         calibration,
@@ -197,10 +203,10 @@ def _rows_for(response: Response, press: Array) -> NDArray[np.bool_]:
 def friction_error(network: ContactNetwork, known: LabelledPoses) -> ErrorTables | None:
     """Error per newton of shear in the answers of a network without shear, averaged over directions.
 
-    None where `known` has no shear, or the network estimates shear.
+    None where `known` has no shear.
     """
     fitted, solver = known.response, known.solver
-    if fitted.loads == 1 or len(network.layers.bias[-1]) > 3:
+    if fitted.loads == 1:
         return None
     bins = force_bins(fitted.scale_n)
     press = presses_in_bins(fitted.without_shear(), bins, JUDGED_IN_A_BIN // 3, np.random.default_rng(6))
@@ -234,20 +240,19 @@ def train(
 def describe(known: LabelledPoses, response: Response, network: ContactNetwork, friction: ErrorTables | None) -> Facts:
     """The facts that a model's file contains. response: the known response, or its part without shear."""
     calibration, solver, tracked = known.calibration, known.solver, known.tracked
-    normal, outputs = _rows_for(response, calibration.press), 2 + response.loads
-    press, rest = calibration.press[:, :outputs], solver.rest_pose
+    normal = _rows_for(response, calibration.press)
+    press, rest = calibration.press[:, :3], solver.rest_pose
     poses = np.concatenate([tracked.pose, rest[None]])
     random = np.random.default_rng(5)
     bins = force_bins(response.scale_n)
     clean = Samples.expected(response, solver, presses_in_bins(response, bins, JUDGED_IN_A_BIN, random))
-    reach = np.full(2, SHEAR_REACH_MM if outputs > 3 else np.inf)
-    first, last = np.maximum(press[:, :2].min(axis=0), -reach), np.minimum(press[:, :2].max(axis=0), reach)
+    first, last = press[:, :2].min(axis=0), press[:, :2].max(axis=0)
     return Facts(
         contract=CONTRACT_VERSION,
         geometry_hash=calibration.pad.geometry_hash,
         dimensions=calibration.pad.dimensions,
         inputs=INPUT_ORDER,
-        outputs=SHEAR_OUTPUT_ORDER[:outputs],
+        outputs=OUTPUT_ORDER,
         rest_pose=tuple(rest.tolist()),
         envelope=Envelope(
             pose_min=tuple(poses.min(axis=0).tolist()),

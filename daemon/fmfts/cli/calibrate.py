@@ -31,9 +31,12 @@ def add_to(verb: AddVerb) -> None:
     calibrate.add_argument(
         "--presses", type=int, default=20000, metavar="N", help="number of presses to train on (20000)"
     )
-    calibrate.add_argument("--shear", action="store_true", help="also estimate tangential force, within 8 mm")
+    calibrate.add_argument("--shear", action="store_true", help="also estimate tangential force")
     calibrate.add_argument(
-        "--sheared", type=Path, metavar="SET.csv", help="presses with shear: the errors it causes in this model"
+        "--sheared",
+        type=Path,
+        metavar="SET.csv",
+        help="presses with shear: the errors it causes in this model; with --shear: what it does to the magnet",
     )
     calibrate.add_argument(
         "--hidden", type=int, metavar="N", help="size of the model's layers (default: found by selection)"
@@ -130,8 +133,6 @@ def _calibrate(options: argparse.Namespace) -> int:
         raise VerbError(exit_codes.USAGE, f"--hidden is {options.hidden}: from 2 to 64")
     if options.presses < 100:
         raise VerbError(exit_codes.USAGE, f"--presses is {options.presses}: at least 100")
-    if options.shear and options.sheared is not None:
-        raise VerbError(exit_codes.USAGE, "--sheared is for models without shear: give --sheared or --shear, not both")
     training = Options(
         scene=pad.scene.solved,
         noise_t=_noise_t(options),

@@ -48,10 +48,14 @@ static PyObject *estimated(const Py_buffer *b, const fmfts_network *network)
     const size_t pose = FMFTS_POSE;
     fmfts_question question;
     fmfts_estimate found;
-    if (!fmfts_has_bytes(&b[PARAMETERS], sizeof(fmfts_contact_parameters), sizeof(double), "parameters") ||
-        !fmfts_has_doubles(&b[POSE], pose, "pose") || !fmfts_has_doubles(&b[COVARIANCE], pose * pose, "covariance") ||
-        !fmfts_has_doubles(&b[PLACES], network->outputs, "places") ||
-        !fmfts_has_doubles(&b[DEVIATIONS], network->outputs, "deviations") || !fmfts_is_aligned(&b[RESPONSE], sizeof(double))) {
+    if (!fmfts_has_bytes(&b[PARAMETERS], sizeof(fmfts_contact_parameters), sizeof(double), "parameters")) {
+        return NULL;
+    }
+    bool solves = ((const fmfts_contact_parameters *)b[PARAMETERS].buf)->shear_share > 0.0;
+    size_t answer = solves ? FMFTS_CONTACT : network->outputs;
+    if (!fmfts_has_doubles(&b[POSE], pose, "pose") || !fmfts_has_doubles(&b[COVARIANCE], pose * pose, "covariance") ||
+        !fmfts_has_doubles(&b[PLACES], answer, "places") || !fmfts_has_doubles(&b[DEVIATIONS], answer, "deviations") ||
+        !fmfts_is_aligned(&b[RESPONSE], sizeof(double))) {
         return NULL;
     }
     memcpy(question.pose, b[POSE].buf, sizeof question.pose);

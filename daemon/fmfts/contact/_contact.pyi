@@ -46,7 +46,14 @@ def respond(
 ) -> None: ...
 def basis(response: bytes, press: NDArray[np.float64], basis: NDArray[np.float64], /) -> None: ...
 def refine(
-    response: bytes, change: Buffer, covariance: Buffer, steps: int, press: Buffer, spread: Buffer, /
+    response: bytes,
+    change: Buffer,
+    covariance: Buffer,
+    steps: int,
+    shear_share: float,
+    press: Buffer,
+    spread: Buffer,
+    /,
 ) -> float | None: ...
 def widened(response: bytes, press: Buffer, wider_mm2: float, more: Buffer, /) -> None:
     """Writes what a finger adds to the movement (5,) under `press` (5,), with zeros where the response has no load: its

@@ -72,15 +72,16 @@ FMFTS_FUNCTION(basis)
     return Py_NewRef(Py_None);
 }
 
-/* refine(response, change, covariance, steps, press, spread): χ² that fmfts_refine leaves. None if the covariance is
+/* refine(response, change, covariance, steps, shear_share, press, spread): χ² that fmfts_refine leaves. None if the covariance is
  * not positive definite. */
 FMFTS_FUNCTION(refine)
 {
     enum { RESPONSE, CHANGE, COVARIANCE, PRESS, SPREAD };
-    int steps;
+    fmfts_search search = {.steps = 0};
     double chi2;
     fmfts_response response;
-    if (!PyArg_ParseTuple(args, "y*y*y*iw*w*", &b[RESPONSE], &b[CHANGE], &b[COVARIANCE], &steps, &b[PRESS], &b[SPREAD]) ||
+    if (!PyArg_ParseTuple(args, "y*y*y*idw*w*", &b[RESPONSE], &b[CHANGE], &b[COVARIANCE], &search.steps, &search.shear_share, &b[PRESS],
+                          &b[SPREAD]) ||
         !is_response(&b[RESPONSE], &response)) {
         return NULL;
     }
@@ -89,8 +90,9 @@ FMFTS_FUNCTION(refine)
         !fmfts_has_doubles(&b[PRESS], press, "press") || !fmfts_has_doubles(&b[SPREAD], press * press, "spread")) {
         return NULL;
     }
-    const fmfts_movement movement = {b[CHANGE].buf, b[COVARIANCE].buf};
-    bool found = fmfts_refine(&response, movement, steps, b[PRESS].buf, b[SPREAD].buf, &chi2);
+    search.change = b[CHANGE].buf;
+    search.covariance = b[COVARIANCE].buf;
+    bool found = fmfts_refine(&response, &search, b[PRESS].buf, b[SPREAD].buf, &chi2);
     return found ? PyFloat_FromDouble(chi2) : Py_NewRef(Py_None);
 }
 

@@ -12,7 +12,6 @@
 #include <string.h>
 
 #include "../arithmetic/descent.h"
-#include "../pose/algebra.h"
 #include "refine.h"
 
 enum { SIZE = 3, FORCE = 2, STEPS = 8, FORCE_STEPS = 3, LOOKS = 3 }; /* of presses without shear */
@@ -26,7 +25,7 @@ static const double LEAST_DELTA = 1.0;
 typedef struct {
     const fmfts_response *response;
     const double *change, *covariance;
-    fmfts_matrix information;
+    double information[FMFTS_MOVED][FMFTS_MOVED];
 } look;
 
 typedef struct {
@@ -94,8 +93,8 @@ static bool go(const look *look, const minimum *from, const double axis[2], doub
 
 static bool descend(const look *look, minimum *found)
 {
-    const fmfts_movement movement = {look->change, look->covariance};
-    return fmfts_refine(look->response, movement, STEPS, found->press, found->spread, &found->chi2);
+    fmfts_search search = {.change = look->change, .covariance = look->covariance, .steps = STEPS};
+    return fmfts_refine(look->response, &search, found->press, found->spread, &found->chi2);
 }
 
 /* Adds the variances of the chords to `variance`. Returns whether a press with a lower χ² was found: `found` is then
@@ -133,15 +132,10 @@ void fmfts_look_elsewhere(const fmfts_response *response, const double change[FM
 {
     look look = {.response = response, .change = change, .covariance = covariance};
     minimum found;
-    fmfts_matrix matrix, factored;
-    for (size_t c = 0; c < FMFTS_MOVED; c++) {
-        memcpy(matrix[c], covariance + c * FMFTS_MOVED, sizeof(double[FMFTS_MOVED]));
-    }
     memcpy(found.press, press, sizeof found.press);
-    if (!factor(FMFTS_MOVED, matrix, 0.0, factored) || !descend(&look, &found) || !(found.press[FORCE] > 0.0)) {
+    if (!fmfts_information(covariance, look.information) || !descend(&look, &found) || !(found.press[FORCE] > 0.0)) {
         return;
     }
-    invert_factored(FMFTS_MOVED, factored, look.information);
     double variance[SIZE], here[SIZE], of_force;
     for (int looks = 0; looks < LOOKS; looks++) {
         memset(variance, 0, sizeof variance);

@@ -2,15 +2,9 @@
  * plus the model's own error, plus that of the pad's structure (tolerances.c). */
 #include <math.h>
 
-#include "step.h"
+#include "estimate.h"
 
 enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE };
-typedef struct {
-    int outputs;
-    double contact[CONTACT];
-    double variance[CONTACT];
-    double *by_pose;
-} found;
 
 /* A pose or a force is over range if it is this many deviations outside the range of the training (parameters). The
  * lower bound of a force over range is the model's force less CERTAIN_DEVIATIONS. */
@@ -27,10 +21,6 @@ typedef struct {
  * larger by more than a twentieth. */
 #define BEND_DEVIATIONS 3.0
 #define STRAIGHT_SHARE 0.02
-
-/* If a refined place is known no better than this, another press may explain the pose as well: the force at the rim is three times that
- * in the middle. */
-#define VAGUE_MM 1.0
 
 static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0, 1.0, 1.0}; /* mm → m; newtons stay */
 
@@ -62,8 +52,8 @@ static bool too_hard(const fmfts_contact_parameters *parameters, const double *c
     return beyond > 0.0 && beyond * beyond > outside * outside * (variance - slipping * slipping);
 }
 
-/* The network's answer in mm and N, and its variance, propagated from the pose by the Jacobian. */
-static void answer_of(const fmfts_network *network, const fmfts_question *question, found *found)
+/* The network's answer in mm and N, and its variance, carried over from the pose by the Jacobian. */
+static void answer_of(const fmfts_network *network, const fmfts_question *question, fmfts_found *found)
 {
     float pose[POSE], contact[CONTACT], jacobian[CONTACT * POSE];
     for (int i = 0; i < POSE; i++) {
@@ -81,11 +71,10 @@ static void answer_of(const fmfts_network *network, const fmfts_question *questi
             }
         }
     }
+    found->touch_variance = found->variance[2];
 }
 
-/* How far noise of this variance alone could explain the force, from 0 to 1: g of Fieller's theorem. A place is a ratio: how far the
- * magnet tilts and shifts, over how far it sinks. The deviation of such a ratio grows by 1/sqrt(1 - g). */
-static double doubt(double force_n, double variance)
+double fmfts_doubt(double force_n, double variance)
 {
     double least_square = FMFTS_CERTAIN_FORCE_DEVIATIONS * FMFTS_CERTAIN_FORCE_DEVIATIONS * variance;
     return force_n > 0.0 && least_square < force_n * force_n ? least_square / (force_n * force_n) : 1.0;
@@ -93,7 +82,7 @@ static double doubt(double force_n, double variance)
 
 /* The factor of each variance because the model bends over the pose's deviations. Where noise may be all of the force, it has no place
  * and its bend means nothing. */
-static void bend_of(const fmfts_network *network, const fmfts_question *question, const found *found, double bend[CONTACT])
+static void bend_of(const fmfts_network *network, const fmfts_question *question, const fmfts_found *found, double bend[CONTACT])
 {
     float pose[POSE], contact[CONTACT], jacobian[CONTACT * POSE];
     const double *by_force = found->by_pose + POSE * 2, *covariance = question->covariance;
@@ -101,8 +90,8 @@ static void bend_of(const fmfts_network *network, const fmfts_question *question
     for (int i = 0; i < found->outputs; i++) {
         bend[i] = 1.0;
     }
-    bool has_shear = found->outputs == CONTACT; /* whose deviations are large enough: model.py */
-    if (has_shear || !(variance > straight * straight) || !(doubt(force_n, variance) < 1.0)) {
+    bool has_shear = found->outputs == CONTACT; /* whose deviations are careful as they are: model.py */
+    if (has_shear || !(variance > straight * straight) || !(fmfts_doubt(force_n, variance) < 1.0)) {
         return;
     }
     double steps = BEND_DEVIATIONS / sqrt(variance);
@@ -128,56 +117,6 @@ static void bend_of(const fmfts_network *network, const fmfts_question *question
             bend[i] = bent / found->variance[i];
         }
     }
-}
-
-/* The change of pose from rest, and its covariance, as the table of presses has them. */
-static void movement_of(const fmfts_contact_parameters *parameters, const fmfts_question *question, double moved[FMFTS_MOVED],
-                        double covariance[FMFTS_MOVED * FMFTS_MOVED])
-{
-    for (int i = 0; i < FMFTS_MOVED; i++) {
-        moved[i] = question->pose[i] - parameters->model_rest[i];
-        for (int j = 0; j < FMFTS_MOVED; j++) {
-            covariance[FMFTS_MOVED * i + j] = question->covariance[POSE * i + j] + (i == j ? parameters->least_variance : 0.0);
-        }
-    }
-}
-
-/* The share of the movement that a press explains. Computed only if the force is large enough for a contact. */
-static double explained_share(const fmfts_contact_parameters *parameters, const fmfts_question *question, const fmfts_response *response,
-                              const found *found)
-{
-    double moved[FMFTS_MOVED], covariance[FMFTS_MOVED * FMFTS_MOVED], force_n = found->contact[2];
-    if ((int)response->loads != found->outputs - 2 || !(force_n > 0.0 && force_n * force_n > found->variance[2])) {
-        return 1.0;
-    }
-    movement_of(parameters, question, moved, covariance);
-    return fmfts_explained_share(response, moved, covariance, found->contact, FMFTS_EXPLAINED_SHARE);
-}
-
-/* Replaces the answer by the most likely press of the pad's response, and widens its bend. False if there is none. */
-static bool refine(const fmfts_contact_parameters *parameters, const fmfts_question *question,
-                   const fmfts_response *response, found *found, double bend[CONTACT])
-{
-    double moved[FMFTS_MOVED], covariance[FMFTS_MOVED * FMFTS_MOVED], spread[CONTACT * CONTACT], chi2;
-    int outputs = found->outputs;
-    if ((int)response->loads != outputs - 2) {
-        return false;
-    }
-    movement_of(parameters, question, moved, covariance);
-    const fmfts_movement movement = {moved, covariance};
-    if (!fmfts_refine(response, movement, (int)parameters->refine_steps, found->contact, spread, &chi2)) {
-        return false;
-    }
-    double vague = VAGUE_MM * VAGUE_MM, force_n = found->contact[2], wider[CONTACT] = {1.0, 1.0, 1.0, 1.0, 1.0};
-    bool has_place = force_n * force_n > spread[(outputs + 1) * 2];
-    if (outputs < CONTACT && has_place && (spread[0] > vague || spread[outputs + 1] > vague)) {
-        fmfts_look_elsewhere(response, moved, covariance, found->contact, spread, wider);
-    }
-    for (int i = 0; i < outputs; i++) {
-        found->variance[i] = spread[(outputs + 1) * i];
-        bend[i] = fmax(bend[i], wider[i]);
-    }
-    return true;
 }
 
 void fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_question *question)
@@ -217,11 +156,11 @@ static int bin_in_tables(const fmfts_contact_parameters *parameters, const doubl
     return force_bin * (int)parameters->radius_bins + radius_bin;
 }
 
-/* The deviation of the same force in the middle of the pad, since there is no place without a touch. */
-static double central_force_sd_n(const fmfts_contact_parameters *parameters, const double *contact, const found *found)
+/* The deviation of the same force in the middle of the pad: without a touch there is no place whose errors could count. */
+static double central_force_sd_n(const fmfts_contact_parameters *parameters, const double *contact, const fmfts_found *found)
 {
     int bin = bin_in_tables(parameters, contact, 0);
-    return root_of_squares(sqrt(found->variance[2]), parameters->own_deviation[found->outputs * bin + 2]);
+    return root_of_squares(sqrt(found->touch_variance), parameters->own_deviation[found->outputs * bin + 2]);
 }
 
 /* Whether the place is outside of the calibrated places along one axis. */
@@ -231,7 +170,7 @@ static bool is_beyond_edge(const fmfts_contact_parameters *parameters, const dou
 }
 
 /* The variance in SI: the pose's, the model's own error, and the structure's. That of a place is at most that of a place on the pad. */
-static void spread_of(const fmfts_contact_parameters *parameters, const double *contact, const found *answer,
+static void spread_of(const fmfts_contact_parameters *parameters, const double *contact, const fmfts_found *answer,
                       const double *bend, const double *structure, double variance[CONTACT])
 {
     const double *found = answer->variance;
@@ -241,9 +180,9 @@ static void spread_of(const fmfts_contact_parameters *parameters, const double *
         variance[i] = (found[i] * bend[i] + structure[i]) * UNIT[i] * UNIT[i] + own[i] * own[i];
         variance[i] += i < 2 ? parameters->magnet_off_m[i] * parameters->magnet_off_m[i] : 0.0;
     }
-    double certain = 1.0 - doubt(contact[2], found[2]);
-    double trained = found[2] + parameters->trained_force_n[bin] * parameters->trained_force_n[bin];
-    double astray = certain * astray_share(doubt(contact[2], trained));
+    double certain = 1.0 - fmfts_doubt(contact[2], answer->touch_variance);
+    double trained = answer->touch_variance + parameters->trained_force_n[bin] * parameters->trained_force_n[bin];
+    double astray = certain * astray_share(fmfts_doubt(contact[2], trained));
     for (int i = 0; i < 2; i++) {
         double even = parameters->spread_m[i] * parameters->spread_m[i];
         double ratio = variance[i] + astray * even;
@@ -255,17 +194,21 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
                             const fmfts_network *network, const void *response, size_t response_bytes,
                             fmfts_estimate *estimate)
 {
-    found found = {.outputs = (int)network->outputs, .by_pose = estimate->by_pose};
+    fmfts_found found = {.outputs = (int)network->outputs, .by_pose = estimate->by_pose};
     fmfts_response table;
-    double variance[FMFTS_CONTACT], bend[FMFTS_CONTACT], structure[FMFTS_CONTACT];
+    double variance[FMFTS_CONTACT], bend[FMFTS_CONTACT] = {1.0, 1.0, 1.0, 1.0, 1.0}, structure[FMFTS_CONTACT];
     double *place = estimate->place, limit = parameters->force_max_n;
     answer_of(network, question, &found);
-    bend_of(network, question, &found, bend);
+    bool solves = parameters->shear_share > 0.0, refines = !solves && response && parameters->refine_steps > 0.0;
+    if (!solves) {
+        bend_of(network, question, &found, bend);
+    }
     bool has_table = response && fmfts_view_response(response, response_bytes, &table);
-    if (response && parameters->refine_steps > 0.0 && !(has_table && refine(parameters, question, &table, &found, bend))) {
+    if ((refines && !(has_table && fmfts_refine_answer(parameters, question, &table, &found, bend))) ||
+        (solves && !(has_table && fmfts_solve_answer(parameters, question, &table, &found, bend)))) {
         return false;
     }
-    estimate->explained = has_table ? explained_share(parameters, question, &table, &found) : 1.0;
+    estimate->explained = has_table ? fmfts_explained_part(parameters, question, &table, &found) : 1.0;
     estimate->is_beyond = question->share < 1.0 || found.contact[2] > limit;
     fmfts_answer answer = {found.outputs, found.contact, found.by_pose};
     fmfts_count_tolerances(parameters, has_table ? &table : NULL, question, &answer, structure);
@@ -275,15 +218,16 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
     spread_of(parameters, place, &found, bend, structure, variance);
     double own_variance = variance[2] - structure[2]; /* an error of scale causes neither a touch nor over range */
     estimate->outputs = found.outputs;
-    estimate->refused = found.outputs == CONTACT && (is_beyond_edge(parameters, place, 0) || is_beyond_edge(parameters, place, 1));
+    estimate->refused = network->outputs == CONTACT && (is_beyond_edge(parameters, place, 0) || is_beyond_edge(parameters, place, 1));
     for (int i = 0; i < found.outputs; i++) {
         estimate->deviation[i] = sqrt(variance[i]);
     }
     estimate->over_range = question->share < 1.0 || too_hard(parameters, place, own_variance);
     estimate->force_min_n = fmax(fmin(place[2], limit) - CERTAIN_DEVIATIONS * estimate->deviation[2], 0.0);
     estimate->central_force_sd_n = central_force_sd_n(parameters, place, &found);
-    estimate->pose_force_sd_n = sqrt(found.variance[2]);
-    estimate->own_force_sd_n = sqrt(own_variance);
-    estimate->doubt = doubt(place[2], own_variance);
+    double touch_variance = own_variance - (found.variance[2] * bend[2] - found.touch_variance) * (solves ? 1.0 : 0.0);
+    estimate->pose_force_sd_n = sqrt(found.touch_variance);
+    estimate->own_force_sd_n = sqrt(touch_variance);
+    estimate->doubt = fmfts_doubt(place[2], touch_variance);
     return isfinite(place[2]);
 }

@@ -11,7 +11,7 @@ import numpy as np
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import cholesky, length, root_of_squares, solve_lower
 from fmfts.common.record import Numbers, Record
-from fmfts.contact import _contact, silicone
+from fmfts.contact import _contact, silicone, structure
 from fmfts.contact.beside import told, tried
 from fmfts.contact.contract import (
     SHEAR_OUTPUT_ORDER,
@@ -28,7 +28,6 @@ from fmfts.contact.refinement import STEPS, Refiner
 from fmfts.contact.response import CHANGE, Response
 from fmfts.contact.seal import hash_of, unsealed
 from fmfts.contact.shipped import path_of
-from fmfts.contact.structure import friction_deviation, magnets_differ, shipped_friction_error
 from fmfts.contact.tolerances import StructureTolerance, wider_than_probe_mm2
 from fmfts.contact.unknown_shear import SLIP_UNKNOWN
 from fmfts.contact.verified import inference_of, read
@@ -78,8 +77,10 @@ class ContactModel:
         self.hash = digest
         self.refiner = refiner
         self.refines, self.friction, self.smoothing_s = refiner is not None, friction, smoothing_s
-        self.has_shear = facts.outputs == SHEAR_OUTPUT_ORDER
-        self._unit = CONTACT_UNIT[: len(facts.outputs)]
+        self.shear_share = structure.shear_share(facts, len(inference.contact), friction)
+        outputs = len(SHEAR_OUTPUT_ORDER) if self.shear_share > 0.0 else len(inference.contact)
+        self.has_shear = outputs == len(SHEAR_OUTPUT_ORDER)
+        self._unit = CONTACT_UNIT[:outputs]
         self.rest_pose = np.array(facts.rest_pose)
         # The axis's last component gets no limit: it follows from the others, not linearly.
         self.lowest = np.array([*facts.envelope.pose_min[:5], -np.inf])
@@ -87,11 +88,11 @@ class ContactModel:
         self.highest = np.array([*facts.envelope.pose_max[:2], np.inf, *facts.envelope.pose_max[3:5], np.inf])
         self.trained_top_mm = facts.envelope.pose_max[2]
         own, fit = facts.own_error, facts.response_error
-        of_network = np.stack(own.tables, axis=-1) * self._unit
-        of_response = 0.0 if fit is None else np.stack(fit.tables, axis=-1) * self._unit
-        of_finger = np.broadcast_to(friction_deviation(facts, friction, self._unit), of_network.shape)
+        of_network = np.stack(own.tables[:outputs], axis=-1) * self._unit
+        of_response = 0.0 if fit is None else np.stack(fit.tables[:outputs], axis=-1) * self._unit
+        of_finger = np.broadcast_to(structure.friction_deviation(facts, friction, self._unit), of_network.shape)
         # Refining removes the network's own error: the error of the response remains.
-        trained = of_response if refiner else root_of_squares(of_network, of_response)
+        trained = of_response if refiner or self.shear_share > 0.0 else root_of_squares(of_network, of_response)
         self.own_deviation = root_of_squares(trained, of_finger)
         self.trained_force_n = np.broadcast_to(trained, of_network.shape)[..., 2]
         self.slipping_n = of_finger[-1, :, 2]  # error of the largest force through shear, by radius
@@ -122,6 +123,7 @@ class ContactModel:
         """The parameters of estimate.c: contact/step.h."""
         return {
             "refine_steps": STEPS if self.refines else 0,
+            "shear_share": self.shear_share,
             "least_variance": TINY[0, 0],
             "model_rest": self.rest_pose,
             "lowest": self.lowest,
@@ -199,15 +201,16 @@ class ContactModel:
         inference = inference_of(content, model, facts)
         if refine and response is None:
             raise ValueError("it holds no response of its pad, so its answers cannot be refined: set refine = false")
-        if len(inference.contact) != len(facts.outputs):
+        told_by_network = len(inference.contact)
+        if told_by_network != len(facts.outputs) and not structure.solves_shear(facts, response, told_by_network):
             raise ValueError("it has another number of outputs than its metadata states")
-        if other := magnets_differ(facts, pad):
+        if other := structure.magnets_differ(facts, pad):
             raise OtherPadError(
                 f"contact model {file} was trained for a pad of other dimensions than pad {pad.name!r} has: {other}: "
                 "correct [pad.magnet], or calibrate this pad and set [pad.contact] model"
             )
         if friction > 0.0 and facts.friction_error is None and facts.outputs != SHEAR_OUTPUT_ORDER:
-            facts = msgspec.structs.replace(facts, friction_error=shipped_friction_error(facts.geometry_hash))
+            facts = msgspec.structs.replace(facts, friction_error=structure.shipped_friction_error(facts.geometry_hash))
         refiner = Refiner(response) if refine and response is not None else None
         loaded = cls(inference, facts, hash_of(content, weights), refiner, friction, smoothing_s)
         loaded.response = response

@@ -7,16 +7,19 @@
 #include "../arithmetic/spline.h"
 #include "../pose/algebra.h"
 
+enum { FORCE = 2, SHEAR = 3 }; /* in a press */
+
 static const double FIRST_DAMPING = 1e-3, DAMPING_FACTOR = 10.0;
 static const double FARTHEST_LOAD = 3.0; /* presses are searched up to this multiple of the calibrated force */
 static const double UNKNOWN = 1e-6;      /* a prior deviation of 1 m: at rest, the place is unknown */
+static const double LEAST_FORCE_N = 0.01; /* of the prior of shear, which would be infinitely narrow */
 
-/* A change of pose, and the last trial press: its residual, and its slope. */
+/* A change of pose, and the press that was judged last: what it leaves, its slope, and the prior information on each of its shears. */
 typedef struct {
     const fmfts_response *response;
-    const double *change;
-    fmfts_matrix information;
-    double residual[FMFTS_MOVED], slope[FMFTS_MOVED][FMFTS_MAX_PRESS], chi2;
+    const fmfts_search *search;
+    double information[FMFTS_MOVED][FMFTS_MOVED];
+    double residual[FMFTS_MOVED], slope[FMFTS_MOVED][FMFTS_MAX_PRESS], chi2, of_shear;
     bool has_begun;
 } cause;
 
@@ -87,38 +90,48 @@ static void monomials(const fmfts_response *response, const double *load, double
     }
 }
 
-/* with_slope is a constant at each call: values alone take a fifth of the time. */
+/* sum [count] += weight · row [count] */
+static void add(size_t count, double weight, const double *restrict row, double *restrict sum)
+{
+    for (size_t i = 0; i < count; i++) {
+        sum[i] += weight * row[i];
+    }
+}
+
+/* with_slope is a constant wherever this stands. The sums over the splines come first, for all monomials at once. */
 FMFTS_INLINE void respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
                           double slope[FMFTS_MOVED][FMFTS_MAX_PRESS], bool with_slope)
 {
+    enum { ROOM = FMFTS_MAX_MONOMIALS * FMFTS_MOVED };
+    double here[ROOM] = {0.0}, by_x[ROOM] = {0.0}, by_y[ROOM] = {0.0};
     double value[FMFTS_MAX_MONOMIALS], by_load[FMFTS_MAX_MONOMIALS][FMFTS_MAX_LOADS];
+    size_t all = response->monomials * FMFTS_MOVED, deep = response->knots[1] + 2;
     fmfts_splines x, y;
     cover(response, 0, press[0], &x);
     cover(response, 1, press[1], &y);
     monomials(response, press + 2, value, by_load);
+    for (size_t i = 0; i < FMFTS_COVERING * FMFTS_COVERING; i++) {
+        size_t a = i / FMFTS_COVERING, b = i % FMFTS_COVERING;
+        const double *patch = response->coefficient + ((x.cell + a) * deep + y.cell + b) * all;
+        add(all, x.value[a] * y.value[b], patch, here);
+        if (with_slope) {
+            add(all, x.slope[a] * y.value[b], patch, by_x);
+            add(all, x.value[a] * y.slope[b], patch, by_y);
+        }
+    }
     memset(change, 0, sizeof(double[FMFTS_MOVED]));
     if (with_slope) {
         memset(slope, 0, sizeof(double[FMFTS_MOVED][FMFTS_MAX_PRESS]));
     }
-    for (size_t i = 0; i < FMFTS_COVERING; i++) {
-        for (size_t j = 0; j < FMFTS_COVERING; j++) {
-            double here = x.value[i] * y.value[j], by_x = x.slope[i] * y.value[j], by_y = x.value[i] * y.slope[j];
-            const double *patch = response->coefficient + ((x.cell + i) * (response->knots[1] + 2) + y.cell + j) *
-                                                              response->monomials * FMFTS_MOVED;
-            for (size_t m = 0; m < response->monomials; m++) {
-                for (size_t c = 0; c < FMFTS_MOVED; c++) {
-                    double coefficient = patch[m * FMFTS_MOVED + c];
-                    change[c] += here * value[m] * coefficient;
-                    if (!with_slope) {
-                        continue;
-                    }
-                    slope[c][0] += by_x * value[m] * coefficient;
-                    slope[c][1] += by_y * value[m] * coefficient;
-                    for (size_t l = 0; l < response->loads; l++) {
-                        slope[c][2 + l] += here * by_load[m][l] * coefficient;
-                    }
-                }
-            }
+    for (size_t k = 0; k < all; k++) {
+        size_t m = k / FMFTS_MOVED, c = k % FMFTS_MOVED;
+        change[c] += value[m] * here[k];
+        for (size_t l = 0; with_slope && l < response->loads; l++) {
+            slope[c][2 + l] += by_load[m][l] * here[k];
+        }
+        if (with_slope) {
+            slope[c][0] += value[m] * by_x[k];
+            slope[c][1] += value[m] * by_y[k];
         }
     }
 }
@@ -150,6 +163,12 @@ void fmfts_basis(const fmfts_response *response, const double *press, double *ba
     }
 }
 
+double fmfts_shear_information(const fmfts_search *search, double force_n)
+{
+    double deviation = search->shear_share * (force_n > LEAST_FORCE_N ? force_n : LEAST_FORCE_N);
+    return deviation > 0.0 ? 1.0 / (deviation * deviation) : 0.0;
+}
+
 static double judge(void *problem, const double *press)
 {
     cause *c = problem;
@@ -158,12 +177,16 @@ static double judge(void *problem, const double *press)
     c->has_begun = true;
     c->chi2 = 0.0;
     for (int i = 0; i < FMFTS_MOVED; i++) {
-        c->residual[i] = c->change[i] - modelled[i];
+        c->residual[i] = c->search->change[i] - modelled[i];
     }
     for (int i = 0; i < FMFTS_MOVED; i++) {
         for (int k = 0; k < FMFTS_MOVED; k++) {
             c->chi2 += c->residual[i] * c->information[i][k] * c->residual[k];
         }
+    }
+    c->of_shear = fmfts_shear_information(c->search, press[FORCE]);
+    for (size_t i = SHEAR; i < 2 + c->response->loads; i++) {
+        c->chi2 += c->of_shear * press[i] * press[i];
     }
     return c->chi2;
 }
@@ -191,6 +214,10 @@ static bool take(void *problem, const double *press, double *chi2, double *norma
             right[i] += weighted[d] * c->residual[d];
         }
     }
+    for (size_t i = SHEAR; i < size; i++) {
+        normal[i * size + i] += c->of_shear;
+        right[i] -= c->of_shear * press[i];
+    }
     return true;
 }
 
@@ -208,16 +235,31 @@ static void limit(const fmfts_response *response, double *lowest, double *highes
     }
 }
 
-bool fmfts_refine(const fmfts_response *response, fmfts_movement movement, int steps, double *press, double *spread,
-                  double *chi2)
+bool fmfts_information(const double *covariance, double information[FMFTS_MOVED][FMFTS_MOVED])
+{
+    fmfts_matrix matrix, factored, inverse;
+    for (size_t c = 0; c < FMFTS_MOVED; c++) {
+        memcpy(matrix[c], covariance + c * FMFTS_MOVED, sizeof(double[FMFTS_MOVED]));
+    }
+    if (!factor(FMFTS_MOVED, matrix, 0.0, factored)) {
+        return false;
+    }
+    invert_factored(FMFTS_MOVED, factored, inverse);
+    for (size_t c = 0; c < FMFTS_MOVED; c++) {
+        memcpy(information[c], inverse[c], sizeof(double[FMFTS_MOVED]));
+    }
+    return true;
+}
+
+bool fmfts_refine(const fmfts_response *response, const fmfts_search *wanted, double *press, double *spread, double *chi2)
 {
     double lowest[FMFTS_MAX_PRESS], highest[FMFTS_MAX_PRESS], best[FMFTS_MAX_PRESS];
     double room[FMFTS_DESCENT_ROOM(FMFTS_MAX_PRESS)], inverse[FMFTS_MAX_PRESS * FMFTS_MAX_PRESS];
-    fmfts_matrix matrix, factored;
-    cause problem = {.response = response, .change = movement.change};
+    cause problem = {.response = response, .search = wanted};
     fmfts_descent search = {
         .unknowns = 2 + response->loads,
-        .iterations = steps > 0 ? (size_t)steps : 0,
+        .iterations = wanted->steps > 0 ? (size_t)wanted->steps : 0,
+        .settled = wanted->settled,
         .damping = FIRST_DAMPING,
         .damping_factor = DAMPING_FACTOR,
         .most_damping = INFINITY,
@@ -227,13 +269,9 @@ bool fmfts_refine(const fmfts_response *response, fmfts_movement movement, int s
         .judge = judge,
         .take = take,
     };
-    for (size_t c = 0; c < FMFTS_MOVED; c++) {
-        memcpy(matrix[c], movement.covariance + c * FMFTS_MOVED, sizeof(double[FMFTS_MOVED]));
-    }
-    if (!factor(FMFTS_MOVED, matrix, 0.0, factored)) {
+    if (!fmfts_information(wanted->covariance, problem.information)) {
         return false;
     }
-    invert_factored(FMFTS_MOVED, factored, problem.information);
     limit(response, lowest, highest);
     for (size_t i = 0; i < search.unknowns; i++) {
         best[i] = fmfts_within(press[i], lowest[i], highest[i]);

@@ -44,15 +44,33 @@ void fmfts_move(const fmfts_response *response, const double *press, double chan
 /* The factor of each coefficient, without the five numbers of a change: the change is linear in the coefficients. */
 void fmfts_basis(const fmfts_response *response, const double *press, double *basis);
 
-/* A change of pose [FMFTS_MOVED], and its covariance [FMFTS_MOVED]². */
+/* The search for the press behind a change of pose. covariance: of the change, 5 × 5. steps: so many trials of Levenberg–Marquardt at
+ * most; settled: a step shorter than this, in deviations of each number by itself, is the last. shear_share: a prior on each of a press's
+ * two shears, whose deviation is this share of the force; 0: nothing is known of them. */
 typedef struct {
     const double *change, *covariance;
-} fmfts_movement;
+    int steps;
+    double settled, shear_share;
+} fmfts_search;
 
-/* Moves `press` by `steps` trials of Levenberg–Marquardt. spread: receives the covariance of the press, (2 + loads)². chi2: of
- * what it leaves of the change. False, and nothing is written, if the covariance is not positive definite. */
-bool fmfts_refine(const fmfts_response *response, fmfts_movement movement, int steps, double *press, double *spread,
-                  double *chi2);
+/* Moves `press` to the most likely one. spread: receives its covariance, (2 + loads)². chi2: of what it leaves of the change, and of its
+ * shear against the prior. False, and nothing is written, if `covariance` is not positive definite. */
+bool fmfts_refine(const fmfts_response *response, const fmfts_search *search, double *press, double *spread, double *chi2);
+
+/* The inverse of the covariance of a change, 5 × 5. False if that is not positive definite. */
+bool fmfts_information(const double *covariance, double information[FMFTS_MOVED][FMFTS_MOVED]);
+
+/* The prior's information (1/N²) on each shear of a press with this force. */
+double fmfts_shear_information(const fmfts_search *search, double force_n);
+
+/* A press with shear. press: receives the most likely one; it begins with where to search. gain: its derivative by the change of pose.
+ * bend: the factor of each variance because the response bends. */
+typedef struct {
+    double press[FMFTS_MAX_PRESS], variance[FMFTS_MAX_PRESS], bend[FMFTS_MAX_PRESS], gain[FMFTS_MAX_PRESS][FMFTS_MOVED];
+} fmfts_sheared;
+
+/* sheared.c: finds it. False if the covariance is not positive definite, or the response is to normal forces alone. */
+bool fmfts_solve_shear(const fmfts_response *response, const fmfts_search *search, fmfts_sheared *found);
 
 /* elsewhere.c: continues from a press without shear that fmfts_refine found. wider [3]: the factor of each variance
  * because other presses explain the change about as well; not written without a press. */

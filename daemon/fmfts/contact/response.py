@@ -15,12 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import inverse, product
 from fmfts.contact import _contact
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+# Prior deviation of each shear, over friction times force: that of an even distribution over the cone's disc.
+SHARE_OF_CONE = 0.5
 CHANGE = 5  # a, b, c in mm, and the axis's m and n
 
 
@@ -79,11 +82,14 @@ class Response:
         return table.tobytes() + np.ascontiguousarray(self.coefficient).tobytes() + exponent.tobytes()
 
 
-def answer_by_change(slope: Array, covariance: Array) -> Array:
+def answer_by_change(slope: Array, covariance: Array, shear_sd_n: Array | float = np.inf) -> Array:
     """Derivative (K, 2 + L, 5) of the most likely press by the change of pose. slope (K, 5, 2 + L): of the response.
-    covariance (K, 5, 5): of the change."""
+    covariance (K, 5, 5): of the change. shear_sd_n (K,): prior deviation of each shear."""
     information = inverse(covariance)
-    answer: Array = product(inverse(_normal(slope, information)), slope.transpose(0, 2, 1), information)
+    normal = _normal(slope, information)
+    for shear in range(3, slope.shape[2]):
+        normal[:, shear, shear] += 1.0 / square(shear_sd_n)
+    answer: Array = product(inverse(normal), slope.transpose(0, 2, 1), information)
     return answer
 
 

@@ -27,6 +27,7 @@ enum { FMFTS_BINS = 16, FMFTS_RINGS = 8, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_
     ONE(double, release_chi2)                                                                                          \
     ONE(double, longest_gap_s)                                                                                         \
     ONE(double, refine_steps) /* refinement.py, if the model refines */                                                \
+    ONE(double, shear_share) /* model.py: of a model that solves shear, the prior deviation of each, over the force; else 0 */ \
     ONE(double, least_variance) /* added to each component of the covariance */                                        \
     MANY(double, model_rest, 6) /* model.py */                                                                         \
     MANY(double, lowest, 6)                                                                                            \
@@ -112,9 +113,8 @@ void fmfts_unseen(fmfts_contact_memory *memory);
 void fmfts_forget_touch(fmfts_contact_memory *memory);
 
 /* explained.c: the share of a change of pose that the press of `answer` (mm, N) explains or, if that is not enough, the most likely one near
- * it. covariance: [5][5] of the change, in the table's units. */
-double fmfts_explained_share(const fmfts_response *table, const double change[FMFTS_MOVED], const double *covariance,
-                             const double *answer, double enough);
+ * it. search: its change and covariance, in the table's units, and the prior of shear. */
+double fmfts_explained_share(const fmfts_response *table, const fmfts_search *search, const double *answer, double enough);
 
 /* smooth.c: smooths the pose of the question, if that is configured. */
 void fmfts_smooth(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double elapsed_s,
@@ -132,7 +132,7 @@ void fmfts_count_tolerances(const fmfts_contact_parameters *parameters, const fm
  * probe's by wider_mm2 (negative: smaller). */
 void fmfts_wider_finger(const fmfts_response *response, const double press[FMFTS_CONTACT], double wider_mm2, double more[2][FMFTS_MOVED]);
 
-/* estimate.c: the network's answer, and of a model that refines, the most likely press near it. response: NULL if it is not known; then
+/* estimate.c: the network's answer, and of a model that refines or solves shear, the most likely press near it. response: NULL if it is not known; then
  * nothing is refined. False if the answer is not finite. */
 bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fmfts_question *question,
                             const fmfts_network *network, const void *response, size_t response_bytes,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from fmfts.contact.contract import SHEAR_OUTPUT_ORDER, ErrorTables, Facts
+from fmfts.contact.contract import OUTPUT_ORDER, SHEAR_OUTPUT_ORDER, ErrorTables, Facts
+from fmfts.contact.response import SHARE_OF_CONE, Response
 from fmfts.contact.shipped import DEFAULT_PATH, STANDARD_DIMENSIONS, STANDARD_HASH
 from fmfts.pad import Array, Dimensions, Pad, differences
 
@@ -60,3 +61,14 @@ def friction_deviation(facts: Facts, friction: float, unit: Array) -> Array | fl
     shear_n = friction * force_n / np.sqrt(2.0)  # rms over the disc of radius µF
     deviation: Array = np.stack(tables.tables, axis=-1) * unit * shear_n[:, None, None]
     return deviation
+
+
+def solves_shear(facts: Facts, response: Response | None, told: int) -> bool:
+    """Whether shear is in the response of a model, whose network tells `told` numbers (contact/sheared.c)."""
+    named = facts.outputs == SHEAR_OUTPUT_ORDER and told == len(OUTPUT_ORDER)
+    return named and response is not None and response.loads > 1
+
+
+def shear_share(facts: Facts, told: int, friction: float) -> float:
+    """Prior deviation of each shear over the force; 0 of a model whose response does not tell it."""
+    return SHARE_OF_CONE * friction if facts.outputs == SHEAR_OUTPUT_ORDER and told == len(OUTPUT_ORDER) else 0.0

@@ -48,11 +48,12 @@ READ_S = 0.4e-3
 def load_contact_model(config: PadConfig, path: str | None = None) -> ContactModel:
     """The contact model at `path`, or the configured one if None. ModelError if it cannot serve this pad."""
     contact = config.contact
+    friction = max(contact.friction, contact.slip_friction[1]) if contact.slip else contact.friction
     return ContactModel.load(
         contact.model if path is None else path,
         config.pad(),
         refine=contact.refine,
-        friction=contact.friction,
+        friction=friction,
         smoothing_s=contact.smoothing_ms * 1e-3,
         tolerance=config.structure_tolerance(path),
         slip_friction=contact.slip_friction if contact.slip else None,

@@ -33,6 +33,7 @@ from fmfts_lab.bench import (
     resident,
     second_weight,
     several,
+    shear,
     silicone,
     slip,
     speed,
@@ -66,7 +67,7 @@ def main() -> None:
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
         "alternating | neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | "
         "overload | frame | resident | now | several | eflesh | real | learned | structure | weigh | "
-        "few-presses | second-weight | slip | tables",
+        "few-presses | second-weight | slip | shear | tables",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -281,6 +282,12 @@ def main() -> None:
     verb.add_argument("--repeats", type=int, default=2, help="of each drag at each speed")
     verb.add_argument("--minutes", type=float, default=10.0, help="of each healthy finger")
     verb.set_defaults(run=slip.run)
+    verb = verbs.add_parser(
+        "shear", help="force in three directions over the whole pad, and what it costs without shear"
+    )
+    verb.add_argument("--part", choices=("solved", "frames", "plain", "speed"), help="only this part")
+    verb.add_argument("--frames", type=int, default=400_000)
+    verb.set_defaults(run=shear.run)
     verb = verbs.add_parser(
         "tables", help="write tables of pages anew, from the figures that are kept of several seeds"
     )

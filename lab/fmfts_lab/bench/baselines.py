@@ -18,6 +18,7 @@ from fmfts_lab.bench.workspace import standard_pad
 
 GRID_MM, FORCES_N = np.linspace(-12.0, 12.0, 7), (0.5, 1.0, 1.7)
 # Where shear can be told: it is asked for a quarter of the force, in four directions.
+FRICTION = 0.4  # that the model of shear is told
 SHEARED_MM, SHEARED_N, SHEARS_N = np.linspace(-6.0, 6.0, 5), 1.7, ((0.4, 0.0), (-0.4, 0.0), (0.0, 0.4), (0.0, -0.4))
 
 
@@ -40,7 +41,7 @@ CASES = [
 def run(options: Namespace) -> None:
     drawing = standard_pad()
     contact = ContactModel.load("default", drawing)
-    sheared = ContactModel.load("shear", drawing)
+    sheared = ContactModel.load("shear", drawing, friction=FRICTION)
     print(
         f"{options.pads} pads, contact MAE over the pad at {FORCES_N} N, x and y (mm) / force (N) / shear (N, ±6 mm)\n"
     )

@@ -14,6 +14,7 @@ from fmfts.calibrate.evaluation import rms, rounded
 from fmfts.calibrate.likelihood import invert
 from fmfts.calibrate.tracked import FrameSolver, Scene, Tracked
 from fmfts.contact import ContactModel
+from fmfts.contact.contract import SHEAR_OUTPUT_ORDER
 from fmfts.contact.response import Response
 from fmfts.contact.shipped import path_of
 from fmfts.pad import Pad
@@ -52,7 +53,7 @@ def run(options: Namespace) -> None:
         "speed": lambda: speed(options.model),
         "friction": lambda: contact_shear.friction(options.model, random),
     }
-    if plain.has_shear:
+    if plain.facts.outputs == SHEAR_OUTPUT_ORDER:
         parts = {"shear": lambda: contact_shear.shear(options.model, random), "speed": parts["speed"]}
     if options.part == "sizes":  # only on request: it trains eight networks three times
         parts = {"sizes": contact_sizes.sizes}

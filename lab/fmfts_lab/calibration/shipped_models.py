@@ -3,8 +3,8 @@
     python -m fmfts_lab.calibration.shipped_models CALIBRATION.csv SHEARED.csv [FOLDER]
 
 default.onnx is `fmfts-daemon calibrate CALIBRATION.csv --sheared SHEARED.csv` for the standard pad, shear.onnx is
-`fmfts-daemon calibrate SHEARED.csv --shear`, with the sizes that k-fold selection chose (docs/calibration.md).
-`make model` makes both.
+the same with `--shear`, with the size that k-fold selection chose (docs/calibration.md): one network, and in shear.onnx
+the response to shear. `make model` makes both.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact.shipped import DEFAULT_PATH
 
-HIDDEN, SHEAR_HIDDEN = 24, 24
+HIDDEN = 24
 
 
 def main(arguments: list[str]) -> int:
@@ -26,11 +26,9 @@ def main(arguments: list[str]) -> int:
         return 2
     (plain, sheared), folder = arguments[:2], Path(arguments[2]) if len(arguments) > 2 else DEFAULT_PATH.parent
     normal_set, sheared_set = (read_calibration_set(Path(path)) for path in (plain, sheared))
-    calibrated = {
-        "default": calibrate(plain, normal_set, Options(hidden=HIDDEN), print, (sheared, sheared_set)),
-        "shear": calibrate(sheared, sheared_set, Options(hidden=SHEAR_HIDDEN, shear=True), print),
-    }
-    for name, one in calibrated.items():
+    for name in ("default", "shear"):
+        options = Options(hidden=HIDDEN, shear=name == "shear")
+        one = calibrate(plain, normal_set, options, print, (sheared, sheared_set))
         target = folder / f"{name}.onnx"
         target.write_bytes(one.model)
         target.with_suffix(".json").write_text(json.dumps(one.report, indent=1) + "\n")

@@ -2,7 +2,8 @@
 
 python -m fmfts_lab.finite_elements.solved_presses SET OUT.csv
 
-SET: normal, centre, shear, test-normal or test-shear. Rows that OUT.csv has already are not solved again, so an
+SET: normal, centre, shear, test-normal, test-shear, or test-friction: presses of more friction all over the pad, by
+the probe of the table; test-friction-3: by one of 3 mm. Rows that OUT.csv has already are not solved again, so an
 interrupted run goes on where it was.
 """
 
@@ -30,7 +31,7 @@ from fmfts_lab.finite_elements.slab import ELEMENT_M, Press, Slab
 GRID_MM = range(0, 16, 2)
 FORCE_N = (0.3, 0.8, 1.4, 2.0, 2.8, 4.0)
 CENTRE_MM = 4
-SHEARED_MM = 10  # shear can be measured within 8 mm; the splines need one ring more
+SHEARED_MM = 14  # the whole table
 SHEARED_FORCE_N = (1.0, 2.0)
 SHEAR_ALONE_N = 0.1  # shear without normal force, where the response is almost linear
 SHEAR_SHARE = 0.4  # of the normal force: a finger can transmit it, and it is large enough to show the curvature
@@ -105,13 +106,28 @@ def shear_test(count: int = 60) -> list[Press]:
     ]
 
 
-SETS = {
+def friction_test(count: int, seed: int) -> list[Press]:
+    """Test presses off the grid: places in ±14 mm, shear in any direction up to 0.8 of the normal force."""
+    random = np.random.default_rng(seed)
+    place_m = np.round(random.uniform(-14e-3, 14e-3, (count, 2)), 6)
+    force_n = np.round(random.uniform(0.28, 1.98, count), 4)
+    shear_n = force_n * random.uniform(0.0, 0.8, count)
+    angle = random.uniform(0.0, 2.0 * np.pi, count)
+    shears_n = np.round(shear_n[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1), 4)
+    rows = np.column_stack([place_m, force_n, shears_n]).tolist()
+    return [Press(*(float(value) for value in row)) for row in rows]
+
+
+SETS: dict[str, Callable[[], list[Press]]] = {
     "normal": normal_grid,
     "centre": centre_grid,
     "shear": shear_grid,
     "test-normal": normal_test,
     "test-shear": shear_test,
+    "test-friction": lambda: friction_test(60, SEED + 2),
+    "test-friction-3": lambda: friction_test(24, SEED + 3),
 }
+PROBE_M = {"test-friction-3": 3e-3}  # diameter, where it is not the table's
 
 
 def solve_into(
@@ -233,7 +249,8 @@ def main(arguments: list[str]) -> int:
         print(__doc__, file=sys.stderr)
         return 2
     with progress_bar("solving") as show:
-        solve_into(Path(arguments[1]), SETS[arguments[0]](), Slab(), ELEMENT_M, show)
+        slab = Slab(patch_diameter_m=PROBE_M.get(arguments[0], Slab().patch_diameter_m))
+        solve_into(Path(arguments[1]), SETS[arguments[0]](), slab, ELEMENT_M, show)
     return 0
 
 
