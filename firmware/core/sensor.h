@@ -43,7 +43,7 @@ struct sensor {
     bool suspect;          // a trigger's conversion was late or missing, and none has ended in time since
     bool unaltered;        // the last sample equals the one before
     bool temperature_next; // the next chore reads the temperature; the one after it checks the configuration
-    uint8_t film; // what it has met since the last SET
+    uint8_t film; // the highest FILM_* since the last SET
     int16_t counts[3];
     int16_t temperature_raw;
     struct conversion conversion;

@@ -10,7 +10,7 @@
 enum {
     TCA9548A_FIRST_ADDRESS = 0x70,
     TCA9548A_ADDRESSES = 8,
-    TCA9548A_NONE = 0, // in place of an address: the sensors are on the bus itself. HELLO tells the host the same
+    TCA9548A_NONE = 0, // in place of an address: the sensors are on the bus itself. HELLO uses 0 too
 };
 
 // A channel is connected only after the STOP that ends this transfer (data sheet 8.5.1): never join it with a read.

@@ -24,7 +24,7 @@ enum {
     MODE_SINGLE = 0x20,
     ERROR = 0x10,
     RS = 0x04,
-    FACTORY = 0x0600, // upper bits of word 0: with others the sensitivity is not the one promised
+    FACTORY = 0x0600, // upper bits of word 0; other values change the sensitivity
     HALLCONF = 0x0C,
     NO_AXIS_US = 490,
     AFTER_Z_US = 100,
@@ -149,7 +149,7 @@ static void obey(struct emulated_mlx90393 *chip)
         chip->exits = true;
         chip->exits_ns = chip->common.now_ns + (chip->mode ? EXIT_NS : 0);
     } else if (command == READ_MEASUREMENT) {
-        refused = !chip->has_sample || axes != chip->axes; // each is handed out once
+        refused = !chip->has_sample || axes != chip->axes; // each can be read once
         answer(chip, refused, refused ? nothing : chip->sample, 8);
         chip->has_sample = chip->has_sample && refused;
         return;

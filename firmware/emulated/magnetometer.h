@@ -21,7 +21,7 @@ struct emulated_magnetometer {
     // The end of a conversion. Returns the time to the next one by the data sheet, 0 where it was the last.
     uint64_t (*convert)(struct emulated_magnetometer *chip);
     double (*own_noise_gauss)(const struct emulated_magnetometer *chip); // one deviation; NULL: no source states it
-    // NULL, or told of the field whenever time passes, also while nothing is measured.
+    // NULL, or called with the field whenever time passes, also while nothing is measured.
     void (*exposed)(struct emulated_magnetometer *chip, const double gauss[3]);
     uint8_t registers[256];
     uint8_t pointer;

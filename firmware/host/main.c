@@ -158,7 +158,7 @@ static void sleep_until(uint64_t ns)
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, NULL);
 }
 
-// Runs the board up to the computer's time. While its time is held, only the line goes on.
+// Runs the board up to the computer's time. While that time is held, the board does nothing but serve the line.
 static void catch_up(struct session *session, struct pace *pace)
 {
     const uint64_t now_ns = monotonic_ns();

@@ -11,7 +11,7 @@ enum {
     CODE_WORDS = 64,
 };
 
-// What speaks to the flash runs from RAM: rp2040.ld keeps it together, and it calls nothing.
+// The code that reads the flash's number runs from RAM: rp2040.ld keeps it together, and it calls no other code.
 extern const uint32_t in_ram_begin[], in_ram_end[];
 
 __attribute__((section(".in_ram"), noinline)) static void ask_flash(uint8_t id[BOARD_ID_SIZE])
@@ -47,7 +47,7 @@ void board_id_read(uint8_t id[BOARD_ID_SIZE])
     in_ram(id);
     bool is_none = true;
     for (int i = 1; i < BOARD_ID_SIZE; i++)
-        is_none = is_none && id[i] == id[0]; // a flash without the command says nothing: only zeros, or only ones
+        is_none = is_none && id[i] == id[0]; // a flash without the command gives only zeros or only ones
     if (is_none)
         memset(id, 0, BOARD_ID_SIZE);
 }

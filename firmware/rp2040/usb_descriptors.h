@@ -1,4 +1,4 @@
-// What the board says of itself on USB: a serial port (CDC, abstract control model).
+// How the board describes itself on USB: a serial port (CDC, abstract control model).
 #ifndef FMFTS_RP2040_USB_DESCRIPTORS_H
 #define FMFTS_RP2040_USB_DESCRIPTORS_H
 

@@ -25,7 +25,7 @@ struct usb_controller {
 #define USB_INT_SETUP_REQ (1U << 16)
 #define USB_INT_DEV_SOF (1U << 17)
 
-// [4.1.2.5] What controller and program share. An endpoint's buffers are told by their place in it.
+// [4.1.2.5] The memory that controller and program share. An endpoint names its buffers by their offset in it.
 struct usb_memory {
     uint8_t setup[8];
     struct {

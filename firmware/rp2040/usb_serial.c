@@ -13,7 +13,7 @@ enum {
     // Erratum RP2040-E15: certain errors of the bus in the last fifth of a frame hang the controller during a bulk
     // transfer to the host. A packet that becomes ready then waits for the next frame.
     SAFE_US = 800,
-    // From the look at the time till the packet is handed over: 64 bytes are copied, which takes 7 us.
+    // The time from reading the clock until the controller has the packet: 64 bytes are copied, which takes 7 us.
     FILLING_US = 20,
 };
 

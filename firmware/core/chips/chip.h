@@ -79,8 +79,8 @@ struct chip {
     enum bus_result (*read_thermometer)(const struct chip_wires *wires, int16_t *raw); // NULL: none, or as above
 };
 
-// A kind, and an address where it may be. The first is tried first, and those that are asked by writing come last: where
-// kinds share an address, the order matters.
+// A kind of chip and an address that it may have. The places are tried in order, which matters where kinds share an
+// address: kinds that are recognised by writing come last.
 struct chip_place {
     const struct chip *chip;
     uint8_t address;

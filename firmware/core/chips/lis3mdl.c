@@ -23,7 +23,7 @@ enum {
     RATE_80_HZ = 7 << 2,
     HIGH = 2, // performance: of x and y in CTRL_REG1, of z in CTRL_REG4
     ULTRA_HIGH = 3,
-    LARGEST = 27366, // the full scale: what it says beyond it is not specified
+    LARGEST = 27366, // the full scale: readings beyond it are not specified
 };
 
 static const struct chip_speed speeds[] = {{80, 12500}, {155, 6452}, {300, 3333}}; // table 21

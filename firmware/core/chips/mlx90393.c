@@ -124,7 +124,7 @@ static enum bus_result mlx90393_check(const struct chip_wires *wires, const stru
     return setup->streams || *held ? BUS_OK : holds(wires, setup, held);
 }
 
-// A measurement is handed out once; until the next one the chip answers with an error.
+// A measurement can be read once. Until the next one, the chip answers with an error.
 static enum bus_result mlx90393_read_status(const struct chip_wires *wires, struct chip_sample *sample)
 {
     uint8_t answer[9];

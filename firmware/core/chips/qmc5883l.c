@@ -28,7 +28,7 @@ static enum bus_result qmc5883l_identify(const struct chip_wires *wires, uint8_t
     return result;
 }
 
-// 0xFF alone is also what a bus says that nobody drives.
+// 0xFF alone is also what a bus without any chip gives.
 static bool qmc5883l_is_identification(const uint8_t identification[3])
 {
     return identification[2] == 0xFF && identification[1] <= SET_RESET_PERIOD &&

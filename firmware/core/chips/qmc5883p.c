@@ -18,10 +18,10 @@ enum {
     NORMAL_200_HZ = 0x0D,     // control 1: oversampled 8 times, no further filter
     RANGE_SHIFT = 2,      // control 2: 30 G is 0, 12 G is 1, 8 G is 2, 2 G is 3
     GAIN_CODES = 4,
-    LARGEST = 30000, // it says overflow beyond it, and stays at 32767 or -32768 still farther out
+    LARGEST = 30000, // beyond it the chip reports overflow; far beyond, it stays at 32767 or -32768
 };
 
-// 0x80 at register 0 may also be a potentiometer, which says its middle to every question: its "soft reset" stays on.
+// 0x80 at register 0 may also be a potentiometer, which answers every read with its middle: its "soft reset" stays on.
 static enum bus_result qmc5883p_identify(const struct chip_wires *wires, uint8_t identification[3])
 {
     enum bus_result result = chip_read(wires, PRODUCT, &identification[0], 1);
