@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from fmfts.baseline import Baseline
 from fmfts.bus.messages import ContactMessage, Health
 from fmfts.pad import Pad
+from fmfts.pipeline import _pad
 from fmfts.pipeline.last_frame import LastFrame
 from fmfts.pipeline.sensors_ok import mask_of
 from fmfts.pipeline.words import NO_BASELINE
@@ -75,6 +76,14 @@ class JudgedInPython:
 
     def begin(self, clock: memoryview, topic: bytes, pad_index: int, overdue_ns: int) -> None:
         """C never takes such a pad's frames from a board's bytes."""
+
+    def end(self, pad: _pad.Pad) -> None:
+        """There is nothing to take back, because `begin` lent nothing."""
+
+    @property
+    def force_scale(self) -> float | None:
+        """How stiff the silicone is against the contact model's: no weight measures it on such a pad."""
+        return None
 
     def _forget_samples(self) -> None:
         self._alignment = Alignment(len(self.pad.sensors), period_us=1e6 / self._rate_hz)

@@ -11,6 +11,7 @@ from fmfts.baseline import Baseline
 from fmfts.bus.messages import ContactMessage, Health
 from fmfts.contact.plugged import PluggedModel
 from fmfts.pad import Pad, Placement
+from fmfts.pipeline import _pad
 from fmfts.pose.hand import Hand
 from fmfts.pose.sighting import Sighting
 from fmfts.sensor import Frame
@@ -39,6 +40,9 @@ class PluggedPipeline(Protocol):
     def mounting(self) -> Any: ...
 
     @property
+    def force_scale(self) -> float | None: ...
+
+    @property
     def force_scale_sd(self) -> float | None: ...
 
     @property
@@ -65,5 +69,7 @@ class PluggedPipeline(Protocol):
     def absent(self, health: Health, reason: str) -> ContactMessage: ...
 
     def begin(self, clock: memoryview, topic: bytes, pad_index: int, overdue_ns: int) -> None: ...
+
+    def end(self, pad: _pad.Pad) -> None: ...
 
     def host_time_ns(self, device_time_us: int) -> int: ...

@@ -13,7 +13,6 @@ from fmfts.bus.messages import Health, StatusMessage
 from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.pipeline._pad import Pad
 from fmfts.pipeline.configured import Pipeline
-from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.runtime.announcer import Announcer
 from fmfts.runtime.baseline_in_use import UNKNOWN_BOARD, BaselineInUse
@@ -201,7 +200,7 @@ class Channel:
         return number
 
     def _take_back(self, lent: Pad) -> int | None:
-        ended = self.pipeline.end(lent) if isinstance(self.pipeline, PadPipeline) else None
+        ended = self.pipeline.end(lent)
         if self._lateness.count_left_out():
             self._last_frame_ns = time.monotonic_ns()
         if ended is not None:
@@ -291,7 +290,7 @@ class Channel:
             ambient_t=None if last is None else last.ambient_t,
             gains_from=None if self.pipeline.baseline is None else self.pipeline.baseline.gains_from,
             remanence_t=None if mounting is None else mounting.remanence_t(self.pipeline.pad),
-            force_scale=self.pipeline.force_scale if isinstance(self.pipeline, PadPipeline) else None,
+            force_scale=self.pipeline.force_scale,
             force_scale_sd=self.pipeline.force_scale_sd,
             rest_drift_m=self.baseline.drift_m,
             sensor_faults=self.faults,
