@@ -154,7 +154,8 @@ def recorded() -> dict[tuple[str, str], list[Call]]:
     """Some calls of each exported function, by module and name."""
     calls: dict[tuple[str, str], list[Call]] = {}
     with _recorded(calls):
-        for scenario in (_matrices, _poses, _samples, _contacts, _touches, _wire_lines, _frames, _fingers, _neighbours):
+        frames = (_frames, _fingers, _followed, _neighbours)
+        for scenario in (_matrices, _poses, _samples, _contacts, _touches, _wire_lines, *frames):
             scenario(np.random.default_rng(1))
     uncalled = [name for name in functions() if name not in calls]
     assert not uncalled, f"no scenario calls {uncalled}"
@@ -193,6 +194,8 @@ def _samples(random: np.random.Generator) -> None:
             alignment.push(random.normal(0.0, 1e-5, (sensors, 3)), time_us, fresh, None if number % 2 else fresh, None)
     for leap_us in (0, 2**20, -(2**46)):
         _alignment.leap_us(10_000_000, 1_000_000_000, 7, 10_004_545 + leap_us, 1_004_545_000, 8, 4545.0)
+    for later_s in (0.02, 0.5, -1.0, np.nan):
+        _alignment.posture(_alignment.POSTURE_KNOWN, later_s)
 
 
 def _contacts(random: np.random.Generator) -> None:
@@ -348,6 +351,18 @@ def _fingers(random: np.random.Generator) -> None:
             poses_of(fitter, fit, measured, none)
             free_poses(fitter.model, np.zeros(5 * sizes[0]), measured, none)
             fitter.model.covariance(fingers, fitter.model.predict(fingers), measured.variance_t2, none)
+
+
+def _followed(_: np.random.Generator) -> None:
+    """A finger on four magnets, and a sample before the next frame."""
+    from test_now_of_several import frames, ready, tapping
+
+    from fmfts.sensor.early import EarlySample
+
+    pipeline = ready(early_s=1.1e-3)
+    for frame in frames(90, tapping):
+        pipeline.answer(frame)
+    pipeline.early(EarlySample(frame.pad_index, 1, frame.device_time_us + 2000, frame.gain_code, (100, -200, 50)))
 
 
 def _neighbours(_: np.random.Generator) -> None:
