@@ -43,6 +43,18 @@ class Table(ctypes.Structure):
     )
 
 
+class Search(ctypes.Structure):
+    """fmfts_search of contact/refine.h."""
+
+    _fields_ = (
+        ("change", ctypes.c_void_p),
+        ("covariance", ctypes.c_void_p),
+        ("steps", ctypes.c_int),
+        ("settled", ctypes.c_double),
+        ("shear_share", ctypes.c_double),
+    )
+
+
 @pytest.fixture
 def model(pad: Pad) -> ContactModel:
     return ContactModel.load("default", pad)
@@ -54,7 +66,11 @@ def explained(model: ContactModel, change: Array, answer: Array) -> float:
     content, size = ctypes.c_void_p(packed.ctypes.data), ctypes.c_size_t(packed.size)
     assert COMPILED.fmfts_view_response(content, size, ctypes.byref(table))
     given = [np.ascontiguousarray(each, dtype=float) for each in (change, np.diag(DEVIATION**2), answer)]
-    return float(COMPILED.fmfts_explained_share(ctypes.byref(table), *map(pointer, given), ctypes.c_double(BEGINS)))
+    search = Search(given[0].ctypes.data, given[1].ctypes.data)
+    share = COMPILED.fmfts_explained_share(
+        ctypes.byref(table), ctypes.byref(search), pointer(given[2]), ctypes.c_double(BEGINS)
+    )
+    return float(share)
 
 
 @pytest.mark.parametrize("answer", [(-8.3, -6.0, 3.0), (0.0, 0.0, 1.0), (-14.0, -14.0, 1.7)])
