@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -256,16 +257,21 @@ class Tolerance:
         """Of the magnet against the sensors."""
         return float(root_of_squares(self.magnet_tilt_rad, self.pad_tilt_rad))
 
-    @property
-    def pad_share(self) -> float:
-        """The share of a tilt at rest that is most likely the whole pad's."""
-        whole = self.tilt_rad * self.tilt_rad
-        return self.pad_tilt_rad * self.pad_tilt_rad / whole if whole else 0.0
+    def tilts_given(self, found_rad: Array) -> SharedTilt:
+        """Whose a tilt (2,) is that was found at rest. A magnet's own is bounded by its mould; a pad is glued by hand.
+        So a tilt that both deviations together do not explain widens the pad's deviation to its most likely value."""
+        square, of_magnet = float(product(found_rad, found_rad)) / 2.0, self.magnet_tilt_rad * self.magnet_tilt_rad
+        of_pad = max(self.pad_tilt_rad * self.pad_tilt_rad, square - of_magnet if self.pad_tilt_rad else 0.0)
+        share = of_pad / (of_pad + of_magnet) if of_pad else 0.0
+        return SharedTilt(share, self.magnet_tilt_rad * float(np.sqrt(share)))
 
-    @property
-    def unshared_tilt_rad(self) -> float:
-        """The deviation of the pad's own tilt if the sum of both is known."""
-        return self.magnet_tilt_rad * float(np.sqrt(self.pad_share))
+
+class SharedTilt(NamedTuple):
+    """pad_share: how much of a tilt that is found at rest is most likely the whole pad's. unshared_rad: what stays
+    unknown of the pad's own where both together are known."""
+
+    pad_share: float
+    unshared_rad: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ NAMES = {
 }
 
 
-@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.page)
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: f"{table.page} {table.figures}")
 def test_table_has_the_kept_figures(table: Table) -> None:
     text = (RESULTS / table.page).read_text(encoding="utf-8")
     assert text == kept_figures.page(text, table), "python -m fmfts_lab.bench tables"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import exp, log, square
 from fmfts.arithmetic.matrix import inverse, lengths, log_determinant, product, root_of_squares
-from fmfts.baseline.leftover import TELLS_LITTLE, Leftover
+from fmfts.baseline.leftover import TELLS_LITTLE, TILT, Leftover
 from fmfts.baseline.most_probable import ITERATIONS, most_probable
 from fmfts.baseline.presses import PressBundle, Presses
 from fmfts.baseline.recording import Recording
@@ -161,7 +161,8 @@ def estimate_mounting(
     ambient, ambient_deviation = (None, None) if bare is None else ambient_of(pad, bare)
     place_deviation = np.sqrt(np.diagonal(covariance)[9 : 9 + 3 * count]).reshape(count, 3)
     chi2 = float(np.sum(square(weight * misfit.ravel())) + product(scaled, unknowns.precision, scaled))
-    told = np.sqrt(np.maximum(1.0 - np.diagonal(scaled_covariance)[:5], TELLS_LITTLE))
+    told = np.maximum(1.0 - np.diagonal(scaled_covariance)[:5], TELLS_LITTLE)
+    shared = tolerance.tilts_given((unknowns.deviation[:5] * scaled[:5] / told)[TILT])
     # A misfit above what tolerances explain makes the pose as uncertain as it is large (Birge's ratio: tracker.c).
     birge = max(chi2 / float(believed.sum()), 1.0)
     leftover = Leftover(
@@ -169,8 +170,7 @@ def estimate_mounting(
         scaled,
         scaled_covariance,
         np.where(believed, 1.0 / rest.noise_t.ravel(), 0.0),
-        tolerance.pad_share,
-        tolerance.unshared_tilt_rad,
+        *shared,
     )
     return Mounting(
         rest=replace(state, ambient_t=np.zeros(3)),
@@ -189,7 +189,7 @@ def estimate_mounting(
         chi2=chi2,
         measurements=int(believed.sum()),
         misfit_t=misfit,
-        rest_strain=scaled[:5] / told,
+        rest_strain=scaled[:5] / np.sqrt(told),
         ambient_t=ambient,
         ambient_deviation_t=ambient_deviation,
         surprise=chi2

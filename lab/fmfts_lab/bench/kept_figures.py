@@ -93,7 +93,39 @@ def as_built(rows: Rows) -> str:
     return markdown(columns, lines)
 
 
-TABLES = (Table("as-built.md", "as-built", as_built),)
+def tilted(rows: Rows) -> str:
+    """Of pads of which all but the tilt is known."""
+    lines = []
+    for seeds in rows:
+        first = seeds[0]
+        lines.append(
+            (
+                f"{first['friction']:g}",
+                f"{first['tilt_deg']:g}°",
+                f"{sum(one['wrong'] for one in seeds):.0f} of {sum(one['frames'] for one in seeds):.0f}",
+                spread((one["worst_sd"] for one in seeds), ".1f"),
+                spread((one["place_within_2_sd"] for one in seeds), ".1%"),
+                spread((one["force_within_2_sd"] for one in seeds), ".1%"),
+                spread((one["along_tilt_mm"] for one in seeds), "+.2f"),
+                f"{sum(one['along_tilt_mm'] for one in seeds) / len(seeds):+.2f}",
+                str(sum(one["refused"] for one in seeds)),
+            )
+        )
+    columns = (
+        "friction",
+        "tilt",
+        "wrong",
+        "worst, sd",
+        "places within 2 sd",
+        "forces",
+        "off along the tilt, mm",
+        "mean",
+        "refused",
+    )
+    return markdown(columns, lines)
+
+
+TABLES = (Table("as-built.md", "as-built", as_built), Table("structure.md", "tilt", tilted))
 
 
 def page(text: str, table: Table) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -25,6 +25,9 @@ FELT_N = 0.1
 ABOUT_1N = 0.2
 RELEASED_S = 0.3  # see as_built.RELEASE_S
 FRICTIONS = (0.0, 0.3)
+# What the deviations count: "nothing" of the structure, the tolerances of the configuration, or "tilt": silicone,
+# thickness and finger are known, so that the tilt is what they have to cover.
+Counted = Literal["nothing", "tolerances", "tilt"]
 # As deviations were before they counted any of it: the model's own pad, a magnet that tilts alone.
 UNCOUNTED = ToleranceConfig(gain=0.005, magnet_tilt_deg=1.0, pad_tilt_deg=0.0, modulus=0.0, thickness_mm=0.0)
 # Then a finger that shears was also taken for one of another shape: as far from the probe as these.
@@ -52,7 +55,10 @@ CELLS = (
     Cell("4.4 mm thick", thickness_mm=4.4),
     Cell("finger 3 mm", finger_mm=3.0),
     Cell("finger 12 mm", finger_mm=12.0),
+    Cell("tilt 1°", tilt_deg=1.0),
     Cell("tilt 2°", tilt_deg=2.0),
+    Cell("tilt 3°", tilt_deg=3.0),
+    Cell("tilt 4°", tilt_deg=4.0),
     Cell("tilt 5°", tilt_deg=5.0),
     Cell("stiff, 12 mm, 2°", 1.2, 4.0, 12.0, 2.0),
     Cell("soft, thin, 12 mm", 0.8, 3.6, 12.0, 1.0),
@@ -130,9 +136,12 @@ class Found:
         }
 
 
-def config_of(cell: Cell, friction: float, seed: int, counted: bool) -> PadConfig:
-    tolerance = ToleranceConfig(gain=0.005) if counted else UNCOUNTED
-    finger_mm = ContactConfig().finger_mm if counted else UNCOUNTED_FINGER_MM[friction]
+def config_of(cell: Cell, friction: float, seed: int, counted: Counted) -> PadConfig:
+    tolerance, finger_mm = {
+        "nothing": (UNCOUNTED, UNCOUNTED_FINGER_MM[friction]),
+        "tolerances": (ToleranceConfig(gain=0.005), ContactConfig().finger_mm),
+        "tilt": (ToleranceConfig(gain=0.005, modulus=0.0, thickness_mm=0.0), (cell.finger_mm, cell.finger_mm)),
+    }[counted]
     return PadConfig(
         name="cast",
         source=SimulatedSource(seed=seed, finger="none", turning_deg_per_s=0.0),
@@ -153,7 +162,7 @@ def cast_pad(config: PadConfig, cell: Cell, friction: float, towards_rad: float)
     return source
 
 
-def trial(cell: Cell, friction: float, seed: int, seconds: float, counted: bool, found: Found) -> None:
+def trial(cell: Cell, friction: float, seed: int, seconds: float, counted: Counted, found: Found) -> None:
     random = np.random.default_rng(seed)
     towards_rad = float(random.uniform(0.0, 2.0 * np.pi))
     config = config_of(cell, friction, seed, counted)
@@ -170,7 +179,7 @@ def trial(cell: Cell, friction: float, seed: int, seconds: float, counted: bool,
     found.saw(messages_of(pipeline, source.recorded(seconds)), Truth(source.built, finger), finger, towards_rad)
 
 
-def measured(cell: Cell, friction: float, options: Namespace, counted: bool) -> dict[str, float]:
+def measured(cell: Cell, friction: float, options: Namespace, counted: Counted) -> dict[str, float]:
     found = Found()
     for seed in range(options.seed, options.seed + options.pads):
         trial(cell, friction, seed, options.seconds, counted, found)
@@ -192,14 +201,15 @@ def line(facts: dict[str, float]) -> str:
 def run(options: Namespace) -> None:
     rows = []
     cells = [cell for cell in CELLS if not options.only or cell.name.startswith(tuple(options.only))]
+    ways: list[Counted] = ["tilt"] if options.known else ["tolerances"]
+    if options.before:
+        ways.insert(0, "nothing")
     for friction in FRICTIONS:
         for cell in cells:
-            for counted in (False, True) if options.before else (True,):
+            for counted in ways:
                 facts = measured(cell, friction, options, counted)
-                print(
-                    f"µ {friction:.1f} {cell.name:20} {'counted  ' if counted else 'uncounted'} {line(facts)}",
-                    flush=True,
-                )
-                rows.append({"cell": cell.name, "friction": friction, "counted": counted} | facts)
+                print(f"µ {friction:.1f} {cell.name:20} {counted:10} {line(facts)}", flush=True)
+                about = {"seed": options.seed, "pads": options.pads, "cell": cell.name, "tilt_deg": cell.tilt_deg}
+                rows.append(about | {"friction": friction, "counted": counted} | facts)
     if options.out:
         Path(options.out).write_bytes(msgspec.json.format(msgspec.json.encode(rows)) + b"\n")
