@@ -211,6 +211,7 @@ CHANGES = [
            "press, 2.0 * parameters->finger_mm2, along", (TOLERANCES,)),
     Change("structure", "contact/tolerances.c", "UNEVEN * (along[0][i] - along[1][i])",
            "UNEVEN * (along[0][i] + along[1][i])", (TOLERANCES,)),
+    Change("structure", "contact/tolerances.c", "pose[i] -= more[i]", "pose[i] += more[i]", (TOLERANCES,)),
     Change("structure", "contact/estimate.c", "double own_variance = variance[2] - structure[2];",
            "double own_variance = variance[2];", (TOLERANCES, "healthy")),
     Change("structure", "pose/change.c", "parameters->pad_turn", "parameters->drawn_turn", ("turned",)),

@@ -54,14 +54,19 @@ def added(with_it: ContactEstimate, without: ContactEstimate) -> Array:
     return np.sqrt(np.maximum(with_it.deviations**2 - without.deviations**2, 0.0))
 
 
+def error_of_modulus(deviation: float) -> float:
+    """The root of the mean of (m − 1)², by quadrature over a modulus m whose logarithm is normal."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(40)
+    return float(np.sqrt(weights @ (np.exp(deviation * nodes) - 1.0) ** 2 / weights.sum()))
+
+
 @pytest.mark.parametrize("press", PRESSES)
 def test_stiffer_silicone_takes_so_much_more_force_at_same_place(pad: Pad, press: Array) -> None:
     plain, stiff = model(pad), model(pad, modulus=0.2)
     change = moved_by(plain, press)
     without = answer(plain, pad, change)
-    np.testing.assert_allclose(
-        added(answer(stiff, pad, change), without), [0.0, 0.0, 0.2 * without.force_n], rtol=1e-6, atol=1e-9
-    )
+    expected = [0.0, 0.0, error_of_modulus(0.2) * without.force_n]
+    np.testing.assert_allclose(added(answer(stiff, pad, change), without), expected, rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("press", PRESSES)
@@ -98,6 +103,23 @@ def test_wider_finger_is_off_as_much_as_model_is_of_its_movement(pad: Pad, press
     np.testing.assert_allclose(scale * found, scale * np.sqrt(variance), rtol=0.02, atol=1e-3)
 
 
+@pytest.mark.parametrize("width_mm", [3.0, 12.0])
+@pytest.mark.parametrize("press", PRESSES * [0.7, 0.7, 1.0])
+def test_known_finger_reads_as_the_probe_does(pad: Pad, press: Array, width_mm: float) -> None:
+    """A wider disc is the probe smeared over a ring: here over one of 60 points."""
+    plain, known = model(pad), model(pad, finger_m=(width_mm * 1e-3, width_mm * 1e-3))
+    moment_mm2 = (width_mm**2 - 6.0**2) / 16.0
+    around = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    ring_mm = np.sqrt(2.0 * abs(moment_mm2)) * np.column_stack([np.cos(around), np.sin(around), 0.0 * around])
+    by_probe = moved_by(plain, press)
+    more = np.sign(moment_mm2) * (np.mean([moved_by(plain, press + each) for each in ring_mm], axis=0) - by_probe)
+    expected = answer(plain, pad, by_probe).values
+    by_finger, uncorrected = (answer(one, pad, by_probe + more).values for one in (known, plain))
+    # Where the network and the table differ, the finger's part is taken at another press, by a tenth of it.
+    left, before = (np.abs(one - expected) * [1e3, 1e3, 1.0] for one in (by_finger, uncorrected))
+    assert (left <= 0.15 * before + [0.02, 0.02, 0.01]).all()
+
+
 @pytest.mark.parametrize("name", ["default", "shear"])
 def test_tolerances_change_no_answer_and_no_judgement(pad: Pad, name: str) -> None:
     """Whether a force is over range is judged without them: a scale that is off makes no squeeze."""
@@ -116,7 +138,7 @@ def test_shears_scale_like_the_force(pad: Pad) -> None:
     change = plain.response.change(np.array([[1.0, 2.0, 1.5, 0.3, -0.2]]))[0]
     without = answer(plain, pad, change)
     assert without.shear_n is not None
-    expected = 0.2 * np.abs(without.values[2:])
+    expected = error_of_modulus(0.2) * np.abs(without.values[2:])
     np.testing.assert_allclose(added(answer(stiff, pad, change), without)[2:], expected, rtol=1e-6)
 
 

@@ -51,6 +51,26 @@ def test_finger_farthest_from_the_probe_is_two_deviations_away() -> None:
     assert StructureTolerance().finger_mm2 == 0.0
 
 
+def test_known_width_is_corrected_and_its_shape_stays_open() -> None:
+    wide_mm2, narrow_mm2 = (144.0 - 36.0) / 16.0, (9.0 - 36.0) / 16.0
+    disc = StructureTolerance(finger_m=(12e-3, 12e-3))
+    assert (disc.known_finger_mm2, disc.finger_mm2) == (pytest.approx(wide_mm2), pytest.approx(wide_mm2 / 3.0))
+    assert StructureTolerance(finger_m=(3e-3, 3e-3)).known_finger_mm2 == pytest.approx(narrow_mm2)
+    assert StructureTolerance(finger_m=(3e-3, 12e-3)).known_finger_mm2 == 0.0
+    some = StructureTolerance(finger_m=(8e-3, 12e-3))
+    assert some.known_finger_mm2 == pytest.approx((64.0 - 36.0) / 16.0), "the width nearest to the probe's"
+    assert some.finger_mm2 > (wide_mm2 - some.known_finger_mm2) / 2.0
+
+
+def test_modulus_off_by_a_factor_is_wider_above_than_below() -> None:
+    """The mean of (m − 1)² over moduli m whose logarithm is normal, by drawing them."""
+    drawn = np.exp(0.5 * np.random.default_rng(1).standard_normal(400_000))
+    root = float(np.sqrt(np.mean((drawn - 1.0) ** 2)))
+    assert StructureTolerance(modulus=0.5).modulus_share == pytest.approx(root, rel=0.01)
+    assert StructureTolerance(modulus=0.02).force_share == pytest.approx(0.02, rel=1e-3)
+    assert StructureTolerance(modulus=0.5).scale_deviation == 0.5
+
+
 def test_widths_in_the_wrong_order_are_named() -> None:
     ((where, text),) = problems_in(Config(pad=(config(finger_mm=(12.0, 3.0)),)))
     assert where[-2:] == ("contact", "finger_mm")
@@ -78,6 +98,19 @@ def test_tilt_that_may_be_the_magnets_alone_turns_only_its_share(pad: Pad) -> No
         turns.append(World(pad, np.random.default_rng(3)).baseline(tolerance).mounting(pad).pad_turn[2, :2])
     np.testing.assert_allclose(turns[1], 0.36 * turns[0], rtol=1e-3)
     np.testing.assert_allclose(turns[2], 0.0, atol=1e-15)
+
+
+def test_tilt_that_tolerances_do_not_explain_is_the_whole_pads() -> None:
+    """The deviation of a pad's tilt under which the found one is most likely, and never a smaller one than is said."""
+    usual = Tolerance(1e-4, 1e-4, float(np.radians(0.25)), 0.005, 0.05, pad_tilt_rad=float(np.radians(1.0)))
+    small, large = (usual.tilts_given(np.radians([tilt_deg, 0.0])) for tilt_deg in (1.0, 5.0))
+    assert small.pad_share == pytest.approx(1.0 / (1.0 + 0.25**2))
+    assert large.pad_share == pytest.approx(1.0 - 2.0 * 0.25**2 / 5.0**2)
+    assert large.unshared_rad == pytest.approx(np.radians(0.25), rel=0.01), "the magnet's own tilt stays unknown"
+    cast = replace(usual, magnet_tilt_rad=float(np.radians(5.0)))
+    assert cast.tilts_given(np.radians([5.0, 0.0])).pad_share == pytest.approx(1.0 / 26.0)
+    level = replace(usual, pad_tilt_rad=0.0)
+    assert level.tilts_given(np.radians([5.0, 0.0])) == (0.0, 0.0)
 
 
 def test_error_of_movement_through_tilt_is_what_turn_by_it_does() -> None:

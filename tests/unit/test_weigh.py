@@ -8,7 +8,7 @@ import pytest
 
 from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.request import CAST_ALIKE, BaselineRequest
-from fmfts.config import ContactConfig, PadConfig, SimulatedSource
+from fmfts.config import ContactConfig, PadConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactEstimate, ContactModel
 from fmfts.contact.silicone import InOtherNewtons, inference_of
 from fmfts.contact.tolerances import StructureTolerance
@@ -98,6 +98,15 @@ def test_half_weight_is_refused_when_modulus_is_configured(bench: Bench) -> None
         knows.weighed(knows.baseline, WEIGHT_N, steady_finger(*MIDDLE_M, WEIGHT_N / 2.0))
 
 
+@pytest.mark.parametrize(("thickness_mm", "said_n"), [(3.6, WEIGHT_N), (4.4, WEIGHT_N / 2.0)])
+def test_half_or_twice_is_refused_where_it_is_likelier(thickness_mm: float, said_n: float) -> None:
+    """These slabs are two deviations off, and make a weight look the more like what is said."""
+    knows = Bench(Cell("known", 1.0, thickness_mm), 6.0, 2, ToleranceConfig(gain=0.005, modulus=0.05))
+    with pytest.raises(BaselineError, match=r"compare the weight and its unit"):
+        knows.weighed(knows.baseline, said_n, steady_finger(*MIDDLE_M, 1.5 * WEIGHT_N - said_n))
+    assert knows.weighed(knows.baseline, WEIGHT_N, steady_finger(*MIDDLE_M, WEIGHT_N)).silicone is not None
+
+
 def test_iron_or_a_shaken_magnet_is_named(bench: Bench) -> None:
     source = bench.pad(STIFF)
     source.finger = steady_finger(*MIDDLE_M, WEIGHT_N)
@@ -149,7 +158,7 @@ def test_model_on_other_silicone_reads_other_newtons_at_same_place() -> None:
     assert stiff.facts.envelope.force_max_n == pytest.approx(1.5 * model.facts.envelope.force_max_n)
     covariance = 1e-10 * np.eye(6)
     assert stiff.detection_limit_n(covariance, 20.0) == pytest.approx(1.5 * model.detection_limit_n(covariance, 20.0))
-    assert stiff.tolerance.force_share == pytest.approx(0.03)
+    assert stiff.tolerance.scale_deviation == pytest.approx(0.03)
     assert model.tolerance.force_share > 0.2, "the model of other pads stays as it is"
 
 

@@ -96,21 +96,18 @@ FMFTS_FUNCTION(refine)
     return found ? PyFloat_FromDouble(chi2) : Py_NewRef(Py_None);
 }
 
-/* widened(response, press, wider_mm2, more): the sum of both axes of fmfts_wider_finger. */
+/* widened(response, press, wider_mm2, more): as fmfts_wider_disc. */
 FMFTS_FUNCTION(widened)
 {
     enum { RESPONSE, PRESS, MORE };
-    double wider_mm2, along[2][FMFTS_MOVED];
+    double wider_mm2;
     fmfts_response response;
     if (!PyArg_ParseTuple(args, "y*y*dw*", &b[RESPONSE], &b[PRESS], &wider_mm2, &b[MORE]) ||
         !is_response(&b[RESPONSE], &response) || !fmfts_has_doubles(&b[PRESS], FMFTS_CONTACT, "press") ||
         !fmfts_has_doubles(&b[MORE], FMFTS_MOVED, "more")) {
         return NULL;
     }
-    fmfts_wider_finger(&response, b[PRESS].buf, wider_mm2, along);
-    for (int i = 0; i < FMFTS_MOVED; i++) {
-        ((double *)b[MORE].buf)[i] = along[0][i] + along[1][i];
-    }
+    fmfts_wider_disc(&response, b[PRESS].buf, wider_mm2, b[MORE].buf);
     return Py_NewRef(Py_None);
 }
 

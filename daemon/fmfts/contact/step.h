@@ -46,8 +46,9 @@ enum { FMFTS_BINS = 16, FMFTS_RINGS = 8, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_
     MANY(double, own_deviation, FMFTS_CONTACT * FMFTS_BINS * FMFTS_BINS) /* [force][radius][outputs] */                \
     MANY(double, trained_force_n, FMFTS_BINS * FMFTS_BINS)                                                             \
     MANY(double, slipping_n, FMFTS_BINS) /* by radius */                                                               \
-    ONE(double, modulus_share) /* tolerances.c, as the next five */                                                     \
+    ONE(double, modulus_share) /* tolerances.c, as the next six */                                                      \
     ONE(double, finger_mm2)                                                                                            \
+    ONE(double, known_finger_mm2)                                                                                      \
     ONE(double, ring_mm)                                                                                               \
     MANY(double, thicker_mm, FMFTS_RINGS)                                                                              \
     MANY(double, thicker_share, FMFTS_RINGS)                                                                           \
@@ -132,9 +133,17 @@ void fmfts_count_tolerances(const fmfts_contact_parameters *parameters, const fm
  * probe's by wider_mm2 (negative: smaller). */
 void fmfts_wider_finger(const fmfts_response *response, const double press[FMFTS_CONTACT], double wider_mm2, double more[2][FMFTS_MOVED]);
 
+/* tolerances.c: what a disc adds to the movement under `press` whose second moments are larger than the probe's by wider_mm2. */
+void fmfts_wider_disc(const fmfts_response *response, const double press[FMFTS_CONTACT], double wider_mm2, double more[FMFTS_MOVED]);
+
+/* tolerances.c: takes from the pose what a finger of a known width adds to the movement under `press`: what is left is the movement by
+ * the probe. */
+void fmfts_take_known_finger(const fmfts_contact_parameters *parameters, const fmfts_response *response,
+                             const double press[FMFTS_CONTACT], double pose[FMFTS_POSE]);
+
 /* estimate.c: the network's answer, and of a model that refines or solves shear, the most likely press near it. response: NULL if it is not known; then
  * nothing is refined. False if the answer is not finite. */
-bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fmfts_question *question,
+bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fmfts_question *asked,
                             const fmfts_network *network, const void *response, size_t response_bytes,
                             fmfts_estimate *estimate);
 

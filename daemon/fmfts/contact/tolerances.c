@@ -2,12 +2,13 @@
  * These errors are the same in every frame of a pad or touch, so no filter reduces them. Each cause shifts the answer
  * by e, and adds e e^T:
  *
- * - A modulus that is higher by a share s takes (1 + s) times the force for the same movement: e = s F, exactly, at the same place.
+ * - A modulus that is m times as high takes m times the force for the same movement: e = (m - 1) F, exactly, at the same
+ * place. Its logarithm is normal: tolerances.py has the mean of (m - 1)^2.
  * - Thicker silicone moves less, and in another shape. Its effect on an answer depends on the distance of the press
  * from the middle: parameters.
  * - A finger of another size or shape moves the magnet like the mean of presses at the points of its area, to second order:
  *   d = (h(x + a) + h(x - a)) / 2 - h(x), where a^2 is what its second moment has more than the probe's that calibrated the pad. The
- *   model's Jacobian J takes d for a movement: e = J d. */
+ *   model's Jacobian J takes d for a movement: e = J d. Where the finger's width is known, d is taken from the movement instead. */
 #include <math.h>
 #include <string.h>
 
@@ -17,6 +18,12 @@ enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE, MOVED = FMFTS_MOVED, FORCE = 
 
 /* Difference of a finger's moments along and across, as a share of their common difference from the probe's. */
 #define UNEVEN 0.5
+
+/* A disc of 12 mm is the probe of 6 mm, smeared: over a ring, whose fourth moments are right to an eighth. */
+#define HALF_ROOT 0.70710678118654752
+enum { ON_RING = 8 };
+static const double RING[ON_RING][2] = {{1.0, 0.0},  {HALF_ROOT, HALF_ROOT},   {0.0, 1.0},  {-HALF_ROOT, HALF_ROOT},
+                                        {-1.0, 0.0}, {-HALF_ROOT, -HALF_ROOT}, {0.0, -1.0}, {HALF_ROOT, -HALF_ROOT}};
 
 static void add_square(double *variance, double error)
 {
@@ -61,6 +68,36 @@ void fmfts_wider_finger(const fmfts_response *response, const double press[CONTA
             more[axis][i] = sign * ((before[i] + after[i]) / 2.0 - middle[i]);
         }
     }
+}
+
+void fmfts_wider_disc(const fmfts_response *response, const double press[CONTACT], double wider_mm2, double more[MOVED])
+{
+    double middle[MOVED], radius_mm = sqrt(2.0 * fabs(wider_mm2)), share = (wider_mm2 < 0.0 ? -1.0 : 1.0) / ON_RING;
+    fmfts_move(response, press, middle);
+    for (int i = 0; i < MOVED; i++) {
+        more[i] = 0.0;
+    }
+    for (int point = 0; point < ON_RING; point++) {
+        double aside[CONTACT], moved[MOVED];
+        memcpy(aside, press, sizeof aside);
+        aside[0] += radius_mm * RING[point][0];
+        aside[1] += radius_mm * RING[point][1];
+        fmfts_move(response, aside, moved);
+        for (int i = 0; i < MOVED; i++) {
+            more[i] += share * (moved[i] - middle[i]);
+        }
+    }
+}
+
+void fmfts_take_known_finger(const fmfts_contact_parameters *parameters, const fmfts_response *response,
+                             const double press[CONTACT], double pose[POSE])
+{
+    double more[MOVED];
+    fmfts_wider_disc(response, press, parameters->known_finger_mm2, more);
+    for (int i = 0; i < MOVED; i++) {
+        pose[i] -= more[i];
+    }
+    pose[5] = sqrt(fmax(1.0 - pose[3] * pose[3] - pose[4] * pose[4], 0.0));
 }
 
 /* The error of each output for this additional movement of the magnet. The axis stays a unit vector. */

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.elementary import exp, square
+from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.common.record import Numbers
 
 # One standard deviation of cast silicone. Sylgard 184, which build-a-pad.md names, has a Young's modulus of 1.32 MPa
@@ -21,6 +22,7 @@ MODULUS = 0.2
 THICKNESS_M = 0.2e-3  # poured by hand up to a mark, and levelled by eye
 FINGER_M = (3e-3, 12e-3)
 PROBE_M = 6e-3  # that calibrated the shipped pads
+SHAPE_SHARE = 1.0 / 3.0  # of the correction for a disc's width: a square has a second moment larger by this share
 
 # Errors of an answer on a slab that is a millimetre thicker, by distance from the middle: the place outwards, in mm,
 # and the share by which the force is too small. Small strains, mean of an axis and a diagonal: `python -m
@@ -32,8 +34,8 @@ THICKER_SHARE = np.array([-0.58, -0.60, -0.63, -0.64, -0.57, -0.40, -0.16, 0.09]
 
 @dataclass(frozen=True, slots=True)
 class StructureTolerance:
-    """modulus: standard deviation, as a share. thickness_m: of the slab. finger_m: the smallest and the largest width
-    of what presses. The first value of each: it is as calibrated.
+    """modulus: standard deviation of its logarithm. thickness_m: of the slab. finger_m: the smallest and the largest
+    width of what presses. The first value of each: it is as calibrated.
 
     is_weighed: a weight measured the scale of forces in the middle; `modulus` is the remaining deviation.
     """
@@ -48,25 +50,48 @@ class StructureTolerance:
         """What tolerances.c needs: contact/step.h."""
         thicker_mm = self.thickness_m * 1e3
         return {
-            "modulus_share": self.modulus,
+            "modulus_share": self.modulus_share,
             "finger_mm2": self.finger_mm2,
+            "known_finger_mm2": self.known_finger_mm2,
             "ring_mm": RING_MM,
             "thicker_mm": thicker_mm * THICKER_MM,
             "thicker_share": thicker_mm * (THICKER_SHARE - self._weighed_share),
         }
 
     @property
+    def known_finger_mm2(self) -> float:
+        """The excess of the second moment over the probe's, of the width nearest to the probe's; 0 where the widths
+        include the probe's. Every finger has at least this."""
+        smallest_mm2, largest_mm2 = (wider_than_probe_mm2(width_m) for width_m in self.finger_m)
+        return max(smallest_mm2, 0.0) + min(largest_mm2, 0.0)
+
+    @property
     def finger_mm2(self) -> float:
-        """One deviation of a second moment: half the largest difference of a disc (w²/16) from the probe."""
-        farthest_mm2 = max(abs(wider_than_probe_mm2(width_m)) for width_m in self.finger_m)
-        return farthest_mm2 / 2.0
+        """One deviation of a second moment: half the largest difference of a disc (w²/16) from the known one, and the
+        unknown shape of a known width."""
+        farthest_mm2 = max(abs(wider_than_probe_mm2(width_m) - self.known_finger_mm2) for width_m in self.finger_m)
+        return float(root_of_squares(farthest_mm2 / 2.0, SHAPE_SHARE * self.known_finger_mm2))
+
+    @property
+    def modulus_share(self) -> float:
+        """The deviation of a force, as a share, for a modulus m whose logarithm has the deviation s: the root of the
+        mean of (m − 1)² = e^(2s²) − 2e^(s²/2) + 1."""
+        variance = square(self.modulus)
+        return float(np.sqrt(max(exp(2.0 * variance) - 2.0 * exp(variance / 2.0) + 1.0, 0.0)))
 
     @property
     def force_share(self) -> float:
         """The deviation of a force near the middle through the silicone, as a share."""
-        return float(
-            np.sqrt(square(self.modulus) + square(self.thickness_m * 1e3 * (THICKER_SHARE[0] - self._weighed_share)))
-        )
+        return float(root_of_squares(self.modulus_share, self._thickness_share))
+
+    @property
+    def scale_deviation(self) -> float:
+        """The same of the logarithm of the scale of forces."""
+        return float(root_of_squares(self.modulus, self._thickness_share))
+
+    @property
+    def _thickness_share(self) -> float:
+        return float(self.thickness_m * 1e3 * (THICKER_SHARE[0] - self._weighed_share))
 
     @property
     def _weighed_share(self) -> float:

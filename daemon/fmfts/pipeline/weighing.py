@@ -24,7 +24,7 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel, ModelError
 from fmfts.contact.shipped import SHIPPED_PATHS
-from fmfts.contact.tolerances import PROBE_M, StructureTolerance
+from fmfts.contact.tolerances import PROBE_M, SHAPE_SHARE, StructureTolerance
 from fmfts.pad import Pad
 from fmfts.pipeline.configured import load_contact_model, pipeline_of
 from fmfts.sensor import Frame
@@ -33,11 +33,13 @@ from fmfts.sensor import Frame
 # the model's. A configured value replaces it.
 ANY_CURE = log(2.0) / 2.0
 UNBELIEVABLE = 3.5  # deviations
+# This share of weights is entered as half or twice its mass. `weigh` refuses a weight that is UNLIKELY deviations off,
+# where the probability of this mistake exceeds DOUBT.
+MISTAKEN, DOUBT, UNLIKELY = 0.01, 0.05, 2.5
 MIDDLE_M = 2e-3  # of the estimated place: without --turn and --refine it may be off by a millimetre
 LIGHTEST_N, HEAVIEST_N = 0.2, 4.0
 # Other deviations of the ratio: the model itself and a pad that is not level (2 %), and a kitchen scale.
 READ_SHARE, SCALE_N = 0.02, 0.01
-WIDTH_SHARE = 0.25  # share of the correction for the width, which approximates the shape
 SETTLED_S, SECONDS = 0.5, 3.0
 TREMBLING = 1.5  # of the noise of the untouched pad
 MOSTLY = 0.95
@@ -117,7 +119,8 @@ class Weighing:
             root_of_squares(read.force_sd_n / read.force_n, READ_SHARE, width_deviation, SCALE_N / self.weight_n)
         )
         prior = self._prior
-        if abs(found) > UNBELIEVABLE * hypot(prior, deviation):
+        away = abs(found) / hypot(prior, deviation)
+        if away > UNBELIEVABLE or _is_rather_twice(away, log(2.0) / hypot(prior, deviation)):
             raise BaselineError(
                 f"a pad within its tolerances reads this weight as {self.weight_n / exp(2.0 * prior):.2g} to "
                 f"{self.weight_n * exp(2.0 * prior):.2g} N, and this pad reads {read.force_n:.2g} N: "
@@ -139,15 +142,16 @@ class Weighing:
         """Deviation of the logarithm of the stiffness, before anything was weighed."""
         tolerance = self.config.structure_tolerance()
         is_said = self.config.tolerance.modulus is not None or self.config.contact.model not in SHIPPED_PATHS
-        return tolerance.force_share if is_said else hypot(ANY_CURE, tolerance.force_share)
+        return tolerance.scale_deviation if is_said else hypot(ANY_CURE, tolerance.scale_deviation)
 
     def _of_width(self, model: ContactModel, force_n: float) -> tuple[float, float]:
         """The model's force for this width, over that for the probe; and the deviation of its logarithm."""
         probe = model.reads(force_n, PROBE_M)
-        if self.width_m is not None:
-            ratio = model.reads(force_n, self.width_m) / probe
-            return ratio, WIDTH_SHARE * abs(log(ratio))
         widths_m = self.config.structure_tolerance().finger_m
+        width_m = widths_m[0] if widths_m[0] == widths_m[1] else None
+        if (known_m := self.width_m or width_m) is not None:
+            ratio = model.reads(force_n, known_m) / probe
+            return ratio, SHAPE_SHARE * abs(log(ratio))
         return 1.0, max(abs(log(model.reads(force_n, each) / probe)) for each in widths_m) / 2.0
 
 
@@ -157,6 +161,12 @@ class _Reading:
     y_m: float
     force_n: float
     force_sd_n: float
+
+
+def _is_rather_twice(away: float, twice: float) -> bool:
+    """Whether half or twice the weight is too likely. away: of what is said; twice: a factor of two, in deviations."""
+    likelier = exp((square(away) - square(away - twice)) / 2.0) * MISTAKEN / (1.0 - MISTAKEN)
+    return away > UNLIKELY and bool(likelier > DOUBT / (1.0 - DOUBT))
 
 
 def _require_still(frames: Sequence[Frame], before: Baseline) -> None:

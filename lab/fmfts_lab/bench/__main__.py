@@ -23,6 +23,7 @@ from fmfts_lab.bench import (
     frame_cost,
     imperfect_causes,
     kept_figures,
+    known_modulus,
     latency,
     learned,
     long_squeeze,
@@ -67,7 +68,7 @@ def main() -> None:
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
         "alternating | neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | "
         "overload | frame | resident | now | several | eflesh | real | learned | structure | weigh | "
-        "few-presses | second-weight | slip | shear | tables",
+        "few-presses | second-weight | known-modulus | slip | shear | tables",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -256,6 +257,7 @@ def main() -> None:
     verb.add_argument("--seconds", type=float, default=45.0, help="of presses and pauses, for each pad")
     verb.add_argument("--only", nargs="+", metavar="CELL", help="cells whose name begins so: tilt")
     verb.add_argument("--before", action="store_true", help="beside it, deviations that count none of it")
+    verb.add_argument("--known", action="store_true", help="all but the tilt is known of these pads")
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=structure.run)
     verb = verbs.add_parser(
@@ -276,6 +278,9 @@ def main() -> None:
     verb = verbs.add_parser("second-weight", help="whether a second weight, aside, tells how thick a pad is")
     verb.add_argument("--pads", type=int, default=6, help="how many pads are built, for each thickness")
     verb.set_defaults(run=second_weight.run)
+    verb = verbs.add_parser("known-modulus", help="50 g called 100 g on pads whose modulus is known to 5 %%: refused?")
+    verb.add_argument("--pads", type=int, default=6, help="how many pads are built, for each kind")
+    verb.set_defaults(run=known_modulus.run)
     verb = verbs.add_parser("slip", help="fingers that slip: noticed how often, how soon; friction; false alarms")
     verb.add_argument("--part", choices=("bound", "table", "drags", "healthy"), help="only this part")
     verb.add_argument("--slides", type=int, default=40, help="by the table, at each speed")

@@ -64,7 +64,7 @@ class Bench:
         tolerance: ToleranceConfig = ANY_CURE,
         remanence_t: float | None = None,
     ) -> None:
-        self.config = msgspec.structs.replace(config_of(cell, 0.0, seed, counted=True), tolerance=tolerance)
+        self.config = msgspec.structs.replace(config_of(cell, 0.0, seed, "tolerances"), tolerance=tolerance)
         self._remanence_t = remanence_t
         self._weighed_by = replace(cell, finger_mm=by_mm)
         self._by_m = by_mm * 1e-3
