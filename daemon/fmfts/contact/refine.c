@@ -90,48 +90,38 @@ static void monomials(const fmfts_response *response, const double *load, double
     }
 }
 
-/* sum [count] += weight · row [count] */
-static void add(size_t count, double weight, const double *restrict row, double *restrict sum)
-{
-    for (size_t i = 0; i < count; i++) {
-        sum[i] += weight * row[i];
-    }
-}
-
-/* with_slope is a constant wherever this stands. The sums over the splines come first, for all monomials at once. */
+/* with_slope is a constant at each call: values alone take a fifth of the time. */
 FMFTS_INLINE void respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
                           double slope[FMFTS_MOVED][FMFTS_MAX_PRESS], bool with_slope)
 {
-    enum { ROOM = FMFTS_MAX_MONOMIALS * FMFTS_MOVED };
-    double here[ROOM] = {0.0}, by_x[ROOM] = {0.0}, by_y[ROOM] = {0.0};
     double value[FMFTS_MAX_MONOMIALS], by_load[FMFTS_MAX_MONOMIALS][FMFTS_MAX_LOADS];
-    size_t all = response->monomials * FMFTS_MOVED, deep = response->knots[1] + 2;
     fmfts_splines x, y;
     cover(response, 0, press[0], &x);
     cover(response, 1, press[1], &y);
     monomials(response, press + 2, value, by_load);
-    for (size_t i = 0; i < FMFTS_COVERING * FMFTS_COVERING; i++) {
-        size_t a = i / FMFTS_COVERING, b = i % FMFTS_COVERING;
-        const double *patch = response->coefficient + ((x.cell + a) * deep + y.cell + b) * all;
-        add(all, x.value[a] * y.value[b], patch, here);
-        if (with_slope) {
-            add(all, x.slope[a] * y.value[b], patch, by_x);
-            add(all, x.value[a] * y.slope[b], patch, by_y);
-        }
-    }
     memset(change, 0, sizeof(double[FMFTS_MOVED]));
     if (with_slope) {
         memset(slope, 0, sizeof(double[FMFTS_MOVED][FMFTS_MAX_PRESS]));
     }
-    for (size_t k = 0; k < all; k++) {
-        size_t m = k / FMFTS_MOVED, c = k % FMFTS_MOVED;
-        change[c] += value[m] * here[k];
-        for (size_t l = 0; with_slope && l < response->loads; l++) {
-            slope[c][2 + l] += by_load[m][l] * here[k];
-        }
-        if (with_slope) {
-            slope[c][0] += value[m] * by_x[k];
-            slope[c][1] += value[m] * by_y[k];
+    for (size_t i = 0; i < FMFTS_COVERING; i++) {
+        for (size_t j = 0; j < FMFTS_COVERING; j++) {
+            double here = x.value[i] * y.value[j], by_x = x.slope[i] * y.value[j], by_y = x.value[i] * y.slope[j];
+            const double *patch = response->coefficient + ((x.cell + i) * (response->knots[1] + 2) + y.cell + j) *
+                                                              response->monomials * FMFTS_MOVED;
+            for (size_t m = 0; m < response->monomials; m++) {
+                for (size_t c = 0; c < FMFTS_MOVED; c++) {
+                    double coefficient = patch[m * FMFTS_MOVED + c];
+                    change[c] += here * value[m] * coefficient;
+                    if (!with_slope) {
+                        continue;
+                    }
+                    slope[c][0] += by_x * value[m] * coefficient;
+                    slope[c][1] += by_y * value[m] * coefficient;
+                    for (size_t l = 0; l < response->loads; l++) {
+                        slope[c][2 + l] += here * by_load[m][l] * coefficient;
+                    }
+                }
+            }
         }
     }
 }
