@@ -117,10 +117,10 @@ def test_daemon_with_old_sample_is_alive_but_not_valid(publisher: Publisher, end
     ("named", "force_n", "sd_n", "why"),
     [
         ({}, 0.6, 0.49, ""),
-        ({}, 0.6, 0.51, "the force is 0.60 ± 0.51 N, less certain than ± 0.50 N"),
+        ({}, 0.6, 0.51, "the force is 0.60 ± 0.510 N, less certain than ± 0.500 N"),
         ({}, 2.1, 0.69, ""),  # a pad whose silicone nobody measured knows two newtons to a quarter
-        ({}, 2.1, 0.71, "the force is 2.10 ± 0.71 N, less certain than ± 0.70 N"),
-        ({"largest_force_sd_n": 0.1}, 2.1, 0.2, "the force is 2.10 ± 0.20 N, less certain than ± 0.10 N"),
+        ({}, 2.1, 0.71, "the force is 2.10 ± 0.710 N, less certain than ± 0.700 N"),
+        ({"largest_force_sd_n": 0.1}, 2.1, 0.2, "the force is 2.10 ± 0.200 N, less certain than ± 0.100 N"),
     ],
 )
 def test_client_is_valid_up_to_named_force_deviation_or_says_why_not(

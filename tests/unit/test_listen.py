@@ -231,7 +231,7 @@ def test_gripper_opens_on_force_overload_bad_health_and_silence(base: str) -> No
             over_range=True, force_n=None, force_min_n=3.0
         ),
         "OPEN (disturbed: steel)": contact_message(force_n=0.5, health="disturbed", reason="steel"),
-        "OPEN (the force is 0.90 ± 0.80 N, less certain than ± 0.30 N)": contact_message(force_n=0.9, force_sd_n=0.8),
+        "OPEN (the force is 0.90 ± 0.800 N, less certain than ± 0.300 N)": contact_message(force_n=0.9, force_sd_n=0.8),
     }
     environ = os.environ | {"FMFTS_BUS": base}
     with subprocess.Popen([sys.executable, GRIPPER, "demo"], stdout=subprocess.PIPE, text=True, env=environ) as process:

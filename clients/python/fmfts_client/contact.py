@@ -130,7 +130,7 @@ class Contact:
         limit_n = max(LARGEST_FORCE_SD_N, force_n / 3.0) if largest_force_sd_n is None else largest_force_sd_n
         if deviation_n <= limit_n:
             return ""
-        return f"the force is {force_n:.2f} ± {deviation_n:.2f} N, less certain than ± {limit_n:.2f} N"
+        return f"the force is {force_n:.2f} ± {deviation_n:.3f} N, less certain than ± {limit_n:.3f} N"
 
     @property
     def _why_no_measurement(self) -> str:

@@ -56,7 +56,7 @@ def _weight(text: str) -> float:
     """In newtons."""
     number, unit = _quantity(text)
     if unit not in NEWTONS:
-        raise argparse.ArgumentTypeError(f"{text}: of what? Say {number:g}g, {number:g}kg or {number:g}N")
+        raise argparse.ArgumentTypeError(f"{text} has no unit: write {number:g}g for grams, {number:g}N for newtons")
     return number * NEWTONS[unit]
 
 
