@@ -63,7 +63,7 @@ def test_response_without_a_spacing_or_a_scale_is_refused(number: int, value: fl
     table = bytearray(RESPONSES[0].packed())
     np.frombuffer(table, count=9)[number] = value
     with pytest.raises(ValueError, match="response"):
-        _contact.refine(table, np.zeros(5), np.eye(5), 2, np.zeros(3), np.empty((3, 3)))
+        _contact.refine(table, np.zeros(5), np.eye(5), 2, 0.0, np.zeros(3), np.empty((3, 3)))
 
 
 @pytest.mark.parametrize(("number", "value"), [(5, np.nan), (6, 0.0), (6, -1.0), (6, np.nan), (6, np.inf)])

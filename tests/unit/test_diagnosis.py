@@ -68,7 +68,7 @@ DEFECTS: dict[str, tuple[Callable[[World], None], str]] = {
     "a chip by 12°": (_crooked, r"Sensor 3 is turned by \d+° against the drawing"),
     "all chips by 4°": (_all_crooked, r"chips are turned by more than tolerance\.sensor_rotation_deg = 0\.5"),
     "upside down": (_upside_down, r"upside down"),
-    "left-handed chips": (_mirrored, r"z the other way round .* turn geometry\.sensors_mirrored over"),
+    "left-handed chips": (_mirrored, r"z the other way round .* invert geometry\.sensors_mirrored"),
     "a weak magnet": (_weak, r"\d\.\d times too weak"),
     "no magnet": (_no_magnet, r"no magnet above the sensors"),
     "pressed": (_pressed, r"presses on the pad"),

@@ -112,7 +112,7 @@ def test_stored_posture_comes_back_the_same(taught: Taught) -> None:
 def test_damaged_stored_posture_is_refused(taught: Taught, part: str) -> None:
     stored = msgspec.to_builtins(StoredPosture.of(taught))
     stored[part] = stored[part][:-1]
-    with pytest.raises(msgspec.ValidationError, match="no hand's posture"):
+    with pytest.raises(msgspec.ValidationError, match="no recording gives such a posture"):
         msgspec.convert(stored, StoredPosture)
 
 
