@@ -60,7 +60,7 @@ def _says_why(status: dict[str, list[str]]) -> bool:
 
 def test_log_status_listen_and_check_config_say_that_there_is_no_force(daemon: RunningDaemon) -> None:
     told = f"touch, pose and displacement, no place and no force: {REASON}"
-    assert f"WARNING pad 'odd': it tells {told}" in daemon.log.read_text()
+    assert f"WARNING pad 'odd': it publishes {told}" in daemon.log.read_text()
     eventually(lambda: {"words": daemon.command("status").stdout.replace("│", " ").split()}, _says_why)
     listened = daemon.command("listen", "--seconds", "2")
     assert listened.returncode == 0, listened.stderr
