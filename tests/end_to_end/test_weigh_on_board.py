@@ -41,7 +41,9 @@ def test_stranger_weighs_a_pad_and_its_forces_are_right(tmp_path: Path) -> None:
         board.field(pressed(0.0, 0.0, 0.0))
         said(tmp_path, "baseline", "--rest", *CONFIG)
         assert "no weight is detected: put it on the middle" in said(tmp_path, "weigh", "100g", *CONFIG, code=65)
-        assert "100 has no unit: write 100g for grams, 100N for newtons" in said(tmp_path, "weigh", "100", *CONFIG, code=2)
+        assert "100 has no unit: write 100g for grams, 100N for newtons" in said(
+            tmp_path, "weigh", "100", *CONFIG, code=2
+        )
 
         board.field(pressed(0.0, 0.0, WEIGHT_N))
         facts = json.loads(said(tmp_path, "weigh", "100g", "--by", "6mm", "--json", *CONFIG))

@@ -94,3 +94,11 @@ def test_friction_unknown_to_a_model_is_recorded_with_it(pad: Pad, tmp_path: Pat
 def test_set_without_shear_makes_no_shear_model(pad: Pad) -> None:
     with pytest.raises(DataError, match=r"set\.csv: no row has shear"):
         calibrate("set.csv", sheared_set(pad, GRID, [(0.0, 0.0)]), Options(shear=True), quiet)
+
+
+def test_shear_model_without_friction_is_evaluated_by_place_and_force(pad: Pad) -> None:
+    model = ContactModel.load("shear", pad, friction=0.0)
+    judged = sheared_set(pad, np.array([-4.0, 4.0]), [(0.0, 0.0)])
+    found = evaluate(judged, Path("test.csv"), model, "drifting")
+    assert found.found.shape == (len(judged.press), 3)
+    assert np.isfinite(found.found).all()

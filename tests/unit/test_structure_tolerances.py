@@ -34,7 +34,7 @@ def config(model: str = "default", finger_mm: tuple[float, float] = (3.0, 12.0),
 def test_silicone_of_pad_that_was_calibrated_is_known_and_its_finger_is_not() -> None:
     shipped, own = (config(name).structure_tolerance() for name in ("shear", "mine.onnx"))
     assert shipped == StructureTolerance(0.2, 0.2e-3, (3e-3, 12e-3))
-    assert own == StructureTolerance(0.0, 0.0, (3e-3, 12e-3))
+    assert own == StructureTolerance(0.0, 0.0, (3e-3, 12e-3), is_of_probe=False)
     assert config("default").structure_tolerance("mine.onnx") == own
 
 
@@ -60,6 +60,12 @@ def test_known_width_is_corrected_and_its_shape_stays_open() -> None:
     some = StructureTolerance(finger_m=(8e-3, 12e-3))
     assert some.known_finger_mm2 == pytest.approx((64.0 - 36.0) / 16.0), "the width nearest to the probe's"
     assert some.finger_mm2 > (wide_mm2 - some.known_finger_mm2) / 2.0
+
+
+def test_model_of_the_users_own_presses_is_not_corrected_for_the_finger_that_pressed() -> None:
+    own = config("mine.onnx", finger_mm=(12.0, 12.0)).structure_tolerance()
+    assert own.known_finger_mm2 == 0.0
+    assert own.finger_mm2 == pytest.approx((144.0 - 36.0) / 16.0 / 2.0), "the width counts in the deviations"
 
 
 def test_modulus_off_by_a_factor_is_wider_above_than_below() -> None:

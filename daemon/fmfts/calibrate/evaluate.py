@@ -62,8 +62,8 @@ def evaluate(
 
 def judge(labelled: CalibrationSet, tracked: Tracked, model: ContactModel) -> Evaluation:
     """Evaluate `model` on poses that are solved already."""
-    outputs = min(len(model.facts.outputs), labelled.press.shape[1])
-    unit = CONTACT_UNIT[: len(model.facts.outputs)]
+    answered = 5 if model.has_shear else 3  # a model with shear gives none where the configuration excludes it
+    outputs, unit = min(answered, labelled.press.shape[1]), CONTACT_UNIT[:answered]
     found, deviation, in_range = [], [], []
     for pose, covariance in zip(tracked.pose, tracked.covariance, strict=True):
         whole = np.zeros((6, 6))
@@ -71,11 +71,7 @@ def judge(labelled: CalibrationSet, tracked: Tracked, model: ContactModel) -> Ev
         position_m, axis = np.split(pose / POSE_UNIT, 2)
         contact = model.estimate(position_m, axis, whole / POSE_UNIT / POSE_UNIT[:, None])
         shear_n = () if contact.shear_n is None else contact.shear_n
-        found.append(
-            (np.array([contact.x_m, contact.y_m, contact.force_n, *shear_n]) / CONTACT_UNIT[: len(contact.values)])[
-                :outputs
-            ]
-        )
+        found.append((np.array([contact.x_m, contact.y_m, contact.force_n, *shear_n]) / unit)[:outputs])
         deviation.append((contact.deviations / unit)[:outputs])
         in_range.append(not (contact.over_range or contact.refused))
     press = labelled.press[:, :outputs]

@@ -249,7 +249,8 @@ class PadConfig(_Section, frozen=True, kw_only=True):
         said = (self.tolerance.modulus, self.tolerance.thickness_mm)
         modulus, thickness_mm = (one if one is not None else other for one, other in zip(said, usual, strict=True))
         smallest_mm, largest_mm = self.contact.finger_mm
-        return StructureTolerance(modulus, thickness_mm * 1e-3, (smallest_mm * 1e-3, largest_mm * 1e-3))
+        finger_m = (smallest_mm * 1e-3, largest_mm * 1e-3)
+        return StructureTolerance(modulus, thickness_mm * 1e-3, finger_m, is_of_probe=is_shipped)
 
     def pad(self) -> Pad:
         """The nominal pad, in SI."""

@@ -38,12 +38,15 @@ class StructureTolerance:
     width of what presses. The first value of each: it is as calibrated.
 
     is_weighed: a weight measured the scale of forces in the middle; `modulus` is the remaining deviation.
+    is_of_probe: a probe of PROBE_M made the model, so that a known finger corrects it; the user's own presses may
+    contain that finger already.
     """
 
     modulus: float = 0.0
     thickness_m: float = 0.0
     finger_m: tuple[float, float] = (PROBE_M, PROBE_M)
     is_weighed: bool = False
+    is_of_probe: bool = True
 
     @property
     def for_c(self) -> dict[str, Numbers]:
@@ -61,7 +64,9 @@ class StructureTolerance:
     @property
     def known_finger_mm2(self) -> float:
         """The excess of the second moment over the probe's, of the width nearest to the probe's; 0 where the widths
-        include the probe's. Every finger has at least this."""
+        include the probe's, or no probe made the model. Every finger has at least this."""
+        if not self.is_of_probe:
+            return 0.0
         smallest_mm2, largest_mm2 = (wider_than_probe_mm2(width_m) for width_m in self.finger_m)
         return max(smallest_mm2, 0.0) + min(largest_mm2, 0.0)
 

@@ -98,7 +98,7 @@ class Weighing:
         """The configured model, as if it were of this very pad."""
         if not self.config.are_magnets_known or self.config.other_magnets:
             raise BaselineError("only a pad with one known magnet can be weighed on: see docs/calibration.md")
-        cannot_shear = msgspec.structs.replace(self.config.contact, friction=0.0)
+        cannot_shear = msgspec.structs.replace(self.config.contact, friction=0.0, slip=False)
         try:
             model = load_contact_model(msgspec.structs.replace(self.config, contact=cannot_shear))
         except ModelError as error:
@@ -120,11 +120,13 @@ class Weighing:
         )
         prior = self._prior
         away = abs(found) / hypot(prior, deviation)
-        if away > UNBELIEVABLE or _is_rather_twice(away, log(2.0) / hypot(prior, deviation)):
+        is_rather_twice = _is_rather_twice(away, log(2.0) / hypot(prior, deviation))
+        if away > UNBELIEVABLE or is_rather_twice:
+            doubled = f". It fits {'half' if found > 0.0 else 'twice'} of it better" if is_rather_twice else ""
             raise BaselineError(
                 f"a pad within its tolerances reads this weight as {self.weight_n / exp(2.0 * prior):.2g} to "
                 f"{self.weight_n * exp(2.0 * prior):.2g} N, and this pad reads {read.force_n:.2g} N: "
-                "compare the weight and its unit (g, kg or N), and tolerance.modulus"
+                f"compare the weight and its unit (g, kg or N), and tolerance.modulus{doubled}"
             )
         if earlier is not None and earlier.model == model.hash and not self.anew:
             apart = abs(found - log(earlier.stiffness))
