@@ -5,8 +5,8 @@
  *
  * The same controller as clients/python/examples/grip.py, with the same constants. It loosens the object, once, until it slips a
  * millimetre or two; the force at which that began is the least one. It then holds with `reserve` more, and with as much more as the
- * shear grows: a glass that is filled. Each further slip teaches anew. While no pad says anything certain the gripper holds as it is,
- * and never opens. docs/slip.md says what it needs. */
+ * shear grows: a glass that is filled. Each further slip teaches anew. While a pad says nothing certain the gripper never opens; while
+ * neither does, it holds as it is. docs/slip.md says what it needs. */
 #define _POSIX_C_SOURCE 200809L
 #include <fmfts.h>
 #include <math.h>
@@ -48,7 +48,7 @@ struct grip {
     struct memory pad[PADS];
 };
 
-/* For the gripper, and the arm. close_m_per_s: each finger, negative opens. why: it holds, for people. */
+/* For the gripper, and the arm. close_m_per_s: each finger, negative opens. why: what it lacks, for people. */
 struct command {
     double close_m_per_s;
     bool may_lift;
@@ -137,6 +137,8 @@ static struct command step(struct grip *grip, const struct fmfts_contact *const 
     grip->touched = true;
     double wanted = wanted_n(grip, seen, force_n, loosen && count == PADS);
     double speed = fmin(fmax(close_m_per_s_per_n * (wanted - force_n), -fastest_m_per_s), fastest_m_per_s);
+    if (count < PADS) /* the other pad alone may tighten, but only what it touches */
+        return (struct command){.close_m_per_s = touched > 0 ? fmax(speed, 0.0) : 0.0, .why = "a pad says nothing"};
     return (struct command){.close_m_per_s = speed, .may_lift = !grip->slips && force_n > 0.9 * wanted};
 }
 
@@ -148,6 +150,19 @@ static void wait_for_next_period(struct timespec *at)
         at->tv_sec++;
     }
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, at, NULL);
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    if ((now.tv_sec - at->tv_sec) * 1000000000LL + now.tv_nsec - at->tv_nsec > PERIOD_NS)
+        *at = now; /* it was stopped: to catch up would take one message for many */
+}
+
+static int end(struct fmfts_client *client[PADS], const char *why)
+{
+    puts("hold (it ends)"), fflush(stdout); /* your gripper's speed 0: else the last one stands */
+    fprintf(stderr, "grip: %s\n", why);
+    for (int i = 0; i < PADS; i++)
+        fmfts_close(client[i]);
+    return 69;
 }
 
 int main(int count, char **words)
@@ -155,12 +170,15 @@ int main(int count, char **words)
     char why[FMFTS_TEXT_SIZE], saying[FMFTS_TEXT_SIZE], said[FMFTS_TEXT_SIZE] = "";
     bool loosen = count > 1 && strcmp(words[count - 1], "--loosen") == 0;
     const char *names[PADS] = {"left", "right"};
+    int named = count - 1 - loosen;
     struct fmfts_client *client[PADS];
     struct fmfts_contact contact[PADS] = {0};
     struct grip grip = {.slipped_n = first_n / (1.0 + first_reserve), .sticks_s = 1.0};
     struct timespec period;
+    if (named != 0 && named != PADS)
+        return fprintf(stderr, "grip: It needs two pads, and got %d. Name both: grip left right [--loosen]\n", named), 64;
     for (int i = 0; i < PADS; i++) {
-        client[i] = fmfts_connect(count - loosen > PADS ? words[1 + i] : names[i], NULL, why);
+        client[i] = fmfts_connect(named == PADS ? words[1 + i] : names[i], NULL, why);
         if (!client[i])
             return fprintf(stderr, "grip: %s\n", why), 69;
         if (!fmfts_why(client[i], 1000, why)) /* before the loop: it may take a second */
@@ -170,8 +188,9 @@ int main(int count, char **words)
     for (;;) {
         const struct fmfts_contact *seen[PADS];
         for (int i = 0; i < PADS; i++) {
-            if (fmfts_latest(client[i], &contact[i], 0) < 0)
-                return fprintf(stderr, "grip: %s\n", fmfts_refusal(client[i])), 69;
+            enum fmfts_result result = fmfts_latest(client[i], &contact[i], 0);
+            if (result < 0)
+                return end(client, result == FMFTS_WRONG_VERSION ? fmfts_refusal(client[i]) : "the socket is broken");
             seen[i] = is_usable(client[i], &contact[i]) ? &contact[i] : NULL;
         }
         struct command command = step(&grip, seen, loosen);

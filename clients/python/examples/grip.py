@@ -6,7 +6,8 @@
 
 It loosens the object, once, until it slips a millimetre or two; the force at which that began is the least one. It then
 holds with RESERVE more, and with as much more as the shear grows: a glass that is filled. Each further slip teaches
-anew. While a pad says nothing certain the gripper holds as it is, and never opens. docs/slip.md says what it needs.
+anew. While a pad says nothing certain the gripper never opens; while neither does, it holds as it is. docs/slip.md
+says what it needs.
 """
 
 import math
@@ -37,7 +38,7 @@ PERIOD_S = 0.01
 
 
 class Command(NamedTuple):
-    """For the gripper, and the arm. close_m_per_s: each finger, negative opens. why: it holds, for people."""
+    """For the gripper, and the arm. close_m_per_s: each finger, negative opens. why: what it lacks, for people."""
 
     close_m_per_s: float
     may_lift: bool
@@ -78,6 +79,8 @@ class Grip:
         wanted_n = self._wanted_n(seen, force_n, loosen and len(seen) == len(pads), period_s)
         speed = CLOSE_M_PER_S_PER_N * (wanted_n - force_n)
         speed = min(max(speed, -FASTEST_M_PER_S), FASTEST_M_PER_S)
+        if len(seen) < len(pads):  # the other pad alone may tighten, but only what it touches
+            return Command(max(speed, 0.0) if any(c.contact for c in seen) else 0.0, False, "a pad says nothing")
         return Command(speed, not self._slips and force_n > 0.9 * wanted_n)
 
     def _wanted_n(self, seen: Sequence[Contact], force_n: float, loosen: bool, period_s: float) -> float:
@@ -134,17 +137,22 @@ def main(names: Sequence[str], loosen: bool) -> None:
     for client in clients:
         print(client.why(), file=sys.stderr)  # before the loop: it may take a second
     grip, said = Grip(), ""
-    while True:
-        command = grip.step([newest(client) for client in clients], loosen)
-        # Your gripper's and arm's commands go here.
-        what = "close" if command.close_m_per_s > 1e-3 else "open" if command.close_m_per_s < -1e-3 else "hold"
-        saying = f"{what}{', lift' if command.may_lift else ''}{f' ({command.why})' if command.why else ''}"
-        if saying != said:
-            said = saying
-            print(said, flush=True)
-        time.sleep(PERIOD_S)
+    try:
+        while True:
+            command = grip.step([newest(client) for client in clients], loosen)
+            # Your gripper's and arm's commands go here.
+            what = "close" if command.close_m_per_s > 1e-3 else "open" if command.close_m_per_s < -1e-3 else "hold"
+            saying = f"{what}{', lift' if command.may_lift else ''}{f' ({command.why})' if command.why else ''}"
+            if saying != said:
+                said = saying
+                print(said, flush=True)
+            time.sleep(PERIOD_S)
+    finally:
+        print("hold (it ends)", flush=True)  # your gripper's speed 0: else the last one stands
 
 
 if __name__ == "__main__":
     words = [word for word in sys.argv[1:] if word != "--loosen"]
+    if len(words) not in (0, 2):
+        sys.exit(f"grip: It needs two pads, and got {len(words)}. Name both: grip.py left right [--loosen]")
     main(words or ["left", "right"], "--loosen" in sys.argv)
