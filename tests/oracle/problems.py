@@ -62,7 +62,11 @@ def solved(pose: Pose, free: list[int], prior: Array | None = None) -> tuple[Arr
         own = pose.residual(step)
         return own if root is None else np.concatenate([own, root @ step[free]])
 
-    found = least_squares(residual, np.zeros(len(free)), method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    def jacobian(unknown: Array) -> Array:
+        """SciPy's own, by first differences, ends 1e-4 of a deviation off on a processor without fused multiply-add."""
+        return differences(residual, unknown, np.full(len(free), 1e-2))
+
+    found = least_squares(residual, np.zeros(len(free)), jacobian, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15)
     step = np.zeros(len(pose.steps))
     step[free] = found.x * scale
     return step, float(2.0 * found.cost)
