@@ -12,6 +12,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 import xml.etree.ElementTree as ET
 from contextlib import suppress
@@ -23,6 +24,9 @@ from repeating import REPEATED
 ROOT = Path(__file__).parents[1]
 LOGS = Path("build/test-logs")
 PYTEST = ["-m", "pytest", "-o", "junit_logging=no", "-o", "junit_family=xunit1"]  # the older one names files
+# A test that waits for what never comes ends its worker, which prints the stacks of all threads, and fails by its name.
+TEST_LIMIT_S, PART_LIMIT_S = 300, 1500  # on two idle cores the longest test takes 45 s, the longest part 380 s
+BOUNDED = [*PYTEST, "-o", f"faulthandler_timeout={TEST_LIMIT_S}", "-o", "faulthandler_exit_on_timeout=true"]
 OF_FUNCTIONS = ["tests/unit", "tests/skin", "tests/oracle", "tests/golden"]
 BY_FILES = ["--dist", "loadfile", "--no-loadscope-reorder"]  # in the order of tests/conftest.py, else by their counts
 WHOLE = ["--dist", "worksteal", *(word for folder in OF_FUNCTIONS for word in ("--ignore", folder))]
@@ -32,12 +36,12 @@ PARTS = {
     "lint": [["-m", "ruff", "check", "."], ["-m", "ruff", "format", "--check", "."],
              ["-m", "mypy", "--num-workers", "2", "daemon", "lab", "extras", "clients/python",
               "clients/mujoco/fmfts_mujoco"]],
-    "unit": [[*PYTEST, "-n", "3", *BY_FILES, *OF_FUNCTIONS, "-m", "not long and not mutation"]],
-    "processes": [[*PYTEST, "-n", "4", *WHOLE, "-m", "not real_time and not slow and not long and not mutation"]],
-    "clock": [[*PYTEST, "-n", "2", *WHOLE, "-m", "real_time and not slow"]],
+    "unit": [[*BOUNDED, "-n", "3", *BY_FILES, *OF_FUNCTIONS, "-m", "not long and not mutation"]],
+    "processes": [[*BOUNDED, "-n", "4", *WHOLE, "-m", "not real_time and not slow and not long and not mutation"]],
+    "clock": [[*BOUNDED, "-n", "2", *WHOLE, "-m", "real_time and not slow"]],
     "slow": [[*PYTEST, "--ignore", "tests/unit", "-m", "slow"]],
     "long": [[*PYTEST, "-n", "2", "tests/unit", "tests/skin", "tests/firmware", "-m", "long"]],
-    "mutations": [[*PYTEST, "-n", "3", "tests/unit", "tests/firmware", "-m", "mutation"]],
+    "mutations": [[*BOUNDED, "-n", "3", "tests/unit", "tests/firmware", "-m", "mutation"]],
 }  # fmt: skip
 BY_ITSELF = {"long", "mutations", "slow"}
 FAVOURED = {"clock": -5, "slow": -5}  # niceness; with more, the kernel's own workers wait, which carry what a pty gets
@@ -78,6 +82,9 @@ def run(part: Part, commands: list[list[str]]) -> None:
                 if part.name in FAVOURED:
                     part.favoured = favour(process.pid, FAVOURED[part.name])
                 assert process.stdout is not None
+                overdue = threading.Timer(PART_LIMIT_S, os.killpg, (process.pid, signal.SIGKILL))
+                if part.name not in BY_ITSELF:
+                    overdue.start()
                 try:
                     while data := os.read(process.stdout.fileno(), 65536):
                         log.write(data)
@@ -86,6 +93,10 @@ def run(part: Part, commands: list[list[str]]) -> None:
                 except KeyboardInterrupt:  # which a session of its own does not hear
                     os.killpg(process.pid, signal.SIGINT)
                     raise
+                finally:
+                    overdue.cancel()
+            if process.returncode == -signal.SIGKILL and time.monotonic() - start > PART_LIMIT_S:
+                part.failed.append(f"{' '.join(words)}: did not end within {PART_LIMIT_S} s")
             if tests and part.report.exists():
                 read(part)
             elif tests:

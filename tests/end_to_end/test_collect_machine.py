@@ -204,6 +204,7 @@ def test_missing_pad_is_noticed_at_the_end_of_travel(tmp_path: Path) -> None:
         assert "the rod was lifted by 7.00 mm" in stage.release()
 
 
+@pytest.mark.real_time  # the guard waits a second for a collector that is held up
 def test_pad_that_lies_askew_is_approached_from_higher_farther_away(tmp_path: Path) -> None:
     with standing_stage(tmp_path, press_mm_per_s=PRESS_MM_PER_S) as (emulated, gauge, stage):
         felt_n: list[float] = []

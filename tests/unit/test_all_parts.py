@@ -76,6 +76,32 @@ def test_all_parts_run_and_summary_shows_each_result(
     assert "one is not two" in (tmp_path / "logs/second.log").read_text()
 
 
+def test_part_without_end_is_ended(
+    parts: dict[str, list[list[str]]], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    parts["first"] = [["-c", "import time; time.sleep(60)"]]
+    monkeypatch.setattr(all_parts, "PART_LIMIT_S", 1)
+    code, lines = outcome(monkeypatch, capfd, "first")
+    assert code == 1
+    assert "did not end within 1 s" in "\n".join(lines)
+
+
+def test_test_without_end_fails_by_its_name(
+    tmp_path: Path,
+    parts: dict[str, list[list[str]]],
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "test_of_one.py").write_text("import time\n\ndef test_waits():\n    time.sleep(60)\n")
+    monkeypatch.delenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD")
+    bounded = [word.replace("=300", "=1") for word in all_parts.BOUNDED]
+    parts["third"] = [[*bounded, "-n", "1", "--rootdir", str(tmp_path), str(tmp_path / "test_of_one.py")]]
+    code, lines = outcome(monkeypatch, capfd, "third")
+    assert code == 1
+    assert "crashed while running 'test_of_one.py::test_waits'" in "\n".join(lines)
+    assert "line 4 in test_waits" in (tmp_path / "logs/third.log").read_text()
+
+
 @pytest.mark.usefixtures("parts")
 def test_part_that_passes_passes(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     code, lines = outcome(monkeypatch, capfd, "third")
