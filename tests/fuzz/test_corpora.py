@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import math
 import shutil
 import subprocess
@@ -25,7 +26,10 @@ def programs() -> dict[str, Path]:
     programs = {target: ROOT / f"build/fuzz/replay-{target}" for target in TARGETS}
     names = [str(program.relative_to(ROOT)) for program in programs.values()]
     make = ["make", "-f", "tests/fuzz/fuzz.mk", "-j3", *names]  # the Makefile would ask for Debian packages first
-    built = subprocess.run(make, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    (ROOT / "build").mkdir(exist_ok=True)
+    with (ROOT / "build/fuzz.lock").open("w") as one_at_a_time:  # tests run in several processes
+        fcntl.flock(one_at_a_time, fcntl.LOCK_EX)
+        built = subprocess.run(make, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
     assert built.returncode == 0, f"the fuzz targets do not build:\n{built.stdout}{built.stderr}"
     return programs
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import signal
 import subprocess
 import sys
@@ -13,7 +14,7 @@ from typing import Any
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from end_to_end.processes import PATIENCE_S, RunningDaemon
+from end_to_end.processes import PATIENCE_S, START_PATIENCE_S, RunningDaemon
 
 CHROMIUM = "chromium"
 FLAGS = [
@@ -44,8 +45,10 @@ class View:
             command, stdout=pipe, stderr=pipe, text=True, env=environment | {"BROWSER": browser, "DISPLAY": ":0"}
         )
         assert self.process.stdout is not None
+        if not select.select([self.process.stdout], [], [], START_PATIENCE_S)[0]:
+            self.process.kill()  # what it printed is read below
         first = self.process.stdout.readline()
-        assert first.startswith("the page: "), first + self.process.communicate()[1]
+        assert first.startswith("the page: "), first + self.process.communicate(timeout=PATIENCE_S)[1]
         self.address = first.removeprefix("the page: ").strip()
 
     @property
@@ -72,13 +75,13 @@ class View:
 
     def __exit__(self, *_: object) -> None:
         self.process.send_signal(signal.SIGTERM)
-        assert self.process.wait(PATIENCE_S) == 0
-        assert self.process.stdout is not None
-        assert self.process.stderr is not None
-        self.process.stdout.close()
-        said = self.process.stderr.read()
-        self.process.stderr.close()
-        assert said == "", said
+        try:
+            _, said = self.process.communicate(timeout=PATIENCE_S)
+        except subprocess.TimeoutExpired as error:
+            with self.process:
+                self.process.kill()
+            raise AssertionError("`view`, or the browser that it started, did not end after SIGTERM") from error
+        assert (self.process.returncode, said) == (0, "")
 
 
 @contextmanager

@@ -21,14 +21,14 @@ from page.rig import CHROMIUM, View, opened, until
 
 
 class BrowserInForeground:
-    """A program for BROWSER that writes down its arguments and does not end. `view` shows no daemon."""
+    """A program for BROWSER that writes down its arguments and then runs for a minute. `view` shows no daemon."""
 
     def __init__(self, folder: Path) -> None:
         self._pid, self._arguments = folder / "pid", folder / "arguments"
         self.command = folder / "browser"
         self.command.write_text(
-            f"#!/bin/sh\necho $$ >{self._pid}\necho \"$@\" >{self._arguments}.new\n"
-            f"mv {self._arguments}.new {self._arguments}\nwhile :; do sleep 0.2; done\n"
+            f"#!/bin/sh\necho $$ >{self._pid}.new\nmv {self._pid}.new {self._pid}\necho \"$@\" >{self._arguments}.new\n"
+            f"mv {self._arguments}.new {self._arguments}\nfor second in $(seq 60); do sleep 1; done\n"
         )  # fmt: skip
         self.command.chmod(0o700)
 

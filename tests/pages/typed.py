@@ -10,14 +10,26 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from pages.commands import ROOT
 
 BY_ITSELF = re.compile(r"fmfts-daemon (run|view)\b")  # goes on until it is interrupted
-PATIENCE_S, BEGINS_S = 600.0, 60.0
+PATIENCE_S, BEGINS_S, ENDS_S = 300.0, 60.0, 30.0
 ENDED_BY_US = (0, 130, -signal.SIGINT)
+
+
+def printed(begun: subprocess.Popen[str], within_s: float, command: str) -> tuple[str, str]:
+    """What it printed until it ended. Otherwise it and all that it started are killed, with an AssertionError."""
+    try:
+        return begun.communicate(timeout=within_s)
+    except subprocess.TimeoutExpired as error:
+        said = b"".join(filter(None, (error.stdout, error.stderr))).decode()
+        raise AssertionError(f"{command}: did not end within {within_s:.0f} s; it printed {said!r}") from None
+    finally:
+        with begun, suppress(ProcessLookupError):  # it may have ended, but not what it started
+            os.killpg(begun.pid, signal.SIGKILL)
 
 
 class Reader:
@@ -38,14 +50,13 @@ class Reader:
         begun = subprocess.Popen(
             ["bash", "-c", f"exec {command}" if BY_ITSELF.search(command) else command],
             cwd=self.folder, env=self._environment, stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
         )  # fmt: skip
         if BY_ITSELF.search(command):
             self._left_running.append((command, begun))
             self._begins(command, begun)
             return ""
-        with begun:
-            said, errors = begun.communicate(timeout=PATIENCE_S)
+        said, errors = printed(begun, PATIENCE_S, command)
         assert begun.returncode == 0, (command, begun.returncode, said, errors)
         assert "Traceback" not in errors, (command, errors)
         return said + errors
@@ -57,17 +68,16 @@ class Reader:
             time.sleep(0.05)
         time.sleep(2.0)  # `status` tells of a second, and what cannot go on ends by then
         if begun.poll() is not None:
-            raise AssertionError((command, begun.returncode, begun.communicate()))
+            raise AssertionError((command, begun.returncode, printed(begun, ENDS_S, command)))
 
     def leave(self) -> None:
         failed = []
         for command, begun in reversed(self._left_running):
             begun.send_signal(signal.SIGINT)
             try:
-                said = begun.communicate(timeout=30)
-            except subprocess.TimeoutExpired:
-                begun.kill()
-                said = begun.communicate()
+                said = printed(begun, ENDS_S, command)
+            except AssertionError as error:
+                said = ("", str(error))
             if begun.returncode not in ENDED_BY_US or "Traceback" in said[1]:
                 failed.append((command, begun.returncode, said))
         assert failed == []

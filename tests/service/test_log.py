@@ -8,11 +8,12 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from end_to_end.processes import PATIENCE_S
+from end_to_end.processes import PATIENCE_S, START_PATIENCE_S
 from fmfts_client import Client
 
 SIMULATED = """
@@ -86,12 +87,12 @@ def test_contacts_continue_when_the_log_is_not_read(tmp_path: Path) -> None:
         os.close(writing)
         try:
             with Client("left", f"ipc://{tmp_path}") as pad:
-                assert pad.latest(timeout_s=PATIENCE_S) is not None
+                assert pad.latest(timeout_s=START_PATIENCE_S) is not None
             daemon.send_signal(signal.SIGTERM)
             assert daemon.wait(PATIENCE_S) == 0
         finally:
             daemon.kill()
-            daemon.wait()
+            daemon.wait(PATIENCE_S)
 
 
 def test_lines_that_waited_are_written_and_those_left_out_are_counted() -> None:
@@ -99,9 +100,12 @@ def test_lines_that_waited_are_written_and_those_left_out_are_counted() -> None:
         program = subprocess.Popen([sys.executable, "-c", MANY_LINES], stderr=writing, stdout=subprocess.PIPE)
         os.close(writing)
         assert program.stdout is not None
-        assert program.stdout.readline() == b"done\n", "who logs is not held up"
+        limit = threading.Timer(PATIENCE_S, program.kill)  # what is read below then ends
+        limit.start()
+        assert program.stdout.readline() == b"done\n", "a full log delays the program"
         heard = everything(reading)
         program.communicate()
+        limit.cancel()
     written = len(re.findall(r"line \d+$", heard, re.MULTILINE))
     left_out = [int(count) for count in re.findall(r"(\d+) lines were left out", heard)]  # told once or twice
     assert written + sum(left_out) == 5000

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from end_to_end.processes import BRIDGE_CONFIG, RunningDaemon
+from end_to_end.processes import BRIDGE_CONFIG, PATIENCE_S, RunningDaemon
 from fmfts_client import UnreachableError
 
 SIMULATED = """
@@ -28,15 +28,19 @@ def systemd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.
     """systemd's end of $NOTIFY_SOCKET, for daemons that are started from now on."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
         listening.bind(str(tmp_path / "notify"))
-        listening.settimeout(20.0)
+        listening.settimeout(PATIENCE_S)
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
         yield listening
 
 
 def next_with(systemd: socket.socket, start: str) -> str:
-    while not (text := systemd.recv(4096).decode()).startswith(start):
-        pass
-    return text
+    heard, until = [], time.monotonic() + PATIENCE_S
+    while time.monotonic() < until:
+        text = systemd.recv(4096).decode()
+        if text.startswith(start):
+            return text
+        heard.append(text)
+    raise AssertionError(f"no {start} within {PATIENCE_S:.0f} s, but {heard}")
 
 
 def longest_pause_s(systemd: socket.socket, seconds: float) -> float:
