@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import select
 import shutil
 import struct
 import subprocess
@@ -22,6 +23,7 @@ STRICT = ["-std=c11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-Wconversion"
 SANITIZED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer"]
 NEW, NOTHING, REFUSED, WRONG_VERSION = 1, 0, -1, -2
 LIVENESS_S = 10.0  # a generous bound for anything that must happen at all
+ANSWER_S = 60.0  # no question takes longer, why() of 20 s among them
 
 
 def need(program: str) -> str:
@@ -44,6 +46,14 @@ def run(command: Sequence[str | Path], **options: Any) -> str:
     ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, **options)
     assert ended.returncode == 0, ended.stdout + ended.stderr
     return ended.stdout
+
+
+def ended(process: subprocess.Popen[bytes], patience_s: float = 20.0) -> tuple[bytes, bytes]:
+    """What it still says on stdout and stderr until it ends; it is killed when that takes too long."""
+    try:
+        return process.communicate(timeout=patience_s)
+    finally:
+        process.kill()
 
 
 def build(output: Path, compiler: str, sources: Sequence[Path], *flags: str) -> Path:
@@ -95,8 +105,12 @@ class Talker:
     def _answer(self) -> dict[str, Any]:
         assert self._process.stdout is not None
         assert self._process.stderr is not None
-        line = self._process.stdout.readline()
-        assert line, self._process.stderr.read().decode()
+        answers, _, _ = select.select([self._process.stdout], [], [], ANSWER_S)
+        line = self._process.stdout.readline() if answers else b""
+        if not line:  # it ended, or never will
+            self._process.kill()
+            said = self._process.stderr.read().decode()
+            raise AssertionError(said or ("no answer" if answers else f"no answer in {ANSWER_S} s"))
         answer: dict[str, Any] = json.loads(line)
         return answer
 
@@ -104,7 +118,7 @@ class Talker:
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
-        _, said = self._process.communicate(timeout=20)
+        _, said = ended(self._process)
         assert kind is not None or self._process.returncode in (0, 69), said.decode()
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from background import repeating, started
 from c_client.built import (
     HERE,
     LIVENESS_S,
@@ -123,8 +123,8 @@ def test_timeout_is_waited_for_and_ended_by_what_comes(client: Talker, publisher
     start = time.monotonic()
     assert client.latest(150)["result"] == NOTHING
     assert time.monotonic() - start >= 0.15
-    threading.Timer(0.2, lambda: publisher.send_contact("demo", contact_message(seq=3))).start()
-    assert client.latest(-1)["seq"] == 3
+    with repeating(lambda: publisher.send_contact("demo", contact_message(seq=3)), 0.2):  # one that comes late is lost
+        assert client.latest(-1)["seq"] == 3
 
 
 def test_pad_whose_name_begins_alike_is_not_mixed_in(client: Talker, publisher: Publisher) -> None:
@@ -183,9 +183,7 @@ def test_restart_of_the_daemon_is_survived_and_counted(program: Path, tmp_path: 
 def test_nothing_is_allocated_in_a_control_loop(tmp_path: Path, publisher: Publisher) -> None:
     program = build(tmp_path / "allocations", "gcc", [HERE / "allocations.c"])
     contacts = 300
-    with subprocess.Popen(
-        [program, "demo", f"ipc://{tmp_path}", str(contacts)], stdout=subprocess.PIPE, text=True
-    ) as loop:
+    with started([program, "demo", f"ipc://{tmp_path}", str(contacts)], stdout=subprocess.PIPE) as loop:
         seq = 0
         while loop.poll() is None:
             seq += 1

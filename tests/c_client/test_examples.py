@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from c_client.built import CLIENT, HERE, NEW, SANITIZED, STRICT, Talker, build, need, pkg_config, run
+from c_client.built import CLIENT, HERE, NEW, SANITIZED, STRICT, Talker, build, ended, need, pkg_config, run
 from end_to_end.processes import RunningDaemon
 from fmfts.bus.publisher import Publisher
 from fmfts_client import Endpoints
@@ -108,7 +108,7 @@ class Gripper:
 
     def __exit__(self, *_: object) -> None:
         self._process.terminate()
-        _, said = self._process.communicate(timeout=20)
+        _, said = ended(self._process)
         assert b"ERROR" not in said, said.decode()
 
 

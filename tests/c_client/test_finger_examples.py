@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from background import repeating
+from background import repeating, started
 from c_client.built import CLIENT, SANITIZED, build
 from fmfts.bus.messages import ContactMessage, without_estimate
 from fmfts.bus.publisher import Publisher
@@ -53,8 +53,9 @@ def test_example_says_which_fingers_touch(command: list[str], tmp_path: Path) ->
         "no finger": fingers_message,
         "a pad with one magnet takes two fingers for one": contact_message,
     }
-    with subprocess.Popen([*command, "demo"], stdout=subprocess.PIPE, text=True, env=environment) as process:
+    with started([*command, "demo"], stdout=subprocess.PIPE, env=environment) as process:
         too_long = threading.Timer(PATIENCE_S, process.kill)
+        too_long.daemon = True  # else the tests end only then
         too_long.start()
         assert process.stdout is not None
         assert process.stdout.readline() == "nothing arrives\n"
@@ -64,8 +65,7 @@ def test_example_says_which_fingers_touch(command: list[str], tmp_path: Path) ->
                 making[0] = make
                 lines = iter(process.stdout.readline, "")
                 # What was sent before may still arrive, and a busy computer may pause for 0.3 s.
-                said = next(line for line in lines if line.startswith(words))
+                said = next((line for line in lines if line.startswith(words)), f"not in {PATIENCE_S} s: {words}")
                 assert said.strip().removesuffix(": no pose fits") == words
         assert process.stdout.readline() == "nothing arrives\n"
         too_long.cancel()
-        process.terminate()

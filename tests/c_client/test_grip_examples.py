@@ -19,7 +19,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from background import repeating
+from background import repeating, started
 from c_client.built import CLIENT, HERE, SANITIZED, build
 from end_to_end.processes import RunningDaemon
 from fmfts.bus.encoding import encode
@@ -120,11 +120,8 @@ class Example:
 
 @contextmanager
 def running(command: list[str], environment: dict[str, str]) -> Iterator[Example]:
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
-        try:
-            yield Example(process)
-        finally:
-            process.kill()
+    with started(command, stdout=subprocess.PIPE, env=environment) as process:
+        yield Example(process)
 
 
 def test_example_closes_on_slips_and_holds_where_it_is_blind(command: list[str], tmp_path: Path) -> None:
