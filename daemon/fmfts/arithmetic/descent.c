@@ -40,8 +40,7 @@ static fmfts_descent_end solve(const fmfts_descent *search, double damping, cons
     return fmfts_finite(n, step) ? FMFTS_DESCENDED : FMFTS_NO_NUMBER;
 }
 
-/* The length of a step, in the deviation of each unknown alone. */
-static double length_of(size_t n, const double *from, const double *to, const double *normal)
+double fmfts_step_length(size_t n, const double *from, const double *to, const double *normal)
 {
     double longest = 0.0;
     for (size_t i = 0; i < n; i++) {
@@ -78,7 +77,7 @@ fmfts_descent_end fmfts_descend(const fmfts_descent *search, double *at, double 
             }
             continue;
         }
-        double length = length_of(n, at, trial, normal);
+        double length = fmfts_step_length(n, at, trial, normal);
         memcpy(at, trial, n * sizeof(double));
         damping /= search->damping_factor;
         if (!search->take(search->problem, at, chi2, normal, right)) {

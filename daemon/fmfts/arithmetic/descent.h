@@ -37,6 +37,9 @@ fmfts_descent_end fmfts_descend(const fmfts_descent *search, double *at, double 
 /* covariance [n][n] = normal⁻¹, floor [n] added to its diagonal. False where there is none. normal is destroyed; room [2][n][n]. */
 bool fmfts_spread_of(size_t n, const double *floor, double *normal, double *covariance, double *room);
 
+/* The length of a step [n], in the deviation of each unknown alone. */
+double fmfts_step_length(size_t n, const double *from, const double *to, const double *normal);
+
 double fmfts_within(double value, double lowest, double highest);
 
 /* Whether all are finite. */

@@ -20,25 +20,28 @@ void fmfts_product(size_t m, size_t k, size_t n, const double *a, const double *
     }
 }
 
+/* Each finished column is subtracted from all that are left: the order of each sum is that of its own column, and the sums of
+ * a row do not wait for each other. The row above the diagonal holds the column, so that both are contiguous. */
 bool fmfts_cholesky(size_t n, double *a)
 {
-    for (size_t j = 0; j < n; j++) {
-        for (size_t i = j; i < n; i++) {
-            double left = a[i * n + j];
-            for (size_t k = 0; k < j; k++) {
-                left -= a[i * n + k] * a[j * n + k];
-            }
-            a[i * n + j] = left;
-        }
-        double pivot = a[j * n + j];
+    for (size_t k = 0; k < n; k++) {
+        double pivot = a[k * n + k], *column = a + k * n;
         if (!(pivot > 0.0 && pivot < INFINITY)) {
             return false;
         }
         double root = sqrt(pivot);
-        a[j * n + j] = root;
-        for (size_t i = j + 1; i < n; i++) {
-            a[i * n + j] /= root;
-            a[j * n + i] = 0.0;
+        column[k] = root;
+        for (size_t i = k + 1; i < n; i++) {
+            column[i] = a[i * n + k] /= root;
+        }
+        for (size_t i = k + 1; i < n; i++) {
+            double *restrict row = a + i * n;
+            for (size_t j = k + 1; j <= i; j++) {
+                row[j] -= column[i] * column[j];
+            }
+        }
+        for (size_t i = k + 1; i < n; i++) {
+            column[i] = 0.0;
         }
     }
     return true;

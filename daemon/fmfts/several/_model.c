@@ -3,11 +3,10 @@
 
 #include <string.h>
 
-/* Copies what is predicted to arrays, or back from them: field, slope, by_pose, change, pressed, from array `first` on. */
-static void exchange(const call *c, int first, bool out)
+/* Copies a prediction to arrays, or back from them: field, slope, by_pose, change, pressed, from array `first` on. */
+static void exchange(const call *c, fmfts_predicted *p, int first, bool out)
 {
     const fmfts_several *m = &c->model;
-    fmfts_predicted *p = &c->work->predicted[0];
     double *const inside[] = {p->field, p->slope, p->by_pose, p->change};
     const size_t count[] = {m->values, m->values * FMFTS_FINGER * c->fingers, m->values * m->poses, m->poses};
     for (int i = 0; i < 4; i++) {
@@ -37,8 +36,8 @@ FMFTS_FUNCTION(predict)
     }
     bool finite = fmfts_finite(FMFTS_FINGER * c.fingers, array(&c, FINGERS));
     if (finite) {
-        fmfts_predict(&c.model, fingers(&c, FINGERS), &c.work->predicted[0]);
-        exchange(&c, PREDICTED, true);
+        int own = fmfts_predict_in(&c.model, fingers(&c, FINGERS), c.work);
+        exchange(&c, &c.work->predicted[own], PREDICTED, true);
     }
     return PyBool_FromLong(finite);
 }
@@ -55,7 +54,8 @@ FMFTS_FUNCTION(covariance)
     if (!have_doubles(&c, VARIANCE, (size_t[]){values, 3, values * values}, ALL - VARIANCE)) {
         return NULL;
     }
-    exchange(&c, PREDICTED, false);
+    c.work->predicted[0].known = false;
+    exchange(&c, &c.work->predicted[0], PREDICTED, false);
     fmfts_several_covariance(&c.model, fingers(&c, FINGERS), &c.work->predicted[0], array(&c, VARIANCE), array(&c, AMBIENT), c.work);
     memcpy(array(&c, COVARIANCE), c.work->covariance, values * values * sizeof(double));
     return Py_NewRef(Py_None);

@@ -127,31 +127,83 @@ static size_t through_poses(const fmfts_several *model, fmfts_fingers fingers, c
     return count + poses;
 }
 
-void fmfts_several_covariance(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted,
-                              const double *variance_t2, const double ambient_t[3], fmfts_several_work *work)
+/* covariance [V][V] = factor factor', of so many columns. */
+static void square(const fmfts_several *model, size_t columns, const double *factor, double *covariance)
 {
-    size_t values = model->values, stride = model->stride, columns = 3 + 1 + model->causes;
-    double *moment = work->factor + 3 * stride;
-    for (size_t i = 0; i < 3 * stride; i++) {
-        work->factor[i] = model->head->ambient_t * model->by_ambient[i];
-    }
-    for (size_t v = 0; v < stride; v++) {
-        moment[v] = v < values ? model->head->moment * (predicted->field[v] + model->at_rest[v]) : 0.0;
-    }
-    lasting(model, predicted->change, ambient_t, moment + stride);
-    if (fingers.count) {
-        columns += through_poses(model, fingers, predicted, work, work->factor + columns * stride);
-    }
+    size_t values = model->values, stride = model->stride;
     for (size_t i = 0; i < values; i += FMFTS_LANES) {
         for (size_t j = 0; j <= i; j += FMFTS_LANES) {
             double sum[FMFTS_LANES][FMFTS_LANES];
-            fmfts_gram(columns, work->factor + i, stride, work->factor + j, stride, sum);
+            fmfts_gram(columns, factor + i, stride, factor + j, stride, sum);
             for (size_t a = i; a < i + FMFTS_LANES && a < values; a++) {
                 for (size_t b = j; b < j + FMFTS_LANES && b < values; b++) {
-                    work->covariance[a * values + b] = work->covariance[b * values + a] = sum[a - i][b - j];
+                    covariance[a * values + b] = covariance[b * values + a] = sum[a - i][b - j];
                 }
             }
         }
+    }
+}
+
+/* The columns of the ambient field and of the moment; `field`: by how much it has changed, NULL: not. */
+static void around_and_moment(const fmfts_several *model, const double *field, double *column)
+{
+    double *moment = column + 3 * model->stride;
+    for (size_t i = 0; i < 3 * model->stride; i++) {
+        column[i] = model->head->ambient_t * model->by_ambient[i];
+    }
+    for (size_t v = 0; v < model->stride; v++) {
+        moment[v] = v < model->values ? model->head->moment * ((field ? field[v] : 0.0) + model->at_rest[v]) : 0.0;
+    }
+}
+
+/* The coefficients of fmfts_at_rest: each from the covariance of a unit field along one axis, or along two. */
+static void learn_rest(const fmfts_several *model, fmfts_several_work *work)
+{
+    static const size_t both[3][2] = {{0, 1}, {0, 2}, {1, 2}};
+    fmfts_at_rest *rest = &work->at_rest;
+    double nowhere[FMFTS_SEVERAL_POSES] = {0.0};
+    size_t squares = model->values * model->values;
+    around_and_moment(model, NULL, work->factor);
+    square(model, 4, work->factor, rest->constant);
+    for (size_t k = 0; k < 6; k++) {
+        double unit[3] = {0.0, 0.0, 0.0};
+        unit[k < 3 ? k : both[k - 3][0]] = unit[k < 3 ? k : both[k - 3][1]] = 1.0;
+        lasting(model, nowhere, unit, work->factor);
+        square(model, model->causes, work->factor, rest->by_ambient[k]);
+        for (size_t i = 0; k >= 3 && i < squares; i++) {
+            rest->by_ambient[k][i] -= rest->by_ambient[both[k - 3][0]][i] + rest->by_ambient[both[k - 3][1]][i];
+        }
+    }
+    rest->known = true;
+}
+
+static void covariance_at_rest(const fmfts_several *model, const double ambient_t[3], fmfts_several_work *work)
+{
+    const fmfts_at_rest *rest = &work->at_rest;
+    double x = ambient_t[0], y = ambient_t[1], z = ambient_t[2], square_of[6] = {x * x, y * y, z * z, x * y, x * z, y * z};
+    if (!rest->known) {
+        learn_rest(model, work);
+    }
+    memcpy(work->covariance, rest->constant, model->values * model->values * sizeof(double));
+    add_rows(1, model->values * model->values, square_of, rest->by_ambient[0], work->covariance);
+    for (size_t k = 1; k < 6; k++) {
+        add_rows(1, model->values * model->values, square_of + k, rest->by_ambient[k], work->covariance);
+    }
+}
+
+void fmfts_several_covariance(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted,
+                              const double *variance_t2, const double ambient_t[3], fmfts_several_work *work)
+{
+    size_t values = model->values, columns = 3 + 1 + model->causes;
+    if (fingers.count || has_moved(model->poses, predicted->change)) {
+        around_and_moment(model, predicted->field, work->factor);
+        lasting(model, predicted->change, ambient_t, work->factor + 4 * model->stride);
+        if (fingers.count) {
+            columns += through_poses(model, fingers, predicted, work, work->factor + columns * model->stride);
+        }
+        square(model, columns, work->factor, work->covariance);
+    } else {
+        covariance_at_rest(model, ambient_t, work);
     }
     for (size_t v = 0; v < values; v++) {
         work->covariance[v * values + v] += variance_t2[v];

@@ -26,6 +26,17 @@ static double judge(void *problem, const double *trial)
     return fmfts_whiten(valued->work, valued->work->root, valued->measured, valued->there->field, white);
 }
 
+/* The prediction at the start. */
+static fmfts_predicted *begin(const fmfts_valued *valued, const double *at)
+{
+    fmfts_several_work *work = valued->work;
+    if (valued->search) {
+        return &work->predicted[fmfts_predict_in(valued->model, (fmfts_fingers){valued->fingers, at}, work)];
+    }
+    valued->predict(valued, at, &work->predicted[0]);
+    return &work->predicted[0];
+}
+
 static bool take(void *problem, const double *at, double *chi2, double *normal, double *right)
 {
     fmfts_valued *valued = problem;
@@ -36,13 +47,15 @@ static bool take(void *problem, const double *at, double *chi2, double *normal, 
         valued->here = valued->there;
         valued->there = before;
     } else {
-        valued->here = &work->predicted[0];
-        valued->there = &work->predicted[1];
-        valued->predict(valued, at, valued->here);
+        valued->here = begin(valued, at);
+        valued->there = &work->predicted[valued->here == &work->predicted[0]];
     }
-    const fmfts_fingers fingers = {valued->fingers, valued->fingers ? at : NULL};
-    if (!fmfts_root_of(valued->model, fingers, valued->here, valued->measured, work, &valued->refusal)) {
-        return false;
+    if (!before || !(fmfts_step_length(unknowns, valued->weighed_at, at, normal) <= valued->stale)) {
+        const fmfts_fingers fingers = {valued->fingers, valued->fingers ? at : NULL};
+        if (!fmfts_root_of(valued->model, fingers, valued->here, valued->measured, work, &valued->refusal)) {
+            return false;
+        }
+        memcpy(valued->weighed_at, at, unknowns * sizeof(double));
     }
     *chi2 = fmfts_whiten(work, work->root, valued->measured, valued->here->field, work->white);
     fmfts_whiten_slope(valued->fingers ? valued->here->slope : valued->here->by_pose, unknowns, work, valued->slope);

@@ -24,8 +24,32 @@ void fmfts_changed_field(const fmfts_several *model, const double *change, doubl
     }
 }
 
+static bool is_of(const fmfts_predicted *predicted, fmfts_fingers fingers)
+{
+    bool same = predicted->known && predicted->fingers == fingers.count;
+    for (size_t i = 0; same && i < FMFTS_FINGER * fingers.count; i++) {
+        same = predicted->of[i] == fingers.at[i];
+    }
+    return same;
+}
+
+int fmfts_predict_in(const fmfts_several *model, fmfts_fingers fingers, fmfts_several_work *work)
+{
+    int own = is_of(&work->predicted[1], fingers);
+    fmfts_predict(model, fingers, &work->predicted[own]);
+    return own;
+}
+
 void fmfts_predict(const fmfts_several *model, fmfts_fingers fingers, fmfts_predicted *predicted)
 {
+    if (is_of(predicted, fingers)) {
+        return;
+    }
+    predicted->known = true;
+    predicted->fingers = fingers.count;
+    for (size_t i = 0; i < FMFTS_FINGER * fingers.count; i++) {
+        predicted->of[i] = fingers.at[i];
+    }
     size_t poses = model->poses, unknowns = FMFTS_FINGER * fingers.count;
     double by_finger[FMFTS_SEVERAL_POSES * FMFTS_SEVERAL_UNKNOWNS], *change = predicted->change;
     memset(change, 0, poses * sizeof(double));

@@ -126,6 +126,7 @@ fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *
         .fingers = start.count,
         .slope = work->slope,
         .predict = predict,
+        .stale = start.count == 1 ? search->head->stale : 0.0,
         .refusal = refusal,
     };
     const fmfts_predicted *at = descend(&valued, found->fingers, &found->chi2);

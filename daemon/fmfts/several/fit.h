@@ -10,6 +10,7 @@ enum { FMFTS_PANEL = 16 }; /* number of grid places in a panel: with all values,
 /* The numbers at the head of a packed search: fit.py, scan.py. */
 #define FMFTS_SEARCH_HEAD(ONE, MANY)                                                                                   \
     ONE(double, iterations)                                                                                            \
+    ONE(double, stale)                                                                                                 \
     ONE(double, settled)                                                                                               \
     ONE(double, rounding)                                                                                              \
     ONE(double, damping)                                                                                               \
@@ -92,6 +93,7 @@ typedef struct fmfts_valued {
     double *slope;
     void (*predict)(const struct fmfts_valued *valued, const double *at, fmfts_predicted *predicted);
     fmfts_predicted *here, *there; /* at the accepted point, and the last trial; at the start `here` is NULL */
+    double weighed_at[FMFTS_SEVERAL_POSES], stale; /* where the covariance is from; how far that may be, in deviations */
     fmfts_refusal refusal;
 } fmfts_valued;
 

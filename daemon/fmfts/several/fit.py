@@ -28,6 +28,9 @@ ITERATIONS = 12
 FEW_ITERATIONS = 3
 # A step below this share of each unknown's deviation counts as zero.
 SETTLED = 0.03
+# The covariance under one finger is computed again when the finger is this many deviations from where it was computed:
+# less than that changes no published number by a thousandth of its deviation. Two fingers that merge need it each time.
+STALE = 0.01
 # A relative increase of χ² up to this is rounding.
 ROUNDING = 1e-12
 DAMPING, DAMPING_FACTOR, MOST_DAMPING = 1e-4, 10.0, 1e6
@@ -179,6 +182,7 @@ class Fitter:
         head.fill(
             {
                 "iterations": iterations,
+                "stale": STALE,
                 "settled": SETTLED,
                 "rounding": ROUNDING,
                 "damping": DAMPING,

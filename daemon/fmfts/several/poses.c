@@ -97,7 +97,7 @@ fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, c
     }
     /* The matrix of the root is no longer needed. */
     double *white = work->factor, *room = white + FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_POSES;
-    const fmfts_predicted *predicted = &work->predicted[0];
+    const fmfts_predicted *predicted = &work->predicted[fmfts_predict_in(model, fingers, work)];
     size_t numbers = model->poses, unknowns = FMFTS_FINGER * fingers.count, used = work->used, columns = unknowns + 1;
     for (size_t v = 0; v < used; v++) {
         size_t value = work->index[v];

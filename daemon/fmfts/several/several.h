@@ -74,9 +74,12 @@ typedef struct {
     fmfts_press_table table;
 } fmfts_several;
 
-/* Predicted: field [V], slope [V][3·fingers], by_pose [V][P], change [P]; for each finger the array of press_table.h.
- * */
+/* Predicted: field [V], slope [V][3·fingers], by_pose [V][P], change [P]; for each finger the array of press_table.h. of: the
+ * fingers; known: false where something else is in the arrays. */
 typedef struct {
+    bool known;
+    size_t fingers;
+    double of[FMFTS_SEVERAL_UNKNOWNS];
     double field[FMFTS_SEVERAL_VALUES];
     double slope[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_UNKNOWNS];
     double by_pose[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_POSES];
@@ -90,7 +93,15 @@ typedef struct {
     const double *at;
 } fmfts_fingers;
 
-/* What one Fitter computes in. */
+/* The covariance of a pad that nothing presses, but for noise: a parabola of the ambient field, of which these are the
+ * coefficients. by_ambient: of x², y², z², xy, xz, yz. known: whether they are computed. */
+typedef struct {
+    bool known;
+    double constant[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_VALUES];
+    double by_ambient[6][FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_VALUES];
+} fmfts_at_rest;
+
+/* What one Fitter computes in, for one model. */
 typedef struct {
     fmfts_predicted predicted[2];
     double factor[FMFTS_SEVERAL_COLUMNS * FMFTS_SEVERAL_VALUES]; /* by columns: [columns][stride] */
@@ -100,6 +111,7 @@ typedef struct {
     double slope[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_UNKNOWNS];  /* [used][3·fingers], white */
     double white[FMFTS_SEVERAL_VALUES];                           /* [used] */
     size_t used, index[FMFTS_SEVERAL_VALUES];                     /* the values that there are */
+    fmfts_at_rest at_rest;
 } fmfts_several_work;
 
 /* packed.c: false if `packed` is no model, its table has no spacing, or it is too large. */
@@ -111,8 +123,12 @@ void fmfts_moved_magnets(const fmfts_several *model, const double *change, doubl
 /* field_model.c: by how much such a change changes the field [V], and its slope [V][P] there. */
 void fmfts_changed_field(const fmfts_several *model, const double *change, double *field, double *slope);
 
-/* field_model.c */
+/* field_model.c: fills `predicted`, unless it already is of these fingers. */
 void fmfts_predict(const fmfts_several *model, fmfts_fingers fingers, fmfts_predicted *predicted);
+
+/* field_model.c: the number of the prediction in `work` that is of these fingers, which the last frame may have left; the first
+ * is computed where none is. */
+int fmfts_predict_in(const fmfts_several *model, fmfts_fingers fingers, fmfts_several_work *work);
 
 /* covariance.c: what moves the poses besides the fingers' places and forces, each by one deviation, in the response's units:
  * [3·fingers + 2·magnets][P]. Returns how many. */

@@ -78,8 +78,8 @@ fmfts_refusal fmfts_whitener(const fmfts_several *model, fmfts_fingers fingers, 
     fmfts_refusal refusal = {FMFTS_NOT_FINITE, 0};
     if (fmfts_list_used(model->values, measured, work) && are_finite(fingers) && fmfts_finite(3, measured->ambient_t)) {
         refusal.kind = FMFTS_FINE;
-        fmfts_predict(model, fingers, &work->predicted[0]);
-        fmfts_root_of(model, fingers, &work->predicted[0], measured, work, &refusal);
+        const fmfts_predicted *predicted = &work->predicted[fmfts_predict_in(model, fingers, work)];
+        fmfts_root_of(model, fingers, predicted, measured, work, &refusal);
     }
     return refusal;
 }
@@ -91,8 +91,8 @@ fmfts_refusal fmfts_chi2_with(const fmfts_several *model, const double *root, fm
     if (fmfts_list_used(model->values, measured, work) && are_finite(fingers) &&
         fmfts_finite(work->used * work->used, root)) {
         refusal.kind = FMFTS_FINE;
-        fmfts_predict(model, fingers, &work->predicted[0]);
-        *chi2 = fmfts_whiten(work, root, measured, work->predicted[0].field, work->white);
+        const fmfts_predicted *predicted = &work->predicted[fmfts_predict_in(model, fingers, work)];
+        *chi2 = fmfts_whiten(work, root, measured, predicted->field, work->white);
     }
     return refusal;
 }
