@@ -55,7 +55,7 @@ def requirements() -> dict[str, list[str]]:
 
 
 def resolved(words: list[str], agreeing_with: list[Path]) -> str:
-    from uv import find_uv_bin  # of the extra `versions`; `requirements` does without
+    from uv import find_uv_bin  # from the extra `versions`; `requirements` does not need it
 
     least = described(ROOT)["project"]["requires-python"].removeprefix(">=")
     with tempfile.NamedTemporaryFile("w", suffix=".in") as needed:

@@ -38,7 +38,7 @@ from drills import aarch64  # noqa: E402
 
 DAEMON, CLIENT = ROOT, ROOT / "clients/python"
 EXTRAS = sorted(path.parent for path in ROOT.glob("extras/*/pyproject.toml"))
-# The oldest C library that is promised: that of every Linux since 2014 (PEP 599).
+# The oldest supported C library: that of every Linux since 2014 (PEP 599).
 OLDEST_PLATFORM = "manylinux_2_17"
 
 
@@ -91,7 +91,7 @@ def wheel(archive: Path, folder: Path) -> Path:
 
 def build(what: str, sources: Path, folder: Path, variables: Mapping[str, str] | None = None) -> None:
     """A source archive or a wheel, by the setuptools of constraints-build.txt."""
-    from uv import find_uv_bin  # of the extra `dist`
+    from uv import find_uv_bin  # from the extra `dist`
 
     pinned = ["--build-constraints", str(ROOT / "release/constraints-build.txt"), "--require-hashes"]
     where = ["--python", sys.executable, "--out-dir", str(folder), str(sources)]
@@ -161,7 +161,7 @@ def main() -> int:
     options.add_argument("--cache", type=Path, default=ROOT / "build", help="where arm64's headers are kept")
     options.add_argument("--deb", type=Path, help="the Debian package of this version, to be taken along")
     chosen = options.parse_args()
-    os.umask(0o022)  # the modes in a wheel are those of the files that it is made of
+    os.umask(0o022)  # the modes in a wheel are those of its source files
     dist = ROOT / "dist"
     shutil.rmtree(dist, ignore_errors=True)
     dist.mkdir()

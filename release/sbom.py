@@ -56,7 +56,7 @@ def bill(dist: Path, time_s: int) -> dict[str, Any]:
         "components": [*files, *firmware, *needed, *(part for own in of_extras.values() for part in own), *debian],
         "dependencies": depends,
     }
-    # The same document has the same number, another one another.
+    # The same document always has the same number, and different documents have different ones.
     return {"$schema": "http://cyclonedx.org/schema/bom-1.6.schema.json", **described} | {
         "serialNumber": f"urn:uuid:{uuid.uuid5(uuid.NAMESPACE_OID, repr(described))}"
     }

@@ -28,10 +28,11 @@ PYTEST = ["-m", "pytest", "-o", "junit_logging=no", "-o", "junit_family=xunit1"]
 TEST_LIMIT_S, PART_LIMIT_S = 300, 1500  # on two idle cores the longest test takes 45 s, the longest part 380 s
 BOUNDED = [*PYTEST, "-o", f"faulthandler_timeout={TEST_LIMIT_S}", "-o", "faulthandler_exit_on_timeout=true"]
 OF_FUNCTIONS = ["tests/unit", "tests/skin", "tests/oracle", "tests/golden"]
-BY_FILES = ["--dist", "loadfile", "--no-loadscope-reorder"]  # in the order of tests/conftest.py, else by their counts
+BY_FILES = ["--dist", "loadfile", "--no-loadscope-reorder"]  # in tests/conftest.py's order, not by their counts
 WHOLE = ["--dist", "worksteal", *(word for folder in OF_FUNCTIONS for word in ("--ignore", folder))]
-# Tests of whole processes mostly wait, so that four share two cores. What is judged by the clock comes last, and
-# computes little; where this user may say so, other programs have to wait for it. Browsers and drills need a processor.
+# Tests of whole processes mostly wait, so that four share two cores. Tests that are judged by the clock come last, and
+# compute little; if this user may set priorities, other programs have to wait for them. Browsers and drills need a
+# processor.
 PARTS = {
     "lint": [["-m", "ruff", "check", "."], ["-m", "ruff", "format", "--check", "."],
              ["-m", "mypy", "--num-workers", "2", "daemon", "lab", "extras", "clients/python",
@@ -90,7 +91,7 @@ def run(part: Part, commands: list[list[str]]) -> None:
                         log.write(data)
                         sys.stdout.buffer.write(data)
                         sys.stdout.buffer.flush()
-                except KeyboardInterrupt:  # which a session of its own does not hear
+                except KeyboardInterrupt:  # a process in a session of its own does not receive it
                     os.killpg(process.pid, signal.SIGINT)
                     raise
                 finally:
@@ -178,7 +179,7 @@ def main() -> int:
     if unknown := [name for name in names if name not in PARTS]:
         options.error(f"there is no part {unknown[0]}: {', '.join(PARTS)}")
     os.chdir(ROOT)
-    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # as containers have it: each worker would compile all tests anew
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # containers set it: each worker would compile all tests anew
     LOGS.mkdir(parents=True, exist_ok=True)
     parts = [Part(name) for name in names]
     for part in parts:

@@ -19,7 +19,7 @@ from fmfts.pad import Pad
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-# What a service's manager, or a container's, says to whoever runs the tests is not said to their daemons.
+# Daemons of the tests must not see what a service manager or a container set for this process.
 for told in (
     "NOTIFY_SOCKET",
     "WATCHDOG_USEC",
@@ -27,11 +27,11 @@ for told in (
     "STATE_DIRECTORY",
     "RUNTIME_DIRECTORY",
     "JOURNAL_STREAM",
-    "PYTHONDONTWRITEBYTECODE",  # as containers have it: each daemon would compile its modules anew
+    "PYTHONDONTWRITEBYTECODE",  # containers set it: each daemon would compile its modules anew
 ):
     os.environ.pop(told, None)
 
-# A shell that starts this in the background has it ignore Ctrl-C, and all programs that it starts would, too.
+# A shell that starts this in the background makes it, and all programs that it starts, ignore Ctrl-C.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -42,7 +42,7 @@ settings.register_profile("few", settings.get_profile("deterministic"), max_exam
 settings.load_profile("deterministic")
 
 
-# Files of few tests that take long come first, lest all wait for one of them at the end.
+# Long files of few tests come first, so that no worker runs one alone at the end.
 LONGEST = {
     "test_stream_for_a_minute.py",
     "test_learn.py",
@@ -60,7 +60,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.path.name not in LONGEST)
 
 
-@pytest.hookimpl(tryfirst=True)  # before fixtures that call them
+@pytest.hookimpl(tryfirst=True)  # before the fixtures that call them
 def pytest_runtest_setup(item: pytest.Item) -> None:
     from needed import missing, package_is_absent
 

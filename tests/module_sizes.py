@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[1]
 FOLDERS = ("daemon/fmfts", "lab", "extras", "clients", "firmware")
 SUFFIXES = {".py", ".c", ".h", ".pyi"}
 LONGEST = 250
-DEPTHS = {"daemon": 3, "extras": 2}  # folders that a room's name has
+DEPTHS = {"daemon": 3, "extras": 2}  # folders that belong to a room
 
 
 def sizes() -> dict[Path, int]:

@@ -31,7 +31,7 @@ def _is_free(port: int) -> bool:
     with socket.socket() as attempt:
         attempt.setsockopt(
             socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
-        )  # as ZeroMQ does: one that was just closed will do
+        )  # like ZeroMQ: a port that was just closed will do
         try:
             attempt.bind(("127.0.0.1", port))
         except OSError:

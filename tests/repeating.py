@@ -17,7 +17,7 @@ from _pytest.runner import runtestprotocol
 
 MARKER = "real_time"
 WINDOW_S = 1.0
-BUSY_SHARE = 0.25  # of one processor in any second; an idle computer's own work takes a tenth of that
+BUSY_SHARE = 0.25  # share of one processor in any second; an idle computer's own work takes a tenth of that
 QUIET_WITHIN_S = 30.0  # before the second attempt
 REPEATED, FIRST_FAILURE = "repeated", "first failure"  # names of a report's properties
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
@@ -89,7 +89,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> bool | None:
         first_reports = reports
         reports, later = attempt(item)
         if not any(report.when == "call" and not report.skipped for report in reports):
-            reports = first_reports  # what was skipped the second time has not passed
+            reports = first_reports  # a test that was skipped the second time has not passed
         said = f"{others.said}, and {later.largest:.0%} when it was repeated"
         for report in reports:
             report.user_properties += [(REPEATED, said), (FIRST_FAILURE, first.longreprtext)]

@@ -36,7 +36,7 @@ struct reader {
 
 struct item {
     enum type type;
-    uint64_t bits; /* an integer; a boolean as 0 or 1; else how many bytes, elements or pairs follow */
+    uint64_t bits; /* an integer; a boolean as 0 or 1; otherwise the number of bytes, elements or pairs that follow */
     double number;
     const uint8_t *bytes; /* of TEXT, BYTES and EXTENSION */
 };
@@ -124,7 +124,7 @@ static bool is_utf8(const uint8_t *at, const uint8_t *end)
     return true;
 }
 
-/* Reads the next item; of an array or a map only the head. False: the message is cut off, or no msgpack. */
+/* Reads the next item; for an array or a map only its head. False: the message is cut off, or no msgpack. */
 static bool read_item(struct reader *reader, struct item *item)
 {
     if (reader->at == reader->end)
@@ -172,14 +172,14 @@ static bool is_text(const struct item *item, const char *text)
 
 enum kind { INTEGER, NUMBER, FLAG, TOUCH, HEALTH, SENTENCE, WORD, VECTOR, POSE, NOW, SLIP, FINGERS, POSES };
 
-enum { ALWAYS = -1 }; /* instead of the offset of `known`: the value must not be null */
+enum { ALWAYS = -1 }; /* instead of an offset of `known`: the value must not be null */
 
 struct field {
     const char *name;
     enum kind kind;
     ptrdiff_t known;
     size_t value;
-    bool may_be_missing; /* from daemons of before, or of some pads */
+    bool may_be_missing; /* absent from older daemons, and for some pads */
 };
 
 #define FIELD(kind, of, name) {#name, kind, ALWAYS, offsetof(struct of, name), false}
@@ -249,7 +249,7 @@ static const struct field slip_fields[] = {
     NULLABLE(NUMBER, fmfts_slip, margin_sd_n),
 };
 
-/* In the order in which the daemon sends them: then finding a key takes one comparison. */
+/* In the order in which the daemon sends them, so that finding a key takes one comparison. */
 static const struct field contact_fields[] = {
     FIELD(WORD, fmfts_contact, pad),
     FIELD(WORD, fmfts_contact, boot),
@@ -421,7 +421,7 @@ static bool read_pose(struct reader *reader, const struct item *item, struct fmf
     return read;
 }
 
-/* The daemon may not know a place; force and its rate it does. */
+/* The daemon may not know a place, but it always knows force and its rate. */
 static bool read_now(struct reader *reader, const struct item *item, struct fmfts_now *now, char why[FMFTS_TEXT_SIZE])
 {
     now->known = read_map(reader, item, now_fields, NOW_COUNT, now, why);
@@ -432,7 +432,7 @@ static bool read_now(struct reader *reader, const struct item *item, struct fmft
     return told || fail(why, "now.force_n is not a finite number");
 }
 
-/* Fingers beyond FMFTS_MAX_FINGERS must be right, too, and are then let go. */
+/* Fingers beyond FMFTS_MAX_FINGERS must be valid, too, but are dropped. */
 static bool read_fingers(struct reader *reader, const struct item *list, struct fmfts_fingers *fingers,
                          char why[FMFTS_TEXT_SIZE])
 {
@@ -684,7 +684,7 @@ static bool is_of_trusted_users(const char *folder, char why[FMFTS_TEXT_SIZE])
 }
 
 /* False, with the reason in `why`, if an untrusted user could put a socket into a named folder. The user may mean a folder
- * of another user. But in a place like /tmp the name does not say whose the folder is. */
+ * of another user. But in a shared place like /tmp the name does not show who owns the folder. */
 static bool is_guarded(const char *directory, char why[FMFTS_TEXT_SIZE])
 {
     char nearest[LONGEST_SOCKET_PATH + 1], resolved[PATH_MAX];
@@ -1157,7 +1157,7 @@ double fmfts_sample_age_s(const struct fmfts_contact *contact)
     return age_s(contact, contact->t_sample_ns);
 }
 
-enum { FARTHEST_MS = 20 }; /* farther ahead a fast press has turned round */
+enum { FARTHEST_MS = 20 }; /* further ahead than that a fast press may already be reversing */
 
 static void grow(struct fmfts_number *number, const struct fmfts_number *rate, double ahead_s)
 {
@@ -1216,7 +1216,7 @@ enum {
 enum { REFUSED_KEY = 0, OTHER_PROTOCOL = 0, SERVED = ZMQ_EVENT_CONNECTED };
 #endif
 
-/* How many letters must be added, taken away or changed to make one word of the other. */
+/* The edit distance: how many letters must be added, removed or changed to turn one word into the other. */
 static size_t edits(const char *one, const char *other)
 {
     size_t row[FMFTS_WORD_SIZE], length = strlen(other);
@@ -1235,7 +1235,7 @@ static size_t edits(const char *one, const char *other)
     return row[length];
 }
 
-/* The pad whose name differs from `wanted` by the fewest letters; NULL where half or more of them differ. */
+/* The pad whose name differs from `wanted` in the fewest letters; NULL if half or more of them differ. */
 static const char *nearest_name(const struct heard *heard, const char *wanted)
 {
     const char *nearest = NULL;

@@ -18,14 +18,14 @@ enum {
     FMFTS_SCHEMA_VERSION = 1,
     FMFTS_ALIVE_MS = 300, /* three missing messages: the daemon sends 10 or more a second even without hardware */
     FMFTS_WORD_SIZE = 65, /* size of names and hashes, with the closing zero; longer ones are refused */
-    FMFTS_MAX_FINGERS = 4, /* places for fingers; those beyond them are left out */
-    FMFTS_MAX_MAGNETS = 9, /* places for poses of a pad with several magnets; those beyond them are left out */
+    FMFTS_MAX_FINGERS = 4, /* places for fingers; further fingers are dropped */
+    FMFTS_MAX_MAGNETS = 9, /* places for poses of a pad with several magnets; further poses are dropped */
     FMFTS_TEXT_SIZE = 256 /* size of sentences, with the closing zero; longer ones are cut */
 };
 
 enum fmfts_result {
     FMFTS_NEW = 1,            /* a contact that was not handed out before */
-    FMFTS_NOTHING = 0,        /* nothing new in time: not the same as "no contact" */
+    FMFTS_NOTHING = 0,        /* nothing new arrived in time: not the same as "no contact" */
     FMFTS_REFUSED = -1,       /* a message that must not be used */
     FMFTS_WRONG_VERSION = -2, /* the daemon sends another schema version: waiting does not help */
     FMFTS_FAILED = -3         /* the socket is broken */
@@ -33,9 +33,9 @@ enum fmfts_result {
 
 /* Zero never means "ok", so that a struct of zeros is not taken for a good contact. */
 enum fmfts_health {
-    FMFTS_HEALTH_UNKNOWN = 0, /* a later daemon sent a word that this client does not know */
+    FMFTS_HEALTH_UNKNOWN = 0, /* a newer daemon sent a word that this client does not know */
     FMFTS_OK,
-    FMFTS_DEGRADED,     /* a sensor or an axis is left out; deviations are larger */
+    FMFTS_DEGRADED,     /* a sensor or an axis is excluded; deviations are larger */
     FMFTS_DISTURBED,    /* a field that no pose explains: steel, a foreign magnet */
     FMFTS_LOST,         /* no pose fits */
     FMFTS_STALE,        /* the source is connected and silent */
@@ -83,13 +83,13 @@ struct fmfts_pose {
 
 /* One finger on a pad with several magnets. */
 struct fmfts_finger {
-    int64_t id; /* the same while the finger stays */
+    int64_t id; /* constant while the finger stays */
     double x_m, x_sd_m, y_m, y_sd_m;
     double force_n, force_sd_n;
     struct fmfts_number shear_x_n, shear_x_sd_n, shear_y_n, shear_y_sd_n;
 };
 
-/* The fingers that touch: if `known` is true, `count` of them, and 0 is no contact. What is beyond them is NaN. */
+/* The fingers that touch: if `known` is true, `count` of them, and 0 is no contact. Entries beyond `count` are NaN. */
 struct fmfts_fingers {
     bool known;
     int count;
@@ -102,8 +102,8 @@ struct fmfts_poses {
     struct fmfts_pose pose[FMFTS_MAX_MAGNETS];
 };
 
-/* The contact when its message was published, how it goes on (per second), and the deviations. Use it only if `known` is true,
- * and a place only if that is known; fmfts_at() carries it on. */
+/* The contact when its message was published, its rates of change (per second), and the deviations. Use it only if
+ * `known` is true, and a place only if that is known; fmfts_at() carries it on. */
 struct fmfts_now {
     bool known;
     int64_t t_ns; /* CLOCK_MONOTONIC of the daemon's machine */
@@ -117,8 +117,8 @@ struct fmfts_now {
 /* Whether the finger slips over the silicone. Use it only if `known` is true. Speed and direction mean something while it slips;
  * friction, and margin_n, the tangential force that is left until it slips, are known after the first slip of a touch. */
 struct fmfts_slip {
-    bool known; /* the pad's configuration asks for it */
-    struct fmfts_flag slipping; /* not known without a touch, and where that is too light */
+    bool known; /* true if the pad's configuration asks for it */
+    struct fmfts_flag slipping; /* not known without a touch, nor under a touch that is too light */
     struct fmfts_number sticking_probability;
     struct fmfts_number speed_m_per_s, speed_sd_m_per_s;
     struct fmfts_number direction_rad, direction_sd_rad; /* of the finger over the silicone, from the pad's x toward y */
@@ -149,7 +149,7 @@ struct fmfts_contact {
     struct fmfts_fingers contacts;
     struct fmfts_flag more; /* two fingers do not explain the frame; known only of a pad with several magnets */
     struct fmfts_pose pose; /* not known of a pad with several magnets */
-    struct fmfts_poses poses; /* of each magnet, of a pad with several */
+    struct fmfts_poses poses; /* of each magnet, for a pad with several magnets */
     int64_t sensors_ok; /* bit i: sensor i was used */
     char model[FMFTS_WORD_SIZE];
     struct fmfts_word baseline;
@@ -160,7 +160,8 @@ struct fmfts_contact {
     struct fmfts_number clock_ahead_s;
 };
 
-/* Most tasks stop at a force of a newton or more: half of one is the least that a controller can decide with. */
+/* Most tasks stop at a force of a newton or more; this deviation is half a newton, the largest with which a controller
+ * can decide. */
 #define FMFTS_LARGEST_FORCE_SD_N 0.5
 
 struct fmfts_client;
@@ -195,8 +196,8 @@ uint64_t fmfts_restarts(const struct fmfts_client *client); /* of the daemon */
 const char *fmfts_refusal(const struct fmfts_client *client); /* why the last message was refused; "" if none was */
 
 /* May `contact` and `force_n` (and, if touched, `x_m` and `y_m`) be used as a measurement? True if health is ok, touch
- * and force are known and in range, and a touch has a place. Does not check the age. False does not mean "no force":
- * a pad without a contact model knows the touch, and no force. */
+ * and force are known and in range, and a touch has a place. Does not check the age. False does not mean "no force": a
+ * pad without a contact model detects a touch but knows no force. */
 bool fmfts_measured(const struct fmfts_contact *contact);
 
 /* From now on fmfts_valid() is false while the force's deviation is larger than this. Choose a third of what your task can bear.
@@ -208,8 +209,8 @@ void fmfts_set_largest_force_sd(struct fmfts_client *client, double newton);
 double fmfts_sample_age_s(const struct fmfts_contact *contact);
 
 /* The contact carried on to `t_ns` of this machine's CLOCK_MONOTONIC: value + rate · time, deviations that grow, force not below 0.
- * False, and `now` is not known, if the contact's `now` is not, while the clock of the daemon's machine is not known, and
- * farther than 20 ms from it. Place is not known without a touch. */
+ * Returns false, and sets `now` to not known, if the contact's `now` is not known, if the clock of the daemon's machine
+ * is not known, or if `t_ns` is more than 20 ms away. Place is not known without a touch. */
 bool fmfts_at(const struct fmfts_contact *contact, int64_t t_ns, struct fmfts_now *now);
 
 /* Why nothing arrives, as a sentence with what to do: no daemon is there, it has no such pad (and which it has), it

@@ -2,7 +2,7 @@
 
 enum {
     PERIOD_TOLERANCE = 20, // 1/20: ±5 %, more than the ±3 % of the chips
-    // Both give the smallest error of time on the emulated chips, with four and with eight sensors on a bus. Polling
+    // Both values minimise the error of time on the emulated chips, with four and with eight sensors on a bus. Polling
     // starts 1/POLL_EARLY of a period before the predicted end: later starts lose track of chips, earlier ones load the
     // bus.
     PERIOD_GAIN = 16,

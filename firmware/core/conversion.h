@@ -12,7 +12,7 @@ struct conversion {
     uint16_t period_us;    // conversion period of this chip, learned
 };
 
-// The chip was set up: it converts every `nominal_us`, more or less. What was learned of the same chip is kept.
+// The chip was set up: it converts about every `nominal_us`. What was learned about the same chip before is kept.
 void conversion_restart(struct conversion *conversion, uint16_t nominal_us, uint64_t now_us);
 
 // A poll at `seen_us` found READY set and new data.

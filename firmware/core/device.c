@@ -7,7 +7,7 @@
 
 enum {
     STATUS_PAUSE_US = 50000, // least time between two status packets, when sensor states change
-    HELLO_WAIT_US = 250000,  // the hello waits so long for sensors that were not tried yet
+    HELLO_WAIT_US = 250000,  // the hello waits this long for sensors that were not tried yet
     SELFTEST_REPEAT_US = 5000000,
 };
 
@@ -74,7 +74,7 @@ static enum wire_result begin_selftest(struct device *device, const struct wire_
     return RESULT_DONE;
 }
 
-// Notes what a hello request asks for, if those are other pads than there are.
+// Notes which pads a hello request asks for, if they differ from the present ones.
 static enum wire_result want_pads(struct device *device, uint16_t wanted)
 {
     const struct sampler *sampler = &device->sampler;
@@ -117,7 +117,7 @@ static enum wire_result execute(struct device *device, const struct wire_request
     case WIRE_REQUEST_SELFTEST:
         return begin_selftest(device, request, pads);
     default:
-        return RESULT_DONE; // status: the answer follows the reply
+        return RESULT_DONE; // status: sent after the reply
     }
 }
 
@@ -134,11 +134,11 @@ static void answer(struct device *device, const struct wire_request *request)
     if (reply.result != RESULT_DONE)
         return;
     if (device->wanted_pads) {
-        make_pads(device); // the request is gone with all else
+        make_pads(device); // the reset discards the request, too
         return;
     }
     if (request->type == WIRE_REQUEST_HELLO) {
-        device->sampler.early = 0; // a host that does not know such packets asks who is there, too
+        device->sampler.early = 0; // a host that does not know these packets asks for a hello, too
         device_send_hello(device);
     }
     if (request->type == WIRE_REQUEST_STATUS)

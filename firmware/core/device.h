@@ -31,7 +31,7 @@ enum clock_source { CLOCK_HOST, CLOCK_HSE, CLOCK_HSI };
 struct board {
     const struct bus *buses;
     uint8_t bus_count;
-    const uint8_t *i2c_ports; // per bus, the port number in the hello
+    const uint8_t *i2c_ports; // for each bus, the port number in the hello
     struct pads *pads; // a host may have them made anew
     const struct load_cell_pins *load_cell; // NULL: no pins for a load cell
     uint8_t uid[WIRE_UID_SIZE];
@@ -53,14 +53,14 @@ struct device {
     uint32_t transmit_dropped;
     uint32_t receive_errors;
     uint32_t load_sequence;
-    uint64_t status_us; // when the next status is due; before the first, when the hello is
+    uint64_t status_us; // when the next status is due; before the first status, when the hello is due
     uint64_t reported_states; // sensor states in the last status, four bits a sensor
     uint64_t reported_us;
     uint64_t selftest_us; // when the last self-test ended
     uint16_t wanted_pads; // as in `struct pads`, until the reply has been sent; else 0
     uint8_t selftest_id;
     uint8_t selftest_pads;    // bit i: request selftest_id asked for pad i
-    uint8_t selftest_waiting; // bit i: pad i is asked for and has no result yet
+    uint8_t selftest_waiting; // bit i: pad i was asked and has no result yet
     bool announced;
     bool running;
 };
@@ -70,7 +70,7 @@ void device_init(struct device *device, const struct board *board);
 // Takes bytes from the host, in pieces of any size, and answers the requests in them.
 void device_receive(struct device *device, const uint8_t *bytes, size_t count);
 
-// Does what is due next, at most a few short transfers. False: nothing was due.
+// Performs what is due next: at most a few short transfers. False: nothing was due.
 bool device_poll(struct device *device);
 
 #endif

@@ -1,4 +1,4 @@
-// What a board tells of itself and of its sensors.
+// What a board reports about itself and its sensors.
 #ifndef FMFTS_DEVICE_REPORTS_H
 #define FMFTS_DEVICE_REPORTS_H
 
@@ -7,7 +7,7 @@
 
 #include "device.h"
 
-// Counts the line as dropped where the board cannot take it.
+// Counts the line as dropped if the board cannot send it.
 void device_send(struct device *device, const uint8_t *line, size_t count);
 
 void device_send_hello(struct device *device);

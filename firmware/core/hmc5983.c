@@ -87,9 +87,9 @@ static int magnitude(int counts)
     return counts < 0 ? -counts : counts;
 }
 
-// The data sheet says that the chip subtracts the external field itself; then positive and negative are symmetric about
-// zero. A chip that does not shows them symmetric about the unbiased reading. Whichever is nearer is taken off, so
-// either kind is judged by its strap alone, and a strap that does nothing fails on both.
+// According to the data sheet the chip subtracts the external field itself, so that positive and negative are symmetric
+// about zero. On a chip that does not, they are symmetric about the unbiased reading. The nearer of the two is
+// subtracted, so that either kind is judged by its strap alone, and a dead strap fails on both.
 static int external_field(int unbiased, int positive, int negative)
 {
     int centre = (positive + negative) / 2;

@@ -13,11 +13,11 @@ enum {
     HMC5983_OVERFLOW = -4096,
     HMC5983_GAIN_CODES = 8,
     HMC5983_SELFTEST_GAIN = 5,
-    HMC5983_RATE_HZ = 220,               // the highest that a chip reaches by its own clock
+    HMC5983_RATE_HZ = 220,               // the highest rate that a chip reaches by its own clock
     HMC5983_PERIOD_US = 4545,            // at that rate
     HMC5983_SINGLE_CONVERSION_US = 6000, // data sheet: one measurement, average of one
-    HMC5983_SINGLE_WAIT_US = 6200,       // the same by the slowest chip (clock tolerance 3 %), rounded up
-    HMC5983_SINGLE_FASTEST_US = 5800,    // and by the fastest, rounded down
+    HMC5983_SINGLE_WAIT_US = 6200,       // the same for the slowest chip (clock tolerance 3 %), rounded up
+    HMC5983_SINGLE_FASTEST_US = 5800,    // and for the fastest chip, rounded down
     HMC5983_SINGLE_RATE_MAX_HZ = 152,    // of simultaneous triggers: chips/hmc5983_chip.c
 };
 
@@ -71,7 +71,7 @@ enum bus_result hmc5983_read(const struct bus *bus, int16_t counts[3]);
 // 25 °C + raw/128.
 enum bus_result hmc5983_read_temperature(const struct bus *bus, int16_t *raw);
 
-// Judges the bias-strap measurement; all counts at HMC5983_SELFTEST_GAIN. Fills state and the counts of `result`.
+// Judges the bias-strap measurement; all counts are at HMC5983_SELFTEST_GAIN. Fills state and the counts of `result`.
 void hmc5983_judge_selftest(const int16_t unbiased[3], const int16_t positive[3], const int16_t negative[3],
                             struct wire_selftest_sensor *result);
 

@@ -12,7 +12,7 @@ struct load_cell_pins {
     void *context;
 };
 
-// Reads a finished conversion, signed. False: none is finished, or there is no chip.
+// Reads a finished conversion, signed. False: no conversion is finished, or there is no chip.
 bool load_cell_read(const struct load_cell_pins *pins, int32_t *counts);
 
 #endif

@@ -1,5 +1,5 @@
-// The pads and the buses they are on: opening the way to a sensor, counting errors, and recovering a bus. The sampler,
-// the simultaneous trigger and the self-test share it.
+// The pads and their buses: opening the way to a sensor, counting errors, and recovering a bus. The sampler, the
+// simultaneous trigger and the self-test share this file.
 #ifndef FMFTS_PAD_BUS_H
 #define FMFTS_PAD_BUS_H
 
@@ -26,7 +26,7 @@ struct sampler_settings {
 
 struct sampler_pad {
     struct pad_wiring wiring;
-    struct sensor *sensors; // its part of the sampler's sensors
+    struct sensor *sensors; // the pad's part of the sampler's sensors
     uint32_t bus_errors;
     uint32_t config_repairs;
     uint32_t sequence;
@@ -34,11 +34,11 @@ struct sampler_pad {
     uint8_t mux_strikes;
     bool borrowed; // the self-test uses the pad
     bool trigger_due;
-    bool converting; // triggered, and not all sensors are read yet
-    bool ahead;      // triggered again, while samples of the trigger before may still be unread
+    bool converting; // the sensors were triggered, and some are not read yet
+    bool ahead;      // triggered again, while samples of the previous trigger may still be unread
     bool frame_due;
     uint8_t triggered; // bit i: the last trigger reached sensor i
-    uint8_t confirmed_last; // the sensor that simultaneous.c asked last
+    uint8_t confirmed_last; // the sensor that simultaneous.c asked most recently
     uint64_t triggered_us;
 };
 
@@ -51,15 +51,15 @@ struct sampler_bus {
 struct sampler {
     struct clock *clock;
     struct sampler_settings settings;
-    bool streaming; // whether frames are made; sensors are polled in any case
-    uint8_t early;  // bit i: samples of pad i also go one by one, before their frames; only while chips run free
+    bool streaming; // whether the board makes frames; it polls sensors in any case
+    uint8_t early;  // bit i: samples of pad i are also sent singly, before their frames; only while chips run free
     uint8_t pad_count;
     uint8_t sensor_count; // of all pads
-    uint8_t turn;         // the sensor, of all, that was looked after last
+    uint8_t turn;         // the sensor, among all, that had the last turn
     uint32_t frame_remainder;
     uint64_t frame_us; // when the next frame is due
     struct sampler_pad pads[SAMPLER_PADS_MAX];
-    struct sensor sensors[SAMPLER_SENSORS_MAX]; // those of pad 0, then those of pad 1, ...
+    struct sensor sensors[SAMPLER_SENSORS_MAX]; // the sensors of pad 0, then those of pad 1, ...
     struct sampler_bus buses[SAMPLER_BUSES_MAX];
 };
 
@@ -74,7 +74,7 @@ bool pad_bus_reach_sensor(struct sampler *sampler, struct sampler_pad *pad, int 
 
 struct sensor_link pad_bus_link(struct sampler *sampler, struct sampler_pad *pad);
 
-// Counts a failed transfer and recovers the bus where needed. `sensor` gets a strike; it may be NULL.
+// Counts a failed transfer and recovers the bus if needed. `sensor` gets a strike; it may be NULL.
 void pad_bus_account(struct sampler *sampler, struct sampler_pad *pad, struct sensor *sensor, enum bus_result result);
 
 #endif

@@ -1,4 +1,4 @@
-// The pads of a board: as they were found, and how many sensors a host wants in each.
+// The pads of a board as they were found, and how many sensors a host wants in each.
 #ifndef FMFTS_PADS_H
 #define FMFTS_PADS_H
 
@@ -17,7 +17,7 @@ struct pad_wiring {
     uint8_t bus; // index into the board's buses
     uint8_t mux_address; // or TCA9548A_NONE
     uint8_t sensor_count;
-    uint8_t first; // channel of the first sensor, without a mux its own address; the others follow it
+    uint8_t first; // channel of the first sensor (without a mux: its own address); the others follow it
 };
 
 // A target keeps them in memory that survives a reset.
@@ -30,11 +30,11 @@ struct pads {
 
 void pads_seal(struct pads *pads);
 
-// Whether they are as they were when sealed.
+// Whether they are unchanged since they were sealed.
 bool pads_are_whole(const struct pads *pads);
 
-// Makes the pads with so many sensors in each, and returns how many pads there are then; 0: it cannot be. A pad of more
-// than PAD_SENSORS_FOUND sensors is all that is behind its mux.
+// Makes the pads with this many sensors each, and returns the number of pads; 0: impossible. A pad of more than
+// PAD_SENSORS_FOUND sensors occupies all channels of its mux.
 uint8_t pads_make(const struct pads *pads, uint16_t wanted, struct pad_wiring wiring[WIRE_PADS_MAX]);
 
 #endif

@@ -16,7 +16,7 @@ struct ring {
 void ring_init(struct ring *ring, uint8_t *bytes, uint16_t size);
 bool ring_put(struct ring *ring, const uint8_t *bytes, size_t count);
 
-// The longest contiguous run of waiting bytes. Call ring_drop for those that were sent.
+// The longest contiguous run of waiting bytes. Call ring_drop for the bytes that were sent.
 const uint8_t *ring_peek(const struct ring *ring, size_t *count);
 void ring_drop(struct ring *ring, size_t count);
 

@@ -7,7 +7,7 @@ enum {
     LATE_FRAME_US = 50000,
     // The turns of other sensors delay reading a conversion by up to this. With much more its time would be unknown.
     READ_LATENESS_US = 600,
-    READ_US = 680, // one sensor's turn, with its part of the trigger and of the frame
+    READ_US = 680, // one sensor's turn, including its part of the trigger and of the frame
 };
 
 void sampler_init(struct sampler *sampler, struct clock *clock, const struct bus *buses, uint8_t bus_count,
@@ -57,7 +57,7 @@ void sampler_apply(struct sampler *sampler, const struct sampler_settings *setti
     }
 }
 
-// Chips that keep a sample while they measure are read then; of the others all are read before the next trigger.
+// Chips that keep a sample while they measure are read then; all others are read before the next trigger.
 uint16_t sampler_rate_max(const struct sampler *sampler, enum trigger trigger)
 {
     uint32_t rate_hz = RATE_MAX_HZ;
@@ -126,14 +126,14 @@ static bool schedule_frames(struct sampler *sampler, uint64_t now_us)
 
 // If a sample was read just too late for a frame, its successor would replace it before the next frame, and it would be
 // lost. So the successor stays in the chip until that frame is made: no conversion of a chip slower than the frames is
-// lost. A chip that is triggered again whenever it was read loses none.
+// lost. A chip that is triggered after each read loses none.
 static bool would_replace_unsent(const struct sampler *sampler, const struct sensor *sensor, uint64_t now_us)
 {
     return sensor->fresh && sampler->streaming && sensor_streams(sensor, sampler->settings.trigger) &&
            sensor->phase == PHASE_RUN && now_us + READ_LATENESS_US > sampler->frame_us;
 }
 
-// The pad whose turn it is, and in `i` which of its sensors.
+// The pad that has its turn; `i` gets the index of its sensor.
 static struct sampler_pad *pad_in_turn(struct sampler *sampler, int *i)
 {
     struct sampler_pad *pad = sampler->pads;
@@ -182,7 +182,7 @@ static void fill(struct sampler *sampler, struct sampler_pad *pad, struct wire_s
     }
     if (!frame->valid)
         newest_us = now_us;
-    // The time of frames never goes back, even when the sensor with the newest sample was lost just now.
+    // The time of frames never goes back, even if the sensor with the newest sample was just lost.
     frame->time_us = newest_us > pad->last_time_us ? newest_us : pad->last_time_us;
     pad->last_time_us = frame->time_us;
     frame->temperature_raw = (int16_t)(thermometers ? temperature / thermometers : WIRE_TEMPERATURE_UNKNOWN);

@@ -74,7 +74,7 @@ static enum bus_result read(struct selftest *selftest, const struct bus *bus)
     return BUS_OK;
 }
 
-// One sensor's part of a stage. A sensor that fails is skipped from then on; the others go on.
+// One sensor's part of a stage. From then on it skips a sensor that fails; the others continue.
 static void visit(struct selftest *selftest)
 {
     struct sampler *sampler = selftest->sampler;

@@ -1,4 +1,4 @@
-// The bias-strap self-test of one pad at a time. The sampler leaves that pad alone for about 0.2 s.
+// The bias-strap self-test of one pad at a time. The sampler does not use that pad for about 0.2 s.
 #ifndef FMFTS_SELFTEST_H
 #define FMFTS_SELFTEST_H
 

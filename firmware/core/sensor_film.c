@@ -1,6 +1,6 @@
 #include "sensor_film.h"
 
-enum { SET_INTERVAL_US = 600000000 }; // each SET moves the zero by up to a sample's noise, so it is given seldom
+enum { SET_INTERVAL_US = 600000000 }; // each SET moves the zero by up to a sample's noise, so it is rare
 
 static bool is_beyond(const int16_t counts[3], uint16_t limit)
 {

@@ -9,10 +9,10 @@ enum {
     UNCHANGED_MAX = 20,
     POLL_PAUSE_US = 100,
     SILENCE_US = 50000,        // eleven conversions of the HMC5983
-    SILENT_PERIODS = 4,        // of chips slower than that allows
+    SILENT_PERIODS = 4,        // of chips that are too slow for that
     LATE_CONVERSION_US = 3000, // beyond the trigger's `wait_us`
     BURST_US = 250,            // six bytes, with some time to spare
-    READY_SURVIVES = 3, // so many probes in a row show that reading does not clear this chip's READY
+    READY_SURVIVES = 3, // this many probes in a row show that reading does not clear this chip's READY
 };
 
 static const uint64_t NEVER = UINT64_MAX;
@@ -38,7 +38,7 @@ void sensor_schedule(struct sensor *sensor, const struct sensor_link *link, uint
         sensor->due_us = conversion_next_poll_us(&sensor->conversion);
     else if (link->trigger == TRIGGER_FREE && sensor->awaiting)
         sensor->due_us = sensor->triggered_us + sensor_chip(sensor)->trigger->wait_us;
-    else if (link->trigger == TRIGGER_FREE) // a measurement may begin now, or when the pause after a SET is over
+    else if (link->trigger == TRIGGER_FREE) // a measurement may begin now, or after the pause that follows a SET
         sensor->due_us = sensor->settled_us - sensor_chip(sensor)->trigger->conversion_us;
     else
         sensor->due_us = sensor->awaiting ? now_us : NEVER;
@@ -56,8 +56,8 @@ static uint64_t silence_us(const struct sensor *sensor)
     return periods_us > SILENCE_US ? periods_us : SILENCE_US;
 }
 
-// Until when a triggered measurement may be late. One of a chip whose settings cannot be read back is not done in twice
-// its time if the chip was reset, and measures at another bandwidth or not at all.
+// The latest time at which a triggered measurement may end. If a chip whose settings cannot be read back takes more
+// than twice its time, it was reset, and measures at another bandwidth or not at all.
 static uint64_t latest_us(const struct sensor *sensor)
 {
     const struct chip *chip = sensor_chip(sensor);
@@ -92,8 +92,8 @@ static void not_ready(struct sensor *sensor, const struct sensor_link *link, uin
 }
 
 // The data sheet is not clear whether reading clears READY in continuous mode, or only the next conversion does. On
-// chips of the second kind (`probe_ready` finds them) READY may be set for an old sample; equal bytes then mean the old
-// sample.
+// chips of the second kind (`probe_ready` detects them) READY may be set for an old sample; equal bytes then mean the
+// old sample.
 static bool is_new(struct sensor *sensor, const int16_t counts[3], uint64_t seen_us)
 {
     if (sensor->ready_survives < READY_SURVIVES || memcmp(counts, sensor->counts, sizeof sensor->counts) != 0) {
@@ -102,7 +102,7 @@ static bool is_new(struct sensor *sensor, const int16_t counts[3], uint64_t seen
     }
     if (seen_us < sensor->conversion.ended_us + sensor->conversion.period_us * 17U / 16U)
         return false;
-    // Two equal samples may happen. Many of them with READY never clear mean that the chip's clock has stopped.
+    // Two equal samples may occur. Many equal samples with READY never clear mean that the chip's clock has stopped.
     if (sensor->conversion.not_ready_us < sensor->conversion.ready_us)
         sensor->unchanged++;
     return true;
@@ -133,8 +133,8 @@ static void accept(struct sensor *sensor, const struct sensor_link *link, const 
     sensor_schedule(sensor, link, now_us);
 }
 
-// If READY is set right after the data were read, reading does not clear it. Counted in a row, because a single one may
-// be a new conversion.
+// If READY is set right after the data were read, reading does not clear it. Counted in a row, because a single READY
+// may belong to a new conversion.
 static enum bus_result probe_ready(struct sensor *sensor, const struct sensor_link *link)
 {
     struct chip_sample sample = {.status = 0};
@@ -235,7 +235,7 @@ enum bus_result sensor_poll(struct sensor *sensor, const struct sensor_link *lin
     if (!ready && !(sample.status & CHIP_LOCKED))
         return BUS_OK;
     if (chip->read_counts)
-        result = read_counts(sensor, link, sample.counts); // also undoes LOCK, when only LOCK is set
+        result = read_counts(sensor, link, sample.counts); // also undoes LOCK, if only LOCK is set
     if (result != BUS_OK || !ready)
         return result;
     if (sample.temperature_raw != WIRE_TEMPERATURE_UNKNOWN)

@@ -1,4 +1,4 @@
-// One poll of a running sensor: is there a sample, is it new, and when is the next poll.
+// One poll of a running sensor: is there a new sample, and when is the next poll?
 #ifndef FMFTS_SENSOR_POLL_H
 #define FMFTS_SENSOR_POLL_H
 

@@ -4,7 +4,7 @@
 
 enum { DOUBT_US = 1500, DOUBTS_MAX = 2 };
 
-// A gain code that the chip has not is another chip's: the host will set one when it knows the board.
+// A gain code that the chip lacks belongs to another chip: the host will set one when it knows the board.
 static struct chip_setup setup_of(const struct sensor *sensor, const struct sensor_link *link)
 {
     uint8_t last = (uint8_t)(sensor_chip(sensor)->gain_codes - 1);
@@ -15,9 +15,10 @@ static struct chip_setup setup_of(const struct sensor *sensor, const struct sens
     };
 }
 
-// Asks at every place where a chip may be. What answers wrongly is asked again before it counts as another chip: it may
-// have been busy, or the bus noisy. A kind that is asked by writing comes last, and waits until the second time if
-// something has answered: that may be another kind that was misread, to whose registers it would write.
+// Asks at every place where a chip may be. A chip that answers wrongly is asked again before it counts as another chip:
+// it may have been busy, or the bus noisy. A kind that is recognised by writing comes last. If something has answered,
+// it waits for the second attempt: the answer may come from another kind that was misread, and the write would change
+// its registers.
 static enum bus_result identify(struct sensor *sensor, const struct sensor_link *link)
 {
     bool answered = false;

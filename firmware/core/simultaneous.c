@@ -10,8 +10,8 @@ static bool is_awaiting(const struct sampler_pad *pad)
 
 // A trigger clears READY, but the sample stays in the output registers until the next conversion ends. So a sensor need
 // not be read before the next trigger; its conversion must only have ended. There is time to ask one sensor per
-// trigger, by turns; the others were started by the same write. Suspect sensors are always asked, then those with an
-// equal sample.
+// trigger, in turn; the same write started the others. Suspect sensors are always asked, then those with an equal
+// sample.
 static int sensor_to_confirm(const struct sampler_pad *pad)
 {
     int count = pad->wiring.sensor_count, chosen = -1;
@@ -38,7 +38,7 @@ static void confirm(struct sampler *sampler, struct sampler_pad *pad, int i)
     pad->confirmed_last = (uint8_t)i;
 }
 
-// The channels of all sensors that take the same trigger as sensor `first`; marks these in `done`.
+// The channels of all sensors that take the same trigger as sensor `first`; also marks these sensors in `done`.
 static uint8_t alike(const struct sampler_pad *pad, int first, uint8_t *done)
 {
     uint8_t channels = 0;
@@ -52,7 +52,7 @@ static uint8_t alike(const struct sampler_pad *pad, int first, uint8_t *done)
 }
 
 // A mux passes a write to several channels at once, so all sensors of the pad start within one bit time. (Chips of
-// another kind or address, which the host will call wrong, start a write later.)
+// another kind or address, which the host will reject, start one write later.)
 static void trigger(struct sampler *sampler, struct sampler_pad *pad)
 {
     enum bus_result result = BUS_OK;
@@ -89,7 +89,7 @@ static void expect_samples(struct sampler_pad *pad)
             sensor_await(&pad->sensors[i], pad->triggered_us);
 }
 
-// Whether the running conversions may have ended, and none of their samples is lost by another trigger.
+// True if the running conversions may have ended, and another trigger would lose none of their samples.
 static bool may_trigger(const struct sampler_pad *pad, uint64_t now_us)
 {
     for (int i = 0; i < pad->wiring.sensor_count && pad->converting; i++) {

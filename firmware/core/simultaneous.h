@@ -7,7 +7,7 @@
 
 #include "pad_bus.h"
 
-// Triggers a pad, or does what must come before that. False: nothing was due. At rates near the chips' limit it
+// Triggers a pad, or does what must precede that. False: nothing was due. At rates near the chips' limit it
 // triggers again as soon as the conversions have ended; the samples are read while the chips convert the next ones.
 bool simultaneous_poll(struct sampler *sampler, uint64_t now_us);
 

@@ -1,7 +1,6 @@
 #include "tca9548a.h"
 
-// If a switch does not answer this often when it should close, it counts as absent, so that the other switches can be
-// used.
+// A switch that fails this often to answer a close counts as absent, so that the other switches can be used.
 enum { CLOSE_ATTEMPTS = 3 };
 
 enum bus_result tca9548a_select(const struct bus *bus, uint8_t address, uint8_t channels)

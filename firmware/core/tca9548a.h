@@ -10,11 +10,11 @@
 enum {
     TCA9548A_FIRST_ADDRESS = 0x70,
     TCA9548A_ADDRESSES = 8,
-    TCA9548A_NONE = 0, // in place of an address: the sensors are on the bus itself. HELLO uses 0 too
+    TCA9548A_NONE = 0, // instead of an address: the sensors sit on the bus itself HELLO uses 0 too
 };
 
 // A channel is connected only after the STOP that ends this transfer (data sheet 8.5.1): never join it with a read.
-// More than one channel may be on for a write; a read would return the wired-AND of all answers.
+// Several channels may be on for a write; a read would return the wired-AND of all answers.
 enum bus_result tca9548a_select(const struct bus *bus, uint8_t address, uint8_t channels);
 enum bus_result tca9548a_selected(const struct bus *bus, uint8_t address, uint8_t *channels);
 
@@ -30,7 +30,8 @@ struct route {
 void route_init(struct route *route, const struct bus *bus);
 void route_add_switch(struct route *route, uint8_t address);
 
-// Opens exactly these channels of this switch (TCA9548A_NONE: of none) and closes all others. No transfer when they are open already.
+// Opens exactly these channels of this switch (TCA9548A_NONE: none) and closes all others. No transfer when they are
+// open already.
 // BUS_NO_ANSWER: this switch does not answer.
 enum bus_result route_open(struct route *route, uint8_t address, uint8_t channels);
 

@@ -130,8 +130,8 @@ struct wire_load {
     int32_t counts;
 };
 
-// Where an early sample is from. The highest bit keeps the byte from being zero, so that COBS leaves it as it is: a host
-// finds the pad at once.
+// The origin of an early sample. The highest bit keeps the byte from being zero, so that COBS leaves it as it is: a
+// host finds the pad at once.
 #define WIRE_PLACE(pad_index, sensor) ((uint8_t)(0x80 | (sensor) << 4 | (pad_index)))
 
 struct wire_early {

@@ -32,8 +32,8 @@ static bool select(const struct bus *bus, uint8_t mux_address, uint8_t channels)
     return false;
 }
 
-// Writes a zero, which any of the sensors acknowledges, and which is to them the number of a register or a command that
-// does nothing. Reading is not possible while several channels are on; the RP2040 cannot send an address alone.
+// Writes a zero: every sensor acknowledges it, and takes it for the number of a register or for a command without
+// effect. Reading is not possible while several channels are on; the RP2040 cannot send an address alone.
 static bool acknowledges(const struct bus *bus, uint8_t address)
 {
     const uint8_t nothing = 0;
@@ -43,7 +43,7 @@ static bool acknowledges(const struct bus *bus, uint8_t address)
     return result == BUS_OK;
 }
 
-// A bit for each address of a chip: those above 31 have the lowest ones, which no chip below has.
+// A bit for each address of a chip: addresses above 31 use the lowest bits, where no chip has an address.
 static uint32_t bit_of(uint8_t address)
 {
     return 1U << (address < 32 ? address : address - 40);
@@ -77,14 +77,14 @@ static void find_on(const struct bus *bus, uint8_t bus_index)
     uint8_t muxes = 0;
     for (uint8_t i = 0; i < TCA9548A_ADDRESSES; i++)
         muxes |= (uint8_t)(select(bus, (uint8_t)(TCA9548A_FIRST_ADDRESS + i), 0) << i);
-    // All channels are closed now: what answers is on the bus itself, and will go on to answer.
+    // All channels are closed now: whatever answers sits on the bus itself, and will still answer later.
     const uint32_t direct = answering(bus, 0);
     for (uint8_t i = 0; i < TCA9548A_ADDRESSES; i++)
         if (muxes >> i & 1)
             find_behind(bus, bus_index, (uint8_t)(TCA9548A_FIRST_ADDRESS + i), direct);
     for (size_t i = 0; i < sizeof direct_addresses; i++) {
         uint32_t four = direct >> direct_addresses[i] & 0xF;
-        if (four & (four - 1)) // more than one: a single answer may be of a chip of another kind
+        if (four & (four - 1)) // more than one, because a single answer may come from a chip of another kind
             add(bus_index, TCA9548A_NONE, direct_addresses[i]);
     }
 }

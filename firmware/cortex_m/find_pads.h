@@ -1,4 +1,4 @@
-// Finds the pads of this board at power-on, and remembers them over resets that nobody asked for.
+// Finds the pads of this board at power-on, and remembers them over unrequested resets.
 #ifndef FMFTS_FIND_PADS_H
 #define FMFTS_FIND_PADS_H
 
@@ -13,9 +13,9 @@
 // channel; after them come a port's pads without a switch. `usable[i]` is false for a bus whose lines are stuck.
 // If nothing is found, one pad is assumed, so that the board can report what is missing.
 //
-// If `remembered`, the pads found before the reset are kept, and the number of sensors that a host wanted in each.
-// After a watchdog reset a mux may not answer for a moment; a new search would then miss a pad, and the host would take
-// the readings of the next pad for it.
+// If `remembered`, the pads found before the reset are kept, and how many sensors of each the host wanted.
+// After a watchdog reset a mux may not answer for a moment; a new search would then miss a pad, and the host would
+// assign the next pad's readings to it.
 struct pads *find_pads(const struct bus *buses, const bool *usable, uint8_t bus_count, bool remembered);
 
 #endif

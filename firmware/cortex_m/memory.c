@@ -69,10 +69,10 @@ ALIAS(__aeabi_memmove, (void *to, const void *from, size_t count));
 ALIAS(__aeabi_memset, (void *to, size_t count, int byte));
 ALIAS(__aeabi_memclr, (void *to, size_t count));
 
-// Clang calls these for shifts of 64 bits. Written by halves: a shift of 64 bits here would call itself.
+// Clang calls these for shifts of 64 bits. In halves, because a shift of 64 bits would call this function again.
 union halves {
     uint64_t whole;
-    uint32_t half[2]; // the lower one first
+    uint32_t half[2]; // the lower half first
 };
 
 uint64_t __aeabi_llsl(uint64_t value, int count)

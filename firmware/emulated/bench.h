@@ -27,7 +27,7 @@ struct emulated_bus {
     // Faults. A stuck bus fails every transfer; `recover` frees it unless it is stuck for good.
     bool stuck, stuck_for_good;
     int fail_count;              // how many of the next transfers fail with `fail_result`
-    enum bus_result fail_result; // all but BUS_NO_ANSWER take the time of a time-out
+    enum bus_result fail_result; // all but BUS_NO_ANSWER take as long as a timeout
     // The running transfer.
     uint8_t address;
     bool reading;

@@ -1,6 +1,6 @@
 // Sources: Honeywell's data sheet 900425 (registers, LOCK, RDY, self-test, the old gain of the sample after a change) as the
-// public drivers PX4 hmc5883, ArduPilot AP_Compass_HMC5843 and Zephyr quote it. A choice that they leave open is a field of
-// struct emulated_chip that a test may set.
+// public drivers PX4 hmc5883, ArduPilot AP_Compass_HMC5843 and Zephyr quote it. If the sources leave a choice open, it
+// is a field of struct emulated_chip that a test may set.
 #include "chip.h"
 
 #include <math.h>
@@ -139,7 +139,7 @@ void emulated_chip_advance(struct emulated_chip *chip, uint64_t now_ns)
         }
         uint64_t period = period_ns(chip), behind = (now_ns - chip->next_conversion_ns) / period;
         if (behind > 2)
-            chip->next_conversion_ns += (behind - 2) * period; // skip most conversions after a jump of hours
+            chip->next_conversion_ns += (behind - 2) * period; // skip most conversions when time jumps by hours
         if (!chip->clock_stopped)
             convert(chip);
         chip->next_conversion_ns += period;

@@ -17,11 +17,11 @@ struct emulated_chip {
     double ppm;            // how much faster than nominal the chip's clock runs
     uint8_t saturated_axes; // bit i: a strong magnet sits on axis i
     bool clock_stopped;
-    // Where emulated_chip_glide leads the field, from `glided_ns`, when it was as in field_ut, to `glide_until_ns`.
+    // emulated_chip_glide moves the field from field_ut at `glided_ns` to this field at `glide_until_ns`.
     double glide_ut[3];
     uint64_t glided_ns, glide_until_ns;
     bool config_read_only;       // configuration writes are lost
-    bool ready_survives_reading; // only the next conversion clears READY; the data sheet can be read both ways
+    bool ready_survives_reading; // only the next conversion clears READY; the data sheet is ambiguous
     bool strap_leaves_external;  // biased measurements keep the external field
     char identification[3];
 
@@ -46,7 +46,7 @@ void emulated_chip_init(struct emulated_chip *chip, uint32_t seed);
 void emulated_chip_power_on(struct emulated_chip *chip);
 void emulated_chip_advance(struct emulated_chip *chip, uint64_t now_ns);
 
-// Changes the field evenly from what it is now to `target_ut`, which it reaches after `duration_ns` and keeps.
+// Changes the field evenly from its present value to `target_ut`, reaches it after `duration_ns`, and keeps it.
 void emulated_chip_glide(struct emulated_chip *chip, const double target_ut[3], uint64_t duration_ns);
 
 #endif

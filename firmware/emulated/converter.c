@@ -20,7 +20,7 @@ static void shift(struct emulated_converter *converter)
     const struct bench *bench = converter->bench;
     if (converter->pulses == 0) {
         if (bench->now_ns < converter->ready_ns)
-            return; // nothing to read: a pulse now would be lost
+            return; // no conversion is ready: a pulse now would be lost
         converter->shifted = (uint32_t)converter->counts << 8;
     }
     converter->pulses++;

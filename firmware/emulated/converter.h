@@ -14,7 +14,7 @@ struct emulated_converter {
     bool present;
     int32_t counts; // what the load cell reads now
     uint32_t shifted;
-    int pulses; // clock pulses since the running read-out began
+    int pulses; // clock pulses since the present read-out began
     bool clock, bit;
     uint64_t rose_ns, ready_ns;
 };

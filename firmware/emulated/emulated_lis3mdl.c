@@ -1,5 +1,5 @@
 // Sources: public drivers (PX4 lis3mdl, ArduPilot AP_Compass_LIS3MDL, Adafruit_LIS3MDL, Zephyr's lis3mdl) and ST's AN4602 as
-// they quote it. The data sheet (DocID024204 rev. 6) could not be read: what no driver tells is from memory.
+// they quote it. The data sheet (DocID024204 rev. 6) could not be read: facts that no driver states are from memory.
 #include "emulated_lis3mdl.h"
 
 #include <math.h>
@@ -42,12 +42,12 @@ static void power_on(struct emulated_part *part)
 static uint64_t period_ns(const struct emulated_lis3mdl *chip)
 {
     static const double rate_hz[8] = {0.625, 1.25, 2.5, 5, 10, 20, 40, 80}; // table 20
-    static const double fast_hz[4] = {1000, 560, 300, 155};                // table 21, by the performance of x and y
+    static const double fast_hz[4] = {1000, 560, 300, 155};                // table 21, for the performance of x and y
     uint8_t first = chip->common.registers[CTRL_1];
     return (uint64_t)(1e9 / (first & FAST_ODR ? fast_hz[first >> 5 & 3] : rate_hz[first >> 2 & 7]));
 }
 
-// By the performance (application note AN4602).
+// For the performance (application note AN4602).
 static uint64_t single_ns(const struct emulated_lis3mdl *chip)
 {
     static const uint32_t us[4] = {1200, 1650, 3230, 6400};
@@ -96,7 +96,7 @@ static void configured(struct emulated_lis3mdl *chip)
         magnetometer_begin(common, single_ns(chip));
 }
 
-// From the last output the number goes back to the first, so that temperature needs a transfer of its own.
+// After the last output the register number returns to the first, so temperature needs a transfer of its own.
 static void advance_pointer(struct emulated_magnetometer *common)
 {
     if (common->pointer & ADVANCE)

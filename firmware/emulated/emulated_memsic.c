@@ -11,7 +11,7 @@
 #include <math.h>
 #include <string.h>
 
-static const double REMANENCE_GAUSS = 0.3, UPSET_SENSITIVITY = 0.5; // of an upset film, once the strong field is gone
+static const double REMANENCE_GAUSS = 0.3, UPSET_SENSITIVITY = 0.5; // of an upset film, after the strong field is gone
 static const double UNSETTLED_GAUSS = 0.2; // the error of a measurement that begins right at a pulse
 
 static bool is_strong(const struct emulated_memsic *chip, const double gauss[3])
@@ -35,14 +35,14 @@ static void pulse(struct emulated_memsic *chip, int polarity, uint64_t ns)
         chip->pulse_zero_gauss[axis] = chip->repeatability_gauss * magnetometer_normal(&chip->common);
 }
 
-// A pulse in the middle of a measurement spoils it as one right at its beginning.
+// A pulse in the middle of a measurement spoils it as much as one at its beginning.
 static double unsettled_gauss(const struct emulated_memsic *chip, uint64_t begin_ns)
 {
     double age_ns = begin_ns > chip->pulsed_ns ? (double)(begin_ns - chip->pulsed_ns) : 0.0;
     return chip->pulsed ? UNSETTLED_GAUSS * fmax(0.0, 1.0 - age_ns / chip->kind->settles_ns) : 0.0;
 }
 
-// Counts from the middle, of this time.
+// Counts from the middle of the range at this time.
 static void sample(struct emulated_memsic *chip, uint64_t begin_ns, uint64_t end_ns, double counts[3])
 {
     double gauss[3], error = chip->automatic ? 0.0 : unsettled_gauss(chip, begin_ns);
@@ -144,7 +144,7 @@ static double own_noise_gauss(const struct emulated_magnetometer *common)
     return chip->kind->noise_gauss[chip->controls[1] & 3];
 }
 
-// Registers start anew. The film stays as it is: no pulse is a part of that.
+// Registers start anew. The film stays as it is: no pulse is among these.
 void emulated_memsic_power_on(struct emulated_part *part)
 {
     struct emulated_memsic *chip = (struct emulated_memsic *)part;

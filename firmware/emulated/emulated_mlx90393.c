@@ -95,7 +95,7 @@ static uint64_t convert(struct emulated_magnetometer *common)
     uint64_t axis_ns = magnetometer_stretched(common, slowed_ns(chip, axis_us(chip)));
     uint64_t after_ns = magnetometer_stretched(common, slowed_ns(chip, AFTER_Z_US));
     uint64_t begin_ns = common->now_ns - after_ns - axis_count(chip) * axis_ns;
-    for (int axis = 0; axis < 3; axis++) { // those that are measured are so one after the other
+    for (int axis = 0; axis < 3; axis++) { // the measured quantities are converted one after the other
         uint64_t end_ns = begin_ns + (chip->axes >> (axis + 1) & 1 ? axis_ns : 0);
         double gauss[3];
         magnetometer_mean(common, begin_ns, end_ns, gauss);
@@ -149,14 +149,14 @@ static void obey(struct emulated_mlx90393 *chip)
         chip->exits = true;
         chip->exits_ns = chip->common.now_ns + (chip->mode ? EXIT_NS : 0);
     } else if (command == READ_MEASUREMENT) {
-        refused = !chip->has_sample || axes != chip->axes; // each can be read once
+        refused = !chip->has_sample || axes != chip->axes; // each can be read only once
         answer(chip, refused, refused ? nothing : chip->sample, 8);
         chip->has_sample = chip->has_sample && refused;
         return;
     } else if (command == READ_REGISTER) {
         uint16_t word = chip->words[chip->command[1] >> 2];
         const uint8_t bytes[2] = {(uint8_t)(word >> 8), (uint8_t)word};
-        answer(chip, chip->mode != 0, chip->mode ? nothing : bytes, 2); // not while it measures
+        answer(chip, chip->mode != 0, chip->mode ? nothing : bytes, 2); // not while the chip measures
         return;
     } else if (command == WRITE_REGISTER) {
         refused = chip->mode != 0;

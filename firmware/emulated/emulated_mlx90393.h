@@ -12,9 +12,9 @@ struct emulated_mlx90393 {
     uint16_t words[MLX90393_WORDS]; // the customer area, as it is in use
     uint8_t mode, axes;             // of the status byte; what is measured: bits z, y, x, t
     bool was_reset;
-    double slowness; // how many times as long as in the table a conversion takes; a test may set it
-    bool acknowledged; // the status of an SM or SB was read back since the reset
-    bool start_unread; // that of the newest command is such a status, and nobody read it yet
+    double slowness; // factor by which a conversion takes longer than in the table; a test may set it
+    bool acknowledged; // the status of an SM or SB was read since the reset
+    bool start_unread; // the newest command returned such a status, and nobody has read it yet
     bool exits;                     // the mode ends at exits_ns
     uint64_t exits_ns;
     bool has_sample;

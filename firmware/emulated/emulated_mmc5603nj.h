@@ -11,7 +11,7 @@ struct emulated_mmc5603nj {
         struct emulated_memsic memsic;
     };
     uint8_t rate_hz;       // as written
-    uint64_t period_ns;    // as Cmm_freq_en took it
+    uint64_t period_ns;    // as latched by Cmm_freq_en
 };
 
 void emulated_mmc5603nj_init(struct emulated_mmc5603nj *chip, uint32_t seed);

@@ -27,7 +27,7 @@ static void restart(struct emulated_memsic *memsic)
     ((struct emulated_mmc5983ma *)memsic)->asked_exactly = 0;
 }
 
-// One that is longer than its period takes the next one. Unverified: Prd_set changes nothing.
+// A measurement longer than its period skips to the end of the next one. Unverified: Prd_set changes nothing.
 static uint64_t period_ns(struct emulated_memsic *memsic)
 {
     static const uint16_t rate_hz[8] = {0, 1, 10, 20, 50, 100, 200, 1000};

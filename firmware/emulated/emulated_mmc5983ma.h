@@ -12,10 +12,10 @@ struct emulated_mmc5983ma {
     };
     // SparkFun's library, issues 9, 10 and 12: with a command of exactly 0x21, x of every 16th sample is off by 10 to 12 uT.
     unsigned asked_exactly;
-    // The data sheet does not say whether a transfer sees one measurement, or the outputs change while they are read. A
+    // The data sheet does not say whether a transfer sees one measurement, or whether outputs change during the read. A
     // test may set it.
     bool holds_outputs;
-    uint8_t held[8]; // what that transfer sees
+    uint8_t held[8]; // the values that this transfer sees
 };
 
 void emulated_mmc5983ma_init(struct emulated_mmc5983ma *chip, uint32_t seed);

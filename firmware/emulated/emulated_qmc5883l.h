@@ -7,10 +7,10 @@
 
 struct emulated_qmc5883l {
     struct emulated_magnetometer common;
-    // A field beyond this sets OVL although no axis shows its last count; 0: only the last count does. The data sheet does
-    // not say where between its range and the last count OVL begins. A test may set it.
+    // A field beyond this sets OVL although no axis is at its last count; 0: only the last count sets OVL. The data
+    // sheet does not say where between its range and the last count OVL begins. A test may set it.
     double overflow_gauss;
-    bool woken; // register 0x00 was read since the power came; before that the identity reads as zero
+    bool woken; // register 0x00 was read since power-on; before that the identity reads as zero
 };
 
 void emulated_qmc5883l_init(struct emulated_qmc5883l *chip, uint32_t seed);

@@ -60,7 +60,7 @@ static uint64_t convert(struct emulated_magnetometer *common)
     registers[STATUS] = status;
     if ((registers[CONTROL_1] & MODE) != SINGLE)
         return period_ns(common);
-    registers[CONTROL_1] &= (uint8_t)~MODE; // it ends in suspend
+    registers[CONTROL_1] &= (uint8_t)~MODE; // then the chip returns to suspend
     return 0;
 }
 
@@ -101,7 +101,7 @@ static uint8_t get(struct emulated_part *part)
 static double own_noise_gauss(const struct emulated_magnetometer *chip)
 {
     (void)chip;
-    return 2e-3; // as the QMC5883L's at ±2 G
+    return 2e-3; // like the QMC5883L at ±2 G
 }
 
 void emulated_qmc5883p_init(struct emulated_qmc5883p *chip, uint32_t seed)

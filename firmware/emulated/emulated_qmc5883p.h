@@ -7,7 +7,7 @@
 
 struct emulated_qmc5883p {
     struct emulated_magnetometer common;
-    bool cleared_by_data; // DRDY is cleared by reading an output, and not by reading the status
+    bool cleared_by_data; // reading an output clears DRDY, and reading the status does not
     bool signs_defined;   // 0x29 = 0x06 was written since the reset
 };
 

@@ -50,7 +50,7 @@ void magnetometer_advance(struct emulated_part *part, uint64_t now_ns)
         chip->next_conversion_ns = following_ns ? ended_ns + magnetometer_stretched(chip, following_ns) : NEVER;
     }
     if (chip->clock_stopped && chip->next_conversion_ns <= now_ns)
-        chip->next_conversion_ns = now_ns + 1; // it goes on when the clock does
+        chip->next_conversion_ns = now_ns + 1; // the conversion continues when the clock does
     chip->now_ns = now_ns;
     if (chip->exposed) {
         double gauss[3];

@@ -8,17 +8,18 @@ struct emulated_magnetometer {
     struct emulated_part part;
     // A test may set these at any time. Call magnetometer_advance before, so that past conversions keep the old values.
     double field_gauss[3];
-    // The field at a time of the bench, in place of field_gauss. A chip senses the mean over its measurement where its file
-    // knows when that begins, and else the field at its end.
+    // The field at an instant of the bench, instead of field_gauss. A chip averages over its measurement if its file
+    // knows when that begins; otherwise it takes the field at its end.
     void (*field_at)(const struct emulated_magnetometer *chip, uint64_t ns, double gauss[3]);
     double noise_gauss;
-    bool has_own_noise; // what own_noise_gauss says of the present settings, in place of noise_gauss
+    bool has_own_noise; // own_noise_gauss of the present settings, instead of noise_gauss
     double temperature_c;
-    double sensitivity_per_k; // relative, from that of 25 degrees
+    double sensitivity_per_k; // relative change per degree from 25 degrees
     double ppm; // how much faster than nominal the chip's clock runs
     bool clock_stopped;
     bool writes_lost;
-    // The end of a conversion. Returns the time to the next one by the data sheet, 0 where it was the last.
+    // The end of a conversion. Returns the time to the next conversion according to the data sheet, 0 if it was the
+    // last.
     uint64_t (*convert)(struct emulated_magnetometer *chip);
     double (*own_noise_gauss)(const struct emulated_magnetometer *chip); // one deviation; NULL: no source states it
     // NULL, or called with the field whenever time passes, also while nothing is measured.
@@ -45,16 +46,16 @@ uint64_t magnetometer_stretched(const struct emulated_magnetometer *chip, uint64
 
 // The mean field of a time, from five instants.
 void magnetometer_mean(const struct emulated_magnetometer *chip, uint64_t begin_ns, uint64_t end_ns, double gauss[3]);
-// What the chip makes of this field: noise and warmth are in it.
+// What the chip reads in this field, with noise and temperature.
 double magnetometer_sensed(struct emulated_magnetometer *chip, double gauss);
-// The field of now at one axis, sensed.
+// The present field along one axis, as sensed.
 double magnetometer_gauss(struct emulated_magnetometer *chip, int axis);
 // A random number with a deviation of 1.
 double magnetometer_normal(struct emulated_magnetometer *chip);
 // The nearest count within these limits.
 int magnetometer_count(double counts, int least, int most);
 
-// For kinds whose first byte written is a register's number: true if `byte` was that.
+// For kinds whose first written byte is a register's number: true if `byte` was one.
 bool magnetometer_takes_pointer(struct emulated_magnetometer *chip, uint8_t byte);
 void magnetometer_start_write(struct emulated_part *part);
 

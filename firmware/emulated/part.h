@@ -9,8 +9,8 @@ struct emulated_part;
 
 struct emulated_part_kind {
     void (*power_on)(struct emulated_part *part);
-    void (*advance)(struct emulated_part *part, uint64_t now_ns); // does what was due until now
-    // One transfer as the chip sees it.
+    void (*advance)(struct emulated_part *part, uint64_t now_ns); // does everything that is due by now
+    // One transfer from the chip's side.
     void (*start_write)(struct emulated_part *part);
     void (*put)(struct emulated_part *part, uint8_t byte);
     uint8_t (*get)(struct emulated_part *part);

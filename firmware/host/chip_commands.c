@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-// The field of each of the pad's chips, from `first` word on.
+// The fields of the pad's chips, from word `first` on.
 static const char *read_field(double field_ut[PAD_SENSORS_MAX][3], int chips, const struct words *words, int first)
 {
     if (words->count != first + 3 * chips)
@@ -88,7 +88,7 @@ const char *execute_fault(struct session *session, const struct words *words, st
     else if (strcmp(kind, "config-corrupt") == 0)
         chip->config_b ^= 0x60; // another gain, at once
     else if (strcmp(kind, "wrong-id") == 0) {
-        // Another chip in its place: it also comes up without a configuration, so the core looks at it again.
+        // Replaces the chip: the new one also comes up without a configuration, so the core sets it up.
         bench_plug_chip(chip, false);
         bench_plug_chip(chip, true);
         chip->identification[2] = '4';

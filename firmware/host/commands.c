@@ -147,7 +147,7 @@ static const char *quit(struct session *session, const struct words *words, stru
 
 static const struct command {
     const char *name;
-    int words; // 0: with a pad, and it counts the others itself
+    int words; // 0: the line has a pad, and it counts the others itself
     bool has_pad, has_sensor;
     execute *execute;
 } commands[] = {

@@ -12,7 +12,7 @@ struct emulation {
     uint8_t chip_count[SAMPLER_PADS_MAX]; // on the channels of each switch, from 0 on
     uint8_t switch_count;
     struct emulated_switch *switches[SAMPLER_PADS_MAX];
-    struct pads pads; // what a board keeps over resets
+    struct pads pads; // what a board keeps over a reset
     struct emulated_converter converter;
     struct board board;
     struct device device;
@@ -26,14 +26,14 @@ struct emulation {
 void emulation_init(struct emulation *emulation, uint8_t pad_count, const uint8_t uid[WIRE_UID_SIZE],
                     bool (*send)(void *line_context, const uint8_t *line, size_t count), void *line_context);
 
-// Gives the first switch chips on all its channels, and resets the MCU as at power-on: it finds two pads there, and a host
-// may make them one. At most one other switch may be there.
+// Gives the first switch chips on all its channels, and resets the MCU as at power-on: it finds two pads there, and a
+// host may merge them into one. At most one other switch may be there.
 void emulation_fill_switch(struct emulation *emulation);
 
 // Resets the MCU: the core and its clock start again from zero; the chips keep their registers.
 void emulation_reset(struct emulation *emulation);
 
-// The same by its reset pin: it finds its pads anew, and forgets how many sensors a host wanted in each.
+// The same through its reset pin: it searches its pads anew, and forgets how many sensors a host wanted in each.
 void emulation_reset_by_pin(struct emulation *emulation);
 
 // Runs the board up to this virtual time.
@@ -42,7 +42,7 @@ void emulation_run_until(struct emulation *emulation, uint64_t virtual_ns);
 // Moves the clock forward without running the core; only its 64-bit clock is kept up to date.
 void emulation_jump(struct emulation *emulation, uint64_t us);
 
-// Makes every chip do its conversions up to now, so that a change of the field does not reach past conversions.
+// Makes every chip finish its conversions up to now, so that a change of the field does not affect past conversions.
 void emulation_settle(struct emulation *emulation);
 
 #endif

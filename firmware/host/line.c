@@ -8,8 +8,8 @@
 #include <termios.h>
 #include <unistd.h>
 
-// Waits two seconds at least for what the kernel hands over. READABLE_MOST: its buffer holds 4095 bytes, and stays full
-// while nobody reads.
+// Waits up to two seconds until the kernel hands the bytes over. READABLE_MOST: the kernel's buffer holds 4095 bytes,
+// and stays full while nobody reads.
 enum { ARRIVAL_US = 20, ARRIVAL_TRIES = 100000, READABLE_MOST = 4000 };
 
 int line_open(struct line *line)
@@ -24,7 +24,7 @@ int line_open(struct line *line)
     cfmakeraw(&settings);
     if (tcsetattr(line->master, TCSANOW, &settings) < 0)
         return -1;
-    // Linux reports a hang-up on the master only after the other side was open once.
+    // Linux reports a hang-up on the master only after the other side was opened once.
     int slave = open(line->path, O_RDWR | O_NOCTTY | O_CLOEXEC);
     return slave < 0 ? -1 : close(slave);
 }
@@ -45,7 +45,7 @@ static void hang_up(struct line *line)
 {
     line->open = false;
     ring_init(&line->ring, line->bytes, sizeof line->bytes);
-    tcflush(line->master, TCIOFLUSH); // the next process that opens the pty must not read bytes meant for this one
+    tcflush(line->master, TCIOFLUSH); // the next process that opens the pty must not read bytes for this one
 }
 
 void line_flush(struct line *line)

@@ -16,7 +16,7 @@
 
 enum { SECOND_NS = 1000000000 };
 // A busy computer may stop this process for seconds; the board then catches up, because a real board's clock never
-// stops. After a longer stop (the computer was suspended) it does not.
+// stops. After a longer stop (the computer was suspended) it does not catch up.
 static const uint64_t LONGEST_DEBT_NS = 10ULL * SECOND_NS;
 
 static const char usage[] =
@@ -158,7 +158,7 @@ static void sleep_until(uint64_t ns)
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, NULL);
 }
 
-// Runs the board up to the computer's time. While that time is held, the board does nothing but serve the line.
+// Runs the board up to the computer's time. While that time is held, the board only serves the line.
 static void catch_up(struct session *session, struct pace *pace)
 {
     const uint64_t now_ns = monotonic_ns();

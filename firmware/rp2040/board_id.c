@@ -6,7 +6,7 @@
 #include "registers.h"
 
 enum {
-    READ_UNIQUE_ID = 0x4B, // W25Q16JV data sheet 8.2.37: four bytes that say nothing, then eight of the number
+    READ_UNIQUE_ID = 0x4B, // W25Q16JV data sheet 8.2.37: four dummy bytes, then the eight bytes of the number
     BEFORE_ID = 5,
     CODE_WORDS = 64,
 };
@@ -42,7 +42,7 @@ void board_id_read(uint8_t id[BOARD_ID_SIZE])
 {
     static uint32_t code[CODE_WORDS];
     memcpy(code, in_ram_begin, (size_t)((const uint8_t *)in_ram_end - (const uint8_t *)in_ram_begin));
-    uintptr_t place = (uintptr_t)ask_flash - (uintptr_t)in_ram_begin + (uintptr_t)code; // its lowest bit says Thumb
+    uintptr_t place = (uintptr_t)ask_flash - (uintptr_t)in_ram_begin + (uintptr_t)code; // its lowest bit selects Thumb
     void (*in_ram)(uint8_t *) = (void (*)(uint8_t *))place;
     in_ram(id);
     bool is_none = true;

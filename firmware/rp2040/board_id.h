@@ -6,7 +6,7 @@
 
 #include "usb_serial.h"
 
-// Zeros if the flash has none. Before any interrupt is allowed: the program cannot be read from flash meanwhile.
+// Zeros if the flash has none. Call it before interrupts are enabled: the program in flash cannot be read meanwhile.
 void board_id_read(uint8_t id[BOARD_ID_SIZE]);
 
 #endif

@@ -20,7 +20,7 @@ void host_link_receive(void (*use)(const uint8_t *bytes, size_t count))
     use(bytes, count);
     usb_serial_drop(count);
     if (usb_serial_is_open())
-        return; // two hosts at once would cut each other's packets
+        return; // two hosts at once would interrupt each other's packets
     bytes = serial_peek(&count);
     use(bytes, count);
     serial_drop(count);

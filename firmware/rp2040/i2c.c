@@ -71,7 +71,7 @@ static bool put(const struct i2c_port *port, uint32_t command)
     return true;
 }
 
-// Waits for STOP, which also follows a byte that nobody acknowledged. After an abort for another reason none comes.
+// Waits for STOP, which also follows a byte that nobody acknowledged. After an abort for another reason no STOP comes.
 static enum bus_result end(const struct i2c_port *port)
 {
     volatile struct i2c *i2c = port->registers;
@@ -87,11 +87,11 @@ static enum bus_result end(const struct i2c_port *port)
     }
     if (i2c->RAW_INTR_STAT & I2C_INTR_TX_ABRT)
         result = BUS_NO_ANSWER;
-    (void)i2c->CLR_TX_ABRT; // until then whatever is put is dropped
+    (void)i2c->CLR_TX_ABRT; // until then it discards all bytes
     return result;
 }
 
-// All that is read fits the receiver's sixteen bytes.
+// The sixteen bytes of the receiver hold everything that is read.
 static enum bus_result transfer(struct i2c_port *port, uint8_t address, const uint8_t *out, size_t out_count, uint8_t *in,
                                 size_t in_count)
 {
@@ -128,7 +128,7 @@ static enum bus_result read_register(void *context, uint8_t address, uint8_t num
     return transfer(context, address, &number, 1, bytes, count);
 }
 
-// By hand a line is driven low, or left to its pull-up.
+// By hand a line is driven low, or released to its pull-up.
 static void drive(uint8_t pin, bool low)
 {
     if (low)
@@ -165,7 +165,7 @@ static enum bus_result recover(void *context)
         drive(port->scl, false);
     }
     if (!lines_are_free(port))
-        pulse_mux_reset(port); // a switch lets go of the sensor that holds a line
+        pulse_mux_reset(port); // a switch disconnects the sensor that holds a line
     drive(port->sda, true); // START and STOP
     drive(port->sda, false);
     bool are_free = lines_are_free(port);

@@ -13,7 +13,7 @@ struct i2c_port {
     uint32_t begun_us;
 };
 
-// Fills `bus`, frees the lines as `recover` does and sets the port up. `bus` can be used whatever this returns.
+// Fills `bus`, frees the lines as `recover` does, and sets up the port. `bus` can be used whatever this returns.
 enum bus_result i2c_start(struct i2c_port *port, struct bus *bus);
 
 #endif

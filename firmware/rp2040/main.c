@@ -19,7 +19,7 @@ enum {
     USB_MULTIPLIER = 100, // 1200 MHz, by 5 and by 5
     USB_DIVIDERS = 5 << 16 | 5 << 12,
     POWER_UP_US = 10000,  // muxes and sensors answer 0.2 ms after power-up, and the supply may rise slowly
-    // The longest turn of the main loop, with a bus that stays stuck, takes a few ms. It counts two for each microsecond
+    // The longest turn of the main loop takes a few ms, while a bus stays stuck. It counts two for each microsecond
     // (erratum RP2040-E1).
     WATCHDOG_LOAD = 2 * 150000,
 };

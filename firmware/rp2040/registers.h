@@ -107,7 +107,7 @@ struct uart { // [4.2.8]
 #define UART_CR_RXE (1U << 9)
 #define UART_INT_RX (1U << 4)
 #define UART_INT_TX (1U << 5)
-#define UART_INT_RT (1U << 6) // bytes wait, and the line is idle
+#define UART_INT_RT (1U << 6) // bytes are waiting, and the line is idle
 
 struct i2c { // [4.3.17]
     uint32_t CON, TAR, SAR, unused_0, DATA_CMD, SS_SCL_HCNT, SS_SCL_LCNT, FS_SCL_HCNT, FS_SCL_LCNT, unused_1[2], INTR_STAT,

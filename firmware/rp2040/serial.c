@@ -34,7 +34,7 @@ void serial_start(uint32_t peripheral_hz)
     serial_send(NULL, &zero, 1);
 }
 
-// Its interrupt comes when the level falls, and so not for bytes that are put where none were: these are put here.
+// Its interrupt comes when the level falls, so not for bytes put into an empty buffer: these are sent here.
 static void fill(void)
 {
     size_t count;

@@ -29,7 +29,7 @@ void usb_arm(volatile uint32_t *buffer, uint32_t count, bool full, bool data1)
 {
     uint32_t value = count | (full ? USB_BUFFER_FULL : 0) | (data1 ? USB_BUFFER_DATA1 : 0);
     *buffer = value;
-    // [4.1.2.5.1] The controller's clock is slower: it must see the rest before it sees that the buffer is its own.
+    // [4.1.2.5.1] The controller's clock is slower: it must see all other bits before it sees that it owns the buffer.
     __asm__ volatile("nop\n nop\n nop\n nop\n nop\n nop\n nop\n nop\n nop\n nop\n nop\n nop" ::: "memory");
     *buffer = value | USB_BUFFER_AVAILABLE;
 }
@@ -64,12 +64,12 @@ static void answer(struct usb_control *control, const void *bytes, size_t size, 
 {
     control->answer = bytes;
     control->left = (uint16_t)(size < asked ? size : asked);
-    control->ends_short = size < asked; // the host expects more: a full last packet is followed by an empty one
+    control->ends_short = size < asked; // the host expects more, so an empty packet must follow a full last one
     control->answers = true;
     send_next(control);
 }
 
-// An empty packet ends what the host has ordered.
+// An empty packet ends the host's order.
 static void confirm(struct usb_control *control)
 {
     control->left = 0;
@@ -87,7 +87,7 @@ static void configure(struct usb_control *control, bool configured)
 static void order_of_class(struct usb_control *control, uint8_t request, uint16_t value, uint16_t size)
 {
     switch (request) {
-    case SET_LINE_CODING: // there is no line whose rate it could be
+    case SET_LINE_CODING: // there is no line, so the rate means nothing
         if (size != sizeof control->line_coding) {
             stall();
             break;
@@ -127,7 +127,7 @@ static void order(struct usb_control *control, uint8_t type, uint8_t request, ui
             answer(control, descriptor, found, size);
         break;
     case SET_ADDRESS:
-        control->new_address = value & 0x7F; // from its confirmation on
+        control->new_address = value & 0x7F; // valid after its confirmation
         confirm(control);
         break;
     case SET_CONFIGURATION:
@@ -169,7 +169,7 @@ void usb_control_setup(struct usb_control *control)
     for (int i = 0; i < 8; i++)
         setup[i] = USB_MEMORY->setup[i];
     uint16_t value = (uint16_t)(setup[2] | setup[3] << 8), size = (uint16_t)(setup[6] | setup[7] << 8);
-    // A host that gave up its last order leaves the buffers of that one.
+    // A host that abandoned its last order leaves that order's buffers.
     USB_MEMORY->buffer[0].in = USB_MEMORY->buffer[0].out = 0;
     control->answers = control->takes_line_coding = false;
     control->new_address = 0;

@@ -14,7 +14,7 @@ struct usb_control {
     void (*open_endpoints)(bool opened); // their data start with DATA0
     void (*port_opened)(void);
 
-    // The answer that is being sent, and what its end brings about.
+    // The answer that is being sent, and the action at its end.
     const uint8_t *answer;
     uint16_t left;
     bool ends_short; // its last packet must be shorter than the others

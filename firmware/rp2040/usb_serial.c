@@ -23,7 +23,7 @@ static volatile bool is_sending, has_received; // what was received waits in the
 static bool ended_full, sends_data1, receives_data1;
 static uint32_t frame_began_us;
 
-// The host waits for more after a full packet, so an empty one tells it that there is none.
+// The host waits for more after a full packet, so an empty one marks the end.
 static void send_next(void)
 {
     size_t count = 0, run;
@@ -78,7 +78,7 @@ static void open_endpoints(bool opened)
         let_host_send();
 }
 
-// Who opens the port is not to read what was said before.
+// A program that opens the port must not read what was sent before.
 static void port_opened(void)
 {
     size_t count;
@@ -98,7 +98,7 @@ void usb_serial_start(const uint8_t id[BOARD_ID_SIZE])
     for (size_t i = 0; i < sizeof *USB_MEMORY / 4; i++)
         memory[i] = 0;
     USB->USB_MUXING = USB_MUXING_TO_PHY_SOFTCON;
-    USB->USB_PWR = USB_PWR_VBUS_TAKEN_AS_THERE; // a board that has no USB is never asked
+    USB->USB_PWR = USB_PWR_VBUS_TAKEN_AS_THERE; // a board without USB never gets a request
     USB->MAIN_CTRL = USB_MAIN_CTRL_CONTROLLER_EN;
     USB->SIE_CTRL = USB_SIE_CTRL_EP0_INT_1BUF;
     USB->INTE = USB_INT_BUFF_STATUS | USB_INT_BUS_RESET | USB_INT_SETUP_REQ | USB_INT_DEV_SOF;
@@ -138,7 +138,7 @@ void usb_serial_drop(size_t count)
 void usbctrl_handler(void)
 {
     uint32_t events = USB->INTS;
-    if (events & USB_INT_BUS_RESET) { // before what came after it
+    if (events & USB_INT_BUS_RESET) { // before any later byte
         USB->SIE_STATUS = USB_SIE_STATUS_BUS_RESET;
         USB->ADDR_ENDP[0] = 0;
         usb_control_reset(&control);

@@ -14,7 +14,7 @@ void usb_serial_start(const uint8_t id[BOARD_ID_SIZE]);
 // Whether a program on the host has opened the port.
 bool usb_serial_is_open(void);
 
-// As those of serial.h.
+// The same as in serial.h.
 bool usb_serial_send(const uint8_t *line, size_t count);
 const uint8_t *usb_serial_peek(size_t *count);
 void usb_serial_drop(size_t count);

@@ -6,7 +6,7 @@
 #include "timer.h"
 
 enum {
-    FREE_LIMIT_US = 100,      // wait for the bus to become free; the last STOP has ended before a transfer begins
+    FREE_LIMIT_US = 100,      // wait for the bus to become free; the last STOP ends before a transfer begins
     TRANSFER_LIMIT_US = 1000, // the longest transfer of the core takes 0.25 ms
 };
 
@@ -70,8 +70,8 @@ static enum bus_result send(const struct i2c_port *port, uint8_t address, const 
     return count > 0 && result == BUS_OK ? await(port, I2C_SR1_BTF) : result;
 }
 
-// Interrupts are held off where a delay by one byte's time would send STOP a byte late, or read the last byte shifted
-// (errata sheet ES096, "wrong data read into data register").
+// Interrupts are blocked where a delay of one byte would send STOP a byte late, or read the last byte shifted (errata
+// sheet ES096, "wrong data read into data register").
 static void hold_interrupts(void)
 {
     __asm__ volatile("cpsid i" ::: "memory");
@@ -152,9 +152,8 @@ static enum bus_result receive(const struct i2c_port *port, uint8_t address, uin
     return count == 1 ? receive_one(port, bytes) : count == 2 ? receive_two(port, bytes) : receive_many(port, bytes, count);
 }
 
-// Requests STOP unless the receiver did, and waits until it is sent: CR1 may not be written before. Does not wait until
-// the bus is free: a mux channel that STOP connects may be held low, and that is the next transfer's error, not this
-// one's.
+// Requests STOP unless the receiver did, and waits until it was sent: CR1 may not be written before. It does not wait
+// until the bus is free: STOP may connect a mux channel that is held low, and that error belongs to the next transfer.
 static enum bus_result end(const struct i2c_port *port, enum bus_result result, bool stop_asked)
 {
     struct i2c *i2c = port->registers;

@@ -2,7 +2,7 @@
 
 enum {
     RATE_KHZ = 400,
-    RISE_TIME_NS = 300, // the longest that fast mode allows
+    RISE_TIME_NS = 300, // the longest time that fast mode allows
 };
 
 void i2c_configure(const struct i2c_port *port)

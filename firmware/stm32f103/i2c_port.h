@@ -7,7 +7,7 @@
 #include "registers.h"
 
 struct i2c_pins {
-    uint8_t scl, sda, mux_reset; // of port B; the switches' RESET (active low) is optional
+    uint8_t scl, sda, mux_reset; // on port B; the switches' RESET (active low) is optional
 };
 
 struct i2c_port {

@@ -9,11 +9,11 @@
 enum {
     HALF_CLOCK_US = 5,
     RISE_LIMIT_US = 200, // for a slave that stretches the clock
-    PULSES_MAX = 9,      // eight bits and the acknowledge, so that the slave comes to the end of its byte
-    MUX_RESET_US = 10,   // TCA9548A data sheet: 6 ns; more, because the wire's capacitance is not known
+    PULSES_MAX = 9,      // eight bits and the acknowledge, so that the slave reaches the end of its byte
+    MUX_RESET_US = 10,   // TCA9548A data sheet: 6 ns; longer, because the wire's capacitance is not known
 };
 
-// Sets a line and waits until it has that level. False: it has not within RISE_LIMIT_US.
+// Sets a line and waits until it has that level. False: it does not reach it within RISE_LIMIT_US.
 static bool drive(unsigned pin, bool high)
 {
     uint32_t begun_us = timer_now_us();

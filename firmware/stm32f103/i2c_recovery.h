@@ -4,7 +4,8 @@
 
 #include "../core/bus.h"
 
-// `context` is the struct i2c_port. Sets the port up anew, whether the lines are free or not. BUS_STUCK: they are not.
+// `context` is the struct i2c_port. Sets the port up anew, whether the lines are free or not. BUS_STUCK: the lines are
+// not free.
 enum bus_result i2c_recover(void *context);
 
 #endif

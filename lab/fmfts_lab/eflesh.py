@@ -19,7 +19,7 @@ from fmfts.pad import Array
 
 NEWTON_PER_GRAM = 9.80665e-3
 WITHDRAWN_MM = 0.05
-ONE_PLACE_MM = 0.5  # a probe that travels less presses one place
+ONE_PLACE_MM = 0.5  # a probe that travels less presses a single place
 
 
 def columns(path: Path, load: str = "force_n", boards: int = 0) -> dict[str, list[str]]:

@@ -10,7 +10,7 @@ int main(void)
     uint8_t head[4];
     while (fread(head, 1, sizeof head, stdin) == sizeof head) {
         size_t size = (size_t)head[0] | (size_t)head[1] << 8 | (size_t)head[2] << 16;
-        uint8_t *body = malloc(size); /* as long as the message: the sanitizer sees the first byte beyond */
+        uint8_t *body = malloc(size); /* as long as the message, so that the sanitizer sees the next byte */
         if (fread(body, 1, size, stdin) != size)
             return 1;
         struct fmfts_contact contact, untouched;

@@ -1,4 +1,4 @@
-/* libFuzzer's target: whatever bytes come, what is accepted is whole, and the same each time. */
+/* libFuzzer's target: for any input, an accepted contact is complete, and the same each time. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

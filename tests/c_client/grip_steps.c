@@ -1,5 +1,6 @@
-/* Runs the controller of examples/grip.c on messages from stdin: of each step a byte, whether it may loosen; of each pad the size of a
- * message (0: it is not usable) and the message. Prints how fast to close, whether the arm may lift, and whether the least force is known. */
+/* Runs the controller of examples/grip.c on messages from stdin: for each step a byte that says whether it may loosen;
+ * for each pad the size of a message (0: unusable) and the message. Prints how fast to close, whether the arm may lift,
+ * and whether the least force is known. */
 #define main grip_main
 #include "../../clients/c/examples/grip.c"
 #undef main

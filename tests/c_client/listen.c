@@ -1,5 +1,6 @@
-/* listen PAD [BASE]: each line on standard input is a timeout in milliseconds, and answered with a line of JSON. With a "?"
- * before it, the answer is that of fmfts_why(). "sNEWTON" names the largest deviation of a valid force, and has no answer. */
+/* listen PAD [BASE]: each line on standard input is a timeout in milliseconds, and answered with a line of JSON. With a
+ * leading "?", the answer is that of fmfts_why(). "sNEWTON" names the largest deviation of a valid force, and has no
+ * answer. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>

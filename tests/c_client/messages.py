@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fmfts.bus.messages import ContactMessage, FingerMessage, NowMessage, PoseMessage, SlipMessage
 
-# The daemon's encoder adds them all up to see that they are finite.
+# The daemon's encoder adds them all to check that they are finite.
 LARGEST = 1e300
 numbers = st.floats(-LARGEST, LARGEST) | st.sampled_from([0.0, -0.0, 5e-324, LARGEST])
 vectors = st.tuples(numbers, numbers, numbers)

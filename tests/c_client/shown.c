@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-/* What is known is finite, and what is not can not be mistaken for a number. */
+/* A known value is finite, and an unknown one cannot be mistaken for a number. */
 static void show_number(bool known, double value)
 {
     if (known != (bool)isfinite(value) || known == (bool)isnan(value))

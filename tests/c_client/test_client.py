@@ -95,7 +95,7 @@ def test_client_is_valid_up_to_the_named_force_deviation(
 
 def test_latest_after_a_pause_skips_what_waited(client: Talker, publisher: Publisher) -> None:
     def after_a_pause() -> dict[str, Any]:
-        while client.latest(50)["result"] == NEW:  # of an attempt whose last ones came after the pause
+        while client.latest(50)["result"] == NEW:  # of an attempt whose last messages came after the pause
             pass
         for seq in range(1, 51):
             publisher.send_contact("demo", contact_message(seq=seq))

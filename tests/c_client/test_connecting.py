@@ -68,7 +68,7 @@ def test_clock_of_another_machine_is_learned_from_what_arrives(program: Path, ah
             far(publisher, ahead_s, boot=boot)
             return client.latest(20)
 
-        # What a busy machine adds to the clock's difference goes with the next message that comes soon.
+        # The next message that comes soon removes the error that a busy machine adds to the clock's difference.
         def is_settled(answer: dict[str, Any]) -> bool:
             return answer.get("boot") == boot and answer["clock_ahead_s"] == pytest.approx(ahead_s, abs=0.1)
 
@@ -90,7 +90,7 @@ def test_clock_of_another_machine_is_learned_from_what_arrives(program: Path, ah
 
             eventually(heard_late, lambda answer: not answer["alive"])
             assert settled(client, "two", ahead_s + 90_000.0)["restarts"] == 1
-            # All that it said before it died, read at once.
+            # Everything that it sent before it died, read at once.
             for _ in range(20):
                 far(publisher, ahead_s, boot="three")
             time.sleep(0.5)

@@ -25,7 +25,7 @@ from unit.bus_messages import contact_message, finger_message, fingers_message, 
 LONGEST_REASON = 255
 HEALTHS = get_args(Health)
 
-OF_SEVERAL = ("contacts", "more", "poses", "slip")  # only of pads with several magnets, or that were asked for it
+OF_SEVERAL = ("contacts", "more", "poses", "slip")  # sent only for pads with several magnets, or if it was requested
 MAX_FINGERS, MAX_MAGNETS = 4, 9
 FIELDS = sorted(field.name for field in msgspec.structs.fields(ContactMessage))
 FINGER_FIELDS = sorted(field.name for field in msgspec.structs.fields(FingerMessage))
@@ -164,7 +164,7 @@ def agree(c_client: Talker, payload: bytes) -> None:
         assert answer["result"] == REFUSED
     else:
         if answer["result"] == REFUSED:
-            # What C cannot hold: 64 bits of sign and number, and words of 64 bytes.
+            # Values that C cannot hold: 64 bits of sign and number, and words of 64 bytes.
             assert re.search("integer of 64 bits|is not text", answer["why"]), answer
         elif wanted["health"] not in HEALTHS:
             assert answer["health"] == "unknown"

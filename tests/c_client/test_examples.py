@@ -27,7 +27,7 @@ turning_deg_per_s = 0.0
 """
 PATIENCE_S = 30.0
 TRIES = 5
-LONG_AFTER_S = 0.5  # after the daemon stopped, a gripper knows it
+LONG_AFTER_S = 0.5  # a gripper notices that the daemon stopped
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +122,8 @@ def test_gripper_opens_when_pad_is_pressed_and_when_daemon_hangs(
             gripper.says("CLOSE")
             daemon.process.send_signal(signal.SIGSTOP)
             try:
-                # Where the pad was pressed just before, the gripper is open already and says no more: then once again.
+                # If the pad was pressed just before, the gripper is already open and prints nothing more: then try once
+                # again.
                 gripper.ends_with("OPEN")
                 time.sleep(LONG_AFTER_S)
                 gripper.listen()
@@ -181,7 +182,7 @@ def test_c_client_receives_the_daemon_as_the_python_client_does(daemon: RunningD
     in_c, in_python, both = {}, {}, set[int]()
     with daemon.subscribe("contact") as messages, Talker(program, "left", daemon.base) as client:
         until = time.monotonic() + PATIENCE_S
-        while len(both) < 50 and time.monotonic() < until:  # on a busy computer each hears others of the messages
+        while len(both) < 50 and time.monotonic() < until:  # on a busy computer each hears other messages
             answer = client.latest(1000)
             if answer["result"] == NEW:
                 in_c[answer["seq"]] = answer

@@ -274,7 +274,7 @@ def test_grip_with_one_dead_pad_never_opens(decide: Callable[[Steps], Decided], 
     for first in ([too_tight], [touches, too_tight]):
         assert decide(first * 50)[-1][:2] == (0.0, False)
     assert all(speed >= 0.0 and not lift for speed, lift, _ in decide([too_tight] * 300))
-    # It closes neither without end on an object that is gone, nor on one that was never there.
+    # It keeps closing neither on an object that is gone nor on one that was never there.
     assert decide([touches] + [(False, alone(untouched))] * 50)[-1][:2] == (0.0, False)
     assert decide([(False, alone(untouched))])[-1][:2] == (0.0, False)
     speed, lift, _ = decide([touches, slips])[-1]
@@ -307,5 +307,5 @@ def test_example_does_not_catch_up_after_a_stall(name: str, tmp_path: Path) -> N
     example = f'-DEXAMPLE="{CLIENT}/examples/{name}.c"'
     program = build(tmp_path / name, "gcc", [HERE / "late_period.c"], example, f"-I{CLIENT}", "-lm", *SANITIZED)
     ended = subprocess.run([program], capture_output=True, text=True, timeout=PATIENCE_S, check=True)
-    # The first wait is over already. A busy computer may stop it once or twice again.
+    # The time of the first wait has already passed. A busy computer may stop it once or twice again.
     assert 1 <= int(ended.stdout) <= 5

@@ -34,7 +34,7 @@ from fmfts.sources import on_board
 FOLDER = Path(__file__).parent / "recordings"
 PAD, BOOT, RATE_HZ = "paper", "recorded", 220
 BARE_FRAMES, SHOWN_FRAMES = 660, 66  # 3 s, 0.3 s
-SETTLING_FRAMES = 12  # until every chip has measured what is shown now
+SETTLING_FRAMES = 12  # until every chip has measured the present field
 
 
 def frames_of(bridge: Bridge) -> Iterator[Frame]:
@@ -69,7 +69,7 @@ def make(path: Path, port_folder: Path) -> None:
         for reading in readings():
             host.field(reading.field_t)
             while np.array_equal(next(frames).counts, before.counts):
-                pass  # on its way since before
+                pass  # sent before the reading
             take(frames, SETTLING_FRAMES)
             shown = take(frames, SHOWN_FRAMES)
             before = shown[-1]

@@ -49,7 +49,7 @@ def make(path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder, kernel_bus("qmc5883l"):
         config = Path(folder) / "pad.toml"
         config.write_text(CONFIG)
-        # The kernel of whoever makes the file is of no interest: the bus is emulated.
+        # The maker's kernel does not matter: the bus is emulated.
         (Path(folder) / "sitecustomize.py").write_text(EMULATED_KERNEL)
         environment = os.environ | {
             "XDG_STATE_HOME": folder,

@@ -16,15 +16,15 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 UNIT = ROOT / "tests/unit"
-EXTRAS = sorted(path.parent for path in ROOT.glob("extras/*/pyproject.toml"))  # the tests use what they add
+EXTRAS = sorted(path.parent for path in ROOT.glob("extras/*/pyproject.toml"))  # the tests use their packages
 DEBIAN = "python3,libpython3.11-dev,python3-numpy,python3-scipy"
 FROM_PYPI = ["msgspec", "msgpack", "pyzmq", "pyserial", "smbus2", "onnx", "protobuf", "typing_extensions"]
 FROM_PYPI += ["mcap", "zstandard", "lz4", "mpmath", "threadpoolctl"]
 FROM_PYPI += ["ml_dtypes==0.5.1"]  # the next one wants numpy 1.25, and Debian 12 has 1.24
 FROM_PYPI += ["pytest", "hypothesis", "sortedcontainers", "iniconfig", "pluggy", "packaging", "pygments"]
 PLATFORMS = ("linux", "manylinux_2_28", "manylinux_2_27", "manylinux2014", "manylinux_2_17")
-# What each frame runs through, what it rests on, and recordings that must be replayed to the last bit: patterns of
-# tests/unit/test_….py.
+# The modules that each frame runs through, those they rest on, and recordings that must replay to the last bit:
+# patterns of tests/unit/test_….py.
 # Not client_clock: it is judged by the clock, and an emulated client on a busy machine is late.
 TESTS = ["pose_kernel", "pose_solver", "pose_refusals", "chi2", "alignment", "tracker", "mean_residuals", "touch"]
 TESTS += ["smoothing", "contact_network", "refine", "near_magnet", "hmc5983", "wire*", "link", "clock"]
@@ -57,7 +57,7 @@ def debian(cache: Path) -> Path:
         libraries = [f"{tree}.new/usr/lib/python3", f"{tree}.new/usr/lib/python3.11"]
         subprocess.run(["/usr/bin/python3.11", "-m", "compileall", "-q", *libraries], check=True)
         Path(f"{tree}.new").rename(tree)
-    (tree / "dev/ptmx").unlink(missing_ok=True)  # it would hide the host's, and no pty opens by it
+    (tree / "dev/ptmx").unlink(missing_ok=True)  # it would hide the host's, and then no pty opens
     return tree
 
 
@@ -81,7 +81,7 @@ def wheel(tree: Path, folder: Path, sources: str | Path = ROOT) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("fmfts-*.whl"):
         old.unlink()
-    for old in Path(sources).glob("build/*.linux-aarch64*"):  # a module that is gone would still be packed
+    for old in Path(sources).glob("build/*.linux-aarch64*"):  # a deleted module would still be packed
         shutil.rmtree(old)
     environment = os.environ | cross_compiler(tree, sources)
     subprocess.run([*PIP, "wheel", "--no-deps", "-w", folder, sources], check=True, env=environment)

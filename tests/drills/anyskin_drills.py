@@ -33,7 +33,7 @@ port = "{port}"
 form = "binary"
 rate_hz = {rate_hz}
 """
-BACK_S = 0.7  # between two faults: numbers are judged, and the finger moves on
+BACK_S = 0.7  # between two faults: numbers are judged, and the finger moves
 SENT_BAUD, OTHER_BAUDS = 115_200, (9_600, 57_600, 230_400, 460_800)
 WRONG_BAUD_S = 1.2
 BURST_BYTES = 1000
@@ -130,7 +130,7 @@ def damaged(folder: Path, packets: int) -> Facts:
             ear.listen(0.05)
         ear.listen(1.2)
         garbage = daemon.request("status")["pads"][0]["garbage_bytes"]
-        assert garbage > packets, garbage  # or nothing was damaged
+        assert garbage > packets, garbage  # false: nothing was damaged
     return {"packets": packets, **summary(recoveries), "counted_as_garbage": garbage} | none_wrong(ear, skin)
 
 

@@ -113,7 +113,7 @@ def theirs(package: Path, rate_hz: int, seconds: float) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as name, NumberedBoard(Path(name), rate_hz) as board:
         command = [sys.executable, "-c", THEIRS, str(package), str(board.link), str(seconds)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-            # Packets' times are written over after NUMBERS of them: keep a copy of each as it is made.
+            # Packets' times are overwritten after NUMBERS of them: keep a copy of each when it is made.
             assert process.stdout is not None
             text = process.stdout.read()
         said = json.loads(text.splitlines()[-1])

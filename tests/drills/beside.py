@@ -17,7 +17,7 @@ def probed(folder: Path, times: int) -> dict[str, Any]:
         heard = []
         while not (probing.done() and board.judged_pressed):
             heard.append(ear.next())
-    # On a busy computer the board may just have been silent for a moment, which a probe says, too.
+    # On a busy computer the board may have been silent for a moment, which a probe reports, too.
     unanswered = [each.stderr for each in probing.result() if each.returncode and "connected: no" not in each.stdout]
     facts = {
         "probes": times,

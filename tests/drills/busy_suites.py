@@ -38,7 +38,7 @@ while os.getppid() == int(sys.argv[1]):
     for _ in range(10**6):
         pass
 """
-# Of the summary that tests/all_parts.py prints.
+# As in the summary that tests/all_parts.py prints.
 PART = re.compile(rf"(?m)^({'|'.join(PARTS)}) +(passed|FAILED) +(\d+) s +(?:(\d+) tests)?")
 LISTS = ("failed", "repeated once", "skipped")
 SECTION = r"(?ms)^{title}[^\n]*:\n((?:  [^\n]*\n?)+)"
@@ -159,7 +159,7 @@ def main() -> int:
     end_on_sigterm()
     shutil.rmtree(LOGS, ignore_errors=True)
     with tempfile.TemporaryDirectory() as folder:
-        source = Path(folder) / "head.git"  # as it is now, whatever is committed meanwhile
+        source = Path(folder) / "head.git"  # the present commit, even if others follow
         subprocess.run(["git", "clone", "-q", "--bare", f"file://{ROOT}", source], check=True)
         git = ["git", "-C", source, "rev-parse", "--short", "HEAD"]
         commit = subprocess.run(git, check=True, capture_output=True, text=True).stdout.strip()

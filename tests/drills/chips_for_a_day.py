@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 from compiled_emulator import compile_into
 
-for folder in (".", "unit"):  # what is imported from there comes after the chips were compiled, in `day`
+for folder in (".", "unit"):  # it is imported in `day`, after the chips were compiled
     sys.path.insert(0, str(Path(__file__).parents[1] / folder))
 
 STRETCH_S, MEASURED_S, BEYOND_S = 600.0, 20.0, 0.5
-CLOCK_ERRORS = (-0.03, 0.02)  # of a chip's period
-OTHER_READING_EVERY = 10  # stretches are read as the daemon does it: at twice the rate
+CLOCK_ERRORS = (-0.03, 0.02)  # share of a chip's period
+OTHER_READING_EVERY = 10  # the daemon polls stretches at twice the rate
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def check_stretch(promise: Promise, chips: list[Any], temperature_of: Any, kept:
         due = np.array(chip.field_gauss) * warmth * lsb - promise.low_steps
         # Rounding to whole steps adds a twelfth of a step's square, as long as the noise is of its size.
         sigma = np.sqrt((promise.noise_gauss * lsb) ** 2 + 1.0 / 12.0)
-        # Small noise keeps a bias of rounding: half a step at the most, at none.
+        # Smaller noise leaves a bias of rounding: at most half a step, without noise.
         bias = 0.5 * np.exp(-2.0 * (np.pi * promise.noise_gauss * lsb) ** 2)
         deviation = (np.abs(counts.mean(axis=0) - due) - bias) / (sigma / np.sqrt(len(counts)))
         found.field_deviations.append(float(deviation.max()))
@@ -183,7 +183,7 @@ def day(kind: str, hours: float, number_of_chips: int) -> dict[str, object]:
             for number, error in enumerate(CLOCK_ERRORS[:number_of_chips])
         ]
         for chip in chips if promise.has_film else ():
-            chip.repeatability_gauss = 0.0  # else each set pulse would move the mean, by 1 mG
+            chip.repeatability_gauss = 0.0  # otherwise each set pulse would move the mean, by 1 mG
         pad, bus = emulated_pad(clock, kind, chips, rate_hz=promise.frames_hz)
         read(pad, clock, 1.0, 2 * promise.frames_hz, nothing_found(number_of_chips))
         transfers, made = bus.bus.transfers, [chip.conversions for chip in chips]
@@ -211,7 +211,7 @@ def day(kind: str, hours: float, number_of_chips: int) -> dict[str, object]:
     if min(lost) < -1 or max(lost) > 1 + promise.overwritten * max(due):
         found.wrong.append(f"{due} conversions, {found.taken} taken")
     rate_hz = promise.rate_hz or found.frames / elapsed_s
-    # Its own clock says when a chip converts, but not when the driver starts the next measurement.
+    # A chip's own clock determines when it converts, but not when the driver starts the next measurement.
     errors = CLOCK_ERRORS if promise.rate_hz else (0.0,) * number_of_chips
     rates = [count / elapsed_s * (1.0 + error) / rate_hz for count, error in zip(due, errors, strict=False)]
     if max(abs(rate - 1.0) for rate in rates) > 1e-4:

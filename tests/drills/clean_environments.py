@@ -24,20 +24,20 @@ from drills.versions import Project, find_uv_bin, uv  # noqa: E402
 
 DIST = ROOT / "dist"
 DEMO_S = 10
-# The summary that ends a demo: every frame arrived, at the pad's 220 Hz, and all was well.
+# The summary that ends a demo: every frame arrived, at the pad's 220 Hz, and all were healthy.
 SEEN = re.compile(r"pad (?:demo|array): (\d+) messages; .* ok ")
-LEAST_MESSAGES = 220  # a second of them: a busy computer starts the daemon late
+LEAST_MESSAGES = 220  # one second of frames: a busy computer starts the daemon late
 LARGEST_LISTED = 8
-# A source of a package, with a chip that it has not.
+# A source from a package, with a chip that it does not support.
 SKIN = '[[pad]]\nname = "skin"\n[pad.source]\ntype = "anyskin"\nport = "/dev/null"\nchip = "hmc5983"\n'
-# What no verb does with them: it says so where the extra is installed.
+# A verb that cannot use them says so if the extra is installed.
 MISUSED = {
     "collect": (["collect", "--weigh-g", "100"], "expected 2 arguments"),
     "fleet": (["view", "--robot", "arm"], "give NAME=ENDPOINT"),
     "foxglove": (["view", "--foxglove", "--host", "0.0.0.0"], "serves this machine alone"),
     "skin": (["check-config", "--config", "skin.toml"], "a streamed chip belongs to an AnySkin board"),
 }
-# Of a verb without its package, or misused; and of a file for a package, which is a bad one either way.
+# For a verb without its package, or a wrong call; and for a package's file, which is an error either way.
 UNAVAILABLE, USAGE, CONFIG = 69, 2, 78
 
 

@@ -30,9 +30,9 @@ from end_to_end.processes import PATIENCE_S, RunningDaemon
 from fmfts.baseline.origin import Origin
 
 POWERS = range(20, 63)
-OLD_US = 2**47  # of every board, so that its clock has room to leap back
+OLD_US = 2**47  # start of every board's clock, so that it can leap back
 SOON_NS = 300_000_000
-WATCHED_NS = 1_000_000_000  # after the last frame that is off
+WATCHED_NS = 1_000_000_000  # after the last wrong frame
 REST_NS = 500_000_000
 APART_NS = 2_000_000
 ORDER_NS = 3_000_000_000
@@ -41,7 +41,7 @@ COPIES = 3  # of each packet, at most
 INEXACT, LEAST_USED = (
     0.05,
     0.5,
-)  # shares: of packets that are under way; on a loaded computer
+)  # shares of the packets on their way; on a loaded computer
 
 
 class Case(NamedTuple):
@@ -71,7 +71,7 @@ class Heard(Judge):
         taken_ns = self.ok_ns[pad]
         self.ok_times_ns[pad].append(taken_ns)
         sampled_ns, before_ns = self._newest.get(pad, (0, 0))
-        # A drill that waited for a processor takes frames within some µs, as no board does.
+        # A drill that waited for a processor receives frames within some µs, unlike from any board.
         is_apart = taken_ns == before_ns or abs(taken_ns - before_ns) > APART_NS
         self.twice[pad] += contact["t_sample_ns"] == sampled_ns and is_apart
         self._newest[pad] = contact["t_sample_ns"], taken_ns
@@ -217,7 +217,7 @@ def miscounted(counted: dict[str, Any]) -> list[str]:
     """What the daemon's counters of a phase say that is not so."""
     due = counted["made"] - counted["overtaken"] - counted["lost"]
     used, again = counted["frames"] - counted["dropped"], counted["again"] + counted["overtaken"]
-    left_out = max(counted["dropped"] - again, 0)  # by a computer that is late; `gaps` cannot excuse silence
+    left_out = max(counted["dropped"] - again, 0)  # lost through a late computer; `gaps` cannot excuse silence
     found = []
     if used + left_out < (1.0 - INEXACT) * due or used < LEAST_USED * due:
         found.append(f"{used} frames used and {left_out} left out of {due}")

@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-BOOTED = ["systemd", "systemd-sysv", "dbus", "udev"]  # what a minimal installation has beyond the base
+BOOTED = ["systemd", "systemd-sysv", "dbus", "udev"]  # packages of a minimal installation beyond the base
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class System:
     mirror: str = "http://deb.debian.org/debian"
     components: str = "main"
     keyring: Path = Path("/usr/share/keyrings/debian-archive-keyring.gpg")
-    script: str = "sid"  # of debootstrap, for releases that are newer than it
+    script: str = "sid"  # script of debootstrap, for releases that are newer than it
 
 
 DEBIAN_12 = System("debian-12", "bookworm")
@@ -66,7 +66,7 @@ class Container:
     def __init__(self, tree: Path) -> None:
         self.name = f"fmfts-drill-{secrets.token_hex(4)}"
         self.root = Path(tempfile.mkdtemp(prefix="fmfts-container."))
-        self._remove = weakref.finalize(self, shutil.rmtree, self.root, ignore_errors=True)  # also where the copy fails
+        self._remove = weakref.finalize(self, shutil.rmtree, self.root, ignore_errors=True)  # even if the copy fails
         subprocess.run(["cp", "-a", "--reflink=auto", f"{tree}/.", self.root], check=True)
         (self.root / "etc/hostname").write_text("robot\n")
         self._process: subprocess.Popen[bytes] | None = None
@@ -125,7 +125,7 @@ class Container:
     def __exit__(self, *_: object) -> None:
         self.shut_down()
         self._remove()
-        # What systemd-nspawn leaves behind, where /run is no file system of its own.
+        # systemd-nspawn leaves this behind if /run is no file system of its own.
         self.root.with_name(f".#{self.root.name}.lck").unlink(missing_ok=True)
         shutil.rmtree(f"/run/systemd/nspawn/propagate/{self.name}", ignore_errors=True)
 

@@ -15,7 +15,7 @@ from drills.rig import PATIENCE_S, resident_kb
 from end_to_end.processes import UNTOUCHED_CONFIG, RunningDaemon
 from fmfts.bus.control import VERBS
 
-BATCH = 100  # less than the daemon takes in a turn of its loop: none waits for another's answer
+BATCH = 100  # fewer than the daemon serves in a turn of its loop: none waits for another's answer
 GROWN_KB = 8_000  # a leak of a request's 60 bytes would be this after 130,000 of them
 CHANGING = ("baseline", "selftest")
 
@@ -23,7 +23,7 @@ CHANGING = ("baseline", "selftest")
 def random_request(dice: random.Random, harmless: bool = False) -> bytes:
     """Anything from noise over damaged requests to well-formed ones; harmless: none that changes anything."""
     choice = dice.random()
-    verbs = sorted(VERBS)  # the order of a set changes with each process, and these dice with it
+    verbs = sorted(VERBS)  # the order of a set changes with each process, and with it these random choices
     if choice < 0.3:
         return dice.randbytes(dice.randrange(60))
     content: dict[Any, Any] = {"id": dice.randrange(1000), "verb": dice.choice([*verbs, "x", None, 3])}
@@ -60,7 +60,8 @@ def fuzzed_control(folder: Path, count: int) -> dict[str, Any]:
         assert "Traceback" not in daemon.log.read_text()
     facts = {"requests": answers.total(), **answers, "memory_grown_kb": grown_kb}
     assert answers.total() == count // BATCH * BATCH, facts
-    # 40 % are undamaged, 3 of 8 verbs harmless and known, 29 % of those bear no surplus key: 4.3 % of these dice.
+    # 40 % are undamaged, 3 of 8 verbs are harmless and known, and 29 % of those carry no surplus key: 4.3 % of these
+    # choices.
     assert min(answers["ok"], answers["error"]) > 0.04 * count, facts
     assert grown_kb < GROWN_KB, facts
     return facts

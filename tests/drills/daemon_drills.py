@@ -26,7 +26,7 @@ from fmfts.config import SimulatedSource
 from fmfts_client import Contact, Subscription
 
 Facts = dict[str, Any]
-# A stopped process is as cut off as a dead one, and an interpreter need not be started for each cut.
+# A stopped process is as cut off as a dead one, and no interpreter must be started for each cut.
 LOOKS = 20
 C_COMPILER = ("gcc", "-std=gnu11", "-Wall", "-Wextra", "-Werror", "-O2")
 SIMULATED = """
@@ -103,7 +103,7 @@ def _wedge(daemon: RunningDaemon, bus: KernelBus, seconds: float) -> Facts:
         "least_share_of_rate": round(min(during[pad]["rate_hz"] / before[pad]["rate_hz"] for pad in during), 3),
     }
     assert all(stretch[fault] == 0 for stretch in during.values() for fault in ("lost", "other_health")), facts
-    # Whoever waited for the bus would be silent for as long as it hangs.
+    # A pad that waited for the bus would be silent for as long as it hangs.
     assert all(stretch["longest_gap_s"] < 0.8 * seconds for stretch in during.values()), facts
     assert "stale" in said or "disconnected" in said, facts
     return facts
@@ -200,7 +200,7 @@ class WallClock:
         self.file.write_bytes(bytes(8))
 
     def set(self, offset_s: int) -> None:
-        with self.file.open("r+b") as file:  # in place: it is mapped by those whose clock this is
+        with self.file.open("r+b") as file:  # in place, because the processes with this clock have mapped it
             file.write(struct.pack("=q", offset_s))
 
 
@@ -229,9 +229,9 @@ def clock_set_back(folder: Path, seconds: float) -> Facts:
     facts = {"jumps_of_utc_s": jumps, "messages": len(heard), "longest_gap_s": longest_gap_s(heard),
              "share_of_rate": round((len(heard) - 1) / lasted_s / SimulatedSource().rate_hz, 3),
              "not_ok": sum(contact.health != "ok" for contact in heard)}  # fmt: skip
-    assert jumps == [-3600, 7200], facts  # or the clock was never set
+    assert jumps == [-3600, 7200], facts  # false: the clock was never set
     assert all(b.seq == a.seq + 1 and b.t_sample_ns > a.t_sample_ns for a, b in pairwise(heard)), facts
     assert facts["not_ok"] == 0, facts
-    # A busy computer costs frames; woken by the tick alone, a simulated pad would have a third of them.
+    # A busy computer costs frames; a simulated pad that only the tick wakes would have a third of them.
     assert 0.5 < facts["share_of_rate"] < 1.05, facts
     return facts | none_wrong(ear)

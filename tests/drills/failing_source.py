@@ -34,7 +34,7 @@ HEALTHY, RATE_HZ, NONE = ("a", "b", "c"), 220, -1
 PATIENCE_S = 30.0
 PRIORITY = 20 if permitted.priority() else 0
 PUBLISHED = 0.999
-UNDER_WAY_S = 0.2  # so long a message may be on its way
+UNDER_WAY_S = 0.2  # a message may take this long
 
 
 def pad(name: str) -> PadConfig:

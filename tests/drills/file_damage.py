@@ -19,7 +19,7 @@ WEIRD: tuple[Any, ...] = (
     None, True, -1, 0, 1, 2**31, 2**63, 10**400, -(2**63), 0.0, -0.5, 1e-300, 1e300, 1.5, "", "left", "é\x00",
     "9" * 5000, [], {}, [[]], [1.0, 2.0], {"": None}, "NaN", "2024-01-01",
 )  # fmt: skip
-# In the place of any value of a text: what Python's and the packages' decoders read in different ways.
+# Replacements for any value in a text: Python's and the packages' decoders read them differently.
 TOKENS = (
     b"1e400", b"-1e400", b"NaN", b"nan", b"inf", b"Infinity", b"-0", b"1e-400", b"9" * 400, b"9" * 5000, b"0x7f",
     b"18446744073709551616", b"9223372036854775808", b'"\\ud800"', b'"\\u0000"', b'{"a":1,"a":2}', b"[" * 3000,
@@ -28,7 +28,7 @@ TOKENS = (
 )  # fmt: skip
 VALUE = re.compile(rb'-?\d[\d.e+-]*|true|false|null|"[^"\\]*"')
 DOUBLED = (2, 10, 100, 1000)  # how often a part of a file is repeated
-LARGE = 1 << 18  # a file that is made to be long has about so many bytes
+LARGE = 1 << 18  # a file that is extended has about this many bytes
 MANY = LARGE // 9  # of the smallest parts: empty records, entries of metadata
 MANY_EMPTY = record(0x7F, b"") * MANY
 HUGE = (0, 1, 2**7, 2**16, 2**31, 2**32 - 1, 2**40, 2**63, 2**64 - 1)

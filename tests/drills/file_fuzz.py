@@ -31,8 +31,8 @@ from drills.file_damage import damaged
 from drills.file_kinds import Kind, kinds
 
 LONGEST_S, LARGEST_MB = 1.0, 200.0
-HANGS_S = 60  # then an input is interrupted
-SHARD = 2000  # inputs that a worker tries before it tells
+HANGS_S = 60  # after this time an input is interrupted
+SHARD = 2000  # inputs that a worker tries before it reports
 PEAK, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
 
@@ -157,7 +157,7 @@ def main() -> None:
             inputs = round(share * kind.cost**-0.5)
             for first in range(0, inputs, SHARD):
                 shards.append((kind.name, first, min(first + SHARD, inputs), options.seed))
-        Random(options.seed).shuffle(shards)  # so that what is there after an hour is of all kinds
+        Random(options.seed).shuffle(shards)  # so that an hour covers all kinds
         for number, done in enumerate(as_completed([pool.submit(_shard, *shard) for shard in shards]), 1):
             one = done.result()
             tried[one.kind].add(one)

@@ -51,8 +51,8 @@ from fmfts_lab.finite_elements.slab import Slab
 
 ROOT = Path(__file__).parents[2]
 CONFIG = PadConfig(name="left", source=SimulatedSource())
-ASKED_EVERY = 5  # contact models: onnxruntime, which takes half a second, is asked about one of so many
-POLLS, POLL_NS = 60, 5_000_000  # of a recording that is played
+ASKED_EVERY = 5  # contact models: onnxruntime takes half a second, so it is asked about one in this many
+POLLS, POLL_NS = 60, 5_000_000  # of a replayed recording
 
 
 @dataclass(frozen=True)
@@ -205,7 +205,7 @@ def _json(document: Any, made: Callable[[Any], bytes] | None = None) -> Remade:
 def _packed(document: Any) -> Remade:
     def remade(dice: Random) -> bytes:
         for _ in range(3):
-            with suppress(OverflowError):  # an integer that msgpack cannot say
+            with suppress(OverflowError):  # an integer that msgpack cannot encode
                 return msgspec.msgpack.encode(mutated(document, dice))
         return b"\xc1"
 
@@ -223,7 +223,7 @@ def _resealed(document: Any) -> bytes:
         blank = json.dumps({**document, "id": ""})
         try:
             document = {**document, "id": msgspec.json.decode(blank, type=Baseline).sealed().id}
-        # The reader under test is judged by what it makes of it.
+        # The reader under test is judged by its result.
         except (msgspec.MsgspecError, ValueError, TypeError, ArithmeticError):
             document = {**document, "id": hashlib.sha256(blank.encode()).hexdigest()[:12]}
     return json.dumps(document).encode()

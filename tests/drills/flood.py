@@ -37,7 +37,7 @@ COLUMNS = (
 )
 LEAST_SHARE, MOST_OF_IDLE = 0.99, 2.0
 HELD = 0.5  # share of its turns in which a flood had to wait for answers, or for its socket
-LEAST_OF_RATE = 0.9  # of the boards' frames while nobody asks, and of the requests that a flood names
+LEAST_OF_RATE = 0.9  # of the boards' frames without requests, and of the requests that a flood names
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Flood:
 
 
 IDLE = Flood("idle")
-# Each beside its own idle time, because the boards' frames are numbered for 37 s (latency_rig.NUMBERS).
+# Each is compared with its own idle time, because the boards' frames are numbered for 37 s (latency_rig.NUMBERS).
 RUNS = (
     (
         IDLE,
@@ -184,7 +184,8 @@ def row(
         cells[2] += f" **missed** ({of_boards:.0%} of the boards' frames)"
     asked = counts.get("asked", 0) / seconds
     if counts and asked < LEAST_OF_RATE * flood.per_s:
-        # The peer stopped asking for want of answers: the daemon took no more. Else the flooder had no processor.
+        # The peer stopped asking because it got no answers: the daemon accepted no more. Otherwise the flooder had no
+        # processor.
         held = counts["held"] / counts["turns"]
         cells[2] += f" (held by the daemon at {asked:.0f}/s)" if held > HELD else f" **NOT REACHED**: {asked:.0f}/s"
     return cells

@@ -24,7 +24,7 @@ GREETING_BYTES = 64
 LONG, COMMAND = 0x02, 0x04  # bits of a frame's first byte
 REFUSED = b"\xa5error\xd9"  # msgpack: the key, and a text of 32 to 255 bytes
 STEP_S = 0.002
-LAST_S = 30.0  # so long the last answers may take
+LAST_S = 30.0  # the last answers may take this long
 LARGEST_READ = 1 << 20
 
 

@@ -73,7 +73,7 @@ class FreshClone(Container):
                     print(line, end="", flush=True)
                     said.append(line)
             except BaseException:
-                process.terminate()  # the command and all that it started
+                process.terminate()  # the command and everything that it started
                 raise
         return process.returncode, "".join(said)
 
@@ -98,7 +98,7 @@ def require(condition: object, what: str) -> None:
 def end_on_sigterm() -> None:
     """As on Ctrl-C: its tree (gigabytes) is removed, and nothing runs in it any more. Also when the terminal closes."""
     for told in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(told) is not signal.SIG_IGN:  # nohup has SIGHUP ignored
+        if signal.getsignal(told) is not signal.SIG_IGN:  # nohup makes it ignore SIGHUP
             signal.signal(told, lambda number, _: sys.exit(128 + number))
 
 

@@ -31,8 +31,8 @@ from fmfts_client.row import COLUMNS
 
 FPS = 30
 TACTILE, PARTS = "observation.tactile.left", ("", ".sd", ".age_s", ".samples", ".mask", ".stamps_ns", ".left_out")
-PATIENCE_S = 2.0  # other programs may hold both cores for as long
-UNFELT_N = 0.3  # what an untouched pad may read beside three deviations: what is not felt in a corner
+PATIENCE_S = 2.0  # other programs may occupy both cores for this long
+UNFELT_N = 0.3  # an untouched pad may read this beyond three deviations: too little to detect in a corner
 
 
 class Arm(Robot):
@@ -123,19 +123,20 @@ def every_sample_is_there(steps: list[dict[str, np.ndarray]], heard_ns: dict[int
     mask, newest = step[".mask"], step[".samples"][:, -1]
     stamps_ns = step[".stamps_ns"][mask]
     assert (np.diff(stamps_ns) > 0).all()
-    # From the newest sample of the first step that has one, `left_out` counts each number that is in no step.
+    # Starting at the newest sample of the first step with one, `left_out` counts each number that no step contains.
     begun = int(mask[:, -1].argmax())
     number_of = {utc_ns: seq for seq, (_, utc_ns) in heard_ns.items()}
     first, last = number_of[int(step[".stamps_ns"][begun, -1])], number_of[int(stamps_ns[-1])]
     meanwhile = {seq: heard for seq, heard in sorted(heard_ns.items()) if first <= seq <= last}
-    samples = dict(reversed(meanwhile.values()))  # of messages that repeat a sample, the first
+    samples = dict(reversed(meanwhile.values()))  # the first of the messages that repeat a sample
     told = int(step[".left_out"][begun + 1 :].sum())
     missing = len(set(samples.values()) - set(stamps_ns.tolist()))
-    held_back = last - first + 1 - len(meanwhile)  # numbered, and too old by then to be published
+    held_back = last - first + 1 - len(meanwhile)  # numbered, and by then too old to be published
     assert told == missing + held_back, f"{missing} + {held_back} samples are missing, and `left_out` says {told}"
     assert not step[".samples"][~mask].any(), "zero where there is no sample"
     assert (step[".age_s"] <= PATIENCE_S).all()
-    # After a pause the first frames may be ok, and their force not known yet: the wrench is that of the last known one.
+    # After a pause the first frames may be ok while their force is still unknown: the wrench is then the last known
+    # one.
     ok = mask[:, -1] & (newest[:, COLUMNS.index("ok")] == 1) & (newest[:, COLUMNS.index("force_sd_n")] > 0)
     np.testing.assert_array_equal(-step[""][ok, 0, 2], newest[ok, COLUMNS.index("force_n")])
     placed = ok & (newest[:, COLUMNS.index("place_known")] == 1) & (newest[:, COLUMNS.index("contact")] == 1)
@@ -191,7 +192,7 @@ def main() -> int:
         assert 0.0 < touched.mean() < 1.0, "the scripted finger comes and goes"
         unfelt_n = (force_n - 3.0 * found[:, names.index("left.force_sd_n")])[touched == 0].max()
         assert unfelt_n < UNFELT_N, f"{unfelt_n:.2f} N and more where nothing is felt"
-        assert (force_n >= 0.0).all()  # 0 also where the lightest touch is felt
+        assert (force_n >= 0.0).all()  # 0 even where the lightest touch is detected
         assert force_n[touched == 1].mean() > UNFELT_N
         pictures = np.stack([np.asarray(read[index]["observation.images.touch"]) for index in range(0, len(read), 10)])
         bright = pictures[:, 0].reshape(len(pictures), -1).max(axis=1) > 0
@@ -199,14 +200,12 @@ def main() -> int:
         assert bright.any()
         assert not bright.all()
 
-        os.kill(chosen.daemon, signal.SIGSTOP)  # silent, and still connected
+        os.kill(chosen.daemon, signal.SIGSTOP)  # silent, but still connected
         time.sleep(0.5)
         for read_something in (robot.get_observation, camera.async_read, samples.frame):
             begun_s = time.monotonic()
             try:
-                while (
-                    time.monotonic() - begun_s < 3.0 * PATIENCE_S
-                ):  # what was on its way when it stopped may still come
+                while time.monotonic() - begun_s < 3.0 * PATIENCE_S:  # messages sent before it stopped may still come
                     read_something()
                     time.sleep(1.0 / FPS)
             except TouchLostError as error:

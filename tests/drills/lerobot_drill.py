@@ -40,7 +40,7 @@ def main() -> int:
         words = [place / "bin/python", script, "--seconds", str(chosen.seconds), "--daemon", str(daemon.process.pid)]
         environment = os.environ | {"FMFTS_BUS": daemon.base, "HF_HOME": folder, "HF_HUB_OFFLINE": "1"}
         for task in Path(f"/proc/{daemon.process.pid}/task").iterdir():
-            put_ahead(int(task.name))  # what is tried is the reading, not what else this computer does
+            put_ahead(int(task.name))  # the test is about reading, and not about the load of this computer
         print(
             f"a data set of {chosen.seconds:g} s; what LeRobot says of FFmpeg does not matter: no video is decoded",
             flush=True,

@@ -23,7 +23,7 @@ STANDARD_PAD = PadConfig(name="standard", source=SimulatedSource()).pad()
 REACH_M, FORCES_N = 6e-3, (0.4, 1.2)
 PAUSE_S, HELD_S, RAMP_S = 0.5, 0.8, 0.2
 STEP_S = 0.01  # between two moves; after a pause of the drill the finger goes on from where it was
-# What a finger that stands is known by: the slowest chip's conversion is over, and its smoothing.
+# After this time a constant finger is measured: the slowest chip's conversion is over, and its smoothing.
 SETTLED_NS, SURE_N = 100_000_000, 0.3
 
 
@@ -49,7 +49,7 @@ class PressedPad(ABC):
         self._stroke: Stroke | None = None
         self._script_s = 0.0
         self._moved_s = time.monotonic()
-        # Each move of the finger: from when on it may have been made, from when on it was, and where to.
+        # Each move of the finger: earliest and latest time at which it was made, and where to.
         self._begun_ns, self._done_ns, self._touches = [0], [0], [self._touch]
         self.judged = self.judged_pressed = 0
         self._pressed = False

@@ -37,7 +37,7 @@ from drills.rig import (
 )
 
 Facts = dict[str, Any]
-# Judged by `make drills` alone, for what else runs on a computer delays frames and recoveries, too.
+# Judged by `make drills` alone, because other programs of a computer delay frames and recoveries, too.
 HELD: dict[str, Callable[[Facts], bool]] = {
     "replug": lambda facts: facts["longest_s"] <= 1.0,
     "reset": lambda facts: facts["longest_s"] <= 1.0,
@@ -55,7 +55,7 @@ HELD: dict[str, Callable[[Facts], bool]] = {
     "skin-baud": lambda facts: facts["longest_s"] <= 1.0,
 }
 BURST_BYTES = 1000
-BACK_S = 0.3  # between two pulls: its numbers are judged, and the finger moves on
+BACK_S = 0.3  # between two pulls: numbers are judged, and the finger moves
 
 
 def replug(folder: Path, cycles: int) -> Facts:
@@ -123,9 +123,9 @@ def garbage(folder: Path, size: int) -> Facts:
     taken = after["garbage_bytes"] - before["garbage_bytes"]
     facts = {"bytes": size, "recovered_s": round(recovered_s, 3), "counted_as_garbage": taken,
              "frames_lost": after["gaps"] - before["gaps"], "crc_errors": after["crc_errors"]}  # fmt: skip
-    # A burst takes along the packet that it runs into, and the one whose end it swallows.
+    # A burst also destroys the packet into which it runs, and the one whose end it swallows.
     assert facts["frames_lost"] <= 2 * size // BURST_BYTES, facts
-    # Each of its zeros ends a packet, which is counted whole as garbage or by its check sum.
+    # Each zero in it ends a packet, which counts completely as garbage or as a wrong check sum.
     assert taken >= 0.9 * size, facts
     return facts | none_wrong(ear, host)
 
@@ -149,7 +149,7 @@ def nack_storm(folder: Path, seconds: float) -> Facts:
         recovered_s = ear.recovered(mended_ns, lambda contact: is_ok(contact) and contact.sensors_ok == 0b1111)
         ear.listen(1.5)
     facts = {"seconds": seconds, "recovered_s": round(recovered_s, 3), "messages": healths}
-    assert healths.keys() - {"ok"}, facts  # or no fault arrived
+    assert healths.keys() - {"ok"}, facts  # false: no fault arrived
     return facts | none_wrong(ear, host)
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LONG_AGO_S = 981_173_106
-# The name of the clone's folder, the umask, and variables.
+# Differences: the name of the clone's folder, the umask, and variables.
 CONDITIONS: list[tuple[str, int, dict[str, str]]] = [
     ("a", 0o022, {"TZ": "UTC", "LC_ALL": "C.UTF-8"}),
     ("elsewhere/with-a-much-longer-name", 0o077, {"TZ": "Asia/Kathmandu", "LC_ALL": "C", "LANG": "tr_TR.UTF-8"}),

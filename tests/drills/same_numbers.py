@@ -28,7 +28,7 @@ SHIPPED = sorted((ROOT / "tests/data/recordings").glob("*.mcap"))
 STARTED_WITHIN_S = 60.0
 CORES = ("Prescott", "Nehalem", "Sandybridge", "Haswell", "Zen", "SkylakeX")
 PLAIN_GLIBC = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX"}
-# Another NumPy has other names for what it chooses among.
+# Another NumPy names its variants differently.
 _numpy = getattr(np, "_core", None) or np.core
 PLAIN_NUMPY = {"NPY_DISABLE_CPU_FEATURES": " ".join(_numpy._multiarray_umath.__cpu_dispatch__)}
 PROCESSORS: dict[str, dict[str, str]] = {

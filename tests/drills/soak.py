@@ -31,11 +31,11 @@ from fmfts_client import Contact
 
 MUST_BE_NONE = ("wrong_numbers", "late_recoveries", "unaccounted", "faults_with_frames_astray")
 FAULT_S = 0.4
-BATCH = 256  # contacts of one pad that are judged at once: sixteen pads' come faster than one by one can be
+BATCH = 256  # contacts of one pad that are judged at once: those of sixteen pads come too fast to be judged one by one
 STATUS_NS = 1_000_000_000
 ON_ITS_WAY_NS = 100_000_000  # from a board that is held to the daemon's counters; less than what makes a pad stale
 STAYS = ("nack", "mux", "garbage")
-HEALTHY_S = 1.0  # what a pad gets to be ok again; longer is a missed recovery, and its length is told
+HEALTHY_S = 1.0  # longest time until a pad is ok again; a longer one counts as a missed recovery, and is reported
 
 
 class Rig:
@@ -116,7 +116,7 @@ class Rig:
             if before is not None:
                 self.unheard[contact.pad] += contact.seq - before.seq - 1
             self.health[contact.pad] = contact
-            # These two are said while no frame comes; all else is said of a frame.
+            # These two are reported while no frame comes; all others concern a frame.
             self.published[contact.pad] += contact.health not in ("stale", "disconnected")
             self.hosts[contact.pad].tend()
             to_judge = self._to_judge.setdefault(contact.pad, [])
@@ -146,8 +146,8 @@ class Rig:
         with host.held():
             made = host.frames()
             self.listen(ON_ITS_WAY_NS // 2 * 1e-9)
-            # On a busy computer some may lie in the line longer. The daemon reads that before it answers, and the first
-            # answer may be one that it was about to give.
+            # On a busy computer some may wait in the line for longer. The daemon reads that before it answers, and the
+            # first answer may be one that it had already begun.
             for _ in range(2):
                 self.status(name)
             read_ns = time.monotonic_ns()
@@ -214,12 +214,12 @@ def soak(folder: Path, pads: int, seconds: float, seed: int) -> dict[str, Any]:
                 astray[fault] += 1
                 print(f"{name} {fault}: {now - before} frames astray", file=sys.stderr)
         rig.unplug_all()
-        rig.listen(3.0)  # nothing comes any more but silence and the last status
+        rig.listen(3.0)  # only silence and the last status still arrive
         status = {pad["pad"]: pad for pad in rig.daemon.request("status")["pads"]}
     finally:
         rig.close()
     missing = {n: status[n]["frames"] - status[n]["dropped"] - rig.published[n] for n in names}
-    # Of what this listener did not hear (by the contacts' own numbers), some were frames' and some were of silence.
+    # By the contacts' numbers, this listener missed some contacts of frames and some of silence.
     unaccounted = {n: max(missing[n] - rig.unheard[n], -missing[n], 0) for n in names}
     return {
         "pads": pads,

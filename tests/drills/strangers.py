@@ -16,7 +16,7 @@ READY = b"\x04" + bytes([6 + len(METADATA)]) + b"\x05READY" + METADATA
 SUBSCRIBE_TO_ALL = b"\x00\x01\x01"
 GREETING_BYTES, HEAD_BYTES = len(GREETING), 2  # of the other end's greeting, and before its READY
 SILENT, SUBSCRIBED = b"", SUBSCRIBE_TO_ALL
-FULL_FOR_S = 10.0  # so long a full queue of connections may stay full before the door counts as closed
+FULL_FOR_S = 10.0  # a full queue of connections may stay full for this long before the door counts as closed
 
 
 @contextmanager

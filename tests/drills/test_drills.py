@@ -11,7 +11,8 @@ from drills.chaos.drill import MUST_BE_NONE, Drill
 from end_to_end import kernel_bus
 from needed import missing
 
-# A finger that moves by the clock is judged at the times of the samples: an emulated board without a processor is late.
+# A finger that moves by the clock is judged at the times of the samples, and an emulated board without a processor is
+# late.
 pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
 

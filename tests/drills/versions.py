@@ -32,17 +32,17 @@ from drills.aarch64 import load_compiled  # noqa: E402
 from end_to_end.processes import RunningDaemon  # noqa: E402
 
 RESOLUTIONS = {"oldest": "lowest-direct", "newest": "highest", "pinned": "highest"}
-# What `make constraints` wrote; uv compares the hashes in these files, too.
+# Written by `make constraints`; uv compares the hashes in these files, too.
 PINNED = [ROOT / "release" / f"constraints{part}.txt" for part in ("", "-extras")]
-# Minutes of statistics each, and no interface of a dependency that others do not use.
+# They take minutes of statistics, and use no interface of a dependency that others do not use.
 SLOW = ["paper_studies", "neighbours", "needs", "rebaselining", "baseline_refine", "baseline_turn", "bench_contact"]
 SLOW += ["fault_drills"]
 # unicorn and pyocd, which no unit test imports, have their tests with the firmware.
 TESTS = ["tests/unit", "tests/skin", "tests/firmware/test_emulator_i2c.py", "tests/firmware/test_stm32_registers.py"]
 TESTS += [f"--ignore=tests/unit/test_{name}.py" for name in SLOW]
-# Of each property ten examples: what is sought is an interface that is missing or another.
+# Ten examples of each property: these tests look for a missing or changed interface.
 OPTIONS = ["-q", "-n", "2", "--dist", "loadfile", "-p", "no:cacheprovider", "--hypothesis-profile=few"]
-# An old package, beside new ones or on a new Python, uses what was deprecated since, and nobody mends it any more.
+# An old package on newer ones, or on a newer Python, uses deprecated interfaces, and nobody mends it any more.
 OLD_PACKAGES_MAY_WARN = ["-W", "ignore::DeprecationWarning", "-W", "ignore::PendingDeprecationWarning"]
 PAD = """
 [[pad]]
@@ -57,7 +57,7 @@ with Client("demo") as pad:
 assert all(contact is not None and contact.valid for contact in contacts), contacts[-1]
 assert "demo" in str(request("pads"))
 """
-Outcome = tuple[str, bool]  # as the table says it; whether all is well
+Outcome = tuple[str, bool]  # text for the table; true if everything passed
 
 
 @dataclass(frozen=True)

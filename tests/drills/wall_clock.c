@@ -1,5 +1,5 @@
-// A wall clock that may be set for one process: preloaded, CLOCK_REALTIME is off by what stands in $WALL_CLOCK, a file
-// of eight bytes (seconds). All other clocks, and waits, stay the kernel's.
+// A wall clock that can be set for one process: if preloaded, CLOCK_REALTIME is shifted by the number in $WALL_CLOCK, a
+// file of eight bytes (seconds). All other clocks, and waits, stay the kernel's.
 //
 // libfaketime 0.9.10 cannot be used with threads of CPython: under it pthread_cond_timedwait on CLOCK_MONOTONIC returns
 // at once, told to leave that clock alone or not, and CPython hands its lock over by such waits. Two threads that count

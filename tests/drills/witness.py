@@ -10,7 +10,7 @@ from drills.pressed_board import NEVER_NS, PressedBoard
 from drills.pressed_pad import Wrong
 from fmfts_client import Contact
 
-KEPT, APART_NS = 8, 1_000_000_000  # accounts, and of one pad: wrong ones that follow each other have one cause
+KEPT, APART_NS = 8, 1_000_000_000  # accounts, in all and of one pad: wrong contacts in a row have one cause
 BEFORE, AFTER = 12, 6
 FAULTS = 6
 

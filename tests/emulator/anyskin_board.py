@@ -26,7 +26,7 @@ class Settings(NamedTuple):
     res: int = 0
 
 
-BEGIN = Settings()  # what the library's begin() sets, and the published sketches leave
+BEGIN = Settings()  # the library's begin() sets it, and the published sketches keep it
 
 
 def steps_ut(settings: Settings = BEGIN) -> tuple[float, float, float]:

@@ -21,7 +21,7 @@ class Board:
         self.link = folder / "skin"
         self.field_t = np.zeros((5, 3))
         self.damage: Callable[[bytes], bytes] | None = None  # of the next packet
-        self.line: Callable[[bytes], bytes] = bytes  # what becomes of every packet on its way
+        self.line: Callable[[bytes], bytes] = bytes  # decides what happens to every packet on its way
         self.sent = 0
         self._port = PtyPort(self.link)
         self._rate_hz, self._form = rate_hz, form

@@ -99,7 +99,7 @@ class Board:
         """Answer what has arrived."""
         try:
             data = os.read(self.master, 4096)
-        except OSError:  # nothing there, or nobody has the other end open
+        except OSError:  # false: nothing is there, or nobody has the other end open
             return
         for request in self.decoder.feed(data):
             assert isinstance(request, Request)

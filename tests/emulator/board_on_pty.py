@@ -24,7 +24,7 @@ from emulator.stm32_board import DEFAULT_UID, Board
 from emulator.stm32_commands import Line, Session, execute
 
 SLICE_S = 0.002
-GIVE_UP_S = 1.0  # so far behind real time, the time lost is let go
+GIVE_UP_S = 1.0  # if the board is this far behind real time, it skips the lost time
 CHIP_NOISE_MICROTESLA = 0.2
 OTHER_CHIPS = {  # with their noise in µT, of the MEMSIC chips at 2 ms a measurement
     "qmc5883l": (Qmc5883l, 0.2),

@@ -23,10 +23,10 @@ class Pty:
         tty.setraw(slave)
         os.set_blocking(self.master, False)
         self.path = os.ttyname(slave)
-        os.close(slave)  # from now on a hang-up tells whether anyone has the port open
+        os.close(slave)  # from now on a hang-up shows whether anyone has the port open
         self.link = link
         if link:
-            if link.is_symlink():  # only a link is ever replaced: a mistyped path must not cost a file
+            if link.is_symlink():  # replace only a link: a mistyped path must not delete a file
                 link.unlink()
             link.symlink_to(self.path)
 

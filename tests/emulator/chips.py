@@ -34,7 +34,7 @@ class Hmc5983(Magnetometer):
     address = 0x1E
 
     strap = 1.0
-    subtracts_field = True  # data sheet, self-test operation; there is another reading, and so another kind
+    subtracts_field = True  # data sheet, self-test operation; it can be read in two ways, hence another kind
     identification = b"H43"
 
     def power_on(self) -> None:
@@ -115,7 +115,7 @@ class Hmc5983(Magnetometer):
     def run(self) -> None:
         """Catch up with the clock: all conversions that were due."""
         while self.next_conversion_s is not None and self.next_conversion_s <= self.time_s() and not self.frozen:
-            if self.registers[0x02] & 2:  # idle; nobody wrote it, or it would not have been due
+            if self.registers[0x02] & 2:  # idle; it was not written either, or it would have measured
                 self.next_conversion_s = None
                 return
             ended_s = self.next_conversion_s
@@ -123,7 +123,7 @@ class Hmc5983(Magnetometer):
                 self.registers[0x02] = 0x03  # back to idle
                 self.next_conversion_s = None
             else:
-                # The first may have an old gain, all after the second are alike: a long sleep is not made up for.
+                # The first may have an old gain; all after the second are alike, so a long sleep is not made up for.
                 missed = int((self.time_s() - ended_s) / self._period_s()) if self._alike > 1 else 0
                 ended_s += missed * self._period_s()
                 self.conversions += missed
@@ -146,7 +146,7 @@ class Hmc5983(Magnetometer):
         for field, gain, strap in zip(field_gauss, self.gain, STRAP_GAUSS, strict=True):
             noise = self.random.gauss(0.0, self.noise_gauss) if self.noise_gauss else 0.0
             total = round((field + noise + bias * strap) * gain * lsb)
-            # Under a bias the chip itself takes away the field without it.
+            # Under a bias the chip itself subtracts the field without it.
             shown = round(bias * strap * gain * lsb) if bias and self.subtracts_field else total
             counts.append(shown if -2048 <= total <= 2047 else -4096)
         x, y, z = counts
@@ -254,7 +254,7 @@ class Bus:
         self.bit_times += 10 + 9 * (what if isinstance(what, int) else len(what))
         if not self.start(address, isinstance(what, int)):
             raise NackError(f"0x{address:02x}")
-        if len(self._chips) == 1 and self._mux is None:  # most of a day: nobody shares the wires with it
+        if len(self._chips) == 1 and self._mux is None:  # most of a day: no other chip shares the wires
             alone = self._chips[0]
             if isinstance(what, int):
                 return bytes([alone.get() for _ in range(what)])

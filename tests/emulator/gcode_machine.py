@@ -51,11 +51,11 @@ class GcodeMachine:
         self._cleaning_s = 0.0
         self._homing = False
         self._awaits_reset = False  # GRBL after a hard limit
-        self._told = [10.0, 10.0, 20.0]  # where the motors believe to be
-        self._zero = [0.0, 0.0, 0.0]  # where its coordinates begin
+        self._told = [10.0, 10.0, 20.0]  # where the motors assume the rod
+        self._zero = [0.0, 0.0, 0.0]  # the origin of its coordinates
         self._from_above = [False, False, False]
         self._moves: deque[Move] = deque()
-        self._held: deque[str] = deque()  # Marlin: lines that wait for a move to end
+        self._held: deque[str] = deque()  # Marlin: lines that wait for the end of a move
         self._relative = self._alarm = False
         self._rest = b""
 
@@ -105,7 +105,7 @@ class GcodeMachine:
             self._grbl_line(line)
         elif line == "M112":
             self._kill()
-        elif line == "M410":  # the emergency parser takes it out of turn
+        elif line == "M410":  # the emergency parser handles it immediately
             self._moves.clear()
             self._cleaning_s = CLEANING_S
             self._say("ok")
@@ -141,7 +141,7 @@ class GcodeMachine:
             return
         elif line.startswith("$J="):
             if self._moves:
-                self._say("error:8")  # stricter than GRBL, which would take it for a queue
+                self._say("error:8")  # stricter than GRBL, which would queue it
                 return
             self._queue(line, "G91" in line)
         elif line not in ("G21", "G90", "$10=1"):

@@ -178,7 +178,7 @@ def obey(kernel: KernelBus, order: dict) -> str:
 
 
 def main() -> None:
-    with suppress(PermissionError):  # chips wait for no processor; without the right to this, they do when it is busy
+    with suppress(PermissionError):  # chips need no processor time; without the right to this they do when it is busy
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
     parser = argparse.ArgumentParser()
     parser.add_argument("--adapter", choices=ADAPTERS, default="bcm2835")

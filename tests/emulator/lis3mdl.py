@@ -28,7 +28,7 @@ class Lis3mdl(RegisterChip):
 
     def advance(self) -> None:
         if self.pointer & 0x80:  # without this bit all bytes go to one register
-            # From the last output the number goes back to the first: temperature needs a transfer of its own.
+            # After the last output the register number returns to the first: temperature needs a transfer of its own.
             self.pointer = 0x80 | (0x28 if self.number() == 0x2D else (self.number() + 1) & 0x7F)
 
     def written(self, register: int, value: int) -> None:

@@ -11,7 +11,7 @@ class Magnetometer:
 
     address = 0
     sensitivity_per_k = 0.0  # relative, from that of 25 °C
-    has_own_noise = False  # the noise that the chip's file states for its settings, in place of noise_gauss
+    has_own_noise = False  # the noise that the chip's file states for its settings, instead of noise_gauss
 
     def __init__(
         self,
@@ -25,8 +25,8 @@ class Magnetometer:
     ) -> None:
         self.time_s = time_s
         self._field_gauss = list(field_gauss)
-        # The field in gauss at a time of `time_s`; it stands in place of field_gauss. A chip senses the mean over its
-        # measurement where its file knows when that begins, and else the field at its end.
+        # The field in gauss at `time_s`; it replaces field_gauss. A chip averages over its measurement if its file
+        # knows when that begins; otherwise it takes the field at its end.
         self.field_at: Callable[[float], Sequence[float]] | None = None
         self.clock_error = clock_error
         self.phase_s = phase_s

@@ -34,7 +34,7 @@ class Mmc5983ma(Memsic):
     settles_s = 0.5e-3
     reset_s = 10e-3  # S p. 15
     upsetting_gauss = 10.0  # S p. 2
-    odd_gauss = 0.11  # on x of each 16th sample that 0x21 asked for
+    odd_gauss = 0.11  # on x of each 16th sample after the command 0x21
 
     def power_on(self) -> None:
         self.restart({0x08: self.otp_read_done, 0x2F: 0x30})

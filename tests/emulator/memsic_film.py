@@ -36,7 +36,7 @@ class Film:
         self.random = random
         self.polarity = -1
         self.upset = False
-        self.zero_gauss = [0.0, 0.0, 0.0]  # what the newest pulse left
+        self.zero_gauss = [0.0, 0.0, 0.0]  # state after the newest pulse
         self.pulsed_s = -math.inf
 
     def pulse(self, polarity: int, time_s: float, repeatability_gauss: float) -> None:
@@ -57,13 +57,13 @@ class Memsic(RegisterChip):
     counts_per_gauss = 16384
     measurements_s: tuple[float, ...] = ()  # by bandwidth
     noises_gauss: tuple[float, ...] = ()
-    between_pulses_s = 0.0  # what an automatic set/reset takes beside its two samples
+    between_pulses_s = 0.0  # extra time of an automatic set/reset, beyond its two samples
     settles_s = 0.0  # after a pulse
     reset_s = 0.0
     upsetting_gauss = 0.0
     remanence_gauss = 0.3  # of an upset film
     upset_sensitivity = 0.5  # of an upset film, once the strong field is gone
-    strong_sensitivity = 1.0  # as long as the strong field lasts, so that it shows
+    strong_sensitivity = 1.0  # as long as the strong field lasts, so that it is noticed
     unsettled_gauss = 0.2  # the error of a measurement that begins right at a pulse
     repeatability_gauss = 1e-3
     zero_gauss: Sequence[float] = (0.0, 0.0, 0.0)
@@ -106,7 +106,7 @@ class Memsic(RegisterChip):
 
     def written(self, register: int, value: int) -> None:
         if self.time_s() < self.starts_until_s - 1e-9:
-            return  # it hears nothing while it starts
+            return  # it ignores commands while it starts
         number = register - self.control_0
         if register == self.status and self.writing_clears_done:
             self.registers[register] &= ~(value & self.done)

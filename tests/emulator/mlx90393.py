@@ -16,7 +16,7 @@ try:
 except ImportError:  # run by a Python that has this folder on its path, and not the one above
     from magnetometer import Magnetometer  # type: ignore[no-redef]
 
-FACTORY = 0x0600  # what the upper bits of register 0 hold; without them its sensitivity is not the one promised
+FACTORY = 0x0600  # the upper bits of register 0; without them its sensitivity is not the specified one
 # Table 17, HALLCONF 0xC: microtesla of a count at RES 0, x and y, and z, by GAIN_SEL.
 SENSITIVITY_UT = (
     (0.751, 1.210), (0.601, 0.968), (0.451, 0.726), (0.376, 0.605), (0.300, 0.484), (0.250, 0.403), (0.200, 0.323),
@@ -30,11 +30,11 @@ NO_AXIS_S, AFTER_Z_S = 490e-6, 100e-6
 class Mlx90393(Magnetometer):
     address = 0x0C
     sensitivity_per_k = -0.0003
-    slowness = 1.0  # how many times as long as in the table a conversion takes
+    slowness = 1.0  # factor by which a conversion takes longer than in the table
 
     def power_on(self) -> None:
-        self.acknowledged = False  # the status of an SM or SB was read back since the reset
-        self.start_unread = False  # that of the newest command is such a status, and nobody read it yet
+        self.acknowledged = False  # the status of an SM or SB was read since the reset
+        self.start_unread = False  # the newest command returned such a status, and nobody has read it yet
         self.values = [FACTORY | 0x7C, 0x0000, 0x0000] + [0] * 61
         self.mode = 0
         self.was_reset = True

@@ -11,7 +11,7 @@ import time
 import tty
 from pathlib import Path
 
-FULL = 4000  # the kernel's buffer holds 4095, and a line that nobody reads stays full
+FULL = 4000  # the kernel's buffer holds 4095 bytes, and stays full while nobody reads
 PATIENCE_S = 5.0
 
 
@@ -24,7 +24,7 @@ class PtyPort:
         self.master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self.master, False)
-        link.unlink(missing_ok=True)  # of a bench that was killed
+        link.unlink(missing_ok=True)  # left by a bench that was killed
         link.symlink_to(os.ttyname(self._slave))
         self.lockstep = False
 
@@ -46,7 +46,7 @@ class PtyPort:
             written = os.write(self.master, data)
         except BlockingIOError:
             return
-        # The kernel hands over later, and a busy computer draws that out.
+        # The kernel hands bytes over later, and much later on a busy computer.
         end_s = time.monotonic() + PATIENCE_S
         while self.lockstep and self._readable() < min(there + written, FULL) and time.monotonic() < end_s:
             time.sleep(0.0)

@@ -52,7 +52,7 @@ class Qmc5883l(RegisterChip):
     def convert(self) -> None:
         lsb = (12000, 3000, 0, 0)[self.registers[0x09] >> 4 & 3]
         counts = [round(gauss * lsb) for gauss in self.sensed_gauss()]
-        skipped = self.registers[0x06] & 1  # the sample before was not read: DOR
+        skipped = self.registers[0x06] & 1  # the previous sample was not read: DOR
         overflow = any(not -32768 <= count <= 32767 for count in counts)
         for axis, count in enumerate(counts):
             clipped = max(-32768, min(32767, count))

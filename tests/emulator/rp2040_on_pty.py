@@ -32,7 +32,7 @@ from emulator.rp2040_board import Rp2040Board
 
 SLICE_S = 0.005
 GAUSS_PER_MICROTESLA = 1e-2
-NOISE_GAUSS: dict[str, tuple[Any, float]] = {  # as docs/chips.md has it, at the rates that a pad of 220 Hz takes
+NOISE_GAUSS: dict[str, tuple[Any, float]] = {  # as in docs/chips.md, at the rates of a pad with 220 Hz
     "hmc5983": (Hmc5983, 2e-3),
     "qmc5883l": (Qmc5883l, 2e-3),
     "qmc5883p": (Qmc5883p, 2e-3),

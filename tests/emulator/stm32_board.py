@@ -27,7 +27,7 @@ DEFAULT_UID = b"emul" + bytes(7) + b"\1"
 HOST_BAUD = 460_800
 GAUSS_PER_TESLA = 1e4
 SENSORS = 4
-DEFAULT_CLOCKS_PPM = (-30_000, -10_000, 13_000, 30_000)  # ±3 %, as the data sheet's chips
+DEFAULT_CLOCKS_PPM = (-30_000, -10_000, 13_000, 30_000)  # ±3 %, like the data sheet's chips
 ENDLESS_LOOP = SYSTEM_MEMORY + 0x100
 GPIO_A, GPIO_B, AFIO, USART1 = 0x4001_0800, 0x4001_0C00, 0x4001_0000, 0x4001_3800
 I2C_BASES, I2C_IRQS = {1: 0x4000_5400, 2: 0x4000_5800}, {1: 31, 2: 33}
@@ -82,7 +82,7 @@ class Sensor(Hmc5983):
             field[axis] = 100.0
         self.field_gauss = field
         super().converted(ended_s)
-        if self.number_conversions:  # its data then say which of `ended_s` they are
+        if self.number_conversions:  # its data then show to which of `ended_s` they belong
             number = len(self.ended_s) - 1
             self.registers[3:9] = b"".join(part.to_bytes(2, "big") for part in (number >> 10, 0, number & 1023))
 

@@ -140,7 +140,7 @@ class Engine:
         self.failure: Exception | None = None
         self.exception: int | None = None
         readable = READ_ONLY
-        # BOOT0 low: flash is also seen at 0.
+        # BOOT0 low: flash also appears at 0.
         for base in (0, FLASH):
             self.uc.mem_map(base, FLASH_SIZE, readable)
         self.uc.mem_map(RAM, RAM_SIZE)
@@ -177,7 +177,7 @@ class Engine:
 
         reader, writer = _READ(on_read), _WRITE(on_write)
         first = reader
-        if base == CORE:  # asks the Python callback only for what it does not know
+        if base == CORE:  # asks the Python callback only for unknown values
             self.clock.read = _address(reader)
             first = self._hooks.on_core_read
         address, context = (ctypes.c_uint64(base), ctypes.c_uint64(size)), ctypes.byref(self.clock)
@@ -191,7 +191,7 @@ class Engine:
     def _on_cpu_exception(self, _uc: Uc, number: int, _context: object) -> None:
         self.exception = number
         self.faulting_pc = self.pc
-        self._pc.write(TRAP | 1)  # else Unicorn comes back here for ever
+        self._pc.write(TRAP | 1)  # otherwise Unicorn returns here for ever
 
     def load(self, segments: list[tuple[int, bytes]]) -> None:
         for address, content in segments:

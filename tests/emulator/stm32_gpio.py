@@ -153,7 +153,7 @@ class Wires:
             self.clocked(1)
         if line == "sda" and not sda_was_high and self.level("sda") and scl_was_high:
             for mux in self.muxes:
-                mux.stop()  # a rising SDA while SCL is high is a STOP, whoever makes it
+                mux.stop()  # a rising SDA while SCL is high is a STOP, whatever causes it
         self.on_gpio(line, not low)
         self.on_change()
 

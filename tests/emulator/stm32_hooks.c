@@ -1,6 +1,6 @@
-// What runs too often for Python: before each translated block, counting time and stopping the CPU when something is due;
-// the reads of SysTick, of which a firmware that times its waits makes a hundred thousand a second; exception entry and
-// return, which Unicorn does not do for a Cortex-M.
+// Code that runs too often for Python: before each translated block, counting time and stopping the CPU when something
+// is due; the reads of SysTick, of which a firmware that times its waits makes a hundred thousand a second; exception
+// entry and return, which Unicorn does not do for a Cortex-M.
 #include <stddef.h>
 #include <stdint.h>
 
@@ -12,7 +12,7 @@ struct unicorn {
     int (*write_registers)(void *engine, const int *numbers, void *const *values, int count);
     int (*read_memory)(void *engine, uint64_t address, void *bytes, size_t count);
     int (*write_memory)(void *engine, uint64_t address, const void *bytes, size_t count);
-    int frame[8]; // its numbers of r0 to r3, r12, lr, pc, xpsr
+    int frame[8]; // its numbers for r0 to r3, r12, lr, pc, xpsr
     int stack;
 };
 
@@ -23,10 +23,10 @@ struct clock {
     uint64_t stopped;
     uint64_t pc; // where it stopped
     uint64_t trap_page; // exception returns land here
-    uint64_t due; // the next event; until then nothing below changes by itself
+    uint64_t due; // the next event; nothing below changes by itself before it
     uint64_t systick_runs;
     uint64_t systick_load;
-    uint64_t systick_zero; // when the counter gets there
+    uint64_t systick_zero; // when the counter reaches zero
     uint64_t icsr;
     const struct unicorn *unicorn;
     uint64_t (*read)(void *engine, uint64_t offset, unsigned size, void *context);
@@ -48,7 +48,7 @@ void on_block(void *engine, uint64_t address, uint32_t size, void *context)
     clock->now += (size / 2 + BRANCH_CYCLES) * clock->ticks_per_cycle;
 }
 
-// Offsets are from 0xE0000000. The counter must run from the core's own clock; all else is Python's.
+// Offsets are from 0xE0000000. The counter must run from the core's own clock; Python handles everything else.
 uint64_t on_core_read(void *engine, uint64_t offset, unsigned size, void *context)
 {
     const struct clock *clock = context;

@@ -172,7 +172,7 @@ class I2cEvents:
             self._serve_requests()
         else:
             # "The acknowledge disable is made during EV6, before the ADDR flag is cleared" (26.3.3, one byte). With
-            # POS, ACK is about the byte after the first.
+            # POS, ACK applies to the byte after the first.
             self._next_ack = bool(self._cr1 & (reg.ACK | reg.POS))
             self._begin(Phase.RECEIVING, reg.BYTE_BITS, self._byte_received)
 
@@ -228,7 +228,7 @@ class I2cEvents:
         if self._cr1 & (reg.STOP | reg.START):
             self._serve_requests()
         elif not self._shift_full:
-            # Refused or not, the clock goes on until STOP: a late one comes after a byte too many.
+            # Refused or not, the clock continues until STOP, so a late STOP comes after one byte too many.
             self._begin(Phase.RECEIVING, reg.BYTE_BITS, self._byte_received)
 
     def _hold_next_zeros(self) -> None:

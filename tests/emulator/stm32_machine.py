@@ -119,7 +119,7 @@ class Machine:
     def _write(self, address: int, width: int, value: int) -> None:
         if self.clock.now >= self.clock.due:
             self._run_due()
-        self._polled = NOT_POLLED  # whoever writes does more than wait
+        self._polled = NOT_POLLED  # a program that writes does more than wait
         self._block(address, width).write(address & 0x3FF, value)
 
     def _block(self, address: int, width: int) -> Any:

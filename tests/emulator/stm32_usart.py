@@ -18,7 +18,7 @@ FE, ORE, IDLE, RXNE, TC, TXE = 1 << 1, 1 << 3, 1 << 4, 1 << 5, 1 << 6, 1 << 7
 RE, TE, IDLEIE, RXNEIE, TCIE, TXEIE, UE = (1 << bit for bit in (2, 3, 4, 5, 6, 7, 13))
 FRAME_BITS = 10
 IRQ = 37
-BAUD_TOLERANCE = 0.025  # beyond, the stop bit is sampled in the wrong place
+BAUD_TOLERANCE = 0.025  # later, the stop bit is sampled in the wrong place
 GARBLED = 0x5A
 
 

@@ -21,6 +21,6 @@ def read_at(data: bytes, sent_baud: float, read_baud: float) -> bytes:
             continue
         read.append(sum(level_at(time + (bit + 1.5) * step) << bit for bit in range(8)))
         time += (BITS - 0.5) * step  # the middle of the stop bit
-        while time < len(levels) and not level_at(time):  # no stop bit: the next start bit is a new fall
+        while time < len(levels) and not level_at(time):  # no stop bit: the next start bit is another falling edge
             time = float(int(time) + 1)
     return bytes(read)

@@ -65,8 +65,8 @@ def steps(page: str) -> list[Step]:
 class Build(ABC):
     """One way to wire the pad. folder: where the reader works."""
 
-    finds = ""  # the words of `init` that name where the pad hangs
-    settings: tuple[tuple[str, str], ...] = ()  # lines of pad.toml that the page asks to change, and to what
+    finds = ""  # the words of `init` that name the pad's connection
+    settings: tuple[tuple[str, str], ...] = ()  # lines of pad.toml that the page asks to change, and their new text
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

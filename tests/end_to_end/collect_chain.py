@@ -28,8 +28,8 @@ BACKLASH = {"backlash_mm": 0.05}
 NOISE = {"noise_n": 0.005, "dropout": 0.02}
 DELAY = {"delay_s": 0.02}
 PERFECT_MACHINES = {"backlash_mm": 0.0, "noise_n": 0.0, "dropout": 0.0, "delay_s": 0.0}
-# What the bench is like; its chips are always noisy, for without noise their steps would be an error of their own. The
-# last two are what becomes of a cause that the collector is not told of.
+# Properties of the bench; its chips are always noisy, because without noise their steps would be an error of their own.
+# The last two show the effect of a cause that the collector does not know.
 CASES: dict[str, dict[str, float]] = {
     "all": BACKLASH | NOISE | DELAY,
     "all, 1 s a row": BACKLASH | NOISE | DELAY | {"average_s": 1.0},
@@ -40,7 +40,7 @@ CASES: dict[str, dict[str, float]] = {
     "and backlash left": BACKLASH | {"overshoot_mm": 0.0},
     "and delay left": DELAY | {"told_delay_s": 0.0},
 }
-UNHEEDED = ("and backlash left", "and delay left")  # may be refused, and rightly
+UNHEEDED = ("and backlash left", "and delay left")  # a refusal is correct here
 
 
 def main() -> None:

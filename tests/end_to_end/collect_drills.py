@@ -20,10 +20,10 @@ from end_to_end.test_collect_faults import ONE_PLACE
 from fmfts_collect.guard import HANG_S
 
 STOPPED = 69
-LIFTED_WITHIN_S = 0.15  # the issue's, for an unplugged gauge: reading and deciding takes 20 ms, 1 mm at 20 mm/s 50 ms
+LIFTED_WITHIN_S = 0.15  # the limit for an unplugged gauge: reading and deciding takes 20 ms, 1 mm at 20 mm/s 50 ms
 PATIENCE_S = 30.0
 TRIES = 5
-LATE_S = 0.02  # a device that stood still for so long was no device
+LATE_S = 0.02  # a device that stood still for this long counts as absent
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def benches(request: pytest.FixtureRequest, tmp_path: Path, recorded: Path) -> I
         for number in range(TRIES):
             folder = tmp_path / str(number)
             shutil.copytree(recorded, folder / "state")
-            quick = {"lift_mm_per_s": 20.0, "z_limit_mm_per_s": 20.0}  # what LIFTED_WITHIN_S was set for
+            quick = {"lift_mm_per_s": 20.0, "z_limit_mm_per_s": 20.0}  # the time for which LIFTED_WITHIN_S was set
             with PressedBench(folder, request.param, speed=1.0, real_time=True, **quick) as bench:
                 yield bench
 
@@ -68,7 +68,7 @@ def lifted(
         print(f"\nthe rod was off the pad {took}; the bench was late by at most {late_s * 1e3:.0f} ms")
         if took_s is not None and took_s < within_s:
             return process.returncode, errors
-        # What ended before there was a fault ended because something was late, be it the board's own process.
+        # A session that ended before the fault ended because something was late, perhaps the board's own process.
         assert not bench.fault_happened or late_s > LATE_S, errors
     pytest.fail("the bench was late each time: is anything else running?")
 

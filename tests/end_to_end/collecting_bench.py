@@ -77,7 +77,7 @@ SERIAL_GAUGE = """type = "serial"
 port = "{folder}/gauge"
 pattern = '([-+\\w.]+) N'
 delay_ms = {delay_ms}"""
-NEWTON_PER_COUNT, COUNTS_AT_ZERO = -2.1e-6, 81234  # a cell that counts down, and no cell is at zero
+NEWTON_PER_COUNT, COUNTS_AT_ZERO = -2.1e-6, 81234  # a cell that counts down, and whose zero is not zero
 LOAD_CELL = f'type = "hx711"\nnewton_per_count = {NEWTON_PER_COUNT}'
 
 
@@ -132,12 +132,12 @@ class PressedBench:
     ) -> None:
         self.folder = folder
         self.knock_m = np.zeros(3)
-        self.stiffening = 1.0  # the pad resists so many times as much as it should
-        self.mounted = True  # else there is no magnet: for a bare baseline
-        self.beside = False  # the rod presses on something that is not the pad
+        self.stiffening = 1.0  # factor by which the pad is too stiff
+        self.mounted = True  # false: there is no magnet, for a bare baseline
+        self.beside = False  # the rod presses on something other than the pad
         self.force_n = 0.0
         self.truth: list[tuple[int, float, float, float]] = []  # ns, x and y in mm, force, at each change
-        self.latest_s = 0.0  # how late this bench itself was, at most
+        self.latest_s = 0.0  # the largest delay of this bench itself
         self.lifted_after_s: float | None = None  # from the fault of `when_pressing` until nothing touches
         self._fault: Callable[[], object] | None = None
         self._fault_ns: int | None = None
@@ -271,7 +271,7 @@ class PressedBench:
             assert isinstance(feed, DeviceFeed)
             wanted = BaselineRequest(pad.pad(), pad.tolerance.si(), bare=bare, replaced=False, duration_s=1.0)
             job = BaselineJob(wanted, stored(wanted.pad), feed.source, executor)
-            while job.share < 1.0:  # how long this computer then takes to judge them is no time at the bench
+            while job.share < 1.0:  # the time that this computer then takes to judge them does not count
                 self.clock.sleep(0.005)
                 for frame in feed.poll(self.clock.now_ns()):
                     job.take(frame)

@@ -29,7 +29,7 @@ COMMANDS = (
     "fmfts-daemon baseline --rest --config pad.toml",
 )
 EARTH_T = np.tile([2e-5, 0.0, 4e-5], (4, 1))
-MOST_LINES = 8  # of a command; the last one says what comes next
+MOST_LINES = 8  # of a command; the last hint says what comes next
 
 
 def transcript(folder: Path) -> str:

@@ -67,7 +67,7 @@ class Hand:
         self.daemon: RunningDaemon
         self.captions: zmq.Socket[bytes]
         self.address = ""
-        self.beside = ""  # what the three ways say, for the page
+        self.beside = ""  # what the three methods report, for the page
 
     def _board(self, number: int) -> FirmwareHost:
         return FirmwareHost(self._folders[number], "--uid", UID.format(number))
@@ -101,7 +101,7 @@ class Hand:
             if each is not None:
                 each.glide(self.world.field(number, time_s + 1.0 / MOVES_A_SECOND), 1.0 / MOVES_A_SECOND)
                 each.tell(f"temperature 0 {ROOM_C + self.world.warming_k(number, time_s):.2f}")
-        if time_s - self._captioned_s >= CAPTION_S:  # again and again, for pages that open later
+        if time_s - self._captioned_s >= CAPTION_S:  # repeated for pages that open later
             self._captioned_s = time_s
             text = f"{act_at(time_s).text} {self.beside}".strip()
             self.captions.send_multipart((b"caption/", msgpack.packb({"text": text})))
@@ -253,7 +253,7 @@ def played_often(runs: int) -> int:
         print(f"--- world {seed} of {runs}", flush=True)
         try:
             score = played(CYCLE_S, seed)
-        except Exception:  # noqa: BLE001 - the other worlds are still of interest
+        except Exception:  # noqa: BLE001 - the other worlds must still run
             failed += 1
             traceback.print_exc()
             continue

@@ -15,7 +15,7 @@ from typing import Any
 # A force that changes by 3 N/s is off by 0.03 N after the 10 ms from sample to message.
 SETTLED_S, STEADY_N, FEWEST_MOVES = 0.15, 0.02, 4
 CERTAIN_SD = 5.0
-# A fixed baseline has no contact: whoever uses one compares its force with a limit.
+# A fixed baseline reports no contact: its users compare its force with a limit.
 USUAL_LIMIT_N = 0.2
 GHOST, UNTURNED, TURNED = "ghost", "unturned", "turned"
 TITLES = {GHOST: "a fixed baseline", UNTURNED: "fmfts-daemon, never turned", TURNED: "fmfts-daemon, turned"}
@@ -74,7 +74,7 @@ class Score:
         self._forces: deque[tuple[float, list[float]]] = deque(maxlen=moves_a_second * 5)
         self.ways = {way: Verdict() for way in TITLES}
         self._newest: dict[str, dict[str, Said]] = {way: {} for way in TITLES}  # by pad
-        self.doubtful: list[str] = []  # false contacts and wrong forces of the turned daemon, for whoever looks for why
+        self.doubtful: list[str] = []  # false contacts and wrong forces of the turned daemon, to find their reasons
 
     def moved(self, time_s: float, forces_n: list[float]) -> None:
         """The boards have these forces from now on (time.monotonic())."""

@@ -25,7 +25,7 @@ FELT_M = 0.1  # of another pad's magnet
 TOOL_A_M2 = 0.02  # dipole moment of a magnetised screwdriver
 WARMER_K, REMANENCE_PER_K, ROOM_C = 15.0, -0.0012, 25.0
 MU0_4PI = 1e-7
-# Chips that a machine placed, as tolerance.sensor_rotation_deg says; a hand's need `baseline --turn` first.
+# Chips placed by a machine, as tolerance.sensor_rotation_deg says; hand-placed ones need `baseline --turn` first.
 CHIP_TURN_RAD, CROSS_AXIS = float(np.deg2rad(0.3)), 0.002
 
 
@@ -152,7 +152,7 @@ class HandWorld:
         magnet = pad.pad.magnet.with_remanence(pad.pad.magnet.remanence_t * (1.0 + REMANENCE_PER_K * warm_k))
         places = built.pad.sensors.position_m
         at, axis = np.tile(position_m + at @ rotation.T, (len(places), 1)), np.tile(axis @ rotation.T, (len(places), 1))
-        if position_m.any():  # from the next finger a cylinder is a dipole
+        if position_m.any():  # at the next finger a cylinder's field is a dipole's
             return dipole_field(places, at[0], axis[0], magnet.strength_t_m3)
         return cylinder_field(places, at, axis, magnet)
 

@@ -23,7 +23,7 @@ from fmfts.simulation.mounted import MountedPad
 from fmfts_client import Contact
 from fmfts_lab.bench.recorded import pressed_field
 
-# The chips that Linux reads: their addresses without a mux, where four fit on a bus; the others are behind one.
+# The chips that Linux reads: with their addresses without a mux if four fit on a bus; the others are behind one.
 ADDRESSES: dict[str, tuple[int, ...]] = {
     "hmc5983": (),
     "hmc5883l": (),
@@ -38,7 +38,8 @@ ADAPTERS = ("bcm2835", "designware")
 EARTH_T = np.array([2e-5, 0.0, -4e-5])
 PRESS = (3e-3, -2e-3, 1.0)  # x and y in metres, force in newton
 MEASURED_S = 3.0
-# A transfer takes the emulated bus 0.2 ms or more, and a frame of four MMC5983MA is 17: more measures the computer.
+# A transfer takes the emulated bus 0.2 ms or more, and a frame of four MMC5983MA needs 17: more would measure the
+# computer.
 MOST_HZ = 40
 
 

@@ -23,10 +23,10 @@ from fmfts.sources import on_i2c
 SYSTEM_PYTHON = "/usr/bin/python3"
 SERVER = Path(__file__).parents[1] / "emulator" / "i2c_kernel_bus.py"
 PACKAGES = "umockdev, gir1.2-umockdev-1.0 and python3-gi"
-PATIENCE_S = 60.0  # liveness on a busy machine; starting a reader takes half a second on an idle one
+PATIENCE_S = 60.0  # a limit for a busy machine; starting a reader takes half a second on an idle one
 
 
-@cache  # all of /usr/lib is looked through
+@cache  # all of /usr/lib is searched
 def missing() -> bool:
     check = "import gi; gi.require_version('UMockdev', '1.0'); from gi.repository import UMockdev"
     libraries = list(Path("/usr/lib").glob("**/libumockdev-preload.so.0"))
@@ -85,7 +85,7 @@ def kernel_bus(*chips: object, adapter: str = "bcm2835", clock_hz: int | None = 
     bus = KernelBus(*chips, adapter=adapter, clock_hz=clock_hz)
     try:
         with pytest.MonkeyPatch.context() as patch:
-            patch.setenv("LD_PRELOAD", "libumockdev-preload.so.0")  # for the reader, our child; we run without
+            patch.setenv("LD_PRELOAD", "libumockdev-preload.so.0")  # for the reader, our child; not for this process
             patch.setenv("UMOCKDEV_DIR", bus.root)
             yield bus
     finally:

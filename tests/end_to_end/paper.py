@@ -15,7 +15,7 @@ from fmfts_client import Contact
 PAPER = Path(__file__).parents[1] / "data" / "paper"
 POSE_COLUMNS = ("a_mm", "b_mm", "c_mm", "m", "n", "p")
 TESLA_PER_GAUSS = 1e-4
-SAMPLE_NS = 20_000_000  # more than it takes chips to convert, and what is between them to be filled in
+SAMPLE_NS = 20_000_000  # more than chips need to convert, and than a gap that is interpolated
 CONFIG = """
 [[pad]]
 name = "paper"
@@ -81,11 +81,11 @@ def arrivals(host: FirmwareHost, daemon: RunningDaemon) -> Iterator[Arrival]:
     for reading in readings():
         host.field(reading.field_t)
         since_ns = daemon.now_ns() + SAMPLE_NS
-        # On a busy computer frames of the reading before may still lie anywhere in the chain.
+        # On a busy computer frames of the previous reading may still be anywhere in the chain.
         before = daemon.wait_for(
             lambda contact, since_ns=since_ns: contact.pose is not None and contact.t_sample_ns > since_ns
         )
-        # A dozen frames on, what tracks the pose has left the reading before.
+        # After a dozen frames the tracker of the pose has left the previous reading.
         contact = daemon.wait_for(
             lambda contact, first=before.seq: contact.pose is not None and contact.seq > first + 12
         )

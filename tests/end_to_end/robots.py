@@ -63,7 +63,7 @@ class OpenPage:
 
     def __init__(self, view: View, place: str = "/", token: str | None = None) -> None:
         address, origin = f"ws://127.0.0.1:{view.port}{place}socket", f"http://127.0.0.1:{view.port}"
-        # A test that does not read for a while must still be able to say goodbye.
+        # A test that does not read for a while must still be able to disconnect.
         self._open = connect(address, proxy=None, origin=origin, max_queue=None)  # type: ignore[arg-type]
         self._token = view.token if token is None else token
         self.socket: ClientConnection

@@ -19,7 +19,7 @@ from fmfts.simulation.mounted import MountedPad
 from fmfts_client import Contact
 from unit.recorded_files import eflesh_fields_ut
 
-# Their stream has no numbers: a computer that is late reads a wrong rate.
+# Their stream has no numbers, so a late computer measures a wrong rate.
 pytestmark = pytest.mark.real_time
 
 CONFIG = """

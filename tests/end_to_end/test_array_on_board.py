@@ -95,7 +95,7 @@ def check_resets(board: FirmwareHost, daemon: RunningDaemon) -> None:
                     continue
                 contact = Contact.from_message(message.body)
                 if of_array(contact) and contact.health in ("ok", "degraded"):
-                    # A frame just after a reset may lack sensors that are not set up yet, and says so.
+                    # A frame just after a reset may lack sensors that are not set up yet, and reports that.
                     assert contact.force_n is not None
                     assert abs(contact.force_n - force_n) < 5.0 * contact.force_sd_n, f"{command}: {contact}"
                     good += contact.sensors_ok == ALL_EIGHT and time.monotonic() > told_s + 0.5

@@ -78,7 +78,7 @@ class TestStream:
                 host.tell(f"garbage {1 + 13 * seed} {seed}")
 
         lost, after = frames_lost_to(daemon, throw_garbage)
-        # Bytes that run into a packet's first ones take that packet along; no other.
+        # Garbage that meets a packet's first bytes destroys that packet, and no other.
         assert lost <= 20
         assert after.garbage_bytes > garbage_before
         daemon.wait_for(lambda contact: contact.health == "ok")
@@ -90,7 +90,7 @@ class TestStream:
                 time.sleep(0.05)
 
         lost, _ = frames_lost_to(daemon, truncate)
-        # Cut off with its end mark, it runs into the next packet.
+        # A packet that lost its end mark runs into the next one.
         assert 5 <= lost <= 10
         daemon.wait_for(lambda contact: contact.health == "ok")
 
@@ -98,7 +98,7 @@ class TestStream:
         host.tell("reset")
         daemon.wait_for(lambda contact: contact.health == "ok")
 
-    @pytest.mark.real_time  # a board that a busy computer holds up is stale
+    @pytest.mark.real_time  # a board delayed by a busy computer is stale
     def test_wrap_of_a_32_bit_microsecond_counter_is_not_noticed(
         self, host: FirmwareHost, daemon: RunningDaemon
     ) -> None:
@@ -141,7 +141,7 @@ class TestSensors:
         assert degraded.reason == f"sensor 2 is saturated on {axis} at ±2.5 G (set range_gauss = 4): left out"
         assert degraded.sensors_ok == 0b1101
         probed = daemon.request("probe")["pads"][0]
-        # A computer that is busy may lose a packet as well, and says so.
+        # A busy computer may lose a packet as well, and reports that.
         assert [told for told in probed["faults"] if "packets left out" not in told] == [
             degraded.reason.removesuffix(": left out")
         ]
@@ -180,7 +180,7 @@ class TestSensors:
         assert 2.0e9 < after.t_publish_ns - after.t_sample_ns < 20e9
         status = status_of(daemon)
         assert status.latency_max_s is None
-        assert status.rate_hz > 1.0  # the rate is of frames, whatever they hold; a busy computer leaves many out
+        assert status.rate_hz > 1.0  # the rate counts frames, whatever they hold; a busy computer drops many
         host.tell("mux 0 none")
         daemon.wait_for(lambda contact: contact.health == "ok")
 

@@ -23,7 +23,7 @@ def test_guide_misses_absent_lines_but_ignores_other_figures() -> None:
     assert step.missing("faults: none\nposition: (0, 1) mm\n") == ["faults: none"]  # in this order
 
 
-# By how much place and force of one frame are off (docs/chips.md: rms), and what bare and rest leave of a press of 1 N.
+# Errors of one frame's place and force (docs/chips.md: rms), and the error that bare and rest leave for a press of 1 N.
 CHIPS_LEAVE = {"A": (0.16, 0.010), "B": (2.94, 0.181), "D": (0.16, 0.010)}
 BASELINE_LEAVES = 0.031, 0.008
 

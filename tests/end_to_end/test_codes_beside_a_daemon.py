@@ -38,7 +38,7 @@ def test_probe_ends_well_only_while_every_sensor_can_be_used(host: FirmwareHost,
     assert code(daemon, "probe") == exit_codes.FAULTY
     for sensor in range(3):
         host.tell(f"fault 0 {sensor} none")
-    assert code(daemon, "probe") == exit_codes.FAULTY  # one is dead still
+    assert code(daemon, "probe") == exit_codes.FAULTY  # one of them no longer moves
     host.tell("fault 0 3 none")
     assert code(daemon, "probe") == exit_codes.DONE
 

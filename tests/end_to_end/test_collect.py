@@ -47,7 +47,7 @@ def test_plan_is_collected_with_no_hand_on_it(tmp_path: Path, dialect: str, load
     collected = rows(tmp_path / "data.csv")
     for row, (x_mm, force_n) in zip(collected, [(-4, 0.6), (-4, 1.2), (2, 0.6), (2, 1.2)], strict=True):
         assert (float(row["x_mm"]), float(row["y_mm"])) == (x_mm, 2.0)
-        # FORCE_TOLERANCE, and what the gauge's noise of 5 mN leaves of its three readings at the last step
+        # FORCE_TOLERANCE, and the error that the gauge's noise of 5 mN leaves in its three readings at the last step
         assert float(row["force_n"]) == pytest.approx(force_n, abs=0.05 * force_n + 0.02)
         field_ut = [float(row[f"b{sensor}{axis}_ut"]) for sensor in range(1, 5) for axis in "xyz"]
         true_ut = bench.magnet_field_t(x_mm * 1e-3, 2e-3, float(row["force_n"])).ravel() * 1e6

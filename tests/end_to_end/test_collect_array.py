@@ -72,9 +72,9 @@ def test_table_from_eighteen_presses_corrects_the_shipped_forces(
     assert report["force_factor"] == pytest.approx(1.25 / 0.9, rel=0.1)
     before, after = (evaluated(at_home, str(model), capsys) for model in ("default", at_home / "own.response"))
     force_before, force_after = (each["regions"][0]["rmse_force_n"] for each in (before, after))  # type: ignore[index]
-    # The silicone needs 1.25 times the force and goes down 0.9 times as far: a quarter of 1.1 N is missed.
+    # The silicone needs 1.25 times the force and sinks 0.9 times as far: a quarter of 1.1 N is missed.
     assert force_before > 0.2
-    # As built, one frame tells a force to 0.04 N (lab/results/several.md).
+    # On a pad as built, one frame measures a force to 0.04 N (lab/results/several.md).
     assert force_after < 0.05
     assert before["wrong"] > 5  # type: ignore[operator]
     assert (after["wrong"], after["healthy"]) == (0, 40)
@@ -97,6 +97,6 @@ def test_daemon_runs_on_the_table(at_home: Path) -> None:
                 if message is not None and message.body["contact"]:
                     told.append(message.body["force_n"])
     assert len(told) == 100
-    # Each row of the recording is one of two loads, and the daemon tells them to a tenth.
+    # Each row of the recording has one of two loads, and the daemon distinguishes them to a tenth.
     near = [min(abs(force - one) for one in loaded) for force in told]
     assert np.quantile(near, 0.9) < 0.1

@@ -30,7 +30,7 @@ type = "udp"
 port = {gauge}
 pattern = '([-+]\\d+\\.\\d+) N'
 """
-pytestmark = pytest.mark.real_time  # a person presses steadily, or sways, by the clock
+pytestmark = pytest.mark.real_time  # a person presses steadily, or sways, with time
 PATIENCE_S = 40.0
 WANTED = re.compile(r"press (?P<force>[\d.]+) N at x (?P<x>\S+), y (?P<y>\S+) mm")
 
@@ -131,7 +131,7 @@ def require_true_rows(folder: Path, config: Path) -> list[dict[str, str]]:
     collected = rows(folder / "data.csv")
     for row, (x_mm, force_n) in zip(collected, [(-4, 0.6), (-4, 1.2), (2, 0.6), (2, 1.2)], strict=True):
         assert (float(row["x_mm"]), float(row["y_mm"])) == (x_mm, 2.0)
-        # a mean of 48 readings of 5 mN, less the gauge's zero, which is one, too
+        # a mean of 48 readings of 5 mN, minus the gauge's zero, which is such a mean, too
         assert float(row["force_n"]) == pytest.approx(force_n, abs=0.006)
         field_ut = [float(row[f"b{sensor}{axis}_ut"]) for sensor in range(1, 5) for axis in "xyz"]
         press = (np.full(4, value) for value in (x_mm * 1e-3, 2e-3, force_n))
@@ -175,7 +175,7 @@ def test_pad_that_moved_ends_the_work_of_a_hand(tmp_path: Path, board: FirmwareH
         assert daemon.stop() == 0
         knocked = PressedPad(board, pad)
         with UdpForceGauge(gauge_port, lambda: 0.0) as gauge:
-            knocked.touch(0.0, 0.0, 0.5)  # as if something lay on it since
+            knocked.touch(0.0, 0.0, 0.5)  # as if something had lain on it since then
             ended = threading.Event()
             acting = threading.Thread(target=lambda: [gauge.turn(0.01) for _ in iter(lambda: ended.wait(0.01), True)])
             acting.start()

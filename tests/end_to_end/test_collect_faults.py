@@ -84,7 +84,7 @@ def test_stock_machine_begins_to_lift_as_soon(bench: PressedBench) -> None:
     ended(bench, bench.gauge.unplug)
     assert bench.lifted_after_s is not None
     print(f"off the pad after {bench.lifted_after_s * 1e3:.0f} ms")
-    # its 4 mm/s, and what of the 150 ms is not for the millimetre at 20 mm/s
+    # its 4 mm/s, and the part of the 150 ms that is not for the millimetre at 20 mm/s
     assert bench.lifted_after_s < DEEP_MM / 4.0 + LIFTED_WITHIN_S - 1.0 / 20.0
 
 
@@ -123,7 +123,7 @@ def test_rod_is_lifted_while_the_disk_still_writes(bench: PressedBench, monkeypa
 
     monkeypatch.setattr(Table, "add", hang)
     monkeypatch.setattr(Stage, "release", told)
-    # Of the bench's time, faster than the disk's: a healthy row, and the start of a recording, take a second.
+    # In the bench's time, which runs faster than the disk: a healthy row, and the start of a recording, take a second.
     monkeypatch.setattr("fmfts_collect.session.DISK_S", 30.0)
     end = ended(bench)
     assert isinstance(end, StoppedError)
@@ -228,7 +228,7 @@ def test_killed_work_goes_on_with_no_row_lost_and_none_doubled(bench: PressedBen
     before = rows(table)
     assert 2 <= len(before) < 8
     with table.open("a") as file:
-        file.write("8,0.0000,0.0000,0.9")  # as a row that was being written
+        file.write("8,0.0000,0.0000,0.9")  # like a row that was being written
     assert bench.collect(grid, table)["collected"] == 8
     after = rows(table)
     assert [row["press"] for row in after] == [str(number) for number in range(1, 9)]

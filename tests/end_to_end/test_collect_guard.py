@@ -22,7 +22,7 @@ from fmfts_collect.guard import HANG_S
 pytestmark = pytest.mark.real_time  # a machine whose move ends two seconds late counts as stalled
 
 PATIENCE_S = 30.0
-# A collector as far as its machine goes: homed, guarded, the rod pressed down.
+# A collector without its measurements: homed, guarded, the rod pressed down.
 COLLECTOR = """
 import sys, time
 from fmfts_collect.clock import Monotonic
@@ -94,7 +94,7 @@ def stands_at(machine: GcodeMachine, z_mm: float) -> bool:
 def ended(words: list[str | Path]) -> tuple[int, str]:
     """How a collector ended, and what it said on stderr."""
     with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
-        put_ahead(process.pid)  # it gives its machine a second to answer
+        put_ahead(process.pid)  # it allows its machine a second to answer
         said = process.communicate(timeout=PATIENCE_S)[1]
     return process.returncode, said
 
@@ -107,7 +107,7 @@ def test_rod_is_lifted_when_the_collector(tmp_path: Path, dialect: str, how: str
         running(tmp_path / "machine", dialect) as machine,
         subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process,
     ):
-        put_ahead(process.pid)  # it gives its machine a second to answer
+        put_ahead(process.pid)  # it allows its machine a second to answer
         assert process.stdout is not None
         assert process.stderr is not None
         said = process.stdout.readline()
@@ -131,7 +131,7 @@ def test_rod_is_lifted_when_the_collector_hangs(tmp_path: Path, dialect: str) ->
         running(tmp_path / "machine", dialect) as machine,
         subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process,
     ):
-        put_ahead(process.pid)  # it gives its machine a second to answer
+        put_ahead(process.pid)  # it allows its machine a second to answer
         assert process.stdout is not None
         assert process.stdout.readline() == "down\n"
         time.sleep(1.2 * HANG_S)

@@ -75,7 +75,7 @@ def test_rise_from_a_long_way_down_ends_that_way(tmp_path: Path, dialect: str) -
         reached_mm: list[float] = []
         emulated.on_moved = lambda place: reached_mm.append(place[2])
         assert machine.rise(CLEAR_MM, 4.0)
-        assert min(reached_mm) > 27.0  # half a second at 4 mm/s below 30, and what it takes to hear of the halt
+        assert min(reached_mm) > 27.0  # half a second at 4 mm/s below 30, and the time until it learns of the halt
         clock.sleep(8.0)
         assert emulated.place[2] == CLEAR_MM
         machine.close()
@@ -95,7 +95,7 @@ def test_rise_after_a_power_failure_leads_up_whatever_zero_is(tmp_path: Path, di
             machine.move(z=-13.0, mm_per_s=4.0)
         assert machine.rise(-5.0, 4.0)
         clock.sleep(3.0)
-        # by what was missing from the lower end of the move that was cut off
+        # by the distance that the interrupted move still had to go at its lower end
         assert emulated.place[2] == pytest.approx(-12.0 + 8.0, abs=1.1)
         assert emulated.place[2] >= -5.0
         machine.close()
@@ -204,7 +204,7 @@ def test_missing_pad_is_noticed_at_the_end_of_travel(tmp_path: Path) -> None:
         assert "the rod was lifted by 7.00 mm" in stage.release()
 
 
-@pytest.mark.real_time  # the guard waits a second for a collector that is held up
+@pytest.mark.real_time  # the guard waits a second for a delayed collector
 def test_pad_that_lies_askew_is_approached_from_higher_farther_away(tmp_path: Path) -> None:
     with standing_stage(tmp_path, press_mm_per_s=PRESS_MM_PER_S) as (emulated, gauge, stage):
         felt_n: list[float] = []
@@ -222,5 +222,5 @@ def test_pad_that_lies_askew_is_approached_from_higher_farther_away(tmp_path: Pa
             stage.lift()
         heights_mm = [float(re.search(r"Z([\d.]+)", line)[1]) for line in emulated.received if line.startswith("G1 X")]
         steps_mm = [abs(b - a) for a, b in pairwise(heights_mm) if 0.0 < abs(b - a) < 1.0]
-        assert max(steps_mm) < 1.01 * SHORT_S * PRESS_MM_PER_S  # what a rise has to wait for
-        assert max(felt_n) < 0.55  # the tolerance, and a step's caution; 1.6 N from 0.3 mm above the first place
+        assert max(steps_mm) < 1.01 * SHORT_S * PRESS_MM_PER_S  # what must end before a rise begins
+        assert max(felt_n) < 0.55  # the tolerance, and a cautious step; 1.6 N from 0.3 mm above the first place

@@ -26,7 +26,7 @@ from fmfts.pad import Pad
 from fmfts_client import RefusedError
 from ports import tcp_base
 
-# Neither pressed nor turned: a baseline may be recorded at any time.
+# Neither pressed nor turned, so that a baseline may be recorded at any time.
 STILL_CONFIG = """
 [[pad]]
 name = "left"

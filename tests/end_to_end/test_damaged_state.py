@@ -13,7 +13,7 @@ from end_to_end.processes import PATIENCE_S, UNTOUCHED_CONFIG, RunningDaemon
 
 STILL = UNTOUCHED_CONFIG + "turning_deg_per_s = 0\n"
 TWO_PADS = STILL + STILL.replace('"left"', '"right"')
-# A simulated pad makes a baseline by itself where no file is there; a damaged file is no reason to do so.
+# A simulated pad makes a baseline by itself if there is no file; a damaged file is no reason to do so.
 FILE = Path("state/fmfts/baseline/left.json")
 
 
@@ -49,6 +49,6 @@ def test_damaged_baseline_of_one_pad_stops_no_other_and_is_mended(
         assert sick.health == "no_baseline"
         assert "left.json" in sick.reason
         assert time.monotonic() - begun < PATIENCE_S
-        if damage is not folder:  # whoever puts a folder there removes it
+        if damage is not folder:  # the one who puts a folder there removes it
             daemon.request("baseline", pad="left", rest=True, duration_s=1.0, timeout_s=PATIENCE_S)
             assert daemon.wait_for(lambda contact: contact.pad == "left" and contact.health == "ok")

@@ -127,7 +127,7 @@ def test_daemon_that_dies_during_the_demo_leaves_its_log() -> None:
     with started(DEMO) as demo:
         daemon = child_of(demo)
         while (line := first_line(demo)) and not line.startswith("demo: "):
-            pass  # its socket is there before its log; contacts come after both
+            pass  # its socket appears before its log; contacts come after both
         os.kill(daemon, signal.SIGKILL)
         _, stderr = demo.communicate(timeout=PATIENCE_S)
     assert demo.returncode == 1

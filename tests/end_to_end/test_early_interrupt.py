@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-# Holds the import of a module until a byte comes, so that the signal arrives there on every computer.
+# Blocks the import of a module until a byte comes, so that the signal arrives there on every computer.
 HELD = """
 import os, sys
 class Hold:

@@ -47,7 +47,7 @@ def test_press_arrives_in_place_and_lost_sensor_is_reported(tmp_path: Path, boar
         daemon.wait_for(lambda contact: contact.health == "ok" and contact.contact is False)
         pressed.touch(2e-3, -1e-3, 1.0)
         touched = daemon.wait_for(lambda contact: contact.contact is True)
-        # The step is over; a busy computer may just leave frames out, and says so in place of numbers.
+        # The step is over; a busy computer may drop frames at that moment, and then reports that instead of numbers.
         contact = daemon.wait_for(lambda contact: contact.seq > touched.seq + 100 and contact.health == "ok")
         # The default model's own errors on this pad, and the noise: its bound is 0.12 mm and 2 % at such a press.
         assert contact.x_m == pytest.approx(2e-3, abs=0.4e-3)
@@ -114,5 +114,5 @@ def test_slowed_clock_is_the_same_in_a_process_that_starts_later() -> None:
 
     now_s = time.monotonic()
     at_once_s, later_s = shown_s(now_s), shown_s(now_s - 1000.0)
-    # The later clock went on for 1000 s more, of which it lost the share 1 − PACE.
+    # The later clock ran for 1000 s more, of which it lost the share 1 − PACE.
     assert at_once_s - later_s == pytest.approx((1.0 - PACE) * 1000.0, abs=time.monotonic() - now_s)

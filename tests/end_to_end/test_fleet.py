@@ -20,7 +20,7 @@ from fmfts_client import KEY_VARIABLE, Subscription
 from page.rig import View
 
 SOON_S = 0.5
-SILENCE_S = 1.5  # thirty looks of the fleet, and a status of each pad
+SILENCE_S = 1.5  # thirty polls of the fleet, and a status of each pad
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,7 @@ def test_worst_pad_is_named_with_its_reason(fleet: OpenPage) -> None:
     assert "/dev/no-such-board" in head["worst"]["reason"]
 
 
-@pytest.mark.real_time  # who reads for a second too slowly loses messages
+@pytest.mark.real_time  # a client that reads too slowly for a second loses messages
 def test_killed_robot_is_lost_and_the_others_go_on_without_a_gap(robots: Robots, fleet: OpenPage) -> None:
     listeners = [Listener(robots, name) for name in ("arm", "head")]
     try:

@@ -96,7 +96,7 @@ def test_drift_is_followed_to_its_bound_shown_and_undone(tmp_path: Path, host: F
         wait_for_status(daemon, lambda status: status.rest_drift_m is not None)
 
         before_n = force_of_press(daemon, host)
-        # A window that saw the sinking leaves a last step of any size.
+        # A window that contains the sinking leaves a last step of any size.
         followed = wait_for_status(daemon, lambda status: (status.rest_drift_m or 0.0) > 9.999e-6)
         assert followed.rest_drift_m == pytest.approx(10e-6, rel=1e-6), "12 µm are beyond the bound"
         after_n = force_of_press(daemon, host)

@@ -72,7 +72,8 @@ def test_client_of_foxglove_gets_contacts_and_drawings(address: str) -> None:
         until = time.monotonic() + PATIENCE_S
         while seen.keys() != WANTED:
             assert time.monotonic() < until, f"nothing came of {sorted(WANTED - seen.keys())}"
-            # The SDK advertises a channel a moment before it takes subscriptions to it, and is silent of one too early.
+            # The SDK advertises a channel a moment before it accepts subscriptions, and ignores one that comes too
+            # early.
             client.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
             for number, utc_ns, message in messages(client, 2.0):
                 seen[topics[number]] = message
@@ -92,5 +93,5 @@ def test_server_offers_nothing_that_changes_anything(address: str) -> None:
 def test_only_this_machine_can_connect(address: str) -> None:
     host, port = address.removeprefix("ws://").split(":")
     assert host == "127.0.0.1"
-    with pytest.raises(OSError, match="refused"):  # as on any other address of this machine
+    with pytest.raises(OSError, match="refused"):  # as for any other address of this machine
         socket.create_connection(("127.0.0.2", int(port)), timeout=2.0).close()

@@ -13,7 +13,7 @@ from end_to_end.kernel_bus import all_valid, kernel_bus, pad, run
 from end_to_end.processes import run_command
 from fmfts.common import exit_codes
 
-# What the HMC5983's driver once asked for in one call: status, and then the sample.
+# The HMC5983's driver once asked for both in one call: status, and then the sample.
 TWO_READS = """
 import smbus2
 write, read = smbus2.i2c_msg.write, smbus2.i2c_msg.read
@@ -75,7 +75,7 @@ def test_refused_transfer_names_the_adapter_and_not_the_wires(tmp_path: Path) ->
     assert code == exit_codes.UNAVAILABLE, said
     refusal = "its adapter (FT260 usb-i2c bridge on hidraw0, driver ft260) refuses reading from 0x0c after writing 60"
     assert refusal in said
-    assert "MLX90393 at 0x0C" in said  # it is there, and its adapter is why it is not read
+    assert "MLX90393 at 0x0C" in said  # it is there, but its adapter prevents reading it
 
 
 def test_probe_says_what_a_usb_bridge_can_do(tmp_path: Path) -> None:

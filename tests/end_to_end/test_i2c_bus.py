@@ -13,7 +13,7 @@ from fmfts.config import PadConfig
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 
-SLOW_RATE_HZ = 15  # a bus that is slow to emulate still has the time for two polls a frame, which samples need
+SLOW_RATE_HZ = 15  # a bus that is slow to emulate still has time for the two polls a frame that samples need
 
 
 @pytest.fixture
@@ -38,9 +38,9 @@ def test_four_sensors_arrive_as_counts_with_age_freshness_and_temperature(kernel
     assert all(frame.host_time_ns <= now_ns for frame in frames)
     ages = np.array([frame.age_us for frame in frames])
     assert (ages.min(axis=1) == 0).all()  # the newest defines the frame's time
-    assert np.median(ages) < 20_000  # a period of 13.3 ms and half a look; single ones are late when the machine is
+    assert np.median(ages) < 20_000  # a period of 13.3 ms and half a poll; single ones are late when the machine is
     fresh = np.mean([frame.fresh for frame in frames])
-    assert fresh > 0.5  # chips at 75 Hz ± 3 % read at 75 Hz: nearly all, less on a machine that falls behind
+    assert fresh > 0.5  # chips at 75 Hz ± 3 % read at 75 Hz: nearly all, fewer on a slow machine
     assert kernel.report()["conflicts"] == 0
     assert source.state.sensor_faults == {}
     assert source.state.crc_errors == source.state.garbage_bytes == 0
@@ -54,7 +54,7 @@ def test_samples_come_before_their_frames_where_they_are_wanted(kernel: KernelBu
 
     def polled(frames: list[Frame]) -> bool:
         early.extend(one for _, one in source.take_early())
-        # Two chips are off by 1 %: it takes them up to a hundred frames until a sample falls between two of these.
+        # Two chips are off by 1 %: up to a hundred frames pass until a sample falls between two of these.
         return len(frames) > 50 and len(early) > 40 and len({one.sensor for one in early}) == 4
 
     for frame in run(source, polled):

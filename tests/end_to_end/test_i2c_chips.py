@@ -20,7 +20,7 @@ from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS
 from fmfts.sensor.i2c.source import I2c
 from fmfts.simulation.mounted import MountedPad
 
-# Rate, range and addresses without a mux; where there are none, the chips are behind one.
+# Rate, range, and addresses without a mux; if there are none, the chips are behind a mux.
 WIRED: dict[str, dict[str, Any]] = {
     "mlx90393": {"rate_hz": 220, "range_gauss": 132.0, "channels": (), "addresses": (0x0C, 0x0D, 0x0E, 0x0F)},
     "lis3mdl": {"rate_hz": 150, "range_gauss": 4.0, "channels": (), "addresses": (0x1C, 0x1E)},
@@ -52,7 +52,7 @@ def test_every_chip_arrives_as_a_field(chip: str) -> None:
         scatter_t = PULSE_ZERO_T if CHIPS[chip].film else 0.0
         assert frame.field_t == pytest.approx(due, abs=frame.chip.step_t[frame.gain_code].max() + scatter_t)
         frames = run(source, lambda frames: len(frames) > 60)
-        assert np.mean([frame.fresh for frame in frames]) > 0.5  # less on a machine that falls behind
+        assert np.mean([frame.fresh for frame in frames]) > 0.5  # fewer on a slow machine
         assert kernel.report()["conflicts"] == 0
         assert source.state.sensor_faults == {}
         if CHIPS[chip].thermometer is not None:
@@ -99,7 +99,7 @@ def test_chip_that_was_power_cycled_is_set_up_again() -> None:
         run(source, lambda frames: all_valid(frames) and frames[-1].fresh[0])
 
 
-# The silicone and the finger are the model's own: what they would leave open has tests of its own.
+# The silicone and the finger are the model's own: the errors of others have tests of their own.
 CONTACT_CONFIG = """
 [[pad]]
 name = "left"
@@ -149,7 +149,7 @@ def test_press_on_a_pad_of_other_chips_becomes_a_contact(chip: str, rate_hz: int
         settled_ns = time.monotonic_ns() + 500_000_000  # the chips' fields change one after another
         felt = daemon.wait_for(lambda contact: contact.t_sample_ns > settled_ns and contact.health == "ok")
         assert felt.contact
-        # Deviations count the noise, and what the baseline leaves unknown; 5 of them, of one message.
+        # Deviations include the noise and the baseline's remaining errors; five of them, of one message.
         assert abs(felt.force_n - FORCE_N) < 5 * felt.force_sd_n
         assert abs(felt.x_m - PRESSED_MM[0] * 1e-3) < 5 * felt.x_sd_m
         assert abs(felt.y_m - PRESSED_MM[1] * 1e-3) < 5 * felt.y_sd_m
@@ -197,7 +197,7 @@ def test_init_writes_the_chips_that_it_finds_and_their_pad_runs(chip: str, tmp_p
     with kernel_bus(chip, *addresses):
         written = run_command("init", "--i2c", "7", "--config", tmp_path / "pad.toml")
         assert written.returncode == 0, written
-        if len(addresses) == 2:  # two chips are no pad, and their places are asked for
+        if len(addresses) == 2:  # two chips are no pad, so the command asks for their places
             assert "FILL IN" in (tmp_path / "pad.toml").read_text()
             return
         checked = run_command("check-config", "--config", tmp_path / "pad.toml")
@@ -271,7 +271,7 @@ def test_mmc5983ma_selftest_reports_zeros_and_names_a_large_one() -> None:
         run(source, lambda frames: source.selftest_result(0))
         result = source.selftest_result(0)
         assert [sensor["passed"] for sensor in result["sensors"]] == [True, True, False, True]
-        # Of the chip's axes z is turned over.
+        # The chip's z axis is reversed.
         assert result["sensors"][0]["zero_t"] == pytest.approx([25e-6, 0.0, 12.5e-6], abs=PULSE_ZERO_T)
         (reason,) = result["sensors"][2]["failures"]
         assert reason.startswith("y: its zero is +75.0 µT, where ±50 are due: magnetised, or broken:")

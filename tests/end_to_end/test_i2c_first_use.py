@@ -15,18 +15,18 @@ OTHERS = [(chip, adapter) for chip in ADDRESSES for adapter in ADAPTERS if (chip
 
 def require_first_use(folder: Path, chip: str, adapter: str) -> None:
     used = first_use(folder, chip, adapter)
-    assert used.measured_hz == pytest.approx(used.rate_hz, rel=0.05)  # ends of three seconds, and a busy computer
+    assert used.measured_hz == pytest.approx(used.rate_hz, rel=0.05)  # the ends of three seconds, and a busy computer
     assert used.before.contact is False
     assert used.pressed.contact is True
     assert used.after.contact is False
     x_m, y_m, force_n = PRESS
-    # Deviations count the noise, and what the baseline leaves unknown; 5 of them, of one message.
+    # Deviations include the noise and the baseline's remaining errors; five of them, of one message.
     assert abs(used.pressed.force_n - force_n) < 5 * used.pressed.force_sd_n
     assert abs(used.pressed.x_m - x_m) < 5 * used.pressed.x_sd_m
     assert abs(used.pressed.y_m - y_m) < 5 * used.pressed.y_sd_m
     # Steel may be near, and the pad was not turned: 0.23 N. Its silicone and the finger are not known: 25 %.
     assert used.pressed.force_sd_n < 0.4 * force_n
-    # This pad is as drawn, so noise is what is left: of one frame, 0.02 N, and 0.1 N of MLX90393 (docs/chips.md).
+    # This pad is as drawn, so only noise remains: of one frame, 0.02 N, and 0.1 N of MLX90393 (docs/chips.md).
     assert abs(used.pressed.force_n - force_n) < (0.4 if chip == "mlx90393" else 0.1)
     assert ("has no self-test" in used.selftest) is (chip not in SELF_TESTED), used.selftest
 

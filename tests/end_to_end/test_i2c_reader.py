@@ -51,7 +51,7 @@ def test_wedged_bus_blocks_no_pad_names_call_and_recovers(kernel: KernelBus) -> 
     assert source.state.reconnects == 1
 
 
-@pytest.mark.real_time  # a reader that a busy computer holds up for long is told from one that works
+@pytest.mark.real_time  # a reader that a busy computer delays for long is distinguished from one that works
 def test_reader_that_dies_is_started_again(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)

@@ -37,7 +37,7 @@ rate_hz = {RATE_HZ}
 BEGUN_NS = 7_000_000_000
 PAUSE_S, PRESS_S = 1.8, 2.0
 PRESSES = [(x, y, force) for y in (-10, 0, 10) for x in (-10, 0, 10) for force in (0.4, 1.5)]
-# What a machine's log is like: over this minute and a bit, 0.4 % are what 75 ppm are over an hour.
+# Properties of a machine's log: over this minute and a bit, 0.4 % correspond to 75 ppm over an hour.
 GAUGE_HZ, NOISE_N, OFFSET_N, CLOCK_AHEAD_S, CLOCK_RATE = 160, 0.005, 0.05, 1234.5, 1.004
 
 
@@ -82,7 +82,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, machine: Machine) -> Path:
         wanted = BaselineRequest(pad.pad(), pad.tolerance.si(), bare=False, replaced=False)
         job = BaselineJob(wanted, None, source, executor)
         now_ns = BEGUN_NS
-        while job.share < 1.0:  # how long the computer then takes to judge them changes nothing
+        while job.share < 1.0:  # the time that the computer then takes to judge them changes nothing
             now_ns += 10_000_000
             for frame in source.poll(now_ns):
                 job.take(frame)
@@ -147,7 +147,7 @@ def test_every_press_of_noisy_log_with_another_zero_and_clock_becomes_row(
     pressed = [row for row in table if row["press"] != "0"]
     for row, (x_mm, y_mm, force_n) in zip(pressed, PRESSES, strict=True):
         assert (float(row["x_mm"]), float(row["y_mm"])) == (x_mm, y_mm)
-        # the zero drifts by 7 mN from a pause to the second press after it; means of 200 readings of 5 mN beside
+        # the zero drifts by 7 mN from a pause to the second press after it; in addition, means of 200 readings of 5 mN
         assert float(row["force_n"]) == pytest.approx(force_n, abs=0.01)
         assert float(row["force_sd_n"]) == pytest.approx(NOISE_N, rel=0.3)
 

@@ -24,7 +24,7 @@ from fmfts.pad import Pad
 from fmfts_client import Contact, JointPublisher
 
 SCENE = '\n[pad.scene]\nambient = "posture"\n'
-# Uneven by some 10 µT over the pad, where a pad that knows nothing of the hand is disturbed.
+# Uneven by some 10 µT over the pad, so that a pad without a model of the hand is disturbed.
 HAND = HandMagnets(moment_am2=0.01, period_s=3.0)
 PRESSED_M = 0.5e-3
 STEP_S = 0.01

@@ -39,10 +39,10 @@ seed = {seed}
     for name, seed in (("left", 3), ("right", 4))
 )
 BEGUN_NS, STEP_NS = 7_000_000_000, 10_000_000
-HELD_S = 2.5  # each press, after a pause as long
+HELD_S = 2.5  # each press, after a pause of the same length
 # On the right pad; the left one is pressed in its middle. In mm and N.
 PRESSES = ((0.0, 0.0, 0.5), (4.0, 1.0, 0.8), (-3.0, 3.0, 1.1), (2.0, -5.0, 0.7), (-6.0, -2.0, 0.9), (1.0, 6.0, 1.0))
-STIFFER = 1.4  # the right pad's silicone: it moves like the model's under a force that is smaller by this
+STIFFER = 1.4  # the right pad's silicone moves like the model's under a force that is smaller by this factor
 
 
 def record_baseline(pad: PadConfig, source: Simulated) -> int:

@@ -20,6 +20,6 @@ def test_paper_readings_arrive_as_the_papers_poses(tmp_path: Path) -> None:
         # The five magnets of a pose differ in remanence alone; 1.3–2.3 % are the paper's own field errors.
         ratio = arrival.contact.pose.remanence_t / float(arrival.reading.remanence_t)
         assert ratio == pytest.approx(1.0, abs=0.03)
-        # Rest was not recorded: a pose, but no contact that anybody could act on.
+        # Rest was not recorded: there is a pose, but no contact that a controller could use.
         assert arrival.contact.health == "no_baseline"
         assert arrival.contact.force_n is None

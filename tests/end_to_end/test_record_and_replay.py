@@ -68,7 +68,7 @@ AMONG_ARRAYS = (
     + '[[pad]]\nname = "one"\n[pad.source]\ntype = "simulated"\nrate_hz = 75\n'
     + beside(-45, ["array"])
 )
-PATIENCE_S = 60.0  # for what takes two seconds, and three processes, on a computer that does other things
+PATIENCE_S = 60.0  # for two seconds of work, and three processes, on a busy computer
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +130,7 @@ def encoded_for_ros(recording: Path) -> set[str]:
         return {channel.topic for _, channel, _ in messages if channel.message_encoding == "cdr"}
 
 
-@pytest.mark.slow  # two pads of several magnets take most of a processor, ahead of the other tests
+@pytest.mark.slow  # two pads of several magnets take most of a processor, before the other tests
 def test_replay_of_pads_beside_one_with_several_magnets_is_identical(
     tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -149,7 +149,7 @@ def replays_identically(
     daemon: RunningDaemon, output: Path, options: tuple[str, ...], pads: list[str], contacts_a_pad: int = 200
 ) -> None:
     process = recorder(daemon, output, *options)
-    wait_for_contacts(daemon, pads[0], contacts_a_pad)  # 200: two seconds, where nothing is late
+    wait_for_contacts(daemon, pads[0], contacts_a_pad)  # 200: two seconds, if nothing is late
     process.send_signal(signal.SIGTERM)
     said, complaint = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, complaint
@@ -162,7 +162,7 @@ def replays_identically(
     assert is_whole(output)
 
 
-@pytest.mark.real_time  # a computer that is late leaves frames out
+@pytest.mark.real_time  # a late computer drops frames
 def test_recorder_that_is_killed_leaves_a_recording(daemon: RunningDaemon, tmp_path: Path) -> None:
     """All but its last chunk, of which each holds a second. The writer by itself would keep four to itself."""
     process = recorder(daemon, tmp_path / "a.mcap", "--pad", "far")

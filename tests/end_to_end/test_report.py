@@ -23,7 +23,7 @@ from fmfts.recording.file import attachment, read
 from fmfts.report.file import NAME, facts_of
 
 CONTACT = Path(fmfts.contact.__file__).parent
-SOME = 30  # frames, of a second or two, on a busy computer
+SOME = 30  # frames of a second or two, on a busy computer
 HMC_CONFIG = '[[pad]]\nname = "left"\n[pad.source]\ntype = "i2c"\nbus = 7\n'
 
 
@@ -203,7 +203,7 @@ def test_report_holds_no_secret_of_user_or_computer(tmp_path: Path) -> None:
         f"#!/bin/sh\necho 'fmfts: {home}/x on {host}: {SECRETS['user']} API_TOKEN={SECRETS['other token']}'\n"
     )
     (tools / "journalctl").chmod(0o755)
-    shutil.copy(CONTACT / "default.onnx", home / "own.onnx")  # a message tells its place
+    shutil.copy(CONTACT / "default.onnx", home / "own.onnx")  # a message with a place
     shutil.copy(CONTACT / "default.json", home / "own.json")
     config = (
         UNTOUCHED_CONFIG

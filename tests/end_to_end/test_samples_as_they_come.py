@@ -68,7 +68,7 @@ def test_every_sample_makes_a_contact_and_now_goes_on(tapped: RunningDaemon) -> 
     contacts = contacts_of(tapped, 3.0)
     frames = len({contact.t_sample_ns for contact in contacts})
     missing = contacts[-1].seq - contacts[0].seq + 1 - len(contacts)
-    assert missing < 0.01 * len(contacts)  # a busy computer may be late with a frame, which is then left out
+    assert missing < 0.01 * len(contacts)  # a busy computer may be late with a frame, which is then dropped
     assert len(contacts) > 3.5 * frames
     told = [contact.now.t_ns for contact in contacts if contact.now is not None]
     assert len(told) > 0.9 * len(contacts)

@@ -17,7 +17,7 @@ from end_to_end.processes import RunningDaemon, run_command
 from fmfts_client import Contact
 from skin.skin_pad import SENSORS_MM, presses, skin_set, streamed_field, write_skin
 
-# Their stream has no numbers: a computer that is late reads a wrong rate.
+# Their stream has no numbers, so a late computer measures a wrong rate.
 pytestmark = pytest.mark.real_time
 
 CONFIG = """

@@ -52,5 +52,5 @@ def test_thousands_of_idle_connections_leave_contacts_going_on(tmp_path: Path, l
                     assert messages.receive(timeout_s=10.0) is not None, daemon.log.read_text()
                 assert daemon.process.poll() is None, daemon.log.read_text()
                 assert 0.9 * MOST_CONNECTIONS < let_in < MANY, (socket, daemon.log.read_text())
-        assert daemon.wait_for(lambda contact: contact.health == "ok")  # the door is open again
+        assert daemon.wait_for(lambda contact: contact.health == "ok")  # new connections are accepted again
         assert "no other program may connect" in daemon.log.read_text()

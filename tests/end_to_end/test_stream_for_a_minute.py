@@ -13,7 +13,7 @@ from fmfts_client import Contact, Status
 from standing_still import StandingStill
 
 SECONDS, RATE_HZ = 60.0, 220.0
-SILENT_S = SHORTEST_SILENCE_NS * 1e-9 + 0.05  # the daemon looks twenty times a second
+SILENT_S = SHORTEST_SILENCE_NS * 1e-9 + 0.05  # the daemon checks twenty times a second
 
 
 def _cpu_s(pid: int) -> float:
@@ -39,9 +39,9 @@ def test_minute_at_220_hz_loses_nothing_and_grows_nothing(tmp_path: Path, pad: P
         pid = daemon.process.pid
         sequence: list[int] = []
         healths: dict[str, int] = {}
-        silences_s: list[float] = []  # when they were told
+        silences_s: list[float] = []  # when they were reported
         statuses: list[Status] = []
-        counted: list[tuple[int, int]] = []  # contacts so far, and when, at each status
+        counted: list[tuple[int, int]] = []  # number of contacts, and the time, at each status
         with StandingStill(pty=True) as computer, daemon.subscribe("contact", "status") as messages:
             messages.receive(5.0)
             cpu_before, resident_before, start = _cpu_s(pid), _resident_kb(pid), time.monotonic()
@@ -63,23 +63,23 @@ def test_minute_at_220_hz_loses_nothing_and_grows_nothing(tmp_path: Path, pad: P
             grown_kb = _resident_kb(pid) - resident_before
     print(f"{len(sequence) / elapsed:.2f} Hz, {share:.1%} of a core, {grown_kb} kB more than {resident_before}")
     assert sequence == list(range(sequence[0], sequence[0] + len(sequence)))
-    # While a processor stood still, the board's process or the daemon's did: then silence is what there was, and what
-    # came later than it may was left out. Otherwise there was none of either.
+    # While a processor stood still, so did the board's process or the daemon's: there was silence, and frames that came
+    # too late were dropped. Otherwise there was neither silence nor a dropped frame.
     said = f"processors stood still at {computer.times}"
     unfounded = [told_s for told_s in silences_s if not computer.within(told_s - SILENT_S, told_s)]
     assert not unfounded, f"silent at {unfounded}; {said}"
     assert healths == {"ok": len(sequence) - len(silences_s)} | ({"stale": len(silences_s)} if silences_s else {})
     excused = 2.0 * RATE_HZ * computer.total_s
-    # What waited on the line when the port was opened was left out, before this minute.
+    # Frames that waited on the line when the port was opened were dropped, before this minute.
     lost = sum(status.gaps + status.dropped for status in statuses[-1:]) - statuses[0].gaps - statuses[0].dropped
     assert lost <= excused, f"{lost} frames; {said}"
     assert statuses[-1].crc_errors == statuses[-1].reconnects == 0
-    # What each status says of its second is what came in it, to two frames at its ends, however the second went.
+    # Each status reports the frames of its second, to two frames at its ends, however the second went.
     for status, (before, since_ns), (count, now_ns) in zip(statuses[1:], counted, counted[1:], strict=False):
         came_hz = (count - before) / ((now_ns - since_ns) * 1e-9)
         if not computer.within(since_ns * 1e-9 - SILENT_S, now_ns * 1e-9):
             assert abs(status.rate_hz - came_hz) < 0.01 * RATE_HZ, said
     assert abs(len(sequence) - RATE_HZ * elapsed) < 0.01 * RATE_HZ * elapsed + excused, said
-    # 13,200 messages: 1 MB would be 80 bytes kept of each.
+    # 13,200 messages: 1 MB would be 80 bytes that each one leaves behind.
     assert grown_kb < 1024
     assert share < 0.25

@@ -37,7 +37,7 @@ def test_baseline_of_another_board_is_refused_until_its_own_board_is_back(tmp_pa
             host.kill()
             daemon.wait_for(lambda contact: contact.health == "disconnected")
             with FirmwareHost(tmp_path, "--uid", OTHER) as other:
-                other.field(resting_field(pad) * 1.02)  # other gains: with the first one's baseline, a touch
+                other.field(resting_field(pad) * 1.02)  # other gains: a touch, with the first one's baseline
                 refused = daemon.wait_for(lambda contact: contact.health == "no_baseline")
                 assert (refused.contact, refused.force_n, refused.pose) == (None, None, None)
                 assert f"its baseline was recorded on board {ONE}" in refused.reason

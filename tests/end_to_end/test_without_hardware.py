@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/without-hardware.md").read_text()
 COMMANDS = [line.strip() for line in re.findall(r"^    (\S.*)$", PAGE, flags=re.MULTILINE)]
 TYPED = re.findall(r"^\| `([^`]+)` \|", PAGE, flags=re.MULTILINE)  # into the host's firmware
-# Where each of the longer ones is run; it must be named there.
+# Where each longer command is run; that file must name it.
 ELSEWHERE = {
     "make demo FIRMWARE=1 SECONDS=10": ("tests/end_to_end/test_firmware_in_the_loop.py", "firmware_in_the_loop"),
     "make demo PAPER=1": ("tests/end_to_end/test_demo.py", "paper_demo.py"),
@@ -73,7 +73,7 @@ def test_verbs_of_the_page_run_in_its_order_beside_the_daemon(folder: Path, envi
             while not (folder / "control").exists():
                 assert time.monotonic() < until
                 time.sleep(0.05)
-            time.sleep(2.0)  # `status` tells of a second
+            time.sleep(2.0)  # `status` describes the last second
             assert "demo" in ran(BESIDE_A_DAEMON[0], folder, environment)
             for command in BESIDE_A_DAEMON[1:]:
                 assert ran(command, folder, environment)
@@ -100,7 +100,7 @@ def test_host_build_takes_every_command_of_the_page(tmp_path: Path) -> None:
         )
         assert ended.returncode == 0, ended
         config = f'[[pad]]\nname = "left"\n[pad.source]\ntype = "bridge"\nport = "{board.port}"\n'
-        with RunningDaemon(tmp_path, config) as daemon:  # garbage needs somebody who hears it
+        with RunningDaemon(tmp_path, config) as daemon:  # garbage needs a listening daemon
             daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
             for command in TYPED[:-1]:
                 board.tell(command)

@@ -27,7 +27,7 @@ static void init_mmc5603nj(union any_chip *chip, uint32_t seed)
 static void init_qmc5883p(union any_chip *chip, uint32_t seed)
 {
     emulated_qmc5883p_init(&chip->qmc5883p, seed);
-    chip->qmc5883p.cleared_by_data = seed % 2; // no source says what clears its DRDY
+    chip->qmc5883p.cleared_by_data = seed % 2; // no source states what clears its DRDY
 }
 
 static void init_qmc5883l(union any_chip *chip, uint32_t seed)
@@ -89,7 +89,7 @@ const struct promised mmc5603nj = {
     .sensitivity_per_k = -2e-4,
 };
 
-// Boards of two makers have it at 0x0C and at 0x18; the third pin setting is for good measure.
+// Boards of two makers have it at 0x0C and at 0x18; the third pin setting is tested as well.
 static void init_mlx90393(union any_chip *chip, uint32_t seed)
 {
     static const uint8_t addresses[] = {0x0C, 0x18, 0x0F, 0x0D};

@@ -22,22 +22,22 @@ union any_chip {
     struct emulated_qmc5883p qmc5883p;
 };
 
-// Written here once more, not taken from the driver. Ranges are those in which every field must be told.
+// Written again here, not taken from the driver. Ranges in which every field must be reported.
 struct promised {
     void (*init)(union any_chip *chip, uint32_t seed);
     uint8_t identification[3], identification_mask[3];
     int gain_codes;
     double counts_per_gauss[GAIN_CODES_MAX][3];
     double range_gauss[GAIN_CODES_MAX];
-    double beyond; // of the range: here an axis must be marked
+    double beyond; // share of the range: here an axis must be marked
     double film_gauss; // up to this norm every field must be told; a stronger one upsets its film. 0: it has no such limit
     struct {
         int frames_hz;
         double conversions_hz; // the slowest rate that gives each frame a new sample; 0: the board paces it
     } speeds[SPEEDS_MAX];
     bool fills_period; // its measurements last as long as its period, and the time of a sample is the middle of that
-    int single_max_hz; // that the board accepts, with one pad; 0: it takes no trigger
-    double raw_at_25, raw_per_kelvin; // of its thermometer; 0: none
+    int single_max_hz; // a rate that the board accepts with one pad; 0: it takes no trigger
+    double raw_at_25, raw_per_kelvin; // resolution of its thermometer; 0: none
     double sensitivity_per_k;            // relative, from that of 25 degrees
 };
 
@@ -53,9 +53,9 @@ void chip_rig_fill_switch(const struct promised *kind);
 // chip_rig_begin of one pad, with this gain code and rate, streaming; its packets are forgotten.
 void chip_rig_begin_streaming(const struct promised *kind, uint16_t gain_code, uint16_t rate_hz);
 void chip_rig_set_field(int sensor, double x, double y, double z);
-void chip_rig_settle(void); // what the chips convert from now on sees the field of now
+void chip_rig_settle(void); // measurements of the chips from now on see the present field
 
-// The newest frame of what was sent since the last look.
+// The newest frame sent since the last call.
 struct sample_view chip_rig_newest(void);
 void chip_rig_check_counts(const struct promised *kind, const struct sample_view *view, int sensor);
 void chip_rig_check_counts_of(const struct promised *kind, const struct sample_view *view, int pad, int sensor);

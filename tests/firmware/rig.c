@@ -6,7 +6,7 @@
 
 struct rig rig;
 
-// Reads the line as firmware/wire.md has it; a line that is not whole fails the test.
+// Reads the line as firmware/wire.md defines it; an incomplete line fails the test.
 static bool keep(void *context, const uint8_t *line, size_t count)
 {
     (void)context;

@@ -22,15 +22,16 @@ struct rig {
 
 extern struct rig rig;
 
-// Starts a board with this many pads. All chips see field (10 + i, 20 + i, 30 + i) µT, i their number, and no noise.
+// Starts a board with this many pads. All chips see the field (10 + i, 20 + i, 30 + i) µT without noise, where i is
+// their number.
 void rig_begin(uint8_t pads);
 // The same half a second later, its packets forgotten.
 void rig_begin_streaming(uint8_t pads);
 void rig_run_ms(double ms);
 
-// The next packet of this type since the last look; the test fails when there is none.
+// The next packet of this type since the last call; the test fails if there is none.
 const uint8_t *rig_next(enum wire_type type);
-// The same, NULL when there is none.
+// The same, but NULL if there is none.
 const uint8_t *rig_find(enum wire_type type);
 void rig_forget(void);
 int rig_count(enum wire_type type);

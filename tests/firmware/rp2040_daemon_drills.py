@@ -22,7 +22,7 @@ from emulator.pace import slowed
 ROOT = FIRMWARE.parent
 LIBRARY = Path(os.environ.get("RP2040JS") or ROOT / ".venv/node_modules/rp2040js")
 RUNNER = ROOT / "tests/emulator/rp2040_on_pty.py"
-PACE = 0.02  # of real time: alone on a computer the emulator reaches 0.2, beside others a tenth of that
+PACE = 0.02  # share of real time: alone on a computer the emulator reaches 0.2, beside others a tenth of that
 PATIENCE_S = 600.0  # beside programs of a higher priority the emulator may get a twentieth of a processor
 LOOK_S = 5.0  # asking costs the emulator a second
 pytestmark = pytest.mark.needs("arm-none-eabi-gcc", "node", "faketime")

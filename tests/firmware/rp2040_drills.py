@@ -63,7 +63,7 @@ class Stream:
         error = (channel - 1.5) * 0.01
         chip = KINDS[kind][0](time_s, FIELDS_GAUSS[channel], clock_error=error, phase_s=0.0007 * channel)
         if isinstance(chip, Memsic):
-            chip.repeatability_gauss = 0.0  # else each SET leaves 1 mG, four steps
+            chip.repeatability_gauss = 0.0  # otherwise each SET leaves 1 mG, four steps
         return chip
 
     def run(self, seconds: float) -> list[Packet]:
@@ -181,7 +181,7 @@ def test_every_chip_arrives_as_its_field(opened: Callable[..., Stream], kind: st
         np.array(FIELDS_GAUSS[:4]) * 1e-4, abs=float(np.abs(step_t).max())
     )
     assert stream.ask(Verb.TRIGGER, 1) == 0
-    if not CHIPS[kind].board_single_hz:  # it takes no trigger, and is there again when nobody asks for one
+    if not CHIPS[kind].board_single_hz:  # it takes no trigger, and is detected again when nobody requests one
         stream.run(0.3)
         assert set(stream.latest(Status).pads[0].states) == {SensorState.CONFIGURATION_LOST}
         assert stream.ask(Verb.TRIGGER, 0) == 0
@@ -264,7 +264,7 @@ def test_usb_serial_port_carries_the_flash_number(opened: Callable[..., Stream])
     assert texts == ["fmfts", "fmfts board", "E6613852830A5C21"]
     assert stream.latest(Hello).uid == bytes.fromhex(texts[2]) + bytes(4)
     assert (found["configured"], found["state"], found["coding"]) == ([], [1], [0, 8, 7, 0, 0, 0, 8])
-    # What a board of full speed has not, it refuses.
+    # A board refuses whatever its full-speed USB does not have.
     assert found["qualifier"] is found["unknown"] is found["strings"][4] is None
     assert stream.board.complaints == []
 

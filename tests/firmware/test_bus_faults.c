@@ -1,4 +1,4 @@
-// What a host sees of a board with a broken bus or switch.
+// How a board with a broken bus or switch appears to a host.
 #include "harness.h"
 #include "rig.h"
 

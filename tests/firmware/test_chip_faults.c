@@ -1,4 +1,4 @@
-// What a host sees of a board whose chips, of each kind, fail, are reset, or are triggered at once.
+// How a board appears to a host whose chips, of each kind, fail, are reset, or are triggered at once.
 #include <math.h>
 #include <string.h>
 
@@ -38,7 +38,7 @@ static void is_set_up_while_it_measures_already(const struct promised *kind)
 {
     uint16_t gain_code = (uint16_t)(kind->gain_codes - 1);
     chip_rig_begin_streaming(kind, gain_code, 100);
-    emulation_reset(&rig.emulation); // the board alone: its chips go on measuring
+    emulation_reset(&rig.emulation); // the board alone: its chips continue to measure
     rig_run_ms(250);
     const uint8_t *hello = rig_next(WIRE_HELLO);
     for (int i = 0; i < 4; i++)
@@ -148,7 +148,7 @@ static void measures_once_for_each_trigger(const struct promised *kind)
     chip_rig_settle();
     double apart_ns = fabs((double)chip(0)->last_conversion_ns - (double)chip(2)->last_conversion_ns);
     double between_ns = fabs(1e9 / most - apart_ns); // where only one of them has converted since the last trigger
-    // The slowest conversion, by clocks 4 % apart: they started at once.
+    // The slowest conversion, with clocks 4 % apart: they started at once.
     CHECK_BETWEEN(apart_ns < between_ns ? apart_ns : between_ns, 0, 0.05 * 7e6);
 }
 TEST_EACH_CHIP(measures_once_for_each_trigger)

@@ -24,7 +24,7 @@ FLAGS = ["-std=c11", "-O1", "-I", CHIPS, "-I", CHIPS.parent]
 # Which chips' tests judge a file that several chips share.
 JUDGES = dict.fromkeys(("memsic", "sensor_film", "sensor_poll"), "mmc5") | {"sensor": "m", "sensor_turn": "qmc5883l_"}
 
-# (file, what is wrong, the right text, the wrong one)
+# (file, the mistake, the correct text, the wrong one)
 MUTATIONS = [
     ("memsic", "low byte first", "data[2 * axis] << 8 | data[2 * axis + 1]", "data[2 * axis + 1] << 8 | data[2 * axis]"),
     ("memsic", "signed, though zero is in the middle", "ZERO = 0x8000", "ZERO = 0"),

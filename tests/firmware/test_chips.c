@@ -1,4 +1,4 @@
-// What a host sees of a board with each kind of chip, in its stream.
+// How a board with each kind of chip appears to a host, in its stream.
 #include <math.h>
 #include <string.h>
 
@@ -52,7 +52,7 @@ static void tells_fields_up_to_its_range(const struct promised *kind)
 }
 TEST_EACH_CHIP(tells_fields_up_to_its_range)
 
-// Of a chip with a film all axes are: a field beyond its range may have upset the film.
+// For a chip with a film all axes are marked: a field beyond its range may have upset the film.
 static void check_only_this_axis_is_marked(const struct promised *kind, const struct sample_view *view, int sensor, int axis)
 {
     for (int i = 0; i < 4; i++)
@@ -113,7 +113,7 @@ static void gives_each_conversion_once_and_at_its_time(const struct promised *ki
     int frames_hz = 0;
     if (kind->speeds[0].conversions_hz == 0)
         return; // test_memsic.c: it has no period
-    for (int s = 0; s < SPEEDS_MAX; s++) { // the fastest that frames can follow, with clocks that are slow
+    for (int s = 0; s < SPEEDS_MAX; s++) { // the fastest rate of frames with slow clocks
         if (kind->speeds[s].conversions_hz < kind->speeds[s].frames_hz * 1.006 &&
             kind->speeds[s].conversions_hz > kind->speeds[s].frames_hz * 0.95) {
             frames_hz = kind->speeds[s].frames_hz;
@@ -188,7 +188,7 @@ TEST_EACH_CHIP(has_its_thermometers_temperature)
 
 static void tells_what_a_warmer_chip_senses(const struct promised *kind)
 {
-    // Large, lest a coarse step hides the difference.
+    // Large, because a coarse step could hide the difference.
     double gauss = 0.9 * (kind->film_gauss > 0 ? kind->film_gauss / sqrt(3) : kind->range_gauss[0]);
     chip_rig_begin(kind, 1);
     for (int i = 0; i < 4; i++)

@@ -1,4 +1,4 @@
-// The emulated MMC5983MA and MMC5603NJ against the data sheet and what users measured, without any driver.
+// The emulated MMC5983MA and MMC5603NJ against the data sheet and users' measurements, without any driver.
 //
 // Numbers of the MMC5983MA: MEMSIC data sheet, Rev A, pages 2, 9 and 13 to 18; DRNadler/MMC5983MA_CompassTest (automatic
 // set/reset); SparkFun's library, issues 9, 10 and 12 (the sixteenth sample). Of the MMC5603NJ: Linux mmc5633, Zephyr
@@ -13,7 +13,7 @@
 
 enum { MEASURE = 0x01, SET = 0x08, RESET = 0x10, AUTOMATIC = 0x20, SOFT_RESET = 0x80 };
 
-// What differs between the two.
+// The differences of the two.
 struct sheet {
     uint8_t status, done, control_0;
     int bits;
@@ -35,7 +35,7 @@ static void wait_ms(double ms)
     now_ns += (uint64_t)(ms * 1e6 + 0.5);
 }
 
-// Transfers take no time here: that of a bus would add to the times that are checked.
+// Transfers take no time here: a bus's would add to the times that are checked.
 static void tell(uint8_t number, uint8_t value)
 {
     struct emulated_part *part = &chip->common.part;
@@ -220,7 +220,7 @@ static void is_turned_by_pulses_with_its_zero_left(const struct sheet *kind)
     tell_control(1, SOFT_RESET);
     wait_ms(kind->reset_ms);
     measure(0, gauss);
-    CHECK(is_field(gauss, turned, 1)); // no pulse is a part of a reset
+    CHECK(is_field(gauss, turned, 1)); // a reset contains no pulse
     chip->common.part.kind->power_on(&chip->common.part);
     measure(0, gauss);
     CHECK(is_field(gauss, turned, 1));
@@ -289,8 +289,8 @@ static void is_upset_by_a_strong_field_until_a_pulse(const struct sheet *kind)
                 begin(kind);
                 set_field(norm * way_of[0], norm * way_of[1], norm * way_of[2]);
                 if (pulsed)
-                    pulse(SET, 1); // in vain: the field is still there
-                set_field(field[0], field[1], field[2]); // and was, although nothing was measured
+                    pulse(SET, 1); // without effect: the field is still there
+                set_field(field[0], field[1], field[2]); // it remembers the field, although nothing was measured
                 measure(0, gauss);
                 CHECK_EQUAL(is_field(gauss, after_set, 1), !beyond);
                 pulse(RESET, 1);

@@ -21,7 +21,7 @@ static void wait_ms(double ms)
     now_ns += (uint64_t)(ms * 1e6 + 0.5);
 }
 
-// Transfers take no time here: that of a bus would add to the times that are checked.
+// Transfers take no time here: a bus's would add to the times that are checked.
 static void write_bytes(struct emulated_part *part, const uint8_t *bytes, size_t count)
 {
     part->kind->advance(part, now_ns);
@@ -227,7 +227,7 @@ static void begin_mlx90393(void)
     set_up_mlx90393();
 }
 
-// Counts about the middle, in µT.
+// Counts from the middle, in µT.
 static void mlx90393_fields(uint8_t start, bool reads_status, double ut[3])
 {
     static const double step_ut[3] = {0.601, 0.601, 0.968};
@@ -301,7 +301,7 @@ TEST(emulated_mlx90393_measures_its_axes_one_after_the_other)
     ramp_begins_ns = now_ns;
     mlx90393_chip.common.field_at = ramp;
     mlx90393_fields(SINGLE_OF_ALL, true, ut);
-    CHECK_BETWEEN((ut[1] - ut[0]) / 100, axis_ms - 0.02, axis_ms + 0.02); // gauss are milliseconds here
+    CHECK_BETWEEN((ut[1] - ut[0]) / 100, axis_ms - 0.02, axis_ms + 0.02); // one gauss stands for one millisecond here
     CHECK_BETWEEN((ut[2] - ut[1]) / 100, axis_ms - 0.02, axis_ms + 0.02);
     CHECK_BETWEEN(ut[0] / 100, 0.5 * axis_ms, 3 * axis_ms);
 }

@@ -57,7 +57,7 @@ def with_chips(
             seed=channel,
         )
         if isinstance(chip, Memsic):
-            chip.repeatability_gauss = 0.0  # else each SET leaves 1 mG, four steps, and the means would be off by that
+            chip.repeatability_gauss = 0.0  # otherwise each SET leaves 1 mG, four steps, and shifts the means
         mux.channels[channel] = chip
         chips.append(chip)
     return stream, chips
@@ -80,7 +80,7 @@ def test_four_qmc5883l_are_found_set_up_and_sampled_once_each() -> None:
     assert [b.sequence - a.sequence for a, b in pairwise(samples)] == [1] * (len(samples) - 1)
     assert all(sample.valid == EVERYONE for sample in samples)
     taken = [sum(sample.fresh >> sensor & 1 for sample in samples) for sensor in range(4)]
-    # Frames are no faster than the chips: of a faster one the newest sample is sent, as of the HMC5983.
+    # Frames are no faster than the chips: of a faster chip the newest sample is sent, as for the HMC5983.
     assert np.all(np.abs(made - taken) <= np.maximum(3, 0.04 * made)), (made, taken)
     assert {sample.gain_code for sample in samples} == {1}
     field_t = np.mean([sample.counts for sample in samples], axis=0) * QMC5883L.step_t[1]
@@ -149,10 +149,11 @@ def test_flashed_program_reads_each_kind_and_loses_no_frame(kind: Kind) -> None:
     assert [b.sequence - a.sequence for a, b in pairwise(samples)] == [1] * (len(samples) - 1)
     assert all(sample.valid == EVERYONE for sample in samples)
     taken = [sum(sample.fresh >> sensor & 1 for sample in samples) for sensor in range(4)]
-    # Frames are no faster than some chips: of a faster one the newest sample is sent.
+    # Frames are no faster than some chips: of a faster chip the newest sample is sent.
     assert np.all(taken >= np.minimum(made, kind.rate_hz * SECONDS) * 0.95), (made, taken)
     field_t = np.mean([sample.counts for sample in samples], axis=0) * chip.step_t[kind.gain_code]
-    # A step, since some chips cut bits off, and five deviations of the mean of so many samples with 0.2 µT of noise.
+    # One step, because some chips cut bits off, and five deviations of the mean of this many samples with 0.2 µT of
+    # noise.
     tolerance_t = float(np.nanmax(chip.step_t[kind.gain_code])) + 5 * 2e-7 / len(samples) ** 0.5
     assert field_t == pytest.approx(np.array(FIELDS_GAUSS) * 1e-4, abs=tolerance_t)
     temperature_c = chip.temperature_c(samples[-1].temperature_raw)
@@ -203,7 +204,7 @@ def test_second_pad_behind_a_mux_is_found(emulated: type[Magnetometer]) -> None:
     assert [[sensor.state for sensor in pad.sensors] for pad in stream.hello.pads] == [[SensorState.OK] * 4] * 2
 
 
-# Rates, scales and identification are what the emulated chips' sources say; not the daemon's tables.
+# Rates, scales and identification come from the emulated chips' sources, not from the daemon's tables.
 NEW_KINDS = [
     (Qmc5883p, 200, 15000.0, (1, 1, 1), b"\x80\x2c\x00"),
     (Mmc5603nj, 220, 1024.0, (1, 1, -1), b"\x10\x00\x00"),

@@ -77,7 +77,7 @@ def test_unplugged_mux_is_reported_and_found_again(stream: EmulatedStream) -> No
 @pytest.mark.parametrize("sensor", [None, 1])
 def test_sda_held_for_a_few_clocks_is_clocked_free(stream: EmulatedStream, sensor: int | None) -> None:
     recoveries = stream.status.pads[0].bus_recoveries
-    while not stream.board.bus_is_idle(0):  # in the middle of a byte it would be that byte's bits, and no more
+    while not stream.board.bus_is_idle(0):  # in the middle of a byte only that byte's bits would be affected
         stream.run(10e-6)
     stream.board.hold_sda(0, clocks=5, sensor=sensor)
     assert_stream_is_right(stream)
@@ -104,7 +104,7 @@ def test_sensor_that_holds_sda_for_ever_does_not_stop_other_three(stream: Emulat
     assert states[1] in (SensorState.NO_ANSWER, SensorState.BUS_STUCK)
     assert (states[0], states[2], states[3]) == (0, 0, 0)
     samples = stream.samples(RECOVERY_S)
-    # Each new attempt on the wedged channel costs a recovery of the bus, and nothing more.
+    # Each new attempt on the wedged channel costs only a recovery of the bus.
     assert sum(is_right(sample, 0b1101) for sample in samples) >= 0.9 * len(samples)
     assert len(samples) >= 215
     stream.board.release_sda(0)
@@ -165,7 +165,7 @@ def test_running_off_the_end_of_memory_resets_and_hello_says_so(stream: Emulated
     stream.board.machine.jump(0x2000_4000)  # unused RAM, zeros, which do nothing; behind it there is no memory
     stream.run(0.5)
     assert stream.hello.reset_cause == SOFTWARE
-    assert stream.board.complaints  # of the fault itself
+    assert stream.board.complaints  # instruction of the fault itself
     stream.wait_until_whole()
 
 

@@ -34,6 +34,6 @@ def test_load_cell_streams_beside_the_frames() -> None:
     assert len(loads) == pytest.approx(80 * SECONDS, abs=1)
     assert {load.counts for load in loads} == {counts}
     assert [b.sequence - a.sequence for a, b in pairwise(loads)] == [1] * (len(loads) - 1)
-    # A conversion waits for the sensor's turn that is under way, about 0.4 ms.
+    # A conversion waits for the sensor's present turn, about 0.4 ms.
     assert max(abs((b.time_us - a.time_us) - 12500) for a, b in pairwise(loads)) < 1000
     assert stream.board.complaints == []

@@ -60,8 +60,8 @@ def test_eight_sensors_take_one_trigger_and_a_selftest() -> None:
     assert [sensor.state for sensor in stream.latest(Selftest).sensors] == [0] * 8
 
 
-# Of lab/results/chips.md: gain code, and frames a second that eight of a kind keep, running free and by one trigger
-# (0: they take none).
+# From lab/results/chips.md: gain code, and the frames a second that eight of a kind sustain, running free and with one
+# trigger (0: they take none).
 RATES_HZ = {
     "hmc5983": (Hmc5983, 3, 220, 152),
     "qmc5883l": (Qmc5883l, 1, 200, 0),

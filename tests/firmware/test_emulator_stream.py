@@ -26,7 +26,7 @@ from fmfts.sensor.wire.packets import (
 )
 
 SECONDS = float(os.environ.get("FMFTS_EMULATED_SECONDS", "3"))
-AGE_TOLERANCE_S = 0.5e-3  # the issue's; a conversion takes 4.5 ms
+AGE_TOLERANCE_S = 0.5e-3  # the required bound; a conversion takes 4.5 ms
 STEP_S = 0.25e-3
 HSE, HSI = 1, 2
 POWER_ON = 1
@@ -61,8 +61,8 @@ def test_free_running_sensors_are_sampled_once_each_with_age_they_have() -> None
         assert all(b > a for a, b in pairwise(fresh)), "delivered twice as fresh"
         stale = [b - a for (a, b), s in zip(pairwise(numbers), samples[1:], strict=True) if not s.fresh >> sensor & 1]
         assert not any(stale), "a new conversion was not called fresh"
-        # A frame has room for one sample of each sensor; where two conversions were read since the last one, the newer
-        # is sent. It never happens twice in a row.
+        # A frame has room for one sample of each sensor; if two conversions were read since the last frame, the newer
+        # one is sent. It never happens twice in a row.
         assert max(b - a for a, b in pairwise(fresh)) <= 2, "lost"
         ended_s = [(sample.time_us - int(sample.age_us[sensor])) * 1e-6 + offset_s for sample in samples]
         errors_s = np.array(ended_s) - np.array([chip.ended_s[number] for number in numbers])
@@ -197,7 +197,7 @@ def test_selftest_measures_the_bias_strap() -> None:
 def test_damaged_request_is_counted_and_not_answered(damage: str) -> None:
     stream = EmulatedStream()
     stream.run(0.3)
-    good = bytes((7, 0x18, 1, 255, 1, 1, 1))  # filler that never is a request
+    good = bytes((7, 0x18, 1, 255, 1, 1, 1))  # filler that is never a request
     line = {"crc": good[:-1] + b"\x05\0", "length": b"\3\x18\1\0", "endless": b"\x20" * 400 + b"\0"}[damage]
     before = len(stream.packets)
     stream.board.send(line)

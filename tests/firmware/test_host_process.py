@@ -32,7 +32,7 @@ def board() -> Iterator[HostBoard]:
 def test_streams_220_frames_a_second_without_gaps(board: HostBoard) -> None:
     samples = list(board.samples(3.0))
     assert [b.sequence - a.sequence for a, b in pairwise(samples)] == [1] * (len(samples) - 1)
-    # By the board's clock, ± one conversion at each end: a loaded machine delays packets, it does not lose them.
+    # By the board's clock, ± one conversion at each end: a loaded machine delays packets, but loses none.
     elapsed_s = (samples[-1].time_us - samples[0].time_us) * 1e-6
     assert elapsed_s > 1.5
     assert len(samples) - 1 == pytest.approx(220 * elapsed_s, abs=2.5)
@@ -129,7 +129,7 @@ def test_stream_recovers_after_garbage_and_a_truncated_packet(board: HostBoard) 
     samples = list(board.samples(1.0))
     assert board.bad >= 2
     lost = samples[-1].sequence - before.sequence - len(samples)
-    assert 1 <= lost <= 3  # the cut one, the one behind it, and the one that garbage ran into
+    assert 1 <= lost <= 3  # the interrupted packet, the next one, and the one that garbage met
 
 
 def test_reset_starts_anew_and_time_jumps_do_not(board: HostBoard) -> None:
@@ -169,7 +169,7 @@ def test_packets_that_nobody_reads_are_dropped_and_counted() -> None:
         time.sleep(0.5)
         board.port = os.open(board.path, os.O_RDWR | os.O_NOCTTY)
         first = board.wait_for_sample(10, lambda s: True)
-        assert first.sequence > 50  # nothing stale: what was meant for nobody is gone
+        assert first.sequence > 50  # nothing stale: bytes for nobody are gone
         board.request(15, 1)
         board.wait_for(REPLY)
         dropped = int.from_bytes(board.wait_for(STATUS)[7:11], "little")
@@ -222,7 +222,7 @@ def test_wrong_option_is_a_usage_error(arguments: list[str]) -> None:
 def test_stepped_board_sends_only_in_its_time() -> None:
     with HostBoard("--stepped") as board:
         assert board.command("run 500000") == "ok"
-        while list(board.samples(0.5)):  # until all of it is read: the kernel takes 4 kB at once
+        while list(board.samples(0.5)):  # until everything is read: the kernel takes 4 kB at once
             pass
         assert list(board.samples(0.3)) == []
         assert board.command("run 50000") == "ok"
@@ -242,7 +242,7 @@ def test_gliding_field_changes_evenly_and_stays_where_it_arrives() -> None:
     assert before[-1].counts[0] == (0, 0, 0)
     counts = [sample.counts[0][0] for sample in samples]
     full = 6.6 * end_ut
-    # A frame is younger than the newest conversion in it by up to a period of 1/220 s, and the glide began as late.
+    # A frame is newer than its newest conversion by up to a period of 1/220 s, and the glide began as late.
     for sample, count in zip(samples, counts, strict=True):
         expected = full * min((sample.time_us - first_us) * 1e-3 / glide_ms, 1.0)
         assert count == pytest.approx(expected, abs=full * 10.0 / glide_ms)

@@ -1,4 +1,4 @@
-// The LIS3MDL's driver alone: what a stream shows late or never.
+// The LIS3MDL's driver alone: facts that a stream shows late or never.
 #include "../../firmware/core/chips/chip.h"
 #include "../../firmware/core/tca9548a.h"
 #include "../../firmware/emulated/emulated_lis3mdl.h"

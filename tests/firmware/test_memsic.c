@@ -1,5 +1,6 @@
-// The MMC5983MA and the MMC5603NJ on a board: which measurement a sample is of, when it was, and what a strong field does.
-// FMFTS_FRAMES: how many frames the first test looks at, 2000 unless it is set.
+// The MMC5983MA and the MMC5603NJ on a board: which measurement a sample belongs to, when it was, and the effect of a
+// strong field.
+// FMFTS_FRAMES: the number of frames in the first test, 2000 if it is not set.
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -34,7 +35,7 @@ static struct sampler_pad *pad(void)
     return &rig.emulation.device.sampler.pads[0];
 }
 
-// S p. 15: the 2 ms of a measurement end now. (The emulated chip's own idea of when it began is not asked.)
+// S p. 15: the 2 ms of a measurement end now. (The emulated chip is not asked when it began.)
 static uint64_t convert_numbered(struct emulated_magnetometer *chip)
 {
     int sensor = 0, number = (int)(chip->conversions % NUMBERS);
@@ -61,7 +62,7 @@ static void begin_numbered(const struct promised *kind, int chips, uint16_t trig
     rig_forget();
 }
 
-// What frames say of measurements, beside what is true.
+// What frames say about measurements, beside the truth.
 struct tally {
     int frames, whole, last[PAD_SENSORS_FOUND], fresh, old, skipped, odd;
     double worst_us;
@@ -127,7 +128,7 @@ static void reads_each_measurement_once_however_many_share_the_bus(const struct 
     for (int chips = 1; chips <= PAD_SENSORS_FOUND; chips++) {
         int last[PAD_SENSORS_FOUND] = {-1, -1, -1, -1}, samples = 0;
         begin_numbered(kind, chips, 0, 220);
-        CHECK_EQUAL(rig_ask(WIRE_REQUEST_START, 3, 255, 1), RESULT_DONE); // all that are read, also between frames
+        CHECK_EQUAL(rig_ask(WIRE_REQUEST_START, 3, 255, 1), RESULT_DONE); // all that are read, even between frames
         rig_run_ms(100);
         rig_forget();
         rig_run_ms(1000);
@@ -144,7 +145,7 @@ static void reads_each_measurement_once_however_many_share_the_bus(const struct 
 }
 TEST_EACH_MEMSIC(reads_each_measurement_once_however_many_share_the_bus)
 
-// Its clock is 12 % slow, so that the first look after 2.2 ms comes too early.
+// Its clock is 12 % slow, so that the first poll after 2.2 ms comes too early.
 static void waits_for_a_measurement_that_is_late(const struct promised *kind)
 {
     for (uint16_t trigger = 0; trigger < 2; trigger++) {
@@ -160,7 +161,7 @@ static void waits_for_a_measurement_that_is_late(const struct promised *kind)
 }
 TEST_EACH_MEMSIC(waits_for_a_measurement_that_is_late)
 
-// S p. 15: after a reset its bandwidth is 00, 8 ms. Nothing else tells of it: the controls cannot be read.
+// S p. 15: after a reset its bandwidth is 00, 8 ms. Nothing else shows it: the controls cannot be read.
 static void notices_a_reset_by_the_time_that_a_measurement_takes(const struct promised *kind)
 {
     for (uint16_t trigger = 0; trigger < 2; trigger++) {
@@ -170,7 +171,7 @@ static void notices_a_reset_by_the_time_that_a_measurement_takes(const struct pr
         for (int trial = 0; trial < 10; trial++) {
             uint32_t before = pad()->config_repairs;
             film(1)->common.part.kind->power_on(&film(1)->common.part);
-            film(1)->polarity = -1; // what a pulse of before its reset left would show with the other sign
+            film(1)->polarity = -1; // a sample with the polarity of a pulse before the reset would show the other sign
             rig_forget();
             rig_run_ms(20);
             CHECK_EQUAL(pad()->config_repairs, before + 1);
@@ -195,7 +196,7 @@ static bool is_marked(const struct sample_view *view, int sensor)
     return counts[0] == INT16_MIN && counts[1] == INT16_MIN && counts[2] == INT16_MIN;
 }
 
-// Frames of sensor 0 until `ms` later: those that are not marked show `field`, or what was there before.
+// Frames of sensor 0 until `ms` later: those that are not marked show `field`, or the field before it.
 static int count_unmarked(const struct promised *kind, double ms, const double field[3])
 {
     int unmarked = 0;
@@ -227,7 +228,7 @@ static void publishes_nothing_between_a_strong_field_and_the_next_set(const stru
                 double strong[3] = {rest[0], rest[1], rest[2]};
                 strong[axis] = times[t] * film(0)->kind->upsetting_gauss;
                 chip_rig_set_field(0, strong[0], strong[1], strong[2]);
-                CHECK_BETWEEN(count_unmarked(kind, 100.3, rest), 0, 2); // what was measured before
+                CHECK_BETWEEN(count_unmarked(kind, 100.3, rest), 0, 2); // the previous measurement
                 chip_rig_set_field(0, rest[0], rest[1], rest[2]);
                 CHECK(count_unmarked(kind, 60.7, rest) >= 5);
                 CHECK(!film(0)->upset);
@@ -238,7 +239,7 @@ static void publishes_nothing_between_a_strong_field_and_the_next_set(const stru
 }
 TEST_EACH_MEMSIC(publishes_nothing_between_a_strong_field_and_the_next_set)
 
-// Up to 9 G (S p. 2: 10) a field needs no SET; beyond, also where no axis is at its end.
+// Up to 9 G (S p. 2: 10) a field needs no SET; above that it does, even if no axis is at its end.
 static void sets_its_film_anew_only_after_a_strong_field(const struct promised *kind)
 {
     static const double rest[3] = {0.75, -1.5, 0.3};
@@ -263,7 +264,7 @@ static void sets_its_film_anew_only_after_a_strong_field(const struct promised *
 }
 TEST_EACH_MEMSIC(sets_its_film_anew_only_after_a_strong_field)
 
-// No source tells what a field beyond 10 G reads as. It may read as one that needs no SET.
+// No source states how a field beyond 10 G reads. It may read like one that needs no SET.
 static void sets_its_film_anew_when_a_doubtful_field_has_gone(const struct promised *kind)
 {
     static const double rest[3] = {0.75, -1.5, 0.3};

@@ -1,4 +1,4 @@
-// The MLX90393's driver alone: what a stream shows late or never.
+// The MLX90393's driver alone: facts that a stream shows late or never.
 #include "../../firmware/core/chips/chip.h"
 #include "../../firmware/core/tca9548a.h"
 #include "../../firmware/emulated/emulated_mlx90393.h"
@@ -58,7 +58,7 @@ TEST(mlx90393_check_does_not_take_a_running_measurement_for_a_fault)
     CHECK(is_set_up(&single));
 }
 
-// Melexis rev. 002, page 16: the status of the first measurement's command must be read. Triggers are not answered.
+// Melexis rev. 002, page 16: the status of the first measurement's command must be read. A trigger gets no answer.
 TEST(mlx90393_first_triggered_measurement_after_power_on_is_right)
 {
     struct chip_sample sample = {.status = 0};
@@ -72,7 +72,8 @@ TEST(mlx90393_first_triggered_measurement_after_power_on_is_right)
     CHECK_EQUAL(sample.counts[0], 20 * 100 / (4 * 0.250));
 }
 
-// Adafruit_MLX90393, issues 17 and 18: real parts take longer than the table; one that takes 1.3 times as long is in time.
+// Adafruit_MLX90393, issues 17 and 18: real parts take longer than the table; one that takes 1.3 times as long is in
+// time.
 TEST(mlx90393_of_a_slow_kind_is_triggered_at_its_rate)
 {
     chip_rig_begin_streaming(&mlx90393, 0, 50);
@@ -90,7 +91,7 @@ TEST(mlx90393_of_a_slow_kind_is_triggered_at_its_rate)
         CHECK_EQUAL(rig_sample(packet).fresh, 15);
     CHECK_EQUAL(rig.emulation.device.sampler.pads[0].bus_errors, 0);
     for (int i = 0; i < 4; i++)
-        CHECK(!rig.emulation.device.sampler.pads[0].sensors[i].suspect); // asked before it was done
+        CHECK(!rig.emulation.device.sampler.pads[0].sensors[i].suspect); // asked before it had finished
 }
 
 TEST(mlx90393_that_loses_what_is_written_does_not_count_as_set_up)

@@ -34,7 +34,7 @@ static void make_one(uint8_t switches)
     rig_forget();
 }
 
-// Of the next hello: a digit for each pad.
+// In the next hello: a digit for each pad.
 static int sensor_counts(void)
 {
     const uint8_t *hello = rig_next(WIRE_HELLO), *pad = hello + 22;
@@ -64,7 +64,7 @@ TEST(eight_sensors_are_two_pads_until_a_host_asks_for_one)
     uint64_t before_us = rig_sample(rig_next(WIRE_SAMPLE)).time_us;
     CHECK_EQUAL(rig_ask(WIRE_REQUEST_HELLO, 1, 255, EIGHT), RESULT_DONE);
     rig_run_ms(300);
-    // The hello comes once every sensor was tried, and before the first sample.
+    // The hello comes after every sensor was tried, and before the first sample.
     CHECK_EQUAL(rig.packets[rig.read].bytes[0], 0x10 | WIRE_HELLO);
     const uint8_t *hello = rig.packets[rig.read].bytes;
     CHECK_EQUAL(sensor_counts(), 84);
@@ -233,7 +233,7 @@ TEST(pads_that_cannot_be_are_refused_and_change_nothing)
 {
     static const uint16_t wrong[] = {
         0x9,    // more than a sample carries
-        0x80,   // the mux of the pad before
+        0x80,   // the mux belongs to the previous pad
         0x88,   // more sensors than a board keeps
         0x4448, // more pads than there are
         0x1000,
@@ -299,7 +299,7 @@ TEST(pads_are_whole_only_as_they_were_sealed)
     CHECK(!pads_are_whole(&pads));
 }
 
-// Frames a second that eight of a kind keep, with no sensor missing in any.
+// Frames a second that eight of a kind sustain, with no sensor missing in any.
 static void keeps_its_frames_with_eight_on_a_mux(const struct promised *kind)
 {
     chip_rig_begin(kind, 1);

@@ -1,4 +1,5 @@
-// The QMC5883L alone: its driver, where a stream shows it late or never, and its overflow flag, which no other kind has.
+// The QMC5883L alone: its driver where a stream shows errors late or never, and its overflow flag, which no other kind
+// has.
 #include "../../firmware/core/chips/chip.h"
 #include "../../firmware/core/tca9548a.h"
 #include "../../firmware/emulated/emulated_qmc5883l.h"
@@ -89,7 +90,7 @@ static void put_and_count(struct emulated_part *part, uint8_t byte)
     others[0][0].common.part.kind->put(part, byte);
 }
 
-// An MLX90393 may be at 0x0D, too; what asks for one writes register 0x50 of this chip.
+// An MLX90393 may be at 0x0D, too; the search for one writes register 0x50 of this chip.
 TEST(qmc5883l_that_is_misread_once_is_not_asked_by_writing)
 {
     static struct emulated_part_kind counting;

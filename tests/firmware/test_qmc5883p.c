@@ -1,4 +1,4 @@
-// The QMC5883P's driver alone: what a stream does not show.
+// The QMC5883P's driver alone: facts that a stream does not show.
 #include "../../firmware/core/chips/chip.h"
 #include "../../firmware/core/tca9548a.h"
 #include "../../firmware/emulated/emulated_qmc5883p.h"
@@ -28,7 +28,7 @@ TEST(qmc5883p_is_told_by_its_identification_and_no_potentiometer_is)
     CHECK(!chip_qmc5883p.is_identification(nobody));
     begin_with_qmc5883p();
     for (int number = 0; number < 256; number++)
-        chip.common.registers[number] = 0x80; // a potentiometer says its middle to every question
+        chip.common.registers[number] = 0x80; // a potentiometer answers every read with its middle position
     CHECK_EQUAL(chip_qmc5883p.identify(&wires, read), BUS_OK);
     CHECK(!chip_qmc5883p.is_identification(read));
 }

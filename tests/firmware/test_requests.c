@@ -1,4 +1,4 @@
-// Requests of the host, and what the board makes of them.
+// Requests of the host, and the board's reaction.
 #include "harness.h"
 #include "rig.h"
 
@@ -28,7 +28,7 @@ TEST(stop_ends_the_stream_and_start_resumes_it_without_a_gap_in_the_numbers)
     rig_run_ms(100);
     struct sample_view view = rig_sample(rig_next(WIRE_SAMPLE));
     CHECK_EQUAL(view.sequence, last + 1);
-    CHECK_EQUAL(view.valid, 15); // sensors were looked after all the time
+    CHECK_EQUAL(view.valid, 15); // sensors were served all the time
 }
 
 TEST(stop_before_the_first_frame_holds)

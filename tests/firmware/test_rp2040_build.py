@@ -15,7 +15,7 @@ from test_stm32_build import EXCEPTION_FRAME, FIRMWARE, POINTED, RAM, CallGraph,
 FLASH, FLASH_LIMIT, RAM_LIMIT = 0x1000_0000, 24 * 1024, 8 * 1024
 USB, UART0, LAST = 16 + 5, 16 + 20, 16 + 25
 STRIPED_END = 0x2004_0000
-DIVISION = 40  # the compiler's own library says nothing of its frames; its division pushes a few registers
+DIVISION = 40  # the compiler's own library has no data on its frames; its division pushes a few registers
 
 pytestmark = pytest.mark.needs("arm-none-eabi-gcc")
 

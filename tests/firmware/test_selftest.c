@@ -1,4 +1,4 @@
-// The self-test as a host sees it; what it accepts is tested with the driver.
+// The self-test as seen by a host; the driver's tests check which results pass.
 #include <string.h>
 
 #include "harness.h"
@@ -166,7 +166,7 @@ TEST(repeated_selftest_is_answered_from_the_last_result_for_a_while)
     rig_run_ms(6000);
     rig_forget();
     CHECK_EQUAL(rig_ask(WIRE_REQUEST_SELFTEST, 5, 0, 0), RESULT_DONE);
-    CHECK_EQUAL(rig_count(WIRE_SELFTEST), 0); // ids come round: this is a new one
+    CHECK_EQUAL(rig_count(WIRE_SELFTEST), 0); // the number wrapped around: this is a new one
     rig_run_ms(300);
     CHECK_EQUAL(rig_count(WIRE_SELFTEST), 1);
 }

@@ -1,4 +1,4 @@
-// What a host sees of a board with a broken sensor.
+// How a board with a broken sensor appears to a host.
 #include "harness.h"
 #include "rig.h"
 
@@ -63,7 +63,7 @@ TEST(time_does_not_run_backwards_when_the_newest_sensor_is_lost)
         for (int i = 1; i < 4; i++)
             newest = sensors[i].conversion.ended_us > newest->conversion.ended_us ? &sensors[i] : newest;
         rig_forget();
-        rig.emulation.device.sampler.pads[0].frame_due = true; // a frame with it, and one without it at once
+        rig.emulation.device.sampler.pads[0].frame_due = true; // one frame with it, immediately followed by one without
         device_poll(&rig.emulation.device);
         sensor_fail(newest, SENSOR_NO_ANSWER, rig.emulation.bench.now_ns / 1000);
         rig.emulation.device.sampler.pads[0].frame_due = true;
@@ -175,7 +175,7 @@ TEST(frames_go_on_with_no_sensor_at_all)
 TEST(stale_lock_is_undone_without_losing_the_sensor)
 {
     rig_begin_streaming(1);
-    chip(1)->bytes_read = 1; // as after a transfer that broke off
+    chip(1)->bytes_read = 1; // like after an aborted transfer
     chip(1)->ready = false;
     rig_run_ms(1500);
     CHECK_EQUAL(rig_state(0, 1), SENSOR_OK);

@@ -53,7 +53,7 @@ def test_everything_in_ram_lies_within_its_share_above_the_stack(elf: Path) -> N
     names = symbols(elf)
     in_ram = {name: address for name, address in names.items() if RAM <= address < RAM + 0x5000}
     assert max(in_ram.values()) <= RAM + RAM_LIMIT
-    # A stack that overflows must leave the RAM and fault, and not grow into variables.
+    # A stack that overflows must leave the RAM and fault, instead of overwriting variables.
     assert {name for name, address in in_ram.items() if address < names["stack_end"]} == set()
 
 
@@ -87,7 +87,7 @@ def test_program_that_exceeds_a_limit_does_not_link(excess: str, tmp_path: Path)
     assert "overflowed" in run.stderr
 
 
-# What a call through a pointer can reach, by the name of the pointer.
+# The functions that a call through a pointer can reach, by the pointer's name.
 KINDS = ["qmc5883l", "qmc5883p", "memsic", "mlx90393", "lis3mdl"]
 MEMSIC = ["mmc5983ma", "mmc5603nj"]
 POINTED = {
@@ -150,7 +150,7 @@ def test_stack_has_room_for_the_deepest_call_and_an_interrupt(tmp_path: Path) ->
     assert len(graph.frames) > 100
     main, path = graph.deepest("main")
     handler, _ = max(graph.deepest(name) for name in ("systick_handler", "usart1_handler"))
-    # Handlers share one priority, so that only one is ever on the stack.
+    # Handlers share one priority, so that at most one is on the stack.
     needed = graph.frames["reset_handler"] + main + EXCEPTION_FRAME + handler
     reserved = symbols(tmp_path / "fmfts.elf")["stack_end"] - RAM
     assert 500 < needed <= reserved, f"{needed} of {reserved} bytes: {' → '.join(path)}"

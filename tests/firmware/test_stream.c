@@ -1,4 +1,4 @@
-// What a host sees of a healthy board.
+// How a healthy board appears to a host.
 #include <math.h>
 #include <string.h>
 
@@ -149,8 +149,8 @@ TEST(simultaneous_reaches_the_limit_that_it_promises)
     }
 }
 
-// A field that grows by 1 µT a millisecond tells when it was measured. Returns how far a sample is from its own time, in ms.
-// That time is the middle of the chip's 6 ms; the emulated chip takes the field of their end.
+// A field that grows by 1 µT a millisecond tells when it was measured. Returns the error of a sample's time, in ms.
+// That time is the middle of the chip's 6 ms; the emulated chip takes the field at their end.
 static double field_clock_error_ms(const struct sample_view *view, int sensor)
 {
     double field_ut = view->counts[sensor][0] * 100.0 / 660;
@@ -162,7 +162,7 @@ static double field_clock_error_ms(const struct sample_view *view, int sensor)
 static void run_with_a_field_that_tells_the_time(int milliseconds, bool firmware_runs)
 {
     for (int i = 0; i < milliseconds; i++) {
-        emulation_settle(&rig.emulation); // what ended until now saw the old field
+        emulation_settle(&rig.emulation); // conversions that ended before saw the old field
         for (int sensor = 0; sensor < 4; sensor++)
             rig.emulation.chips[0][sensor].field_ut[0] = fmod((double)rig.emulation.bench.now_ns / 1e6, 200);
         if (firmware_runs)
@@ -181,7 +181,7 @@ TEST(samples_that_are_read_during_the_next_conversions_are_those_of_their_own_tr
     for (int trial = 0; trial < 60; trial++) {
         rig_forget();
         run_with_a_field_that_tells_the_time(50 + trial % 7, true);
-        // The processor is late by about a conversion: what it reads then may be the next trigger's.
+        // The processor is late by about a conversion: what it reads then may belong to the next trigger.
         run_with_a_field_that_tells_the_time(5 + trial % 3, false);
         run_with_a_field_that_tells_the_time(20, true);
         for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL;) {

@@ -1,10 +1,11 @@
-// What the times in the stream are worth.
+// How accurate the times in the stream are.
 #include <math.h>
 
 #include "harness.h"
 #include "rig.h"
 
-// How far the time of each new sample is from the chip's true conversions, in µs; the age is the host's only clue.
+// The difference between each new sample's time and the chip's true conversions, in µs; the age is the host's only
+// clue.
 static double worst_and_mean_age_error(double *mean)
 {
     double worst = 0, sum = 0;
@@ -37,7 +38,8 @@ TEST(sample_times_are_those_of_the_chips_own_conversions)
     double mean;
     rig_begin(1);
     double worst = worst_and_mean_age_error(&mean);
-    // A poll takes 0.15 ms, with another sensor's turn in between 0.5 ms. Knowing nothing is 1.1 ms on average.
+    // A poll takes 0.15 ms, with another sensor's turn in between 0.5 ms. Without any knowledge it is 1.1 ms on
+    // average.
     CHECK_BETWEEN(mean, 0, 50);
     CHECK_BETWEEN(worst, 0, 500);
 }
@@ -64,7 +66,7 @@ TEST(ready_that_survives_a_read_makes_neither_duplicates_nor_wrong_times)
 TEST(fresh_bit_says_that_a_sample_was_not_delivered_before)
 {
     rig_begin(1);
-    rig.emulation.chips[0][2].ppm = -30000; // 213.4 Hz: some frames have nothing new of it
+    rig.emulation.chips[0][2].ppm = -30000; // 213.4 Hz: some frames contain no new sample of it
     rig_run_ms(500);
     rig_forget();
     rig_run_ms(10000);

@@ -1,4 +1,4 @@
-// What the emulation does to drivers that make the mistakes of published ones.
+// The emulation's reaction to drivers with the mistakes of published ones.
 #include <string.h>
 
 #include "chip_bench.h"

@@ -1,6 +1,6 @@
 // The map from a board's clock to the host's, over packets of any times that the board can count and the host can have.
-// After a first byte for the tolerance, pieces of six: flags, a shift for what is flagged, by how much the board's clock goes
-// on, and by how much the arrival does beyond that.
+// After a first byte for the tolerance, pieces of six: flags, a shift for the flagged items, the advance of the board's
+// clock, and the extra advance of the arrival.
 #include <math.h>
 #include <string.h>
 
@@ -9,8 +9,8 @@
 
 enum { PIECE = 6 };
 
-// The board's clock leaps; the packet is late; so many packets alike; the arrival does not go on with the board's clock; the
-// host found no byte unread; the line to the board was opened anew.
+// Flags: the board's clock leaps; the packet is late; this many packets are alike; the arrival does not follow the
+// board's clock; the host found no byte unread; the line to the board was opened anew.
 enum { LEAP = 1, LATE = 2, ALONE = 4, EMPTY = 8, ANEW = 16, OFTEN = 32 };
 
 static const int64_t MOST_US = (INT64_C(1) << 48) - 1, MOST_NS = (INT64_C(1) << 62) - 1;

@@ -1,6 +1,6 @@
-// All that is judged of a pad, over frames with any faults: what is told is finite, says nothing of sensors that are not there,
-// and fits into a message; a frame that cannot be told leaves the memory as it was.
-// After a first byte for the kind of pad, pieces of eight: flags, a sensor, axis and shift, two numbers, masks, and a depth.
+// Everything that is judged about a pad, over frames with any faults: published numbers are finite, describe only
+// existing sensors, and fit into a message; a frame that cannot be published leaves the memory unchanged. After a first
+// byte for the kind of pad, pieces of eight: flags, a sensor, axis and shift, two numbers, masks, and a depth.
 #include "../firmware/fuzz/fuzz.h"
 #include "made_pad.h"
 

@@ -1,5 +1,5 @@
-// A pad with a baseline and a contact model, whose numbers are plausible, and no more: what matters is that nothing is read or
-// written elsewhere, and that no number that is told is none.
+// A pad with a baseline and a contact model, whose numbers are only plausible: the target checks that nothing else is
+// read or written, and that every published number is one.
 #ifndef FMFTS_MADE_PAD_H
 #define FMFTS_MADE_PAD_H
 
@@ -13,7 +13,7 @@ enum { HIDDEN = 6, OUTPUTS = 3, WEIGHTS = (10 + HIDDEN + OUTPUTS) * HIDDEN };
 enum { NETWORK = 3 + 6 + 30 + WEIGHTS + 2 * HIDDEN + OUTPUTS };
 enum { KNOTS = 3, TABLE = 9 + (KNOTS + 2) * (KNOTS + 2) * FMFTS_MOVED, SIGHTING = 7 + 36 + 1 + 7 + 2 };
 
-// What differs from pad to pad: bits of an input's first byte.
+// Differences between pads: bits of an input's first byte.
 enum { CONSTANT = 1, BARE_ALONE = 2, WITHOUT_MODEL = 4, BESIDE_STEEL = 8 };
 enum { SMOOTHED = 16, FELT = 32, WITHOUT_BASELINE = 64, EIGHT = 128 };
 

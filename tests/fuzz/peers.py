@@ -40,8 +40,8 @@ from fmfts_client.subscription import Subscription
 
 LONGEST_S = 1.0
 PLACE = "here stands another value"
-DEPTHS = (100, 500, 960, 990, 1010, 1023, 3000)  # around what msgpack, msgspec and Python's repr can bear
-# Values in msgpack, whole or not: nested, of every type, at the ends of their ranges, and with sizes that lie.
+DEPTHS = (100, 500, 960, 990, 1010, 1023, 3000)  # near the limits of msgpack, msgspec and Python's repr
+# Values in msgpack, complete or not: nested, of every type, at the ends of their ranges, and with false sizes.
 TOKENS = (
     b"\xc0", b"\xc1", b"\xc2", b"\xc3", b"\x00", b"\xff", b"\xcf" + b"\xff" * 8, b"\xd3\x80" + bytes(7),
     b"\xcb\x7f\xf0" + bytes(6), b"\xcb\xff\xf0" + bytes(6), b"\xcb\x7f\xf8" + bytes(6), b"\xcb\x7f\xef" + b"\xff" * 6,
@@ -116,8 +116,8 @@ class Messages:
     def __init__(self) -> None:
         self._sent = _sent()
         with Subscription(endpoint="ipc:///nowhere") as self._subscription:
-            pass  # nothing is received: _accept is called with what would be
-        self._subscription._clock = SenderClock()  # as of a daemon on another machine
+            pass  # nothing is received: _accept gets the messages directly
+        self._subscription._clock = SenderClock()  # as if from a daemon on another machine
 
     def __call__(self, dice: Random) -> None:
         (self._answer if dice.random() < 0.2 else self._message)(dice)

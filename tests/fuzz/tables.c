@@ -1,7 +1,7 @@
-// The contact network and the table of a pad's response, from memory of exactly their size: what is accepted has the size
-// that its head says, and whatever numbers it holds, nothing is read or written elsewhere.
-// The first byte chooses between them and makes the memory a number shorter, right, or longer; the next are sizes, one byte
-// each; what follows, over and over, is the numbers.
+// The contact network and the table of a pad's response, in memory of exactly their size: accepted data have the size
+// that their head states, and whatever the numbers, nothing else is read or written. The first byte chooses between
+// them and makes the memory a number shorter, right, or longer; the next bytes are sizes; the rest, repeated, gives the
+// numbers.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -67,7 +67,7 @@ static void response(const uint8_t *sizes, int longer, const uint8_t *data, size
     fill(table, count, data, size);
     const double shape[] = {(double)knots_x, (double)knots_y, (double)monomials, (double)loads};
     memcpy(table, shape, sizeof shape);
-    if (sizes[0] & 128) // a table as it should be, else any number
+    if (sizes[0] & 128) // a correct table, or else any number
         memcpy(table + 4, (const double[]){-5.0, -5.0, 1.5, 1.5, 2.0}, 5 * sizeof(double));
     bool good = longer == 0 && knots_x >= 2 && knots_y >= 2 && monomials >= 1 && monomials <= 16 && loads >= 1 && loads <= 3;
     good = good && is_positive(table[6]) && is_positive(table[7]) && is_positive(table[8]);

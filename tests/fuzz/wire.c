@@ -1,7 +1,7 @@
-// The daemon's compiled reader of the wire, over whatever a port gives: it reads exactly the packets that firmware/wire.md
-// allows, and leaves out superseded samples without touching any other byte.
-// The first two bytes are the patience. An input whose third byte is odd is a series of pieces: the size of a body, the body
-// and its damage, framed as lines. Any other is bytes as they are.
+// The daemon's compiled reader of the wire, for any bytes of a port: it reads exactly the packets that firmware/wire.md
+// allows, and drops superseded samples without changing any other byte. The first two bytes are the patience. An input
+// whose third byte is odd is a series of pieces: the size of a body, the body and its damage, framed as lines. Any
+// other input is used as bytes.
 #include <stdlib.h>
 
 #include "../../daemon/fmfts/sensor/wire/newest.h"
@@ -18,7 +18,7 @@ static uint8_t *copied(const uint8_t *bytes, size_t size)
     return copy;
 }
 
-// Sensors that a sample's body of this size may have by firmware/wire.md; 0: it is no sample's.
+// Sensors that a sample with a body of this size may have by firmware/wire.md; 0: no sample has this size.
 static size_t sensors_of(const uint8_t *body, size_t size)
 {
     size_t few = body[1] >> 4, more = (size - 19) / 8;
@@ -56,7 +56,7 @@ static int check_line(const uint8_t *bytes, size_t size)
     return 0;
 }
 
-// Every line that stays was there, in the same order; every line that does not was a sample.
+// Every kept line was there, in the same order; every dropped line was a sample.
 static void check_newest(const uint8_t *all, size_t size, const uint8_t *kept, size_t left, const unsigned *left_out)
 {
     unsigned samples = 0;
@@ -66,7 +66,7 @@ static void check_newest(const uint8_t *all, size_t size, const uint8_t *kept, s
         size_t end = zero ? (size_t)(zero - all) + 1 : size;
         int kind = zero ? check_line(all + begin, end - 1 - begin) : 0;
         bool stays = left - at >= end - begin && memcmp(all + begin, kept + at, end - begin) == 0;
-        // A line may come twice: of equal ones, any may have been left out.
+        // A line may occur twice: of equal lines, any may have been dropped.
         if (stays)
             at += end - begin;
         else

@@ -41,11 +41,11 @@ def apply(stream: Stream, faults: Sequence[Sequence[Any]], largest: int, saturat
             counts[number[number % args[3] == 0], args[0], args[1]] += args[2]
         elif kind == "saturated":
             counts[span, args[0], args[1]] = saturated
-        elif kind == "untellable":  # a count that the chip has not
+        elif kind == "untellable":  # a count that the chip cannot give
             untellable.append((span, args))
         elif kind == "silent":
             stream.valid[span, args[0]] = 0
-        elif kind == "old":  # the sensor's samples come again
+        elif kind == "old":  # the sensor's samples are repeated
             stream.fresh[number[number % args[1] > 0], args[0]] = 0
         elif kind == "lost":  # frames that never arrive
             arrive[number[number % args[0] < args[1]]] = False
@@ -58,11 +58,11 @@ def apply(stream: Stream, faults: Sequence[Sequence[Any]], largest: int, saturat
         elif kind == "reset":  # of the board's clock
             stream.device_time_us[first:] -= stream.device_time_us[first] - 1000
             stream.age_us[first] = 0
-        elif kind == "leap":  # of the board's clock, by so many µs
+        elif kind == "leap":  # of the board's clock, by this many µs
             stream.device_time_us[first:] += args[0]
-        elif kind == "stands":  # the board's clock, which then goes on as if it had not
+        elif kind == "stands":  # the board's clock, which then continues as if it had not leapt
             stream.device_time_us[span] = stream.device_time_us[first]
-        elif kind == "suspended":  # the host, whose clock stands for so many ns
+        elif kind == "suspended":  # the host, whose clock stands still for this many ns
             stream.host_time_ns[first:] -= args[0]
         elif kind == "cold":  # no thermometer
             stream.temperature[span] = -1

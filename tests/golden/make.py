@@ -41,7 +41,7 @@ from golden.world import FOLDER, World, WorldPad
 RATE_HZ = 220
 AS_DRAWN = ToleranceConfig(gain=0.005, sensor_rotation_deg=0.0, cross_axis=0.0)
 WHEN = "1970-01-01T00:00:00+00:00"
-SOONER_S = 3.7  # the scripted finger lets a pad alone for its first 4 s
+SOONER_S = 3.7  # the scripted finger does not touch a pad in its first 4 s
 
 
 @dataclass(slots=True)
@@ -324,7 +324,7 @@ LEAPS: list[list[Any]] = [
     *(["old", 2600, 2620, sensor, 9999] for sensor in EVERY_SENSOR), ["leap", 2610, 0, -900_000],
     ["leap", 3000, 0, 1 << 40], ["leap", 3001, 0, -(1 << 40)], ["leap", 3600, 0, -(1 << 21)],
 ]  # fmt: skip
-# By less than is certain to be found: the deviations grow.
+# Too small to be found for certain: the deviations grow.
 SLIGHT_FAULTS: list[list[Any]] = [
     ["offset", first, first + 250, sensor, axis, counts]
     for first, sensor, axis, counts in (
@@ -332,7 +332,7 @@ SLIGHT_FAULTS: list[list[Any]] = [
         (1600, 3, 0, 3), (1900, 3, 1, 4),
     )
 ]  # fmt: skip
-# The mean residual suspects more than one sensor before single frames blame one; and counts that no chip has.
+# The mean residual suspects more than one sensor before single frames blame one; and counts that no chip can give.
 GROWING_FAULTS: list[list[Any]] = [
     *(["offset", first + 60 * step, first + 60 * step + 60, sensor, axis, counts]
       for first, sensor, axis, sizes in (
@@ -351,7 +351,7 @@ FAULTS_BESIDE_STEEL: list[list[Any]] = [
 FAULTS_BETWEEN_SAMPLES: list[list[Any]] = [
     ["offset", 2500, 2700, 1, 0, 120], ["silent", 3000, 3300, 0], ["lost", 3600, 3900, 5, 1]
 ]  # fmt: skip
-# Of a sample, by less than shows among those of all sensors.
+# Of one sample, too small to show among those of all sensors.
 JUMPS: list[list[Any]] = [
     ["offset", 60 * number + 60, 60 * number + 90, number % 4, number % 3, 6 + number // 2] for number in range(22)
 ]
@@ -453,7 +453,7 @@ def recorded() -> World:
 OTHERS: dict[str, Callable[[], World]] = {"skin": skin, "recorded": recorded}
 
 
-# Times in s, and the share of the magnet's field that is taken away.
+# Times in s, and the share of the magnet's field that is removed.
 LIFTED_AT_ONCE = (
     (0.0, 1.499, 1.5, 3.5, 3.501, 5.0, 5.001, 5.299, 5.3),
     (0.0, 0.0, 0.08, 0.08, 0.0, 0.0, 0.05, 0.05, 0.0),

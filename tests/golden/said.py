@@ -39,7 +39,7 @@ FLOOR = {
     "remanence_t": 1e-6, "ambient_t": 1e-10, "sd_t": 1e-10, "m": 1e-8, "n": 1e-5, "c": 1e-3,
 }  # fmt: skip
 LONGEST_SHIFT, MOST_SHIFTED, REMEMBERED = 2, 0.05, 200
-# Left out: what differs in every run, and what names versions instead of what is measured.
+# Excluded: fields that differ in every run, and fields that name versions.
 UNCOMPARED = {"v", "boot", "pad", "seq", "t_publish_ns", "utc_ns", "model", "baseline", "t_sample_ns"}
 NOTHING = -(1 << 40)
 Numbers = dict[str, float]

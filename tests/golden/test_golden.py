@@ -25,7 +25,7 @@ FIRST = {
     "turning-constant": 300, "skin": 300,
 }  # fmt: skip
 FIRST_OF_OTHERS = 700
-# So many messages of worlds that remember different things, each amid what it remembers.
+# This many messages of worlds with different memories, each in the middle of what it remembers.
 RECORDED = {
     "cold": 500, "faulty": 750, "fingers-faulty": 160, "growing": 500, "healthy": 400, "leaps": 700, "lifted": 900,
     "neighbours": 300, "poses": 160, "samples-on-board": 800, "skin": 100, "smoothed": 300, "steel-faulty": 900,

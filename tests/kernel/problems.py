@@ -110,5 +110,5 @@ def random_problem(seed: int, sensors: int, neighbours: int, moving: bool) -> Pr
     motion = Motion(random.normal(size=truth.columns) * scale, scale**2 * 10.0) if moving else None
     start = truth.stepped(step)
     prior = replace(prior, mean=start.stepped(0.3 * step))
-    # Where sensors are few and badly placed, the last digits come slowly.
+    # With few or badly placed sensors the last digits converge slowly.
     return Problem(rows, magnets, parts, start, prior, motion, STOP_CONVERGED, max_iterations=200)

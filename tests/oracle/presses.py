@@ -19,7 +19,7 @@ from oracle.field import Array, OneMagnet, differences, field
 CARDINAL = BSpline.basis_element(np.arange(-2.0, 3.0), extrapolate=False)
 TO_SI = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])
 PATCH_MM2, SUM_ERROR_PER_N = 1.0, 0.02  # docs: half of a patch's mean x² is 1.1 mm²; 40 µm of 800 at 2 × 1 N
-# Of a change of pose in m and components of an axis, and of fingers in mm and N: near enough, and above rounding.
+# Of a change of pose in m and components of an axis, and of fingers in mm and N: close enough, and above rounding.
 POSE_STEP, FINGER_STEP = np.array([2e-6, 2e-6, 2e-6, 2e-4, 2e-4]), np.array([1e-2, 1e-2, 1e-3])
 
 

@@ -22,7 +22,7 @@ MEMORY, JUDGED_EVERY = 55, 8  # docs/glossary.md: a quarter of a second, at 220 
 COLUMNS = 14  # position 3, tilt 2, log moment, ambient field 3, its gradient 5
 STEPS = np.array([1e-6] * 3 + [1e-4] * 2 + [1e-4] + [1e-6] * 3 + [1e-3] * 5)
 LOG = 5
-SOUND = 1e-9  # so low that each judgement says its χ² as a multiple of it
+SOUND = 1e-9  # so small that each judgement gives its χ² as a multiple of it
 
 
 def worth(frames: float) -> float:

@@ -101,6 +101,6 @@ def test_alignment_uses_each_sensors_history(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_alignment_of_failing_chips_uses_histories(count: int, seed: int) -> None:
     met = compared(failing(seed, count), count, rounding_t=1e-15)  # jumps add up to fields of millitesla
-    # One sensor is at the instant itself: nothing is between two of its samples.
+    # One sensor is at the instant itself: nothing lies between two of its samples.
     wanted = {"old", "anew", "gap", "repeated"} | ({"told nothing"} if count == 1 else {"jumped", "between"})
     assert {name for name, times in met.items() if times} >= wanted

@@ -26,7 +26,7 @@ from oracle.test_several import pads
 # Magnets, sensors, causes, knots, terms: the usual pad, the least, the most, and sizes that fill no register.
 PADS = [(4, 8, 48, 15, 1), (1, 2, 1, 4, 3), (9, 16, 96, 12, 8), (3, 5, 7, 6, 2), (2, 7, 0, 31, 2)]
 SIZES = pytest.mark.parametrize("sizes", PADS)
-# Of numbers that many roundings and a matrix of some condition have gone through.
+# For numbers after many roundings and a matrix of some condition.
 CLOSE = 1e-6
 NOBODY, NO_CHANGE = np.zeros((0, 3)), np.zeros(3)
 
@@ -117,7 +117,7 @@ def test_fit_reports_covariance_chi2_ambient_and_shear_at_its_end(sizes: tuple[i
         near(fit.shear_deviation_n.ravel() ** 2, prior_n**2 * np.maximum(variance, 0.0))
 
 
-@pytest.mark.parametrize("sizes", PADS[:4])  # the table of the last one is jagged: it has other minima near
+@pytest.mark.parametrize("sizes", PADS[:4])  # the table of the last one is jagged: it has other minima nearby
 def test_fit_from_near_ends_where_no_step_is_left(sizes: tuple[int, ...]) -> None:
     """The search ends where a step is below 0.03 deviations; at the table's edge a finger may go no further."""
     random, settled, tried = np.random.default_rng(5), 0, 0
@@ -205,7 +205,7 @@ def test_one_more_finger_lowers_chi2_as_least_squares_says(sizes: tuple[int, ...
         a, s = left.T @ rest, (left * left).sum(axis=0)
         s = np.where(s > 0.0, s, 1.0)
         apart = (np.linalg.norm(fitter.places[:, None, :2] - true[None, :, :2], axis=2) >= 8.0).all(axis=1)
-        certain = s > 1e-6 * (t * t).sum(axis=0)  # of a place that the others explain, rounding is left
+        certain = s > 1e-6 * (t * t).sum(axis=0)  # of a place that the others explain only rounding remains
         near(another.gain[certain], np.where((a > 0.0) & apart, a * a / s, 0.0)[certain], 1e-5)
         near(another.force[certain], (a / s)[certain], 1e-5)
         near(another.by_force, moved, 1e-5)
@@ -228,7 +228,7 @@ def test_fingers_put_elsewhere_are_those_of_two_steps_across(sizes: tuple[int, .
         fit = replace(fitter.fit(fingers_of(random, count), measured, NO_CHANGE), fingers=true)
         directions = np.zeros((1 + trial % 2, 3 * count))
         directions[:, :2] = random.normal(0.0, 1.0, (len(directions), 2))
-        directions *= trial < 22  # without a direction no step leads anywhere
+        directions *= trial < 22  # without a direction no step makes progress
         away = random.normal(0.0, 3.0, directions.shape)
         there, chi2 = fitted_across(fitter, fit, away, directions, measured, np.full(3, 1e-5))
         assert there.shape == (len(away), 2, count, 3)

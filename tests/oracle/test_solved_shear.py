@@ -113,7 +113,7 @@ def test_deviations_are_honest_over_frames_with_noise(pad: Pad, press: Array) ->
         true = np.concatenate([press[:3], shear_n])
         change = change_of(model, true) + FRAME_SD * random.standard_normal(5)
         found, standard = answer(model, pad, change), answer(plain, pad, change)
-        if standard.force_n > 2.0 * standard.force_sd_n:  # a touch that noise explains is none
+        if standard.force_n > 2.0 * standard.force_sd_n:  # a touch that noise explains is no touch
             errors.append((found.values * UNIT - true) / (found.deviations * UNIT))
     inside = np.mean(np.abs(errors) < 2.0, axis=0)
     assert (inside > 0.92).all()

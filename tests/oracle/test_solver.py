@@ -94,7 +94,7 @@ def test_each_derivative_agrees_with_the_potential(neighbours: int, octupole: bo
     columns = len(pose.steps)
     jacobian = 1e3 * pose.jacobian(np.zeros(columns))
     value = reading(pose.place_m, pose.direction, *pose.stepped(np.zeros(columns)))
-    sure_t = 1e-3 * pose.deviation_t  # no unknown of a pair is too uncertain to be told
+    sure_t = 1e-3 * pose.deviation_t  # no unknown of a pair is too uncertain to be published
     at = Pose(pose.place_m, pose.direction, value, sure_t, pose.magnets, pose.ambient_t, pose.gradient_t_per_m)
     for first in range(columns):
         for second in range(first):

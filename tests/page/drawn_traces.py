@@ -68,7 +68,7 @@ class Drawn(NamedTuple):
 def drawn(page: Page, bus: KnownTouches) -> Drawn:
     """Read all traces of `page`, and compare each point with what `bus` sent."""
     read = page.evaluate(READ)
-    sent, ghosts = dict(bus.sent), dict(bus.ghosts)  # all that is drawn, and what came since
+    sent, ghosts = dict(bus.sent), dict(bus.ghosts)  # everything that is drawn, and later messages
     traces: dict[str, dict[str, Points]] = {
         title: {name: dict(points) for name, points in lines} for title, lines in read.items()
     }

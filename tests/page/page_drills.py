@@ -191,7 +191,7 @@ def _fuzz(port: int, seed: int, count: int) -> None:
                     peer.settimeout(0.02)
                     peer.recv(4096)
         except OSError:
-            pass  # hung up on: that is an answer
+            pass  # the connection was closed: that counts as an answer
 
 
 def test_long_run_does_not_grow(browser: Browser, tmp_path: Path) -> None:

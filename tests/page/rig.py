@@ -28,7 +28,7 @@ FLAGS = [
 ]
 # The state of the page that a test may look at: window.fmfts of main.js.
 NEWEST = "fmfts.pads.get(fmfts.chosen)?.contact"
-# A busy computer draws late: the second picture from now shows what the page knows now.
+# A busy computer draws late: the second picture from now shows the page's present state.
 TWO_PICTURES = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 

@@ -17,7 +17,7 @@ from page.rig import CHROMIUM, View, opened, run_card, until
 pytestmark = [pytest.mark.needs(CHROMIUM), pytest.mark.slow]
 
 HEALTH = "document.querySelector('#health').dataset.health"
-# Keeps each hint that a card shows, in `fmfts.hints`: some stand for half a second.
+# Keeps each hint that a card shows, in `fmfts.hints`: some stay for half a second.
 KEEP_HINTS = """() => {
     fmfts.hints = [];
     new MutationObserver(() => {
@@ -56,7 +56,7 @@ def test_guided_first_use_records_both_baselines_and_says_why_one_is_refused(
 
 
 def test_guided_first_use_of_a_simulated_pad_reports_each_step(browser: Browser, tmp_path: Path) -> None:
-    config = UNTOUCHED_CONFIG.replace('finger = "none"', 'finger = "script"')  # the hands come before it
+    config = UNTOUCHED_CONFIG.replace('finger = "none"', 'finger = "script"')  # the hands move before it
     with RunningDaemon(tmp_path, config) as daemon, View(tmp_path, daemon.environment) as view:
         page = opened(browser, view.address)
         until(page, f"{HEALTH} === 'ok'")
@@ -78,8 +78,8 @@ def test_guided_first_use_of_a_simulated_pad_reports_each_step(browser: Browser,
         for card in (4, 5):
             place, force, measured = brought(page, card)
             assert measured < 1.0
-            # What is measured here is a small part of them, beside the pad's silicone and where its magnet sits: they
-            # stay the same but for the last of two digits.
+            # The measured part of them is small beside the pad's silicone and its magnet's place: they stay the same
+            # but for the last of two digits.
             assert place < 1.1
             assert force < 1.1
         told = run_card(page, 6, "done")

@@ -167,7 +167,7 @@ def test_axe_finds_no_serious_violation(page: Page, theme: str) -> None:
     for dialog in (None, "g", "o", "?"):
         if dialog:
             page.keyboard.press(dialog)
-            page.wait_for_timeout(300)  # it has risen: contrast is judged of what is opaque
+            page.wait_for_timeout(300)  # it has risen: contrast is judged for opaque text
         found = Axe().run(page).response["violations"]
         serious = [
             (each["id"], each["nodes"][0]["html"][:120]) for each in found if each["impact"] in ("serious", "critical")

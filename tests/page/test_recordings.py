@@ -49,7 +49,7 @@ def test_recording_is_made_and_its_contacts_are_shown_again_on_same_page(bench: 
     until(page, f"{TOAST}.includes('this is a replay')")
     until(page, f"{FORCE} === 'touch' && Math.hypot({NEWEST}.x_m + 4e-3, {NEWEST}.y_m + 4e-3) < 5e-4")
     assert page.evaluate(f"Number({NEWEST}.t_publish_ns)") < ended_ns
-    until(page, f"{LINK}.startsWith('paused')")  # at its end, so that its last seconds can be looked at
+    until(page, f"{LINK}.startsWith('paused')")  # at its end, so that a viewer sees its last seconds
     assert "the end of" in page.evaluate(TOAST)
     assert page.locator("#event-list li[data-kind='onset']").count() == 1, "the recording's alone"
     for _ in range(10 * round(TOUCHED_S) + 50):

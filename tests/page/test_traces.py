@@ -56,7 +56,7 @@ def test_live_traces_are_the_messages_that_were_sent(bus: KnownTouches, page: Pa
 def test_live_traces_leave_no_message_out(bus: KnownTouches, page: Page) -> None:
     times = drawn(page, bus).times
     assert page.evaluate("fmfts.leftOut ?? 0") == 0
-    since_s = times[0] + 1.0  # the page asks for every message once it has seen one of the pad
+    since_s = times[0] + 1.0  # the page requests every message after the first one of the pad
     assert [t for t in times if t >= since_s] == [t for t in list(bus.sent) if since_s <= t <= times[-1]]
 
 

@@ -23,7 +23,7 @@ from unit.bus_messages import contact_message, event_message, pose_message, stat
 pytestmark = [pytest.mark.needs(CHROMIUM), pytest.mark.slow]
 
 PERIOD_S = 0.02
-SIDE_M = 0.042  # of a pad with a little room: the next one begins there
+SIDE_M = 0.042  # end of a pad with a little room: the next one begins there
 PLACES_M = [[x * SIDE_M, y * SIDE_M, 0.0] for x, y in ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1))]
 PADS = {"demo": {}} | {f"finger{number}": {} for number in range(1, 5)}
 EIGHT_M = [[x * 12e-3, y * 12e-3, 0.0] for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y]

@@ -7,7 +7,7 @@ import time
 from playwright.sync_api import Page
 
 SIZES = {"phone": (390, 844), "desk": (1440, 900)}
-# Pause and go on, ten minutes and ten seconds, both themes, and the three dialogs; a key for each step.
+# Pause and continue, ten minutes and ten seconds, both themes, and the three dialogs; a key for each step.
 KEYS = (
     *("Space", "ArrowLeft", "Shift+ArrowLeft", "c", "m", "ArrowRight", "Space", "m"),
     *("t", "g", "Escape", "o", "Escape", "?", "Escape", "t", "1"),
@@ -18,7 +18,7 @@ NEXT_KEY_MS = 120
 def look_at_all_views(page: Page, seconds: float) -> int:
     """Press all keys in turn, at least once, until `seconds` are over. How many rounds that were."""
     end, rounds = time.monotonic() + seconds, 0
-    page.evaluate("document.activeElement.blur()")  # lest Space presses a button
+    page.evaluate("document.activeElement.blur()")  # because Space would press a button
     while not rounds or time.monotonic() < end:
         for key in KEYS:
             page.keyboard.press(key)

@@ -24,7 +24,7 @@ BLOCK = re.compile(
     r"^```(?:|sh|bash|console)\n(.*?)^```$|((?:^    [^\n]*\n(?:\n(?=    ))?)+)", re.MULTILINE | re.DOTALL
 )
 OTHER_BLOCK = re.compile(r"^```\w+\n.*?^```$", re.MULTILINE | re.DOTALL)
-# What a line of a console begins with; a block whose first line begins otherwise is a file or what was printed.
+# The beginning of a console line; a block whose first line begins otherwise is a file or a program's output.
 PROGRAM = re.compile(
     r"(?:[A-Z_]+=\S+ )*(?:fmfts-daemon|make|(?:\S*/)?python3?|pip|sudo|sudoedit|apt-get|apt|git|gpg|ssh-keygen"
     r"|sha256sum|scp|ssh|ln|cd|ros2|mkdir|chmod|cp|zip|journalctl|dask|cmake|curl|firmware/build/\S+|\$EDITOR|\.)"
@@ -45,7 +45,7 @@ class Known(NamedTuple):
 
     not_run: list[tuple[str, str]]  # pattern, reason
     elsewhere: list[tuple[str, str]]  # pattern, the test that types it
-    instead: list[tuple[str, str]]  # pattern, what is typed in its place
+    instead: list[tuple[str, str]]  # pattern, the command that is typed instead
 
     @classmethod
     def read(cls) -> Known:

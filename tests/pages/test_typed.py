@@ -16,7 +16,7 @@ TYPED: dict[str, list[Command]] = {}
 for one in every_command():
     if KNOWN.reason(one) is None:
         TYPED.setdefault(one.page, []).append(one)
-# Pages that begin with nothing, and need no daemon beside them.
+# Pages whose reader starts with nothing, and needs no daemon.
 FROM_NOTHING = {"README.md", "docs/installing.md", "lab/README.md", "docs/fleet.md", "docs/security.md"}
 FROM_NOTHING |= {page for page in TYPED if page.startswith("lab/results/")}
 

@@ -66,7 +66,7 @@ class Reader:
         while " run" in command and not (self.folder / "control").exists() and begun.poll() is None:
             assert time.monotonic() < until, f"{command}: no control socket"
             time.sleep(0.05)
-        time.sleep(2.0)  # `status` tells of a second, and what cannot go on ends by then
+        time.sleep(2.0)  # `status` describes a second, and a program that cannot continue ends by then
         if begun.poll() is not None:
             raise AssertionError((command, begun.returncode, printed(begun, ENDS_S, command)))
 

@@ -26,7 +26,7 @@ def main() -> None:
         "/bare/two/wrench": WrenchStamped,
     }
     publishers = [(kind, node.create_publisher(kind, topic, qos_profile_sensor_data)) for topic, kind in topics.items()]
-    time.sleep(1.0)  # who listens has found the topics
+    time.sleep(1.0)  # the listener has found the topics
     begun_s, used_s = time.monotonic(), time.process_time()
     for turn in range(int(SECONDS * RATE_HZ)):
         time.sleep(max(0.0, begun_s + turn / RATE_HZ - time.monotonic()))

@@ -58,7 +58,7 @@ def padding(store: Any, name: str, data: bytes) -> set[int]:
         try:
             if same(store.deserialize_cdr(bytes(changed), name), plain):
                 found.add(position)
-        except Exception:  # noqa: BLE001 - a length or text that cannot be: this byte counts
+        except Exception:  # noqa: BLE001 - an impossible length or text: this byte counts
             continue
     return found
 

@@ -39,7 +39,7 @@ def environment_of(distribution: str, folder: Path) -> Path:
         uv("pip", "install", "--no-cache", "--python", place, "-r", pinned)
         build_tf2_msgs(place)
         stamp.write_text(made_from)
-    # What is tried is what colcon, or pip, would install. From a copy, because setuptools builds beside the sources.
+    # The test uses what colcon, or pip, would install. From a copy, because setuptools builds beside the sources.
     copy = place / "sources"
     shutil.rmtree(copy, ignore_errors=True)
     for name in (PACKAGE, ROOT / "clients/python"):
@@ -69,7 +69,7 @@ def main() -> int:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--distribution", choices=DISTRIBUTIONS, action="append", help="only this one")
     options.add_argument("--folder", type=Path, default=ROOT / "build/ros", help="where the environments are kept")
-    chosen, words = options.parse_known_args()  # the rest is for pytest
+    chosen, words = options.parse_known_args()  # the other options are for pytest
     distributions = chosen.distribution or list(DISTRIBUTIONS)
     if IN_NAMESPACE not in os.environ:
         for distribution in distributions:

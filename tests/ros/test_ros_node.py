@@ -111,7 +111,7 @@ class RosProcess:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.process.kill()  # where `end` has not ended it already
+        self.process.kill()  # if `end` has not ended it already
         self.end()
 
 

@@ -18,7 +18,7 @@ from fmfts.common.toml import parse
 
 ROOT = Path(__file__).parents[2]
 BUILD = ROOT / "build/sanitized"
-# GCC's `undefined` leaves out a number that does not fit into an integer: NaN as an index is how C reads far away.
+# GCC's `undefined` leaves out a number that does not fit into an integer: NaN as an index makes C read far away.
 CHECKS = "-fsanitize=address,undefined,float-cast-overflow"
 SANITIZED = [CHECKS, "-fno-sanitize-recover=all", "-fno-omit-frame-pointer", "-g", "-O1"]
 SUFFIX = ".abi3.so"

@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from sanitized.calls import Call, functions, recorded
 
 ORDINARY = (ValueError, TypeError, BufferError, ArithmeticError, AttributeError, MemoryError)
-# Tables that only the package itself makes: C believes what is in them, and looks at their sizes alone.
+# Tables that only the package itself makes: C trusts their contents, and checks only their sizes.
 OWN: dict[str, set[int]] = {
     "push": {0, 1, 2}, "host_time": {0}, "goes_on": {0}, "above_line": {0}, "restart": {0}, "judged": {0},
     "followed": {0}, "absent": {0}, "missing": {0}, "lent": {0, 1}, "track_field": {0, 1}, "predict": {0, 1},
@@ -34,7 +34,7 @@ OWN: dict[str, set[int]] = {
     "chi2_with": {0, 1}, "estimate": {0}, "valley": {0, 1, 2, 6}, "best_single": {0, 1}, "best_pairs": {0, 1},
     "another": {0, 1},
 }  # fmt: skip
-# How often something is done: any number is right, and a large one takes long.
+# Number of repetitions: any number is valid, and a large one takes long.
 TURNS = {("solve", 12), ("refine", 3), ("push", 17), ("push", 18)}
 INTEGERS = (
     0, 1, -1, 2, 3, 7, 255, 2**15, 2**31 - 1, 2**31, -(2**31), 2**32, 2**53 - 1, 2**62 - 1, 1 - 2**62, 2**62,

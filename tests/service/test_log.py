@@ -100,14 +100,14 @@ def test_lines_that_waited_are_written_and_those_left_out_are_counted() -> None:
         program = subprocess.Popen([sys.executable, "-c", MANY_LINES], stderr=writing, stdout=subprocess.PIPE)
         os.close(writing)
         assert program.stdout is not None
-        limit = threading.Timer(PATIENCE_S, program.kill)  # what is read below then ends
+        limit = threading.Timer(PATIENCE_S, program.kill)  # the reads below then end
         limit.start()
         assert program.stdout.readline() == b"done\n", "a full log delays the program"
         heard = everything(reading)
         program.communicate()
         limit.cancel()
     written = len(re.findall(r"line \d+$", heard, re.MULTILINE))
-    left_out = [int(count) for count in re.findall(r"(\d+) lines were left out", heard)]  # told once or twice
+    left_out = [int(count) for count in re.findall(r"(\d+) lines were left out", heard)]  # reported once or twice
     assert written + sum(left_out) == 5000
     assert 1000 <= written < 5000
 

@@ -62,7 +62,7 @@ def test_systemd_gets_ready_when_sockets_are_bound(tmp_path: Path, systemd: sock
 @pytest.mark.real_time
 def test_systemd_status_shows_the_true_rate(tmp_path: Path, systemd: socket.socket) -> None:
     with RunningDaemon(tmp_path, SIMULATED):
-        # The first are sent before the pad is up, and before there is an interval to count in.
+        # The first ones are sent before the pad is up, and before there is an interval for the rate.
         told = ""
         for _ in range(20):
             told = next_with(systemd, "STATUS=")

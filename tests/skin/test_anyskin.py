@@ -33,7 +33,7 @@ def test_every_packet_arrives_once_however_it_is_cut(stream: type, form: object,
     data = b"".join(numbered(form, 50))
     parser = stream(5)
     found = [packet for at in range(0, len(data), chunk) for packet in parser.feed(data[at : at + chunk])]
-    first = 1 if stream is BinaryStream else 2  # of a line that may have lost its beginning nothing is believed
+    first = 1 if stream is BinaryStream else 2  # nothing in a line that may have lost its beginning is accepted
     assert numbers_of(found)[: 50 - first] == list(range(first, 50))
     assert found[0][3].field_ut == pytest.approx(quantised(FIELDS_UT[3]), abs=0.01)
     assert found[0][3].temperature_c == 25.0
@@ -115,7 +115,7 @@ def arrivals(
         made_s = 5.0 + number / rate_hz * (1.0 + drift * number / rate_hz)
         delay_s = 3e-4 + random.expovariate(1 / 2e-4) + (random.random() < 0.01) * random.uniform(0.0, 0.03)
         found.append((round(1e9 * (made_s + delay_s)), made_s))
-    # They come in order: who comes late holds those behind it.
+    # They arrive in order: a late one delays those behind it.
     latest = 0
     for at, (arrival, made_s) in enumerate(found):
         latest = max(latest, arrival)
@@ -131,7 +131,7 @@ def test_times_follow_the_board_though_arrivals_jitter(rate_hz: float) -> None:
         if stamp is not None and made_s > 10.0:
             errors.append(stamp[2] / 1e9 - made_s)
     assert clock.rate_hz == pytest.approx(rate_hz, rel=0.03)
-    # The smallest delay cannot be known; what jitters is: against 0.5 ms of the arrivals themselves.
+    # The smallest delay cannot be known, but the jitter can: compared with 0.5 ms of the arrivals themselves.
     assert np.std(errors) < 1.5e-4
     assert 0.0 < np.mean(errors) < 8e-4
     assert clock.lost == 0
@@ -226,7 +226,7 @@ def test_packets_that_waited_here_are_not_stamped_younger_than_they_are() -> Non
             clock.found_empty(read_ns)
         if stamp is not None:
             too_young_s.append(stamp[2] / 1e9 - made_s)
-    assert max(too_young_s) < 6e-3  # a period: for so long the youngest packet of each read may have waited
+    assert max(too_young_s) < 6e-3  # a period: the newest packet of each read may have waited this long
     assert (clock.lost, clock.epochs) == (0, 1)
 
 
@@ -236,6 +236,6 @@ def test_packets_at_another_baud_rate_are_no_packets(stream: type, form: object,
     sent = numbered(form, 200)
     assert [read_at(packet, 115_200, 115_200 * ratio) for packet in sent[:5] for ratio in (0.98, 1.0, 1.02)] == [
         packet for packet in sent[:5] for _ in range(3)
-    ]  # what a UART bears
+    ]  # what a UART can carry
     parser = stream(5)
     assert [packet for each in sent for packet in parser.feed(read_at(each, 115_200, read_baud))] == []

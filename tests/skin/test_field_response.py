@@ -62,7 +62,8 @@ def test_contacts_are_found_with_the_deviation_that_is_stated() -> None:
     press[:, :2] *= 0.9
     found = ContactFinder(table(), moment_share=0.0).find(noisy(press, 4) - table().reference_ut)
     off = (found.contact - press) / found.deviation
-    # The depth's deviation also holds what another day's contact height does; without it the errors are noise alone.
+    # The depth's deviation also includes the effect of another day's contact height; without it the errors are noise
+    # alone.
     assert np.mean(np.abs(off[:, :2]) <= 2.0) > 0.93
     assert np.sqrt(np.mean(off[:, :2] ** 2)) > 0.7, "the deviation is no larger than it must be"
     assert not (np.abs(off) > 5.0).any()
@@ -176,7 +177,7 @@ def test_rest_field_is_found_from_presses() -> None:
     assert not response.rests
     assert np.abs(mean - rest).max() > 300.0
     assert np.abs(response.reference_ut - rest).max() < 0.1 * np.abs(mean - rest).max()
-    # So lighter presses than any that it was told of are found, too.
+    # So it also finds lighter presses than any in its calibration.
     light = presses(300, 26)
     light[:, :2] *= 0.9
     light[:, 2] = 0.8
@@ -198,7 +199,7 @@ def test_forces_count_from_the_newest_rest_and_keep_their_gain() -> None:
     shifted = replace(data, field_ut=data.field_ut + 40.0)
     evaluation = evaluate_field(response, shifted, "test")
     error = (evaluation.found - evaluation.contact)[:, 0]
-    # 3 % more change is 3 % more force: nothing in the fields says otherwise. The deviation holds it.
+    # 3 % more change is read as 3 % more force: nothing in the fields contradicts it. The deviation covers it.
     slope = (error * evaluation.contact[:, 0]).sum() / (evaluation.contact[:, 0] ** 2).sum()
     assert slope == pytest.approx(0.03, abs=0.01)
     assert np.mean(np.abs(error / evaluation.deviation[:, 0]) <= 2.0) > 0.93

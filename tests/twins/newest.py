@@ -27,7 +27,7 @@ def keep_newest(data: bytes, patience: Patience) -> tuple[bytes, tuple[int, ...]
             if sensor is not None and kept[pad, None] >= patience.most:
                 continue  # a frame holds all that came before it
             key = pad, sensor
-            if packet.time_us > newest_us.get(key, -1):  # what follows this packet is old, and was sent again
+            if packet.time_us > newest_us.get(key, -1):  # after this packet the line carries old, repeated ones
                 newest_us[key], kept[key] = packet.time_us, 0
             age_us = newest_us[key] - packet.time_us
             if kept[key] and (kept[key] >= patience.most or age_us > patience.longest_us):

@@ -71,7 +71,7 @@ class Bus:
             socket.setsockopt(zmq.RCVHWM, 0)
         self._ours.bind(f"inproc://{id(self)}")
         self._theirs.connect(f"inproc://{id(self)}")
-        self._theirs.subscribe(TOPIC)  # and what begins with it
+        self._theirs.subscribe(TOPIC)  # and topics that begin with it
         self._heard: dict[bytes, list[bytes]] = {}
         send = send_function()
         assert send is not None

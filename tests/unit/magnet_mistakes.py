@@ -21,7 +21,7 @@ COUNTS = (4, 4, 4, 4, 5, 8)
 QUARTER = {"z": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
            "x": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
            "y": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])}  # fmt: skip
-DRAWN_QUARTERS = (0, 3, 2, 1, 0)  # chips of a ReSkin board lie in all four ways
+DRAWN_QUARTERS = (0, 3, 2, 1, 0)  # chips of a ReSkin board lie in all four directions
 
 
 @dataclass(frozen=True)

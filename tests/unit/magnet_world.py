@@ -31,7 +31,7 @@ KINDS: dict[str, Any] = {
 GAINS = {"hmc5983": (3, 2.5), "qmc5883l": (0, 2.0), "lis3mdl": (0, 4.0), "mmc5983ma": (0, 8.0), "mlx90393": (0, 132.0)}
 # Deviations of one sample in gauss, from the same sheets and docs/chips.md.
 NOISE_GAUSS = {"hmc5983": 2e-3, "qmc5883l": 2e-3, "lis3mdl": 3.2e-3, "mmc5983ma": 0.8e-3, "mlx90393": 15e-3}
-# The largest zero of a chip that a baseline takes off.
+# The largest zero of a chip that a baseline removes.
 ZERO_GAUSS = {"hmc5983": 0.02, "qmc5883l": 0.1, "lis3mdl": 0.5, "mmc5983ma": 0.2, "mlx90393": 0.5}
 MAGNETS_MM = ((2, 2), (3, 3), (4, 4), (5, 2), (6, 3), (8, 3), (10, 3))  # diameter and length, as they are sold
 BOARDS_MM = {
@@ -49,7 +49,7 @@ BOARDS_MM = {
         [0, -9, 0],
     ],
 }
-# Above the middle, then 2 cm to +x, then from the middle 2 cm to +y: what the check asks for.
+# Above the middle, then 2 cm to +x, then from the middle 2 cm to +y: the places that the check asks for.
 STEPS = np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [0.0, 0.02, 0.0]])
 RATE_HZ = 75.0
 HELD_S = 1.1
@@ -186,7 +186,7 @@ def _frames(clock: Clock, kind: str, chips: list[Any], places: np.ndarray, axes:
             clock.sleep(1.0 / rate_hz)
             pad.poll()
             sample = pad.sample()
-            if number > 5:  # the first may be of the field before
+            if number > 5:  # the first sample may be of the previous field
                 yield Frame(
                     0, sample.sequence, sample.time_us, sample.time_us * 1000, sample.gain_code, sample.counts,
                     sample.age_us, bits(sample.fresh, len(chips)), bits(sample.valid, len(chips)), None, 0, CHIPS[kind],

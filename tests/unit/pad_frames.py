@@ -28,7 +28,7 @@ def with_faults(frames: Sequence[Frame]) -> Iterator[Frame]:
             yield replace(frame, counts=counts)
         elif phase == 3:  # a sensor that is silent
             yield replace(frame, valid=np.array([True, True, False, True]))
-        elif phase == 5:  # an axis that is a little off, for as long as it takes to be found
+        elif phase == 5:  # an axis that is slightly wrong, until it is found
             counts[0, 0] += 20
             yield replace(frame, counts=counts)
         elif phase == 7:  # steel
@@ -38,12 +38,12 @@ def with_faults(frames: Sequence[Frame]) -> Iterator[Frame]:
             stuck = counts[3, 1] if stuck is None else stuck
             counts[3, 1] = stuck
             yield replace(frame, counts=counts)
-        elif phase == 11:  # samples that are not new, and frames that never come
+        elif phase == 11:  # samples that are not new, and frames that never arrive
             if index % 7:
                 yield replace(frame, fresh=np.array([True, index % 3 > 0, True, index % 5 > 0]))
         elif phase == 12 and index % 110 == 20:  # the board is reset
             yield replace(frame, device_time_us=1000, age_us=np.zeros(4, np.uint16))
-        elif phase == 13 and index % 20 < 3:  # the frames that had a slow chip's samples first never come
+        elif phase == 13 and index % 20 < 3:  # the frames that first had a slow chip's samples never arrive
             before = frame
         elif phase == 13 and index % 20 == 3:
             counts[2] = before.counts[2]

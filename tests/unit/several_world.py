@@ -74,7 +74,7 @@ def mounting_of(random: np.random.Generator, pad: Pad, causes: int) -> ArrayMoun
     spread = np.tile([1e-4, 1e-4, 1e-4, 0.02, 0.02, 0.02], len(drawn))
     mixed = np.eye(len(spread)) + 0.1 * random.normal(size=(len(spread), len(spread)))
     root = spread[:, None] * mixed
-    typical = np.tile([0.5, 0.5, 0.5, 1e-3, 1e-3], len(drawn))  # T/m, T: how a field goes with a pose
+    typical = np.tile([0.5, 0.5, 0.5, 1e-3, 1e-3], len(drawn))  # T/m, T: change of a field with a pose
     return ArrayMounting(
         magnets=magnets,
         frames=rest_frames(magnets.axis),

@@ -1,4 +1,4 @@
-/* For pose_steps_in_c.py: steps that need the whole of a frame, which is made here from plain numbers. */
+/* For pose_steps_in_c.py: steps that need a complete frame, which is made here from plain numbers. */
 #include "../../daemon/fmfts/pose/step.h"
 
 #include <string.h>

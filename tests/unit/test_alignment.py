@@ -48,7 +48,7 @@ def test_bend_bounds_the_error_of_a_tap() -> None:
         aligned = alignment.push(_rows(*tap(time_us)), time_us, FRESH)
         if step > 3:
             error = np.abs(aligned.field_t - tap(aligned.time_us))
-            # Within four of (curvature, 2 mG noise): what a χ² gate takes without a murmur.
+            # Within four of (curvature, 2 mG noise): a χ² gate accepts this.
             worst_excess = max(worst_excess, float((error / np.hypot(aligned.bend_t, 2e-7)).max()))
     assert worst_excess < 4.0
 
@@ -157,7 +157,7 @@ def test_gap_at_the_end_of_a_tap_widens_deviations() -> None:
         for step in steps:
             time_us = step * PERIOD_US + phase_us + np.array([0, 1200, 2500, 4000])
             if step == 9:
-                continue  # of every chip at once: its own conversion between the frames
+                continue  # for every chip at once: its own conversion between the frames
             aligned = alignment.push(_rows(*tap(time_us)), time_us, FRESH)
             if step == 10:
                 error = np.abs(aligned.field_t - tap(aligned.time_us))
@@ -176,7 +176,7 @@ def test_sample_whose_first_frame_never_came_is_taken_from_next() -> None:
     assert aligned.time_us == time_us[3]
     assert aligned.field_t == pytest.approx(np.repeat(1e-9 * time_us[3], 12).reshape(4, 3))
     again = alignment.push(_rows(*(1e-9 * time_us)), time_us, ~FRESH)
-    assert (again.repeats == 0).all()  # it was taken once
+    assert (again.repeats == 0).all()  # it was excluded once
     assert again.time_us == aligned.time_us
 
 

@@ -130,10 +130,11 @@ def test_alternating_field_counts_as_noise(hz: float) -> None:
     summary = summarise(_recorded(hz, 2e-6))
     rms = 2e-6 * np.abs(DIRECTIONS) / np.sqrt(2.0)
     expected = np.sqrt(NOISE_T**2 + rms * rms.sum())
-    # Of 660 values 3 %, and rounding to counts 2 %. An axis without any shows what noise makes of so many samples.
+    # 3 % from 660 values, and 2 % from rounding to counts. An axis without any shows the effect of noise on this many
+    # samples.
     chance = np.sqrt(rms.sum() * NOISE_T * np.sqrt(2.0 / 660.0))
     assert (np.abs(summary.noise_t - expected) <= 0.1 * expected + np.where(rms == 0.0, 2.0 * chance, 0.0)).all()
     # Whatever the phases of the sensors, independent noise of this size is more than what alternates. Between two
-    # frequencies that were looked at, up to a tenth of the amplitude is missed.
+    # searched frequencies up to a tenth of the amplitude is missed.
     together = np.outer(rms.ravel(), rms.ravel())
     assert np.linalg.eigvalsh(np.diag(1.2 * np.square(summary.noise_t).ravel()) - together).min() > 0.0

@@ -237,7 +237,7 @@ class TestZero:
     def test_bare_recording_gives_the_true_rest(self, pad: Pad, recordings: tuple[Recording, Recording, World]) -> None:
         bare, rest, world = recordings
         _, mounting = make_rest(pad, TOLERANCE, rest, make_bare(pad, TOLERANCE, bare))
-        # The pad's own tolerances leave 0.1 mm.
+        # The pad's own tolerances contribute 0.1 mm.
         assert np.linalg.norm(mounting.rest.position_m - world.rest.position_m) < 4 * 1e-4
 
     def test_refusal_without_bare_baseline_says_to_record_it(
@@ -390,7 +390,7 @@ def test_change_of_pose_is_as_uncertain_as_claimed(
         change = change_since(mounting.rest, estimate.state)[:5]
         truth = change_since(world.rest, world.rest.stepped(press))[:5]
         error = change - truth
-        # The dipole for the cylinder: 1–2 µm and 0.1 mrad of a change, on top of what is tested here.
+        # The dipole instead of the cylinder adds 1–2 µm and 0.1 mrad of a change to what is tested here.
         since = change_since(mounting.rest, estimate.state)
         left_open = np.tensordot(since, mounting.change_error(free), axes=1)
         covariance = left_open @ left_open.T + np.diag(np.array([2e-6, 2e-6, 2e-6, 2e-4, 2e-4]) ** 2)

@@ -108,7 +108,7 @@ def test_means_of_interpolated_frames_are_as_quiet_as_claimed(pad: Pad) -> None:
     field = world.field()
     still = means(frames_of(lambda times_s: np.broadcast_to(field, (len(times_s), 4, 3)), 20.0, world.random))
     normalised = (still.field_t - field) / (still.noise_t / np.sqrt(11))
-    # 4800 values: 1 %. Two neighbours that share a mean's outermost sample take up to 2.3 % of its noise away.
+    # 4800 values: 1 %. Two neighbours that share a mean's outermost sample remove up to 2.3 % of its noise.
     assert 0.94 < np.sqrt(np.mean(normalised**2)) < 1.04
 
 

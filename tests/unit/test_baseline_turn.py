@@ -71,8 +71,9 @@ def test_sensitivities_are_found_as_well_as_claimed(turns: Turns) -> None:
         of_gains = gains.ravel()
         normalised.append(of_gains @ np.linalg.solve(found.covariance[:12, :12], of_gains))
     reached, claimed = (np.sqrt(np.mean(np.square(each), axis=(0, 1))) for each in (errors, deviations))
-    # From 5 %: what a workshop's field, uneven by half a percent, leaves of the ratios between x, y and z. From 1.5°
-    # (0.026): a difference of the field between sensors of 50 nT in 50 µT, in some ten independent directions.
+    # From 5 %: the ratios between x, y and z stay uncertain by this in a workshop's field, which is uneven by half a
+    # percent. From 1.5° (0.026): a difference of the field between sensors of 50 nT in 50 µT, in some ten independent
+    # directions.
     own = np.eye(3, dtype=bool)
     assert np.sqrt(np.mean(np.square(reached[own]))) < 0.007
     assert reached[~own].max() < 0.003
@@ -90,7 +91,7 @@ def test_rest_is_known_better_after_a_turn(turns: Turns) -> None:
         after = msgspec.structs.replace(before, turn=StoredTurn.of(turn))
         mountings = [one.mounting(world.pad) for one in (before, after)]
         was, now = (baselines.accuracy(one, world.pad) for one in mountings)
-        # The depth also depends on the places, which a turn does not tell.
+        # The depth also depends on the places, which a turn does not measure.
         assert now["press_1n_sideways_sd_m"] < 0.5 * was["press_1n_sideways_sd_m"]
         assert now["press_1n_force_sd_n"] < was["press_1n_force_sd_n"]
         assert now["gain_sd"] < 0.4 * was["gain_sd"]
@@ -108,7 +109,7 @@ def _press_error(world: World, mounting: baselines.Mounting) -> float:
     change = change_since(mounting.rest, estimate.state)[:5]
     truth = change_since(world.rest, pressed)[:5]
     left_open = np.tensordot(change_since(mounting.rest, estimate.state), mounting.change_error(FREE_FIELD), axes=1)
-    # The dipole for the cylinder, as in test_baseline.
+    # The dipole instead of the cylinder, as in test_baseline.
     covariance = left_open @ left_open.T + np.diag(np.array([2e-6, 2e-6, 2e-6, 2e-4, 2e-4]) ** 2)
     return float((change - truth) @ np.linalg.solve(covariance, change - truth))
 
@@ -196,7 +197,7 @@ def test_pad_that_is_waved_is_as_good_as_one_that_is_turned(pad: Pad) -> None:
         found = sensitivity_from_turn(pad, Sensitivity.untested(4, UNTESTED), Turn.of(means))
         gains = np.einsum("iaa->ia", matrices(found.mean) - world.matrices())
         errors.append(gains - gains.mean())
-    assert np.std(errors) < 0.007  # as of a slow turn
+    assert np.std(errors) < 0.007  # as in a slow turn
 
 
 def test_noise_is_not_taken_for_steel(pad: Pad) -> None:

@@ -32,7 +32,7 @@ def test_repeated_cycle_goes_on_as_one_stream() -> None:
 def test_messages_find_their_frames_though_some_are_lost() -> None:
     frames = round((WARM_UP_S + 1.0) * RATE_HZ)
     written = 1_000_000_000 + np.arange(frames, dtype=np.int64)[None] * round(1e9 / RATE_HZ)
-    delay_ns = 700_000_000  # many periods: the newest frame is not the one that a message is about
+    delay_ns = 700_000_000  # many periods: the newest frame is not the one that a message describes
     kept = [number for number in range(frames) if number % 7]
     daemon = [
         (

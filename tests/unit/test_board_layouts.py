@@ -86,7 +86,7 @@ def test_anyskin_turns_come_from_a_real_moving_hand(number: int) -> None:
         turns = np.angle((plane[:, pad, :1] * plane[:, pad, 1:].conj()).sum(axis=0), deg=True)
         due = [turn - rotations[0][2] for *_, turn in rotations[1:]]
         away = (turns - due + 180.0) % 360.0 - 180.0
-        assert np.abs(away).max() < 20.0  # the change is not quite even; a wrong chip is off by 90°
+        assert np.abs(away).max() < 20.0  # the change is not quite even; a wrong chip is wrong by 90°
 
 
 def layout_of(board: BoardName) -> tuple[tuple[tuple[float, float, float], ...], ...]:

@@ -33,7 +33,7 @@ def test_samples_count_once_the_board_has_the_configured_pads() -> None:
     asked = line.asked()
     assert [(one.verb, one.argument) for one in asked] == [(Verb.HELLO, 0x48)]
     assert line.state.pad_faults == {0: ASKED, 1: ASKED}
-    # Pad 1 has as many sensors as the configured one, and is another pad.
+    # Pad 1 has as many sensors as the configured one, but is another pad.
     assert line.feed(sample(4, pad_index=0), sample(4, pad_index=1, time_us=9000)) == []
     line.feed(Reply(asked[0].request_id, Verb.HELLO, 0), told(*MADE))
     assert line.state.pad_faults == {}
@@ -71,7 +71,7 @@ def test_reset_with_a_lost_hello_stops_the_stream_until_a_hello() -> None:
     line.feed(told(*MADE))
     assert len(line.feed(sample(4, pad_index=1, time_us=60_000_000))) == 1
     taken = []
-    for number in range(40):  # its clock began anew, and pad 1 is now the other half of the mux
+    for number in range(40):  # its clock restarted, and pad 1 is now the other half of the mux
         taken += line.feed(sample(4, pad_index=1, sequence=number, time_us=1000 + 4545 * number))
     assert taken == []
     assert line.state.pad_faults[1] == NOT_SAID

@@ -24,7 +24,7 @@ from fmfts.sensor.wire.packets import SensorState, Verb
 from fmfts.sensor.wired_pad import PadOnBoard
 from fmfts.sources import on_board
 
-PATIENCE_S = 10.0  # bounds liveness on a busy machine; nothing here takes a second but what says so
+PATIENCE_S = 10.0  # a limit for a busy machine; nothing here takes a second unless it says so
 
 
 @pytest.fixture
@@ -256,7 +256,7 @@ def test_one_board_serves_several_pads_and_ignores_those_not_configured(tmp_path
         bridge = Bridge({0: pad(board.link, "left"), 2: pad(board.link, "right", pad_index=2)})
         connected(bridge, board)
         frames: list = []
-        # It streams on: where this computer is held up, the bridge opens the port anew, and what came before is gone.
+        # It keeps streaming: if this computer is delayed, the bridge opens the port anew, and earlier bytes are lost.
         run(bridge, board, until=lambda: board.stream(1) or len(frames) >= 8, frames=frames)
         assert {frame.pad_index for frame in frames} == {0, 2}
         assert len({(frame.pad_index, frame.sequence) for frame in frames}) == len(frames), "one came twice"

@@ -128,7 +128,7 @@ def test_port_that_stays_closed_to_us_is_tried_at_most_once_second(
 def test_device_that_is_no_serial_port_is_refused(tmp_path: Path, kind: str) -> None:
     (tmp_path / "file").write_text("not a port")
     (tmp_path / "folder").mkdir()
-    bridge = Bridge({0: pad(tmp_path / kind)})  # an absolute path stays what it is
+    bridge = Bridge({0: pad(tmp_path / kind)})  # an absolute path stays unchanged
     bridge.poll(time.monotonic_ns())
     assert bridge.state.reason == "the port is not a serial port: see /dev/serial/by-id for those that are"
     bridge.close()

@@ -22,7 +22,7 @@ from drills.strangers import introduce
 from fmfts.bus.publisher import BUS_HIGH_MARK, LARGEST_BATCH, LARGEST_SUBSCRIPTION, SUBSCRIPTIONS_OF_A_PEER, Publisher
 from fmfts_client import Client, Contact, Endpoints, SchemaError, Subscription
 
-LIVENESS_S = 10.0  # a generous bound for anything that must happen at all
+LIVENESS_S = 10.0  # a generous limit for any event that must come
 
 
 @pytest.fixture
@@ -208,7 +208,7 @@ def test_contacts_of_samples_between_frames_are_not_a_wrong_rate(publisher: Publ
                 "t_publish_ns": now_ns - (600 - number) * 2_500_000,
             }
             publisher.send_contact("demo", contact_message(boot="two", seq=number, **times))
-            if number % 100 == 99:  # of more at once the publisher drops some, where nobody lets ZeroMQ's thread run
+            if number % 100 == 99:  # if more are sent at once the publisher drops some, unless ZeroMQ's thread can run
                 eventually(lambda last=number: hears(client, last))
         publisher.send_status("demo", status_message(rate_nominal_hz=100.0))
         eventually(lambda: client.latest(timeout_s=0.01) is None and client.status is not None)
@@ -350,7 +350,7 @@ def test_peer_with_thousands_of_subscriptions_costs_frame_no_more(
     prefixes = [pattern.format(f"-{number}") for number in range(20 * LARGEST_BATCH)]
     with zmq.Context() as context, context.socket(zmq.SUB) as peer:
         peer.linger = 0
-        peer.sndhwm = 0  # or it loses subscriptions
+        peer.sndhwm = 0  # otherwise it loses subscriptions
         peer.connect(endpoints.frames)
         for prefix in [*prefixes, "frame/demo"]:
             peer.subscribe(prefix)
@@ -395,7 +395,7 @@ def test_subscription_longer_than_any_topic_is_hung_up_on(
 
         eventually(hears)
         peer.sendall(subscription_to(b"x" * LARGEST_SUBSCRIPTION))
-        while peer.recv(1 << 16):  # what is still under way, then the end
+        while peer.recv(1 << 16):  # messages on their way, then the end
             pass
 
 

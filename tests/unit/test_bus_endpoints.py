@@ -41,7 +41,7 @@ def test_second_daemon_on_an_endpoint_is_refused_by_name(publisher: Publisher, e
         Publisher(endpoints, "two")
     assert serving_pid(endpoints.bus) == os.getpid()
     with Client("demo", endpoints) as client:
-        connect(publisher, client)  # and the first still serves
+        connect(publisher, client)  # and the first one still serves
 
 
 def test_second_daemon_on_a_tcp_port_is_refused_too() -> None:
@@ -161,7 +161,7 @@ def test_daemon_refuses_a_folder_that_others_may_write_to(tmp_path: Path) -> Non
     folder.chmod(0o1777)
     with pytest.raises(BusError, match="another user could replace the sockets"):
         Publisher(Endpoints.from_base(f"ipc://{folder}"), BOOT)
-    folder.chmod(0o2770)  # the group's may be meant
+    folder.chmod(0o2770)  # the folder may be meant for the group
     Publisher(Endpoints.from_base(f"ipc://{folder}"), BOOT).close()
 
 

@@ -63,7 +63,7 @@ def random_network(hidden: int, outputs: int, seed: int) -> ContactNetwork:
 def test_poses_are_relative_to_rest(pad: Pad, scene: str) -> None:
     """The dipole's bias at rest (13.5 µm) is taken out, so an unpressed exact cylinder stands at nominal rest."""
     tracked = FrameSolver(pad, rest_field_of(pad), scene, NOISE_T).solved(rest_field_of(pad)[None])  # type: ignore[arg-type]
-    np.testing.assert_allclose(tracked.pose[0], REST, atol=1e-5)  # mm: 10 nm is what the stop rule leaves
+    np.testing.assert_allclose(tracked.pose[0], REST, atol=1e-5)  # mm: the stop rule leaves 10 nm
 
 
 def test_noise_of_solved_frames_is_covariance_that_is_drawn_from(pad: Pad, solver: FrameSolver) -> None:
@@ -94,7 +94,7 @@ def test_bound_grows_as_the_force_falls_and_towards_the_corner(response: Respons
     assert bound[3, 0] / bound[1, 0] == pytest.approx(4.0, rel=0.05)  # in proportion to 1 / force while it is light
     assert bound[1, 0] / bound[0, 0] > 8.0  # a sinking magnet comes nearer to its sensors, too
     assert bound[2, 0] > 4 * bound[0, 0]
-    assert bound[0, 2] == pytest.approx(bound[1, 2], rel=0.3)  # the force's hardly changes
+    assert bound[0, 2] == pytest.approx(bound[1, 2], rel=0.3)  # the force's deviation hardly changes
 
 
 def test_samples_hold_rest_and_what_is_little_beyond_calibrated_force(response: Response) -> None:
@@ -104,7 +104,7 @@ def test_samples_hold_rest_and_what_is_little_beyond_calibrated_force(response: 
     assert (np.abs(press[:, :2]).max(axis=0) > 13.5).all()
 
 
-# --- what the fit leaves open ---
+# --- what the fit leaves uncertain ---
 
 
 def test_error_of_response_from_few_presses_is_known_without_truth(pad: Pad, solver: FrameSolver) -> None:
@@ -220,7 +220,7 @@ def test_larger_networks_that_gain_nothing_are_not_chosen() -> None:
     assert smallest_within_noise(ladder).hidden == 12
     ladder[1] = replace(ladder[1], score=np.array([1.1, 1.1, 1.1]))
     assert smallest_within_noise(ladder).hidden == 24
-    ladder[2] = replace(ladder[2], score=np.array([0.8, 1.0, 1.2]))  # the folds differ by more than is gained
+    ladder[2] = replace(ladder[2], score=np.array([0.8, 1.0, 1.2]))  # the folds differ by more than the gain
     assert smallest_within_noise(ladder).hidden == 12
 
 

@@ -87,9 +87,9 @@ def test_eighteen_presses_correct_the_table_of_stiffer_silicone() -> None:
     truth = other(1.25)
     made = fit_table(presses_of(built(truth), grid()), "set.csv", START, NOISE_T / 8.0, silent)
     assert force_error(START, truth) > 0.15
-    # One label is known to 1 %, 18 to 0.3 %; gains of 0.5 % and places of magnets to 0.1 mm are the baseline's.
+    # One label is known to 1 %, 18 to 0.3 %; the baseline contributes gains of 0.5 % and magnets' places to 0.1 mm.
     assert force_error(made.response, truth) < 0.02
-    # Force and depth are told apart by how the table bends with the force: the factor alone is known to a tenth.
+    # Force and depth are separated by the curvature of the table with force: the factor alone is known to a tenth.
     assert made.force_factor == pytest.approx(1.25, rel=0.1)
     # The largest force of the table grows with the force that the silicone needs.
     assert made.response.scale_n == pytest.approx(START.scale_n * made.force_factor)
@@ -144,7 +144,7 @@ def test_slopes_of_a_correction_are_those_of_differences() -> None:
         move = step * (np.arange(len(theta)) == number)
         more, less = (correction.presses(theta + sign * move, press, unmoved, of_map)[0] for sign in (1, -1))
         np.testing.assert_allclose((more - less) / (2 * step), slope[:, :, number], atol=1e-6)
-    # A map is so smooth that where a label is beside the truth it makes no difference: it is left out of that slope.
+    # A map is so smooth that a label's wrong place makes no difference: that slope excludes it.
     theta = theta * (np.arange(len(theta)) < 14)
     _, _, by_press = correction.presses(theta, press, unmoved, of_map)
     for column in range(3):

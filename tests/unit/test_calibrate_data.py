@@ -267,7 +267,8 @@ def test_calibrated_model_serves_and_its_report_stands_beside_it(
     assert facts["model"] == report["model"]
     on_new = report["on_new_presses_with_noise"][0]
     assert float(bridge[1]) < on_new["mae_x_mm"], "light presses and the rim are worse"
-    # 0.05 mm and 0.012 N; layers of 4 leave 0.07 mm and 0.11 N: force, of a slab that stiffens, bends more than place.
+    # 0.05 mm and 0.012 N; layers of 4 leave 0.07 mm and 0.11 N: the force on a slab that stiffens is more curved than
+    # the place.
     centre = next(row for row in facts["regions"] if row["region"] == "within 8 mm")
     assert centre["mae_x_mm"] < 0.1
     assert centre["mae_force_n"] < 0.03
@@ -291,15 +292,15 @@ def _is_judged_as_the_pad_runs_it(
     assert plain["model"] == refined["model"] == model
     assert (refined["refine"], shearing["friction"]) == (True, 0.3)
     everywhere, again, wider = (one["regions"][0] for one in found)
-    # Two steps toward the most likely press: a network of 8 is not there by itself.
+    # Two steps toward the most likely press: a network of 8 does not reach it by itself.
     assert again["mae_force_n"] < everywhere["mae_force_n"]
-    # What a shearing finger does to the standard pad is known from the model that ships.
+    # The model that ships describes the effect of a shearing finger on the standard pad.
     assert wider["in_sd_force_n"] < 0.8 * everywhere["in_sd_force_n"]
 
 
 def _is_told_that_shear_is_unknown(target: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fmfts.contact.structure.DEFAULT_PATH", target)  # it was made without --sheared, too
+        patch.setattr("fmfts.contact.structure.DEFAULT_PATH", target)  # this model was made without --sheared, too
         assert main(["check-config", "--config", str(folder / "runs.toml")]) == 0
     assert "friction = 0.3 has no effect: the contact model was made without --sheared" in capsys.readouterr().err
 

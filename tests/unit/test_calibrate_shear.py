@@ -18,7 +18,7 @@ from fmfts.simulation.solved_table import standard_mechanics
 from fmfts_lab.calibration.simulated import magnet_fields, rest_field_of
 
 Array = NDArray[np.float64]
-# A pad that answers shear evenly: what a newton moves and tilts the magnet. (The real one: lab/results/pad-model.md.)
+# A pad that answers shear evenly: the magnet's movement and tilt per newton. (The real one: lab/results/pad-model.md.)
 MOVED_M_PER_N, TILTED_PER_N = 0.15e-3, 0.03
 
 

@@ -22,7 +22,7 @@ from fmfts_lab.study.stability import COMPARED, DAEMON
 from fmfts_lab.study.style import WIDTH_INCH, sheet
 
 RESULTS = Path(__file__).parents[2] / "lab/results"
-SMALLEST_PX = 9.0  # of a browser, in a column of 700 px
+SMALLEST_PX = 9.0  # pixels of a browser, in a column of 700 px
 PAGE_PX = 700.0
 
 

@@ -114,7 +114,7 @@ def test_saturated_axis_is_flagged_alone_and_is_good_again_after(
     counts = last_counts(run(pad, clock, 0.2, 100))[0]
     assert saturated not in counts
     due = 0.8 * kind.range_gauss * kind.counts_per_gauss[axis]
-    assert counts[axis] == pytest.approx(due, rel=0.003)  # a strong field before it left nothing behind
+    assert counts[axis] == pytest.approx(due, rel=0.003)  # an earlier strong field has no effect any more
 
 
 @pytest.mark.parametrize("muxed", [True, False])
@@ -132,7 +132,7 @@ def test_stream_loses_no_sample_and_doubles_none(clock: Clock, kind: str, muxed:
     made = [chip.conversions for chip in chips]
     samples = run(pad, clock, 20.0, 2 * rate_hz, watch_s=1e9)
     taken = sum(np.array([sample.fresh >> number & 1 for number in range(len(chips))]) for sample in samples)
-    # Of the first and the last, one more or less may fall into the time.
+    # The first and the last may or may not fall into the time.
     assert np.abs(taken - (np.array([chip.conversions for chip in chips]) - made)).max() <= 1
     assert all(pad.sensors[number].state == SensorState.OK for number in range(len(chips)))
     assert (pad.bus_errors, pad.config_repairs) == (0, 0)

@@ -28,7 +28,7 @@ def said(pad: Pad, rotation_deg: tuple[float, float, float], gain: float) -> str
 def test_chip_that_is_turned_is_named_with_angle_and_axis(pad: Pad) -> None:
     found = re.fullmatch(r"sensor 3 is turned by (\d\.\d)° about z", said(pad, (0.0, 0.0, 4.0), 0.0))
     assert found
-    # A rotation that all chips share is the robot's, not theirs: of one in four, a quarter goes to the others.
+    # A rotation that all chips share belongs to the robot: of one chip in four, a quarter goes to the others.
     assert 2.5 < float(found[1]) < 4.5
 
 
@@ -37,7 +37,8 @@ def test_wrong_rotations_and_gains_are_reported(pad: Pad) -> None:
         r"sensor 3 is turned by \d\.\d° about −z; gains are (\d\.\d) % apart", said(pad, (0.0, 0.0, -4.0), 0.04)
     )
     assert found
-    # 4 %, and what an uneven field leaves of twelve gains: 0.7 % each, of which the largest and the smallest are told.
+    # 4 %, and the error that an uneven field leaves in twelve gains: 0.7 % each, of which the largest and the smallest
+    # are reported.
     assert 4.0 - 1.0 < float(found[1]) < 4.0 + 2.5
 
 

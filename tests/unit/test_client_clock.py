@@ -61,7 +61,7 @@ def test_contacts_of_another_machine_are_handed_out_with_their_age(ahead_s: floa
         assert client.valid
         assert client.contact is not None
         assert 0.005 <= client.contact.sample_age_s < 0.3
-        assert client.contact.clock_ahead_s == pytest.approx(ahead_s, abs=0.1)  # what loopback and a busy machine add
+        assert client.contact.clock_ahead_s == pytest.approx(ahead_s, abs=0.1)  # added by loopback and a busy machine
 
 
 @pytest.mark.parametrize("ahead_s", AHEAD_S)

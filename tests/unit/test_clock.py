@@ -45,7 +45,7 @@ def test_crystals_drift_is_recovered_and_samples_are_timed_within_20_us(ppm: flo
     errors = errors_us(clock, board, board.packets(60))
     assert clock.drift_ppm == pytest.approx(ppm, abs=3)
     assert np.abs(errors[2200:]).max() < 20  # after ten seconds
-    assert np.abs(errors[220:]).max() < 200  # after one, no worse than not mapping at all
+    assert np.abs(errors[220:]).max() < 200  # after one delay, no worse than no mapping
 
 
 @pytest.mark.parametrize("ppm", [-10_000, 10_000])
@@ -132,7 +132,7 @@ def test_board_clock_that_stood_still_is_followed_within_half_a_second(uptime_s:
     errors = errors_us(clock, board, board.packets(20, start_us=int(uptime_s * 1e6)))
     assert np.abs(errors[110:]).max() < 200  # half a second: 110 frames
     assert np.abs(errors[2200:]).max() < 20
-    assert clock.drift_ppm == pytest.approx(80, abs=3)  # standing still says nothing about the pace
+    assert clock.drift_ppm == pytest.approx(80, abs=3)  # a clock that stands still says nothing about the pace
     assert clock.restarts == 0
 
 
@@ -158,7 +158,7 @@ def test_reset_board_is_noticed_at_its_first_sample(uptime_s: float) -> None:
     board.start_ns += int(uptime_s * 1e9) + 700_000_000
     errors = errors_us(clock, board, board.packets(30))
     assert clock.restarts == 1
-    assert errors[0] < 2000  # one delay at most: nothing of the old map is left
+    assert errors[0] < 2000  # one delay at most: the old map has no effect
     assert np.abs(errors[2200:]).max() < 20
 
 

@@ -28,7 +28,7 @@ from fmfts.sensor.wire.packets import Early
 
 RATE_HZ = 220
 SOON = 66  # frames: 300 ms
-AT_ONCE_NS = 1_000_000  # a packet of this line waits for nothing
+AT_ONCE_NS = 1_000_000  # a packet of this line never waits
 BEGUN = 300
 PRESSED, RESTS = 140, 230  # frames of `taps`
 TIMES = 2**48  # of the wire: a board's 64 bits are cut to 48
@@ -248,7 +248,7 @@ def orders(draw: st.DrawFn) -> list[list[int]]:
     places = [(number + draw(st.integers(0, 3)), number) for number in [*range(count), *again]]
     numbers = [number for _, number in sorted(places, key=lambda place: place[0])]
     bursts = draw(st.lists(st.tuples(st.integers(0, count), st.integers(1, 6)), max_size=3))
-    for start, size in bursts:  # a part of the stream comes again as it came
+    for start, size in bursts:  # a part of the stream is repeated unchanged
         numbers[start + size : start + size] = numbers[start : start + size]
     cuts = sorted({0, len(numbers), *draw(st.lists(st.integers(0, len(numbers)), max_size=20))})
     return [numbers[start:end] for start, end in pairwise(cuts)]

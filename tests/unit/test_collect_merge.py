@@ -115,7 +115,7 @@ def test_plateaus_are_found_through_the_noise_of_the_gauge(rate_hz: int) -> None
     found = plateaus(Log(time_s, np.zeros((len(time_s), 2)), force_n), 0.3, 0.3)
     assert len(found) == 60
     for number, plateau in enumerate(found):
-        # within its 2 s; the first mean may have felt the press before
+        # within its 2 s; the first mean may already contain the press
         assert 2 * number + 0.1 <= plateau.begun_s < plateau.ended_s <= 2 * number + 1.9
         assert plateau.ended_s - plateau.begun_s >= 1.2
         deviation_n = 0.005 / np.sqrt(plateau.end - plateau.first)

@@ -215,7 +215,7 @@ def test_picture_reports_what_is_done_what_presses_and_time_left() -> None:
     drawn = Console(width=100, record=True, file=io.StringIO())
     drawn.print(picture.render())
     text = drawn.export_text()
-    assert "6 of 675 presses, 223 min left" in text  # a minute for three, 669 are left
+    assert "6 of 675 presses, 223 min left" in text  # after a minute for three, 669 are left
     assert "0.500 N" in text
     assert (text.count("●"), text.count("◉")) == (2, 1)
 
@@ -254,7 +254,7 @@ def test_press_without_field_change_is_refused(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("fmfts_collect.hand.PATIENCE_S", 0.6)
     watch = Watch(Cell(), Resting(), Limits(None, 1.0))
     hand, press = Hand(watch, 0.05, lambda _: None, gauge=True), Press(1, 2e-3, -4e-3, 1.0)
-    hand.stand_over(press)  # though its zero is not known yet
+    hand.stand_over(press)  # although its zero is not known yet
     watch.tare_n = 0.15
     with pytest.raises(StoppedError, match=r"1\.00 N was not measured for 0\.6 s: it reads 0\.050 N"):
         hand.press(press)
@@ -279,6 +279,6 @@ def test_baseline_of_another_board_gives_no_rows(tmp_path: Path, monkeypatch: py
     drawing = on_board.pad()
     store(simulated_baseline(simulated).recorded_on(Origin("bridge", "hmc5983", uid="0a", pad_index=0)), drawing)
     require_own_baseline(on_board, drawing, "0A")
-    require_own_baseline(on_board, drawing, "")  # a board that tells no uid may be this one
+    require_own_baseline(on_board, drawing, "")  # a board that sends no uid may be this one
     with pytest.raises(RefusedError, match=r"recorded on board 0a.*but the pad is on board 0b"):
         require_own_baseline(on_board, drawing, "0b")

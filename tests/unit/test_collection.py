@@ -65,7 +65,7 @@ def test_recording_begins_when_board_has_configured_range() -> None:
 
     assert 7 not in taken(range(before))
     assert len(taken(range(before))) >= 109
-    # Whoever changes it later, has to record again: nothing says which half is the pad's.
+    # Whoever changes it later has to record again: nothing says which half belongs to the pad.
     settled = before + 20
     collection = Collection(source, 1.0)
     for number, frame in enumerate(frames[:400]):

@@ -79,7 +79,7 @@ class Frames:
         return np.array([[one.x_m * 1e3, one.y_m * 1e3, one.force_n] for one in self.estimates(model)])
 
 
-# --- what it answers ---
+# --- its answers ---
 
 
 def test_jacobian_is_the_derivative_of_the_contact(pad: Pad) -> None:
@@ -182,7 +182,7 @@ def test_hard_squeeze_within_8_mm_is_always_over_range_and_known_to_be_hard(pad:
     found = frames.estimates(model)
     assert all(estimate.over_range for estimate in found)
     assert min(estimate.force_min_n or 0.0 for estimate in found) > 1.85
-    # The place is still the right one: the displacement keeps its direction.
+    # The place is still right: the displacement keeps its direction.
     error_mm = np.linalg.norm(frames.found(model)[:, :2] - frames.press[:, :2], axis=1)
     assert np.median(error_mm) < 0.5
 

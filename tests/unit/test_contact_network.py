@@ -129,7 +129,7 @@ def test_model_that_needs_much_memory_is_refused_before_it_is_loaded(tmp_path: P
         load(tmp_path, pad, edited(lambda proto: expanding(proto, 1 << 28)))
 
 
-# --- which evaluates ---
+# --- which evaluator runs ---
 
 
 def test_model_without_weights_is_left_to_onnxruntime(tmp_path: Path, pad: Pad) -> None:
@@ -177,11 +177,11 @@ def test_model_is_read_once_for_all_pads(monkeypatch: pytest.MonkeyPatch, pad: P
     ContactModel.load("default", pad)
 
 
-# --- what it answers ---
+# --- its answers ---
 
 
 def test_network_answers_like_onnxruntime_and_repeats(pad: Pad) -> None:
-    from fmfts.contact.session import SessionInference  # the other tests run where onnxruntime does not
+    from fmfts.contact.session import SessionInference  # the other tests run even without onnxruntime
 
     model = ContactModel.load("default", pad)
     poses = poses_of(model.facts)

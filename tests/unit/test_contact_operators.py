@@ -80,7 +80,7 @@ def load(folder: Path, pad: Pad, proto: onnx.ModelProto) -> ContactModel:
 
 def test_model_that_needs_more_for_some_poses_is_refused(tmp_path: Path, pad: Pad) -> None:
     proto = lying()
-    for tensor in proto.graph.initializer:  # neither 0 nor rest shows it
+    for tensor in proto.graph.initializer:  # neither 0 nor rest reveals it
         if tensor.name == "many":
             tensor.CopyFrom(numpy_helper.from_array(np.float32(1e-9), "many"))
     with pytest.raises(ModelError, match="index of its operator 'ConstantOfShape' depends on the pose"):

@@ -133,7 +133,7 @@ def test_reshaped_model_answers_for_the_reshaped_response() -> None:
     press = np.array([[1.0, 2.0, 1.0], [-4.0, 3.0, 0.6], [6.0, -5.0, 1.4]])
     poses = np.zeros((3, 6))
     poses[:, :5] = MODEL.rest_pose[:5] + MODEL.response.change(press)
-    # The press that moves the reshaped pad as these move the model's, by factors of each number.
+    # The press that moves the reshaped pad like these move the model's, by factors of each number.
     moved = poses.copy()
     moved[:, :5] = MODEL.rest_pose[:5] + (poses - MODEL.rest_pose)[:, :5] * reshaped.kinds
     theirs = press.copy()

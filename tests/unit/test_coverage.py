@@ -76,7 +76,7 @@ def test_standing_robot_never_completes_a_turn() -> None:
 
 def test_turn_about_one_axis_reports_what_is_missing() -> None:
     source = still()
-    source.turning_rad_per_s = 1.0  # about an axis that is none of the pad's
+    source.turning_rad_per_s = 1.0  # about an axis that is not one of the pad's
     said, enough_s = hints(source, TurnCoverage(CONFIG.pad()), 15.0)
     assert said[-1] == "turn about another axis, across the first: 0 % of what it needs"
     assert enough_s == np.inf

@@ -26,7 +26,7 @@ def test_bias_is_what_many_readings_show() -> None:
     readings = TRUE[1:] ** 2 + random.normal(0.0, NOISE, (2, 400_000))
     errors = np.sqrt(readings) - TRUE[1:]
     deviation = errors.std(axis=1) / np.sqrt(errors.shape[1])
-    assert np.abs(errors.mean(axis=1)).min() > 3 * deviation.max()  # there is one to be seen
+    assert np.abs(errors.mean(axis=1)).min() > 3 * deviation.max()  # there is a field to be seen
     # The next order is (noise / value)² of this one: 5 % at 2.
     assert errors.mean(axis=1) == pytest.approx(found.bias[:, 0], abs=4 * deviation.max() + 3e-5)
 
@@ -36,7 +36,7 @@ def test_straight_model_has_no_bias_and_the_linear_bound() -> None:
     weight = weight_with_free_ambient(NOISE, 4)
     found = curvature(lambda at: at @ slope.T, np.ones((2, 3)), [1e-2] * 3, weight)
     assert found.bias == pytest.approx(np.zeros((2, 3)), abs=1e-9)
-    # The ambient field as three more unknowns gives the same: nothing is lost by taking it out first.
+    # The ambient field as three more unknowns gives the same: removing it first loses nothing.
     whole = np.hstack([slope, np.tile(np.eye(3), (4, 1))]) / NOISE
     assert found.bound[0] == pytest.approx(np.linalg.inv(whole.T @ whole)[:3, :3], rel=1e-6)
 

@@ -82,7 +82,7 @@ def test_damaged_key_is_bad_configuration(
     assert "Traceback" not in said
     (sentence,) = [
         line for line in said.splitlines() if line.startswith(f"fmfts-daemon {verb}: ")
-    ]  # others are the log's
+    ]  # others belong to the log
     assert str(keys / name) in sentence
 
 
@@ -199,7 +199,7 @@ def test_each_damage_to_a_byte_of_the_daemons_key_is_seen(keys: Path) -> None:
     for content in damages(path.read_bytes()):
         path.write_bytes(content)
         try:
-            assert folder.server().public == public  # a bit that X25519 does not use
+            assert folder.server().public == public  # a bit that X25519 ignores
         except KeysError:
             refused += 1
     assert refused > 150

@@ -74,7 +74,7 @@ DEFECTS: dict[str, tuple[Callable[[World], None], str]] = {
     "pressed": (_pressed, r"presses on the pad"),
     "a gain": (_gain, r"gain of sensor 1, axis z would be (\d\.\d\d) ± (0\.\d\d)"),
 }
-# What a sentence blames of the parts; another part than the broken one must not be blamed.
+# The parts that a sentence blames; it must not blame another part than the broken one.
 BLAMED = re.compile(r"[Ss]ensors? (\d)(?: and (\d))?")
 BROKEN = {"a chip by a quarter": {2}, "a chip by 12°": {3}, "a gain": {1}}
 
@@ -107,7 +107,7 @@ def test_gain_reported_by_refusal_is_within_its_deviation(pad: Pad) -> None:
     found = [re.search(DEFECTS["a gain"][1], refusal(pad, seed, "a gain")) for seed in range(ALONE)]
     gains = [(float(one[1]), float(one[2])) for one in found if one]
     assert len(gains) == ALONE
-    # Of four, one is further off than three deviations once in a hundred times; a deviation of 0.1 would tell little.
+    # One of four is off by more than three deviations once in a hundred times; a deviation of 0.1 would say little.
     assert all(abs(gain - BROKEN_GAIN) < 3.0 * deviation < 0.3 for gain, deviation in gains), gains
 
 
@@ -121,7 +121,7 @@ def _is_named(pad: Pad, name: str, seeds: range) -> None:
     said = [refusal(pad, seed, name) for seed in seeds]
     named = [re.search(DEFECTS[name][1], one) is not None for one in said]
     assert np.mean(named) >= 0.9, [one for one, is_named in zip(said, named, strict=True) if not is_named]
-    # Where two causes are alike both are said, so the first is what is blamed.
+    # If two causes are alike both are reported, so the first one counts as blamed.
     wrongly = [blamed(one.split(" Or: ")[0]) - BROKEN.get(name, set()) for one in said]
     assert sum(map(bool, wrongly)) <= 0.02 * len(said), said
 

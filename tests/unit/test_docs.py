@@ -17,7 +17,7 @@ EXACT = sorted([*ROOT.glob("docs/how-to*"), *(ROOT / page for page in NAMED)])
 LINK = re.compile(r"!?\[[^\[\]]*\]\(([^()\s]+)\)")
 CODE = re.compile(r"`([^`\n]+)`")
 PATH = re.compile(r"[\w.+-]+(?:/[\w.+-]+)*/?")
-# Words before a slash that are no folder but a topic, a unit or a place on another machine.
+# Words before a slash that are no folder: a topic, a unit or a place on another machine.
 NO_FILES = re.compile(r"^(?:contact|event|status|frame|state)/$|^/|^\.venv/|^build/")
 
 

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.mutation
 __all__ = ["clock"]
 FOLDER = Path(chips_package.__file__).parent
 
-# (chip, what is wrong, the right text, the wrong one)
+# (chip, the mistake, the correct text, the wrong one)
 MUTATIONS = [
     ("qmc5883l", "high byte first", 'Struct("<hhh")', 'Struct(">hhh")'),
     ("qmc5883l", "range bits shifted wrongly", "setup.gain_code << 4", "setup.gain_code << 5"),
@@ -120,7 +120,7 @@ def mutated(kind: str, right: str, wrong: str) -> Chip:
     """The chip of a file in which `wrong` stands for `right`."""
     path = FOLDER / f"{kind}.py"
     source = path.read_text(encoding="utf-8")
-    if "chips.memsic import" in source:  # its registers are in a file of their own
+    if "chips.memsic import" in source:  # its registers have a file of their own
         lines = (line for line in source.splitlines() if "chips.memsic import" not in line and "__future__" not in line)
         source = (FOLDER / "memsic.py").read_text(encoding="utf-8") + "\n".join(lines)
     assert right in source, f"the mutation of {kind} mutates nothing: {right}"
@@ -151,7 +151,7 @@ def scale_and_saturation(clock: Clock, kind: str) -> None:
                 flags = run(pad, clock, 0.1, 100)[-1].counts[0] == CHIPS[kind].saturated_count
                 assert flags.tolist() == [each == axis or CHIPS[kind].film is not None for each in range(3)]
         one.field_gauss = list(FIELD_GAUSS)
-        # Nothing is left of the strong field. Quiet: what a chip did before it was saturated does not matter.
+        # The strong field has no effect any more. Quiet: the chip's state before it was saturated does not matter.
         assert np.abs(run(pad, clock, 0.2, 100)[-1].counts[0] - counts).max() <= 1
     if kind == "qmc5883l":
         assert one.registers[0x0B] == 0x01  # recommended (section 9.2.5)
@@ -189,7 +189,7 @@ def reset_is_noticed(clock: Clock, kind: str) -> None:
         run(pad, clock, 1.0, 100)
         assert pad.config_repairs == 1
         assert np.abs(run(pad, clock, 0.2, 100)[-1].counts[0] - good).max() <= 1
-    # The first samples after it are judged, and the check must see a reset without waiting for silence.
+    # The first samples after it are judged, and the check must detect a reset without a silence.
     one.power_on()
     if kind == "mlx90393":
         repairs = pad.config_repairs
@@ -231,7 +231,7 @@ def trigger(clock: Clock, kind: str) -> None:
         return
     one = made(clock, kind)
     if kind == "mlx90393":
-        one.slowness = 1.29  # what users of Adafruit's library met (issues 17 and 18)
+        one.slowness = 1.29  # reported by users of Adafruit's library (issues 17 and 18)
     pad, _ = emulated_pad(clock, kind, [one], rate_hz=50, trigger=1)
     samples = run(pad, clock, 1.0, 50)[3:]
     assert all(sample.fresh == 1 for sample in samples)
@@ -287,7 +287,7 @@ def identity(clock: Clock, kind: str) -> None:
     assert pad.sensors[0].state == SensorState.OK
     assert not CHIPS[kind].is_identity(b"H43")
     assert not CHIPS[kind].is_identity(b"\x00\x00\x00")
-    assert not CHIPS[kind].is_identity(b"\xff\xff\xff")  # of a bus that nobody drives
+    assert not CHIPS[kind].is_identity(b"\xff\xff\xff")  # as on a bus that nobody drives
 
 
 CHECKS: tuple[Callable[[Clock, str], None], ...] = (

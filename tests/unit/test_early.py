@@ -244,6 +244,6 @@ def test_early_samples_agree_in_the_fast_loop(bus: Bus) -> None:  # noqa: F811
 
 def on_the_wire(packet: Sent) -> Early | Sample:
     if isinstance(packet, EarlySample):
-        time_us = packet.device_time_us + 1_000_000  # as sample_of has it
+        time_us = packet.device_time_us + 1_000_000  # as in sample_of
         return Early(0, packet.sensor, packet.gain_code, time_us, packet.counts)
     return sample_of(packet)

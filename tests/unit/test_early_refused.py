@@ -68,7 +68,7 @@ def test_refused_frame_gives_no_now_afterwards(bus: Bus) -> None:  # noqa: F811
 def test_repeated_old_frame_makes_now_null_only() -> None:
     model, packets = load_contact_model(CONFIG), sent_of(tapped, 0.4)
     frames = [number for number, packet in enumerate(packets) if not isinstance(packet, EarlySample)]
-    # Where the filter took such a frame, its covariance was none any more.
+    # If the filter accepted such a frame, its covariance was no longer valid.
     for frame, back, after in ((53, 3, 1), (53, 4, 1), (51, 3, 2), (51, 4, 2)):
         pipeline, at, told = pipeline_with(model), frames[frame] + after, list[ContactMessage]()
         for number, packet in enumerate(packets[: at + 30]):

@@ -28,7 +28,7 @@ def signed(data: bytes) -> list[int]:
     return [int.from_bytes(data[at : at + 2], "little", signed=True) for at in range(0, len(data), 2)]
 
 
-# What the chips are after a reset, and what cannot be written: chip, register, value.
+# The chips' state after a reset, and what cannot be written: chip, register, value.
 RESET_VALUES = [
     (Qmc5883l, 0x0D, 0xFF),
     (Qmc5883l, 0x06, 0x00),

@@ -177,7 +177,7 @@ def test_pulses_turn_the_field_and_not_the_zero(clock: Clock) -> None:
     assert measured(clock, chip) == [-0.5, 1.625, -0.25]  # until the next pulse
     chip.write(bytes((CONTROL_1, 0x80)))
     clock.sleep(10e-3)
-    assert measured(clock, chip) == [-0.5, 1.625, -0.25]  # registers start anew, the film stays as it is
+    assert measured(clock, chip) == [-0.5, 1.625, -0.25]  # registers are reset, the film keeps its state
     chip.power_on()
     assert measured(clock, chip) == [-0.5, 1.625, -0.25]
 
@@ -237,7 +237,7 @@ def test_field_above_10_gauss_upsets_the_film_until_a_pulse(clock: Clock, bit: i
     chip.feel(FIELD_GAUSS)
     assert measured(clock, chip) == AFTER_SET
     chip.feel(strong)
-    pulse(clock, chip, bit)  # in vain: the field is still there
+    pulse(clock, chip, bit)  # without effect: the field is still there
     chip.feel(FIELD_GAUSS)
     upset = measured(clock, chip)
     assert min(abs(abs(a) - abs(b)) for a, b in zip(upset, AFTER_SET, strict=True)) > 0.05

@@ -54,7 +54,7 @@ def test_field_that_differs_from_place_to_place_is_counted(
     random: np.random.Generator, attitude: np.ndarray, noise_t: float
 ) -> None:
     told = _told(random, random.normal(0.0, 0.04, ORIENTATIONS), attitude, noise_t)
-    assert told == pytest.approx(0.04, rel=0.15)  # four times what 400 squares leave of a deviation
+    assert told == pytest.approx(0.04, rel=0.15)  # four times the uncertainty of a deviation from 400 squares
 
 
 @pytest.mark.parametrize("noise_t", [1e-8, 2.5e-6])

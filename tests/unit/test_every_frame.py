@@ -115,7 +115,7 @@ def test_warm_pad_without_thermometer_makes_no_contact(missing: range) -> None:
         assert message.pose is not None
         deviations_m.append(message.pose.position_sd_m[2])
         assert abs(message.pose.position_m[2] - rest_m) < 4.0 * deviations_m[-1]
-    # A fifth of the coefficient is open once the temperature was read, 0.5 %; 20 K of all of it before, 2.4 %.
+    # A fifth of the coefficient is uncertain after the temperature was read, 0.5 %; before, all of it for 20 K, 2.4 %.
     was_read = len(missing) < len(frames)
     assert (deviations_m[-1] < 1e-4) == was_read
     assert (deviations_m[0] > 1e-4) == (0 in missing)
@@ -159,7 +159,7 @@ def test_session_with_faults_recovers(scene: str) -> None:
     phases: dict[int, Counter[str]] = {}
     for frame in with_faults(frames_of(config, 16 * 110 / 220)):
         phases.setdefault(frame.sequence // 110, Counter())[pipeline.process(frame).health] += 1
-    for faulty in (3, 5, 7, 9):  # silent, a little off, steel, stuck
+    for faulty in (3, 5, 7, 9):  # silent, slightly wrong, steel, stuck
         assert phases[faulty]["ok"] < 60, faulty
     assert phases[15]["ok"] > 100
     assert sum(phase["ok"] for phase in phases.values()) > 900

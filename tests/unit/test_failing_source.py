@@ -138,7 +138,7 @@ def test_each_flaw_of_a_frame_is_named() -> None:
     for kind, change in FRAMES.items():
         changed = change([frame])
         if kind.split()[0] in ("None", "no", "endless", "2,000", "another", "pad_index"):
-            continue  # a poll that gives anything else than frames of its pads is an error of the source
+            continue  # a poll that returns anything but frames of its pads is an error of the source
         assert isinstance(changed, list)
         assert flaw_of(changed[0], sensors, now_ns).startswith("a frame"), kind
 

@@ -74,7 +74,7 @@ def told(config: PadConfig, baseline: Baseline, reads: Iterable[Read], bus: Bus,
     host = Host(config, baseline, bus, may_express)
     for number, (data, arrival_ns) in enumerate(reads):
         host.take(data, arrival_ns)
-        if number % 250 == 249 and host.lent is not None:  # whoever asks for a status
+        if number % 250 == 249 and host.lent is not None:  # the client that asks for a status
             host.link._decoder._pending = host.end()
             host.begin()
     if host.lent is not None:
@@ -144,7 +144,7 @@ def test_packet_that_is_no_next_frame_changes_nothing(bus: Bus) -> None:
         (encode(msgspec.structs.replace(sample, counts=sample.counts[:3], age_us=sample.age_us[:3])), arrival_ns),
         (data[:10] + data[11:], arrival_ns),
         (b"\0", arrival_ns),
-        (data, arrival_ns - 30_000_000),  # early: so must it be asked
+        (data, arrival_ns - 30_000_000),  # early: it must be requested so
     ]
     line = bytes(host.clock.line)
     for other, at_ns in unusable:
@@ -155,10 +155,10 @@ def test_packet_that_is_no_next_frame_changes_nothing(bus: Bus) -> None:
         assert host.end() == other
         assert host.pipeline.messages == number
         host.begin()
-    assert bus.loop.take(Host.LINE, data[:-1], arrival_ns)  # the beginning of one is kept
+    assert bus.loop.take(Host.LINE, data[:-1], arrival_ns)  # the beginning of a line is kept
     assert not bus.heard()
     assert bus.loop.take(Host.LINE, data[-1:], arrival_ns)
-    assert not bus.loop.take(Host.LINE, data, arrival_ns)  # a number that came already
+    assert not bus.loop.take(Host.LINE, data, arrival_ns)  # a number that was already used
     assert len(bus.heard()) == 1
 
 
@@ -243,7 +243,7 @@ def test_board_is_lent_only_while_all_is_well(board: Board) -> None:  # noqa: F8
     """What its borrower leaves, and all that is not a sample, becomes frames and facts as ever."""
     bridge = Bridge({0: pad(board.link)})
     connected(bridge, board)
-    assert not bridge.lendable()  # no frame yet: nothing is known to be well
+    assert not bridge.lendable()  # no frame yet: nothing is known to be healthy
     board.send(board.sample())
     assert len(run(bridge, board, until=lambda: frames, frames=(frames := []))) == 1
     assert bridge.lendable() == {0}
@@ -258,11 +258,11 @@ def test_board_is_lent_only_while_all_is_well(board: Board) -> None:  # noqa: F8
     assert bridge.lend() == (descriptor, data[:10])
     bridge.give_back(data, 0, (0, 0, 0))
     assert bridge._link.heard_ns == now_ns
-    assert not bridge.lendable()  # there is a packet that nobody else wanted
+    assert not bridge.lendable()  # there is a packet that no other reader handled
     assert len(bridge.poll(time.monotonic_ns())) == 1
     assert bridge.lendable() == {0}
     bridge.request_selftest(0)
-    assert not bridge.lendable()  # something is asked: whoever knows about it reads
+    assert not bridge.lendable()  # a request waits: the code that knows it reads the line
 
 
 def wait_for(bridge: Bridge) -> None:

@@ -125,7 +125,7 @@ def test_frames_pass_without_python_and_all_are_published(
     assert in_time > 0.5 * streaming.sent
     numbers = [body["seq"] for body in heard]
     assert all(later > earlier for earlier, later in pairwise(numbers))
-    # One number after the other, whoever gave it; a message that was late when it was made takes its number with it.
+    # Numbers follow each other, whichever code gave them; a message that was late when it was made keeps its number.
     assert numbers[-1] - numbers[0] + 1 - len(numbers) <= left_out
     assert channel._statistics.gaps == 0
     assert in_python["served"] < 0.3 * streaming.sent
@@ -188,7 +188,7 @@ def test_new_baseline_is_used_from_the_next_message_on(daemon: Daemon, board: Bo
     assert set(later) == {other.id}
 
 
-@pytest.mark.real_time  # C hands over what comes late: on a busy computer Python may see the touch begin
+@pytest.mark.real_time  # C hands over late frames: on a busy computer Python may see the beginning of the touch
 def test_touch_begun_in_c_is_reported_at_once(
     daemon: Daemon, board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -237,7 +237,7 @@ def test_two_pads_of_a_board_pass_or_do_not_each_by_itself(tmp_path: Path, monke
         for number, frame in enumerate(frames_of(config_of(4), SECONDS)):
             sample = sample_of(frame)
             counts = sample.counts.copy()
-            counts[0] += 300 * (150 <= number < 250)  # 0.3 G that no magnet makes, at one sensor of one pad
+            counts[0] += 300 * (150 <= number < 250)  # 0.3 G at one sensor of one pad, which no magnet causes
             streaming.lines[number] += encode(msgspec.structs.replace(sample, pad_index=1, counts=counts))
         left, right = daemon._channels.values()
         healths: set[str] = set()

@@ -102,6 +102,6 @@ def test_field_that_goes_again_is_followed_until_the_pad_is_well() -> None:
     step = [fault for fault in field_faults() if fault.kind == "field step 30 mG"]
     (outcome,) = drilled(step, [1], ["constant"], ["rest"])
     assert outcome.health["ok"] < 0.2 * outcome.frames
-    # A second of sound frames, since the field was seen to move, after the mean residuals have forgotten.
+    # A second of healthy frames since the field was seen to move, after the mean residuals have forgotten it.
     assert len(outcome.back_ms) == 1
     assert 1000.0 <= outcome.back_ms[0] < 2000.0

@@ -18,7 +18,8 @@ MOST = 6
 PACKAGE = Path(fmfts.__file__).parent
 ROOMS = ("arithmetic", "contact", "pipeline", "pose", "scene", "sensor", "several")
 COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
-# What returns something, has a name, and whose parameters a block or a semicolon follows, at the start of a line.
+# A function that returns a value and has a name, whose parameters are followed by a block or a semicolon, at the start
+# of a line.
 FUNCTION = re.compile(r"^[A-Za-z_][\w \t*]*?[ \t*](\w+)\(([^;{}]*?)\)\s*[;{]", re.MULTILINE)
 
 

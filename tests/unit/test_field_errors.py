@@ -14,7 +14,7 @@ from fmfts.pose.dipole import dipole_derivatives
 from fmfts.pose.state import tangent_basis
 
 PADS = 60
-# Of the baseline, which every change has in it besides.
+# Of the baseline, which affects every change as well.
 REST_NOISE_T = NOISE_T / np.sqrt(FRAMES)
 
 

@@ -55,7 +55,7 @@ def test_film_is_set_rarely(clock: Clock, trigger: int) -> None:
     assert np.diff(pulses) == pytest.approx(600.0, abs=1.0)
     assert sum(sample.fresh for sample in samples) > 0.999 * len(samples)
     steps = np.abs(np.diff([sample.counts[0] for sample in samples[5:]], axis=0))
-    assert steps.max() <= 5 * 2**0.5 * 1e-3 * 4096  # two pulses' zeros: no measurement was spoilt by a pulse
+    assert steps.max() <= 5 * 2**0.5 * 1e-3 * 4096  # the zeros of two pulses: no pulse spoilt a measurement
 
 
 @pytest.mark.parametrize("trigger", [0, 1])
@@ -107,7 +107,7 @@ def test_old_sample_is_not_new_when_a_command_was_lost(clock: Clock, kind: str, 
     bus._transfer = losing  # type: ignore[method-assign]
     fresh = sum(sample.fresh for sample in run(pad, clock, 0.025, 100))
     bus._transfer = transfer  # type: ignore[method-assign]
-    assert fresh <= one.conversions - before + (1 - trigger)  # one may have been waiting to be read
+    assert fresh <= one.conversions - before + (1 - trigger)  # one sample may have been waiting
     assert run(pad, clock, 0.5, 100)[-1].fresh == 1
 
 

@@ -100,7 +100,8 @@ def test_fingers_that_meet_become_one_and_part_as_two(drawn: World) -> None:
     changes = [one for one, before in zip(counts[1:], counts, strict=False) if one != before]
     assert counts[0] == 2
     assert changes == [1, 2]
-    # The resultant does not jump by a finger where two become one. As near as that, two are known to 0.1 N.
+    # The resultant does not jump by a finger's force when two fingers become one. At this distance, two are known to
+    # 0.1 N.
     assert np.abs(np.array(forces) - 1.6).max() < 0.3
 
 

@@ -22,7 +22,7 @@ PLATE_ABOVE_CHIPS_MM, SILICONE_MM, BOARDS_MM, BOARD_MM, CHIP_MM, CABLE_MM = 10.0
 RIM_MM = 3.0  # of the silicone, held; the slab of the finite elements that made the contact model has the same
 CHIPS_APART_MM, FROM_STEEL_MM = 25.4, 30.0
 PLA_KG_PER_MM3 = 1.24e-6
-# Of LEAP's last motor, of which its own fingertip leaves 14 mm free, and of the fork that DIGIT has for Allegro.
+# LEAP's last motor, where its own fingertip leaves 14 mm free, and the fork that DIGIT has for Allegro.
 LEAP_HORNS_MM, LEAP_CIRCLE_MM, LEAP_FREE_MM, LEAP_WIDTH_MM = 29.0, 6.0, 14.0, 20.0
 ALLEGRO_FREE_MM, ALLEGRO_PITCH_MM, ALLEGRO_ROWS_MM = 15.0, 6.0, 10.0
 pytestmark = [pytest.mark.needs("openscad"), pytest.mark.long]
@@ -63,7 +63,7 @@ def contents(hand: str, larger_mm: float = 0.0, reach_mm: float = 0.0) -> str:
         (
             box((top, -half, z_mm - half), (top + SILICONE_MM[0], half, z_mm + half)),
             box((below, -board, z_mm - board), (-CHIP_MM - 0.01, board, z_mm + board)),
-            box((-CHIP_MM - 0.01, -parts, z_mm - parts), (5.0, parts, z_mm + parts)),  # chips and plugs above
+            box((-CHIP_MM - 0.01, -parts, z_mm - parts), (5.0, parts, z_mm + parts)),  # room for chips and plugs above
             f"hull() {{ for (z = [{leaves}, {z_mm}]) translate([{back}, 0, z]) sphere({way}, $fn=32); }}",
             f"hull() {{ for (x = [{back}, -30]) translate([x, 0, {leaves}]) sphere({way}, $fn=32); }}",
         )
@@ -137,7 +137,7 @@ def test_lid_presses_the_boards_against_their_ledge(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("hand", HANDS)
 def test_descriptions_have_the_inertia_of_what_is_printed(hand: str) -> None:
-    lid = printed("lid")  # as it is printed, its plate lies on z = 0, and z points toward the pad
+    lid = printed("lid")  # as printed: its plate lies on z = 0, and z points toward the pad
     lid = lid @ np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
     lid += pad_origin_mm(hand) - (CHIP_MM + BOARD_MM + lid[..., 0].max(), 0.0, 0.0)
     volume, first, second = (one + other for one, other in zip(moments(printed(hand)), moments(lid), strict=True))

@@ -127,7 +127,7 @@ def test_sensor_that_is_wrong_is_named(name: str) -> None:
         wrong, there = replace(measured, field_t=off), measured.used.reshape(-1, 3)
         found = free_poses(model, change, wrong, np.zeros(3))
         if is_explained(found, there):
-            continue  # 3 over 8 has six values to spare, and three of them go with the sensor
+            continue  # 3 over 8 has six values to spare, and three of them belong to the sensor
         tried += 1
         values = Values(wrong, there, np.zeros(3))
         odd = odd_pose_sensor(model, found, change, values, needed_values(len(one.magnets)) - 3, 0)

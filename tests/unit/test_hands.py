@@ -37,7 +37,7 @@ def frames(source: Simulated, seconds: float) -> list[Frame]:
 @pytest.mark.long
 def test_turn_and_refine_improve_the_baseline_of_each_recording() -> None:
     source = Simulated(CONFIG)
-    frames(source, 5.0)  # the script presses already
+    frames(source, 5.0)  # the script is already pressing
     baseline: Baseline | None = None
     known: list[dict[str, float]] = []
     for kind, seconds in (("bare", DURATION_S), ("rest", DURATION_S), ("turn", 14.0), ("refine", 20.0)):

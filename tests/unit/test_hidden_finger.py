@@ -70,7 +70,7 @@ def test_unequal_fingers_reported_as_one_are_within_deviations() -> None:
             if found is not None:
                 worst.append(float(found.max()))
     assert len(worst) >= 4
-    # None of these: of 600 such frames 2 look like one finger in every way, and 26 were wrong before.
+    # None of these: of 600 such frames 2 look like one finger in every respect, and 26 were wrong before.
     assert max(worst) < 5.0
 
 
@@ -84,6 +84,7 @@ def test_one_finger_keeps_its_accuracy_in_most_frames() -> None:
             assert reading.measured is not None
             alone = estimator.fitter.fit(reading.fit.fingers, reading.measured, np.zeros(3))
             wider.append(float((reading.fit.deviation[0] / alone.deviation[0]).max()))
-    # 4 % of frames as built have a deviation that is 10 % wider, which are 5 of 120; 11 are one draw in a hundred.
+    # 4 % of frames on built pads have a deviation that is 10 % wider, which are 5 of 120; 11 occur in one draw of a
+    # hundred.
     assert np.sum(np.array(wider) > 1.1) <= 10
     assert np.median(wider) < 1.001

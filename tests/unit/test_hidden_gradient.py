@@ -46,7 +46,7 @@ def pad() -> Pad:
     return config_of().pad()
 
 
-FADES_S = 1.0  # hidden_gradient.c: what was seen fades in this time
+FADES_S = 1.0  # hidden_gradient.c: a detected change fades in this time
 
 
 def hidden_of(pad: Pad, reference: Reference = MEASURED) -> HiddenGradient:
@@ -171,7 +171,7 @@ def test_magnet_that_turns_along_is_none_that_comes_near(pad: Pad) -> None:
         for turn in turns:
             gradient.judge(turn @ EARTH_T - EARTH_T)
             assert gradient.foreign_t == 0.0
-    # Without the turn it would be taken for a foreign field.
+    # Without the turn it would count as a foreign field.
     naive, found_t = Follower(pad, Reference(EARTH_T + iron_t, 0.0)), 0.0
     for turn in turns:
         naive.judge(turn @ EARTH_T - EARTH_T)
@@ -213,7 +213,7 @@ def test_hidden_field_leaves_the_earths_strength(pad: Pad) -> None:
     assert hidden_of(pad, reference_of(pad, None, None)).unseen_t == unmeasured.strongest_t
 
 
-# Of tools that pass, two that looked like contacts: one of 6.6 N without one sensor, one of 0.04 N in 82 frames.
+# Two passing tools that looked like contacts: one of 6.6 N without one sensor, one of 0.04 N in 82 frames.
 @pytest.mark.parametrize(("way", "seed"), [(0, 1), (2, 7)])
 def test_tool_beside_a_turned_pad_is_no_contact(way: int, seed: int) -> None:
     config, passing = pad_config("turned", 1, "drawn"), WAYS[way]
@@ -227,12 +227,12 @@ def test_tool_beside_a_turned_pad_is_no_contact(way: int, seed: int) -> None:
     assert sum(message.health == "ok" for message in messages) > 0.5 * len(messages)
 
 
-# Of the ways of `bench tools`, one on which a third of the frames told a contact that was none.
+# A path of `bench tools` on which a third of the frames reported a contact where there was none.
 PUT_DOWN, MOMENT_A_M2 = WAYS[8], 0.055
 
 
 @pytest.mark.parametrize("scene", ["steel", "turned"])
 def test_magnetic_tool_is_no_contact_and_no_wrong_answer(scene: Scene) -> None:
     (cell,) = drilled((scene,), (MOMENT_A_M2,), (PUT_DOWN,), ("rest",), range(1, 2), "drawn")
-    assert cell.health["ok"] > 1000  # that is not for want of answers
+    assert cell.health["ok"] > 1000  # that is not because answers are missing
     assert (cell.wrong, cell.wrong_degraded, cell.false_contacts) == (0, 0, 0), cell.line

@@ -36,7 +36,7 @@ def test_steady_hand_is_taken_with_its_mean() -> None:
     hold = shown(Hold(NOTHING), lambda _: 8e-5)
     assert hold.held is not None
     assert hold.held.mean_t == pytest.approx(np.full((4, 3), 8e-5), abs=2e-7)
-    assert 1e-8 < hold.held.noise_t.max() < 6e-8  # 0.2 µT and the rounding, of a hundred samples
+    assert 1e-8 < hold.held.noise_t.max() < 6e-8  # 0.2 µT and the rounding, over a hundred samples
 
 
 @pytest.mark.parametrize(

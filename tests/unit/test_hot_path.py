@@ -23,7 +23,7 @@ from golden.replayed import pipelines_of
 from golden.world import load
 
 ROOT = Path(__file__).parents[2]
-# Frozen worlds, how many of their first frames, and of which healths these are.
+# Frozen worlds, the number of their first frames, and the healths of these.
 WORLDS = {
     "faulty": (1500, {"ok", "degraded", "lost"}),
     "steel-faulty": (750, {"ok", "degraded", "disturbed", "lost"}),
@@ -32,7 +32,7 @@ WORLDS = {
     "samples": (300, {"ok"}),
     "without-model": (100, {"ok"}),
 }
-WARM = 60  # frames, after which the interpreter has chosen how it calls
+WARM = 60  # frames, after which the interpreter has specialised its calls
 OF_MEASURING = 64  # bytes: two integers
 # The interpreter allocates something of its own once in fifty calls.
 OF_THE_INTERPRETER = 0.1

@@ -24,7 +24,7 @@ WRITE_1, WRITE_3, READ_6, OTHER = (
 )
 OLD_SAMPLE = [WRITE_1, Message(0x1E, READ, 1), WRITE_1, READ_6]  # of the HMC5983, before it was two transfers
 NO, BAD = errno.EOPNOTSUPP, errno.EINVAL
-# Of each kind of bus, by the functions that the head of i2c_adapters.py names: what it says to these messages.
+# The answer of each kind of bus to these messages, by the functions that the head of i2c_adapters.py names.
 TRANSFERS = {
     "write": [WRITE_3],
     "read": [READ_6],

@@ -98,7 +98,7 @@ def test_wide_finger_moves_magnet_less_above_it_and_ball_more() -> None:
     mechanics, press = standard_mechanics(), [np.array([0.0]), np.array([0.0]), np.array([1.0])]
     depth = {name: -float(shape.response(mechanics, press)[0, 2]) for name, shape in SHAPES.items()}
     assert depth["flat"] < depth["edge"] < depth["round"] < depth["ball"]
-    # The mean over a slightly larger disc, from its points: what second moments stand for.
+    # The mean over a slightly larger disc, from its points: second moments approximate it.
     wide = FingerShape((PATCH_MM2 + 0.5, PATCH_MM2 + 0.5))
     radius_m = np.sqrt(4.0 * 0.5) * 1e-3 * np.sqrt((np.arange(40) + 0.5) / 40)
     angle = np.arange(40) * 2.399963  # golden angle: spreads points evenly

@@ -19,10 +19,10 @@ from fmfts.recording.file import read
 
 FOLDER = Path(__file__).parents[1] / "data" / "recordings"
 RECORDINGS = sorted(FOLDER.glob("*.mcap"))
-# docs: recordings/README.md. The model computes in single precision, all else in double.
+# docs: recordings/README.md. The model computes in single precision, everything else in double.
 OF_THE_MODEL = re.compile(r"^(x|y|force|shear)_.*")
 SINGLE, DOUBLE, NEAR_ZERO = 1e-5, 1e-9, 1e-8
-# Each message tells the contact at publishing, too; those of several magnets the poses of four.
+# Each message gives the contact at publishing, too; those of several magnets give the poses of four.
 LARGEST_BYTES = {"fingers": 510_000}
 LARGEST_OF_OTHERS_BYTES = 320_000
 FILTERS_LEARN_S = 0.2

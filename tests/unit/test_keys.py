@@ -28,7 +28,7 @@ from fmfts_client import KEY_VARIABLE, BadKeyError, Endpoints, RefusedError, Sub
 from fmfts_client.keys import show_key
 from ports import tcp_base
 
-# A handshake on one machine takes milliseconds; a peer that is shut out shows it by silence.
+# A handshake on one machine takes milliseconds; a peer that is shut out stays silent.
 HANDSHAKE_S, SILENCE_S = 5.0, 0.7
 
 
@@ -124,11 +124,11 @@ def test_request_ends_though_its_key_was_refused_before_it_was_sent(
         until_s = time.monotonic() + HANDSHAKE_S
         while not service.gate.refused and time.monotonic() < until_s:
             time.sleep(0.01)
-        time.sleep(1.0)  # until it is told of that, and has given up
+        time.sleep(1.0)  # until it learns of that, and has given up
         return bytes(packed(message))
 
     monkeypatch.setattr("fmfts_client.control.msgpack.packb", when_refused)
-    for _ in range(3):  # it depends on the moment whether what is sent waits
+    for _ in range(3):  # timing decides whether a message waits
         with pytest.raises(UnreachableError, match="no answer from"):
             request("selftest", endpoint=service.base, timeout_s=SILENCE_S)
     assert service.gate.refused > 0

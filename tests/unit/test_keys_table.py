@@ -11,7 +11,7 @@ from msgspec import inspect
 from fmfts_collect.settings import CollectingConfig
 
 PAGE = Path(__file__).parents[2] / "docs" / "configuration.md"
-IN_TABLES_OF_THE_FIRST = "other_magnets"  # [[pad.magnet]], like the first
+IN_TABLES_OF_THE_FIRST = "other_magnets"  # [[pad.magnet]], like the first one
 
 
 def keys_of(kind: inspect.Type, path: str = "") -> Iterator[str]:

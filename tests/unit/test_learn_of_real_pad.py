@@ -22,14 +22,14 @@ from fmfts.learn.search import Learned, LearnError, learn, with_octupole
 from fmfts.pad import Magnet, Pad, SensorArray, Tolerance, rotation_from_vector
 
 PIXELS = ("00", "01", "10", "11")
-# Where a value saturates depends on the other axis; up to here it does not.
+# Where a value saturates depends on the other axis; up to here it never does.
 CLIPPED_T = 32e-3
 NOISE_T = 3e-5
 LEFT_OUT_SHARE = 0.3
-UNTOUCHED = 60  # so many of the weakest fields of a session are of the untouched pad
+UNTOUCHED = 60  # this many of the weakest fields of a session belong to the untouched pad
 BROKEN_ROW = 543  # of session 2: two pixels read zero
-# What a first look says: signs tell which pixel is where, and fields of 12 mT, with their ratios, of a magnet
-# some 3 mm above pixels some 2 mm apart. Nobody has measured it.
+# A first look shows: signs tell which pixel is where, and fields of 12 mT, with their ratios, of a magnet some 3 mm
+# above pixels some 2 mm apart. Nobody has measured it.
 SKETCH = Tolerance(3e-4, 3e-4, np.radians(5.0), gain=0.05, remanence=0.15, sensor_rotation_rad=0.09, cross_axis=0.01)
 
 

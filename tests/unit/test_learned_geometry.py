@@ -201,7 +201,7 @@ def test_press_without_movement_is_never_suggested(pad: Pad) -> None:
     told = next_press(found, pressed, np.array([np.zeros(5), firm]))
     assert told.number == 1
     assert told.then_m < told.now_m
-    # What it promises is what such presses bring.
+    # The result of such presses matches its promise.
     state = drawing.geometry(found.fit.vector).rest.stepped(firm)
     one = drawing.derivatives(drawing.geometry(found.fit.vector), state)[0].reshape(1, 4, 3)
     more = replace(pressed, press_t=np.concatenate([pressed.press_t, np.repeat(one, TIMES, axis=0)]))

@@ -43,7 +43,7 @@ class Bus:
         self._socket = zmq.Context.instance().socket(zmq.PUB)
         self._socket.bind(for_client(base).bus)
         self.samples = module.Samples([PAD], base, most=MOST, patience_s=PATIENCE_S)
-        self.samples._clients = {PAD: Client(PAD, base)}  # `connect` asks a daemon where the magnet is
+        self.samples._clients = {PAD: Client(PAD, base)}  # `connect` asks a daemon for the magnet's place
         self.samples._heights_m = {PAD: 0.012}
         self._connected()
 

@@ -328,7 +328,7 @@ def test_impossible_early_sample_is_ignored() -> None:
     assert line.link.early == []
     assert "it has" not in line.state.warnings["packets"]
     assert "the pad has no sensor 5" in line.state.warnings["packets"]
-    line.feed(make_early(1, 9000, pad_index=2), make_early(1, 2**47))  # of no pad; of a time that no clock reached
+    line.feed(make_early(1, 9000, pad_index=2), make_early(1, 2**47))  # of no pad; with a time that no clock reached
     assert line.link.early == []
 
 

@@ -108,7 +108,7 @@ def in_terminal(
         stdout=slave,
         stderr=slave,
         env=environ,
-        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # a shell's background jobs are deaf to Ctrl-C
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # a shell's background jobs ignore Ctrl-C
     )
     os.close(slave)
     shown, started = b"", time.monotonic()
@@ -180,7 +180,7 @@ def serving_status(base: str, *pads: Any) -> Iterator[None]:
 def test_mistyped_pad_is_named_at_once_with_one_that_was_meant(base: str, caplog: pytest.LogCaptureFixture) -> None:
     out = io.StringIO()
     with serving_status(base, {"pad": "left"}, {"pad": "right"}):
-        assert listen("lef", None, out, endpoint=base) == exit_codes.USAGE  # None: else it would listen for ever
+        assert listen("lef", None, out, endpoint=base) == exit_codes.USAGE  # None: otherwise it would listen for ever
     assert out.getvalue() == ""
     assert [record.message for record in caplog.records] == [
         "no pad 'lef' here; this daemon has 'left', 'right'; did you mean 'left'?"

@@ -83,7 +83,7 @@ def test_drifting_scene_at_rest_does_not_guess_whose_vertical_axis_is_off(pad: P
     """With eight unknowns, an error of one sensor's z looks like that of any other's: parity has one pattern of z."""
     watched = Watched(pad, "drifting")
     watched.run(110)
-    for step in range(60):  # grows by 0.5 mG a frame: the field is learnt from the faulty sensor all the while
+    for step in range(60):  # grows by 0.5 mG a frame: the tracker learns the field from the faulty sensor all the time
         watched.run(1, on_one_axis(1, 2, 5e-8 * step))
     tracks = watched.run(220, on_one_axis(1, 2, 3e-6))
     assert {track.health for track in tracks[110:]} == {"lost"}

@@ -16,7 +16,7 @@ from fmfts_lab.calibration.standard_set import rows
 DATA = Path(__file__).parents[1] / "data"
 # Of another finite-element model, labelled with a pressure of 10, 40 or 70 kPa times the patch's area at rest.
 BY_PRESSURE = DATA / "calibration_pressure_1.23T.csv"
-# What the pressed patch, seen from above, has of its area at rest, at (8, 6):
+# The share of the pressed patch's rest area that is visible from above, at (8, 6):
 # `python -m fmfts_lab.finite_elements.patch_area`.
 SEEN_AREA = {0.2827: 0.988, 1.131: 0.949, 1.9792: 0.906}
 
@@ -61,7 +61,7 @@ def test_magnet_sinks_and_tilts_further_with_every_newton_up_to_six() -> None:
     depth = np.array([displacement_m[:, 2] for displacement_m, _ in response])
     tilt = np.array([np.hypot(axis[:, 0], axis[:, 1]) for _, axis in response])
     assert (np.diff(depth, axis=0) < 0.0).all()
-    firm = np.hypot(x_m, y_m) > 1e-3  # at the centre there is no tilt to grow
+    firm = np.hypot(x_m, y_m) > 1e-3  # at the centre there is no tilt that could grow
     assert (np.diff(tilt[:, firm], axis=0) > 0.0).all()
 
 

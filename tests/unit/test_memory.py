@@ -23,7 +23,7 @@ from fmfts.simulation.source import Simulated
 
 DRIFTING = PadConfig(name="left", source=SimulatedSource(seed=3, warming_k_per_minute=30.0))
 CONSTANT = PadConfig(name="left", source=SimulatedSource(turning_deg_per_s=0.0), scene=SceneConfig(ambient="constant"))
-# The scripted finger begins to touch after 4 s, which are not worth the time.
+# The scripted finger begins to touch only after 4 s.
 SKIPPED_S = UNLOADED_AT_START_S - 0.3
 COUNT = 640
 EVERY = 90

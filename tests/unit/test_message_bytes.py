@@ -21,7 +21,7 @@ SOURCES = ("tests/unit/write_message.c", "daemon/fmfts/pipeline/message.c")
 FLAGS = ["-std=c11", "-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno"]
 
 OUTPUTS = ("x", "y", "force", "shear_x", "shear_y")
-# The numbers of a reading in their order, and how many each is.
+# The numbers of a reading in their order, and the count of each.
 NUMBERS = {
     "temperature_c": 1, "place": 5, "deviation": 5, "force_n": 1, "force_sd_n": 1, "force_min_n": 1,
     "displacement_m": 1, "displacement_sd_m": 1, "position_m": 3, "position_sd_m": 3, "axis": 3, "axis_sd_rad": 1,
@@ -31,7 +31,7 @@ NUMBERS = {
     "margin_sd_n": 1,
 }  # fmt: skip
 POSE = PoseMessage.__struct_fields__
-# What a reading tells: the flags of write_message.c after `contact`.
+# Contents of a reading: the flags of write_message.c after `contact`.
 TOLD = ("over_range", "force", "place", "force_min", "displacement", "pose", "outputs", "now", "now_places")
 TOLD += ("slip", "slip_known", "slipping", "friction")
 SLIP = SlipMessage.__struct_fields__[1:]

@@ -43,7 +43,7 @@ REPOSITORY = Path(__file__).parents[2]
 NOT_NUMBERS = (math.nan, math.inf, -math.inf)
 FLOAT_FIELDS = [name for name, hint in ContactMessage.__annotations__.items() if hint.startswith("float")]
 POSE_FIELDS = [name for name, hint in PoseMessage.__annotations__.items() if hint.startswith(("float", "Vector"))]
-# Keys that only pads with several magnets send, or those that were asked for slip.
+# Keys that only pads with several magnets send, or pads whose configuration asks for slip.
 OF_SEVERAL = [name for name, hint in ContactMessage.__annotations__.items() if "UnsetType" in hint]
 MAY_BE_ABSENT = {"now", *OF_SEVERAL}
 NOW_FIELDS = [name for name, hint in NowMessage.__annotations__.items() if hint.startswith("float")]

@@ -70,7 +70,7 @@ def test_tray_holds_the_pad_of_the_shipped_configuration(tmp_path: Path) -> None
     size = np.ptp(body.reshape(-1, 3), axis=0)
     assert size == pytest.approx([PAD_MM[0] + 2 * WALL_MM, PAD_MM[1] + 2 * WALL_MM, PAD_MM[2] + WALL_MM], abs=1e-4)
     hollow = np.prod(size) - volume_mm3(body)
-    # A frustum: wider by the draft at the rim. The notch takes 1.74 × 4 × 1 mm of the wall away.
+    # A frustum: wider by the draft at the rim. The notch removes 1.74 × 4 × 1 mm of the wall.
     floor, rim = PAD_MM[0] * PAD_MM[1], (PAD_MM[0] + 2 * DRAFT_MM) * (PAD_MM[1] + 2 * DRAFT_MM)
     frustum = PAD_MM[2] / 3.0 * (floor + rim + np.sqrt(floor * rim))
     assert hollow == pytest.approx(frustum + 6.96, abs=2.0)  # floor and rim are 0.01 mm thick in the source

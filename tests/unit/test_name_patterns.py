@@ -21,7 +21,7 @@ def patterns(path: Path) -> Iterator[str]:
     """The constant parts of the regular expressions in a file, without those whose `$` is the end of each line."""
     source = path.read_text()
     if "re." not in source and "pattern" not in source:
-        return  # faster than to read its syntax
+        return  # faster than reading its syntax
     for call in (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)):
         is_re = isinstance(call.func, ast.Attribute) and call.func.attr in READERS and call.args
         given = [call.args[0]] if is_re else []

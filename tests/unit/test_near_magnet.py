@@ -68,6 +68,6 @@ def test_baseline_and_solver_place_a_near_magnet_where_it_is() -> None:
         found = solve(mounting.magnet_field(fields[2]), mounting.mounted(drawn), mounting.rest, free=FREE_PAPER)
         return float(np.linalg.norm(found.position_m - mounting.rest.position_m - change))
 
-    # What is left are the terms after the octupole, (3 mm/13 mm)² times a few of it.
+    # The terms after the octupole remain: (3 mm/13 mm)² times a few of it.
     assert off_m(True) < 0.33 * off_m(False)
     assert off_m(False) > 30e-6

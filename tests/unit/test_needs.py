@@ -131,8 +131,8 @@ def test_bus_too_slow_for_220_hz_is_reported_with_what_it_carries(response: Resp
 
 def test_range_holds_hardest_press_or_says_which_magnet_would(response: Response) -> None:
     standard = Surroundings(pad(), response)
-    assert 2.5 < largest_field_gauss(standard) < 2.55  # 2.02 of the magnet under 1.98 N, and 0.5 of the Earth
-    # ±2.5 G is what the data sheet recommends of 660 counts a gauss; 2047 of them are 3.10 G.
+    assert 2.5 < largest_field_gauss(standard) < 2.55  # 2.02 G of the magnet under 1.98 N, and 0.5 G of the Earth
+    # ±2.5 G is the range that the data sheet recommends for 660 counts a gauss; 2047 of them are 3.10 G.
     assert recommended_range_gauss(standard) == SimulatedSource().range_gauss == 2.5
     (said, _) = limits(standard)
     assert said == "largest field on an axis: 2.52 G; set to ±2.5 G, chips saturate at 3.10 G"
@@ -176,7 +176,7 @@ def test_named_neighbour_gives_more_answers_and_none_wrong(response: Response) -
     told, untold = tried_beside(near, 6.0, 1)
     assert told.outcome.wrong == untold.outcome.wrong == 0
     assert told.answered > 0.99
-    # `disturbed` while the other's finger moves its magnet, and for a while after. With hidden_gradient.py left
+    # `disturbed` while the other pad's finger moves its magnet, and for a while after. With hidden_gradient.py left
     # out 0.83 are answered, but in `bench neighbours` 163 frames are then wrong.
     assert 0.1 < untold.answered < 0.5
 

@@ -158,7 +158,7 @@ def test_pose_beside_an_uncertain_neighbour_is_as_uncertain_as_it_says() -> None
     seen, untouched = neighbour.at(frame.host_time_ns), pipeline.memory
     for _ in range(300):
         truth = oracle.placed(values_of([last.stepped(STEP_SD * random.standard_normal(6))]), neighbour.placement)
-        # What a baseline leaves: this magnet, and what the neighbour has changed since.
+        # Errors that a baseline leaves: this magnet, and the neighbour's changes since.
         change = replace(seen, now=truth).effect(pad.sensors)[1]
         pipeline.recall(untouched)
         message = pipeline.process(measured(frame, mounting, own + change + random.normal(0.0, NOISE_T, (4, 3))))
@@ -179,7 +179,8 @@ def test_two_pressed_neighbours_30_mm_apart_stay_right() -> None:
     assert told.wrong == told.false_contacts == 0
     assert len(told.errors) > 500
     assert untold.health["ok"] < 0.9 * untold.frames
-    # A neighbour that nobody named is a foreign magnet: flagged, or counted in the deviations (hidden_gradient.py).
+    # A neighbour that the configuration does not name is a foreign magnet: flagged, or counted in the deviations
+    # (hidden_gradient.py).
     assert untold.wrong == untold.false_contacts == 0
 
 

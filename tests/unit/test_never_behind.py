@@ -93,7 +93,7 @@ def test_late_daemon_keeps_only_each_sensors_newest_early_sample() -> None:
     frame = sample(0, 1, 4000)
     data, left_out = keep_newest(b"".join([*before, frame, *after, again]), BEHIND)
     assert data == frame + after[1] + again
-    assert left_out == (0, 0, 0)  # nothing is lost: the next frame holds what was left out
+    assert left_out == (0, 0, 0)  # nothing is lost: the next frame contains the dropped samples
 
 
 def test_in_time_early_samples_of_the_last_15_ms_stay() -> None:

@@ -18,11 +18,11 @@ from fmfts.simulation.finger import no_finger, steady_finger
 from fmfts.simulation.source import Simulated
 
 RATE_HZ = 220
-# contact_of_pose.c: how long a temperature is held, and a magnet above or at its rest before that is believed.
+# contact_of_pose.c: how long a temperature is held, and how far a magnet may be above its rest before that counts.
 HELD_S, LIFTED_S, RESTED_S = 5.0, 0.6, 0.15
 CONFIG = config_of(ambient="drifting")
 BASELINE = simulated_baseline(CONFIG)
-# Between the quiet and the pressed half of `taps`, its force is none of the two.
+# Between the quiet and the pressed half of `taps`, its force is neither of the two.
 FORCE_N = 1.0
 
 
@@ -104,7 +104,7 @@ def test_frames_without_new_samples_are_old_and_say_so(pipeline: PadPipeline, cl
             age_us=last.age_us,
             fresh=np.zeros(4, dtype=bool),
             device_time_us=frame.device_time_us if clock == "goes on" else last.device_time_us,
-            # When a board's clock stands for 0.4 s, DeviceClock takes it for one that stood still, and moves on.
+            # When a board's clock stands still for 0.4 s, DeviceClock detects it, and continues from there.
             host_time_ns=frame.host_time_ns if clock == "goes on" or number > 88 else last.host_time_ns,
         )
         for number, frame in enumerate(frames[151:810])
@@ -172,7 +172,7 @@ class TestPulledMagnet:
             lambda at_s: 2e-3 * min(max(at_s - 1.0, 0.0) / 0.02, 1.0) if at_s < 1.0 + seconds else 0.0,
         )
         touched = [message for message in messages if message.contact]
-        # Below 0.02 mm and the pose's deviations nobody can tell a pull from a touch: two frames at this speed.
+        # Below 0.02 mm and the pose's deviations a pull cannot be distinguished from a touch: two frames at this speed.
         assert len(touched) <= 2
         pulled = messages[round(1.1 * RATE_HZ) : round((1.0 + min(seconds, LIFTED_S) - 0.02) * RATE_HZ)]
         assert {message.health for message in pulled} == {"disturbed"}

@@ -84,7 +84,7 @@ def test_turning_and_pressing_are_offered_only_while_they_would_help(could_gain:
 def test_pad_that_is_absent_or_faulty_is_named_with_what_to_do() -> None:
     pads = [{"pad": "a", "connected": True, "faults": []}, {"pad": "b", "connected": False, "faults": []}]
     assert "source of pad 'b' answer: the `reason` of each says how" in next_step.after_probe({"pads": pads}, "")
-    for connected in (True, False):  # a fault that is known is the thing to mend, also where it stops all frames
+    for connected in (True, False):  # a known fault must be mended first, even where it stops all frames
         pads[1] |= {"connected": connected, "faults": ["sensor 3: silent"]}
         assert "under faults of pad 'b'" in next_step.after_probe({"pads": pads}, "")
     both = next_step.after_probe({"pads": [pads[0] | {"connected": False}, pads[1]]}, "")

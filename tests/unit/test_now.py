@@ -78,7 +78,7 @@ def test_now_holds_at_the_time_of_publishing(model: ContactModel) -> None:
         if message.now is not None
     ]
     assert len(late_s) > 150
-    assert np.abs(late_s).max() < 1.3e-3  # a quarter of a period: the newest of four samples is at most so old
+    assert np.abs(late_s).max() < 1.3e-3  # a quarter of a period: the newest of four samples is at most this old
 
 
 def test_now_is_null_while_a_sensor_is_excluded(model: ContactModel) -> None:

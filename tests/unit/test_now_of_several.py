@@ -106,7 +106,7 @@ def test_sample_of_another_time_is_not_taken() -> None:
     for frame in some:
         made.process(frame)
     (sample, *_) = samples_of(some[-1])
-    assert made.early(sample) is None  # the frame held it
+    assert made.early(sample) is None  # the frame contained it
     assert made.early(replace(sample, device_time_us=sample.device_time_us + 1_000_000)) is None
     with pytest.raises(ValueError, match="no board counts so far"):
         made.early(replace(sample, device_time_us=2**62))

@@ -29,7 +29,7 @@ from golden.world import World, load
 
 WHOLE = (0, -1, 1, 5, 9, 63, 64, 2**31, 2**53, -(2**53), 2**60, -(2**60), 2**62, -(2**63), 2**63 - 1)
 NUMBERS = (0.0, -1.0, 1e300, -1e300, np.nan, np.inf, -np.inf, 1e19, 1e-300)
-# So many frames of a world: with a count that no chip has, with a fault that was found, and with none.
+# This many frames of a world: with a count that no chip gives, with a fault that was found, and with none.
 AMID = {"growing": 2310, "faulty": 290, "healthy": 200, "slip": 200, "posture": 200}
 ASKED = {"slip": "sheared", "posture": "healthy"}  # of these worlds, with another configuration
 AFTER = 3  # frames

@@ -19,14 +19,15 @@ from fmfts.offline.replay import Replay
 
 PACKAGE = Path(fmfts.__file__).parent
 RECORDINGS = sorted((Path(__file__).parents[1] / "data" / "recordings").glob("*.mcap"))
-# All that a message depends on, from the configuration and a baseline's file on; what only advises in the log is not.
+# Everything from the configuration and a baseline's file on that a message depends on; code that only advises in the
+# log does not count.
 ROOMS = ["baseline", "common", "config", "contact", "several", "pipeline", "pose", "runtime", "scene", "sensor"]
 FILES = ["pad.py"]
 SKIN = Path(fmfts_skin.__file__).parent  # its modules, without the folder that makes models
 ELSEWHERE = {"advice.py", "candidate.py", "error_budget.py"}
-ELSEWHERE.add("weighing.py")  # measures what the baseline's file then keeps as a number, as a scale would
-# What NumPy and math offer that moves numbers, compares them, or rounds as IEEE 754 says: + − × ÷ √ in a fixed order.
-# Not BLAS, LAPACK, what has wide vectors, nor the C library's functions: each rounds as the processor lets it.
+ELSEWHERE.add("weighing.py")  # measures a value that the baseline's file then keeps as a number, as a scale would
+# Functions of NumPy and math that move numbers, compare them, or round as IEEE 754 defines: + − × ÷ √ in a fixed order.
+# Not BLAS, LAPACK, functions with wide vectors, nor the C library's functions: each rounds as the processor chooses.
 EXACT_NAMES = """
 abs all any append arange argmax argmin argsort array array_equal array_split asarray ascontiguousarray block bool_
 broadcast_to ceil clip column_stack concatenate copysign count_nonzero deg2rad degrees delete diag diagonal diff dist
@@ -36,7 +37,7 @@ nan_to_num nanmean nanmedian ndarray ones ones_like outer packbits pi prod ptp r
 searchsorted sqrt stack sum tile trace uint16 uint8 unique unravel_index where zeros
 """
 EXACT = set(EXACT_NAMES.split())
-# Degrees in a sentence, and one bit of a float: no message's number comes of them.
+# Degrees in a sentence, and one bit of a float: no number of a message depends on them.
 ALLOWED = {("baseline/suspicions.py", "arccos"), ("baseline/turn.py", "arcsin"), ("contact/comparison.py", "**")}
 C_NAMES = """
 exp exp2 expm1 log log2 log10 log1p pow cbrt hypot sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh

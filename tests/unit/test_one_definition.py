@@ -29,7 +29,7 @@ REPOSITORY = Path(__file__).parents[2]
 DAEMON = REPOSITORY / "daemon/fmfts"
 CORE, WIRE = (REPOSITORY / path for path in ("firmware/core", "daemon/fmfts/sensor/wire"))
 C_CLIENT = REPOSITORY / "clients/c"
-# What the C client calls the annotation of a field of messages.py: its macro and its kind.
+# The C client's macro and kind for each annotation of a field of messages.py.
 KIND_OF = {
     "int": "FIELD INTEGER",
     "float": "FIELD NUMBER",
@@ -43,7 +43,7 @@ KIND_OF = {
 }
 # Text of 64 bytes, but for sentences: those may be longer.
 TEXTS = {"reason": "FIELD SENTENCE"}
-# Maps, lists of maps, and what only some pads send: written without a macro.
+# Maps, lists of maps, and fields that only some pads send: written without a macro.
 OTHER_KINDS = {
     "pose": "POSE",
     "now": "NOW",
@@ -156,7 +156,7 @@ def test_firmware_numbers_results_and_states_as_daemon_reads_them() -> None:
         re.findall(rf"enum {name} \{{([^}}]*)\}}", text, flags=re.DOTALL) for name in ("wire_result", "sensor_state")
     )
     assert _words(results) == [f"RESULT_{one.name}" for one in packets.Result]
-    # The firmware names two states otherwise; it has as many, and the first and last are the same.
+    # The firmware names two states differently; it has as many, and the first and last agree.
     assert len(_words(states)) == len(packets.SensorState)
     assert (_words(states)[0], _words(states)[-1]) == ("SENSOR_OK", "SENSOR_NOT_STARTED")
 

@@ -92,7 +92,7 @@ def test_fields_and_temperature_follow_the_configured_chip(monkeypatch: pytest.M
     for chip, temperature_c in (("hmc5983", 26.0), ("hmc5883l", None), (OTHER.name, 32.8)):
         line = Line(pad(chip=chip, rate_hz=75))
         line.feed(hello(4, identification=CHIPS[chip].identity, gain_code=0, rate_hz=75))
-        # The first sample is a packet among others; those that follow it alone take the shorter way.
+        # The first sample is one packet among others; later samples that come alone take the shorter way.
         followed = sample(temperature_raw=128, sequence=1, time_us=2 * 4545)
         (first,) = line.feed(sample(temperature_raw=128))
         (second,) = line.link.feed(encode(followed), line.now_ns + 4_545_000)

@@ -26,7 +26,7 @@ TARGET = re.compile(r"^([\w./-]+):(?!=)", re.MULTILINE)
 USED = re.compile(r"\$[({](\w+)|^(?:ifdef|ifndef) (\w+)", re.MULTILINE)
 PYTHON = re.compile(r"(?:\S*/)?python3?$")
 pytestmark = pytest.mark.filterwarnings("ignore:.*found in sys.modules:RuntimeWarning")  # of runpy
-LACKING = {"fmfts_mujoco": "mujoco"}  # packages that the tests of this repository go without
+LACKING = {"fmfts_mujoco": "mujoco"}  # packages that this repository's tests do not need
 
 
 class Parsed(BaseException):

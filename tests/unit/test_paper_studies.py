@@ -55,7 +55,7 @@ def test_another_remanence_breaks_networks_of_fields_not_of_axes(table3: Facts, 
         assert unit[1] == pytest.approx(unit[0], rel=0.03)
     broken = row_of(table3, f"{network}, field", 1.28)
     assert float(broken["mae_x_mm"]) > 5.0  # type: ignore[arg-type]
-    # The honest chance: a field brought to the calibrated remanence is as good as it was there.
+    # A fair test: a field scaled to the calibrated remanence is as good as it was there.
     scaled = [row_of(table3, f"{network}, field over remanence", t)["mae_x_mm"] for t in (1.23, 1.28)]
     assert scaled[1] == pytest.approx(scaled[0], rel=0.03)
 
@@ -96,7 +96,7 @@ def test_errors_are_those_of_the_rows() -> None:
 def test_paper_poses_carry_remanence_in_length_of_axis(presses: Path) -> None:
     strong = Readings.solved_test(standard_pad(1.28), presses)
     length = np.linalg.norm(paper_inputs.INPUTS["pose"](strong)[:, 3:], axis=1)
-    # As a dipole has it, whose moment stands in for a cylinder's: within half a percent.
+    # A dipole whose moment replaces a cylinder's: within half a percent.
     assert length == pytest.approx(np.full(40, 1.28 / 1.23), rel=0.005)
     assert strong.remanence_t == pytest.approx(1.28, rel=0.005)
 
@@ -119,7 +119,7 @@ def test_experiment_error_comes_from_unestimated_causes(tmp_path: Path) -> None:
     for column in (0, 1):
         assert mae["all", "drawing"][column] > 5.0 * mae["all", "bare + rest"][column]
         assert mae["sensors placed", "drawing"][column] > 5.0 * mae["sensors placed", "bare + rest"][column]
-    # Nothing estimated can know how stiff a pad is: the force is off by as much, the place is not.
+    # An estimate cannot know a pad's stiffness: the force is wrong by as much, and the place is not.
     assert mae["stiffness", "bare + rest"][1] > 3.0 * mae["none", "bare + rest"][1]
     assert mae["stiffness", "bare + rest"][0] == pytest.approx(mae["none", "bare + rest"][0], abs=0.01)
     assert mae["remanence", "bare + rest"][0] == pytest.approx(mae["none", "bare + rest"][0], abs=0.02)

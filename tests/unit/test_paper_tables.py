@@ -102,5 +102,5 @@ def test_axis_does_not_depend_on_remanence(tmp_path: Path) -> None:
 def test_length_of_the_moment_is_the_remanence(tmp_path: Path, pad: Pad) -> None:
     rows = _solved(_readings(), tmp_path)
     estimated = np.array([float(rows["1", label]["remanence_t"]) / float(label) for _, label in rows])
-    # COMSOL's mesh and its 50 mm sphere make every magnet 2.3 % too strong, all of them alike.
+    # COMSOL's mesh and its 50 mm sphere make every magnet 2.3 % too strong, all by the same factor.
     assert np.ptp(estimated) < 3e-4

@@ -24,7 +24,7 @@ from fmfts.runtime.peers import BUDGET_NS, PAUSES, Peers, Servers
 from fmfts.runtime.schedule import NEVER_NS, Schedule
 from fmfts_client import Endpoints
 
-REQUEST_NS = BUDGET_NS // 10  # what a request takes, by the clock of these tests
+REQUEST_NS = BUDGET_NS // 10  # time of a request, by the clock of these tests
 PATIENCE_S = 10.0
 
 
@@ -39,7 +39,7 @@ class Loop:
         self.gate = Gate(KeyFolder(folder / "keys"))
         self._schedule = Schedule([], self._fast_loop)
         self.now_ns = 1
-        self.look_ns = 0  # so much later is it at each look at the clock
+        self.look_ns = 0  # each look at the clock advances it by this
         self.handled: list[str] = []
         self.act: Callable[[Request], None] = lambda request: request.reply()
         self.peers = Peers(
@@ -130,7 +130,7 @@ def test_flood_takes_its_budget_and_then_leaves_the_loop_alone(loop: Loop) -> No
     while sum(turns) < 500:
         loop.pause()
         turns.append(loop.turn())
-        loop.settle()  # whose answers have not left is refused more
+        loop.settle()  # a peer whose answers have not left gets more refusals
         assert time.monotonic() < until
     assert max(turns) == BUDGET_NS // REQUEST_NS
     for number in range(500):
@@ -154,7 +154,7 @@ def test_polite_peer_is_answered_in_next_turns_beside_flood(loop: Loop) -> None:
         loop.pause()
         loop.turn()
         assert time.monotonic() < until
-    # Each flooder, and ZeroMQ's look ahead of one request each, is before it at most twice.
+    # Each flooder, and ZeroMQ's read-ahead of one request each, precedes it at most twice.
     assert loop.handled.index("polite") - before <= 2 * len(flooders)
 
 
@@ -296,7 +296,7 @@ def test_request_that_a_send_has_hidden_is_served(loop: Loop) -> None:
     second.send(asking("second"))
     assert select.select([loop.peers._doors], [], [], PATIENCE_S)[0]
     while select.select([loop.peers._doors], [], [], 0)[0]:
-        held[0].progress()  # as a job that reports, outside of `serve`
+        held[0].progress()  # like a job that reports, outside of `serve`
     loop.turn()
     assert loop.handled == ["first", "second"]
 

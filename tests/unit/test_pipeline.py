@@ -42,7 +42,7 @@ def config_of(seed: int = 1, **scene: object) -> PadConfig:
     return PadConfig(
         name="left",
         source=SimulatedSource(seed=seed, turning_deg_per_s=turning),
-        # Chips that a machine placed.
+        # Chips placed by a machine.
         tolerance=ToleranceConfig(gain=0.005, sensor_rotation_deg=0.3),
         scene=SceneConfig(**scene),  # type: ignore[arg-type]
     )
@@ -94,7 +94,8 @@ def test_scripted_finger_is_detected_within_published_deviations(seed: int, scen
     assert health == {"ok": 16 * 220}
     assert idle_contacts == 0
     assert len(off) > 1000
-    # "Wrong" is more than five deviations. Errors of one pad belong together: its rms may be up to twice the claim.
+    # "Wrong" is more than five deviations. Errors of one pad are correlated: its rms may be up to twice the stated
+    # deviation.
     assert np.abs(off).max() < 5.0
     assert (np.sqrt(np.mean(np.square(off), axis=0)) < 2.0).all()
 
@@ -110,7 +111,7 @@ def test_baseline_recorded_under_load_is_refuted_when_load_goes() -> None:
     messages = [pipeline.process(frame) for frame in frames_of(config, no_finger, 1.0)]
     assert "recorded under load" in messages[-1].reason
     assert (messages[-1].health, messages[-1].force_n, messages[-1].contact) == ("no_baseline", None, None)
-    # Pressed again, it is as wrong as before, and still says so.
+    # Pressed again, it is as wrong as before, and still reports it.
     again = [pipeline.process(frame) for frame in frames_of(config, steady_finger(0.0, 0.0, 1.0), 0.2)]
     assert again[-1].health == "no_baseline"
 
@@ -244,7 +245,7 @@ def test_weakest_detected_touch_is_at_the_least_sensitive_place() -> None:
     config = config_of(ambient="constant")
     pad = config.pad()
     model = ContactModel.load("default", pad)
-    covariance = np.diag([1e-5, 1e-5, 6e-6, 2e-3, 2e-3, 0.0]) ** 2  # of a pose at rest (physics of the pad)
+    covariance = np.diag([1e-5, 1e-5, 6e-6, 2e-3, 2e-3, 0.0]) ** 2  # deviation of a pose at rest (physics of the pad)
     detection_limit_n, response = model.detection_limit_n(covariance, 40.0), model.response
     assert response is not None
     scale = np.sqrt(np.diagonal(covariance)[:5]) * [1e3, 1e3, 1e3, 1.0, 1.0]

@@ -45,7 +45,7 @@ def anywhere(random: np.random.Generator, ambient: bool) -> State:
 def test_every_cold_start_is_right_or_flagged(pad: Pad, free: np.ndarray, sensors: int) -> None:
     """`python -m fmfts_lab.bench convergence` does it a million times."""
     random = np.random.default_rng(11)
-    flagged = 0  # three sensors cannot tell some poses from others while nothing is known of the ambient
+    flagged = 0  # three sensors cannot distinguish some poses while nothing is known about the ambient field
     for _ in range(DRAWS):
         truth = anywhere(random, ambient=len(free) == 8)
         problem = problem_of(truth, pad, free, sensors, random)

@@ -71,7 +71,7 @@ def test_table_1_with_ambient_free_is_right_to_tenth_of_millimetre(pad: Pad, pos
     print(f"pose {pose}, {remanence} T, eight unknowns: {away_mm:.4f} mm, {tilt_deg:.3f}°")
     assert away_mm < 0.11  # the paper: 0.263 and 0.190 mm
     assert tilt_deg < 0.2  # the paper: 1.23° in the second pose
-    # What the ambient found is the image of the magnet in COMSOL's sphere, to the mesh's accuracy.
+    # The detected ambient field is the image of the magnet in COMSOL's sphere, to the mesh's accuracy.
     image = magnet.strength_t_m3 * TRUTH[pose][1] / SPHERE_RADIUS_M**3
     assert np.linalg.norm(estimate.state.ambient_t - image) < 0.5 * np.linalg.norm(image)
 
@@ -88,7 +88,7 @@ def test_table_1_with_its_image_field_is_right_to_hundredths(
     for _ in range(20):
         predicted, jacobian = predict(rows, magnets, state)
         image = replace(state, ambient_t=magnets[0, 0] * np.exp(state.log_moment) * state.axis / SPHERE_RADIUS_M**3)
-        # The image turns and grows with the moment: by the same columns as the moment's own field.
+        # The image turns and grows with the moment: through the same columns as the moment's own field.
         columns = jacobian[:, :6].copy()
         columns[:, 3] += _change(rows, image, 3)
         columns[:, 4] += _change(rows, image, 4)
@@ -99,7 +99,8 @@ def test_table_1_with_its_image_field_is_right_to_hundredths(
     print(f"pose {pose}, {remanence} T, six unknowns and the image: {away_mm:.4f} mm, {tilt_deg:.3f}°")
     assert away_mm < limit_mm
     assert tilt_deg < limit_deg
-    # The solver itself, with the image of its own answer subtracted until that stays: near the same, a little off.
+    # The solver itself, with the image of its own answer subtracted until that converges: nearly the same, slightly
+    # different.
     estimate = solve(reading(pose, remanence), replace(pad, magnet=pad.magnet.with_remanence(float(remanence))))
     for _ in range(10):
         moment = magnets[0, 0] * np.exp(estimate.state.log_moment) * estimate.axis

@@ -16,7 +16,7 @@ from fmfts.several.poses import UNFELT
 from fmfts_lab.bench.several_world import EXACT, SCENE, WITHIN_MM, Press, estimator_of, read_once, world
 
 FRAMES = 150
-# So rarely a right pad fails, on either side, with its twenty numbers of pose.
+# A correct pad fails this rarely, on either side, with its twenty numbers of pose.
 FAILS = 1e-6
 # A mean of x² over the patch that is larger by this: see `World.pressed`, of which 36 mm² is the table's own patch.
 WIDER_MM2 = 16.0 * PATCH_MM2
@@ -48,7 +48,7 @@ def errors(fingers: int) -> Array:
         true = pad.magnets.changed(change, pad.frames)
         axis = np.einsum("mji,mj->mi", pad.frames, told.axis - true.axis)[:, :2]
         off = np.concatenate([told.position_m - true.position_m, axis], axis=1)
-        # What is too weak to be felt is not simulated, and is in the deviations.
+        # A touch too weak to be detected is not simulated, and is part of the deviations.
         errors.append((off / np.sqrt(variance - UNFELT * UNFELT)).ravel())
     return np.array(errors)
 

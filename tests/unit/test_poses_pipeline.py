@@ -201,7 +201,7 @@ def test_foreign_field_is_disturbed_without_poses(name: str) -> None:
 def test_postponed_search_is_reported_and_made_up() -> None:
     made, lie = ready("4 over 12"), off(3, 600)
     for frame, _ in frames("4 over 12", 30, PRESS):
-        waits = 12 <= frame.sequence < 20  # the first two have samples of before and after
+        waits = 12 <= frame.sequence < 20  # the first two have samples from before and after
         message = made.process(lie(frame.without_search() if waits else frame) if frame.sequence >= 10 else frame)
         if waits:
             assert (message.health, message.poses, made.search) == ("disturbed", None, "due")
@@ -270,7 +270,7 @@ def test_standard_magnets_have_their_table_in_any_order() -> None:
     assert model.hash == other.hash
     one, two = (each.response.pressed(3.0, -4.0, 1.0).change.reshape(4, 5) for each in (model, other))
     assert (two == one[[2, 1, 3, 0]]).all()
-    # Another polarity is another pad.
+    # A magnet of the other polarity makes another pad.
     upside_down = msgspec.structs.replace(config, magnet=msgspec.structs.replace(first, rest_axis=(0, 0, -1)))
     with pytest.raises(ModelError, match="is for another pad"):
         contact_model_of(upside_down)

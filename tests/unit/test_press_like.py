@@ -101,7 +101,7 @@ def test_contact_begins_and_stays_only_with_a_press_that_explains_it() -> None:
         estimate.explained = share
         said.append(detector.presses(estimate))
     assert said == [False, True, True, False, False]
-    estimate.is_beyond = True  # a squeeze of which the table knows less
+    estimate.is_beyond = True  # a squeeze that the table describes less well
     assert detector.presses(estimate)
 
 

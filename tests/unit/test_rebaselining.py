@@ -23,8 +23,8 @@ from fmfts_lab.bench.drills import AS_DRAWN
 RATE_HZ = 20
 LIMITS = RebaselineConfig(enabled=True, quiet_s=20.0, rate_um_per_hour=180.0, limit_um=30.0, force_below_n=0.1)
 LIMIT_M, RATE_M_PER_S = 30e-6, 180e-6 / 3600.0
-# How far 30 µm downward are from rest in newtons, in the middle of this pad: 3.5 µm are a deviation, of which five are
-# 16 mN (physics of the pad); with what a mean of twenty frames leaves uncertain.
+# Rest's distance from 30 µm downward, in newtons, in the middle of this pad: 3.5 µm are a deviation, and five of them
+# are 16 mN (physics of the pad); plus the uncertainty of a mean of twenty frames.
 LIMIT_N = 0.04
 Ageing = Callable[[float], float]
 

@@ -42,7 +42,7 @@ def test_light_loads_move_the_magnet_as_reciprocity_says(load_n: tuple[float, fl
     np.testing.assert_allclose(axis[:2], expected[3:], atol=2e-3 * np.linalg.norm(axis[:2]))
 
 
-COARSE_M = 4e-3  # what is compared are processes, and not meshes
+COARSE_M = 4e-3  # the test compares processes, not meshes
 
 
 def test_reciprocity_errs_below_two_and_a_half_percent_at_0_3_n() -> None:
@@ -163,7 +163,7 @@ def test_two_processes_solve_same_file_as_one_and_go_on_where_one_stopped(tmp_pa
     solve_into(files[0], presses, Slab(), COARSE_M, shares.append)
     solve_into(files[1], presses, Slab(), COARSE_M, shares.append, Workers(2))
     assert files[0].read_bytes() == files[1].read_bytes()
-    solve_into(files[2], presses[4:], Slab(), COARSE_M, lambda share: None)  # another place was done first
+    solve_into(files[2], presses[4:], Slab(), COARSE_M, lambda share: None)  # another place was solved first
     solve_into(files[2], presses, Slab(), COARSE_M, shares.append, Workers(2))
     assert files[2].read_bytes() == files[0].read_bytes()
     assert shares[-1] == 1.0

@@ -88,7 +88,7 @@ LYING = {
 )
 def test_recording_with_false_sizes_is_refused_cheaply(lie: str, reader: str, tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    path.write_bytes(mcap(LYING[lie])[:-8])  # cut off: only then it can be repaired
+    path.write_bytes(mcap(LYING[lie])[:-8])  # cut off: only such a file can be repaired
     tracemalloc.start()
     try:
         with pytest.raises((RecordingError, SourceError), match=re.escape(str(path))) as refusal:
@@ -173,8 +173,8 @@ def test_frames_of_one_time_are_given_in_parts(tmp_path: Path) -> None:
 
 
 OTHER = msgspec.json.encode(frame("other", 0))
-# What is between two frames, inside of a chunk or between chunks; and how many polls read it at least, if each of them
-# ends as soon as it may.
+# What is between two frames, inside a chunk or between chunks; and the least number of polls that read it, if each ends
+# as soon as it may.
 BETWEEN: dict[str, tuple[bytes, bytes, int]] = {
     "messages": (message(3, msgspec.json.encode(contact_message(pad="other"))) * 6000, b"", 6000 // 64),
     "empty records": (record(0x7F, b"") * 20_000, b"", 20_000 // 64),

@@ -145,7 +145,7 @@ def test_response_that_is_damaged_is_refused() -> None:
             parse_response({RESPONSE_KEY: broken})
 
 
-# --- what it is for ---
+# --- its purpose ---
 
 
 def test_two_steps_from_a_rough_answer_reach_maximum_likelihood(pad: Pad) -> None:

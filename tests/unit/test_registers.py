@@ -37,7 +37,7 @@ MAPS = {
     "mmc5983ma": {*range(0x0D), 0x2F},
     "mlx90393": set(range(0x20)),
 }
-# What must stand somewhere, by the same sheets: the identification; of the MLX90393 HALLCONF, the factory's 0xC.
+# Registers with known values in the same sheets: the identification; for the MLX90393 HALLCONF, the factory's 0xC.
 IDENTITIES = {
     "hmc5983": (0x0A, b"H43"),
     "qmc5883l": (0x0D, b"\xff"),
@@ -103,7 +103,7 @@ def test_chip_measures_on_after_its_dump(clock: Clock, kind: str) -> None:
     one.field_gauss = [-each for each in FIELD_GAUSS]
     samples = run(pad, clock, 1.0, 75)
     assert samples[-1].valid == 1
-    # A film's own zero, a few mG, does not turn over with the field; an old sample would differ by twice the field.
+    # A film's own zero, a few mG, does not change sign with the field; an old sample would differ by twice the field.
     assert np.abs(samples[-1].counts[0] + good).max() < 0.02 * np.abs(good).max()
 
 

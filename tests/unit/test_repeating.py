@@ -117,7 +117,7 @@ def test_processor_that_stands_still_is_told_of_with_when() -> None:
     with StandingStill() as computer:
         time.sleep(0.1)
         start = time.monotonic()
-        hold_the_interpreter(0.2)  # so that no thread of this process goes on, as when all of it is stopped
+        hold_the_interpreter(0.2)  # so that no thread of this process runs, as when all of it is stopped
         end = time.monotonic()
         time.sleep(0.1)
     assert computer.within(start, end)
@@ -132,7 +132,7 @@ def hold_the_interpreter(seconds: float) -> None:
 
 def test_second_attempt_waits_until_strangers_have_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(repeating, "QUIET_WITHIN_S", 10.0)
-    monkeypatch.setattr(repeating, "BUSY_SHARE", 0.8)  # of whatever else runs here, little; of a busy process, all
+    monkeypatch.setattr(repeating, "BUSY_SHARE", 0.8)  # share of other programs here: little; of a busy process: all
     with busy_process() as stranger, busy_process() as own:
         ended = threading.Timer(3.0, stranger.kill)
         ended.start()

@@ -51,9 +51,9 @@ def test_new_pad_needs_a_baseline_and_nothing_else(
     new = replaced(old, remanence_t)
     first = old.baseline(TOLERANCE)
     with pytest.raises(BaselineError):
-        make_rest(pad, TOLERANCE, new.recorded(new.field()), first)  # it is asked whether the pad is another
+        make_rest(pad, TOLERANCE, new.recorded(new.field()), first)  # the test is whether the pad was replaced
     second, mounting = make_rest(pad, TOLERANCE, new.recorded(new.field()), first, replaced=True)
-    # Height trades with the moment: 2 % of it is what the tolerances leave, one deviation.
+    # Height and moment are correlated: the tolerances leave 2 % of it, one deviation.
     assert mounting.remanence_t(pad) == pytest.approx(remanence_t, rel=0.05)
     labelled(new, tmp_path / "new.csv")
     found = evaluated(tmp_path, second, capsys)

@@ -13,10 +13,10 @@ import fmfts
 PACKAGE = Path(fmfts.__file__).parent
 ROOT = Path(__file__).parents[2]
 EXTRAS = sorted(path.parent for path in ROOT.glob("extras/*/pyproject.toml"))
-# What a package of extras/ may use: all rooms but those of the running daemon, and of the verbs what they share.
+# Rooms that a package of extras/ may use: all but those of the running daemon, and the shared part of the verbs.
 CLOSED = {"runtime", "offline", "report"}
 OPEN_VERBS = {"fmfts.cli.verb", "fmfts.cli.feed"}
-# The lowest first: each may import those that stand before it, and of its own floor none.
+# The lowest first: each may import those before it, and none of its own floor.
 FLOORS = [
     {"arithmetic", "service", "sensor/chips"},
     {"common", "pad", "sensor"},

@@ -54,7 +54,7 @@ def two(
     sources, publisher = (Piped(), Piped()), Publisher(Endpoints.from_base(f"ipc://{tmp_path}"), "boot")
     waiting = FastLoop(publisher)
     schedule = Schedule(cast(list[Source], list(sources)), waiting)
-    schedule.wait(0)  # the first wait looks at every deadline
+    schedule.wait(0)  # the first wait considers every deadline
     for source in sources:
         schedule.served(cast(Source, source))
     yield schedule, *sources

@@ -103,7 +103,7 @@ def test_frames_of_one_pad_alone_make_rounds_where_all_others_are_away() -> None
 def test_pad_that_left_while_waiting_delays_few_rounds() -> None:
     turns = SearchTurns(3)
     assert who_searched(turns, ["a", "b", "c"], {"a", "b", "c"}) == ["a", "", ""]
-    searched = who_searched(turns, ["c", "a"] * 40, {"a", "c"})  # it was b's turn
+    searched = who_searched(turns, ["c", "a"] * 40, {"a", "c"})  # it was pad b's turn
     first = next(number for number, pad in enumerate(searched) if pad)
     assert first <= (PATIENCE_ROUNDS + 1) * 3
     assert {"a", "c"} == set(filter(None, searched))
@@ -181,7 +181,7 @@ def test_frame_without_search_needs_few_fits(monkeypatch: pytest.MonkeyPatch) ->
     for frame in map(beside_steel, frames(36)):
         number = frame.sequence
         made.process(frame)
-    # Nobody, one, one fewer; six pairs and one fewer; then eight sensors, or nobody, one and six pairs anew.
+    # Nobody, one, one fewer; six pairs and one fewer; then eight sensors, or nobody, one and six pairs again.
     assert max(fits.values()) <= 12 * fit.ITERATIONS + 8 * fit.FEW_ITERATIONS
 
 

@@ -77,7 +77,7 @@ def test_gains_of_passed_selftest_are_stored_and_begin_next_baseline(pad: Pad) -
     assert facts["passed"] is True
     assert facts["stored"] == str(path_of(pad.name, "selftest"))
     rest = recorded(recorded(None, chips(), bare=True).baseline, chips())
-    # Untested, an axis is ±5 %, and the field at rest can tell little of it; tested, no axis is worse than its strap.
+    # Untested, an axis is ±5 %, and the field at rest says little about it; tested, no axis is worse than its strap.
     assert gain_deviation(untested.mounting) > 4.0 * STRAPS
     assert gain_deviation(rest.mounting) <= STRAPS
     assert np.abs(rest.mounting.gain / GAIN - 1.0).max() < 4.0 * STRAPS

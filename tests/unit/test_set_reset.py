@@ -37,7 +37,7 @@ def test_zeros_are_distinguished_from_the_field(clock: Clock, trigger: int) -> N
     result = measured(clock, chip(clock, zero_gauss=ZERO_GAUSS), chip(clock), trigger=trigger)
     assert (result.request_id, result.gain_code) == (7, 0)
     assert [sensor.state for sensor in result.sensors] == [SensorState.OK] * 2
-    # Half a count from the mean, one from each conversion, which cuts two bits off.
+    # Half a count from the mean, and one from each conversion, which drops two bits.
     assert result.sensors[0].positive == pytest.approx([each * COUNTS_PER_GAUSS for each in ZERO_GAUSS], abs=1.5)
     assert result.sensors[1].positive == pytest.approx((0, 0, 0), abs=1.5)
     assert result.sensors[0].negative == pytest.approx((-1024, -1024, -1024), abs=2)  # −2 · 0.125 G
@@ -62,7 +62,7 @@ def test_noise_fails_no_good_chip(clock: Clock) -> None:
     result = i2c_selftest.measure(pad, 1)
     assert [sensor.state for sensor in result.sensors] == [SensorState.OK] * 8
     zeros = [count for sensor in result.sensors for count in sensor.positive]
-    # Each pulse leaves another zero, of 1 mG rms: half of both is 0.7 mG, three counts. Five of them.
+    # Each pulse leaves a new zero, of 1 mG rms: half of both is 0.7 mG, three counts. Five of them.
     assert max(map(abs, zeros)) <= 15
 
 

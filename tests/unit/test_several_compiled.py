@@ -206,7 +206,7 @@ def test_unsolvable_press_is_refused_with_the_reason() -> None:
         ("ROUNDING", -0.9),  # a step must lower χ² to a tenth
         ("DAMPING", 0.1),
         ("DAMPING_FACTOR", 3.0),
-        ("MOST_DAMPING", 1e-5),  # the first step that is refused ends the search
+        ("MOST_DAMPING", 1e-5),  # the first refused step ends the search
         ("LONGEST_STEP_MM", 0.5),
         ("LEAST_STEP_MM", 100.0),
         ("FLOOR", np.array([1.0, 10.0, 100.0])),

@@ -76,7 +76,7 @@ def test_untouched_turning_pad_is_healthy_and_reports_no_finger() -> None:
     last = messages[-1]
     assert last.force_n == 0.0
     assert last.force_sd_n is not None
-    assert 0.005 < last.force_sd_n < 0.2  # what may press unfelt: some 0.05 N over √3
+    assert 0.005 < last.force_sd_n < 0.2  # a finger may press undetected: some 0.05 N over √3
     assert last.pose is None
     assert isinstance(last.poses, list)
     assert len(last.poses) == 4

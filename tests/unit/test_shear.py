@@ -65,7 +65,7 @@ def test_model_named_in_the_config_publishes_shear(baseline: Baseline, shear_n: 
                 getattr(message, name.replace("_m", "_sd_m").replace("_n", "_sd_n")),
             )
             assert abs(value - truth) < 5.0 * deviation
-        # A single frame's bound there is 0.08 N; what bare and rest baselines leave open of the mounting, 0.3 N.
+        # A single frame's bound there is 0.08 N; bare and rest baselines leave an error of the mounting of 0.3 N.
         assert message.shear_x_sd_n is not None
         assert message.shear_x_sd_n < 0.5
     if shear_n != (0.0, 0.0):

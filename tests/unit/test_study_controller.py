@@ -69,7 +69,7 @@ def number(row: Row, name: str) -> float:
 def test_truth_at_publishing_is_wrong_only_by_reading_delay() -> None:
     row = controller.scored(steady_ramp(), told_late(steady_ramp(), 0.0))
     assert row["publishing_n"] == pytest.approx(0.0, abs=1e-9)
-    # Read once a millisecond, a message is 0 to 4.5 ms old: rms 4.55/√3 ms, to within a step of the reading.
+    # Read once a millisecond, a message is 0 to 4.5 ms old: rms 4.55/√3 ms, to within one read.
     assert number(row, "read_n") == pytest.approx(RAMP_N_PER_S / RATE_HZ / np.sqrt(3.0), rel=0.05)
     assert row["age_ms"] == pytest.approx(0.0, abs=1e-6)
 
@@ -227,7 +227,8 @@ def test_study_can_measure_that_alone_and_writes_its_chart_and_its_table(tmp_pat
     assert swift[NOW]["publishing_n"] < swift["today's, line"]["publishing_n"] < swift[TODAY]["publishing_n"]
     assert told["today's, line"]["noise_mn"] > 1.5 * told[TODAY]["noise_mn"]
     assert told[NOW]["noise_mn"] < 1.2 * told[TODAY]["noise_mn"]
-    # What is solved from the same field is as right where nothing moves: a frame reaches every method unspoiled.
+    # Methods that solve the same field are equally accurate where nothing moves: a frame reaches every method
+    # unspoiled.
     for method in ("extended Kalman", "unscented Kalman", "all samples at once"):
         for unit in ("n", "mm"):
             error, todays = (told[name]["motions"]["hold"][f"publishing_{unit}"] for name in (method, TODAY))

@@ -59,7 +59,7 @@ def test_kernel_and_every_least_squares_solver_find_same_minimum(find: Find) -> 
     rivals = [row["method"] for row in find(chart="pose", scene="constant", family="SciPy")]
     assert len(rivals) == 5
     for rival in [*rivals, "kernel, 6, from rest (the paper)"]:
-        # They stop a thirtieth of a deviation away, each on its own side.
+        # They stop a thirtieth of a deviation away, on opposite sides.
         assert pose_error(find, "constant", rival) == pytest.approx(kernel, rel=0.01)
 
 

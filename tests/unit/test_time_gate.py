@@ -59,7 +59,7 @@ def test_a_second_of_old_packets_is_not_accepted(seed: int) -> None:
     line.feed(later_ns=0)
     frames = []
     for number in range(2100, 2320):
-        # Those of the last 20 ms are told with their own time, which is a second old by then.
+        # Frames of the last 20 ms keep their own time, which is a second old by then.
         burst = range(number - 220, min(number - 220 + dice.randrange(1, 12), 2095))
         again = [of(old) for old in burst] if dice.random() < 0.1 else []
         frames += line.feed(*again, later_ns=PERIOD_NS)
@@ -80,7 +80,8 @@ def test_board_that_was_reset_is_accepted_without_its_hello_after_some_packets()
     line = line_after(2300)
     frames = [frame for number in range(20) for frame in line.feed(of(number))]
     assert len(frames) == 18
-    # The board was young: they might be old ones that come again, also the first. A tenth of a second convinces.
+    # The board was young: the frames might be repeated old ones, even the first. After a tenth of a second the new
+    # clock is accepted.
     for first in (0, 20):
         young = line_after(300)
         frames = [frame for number in range(first, 150) for frame in young.feed(of(number))]

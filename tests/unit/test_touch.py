@@ -82,7 +82,7 @@ def test_force_that_a_hidden_field_looks_like_is_no_contact() -> None:
     detector = touched(hidden_n=0.1)
     forces = (0.19, 0.21, 0.11, 0.09)
     assert [detector.presses(estimate(force, 1e-3)) for force in forces] == [False, True, True, False]
-    # Where the place is doubtful, the model's own error is as large as the force that a passing tool looks like.
+    # Where the place is uncertain, the model's own error is as large as the apparent force of a passing tool.
     at_the_rim = Estimate.of(0.48, 0.3, 0.1)
     assert not detector.presses(at_the_rim)
     assert touched().presses(at_the_rim)

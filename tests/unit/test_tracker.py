@@ -13,7 +13,7 @@ from fmfts.pose.field_errors import SensorErrors
 from fmfts_lab.bench.field_tracker import FieldTracker
 
 NOISE_T = 2e-7
-SEARCH_EVERY = 8  # fault_search.c: frames of a disturbance in which a cause is sought
+SEARCH_EVERY = 8  # fault_search.c: frames of a disturbance in which it searches a cause
 DEVIATION = np.full((4, 3), NOISE_T)
 CONSTANT = TrackingModel(parts_of(free=np.arange(6)))
 
@@ -82,7 +82,7 @@ def test_contradicting_sensor_near_steel_is_disturbed(pad: Pad, rest: State, pre
     assert (track.health, track.estimate) == ("disturbed", None)
     assert track.reason.startswith("sensor 3 contradicts the others")
     assert "steel or a magnet is near" in track.reason
-    field[2] = np.nan  # one that does not answer is left out there, too
+    field[2] = np.nan  # a sensor that does not answer is excluded there, too
     assert tracker.update(field, DEVIATION).health == "degraded"
 
 
@@ -135,7 +135,7 @@ def test_pose_from_which_nothing_is_found_is_left_for_rest(pad: Pad, tracker: Fi
     assert tracker.update(field_at(pad, fallen) + steel, DEVIATION).estimate is None
     back = rest.stepped(np.array([-9.2e-4, -6.1e-4, 8.9e-4, -0.2, 0.2, 0, 0, 0, 0]))
     health = [tracker.update(field_at(pad, back), DEVIATION).health for _ in range(2 * SEARCH_EVERY)]
-    assert health[0] != "ok"  # or this pose is none from which nothing is found
+    assert health[0] != "ok"  # otherwise the tracker finds nothing from this pose
     assert health[SEARCH_EVERY:] == ["ok"] * SEARCH_EVERY
 
 
@@ -178,9 +178,9 @@ def test_misfit_that_no_gate_stops_makes_the_answer_less_certain(pad: Pad, rest:
                 assert track.estimate is not None
                 seen.append(np.sqrt(track.estimate.covariance[2, 2]))
         deviations[share] = float(np.mean(seen))
-    exact = 6.1e-6  # of z with six unknowns at rest: docs/pose.md's bound
+    exact = 6.1e-6  # deviation of z with six unknowns at rest: docs/pose.md's bound
     assert 1.0 < deviations[1.0] / exact < 1.1
-    # Frames above the gate are not published, which takes away the largest misfits.
+    # Frames above the gate are not published, which removes the largest misfits.
     assert 1.6 < deviations[2.0] / exact < 2.1
 
 

@@ -38,6 +38,6 @@ def test_one_board_under_two_elastomers_has_the_same_chips() -> None:
     foam, ecoflex = (matrices(_found(board)[2].mean) for board in BOARDS[:2])
     apart = foam - ecoflex
     gains, turned = np.einsum("iaa->ia", apart), (apart - apart.transpose(0, 2, 1)) / 2.0
-    # A factor and a rotation that all chips have in common stay unknown.
+    # A factor and a rotation shared by all chips stay unknown.
     assert np.std(gains) < 0.014
     assert np.degrees(np.sqrt(np.mean((turned - turned.mean(axis=0)) ** 2) * 1.5)) < 0.6

@@ -58,7 +58,7 @@ def test_missing_value_does_not_shift_the_pose(tmp_path: Path, edit: Edit) -> No
     assert np.isnan(calibration.field_t).sum() == 200
     off = (fewer.pose[:, :5] - whole.pose[:, :5]) / fewer.deviation
     assert np.sqrt(np.mean(off**2)) < 3.0
-    # A sensor left out whole would cost much more than a twelfth of what is known.
+    # A sensor excluded as a whole would cost much more than a twelfth of the information.
     assert 1.0 < np.median(fewer.deviation / whole.deviation) < 1.1
     assert (fewer.deviation >= whole.deviation * 0.999).all()
 

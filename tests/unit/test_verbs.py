@@ -289,7 +289,7 @@ def test_simulated_pad_is_held_for_its_baseline_and_then_let_go(daemon: Daemon, 
     daemon.frames(100)
     daemon.ask("baseline", duration_s=0.5, **{kind: True})
     assert daemon.source.mounted == (kind == "rest")
-    daemon.frames(UNSETTLED_FRAMES)  # chips may still tell what they saw before
+    daemon.frames(UNSETTLED_FRAMES)  # chips may still report earlier samples
     assert daemon.channel.job is not None
     assert daemon.channel.job._collection.frames == []
     daemon.frames(150)

@@ -148,7 +148,7 @@ def test_garbage_inside_a_packet_costs_that_packet_alone(hit: Packet, next_one: 
     garbage = data.draw(st.binary(min_size=1, max_size=300))
     received = Decoder().feed(line[:place] + garbage + line[place:] + encode(next_one))
     assert facts(received[-1]) == facts(next_one)
-    # Of an inserted zero at the line's very end, or of a CRC that holds by chance (2^-16), the packet may survive.
+    # If a zero is inserted at the line's very end, or a CRC matches by chance (2^-16), the packet may survive.
     assert len(received) <= 2
 
 

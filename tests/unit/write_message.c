@@ -1,4 +1,4 @@
-/* For test_message_bytes.py: a reading from plain numbers, and its message. */
+/* For test_message_bytes.py: makes a reading from plain numbers, and its message. */
 #include "../../daemon/fmfts/pipeline/frame.h"
 
 #include <string.h>

@@ -5,8 +5,8 @@
  *
  * The same controller as clients/python/examples/grip.py, with the same constants. It loosens the object, once, until it slips a
  * millimetre or two; the force at which that began is the least one. It then holds with `reserve` more, and with as much more as the
- * shear grows: a glass that is filled. Each further slip teaches anew. While a pad says nothing certain the gripper never opens; while
- * neither does, it holds as it is. docs/slip.md says what it needs. */
+ * shear grows: a glass that is filled. Each further slip teaches anew. While no pad knows its force the gripper never
+ * opens; while both do not, it holds still. docs/slip.md says what it needs. */
 #define _POSIX_C_SOURCE 200809L
 #include <fmfts.h>
 #include <math.h>
@@ -16,26 +16,27 @@
 
 enum { PADS = 2, PERIOD_NS = 10000000 };
 static const double period_s = PERIOD_NS * 1e-9;
-static const double first_n = 0.6;         /* of a new grip, and the least of any: below it slips are not told */
-static const double largest_n = 2.0;       /* the pads know no more, and the object may bear no more */
+static const double first_n = 0.6;         /* of a new grip, and the least of any: the pads report no slip below it */
+static const double largest_n = 2.0;       /* the pads measure no more, and the object may not bear more */
 static const double reserve = 0.15;        /* more than the force at which it slipped */
 static const double first_reserve = 0.5;   /* while the least force is not known */
-static const double still_slips_per_s = 0.6; /* it slips on: so much more, as a share */
+static const double still_slips_per_s = 0.6; /* if it still slips: this share more force */
 static const double loosens_per_s = 0.15;  /* as a share */
 static const double approach_m_per_s = 0.015, fastest_m_per_s = 0.04;
 /* How fast to close for a newton too little: thirty divided by the gripper's stiffness in N/m. */
 static const double close_m_per_s_per_n = 0.15;
 static const double settled_s = 0.3, smooth_s = 0.15;
-static const double same_s = 0.05; /* a slip that begins again so soon is the same one */
+static const double same_s = 0.05; /* a slip that begins again within this time is the same one */
 /* `slipping` waits until sticking_probability is below 0.1: a finger may roll. An object in a gripper hardly does. So a pad that surely
  * stuck slips from slips_below on. */
 static const double slips_below = 0.5, sticks_above = 0.8;
-static const double moved_m = 2e-3; /* a place that moved so far slipped, too: a slow slip is told late, or not at all */
-static const double late_s = 0.1;   /* an older sample says nothing of now */
+static const double moved_m = 2e-3; /* a contact that moved this far slipped, too: a slow slip comes late or never */
+static const double late_s = 0.1;   /* an older sample does not describe the present */
 
 enum slips { NOT_KNOWN, STICKS, SLIPS };
 
-/* What is remembered of a pad since its last slip. shear_n: now, smoothed; shear_then_n: after it. */
+/* What is remembered of a pad since its last slip. shear_n: the present shear, smoothed; shear_then_n: just after the
+ * slip. */
 struct memory {
     bool stuck, placed, sheared, sheared_then;
     double x_m, y_m, shear_n, shear_then_n;
@@ -48,14 +49,15 @@ struct grip {
     struct memory pad[PADS];
 };
 
-/* For the gripper, and the arm. close_m_per_s: each finger, negative opens. why: what it lacks, for people. */
+/* For the gripper and the arm. close_m_per_s: speed of each finger; negative opens. why: a reason for people to read.
+ * */
 struct command {
     double close_m_per_s;
     bool may_lift;
     const char *why;
 };
 
-/* Is its force known now? Slip and place may be unknown: a light touch. */
+/* Is the pad's force known now? Slip and place may be unknown: a light touch. */
 static bool is_usable(const struct fmfts_client *client, const struct fmfts_contact *contact)
 {
     return fmfts_alive(client) && fmfts_sample_age_s(contact) <= late_s && contact->health == FMFTS_OK && !contact->over_range &&
@@ -109,7 +111,7 @@ static double wanted_n(struct grip *grip, const struct fmfts_contact *const seen
         memset(grip->pad, 0, sizeof grip->pad);
     } else if (loosen && !grip->found && knows) {
         grip->slipped_n *= 1.0 - loosens_per_s * period_s;
-        if ((1.0 + first_reserve) * grip->slipped_n < first_n) /* it holds with less than the pads can tell */
+        if ((1.0 + first_reserve) * grip->slipped_n < first_n) /* the pads cannot measure a force this small */
             grip->found = true, grip->slipped_n = first_n / (1.0 + reserve);
     }
     grip->sticks_s += period_s;
@@ -119,12 +121,12 @@ static double wanted_n(struct grip *grip, const struct fmfts_contact *const seen
     return fmin(fmax(more * grip->slipped_n * most, first_n), largest_n);
 }
 
-/* seen: the newest contact of each pad, NULL: not usable. loosen: the arm stands still, with the object in the air, and the least force
- * shall be found. */
+/* seen: the newest contact of each pad; NULL if it cannot be used. loosen: find the least force; the arm stands still
+ * and the object hangs in the air. */
 static struct command step(struct grip *grip, const struct fmfts_contact *const seen[PADS], bool loosen)
 {
     int count = 0, touched = 0;
-    double force_n = 0.0; /* both fingers press alike; a pad that is touched near its rim reads too little */
+    double force_n = 0.0; /* both fingers press equally; a pad that is touched near its rim reads too little */
     for (int i = 0; i < PADS; i++) {
         count += seen[i] != NULL;
         touched += seen[i] && seen[i]->contact == FMFTS_TOUCHED;
@@ -137,7 +139,7 @@ static struct command step(struct grip *grip, const struct fmfts_contact *const 
     grip->touched = true;
     double wanted = wanted_n(grip, seen, force_n, loosen && count == PADS);
     double speed = fmin(fmax(close_m_per_s_per_n * (wanted - force_n), -fastest_m_per_s), fastest_m_per_s);
-    if (count < PADS) /* the other pad alone may tighten, but only what it touches */
+    if (count < PADS) /* the other pad alone may tighten, but only while it touches the object */
         return (struct command){.close_m_per_s = touched > 0 ? fmax(speed, 0.0) : 0.0, .why = "a pad says nothing"};
     return (struct command){.close_m_per_s = speed, .may_lift = !grip->slips && force_n > 0.9 * wanted};
 }
@@ -153,12 +155,12 @@ static void wait_for_next_period(struct timespec *at)
     struct timespec now;
     clock_gettime(CLOCK_MONOTONIC, &now);
     if ((now.tv_sec - at->tv_sec) * 1000000000LL + now.tv_nsec - at->tv_nsec > PERIOD_NS)
-        *at = now; /* it was stopped: to catch up would take one message for many */
+        *at = now; /* the program was stopped: handling each missed period now would use one message several times */
 }
 
 static int end(struct fmfts_client *client[PADS], const char *why)
 {
-    puts("hold (it ends)"), fflush(stdout); /* your gripper's speed 0: else the last one stands */
+    puts("hold (it ends)"), fflush(stdout); /* set your gripper's speed to 0; otherwise it keeps the last one */
     fprintf(stderr, "grip: %s\n", why);
     for (int i = 0; i < PADS; i++)
         fmfts_close(client[i]);
@@ -181,7 +183,7 @@ int main(int count, char **words)
         client[i] = fmfts_connect(named == PADS ? words[1 + i] : names[i], NULL, why);
         if (!client[i])
             return fprintf(stderr, "grip: %s\n", why), 69;
-        if (!fmfts_why(client[i], 1000, why)) /* before the loop: it may take a second */
+        if (!fmfts_why(client[i], 1000, why)) /* before the loop, because it may take a second */
             fprintf(stderr, "grip: %s\n", why);
     }
     clock_gettime(CLOCK_MONOTONIC, &period);

@@ -1,5 +1,5 @@
 /* Closes a gripper until the pad feels limit_n. Opens it at once when the force is larger, over range, or not known.
- * It closes after 0.2 s in which nothing spoke for opening: a force near the limit does not rattle it.
+ * It closes only after 0.2 s without a reason to open, so that a force near the limit does not make it chatter.
  * It runs as a control loop of 1 kHz and never waits for the pad. */
 #define _POSIX_C_SOURCE 200809L
 #include <fmfts.h>
@@ -7,7 +7,7 @@
 #include <time.h>
 
 static const double limit_n = 1.0;
-static const double largest_force_sd_n = 0.3; /* a force that is less certain does not close the gripper */
+static const double largest_force_sd_n = 0.3; /* a force with a larger deviation does not close the gripper */
 enum { PERIOD_NS = 1000000, CALM_PERIODS = 200 };
 
 /* Why the gripper must open; NULL: it may close. */
@@ -35,7 +35,7 @@ static void wait_for_next_period(struct timespec *at)
     struct timespec now;
     clock_gettime(CLOCK_MONOTONIC, &now);
     if ((now.tv_sec - at->tv_sec) * 1000000000LL + now.tv_nsec - at->tv_nsec > PERIOD_NS)
-        *at = now; /* it was stopped: to catch up would take one message for many */
+        *at = now; /* the program was stopped: handling each missed period now would use one message several times */
 }
 
 int main(int count, char **words)
@@ -47,11 +47,11 @@ int main(int count, char **words)
         return 69;
     }
     fmfts_set_largest_force_sd(client, largest_force_sd_n);
-    if (!fmfts_why(client, 1000, why)) /* before the loop: it may take a second */
+    if (!fmfts_why(client, 1000, why)) /* before the loop, because it may take a second */
         fprintf(stderr, "gripper: %s\n", why);
     struct fmfts_contact contact = {.health = FMFTS_DISCONNECTED};
     const char *printed = ""; /* the last printed reason; NULL: the gripper may close */
-    int calm = 0;             /* periods since anything spoke for opening */
+    int calm = 0;             /* periods since there was a reason to open */
     enum fmfts_result result;
     struct timespec period;
     clock_gettime(CLOCK_MONOTONIC, &period);

@@ -31,7 +31,7 @@ def with_touch(robot: Robot, pads: Pads) -> Robot:
             return bool(super().is_connected) and pads.is_connected
 
         def connect(self, *arguments: Any, **options: Any) -> None:
-            pads.connect()  # first: a robot without its touch must not move
+            pads.connect()  # first, because a robot without its touch must not move
             try:
                 super().connect(*arguments, **options)
             except BaseException:

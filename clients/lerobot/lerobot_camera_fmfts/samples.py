@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from lerobot_camera_fmfts.touch import TouchLostError, anywhere_sd_m, filled, is_usable, why_lost
 
-MOST = 16  # more than come in 40 ms at 220 Hz
-PATIENCE_S = 1.0  # longer than other programs hold both cores of a small computer
+MOST = 16  # more messages than arrive in 40 ms at 220 Hz
+PATIENCE_S = 1.0  # longer than other programs keep both cores of a small computer busy
 WRENCH = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")  # one point of the type `wrench` of LeRobot's tactile interface
 
 

@@ -9,10 +9,10 @@ from dataclasses import replace
 
 from fmfts_client import Client, Contact
 
-USABLE = {"ok": 0.0, "degraded": 1.0}  # health as a feature; every other health raises
+USABLE = {"ok": 0.0, "degraded": 1.0}  # health as a feature; any health that is not listed raises
 WAIT_S = 0.3  # three messages of a daemon whose pad is silent
 
-# Name after the pad's: where the contact has it. "health", "contact" and "over_range" are 0 or 1.
+# Suffix after the pad's name: where the contact has the value. "health", "contact" and "over_range" are 0 or 1.
 FEATURES = ("health", "contact", "over_range", "force_n", "force_sd_n", "x_m", "x_sd_m", "y_m", "y_sd_m")
 
 

@@ -39,7 +39,7 @@ def main() -> None:
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--start", type=Path, help="a policy from which it goes on, in smaller steps")
     chosen = options.parse_args()
-    # It begins with a hand that closes to about a newton, and lifts slowly what it holds.
+    # First a hand closes to about a newton, and slowly lifts what it holds.
     start = np.zeros((2, len(FEATURES)))
     start[0, FEATURES.index("constant")], start[0, FEATURES.index("force")] = 1.0, -0.8
     start[1, FEATURES.index("weakest")] = 0.3

@@ -17,7 +17,7 @@ from fmfts_mujoco.boards import NS, Boards, built_of
 from fmfts_mujoco.history import History
 from fmfts_mujoco.stacked import Stacked
 
-FRAMES, BEGUN = 600, 50  # the first ones still find out what the ambient field is
+FRAMES, BEGUN = 600, 50  # the pipeline uses the first ones to find the ambient field
 NUMBERS = ("force_n", "x_m", "y_m", "force_sd_n", "x_sd_m", "y_sd_m")
 Press = tuple[float, float, float]  # x, y in m, force in N
 

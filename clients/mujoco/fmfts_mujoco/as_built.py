@@ -15,13 +15,13 @@ from fmfts.pad import Array
 from fmfts.simulation.finger_shape import FingerShape
 from fmfts.simulation.mechanics import Mechanics
 
-# How the magnet's movement (dx, dy, dz, axis x, y) goes with the thickness of the slab: as this power of it, under a
-# normal force and under shear. From the presses that CalculiX solved on slabs of 3.6, 4 and 4.4 mm with a finger of
-# 6 mm (lab/fmfts_lab/bench/cast_presses.csv): those powers give sinking and tilt within 3 % at each place and force.
+# The magnet's movement (dx, dy, dz, axis x, y) grows with this power of the slab's thickness, under a normal force and
+# under shear. From the presses that CalculiX solved on slabs of 3.6, 4 and 4.4 mm with a finger of 6 mm
+# (lab/fmfts_lab/bench/cast_presses.csv): those powers give sinking and tilt within 3 % at each place and force.
 BY_FORCE = np.array([2.0, 2.0, -2.4, -2.7, -2.7])
 BY_SHEAR = np.array([-1.7, -1.7, -2.4, -2.3, -2.3])
-DRAWN_M = 4e-3  # the thickness of the slab that every pad is drawn with: the middle one of these
-SOFTEST, THINNEST = 0.3, 0.5  # shares of what is drawn: less is no pad
+DRAWN_M = 4e-3  # the thickness of the slab that every pad is drawn with: the middle one of these three
+SOFTEST, THINNEST = 0.3, 0.5  # shares of the drawn number: fewer make no pad
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from fmfts_mujoco.history import History
 from fmfts_mujoco.places import ModelError
 from fmfts_mujoco.stacked import Stacked
 
-START_S = 1.0  # on the boards' clock at the beginning, so that no sample is from before its start
+START_S = 1.0  # on the boards' clock at the beginning, so that no sample has a time before its start
 NS, US = 1_000_000_000, 1_000_000
 SILICONE, CASTING = "silicone", "casting"
 

@@ -27,7 +27,7 @@ PADS = ("left_pad", "right_pad")
 CONTROL_S = 0.02
 CLOSING_M_PER_S, LIFTING_M_PER_S = 0.04, 0.1
 MASS_KG, FRICTION, WIDER_M = (0.02, 0.05), (0.3, 0.6), (-0.003, 0.003)
-CRUSHED_N = 2.0  # of either finger, for one step of control; to hold an object takes 0.16 to 0.82 N
+CRUSHED_N = 2.0  # of either finger, for one step of control; holding an object takes 0.16 to 0.82 N
 LIFTED_M = 0.04
 OBSERVED = dict[str, NDArray[Any]]
 
@@ -110,7 +110,7 @@ class GraspEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         self.model.body_mass[self._object] = mass_kg
         self.model.body_inertia[self._object] = self._inertia * mass_kg / self._mass_kg
         self.model.geom_friction[self._cheeks, 0] = friction
-        # MuJoCo would not notice that a geom of the object moved, so the fingers start nearer to it.
+        # MuJoCo does not notice that a geom of the object was moved, so the fingers start nearer to it.
         nearer_m = np.outer(np.sign(self._finger_m[:, 0]), (wider_m, 0.0, 0.0))
         self.model.body_pos[self._fingers] = self._finger_m - nearer_m
         self.data.joint("object").qpos[1] += self.np_random.uniform(-0.003, 0.003)

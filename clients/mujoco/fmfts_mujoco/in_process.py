@@ -20,7 +20,7 @@ from fmfts_mujoco.scene import Scene
 from fmfts_mujoco.setting_up import baselines
 from fmfts_mujoco.told import Told
 
-SILENT_S, REPEAT_S = 0.15, 0.1  # as the daemon: after so long a pad is silent, and says so again so often
+SILENT_S, REPEAT_S = 0.15, 0.1  # as in the daemon: then a pad is silent, and repeats that at this interval
 UNPLUGGED = "its board does not answer: it is unplugged"
 
 

@@ -21,7 +21,7 @@ from fmfts_mujoco.in_process import Pads
 from fmfts_mujoco.objects import Object, filled
 
 PERIOD_S = 0.01
-LOAD_M_PER_S, AIR_M = 0.02, 0.015  # so slowly, and so high, before the least force is looked for
+LOAD_M_PER_S, AIR_M = 0.02, 0.015  # this slowly, and this high, before the search for the least force
 LIFT_M_PER_S, LIFT_M_PER_S2, HIGH_M = 0.1, 0.5, 0.08
 SETTLE_S, LONGEST_S, FILLS_S, HOLD_S, PATIENCE_S = 0.4, 4.0, 3.0, 2.0, 15.0
 LARGEST_WAY_M = 0.045
@@ -103,7 +103,7 @@ class Lifting:
         target = self.data.ctrl.copy()
         for _ in range(round(PATIENCE_S / PERIOD_S)):
             before = self.data.ctrl.copy()
-            for substep in range(self._substeps):  # motors do not jump
+            for substep in range(self._substeps):  # a motor's force does not jump
                 self.data.ctrl[:] = before + (target - before) * (substep + 1) / self._substeps
                 mujoco.mj_step(self.model, self.data)
                 self.pads.step(self.data)

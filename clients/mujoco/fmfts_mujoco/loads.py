@@ -67,7 +67,7 @@ class Presses:
         pads, point_m, frame, force = (
             np.concatenate([getattr(step, name) for step in steps]) for name in ("pads", "point_m", "frame", "force")
         )
-        # MuJoCo tells the force of the first geom on the second one, in the contact's own axes.
+        # MuJoCo gives the force of the first geom on the second one, in the contact's own axes.
         force_n = np.einsum("ci,cij->cj", force[:, :3], frame.reshape(-1, 3, 3))
         first, second = (np.flatnonzero(pads[:, side] >= 0) for side in (0, 1))
         which = np.concatenate([first, second])
@@ -78,7 +78,7 @@ class Presses:
         there_m = np.einsum("cij,ci->cj", turn, point_m[which] - origin_m)
         load_n = np.einsum("cij,ci->cj", turn, pushed_n)
         load = np.stack([there_m[:, 0], there_m[:, 1], -load_n[:, 2], load_n[:, 0], load_n[:, 1]], axis=1)
-        pressing = load[:, 2] > 0.0  # what pulls at a pad, or touches its side, presses nothing
+        pressing = load[:, 2] > 0.0  # a force that pulls at a pad, or touches its side, is no press
         return cls(step[pressing], pad[pressing], load[pressing])
 
 

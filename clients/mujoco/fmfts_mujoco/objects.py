@@ -13,13 +13,13 @@ GRAVITY_M_PER_S2 = 9.81
 SHAPES = ("ball", "egg", "glass")
 CHEEK_M = 9e-3
 FRICTION, LEAST_N, WIDTH_M = (0.2, 1.2), (0.8, 1.45), (0.05, 0.09)
-FILLED = (1.3, 1.6)  # a glass: its mass when it is full, as a share of its own
-TOP_M, CLEAR_M = 14e-3, 6e-3  # of a pad above its sensors; between it and the object before it closes
-HEIGHT_M = 31e-3  # of the middle of the cheeks above the table
-BODY_M = np.array([0.015, 0.025])  # half the depth and the height of what stands on the table
-ABOVE_M = (2e-3, 4e-3)  # the fingers are so much below the middle of the cheeks: slips move them up
+FILLED = (1.3, 1.6)  # a glass: its full mass, as a share of its empty mass
+TOP_M, CLEAR_M = 14e-3, 6e-3  # of a pad above its sensors; between the pad and the object before it closes
+HEIGHT_M = 31e-3  # height of the middle of the cheeks above the table
+BODY_M = np.array([0.015, 0.025])  # half the depth and the height of the object on the table
+ABOVE_M = (2e-3, 4e-3)  # the fingers are this far below the middle of the cheeks, because slips move them up
 SIDEWAYS_M = 3e-3
-# Those of the gripper's own cheeks: the silicone's stiffness is theirs (models/standard_pad.xml).
+# The same as the gripper's own cheeks, which have the silicone's stiffness (models/standard_pad.xml).
 SOLREF, SOLIMP, TORSION = (-33000.0, -200.0), (0.5, 0.5, 0.001), (0.003, 1e-4)
 
 
@@ -42,7 +42,8 @@ class Object:
         friction, least_n, width_m = (float(random.uniform(*limits)) for limits in (FRICTION, LEAST_N, WIDTH_M))
         shape = str(random.choice(SHAPES)) if shape is None else shape
         full = float(random.uniform(*FILLED)) if shape == "glass" else 1.0
-        # Curvature, as shares of half the width: along y and z. Where z's is below 1, the object tends to tip over.
+        # Curvature, as shares of half the width: along y and z. An object whose factor for z is below 1 tends to tip
+        # over.
         egg, glass = random.uniform((0.5, 0.7), (1.0, 1.0)), random.uniform(1.0, 2.0)
         curved = {"ball": (1.0, 1.0), "egg": (float(egg[0]), float(egg[1])), "glass": (1.0, float(glass))}.get(shape)
         if curved is None:
@@ -98,7 +99,7 @@ class Object:
             rgba=(0.8, 0.5, 0.3, 1.0),
         )
         cheek.solref, cheek.solimp[:3] = SOLREF, SOLIMP
-        if self.shape == "rod":  # its axis is MuJoCo's z, and lies along y
+        if self.shape == "rod":  # its axis is MuJoCo's z, which lies along y
             cheek.quat = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fmfts_mujoco.told import Told
 
-SAMPLES = 16  # more than come in 40 ms at 220 Hz
+SAMPLES = 16  # more messages than arrive in 40 ms at 220 Hz
 LARGEST = 100.0
 
 

@@ -22,7 +22,7 @@ from fmfts_mujoco.places import ModelError
 from fmfts_mujoco.scene import Scene
 from fmfts_mujoco.setting_up import baselines
 
-LATEST_S = 0.02  # when this computer was busy for longer, the robot's time goes on later, as if it had stood still
+LATEST_S = 0.02  # when this computer was busy for longer, the robot's time continues later, as if it had stopped
 
 
 class Robot:

@@ -17,7 +17,7 @@ from fmfts_mujoco.observation import SAMPLES
 FEATURES = ("constant", "touched", "force", "weakest", "load", "slipped", "lifted", "closing")
 TRAINED = Path(__file__).with_name("models") / "grasp_policy.json"
 _AT = {name: number for number, name in enumerate(COLUMNS)}
-STALE_S = 0.1  # an older sample says nothing of now
+STALE_S = 0.1  # an older sample does not describe the present
 
 
 def features(observed: OBSERVED) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from typing import Any
 
 EXAMPLE = Path(__file__).parents[2] / "python" / "examples" / "grip.py"
 ASSUMED_FRICTION, SAFETY = 0.5, 1.5
-FIXED_N = 1.7  # SAFETY times what the middle one of the objects needs
+FIXED_N = 1.7  # SAFETY times what the middle object needs
 KINDS = ("slip", "shear", "fixed")
 
 

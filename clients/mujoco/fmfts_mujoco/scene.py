@@ -21,7 +21,7 @@ from fmfts_mujoco.stacked import Stacked
 from fmfts_mujoco.surroundings import Surroundings
 
 READ_EVERY_S = 0.004  # a chip measures every 4.5 ms, and silicone gives way slowly
-AROUND_EVERY_S = 0.02  # a hand that turns by 300 °/s turns by 6° meanwhile: less than half the noise is not linear
+AROUND_EVERY_S = 0.02  # at 300 °/s a hand turns by 6° meanwhile: the nonlinear part is less than half the noise
 
 
 class Scene:

@@ -28,7 +28,7 @@ class Stacked:
         self._rest_m = np.array([each.pad.rest_position_m for each in built])
         self._tilted = np.array([each.tilted.T for each in built])
         self._to_pad = np.array([each.rest_axis_from_z.T for each in built])
-        # What a chip reports is linear in the field: its columns are what it reports of the unit vectors.
+        # What a chip reports is linear in the field: its columns are its reports of the unit vectors.
         units = np.eye(3)[:, None]
         self._report = np.array(
             [each.sensed(np.broadcast_to(units, (3, self.sensors, 3))).transpose(1, 0, 2) for each in built]

@@ -75,7 +75,7 @@ def test_mounting_errs_as_the_tolerances_say() -> None:
     built = [built_of(pad(seed=seed), as_built=True) for seed in range(100)]
     assert np.std([each.gain for each in built]) == pytest.approx(ToleranceConfig().gain, rel=0.1)
     assert np.std([each.pad.magnet.remanence_t / 1.23 for each in built]) == pytest.approx(0.1, rel=0.25)
-    # The magnet's axis and the silicone's differ by how the magnet lies in it.
+    # The angle between the magnet's axis and the silicone's depends on how the magnet lies in it.
     apart = [each.rest_axis_from_z[:, 2] - each.tilted[:, 2] for each in built]
     assert np.rad2deg(np.std(np.array(apart)[:, :2])) == pytest.approx(ToleranceConfig().magnet_tilt_deg, rel=0.2)
 

@@ -14,7 +14,7 @@ from fmfts_mujoco.lifting import HIGH_M, Lifting
 from fmfts_mujoco.objects import GRAVITY_M_PER_S2, SHAPES, Object
 from fmfts_mujoco.rivals import controller, example
 
-SEED = 4242  # of no reported figure
+SEED = 4242  # of no published figure
 
 
 def drawn(number: int, shape: str = "ball") -> Object:

@@ -28,7 +28,7 @@ def test_client_reads_the_balls_weight_and_a_fault(tmp_path: Path) -> None:
         with Client("left", daemon.endpoint) as client:
             told = drive(robot, model, data, client, 3.0)
             held = [each for each in told if each.valid and each.contact]
-            assert len(held) > 100, told[-1].reason  # a busy computer loses some
+            assert len(held) > 100, told[-1].reason  # a busy computer loses some messages
             assert abs(held[-1].force_n - WEIGHT_N) < 3.0 * held[-1].force_sd_n
             assert abs(held[-1].x_m - 4e-3) < 3.0 * held[-1].x_sd_m
             assert 0 < held[-1].t_publish_ns - held[-1].t_sample_ns < 100_000_000

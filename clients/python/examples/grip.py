@@ -18,22 +18,22 @@ from typing import NamedTuple, Optional
 
 from fmfts_client import Client, Contact
 
-FIRST_N = 0.6  # of a new grip, and the least of any: below it slips are not told
-LARGEST_N = 2.0  # the pads know no more, and the object may bear no more
+FIRST_N = 0.6  # of a new grip, and the least of any: the pads report no slip below it
+LARGEST_N = 2.0  # the pads measure no more, and the object may not bear more
 RESERVE = 0.15  # more than the force at which it slipped
 FIRST_RESERVE = 0.5  # while the least force is not known
-STILL_SLIPS_PER_S = 0.6  # it slips on: so much more, as a share
+STILL_SLIPS_PER_S = 0.6  # if it still slips: this share more force
 LOOSENS_PER_S = 0.15  # as a share
 APPROACH_M_PER_S, FASTEST_M_PER_S = 0.015, 0.04
 # How fast to close for a newton too little: thirty divided by the gripper's stiffness in N/m.
 CLOSE_M_PER_S_PER_N = 0.15
 SETTLED_S, SMOOTH_S = 0.3, 0.15
-SAME_S = 0.05  # a slip that begins again so soon is the same one
+SAME_S = 0.05  # a slip that begins again within this time is the same one
 # `slipping` waits until sticking_probability is below 0.1: a finger may roll. An object in a gripper hardly does. So a
-# pad that surely stuck slips from SLIPS_BELOW on.
+# pad that certainly stuck counts as slipping from SLIPS_BELOW on.
 SLIPS_BELOW, STICKS_ABOVE = 0.5, 0.8
-MOVED_M = 2e-3  # a place that moved so far slipped, too: a slow slip is told late, or not at all
-LATE_S = 0.1  # an older sample says nothing of now
+MOVED_M = 2e-3  # a contact that moved this far slipped, too: slow slips are reported late or never
+LATE_S = 0.1  # an older sample does not describe the present
 PERIOD_S = 0.01
 
 
@@ -60,10 +60,10 @@ class Grip:
         self._touched = self._slips = False
         self._slipped_n = FIRST_N / (1.0 + FIRST_RESERVE)  # the force at which it slipped last
         self._sticks_s = 1.0
-        self._stuck: set[str] = set()  # pads that surely stuck since the last slip
-        self._shear_n: dict[str, float] = {}  # by pad: now, smoothed
-        self._shear_then_n: dict[str, float] = {}  # and after the last slip
-        self._place_m: dict[str, tuple[float, float]] = {}  # by pad: where it sticks
+        self._stuck: set[str] = set()  # pads that certainly stuck since the last slip
+        self._shear_n: dict[str, float] = {}  # by pad: the present shear, smoothed
+        self._shear_then_n: dict[str, float] = {}  # and just after the last slip
+        self._place_m: dict[str, tuple[float, float]] = {}  # by pad: the place where it sticks
 
     def step(self, pads: Sequence[Optional[Contact]], loosen: bool, period_s: float = PERIOD_S) -> Command:
         """pads: the newest contact of each, None: not `usable`. loosen: the arm stands still, with the object in the
@@ -74,12 +74,12 @@ class Grip:
         if not self._touched and not all(contact.contact for contact in seen):
             return Command(APPROACH_M_PER_S if len(seen) == len(pads) else 0.0, False)
         self._touched = True
-        # Both fingers press alike. A pad that is touched near its rim reads too little.
+        # Both fingers press equally. A pad that is touched near its rim reads too little.
         force_n = max(contact.force_n or 0.0 for contact in seen)
         wanted_n = self._wanted_n(seen, force_n, loosen and len(seen) == len(pads), period_s)
         speed = CLOSE_M_PER_S_PER_N * (wanted_n - force_n)
         speed = min(max(speed, -FASTEST_M_PER_S), FASTEST_M_PER_S)
-        if len(seen) < len(pads):  # the other pad alone may tighten, but only what it touches
+        if len(seen) < len(pads):  # the other pad alone may tighten, but only while it touches the object
             return Command(max(speed, 0.0) if any(c.contact for c in seen) else 0.0, False, "a pad says nothing")
         return Command(speed, not self._slips and force_n > 0.9 * wanted_n)
 
@@ -94,7 +94,7 @@ class Grip:
             self._stuck, self._place_m, self._shear_n, self._shear_then_n = set(), {}, {}, {}
         elif loosen and not self.found and None not in slips:
             self._slipped_n *= 1.0 - LOOSENS_PER_S * period_s
-            if (1.0 + FIRST_RESERVE) * self._slipped_n < FIRST_N:  # it holds with less than the pads can tell
+            if (1.0 + FIRST_RESERVE) * self._slipped_n < FIRST_N:  # the pads cannot measure a force this small
                 self.found, self._slipped_n = True, FIRST_N / (1.0 + RESERVE)
         self._sticks_s += period_s
         grown = max([self._grown(contact, period_s) for contact in seen if self.found] or [1.0])
@@ -135,7 +135,7 @@ def newest(client: Client) -> Optional[Contact]:
 def main(names: Sequence[str], loosen: bool) -> None:
     clients = [Client(name) for name in names]
     for client in clients:
-        print(client.why(), file=sys.stderr)  # before the loop: it may take a second
+        print(client.why(), file=sys.stderr)  # before the loop, because it may take a second
     grip, said = Grip(), ""
     try:
         while True:
@@ -148,7 +148,7 @@ def main(names: Sequence[str], loosen: bool) -> None:
                 print(said, flush=True)
             time.sleep(PERIOD_S)
     finally:
-        print("hold (it ends)", flush=True)  # your gripper's speed 0: else the last one stands
+        print("hold (it ends)", flush=True)  # set your gripper's speed to 0; otherwise it keeps the last one
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from fmfts_client import ALIVE_S, Client
 
 LIMIT_N = 1.0
 CALM_S = 0.2
-LARGEST_FORCE_SD_N = 0.3  # a force that is less certain does not close the gripper
+LARGEST_FORCE_SD_N = 0.3  # a force with a larger deviation does not close the gripper
 
 
 def why_open(client: Client) -> str:
@@ -26,7 +26,7 @@ def why_open(client: Client) -> str:
 
 
 with Client(sys.argv[1] if len(sys.argv) > 1 else "demo", largest_force_sd_n=LARGEST_FORCE_SD_N) as client:
-    print(client.why(), file=sys.stderr)  # before the loop: it may take a second
+    print(client.why(), file=sys.stderr)  # before the loop, because it may take a second
     is_open, opened_s = None, time.monotonic()
     while True:
         reason = why_open(client)

@@ -14,10 +14,10 @@ from fmfts_client.endpoints import Endpoints
 from fmfts_client.fields import MessageError
 from fmfts_client.subscription import Subscription
 
-ALIVE_S = 0.3  # three messages: the daemon sends at 10 Hz or more, also while the hardware is silent
+ALIVE_S = 0.3  # three messages: the daemon sends at 10 Hz or more, even while the hardware is silent
 RATE_WINDOW_S = 1.0
 RATE_TOLERANCE = 0.1
-WHY_S = 1.0  # ten messages of each pad, and time to connect
+WHY_S = 1.0  # ten messages of each pad, and the time to connect
 
 
 class Client:
@@ -46,7 +46,7 @@ class Client:
         self.restarts = 0
         self._subscription = Subscription(("contact", "status"), pad, endpoint)
         self._published_ns: deque[int] = deque()
-        self._frames_ns: deque[int] = deque()  # the same of those that a frame made, and no sample between frames
+        self._frames_ns: deque[int] = deque()  # the same for messages of frames, not of the samples between them
 
     @property
     def refused(self) -> int:

@@ -12,7 +12,8 @@ from fmfts_client.now import Now
 from fmfts_client.slip import Slip
 
 Vector = tuple[float, float, float]
-# Most tasks stop at a force of a newton or more: half of one is the least that a controller can decide with.
+# Most tasks stop at a force of a newton or more; this deviation is half a newton, the largest with which a controller
+# can decide.
 LARGEST_FORCE_SD_N = 0.5
 
 
@@ -82,16 +83,16 @@ class Contact:
     sensors_ok: int
     model: str
     baseline: Optional[str]
-    # The contact when this was published; None where it is not known, and from a daemon that does not send it.
+    # The contact when this was published; None if it is not known, or if the daemon does not send it.
     now: Optional[Now] = field(default=None, metadata=MAY_BE_MISSING)
-    # Whether the finger slips; None of a pad whose configuration does not ask for it.
+    # Whether the finger slips; None if the pad's configuration does not ask for it.
     slip: Optional[Slip] = field(default=None, metadata=MAY_BE_MISSING)
-    # Each finger of a pad with several magnets; (): no contact; None: cannot tell, or a pad with one magnet. Place,
+    # Each finger of a pad with several magnets; (): no contact; None: unknown, or a pad with one magnet. Place,
     # force and shear above are the resultant of all fingers.
     contacts: Optional[tuple[Finger, ...]] = field(default=None, metadata=MAY_BE_MISSING)
-    # Is there more than two fingers explain? None: a pad with one magnet, which never tells.
+    # True if two fingers do not explain the frame. None: a pad with one magnet, which never detects that.
     more: Optional[bool] = field(default=None, metadata=MAY_BE_MISSING)
-    # Pose of each magnet, of a pad with several; `pose` is None there.
+    # Pose of each magnet of a pad with several; then `pose` is None.
     poses: Optional[tuple[Pose, ...]] = field(default=None, metadata=MAY_BE_MISSING)
     # By how much this machine's monotonic clock is ahead of that of the times above; None: not known.
     clock_ahead_s: Optional[float] = field(default=0.0, metadata=NOT_SENT)
@@ -227,7 +228,7 @@ class Status:
     sensor_faults: tuple[str, ...]
     board: dict[str, Any]
     uptime_s: float
-    force_scale: Optional[float] = field(default=None, metadata=MAY_BE_MISSING)  # of old versions, and the next one
+    force_scale: Optional[float] = field(default=None, metadata=MAY_BE_MISSING)  # of old versions, and of the next one
     force_scale_sd: Optional[float] = field(default=None, metadata=MAY_BE_MISSING)
 
     @classmethod

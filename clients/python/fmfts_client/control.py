@@ -54,7 +54,7 @@ def request(
     socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.DEALER)
     with socket:
         socket.setsockopt(zmq.LINGER, 0)
-        # A daemon that has refused the key takes nothing any more: without this, sending would wait for ever.
+        # A daemon that has refused the key reads nothing any more: without this, sending would wait for ever.
         socket.setsockopt(zmq.SNDTIMEO, round(timeout_s * 1e3))
         show_key(socket, address, endpoints.key)
         socket.connect(address)

@@ -63,7 +63,7 @@ def why_not_connected(endpoints: Endpoints, events: int) -> str:
 
 def _listen(pad: str, endpoints: Endpoints, timeout_s: float) -> _Heard:
     """Hear all pads. Ends early when the pad's own contact arrives, or when its message is wrong."""
-    from zmq.utils.monitor import recv_monitor_message  # brings asyncio along, which nothing else here needs
+    from zmq.utils.monitor import recv_monitor_message  # it imports asyncio, which nothing else here needs
 
     heard = _Heard()
     deadline = time.monotonic() + timeout_s

@@ -135,7 +135,7 @@ def _guarded(base: str, must_be_there: bool) -> Endpoints:
         for path in (directory.absolute(), directory.resolve()):
             nearest, mode = _nearest(path)
             if mode & stat.S_IWOTH and nearest == path:
-                # A place like /tmp is meant for every user: who closes it stops other programs.
+                # A place like /tmp is meant for every user: closing it would stop other programs.
                 close = "" if mode & stat.S_ISVTX else f", or close this one (chmod o-w {directory})"
                 raise EndpointError(
                     f"{directory} may be written to by every user ({stat.filemode(mode)}): any of them could send "
@@ -177,7 +177,7 @@ def _require_no_stranger(directory: Path) -> None:
 
 def trusted_owners() -> set[int]:
     """Users whose sockets are trusted in any folder: this one, root, and the service's."""
-    import pwd  # Windows has none, and no owners of sockets
+    import pwd  # Windows has no such call, and its sockets have no owners
 
     owners = {os.getuid(), 0}
     with suppress(KeyError):  # no service is installed here

@@ -10,9 +10,9 @@ from functools import cache
 from typing import Any, Callable, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 SCHEMA_VERSION = 1
-# Marks a dataclass field that is not in the message: the client adds it.
+# Marks a dataclass field that the client adds: it is not in the message.
 NOT_SENT = {"sent": False}
-# Marks a dataclass field that daemons of before do not send: it then keeps its default.
+# Marks a dataclass field that older daemons do not send: it then keeps its default.
 MAY_BE_MISSING = {"may_be_missing": True}
 
 T = TypeVar("T")
@@ -110,6 +110,6 @@ def _shown(value: object) -> str:
     return f"{type(value).__name__} {_short.repr(value)[:60]}"
 
 
-# repr itself raises RecursionError of a list that is nested a thousand times, which a message may bear.
+# repr itself raises RecursionError for a list that is nested a thousand times, and a message may contain one.
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = 60

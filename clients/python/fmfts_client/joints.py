@@ -33,7 +33,7 @@ class JointPublisher:
     def __init__(self, endpoint: Optional[Union[str, Endpoints]] = None) -> None:
         endpoints = for_client(endpoint)
         self._address = endpoints.joints
-        # Another computer's monotonic clock says nothing here: there the time of arrival counts.
+        # Another computer's monotonic clock is useless here, so the time of arrival counts.
         self._is_here = not self._address.startswith("tcp://") or is_loopback(self._address)
         self._socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.PUB)
         self._socket.setsockopt(zmq.LINGER, 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Optional
 
-# Farther ahead a fast press has turned round, and a rate says nothing.
+# Further ahead a fast press may already be reversing, so a rate is useless.
 FARTHEST_S = 0.02
 
 

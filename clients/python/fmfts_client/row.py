@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-# What is null in a message is 0 here, with a deviation of 0: the `known` columns say so.
+# A null in a message is 0 here, with a deviation of 0: the `known` columns mark it.
 COLUMNS = (
     *("age_s", "ok", "degraded", "contact", "over_range"),
     *("force_n", "force_sd_n", "x_m", "x_sd_m", "y_m", "y_sd_m", "place_known"),

@@ -20,7 +20,7 @@ from fmfts_client.keys import show_key
 LARGEST_MESSAGE = 1 << 20
 FRAME_SOCKET_KINDS = {"frame", "early", "state"}
 HEARTBEATS_MISSED = 2.5
-# A machine that is off answers nothing, and TCP asks it ever more rarely: with a heartbeat it is asked anew so often.
+# A machine that is off does not answer, and TCP asks ever more rarely; a heartbeat asks again at this interval.
 TRY_ANEW_S = 2.0
 
 
@@ -69,7 +69,7 @@ class Subscription:
         self._socket.setsockopt(zmq.LINGER, 0)
         self._socket.setsockopt(zmq.MAXMSGSIZE, LARGEST_MESSAGE)
         if raw:
-            self._socket.setsockopt(zmq.RCVHWM, 100_000)  # a recording wants every frame: 7 min of one pad at 220 Hz
+            self._socket.setsockopt(zmq.RCVHWM, 100_000)  # a recording needs every frame: 7 min of one pad at 220 Hz
         if heartbeat_s is not None:
             self._socket.setsockopt(zmq.HEARTBEAT_IVL, round(heartbeat_s * 1e3))
             self._socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, round(HEARTBEATS_MISSED * heartbeat_s * 1e3))
@@ -82,7 +82,7 @@ class Subscription:
         except EndpointError:
             self._socket.close()
             raise
-        # ipc is on one machine, with one clock. tcp may come from anywhere; through a tunnel, even on the loopback.
+        # ipc is within one machine, with one clock. tcp may come from anywhere: through a tunnel, even on the loopback.
         self._clock = SenderClock() if endpoint.startswith("tcp://") else None
         self.monitor: Optional[zmq.Socket[Any]] = self._socket.get_monitor_socket() if watch else None
         self._socket.connect(endpoint)

@@ -40,7 +40,7 @@ class Wrench:
         by_force_and_place = self._derivatives()
         return tuple(
             tuple(
-                # 0 · NaN is NaN, but what does not depend on an unknown part is known.
+                # 0 · NaN is NaN, but a result that does not depend on an unknown part is known.
                 sum(a * b * variance for a, b, variance in zip(one, other, variances) if a != 0.0 and b != 0.0)
                 for other in by_force_and_place
             )
@@ -63,7 +63,7 @@ def wrench_of(contact: Any, height_m: float, unknown_shear_n: float = NAN, unkno
     unknown_shear_n, unknown_shear_sd_n: stand for shear along x and along y where the contact model tells none.
     """
     normal_n, normal_sd_n = _or(contact.force_n, NAN), _or(contact.force_sd_n, NAN)
-    if contact.contact is False:  # noise, below what would be felt
+    if contact.contact is False:  # noise, below what a touch would cause
         return Wrench((0.0, 0.0, -normal_n), (0.0, 0.0, normal_sd_n), None, (0.0, 0.0))
     return Wrench(
         (_or(contact.shear_x_n, unknown_shear_n), _or(contact.shear_y_n, unknown_shear_n), -normal_n),

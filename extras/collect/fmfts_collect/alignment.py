@@ -25,12 +25,12 @@ GRID_HZ = 200.0
 LEAST_CORRELATION = 0.7  # the paper's plan with a noisy gauge and a drifting ambient field: 0.86
 # Largest correlation of any lag outside the peak, relative to the peak: regular presses fit at every period.
 AMBIGUOUS = 0.97
-PEAK_S = 0.5  # half width of the peak: largest difference between a stretch's lag and that of the whole session
+PEAK_S = 0.5  # half width of the peak: no stretch may have a lag that differs more from that of the whole session
 STRETCH_S = 30.0  # long enough for some presses
 EVEN_S = 0.5 * EDGE_S  # largest distance of a stretch's lag from the straight line
 LEAST_SHARE_EVEN = 0.8
-# Force and field enter as log(1 + value / small): a touch in a corner moves the field by a seventieth of one in the
-# centre, and both must count as presses.
+# Force and field enter as log(1 + value / small): a touch in a corner changes the field a seventieth as much as one in
+# the centre, and both must count as presses.
 SMALL_FORCE_N, SMALL_FIELD_T = 0.1, 1e-6
 
 

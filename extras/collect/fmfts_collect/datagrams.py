@@ -20,18 +20,18 @@ from fmfts_collect.settings import UdpGauge
 
 LARGEST_DATAGRAM = 512
 MOST_LINES = 16  # of a datagram
-MOST_AT_ONCE = 64  # datagrams of a poll; the rest waits in the kernel, which keeps about 300
-LONGEST_POLL_NS = 20_000_000  # of work; then the rest waits, too
-FLOODED_NS = 100_000_000  # so long each poll had more than that: a gauge sends 1000 a second at most
-OWNERS_NS = 50_000_000  # the table of sockets is read again after so long
+MOST_AT_ONCE = 64  # datagrams read in one poll; the kernel keeps about 300 unread ones
+LONGEST_POLL_NS = 20_000_000  # longest work in one poll; the rest waits
+FLOODED_NS = 100_000_000  # an error if polls find more than that for this long: a gauge sends at most 1000 a second
+OWNERS_NS = 50_000_000  # the table of sockets is read again after this time
 TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
 MOST_SOCKETS = 2000
-LONGEST_READ_NS = 20_000_000  # of work: any user can open sockets, and the force limit is not watched meanwhile
-AT_ONCE = 1 << 14  # bytes of a table between two looks at the clock
+LONGEST_READ_NS = 20_000_000  # longest work: any user can open sockets, and meanwhile nothing watches the force limit
+AT_ONCE = 1 << 14  # bytes of a table that are read between two looks at the clock
 EVERY_ADDRESS = b"0" * 8
 ROOT = 0
 
-WorkClock = Callable[[], int]  # nanoseconds that this thread has worked; what other processes took does not count
+WorkClock = Callable[[], int]  # nanoseconds that this thread has worked, without the time that other processes took
 
 
 class Datagrams:

@@ -145,7 +145,7 @@ class _SerialLine:
         *lines, self._rest = re.split(rb"[\r\n]+", self._rest[-LONGEST_LINE:] + (data or b""))
         if self._ask and (lines or now_ns - self._asked_ns > ASK_NS):
             self._asked_ns = now_ns
-            with suppress(BlockingIOError):  # the next call asks again
+            with suppress(BlockingIOError):  # then the next call asks again
                 os.write(self._port.fileno(), self._ask)
         return [line.decode("ascii", "replace") for line in lines if line]
 

@@ -24,7 +24,7 @@ from fmfts_collect.errors import StoppedError
 DOWN, UP, DONE = b"d", b"u", b"."
 GOOD, NOT_LIFTED = 0, 1  # exit codes
 BEAT_S = 0.05
-HANG_S = 1.0  # a collector polls each millisecond; on a busy computer it may be late by some tenths of a second
+HANG_S = 1.0  # a collector polls each millisecond; on a busy computer a poll may be some tenths of a second late
 PATIENCE_S = 2.0
 TURN_S = 0.01
 
@@ -78,7 +78,7 @@ class Guard:
             if self._process.wait() == GOOD:
                 return f"collect stood still for {HANG_S:g} s: was it stopped, or is this computer too busy?"
         except BlockingIOError:
-            pass  # it lives, and does not read
+            pass  # it is alive but does not read
         return ""
 
     def close(self, *, lift: bool = False) -> None:

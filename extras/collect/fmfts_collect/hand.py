@@ -14,9 +14,9 @@ from fmfts_collect.plan import Press
 from fmfts_collect.watch import Watch
 
 RELEASED_N = 0.05
-STEADY_S = 0.3  # the force counts as held after so long
+STEADY_S = 0.3  # the force counts as held after this time
 PATIENCE_S = 600.0
-MEAN_S = 0.1  # the present force is the mean of so much time
+MEAN_S = 0.1  # the present force is the mean over this time
 
 
 class Hand:

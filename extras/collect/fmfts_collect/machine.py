@@ -18,15 +18,15 @@ from fmfts_collect.settings import StageConfig
 BOOT_S = 8.0  # opening the port resets many boards; a boot loader takes its time
 ANSWER_S = 1.0
 HOMING_S = 120.0
-SHORT_S = 0.05  # a move so short need not be halted: the next command is carried out soon enough
-LATE_S = 2.0  # a move that takes so much longer than calculated has stalled
+SHORT_S = 0.05  # a move shorter than this need not be halted: the next command runs soon enough
+LATE_S = 2.0  # a move that takes this much longer than calculated has stalled
 ASK_S = 0.02
 HALTED_S = 0.1
 STANDS_S = 1.0  # time to slow down after a halt
 RESET_S = 1.0
 ARRIVED_MM = 0.02
 TURN_S = 0.001
-SENT_S = 0.1  # enough to send five bytes; closing the port discards unsent ones
+SENT_S = 0.1  # enough to send five bytes; closing the port discards bytes that were not sent
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Machine:
         self._answers_due = 0
         self._standing: bool | None = False  # None: it has not reported yet
         self._started = False
-        self._position_lost = False  # it was reset: its coordinates are different now
+        self._position_lost = False  # the controller was reset: its coordinates are different now
         self._under_way: _UnderWay | None = None
         self._rest = b""
         try:

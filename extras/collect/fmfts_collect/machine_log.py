@@ -15,14 +15,14 @@ from fmfts_collect.errors import RefusedError
 
 Array = NDArray[np.float64]
 
-MEAN_S = 0.1  # means of so long are compared, because single readings scatter by more than a plateau may drift
+MEAN_S = 0.1  # means over this time are compared, because single readings scatter more than a plateau may drift
 STEADY_FORCE = 0.02
 STEADY_FORCE_N = 0.01
 STEADY_PLACE_MM = 0.01
-NOISE_DEVIATIONS = 4.0  # so many deviations of a mean are allowed for noise: an hour has 36,000 means
-EDGE_S = 0.1  # left out at both ends of a plateau: as much as the lag may be wrong
+NOISE_DEVIATIONS = 4.0  # the noise of a mean may be this many deviations: an hour has 36,000 means
+EDGE_S = 0.1  # this much is left out at both ends of a plateau, because the lag may be wrong by as much
 MOST_ROWS = 4_000_000  # an hour at 1 kHz
-LONGEST_GAP = 3.0  # a longer gap, in rows or means, ends a plateau: what happened in it is not known
+LONGEST_GAP = 3.0  # a longer gap, in rows or means, ends a plateau: nobody knows what happened in it
 
 
 @dataclass(frozen=True, slots=True)

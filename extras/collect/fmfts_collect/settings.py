@@ -20,7 +20,7 @@ DECIMAL = r"([-+]?\d+(?:\.\d+)?)"
 
 
 class _Gauge(Section, frozen=True):
-    delay_ms: NonNegativeFloat = 0.0  # how old a reading is when it arrives
+    delay_ms: NonNegativeFloat = 0.0  # age of a reading when it arrives
 
 
 class _AsciiGauge(_Gauge, frozen=True):
@@ -37,7 +37,7 @@ class SerialGauge(_AsciiGauge, frozen=True, kw_only=True, tag="serial", tag_fiel
 class UdpGauge(_AsciiGauge, frozen=True, kw_only=True, tag="udp", tag_field="type"):
     port: Port
     address: str = "127.0.0.1"  # where to listen
-    sender: str = ""  # host, or host:port; "" (on the loopback interface alone): any socket of the same user
+    sender: str = ""  # host, or host:port; "" means any socket of the same user on the loopback interface
 
 
 class LoadCellGauge(_Gauge, frozen=True, kw_only=True, tag="hx711", tag_field="type"):
@@ -59,16 +59,16 @@ class StageConfig(Section, frozen=True):
     baud: Annotated[int, Meta(ge=1200)] = 115200
     turn_deg: float = 0.0  # angle from the machine's x axis to the pad's
     travel_mm_per_s: PositiveFloat = 20.0  # sideways, clear of the pad
-    lift_mm_per_s: PositiveFloat = 4.0  # up, and down to the pad; within the machine's limit for z (M203, $112)
+    lift_mm_per_s: PositiveFloat = 4.0  # up, and down to the pad; at most the machine's limit for z (M203, $112)
     press_mm_per_s: PositiveFloat = 2.0
     step_mm: PositiveFloat = 0.1  # the longest step towards a force
-    overshoot_mm: NonNegativeFloat = 0.2  # each place is approached from so much below in x and y, against backlash
+    overshoot_mm: NonNegativeFloat = 0.2  # each place is approached from this far below in x and y, because of backlash
 
 
 class CollectConfig(Section, frozen=True):
     gauge: GaugeConfig | None = None
     stage: StageConfig | None = None
-    average_s: Annotated[float, Meta(ge=0.3, le=10)] = 0.3  # each row is the mean of so much time
+    average_s: Annotated[float, Meta(ge=0.3, le=10)] = 0.3  # each row is the mean over this time
     settle_s: NonNegativeFloat = 0.3  # wait after the force is reached: silicone creeps
     silence_ms: Annotated[float, Meta(gt=0, le=LONGEST_SILENCE_MS)] = 100.0  # of gauge or board; then the rod is lifted
 

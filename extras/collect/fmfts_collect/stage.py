@@ -13,10 +13,10 @@ from fmfts_collect.plan import Press
 from fmfts_collect.settings import StageConfig
 from fmfts_collect.watch import Watch
 
-TOUCH_N = 0.03  # more than a gauge of ±5 mN reads by chance
-NEAR_MM = 0.3  # the steps begin so far above the surface that the last press found
-TILT = 0.05  # and higher by this for each mm of distance from the last press: pads lie askew
-READINGS = 3  # the force after a step is the mean of so many
+TOUCH_N = 0.03  # a gauge of ±5 mN never reads more by chance
+NEAR_MM = 0.3  # the steps begin this far above the surface that the last press found
+TILT = 0.05  # and higher by this for each mm of distance from the last press, because pads are tilted
+READINGS = 3  # the force after a step is the mean of this many readings
 PATIENCE_S = 1.0
 ATTEMPTS = 3  # at one row
 MOST_STEPS = 400  # from the first touch on
@@ -174,7 +174,7 @@ class Stage:
             if abs(force_change_n) > SMALLEST_FORCE_ERROR_N and rises and force_n > TOUCH_N:
                 self._n_per_mm = force_change_n / depth_change_mm
         if force_n < TOUCH_N:
-            self._surface = self._machine.place  # the surface is here or deeper
+            self._surface = self._machine.place  # the surface is at this depth or deeper
         self._last = (z_mm, force_n)
 
     def _step_mm(self, force_n: float, error_n: float) -> float:

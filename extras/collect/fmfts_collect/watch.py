@@ -18,9 +18,9 @@ from fmfts_collect.settings import LONGEST_SILENCE_MS
 TURN_S = 0.001
 KEPT_S = 30.0
 LISTEN_S = 1.0  # shortest time to measure a gauge's rate
-LEAST_READINGS = 2  # in the time that counts as silence: one may be lost
+LEAST_READINGS = 2  # within the time that counts as silence, because one may be lost
 FIRST_S = 3.0  # a board reports within a second after it is opened
-# If this process was not run for so long, old data may wait unread, so silence is not judged in that turn.
+# If this process did not run for this long, old data may wait unread, so silence is not judged in that turn.
 SLEPT_S = 0.02
 
 

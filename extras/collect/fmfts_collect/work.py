@@ -30,10 +30,10 @@ from fmfts_collect.table import FORMAT, Header, Table
 from fmfts_collect.watch import Limits, Watch
 
 FRAMES_A_ROW = 64  # `average` refuses fewer
-# Nobody turned these: a row has the force that was felt, and a baseline that fits less well is recorded again.
-FORCE_TOLERANCE = 0.05  # of a reached force, relative to the plan's
-MOVED_LIMIT_M = 5e-5  # for the unloaded magnet, from its place in the baseline
-AMBIENT_LIMIT_T = 2e-6  # for the unloaded pad's field, from the baseline's
+# These pads were not turned: a row has the measured force, and a baseline that fits poorly is recorded again.
+FORCE_TOLERANCE = 0.05  # largest error of a reached force, relative to the plan's
+MOVED_LIMIT_M = 5e-5  # for the unloaded magnet, counted from its place in the baseline
+AMBIENT_LIMIT_T = 2e-6  # for the unloaded pad's field, counted from the baseline's
 
 
 def collect(

@@ -13,7 +13,7 @@ from fmfts_fleet.connection import FleetConnection
 from fmfts_fleet.robots import Fleet
 
 FOLDER = Path(__file__).parent / "static"
-LOOK_S, TELL_S = 0.05, 0.5  # at the fleet, and between two tellings where nobody came or went
+LOOK_S, TELL_S = 0.05, 0.5  # longest wait at the fleet, and between two reports while nobody connects or leaves
 
 
 class FleetFront:

@@ -9,9 +9,9 @@ from typing import Any
 
 from fmfts_client import Status
 
-# What leaves a controller with least comes first; a word of a later daemon comes before all of them.
+# The health with which a controller can do least comes first; a word of a newer daemon comes before all others.
 WORST_FIRST = ("disconnected", "lost", "stale", "no_baseline", "disturbed", "degraded", "ok")
-LONGEST_TEXT, MOST_FAULTS = 500, 16  # of what a robot may say: the page keeps and sends no more
+LONGEST_TEXT, MOST_FAULTS = 500, 16  # longest text of a robot: the page keeps and sends no more
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,11 @@ from fmfts_client import EndpointError, Endpoints, MessageError, Status, Subscri
 from fmfts_client.diagnosis import why_not_connected
 from fmfts_fleet.pad_health import PadHealth, facts_of
 
-HEARTBEAT_S = 0.1  # no answer for 2.5 of them, and the robot is lost: 0.35 s after its network was cut
-SILENT_S = 2.5  # two statuses: the connection stands, and the daemon's loop does not turn
-FIRST_S = 2.0  # for the first status, before a robot is said not to be reached
-MOST_PADS = 256  # of one robot: what one sends beyond is not kept
-TAKEN_AT_ONCE = 1000  # messages of one robot, and events of its connection, in one look
+HEARTBEAT_S = 0.1  # no answer for 2.5 of them means that the robot is lost: 0.35 s after its network was cut
+SILENT_S = 2.5  # two statuses: the connection stands, but the daemon's loop does not run
+FIRST_S = 2.0  # wait for the first status before a robot counts as unreachable
+MOST_PADS = 256  # of one robot: anything beyond is dropped
+TAKEN_AT_ONCE = 1000  # messages of one robot, and events of its connection, that are read at once
 
 REFUSED = zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
 
@@ -82,7 +82,7 @@ class WatchedRobot:
             if event == zmq.EVENT_HANDSHAKE_SUCCEEDED:
                 self._connected, self._events = True, event
             elif event == zmq.EVENT_DISCONNECTED and self._connected:
-                # It was let in before: this end says nothing about keys. What it said last is of the past.
+                # It was let in before: this end says nothing about keys. Its last message describes the past.
                 self._connected, self._events, self._heard_s = False, 0, -math.inf
             elif event == zmq.EVENT_CLOSED:  # nobody listens there
                 self._events = 0
@@ -96,7 +96,7 @@ class WatchedRobot:
                 if message is None:
                     return
                 status = Status.from_message(message.body)
-            except MessageError as error:  # another version's, or not a status
+            except MessageError as error:  # from another version, or not a status
                 self._refusal = str(error)
                 continue
             if status.boot != self._boot:
@@ -121,7 +121,7 @@ class WatchedRobot:
                 f"a program serves {self._endpoints.bus} and says nothing of any pad: is it fmfts-daemon, and what "
                 "does its log say (`journalctl -u fmfts`)?"
             )
-        if not self._events and self._endpoints.bus.startswith("tcp://"):  # it did not come to showing a key
+        if not self._events and self._endpoints.bus.startswith("tcp://"):  # the handshake ended before a key was shown
             return (
                 f"no daemon at {self._endpoints.bus}: is the robot on and in the network, and is fmfts-daemon running "
                 "on it (`systemctl status fmfts`)? It is there again by itself"

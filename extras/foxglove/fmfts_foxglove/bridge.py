@@ -22,7 +22,7 @@ from fmfts_client import ControlError, Endpoints, Message, Subscription, request
 LOOPBACK = "127.0.0.1"
 SHOWN = ("contact", "event", "status")
 TURN_S = 0.1
-FACTS_S = 1.0  # between two questions to a daemon that does not answer
+FACTS_S = 1.0  # wait between two requests to a daemon that does not answer
 
 
 class Bridge:

@@ -17,13 +17,13 @@ from fmfts_skin.field_contact import ContactFinder, FoundContacts
 from fmfts_skin.field_response import FieldResponse
 from fmfts_skin.rested import FREE_FIELD, REST_UT, Array, Mask, RestedPad, SkinReading, health_of
 
-MICROTESLA = 1e6  # of a tesla: the table's fields are in µT
-# A frame is not explained when its χ² is larger than one in so many healthy ones has it.
+MICROTESLA = 1e6  # units of a tesla: the table's fields are in µT
+# A frame is rejected if only one in this many healthy frames has a larger χ².
 UNEXPLAINED = 1e-6
-# The first contact may be anywhere: as many places as contacts can be told apart.
+# The first contact may be anywhere, so the search starts from as many places as contacts can be distinguished.
 PLACES = 50
-SPARE = 3  # values that are needed to notice that something is wrong
-BESIDE = 1e-3  # of a cell: so near to the table's end a contact is taken to lie beyond it
+SPARE = 3  # values that are needed to detect an error
+BESIDE = 1e-3  # share of a cell: a contact this near to the table's end is taken to lie beyond it
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.matrix import cholesky, inverse, log_determinant, product, solve, solve_lower
 from fmfts_skin.field_response import Array, FieldResponse
 
-# The grid: so many places for each cell of the table along x and y, and so many loads, with a place and without.
+# The grid: this many places for each cell of the table along x and y, and this many loads, with and without a place.
 PLACES_OF_A_CELL, LOADS_BESIDE_PLACES, LOADS_ALONE = 1.5, 17, 201
 STEPS = 15
 FIRST_DAMPING, LESS, MORE = 1e-3, 0.1, 10.0
-SETTLED, SETTLED_NEAR = 1e-6, 1e-3  # steps, as shares of a cell: after a search, and from a contact that was near
-# By so much of its range a load may lie beyond the table, whose tangent is followed there; below a rest only as noise.
+SETTLED, SETTLED_NEAR = 1e-6, 1e-3  # steps, as shares of a cell: after a search, and from a previous contact nearby
+# A load may lie beyond the table by this share of its range (the tangent is followed there); below a rest only as
+# noise.
 BEYOND, BELOW_REST = 1.0, 0.05
-# A place that nothing determines: this many cells. It keeps the normal matrix regular.
+# Prior of a place that no value determines: this many cells. It keeps the normal matrix regular.
 LOOSE_CELLS = 1e3
 FRAMES_AT_ONCE = 500
 

@@ -18,8 +18,8 @@ from fmfts_skin.force_model import DIRECTIONS
 from fmfts_skin.model import SkinForceModel
 from fmfts_skin.rested import REST_UT, Array, Mask, RestedPad, SkinReading, health_of
 
-# Presses of the calibration have up to 1. A foreign field resembles none of them: 5 µT from sensor to sensor have 9 on
-# the standard pad, 20 µT at one sensor 30.
+# Presses of the calibration reach at most 1. A foreign field resembles no press: 5 µT from sensor to sensor give 9 on
+# the standard pad, 20 µT at one sensor gives 30.
 FARTHEST_LEVERAGE = 4.0
 NO_PRESS = (
     "no press of the calibration changes the field so: steel or a magnet nearby, a turned robot, or a rest that is no "
@@ -80,7 +80,7 @@ class ForceEstimator(RestedPad):
         memory.contact = found.force[0] * self._sign
         deviation = np.sqrt(found.variance[0] + np.diagonal(by_frame))
         size = float(np.sqrt(product(found.force[0], found.force[0]))) / self.model.forces.largest_n
-        # The field grows a little faster than the force, and the largest monomials with its power.
+        # The field grows a little faster than the force, and the largest monomials grow with its power.
         if found.leverage[0] > FARTHEST_LEVERAGE * power(max(size, 1.0), 2 * (polynomial.power + 1)):
             return self._none("disturbed", NO_PRESS, used)
         return SkinReading(health, reason, used, True, memory.contact, deviation, size > HARDER)

@@ -15,7 +15,7 @@ from fmfts_skin.field_response import LARGEST_BYTES, FieldResponse, FieldRespons
 from fmfts_skin.force_model import LARGEST_BYTES as FORCE_BYTES
 from fmfts_skin.force_model import ForceModel, ForceModelError
 
-# Loads of which a message has a field, or that at least tell a place.
+# Loads for which a message has a field, or which at least give a place.
 TOLD_LOADS = ("force_n", "depth_mm")
 
 

@@ -20,10 +20,10 @@ from fmfts.pose import Aligned
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# The rest drifts with the silicone's temperature and with what pressed before: of each value.
+# The rest of each value drifts with the silicone's temperature and with earlier presses.
 REST_UT = 5.0
 FALSE_CONTACTS_PER_HOUR = 1.0
-# A contact stays while it lowers χ² by more than this share of what brought it.
+# A contact is kept while it lowers χ² by more than this share of the decrease that started it.
 KEEPS = 0.5
 FREE_FIELD = 3  # values that the ambient field takes
 LONGEST_GAP_S = 0.05
@@ -83,8 +83,8 @@ class RestedPad(ABC):
     magnet_per_k: float
     memory: SkinMemory = field(init=False)
     _onset_chi2: float = field(init=False)
-    _foreign_t2: Array | None = field(init=False, default=None)  # of this frame: see Aligned
-    untold: ClassVar[str]  # why there is no contact where too little is left
+    _foreign_t2: Array | None = field(init=False, default=None)  # for this frame: see Aligned
+    untold: ClassVar[str]  # why there is no contact if too few values are left
 
     def watch(self, unknowns: int, places: int = 1) -> None:
         """Expect contacts of so many unknowns, which may begin at so many places that can be told apart."""

@@ -1,4 +1,4 @@
-// A kind of magnetometer as the sampler sees it: one file of this folder for each, and hmc5983.c.
+// A kind of magnetometer as the sampler sees it; each kind has a file of its own in this folder, and hmc5983.c.
 #ifndef FMFTS_CHIP_H
 #define FMFTS_CHIP_H
 
@@ -10,7 +10,7 @@
 
 struct memsic;
 
-// One chip. The mux channel to it is open already.
+// One chip. The mux channel to the chip is already open.
 struct chip_wires {
     const struct bus *bus;
     uint8_t address;
@@ -20,7 +20,7 @@ struct chip_wires {
 struct chip_setup {
     uint8_t gain_code;
     uint8_t speed; // of the chip's `speeds`
-    bool streams;  // by its own clock; else each measurement is triggered
+    bool streams;  // by the chip's own clock; otherwise each measurement is triggered
 };
 
 // Rates of a stream, slowest first. Of a chip that is `paced`: how often the board reads one.
@@ -29,13 +29,13 @@ struct chip_speed {
     uint16_t period_us;
 };
 
-// One measurement at the board's word.
+// One measurement when the board triggers it.
 struct chip_trigger {
     uint8_t bytes[2]; // what starts it
     uint8_t count;    // of these bytes
     uint16_t conversion_us;
-    uint16_t wait_us;    // the same by the slowest chip, rounded up
-    uint16_t fastest_us; // and by the fastest, rounded down. 0: a sample must be read before the next trigger
+    uint16_t wait_us;    // the same for the slowest chip, rounded up
+    uint16_t fastest_us; // and for the fastest chip, rounded down. 0: a sample must be read before the next trigger
     uint16_t rate_max_hz;
 };
 
@@ -47,36 +47,36 @@ enum chip_status {
 struct chip_sample {
     uint8_t status;
     int16_t counts[3];
-    int16_t temperature_raw; // WIRE_TEMPERATURE_UNKNOWN unless the chip tells it with the axes
+    int16_t temperature_raw; // WIRE_TEMPERATURE_UNKNOWN unless the chip reports it with the axes
 };
 
 struct chip {
     uint8_t gain_codes;
     uint8_t speed_count;
-    bool ready_unsure; // reading the outputs may leave READY set: the data sheet can be read both ways
+    bool ready_unsure; // reading the outputs may leave READY set: the data sheet is ambiguous
     bool has_strap;    // the self-test of selftest.c
-    bool paced;        // it has no stream that is used: running free, it is triggered again whenever it was read
-    bool fills_period; // in a stream one measurement follows the other without a pause
-    bool asked_by_writing; // `identify` sends commands that other chips may take for a write to a register
+    bool paced;        // no stream of it is used: in free running it is triggered again after each read
+    bool fills_period; // in a stream the measurements follow each other without a pause
+    bool asked_by_writing; // `identify` sends commands that other chips may take for a register write
     uint16_t strong_counts; // a field of this norm may upset the film of a chip with `set`
-    uint16_t doubtful_counts; // and a stronger one may read as this; a SET follows when it has gone
+    uint16_t doubtful_counts; // and a stronger one may read as this value; a SET follows when the field has gone
     uint16_t reset_us; // what `reset` takes
     const struct chip_speed *speeds;
-    const struct chip_trigger *trigger; // NULL: it measures at its own times only
+    const struct chip_trigger *trigger; // NULL: it measures only at its own times
     const struct memsic *memsic; // for `chip_wires`
     enum bus_result (*identify)(const struct chip_wires *wires, uint8_t identification[3]);
     bool (*is_identification)(const uint8_t identification[3]);
-    enum bus_result (*reset)(const struct chip_wires *wires); // before `set_up`; NULL: it needs none
+    enum bus_result (*reset)(const struct chip_wires *wires); // called before `set_up`; NULL: it needs none
     enum bus_result (*set_up)(const struct chip_wires *wires, const struct chip_setup *setup);
     enum bus_result (*check)(const struct chip_wires *wires, const struct chip_setup *setup, bool *held);
     // A SET pulse, which `set_up` gives as well. A measurement must begin CHIP_SET_PAUSE_US later. NULL: it has none.
     enum bus_result (*set)(const struct chip_wires *wires);
-    // The status, and what else the chip tells in the same transfer.
+    // The status, and whatever else the chip sends in the same transfer.
     enum bus_result (*read_status)(const struct chip_wires *wires, struct chip_sample *sample);
     // x, y, z in the counts of firmware/wire.md; saturated axes marked as the daemon's description of the chip says. NULL:
     // `read_status` brings them.
     enum bus_result (*read_counts)(const struct chip_wires *wires, int16_t counts[3]);
-    enum bus_result (*read_thermometer)(const struct chip_wires *wires, int16_t *raw); // NULL: none, or as above
+    enum bus_result (*read_thermometer)(const struct chip_wires *wires, int16_t *raw); // NULL: none, or that above
 };
 
 // A kind of chip and an address that it may have. The places are tried in order, which matters where kinds share an

@@ -16,7 +16,7 @@ enum {
     STATUS_READY = 0x08,   // all three axes are new
     THERMOMETER_ON = 0x80, // CTRL_REG1; performance in bits 6–5, output rate in 4–2
     FAST = 0x02,
-    BLOCK_UPDATE = 0x40, // CTRL_REG5: high and low byte of a sample belong together
+    BLOCK_UPDATE = 0x40, // CTRL_REG5: high and low byte of a sample always belong together
     MODE_CONTINUOUS = 0,
     MODE_SINGLE = 1,
     MODE_OFF = 3,
@@ -64,7 +64,7 @@ static enum bus_result lis3mdl_check(const struct chip_wires *wires, const struc
     enum bus_result result = chip_read(wires, ADVANCE | CONTROL_1, found, sizeof found);
     configuration(setup, wanted);
     *held = result == BUS_OK;
-    for (int i = 0; i < CONTROLS && *held; i++) // a single measurement may be running: then its mode is not "off" yet
+    for (int i = 0; i < CONTROLS && *held; i++) // a single measurement may still run, so that its mode is not "off" yet
         *held = found[i] == wanted[i] || (i == MODE_CONTROL && !setup->streams);
     return result;
 }
@@ -86,7 +86,7 @@ static enum bus_result lis3mdl_read_counts(const struct chip_wires *wires, int16
     return result;
 }
 
-// A transfer of its own: read on from the axes, these registers repeat the x axis.
+// A separate transfer: if a read continued from the axes, these registers would repeat the x axis.
 static enum bus_result lis3mdl_read_thermometer(const struct chip_wires *wires, int16_t *raw)
 {
     uint8_t data[2];

@@ -26,7 +26,7 @@ enum bus_result memsic_reset(const struct chip_wires *wires)
     return chip_write(wires, bytes, sizeof bytes);
 }
 
-// The film may be turned or upset by what was before: by automatic set/reset, or by a magnet.
+// Automatic set/reset or a magnet may have turned or upset the film before.
 enum bus_result memsic_set_up(const struct chip_wires *wires, const struct chip_setup *setup)
 {
     const uint8_t controls[] = {wires->memsic->control_0, MEMSIC_SET, BANDWIDTH_2_MS};
@@ -34,7 +34,7 @@ enum bus_result memsic_set_up(const struct chip_wires *wires, const struct chip_
     return chip_write(wires, controls, sizeof controls);
 }
 
-// As far as it tells: its factory's settings are loaded. Its own can only be seen by the time that a measurement takes.
+// As far as it reports: its factory settings are loaded. Its own rate shows only in the time that a measurement takes.
 enum bus_result memsic_check(const struct chip_wires *wires, const struct chip_setup *setup, bool *held)
 {
     uint8_t status = 0;

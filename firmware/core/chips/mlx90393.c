@@ -21,10 +21,10 @@ enum {
     REGISTERS = 3,
     HALL_CONFIGURATION = 0x0C,
     HALL_BITS = 0x0F,
-    ANALOG = 0x007F, // of register 0: gain in bits 6–4, HALLCONF in 3–0; the others are the factory's, and are kept
+    ANALOG = 0x007F, // of register 0: gain in bits 6–4, HALLCONF in 3–0; the others keep the factory's values
     FINEST_GAIN_SEL = 7,
     INTERRUPT_PIN = 0x8000,
-    BURST_OF_ALL = ALL << 6, // of register 1; a burst rate of 0: without a pause
+    BURST_OF_ALL = ALL << 6, // of register 1; burst rate 0 means no pause
     // Of register 2: RES 2 for all axes. With RES 0 and 1 a field beyond the range wraps around; with RES 2 the
     // converter's own end, ±22000 counts, is reached first (section 16.2.6).
     RESOLUTIONS = 2 << 9 | 2 << 7 | 2 << 5,
@@ -59,8 +59,8 @@ static enum bus_result mlx90393_reset(const struct chip_wires *wires)
     return chip_read(wires, EXIT, &status, 1);
 }
 
-// It has no identification: the status after a command, and register 0, which holds HALLCONF. One that is still in a
-// burst refuses, and is asked again.
+// The chip has no identification: the driver checks the status after a command, and register 0, which holds HALLCONF.
+// A chip that is still in a burst refuses, and is asked again.
 static enum bus_result mlx90393_identify(const struct chip_wires *wires, uint8_t identification[3])
 {
     enum bus_result result = mlx90393_reset(wires);
@@ -72,7 +72,7 @@ static bool mlx90393_is_identification(const uint8_t identification[3])
     return (identification[0] & STATUS_MODE_OR_ERROR) == 0 && (identification[2] & HALL_BITS) == HALL_CONFIGURATION;
 }
 
-// What the registers should hold. analog: what register 0 holds.
+// What the registers should hold. analog: the value of register 0.
 static uint16_t wanted(const struct chip_setup *setup, int number, uint16_t analog)
 {
     uint16_t filter = setup->streams ? filters[setup->speed] : SINGLE_FILTER;
@@ -94,9 +94,10 @@ static enum bus_result holds(const struct chip_wires *wires, const struct chip_s
     return result;
 }
 
-// It begins a burst last, because its registers cannot be read then; and only if they hold what was written, so that the
-// burst tells that. Without a burst it measures once: after power-up or reset the status of the first measurement's
-// command must be read back (Melexis rev. 002, page 16), and triggers are written to several chips at once.
+// The burst begins last, because the registers cannot be read during it; and only if they hold what was written, so
+// that a burst proves the setup. Without a burst it measures once: after power-up or reset the status of the first
+// measurement's command must be read back (Melexis rev. 002, page 16), and triggers are written to several chips at
+// once.
 static enum bus_result mlx90393_set_up(const struct chip_wires *wires, const struct chip_setup *setup)
 {
     uint8_t answer[3];
@@ -144,7 +145,7 @@ static const struct chip_trigger trigger = {
     .bytes = {SINGLE | ALL},
     .count = 1,
     .conversion_us = 2870,
-    .wait_us = 3730, // 1.3 times: real parts are not done in the table's time (Adafruit_MLX90393, issues 17 and 18)
+    .wait_us = 3730, // 1.3 times: real chips take longer than the table says (Adafruit_MLX90393, issues 17 and 18)
     .rate_max_hz = 250,
 };
 

@@ -9,7 +9,7 @@ enum {
     PRODUCT_ID = 0x10,
     STATUS_FIELD_DONE = 0x40,
     LARGEST = 30720, // 30 G
-    STRONG = 30 * 1024, // 30 G; unverified: its range is taken for what its film withstands
+    STRONG = 30 * 1024, // 30 G; unverified: assumed to be the field that its film withstands
     DOUBTFUL = 15 * 1024,
     RESET_US = 20000,
 };

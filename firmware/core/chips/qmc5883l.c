@@ -8,12 +8,12 @@ enum {
     CONTROL_1 = 0x09,
     CONTROL_2 = 0x0A, // then the period of set and reset, a reserved register, and the identification
     STATUS_READY = 0x01,
-    STATUS_OVERFLOW = 0x02, // of any axis: it does not tell which
+    STATUS_OVERFLOW = 0x02, // an overflow of any axis: the chip does not say which
     CONTINUOUS_200_HZ = 0x0D, // control 1: 512 times oversampled, the range in bits 5–4
     ROLL_OVER_NO_INTERRUPT = 0x41,
     UNUSED_OF_CONTROL_2 = 0x3E,
     SET_RESET_PERIOD = 0x01,
-    LARGEST = 32766, // it stays at 32767 or −32768 beyond its range
+    LARGEST = 32766, // beyond its range it stays at 32767 or −32768
 };
 
 static enum bus_result qmc5883l_identify(const struct chip_wires *wires, uint8_t identification[3])
@@ -28,7 +28,7 @@ static enum bus_result qmc5883l_identify(const struct chip_wires *wires, uint8_t
     return result;
 }
 
-// 0xFF alone is also what a bus without any chip gives.
+// 0xFF alone may also come from a bus without any chip.
 static bool qmc5883l_is_identification(const uint8_t identification[3])
 {
     return identification[2] == 0xFF && identification[1] <= SET_RESET_PERIOD &&
@@ -65,8 +65,8 @@ static enum bus_result qmc5883l_read_status(const struct chip_wires *wires, stru
     return result;
 }
 
-// An axis that shows the last count is marked; where none does, and the chip says overflow, all three. The status follows
-// the axes.
+// An axis that shows the last count is marked; if none does although the chip reports overflow, all three are. The
+// status follows the axes.
 static enum bus_result qmc5883l_read_counts(const struct chip_wires *wires, int16_t counts[3])
 {
     uint8_t data[STATUS + 1];

@@ -6,12 +6,12 @@
 enum {
     PRODUCT = 0x00,
     PRODUCT_ID = 0x80,
-    ADDRESS = 0x2C, // stands in the identification, too: it has one byte of its own only
+    ADDRESS = 0x2C, // also expected in the identification, because the chip has only one identifying byte
     DATA = 0x01,    // x, y, z; low byte first
     STATUS = 0x09,
     CONTROL_1 = 0x0A,
     CONTROL_2 = 0x0B,
-    SIGNS = 0x29, // to be written first, and cannot be read back (data sheet, examples 7.1 and 7.2)
+    SIGNS = 0x29, // must be written first, and cannot be read back (data sheet, examples 7.1 and 7.2)
     SIGNS_OF_AXES = 0x06,
     STATUS_READY = 0x01,
     SOFT_RESET = 0x80,        // control 2; clears itself
@@ -21,7 +21,8 @@ enum {
     LARGEST = 30000, // beyond it the chip reports overflow; far beyond, it stays at 32767 or -32768
 };
 
-// 0x80 at register 0 may also be a potentiometer, which answers every read with its middle: its "soft reset" stays on.
+// 0x80 at register 0 may also come from a potentiometer, which answers every read with its middle position: its "soft
+// reset" stays set.
 static enum bus_result qmc5883p_identify(const struct chip_wires *wires, uint8_t identification[3])
 {
     enum bus_result result = chip_read(wires, PRODUCT, &identification[0], 1);

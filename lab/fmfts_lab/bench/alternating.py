@@ -33,7 +33,7 @@ When = Literal["before", "after"]
 WHENS: tuple[When, ...] = ("before", "after")
 AMPLITUDES_T = tuple(each_ut * 1e-6 for each_ut in (0.2, 0.5, 1.0, 2.0, 5.0))
 MAINS_HZ, RATES_HZ = (50.0, 60.0), (75, 110, 160, 220)
-BEGIN_S = 1.0  # after the baseline: when it begins
+BEGIN_S = 1.0  # after the baseline: when the touch begins
 MOTOR_HZ, MOTOR_M, MOTOR_A_M2 = 30.0, 0.05, 0.01
 # Times (…) in s and the pad → field (…, N, 3) in T, along the pad's axes.
 Alternating = Callable[[Array, Pad], Array]

@@ -37,7 +37,7 @@ RELEASE_S = 0.2
 WITHIN_DEVIATIONS = 2.0
 # Touches are counted by force between these (N).
 LIGHT_N = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0)
-# A press that exceeds this is missed if no frame of it says contact.
+# A press above this force is missed if none of its frames reports contact.
 MISSED_N = 0.15
 
 
@@ -56,8 +56,8 @@ class Cell:
     errors: list[list[float]] = field(default_factory=list)
     off_m: list[float] = field(default_factory=list)
     off_n: list[float] = field(default_factory=list)
-    light: Counter[int] = field(default_factory=Counter)  # frames of a touch, by its place in LIGHT_N
-    noticed: Counter[int] = field(default_factory=Counter)  # and of those, with contact
+    light: Counter[int] = field(default_factory=Counter)  # frames of a touch, by its index in LIGHT_N
+    noticed: Counter[int] = field(default_factory=Counter)  # the share of them with contact
     presses: int = 0  # above MISSED_N
     missed: int = 0
 
@@ -168,7 +168,7 @@ def pad_config(defects: Defects, refine: bool, counted: Counted) -> PadConfig:
         if counted in ("stated", "drawn")
         else SiliconeConfig(),
         scene=SceneConfig(ambient="drifting" if defects.turning else "constant"),
-        # The fingers of these worlds do not shear: else the deviations are twice as wide, and hide what is wrong.
+        # The fingers of these worlds do not shear: otherwise the deviations are twice as wide, and hide errors.
         contact=ContactConfig(refine=refine, friction=0.0, finger_mm=finger_mm),
     )
 

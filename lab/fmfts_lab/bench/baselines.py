@@ -17,8 +17,8 @@ from fmfts_lab.bench.recorded import KINDS, bare_and_rest, mountings, pressed_fi
 from fmfts_lab.bench.workspace import standard_pad
 
 GRID_MM, FORCES_N = np.linspace(-12.0, 12.0, 7), (0.5, 1.0, 1.7)
-# Where shear can be told: it is asked for a quarter of the force, in four directions.
-FRICTION = 0.4  # that the model of shear is told
+# Where the pad measures shear, it is tested with a quarter of the force, in four directions.
+FRICTION = 0.4  # shear that the model assumes
 SHEARED_MM, SHEARED_N, SHEARS_N = np.linspace(-6.0, 6.0, 5), 1.7, ((0.4, 0.0), (-0.4, 0.0), (0.0, 0.4), (0.0, -0.4))
 
 

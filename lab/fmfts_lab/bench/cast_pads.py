@@ -20,7 +20,7 @@ from fmfts.simulation.finger import Touch
 
 PRESSES_PATH = Path(__file__).with_name("cast_presses.csv")
 SI = np.array([1e-6, 1e-6, 1e-6, 1.0, 1.0])
-HOLD_S, RAMP_S = 0.7, 0.2  # each press after a pause as long
+HOLD_S, RAMP_S = 0.7, 0.2  # pauses are as long as the press before them
 FORCES_N = (0.25, 1.4)
 
 

@@ -22,10 +22,10 @@ from fmfts_lab.bench.faults import FAULT_S, GRACE_S, WARM_S, Healthy
 RIGHT_SHARE = 0.9
 # A sentence that blames one sensor, and the parts of one that blames one of several: "sensor 1 or 2".
 BLAMED = re.compile(r"sensors? (\d)(?: (?:or|and) (\d))*", re.IGNORECASE)
-# Two causes that are alike, both said.
+# Two equally likely causes, both reported.
 OR_FOREIGN = "or a weak foreign field is near"
 OR_DRIFTED = "or offsets of chips drifted"
-# No blame: that an axis is saturated is read from its counts. A strong field does that to sound sensors, too.
+# Not counted as blame: a saturated axis is read from its counts. A strong field saturates healthy sensors, too.
 SEEN_SATURATED = re.compile(r"sensor \d is saturated")
 
 
@@ -100,7 +100,7 @@ class Said:
         broken = set().union(*(one.sensors for one in case))
         inferred = SEEN_SATURATED.sub("", reason)
         sensors = [{int(number) for number in re.findall(r"\d", found.group())} for found in BLAMED.finditer(inferred)]
-        # That is no wrong blame where one of them is right.
+        # It is no wrong blame if one of them is correct.
         either = (OR_FOREIGN in reason and any(one.fault.field is not None for one in case)) or (
             OR_DRIFTED in reason and any(one.says == OR_DRIFTED for one in case)
         )

@@ -30,9 +30,9 @@ from fmfts_lab.calibration.simulated import magnet_fields
 from fmfts_lab.study.scene_chips import Setting, settings
 from fmfts_lab.study.scene_facts import recommended_range_gauss
 
-LEAST_N = 0.5  # of a lighter press the noisiest chips tell little more than that it is one
+LEAST_N = 0.5  # from a lighter press the noisiest chips learn little more than that there is one
 FAINTEST_N = 0.1
-STEPS = (0.03, 0.03, 0.003)  # mm, mm, N: of differences
+STEPS = (0.03, 0.03, 0.003)  # mm, mm, N: bounds of differences
 
 
 def run(options: Namespace) -> None:
@@ -100,7 +100,7 @@ def error_over_bound(
         free = weight_with_free_ambient(setting.noise_t, len(pad.sensors))
         return curvature(lambda at: field_of(at).reshape(len(at), -1), press, STEPS, free)
 
-    # The bias of the press that was found, which is all that a pad knows; of the faintest it is no longer of use.
+    # The bias of the detected press, which is all that a pad knows; for the faintest presses it is useless.
     bias = curved(np.maximum(found[:, :3], (-np.inf, -np.inf, FAINTEST_N))).bias[:, 2]
     straightened = found[:, 2] - np.minimum(bias, found[:, 2] / 2.0) - press[:, 2]
     return OverBound(

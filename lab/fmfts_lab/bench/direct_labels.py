@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# of the axes' height: labels that are nearer to each other overlap
+# share of the axes' height: labels that are closer overlap
 APART = 0.075
 
 
 def label_ends(axes: Axes) -> None:
     """Write each line's label right of the axes, at its last point and in its colour; near labels are moved apart."""
-    axes.autoscale_view()  # the limits are known only then
+    axes.autoscale_view()  # only then are the limits known
     lines = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
     ends = [line.get_xydata()[-1] for line in lines]  # type: ignore[index]
     to_axes = axes.transData + axes.transAxes.inverted()

@@ -18,7 +18,7 @@ from fmfts.simulation.mounted import MountedPad
 from fmfts.simulation.source import TURNING_AXIS
 
 Counts = NDArray[np.int16]
-# Counts (N, 3) as the chips have them → as they arrive; called frame by frame with the counts before the fault.
+# Counts (N, 3) as the chips have them → as they arrive; called for each frame with the counts before the fault.
 CountFault = Callable[[Counts, Counts], Counts]
 # Time since the fault began (s) and the pad then → field (N, 3) at its sensors, in pad axes.
 FieldFault = Callable[[float, "PadThen"], Array]

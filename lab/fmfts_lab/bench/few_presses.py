@@ -36,7 +36,7 @@ from fmfts_lab.bench.weigh import Bench, facts_of, line
 
 PRESSES = (5, 9, 18)
 PROBE_MM = 6.0  # of the gauge, and of the peg
-# Of the gauge: one factor for all presses, and each reading; and of the places, beside a ruler.
+# Errors of the gauge: one factor for all presses, and one for each reading; errors of the places: from a ruler.
 GAUGE_SCALE, READING, PLACE_MM = 0.01, 0.01, 0.5
 FORCES_N = (0.4, 1.6)
 AVERAGED_S, SETTLED_S = 0.3, 0.3

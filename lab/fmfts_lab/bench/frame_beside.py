@@ -25,8 +25,8 @@ import numpy as np
 
 TURNS = 150
 REPOSITORY = Path(__file__).parents[3]
-# From a frame to its encoded message. It says the file of each module of the build that it loaded. Then it waits for a
-# line, takes a turn of 100 frames, and says its processor time and, in base64, the messages.
+# From a frame to its encoded message. It prints the file of each module that it loaded from the build. Then it waits
+# for a line, takes a turn of 100 frames, and prints its processor time and, in base64, the messages.
 WORKER = """
 import base64, json, sys, time
 import msgspec
@@ -52,7 +52,7 @@ for _ in sys.stdin:
     taken = time.process_time_ns() - begun
     print(taken, base64.b64encode(msgspec.msgpack.encode(told)).decode(), flush=True)
 """
-OF_A_RUN = ("t_publish_ns", "utc_ns", "baseline")  # whose identity holds when it was recorded
+OF_A_RUN = ("t_publish_ns", "utc_ns", "baseline")  # whose identity was valid when it was recorded
 
 
 @dataclass

@@ -32,7 +32,7 @@ from fmfts_lab.bench.frame_whole import PERIOD_NS, Whole, pipeline_of
 from fmfts_lab.bench.latency import pad_of
 
 OTHER_BYTES = 48_000_000  # more than the last cache holds
-SETTLED = 300  # so many frames at the beginning are not measured
+SETTLED = 300  # this many frames at the beginning are not measured
 HOT_FRAMES, COLD_FRAMES = 1500, 300
 
 
@@ -82,7 +82,7 @@ def costs(
             answer = timed("judge, contact model, message", pipeline.answer, frame)
             timed("send (two parts)", publisher.send_encoded, topic, answer.payload)
             timed("the contact model alone: compiled", model.inference.run)
-    # Apart from the rows above: what they have in the caches is what this would push out.
+    # Not together with the rows above: this would push their data out of the caches.
     for _ in lines:
         timed("the contact model alone: onnxruntime", session.run)
     return {name: values[SETTLED:] for name, values in found.items()}

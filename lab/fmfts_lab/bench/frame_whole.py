@@ -18,7 +18,7 @@ from fmfts.sources import on_board
 from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.latency import pad_of
 
-NEVER_NS = 1 << 62  # the frames' times are not this computer's, so that none is overdue
+NEVER_NS = 1 << 62  # the frames' times are not this computer's, so that none counts as overdue
 PERIOD_NS = round(1e9 / rig.RATE_HZ)
 
 

@@ -29,9 +29,9 @@ from fmfts_lab.bench.truth import PUBLISHED, WRONG_DEVIATIONS
 
 # A chip is disturbed at that moment: then the fault begins.
 START_S = DISTURBED_AT_S - WARM_S
-# As warm as a board becomes before it, its baseline recorded cold.
+# Before the fault it is as warm as a running board, with a baseline that was recorded cold.
 WARMING_K_PER_MINUTE = 600.0
-# What no deviation takes. The others may be within those of chips that a hand placed: then nothing is to be said.
+# Error that no deviation covers. The others may be within the deviations of hand-placed chips: then no warning is due.
 ALWAYS_SEEN = ("silent", "saturated", "stuck", "thimble", "no magnet")
 BIT_ERROR_EVERY, BITS = 10, 11
 
@@ -107,7 +107,7 @@ class Judged(Said):
 
     @property
     def is_right(self) -> bool:
-        # A case that is within the deviations is right without a word.
+        # A case within the deviations is correct without a warning.
         is_named = self.named >= RIGHT_SHARE * self.flagged
         return is_named and (self.flagged > 0 or not self.must) and self.wrong == 0
 

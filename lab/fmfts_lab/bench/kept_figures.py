@@ -20,7 +20,7 @@ FEWEST_SEEDS = 3
 BEGIN, END = "<!-- {}, made by `python -m fmfts_lab.bench tables`: begin -->\n", "<!-- end -->\n"
 
 Facts = dict[str, Any]
-Rows = Sequence[Sequence[Facts]]  # for each row of the table, what each seed gave
+Rows = Sequence[Sequence[Facts]]  # for each row of the table, the result of each seed
 
 
 class Table(NamedTuple):

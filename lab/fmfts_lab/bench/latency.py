@@ -29,7 +29,7 @@ from fmfts.simulation.baseline import simulated_baseline
 from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.latency_run import WARM_UP_S, Run, lateness, matched, measured_from
 
-LATEST_S = 1.0  # a message that comes later than this after the last frame counts as unheard
+LATEST_S = 1.0  # a message that comes later than this after the last frame counts as lost
 COLUMNS = (
     *("pads", "who", "publish p50", "p99", "p99.9", "max", "subscriber p50", "p99", "p99.9", "max"),
     *("CPU", "main µs", "others µs", "boards late p99", "RSS", "grew", "no room", "unheard"),

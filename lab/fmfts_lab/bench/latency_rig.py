@@ -148,7 +148,7 @@ def echo(pipe: Connection, endpoint: str, ports: list[str], size: int) -> None:
         epoll.register(descriptor, select.EPOLLIN)
         topics[descriptor], seen[descriptor] = f"contact/p{index}".encode(), 0
     rest = bytes(size - 16)
-    epoll.register(pipe.fileno(), select.EPOLLIN)  # polling the pipe each time would take longer than all else
+    epoll.register(pipe.fileno(), select.EPOLLIN)  # polling the pipe each time would take longer than everything else
     while True:
         events = epoll.poll(0.05)
         if not events and not any(seen.values()):

@@ -68,7 +68,7 @@ def matched(messages: list[tuple[bytes, int, bytes]], written_ns: Times, is_echo
             published_ns, sampled_ns = message["t_publish_ns"], message["t_sample_ns"]
         pad = int(topic.removeprefix(b"contact/p"))
         written = written_ns[pad]
-        # The last frame with this number that was there before the message came.
+        # The last frame with this number that existed before the message arrived.
         frame = int(np.searchsorted(written, arrived_ns)) - 1
         frame -= (frame - number) % rig.NUMBERS
         if frame >= 0 and written[frame] >= start_ns:

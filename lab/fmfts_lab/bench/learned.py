@@ -27,7 +27,7 @@ from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import Truth
 
 PLACES_MM, ROTATIONS_DEG = 2.0, 10.0  # each within ± this of the drawing, anywhere
-# What a known geometry is off by, still: as_built's chips, turned by half a degree.
+# Remaining errors of a known geometry: as_built's chips, turned by half a degree.
 KNOWN = Defects(rotation_deg=0.5, gain=0.05, turning=False)
 KINDS = ("known", "known + refine", "sketch", "sketch + learn")
 EVEN = 3.0**0.5  # a number anywhere within ±1 has the standard deviation 1/√3

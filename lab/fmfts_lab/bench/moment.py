@@ -20,7 +20,7 @@ WARM_K, WARMING_S, TOUCHED_S, END_S, SHOWN_S = 20.0, 60.0, 90.0, 120.0, 20.0
 COEFFICIENT_ERROR = 0.2  # relative error of the temperature coefficient: one deviation of what the scene allows
 DEPTH_M_PER_N = 0.8e-3  # how far a press on the centre moves the magnet down
 WINDOW_FRAMES = 220
-UNTOUCHED = 0.01  # share of untouched windows that count as touched
+UNTOUCHED = 0.01  # share of untouched windows that may count as touched
 
 
 @dataclass
@@ -29,7 +29,7 @@ class Follower:
     the difference counts as the moment's error."""
 
     rest: State
-    error: float = 0.0  # estimated error of the log moment that the tracker holds
+    error: float = 0.0  # estimated error of the log moment in the tracker
     variance: float = 0.0
     held_variance: float = 0.0
     changes: list[Array] = field(default_factory=list)

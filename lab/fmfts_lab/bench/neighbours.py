@@ -21,7 +21,7 @@ from fmfts_lab.bench.drills import AS_DRAWN, FRAME_NS, RATE_HZ, Ambient
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
 from fmfts_lab.finite_elements.array_pad import array_config
 
-# By the magnets in the pads of a pair: the distances that are tried. Pads of four magnets are 40 mm wide.
+# The distances that are tried, by the magnets in the pads of a pair. Pads of four magnets are 40 mm wide.
 DISTANCES_MM = {
     (1, 1): (20, 30, 60, 100, 200),
     (4, 1): (40, 60, 100),
@@ -29,7 +29,8 @@ DISTANCES_MM = {
 }
 RANGE_GAUSS = {1: 4.0, 4: 8.1}
 AMBIENTS: tuple[Ambient, ...] = ("constant", "drifting")
-# The second pad is rolled against the first, like two fingertips. Its finger presses while the first one rests.
+# The second pad is rolled against the first, like two fingertips. Its finger presses while the first pad's finger
+# rests.
 TURN_DEG = (8.0, 0.0, 0.0)
 LATER_S = 3.7
 

@@ -92,7 +92,7 @@ class Errors:
         self.own.append((run.today - run.motion.truth(run.sampled_s))[run.motion.counts(run.sampled_s), 2])
         today, now = (run.today - at_publishing)[counted], (run.now - at_publishing)[known]
         self.today.append(today[:, 2])
-        # Where `now` is null a controller has today's fields only.
+        # Where `now` is null a controller has only today's fields.
         instead = np.where(np.isfinite(run.now[:, 2]), run.now[:, 2], run.today[:, 2])
         self.now.append((instead - at_publishing[:, 2])[counted])
         self.ratios.append(ratio([self.now[-1]], [today[:, 2]]))

@@ -17,7 +17,7 @@ from fmfts_lab.bench.drills import FINGERS, pad_config
 from fmfts_lab.bench.fault_kinds import Fault, sensor_faults
 from fmfts_lab.bench.faults import AMBIENTS, Healthy
 
-FRAMES = 60  # after the fault began; later the daemon has named it
+FRAMES = 60  # after the fault began; by then the daemon has named it
 WRONG_N, WRONG_DEVIATIONS = 0.15, 5.0
 HEADER = "fault               drills  frames  null %  wrong  largest error, N"
 

@@ -25,10 +25,10 @@ from fmfts_lab.bench.now_early import EarlyToo, Sent
 from fmfts_lab.bench.tapped import ManyFrames
 
 BAUD = 460800
-# From when a frame is made to when its message is published: on the line, and in the daemon.
+# From making a frame to publishing its message: on the line, and in the daemon.
 TRANSPORT_S = LINE_BITS_PER_BYTE * frame_bytes(4) / BAUD + HOST_S
 BEFORE_S = 0.5  # before the first motion
-# The same of a sample that comes before its frame, since its conversion ended.
+# The same for a sample that comes before its frame, counted from the end of its conversion.
 EARLY_S = READ_S + LINE_BITS_PER_BYTE * EARLY_BYTES / BAUD + HOST_S
 READ_EVERY_S = 1e-3  # a controller's period
 

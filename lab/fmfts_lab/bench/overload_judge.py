@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.overload_rig import Written
 
-STALE_NS = 100_000_000  # a message that is `ok` may never speak of an older frame
-FALSE_NS = 10_000_000  # `t_sample_ns` is false where it is so far from the frame's own time
-CALM_NS = 20_000_000  # the daemon is itself again when every pad's frames are this new …
-PAUSE_NS = 50_000_000  # … and none pauses for so long
+STALE_NS = 100_000_000  # an `ok` message must never describe an older frame
+FALSE_NS = 10_000_000  # `t_sample_ns` is wrong if it differs this much from the frame's own time
+CALM_NS = 20_000_000  # the daemon has recovered when every pad's frames are this new …
+PAUSE_NS = 50_000_000  # … and no pause is this long
 
 Heard = tuple[bytes, int, bytes]  # topic, arrival, payload
 

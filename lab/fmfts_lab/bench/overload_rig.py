@@ -24,12 +24,13 @@ from fmfts_lab.bench.latency import pad_of
 
 Times = NDArray[np.int64]
 
-# Boards and subscriber are other computers' work: they go before the daemon, so that what is late is the daemon's.
+# Boards and subscriber stand for other computers: they get priority over the daemon, so that any delay is the daemon's.
 OTHERS_PRIORITY = 50
 # Before the load, and after it. Python judges the first frames of each pad, and is behind for two seconds with 64.
 WARM_UP_S, AFTER_S = 4.0, 3.0
 DUTY_PERIOD_S = 0.1
-# Boards write in so many groups, and the subscriber looks every so often: to wake for each frame takes half a core.
+# Boards write in this many groups, and the subscriber polls at this interval: waking up for each frame takes half a
+# core.
 PHASES = 12
 LOOK_S = 0.002
 

@@ -14,7 +14,7 @@ from fmfts_lab.bench.workspace import Array
 
 FRAMES, MEAN_OF = 660, 11
 ORIENTATIONS, PRESSES = 100, 30
-# Of the field's strength from one attitude of the robot to the next, as in a room with steel in it.
+# Change of the field's strength from one attitude of the robot to the next, as in a room with steel in it.
 UNEVEN = 0.005
 KINDS = ("rest only", "bare + rest", "+ turn", "+ refine", "+ turn + refine")
 

@@ -12,7 +12,7 @@ from fmfts.pose import Problem
 from fmfts.pose.problem import NOISE, VALUE
 from fmfts_lab.bench.workspace import Array
 
-# Units in which all unknowns are about one: 10 mm, and the nominal moment.
+# Units in which all unknowns are near one: 10 mm, and the nominal moment.
 POSITION_UNIT_M = 1e-2
 
 

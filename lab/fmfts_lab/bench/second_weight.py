@@ -21,7 +21,7 @@ from fmfts_lab.bench.weigh import Bench
 
 THICKNESSES_MM = (3.6, 4.0, 4.4)
 WEIGHT_N, SETTLED_S, SECONDS = 0.981, 0.5, 1.5
-IMAGES = 8  # each solved place has so many, and one of them is drawn for each pad
+IMAGES = 8  # each solved place has this many presses, and each pad draws one of them
 
 
 def readings(thickness_mm: float, seed: int) -> list[float]:

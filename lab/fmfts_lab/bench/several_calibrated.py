@@ -21,7 +21,7 @@ from fmfts_lab.finite_elements.array_pad import array_config
 from fmfts_lab.finite_elements.array_presses import array_slab
 
 FORCE, THICKER_M, CAST_M = 1.2, 0.3e-3, 0.5e-3
-# As built, but for magnets that were cast 0.5 mm beside their places, and a baseline that is told so.
+# As built, but with magnets that were cast 0.5 mm beside their places, and a baseline that knows it.
 CAST = Tolerance(1e-4, CAST_M, float(np.deg2rad(1.0)), 0.005, 0.01)
 PAD = array_config().pad()
 PLACES = (3, 4, 5, 7)  # along x and along y

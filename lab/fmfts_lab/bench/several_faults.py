@@ -24,7 +24,7 @@ from fmfts_lab.finite_elements.array_pad import array_config
 RATE_HZ = 220
 WARM_S, FAULT_S, AFTER_S = 0.3, 1.0, 0.4
 GAIN_CODE = 7  # ±8.1 G
-# x and y of a sensor at a side, z of one at a corner. By symmetry x reads nothing at rest, whatever its gain.
+# x and y of a sensor at a side, z of one at a corner. By symmetry x reads zero at rest, whatever its gain.
 AXES_AT = ((0, 0), (0, 1), (5, 2))
 WIRES = ((0, 4), (4, 7))  # side by side, and across the pad
 TOOLS_A_M2 = (0.005, 0.05, 0.2)
@@ -88,7 +88,7 @@ def drills() -> Iterator[Drill]:
     yield Drill("warming by 10 K a minute", warming_k_per_minute=10.0, turning_deg_per_s=20.0, seconds=10.0)
     sensors = (fault for sensor, axis in AXES_AT for fault in sensor_faults((sensor,), (axis,), GAIN_CODE))
     for fault in (*sensors, *field_faults(WIRES), *_of_one_magnet()):
-        # This field drifts, so that a turn is no fault; and a neighbour that moves is the harder one.
+        # Its field drifts, so that a turn is no fault, and a moving neighbour is harder to distinguish.
         if not (fault.kind.startswith("turning") or fault.kind.endswith("fixed")):
             yield Drill("wires of two sensors swapped" if fault.swapped else fault.kind, fault)
     for moment in TOOLS_A_M2:
@@ -100,7 +100,7 @@ def _of_one_magnet() -> Iterator[Fault]:
         yield Fault(f"one of four magnets {what}", field=weaker(share, magnets=slice(1)))
 
 
-# They hold still, so that a pad's field is computed once for all its drills; the robot turns all the while.
+# The fingers hold still, so that a pad's field is computed once for all drills; the robot turns all the time.
 _HOLDING, _OTHER = steady_finger(-6e-3, -1e-3, 0.8), steady_finger(7e-3, 3e-3, 0.6)
 FINGERS: dict[str, tuple[Finger, ...]] = {"none": (), "one": (_HOLDING,), "two": (_HOLDING, _OTHER)}
 

@@ -89,7 +89,7 @@ def _frame(row: Row, one: World, fingers: int) -> None:
     measured = one.measured(change)
     used = measured.used.reshape(-1, 3)
     if (np.abs(change.reshape(-1, CHANGE)) > 0.9 * FARTHEST).any():
-        return  # three hard presses beside one magnet: farther than is searched
+        return  # three hard presses beside one magnet: beyond the range of the search
     poses = _solved(one, np.zeros(len(change)), measured)
     row.frames += 1
     if poses is None or not is_explained(poses, used):

@@ -36,7 +36,7 @@ FINGERS: dict[str, tuple[Finger, Finger | None]] = {
     "two fingers": (ONE, OTHER),
     "search": (ONE, OTHER),
 }
-# Two magnets or three do not tell two fingers at most places.
+# Two or three magnets do not distinguish two fingers at most places.
 TWO_FINGERS = {"4 over 8", "4 over 12", "4 over 16"}
 GOALS_US = {"untouched": 40.0, "one finger": 80.0, "two fingers": 150.0, "search": 2000.0}
 

@@ -103,7 +103,7 @@ def _in_all(rows: list[Row]) -> str:
     told: list[str] = []
     for of_what, names in (("resultant", ("deviations", "parabola")), ("fingers", ("each", "parabola_each"))):
         now, before = ([one for row in rows for one in getattr(row, name)] for name in names)
-        # The same errors, each in units of either deviation.
+        # The same errors, each in units of both deviations.
         larger = float(np.mean(np.array(before) / np.array(now))) - 1.0
         told.append(
             f"{of_what}: {_wrong(now)} wrong of {len(now):,}, {_wrong(before)} by the parabola; deviations "

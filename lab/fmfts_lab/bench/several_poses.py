@@ -29,9 +29,9 @@ FRAMES_OF_A_PAD = 20
 NOTHING = np.zeros(FREE_FIELD)
 WRONG_T = (4e-6, 40e-6)  # what one axis of one sensor reads too much
 ITERATIONS, SETTLED, DAMPING, MOST_DAMPING = 60, 1e-3, 1e-3, 1e8
-LARGEST = np.array([2e-3, 2e-3, 2e-3, 0.5, 0.5])  # of a change of pose: a solution beyond it is none
+LARGEST = np.array([2e-3, 2e-3, 2e-3, 0.5, 0.5])  # of a change of pose: a larger one is no solution
 POSES_DRAWN = 50
-PRESSED = np.array([4e-4, 4e-4, 4e-4, 0.1, 0.1])  # deviations of the poses for which the bound is told
+PRESSED = np.array([4e-4, 4e-4, 4e-4, 0.1, 0.1])  # deviations of the poses for which the bound is reported
 
 
 @dataclass(slots=True)

@@ -32,7 +32,7 @@ from fmfts_lab.bench.latency import cpu_by_thread, spawn
 from fmfts_lab.finite_elements.array_pad import array_config
 
 RATE_HZ, SEEDS, WARM_UP_S = 220, 2, 2.0
-LONGEST_LAP_S = 10.0  # the same frames come again then
+LONGEST_LAP_S = 10.0  # after that the same frames repeat
 PATIENCE_S = 300.0  # for the frames, and for the first contact
 
 

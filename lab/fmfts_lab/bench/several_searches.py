@@ -27,7 +27,7 @@ from fmfts_lab.bench.tool_ways import Tool, Way
 from fmfts_lab.finite_elements.array_pad import array_config
 
 RATE_HZ, RUNS, SEEDS = 220, 3, 3
-FRAMES = 330  # a magnet is put down beside the pad meanwhile
+FRAMES = 330  # meanwhile a magnet is put down beside the pad
 PRESSED: dict[str, tuple[Finger, Finger | None]] = {
     "no finger": (no_finger, None),
     "one finger": (steady_finger(3e-3, -4e-3, 1.0), None),

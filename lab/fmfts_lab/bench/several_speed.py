@@ -37,7 +37,7 @@ FINGERS: dict[str, tuple[Finger, Finger | None]] = {
     "two fingers, one near the rim": (steady_finger(4e-3, -5e-3, 1.6), steady_finger(-9.5e-3, -9.5e-3, 0.4)),
     "disturbed": (no_finger, None),
 }
-# A magnet that is put down beside the pad, and lies there from one and a half seconds on.
+# A magnet is put down beside the pad after one and a half seconds, and stays there.
 DISTURBING, LIES_FRAMES = (Way("put down", 0.06, 1.0), 0.2), 330
 
 

@@ -34,7 +34,7 @@ from fmfts_lab.finite_elements.array_pad import array_config
 FRAMES_OF_A_PAD, FRAMES_OF_A_PAIR = 200, 10
 WRONG = 5.0  # deviations
 SI = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])
-LEVER_MM = 4.0  # a tilt counts like a movement of so much
+LEVER_MM = 4.0  # a tilt counts like a movement of this size
 HEAD = (
     "| what presses | `ok` | `degraded` | `more` | other | told as none, one, two, of these | wrong, `ok` | "
     "worst, deviations | place, median mm | p90 mm | force, rms N |\n" + "| --- " * 11 + "|"

@@ -29,9 +29,9 @@ from fmfts_lab.calibration.simulated import rest_field_of
 SPEEDS_MM_PER_S = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
 AMBIENTS: tuple[Ambient, Ambient] = ("constant", "drifting")
 SHAPES = ("round", "ball", "flat", "edge")
-SHEARED, STEPS = 0.3, 40  # of the bound; trials of an inversion
+SHEARED, STEPS = 0.3, 40  # of the bound; number of trials of an inversion
 BOUND_AT = ((0.0, 0.5), (0.0, 1.0), (0.0, 2.0), (4.0, 1.0), (8.0, 1.0), (8.0, 2.0), (10.0, 2.0))
-EARLY_S, LATE_S = 0.01, 0.05  # around a slip in which its onset counts
+EARLY_S, LATE_S = 0.01, 0.05  # time around a slip in which its onset counts as found
 
 
 def config_of(ambient: Ambient, seed: int, shape: str = "round", creeps: bool = False) -> PadConfig:

@@ -19,9 +19,9 @@ from fmfts.simulation.finger import Touch
 from fmfts_lab.bench.tapped import ManyFrames
 
 DRAGS_PATH = Path(__file__).parents[1] / "finite_elements" / "drags.csv"
-REACH_M = 7e-3  # of the table's slips: shear is told within 8 mm
+REACH_M = 7e-3  # place of the table's slips: shear is reported within 8 mm
 PRESSED_S, HELD_S, AFTER_S, RELEASED_S = 0.2, 0.6, 0.6, 0.3
-VIBRATION_HZ, VIBRATION_SHARE = 37.0, 0.15  # a finger that slips chatters: its speed and friction vary by so much
+VIBRATION_HZ, VIBRATION_SHARE = 37.0, 0.15  # a slipping finger chatters: its speed and friction vary by this share
 GROSS_SHARE = 0.8
 TOOL, TOOL_NEAR_M, TOOL_FAR_M, TOOL_HZ = Magnet(5e-3, 10e-3, 0.3), 0.12, 0.3, 0.5
 
@@ -103,7 +103,7 @@ class Healthy:
         since = max(within - 0.6, 0.0)
         if self.kind == "shear":
             shear_n = self.share[i] * force_n * np.sin(2.0 * np.pi * self.hertz[i] * since)
-        elif self.kind == "jerk":  # a load that comes in 20 ms and goes
+        elif self.kind == "jerk":  # a load that comes within 20 ms and goes
             pulled = np.exp(-(within - 2.5) / 0.02) if within > 2.5 else 1.0 - np.exp(-max(within - 1.0, 0.0) / 0.02)
             shear_n = self.share[i] * force_n * pulled
         elif self.kind == "roll":

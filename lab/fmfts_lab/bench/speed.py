@@ -91,7 +91,7 @@ def _warm(
     batch = batch_of(readings(poses, pad, random), pad, unknowns, octupole, displaced(poses, metres, radians, random))
     if not prior:
         return batch
-    # Solve the frame before; its covariance, enlarged by the motion, is the prior.
+    # Solve the previous frame; its covariance, enlarged by the motion, is the prior.
     batch.solve(STOP_CHI2, MAX_ITERATIONS)
     columns = np.arange(columns_of(1))
     grown = batch.covariance.copy()

@@ -15,9 +15,9 @@ from fmfts.pad import Array
 from fmfts.simulation.finger_shape import PATCH_MM2, FingerShape
 from fmfts.simulation.mechanics import Mechanics
 
-# Of the modulus, so that none is negative.
+# Of the modulus, so that no draw is negative.
 SOFTEST = 0.4
-# Half of what a finger's moments along and across differ by, as a share of that by which both are off: tolerances.c.
+# Half the difference of a finger's moments along and across, as a share of their common error: tolerances.c.
 UNEVEN = 0.5
 NARROWEST_MM2 = 0.05
 

@@ -26,11 +26,11 @@ ABOUT_1N = 0.2
 RELEASED_S = 0.3  # see as_built.RELEASE_S
 FRICTIONS = (0.0, 0.3)
 # What the deviations count: "nothing" of the structure, the tolerances of the configuration, or "tilt": silicone,
-# thickness and finger are known, so that the tilt is what they have to cover.
+# thickness and finger are known, so that the deviations must cover only the tilt.
 Counted = Literal["nothing", "tolerances", "tilt"]
-# As deviations were before they counted any of it: the model's own pad, a magnet that tilts alone.
+# As deviations were before they counted the structure: the model's own pad, with a magnet that only tilts.
 UNCOUNTED = ToleranceConfig(gain=0.005, magnet_tilt_deg=1.0, pad_tilt_deg=0.0, modulus=0.0, thickness_mm=0.0)
-# Then a finger that shears was also taken for one of another shape: as far from the probe as these.
+# Then a shearing finger also counted as one of another shape: as far from the probe as these.
 UNCOUNTED_FINGER_MM = {0.0: (6.0, 6.0), 0.3: (3.9, 7.6)}
 
 

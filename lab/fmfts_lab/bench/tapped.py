@@ -108,7 +108,7 @@ class ManyFrames(Simulated):
         fresh = conversion != np.concatenate([self._delivered[None], conversion[:-1]])
         sampled_s = self._chips.time_of(conversion)
         counts = self._chips.counts(self._fields(sampled_s), self._gain_code, 0.0)
-        # A reading that is not fresh keeps its last value.
+        # A value that is not fresh repeats its last reading.
         newest = np.maximum.accumulate(np.where(fresh, np.arange(count)[:, None] + 1, 0))
         counts = np.take_along_axis(np.concatenate([self._counts[None], counts]), newest[:, :, None], axis=0)
         if self._imperfections is not None:

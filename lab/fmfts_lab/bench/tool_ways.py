@@ -9,7 +9,7 @@ import numpy as np
 
 from fmfts.pad import Array
 
-# The tool is far away until BEGIN_S, and is not followed farther than FAR_M.
+# The tool is far away until BEGIN_S, and the simulation ends where it is FAR_M away.
 BEGIN_S, FAR_M = 1.0, 0.3
 
 
@@ -56,7 +56,7 @@ class Tool:
     def __init__(self, way: Way, moment_a_m2: float, random: np.random.Generator) -> None:
         self._way = way
         towards = random.standard_normal(3)
-        towards[2] = abs(towards[2])  # the pad's board and what it is screwed to are below
+        towards[2] = abs(towards[2])  # the pad's board and its mount are below
         self._towards = towards / np.linalg.norm(towards)
         sideways = np.cross(self._towards, random.standard_normal(3))
         self._sideways = sideways / np.linalg.norm(sideways)

@@ -40,7 +40,8 @@ BUILT: dict[Built, ToleranceConfig] = {
 FINGERS: dict[str, Finger] = {"rest": no_finger, "pressed": live_finger, "tapped": tapping}
 TURNING_DEG_PER_S = 30.0
 RELEASE_S = 0.2
-# A force that is told is off where it misses the true one by OFF_N, while that has not changed by STEADY_N for a while.
+# A published force is wrong if it misses the true one by OFF_N, after the true one was constant within STEADY_N for a
+# while.
 OFF_N, STEADY_N, STEADY_S = 0.2, 0.02, (-0.1, -0.02, 0.0, 0.02)
 
 

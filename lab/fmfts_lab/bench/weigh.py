@@ -23,7 +23,7 @@ from fmfts_lab.bench.structure import CALIBRATED_N, Cell, Found, cast_pad, confi
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import Truth
 
-# Thickness, what stands on the silicone under the weight, and what presses afterwards: CalculiX has solved these.
+# Thickness, what stands on the silicone under the weight, and what presses afterwards: Solved with CalculiX.
 PADS_MM = (
     (4.0, 6.0, 6.0),
     (4.0, 6.0, 3.0),
@@ -35,12 +35,12 @@ PADS_MM = (
     (4.4, 6.0, 6.0),
     (4.4, 3.0, 3.0),
 )
-MODULI = {PADS_MM[0]: (0.5, 0.7, 1.0, 1.4, 2.0)}  # of the others: the first, the middle and the last
+MODULI = {PADS_MM[0]: (0.5, 0.7, 1.0, 1.4, 2.0)}  # which other frames: the first, the middle and the last
 MIDDLE_M, ASIDE_M = (0.7e-3, 0.4e-3), (3.4e-3, 1.3e-3)
 WEIGHTS_N = (0.981, 0.490)  # 100 g; where that is too much for a soft pad, 50 g
-# What the owner of a pad says who does not know its cure: silicone twice as stiff is two deviations away.
+# What an owner states who does not know the silicone's cure: silicone twice as stiff is two deviations away.
 ANY_CURE = ToleranceConfig(gain=0.005, modulus=0.5)
-# A hand that still holds the weight: it trembles, and it sways.
+# A hand that still holds the weight trembles and sways.
 SHAKEN = ((6.0, 0.02), (0.4, 0.03))  # Hz, and share of the weight
 
 

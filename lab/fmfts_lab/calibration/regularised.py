@@ -20,7 +20,7 @@ from fmfts_lab.calibration.regressors import Span, squared_distance
 FIRST_PRECISION, FIRST_DECAY = 1.0, 1e-3
 FIRST_DAMPING, DAMPING_FACTOR, MOST_DAMPING = 1e-2, 10.0, 1e10
 SETTLED, STALLED_STEPS = 1e-6, 5
-FAINTEST = 1e-9  # weakest component, relative to the strongest: weaker ones are constant or repeated columns
+FAINTEST = 1e-9  # weakest component, relative to the strongest: weaker ones come from constant or repeated columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,7 @@ class BayesianNetwork:
         shrunk = self._inputs.shrunk(inputs)
         random = np.random.default_rng([self.seed, start])
         layers = Layers.drawn((shrunk.shape[1], *self.hidden, target.shape[1]), random)
-        # One thread, so that sums have one order: the same rows give the same weights.
+        # One thread, so that sums have a fixed order: the same rows give the same weights.
         with threadpool_limits(1):
             for step in islice(bayesian_steps(layers, shrunk, self._target.shrunk(target)), self.steps):
                 self.layers = step.layers

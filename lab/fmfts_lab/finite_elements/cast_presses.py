@@ -27,7 +27,7 @@ COLUMNS = (
 PADS_MM = ((4.0, 6.0), (3.6, 6.0), (4.4, 6.0), (4.0, 3.0), (4.0, 12.0), (3.6, 12.0), (4.4, 3.0))
 PLACES_MM = ((0.7, 0.4), (3.4, 1.3), (6.2, 2.6), (9.0, 4.8))
 LARGEST_N, FRICTION = 2.4, 0.3
-ELEMENT_M = 2e-3  # 3 % too stiff (lab/results/pad-model.md), which counts against the model that is judged
+ELEMENT_M = 2e-3  # 3 % too stiff (lab/results/pad-model.md): a disadvantage for the model that is judged
 SEED = 45
 
 

@@ -210,7 +210,7 @@ def place_under(mesh: SlabMesh, drag: Drag, moved_mm: Array, way_mm: float) -> A
     lowest = np.array([drag.x_mm, drag.y_mm]) + way_mm * drag.along
     away = before + moved_mm[points, :2] - lowest
     nearest = np.argsort(np.sum(away * away, axis=1))[:9]
-    # A plane through the nine nearest points: the place as a linear function of where they are now.
+    # A plane through the nine nearest points gives the place as a linear function of their present positions.
     now = np.column_stack([away[nearest], np.ones(len(nearest))])
     return np.asarray(np.linalg.lstsq(now, before[nearest], rcond=None)[0][2])
 

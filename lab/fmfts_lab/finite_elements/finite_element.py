@@ -23,12 +23,12 @@ from fmfts.pad import Array
 from fmfts_lab.finite_elements.slab import ELEMENT_M, Press, Slab
 from fmfts_lab.finite_elements.slab_mesh import SlabMesh
 
-MAGNET_STIFFNESS = 1e3  # times the silicone's: the magnet bends by a thousandth of what surrounds it
+MAGNET_STIFFNESS = 1e3  # times the silicone's: the magnet then bends by a thousandth of its surroundings
 MPA = 1e-6
-RESIDUAL = 1e-5  # relative to the load: below it the equilibrium is found, and the pose is accurate to 1e-8
-NO_LOAD = 1e-9  # N: a residual below it counts as zero when nothing presses
+RESIDUAL = 1e-5  # relative to the load: below it the equilibrium counts as found, and the pose is accurate to 1e-8
+NO_LOAD = 1e-9  # N: a smaller residual counts as zero when nothing presses
 MEMORY, ITERATIONS = 8, 150
-PATIENCE = 25  # iterations after which a fresh tangent costs less than going on
+PATIENCE = 25  # after this many iterations a fresh tangent costs less than going on
 
 
 def felupe_module() -> Any:
@@ -95,7 +95,8 @@ class PressedSlab:
         """Forget the last press: what is solved next is the same to the last bit, whatever was solved before."""
         self.displacement_mm = np.zeros_like(self.mesh.points_mm)
         self._factor = self._rest_factor
-        # The elements' pressures are extrapolated from the displacement before: none is left of it the second time.
+        # The elements' pressures are extrapolated from the previous displacement: the second time nothing of it is
+        # left.
         for _ in range(2):
             self._inner_force(self.displacement_mm)
 

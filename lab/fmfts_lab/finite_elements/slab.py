@@ -9,7 +9,7 @@ import numpy as np
 
 from fmfts.pad import Array
 
-ELEMENT_M = 1e-3  # edge of the finite elements, unless asked for otherwise
+ELEMENT_M = 1e-3  # edge of the finite elements, unless the user asks for another
 RADII, ANGLES = 8, 40  # points under the probe: a finer rule moves the magnet by less than 1e-4 of its displacement
 
 

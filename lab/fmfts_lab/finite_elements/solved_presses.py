@@ -36,7 +36,7 @@ SHEARED_FORCE_N = (1.0, 2.0)
 SHEAR_ALONE_N = 0.1  # shear without normal force, where the response is almost linear
 SHEAR_SHARE = 0.4  # of the normal force: a finger can transmit it, and it is large enough to show the curvature
 SHEAR_DIRECTIONS = 5  # the number of terms of a quadratic form without constant
-RAMP_N = 1.0  # a larger step of force is made in two
+RAMP_N = 1.0  # a larger step of force is split into two
 HALVINGS = 4
 SEED = 20260719
 
@@ -127,7 +127,7 @@ SETS: dict[str, Callable[[], list[Press]]] = {
     "test-friction": lambda: friction_test(60, SEED + 2),
     "test-friction-3": lambda: friction_test(24, SEED + 3),
 }
-PROBE_M = {"test-friction-3": 3e-3}  # diameter, where it is not the table's
+PROBE_M = {"test-friction-3": 3e-3}  # diameter, if it is not the table's
 
 
 def solve_into(

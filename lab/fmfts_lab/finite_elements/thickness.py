@@ -20,7 +20,7 @@ from fmfts_lab.finite_elements.slab import Slab
 STEP_MM = 0.2
 LIGHT_N = 0.2  # small strains
 UNIT = np.array([1e3, 1e3, 1e3, 1.0, 1.0])
-# Of the pose of a press that lasts: its deviations at rest, between those of six unknowns and of eight.
+# Of the pose of a lasting press: its deviations at rest are between those of six and of eight unknowns.
 POSE_DEVIATION = np.array([0.012, 0.012, 0.005, 0.0027, 0.0027])
 
 

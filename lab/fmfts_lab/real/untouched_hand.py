@@ -75,7 +75,7 @@ class Reported:
     degraded: int = 0
     presses: int = 0
     found: int = 0
-    beyond: int = 0  # found presses whose force is more than five deviations off
+    beyond: int = 0  # detected presses whose force is wrong by more than five deviations
     when: list[int] = field(default_factory=list)  # disturbed rows
 
     def __add__(self, other: Reported) -> Reported:

@@ -21,7 +21,7 @@ from fmfts.sensor.chips import CHIPS
 
 BOARDS = ("PlainFoam", "PlainEcoflex", "MagFoam", "MagEcoflex")
 SENSORS = 6
-# The files tell no times. Any will do: all chips of a row count as read at once.
+# The files contain no times. Any value will do: all chips of a row count as read at once.
 ROW_US = 20_000
 CHIP, GAIN_CODE = CHIPS["mlx90393"], 0
 # MLX90393 data sheet: sensitivities differ by some percent. Soldered by hand: three degrees.

@@ -67,7 +67,7 @@ class OneStep:
     def __init__(self, bench: Bench) -> None:
         world = bench.mounted
         self._bench, self._response, self._pad = bench, bench.response, world.drawing
-        self._from_pad = bench.mounting.pad_turn.T  # from the axes in which presses move the magnet to the sensors'
+        self._from_pad = bench.mounting.pad_turn.T  # turns the axes in which presses move the magnet into the sensors'
         self._rows = measurement_rows(np.zeros((len(self._pad.sensors), 3)), self._pad.sensors, world.noise_t)
         self._magnets, self._noise_t = magnet_rows(self._pad.magnet), world.noise_t
         self._ambient, self._variance = np.zeros(3), np.full(3, 1e-6**2)

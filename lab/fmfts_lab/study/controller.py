@@ -27,9 +27,9 @@ COLUMNS = ("of_todays_time", "publishing_n", "read_n", "publishing_mm", "read_mm
 PADS, SECONDS = 6, 2.0  # those of `bench now`
 QUICK_SECONDS = 1.2
 QUICK = (untouched, hold, slide(100e-3), stick_slip, tap(50e-3), release(20e-3), ramp)
-# How late the force is at most, and at least where it is ahead, and the step in which that is looked for.
+# Largest delay of the force (negative: it is ahead), and the step in which it is searched.
 LATEST_S, EARLIEST_S, LATE_STEP_S = 20e-3, -5e-3, 0.25e-3
-SWINGS_N = 0.5  # a motion whose force changes by so much tells how late a method is
+SWINGS_N = 0.5  # a motion whose force changes this much shows how late a method is
 FEWEST = 10  # frames to which a parabola is fitted
 
 
@@ -82,7 +82,7 @@ def scored(motion: Motion, told: Sequence[Told]) -> Row:
     values, rates, at = (np.array([getattr(one, name) for one in told]) for name in ("values", "rates", "at_s"))
     answered = np.isfinite(values[:, 2])
     last = np.maximum.accumulate(np.where(answered, np.arange(len(told)), -1))
-    # A controller keeps what it was told last where a method tells nothing.
+    # A controller keeps the last value where a method gives none.
     values, rates = (np.where(last[:, None] >= 0, one[last], np.nan) for one in (values, rates))
     at = np.where(last >= 0, at[last], np.nan) - BEFORE_S
     counted = motion.counts(published)

@@ -19,7 +19,7 @@ ERRORS = ("publishing_n", "read_n", "publishing_mm", "read_mm", "noise_mn")
 MEANS = ("answered", "age_ms", "late_ms")
 TIMES = ("median_us", "p99_us", "of_todays_time")
 QUIET, SWIFT, SLIDE = "hold", "tap in 50 ms", "slide 100 mm/s"
-# What is drawn of which motion.
+# Which quantity is drawn for which motion.
 PANELS = (
     *((motion, "publishing_n") for motion in (SWIFT, "release in 20 ms", "ramp 30 N/s")),
     *((SLIDE, "publishing_mm"), ("stick-slip", "publishing_n"), (QUIET, "noise_mn")),

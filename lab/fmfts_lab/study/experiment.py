@@ -45,7 +45,7 @@ LIGHTEST_N = 0.25
 # The paper's baseline only subtracts the ambient field, and takes the pad as drawn.
 DRAWING = "drawing"
 BASELINES = (*recorded.KINDS, DRAWING)
-HIDDEN, TRAINED_ON = 16, 8000  # small: two steps of the table bring the answer to the most likely one
+HIDDEN, TRAINED_ON = 16, 8000  # small, so that two steps of the table lead to the most likely answer
 # Each cause alone, all together, and none (a pad exactly as drawn).
 CAUSES = ("noise", "gains", "sensors placed", "chips turned", "magnet placed", "tilt", "stiffness", "remanence")
 ERRORS = ("mae_x_mm", "mae_y_mm", "mae_f_n")

@@ -26,7 +26,7 @@ from fmfts_lab.study.kernels import misfits
 from fmfts_lab.study.method import NOTHING, Answer
 from fmfts_lab.study.world import Sample, World
 
-FRAME_S = 1.0 / 220.0  # in which a tap moves the magnet by TAPPED_M
+FRAME_S = 1.0 / 220.0  # time in which a tap moves the magnet by TAPPED_M
 
 
 class Updated(NamedTuple):

@@ -66,7 +66,7 @@ class Study:
         self._settings: Facts = {
             "quick": request.quick,
             "seed": request.seed,
-            "pad": json.loads(msgspec.json.encode(request.pad)),  # as it reads back
+            "pad": json.loads(msgspec.json.encode(request.pad)),  # as it is read back
             "pads": json.loads(msgspec.json.encode(request.pads)),
             "columns": list(columns),
         }

@@ -21,7 +21,7 @@ Mask = NDArray[np.bool_]
 BEGIN_S = 0.3  # when the fault begins
 EVERY_REST = 4  # a path that jumps has three samples at rest, then one elsewhere
 MILLIGAUSS = 1e-7
-PRESSED_M = 1e-3  # a finger moves the magnet down so far; one that is pulled up is no healthy pad
+PRESSED_M = 1e-3  # a finger moves the magnet down this far; a magnet that is pulled up means a faulty pad
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ def _jumping(world: World, random: np.random.Generator, seconds: float, far_m: f
     count = len(time_s)
     jumps = np.arange(count) % EVERY_REST == EVERY_REST - 1
     away, across = random.normal(size=(count, 3)), random.uniform(0.0, 2.0 * np.pi, count)
-    # Down as far as a finger presses; what is farther goes upward, away from the sensors.
+    # Down to a finger's deepest press; larger displacements go upward, away from the sensors.
     away[:, 2] = np.abs(away[:, 2]) * (-1.0 if far_m <= PRESSED_M else 1.0)
     position = world.drawing.rest_position_m + (
         far_m * jumps[:, None] * away / np.linalg.norm(away, axis=1, keepdims=True)
@@ -205,7 +205,7 @@ def symmetric(config: PadConfig, random: np.random.Generator, seconds: float) ->
     poses = {"at rest": (0.0, 0.0), "tilted 45°": (0.0, 45.0), "lying": (0.0, 90.0), "upside down": (0.0, 180.0)}
     for name, (far_m, turn_deg) in poses.items():
         path = _jumping(world, random, seconds, far_m, float(np.deg2rad(turn_deg)))
-        if name != "at rest":  # along a diagonal and along an edge, by turns
+        if name != "at rest":  # alternately along a diagonal and along an edge
             azimuth = np.where(np.arange(len(path.axis)) % 8 < 4, 0.0, np.pi / 4)
             across = np.hypot(path.axis[:, 0], path.axis[:, 1])
             path.axis[:, :2] = across[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)

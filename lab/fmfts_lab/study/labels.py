@@ -15,7 +15,7 @@ DIRECTIONS = 16
 AWAY_PT = (8.0, 14.0, 22.0, 32.0, 44.0, 58.0)
 LINE_FROM_PT = 12.0  # a label farther away than this gets a line to its point
 MARK_PT = 4.0  # half of a point's size
-# What a place of a label costs, in points of distance: to cover something, and to leave the axes.
+# Cost of a label's place, in points of distance: for covering something, and for leaving the axes.
 COVERS, LEAVES = 1000.0, 5000.0
 
 
@@ -32,7 +32,7 @@ def write(axes: Axes, labels: Sequence[Label], points: Sequence[tuple[float, flo
     """Write each label near its point, in their order: the first has the free choice. points: all that are drawn."""
     figure = axes.figure
     assert isinstance(figure, Figure)
-    figure.draw_without_rendering()  # the layout is final only then
+    figure.draw_without_rendering()  # only then is the layout final
     renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
     pixels = figure.dpi / 72.0
     taken = [_around(at, MARK_PT * pixels) for at in axes.transData.transform(np.array(points))]

@@ -11,7 +11,7 @@ from fmfts_lab.study.harness import Row
 from fmfts_lab.study.style import COLOURS, OTHERS, SMALL_PT, name_ticks
 
 COST = "median_us"
-ROOM = 1.6  # how much farther than the points each axis reaches, for the names
+ROOM = 1.6  # how far each axis extends beyond the points, for the names
 FOOT = (
     "Processor time: the median. Grey: variants of the named. Hollow: did not answer every frame. "
     "Broken line: no other method is both faster and more accurate."

@@ -13,7 +13,7 @@ from fmfts_lab.study.kernels import default
 from fmfts_lab.study.world import Path, drawn_world, frame_times, in_scene, pressed, presses
 
 RATES_HZ, AVERAGING = (55, 110, 220), (1, 2, 4, 8)
-LOOKED_AT_HZ = 1760  # how often the newest pose is compared with the true one
+LOOKED_AT_HZ = 1760  # period at which the newest pose is compared with the true one
 SECONDS, QUICK_SECONDS = 6.0, 2.0
 
 

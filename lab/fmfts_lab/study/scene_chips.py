@@ -21,7 +21,7 @@ from fmfts_lab.study.harness import Row
 from fmfts_lab.study.scene_facts import largest_field_gauss, recommended_range_gauss
 
 USUAL_HZ = 220
-CLOCK_HZ = 400_000  # the fastest that every chip and the mux take
+CLOCK_HZ = 400_000  # the fastest clock that every chip and the mux support
 HEADER = (
     f"{'chip':10} {'trigger':13} {'rate, Hz':>9} {'noise, µT':>10} {'range, G':>9} {'place, mm':>10} {'force, N':>9} "
     f"{'mean, mm':>9}  saturation, and what it needs"

@@ -31,7 +31,7 @@ def would_pay(surroundings: Surroundings, best: Cost) -> list[str]:
             strong = replace(surroundings, config=_drifting(surroundings))
         found = {cost.model: cost for cost in costs(strong)}
         left, taken = found[best.model], found[larger]
-        # error² of the smaller model: a part without this cause, and k² times this cause's. Finds k for `worth`.
+        # error² of the smaller model: a part without this cause, plus k² times this cause's part. Finds k for `worth`.
         worth = WORTH_OF_TERM if larger.unknown == best.model.unknown else WORTH
         anyway = max(left.error**2 - left.bias_of[cause] ** 2, 0.0)
         room = ((1.0 + worth) * taken.error) ** 2 - anyway

@@ -22,7 +22,7 @@ from fmfts_lab.study.harness import Facts, Request, Row, Study, say
 from fmfts_lab.study.scene_networks import SIZES, Networks, smallest_network
 from fmfts_lab.study.scene_trial import tried, tried_beside
 
-SHIPPED = Model(8, True)  # what config.toml has: a field that drifts, no neighbours
+SHIPPED = Model(8, True)  # as in config.toml: a field that drifts, and no neighbours
 COLUMNS = ("kind", "model", "unknowns", "cylinder", "neighbours", "noise_mm", "bias_mm", "noise_n", "bias_n", "error",
            "causes", "hidden", "parameters", "noise_in_bounds", "bias_in_bounds", "score",
            "available", "answered", "wrong", "frames")  # fmt: skip
@@ -113,7 +113,7 @@ def printed(facts: Facts) -> str:
         errors = f"{row['noise_mm']:.3f} mm, {row['noise_n']:.4f} N rms"
         lines.append(f"single frames solved and inverted, {row['model']} ({row['causes']}): {errors}")
     for row in facts["running"]:
-        if row["frames"] is None:  # there was no model or baseline to run them with; a sentence in `said` tells
+        if row["frames"] is None:  # no model or baseline was available to run them with; a sentence in `said` explains
             continue
         lines.append(
             f"both pads running and pressed, {row['model']} ({row['causes']}): {row['available']:.1%} of "

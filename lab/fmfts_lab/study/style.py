@@ -11,11 +11,11 @@ from matplotlib.ticker import LogLocator
 
 matplotlib.use("Agg")
 
-WIDTH_INCH = 7.2  # 691 of a browser's pixels: a chart that is no wider is not shrunk in a page
+WIDTH_INCH = 7.2  # 691 of a browser's pixels: a page does not shrink a chart of this width
 TITLE_PT, TEXT_PT, SMALL_PT = 10.5, 9.0, 8.0
 TITLE_LETTERS, FOOT_LETTERS = 80, 108  # in a line
-OTHERS = "0.65"  # of points without a name
-# Told apart by the colour-blind: Okabe and Ito.
+OTHERS = "0.65"  # for points without a name
+# Distinguishable by colour-blind readers: Okabe and Ito.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#b8860b", "#444444")
 
 

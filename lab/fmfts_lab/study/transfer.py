@@ -39,7 +39,7 @@ from fmfts_lab.study.harness import Facts, Request, Row, Study
 TOLERANCE = ToleranceConfig(gain=0.005, modulus=0.5, remanence=0.2)
 SECONDS, QUICK_SECONDS = 14.0, 7.0
 FEW = 5
-# The own calibration: presses at every solved place and its images, labelled by a stage and a gauge.
+# The user's own calibration: presses at every solved place and its mirror images, labelled by a stage and a gauge.
 OWN_FORCES_N, OWN_PLACE_MM, OWN_READING = (0.3, 0.6, 0.9, 1.2, 1.5), 0.05, 0.01
 OWN_HIDDEN, OWN_PRESSES = 16, 4000
 FIELD_HIDDEN, FIELD_PRESSES, REACH_MM = (16,), 2000, 10.0

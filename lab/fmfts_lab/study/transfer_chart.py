@@ -13,7 +13,7 @@ from fmfts_lab.study.style import COLOURS, SMALL_PT, TEXT_PT, name_ticks, sheet
 
 TITLE = "A pose takes a model to another magnet; a weight or five presses take it to other silicone"
 FOOT = "Median error of a force on each pad, whose presses CalculiX has solved. The first is as the shipped model's."
-APART = 1.12  # of two names beside the lines, as a factor of the error
+APART = 1.12  # distance of two names beside the lines, as a factor of the error
 
 
 def draw(rows: Sequence[Row], methods: Sequence[str]) -> Figure:

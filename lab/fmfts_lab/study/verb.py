@@ -19,7 +19,7 @@ STUDIES: dict[str, str] = {
     "paper-table4": "fmfts_lab.study.experiment",
     "transfer": "fmfts_lab.study.transfer",
 }
-# Option → the study that has it.
+# Option → the study that uses it.
 OPTIONS = {"chips": "scene", "controller": "speed-accuracy"}
 
 

@@ -16,10 +16,10 @@ from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.packets import Sample, Status, StatusPad
 
 PERIOD_NS = 1_000_000_000 // RATE_HZ
-ROUNDS = 2  # of watermarks that are kept: 18 seconds
+ROUNDS = 2  # of stored watermarks: 18 seconds
 STATUS_EVERY = RATE_HZ
 ALL_LINES = LINES | ORDERS
-TIMES = 2**48  # of the wire: a board's clock is cut to 48 bits
+TIMES = 2**48  # of the wire: a board's clock is sent as 48 bits
 NOT_TOLD = Touch(0.0, 0.0, 0.0, 0)
 
 
@@ -49,7 +49,7 @@ class ChaosBoard(Board):
         self._lines: deque[bytes] = deque(maxlen=REPEATED)
         self._born_ns = self._due_ns = time.monotonic_ns()
         self._rest = self.held_back = b""
-        # So many frames more tell a time that is `leap_us` off; when the first and the last of them were taken.
+        # This many more frames have a time that is wrong by `leap_us`; when the first and the last of them were taken.
         self.age_us = self.leap_us = self.leaping_frames = self.leap_began_ns = self.leapt_ns = 0
         self._lifted_for = 0
         self._old: Sample | None = None
@@ -61,7 +61,7 @@ class ChaosBoard(Board):
             self._due_ns = now_ns
             return
         self.serve()
-        if now_ns - self._due_ns > 50 * PERIOD_NS:  # this drill was stopped: a board would have gone on by itself
+        if now_ns - self._due_ns > 50 * PERIOD_NS:  # this drill was stopped: a real board would have continued
             self._due_ns = now_ns
         while self._due_ns <= now_ns:
             self._due_ns += PERIOD_NS
@@ -88,7 +88,7 @@ class ChaosBoard(Board):
             touch, field_t = NOT_TOLD._replace(standing=since), self._library.lifted_t
         else:
             self._lifted_for = 0
-        mark = self.made % MARKS  # not the number of the frame, which begins anew with each reset
+        mark = self.made % MARKS  # not the frame's number, which restarts with each reset
         counts = counts_of(self._library, field_t, mark)
         sample = self.sample(sequence=sequence, counts=counts, temperature_raw=mark - MARKS // 2)
         self.sequence[0] = (sequence + 1) % 2**32

@@ -46,13 +46,13 @@ uid = "{uid}"
 """
 SHORTEST_S, LONGEST_S = 0.1, 1.0
 HEALTHY_NS = 1_000_000_000
-# A pad rests so long between two pairs of faults.
+# A pad rests this long between two pairs of faults.
 REST_S = 0.5
 BETWEEN_GLOBAL_S = 3.0
 # Pads in trouble at one time: Python judges their frames, which takes a hundred times as long as a healthy one.
 MOST_IN_TROUBLE = 3
 KEPT = 20
-# Where this user may. Other programs of this computer are no part of the drill, which makes its own load.
+# If this user may. Other programs of this computer are not part of the drill, which makes its own load.
 AHEAD = ("nice", "-n", "-10")
 
 
@@ -74,7 +74,7 @@ class Drill:
     any_age: bool = False
     faults: Counter[str] = field(default_factory=Counter)
     latches: list[dict[str, Any]] = field(default_factory=list)
-    recoveries: list[tuple[float, tuple[str, ...]]] = field(default_factory=list)  # seconds, and after what
+    recoveries: list[tuple[float, tuple[str, ...]]] = field(default_factory=list)  # how many seconds; after which fault
 
     def __post_init__(self) -> None:
         self._dice = random.Random(self.seed)
@@ -168,7 +168,7 @@ class Drill:
             board.plug()
             trouble.ends_ns = now_ns
             return
-        # Under a finger nobody can tell a magnet that was pulled from a baseline that was recorded under load.
+        # Under a finger a pulled magnet cannot be distinguished from a baseline that was recorded under load.
         rested_ns = board.rested_ns(now_ns) if "lifted" in trouble.faults else 0
         since_ns = max(trouble.ends_ns, self._disturbed_ns, rested_ns)
         if judge.ok_ns.get(name, 0) > trouble.ends_ns:
@@ -278,7 +278,7 @@ def _told(contact: dict[str, Any]) -> dict[str, Any]:
 
 
 MUST_BE_NONE = ("wrong", "unaccounted", "latched")
-# Where other programs have the processors, or the drill makes load, a daemon that cannot keep up shows here.
+# If other programs occupy the processors, or the drill makes load, a daemon that cannot keep up shows here.
 MUST_BE_NONE_IN_TIME = ("ok_older_than_100_ms", "ok_with_a_false_time")
 
 

@@ -15,7 +15,7 @@ from fmfts.sensor.wire.packets import Sample
 if TYPE_CHECKING:
     from drills.chaos.board import ChaosBoard
 
-REPEATED = 220  # frames: what is sent again is a second old
+REPEATED = 220  # frames: what is repeated is a second old
 ChipFault = Callable[[Sample, Sample, random.Random], Sample]
 LineFault = Callable[["ChaosBoard", Sample, bytes, random.Random], tuple[bytes, bool]]
 
@@ -142,18 +142,18 @@ CHIPS: dict[str, ChipFault] = {
     "stale": _stale, "frozen": _frozen, "hot": _hot, "swapped": _swapped, "silent": _silent, "saturated": _saturated,
     "impossible": _impossible, "stuck": _stuck, "step": _step, "browned out": _browned_out,
 }  # fmt: skip
-# Faults of a single chip, and which; by the last three it tells what is not so, by the others nothing.
+# Faults of a single chip, and which chip; the last three give false samples, the others give none.
 OF_ONE_CHIP = {"silent": 2, "saturated": 3, "impossible": 1, "browned out": 1, "step": 2, "stuck": 0}
 LYING = {"browned out", "step", "stuck"}
 LINES: dict[str, LineFault] = {
     "flipped": _flipped, "cut": _cut, "garbage": _garbage, "doubled": _doubled, "again": _again, "future": _future,
     "mute": _mute,
 }  # fmt: skip
-# The same lines more often than once, or in another order.
+# The same lines repeated or in another order.
 ORDERS: dict[str, LineFault] = {
     "doubled": _doubled, "tripled": _tripled, "burst": _burst, "swapped lines": _swapped_lines,
 }  # fmt: skip
-# Made by the drill itself: a board that is unplugged or reset, a magnet that something pulls.
+# Made by the drill itself: it unplugs or resets a board, or pulls a magnet.
 OTHERS = ("lifted", "replug", "reset", "reset unheard")
-# Of the whole computer: they meet all pads.
+# Of the whole computer: they affect all pads.
 GLOBAL = ("load", "stopped", "strangers", "requests", "deaf")

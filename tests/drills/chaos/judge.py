@@ -43,7 +43,7 @@ class Judge:
         self.false_times_by_faults: Counter[tuple[str, str]] = Counter()
         self.health: Counter[str] = Counter()
         self.published: Counter[str] = Counter()
-        self._steady: Counter[str] = Counter()  # frames of each pad since the finger stands
+        self._steady: Counter[str] = Counter()  # frames of each pad since the finger stopped
         self.unheard: Counter[str] = Counter()
         self.judged = self.judged_pressed = self.stale = self.false_times = 0
         self.ages_ns: list[int] = []
@@ -88,7 +88,7 @@ class Judge:
             return
         if frame is None:
             self._steady[pad] = 0
-            return  # no temperature was believed, so no watermark
+            return  # no temperature was accepted, so there is no watermark
         if health == "ok":
             age_ns = contact["t_publish_ns"] - frame.sampled_ns
             self.ages_ns.append(age_ns)
@@ -101,7 +101,7 @@ class Judge:
             if abs(off_ns) > TIME_ERROR_NS:
                 self.false_times += 1
                 self.false_times_by_faults[_in_tens_of_ms(off_ns), self._recent_faults(contact)] += 1
-        # Under load frames are left out, and a release is known by a number of them.
+        # Under load frames are dropped, and a release is detected only after a number of frames.
         self._steady[pad] = self._steady[pad] + 1 if frame.touch.standing >= SETTLED else 0
         if self._steady[pad] > SETTLED:
             self._compare(frame, contact)
@@ -111,7 +111,7 @@ class Judge:
         if told_c is None:
             return None
         frames = list(board.by_mark[(round((told_c - MIDDLE_C) / STEP_C) + MARKS // 2) % MARKS])
-        # Of those of several rounds, the nearest to the time that it claims: a round takes 9 s.
+        # If several rounds match, the one nearest to the claimed time: a round takes 9 s.
         return min(frames, key=lambda frame: abs(frame.taken_ns - contact["t_sample_ns"]), default=None)
 
     def _compare(self, frame: Taken, contact: dict[str, Any]) -> None:

@@ -26,12 +26,12 @@ CONFIG = PadConfig(name="p", source=SimulatedSource())
 PAD = CONFIG.pad()
 CHIP = PAD.chip
 GAIN_CODE = 3
-# Watermarks: temperatures of 25 °C ± 8 K in steps of 1/128 K. After 9 s they come again.
+# Watermarks: temperatures of 25 °C ± 8 K in steps of 1/128 K. After 9 s they repeat.
 MARKS = 2048
 MIDDLE_C, STEP_C = 25.0, 1.0 / 128.0
 PLACES, LEVELS = 12, 20
 REACH_M, FORCES_N = 6e-3, (0.4, 1.2)
-# In frames. A force that stands for SETTLED of them is known to a filter with hysteresis.
+# In frames. A filter with hysteresis has converged to a force that was constant for SETTLED of them.
 PAUSE, RAMP, HOLD = 110, 22, 154
 SETTLED = 14
 LIFT_M = 2e-3

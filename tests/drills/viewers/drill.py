@@ -72,7 +72,7 @@ def compare(name: str, messages: Iterator[tuple[str, dict[str, Any]]], contacts:
             continue
         stamp, force = told["header"]["stamp"], told["wrench"]["force"]
         own = contacts[stamp["sec"] * 1_000_000_000 + stamp["nanosec"]]
-        # A computer that is busy makes a pad stale now and then: then there is no force, and no message of a wrench.
+        # A busy computer makes a pad stale now and then: then there is no force, and no wrench message.
         is_known = "force_n" in own
         assert force["z"] == -own["force_n"] if is_known else math.isnan(force["z"])
         if topic == "ros/left/contact":

@@ -1,5 +1,5 @@
 // The board's frame decoder: whatever bytes come, it accepts exactly the packets that firmware/wire.md allows.
-// An input whose first byte is odd is a series of framed requests, each damaged or not; any other is bytes as they are.
+// An input whose first byte is odd is a series of framed requests, each damaged or not; any other is used as bytes.
 #include <string.h>
 
 #include "../../../firmware/core/wire.h"

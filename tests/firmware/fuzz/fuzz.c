@@ -32,7 +32,7 @@ size_t reference_unstuff(const uint8_t *block, size_t count, uint8_t *packet)
     return next == count ? length : 0;
 }
 
-// Bit by bit, as the division that a CRC is, where the firmware works on bytes.
+// Bit by bit, like the division that defines a CRC; the firmware works on bytes.
 uint16_t reference_crc(const uint8_t *bytes, size_t count)
 {
     uint32_t rest = 0xFFFF;

@@ -14,7 +14,7 @@ int main(int count, char **paths)
         }
         size_t size = fread(data, 1, sizeof data, file);
         fclose(file);
-        fprintf(stderr, "%s\n", paths[i]); // the last one named is the one that failed
+        fprintf(stderr, "%s\n", paths[i]); // the last named file is the one that failed
         LLVMFuzzerTestOneInput(data, size);
     }
     printf("%d inputs\n", count - 1);

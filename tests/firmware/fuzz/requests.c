@@ -1,6 +1,6 @@
 // The whole board, on emulated chips, under a host that asks for anything at any time.
-// The first byte is the number of pads, and whether the first mux has eight chips; then pieces of six bytes: a request of five bytes and how it is damaged, or, when
-// the first of them has no request's header, how long the board works on in between.
+// The first byte is the number of pads, and whether the first mux has eight chips. Then come pieces of six bytes: a
+// request of five bytes and its damage, or, if the first is no header, how long the board works in between.
 #include <string.h>
 
 #include "../../../firmware/core/hmc5983.h"
@@ -46,7 +46,7 @@ static void check_settings(void)
     const struct sampler_settings *settings = &sampler->settings;
     require(settings->gain_code < HMC5983_GAIN_CODES, "the gain is one that the chip has");
     require(settings->trigger <= TRIGGER_SIMULTANEOUS, "the trigger is one of the two");
-    // What simultaneous triggers reach depends on the chips, which may be found after the request.
+    // The limit of simultaneous triggers depends on the chips, which may be found after the request.
     require(settings->rate_hz >= 1 && settings->rate_hz <= RATE_MAX_HZ, "the rate is one of firmware/wire.md");
     require(emulation.bench.contentions == 0, "no two chips are read at once");
 }
@@ -73,7 +73,7 @@ static bool pads_can_be(unsigned wanted)
     return wanted == 0 && sensors <= 12;
 }
 
-// What firmware/wire.md says of a whole request, as long as no self-test keeps the board busy.
+// What firmware/wire.md says about a valid request, as long as no self-test keeps the board busy.
 static enum wire_result expected_result(uint8_t type, uint8_t pad_index, unsigned argument)
 {
     const struct sampler *sampler = &emulation.device.sampler;

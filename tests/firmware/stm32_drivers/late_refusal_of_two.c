@@ -1,4 +1,4 @@
-// Two bytes without POS: the second is refused too late, and a third follows.
+// Two bytes without POS: the second is refused too late, so a third follows.
 #include "driver.h"
 
 void scenario(void)

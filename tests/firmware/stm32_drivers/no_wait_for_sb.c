@@ -1,4 +1,4 @@
-// The address before START is on the wires: nothing takes it.
+// The address is sent before START: nothing receives it.
 #include "driver.h"
 
 void scenario(void)

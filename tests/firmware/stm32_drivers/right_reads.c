@@ -41,7 +41,7 @@ static void read_many(uint8_t *bytes, int count)
     bytes[count - 1] = (uint8_t)I2C1->DR;
 }
 
-// The other sequence of the manual: ACK and STOP after the last but one byte, while the last is on its way.
+// The manual's other sequence: ACK and STOP after the last but one byte, while the last is being received.
 static void read_byte_by_byte(uint8_t *bytes, int count)
 {
     I2C1->CR1 |= ACK;

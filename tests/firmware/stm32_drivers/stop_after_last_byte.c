@@ -1,4 +1,4 @@
-// STOP after the byte was read: the clock has gone on, a byte too many is received and read the next time.
+// STOP after the byte was read: the clock has continued, so one byte too many is received and read the next time.
 #include "driver.h"
 
 void scenario(void)

@@ -1,4 +1,4 @@
-// Two sensors answer at once, and the zeros of either win: plausible, and wrong.
+// Two sensors answer at once, and a zero from either wins: plausible, and wrong.
 #include "driver.h"
 
 void scenario(void)

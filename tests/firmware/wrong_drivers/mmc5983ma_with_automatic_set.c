@@ -1,5 +1,6 @@
-// A wrong driver of the MMC5983MA, which the tests must catch: this firmware had it until it was known that a measurement
-// with automatic set/reset takes twice its time and more (DRNadler/MMC5983MA_CompassTest; data sheet rev. A, page 2).
+// A wrong driver of the MMC5983MA, which the tests must catch. This firmware had it until it was found that a
+// measurement with automatic set/reset takes more than twice its time (DRNadler/MMC5983MA_CompassTest; data sheet rev.
+// A, page 2).
 #include "chip.h"
 
 enum {
@@ -12,17 +13,17 @@ enum {
     STATUS_FIELD_DONE = 0x01,
     STATUS_FUSES_READ = 0x10,
     MEASURE_FIELD = 0x01,
-    AUTOMATIC_SET = 0x20, // a set pulse before a measurement frees the chip of what a strong magnet left in it
+    AUTOMATIC_SET = 0x20, // a set pulse before a measurement removes the effect of a strong magnet
     RESET = 0x80,
     CONTINUOUS = 0x08,
-    PERIODIC_SET = 0x80, // control 2, bits 6–4 are 0: in a stream, too, the pulse comes before every measurement
+    PERIODIC_SET = 0x80, // control 2, bits 6–4 are 0: even in a stream the pulse precedes every measurement
     ZERO = 0x8000,
     LARGEST = 32766,
     RESET_US = 10000,
     SINGLE_BANDWIDTH = 2, // a measurement takes 2 ms
 };
 
-// Below 100 Hz nothing is gained: the noise is that of the bandwidth. A bandwidth's measurement must be over in its
+// Below 100 Hz nothing is gained: the noise depends on the bandwidth. A bandwidth's measurement must be over in its
 // period: 8 ms, 4 ms, 0.5 ms.
 static const struct chip_speed speeds[] = {{100, 10000}, {200, 5000}, {1000, 1000}};
 static const uint8_t rate_codes[] = {5, 6, 7}, bandwidths[] = {0, 1, 3};
@@ -56,7 +57,7 @@ static enum bus_result mmc5983ma_set_up(const struct chip_wires *wires, const st
     return chip_write(wires, controls, sizeof controls);
 }
 
-// As far as it tells: its factory's settings are loaded. After a reset it delivers nothing, which is seen.
+// As far as it reports: its factory settings are loaded. After a reset it delivers nothing, which is noticed.
 static enum bus_result mmc5983ma_check(const struct chip_wires *wires, const struct chip_setup *setup, bool *held)
 {
     uint8_t status = 0;
@@ -74,8 +75,8 @@ static enum bus_result mmc5983ma_read_status(const struct chip_wires *wires, str
     return result;
 }
 
-// "Done" stays until it is cleared. It is cleared before the axes are read, so that no measurement is lost. Where it is
-// set again afterwards, these bytes may be of the new measurement, of the one before, or of both.
+// "Done" stays until it is cleared. It is cleared before the axes are read, so that no measurement is lost. If it is
+// set again afterwards, these bytes may belong to the new measurement, the previous one, or both.
 static enum bus_result mmc5983ma_read_counts(const struct chip_wires *wires, int16_t counts[3])
 {
     const uint8_t clear[] = {STATUS, STATUS_FIELD_DONE};

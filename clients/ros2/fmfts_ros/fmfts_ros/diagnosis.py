@@ -7,7 +7,7 @@ from fmfts_client import Contact, Status
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 LEVELS = {"ok": OK, "degraded": WARN}  # every other health means that there is no contact to act on
-# Of a contact, beside the force and place in the other messages.
+# Fields of a contact beside the force and place in the other messages.
 SHOWN = ("force_sd_n", "x_sd_m", "y_sd_m", "shear_x_sd_n", "shear_y_sd_n", "force_min_n", "displacement_m")
 SHOWN += ("displacement_sd_m", "temperature_c", "model", "baseline")
 SHOWN_OF_STATUS = ("source", "rate_hz", "rate_nominal_hz", "dropped", "gaps", "crc_errors", "reconnects")

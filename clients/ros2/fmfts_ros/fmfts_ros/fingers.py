@@ -11,7 +11,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from fmfts_ros.messages import has_force, sample_time
 
-# x, y and z are what every reader of point clouds looks for; the others mean what docs/messages.md says of them.
+# Every reader of point clouds looks for x, y and z; docs/messages.md explains the other fields.
 NUMBERS = ("x_sd_m", "y_sd_m", "force_n", "force_sd_n", "shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n")
 COLUMNS = ("x", "y", "z", "id", *NUMBERS)
 COLUMN_BYTES = 4
@@ -35,7 +35,7 @@ def finger_cloud(contact: Contact, frame: str, height_m: float) -> PointCloud2 |
     message.height, message.width = 1, len(contact.contacts)
     message.point_step, message.row_step = POINT_BYTES, POINT_BYTES * len(contact.contacts)
     message.is_bigendian, message.is_dense = sys.byteorder == "big", True
-    # rclpy takes this kind of array as it is, and looks at each byte of any other.
+    # rclpy accepts this kind of array as it is, and checks each byte of any other.
     message.data = array("B", b"".join(_packed(finger, height_m) for finger in contact.contacts))
     return message
 

@@ -19,7 +19,7 @@ def main() -> int:
         print(f"fmfts: {error}", file=sys.stderr)
         rclpy.try_shutdown()
         return 1
-    executor = MultiThreadedExecutor(2)  # a request to the daemon, and the timer
+    executor = MultiThreadedExecutor(2)  # wait for a request to the daemon, and the timer's period
     executor.add_node(node)
     try:
         executor.spin()

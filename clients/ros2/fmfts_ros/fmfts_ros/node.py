@@ -35,10 +35,10 @@ from fmfts_ros.messages import placed
 from fmfts_ros.names import RosNames
 from fmfts_ros.pads import RosPad
 
-TURN_S = 0.1  # how often silence is looked for
+TURN_S = 0.1  # period of the checks for silence
 DIAGNOSTICS_S = 1.0
 PLACES_S = 1.0
-BASELINE_PATIENCE_S = 10.0  # between two messages of progress, which come twice a second
+BASELINE_PATIENCE_S = 10.0  # longest wait between two messages of progress, which come twice a second
 SHEAR = {"nan": math.nan, "zero": 0.0}
 
 
@@ -73,7 +73,7 @@ class FmftsNode(Node):
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._transforms = self.create_publisher(TFMessage, "/tf_static", kept)
-        # Requests to the daemon wait for its answer; they must not hold each other up.
+        # Requests to the daemon wait for its answer; one must not delay another.
         self._commands = MutuallyExclusiveCallbackGroup()
         self.create_timer(PLACES_S, self._place_pads, callback_group=MutuallyExclusiveCallbackGroup())
         self._stopping = threading.Event()
@@ -131,7 +131,7 @@ class FmftsNode(Node):
             return
         contact = Contact.from_message(message.body, message.clock_ahead_s)
         if contact.boot not in self._boots:
-            self._boots = frozenset({contact.boot})  # one daemon: its places are asked anew
+            self._boots = frozenset({contact.boot})  # for one daemon: its places are read again after this time
         pad.height_m = self._heights_m.get(message.pad, pad.height_m)
         pad.take(contact)
 

@@ -17,7 +17,7 @@ from fmfts_ros.fingers import finger_cloud
 from fmfts_ros.messages import contact_point, has_force, wrench
 from fmfts_ros.touches import kinds, slip_message
 
-# Sensor data: nothing is sent again. The history covers 0.2 s in which the other side gets no processor time.
+# Sensor data: nothing is sent twice. The history covers 0.2 s without processor time for the other side.
 SENSOR_DATA = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 

@@ -78,7 +78,7 @@ def tactile_contacts(contact: Contact, frame: str, height_m: float) -> Any:
     touch.header.stamp, touch.header.frame_id = sample_time(contact), frame
     touch.name = frame
     touch.position.x, touch.position.y, touch.position.z = contact.x_m, contact.y_m, height_m
-    touch.normal.z = 1.0  # out of the pad
+    touch.normal.z = 1.0  # outwards from the pad
     _put(wrench_of(contact, height_m), touch.wrench)
     message.contacts = [touch]
     return message

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 END = b"\r\n"
 WARMEST_C, COLDEST_C = 125.0, -40.0  # what the chip may bear: what says more was read while it had no sample
-LARGEST_UT = 5e5  # ten times what the chip can tell; a silent one's 0xFFFF becomes 4.8e5 at the coarsest setting
+LARGEST_UT = 5e5  # ten times the chip's largest reading; 0xFFFF of a silent chip becomes 4.8e5 at the coarsest setting
 _NUMBER = re.compile(rb"-?\d+\.\d\d|-?(?:nan|inf|ovf)")
 _LONGEST_LINE = 1024
 
@@ -53,7 +53,7 @@ class BinaryStream:
                 start += self._size
                 yield packet
             else:
-                # Not the whole packet: its first bytes may be another one's, if some were lost.
+                # Not the whole packet: if bytes were lost, its first ones may belong to another packet.
                 self._joined = False
                 start += 1
                 self.garbage_bytes += 1

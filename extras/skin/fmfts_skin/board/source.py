@@ -27,8 +27,8 @@ LONGEST_BACKOFF_NS = 1_000_000_000
 SILENCE_NS = 500_000_000  # the slowest of these boards sends 50 packets a second
 REOPEN_NS = 5_000_000_000
 NOTHING_UT = (math.nan,) * 3
-STRANGE_BYTES = 2000  # so many without a packet are another stream's
-SILENT_PACKETS = 100  # a magnetometer without a measurement in so many does not answer
+STRANGE_BYTES = 2000  # this many bytes without a packet belong to another stream
+SILENT_PACKETS = 100  # a magnetometer without a measurement in this many packets does not answer
 RATE_TOLERANCE = 0.1
 
 
@@ -150,7 +150,7 @@ class Anyskin:
             self._tell_step()
         measured = np.array([reading.is_measured for reading in packet])
         valid &= measured
-        # A packet repeats what a chip said last, if it has nothing new.
+        # A packet repeats the last value of a chip that has nothing new.
         fresh = valid & (counts != self._values).any(axis=1)
         self._values = counts
         self._sampled_us[fresh] = device_us

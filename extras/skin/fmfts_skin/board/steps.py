@@ -17,8 +17,8 @@ from fmfts.sensor.chips.mlx90393 import ANYSKIN, STREAMED_LARGEST, STREAMED_UNKN
 Array = NDArray[np.float64]
 
 RECENT = 200  # packets
-OFF_SHARE = 0.02  # of the values, which a step may leave unexplained: damaged packets
-DOUBT = 20  # off packets among the recent ones: the step is another one
+OFF_SHARE = 0.02  # share of the values that a step may leave unexplained: damaged packets
+DOUBT = 20  # this many packets off the step among the recent ones: the step is another one
 # How far a value may be from a multiple: half of the text's second decimal, and a few roundings of 32-bit floats.
 # Recordings that people publish have six digits; they can be streamed as well.
 TOLERANCE_UT, TOLERANCE = 0.0051, 6e-6

@@ -11,14 +11,14 @@ from bisect import bisect
 
 from fmfts.sensor.wire.clock import DeviceClock
 
-LEARNING_NS = 500_000_000  # in which the period is measured, and believed when both halves agree
+LEARNING_NS = 500_000_000  # time over which the period is measured, and accepted if both halves agree
 LONGEST_LEARNING_NS = 3_000_000_000
-CHECK_NS = 1_000_000_000  # in which it is measured again
+CHECK_NS = 1_000_000_000  # time over which it is measured again
 PERIOD_TOLERANCE = 0.02
 LATE_PACKETS = 8
-LATE_NS = 100_000_000  # all later than that for so long, however long they may have waited here
+LATE_NS = 100_000_000  # if all are later than this for this long, the clock begins anew, however long they waited here
 LATE_PERIODS = 0.6
-PAUSE_NS = 1_000_000_000  # a longer silence begins anew: how many packets it cost is only as certain as the period
+PAUSE_NS = 1_000_000_000  # after a longer silence it begins anew: lost packets are only as certain as the period
 
 
 class StreamClock:
@@ -38,8 +38,8 @@ class StreamClock:
         self.epochs += 1
         self._heard_ns = 0
         self._begun_ns = 0  # to learn
-        self._measured: list[int] = []  # arrivals, of which the period is measured
-        self._other_ns = 0.0  # another period, if the last second had one
+        self._measured: list[int] = []  # arrivals from which the period is measured
+        self._other_ns = 0.0  # a new period, if the last second shows one
         self._lateness: list[tuple[int, int]] = []  # arrival, and how late
 
     @property
@@ -68,7 +68,7 @@ class StreamClock:
             return
         if is_steady(self._measured) or arrival_ns - self._begun_ns >= LONGEST_LEARNING_NS:
             self.period_ns, self._measured = period_of(self._measured), []
-        else:  # what came before may have waited for the port to be opened
+        else:  # earlier packets may have waited for the port to be opened
             self._measured = halves_of(self._measured)[1]
 
     def _check(self, arrival_ns: int) -> None:
@@ -92,7 +92,7 @@ class StreamClock:
         if late_ns < LATE_PERIODS * self.period_ns:
             self._lateness.clear()
             return
-        late_ns -= round(self.clock.unread_ns(arrival_ns))  # for so long it may have waited here
+        late_ns -= round(self.clock.unread_ns(arrival_ns))  # a packet may have waited here for this long
         if late_ns < LATE_PERIODS * self.period_ns:
             return
         self._lateness.append((arrival_ns, late_ns))

@@ -23,23 +23,24 @@ from fmfts_skin.field_response import Axis, FieldResponse
 PLACE_SPACING_MM, MOST_CELLS = 2.0, 16
 LOAD_CELLS_BESIDE_PLACES, LOAD_CELLS_ALONE = 4, 12
 ROUGHNESS = (1e-4, 1e-3, 1e-2, 1e-1)
-DRIFT_ROUGHNESS = 1e-2  # of the table that the drift is seen against
+DRIFT_ROUGHNESS = 1e-2  # share of the table that the drift is compared with
 FOLDS = 4
 FEWEST_ROWS = 150
 # Rows for each knot of the drift, and rounds in which table and drift are fitted in turn.
 DRIFT_ROWS, MOST_DRIFT_KNOTS, ROUNDS = 400, 8, 5
-REST_DRIFT_UT, ROW_UT = 15.0, 10.0  # deviations: of a drifting rest, and of one row about the table
-# Levels of load with a covariance of their own: each from so many rows for each value of a frame.
+REST_DRIFT_UT, ROW_UT = 15.0, 10.0  # deviations: of a drifting rest, and of one row from the table
+# Levels of load with a covariance of their own: each needs this many rows for each value of a frame.
 ROWS_OF_A_VALUE, MOST_LEVELS = 12, 9
-SHRUNK = 0.05  # towards the mean of all levels, because a level has few rows
-STEP_UT = 2.0  # of the chip: no value is known better
-# From one recording to the next an untouched pad's rest does not say by so much where the field starts from under load:
-# a printed pad gives its set of tens of µT back as it is pressed.
+SHRUNK = 0.05  # pulls towards the mean of all levels, because a level has few rows
+STEP_UT = 2.0  # of the chip: no value is known more precisely
+# An untouched pad's rest does not predict from which field the next recording starts under load, within this: pressing
+# a printed pad releases a set of tens of µT.
 REPEATED_UT = 8.0
 # Deviation of the moment from frame to frame, beside a stretch's mean, where no rest row measures it: 0.5 to 2 K.
 MOMENT_SHARE = 0.003
-# Two pads of a structure, or two days of one, differ by this in what load makes the same change of the field. eFlesh's
-# printed pad softened by 3 % between two recordings six minutes apart; a stage's height of contact is off by 10 %.
+# The loads with which two pads of one structure, or two days of one pad, change the field equally differ by this share.
+# eFlesh's printed pad softened by 3 % between two recordings six minutes apart; a stage's height of contact is off by
+# 10 %.
 LOAD_SHARE = {"depth_mm": 0.1, "force_n": 0.03, "shear_n": 0.03}
 
 
@@ -60,7 +61,7 @@ def make_response(data: FieldSet, origin: str, say: Say) -> FieldResponse:
     if not has_rest and len(data.axes) == 1:
         raise DataError(f"{origin}: no rows of rest (rest = 1) in some recording: a single place cannot replace them")
     contact, recording = data.contact[known], data.recording[known]
-    with threadpool_limits(1):  # sums have one order, so that the same rows give the same table
+    with threadpool_limits(1):  # sums have a fixed order, so that the same rows give the same table
         if has_rest:
             rest = Rest(rests.mean(axis=0), 0.0)
             target = data.field_ut[known] - rests

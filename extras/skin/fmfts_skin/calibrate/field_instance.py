@@ -20,7 +20,7 @@ from fmfts_skin.field_response import FieldResponse, Instance
 
 MOST_FRAMES = 800
 ROUNDS, SETTLED = 12, 1e-3
-# Priors of what differs: rest where none was recorded, and where one was; moment; gain.
+# Priors of what differs: the rest if none was recorded, the rest if one was, the moment, the gain.
 REST_UT, KNOWN_REST_UT = 60.0, 5.0
 MOMENT, GAIN = 0.02, 0.15
 # A frame that no contact explains counts less; neighbouring frames share their error, so each counts a quarter.
@@ -73,7 +73,7 @@ def _step(finder: ContactFinder, field: Array, rest: Array, unknown: Array, prio
     change = now.change_ut(field)
     found = finder.find(change)
     felt = finder.response.felt(found.contact)
-    # What each unknown adds to the change as the table has it; each frame's moment may differ from the common one.
+    # The change by each unknown, relative to the table; each frame's moment may differ from the common one.
     by_unknown = np.concatenate(
         [
             np.broadcast_to(np.eye(values), (len(field), values, values)),

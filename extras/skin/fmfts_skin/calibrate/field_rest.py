@@ -20,7 +20,7 @@ from fmfts_skin.calibrate.field_splines import SplineFit
 from fmfts_skin.field_response import Axis
 
 POWERS = (1.0, 1.3, 1.6, 2.0)
-# Heights of contact above the least depth that was pressed, mm. A force begins at none.
+# Heights of contact above the least depth that was pressed, mm. A force begins at zero.
 HEIGHTS_MM = (0.2, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
 ROUGHNESS, RIDGE = 1e-2, 1e-6
 

@@ -8,7 +8,8 @@ import scipy.linalg
 from fmfts.pad import Array
 from fmfts_skin.field_response import Axis
 
-# No load, no change: so much more than one row of a press each such row counts, and so many there are for each press.
+# No load means no change: such a row counts this many times as much as a row of a press, and each press gets this many
+# of them.
 REST_COUNTS, REST_SHARE = 25.0, 0.1
 
 

@@ -29,8 +29,8 @@ EIGHTHS = 8
 RIDGE = 1e-6
 ROWS_OF_A_NUMBER, FEWEST_ROWS = 4, 150
 WORTH = 0.02  # a larger power must lower the error by this share
-OUTERMOST = 0.99  # the share of presses that lie within a leverage of 1
-ROUNDS = 40  # in which floor and share of the variance are found
+OUTERMOST = 0.99  # the share of presses whose leverage is below 1
+ROUNDS = 40  # rounds in which floor and share of the variance are found
 LEAST_N = 1e-3
 
 
@@ -87,7 +87,7 @@ def fit_maps(presses: Presses, origin: str, say: Say) -> tuple[ForceMap, ...]:
     """Polynomials of all values, and of those sets of them that the presses, or a sensor that fails, leave."""
     if len(presses.values) < FEWEST_ROWS:
         raise DataError(f"{origin}: {len(presses.values)} rows with a force; {FEWEST_ROWS} are needed")
-    with threadpool_limits(1):  # sums have one order, so that the same rows give the same file
+    with threadpool_limits(1):  # sums have a fixed order, so that the same rows give the same file
         power = _best_power(presses, say)
         maps = [_map_of(presses, known, power) for known in _sets(presses)]
     found = tuple(one for one in maps if one is not None)

@@ -15,7 +15,7 @@ from fmfts_skin.calibrate.field_fit import LOAD_SHARE
 from fmfts_skin.calibrate.force_fit import Presses, fit_maps
 from fmfts_skin.force_model import DIRECTIONS, Coverage, ForceModel, FoundForces, Mask
 
-# The stated prior weighs as much as so many left-out sessions.
+# The stated prior weighs as much as this many left-out sessions.
 PRIOR_SESSIONS = 2.0
 UNLEARNT = (1.0, 1.0, 1.0)
 
