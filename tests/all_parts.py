@@ -50,7 +50,7 @@ FAVOURED = {"clock": -5, "slow": -5}  # niceness; with more, the kernel's own wo
 
 @dataclass
 class Part:
-    """What became of it."""
+    """The result of one part."""
 
     name: str
     seconds: float = 0.0
@@ -70,7 +70,7 @@ class Part:
 
 
 def run(part: Part, commands: list[list[str]]) -> None:
-    """All of its commands; their output goes on, and into its log."""
+    """Run all of its commands; their output is shown, and written into its log."""
     part.report.unlink(missing_ok=True)
     start = time.monotonic()
     with part.log.open("wb") as log:
@@ -108,9 +108,10 @@ def run(part: Part, commands: list[list[str]]) -> None:
 
 
 def favour(session: int, niceness: int) -> str:
-    """Of all that this process will start. The kernel weighs sessions, then what is in each (sched(7), autogroup).
+    """Give all processes of this session priority. The kernel weighs sessions, then what is in each (sched(7),
+    autogroup).
 
-    Returns what the summary says of it. An ordinary user may not: what then came too late is repeated.
+    Returns a phrase for the summary. An ordinary user may not do this: late tests are then repeated.
     """
     try:
         os.setpriority(os.PRIO_PROCESS, session, niceness)
@@ -136,7 +137,7 @@ def read(part: Part) -> None:
 
 
 def name_of(case: ET.Element) -> str:
-    """As pytest takes it."""
+    """The name by which pytest finds it."""
     file = case.get("file", "")
     group = case.get("classname", "").removeprefix(file.removesuffix(".py").replace("/", ".")).lstrip(".")
     return "::".join(filter(None, [file, *group.split("."), case.get("name")]))

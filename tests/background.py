@@ -1,4 +1,4 @@
-"""What goes on beside a test, in a thread of its own."""
+"""A job that runs beside a test, in a thread of its own."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 
 @contextmanager
 def repeating(turn: Callable[[], None], period_s: float) -> Iterator[None]:
-    """`turn` again and again, until the block ends."""
+    """Call `turn` again and again until the block ends."""
     done = threading.Event()
 
     def loop() -> None:
@@ -30,7 +30,7 @@ def repeating(turn: Callable[[], None], period_s: float) -> Iterator[None]:
 
 @contextmanager
 def started(command: Sequence[str | Path], **options: Any) -> Iterator[subprocess.Popen[str]]:
-    """A program that is killed where the block ends. Popen's own block waits for ever where a test failed in it."""
+    """A program that is killed when the block ends. Popen's own block waits for ever where a test failed in it."""
     with subprocess.Popen(command, text=True, **options) as process:
         try:
             yield process

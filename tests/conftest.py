@@ -1,4 +1,4 @@
-"""What all tests share: the emulators on the path, Hypothesis without chance, and the pad that all is tried on."""
+"""Shared by all tests: the emulators on the path, Hypothesis without chance, and the pad for most tests."""
 
 from __future__ import annotations
 

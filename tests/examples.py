@@ -1,4 +1,4 @@
-"""How many examples a property is tried on."""
+"""The number of examples for a property."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ from hypothesis import settings
 
 
 def examples(count: int) -> settings:
-    """So many, and a tenth of them on emulated machines: in proportion to the profile's hundred or ten."""
+    """This many, and a tenth of them on emulated machines: in proportion to the profile's hundred or ten."""
     return settings(max_examples=count * settings().max_examples // 100)

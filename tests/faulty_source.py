@@ -1,4 +1,4 @@
-"""A plug-in source that does what no source may do: it raises anything anywhere, and returns anything."""
+"""A plug-in source that breaks every rule: it raises anything anywhere, and returns anything."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from fmfts.simulation.source import Simulated
 
 
 class UnprintableError(Exception):
-    """An error whose text is an error."""
+    """An error whose text raises an error."""
 
     def __str__(self) -> str:
         raise ValueError("no text")
@@ -151,7 +151,7 @@ HARMLESS = {
 
 
 class Faulty:
-    """A ByteSource: a simulated pad that does what `fault` says, at places that chance chooses. It lends an empty pipe.
+    """A ByteSource: a simulated pad with the fault of `fault`, at random places. It lends an empty pipe.
 
     fault(): a kind of KINDS, None while the source works.
     """
@@ -159,7 +159,7 @@ class Faulty:
     def __init__(
         self, config: PadConfig, fault: Callable[[], tuple[str, str] | None], chance: Random, often: float
     ) -> None:
-        """often: probability of an error at each place where one may be."""
+        """often: probability of an error at each place where one may occur."""
         self._simulated, self._fault, self._chance, self._often = Simulated(config), fault, chance, often
         self._clock_line = DeviceClock().line
         self._patience: Patience | None = None
@@ -230,7 +230,7 @@ class Faulty:
         self._meet(0.5)
 
     def _meet(self, often: float | None = None) -> None:
-        """Raise here, if chance wants it."""
+        """Raise here with that probability."""
         fault = self._fault()
         often = self._often if often is None else often
         if fault is not None and fault[0] == "raises" and self._chance.random() < often:

@@ -1,4 +1,4 @@
-"""`make sizes`: reports modules that are longer than a reader likes. It fails nothing: how to split is a judgement."""
+"""`make sizes`: reports modules that are longer than a reader likes. It never fails: how to split is a judgement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a test says where the system lacks what it needs."""
+"""The message of a test if the system lacks a requirement."""
 
 from __future__ import annotations
 

@@ -42,14 +42,14 @@ def pkg_config(*words: str, environment: dict[str, str] | None = None) -> list[s
 
 
 def run(command: Sequence[str | Path], **options: Any) -> str:
-    """What it said, having ended well."""
+    """The output of a program that succeeded."""
     ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, **options)
     assert ended.returncode == 0, ended.stdout + ended.stderr
     return ended.stdout
 
 
 def ended(process: subprocess.Popen[bytes], patience_s: float = 20.0) -> tuple[bytes, bytes]:
-    """What it still says on stdout and stderr until it ends; it is killed when that takes too long."""
+    """The rest of its stdout and stderr until it ends; it is killed if that takes too long."""
     try:
         return process.communicate(timeout=patience_s)
     finally:
@@ -64,12 +64,12 @@ def build(output: Path, compiler: str, sources: Sequence[Path], *flags: str) -> 
 
 
 def build_listener(folder: Path) -> Path:
-    """What tells of each contact that it is given, under the sanitizers."""
+    """The program that prints each contact that it receives, under the sanitizers."""
     return build(folder / "listen", "gcc", [HERE / "listen.c", HERE / "shown.c"], *SANITIZED)
 
 
 class Talker:
-    """A program that answers each thing it is told with a line of JSON; ending it badly fails the test."""
+    """A program that answers each line with a line of JSON; a failing exit fails the test."""
 
     def __init__(self, *command: str | Path, environment: dict[str, str] | None = None) -> None:
         self._process = subprocess.Popen(
@@ -90,7 +90,7 @@ class Talker:
         self._process.stdin.write(b"s%f\n" % largest_force_sd_n)
 
     def heard(self) -> dict[str, Any]:
-        """What it says without being asked; there will be no questions."""
+        """Its output without a question; no question may follow."""
         assert self._process.stdin is not None
         self._process.stdin.close()
         self._process.stdin = None

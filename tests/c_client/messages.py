@@ -1,4 +1,4 @@
-"""Contacts at random, over everything that the schema allows and a C string can hold."""
+"""Random contacts, over everything that the schema allows and a C string can hold."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ BY_HINT: dict[str, st.SearchStrategy[Any]] = {
 
 
 def built(kind: type[Any], **fixed: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
-    """Structs of `kind`, its fields drawn by their annotations."""
+    """Structs of `kind` with fields drawn by their annotations."""
     hints = {name: hint for base in kind.__mro__ for name, hint in getattr(base, "__annotations__", {}).items()}
     names = [field.name for field in msgspec.structs.fields(kind)]
     return st.builds(kind, **{name: fixed[name] if name in fixed else BY_HINT[hints[name]] for name in names})

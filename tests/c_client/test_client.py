@@ -1,4 +1,4 @@
-"""The C client over real ZeroMQ sockets: the newest contact, its age, and what it does not hand out."""
+"""The C client over real ZeroMQ sockets: the newest contact, its age, and the contacts that it withholds."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def publisher(tmp_path: Path) -> Iterator[Publisher]:
 
 @pytest.fixture
 def client(program: Path, publisher: Publisher, tmp_path: Path) -> Iterator[Talker]:
-    """Connected: it has heard something, and there is nothing more to hear."""
+    """Connected: it has received something, and nothing more is on the way."""
     with Talker(program, "demo", f"ipc://{tmp_path}") as client:
         connect(publisher, client)
         yield client
@@ -54,7 +54,7 @@ def send_raw(publisher: Publisher, topic: bytes, *parts: bytes) -> None:
 
 
 def after(client: Talker, publisher: Publisher, seq: int) -> dict[str, Any]:
-    """Its answer when it has taken in a good contact `seq`, sent after all the others; once more where it came late."""
+    """Its answer after a good contact `seq`, sent after all the others; sent again if it came late."""
 
     def taken() -> dict[str, Any]:
         publisher.send_contact("demo", contact_message(seq=seq))

@@ -48,7 +48,7 @@ def cut(reason: str) -> str:
 
 
 def expected(message: dict[str, Any]) -> dict[str, Any]:
-    """What the Python client reads, as the C client should."""
+    """What the Python client reads, as the C client should print it."""
     contact = Contact.from_message(message)
     plain: dict[str, Any] = json.loads(msgspec.json.encode(contact))
     plain["reason"] = cut(plain["reason"])
@@ -111,7 +111,7 @@ def test_c_client_refuses_the_same_poses_as_python(
 @given(st.sampled_from(FINGER_FIELDS), anything, st.integers(0, 5))
 @settings(max_examples=80)
 def test_c_client_refuses_the_same_fingers_as_python(c_client: Talker, name: str, value: Any, which: int) -> None:
-    """Also in one of those for which there is no place."""
+    """Even in a finger beyond the client's room."""
     fingers = [finger_message(number) for number in range(6)]
     message = msgpack.unpackb(encode(fingers_message(*fingers)))
     message["contacts"][which][name] = value
@@ -145,7 +145,7 @@ def test_fingers_and_magnets_without_a_place_are_left_out(c_client: Talker) -> N
 
 
 def test_last_of_two_equal_keys_counts(c_client: Talker) -> None:
-    """As in Python. Nothing may stay of the first list."""
+    """As in Python. No finger of the first list may remain."""
     body = encode(fingers_message(*two_fingers()))
     pairs = int.from_bytes(body[1:3], "big")
     for last, known in (([], []), (None, None)):

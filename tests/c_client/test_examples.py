@@ -63,13 +63,13 @@ def with_cmake(installed: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDaemon]:
-    """The simulated pad records its baselines at once, and is pressed by the script."""
+    """The simulated pad records its baselines at once, and the script presses it."""
     with RunningDaemon(tmp_path_factory.mktemp("daemon"), PRESSED_CONFIG) as daemon:
         yield daemon
 
 
 class Gripper:
-    """A running example; what it said so far is in `lines`."""
+    """A running example; `lines` has its output so far."""
 
     def __init__(self, program: Path, environment: dict[str, str]) -> None:
         self.lines: list[str] = []
@@ -81,7 +81,7 @@ class Gripper:
         os.set_blocking(self._process.stdout.fileno(), False)
 
     def says(self, *wanted: str) -> None:
-        """From now on, lines that contain these, in any order."""
+        """Wait for new lines that contain these, in any order."""
         since, until = len(self.lines), time.monotonic() + PATIENCE_S
         while not all(any(words in line for line in self.lines[since:]) for words in wanted):
             assert self._process.poll() is None, self.lines
@@ -90,7 +90,7 @@ class Gripper:
             self.listen()
 
     def ends_with(self, word: str) -> None:
-        """What it said last begins with this."""
+        """Wait until its last line begins with this."""
         until = time.monotonic() + PATIENCE_S
         while not self.lines[-1].startswith(word):
             assert time.monotonic() < until, self.lines
@@ -98,7 +98,7 @@ class Gripper:
             self.listen()
 
     def listen(self) -> None:
-        """Take what it has said."""
+        """Take the lines that it has printed."""
         assert self._process.stdout is not None
         self._said += self._process.stdout.read() or b""
         self.lines = self._said.decode().splitlines()

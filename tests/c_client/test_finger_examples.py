@@ -1,4 +1,4 @@
-"""The examples that tell fingers apart, in C and in Python: both say the same of the same messages."""
+"""The examples that distinguish fingers, in C and in Python: both print the same for the same messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The examples that hold with the least force, in Python and C, are one controller, and hold what they cannot feel."""
+"""The examples that hold with the least force, in Python and C, are one controller, and keep holding while the pads are
+blind."""
 
 from __future__ import annotations
 
@@ -77,7 +78,7 @@ def untouched(pad: str) -> ContactMessage:
 
 
 class Example:
-    """A running one; what it said so far is in `lines`."""
+    """A running example; `lines` has its output so far."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process
@@ -98,7 +99,7 @@ class Example:
         return status
 
     def says(self, wanted: str) -> None:
-        """A line ends so, after those that were waited for before."""
+        """Wait for a new line that ends so."""
         until = time.monotonic() + PATIENCE_S
         while not any(line.endswith(wanted) for line in self.lines[self._taken :]):
             assert time.monotonic() < until, self.lines
@@ -107,7 +108,8 @@ class Example:
         self._taken = len(self.lines)
 
     def goes_on(self, wanted: str) -> None:
-        """It says that, and for a while nothing else: a busy computer, too, makes messages late, but not for long."""
+        """It prints that line, and nothing else for a while: a busy computer makes messages late, too, but not for
+        long."""
         until = time.monotonic() + PATIENCE_S
         while True:
             assert time.monotonic() < until, self.lines

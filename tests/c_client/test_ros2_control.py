@@ -37,7 +37,7 @@ def host(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def told(host: Path, folder: Path, **changed: Any) -> tuple[list[dict[str, Any]], Contact]:
-    """What ros2_control reads while this contact is sent again and again, then nothing for a second."""
+    """The values that ros2_control reads while this contact is repeated, and then nothing is sent for a second."""
     base = f"ipc://{folder}"
     message = contact_message(pad="left", **changed)
     with closing(Publisher(Endpoints.from_base(base), "b00t")) as publisher:

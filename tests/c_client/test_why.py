@@ -1,4 +1,4 @@
-"""`fmfts_why()`: the C client says the same as the Python client where it hears nothing, over real sockets."""
+"""`fmfts_why()`: if the C client receives nothing, it gives the same reason as the Python client, over real sockets."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Makes the harmful files in tests/data/harmful/: one folder a kind of file, as tests/drills/file_kinds.py names it.
 
-    PYTHONPATH=tests:tests/unit python tests/data/make_harmful.py
-
-Each ended the daemon, filled the memory or took minutes once. `make fuzz-files` keeps what it finds; put it here, too.
+PYTHONPATH=tests:tests/unit python tests/data/make_harmful.py Each file once ended the daemon, filled the memory or
+took minutes. `make fuzz-files` keeps what it finds; add it here, too.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ def field(number: int, content: bytes) -> bytes:
 
 
 def nested(depth: int, topic: str) -> bytes:
-    """A recording with a message that is nested so deep."""
+    """A recording with a message that is nested this deep."""
     return mcap([chunk(channel(1, topic) + message(1, b'{"v": ' + b"[" * depth + b"]" * depth + b"}"))])
 
 

@@ -1,7 +1,7 @@
 """Makes tests/data/recordings/*.mcap: `make recordings`, or `python tests/data/make_recordings.py [FOLDER]`.
 
-What each shows stands in recordings/README.md. Frames and contacts are those of a simulated pad on a clock that counts
-from zero, so that nothing in the files depends on when they were made.
+recordings/README.md says what each shows. Frames and contacts come from a simulated pad on a clock that counts from
+zero, so that the files do not depend on the time of making.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def whole(time_s: float, frame: Frame) -> Frame:
 
 
 def shifted_then_silent(time_s: float, frame: Frame) -> Frame:
-    """Sensor 2 reads 18 µT too much for half a second, and sensor 0 nothing at all for another."""
+    """Sensor 2 reads 18 µT too much for half a second, and later sensor 0 reads nothing for as long."""
     counts, valid = frame.counts.copy(), frame.valid.copy()
     if 0.7 < time_s < 1.2:
         counts[2] += 120
@@ -106,7 +106,7 @@ SCENES = {
 
 
 def make(name: str, path: Path) -> None:
-    """RecordingError where the file is there already."""
+    """RecordingError if the file exists."""
     scene = SCENES[name]
     config = standard(scene) if scene.second is None else second_standard(scene)
     pipeline = pipeline_of(config, contact_model_of(config), BOOT)
@@ -145,7 +145,7 @@ def second_standard(scene: Scene) -> PadConfig:
 
 
 def undated(baseline: Baseline) -> Baseline:
-    """The same as if made when the clock was at zero."""
+    """The same file as if the clock had started at zero."""
     assert baseline.bare is not None
     assert baseline.rest is not None
     bare, rest = (replaced(one, utc=WHEN) for one in (baseline.bare, baseline.rest))

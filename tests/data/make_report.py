@@ -61,7 +61,7 @@ def make(path: Path) -> None:
 
 
 def replayed(path: Path, models: Sequence[str] = ()) -> dict[str, Any]:
-    """Of each pad: its frames, and the sensors that are used in more than half of its contacts, counted from 1."""
+    """For each pad: its frames, and the sensors that are used in more than half of its contacts, counted from 1."""
     frames = Counter(one.pad for one in read(path) if one.kind == "frame")
     contacts: Counter[str] = Counter()
     used: dict[str, Counter[int]] = {pad: Counter() for pad in frames}

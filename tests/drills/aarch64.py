@@ -1,7 +1,7 @@
 """The wheel for aarch64, cross-built, and the tests of its C and of plain Python under qemu-user: `make aarch64`.
 
-onnxruntime's library ends with a segmentation fault while qemu 7.2 (Debian 12) loads it, on every CPU model. So the
-process that lets it look at a contact model is one of this machine, as qemu starts programs of either kind.
+onnxruntime's library ends with a segmentation fault while qemu 7.2 (Debian 12) loads it, on every CPU model. So a
+process of this machine lets it look at a contact model; qemu starts programs of either kind.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ PIP = ["/usr/bin/python3", "-m", "pip", "--disable-pip-version-check", "-q"]
 
 
 def debian(cache: Path) -> Path:
-    """A tree with arm64's Python: unpacked, never configured, for nothing in it has to boot."""
+    """A tree with arm64's Python: unpacked, never configured, because nothing in it has to boot."""
     tree = cache / "debian-12-arm64"
     if not tree.exists():
         command = ["debootstrap", "--foreign", "--arch=arm64", "--variant=minbase", f"--include={DEBIAN}"]
@@ -72,12 +72,12 @@ def cross_compiler(tree: Path, sources: str | Path) -> dict[str, str]:
 
 
 def without_folder(sources: str | Path) -> str:
-    """The compiler's option that keeps the name of the folder out of what it writes."""
+    """The compiler's option that keeps the folder's name out of its output."""
     return f"-ffile-prefix-map={sources}=."
 
 
 def wheel(tree: Path, folder: Path, sources: str | Path = ROOT) -> Path:
-    """Built by this machine's Python with a cross compiler; the stable ABI needs arm64's headers and nothing more."""
+    """Built by this machine's Python with a cross compiler; the stable ABI needs only arm64's headers."""
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("fmfts-*.whl"):
         old.unlink()
@@ -90,7 +90,7 @@ def wheel(tree: Path, folder: Path, sources: str | Path = ROOT) -> Path:
 
 
 def start_others_on_this_machine(folder: Path) -> None:
-    """What the emulated Python starts as `sys.executable` is this machine's Python, without arm64's packages."""
+    """The emulated Python starts this machine's Python as `sys.executable`, without arm64's packages."""
     native = folder / "native-python"
     native.write_text(f'#!/bin/sh\nexec env -u PYTHONPATH -u LD_LIBRARY_PATH {sys.executable} "$@"\n')
     native.chmod(0o755)
@@ -107,7 +107,7 @@ def install(built: Path, folder: Path) -> None:
 
 
 def emulated(tree: Path, folder: Path) -> list[str | Path]:
-    """The command of arm64's Python, with what is installed in `folder`."""
+    """The command of arm64's Python, with the packages in `folder`."""
     library = "/usr/lib/aarch64-linux-gnu"
     settings = [f"LD_LIBRARY_PATH={library}/blas:{library}/lapack", f"PYTHONPATH={folder}", "PYTHONDONTWRITEBYTECODE=1"]
     words = (word for setting in settings for word in ("-E", setting))
@@ -115,7 +115,7 @@ def emulated(tree: Path, folder: Path) -> list[str | Path]:
 
 
 def load_compiled(python: list[str | Path]) -> None:
-    """Each compiled module: it is optional to the build and to the package, so that its tests would only be skipped."""
+    """Checks each compiled module: build and package treat it as optional, so that its tests would only be skipped."""
     with (ROOT / "pyproject.toml").open("rb") as project:
         modules = tomllib.load(project)["tool"]["setuptools"]["ext-modules"]
     script = "import importlib, platform, sys; print(platform.machine())\n"

@@ -40,7 +40,7 @@ BURST_BYTES = 1000
 
 
 class PressedSkin(PressedPad):
-    """Four magnetometers where the standard pad has its sensors, so that the shipped model is theirs."""
+    """Four magnetometers at the standard pad's places, so that the shipped model fits."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__()
@@ -105,7 +105,7 @@ def unplugged(folder: Path, cycles: int) -> Facts:
 
 
 def damaged(folder: Path, packets: int) -> Facts:
-    """Of the packets that are damaged a third has random bytes before it, a third loses some, a third is cut off."""
+    """A third of the damaged packets has random bytes before it, a third loses some bytes, a third is cut off."""
     chance = random.Random(2)
 
     def longer(packet: bytes) -> bytes:
@@ -135,7 +135,7 @@ def damaged(folder: Path, packets: int) -> Facts:
 
 
 def other_baud(folder: Path, cycles: int) -> Facts:
-    """For a second the line has another baud rate than the port, and then the port's again."""
+    """For a second the line has another baud rate than the port; then they agree again."""
     with calibrated_skin(folder) as (_, skin, ear):
         recoveries = []
         for cycle in range(cycles):

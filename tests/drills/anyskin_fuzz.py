@@ -3,8 +3,8 @@
     .venv/bin/python tests/drills/anyskin_fuzz.py --inputs 1000000
 
 Each input is a packet with bits flipped, bytes cut, doubled or replaced, or plain noise, between whole packets, and in
-pieces as a port gives it. Nothing may raise; every packet given must be possible and stand in what was fed; and the
-third whole packet after the damage must come through.
+pieces as a port gives it. Nothing may raise; every decoded packet must be possible and stand in the input; and the
+third whole packet after the damage must be decoded.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def pieces(data: bytes, chance: random.Random) -> list[bytes]:
 
 
 def is_possible(packet: Packet) -> bool:
-    """By the data sheet, and written here once more: some chip has a temperature that it bears, no field is absurd."""
+    """The data sheet's limits, written here again: some chip has a possible temperature, and no field is absurd."""
     finite = [value for reading in packet for value in reading.field_ut if math.isfinite(value)]
     return (
         len(packet) == MAGNETOMETERS
@@ -49,7 +49,7 @@ def is_possible(packet: Packet) -> bool:
 
 
 def stands_in(packet: Packet, form: str, data: bytes) -> bool:
-    """Its numbers were fed, one after the other."""
+    """Its numbers stand in the input, one after the other."""
     values = [value for reading in packet for value in (reading.temperature_c, *reading.field_ut)]
     if form == "binary":
         return struct.pack(f"<{4 * MAGNETOMETERS}f", *values) + b"\r\n" in data or any(map(math.isnan, values))

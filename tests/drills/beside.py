@@ -11,7 +11,7 @@ from drills.rig import calibrated, is_not_ok, longest_gap_s, none_wrong
 
 
 def probed(folder: Path, times: int) -> dict[str, Any]:
-    """Again and again, and no contact is lost or changed by it."""
+    """Probe repeatedly; no contact may be lost or changed."""
     with calibrated(folder) as (daemon, board, ear), ThreadPoolExecutor(1) as hands:
         probing = hands.submit(lambda: [daemon.command("probe", "--config", daemon.config) for _ in range(times)])
         heard = []

@@ -1,9 +1,9 @@
 """`make demo` and `make test` several times in turn, beside busy processes: no test may fail (`make test-busy`).
 
 Each turn is a fresh clone of HEAD on a plain Debian 12, to which the packages for the tests were added once. The turns
-compute as this processor and as older ones. The drill goes on after a turn that failed, and says at the end how often
-each test was repeated. The kernel shares the processors among sessions: both endless loops are of this program's, and
-take about half of the computer's time. Each turn says how much they took. Run as root.
+compute like this processor and like older ones. The drill continues after a failed turn, and finally reports how often
+each test was repeated. The kernel shares the processors among sessions: both endless loops belong to this program, and
+take about half of the computer's time. Each turn reports how much they took. Run as root.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ SECTION = r"(?ms)^{title}[^\n]*:\n((?:  [^\n]*\n?)+)"
 
 @dataclass(frozen=True)
 class Turn:
-    """One suite. said: all that it printed."""
+    """One suite. said: its output."""
 
     number: int
     cpu: str
@@ -79,7 +79,7 @@ class Turn:
         return "\n".join([head, f"  the endless loops took {of_all}", *lists])
 
     def listed(self, title: str) -> list[str]:
-        """What the summary lists below `title`."""
+        """The entries of the summary below `title`."""
         found = re.search(SECTION.format(title=title), self.summary)
         return [line.strip() for line in found[1].splitlines()] if found else []
 
@@ -96,7 +96,7 @@ def counted(turns: list[Turn]) -> str:
 
 @contextmanager
 def busy() -> Iterator[Callable[[], float]]:
-    """Endless loops, which end with this program. Gives what tells how much processor time (s) they took."""
+    """Endless loops, which end with this program. Gives a function that returns their processor time (s)."""
     loops = [subprocess.Popen([sys.executable, "-c", LOOP, str(os.getpid())]) for _ in range(LOOPS)]
 
     def took_s() -> float:
@@ -112,7 +112,7 @@ def busy() -> Iterator[Callable[[], float]]:
 
 
 def with_packages(plain: Path, source: Path) -> Path:
-    """The plain tree with the packages that `make` would install in each turn; made when it is not there yet."""
+    """The plain tree with the packages that `make` would install in each turn; made if absent."""
     tree = plain.with_name("debian-12-to-test")
     if not tree.exists():
         with FreshClone(plain, "root", {}, source) as clone:

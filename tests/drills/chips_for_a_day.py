@@ -33,15 +33,13 @@ OTHER_READING_EVERY = 10  # the daemon polls stretches at twice the rate
 
 @dataclass(frozen=True)
 class Promise:
-    """What the sources of lab/results/chip-facts.md say, written here once more. frames_hz: what the pad is asked for.
-
-    rate_hz: conversions a second; None where the driver starts each one, so that every frame has a new sample. That
-    holds up to twice frames_hz; at 380 Hz a slow chip is late after each check of its registers.
-    noise_gauss: at that rate; the emulated chip has it. beyond_gauss: more than its range, by axis. low_steps: what
-    dropping lower bits takes from the mean. sensitivity_per_k: relative, from 25 °C; of the HMC5983 none is left.
-    has_film: a field beyond the range spoils all axes until a set pulse.
-    overwritten: the largest share of samples that the next one replaces before they are read: between its status and
-    its axes, where a check of the registers delayed the reading.
+    """From the sources of lab/results/chip-facts.md, written here again. frames_hz: rate that the pad requests.
+    rate_hz: conversions a second; None if the driver starts each one, so that every frame has a new sample. That holds up
+        to twice frames_hz; at 380 Hz a slow chip is late after each check of its registers. noise_gauss: at that rate, in
+        the emulated chip. beyond_gauss: beyond its range, by axis. low_steps: the mean's loss through dropped lower bits.
+        sensitivity_per_k: relative, from 25 °C; the HMC5983 compensates all of it. has_film: a field beyond the range
+        spoils all axes until a set pulse. overwritten: the largest share of samples that the next one replaces before they
+        are read: between its status and its axes, where a check of the registers delayed the reading.
     """
 
     frames_hz: int
@@ -84,7 +82,7 @@ PROMISED = {
 @dataclass
 class Found:
     """taken: samples of each chip that were new in a frame. deviations: of measured fields from the true ones, and of
-    measured noise from the promised one. wrong: sentences."""
+    measured noise from the specified one. wrong: sentences."""
 
     taken: list[int]
     frames: int = 0
@@ -100,7 +98,7 @@ def nothing_found(number_of_chips: int) -> Found:
 
 
 def read(pad: Any, clock: Any, duration_s: float, rate_hz: float, found: Found) -> list[Any]:
-    """As the reader does it: at a rate, with the registers of one sensor checked each quarter of a second. Returns the
+    """Reads like the reader process: at a rate, and checks one sensor's registers each quarter of a second. Returns the
     samples of the last MEASURED_S."""
     kept, masks, period_s = [], Counter[int](), 1.0 / rate_hz
     next_s = watched_s = clock.now_s
@@ -126,7 +124,7 @@ def read(pad: Any, clock: Any, duration_s: float, rate_hz: float, found: Found) 
 
 
 def check_stretch(promise: Promise, chips: list[Any], temperature_of: Any, kept: list[Any], found: Found) -> None:
-    """The field's mean and deviation as they were measured, against what each chip sensed."""
+    """The measured mean and deviation of the field, compared with the field at each chip."""
     for number, chip in enumerate(chips):
         counts = np.array([sample.counts[number] for sample in kept if sample.fresh >> number & 1], float)
         lsb = np.array(promise.lsb_per_gauss)
@@ -147,7 +145,8 @@ def check_stretch(promise: Promise, chips: list[Any], temperature_of: Any, kept:
 
 
 def drive_beyond(pad: Any, clock: Any, promise: Promise, chips: list[Any], turn: int, found: Found) -> None:
-    """One axis, one sign, of all chips: it alone is flagged, or all with a film. All are good again afterwards."""
+    """One axis and one sign of all chips saturates: only that axis is flagged, or all axes of a chip with a film. All
+    are valid again afterwards."""
     axis, sign = turn % 3, 1 - 2 * (turn // 3 % 2)
     before = [list(chip.field_gauss) for chip in chips]
     for chip in chips:

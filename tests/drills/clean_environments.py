@@ -1,6 +1,6 @@
 """What is in dist/, installed into clean environments of every Python, and the demo from there: `make test-dist`.
 
-In an empty folder, without the repository. Also the source archive, built where no wheel fits, extras, and the client
+In an empty folder, without the repository. Also the source archive, built if no wheel fits, extras, and the client
 alone. Prints how large an installation is, by package, for docs/installing.md.
 """
 
@@ -62,7 +62,7 @@ def built(pattern: str) -> Path:
 
 
 def clean_variables() -> dict[str, str]:
-    """Without anything that leads to the repository."""
+    """Without any variable that refers to the repository."""
     return {
         name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "FMFTS", "VIRTUAL_ENV"))
     }
@@ -127,7 +127,7 @@ def tried_from_source(python: str) -> None:
 
 
 def extras_add_their_verbs(python: str) -> None:
-    """What each is for, and without it a refusal that says how to install it."""
+    """Each extra's purpose, and without the extra a refusal that says how to install it."""
     client, wheel = built("fmfts_client-*.whl"), built(f"fmfts-*_{os.uname().machine}.whl")
     with environment(python, client, wheel) as folder:
         for extra, (words, _) in MISUSED.items():

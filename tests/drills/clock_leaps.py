@@ -4,7 +4,8 @@
 
 Emulated boards on ptys and the daemon. A board's clock of 64 bits leaps by each power of two of microseconds from 2^20
 to 2^62, forward and back, for one packet and for a second; the wire carries the lower 48 bits. Each contact is judged
-by the frame that it was made of, which its watermark names (drills.chaos). Times are those at which boards took frames.
+by the frame that it was made of, which its watermark names (drills.chaos). Times are those at which the boards took
+frames.
 """
 
 from __future__ import annotations
@@ -126,7 +127,7 @@ class Drill:
             self._tick()
 
     def _leap(self, judge: Heard) -> bool:
-        """Begin and end leaps. False when all have been."""
+        """Begin and end leaps. False when all have ended."""
         now_ns = time.monotonic_ns()
         for name, board in self.boards.items():
             case = self._current[name]
@@ -169,12 +170,12 @@ class Drill:
         }
 
     def _sent(self) -> dict[str, int]:
-        """Of all boards: packets, those sent again, those that another one overtook, those the line did not take."""
+        """Totals of all boards: packets, repeated ones, overtaken ones, those that the line did not take."""
         names = ("made", "again", "overtaken", "lost")
         return {name: sum(getattr(board, name) for board in self.boards.values()) for name in names}
 
     def _status(self) -> Counter[str]:
-        """The counters of all pads, just after they changed: they are told once a second."""
+        """The counters of all pads, just after they changed: the daemon reports them once a second."""
         first, until = None, time.monotonic() + STATUS_S
         while True:
             counted: Counter[str] = Counter()
@@ -200,7 +201,7 @@ class Drill:
 
 
 def failures(facts: dict[str, Any]) -> list[str]:
-    """What is not as it must be."""
+    """The conditions that are violated."""
     leaps, orders = facts["leaps"], facts["orders"]
     found = [f"not ok within a second: {case}" for case in leaps["not_ok_within_1_s"]]
     for when, slowest in leaps["slowest_ms"].items():
@@ -214,7 +215,7 @@ def failures(facts: dict[str, Any]) -> list[str]:
 
 
 def miscounted(counted: dict[str, Any]) -> list[str]:
-    """What the daemon's counters of a phase say that is not so."""
+    """False statements of a phase's counters."""
     due = counted["made"] - counted["overtaken"] - counted["lost"]
     used, again = counted["frames"] - counted["dropped"], counted["again"] + counted["overtaken"]
     left_out = max(counted["dropped"] - again, 0)  # lost through a late computer; `gaps` cannot excuse silence

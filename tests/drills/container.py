@@ -61,7 +61,7 @@ def debian_tree(
 
 
 class Container:
-    """Booted from a copy of `tree`; what is in it goes when it is closed."""
+    """Booted from a copy of `tree`, which is deleted at the end."""
 
     def __init__(self, tree: Path) -> None:
         self.name = f"fmfts-drill-{secrets.token_hex(4)}"
@@ -73,7 +73,7 @@ class Container:
         self._leader = 0
 
     def unbooted(self, *command: str) -> str:
-        """Run in the tree as it lies there, as an installer does; with the host's network."""
+        """Run in the unbooted tree, like an installer; with the host's network."""
         words = ["systemd-nspawn", "--quiet", *self._options(), "--resolv-conf=replace-host", *command]
         return subprocess.run(words, check=True, capture_output=True, text=True, stdin=subprocess.DEVNULL).stdout
 
@@ -131,7 +131,7 @@ class Container:
 
 
 def wait_for(condition: Callable[[], object], what: str, patience_s: float = 180.0) -> float:
-    """Wait until `condition` holds; how many seconds that took."""
+    """Wait until `condition` holds; returns the seconds that took."""
     start = time.monotonic()
     while not condition():
         if time.monotonic() - start > patience_s:

@@ -21,7 +21,7 @@ CHANGING = ("baseline", "selftest")
 
 
 def random_request(dice: random.Random, harmless: bool = False) -> bytes:
-    """Anything from noise over damaged requests to well-formed ones; harmless: none that changes anything."""
+    """Anything from noise over damaged requests to well-formed ones; harmless: only requests that change nothing."""
     choice = dice.random()
     verbs = sorted(VERBS)  # the order of a set changes with each process, and with it these random choices
     if choice < 0.3:
@@ -68,5 +68,5 @@ def fuzzed_control(folder: Path, count: int) -> dict[str, Any]:
 
 
 def _lasting(daemon: RunningDaemon) -> list[dict[str, Any]]:
-    """What must not change of each pad, health aside: a busy computer may delay a frame."""
+    """Facts of each pad that must not change. Health does not count: a busy computer may delay a frame."""
     return [{key: value for key, value in pad.items() if key != "health"} for pad in daemon.request("pads")["pads"]]

@@ -111,7 +111,7 @@ def _wedge(daemon: RunningDaemon, bus: KernelBus, seconds: float) -> Facts:
 
 @contextmanager
 def others(daemon: RunningDaemon, pads: Sequence[str]) -> Iterator[Callable[[float], dict[str, Facts]]]:
-    """What each of `pads` said in so many seconds from now, by the times and numbers in its own messages."""
+    """What each of `pads` published in the next seconds, by the times and numbers in its own messages."""
     with ExitStack() as stack:
         ears = {pad: Ear(stack.enter_context(listening(daemon, pad)), touched) for pad in pads}
         health = {"middle": "no_baseline", "right": "ok"}
@@ -168,7 +168,7 @@ def killed_in_a_write(folder: Path, times: int) -> Facts:
 
 
 def deaf_subscriber(folder: Path, seconds: float) -> Facts:
-    """One that subscribes to everything and never reads, beside one that does."""
+    """A subscriber to everything that never reads, beside one that does."""
     pads = "".join(SIMULATED.format(name=f"p{i}") for i in range(2))
     with RunningDaemon(folder, pads) as daemon, listening(daemon, "p0") as messages:
         ear = Ear(messages, touched)
@@ -191,7 +191,7 @@ def deaf_subscriber(folder: Path, seconds: float) -> Facts:
 
 
 class WallClock:
-    """A wall clock of child processes that is off by as many seconds as it was last set to. Needs a C compiler."""
+    """A wall clock of child processes that is shifted by the seconds set last. Needs a C compiler."""
 
     def __init__(self, folder: Path) -> None:
         self.library, self.file = folder / "wall_clock.so", folder / "wall_clock"

@@ -1,8 +1,8 @@
 """`make failing-source`: a source that raises or returns anything, beside three healthy pads of one daemon.
 
-The daemon is the real one, in a process of its own, and so is the subscriber. Where that is permitted, it runs before
-other programs, as the service does, and so does a metronome. Each kind of fault lasts `--seconds`; chance, of the seed,
-says at which call of the source it comes. Then the cause goes, and the pad must come back by itself.
+The daemon is the real one, in a process of its own, and so is the subscriber. If permitted, it runs before other
+programs, as the service does, and so does a metronome. Each kind of fault lasts `--seconds`; the seed decides at which
+call of the source it comes. Then the cause goes, and the pad must come back by itself.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def daemon(folder: str, kind: Synchronized[int], seed: int) -> None:
 
 
 def metronome(missed: Synchronized[int], priority: int) -> None:
-    """A process that does nothing but tick as often as all healthy pads: what it misses, this computer is to blame for.
+    """A process that only ticks, as often as all healthy pads: ticks that it misses are this computer's fault.
 
     Like a simulated pad it makes up for the last CATCH_UP_FRAMES ticks.
     """
@@ -78,9 +78,8 @@ def metronome(missed: Synchronized[int], priority: int) -> None:
 
 @dataclass
 class Heard:
-    """Of one kind of fault: instants (ns) of the healthy pads' samples, and what the faulty pad said.
-
-    spans_ns: from when to when each pad's samples are due.
+    """For one kind of fault: sample times (ns) of the healthy pads, and the messages of the faulty pad. spans_ns: the
+    time in which each pad's samples are due.
     """
 
     ok_ns: dict[str, list[int]] = field(default_factory=lambda: {name: [] for name in HEALTHY})
@@ -110,7 +109,7 @@ class Heard:
 
     @property
     def published(self) -> float:
-        """Share of the frames that were published, of the healthy pad that has the fewest."""
+        """The smallest share of published frames of any healthy pad."""
         on_time = (
             sum(begin <= at < end for begin, end in self.spans_ns for at in times) for times in self.ok_ns.values()
         )
@@ -118,12 +117,12 @@ class Heard:
 
     @property
     def possible(self) -> float:
-        """Share of the ticks that came in time in a process that had nothing else to do."""
+        """Share of the ticks that came in time in a process with nothing else to do."""
         return 1.0 - self.missed / self.due
 
 
 class Ear:
-    """Hears all that the daemon publishes."""
+    """Receives everything that the daemon publishes."""
 
     def __init__(self, folder: str) -> None:
         self._socket = zmq.Context.instance().socket(zmq.SUB)
@@ -134,7 +133,7 @@ class Ear:
             self._socket.subscribe(topic)
 
     def listen(self, heard: Heard, until: Callable[[], bool], patience_s: float) -> float:
-        """Seconds until `until`, or patience_s."""
+        """Seconds until `until` holds, or patience_s."""
         begun = time.monotonic()
         while (lasted := time.monotonic() - begun) < patience_s and not until():
             if self._socket.poll(100):

@@ -1,4 +1,5 @@
-"""Damages files: their bytes, and what a document or a container says, made again so that a reader looks at it."""
+"""Damages files: their bytes, or the contents of a document or container, rewritten so that a reader accepts the outer
+form."""
 
 from __future__ import annotations
 
@@ -59,7 +60,7 @@ def damaged(whole: bytes, dice: Random) -> bytes:
 
 
 def mutated(document: Any, dice: Random) -> Any:
-    """The document with one value replaced, left out, or repeated, anywhere in it."""
+    """The document with one value replaced, dropped, or repeated, anywhere in it."""
     document = copy.deepcopy(document)
     at: Any = document
     while True:
@@ -83,7 +84,7 @@ def mutated(document: Any, dice: Random) -> Any:
 
 
 def retokened(text: bytes, dice: Random) -> bytes:
-    """The text with another token in the place of one of its values, or one of its lines repeated."""
+    """The text with one value replaced by another token, or one line repeated."""
     if dice.random() < 0.1 and (lines := text.splitlines(keepends=True)):
         line = dice.choice(lines)
         return text + line * min(dice.choice(DOUBLED), LARGE // max(len(line), 1))
@@ -95,7 +96,7 @@ def retokened(text: bytes, dice: Random) -> bytes:
 
 
 def toml_of(document: Any) -> bytes:
-    """Every value in one line. What TOML cannot say is left out."""
+    """Lists every value in one line. Values that TOML cannot express are dropped."""
 
     def pairs(table: dict[str, Any]) -> list[str]:
         return [f"{json.dumps(key)} = {shown(value)}" for key, value in table.items() if value is not None]
@@ -111,7 +112,7 @@ def toml_of(document: Any) -> bytes:
 
 
 class LyingRecording:
-    """Makes a recording again with right checksums, and one thing wrong in it."""
+    """Rewrites a recording with correct checksums, and one error in it."""
 
     def __init__(self, path: Path) -> None:
         self._records = list(records(path))
@@ -160,7 +161,7 @@ def _changed(one: Schema | Channel | Message, dice: Random) -> Schema | Channel 
 
 
 def proto_damaged(content: bytes, dice: Random, depth: int = 0) -> bytes:
-    """A protobuf message with one field changed, left out or repeated; lengths around it are right."""
+    """A protobuf message with one field changed, dropped or repeated; lengths around it are correct."""
     fields = _fields(content)
     if not fields:
         return content + dice.choice(TOKENS)
@@ -189,7 +190,7 @@ def varint(value: int) -> bytes:
 
 
 def _fields(content: bytes) -> list[tuple[int, int, bytes]]:
-    """Number, kind and bytes of each field; [] where it is no message."""
+    """Number, kind and bytes of each field; [] if it is no message."""
     fields, at = [], 0
 
     def number() -> int:

@@ -1,14 +1,12 @@
-"""Damages files of every kind at random, and wants of each reader that it fails in one way: with its own named error.
+"""Damages files of every kind at random, and demands that each reader fails with its own named error only. python
+tests/drills/file_fuzz.py --inputs 1000000 Half of the damages affect the bytes: bits flipped, bytes replaced, cut,
+doubled, inserted. The others affect the contents (file_damage.py): any value of a document becomes another one or is
+repeated, a container is rewritten with correct checksums and a false length, and the hash of a baseline is recomputed.
+No damaged file is accepted by chance: of the damages to bytes, a file with a hash must let none in that changes a
+number.
 
-    python tests/drills/file_fuzz.py --inputs 1000000
-
-Half of the damages hit the bytes: bits flipped, bytes replaced, cut, doubled, inserted. The others are to what decodes
-(file_damage.py): any value of a document becomes another one or is repeated, a container is made again with right
-checksums and a length that lies, and the hash of a baseline is made to fit. No file is believed by chance alone: of the
-damages to bytes, a file with a hash must let none in that changes a number.
-
-Each input may take a second of the processor and the process 200 MB. What breaks a rule is kept, and named
-in the log. Each processor has a worker; the seed and the number of an input give it again.
+Each input may take a second of the processor and the process 200 MB. An input that breaks a rule is kept, and named in
+the log. Each processor has a worker; the seed and the number of an input reproduce it.
 """
 
 from __future__ import annotations
@@ -61,7 +59,7 @@ class Tried:
 
 
 def spoilt(kind: Kind, number: int, seed: int) -> tuple[bytes, bool]:
-    """The input of this number, and whether it was made again rather than damaged in its bytes."""
+    """The input of this number, and whether its contents were rewritten instead of its bytes damaged."""
     dice = Random(f"{kind.name} {seed} {number}")
     if kind.remade is not None and number % 2 == 1:
         return kind.remade(dice), True
@@ -69,9 +67,8 @@ def spoilt(kind: Kind, number: int, seed: int) -> tuple[bytes, bool]:
 
 
 def fuzzed(kind: Kind, folder: Path, numbers: Sequence[int], seed: int, limits: bool = False) -> Tried:
-    """What the reader said of these inputs. AssertionError with the damage that fooled it.
-
-    limits: also measure time and memory, and hold them to LONGEST_S and LARGEST_MB.
+    """The reader's answers to these inputs. AssertionError with the damage that was accepted. limits: also measure time
+    and memory, and compare them with LONGEST_S and LARGEST_MB.
     """
     tried = Tried(kind.name)
     path = folder / "damaged"

@@ -57,10 +57,9 @@ POLLS, POLL_NS = 60, 5_000_000  # of a replayed recording
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file: a whole one, how it is read, and the only error that the reader may raise.
-
-    remade: makes one again with something wrong in it that no checksum shows; None: only bytes are damaged. hashed: a
-    file whose bytes differ from the whole one is refused, or says the same. cost: of reading one, about, in ms.
+    """A kind of file: an intact one, its reader, and the only error that the reader may raise. remade: rewrites one
+    with an error that no checksum shows; None: only bytes are damaged. hashed: a file whose bytes differ from the intact
+    one must be refused, or read the same. cost: of reading one, about, in ms.
     """
 
     whole: bytes
@@ -156,7 +155,7 @@ def kinds(folder: Path) -> list[Kind]:
 
 
 def _model(model: bytes) -> Remade:
-    """With the seal that fits in most, as somebody who edits it may write."""
+    """Most have the matching seal, like a file that somebody edited."""
 
     def remade(dice: Random) -> bytes:
         damaged = proto_damaged(unsealed(model), dice)
@@ -166,7 +165,7 @@ def _model(model: bytes) -> Remade:
 
 
 def _nobody(*_: object) -> bytes:
-    """For most inputs in the place of the process with onnxruntime."""
+    """Replaces the process with onnxruntime for most inputs."""
     raise ValueError("not for this input")
 
 
@@ -218,7 +217,7 @@ def _toml(text: bytes) -> Remade:
 
 
 def _resealed(document: Any) -> bytes:
-    """A baseline's bytes with the id that fits, as somebody who edits it by hand may write."""
+    """A baseline's bytes with the matching id, like a file that somebody edited by hand."""
     if isinstance(document, dict):
         blank = json.dumps({**document, "id": ""})
         try:

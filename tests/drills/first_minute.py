@@ -1,7 +1,7 @@
-"""`make first-minute`: what a newcomer sees of `make demo` in its first minute (DEMO="PAD=array": of another one).
+"""`make first-minute`: what a newcomer sees of `make demo` in its first minute (DEMO="PAD=array": for another pad).
 
-It types `make demo` in this checkout, which is installed already, and says when the first `ok` came, how large the
-deviations of forces near 1 N are, and how many frames were lost.
+It types `make demo` in this installed checkout, and reports when the first `ok` came, how large the deviations of
+forces near 1 N are, and how many frames were lost.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Floods of requests against a daemon whose pads are boards on ptys: what becomes of its contacts, and of the requests.
+"""Floods of requests against a daemon whose pads are boards on ptys: the effect on its contacts, and on the requests.
 
-Flooders run with nice 19, so that they take from the daemon what it gives them, and no processor (`--nice`: another,
-where other programs would leave them none). Boards and subscriber go before the daemon (overload_rig), and the daemon
-before every ordinary process, as its service does.
+Flooders run with nice 19, so that they cost the daemon only its answers, and no processor time (`--nice`: another
+value, if other programs would leave them none). Boards and subscriber have priority over the daemon (overload_rig), and
+the daemon over every ordinary process, like its service.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Flood:
 
     @property
     def per_s(self) -> float:
-        """Requests per second that it names; 0: as many as the daemon answers."""
+        """Named requests per second; 0: as many as the daemon answers."""
         return float(self.options[self.options.index("--per-s") + 1]) if "--per-s" in self.options else 0.0
 
 
@@ -71,7 +71,7 @@ RUNS = (
 
 @dataclass(frozen=True)
 class Window:
-    """What was heard of the contacts that were sampled in a time."""
+    """The contacts that were received and sampled within a time."""
 
     contacts: int
     age_s: float

@@ -1,6 +1,7 @@
-"""Programs that ask the daemon as fast as they can: many peers in one process, which speaks ZMTP 3.0 (RFC 23) itself.
+"""Programs that send requests to the daemon as fast as they can: many peers in one process, which speaks ZMTP 3.0 (RFC
+23) itself.
 
-So 20,000 requests a second cost this process little, and what slows down is the daemon. Prints one line of JSON.
+So 20,000 requests a second cost this process little, and only the daemon slows down. Prints one line of JSON.
 """
 
 from __future__ import annotations
@@ -29,9 +30,8 @@ LARGEST_READ = 1 << 20
 
 
 class Flooder:
-    """A peer. waiting: requests that it may have sent before it has read their answers.
-
-    turns: how often it was to ask. held: how often most of its requests were still unanswered then, or not sent.
+    """A peer. waiting: how many unanswered requests it may have. turns: how often it was to ask. held: how often most
+    of its requests were then still unanswered or unsent.
     """
 
     def __init__(self, address: str, verb: str, waiting: int) -> None:
@@ -57,7 +57,7 @@ class Flooder:
         return self.asked - self.answered - self.refused
 
     def ask(self, count: int) -> None:
-        """Send `count` requests, or fewer where `waiting` or the socket allows no more."""
+        """Send `count` requests, or fewer if `waiting` or the socket allows no more."""
         self.turns += 1
         self.held += bool(self._unsent) or self.unanswered > self.waiting / 2
         count = min(count, self.waiting - self.unanswered)
@@ -97,7 +97,8 @@ class Flooder:
 
 
 def flood(peers: Sequence[Flooder], per_s: float, seconds: float, reads: bool) -> int:
-    """Ask `per_s` times a second in all, 0: as fast as the peers may. Without `reads` all is read at the end.
+    """Ask `per_s` times a second in total; 0: as fast as the peers may. Without `reads`, all answers are read at the
+    end.
 
     Returns when it began, in ns.
     """

@@ -1,6 +1,7 @@
-"""What a new user does: a fresh clone of HEAD on a plain Debian 12 with what the README names, and nothing else on it.
+"""A new user's steps: a fresh clone of HEAD on a plain Debian 12 with only what the README names.
 
-An ordinary user is told what lacks, installs that, and sees the demo. Root sees the demo, and the tests pass.
+An ordinary user learns which packages are missing, installs them, and sees the demo. Root sees the demo, and the tests
+pass.
 Run as root: `make test-fresh`.
 """
 
@@ -40,7 +41,7 @@ PROCESSORS = {
 
 
 class FreshClone(Container):
-    """Of the HEAD of `source`, in a tree of its own; commands run in it one by one, as `user`."""
+    """A clone of the HEAD of `source` in a tree of its own; commands run in it one by one, as `user`."""
 
     def __init__(self, tree: Path, user: str, environment: dict[str, str], source: Path = ROOT) -> None:
         super().__init__(tree)
@@ -57,7 +58,7 @@ class FreshClone(Container):
         return self.root / self._home.relative_to("/") / PROJECT
 
     def does(self, command: str) -> tuple[int, str]:
-        """How it ended, and what it said, which is shown too."""
+        """Its exit status and output, which is shown too."""
         print(f"\n{self._user}$ {command}", flush=True)
         words = ["systemd-nspawn", "--quiet", "--pipe", *self._options(), "--resolv-conf=replace-host"]
         words += [f"--setenv={name}={value}" for name, value in self._environment.items()]
@@ -96,14 +97,14 @@ def require(condition: object, what: str) -> None:
 
 
 def end_on_sigterm() -> None:
-    """As on Ctrl-C: its tree (gigabytes) is removed, and nothing runs in it any more. Also when the terminal closes."""
+    """Acts like Ctrl-C: its tree (gigabytes) is removed, and all its programs end. Also when the terminal closes."""
     for told in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(told) is not signal.SIG_IGN:  # nohup makes it ignore SIGHUP
             signal.signal(told, lambda number, _: sys.exit(128 + number))
 
 
 def line_to_run(said: str) -> str:
-    """What a user whose system lacks packages was told."""
+    """What a user whose system lacks packages is told."""
     line = re.search(r"sudo apt-get install .*", said)
     require(line, "a user whose system lacks packages was not told how to install them")
     assert line is not None
@@ -111,7 +112,7 @@ def line_to_run(said: str) -> str:
 
 
 def as_an_ordinary_user(tree: Path, environment: dict[str, str], test: str | None) -> None:
-    """test: None to see only that its packages are named."""
+    """test: None: check only that its packages are named."""
     with FreshClone(tree, USER, environment) as clone:
         code, said = clone.does(DEMO)
         line = line_to_run(said)

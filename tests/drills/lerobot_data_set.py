@@ -1,7 +1,7 @@
 """The LeRobot package with the real LeRobot of PyPI: `make lerobot` (Python 3.12, with torch 6 GB; ten minutes).
 
 Runs in LeRobot's environment beside a daemon. Records a data set of a simulated pad (`--seconds`, a minute), reads it
-back, and compares it with what was observed; then stops the pad's daemon.
+back, and compares it with the observations; then stops the pad's daemon.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ UNFELT_N = 0.3  # an untouched pad may read this beyond three deviations: too li
 
 
 class Arm(Robot):
-    """A robot with one joint, which is always at rest: what is tried is the touch beside it."""
+    """A robot with one joint, always at rest: the test concerns the touch beside it."""
 
     name = "arm"
     config_class = RobotConfig
@@ -76,7 +76,7 @@ class Arm(Robot):
 def observed_into(
     data_set: LeRobotDataset, robot: Robot, camera: Any, samples: Samples, seconds: float
 ) -> list[dict[str, np.ndarray]]:
-    """The state and the arrays of each step, as they were before the data set had them."""
+    """The state and the arrays of each step, as observed before they entered the data set."""
     steps = []
     begun = time.monotonic()
     for number in range(round(seconds * FPS)):
@@ -92,8 +92,8 @@ def observed_into(
 
 @contextmanager
 def published() -> Iterator[dict[int, tuple[int, int]]]:
-    """What a second subscriber hears meanwhile: by each message's number when its sample was taken, on the daemon's
-    clock, which tells repeated ones, and as UTC."""
+    """What a second subscriber receives meanwhile: for each message's number the time of its sample, on the daemon's
+    clock, which reveals repeated ones, and as UTC."""
     heard_ns: dict[int, tuple[int, int]] = {}
     ended = threading.Event()
 
@@ -118,7 +118,8 @@ def published() -> Iterator[dict[int, tuple[int, int]]]:
 
 
 def every_sample_is_there(steps: list[dict[str, np.ndarray]], heard_ns: dict[int, tuple[int, int]]) -> str:
-    """Each sample that was published once and in order, those left out counted, and the wrench that of the newest."""
+    """Each sample must occur once and in order, skipped ones must be counted, and the wrench must be that of the
+    newest."""
     step = {part: np.stack([each[f"{TACTILE}{part}"] for each in steps]) for part in PARTS}
     mask, newest = step[".mask"], step[".samples"][:, -1]
     stamps_ns = step[".stamps_ns"][mask]

@@ -1,4 +1,4 @@
-"""Makes MCAP files record by record, with right checksums, so that a test may let any of their numbers lie."""
+"""Makes MCAP files record by record, with correct checksums, so that a test may falsify any of their numbers."""
 
 from __future__ import annotations
 

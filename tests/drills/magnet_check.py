@@ -2,7 +2,7 @@
 
     .venv/bin/python tests/drills/magnet_check.py --seed 1 --mistakes 200 --good 50
 
-Prints a table by kind of mistake. Ends with an error where fewer than 95 % are named, or a good board is accused. It is
+Prints a table by kind of mistake. Ends with an error if fewer than 95 % are named, or a good board is accused. It is
 no part of `make test`, which does a few of the same. tests/unit/magnet_world.py says where the fields come from.
 """
 

@@ -1,7 +1,8 @@
-"""Changes equations, gates and memories of the product, one at a time, and asks the net (`make net-catches`).
+"""Changes equations, gates and memories of the product, one at a time, and runs the tests that should notice (`make
+net-catches`).
 
-Each change is one line of a copy of the product. The oracle or a golden replay must find it: first those that should,
-then all. What survives is a hole in the net, and ends the drill with 1.
+Each change is one line of a copy of the product. The oracle or a golden replay must find it: first those nearest to it,
+then all. A change that survives is a hole in the net, and ends the drill with 1.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ def within(change: Change) -> Path:
 
 
 class Copy:
-    """A copy of the product, in which one file is another."""
+    """A copy of the product in which one file is replaced."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -81,7 +82,7 @@ class Copy:
                 shutil.copy2(ROOT / one.path, self.folder / one.path)
 
     def _compile(self, changed: Path) -> None:
-        """Compile the parts that have the file; of those, the sources that see it."""
+        """Compile the parts that contain the file; if a source includes it, only those sources."""
         own = str(changed.relative_to(self.folder))
         for one in extensions():
             seen = [source for source in one.sources if source == own or self._includes(source, changed)]
@@ -114,8 +115,8 @@ class Copy:
 
 
 def found_by(folder: Path, checks: tuple[str, ...]) -> str | None:
-    """The first check that fails, or None. A check is a test, or the name of a frozen world, all of whose frames count
-    after a colon so many."""
+    """The name of the first check that fails, or None. A check is a test, or the name of a frozen world; after a colon,
+    how many of its frames count."""
     paths = (folder / "daemon", folder / "extras/skin", ROOT / "tests", ROOT / "tests/unit")
     environment = os.environ | {"PYTHONPATH": ":".join(map(str, paths))}
     for check in checks:

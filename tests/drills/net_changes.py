@@ -1,4 +1,4 @@
-"""The deliberate changes of net_catches.py: each is one line, as a slip of the pen would leave it."""
+"""The deliberate changes of net_catches.py: each is one line, like a slip of the pen."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """path: in daemon/fmfts, or in extras/. checks: what should find it, the nearest first; a world's name may have a
-    number of messages."""
+    """path: in daemon/fmfts, or in extras/. checks: the tests that should find it, the nearest first; a world's name
+    may have a number of messages."""
 
     area: str
     path: str

@@ -20,7 +20,7 @@ class PressedBoard(FirmwareHost, PressedPad):
         self.plug()
 
     def plug(self) -> None:
-        """In again, as another pty; the pad is as it was left."""
+        """Plug it in again, as another pty; the pad keeps its state."""
         FirmwareHost.__init__(self, self._folder)
         self._move(self._touch)
 
@@ -29,7 +29,7 @@ class PressedBoard(FirmwareHost, PressedPad):
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """The board's time stands, and so does the finger; what it makes up for afterwards comes late."""
+        """The board's time stands still, and so does the finger; frames made up for afterwards come late."""
         self.tell("hold on")
         self._pressed, pressed = False, self._pressed
         self._begun_ns.append(time.monotonic_ns())

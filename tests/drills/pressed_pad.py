@@ -1,4 +1,4 @@
-"""A pad that is pressed as a script says, so that what is published of it can be judged at any moment."""
+"""A pad that a script presses, so that its contacts can be judged at any moment."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Wrong(NamedTuple):
 
 
 class PressedPad(ABC):
-    """Nothing touches it before `press`; then `tend` moves the finger, and wants to be called often."""
+    """Nothing touches it before `press`; then `tend` moves the finger, and must be called often."""
 
     def __init__(self, seed: int = 5) -> None:
         self._built = MountedPad.exact(STANDARD_PAD)
@@ -59,7 +59,7 @@ class PressedPad(ABC):
 
     @abstractmethod
     def field(self, field_t: np.ndarray) -> None:
-        """What its sensors feel from now on (4, 3), in their own axes, tesla."""
+        """Set the field at its sensors (4, 3), in their own axes, in tesla."""
 
     def press(self) -> None:
         self._pressed = True
@@ -105,11 +105,11 @@ class PressedPad(ABC):
         ]
 
     def wrong(self, contact: Contact) -> str:
-        """What is wrong with a contact of this pad, "" where nothing is; while the finger moves, of its form."""
+        """What is wrong with a contact of this pad, or ""; while the finger moves, only its form is judged."""
         return "".join(str(wrong) for wrong in self.all_wrong([contact]))
 
     def all_wrong(self, contacts: Sequence[Contact]) -> list[Wrong]:
-        """The same of many, a tenth of the time for each."""
+        """The same for many, in a tenth of the time for each."""
         wrong: list[Wrong] = []
         settled = []
         for contact in contacts:

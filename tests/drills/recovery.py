@@ -1,6 +1,6 @@
-"""What robots do to a service, over and over, with the time to recovery: `make drills`, and smaller in `make test`.
+"""Events in a robot's life, repeated, with the time to recovery: `make drills`, and smaller in `make test`.
 
-Every drill returns its facts and asserts that no wrong number was published meanwhile.
+Every drill returns its facts, and asserts that no wrong number was published meanwhile.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ BACK_S = 0.3  # between two pulls: numbers are judged, and the finger moves
 def replug(folder: Path, cycles: int) -> Facts:
     """The plug is pulled for between 0 and 1.2 s, and each time the board comes back as another pty.
 
-    Every third time the name is another device's meanwhile, which is silent, as a port's number may be.
+    Every third time the name meanwhile belongs to another, silent device, because a port's number may be reused.
     """
     chance = random.Random(1)
     with calibrated(folder) as (daemon, host, ear):
@@ -95,7 +95,7 @@ def silent_device(port: Path) -> Iterator[None]:
 
 
 def reset_in_a_frame(folder: Path, cycles: int) -> Facts:
-    """The firmware starts anew in the middle of a packet."""
+    """The firmware restarts in the middle of a packet."""
     with calibrated(folder) as (_, host, ear):
         recoveries = []
         for _ in range(cycles):

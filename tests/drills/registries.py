@@ -16,7 +16,7 @@ VARIABLES = re.compile(r"PIP_.*|.*_(proxy|PROXY)|SSL_CERT_FILE|REQUESTS_CA_BUNDL
 
 
 def carry_into(tree: Path) -> None:
-    """The sources of packages only into the same release: those of another are no use to it."""
+    """Copy the sources of packages only into the same release, because other releases cannot use them."""
     same = _codename(Path("/")) == _codename(tree)
     for name in (*CERTIFICATES, *APT, *(APT_SOURCES if same else ()), PIP_OF_ALL):
         copy(Path("/", name), tree / name)
@@ -59,7 +59,7 @@ def _folders_in(text: str) -> Iterator[Path]:
 
 
 def copy(source: Path, to: Path) -> None:
-    """Over what is there; nothing where there is no source."""
+    """Overwrites existing files; does nothing without a source."""
     if source.exists():
         to.parent.mkdir(parents=True, exist_ok=True)
         # -T: into a folder of the same name, and not below it.

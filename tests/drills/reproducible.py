@@ -53,7 +53,7 @@ def built(commit: str, folder: Path, umask: int, variables: dict[str, str], quic
 
 
 def members(archive: Path) -> dict[str, str]:
-    """What is compared of each member of an archive: its content's hash, mode and time."""
+    """The facts that are compared for each member of an archive: its content's hash, mode and time."""
     found: dict[str, str] = {}
     if archive.suffix == ".whl":
         with zipfile.ZipFile(archive) as packed:

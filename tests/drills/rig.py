@@ -1,4 +1,4 @@
-"""What drills share: a board whose true press is known, the daemon on it, and an ear that judges each number."""
+"""Shared by the drills: a board whose true press is known, its daemon, and a listener that judges each number."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PATIENCE_S = 20.0
 
 @dataclass
 class Ear:
-    """Listens to one daemon without a pause; every message is judged. tend: what has to be done meanwhile."""
+    """Listens to one daemon without a pause, and judges every message. tend: called meanwhile."""
 
     messages: Subscription
     judge: Callable[[Contact], str]
@@ -89,12 +89,12 @@ def calibrated(folder: Path) -> Iterator[tuple[RunningDaemon, PressedBoard, Ear]
 
 
 def hear_a_press(ear: Ear, board: PressedPad) -> None:
-    """Listens until a press has been judged: in a short drill each of them may have fallen into a fault."""
+    """Listens until a press has been judged: in a short drill each press may have coincided with a fault."""
     ear.until(lambda _: board.judged_pressed > 0)
 
 
 def none_wrong(ear: Ear, board: PressedPad | None = None) -> dict[str, int]:
-    """How much was judged. AssertionError with the first wrong numbers, and where no press could be judged."""
+    """The number of judged messages. AssertionError with the first wrong numbers, or if no press could be judged."""
     assert not ear.wrong_numbers, ear.wrong_numbers[:3]
     if board is None:
         return {"judged": ear.heard}
@@ -103,7 +103,7 @@ def none_wrong(ear: Ear, board: PressedPad | None = None) -> dict[str, int]:
 
 
 def send_garbage(host: FirmwareHost, size: int, seed: int, wait: Callable[[float], object]) -> None:
-    """Random bytes on the line; on a busy computer it may be full of what was not fetched yet."""
+    """Send random bytes; on a busy computer the line may be full of unread bytes."""
     while host.ask(f"garbage {size} {seed}") != "ok":
         wait(0.05)
 

@@ -1,8 +1,9 @@
 """Recordings replayed as on other processors: every SHA-256 of all messages must be the same (`make same-numbers`).
 
-The shipped recordings, and one of two pads that is made on the spot. OpenBLAS, NumPy and glibc choose their code by the
-processor; each can be told to choose as on another one, as far as this one goes. aarch64 runs under qemu-user, from the
-cross-built wheel (`--aarch64`, some minutes). "others differ": these libraries themselves said other numbers than here.
+The shipped recordings, and one of two pads that is made here. OpenBLAS, NumPy and glibc choose their code by the
+processor; each can be told to choose as on another one, if this one has its instructions. aarch64 runs under qemu-user,
+from the cross-built wheel (`--aarch64`, some minutes). "others differ": these libraries themselves computed other
+numbers than here.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ for path in sys.argv[1:]:
 
 
 def two_pads() -> str:
-    """The standard pad, and array.toml's with two of its magnets: no table is for that, so their poses are solved."""
+    """The standard pad, and array.toml's with two of its magnets: it has no table, so its poses are solved."""
     array = (ROOT / "daemon/fmfts/config/array.toml").read_text()
     head, *magnets = re.split(r"(?m)^(?=\[\[pad\.magnet\]\])", array)
     if len(magnets) != 4 or "\n[pad." in "".join(magnets):
@@ -97,7 +98,7 @@ def made_on_the_spot(path: Path, seconds: float) -> Path:
 
 @dataclass(frozen=True)
 class Replays:
-    """Of one processor. others: what the libraries make of numbers; one: of each recording SHA-256, same as recorded,
+    """Results of one processor. others: the libraries' numbers; one: of each recording SHA-256, same as recorded,
     messages."""
 
     others: str
@@ -114,7 +115,7 @@ def replayed(python: list[str | Path], paths: list[Path], environment: dict[str,
 
 
 def all_replays(paths: list[Path], cache: Path | None) -> Iterator[tuple[str, Replays]]:
-    """cache: where aarch64's Python is kept, None to leave it out."""
+    """cache: the folder of aarch64's Python; None excludes it."""
     for name, environment in PROCESSORS.items():
         yield name, replayed([sys.executable], paths, environment)
     if cache is not None:

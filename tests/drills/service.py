@@ -1,6 +1,6 @@
 """The Debian package on a plain Debian 12 under real systemd: boot, serve, refuse strangers, recover, upgrade, purge.
 
-Run as root: `make drill-service`. Prints what it saw; ends with an error at the first thing that is not so.
+Run as root: `make drill-service`. Prints what it saw; ends with an error at the first deviation.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def drill_access(container: Container) -> None:
 
 
 def drill_recording(container: Container) -> None:
-    """With the packages that apt installed and nothing else."""
+    """With only the packages that apt installed."""
     container.run("cd /home/controller && fmfts-daemon record a.mcap --seconds 3", user="controller")
     compared = json.loads(container.run("cd /home/controller && fmfts-daemon replay a.mcap --json", user="controller"))
     seen = {key: compared[key] for key in ("identical", "different")}

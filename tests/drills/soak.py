@@ -1,8 +1,8 @@
-"""Many pads for minutes with faults at random: no wrong number, no late recovery, every frame accounted for.
+"""Many pads for minutes with random faults: no wrong number, no late recovery, every frame accounted for.
 
-Every frame that arrived is published or dropped (`frames` = contacts of frames + `dropped`); those that were
-produced and never arrived are `gaps`. Across each fault that leaves board and line running, the boards are asked how
-many they made: `frames` + `gaps` have grown by as many.
+Every frame that arrived is published or dropped (`frames` = contacts of frames + `dropped`); frames that were made but
+never arrived are `gaps`. Before and after each fault that leaves board and line running, the boards report how many
+they made: `frames` + `gaps` must have grown by as many.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ HEALTHY_S = 1.0  # longest time until a pad is ok again; a longer one counts as 
 
 
 class Rig:
-    """One daemon, one board for each pad, one ear for all of them."""
+    """One daemon, one board for each pad, one listener for all of them."""
 
     def __init__(self, folder: Path, pads: int, seed: int) -> None:
         self.folders = [folder / f"p{i}" for i in range(pads)]
@@ -81,7 +81,7 @@ class Rig:
         subscribed.wait()
 
     def _hear(self, subscribed: threading.Event) -> None:
-        """While a board is plugged in nobody else listens, and the daemon keeps 256 messages for nobody."""
+        """While a board is plugged in nobody reads its contacts, and ZeroMQ keeps only 256."""
         with self.daemon.subscribe() as messages:
             messages.receive(PATIENCE_S)
             subscribed.set()
@@ -91,7 +91,7 @@ class Rig:
                     self._inbox.put(Contact.from_message(message.body))
 
     def close(self) -> None:
-        """What was heard is judged last: an error there leaves nothing running."""
+        """Judged last, so that an error here leaves nothing running."""
         self._stopping.set()
         if self._ear is not None:
             self._ear.join()
@@ -105,7 +105,7 @@ class Rig:
             host.kill()
 
     def listen(self, seconds: float, until: Callable[[], bool] = lambda: False) -> float:
-        """Judge what comes; ends early when `until` holds. How long it took."""
+        """Judge new contacts; ends early when `until` holds. Returns the time that took."""
         start = time.monotonic()
         while (passed := time.monotonic() - start) < seconds and not until():
             try:
@@ -137,7 +137,7 @@ class Rig:
         return last is not None and is_ok(last) and last.sensors_ok == 0b1111 and last.t_sample_ns > after_ns
 
     def unaccounted(self, name: str) -> int:
-        """Frames that the board made, less those that the daemon counted: a constant while board and line run on."""
+        """Frames of the board minus those that the daemon counted: constant while board and line run."""
         host, now_ns = self.hosts[name], time.monotonic_ns()
         due_ns = self.status(name)["t_publish_ns"] + STATUS_NS
         while due_ns - now_ns < ON_ITS_WAY_NS:
@@ -156,13 +156,13 @@ class Rig:
         return made - int(status["frames"]) - int(status["gaps"])
 
     def status(self, name: str) -> dict[str, Any]:
-        """As it was said last, which is once a second."""
+        """As last reported, which is once a second."""
         (status,) = (pad for pad in self.daemon.request("status")["pads"] if pad["pad"] == name)
         return dict(status)
 
 
 def inject(rig: Rig, name: str, fault: str, chance: random.Random) -> int:
-    """Make the fault, let it last, and mend it; CLOCK_MONOTONIC of the mend."""
+    """Make the fault, wait, and mend it; returns CLOCK_MONOTONIC of the mend."""
     host, sensor = rig.hosts[name], chance.randrange(4)
     injected = Injected(name, fault, time.monotonic_ns())
     rig.witness.faults.append(injected)

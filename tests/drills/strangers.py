@@ -1,4 +1,4 @@
-"""Programs that connect to the daemon's sockets and do nothing more, by the thousand."""
+"""Programs by the thousand that connect to the daemon's sockets and then do nothing."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ FULL_FOR_S = 10.0  # a full queue of connections may stay full for this long bef
 
 @contextmanager
 def strangers(path: Path, count: int, says: bytes) -> Iterator[int]:
-    """Connects up to `count` times, introduces itself where it `says` something, and never reads. Gives how many were
-    let in."""
+    """Connects up to `count` times, sends `says` after an introduction if it is not empty, and never reads. Yields how
+    many were accepted."""
     with ExitStack() as held:
         let_in = 0
         for _ in range(count):
@@ -54,7 +54,7 @@ def _received(peer: socket.socket, count: int) -> bytes:
 
 
 def _connected(stranger: socket.socket, path: Path) -> bool:
-    """False where the door is closed."""
+    """False if connections are refused."""
     stranger.settimeout(FULL_FOR_S)
     until = time.monotonic() + FULL_FOR_S
     while True:

@@ -1,7 +1,7 @@
 """The package built, installed, booted and purged on each Debian and Ubuntu: `make test-systems` (root).
 
-debootstrap makes each release from its own mirror. One that cannot be had is named, and the others are tried. On each,
-the first lines of docs/installing.md are typed in a clone of HEAD as well.
+debootstrap makes each release from its own mirror. A release that cannot be fetched is named, and the others are tried.
+On each, the first lines of docs/installing.md are typed in a clone of HEAD as well.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def plain(system: System, cache: Path) -> Path:
 
 
 def built(container: Container) -> Path:
-    """The package of HEAD, as somebody makes it on this system."""
+    """The package of HEAD, made on this system."""
     subprocess.run(["git", "clone", "-q", f"file://{ROOT}", container.root / "root/project"], check=True)
     shell(container, "cd /root/project && DEBIAN_FRONTEND=noninteractive make deb")
     (package,) = (container.root / "root/project/build").glob("fmfts_*.deb")
@@ -69,7 +69,7 @@ def built(container: Container) -> Path:
 
 
 def shell(container: Container, command: str) -> str:
-    """In the tree as it lies there, with this computer's way to packages."""
+    """In the unbooted tree, with this computer's access to packages."""
     words = [f"--setenv={name}={value}" for name, value in registries.environment().items()]
     words += [f"--bind-ro={folder}" for folder in registries.package_folders()]
     try:
@@ -79,7 +79,7 @@ def shell(container: Container, command: str) -> str:
 
 
 def drill_manual(container: Container) -> None:
-    """What the package brings for `man` and for the shells."""
+    """The package's files for `man` and for the shells."""
     listed = container.run("dpkg-query -L fmfts")
     require("/usr/share/man/man1/fmfts-daemon-baseline.1.gz" in listed, "manual pages", "/usr/share/man/man1")
     require("/usr/share/zsh/vendor-completions/_fmfts-daemon" in listed, "completion for zsh", "installed")
@@ -89,7 +89,7 @@ def drill_manual(container: Container) -> None:
 
 
 def first_lines(page: Path) -> str:
-    """The first block of a page that is to be typed."""
+    """The first block of a page to type."""
     block = re.search(r"(?:^    .+\n)+", page.read_text(), re.MULTILINE)
     assert block is not None
     return textwrap.dedent(block[0])

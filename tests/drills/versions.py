@@ -1,7 +1,7 @@
 """Each Python with the oldest, the newest and the pinned versions that pyproject.toml allows: `make test-versions`.
 
-Pythons are those on PATH and of pyenv, and those that uv can fetch. Only wheels are taken: what has none for a Python
-is not what people install there. An environment in which something failed stays in build/versions.
+Pythons are those on PATH and of pyenv, and those that uv can fetch. Only wheels are used: users cannot install a
+version without a wheel for their Python. An environment with a failure stays in build/versions.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Project:
 
     @cached_property
     def bounds(self) -> dict[str, str]:
-        """What each dependency must be at least; "" where any will do."""
+        """The least version of each dependency; "" if any will do."""
         extras = self.described["project"].get("optional-dependencies", {}).values()
         words = (
             self.described["project"]["dependencies"] + self.of_beside + [word for extra in extras for word in extra]
@@ -90,12 +90,12 @@ class Project:
 
     @property
     def of_beside(self) -> list[str]:
-        """What these need of others."""
+        """The requirements of these packages."""
         words = [word for folder in self.beside for word in Project(folder).described["project"]["dependencies"]]
         return [word for word in words if not word.startswith("fmfts")]
 
     def pythons(self) -> tuple[list[str], list[str]]:
-        """Those that it names and any other at hand that it allows: what can be had here, and what cannot."""
+        """The named Pythons and any other allowed one at hand: those available here, and those that are not."""
         listed = json.loads(uv("python", "list", "--only-installed", "--output-format", "json"))
         plain = [each for each in listed if each["implementation"] == "cpython" and each["variant"] == "default"]
         at_hand = {".".join(each["version"].split(".")[:2]) for each in plain}
@@ -128,7 +128,7 @@ class Trial:
 
 
 def numbers(version: str) -> list[int]:
-    """To be compared: 3.5 is 3.5.0."""
+    """In a comparable form: 3.5 is 3.5.0."""
     found = [int(number) for number in re.findall(r"\d+", version)]
     while found and found[-1] == 0:
         found.pop()
@@ -137,7 +137,7 @@ def numbers(version: str) -> list[int]:
 
 @cache
 def environment() -> dict[str, str]:
-    """With pyenv's Pythons after all others: of its own commands for them, only the chosen version's work."""
+    """With pyenv's Pythons after all others: among its own commands for them, only the chosen version's works."""
     pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
     return os.environ | {"PATH": os.pathsep.join([os.environ["PATH"], *map(str, sorted(pyenv.glob("*/bin")))])}
 
@@ -159,7 +159,7 @@ def fetched(python: str) -> bool:
 
 
 def wheel(project: Project, python: str, end: str, folder: Path) -> Path:
-    """By way of the source archive, with the oldest or the newest setuptools."""
+    """Through the source archive, with the oldest or the newest setuptools."""
     needs, pinned = folder / "needs.in", folder / "pinned.txt"
     needs.write_text("\n".join(project.described["build-system"]["requires"]))
     pinned.write_text(uv("pip", "compile", "--resolution", RESOLUTIONS[end], "--python", python, needs))
@@ -169,7 +169,7 @@ def wheel(project: Project, python: str, end: str, folder: Path) -> Path:
 
 
 def installed(project: Project, python: str, end: str, folder: Path) -> dict[str, str]:
-    """Into a new environment; the versions there of what the project names."""
+    """Into a new environment; returns the versions there of the packages that the project names."""
     uv("venv", "--python", python, folder)
     extras = [word for extra in project.extras for word in ("--extra", extra)]
     from_wheels = ["--only-binary", ":all:", "--resolution", RESOLUTIONS[end]]
@@ -214,7 +214,7 @@ def run_client(folder: Path, base: str) -> Outcome:
 
 
 def tried(project: Project, ends: list[str], only: list[str], judge: Callable[[Path, str], Outcome]) -> bool:
-    """Each Python with each set, and a table of them; whether all was well."""
+    """Test each Python with each set, and print a table; returns whether all passed."""
     had, lacking = project.pythons()
     had = [python for python in had if not only or python in only]
     trials = []

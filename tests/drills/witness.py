@@ -1,4 +1,4 @@
-"""What stood around a wrong contact, so that it can be explained: others of its pad, the finger, and the faults."""
+"""The circumstances of a wrong contact, to explain it: other contacts of its pad, the finger, and the faults."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Injected:
 
 
 class Witness:
-    """Tell it of every fault when it begins, and of all that was judged in the order in which it was published."""
+    """Tell it of every fault when it begins, and of all judged contacts in the order of publishing."""
 
     def __init__(self) -> None:
         self.faults: deque[Injected] = deque(maxlen=FAULTS)

@@ -20,7 +20,7 @@ GAINS = tuple(np.float32(each) for each in (5, 4, 3, 2.5, 2, 1.66666667, 1.33333
 
 
 class Settings(NamedTuple):
-    """Of all chips of a board."""
+    """The settings of all chips of a board."""
 
     gain_sel: int = 6
     res: int = 0
@@ -42,7 +42,7 @@ def told_ut(count: int, axis: int, settings: Settings = BEGIN) -> float:
 
 
 def quantised(field_ut: Sequence[float], settings: Settings = BEGIN) -> tuple[float, float, float]:
-    """A field as the board tells it."""
+    """A field as the board sends it."""
     told = []
     for axis, (value, step) in enumerate(zip(field_ut, steps_ut(settings), strict=True)):
         count = round(value / step)
@@ -57,7 +57,7 @@ def quantised(field_ut: Sequence[float], settings: Settings = BEGIN) -> tuple[fl
 
 
 def no_sample(settings: Settings = BEGIN) -> tuple[float, float, float, float]:
-    """What 0xFFFF in every register becomes: temperature, x, y, z."""
+    """The values of 0xFFFF in every register: temperature, x, y, z."""
     count = (-1, -1, 65535 - 32768, 65535 - 16384)[settings.res]
     x, y, z = (told_ut(count, axis, settings) for axis in range(3))
     return 25 + (65535 - 46244) / 45.2, x, y, z
@@ -72,6 +72,6 @@ def binary(fields_ut: Sequence[Sequence[float]], temperature_c: float = 25.0, se
 
 
 def text(fields_ut: Sequence[Sequence[float]], temperature_c: float = 25.0, settings: Settings = BEGIN) -> bytes:
-    """5X_burst_stream: two decimals, tabs within a magnetometer, and nothing between two of them."""
+    """5X_burst_stream: two decimals, tabs within a magnetometer, and no separator between two of them."""
     parts = ["\t".join(f"{value:.2f}" for value in (temperature_c, *quantised(field, settings))) for field in fields_ut]
     return "".join(parts).encode() + b"\r\n"

@@ -1,6 +1,7 @@
-"""A board at the far end of a pty that speaks the wire: what a test tells it to send, and answers as the firmware's.
+"""A board at the far end of a pty that speaks the wire: it sends what a test tells it to, and answers like the
+firmware.
 
-Only for what the real firmware cannot be made to do on demand; the main job is tested against the firmware itself.
+Only for events that the real firmware cannot produce on demand; all else is tested against the firmware itself.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     python tests/emulator/board_on_pty.py firmware/build/fmfts.elf --link /tmp/board
 
 prints the pty's path, then obeys the commands of fmfts-host on standard input until that closes or SIGTERM comes. At
-the end it says on standard error how fast it was and what the firmware did wrong.
+the end it reports on standard error how fast it was and the firmware's mistakes.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What an emulated board needs to be a process of its own: a pty that is its port, and orders on standard input."""
+"""What an emulated board needs to be a process of its own: a pty as its port, and commands on standard input."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from pathlib import Path
 
 
 class WrongCommandError(Exception):
-    """A line that is refused and changes nothing; the text says why."""
+    """A command that is refused and changes nothing; the text says why."""
 
 
 class Pty:
-    """The host's serial port. Nobody there: what the board sends is lost. Too slow: what does not fit is."""
+    """The host's serial port. If no program has it open, the board's bytes are lost. If the program is too slow, bytes
+    that do not fit are lost."""
 
     def __init__(self, link: Path | None) -> None:
         self.master, slave = os.openpty()
@@ -31,13 +32,13 @@ class Pty:
             link.symlink_to(self.path)
 
     def is_open(self) -> bool:
-        """Whether a program has it open."""
+        """True if a program has it open."""
         poll = select.poll()
         poll.register(self.master, select.POLLIN)
         return not any(events & select.POLLHUP for _, events in poll.poll(0))
 
     def exchange(self, data: bytes) -> bytes:
-        """Hand over what the board sent; what the host sent comes back."""
+        """Pass on the board's bytes; returns the host's."""
         if not self.is_open():
             return b""
         if data:

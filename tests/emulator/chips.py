@@ -1,4 +1,4 @@
-"""HMC5983 chips behind a TCA9548A, register by register, for whatever carries I2C transfers to them.
+"""HMC5983 chips behind a TCA9548A, register by register, for any carrier of I2C transfers.
 
 Pure Python without dependencies, so that an emulated kernel bus and an emulated microcontroller can share it. Time
 is a callable (seconds), so that a test may own it. Behaviour: Honeywell 900425 (registers, LOCK, RDY, self-test,
@@ -25,11 +25,11 @@ DATA = range(0x03, 0x09)
 
 
 class NackError(Exception):
-    """Nobody pulled SDA low."""
+    """No chip pulled SDA low."""
 
 
 class Hmc5983(Magnetometer):
-    """One chip at 0x1E. `strap` multiplies what the data sheet calls nominal."""
+    """One chip at 0x1E. `strap` multiplies the data sheet's nominal field."""
 
     address = 0x1E
 
@@ -52,7 +52,7 @@ class Hmc5983(Magnetometer):
         self.conversions = 0
 
     def started(self, reading: bool) -> None:
-        """It was addressed; the first byte written from now on is the register's number."""
+        """The chip was addressed; the first byte written from now on is the register's number."""
         self.run()
         self._pointer_next = not reading
 
@@ -95,7 +95,7 @@ class Hmc5983(Magnetometer):
         self.pointer = {0x08: 0x03, 0x0C: 0x00}.get(self.pointer, self.pointer + 1)
 
     def _configured(self, register: int) -> None:
-        """A new mode or configuration unlocks the output and begins measuring afresh."""
+        """A new mode or configuration unlocks the output and restarts the measurement."""
         self.locked, self.unread, self.ready = False, set(DATA), False
         self._alike = 0
         now_s = self.time_s()
@@ -113,7 +113,7 @@ class Hmc5983(Magnetometer):
         return (1.0 + self.clock_error) / OUTPUT_RATE_HZ[self.registers[0] >> 2 & 7]
 
     def run(self) -> None:
-        """Catch up with the clock: all conversions that were due."""
+        """Catch up with the clock: finish all conversions that were due."""
         while self.next_conversion_s is not None and self.next_conversion_s <= self.time_s() and not self.frozen:
             if self.registers[0x02] & 2:  # idle; it was not written either, or it would have measured
                 self.next_conversion_s = None
@@ -134,7 +134,7 @@ class Hmc5983(Magnetometer):
             self.converted(ended_s)
 
     def converted(self, ended_s: float) -> None:
-        """A conversion ended; unless LOCK protects what was there, its result is in the output registers."""
+        """A conversion ended; unless LOCK protects the old values, its result is in the output registers."""
         if not self.locked:
             self._convert()
 
@@ -157,10 +157,10 @@ class Hmc5983(Magnetometer):
 
 
 class Tca9548a:
-    """The switch and what hangs on its channels."""
+    """The switch and the chips on its channels."""
 
     def __init__(self, address: int, channels: dict[int, Any]) -> None:
-        """channels: the chip on each, or a list of several of other addresses."""
+        """channels: the chip on each, or a list of several with different addresses."""
         self.address = address
         self.channels = channels
         self.control = 0
@@ -184,12 +184,10 @@ class Tca9548a:
 
 
 class Bus:
-    """Muxes, and chips without one, on one pair of wires, byte by byte; `start` and `put` answer whether anyone
-    acknowledged.
-
-    bit_times: of all transfers, in periods of SCL (NXP UM10204). A START, a repeated START and a STOP take one each, an
-    address and each byte nine, with the acknowledgement. Between two transfers the wires are free for tBUF, half a
-    period (1.3 µs at 400 kHz), which does not count here.
+    """Muxes, and chips without one, on one pair of wires, byte by byte; `start` and `put` return whether any chip
+    acknowledged. bit_times: of all transfers, in periods of SCL (NXP UM10204). A START, a repeated START and a STOP
+    take one each, an address and each byte nine, with the acknowledgement. Between two transfers the wires are free for
+    tBUF, half a period (1.3 µs at 400 kHz), which does not count here.
     """
 
     def __init__(self, muxes: Sequence[Tca9548a], chips: Sequence[Any] = ()) -> None:

@@ -13,7 +13,7 @@ from emulator.pty_port import PtyPort
 
 
 class ForceGauge:
-    """Writes what `force_n` gave `delay_s` ago. dropout: the share of readings that never come. silent: all of them."""
+    """Writes the force of `delay_s` ago. dropout: the share of readings that are lost. silent: all are lost."""
 
     def __init__(
         self,
@@ -45,7 +45,7 @@ class ForceGauge:
         """Nothing runs."""
 
     def turn(self, seconds: float) -> None:
-        """Let so much time pass."""
+        """Let this much time pass."""
         self._now += seconds
         force_n = self._delayed(self._now)
         while self._due <= self._now:

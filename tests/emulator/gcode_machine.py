@@ -1,7 +1,7 @@
 """A three-axis G-code machine on a pty: Marlin's or GRBL's protocol, finite speed, backlash, limit switches, stalls.
 
-Written from the projects' own documentation, and sharing no code with the driver that it tests. Its time passes by
-`turn`; `speed` makes it run faster: feeds are multiplied by it.
+Written from the projects' own documentation; shares no code with the driver under test. Its time passes by `turn`;
+`speed` makes it faster: feeds are multiplied by it.
 """
 
 from __future__ import annotations
@@ -26,10 +26,9 @@ class Move:
 
 
 class GcodeMachine:
-    """homing_mm_per_s: None homes at once. z_limit_mm_per_s: faster feeds are clamped silently; 5 is stock Marlin.
-    `switch_mm`: z of a limit switch that ends all motion below it. `stalled`: motors turn and nothing moves on.
-
-    backlash_mm: an axis that comes from above stands so much higher than it was told.
+    """homing_mm_per_s: None homes immediately. z_limit_mm_per_s: faster feeds are clamped silently; 5 is stock Marlin.
+    `switch_mm`: z of a limit switch that ends all motion below it. `stalled`: motors turn but nothing moves.
+    backlash_mm: an axis that comes from above stands higher by this than commanded.
     """
 
     def __init__(
@@ -68,17 +67,17 @@ class GcodeMachine:
 
     @property
     def place(self) -> Place:
-        """Where the rod really is."""
+        """The rod's true position."""
         axes = zip(self._zero, self._told, self._from_above, strict=True)
         return [zero + told + self.backlash_mm * above for zero, told, above in axes]
 
     @property
     def locked(self) -> bool:
-        """It moves no more until somebody unlocks or resets it."""
+        """It stands still until it is unlocked or reset."""
         return self.killed or self._alarm
 
     def turn(self, seconds: float) -> None:
-        """Hear what has come, and move on for so long."""
+        """Read waiting commands, and move on for this long."""
         self._hear(self.port.read(0.0))
         self._advance(seconds * self._speed)
         if self._homing and not self._moves:
@@ -162,7 +161,7 @@ class GcodeMachine:
             self._reset()
 
     def lose_power(self) -> None:
-        """For a moment: where it stands is zero then, and GRBL wants to be homed first."""
+        """Off for a moment: its position then counts as zero, and GRBL must be homed first."""
         self._moves.clear()
         self._held.clear()
         self._zero = [zero + told for zero, told in zip(self._zero, self._told, strict=True)]
@@ -171,7 +170,7 @@ class GcodeMachine:
         self.__enter__()
 
     def _reset(self) -> None:
-        """GRBL's soft reset: an alarm stays, and a move that it cuts off is one. The position is kept."""
+        """GRBL's soft reset: an alarm stays, and an interrupted move causes one. The position is kept."""
         if self._moves:
             self._alarm = True
             self._say("ALARM:3")

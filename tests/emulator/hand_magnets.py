@@ -1,7 +1,7 @@
 """A hand that moves past a pad: magnets of motors and of another finger, as point dipoles on two joints.
 
-The dipole's field is Jackson's (Classical Electrodynamics, 5.56); the finger is two rigid links in one plane. Nothing
-of this is the daemon's.
+The dipole's field is Jackson's (Classical Electrodynamics, 5.56); the finger is two rigid links in one plane. It shares
+nothing with the daemon.
 """
 
 from __future__ import annotations
@@ -16,10 +16,8 @@ NAMES = ("knuckle", "middle", "still")
 
 @dataclass(frozen=True)
 class HandMagnets:
-    """Magnets that two joints move. Where a Source keeps its neighbours, `field` is asked.
-
-    moment_am2: of the finger's magnet; the motor's is half. period_s: of the knuckle; the other joint's is longer.
-    stiff: the joints stand at the start.
+    """Magnets that two joints move. `field` replaces a Source's neighbours. moment_am2: of the finger's magnet; the
+    motor's is half. period_s: of the knuckle; the other joint's is longer. stiff: the joints keep their initial position.
     """
 
     moment_am2: float = 0.02

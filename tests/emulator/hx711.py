@@ -11,7 +11,7 @@ SHORTEST_LEVEL_S = 0.2e-6
 
 
 class Hx711:
-    """`counts` is what the load cell gives now, None while nothing is plugged in. now_s: the board's time."""
+    """`counts`: the load cell's present value, None while nothing is plugged in. now_s: the board's time."""
 
     def __init__(self, now_s: Callable[[], float], complain: Callable[[str], None]) -> None:
         self.counts: int | None = None

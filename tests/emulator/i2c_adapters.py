@@ -1,4 +1,4 @@
-"""What the I2C adapters of Linux accept, refuse and report, each as its driver in the kernel has it.
+"""What the I2C adapters of Linux accept, refuse and report, each according to its kernel driver.
 
 Sources, all of torvalds/linux (6.1 and later), by function:
 - all: `i2cdev_ioctl_rdwr` of drivers/i2c/i2c-dev.c (42 messages, 8192 bytes); `i2c_check_for_quirks` of
@@ -34,7 +34,7 @@ CLOCK_HZ = 400_000  # of_node/clock-frequency of controllers on a board
 
 
 class Message(NamedTuple):
-    """What a rule can see of a struct i2c_msg."""
+    """The parts of a struct i2c_msg that a rule may use."""
 
     address: int
     flags: int
@@ -49,11 +49,10 @@ Rule = Callable[[Sequence[Message]], int]  # the errno of a refusal, 0: none
 
 
 class Adapter(NamedTuple):
-    """device: its path in /sys, of which the last part is the device that `driver` drives. name: as in its sysfs file.
-
-    no_answer: errno of an address that nobody acknowledges. write_s, exchange_s: how long a write, and a write with a
-    read, take at least. Each report to a full-speed HID device waits for a frame of USB (1 ms): the FT260 takes one for
-    a write and two for both, the CP2112 two and three, the MCP2221 two and four, and its driver sleeps 1 ms after each.
+    """device: its path in /sys, whose last part is the device that `driver` drives. name: as in its sysfs file.
+    no_answer: errno for an address that nobody acknowledges. write_s, exchange_s: minimum times of a write, and of a write
+    with a read. Each report to a full-speed HID device waits for a frame of USB (1 ms): the FT260 takes one for a write and
+    two for both, the CP2112 two and three, the MCP2221 two and four, and its driver sleeps 1 ms after each.
     """
 
     device: str

@@ -1,11 +1,11 @@
 """Emulated I2C buses for real smbus2 clients under umockdev's preload: /dev/i2c-7 with two muxes of four HMC5983 each,
-and /dev/i2c-8, which no order concerns, with one.
+and /dev/i2c-8, which no command affects, with one.
 
 With a kind of chip as its argument, /dev/i2c-7 has such chips instead: four behind one mux ("qmc5883l"), or one at each
 address that follows, without a mux ("mlx90393 12 13 14 15"). With "wide" its two muxes have eight HMC5983 each.
 
 "--adapter KIND" says which adapter of i2c_adapters.py both buses are on: "bcm2835", which refuses the most of those on
-a board, without it. What it refuses, reports and takes, its sysfs files, and what it answers to I2C_FUNCS follow.
+a board, without it. Its refusals, reports and delays, its sysfs files, and its answer to I2C_FUNCS follow.
 
 Run by the system's Python (it needs gir1.2-umockdev-1.0). Prints the test bed's directory, then obeys one JSON object
 a line on stdin and prints "done" after each:

@@ -1,6 +1,6 @@
 """The LIS3MDL, register by register, as public drivers, ST DocID024204 and AN4602 describe it.
 
-The data sheet could not be read here: what the drivers do not tell is from memory.
+The data sheet could not be read here: facts that the drivers do not state are from memory.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ except ImportError:  # run by a Python that has this folder on its path, and not
 
 
 class Lis3mdl(RegisterChip):
-    """ST in CTRL_REG1 adds `own_field_gauss`, which takes its time to be there (AN4602: 60 ms)."""
+    """ST in CTRL_REG1 adds `own_field_gauss` after a delay (AN4602: 60 ms)."""
 
     address = 0x1C
     sensitivity_per_k = -0.0003

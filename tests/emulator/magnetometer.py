@@ -1,4 +1,4 @@
-"""What emulated magnetometers share: field, gains, a clock of their own, conversions that end while nobody looks."""
+"""Shared by emulated magnetometers: field, gains, a clock of their own, and conversions that end between accesses."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from random import Random
 
 
 class Magnetometer:
-    """`clock_error` is relative; `gain` multiplies what the data sheet calls nominal; noise is one deviation."""
+    """`clock_error` is relative; `gain` multiplies the data sheet's nominal gain; noise is one deviation."""
 
     address = 0
     sensitivity_per_k = 0.0  # relative, from that of 25 °C
@@ -83,11 +83,11 @@ class Magnetometer:
         raise NotImplementedError
 
     def following_s(self) -> float | None:
-        """The time from one conversion to the next; None where one was all."""
+        """The time from one conversion to the next; None after a single one."""
         raise NotImplementedError
 
     def field_during(self, begin_s: float, end_s: float) -> list[float]:
-        """The mean field of this time, from five instants."""
+        """The mean field over this time, from five instants."""
         if self.field_at is None:
             return self.field_gauss
         instants = [begin_s + (end_s - begin_s) * part for part in (0.1, 0.3, 0.5, 0.7, 0.9)]
@@ -98,7 +98,7 @@ class Magnetometer:
         raise NotImplementedError(f"no source states the noise of {type(self).__name__}")
 
     def sensed_gauss(self, field_gauss: Sequence[float] | None = None) -> list[float]:
-        """This field, or that at the end of the conversion, with noise, gains and warmth."""
+        """This field, or the field at the end of the conversion, with noise, gains and temperature."""
         if field_gauss is None:
             field_gauss = self.field_during(self.converted_s, self.converted_s)
         warmth = 1.0 + self.sensitivity_per_k * (self.temperature_c - 25.0)
@@ -114,11 +114,11 @@ class Magnetometer:
         self.field_gauss = list(field_gauss)
 
     def begin(self, conversion_s: float, phase_s: float = 0.0) -> None:
-        """phase_s: of a chip that converts by itself; a single conversion has none."""
+        """phase_s: of a free-running chip; a single conversion has none."""
         self.next_conversion_s = self.time_s() + conversion_s * (1.0 + self.clock_error) + phase_s
 
     def run(self) -> None:
-        """Catch up with the clock. Of conversions that nobody could have seen only the last is made."""
+        """Catch up with the clock. Of conversions that nobody could have read only the last is made."""
         if self.next_conversion_s is None or self.frozen:
             return
         now_s = self.time_s()

@@ -1,6 +1,6 @@
 """The emulated magnetometers that have registers; mlx90393.py has one with commands, chips.py the HMC5983.
 
-Pure Python without dependencies, for whatever carries transfers.
+Pure Python without dependencies, for any carrier of transfers.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ except ImportError:  # run by a Python that has this folder on its path, and not
 
 
 class Mmc5983ma(Memsic):
-    """Continuous mode: S p. 16. A measurement that is longer than its period takes the next one."""
+    """Continuous mode: S p. 16. A measurement longer than its period skips to the end of the next one."""
 
     status = 0x08
     done = 0x01

@@ -1,4 +1,4 @@
-"""What the MMC5983MA and the MMC5603NJ share: a magnetised film, pulses that turn it, and measurements that take time.
+"""Shared by the MMC5983MA and the MMC5603NJ: a magnetised film, pulses that turn it, and measurements that take time.
 
 S: MEMSIC MMC5983MA data sheet, Rev A, 2019-04-03 (read). D: independent drivers agree. U: users measured it.
 Film: S p. 18 (after SET the output is +H + offset, after RESET -H + offset), S p. 2 (a field above 10 G changes it
@@ -30,7 +30,8 @@ SW_RST = 0x80  # control 1 of both
 
 
 class Film:
-    """`polarity`: 1 after SET, -1 after RESET. A part that was just switched on may have either: here that of RESET."""
+    """`polarity`: 1 after SET, -1 after RESET. A part just after power-on may have either polarity; here it has that of
+    RESET."""
 
     def __init__(self, random: Random) -> None:
         self.random = random
@@ -45,7 +46,8 @@ class Film:
 
 
 class Memsic(RegisterChip):
-    """zero_gauss: what the bridges say of no field. coil_gauss: the self-test coil's field. Both by the chip's axes."""
+    """zero_gauss: the bridges' reading at zero field. coil_gauss: the self-test coil's field. Both by the chip's
+    axes."""
 
     address = 0x30
     sensitivity_per_k = -0.0002
@@ -84,7 +86,7 @@ class Memsic(RegisterChip):
         super().__init__(time_s, field_gauss, clock_error, phase_s, address, noise_gauss, seed)
 
     def restart(self, registers: dict[int, int]) -> None:
-        """Registers start anew. The film stays as it is: no pulse is a part of that."""
+        """Registers start anew. The film stays as it is: no pulse is among these."""
         self.reset(registers)
         self.controls = bytearray(4)
         self.starts_until_s = -math.inf
@@ -143,7 +145,7 @@ class Memsic(RegisterChip):
         self.film.pulse(polarity, time_s, self.repeatability_gauss)
 
     def measurement_s(self) -> float:
-        """How long the measurement takes that begins now."""
+        """The duration of a measurement that begins now."""
         self.sample_s = self.measurements_s[self.controls[1] & 3]
         self.automatic = bool(self.controls[0] & AUTO_SR_EN)
         return 2.0 * self.sample_s + self.between_pulses_s if self.automatic else self.sample_s
@@ -171,7 +173,8 @@ class Memsic(RegisterChip):
         raise NotImplementedError
 
     def _sample(self, begin_s: float, end_s: float, settled: bool = False) -> list[float]:
-        """Counts from the middle, of this time. A pulse in the middle of it spoils it as one right at its beginning."""
+        """Counts from the middle of the range at this time. A pulse in the middle of it spoils it as much as one at its
+        beginning."""
         field = self.field_during(begin_s, end_s)
         self.exposed(field)
         film = self.film

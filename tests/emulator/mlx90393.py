@@ -109,7 +109,7 @@ class Mlx90393(Magnetometer):
         return bytes((self.status(words=len(block) // 2),)) + block
 
     def _conversion_s(self) -> float:
-        """Table 18 for three axes, and what it leaves out: the temperature."""
+        """Table 18 for three axes, and what it omits: the temperature."""
         axes = bin(self.axes >> 1).count("1")
         temperature_s = (67 + 192 * 2 ** (self.values[2] >> 11 & 3)) * 1e-6 if self.axes & 1 else 0.0
         return self.slowness * (axes * self._axis_s() + temperature_s + NO_AXIS_S)

@@ -1,4 +1,4 @@
-"""A process's clocks slowed, so that an emulated board that takes longer than the chip runs at its full rate to it."""
+"""Slows a process's clocks, so that an emulated board slower than the chip seems to run at its full rate."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ import time
 
 
 def slowed(pace: float, since_s: float | None = None) -> dict[str, str]:
-    """The environment in which `pace` seconds pass in one of ours.
-
-    since_s: time.monotonic() at which the slowed clock agreed with ours; None: when the process starts, so that each
-    process has another clock. Not through `faketime` itself: it stays the parent, and would be told to end in place of
-    the process.
+    """The environment in which `pace` seconds pass in one of ours. since_s: time.monotonic() when the slowed clock
+    agreed with ours; None: when the process starts, so that each process has another clock. Not through `faketime` itself:
+        it stays the parent, and would get the signal instead of the process.
     """
     behind_s = 0.0 if since_s is None else (pace - 1.0) * (time.monotonic() - since_s)
     shown = subprocess.run(

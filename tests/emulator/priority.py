@@ -1,4 +1,4 @@
-"""Emulated hardware is not late because the computer that emulates it is busy."""
+"""Emulated hardware must not be late because the emulating computer is busy."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ AHEAD = -15
 
 
 def put_ahead(native_id: int = 0) -> None:
-    """This thread, or that process, before others; where this user may not, all stay as they are."""
+    """Give this thread, or that process, priority; without permission all stay as they are."""
     with suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, native_id, AHEAD)

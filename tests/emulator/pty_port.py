@@ -16,8 +16,8 @@ PATIENCE_S = 5.0
 
 
 class PtyPort:
-    """`link` is where it is found. Unplugged, whoever has it open gets a hang-up. lockstep: nobody reads while
-    this end writes, and what it wrote can be read when `write` returns.
+    """`link` is where it is found. Unplugged, the program that has it open gets a hang-up. lockstep: nobody reads while
+    this end writes, and its bytes can be read when `write` returns.
     """
 
     def __init__(self, link: Path) -> None:
@@ -29,7 +29,7 @@ class PtyPort:
         self.lockstep = False
 
     def read(self, timeout_s: float) -> bytes:
-        """What has come, after at most so long."""
+        """The bytes that arrived, after at most this long."""
         if self.master < 0 or not select.select([self.master], [], [], timeout_s)[0]:
             return b""
         try:
@@ -38,7 +38,7 @@ class PtyPort:
             return b""
 
     def write(self, data: bytes) -> None:
-        """What does not fit is lost, as on a line that nobody reads."""
+        """Bytes that do not fit are lost, as on a line that nobody reads."""
         if self.master < 0:
             return
         there = self._readable()

@@ -24,7 +24,7 @@ NOISE_GAUSS = 2e-3  # QMC5883L data sheet, ±2 G, 512 times oversampled, as driv
 
 
 class Qmc5883l(RegisterChip):
-    """`woken`: register 0x00 was read since the power came; before that the identity reads as zero."""
+    """`woken`: register 0x00 was read since power-on; before that the identity reads as zero."""
 
     address = 0x0D
     sensitivity_per_k = -0.0005

@@ -9,7 +9,7 @@ except ImportError:  # run by a Python that has this folder on its path, and not
 
 
 class RegisterChip(Magnetometer):
-    """A transfer sees one sample: outputs wait while it lasts."""
+    """A transfer sees one sample: outputs do not change during it."""
 
     def started(self, reading: bool) -> None:
         self.run()

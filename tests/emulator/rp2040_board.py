@@ -1,4 +1,4 @@
-"""A Pico with this firmware on rp2040js, and on its I2C pins the same emulated switches and chips as the STM32 has."""
+"""A Pico with this firmware on rp2040js; its I2C pins have the same emulated switches and chips as the STM32."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PROGRAM = Path(__file__).with_name("rp2040_chip.cjs")
 
 class Rp2040Board:
     """library: rp2040js. image: the flash. make(number, time_s): a chip. channels: of the switch on port 1, for each
-    chip; None: they hang on port 1 without a switch.
+    chip; None: they sit on port 1 without a switch.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class Rp2040Board:
             pass
 
     def run(self, seconds: float) -> bytes:
-        """Let the board run; the answer is what the host received meanwhile."""
+        """Let the board run; returns the bytes that the host received meanwhile."""
         self._order(f"run {self.now_s + seconds:.9f}")
         received = bytes(self.sent)
         self.sent.clear()
@@ -58,14 +58,14 @@ class Rp2040Board:
         self._order("feed " + " ".join(map(str, data)))
 
     def usb(self, order: str, *numbers: int) -> None:
-        """`plug`, `unplug`, `open 1` or `0`, `read 1` or `0`, `send BYTE …`: what the host on its USB does."""
+        """`plug`, `unplug`, `open 1` or `0`, `read 1` or `0`, `send BYTE …`: actions of the host on its USB."""
         self._order(" ".join(["usb", order, *map(str, numbers)]))
 
     def hold(self, pin: int, level: bool) -> None:
         self._order(f"line {pin} {int(level)}")
 
     def hang(self, in_handler: bool = False) -> None:
-        """The main program runs into an endless loop, with interrupts going on; or an interrupt's handler does."""
+        """The main program enters an endless loop while interrupts continue; or an interrupt's handler does."""
         self._order(f"hang {'handler' if in_handler else 'program'}")
 
     def _order(self, line: str) -> None:
@@ -103,7 +103,7 @@ class Rp2040Board:
         raise AssertionError(f"node ended with {self._process.wait()}")
 
     def _on_pins(self, verb: str, number: int = 0, value: int = 0, reading: int = 0) -> int | None:
-        """None: the emulator waits for no answer."""
+        """None: the emulator expects no answer."""
         if verb == "clock":
             self.converter.clock_driven(bool(number))
         if verb in ("clock", "data"):

@@ -58,7 +58,7 @@ def made(chosen: argparse.Namespace, number: int, time_s: Callable[[], float]) -
 
 
 def execute(board: Rp2040Board, line: str) -> None:
-    """Do what the line says; WrongCommandError otherwise."""
+    """Execute the line; WrongCommandError if it is not a command."""
     try:
         match line.split():
             case ["field", *words] if len(words) == 3 * len(board.chips):

@@ -44,7 +44,7 @@ class Pins(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where a pad hangs."""
+    """A pad's connection."""
 
     port: int
     mux_address: int
@@ -154,12 +154,12 @@ class Board:
 
     @property
     def complaints(self) -> list[str]:
-        """What the firmware did that a real chip or sensor does not forgive; also reads with several channels on."""
+        """The firmware's actions that a real chip or sensor does not forgive; also reads with several channels on."""
         conflicts = sum(mux.conflicts for mux in self.muxes.values())
         return self.machine.complaints + ([f"{conflicts} reads with several channels on"] if conflicts else [])
 
     def run(self, seconds: float) -> bytes:
-        """Let the board run; the answer is what the host received meanwhile."""
+        """Let the board run; returns the bytes that the host received meanwhile."""
         self._seconds += seconds
         self.machine.run_until(round(self._seconds * TICKS_PER_S))
         received = bytes(self.uart.sent)
@@ -167,11 +167,11 @@ class Board:
         return received
 
     def run_unread(self, seconds: float, buffer_bytes: int = 4096) -> bytes:
-        """As `run`, but the host is too slow: its adapter keeps the first bytes, the rest is lost."""
+        """Like `run`, but the host is too slow: its adapter keeps the first bytes and loses the rest."""
         return self.run(seconds)[:buffer_bytes]
 
     def send(self, data: bytes) -> None:
-        """From the host, at its baud rate, behind what is still on the line."""
+        """From the host, at its baud rate, after the bytes still on the line."""
         self.uart.host_sends(data)
 
     def set_field(self, pad: int, field_t: np.ndarray) -> None:
@@ -180,7 +180,7 @@ class Board:
             sensor.feel([float(value) * GAUSS_PER_TESLA for value in field])
 
     def hang_other_chips(self, emulated: type[Magnetometer], pad: int = 0) -> None:
-        """In place of the pad's HMC5983, each on its own channel, as soldered there; before the board runs."""
+        """Replaces the pad's HMC5983, each on its own channel, as soldered there; before the board runs."""
         place, mux = self.places[pad], self._mux_of(pad)
         self.sensors[pad] = [
             emulated(lambda: self.machine.now_s, clock_error=(i - 1.5) * 0.01, phase_s=0.0007 * i, seed=i + 1)
@@ -197,7 +197,7 @@ class Board:
         self.sensors[pad][sensor].absent = True
 
     def replug(self, pad: int, sensor: int) -> None:
-        """It comes back as after power-on, whatever was wrong with it before."""
+        """It returns as after power-on, whatever its fault was."""
         chip = self.sensors[pad][sensor]
         if chip.absent:
             chip.power_on()
@@ -207,7 +207,7 @@ class Board:
             chip.saturated_axes.clear()
 
     def replace(self, pad: int, sensor: int, identification: bytes) -> None:
-        """Another chip in its place, fresh from power-on."""
+        """Replaces the chip by another one, fresh from power-on."""
         self.sensors[pad][sensor].power_on()
         self.sensors[pad][sensor].identification = identification
 
@@ -220,7 +220,8 @@ class Board:
         return self.wires[self.places[pad].port].i2c.is_idle
 
     def hold_sda(self, pad: int, clocks: int | None = None, sensor: int | None = None) -> None:
-        """SDA low until clocked so often (None: for ever); by a sensor behind its mux, or by anyone before it."""
+        """SDA low until it got this many clocks (None: for ever); by a sensor behind its mux, or by any chip before
+        it."""
         place = self.places[pad]
         behind = () if sensor is None else (self._mux_of(pad), place.first_channel + sensor)
         self.wires[place.port].hold(clocks, *behind)
@@ -240,7 +241,7 @@ class Board:
         self.sensors[pad][sensor].saturated_axes.add(axis)
 
     def hang(self, interrupts: bool = True) -> None:
-        """The main program runs into an endless loop, with interrupts going on or masked."""
+        """The main program enters an endless loop, with interrupts running or masked."""
         self.machine.jump(ENDLESS_LOOP)
         self.machine.engine.primask = not interrupts
 

@@ -28,7 +28,7 @@ APB1_BITS = {0x4000_5400: 21, 0x4000_5800: 22}
 
 
 class Rcc:
-    """`hse_ok` is the crystal; `hz`, `apb1_hz`, `apb2_hz` are what it and the firmware make of it."""
+    """`hse_ok` is the crystal; `hz`, `apb1_hz`, `apb2_hz` result from it and the firmware."""
 
     def __init__(self, machine: Machine, hse_ok: bool) -> None:
         self._machine = machine
@@ -217,7 +217,7 @@ class Watchdog:
 
 
 class Gated:
-    """A peripheral behind its clock: without it, it reads as 0 and does not hear what is written."""
+    """A peripheral behind its clock: without it, it reads as 0 and ignores writes."""
 
     clocked = False
 

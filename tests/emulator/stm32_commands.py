@@ -16,7 +16,7 @@ AXES = "xyz"
 
 
 class Line:
-    """What is done to the stream on its way to the host."""
+    """Changes of the stream on its way to the host."""
 
     def __init__(self) -> None:
         self.garbage = b""
@@ -134,7 +134,7 @@ COMMANDS = {
 
 
 def execute(session: Session, line: str) -> None:
-    """Do what the line says; WrongCommandError otherwise."""
+    """Execute the line; WrongCommandError if it is not a command."""
     name, *words = line.split() or [""]
     command = COMMANDS.get(name)
     if command is None:

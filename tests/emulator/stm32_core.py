@@ -1,4 +1,4 @@
-"""What ARM put into the chip: interrupt controller, system control block, SysTick, cycle counter (ARMv7-M B3)."""
+"""The parts that ARM designed: interrupt controller, system control block, SysTick, cycle counter (ARMv7-M B3)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ENABLE, TICKINT, CLKSOURCE, COUNTFLAG = 1, 2, 4, 1 << 16
 
 
 class SysTick:
-    """Counts LOAD … 0; `_zero` is the tick at which it gets to 0."""
+    """Counts LOAD … 0; `_zero` is the tick at which it reaches 0."""
 
     def __init__(self, core: CoreRegisters) -> None:
         self._core, self._machine, self._clock = core, core.machine, core.machine.clock
@@ -53,7 +53,7 @@ class SysTick:
         self._show()
 
     def _show(self) -> None:
-        """To the C side, which answers the firmware's reads."""
+        """Passes values to the C side, which answers the firmware's reads."""
         self._clock.systick_runs = self._event is not None and bool(self.control & CLKSOURCE)
         self._clock.systick_load, self._clock.systick_zero = self.load, self._zero
 
@@ -66,7 +66,7 @@ class SysTick:
         self._show()
 
     def core_clock_changes(self) -> int:
-        """To be called before; the count that goes on after."""
+        """Call it before; returns the count that continues after."""
         return self.value()
 
     def core_clock_changed(self, value: int) -> None:
@@ -143,7 +143,7 @@ class CoreRegisters:
         self.machine.attend()
 
     def line(self, irq: int, level: bool) -> None:
-        """A peripheral's interrupt request; it pends again after its handler if it is still up then."""
+        """A peripheral's interrupt request; it pends again if it is still up after its handler."""
         bit = 1 << FIRST_IRQ + irq
         if not level:
             self._lines &= ~bit
@@ -155,7 +155,7 @@ class CoreRegisters:
         return FIXED_PRIORITY.get(number, self._priority[number] & 0xF0)
 
     def _next(self) -> int | None:
-        """The pending exception that may interrupt what runs now, whatever PRIMASK says."""
+        """The pending exception that may interrupt the present one, whatever PRIMASK says."""
         candidates = self._pending & self._enabled
         best, running = None, min((self._urgency(number) for number in self._active), default=THREAD)
         while candidates:
@@ -166,7 +166,7 @@ class CoreRegisters:
         return best
 
     def waiting(self) -> bool:
-        """An interrupt could be taken but for PRIMASK; it also ends a WFI."""
+        """True if only PRIMASK blocks an interrupt, which also ends a WFI."""
         return bool(self._pending & self._enabled) and self._next() is not None
 
     @property
@@ -174,7 +174,7 @@ class CoreRegisters:
         return bool(self._active)
 
     def take_interrupt(self, primask: bool) -> bool:
-        """Enter the handler of the most urgent exception, if there is one to be entered."""
+        """Enter the handler of the most urgent exception, if there is one."""
         number = self._next() if self._pending & self._enabled else None
         if number is None or (primask and number not in FIXED_PRIORITY):
             return False
@@ -205,7 +205,7 @@ class CoreRegisters:
         return {0xD00: CPUID, 0xD04: self.machine.clock.icsr, 0xD08: vector, 0xD0C: AIRCR_READS << 16}.get(offset, 0)
 
     def _show(self) -> None:
-        """ICSR to the C side, which answers the firmware's reads."""
+        """Passes ICSR to the C side, which answers the firmware's reads."""
         active = self._active[-1] if self._active else 0
         pending = (self._pending >> SYSTICK & 1) << 26 | (self._pending >> PENDSV & 1) << 28
         self.machine.clock.icsr = active | pending

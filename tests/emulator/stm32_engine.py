@@ -1,6 +1,6 @@
 """Unicorn as a Cortex-M3: memory, one dispatch for all registers, and a block hook that counts time.
 
-The library is called directly where its Python wrapper would cost more than the call. `emu_stop` is called from the
+The library is called directly if its Python wrapper would cost more than the call. `emu_stop` is called from the
 block hook only: called elsewhere, Unicorn may go on for a block that has been counted already.
 """
 
@@ -126,7 +126,7 @@ class _Registers:
 
 
 class Engine:
-    """The CPU. `read` and `write` get an absolute register address; what they raise is raised by `run`."""
+    """The CPU. `read` and `write` get an absolute register address; `run` raises their errors."""
 
     def __init__(self, read: Read, write: Write) -> None:
         self.uc = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
@@ -223,7 +223,7 @@ class Engine:
         self._pc.write(address | 1)
 
     def run(self) -> bool:
-        """Go on until the deadline, a WFI (then the answer is False) or the end of an exception handler."""
+        """Continue until the deadline, a WFI (then returns False) or the end of an exception handler."""
         self.exception = None
         status = self._hooks.run(*self._arguments)
         if self.failure:
@@ -246,7 +246,8 @@ class Engine:
 
 
 def read_elf(path: Path) -> list[tuple[int, bytes]]:
-    """What a flash tool would write: the loadable segments at their physical addresses (ELF32, little-endian, ARM)."""
+    """The data that a flash tool would write: the loadable segments at their physical addresses (ELF32, little-endian,
+    ARM)."""
     image = path.read_bytes()
     if image[:6] != b"\x7fELF\x01\x01" or struct.unpack_from("<H", image, 18)[0] != 40:
         raise ValueError(f"{path} is no 32-bit ARM ELF file")

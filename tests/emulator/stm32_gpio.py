@@ -1,4 +1,4 @@
-"""GPIO ports with the levels that are really on the pins; the two wires of an I2C bus and everyone who pulls them."""
+"""GPIO ports with the true levels of the pins; the two wires of an I2C bus and everything that pulls them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OUTPUT, OPEN_DRAIN, ALTERNATE = 0x3, 0x4, 0x8
 
 
 class Gpio:
-    """`wire(pin, …)` connects a pin to something that hears what the port drives and says what level results."""
+    """`wire(pin, …)` connects a pin to something that receives the port's level and returns the resulting one."""
 
     def __init__(self) -> None:
         self._levels: dict[int, Callable[[], bool]] = {}
@@ -75,7 +75,7 @@ class Gpio:
 
 
 class Afio:
-    """Remapping is stored; what is wired here is not remapped."""
+    """Remapping is stored, but wires do not follow it."""
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
@@ -94,9 +94,9 @@ class Afio:
 
 
 class Holder:
-    """A slave that keeps SDA low until it has been clocked on; `clocks` None: for ever.
+    """A slave that holds SDA low until it got enough clocks; `clocks` None: for ever.
 
-    Behind a mux it is felt only while its channel is connected.
+    Behind a mux it has an effect only while its channel is connected.
     """
 
     def __init__(self, clocks: int | None, mux: Tca9548a | None = None, channel: int = 0) -> None:
@@ -112,7 +112,7 @@ class Holder:
 
 
 class Wires:
-    """SCL and SDA of one port, pulled up; low where anyone pulls. `on_change` is the peripheral, which watches them."""
+    """SCL and SDA of one port, pulled up; low if anything pulls. `on_change` is the peripheral, which watches them."""
 
     def __init__(self, muxes: list[Tca9548a]) -> None:
         self.muxes = muxes
@@ -123,7 +123,7 @@ class Wires:
         self.on_gpio: Callable[[str, bool], None] = lambda line, high: None
 
     def hold(self, clocks: int | None, mux: Tca9548a | None = None, channel: int = 0) -> None:
-        """From now on a slave keeps SDA low; behind a mux it does so only while its channel is connected."""
+        """From now on a slave holds SDA low; behind a mux only while its channel is connected."""
         self.holders.append(Holder(clocks, mux, channel))
         self.on_change()
 

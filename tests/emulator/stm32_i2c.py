@@ -1,6 +1,6 @@
-"""The I2C registers of the STM32F103: what reading and writing them does (RM0008 26.6).
+"""The I2C registers of the STM32F103: the effect of reading and writing them (RM0008 26.6).
 
-A flag is cleared by its own sequence only: SB by SR1 and then DR, ADDR by SR1 and then SR2.
+Only its own sequence clears a flag: SB by SR1 and then DR, ADDR by SR1 and then SR2.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""What an I2C port of the STM32F103 does on the wires as a master, event by event (RM0008 26.3.3).
+"""An I2C port of the STM32F103 as a master on the wires, event by event (RM0008 26.3.3).
 
-Strict on purpose: what the manual demands before an event counts only before it. What a driver gets wrong shows as a
-time-out, a byte too many, or a line held low, as it does on a board.
+Strict on purpose: an action that the manual demands before an event counts only before it. A driver's mistake shows as
+a timeout, a byte too many, or a line held low, as on a board.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class I2cEvents:
         self._event = self._machine.after(bits * self._bit_ticks, done)
 
     def _serve_requests(self) -> None:
-        """START and STOP take effect where the port is free to act; in the middle of a byte they wait for its end."""
+        """START and STOP take effect when the port is free to act; in the middle of a byte they wait for its end."""
         may_start = self._phase in STRETCHED or (self._phase == Phase.IDLE and self._bus_is_free())
         if self._phase in STRETCHED and self._cr1 & reg.STOP:
             self._begin_stop()
@@ -161,7 +161,7 @@ class I2cEvents:
         self._set(reg.ADDR)
 
     def _after_address(self) -> None:
-        """ADDR was cleared, SCL goes on."""
+        """ADDR was cleared, so SCL continues."""
         self._first_byte = True
         if self._transmitting:
             self._phase = Phase.AT_BTF
@@ -198,7 +198,7 @@ class I2cEvents:
         self._serve_requests()
 
     def _acknowledged(self) -> bool:
-        """The answer to the byte that is just over (CR1.POS: the bit is about the next one)."""
+        """The answer to the byte that just ended (CR1.POS: the bit applies to the next one)."""
         asked = bool(self._cr1 & reg.ACK)
         if self._cr1 & reg.POS:
             answer, self._next_ack = self._next_ack, asked

@@ -1,4 +1,4 @@
-"""The I2C registers of the STM32F103 (RM0008 26.6): offsets, bits, and what their timing comes to."""
+"""The I2C registers of the STM32F103 (RM0008 26.6): offsets, bits, and the timing that they select."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BYTE_BITS = 9  # eight and the acknowledge
 
 
 class Phase(Enum):
-    """What a port is doing; in the AT_ phases it holds SCL low and waits for the software."""
+    """The state of a port; in the AT_ phases it holds SCL low and waits for the software."""
 
     IDLE = auto()
     STARTING = auto()
@@ -34,7 +34,7 @@ class Phase(Enum):
 
 
 class Timing(NamedTuple):
-    """What CR2, CCR and TRISE ask for on a peripheral clock of `apb1_hz`."""
+    """The timing of CR2, CCR and TRISE on a peripheral clock of `apb1_hz`."""
 
     cr2: int
     ccr: int
@@ -60,7 +60,7 @@ class Timing(NamedTuple):
 
 
 class BusyErratum:
-    """ES096: BUSY may stay set although both lines are high, until they were moved by hand and SWRST was given."""
+    """ES096: BUSY may stay set although both lines are high, until both were moved by hand and SWRST was given."""
 
     def __init__(self) -> None:
         self.latched = False

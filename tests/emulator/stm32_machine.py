@@ -1,4 +1,4 @@
-"""The chip: CPU, interrupt controller and peripherals on one clock, run for as long as asked.
+"""The chip: CPU, interrupt controller and peripherals on one clock, run for a requested time.
 
 Time is counted in ticks of 1/576 µs. It advances with the instructions executed and jumps to the next event where the
 CPU only waits: in WFI, and when a peripheral with an event pending is polled again and again.
@@ -45,7 +45,7 @@ class Event:
 
 
 class Machine:
-    """Flash and RAM, registers, interrupts and time. `complaints` lists what a real chip would not forgive."""
+    """Flash and RAM, registers, interrupts and time. `complaints` lists mistakes that a real chip would not forgive."""
 
     def __init__(self, elf: Path, uid: bytes) -> None:
         self.engine = Engine(self._read, self._write)
@@ -73,7 +73,7 @@ class Machine:
         return self.clock.now / TICKS_PER_S
 
     def complain(self, what: str) -> None:
-        """Note a mistake of the firmware, once, with the place of it."""
+        """Note a mistake of the firmware, once, with its place."""
         where = f"{what} (pc 0x{self.engine.pc:08x}, {self.now_s:.6f} s)"
         if not any(complaint.startswith(what) for complaint in self.complaints):
             self.complaints.append(where)
@@ -97,7 +97,7 @@ class Machine:
             self.clock.deadline = min(self.clock.due, self._until)
 
     def attend(self) -> None:
-        """Look at interrupts before the next block: one may have become pending."""
+        """Check interrupts before the next block: one may have become pending."""
         self._attend = True
         self.clock.deadline = 0
 

@@ -1,4 +1,4 @@
-"""What a UART reads of bytes that were sent at another baud rate: 8N1, sampled in the middle of each bit."""
+"""How a UART reads bytes that were sent at another baud rate: 8N1, sampled in the middle of each bit."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ BITS = 10  # a start bit (0), eight of data, the lowest first, a stop bit (1)
 
 
 def read_at(data: bytes, sent_baud: float, read_baud: float) -> bytes:
-    """The line is idle before and after. A byte whose stop bit is missing is read, too, as a raw port reads it."""
+    """The line is idle before and after. A byte whose stop bit is missing is also read, as by a raw port."""
     levels = [level for byte in data for level in (0, *((byte >> bit) & 1 for bit in range(8)), 1)]
 
     def level_at(time: float) -> int:  # in bits as sent

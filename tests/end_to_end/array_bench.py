@@ -37,7 +37,7 @@ rest_mm = [-6, -6, 12]
 
 
 def stiffer(response: ArrayResponse, factor: float, deeper: float) -> ArrayResponse:
-    """Of silicone that needs `factor` times the force, and whose magnets go down `deeper` times as far."""
+    """Of silicone that needs `factor` times the force, and whose magnets sink `deeper` times as far."""
     powers = (1.0 / factor) ** np.arange(1, response.coefficient.shape[2] + 1)
     unit = np.tile([1.0, 1.0, deeper, 1.0, 1.0], response.magnets)
     return replace(
@@ -49,7 +49,7 @@ def stiffer(response: ArrayResponse, factor: float, deeper: float) -> ArrayRespo
 
 
 class NoBoard:
-    """Where the firmware would be: the pad is simulated by the daemon's own source."""
+    """It takes the firmware's place: the daemon's own source simulates the pad."""
 
     pid = 0
 
@@ -61,7 +61,7 @@ class NoBoard:
 
 
 class ArrayBench(PressedBench):
-    """truth: how presses move the magnets of this pad."""
+    """truth: how presses move this pad's magnets."""
 
     def __init__(self, folder: Path, **options: Any) -> None:
         super().__init__(folder, **options)
@@ -84,7 +84,7 @@ class ArrayBench(PressedBench):
         self.source.mounted = self.mounted
 
     def raw_field_t(self, x_mm: float, y_mm: float, force_n: float, random: np.random.Generator) -> Array:
-        """(8, 3) one frame of a press, as the chips read it."""
+        """(8, 3) one frame of a press, as the chips report it."""
         source = self.source
         touch = Touch(x_mm * 1e-3, y_mm * 1e-3, force_n, 0.0, 0.0)
         at = source.fields.inside.field(source.built.pad.sensors.position_m, [touch], 1.0)

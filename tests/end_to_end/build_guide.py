@@ -1,4 +1,4 @@
-"""Types docs/build-a-pad.md as its reader would, in an empty folder, with emulated parts for those that were wired.
+"""Types docs/build-a-pad.md as its reader would, in an empty folder, with emulated parts instead of wired ones.
 
 A and B: real smbus2 on an emulated kernel bus, by the page's own chips. D: the binary that is flashed, on an emulated
 STM32F103C8. (C: `make test-rp2040`.)
@@ -35,19 +35,19 @@ PATIENCE_S = 300.0
 
 
 class Step(NamedTuple):
-    """A command of the page, and the lines that it shows of what is printed."""
+    """A command of the page, and the lines of output that it shows."""
 
     command: str
     shown: tuple[str, ...]
 
     def missing(self, said: str) -> list[str]:
-        """The shown lines that are not printed, in this order; figures may differ."""
+        """The shown lines that were not printed, in order; figures may differ."""
         lines = iter(said.splitlines())
         return [line for line in self.shown if not any(re.fullmatch(_pattern(line), each) for each in lines)]
 
 
 def _pattern(line: str) -> str:
-    """`…` stands for anything, and a figure for any other."""
+    """`…` matches anything, and a figure matches any other."""
     parts = [re.sub(r"-?\d+(?:\\\.\d+)?", r"-?[\\d.]+", re.escape(part)) for part in line.split("…")]
     return ".*".join(parts)
 
@@ -77,7 +77,7 @@ class Build(ABC):
         """The field (4, 3) at the chips, tesla."""
 
     def words(self, command: str) -> str:
-        """The command with this build's names in the place of the page's."""
+        """The command with this build's names instead of the page's."""
         return command.replace("init --i2c 1", f"init {self.finds}")
 
     def line(self, shown: str) -> str:
@@ -103,11 +103,11 @@ class Build(ABC):
         return said + errors
 
     def wait(self, pad_s: float) -> None:
-        """Until so much time has passed for the pad."""
+        """Wait until this much time has passed for the pad."""
         time.sleep(pad_s)
 
     def set_up(self) -> None:
-        """What the page asks to change in pad.toml."""
+        """Make the page's change in pad.toml."""
         file = self.folder / "pad.toml"
         text = file.read_text()
         for key, value in self.settings:
@@ -169,7 +169,7 @@ class D(Build):
 
 @contextmanager
 def wired(name: str, folder: Path) -> Iterator[Build]:
-    """Build A, B or D, as the page has it wired."""
+    """Build A, B or D, wired as on the page."""
     if name == "D":
         with EmulatedBoard(folder, "--chips", "mmc5983ma") as board:
             yield D(folder, board)
@@ -180,7 +180,7 @@ def wired(name: str, folder: Path) -> Iterator[Build]:
 
 
 def follow(build: Build) -> list[str]:
-    """Types every command of the page. What it shows and is not printed, a command a line."""
+    """Types every command of the page. Shown lines that were not printed, each with its command."""
     missed = []
     for step in steps(PAGE.read_text()):
         if "baseline --rest" in step.command:
@@ -194,7 +194,7 @@ def follow(build: Build) -> list[str]:
 
 
 def first_contact(build: Build) -> str:
-    """What `listen` says of one press, with the daemon running."""
+    """What `listen` prints for one press, with the daemon running."""
     with build.begun("fmfts-daemon run") as daemon:
         try:
             with build.begun(f"fmfts-daemon listen --seconds {LISTEN_S}") as listening:

@@ -1,8 +1,8 @@
-"""`make collect-chain`: baseline → collect → calibrate → evaluate on emulated machines, with no hand on it.
+"""`make collect-chain`: baseline → collect → calibrate → evaluate on emulated machines, without a person.
 
 Collects the paper's plan with all imperfections of the bench, with each alone, and with none; calibrates from each and
-from ideal data; and says what each costs on held-out presses. What is in the folder already is not made again: stopped
-or killed, the same command goes on.
+from ideal data; and reports the cost of each on held-out presses. Existing files in the folder are not made again:
+after a stop, the same command continues.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def main() -> None:
 
 
 def collected(case: str, folder: Path, plan: str, dialect: str) -> Path:
-    """The table of a case, as far as it is not there yet collected now; says how true it is."""
+    """Collects the missing part of a case's table; returns its accuracy."""
     own = folder / case.replace(",", "").replace(" ", "-")
     own.mkdir(exist_ok=True)
     table, truth, begun_s = own / "collected.csv", own / "how-true.txt", time.monotonic()
@@ -92,7 +92,7 @@ def collected(case: str, folder: Path, plan: str, dialect: str) -> Path:
 
 
 def how_true(bench: PressedBench, table: Path) -> str:
-    """Labels beside what was really pressed, fields beside what was really there, of the rows of the last run."""
+    """Labels beside the true presses, and fields beside the true ones, of the last run's rows."""
     with table.open() as lines:
         rows = [row for row in csv.DictReader(lines) if row["press"] != "0"]
     rows = [row for row in rows if row["recording"] == rows[-1]["recording"]]
@@ -111,14 +111,14 @@ def how_true(bench: PressedBench, table: Path) -> str:
 
 
 def pressed_between(truth: np.ndarray, begun_ns: int, ended_ns: int) -> np.ndarray:
-    """x, y (mm) and force, the mean over that time."""
+    """x, y (mm) and force: the mean over that time."""
     index = np.searchsorted(truth[:, 0], np.linspace(begun_ns, ended_ns, 20), side="right") - 1
     mean: np.ndarray = truth[index, 1:].mean(axis=0)
     return mean
 
 
 def write_ideal(path: Path, plan: str) -> Path:
-    """The very presses of a plan with the very fields, as `collect` writes them, the unloaded pad first."""
+    """Exactly a plan's presses with exactly their fields, as `collect` writes them, the unloaded pad first."""
     pad = exact_pad()
     with path.open("w", newline="") as out:
         writer = csv.writer(out)

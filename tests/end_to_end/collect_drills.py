@@ -1,6 +1,7 @@
 """`make collect-drills`: the real process by the real clock; how soon the rod is off the pad after each fault.
 
-The emulated devices must not be late: nothing else may run meanwhile. Each drill says how late the bench itself was.
+The emulated devices must not be late, so nothing else may run meanwhile. Each drill reports how late the bench itself
+was.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ Benches = Iterator[PressedBench]
 
 @pytest.fixture(params=["marlin", "grbl"])
 def benches(request: pytest.FixtureRequest, tmp_path: Path, recorded: Path) -> Iterator[Benches]:
-    """A fresh bench for each try; the one before is closed."""
+    """A fresh bench for each attempt; the previous one is closed."""
 
     def one_after_the_other() -> Benches:
         for number in range(TRIES):
@@ -58,7 +59,7 @@ def benches(request: pytest.FixtureRequest, tmp_path: Path, recorded: Path) -> I
 def lifted(
     benches: Benches, fault: Callable[[PressedBench, subprocess.Popen[str]], object], within_s: float = LIFTED_WITHIN_S
 ) -> tuple[int, str]:
-    """Exit code and reason of the process; prints what it took. What a late bench showed is no answer."""
+    """Exit code and reason of the process; prints the times. A result from a late bench does not count."""
     for bench in benches:
         process = bench.start("collect", plan(bench.folder, ONE_PLACE), "-o", bench.folder / "data.csv")
         bench.when_pressing(lambda bench=bench, process=process: fault(bench, process))
@@ -107,7 +108,7 @@ def test_collector_killed(benches: Benches) -> None:
 
 
 def test_collector_hangs(benches: Benches) -> None:
-    """It is stopped for three seconds; when it goes on, it ends."""
+    """It is stopped for three seconds; when it continues, it ends."""
 
     def stop(_: PressedBench, process: subprocess.Popen[str]) -> None:
         process.send_signal(signal.SIGSTOP)

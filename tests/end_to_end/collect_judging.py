@@ -1,4 +1,4 @@
-"""What calibrations from several tables are worth, on the same held-out presses."""
+"""The accuracy of calibrations from several tables, on the same held-out presses."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ BAR = 1.2  # of ideal data's error
 
 
 def known(table: Path) -> LabelledPoses:
-    """What `calibrate` makes of a table before it trains anything."""
+    """What `calibrate` makes of a table before any training."""
     calibration = read_calibration_set(table, _pad(), PAD_SIZE_MM, None)
     return LabelledPoses.of(str(table), calibration, solver_of(calibration, "drifting", NOISE_T), _mute)
 
 
 def compare_responses(tables: Mapping[str, Path], held_out: Path) -> None:
-    """By the pad's response alone, inverted by maximum likelihood: no training, so no scatter of trainings."""
+    """Through the pad's response alone, inverted by maximum likelihood: without training, so without its scatter."""
     print("the response of each table, inverted: mean absolute errors on held-out presses, and over ideal's")
     errors: dict[str, Array] = {}
     for name, table in tables.items():
@@ -47,7 +47,7 @@ def compare_responses(tables: Mapping[str, Path], held_out: Path) -> None:
 
 
 def run_the_verbs(tables: Mapping[str, Path], held_out: Path, config: Path) -> None:
-    """`calibrate` and `evaluate` as a person calls them, with what they choose by themselves."""
+    """`calibrate` and `evaluate` as a person calls them, with their own defaults."""
     print("fmfts-daemon calibrate and evaluate")
     for name, table in tables.items():
         model = _model_of(table)
@@ -60,7 +60,7 @@ def run_the_verbs(tables: Mapping[str, Path], held_out: Path, config: Path) -> N
 
 
 def compare_trainings(tables: Mapping[str, Path], held_out: Path, count: int, memory: Path) -> None:
-    """The network that `calibrate` makes, trained `count` times from other starts; memory: what is trained already."""
+    """The network that `calibrate` makes, trained `count` times from different starts; memory: finished trainings."""
     trained: dict[str, list[list[float]]] = json.loads(memory.read_text()) if memory.exists() else {}
     print(f"networks, each trained {count} times")
     for name, table in tables.items():
@@ -141,4 +141,4 @@ def _pad() -> Pad:
 
 
 def _mute(_: str) -> None:
-    """Progress is nobody's here."""
+    """Progress that nobody reads."""

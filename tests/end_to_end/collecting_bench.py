@@ -1,9 +1,10 @@
-"""A bench to collect on: an emulated machine moves a rod, the pad gives way, the gauge feels it, the board sees it.
+"""A bench to collect on: an emulated machine moves a rod, the pad yields, the gauge measures the force, and the board
+the field.
 
 Every device speaks its own protocol on its own pty, the board is the firmware's host build; nothing is shared with the
-daemon but the pad's mechanics. All devices share one time. It passes while the collector, in this process, waits: then
-nothing can be late, however busy this computer is, and a quarter of an hour at the bench takes a minute. Or, for the
-real process, by the real clock. `speed`: how much faster than its feeds the machine moves.
+daemon but the pad's mechanics. All devices share one time. It passes only while the collector, in this process, waits:
+then nothing can be late, however busy this computer is, and a quarter of an hour at the bench takes a minute. For the
+real process, it runs by the real clock. `speed`: how much faster than its feeds the machine moves.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ LOAD_CELL = f'type = "hx711"\nnewton_per_count = {NEWTON_PER_COUNT}'
 
 
 class SimulatedClock:
-    """A Clock that is never waited for. grain_s: what passes at least when somebody sleeps."""
+    """A Clock on which nothing is late. grain_s: the least time that passes when somebody sleeps."""
 
     def __init__(self, passed: Callable[[float], None], grain_s: float) -> None:
         self._passed = passed
@@ -102,10 +103,9 @@ class SimulatedClock:
 
 
 class PressedBench:
-    """The pad under the rod. `pad` may be moved: what the board sees changes then, as after a knock.
-
-    real_time: by the real clock, in a thread of its own; else time passes in `clock` alone. told_delay_s: what the
-    configuration says of the gauge, None for the truth.
+    """The pad under the rod. `pad` may be moved, which changes the board's field, as after a knock. real_time: by the
+    real clock, in a thread of its own; else time passes in `clock` alone. told_delay_s: the gauge's delay in the
+    configuration, None for the true one.
     """
 
     def __init__(
@@ -208,7 +208,7 @@ class PressedBench:
         self.board.kill()
 
     def when_pressing(self, fault: Callable[[], object]) -> None:
-        """What happens once, on the way to the second force."""
+        """An event that happens once, on the way to the second force."""
         self._fault = fault
 
     @property
@@ -226,7 +226,7 @@ class PressedBench:
             before_s = now_s
 
     def _pass(self, seconds: float) -> None:
-        """The time of all devices; the board's own process keeps its own where time is real."""
+        """Advance all devices; in real time the board's own process keeps its own."""
         self.machine.turn(seconds)
         self.gauge.turn(seconds)
         self._tell_field()
@@ -281,7 +281,7 @@ class PressedBench:
         self.clock.sleep(0.1)
 
     def collect(self, plan: str | Path, output: Path) -> dict[str, Any]:
-        """The verb's own work, in simulated time. CollectError as from it."""
+        """The verb's own work, in simulated time. Raises CollectError like the verb."""
         config = self._loaded()
         with self._surroundings():
             return collect(config, config.pad[0], str(plan), output, by_hand=False, clock=self.clock)
@@ -300,7 +300,7 @@ class PressedBench:
         return magnet_field_t(self._pad, x_m, y_m, force_n, self.knock_m)
 
     def start(self, *arguments: str | Path) -> subprocess.Popen[str]:
-        """A verb of fmfts-daemon, under way."""
+        """A running verb of fmfts-daemon."""
         words: list[str | Path] = [sys.executable, "-m", "fmfts", *arguments, "--config", self.config]
         pipe = subprocess.PIPE
         process = subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=pipe, text=True, env=self.environment)
@@ -309,7 +309,7 @@ class PressedBench:
         return process
 
     def command(self, *arguments: str | Path, timeout_s: float = 60.0) -> subprocess.CompletedProcess[str]:
-        """A verb of fmfts-daemon, to its end."""
+        """Runs a verb of fmfts-daemon to its end."""
         with self.start(*arguments) as process:
             try:
                 out, errors = process.communicate(timeout=timeout_s)
@@ -325,7 +325,7 @@ def exact_pad() -> MountedPad:
 
 
 def magnet_field_t(mounted: MountedPad, x_m: float, y_m: float, force_n: float, knock_m: float | Array = 0.0) -> Array:
-    """(4, 3) at the sensors; knock_m: by so much the magnet is off."""
+    """(4, 3) at the sensors; knock_m: the magnet is displaced by this."""
     position_m, axis = mounted.pose(*(np.full(4, value) for value in (x_m, y_m, force_n)))
     return cylinder_field(mounted.pad.sensors.position_m, position_m + knock_m, axis, mounted.pad.magnet)
 

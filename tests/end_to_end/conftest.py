@@ -1,4 +1,4 @@
-"""What tests of whole processes share."""
+"""Shared by tests of whole processes."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ PATIENCE_S = 120.0
 
 
 class SlowedDaemon(RunningDaemon):
-    """A daemon for which time passes as for the emulated board, its verbs too."""
+    """A daemon and its verbs, for which time passes as for the emulated board."""
 
     def __init__(self, folder: Path, config: str) -> None:
         slower, self._begun_s = slowed(PACE), time.monotonic()
@@ -66,9 +66,8 @@ class EmulatedBoard(FirmwareHost):
 
 
 class PressedPad:
-    """Presses the board's pad as `finger` says, in real time; before `press` nothing touches it.
-
-    ambient_t: uniform field (3,) besides the magnet's, in pad axes.
+    """Presses the board's pad as `finger` defines, in real time; before `press` nothing touches it. ambient_t: uniform
+    field (3,) besides the magnet's, in pad axes.
     """
 
     def __init__(self, board: FirmwareHost, pad: Pad, ambient_t: np.ndarray | float = 0.0) -> None:

@@ -1,4 +1,4 @@
-"""`make transcript`: types first use on the firmware's host build, and writes into docs/first-use.md what is said."""
+"""`make transcript`: types first use on the firmware's host build, and writes the output into docs/first-use.md."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _shortened(text: str) -> str:
 
 
 def stable(text: str) -> str:
-    """Without what differs from run to run: figures, ids, and signs of figures."""
+    """Without parts that differ from run to run: figures, ids, and signs of figures."""
     return re.sub(r"[-+]?\d+(\.\d+)?", "0", re.sub(r"\b[0-9a-f]{12,}\b", "0", text))
 
 

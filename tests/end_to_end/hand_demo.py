@@ -1,6 +1,7 @@
-"""`make demo HAND=1`: five boards (the firmware's host build on ptys), a daemon, the page, and what two others say.
+"""`make demo HAND=1`: five boards (the firmware's host build on ptys), a daemon, the page, and two other methods beside
+it.
 
-The others are a fixed baseline, and the same daemon if the hand had never been turned. Options: --seconds ends it with
+The others are a fixed baseline, and the same daemon with a hand that was never turned. Options: --seconds ends it with
 a summary; --runs N plays N whole cycles, each of another world, and judges them together. The address of the page is
 printed; BROWSER=none opens no browser.
 """
@@ -41,7 +42,8 @@ AT_REST_S, TRIES = 1.0, 3
 
 
 class HandClock:
-    """The time of the hand. A busy computer holds it up: caught up at once, a turning field would cut a corner."""
+    """The hand's time. If a busy computer delays it, it does not catch up at once: a turning field would cut a
+    corner."""
 
     def __init__(self) -> None:
         self.time_s, self._at_s = 0.0, time.monotonic()
@@ -54,7 +56,7 @@ class HandClock:
 
 
 class Hand:
-    """The five boards, moved as the world says. Boards and daemon are real; only the chips' field is made up."""
+    """The five boards, moved as the world says. Boards and daemon are real; only the chips' field is computed."""
 
     def __init__(self, folder: Path) -> None:
         self._folders = [folder / name for name in NAMES]
@@ -73,7 +75,7 @@ class Hand:
         return FirmwareHost(self._folders[number], "--uid", UID.format(number))
 
     def still(self, bare: int | None = None) -> None:
-        """The hand stands still; nothing touches it. bare: the number of a pad that is taken off."""
+        """The hand stands still, and nothing touches it. bare: the number of a pad that is taken off."""
         for number, board in enumerate(self._boards):
             assert board is not None
             board.field(self.world.untouched(number, self.world.earth_t(0.0), mounted=number != bare))
@@ -86,7 +88,7 @@ class Hand:
             board.glide(self.world.untouched(number, earth_t), 1.0 / MOVES_A_SECOND)
 
     def move(self, time_s: float) -> list[float]:
-        """Lead the world around the boards to where it is after the next of MOVES_A_SECOND; pull and put the ring
+        """Lead the world around the boards to its state after the next of MOVES_A_SECOND; pull and put back the ring
         finger's plug. Returns the forces at `time_s`."""
         ring, now = NAMES.index("ring"), time_s % CYCLE_S
         pulled = UNPLUGGED_S[0] <= now < UNPLUGGED_S[1]
@@ -108,7 +110,7 @@ class Hand:
         return [self.world.touch(number, time_s)[2] for number in range(len(NAMES))]
 
     def grips(self, time_s: float) -> bool:
-        """Do all five pads press, and have for a while?"""
+        """True if all five pads are pressed, and have been for a while."""
         return all(
             self.world.touch(number, time_s - ago)[2] > 0.5 for number in range(len(NAMES)) for ago in (0.0, 2.0)
         )
@@ -120,13 +122,13 @@ class Hand:
 
 
 def wait_for_news(daemon: RunningDaemon, pad: str) -> None:
-    """Until the pad's frames are of the field that its board has now, and its chips have settled."""
+    """Wait until the pad's frames show the board's present field, and its chips have settled."""
     since_ns = time.monotonic_ns() + int(SETTLED_S * 1e9)
     daemon.wait_for(lambda contact: contact.pad == pad and contact.t_sample_ns > since_ns)
 
 
 def asked(daemon: RunningDaemon, verb: str, pad: str, **arguments: Any) -> None:
-    """Ask for a step of the set-up; where a busy computer lost frames of it, once more, as a person would."""
+    """Ask for a step of the set-up; repeat it, as a person would, if a busy computer lost frames of it."""
     for left in reversed(range(TRIES)):
         try:
             daemon.request(verb, pad=pad, timeout_s=60.0, **arguments)
@@ -141,7 +143,7 @@ def set_up(daemon: RunningDaemon, hand: Hand, unturned: Path) -> None:
     """Self-test, bare, rest and turn of the five pads. unturned: where to copy the baselines to before the turn."""
 
     def together(verb: str, meanwhile: Callable[[float], None] = lambda time_s: None, **arguments: Any) -> None:
-        """Ask for all pads at once; `meanwhile` moves the hand."""
+        """Send the request to all pads at once; `meanwhile` moves the hand."""
         with ThreadPoolExecutor(len(NAMES)) as threads:
             steps = [threads.submit(asked, daemon, verb, name, **arguments) for name in NAMES]
             clock = HandClock()
@@ -193,7 +195,7 @@ def served_hand(folder: Path, stack: ExitStack, seed: int = SEED) -> Hand:
 
 @contextmanager
 def never_turned(folder: Path, hand: Hand) -> Iterator[str]:
-    """Run the pipelines of a daemon whose hand was never turned; yields where they publish."""
+    """Run the pipelines of a daemon whose hand was never turned; yields when they publish."""
     bind = f"ipc://{folder}/never-turned"
     program = Path(__file__).with_name("hand_unturned.py")
     command = [sys.executable, program, folder / "hand.toml", folder / "unturned", hand.daemon.base, bind]
@@ -247,7 +249,7 @@ def played(seconds: float | None, seed: int) -> Score:
 
 
 def played_often(runs: int) -> int:
-    """Whole cycles of `runs` worlds, one after the other; 0 if the turned daemon is better in all of them together."""
+    """Play whole cycles of `runs` worlds in sequence; 0 if the turned daemon is better in all of them together."""
     total, failed, worse = {way: Verdict() for way in TITLES}, 0, 0
     for seed in range(1, runs + 1):
         print(f"--- world {seed} of {runs}", flush=True)

@@ -1,8 +1,7 @@
-"""Judges what three ways say of a hand whose true forces are known: a fixed baseline, and a daemon without and with a
-turn.
+"""Judges three methods on a hand whose true forces are known: a fixed baseline, and a daemon without and with a turn.
 
-Only steady moments are judged. A force of more than CERTAIN_SD of its own deviations beside the truth is wrong. What a
-way says with another health than `ok`, or without a force, counts as not known.
+Only steady moments are judged. A force that misses the true one by more than CERTAIN_SD of its own deviations is wrong.
+A message with another health than `ok`, or without a force, counts as not known.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ NOT_KNOWN = "not known"
 
 @dataclass(frozen=True)
 class Said:
-    """What a message says. force_n: None where it gives none, or its health is not `ok`."""
+    """The content of a message. force_n: None if it has none, or if its health is not `ok`."""
 
     force_n: float | None
     force_sd_n: float
@@ -67,7 +66,7 @@ class Said:
 
 
 class Score:
-    """The verdict on each way, and where each is at its worst. names: of the pads, in the order of their forces."""
+    """The verdict on each method, with its worst moments. names: of the pads, in the order of their forces."""
 
     def __init__(self, names: Sequence[str], moves_a_second: int) -> None:
         self._names = names
@@ -102,7 +101,7 @@ class Score:
             self.doubtful.append(f"{pad} at {body['t_sample_ns'] * 1e-9:.3f} s: true {true_n:.2f} N, {dict(body)}")
 
     def beside(self) -> str:
-        """What the three ways say of the pad about which they differ most; "" where they agree."""
+        """What the three methods report about the pad on which they differ most; "" if they agree."""
         apart_n = {pad: self._apart_n(pad) for pad in self._names}
         pad = max(apart_n, key=apart_n.__getitem__)
         if apart_n[pad] < USUAL_LIMIT_N or not self._forces:
@@ -116,7 +115,7 @@ class Score:
         return max(forces_n, default=0.0) - min(forces_n, default=0.0)
 
     def _steady_n(self, pad: str, sampled_s: float) -> float | None:
-        """The true force (N) on the pad; None where it changes, or is not known."""
+        """The true force (N) on the pad; None while it changes, or if it is not known."""
         number = self._names.index(pad)
         around = [forces[number] for moment, forces in self._forces if abs(moment - sampled_s) < SETTLED_S]
         if len(around) < FEWEST_MOVES or max(around) - min(around) > STEADY_N:
@@ -125,13 +124,15 @@ class Score:
 
 
 def is_better(ways: Mapping[str, Verdict]) -> bool:
-    """Is the turned daemon better than the fixed baseline, without a contact that is none and without a wrong force?"""
+    """True if the turned daemon is better than the fixed baseline, without a false contact and without a wrong
+    force."""
     turned, ghost = ways[TURNED], ways[GHOST]
     return not turned.false_contacts and not turned.wrong and turned.ok > 0 and turned.worst_n < ghost.worst_n
 
 
 def table(ways: Mapping[str, Verdict]) -> list[str]:
-    """What each way said, in a line; the last line says whether the turned daemon is better than the fixed baseline."""
+    """Each method's result in a line; the last line says whether the turned daemon is better than the fixed
+    baseline."""
     lines = [
         f"{'':28}    ok   not known   wrong (> {CERTAIN_SD:g} deviations)   worst if ok   contacts without a touch"
     ]

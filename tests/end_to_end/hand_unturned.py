@@ -1,7 +1,7 @@
-"""What a daemon would say of the same frames if the hand had never been turned: the product's own pipelines.
+"""What a daemon would publish from the same frames if the hand had never been turned: the product's own pipelines.
 
-They get every frame that the daemon used, with the baselines from before the turn. A process of its own,
-`python hand_unturned.py CONFIG BASELINES BASE BIND`, publishes on BIND what would be `contact/<pad>`.
+They get every frame that the daemon used, with the baselines from before the turn. A separate process, `python
+hand_unturned.py CONFIG BASELINES BASE BIND`, publishes the corresponding `contact/<pad>` on BIND.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from fmfts_client import Subscription
 
 
 def pipelines_of(config: Config, baselines: Path) -> dict[str, Pipeline]:
-    """The pads' pipelines with the baselines in a folder, as the daemon would begin with them."""
+    """The pads' pipelines with the baselines in a folder, initialised like the daemon's."""
     pipelines: dict[str, Pipeline] = {}
     for pad in config.pad:
         pipelines[pad.name] = pipeline_of(pad, contact_model_of(pad), "unturned")

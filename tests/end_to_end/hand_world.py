@@ -56,7 +56,7 @@ rotation_deg = [0, 0, {turn}]
 
 
 class Act(NamedTuple):
-    """What happens from `begin_s` of each cycle on."""
+    """Events from `begin_s` of each cycle on."""
 
     begin_s: float
     text: str
@@ -91,7 +91,7 @@ def _direction(chance: np.random.Generator) -> Array:
 
 
 class HandWorld:
-    """The built pads, with errors as mounting leaves them, and what moves around them. Each seed is another world."""
+    """The built pads, with errors of mounting, and what moves around them. Each seed is another world."""
 
     def __init__(self, config: Config, seed: int = SEED) -> None:
         self._configs: list[PadConfig] = list(config.pad)
@@ -109,7 +109,7 @@ class HandWorld:
         return (-1) ** number * 3e-3 + 2e-3 * sin(0.9 * now), 2e-3 * cos(0.8 * now + number), force
 
     def earth_t(self, time_s: float) -> Array:
-        """The Earth's field in the hand's axes; at 0 s it stands as while its baselines are recorded."""
+        """The Earth's field in the hand's axes; at 0 s the hand has the attitude of its baselines."""
         field: Array = rotation_from_vector(self._turning_axis * TURNING_RAD_PER_S * time_s).T @ self._earth_t
         return field
 

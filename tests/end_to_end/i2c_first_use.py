@@ -44,7 +44,7 @@ MOST_HZ = 40
 
 
 class FirstUse(NamedTuple):
-    """What happened. rate_hz: of the configuration; measured_hz: of the contacts."""
+    """The results. rate_hz: of the configuration; measured_hz: of the contacts."""
 
     init_hz: int
     rate_hz: int
@@ -65,7 +65,7 @@ class FirstUse(NamedTuple):
 
 
 def first_use(folder: Path, chip: str, adapter: str, most_hz: int = MOST_HZ) -> FirstUse:
-    """The commands as a person types them. Raises AssertionError where one says that something is wrong."""
+    """The commands as a person types them. Raises AssertionError if one reports an error."""
     addresses = ADDRESSES[chip]
     file = folder / "pad.toml"
     with kernel_bus(chip, *addresses, adapter=adapter) as bus:
@@ -124,7 +124,7 @@ def _feel(bus: KernelBus, field_t: np.ndarray, noise_gauss: float, *, muxed: boo
 
 
 def _settled(daemon: RunningDaemon) -> Contact:
-    """A contact of half a second from now: the chips' fields change one after another."""
+    """A contact at least half a second from now: the chips' fields change one after another."""
     settled_ns = time.monotonic_ns() + 500_000_000
     return daemon.wait_for(lambda contact: contact.t_sample_ns > settled_ns and contact.health == "ok")
 

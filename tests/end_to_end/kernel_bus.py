@@ -34,7 +34,7 @@ def missing() -> bool:
 
 
 class KernelBus:
-    """The server process, and what reads from it; `order` changes what is on the bus."""
+    """The server process and its readers; `order` changes what is on the bus."""
 
     def __init__(self, *chips: object, adapter: str, clock_hz: int | None) -> None:
         clock = [] if clock_hz is None else ["--clock-hz", str(clock_hz)]
@@ -57,7 +57,7 @@ class KernelBus:
         assert self.order(chip=[mux, channel], set=changes) == "done"
 
     def report(self, **what: object) -> dict:
-        """What is on the bus, right after the order `what`: no reader of it comes in between."""
+        """The bus's report right after the command `what`: no reader of it comes in between."""
         facts: dict = json.loads(self.order(report=True, **what))
         return facts
 
@@ -78,7 +78,7 @@ class KernelBus:
 
 @contextmanager
 def kernel_bus(*chips: object, adapter: str = "bcm2835", clock_hz: int | None = None) -> Iterator[KernelBus]:
-    """Seen by processes that are started meanwhile. chips, adapter, and clock_hz, that of the device tree: see
+    """Only processes that are started meanwhile see it. chips, adapter, and clock_hz (of the device tree): see
     i2c_kernel_bus.py."""
     if missing():
         needed.missing(PACKAGES)

@@ -55,7 +55,7 @@ def readings() -> list[Reading]:
 
 @dataclass(frozen=True)
 class Arrival:
-    """What a subscriber got for a reading, and how far it is from Table 2."""
+    """What a subscriber received for a reading, and its distance from Table 2."""
 
     reading: Reading
     contact: Contact
@@ -72,7 +72,7 @@ class Arrival:
 
 
 def arrivals(host: FirmwareHost, daemon: RunningDaemon) -> Iterator[Arrival]:
-    """Record the field of nothing as the baseline, then show the chips each reading until its pose has arrived."""
+    """Record an empty field as the baseline, then show the chips each reading until its pose has arrived."""
     host.tell("noise 0 0")
     host.field(np.zeros((4, 3)))
     daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b1111)

@@ -1,4 +1,4 @@
-"""`make demo PAPER=1`: the paper's readings through the firmware's own code, and what arrives at a subscriber."""
+"""`make demo PAPER=1`: the paper's readings through the firmware's own code, and what a subscriber receives."""
 
 from __future__ import annotations
 

@@ -48,19 +48,19 @@ class FirmwareHost:
         return self._process.pid
 
     def tell(self, command: str) -> None:
-        """One command, which must be obeyed."""
+        """One command, which must succeed."""
         answer = self.ask(command)
         assert answer == "ok", f"{command}: {answer}"
 
     def ask(self, command: str) -> str:
-        """One command; "ok", or why it cannot be obeyed now."""
+        """One command; "ok", or why it is refused now."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write(command + "\n")
         return self._process.stdout.readline().strip()
 
     def frames(self, pad: int = 0) -> int:
-        """How many the board made, those before a reset included."""
+        """The number of frames that the board made, including those before a reset."""
         word, _, count = self.ask(f"frames {pad}").partition(" ")
         assert word == "ok", word
         return int(count)
@@ -70,11 +70,12 @@ class FirmwareHost:
         self.tell(f"field {pad} " + " ".join(f"{value * 1e6:.6f}" for value in field_t.ravel()))
 
     def glide(self, field_t: np.ndarray, within_s: float, pad: int = 0) -> None:
-        """As `field`; it gets there evenly within this time of the board."""
+        """Like `field`; it changes evenly within this time of the board."""
         self.tell(f"glide {pad} {within_s * 1e3:.3f} " + " ".join(f"{value * 1e6:.6f}" for value in field_t.ravel()))
 
     def kill(self) -> None:
-        """Pull the plug. Its name goes too, as udev would see to: the pty's number may be another board's at once."""
+        """Pull the plug. Its name disappears too, as with udev, because another board may get the pty's number at
+        once."""
         self.port.unlink(missing_ok=True)
         self._process.kill()
         self._process.communicate()
@@ -87,8 +88,7 @@ class FirmwareHost:
 
 
 class RunningDaemon:
-    """`fmfts-daemon run` with sockets, state and log in `folder`. endpoint, keys: by its config alone.
-
+    """`fmfts-daemon run` with sockets, state and log in `folder`. endpoint, keys: set by its configuration alone.
     through: words of a command that starts the daemon, such as prlimit.
     """
 
@@ -151,7 +151,7 @@ class RunningDaemon:
         return run_command(*arguments, environment=self.environment)
 
     def now_ns(self) -> int:
-        """The time of its samples."""
+        """The clock of its samples."""
         return time.monotonic_ns()
 
     def subscribe(self, *kinds: str) -> Subscription:
@@ -207,7 +207,7 @@ finger = "none"
 
 
 def resting_field(pad: Pad) -> np.ndarray:
-    """What the chips of an unloaded pad, built exactly as drawn, would see far from any other field; (4, 3) tesla."""
+    """The field (4, 3) in tesla at the chips of an unloaded pad, built exactly as drawn, far from any other field."""
     places = pad.sensors.position_m
     positions, axes = np.tile(pad.rest_position_m, (len(places), 1)), np.tile(pad.rest_axis, (len(places), 1))
     return cylinder_field(places, positions, axes, pad.magnet)

@@ -59,7 +59,7 @@ class Robots:
 
 
 class OpenPage:
-    """What a browser's page of this server would be told. place: "/" of the fleet, "/robot/NAME/" of one robot."""
+    """What a browser's page of this server would receive. place: "/" of the fleet, "/robot/NAME/" of one robot."""
 
     def __init__(self, view: View, place: str = "/", token: str | None = None) -> None:
         address, origin = f"ws://127.0.0.1:{view.port}{place}socket", f"http://127.0.0.1:{view.port}"
@@ -69,14 +69,14 @@ class OpenPage:
         self.socket: ClientConnection
 
     def told(self) -> Facts:
-        """The next telling of all robots, by name."""
+        """The next report of all robots, by name."""
         while True:
             text = self.socket.recv(timeout=PATIENCE_S)
             if isinstance(text, str) and "fleet" in (told := json.loads(text)):
                 return {robot["name"]: robot for robot in told["fleet"]}
 
     def until(self, wanted: Callable[[Facts], bool], patience_s: float = PATIENCE_S) -> Facts:
-        """The first telling for which `wanted` holds."""
+        """The first report for which `wanted` holds."""
         end = time.monotonic() + patience_s
         while not wanted(told := self.told()):
             assert time.monotonic() < end, told
@@ -100,5 +100,5 @@ class OpenPage:
 
 
 def are(state: str, *names: str) -> Callable[[Facts], bool]:
-    """Have all of these robots this state?"""
+    """True if all these robots have this state."""
     return lambda told: all(told[name]["state"] == state for name in names)

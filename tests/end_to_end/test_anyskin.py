@@ -1,4 +1,5 @@
-"""A board with AnySkin's own firmware on a pty, a pad of ours above it: the daemon makes contacts of its stream."""
+"""A board with AnySkin's own firmware on a pty, with a pad of ours above it: the daemon makes contacts from its
+stream."""
 
 from __future__ import annotations
 
@@ -43,7 +44,7 @@ def mounted_of(daemon: RunningDaemon) -> MountedPad:
 
 
 def pressed_field(mounted: MountedPad, force_n: float) -> np.ndarray:
-    """As the chips tell it, each in its own axes."""
+    """As the chips report it, each in its own axes."""
     return mounted.sensed(mounted.magnet_field(*(np.full(5, value) for value in (0.0, 0.0, force_n, 0.0, 0.0))))
 
 
@@ -51,7 +52,7 @@ def pressed_field(mounted: MountedPad, force_n: float) -> np.ndarray:
 def test_press_on_a_pad_above_their_board_becomes_a_touch(
     form: str, sent: Callable[..., bytes], tmp_path: Path
 ) -> None:
-    """Five magnetometers are no pad that the shipped model knows: pose, touch and displacement are told."""
+    """Five magnetometers do not fit the shipped model: pose, touch and displacement are published."""
     with Board(tmp_path, 100.0, sent) as board:
         config = CONFIG.format(port=board.link, form=form, rate_hz=100, model="none")
         with RunningDaemon(tmp_path, config) as daemon:
@@ -132,7 +133,7 @@ def strong_fields_ut() -> np.ndarray:
 
 @pytest.mark.parametrize("name", ["", "eflesh_normal_1.csv", "eflesh_spatial_1.csv", "eflesh_shear_1.csv"])
 def test_strong_fields_of_an_eflesh_pad_use_all_its_sensors(name: str, tmp_path: Path) -> None:
-    """Rows of a recording go to a running daemon as its board would send them; "": fields made for this test."""
+    """The rows of a recording go to a running daemon as its board would send them; "": fields made for this test."""
 
     def recorded(fields_ut: np.ndarray) -> bytes:
         floats = [number for field in fields_ut for number in (25.0, *field)]

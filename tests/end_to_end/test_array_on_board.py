@@ -34,7 +34,7 @@ TWO = (Touch(-6e-3, 1e-3, 0.9, 0.0, 0.0), Touch(6e-3, -1e-3, 0.9, 0.0, 0.0))
 
 
 def on_board(port: Path) -> str:
-    """The shipped pad's file, on a board in place of the simulation."""
+    """The shipped pad's file, with a board instead of the simulation."""
     text = ARRAY_PATH.read_text()
     source = re.sub(r'type = "simulated"\n', f'type = "bridge"\nport = "{port}"\n', text)
     return re.sub(r"fingers = .*\n", "", source) + BESIDE.format(port=port)
@@ -83,7 +83,7 @@ def load_pad(folder: Path, board: FirmwareHost) -> PadConfig:
 
 
 def check_resets(board: FirmwareHost, daemon: RunningDaemon) -> None:
-    """Two fingers press all the while: what is called good is of this pad, and the pad comes back by itself."""
+    """Two fingers press all the time: only this pad's values are published as ok, and the pad recovers by itself."""
     force_n = sum(touch.force_n for touch in TWO)
     for command in ("reset", "reset-pin"):
         with daemon.subscribe() as messages:

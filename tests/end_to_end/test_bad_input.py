@@ -1,4 +1,4 @@
-"""What a user gets wrong: the configuration, no device, a second daemon, requests that are none."""
+"""Mistakes of users: the configuration, no device, a second daemon, invalid requests."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ type = "simulated"
 
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDaemon]:
-    """On a simulated pad; no test changes anything of it."""
+    """On a simulated pad; no test changes its state."""
     with RunningDaemon(tmp_path_factory.mktemp("daemon"), SIMULATED_CONFIG) as daemon:
         yield daemon
 

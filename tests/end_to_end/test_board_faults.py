@@ -1,4 +1,4 @@
-"""What befalls a board while its pad is in use: each fault on the real processes, and what the daemon says about it."""
+"""Faults of a board while its pad is in use: each fault on the real processes, and the daemon's report."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def daemon(tmp_path: Path, host: FirmwareHost) -> Iterator[RunningDaemon]:
 
 
 def status_of(daemon: RunningDaemon) -> Status:
-    """The next one after the board told its own: after a connection it does so once a second."""
+    """The next status after the board sent its own: once connected it does so every second."""
     with daemon.subscribe("status") as messages:
         until = time.monotonic() + PATIENCE_S
         while time.monotonic() < until:
@@ -44,8 +44,8 @@ def status_of(daemon: RunningDaemon) -> Status:
 
 
 def frames_lost_to(daemon: RunningDaemon, act: Callable[[], None]) -> tuple[int, Status]:
-    """By `act`, and the status after it. Repeated while the daemon stood still: then the board drops packets, and the
-    daemon leaves frames out."""
+    """The status after `act`. Repeated if the daemon stood still: then the board drops packets, and the daemon drops
+    frames."""
     for _ in range(ATTEMPTS):
         before = status_of(daemon)
         act()

@@ -1,4 +1,4 @@
-"""Who builds a pad by docs/build-a-pad.md reads there what is printed, and ends with a contact."""
+"""A reader who builds a pad by docs/build-a-pad.md sees the printed output there, and ends with a contact."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A sweep on a Dask cluster: a real scheduler and two workers, of which one is killed on the way."""
+"""A sweep on a Dask cluster: a real scheduler and two workers, one of which is killed meanwhile."""
 
 from __future__ import annotations
 

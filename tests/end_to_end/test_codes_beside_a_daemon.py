@@ -1,4 +1,4 @@
-"""One cause has one exit code, with every verb, and whether a running daemon carries the verb out or not."""
+"""One cause has one exit code, with every verb, with a running daemon or without."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`collect` on emulated machines that speak their real protocols on ptys: it fills the table with no hand on it."""
+"""`collect` on emulated machines that speak their real protocols on ptys: it fills the table without a person."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def plan(folder: Path, text: str = TWO_PLACES) -> Path:
 
 
 def rows(path: Path, *, unloaded: bool = False) -> list[dict[str, str]]:
-    """The presses of a table, or readings of the unloaded pad before them; without a line that is still written."""
+    """The presses of a table, or readings of the unloaded pad before them; without an unfinished line."""
     whole, _, _ = path.read_text().rpartition("\n")
     return [row for row in csv.DictReader(whole.splitlines()) if (row["press"] == "0") == unloaded] if whole else []
 

@@ -1,4 +1,5 @@
-"""A pad of four magnets in silicone that no table is of: collect → calibrate → run → evaluate, by the real verbs."""
+"""A pad of four magnets in silicone without a table of its own: collect → calibrate → run → evaluate, by the real
+verbs."""
 
 from __future__ import annotations
 

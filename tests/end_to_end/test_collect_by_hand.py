@@ -1,4 +1,5 @@
-"""`collect --by-hand`, the real process by the real clock: a scripted person does what it says, felt by a UDP gauge."""
+"""`collect --by-hand`, the real process by the real clock: a scripted person follows its instructions, and a UDP gauge
+measures."""
 
 from __future__ import annotations
 
@@ -36,7 +37,7 @@ WANTED = re.compile(r"press (?P<force>[\d.]+) N at x (?P<x>\S+), y (?P<y>\S+) mm
 
 
 class Person:
-    """Obeys what a process says. how: of each press in turn, "steady", "sways", or "beside" the pad."""
+    """Follows a process's instructions. how: for each press in turn, "steady", "sways", or "beside" the pad."""
 
     def __init__(self, board: FirmwareHost, config: Path, gauge_port: int, how: list[str]) -> None:
         self.heard: list[str] = []
@@ -100,7 +101,7 @@ def board(tmp_path: Path) -> Iterator[FirmwareHost]:
 def pressed_by_hand(
     board: FirmwareHost, daemon: RunningDaemon, gauge_port: int, how: list[str]
 ) -> tuple[int, dict[str, object], list[str]]:
-    """Exit code, facts, and what was said while two places were pressed."""
+    """Exit code, facts, and output while two places were pressed."""
     words = ["collect", plan(daemon.folder), "-o", daemon.folder / "data.csv", "--by-hand", "--json"]
     with Person(board, daemon.config, gauge_port, how) as person:
         assert daemon.command("baseline", "--rest", "--duration-s", "1", "--config", daemon.config).returncode == 0

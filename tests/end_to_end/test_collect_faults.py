@@ -1,7 +1,7 @@
-"""What goes wrong under a rod: on the emulated bench it is lifted, the reason is said, no row is lost, none doubled.
+"""Faults during a press: on the emulated bench the rod is lifted, the reason is printed, no row is lost or doubled.
 
-The bench's time is simulated, so no test here fails because something else runs on this computer. How soon the rod is
-up by the real clock, `make collect-drills` tells.
+The bench's time is simulated, so no other program can make these tests fail. `make collect-drills` measures by the real
+clock how soon the rod is up.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ TWO_PLACES_FOUR_FORCES = ONE_PLACE.replace("[1, 1]", "[2, 1]")
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The state directory of the pad that every bench holds, its baseline recorded."""
+    """The state directory of every bench's pad, with its recorded baseline."""
     folder = tmp_path_factory.mktemp("recorded")
     with PressedBench(folder) as bench:
         bench.record_baseline()
@@ -52,7 +52,7 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path, recorded: Path) -> Ite
 
 @pytest.fixture(params=["marlin", "grbl"])
 def quick_bench(request: pytest.FixtureRequest, tmp_path: Path, recorded: Path) -> Iterator[PressedBench]:
-    """Its z axis goes at the 20 mm/s that the limit of 150 ms was set for; a stock printer's goes at 5."""
+    """Its z axis moves at 20 mm/s, for which the limit of 150 ms was set; a stock printer's moves at 5."""
     shutil.copytree(recorded, tmp_path / "state")
     with PressedBench(tmp_path, request.param, speed=1.0, lift_mm_per_s=20.0, z_limit_mm_per_s=20.0) as bench:
         yield bench
@@ -62,7 +62,7 @@ both_dialects = pytest.mark.parametrize("bench", ["marlin", "grbl"], indirect=Tr
 
 
 def ended(bench: PressedBench, fault: Callable[[], object] = lambda: None) -> CollectError:
-    """Collect, let the fault happen on the way to the second force, and see why it ended."""
+    """Collect, cause the fault on the way to the second force, and return why it ended."""
     bench.when_pressing(fault)
     with pytest.raises(CollectError) as end:
         bench.collect(plan(bench.folder, ONE_PLACE), bench.folder / "data.csv")
@@ -106,7 +106,7 @@ def test_rod_is_lifted_when_the_gauge_prints_no_number(bench: PressedBench) -> N
 
 
 def test_rod_is_lifted_while_the_disk_still_writes(bench: PressedBench, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A disk that hangs holds up the end of the work, not the rod."""
+    """A disk that hangs delays the end of the work, but not the rod."""
     lifted, add = threading.Event(), Table.add
 
     def hang(table: Table, row: Row) -> None:

@@ -1,4 +1,4 @@
-"""A collector that is killed leaves no rod on the pad: its guard lifts it."""
+"""A killed collector leaves no rod on the pad: its guard lifts it."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def stands_at(machine: GcodeMachine, z_mm: float) -> bool:
 
 
 def ended(words: list[str | Path]) -> tuple[int, str]:
-    """How a collector ended, and what it said on stderr."""
+    """How a collector ended, and its output on stderr."""
     with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         put_ahead(process.pid)  # it allows its machine a second to answer
         said = process.communicate(timeout=PATIENCE_S)[1]
@@ -125,7 +125,7 @@ def test_rod_is_lifted_when_the_collector(tmp_path: Path, dialect: str, how: str
 
 @pytest.mark.parametrize("dialect", ["marlin", "grbl"])
 def test_rod_is_lifted_when_the_collector_hangs(tmp_path: Path, dialect: str) -> None:
-    """It is stopped, and goes on later: then it may not press on."""
+    """It is stopped, and continues later: then it must not press on."""
     words = [sys.executable, "-c", COLLECTOR, tmp_path / "machine", dialect, "hangs"]
     with (
         running(tmp_path / "machine", dialect) as machine,
@@ -188,7 +188,7 @@ def test_guard_leaves_machine_alone_when_collector_ends_by_itself(tmp_path: Path
 
 @pytest.mark.parametrize("dialect", ["marlin", "grbl"])
 def test_rod_is_lifted_when_the_collector_dies_of_a_limit_switch(tmp_path: Path, dialect: str) -> None:
-    """GRBL then hears nothing but a reset, also from the guard."""
+    """GRBL then ignores everything but a reset, even from the guard."""
     words = [sys.executable, "-c", COLLECTOR, tmp_path / "machine", dialect, "ends"]
     with running(tmp_path / "machine", dialect) as machine:
         machine.switch_mm = 9.5

@@ -47,7 +47,7 @@ def stock_machine(folder: Path, dialect: str) -> Iterator[tuple[GcodeMachine, St
 
 @both_dialects
 def test_high_lift_at_the_default_speed_is_no_stall(tmp_path: Path, dialect: str) -> None:
-    """26 mm take a stock z axis five seconds, whatever feed it is told."""
+    """A stock z axis takes five seconds for 26 mm, whatever the commanded feed."""
     with stock_machine(tmp_path, dialect) as (emulated, config, clock):
         machine = Machine(config, clock)
         machine.begin()
@@ -83,7 +83,7 @@ def test_rise_from_a_long_way_down_ends_that_way(tmp_path: Path, dialect: str) -
 
 @both_dialects
 def test_rise_after_a_power_failure_leads_up_whatever_zero_is(tmp_path: Path, dialect: str) -> None:
-    """Machine coordinates are negative where a machine homes to its upper end: "up to -5" would lead down from 0."""
+    """Machine coordinates are negative on a machine that homes to its upper end: "up to -5" would lead down from 0."""
     with stock_machine(tmp_path, dialect) as (emulated, config, clock):
         emulated.home[2] = -1.0
         travel_mm = (*config.travel_mm[:2], (-40.0, 0.0))
@@ -124,7 +124,7 @@ class OneFrameEach:
 
 
 class Gauge:
-    """Reads what it is told."""
+    """Reads the messages that it receives."""
 
     description = "a gauge"
     unread = ""
@@ -190,14 +190,14 @@ def test_collision_while_travelling_halts_the_machine(tmp_path: Path, dialect: s
 
 @contextmanager
 def standing_stage(folder: Path, **changes: object) -> Iterator[tuple[GcodeMachine, Gauge, Stage]]:
-    """A Marlin stage that is homed, its gauge at zero."""
+    """A homed Marlin stage, its gauge at zero."""
     with watched_stage(folder, "marlin", **changes) as (emulated, gauge, stage, _):
         stage.begin()
         yield emulated, gauge, stage
 
 
 def test_missing_pad_is_noticed_at_the_end_of_travel(tmp_path: Path) -> None:
-    """Seven hundred steps of 0.01 mm: no force swings."""
+    """Seven hundred steps of 0.01 mm: the force never oscillates."""
     with standing_stage(tmp_path, clear_z_mm=12.0, step_mm=0.01) as (_, _, stage):
         with pytest.raises(StoppedError, match=r"nothing was touched down to z = 5\.00 mm"):
             stage.press(Press(1, 0.0, 0.0, 1.0))

@@ -1,4 +1,4 @@
-"""One-shot verbs as a person types them: beside a running daemon, without one, and where something is in the way."""
+"""One-shot verbs as a person types them: beside a running daemon, without one, and with an obstacle."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ RECORD = ("baseline", "--rest", "--duration-s", "0.5")
 
 @pytest.fixture(params=["ipc", "tcp"])
 def daemon(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RunningDaemon]:
-    """Found by nothing but its configuration, and over tcp a key."""
+    """Only the configuration says where it is, and over tcp a key."""
     endpoint, keys = f"ipc://{tmp_path}", None
     if request.param == "tcp":
         endpoint, keys = tcp_base(), tmp_path / "keys"
@@ -51,7 +51,7 @@ def daemon(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.M
 
 
 def without_traceback(ended: subprocess.CompletedProcess[str], code: int) -> str:
-    """What the command said, which ended with `code` and a sentence."""
+    """The output of the command, which ended with `code` and a sentence."""
     assert "Traceback" not in ended.stderr
     assert ended.returncode == code, ended
     return ended.stderr + ended.stdout
@@ -148,7 +148,7 @@ def test_ctrl_c_also_ends_the_recording_in_the_daemon(tmp_path: Path) -> None:
 
 
 def refusal(daemon: RunningDaemon) -> str:
-    """What the daemon says to one more baseline, which is of no time at all."""
+    """The daemon's answer to one more baseline with a duration of zero."""
     try:
         daemon.request("baseline", duration_s=0.0)
     except RefusedError as error:
@@ -159,7 +159,7 @@ def refusal(daemon: RunningDaemon) -> str:
 class TestDamagedBaseline:
     @pytest.fixture
     def damaged(self, tmp_path: Path) -> Iterator[RunningDaemon]:
-        """Two were recorded; the second was damaged while the daemon was away."""
+        """Two were recorded; the second was damaged while the daemon was down."""
         with RunningDaemon(tmp_path, STILL_CONFIG) as daemon:
             for _ in range(2):
                 daemon.request("baseline", duration_s=0.5)

@@ -1,4 +1,4 @@
-"""A damaged baseline of one pad: the other pads go on, and recording it again mends it."""
+"""A damaged baseline of one pad: the other pads continue, and a new recording mends it."""
 
 from __future__ import annotations
 

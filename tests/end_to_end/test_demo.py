@@ -1,4 +1,4 @@
-"""The demo as somebody meets it who has just cloned the repository: started, interrupted, and failing."""
+"""The demo for somebody who just cloned the repository: started, interrupted, and failing."""
 
 from __future__ import annotations
 
@@ -20,9 +20,8 @@ PAPER_DEMO = (sys.executable, ROOT / "tests" / "end_to_end" / "paper_demo.py")
 
 
 def started(command: tuple[str | Path, ...]) -> subprocess.Popen[str]:
-    """In a process group of its own, as a shell starts it: Ctrl-C goes to all of them.
-
-    nohup, or a shell's background, where the tests may run, would leave the demo deaf to a hangup, or to Ctrl-C.
+    """In a process group of its own, as a shell starts it: Ctrl-C reaches all of them. nohup, or a shell's background,
+    where the tests may run, would make the demo ignore a hangup, or Ctrl-C.
     """
     pipe = subprocess.PIPE
     return subprocess.Popen(
@@ -115,7 +114,7 @@ def test_two_fingers_of_the_demo_meet_and_part() -> None:
 
 
 def told_apart_mm(line: str) -> float | None:
-    """How far two fingers are apart in a line of the demo; 0 if one is told, None if none is."""
+    """The distance of two fingers in a line of the demo; 0 if one is reported, None if none is."""
     places = re.findall(r"N at \(([-+.\d]+), ([-+.\d]+)\) mm", line)
     if len(places) != 2:
         return 0.0 if places else None

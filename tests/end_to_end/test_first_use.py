@@ -8,7 +8,7 @@ from end_to_end.first_use import COMMANDS, PAGE, shown, stable, transcript
 
 
 def test_transcript_in_the_manual_is_what_is_printed_today(tmp_path: Path) -> None:
-    """But for figures and ids. After a change of what is printed: `make transcript`."""
+    """Figures and ids may differ. After a change of the output: `make transcript`."""
     assert stable(shown(PAGE.read_text())) == stable(transcript(tmp_path))
 
 

@@ -1,4 +1,5 @@
-"""Three robots with keys on one page: who is there, who is lost and how soon, and that a wrong key hears nothing."""
+"""Three robots with keys on one page: which are there, which are lost and how soon, and that a wrong key receives
+nothing."""
 
 from __future__ import annotations
 
@@ -38,7 +39,7 @@ def view(robots: Robots) -> Iterator[View]:
 
 @pytest.fixture
 def fleet(robots: Robots, view: View) -> Iterator[OpenPage]:
-    """An open page on which all three are there."""
+    """An open page with all three robots."""
     for daemon in robots.daemons.values():
         if daemon.process.poll() is not None:
             daemon.start()
@@ -65,7 +66,7 @@ class Listener:
                 self.boots.add(message.body["boot"])
 
     def wait(self, count: int) -> None:
-        """Until so many more have come."""
+        """Until this many more have come."""
         wanted, end = len(self.numbers) + count, time.monotonic() + PATIENCE_S
         while len(self.numbers) < wanted:
             assert time.monotonic() < end, len(self.numbers)
@@ -132,7 +133,7 @@ def test_robot_that_comes_back_is_there_again(robots: Robots, fleet: OpenPage) -
 def test_robot_that_stands_still_with_its_connections_open_is_lost_and_comes_back(
     robots: Robots, fleet: OpenPage
 ) -> None:
-    """As one whose network is cut: nothing is hung up, and nothing comes."""
+    """Like one whose network is cut: no connection is closed, and nothing arrives."""
     robots.daemons["arm"].process.send_signal(signal.SIGSTOP)
     try:
         fleet.until(are("lost", "arm"))
@@ -158,7 +159,7 @@ def test_lost_robot_is_reported_within_half_a_second(robots: Robots, fleet: Open
 
 
 def hears_nothing(view: View, name: str) -> None:
-    """A robot's own view receives no message, and its fleet's no pad."""
+    """A robot's own view receives no message, and its fleet's receives no pad."""
     with OpenPage(view, f"/robot/{name}/") as page:
         end = time.monotonic() + SILENCE_S
         while (left_s := end - time.monotonic()) > 0:
@@ -169,7 +170,7 @@ def hears_nothing(view: View, name: str) -> None:
 
 
 def wrong_key(robots: Robots, folder: Path, name: str, change: Callable[[Path], None]) -> Path:
-    """A folder of keys in which that of one robot is another one."""
+    """A folder of keys in which one robot has another robot's key."""
     shutil.copytree(robots.keys, folder)
     change(folder / f"{name}.key")
     return folder

@@ -1,4 +1,4 @@
-"""A drift that a running daemon follows: bounded, seen in its status, undone by a verb."""
+"""A drift that a running daemon follows: bounded, shown in its status, undone by a verb."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def wait_for_status(daemon: RunningDaemon, wanted: Callable[[Status], bool]) -> 
 
 
 def force_of_press(daemon: RunningDaemon, host: FirmwareHost, contacts: int = 600) -> float:
-    """Presses the sunk pad, reads the force, and lets go."""
+    """Presses the sunk pad, reads the force, and releases it."""
     host.field(sunk(SUNK_M + PRESSED_M))
     daemon.wait_for(lambda contact: contact.contact is True)
     forces: list[float] = []

@@ -40,7 +40,7 @@ def address(tmp_path: Path) -> Iterator[str]:
 
 
 def advertised(client: ClientConnection) -> dict[str, dict[str, object]]:
-    """Channels by topic, once all that are wanted are there."""
+    """Channels by topic, once all wanted ones are there."""
     found: dict[str, dict[str, object]] = {}
     until = time.monotonic() + PATIENCE_S
     while not found.keys() >= WANTED:
@@ -51,7 +51,7 @@ def advertised(client: ClientConnection) -> dict[str, dict[str, object]]:
 
 
 def messages(client: ClientConnection, seconds: float) -> Iterator[tuple[int, int, dict[str, object]]]:
-    """Subscription, time (ns) and content of what comes within this time."""
+    """Subscription, time (ns) and content of the messages within this time."""
     until = time.monotonic() + seconds
     with suppress(TimeoutError):
         while (left := until - time.monotonic()) > 0:

@@ -1,4 +1,4 @@
-"""The kinds of I2C adapters that Linux has, with real smbus2 on an emulated kernel bus: what each refuses is said."""
+"""The kinds of I2C adapters in Linux, with real smbus2 on an emulated kernel bus: each reports what it refuses."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_transfer_with_two_reads_is_refused_on_a_raspberry_pi(adapter: str, answ
 
 
 def probed(folder: Path, source: str, *chips: object, adapter: str, clock_hz: int | None = None) -> tuple[int, str]:
-    """What `probe` says; its exit code."""
+    """The output of `probe`, and its exit code."""
     (folder / "pad.toml").write_text(PAD + source)
     with kernel_bus(*chips, adapter=adapter, clock_hz=clock_hz):
         ended = run_command("probe", "--config", folder / "pad.toml")
@@ -104,7 +104,7 @@ def test_probe_warns_of_another_clock_and_init_writes_it(tmp_path: Path) -> None
 
 
 def test_chip_that_is_unplugged_from_a_cp2112_does_not_answer() -> None:
-    """This adapter says of an address that nobody acknowledges what others say of a stuck bus."""
+    """For an address that nobody acknowledges, this adapter reports what others report for a stuck bus."""
     with kernel_bus("qmc5883l", adapter="cp2112") as kernel:
         source = kernel.open(pad(chip="qmc5883l", range_gauss=8.0, rate_hz=15))
         run(source, all_valid)

@@ -1,4 +1,4 @@
-"""The I2C source with real smbus2 on an emulated kernel bus: what it reads, and what befalls chips and mux."""
+"""The I2C source with real smbus2 on an emulated kernel bus: its readings, and faults of chips and mux."""
 
 from __future__ import annotations
 
@@ -266,7 +266,7 @@ def test_selftest_measures_every_axis_and_streaming_goes_on(kernel: KernelBus) -
 
 
 def test_selftest_subtracts_the_field_that_a_chip_leaves_in(kernel: KernelBus) -> None:
-    """The data sheet can be read both ways; 0.5 G outside is 195 counts, and would fail a good axis or pass a bad."""
+    """The data sheet is ambiguous; 0.5 G outside is 195 counts, and would fail a good axis or pass a bad one."""
     for channel in range(4):
         kernel.chip(channel, field_gauss=[0.5, -0.5, 0.3], subtracts_field=channel % 2 == 0)
     kernel.chip(3, strap=0.1)

@@ -121,7 +121,7 @@ FORCE_N, PRESSED_MM = 1.0, (3.0, -2.0)
 
 @pytest.mark.parametrize(("chip", "rate_hz", "muxed"), [("mlx90393", 130, False), ("qmc5883l", 100, True)])
 def test_press_on_a_pad_of_other_chips_becomes_a_contact(chip: str, rate_hz: int, muxed: bool, tmp_path: Path) -> None:
-    """From registers to place and force: the daemon, its baseline and its messages, all as with the first chip."""
+    """From registers to place and force: the daemon, its baseline and its messages, as with the first chip."""
     addresses = () if muxed else CHIPS[chip].addresses[:4]
     noise_gauss = CHIPS[chip].noise_at_t(rate_hz, "free") / TESLA_PER_GAUSS
     config = CONTACT_CONFIG.format(
@@ -171,7 +171,7 @@ def test_probe_names_devices_on_bus_when_pad_has_faults(tmp_path: Path) -> None:
 
 
 def test_qmc5883p_is_named_and_another_device_there_is_not(tmp_path: Path) -> None:
-    """A digital potentiometer at 0x2C says 0x80 to every question, and so to that for the identification."""
+    """A digital potentiometer at 0x2C answers every read with 0x80, even that of the identification."""
     config = tmp_path / "pad.toml"
     source = 'type = "i2c"\nbus = 7\nchip = "qmc5883l"\nrate_hz = 200\nrange_gauss = 8.0\n'
     config.write_text(f'[[pad]]\nname = "left"\n[pad.source]\n{source}')

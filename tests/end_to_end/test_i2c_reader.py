@@ -1,4 +1,4 @@
-"""The process that reads an I2C bus: a bus that hangs, is taken or absent, its own death, and what it refuses."""
+"""The process that reads an I2C bus: a bus that hangs, is taken or absent, its own death, and its refusals."""
 
 from __future__ import annotations
 

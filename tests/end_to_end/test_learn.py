@@ -1,4 +1,4 @@
-"""A board that nobody measured, from `init --learn` to contacts: the firmware's host build, pressed by a finger."""
+"""From `init --learn` to contacts with an unmeasured board: the firmware's host build, pressed by a finger."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PATIENCE_S, STANDS_S = 30.0, 0.5
 
 
 def unmeasured() -> MountedPad:
-    """Chips up to 2 mm and 10° from where a sketch has them, under a magnet that is where the mould has it."""
+    """Chips up to 2 mm and 10° from their places in a sketch, and a magnet where the mould puts it."""
     random = np.random.default_rng(5)
     exact = MountedPad.exact(PadConfig(name="standard", source=SimulatedSource()).pad())
     sensors = exact.pad.sensors
@@ -46,7 +46,7 @@ def unmeasured() -> MountedPad:
 
 @contextmanager
 def pressed(board: FirmwareHost, built: MountedPad) -> Iterator[None]:
-    """A finger presses one place after the other, from ALONE_S on."""
+    """A finger presses one place after another, from ALONE_S on."""
     ended = threading.Event()
 
     def press() -> None:
@@ -135,7 +135,7 @@ def test_board_with_learned_geometry_reports_presses(tmp_path: Path) -> None:
 
 
 def settled(daemon: RunningDaemon) -> Contact:
-    """A contact of a finger that has stood for a while."""
+    """A contact of a finger that has rested for a while."""
     with Client("left", daemon.base) as client:
         until_s = time.monotonic() + PATIENCE_S
         while time.monotonic() < until_s:

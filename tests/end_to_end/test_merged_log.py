@@ -1,4 +1,4 @@
-"""`collect --merge` on the log of a real machine: noisy, with another zero and another clock than the frames'."""
+"""`collect --merge` on a realistic machine's log: noisy, with another zero and another clock than the frames'."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ GAUGE_HZ, NOISE_N, OFFSET_N, CLOCK_AHEAD_S, CLOCK_RATE = 160, 0.005, 0.05, 1234.
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """What it does when, in seconds since the recording began: each place once untouched, then its two forces."""
+    """The program in seconds since the recording began: each place once untouched, then with its two forces."""
 
     edges_s: np.ndarray
     steps: list[tuple[float, float, float]]
@@ -107,7 +107,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, machine: Machine) -> Path:
 
 
 def write_log(path: Path, machine: Machine, offset_n: float = OFFSET_N, drift_n: float = 0.0) -> Path:
-    """drift_n: of the gauge's zero until the end. The log begins later."""
+    """drift_n: change of the gauge's zero until the end. The log begins later."""
     random = np.random.default_rng(8)
     with path.open("w", newline="") as out:
         writer = csv.writer(out)

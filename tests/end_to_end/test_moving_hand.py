@@ -1,4 +1,4 @@
-"""A pad on a hand that moves: taught by the verb with joint positions over ZeroMQ, then touched while the hand moves.
+"""A pad on a moving hand: taught by the verb with joint positions over ZeroMQ, then touched while the hand moves.
 
 The board is the real firmware over emulated chips; the hand is tests/emulator/hand_magnets.py.
 """
@@ -31,7 +31,8 @@ STEP_S = 0.01
 
 
 class MovingHand:
-    """Moves the magnets past the emulated chips, and publishes the joints. pressed_m: how far down the pad's own is."""
+    """Moves the magnets past the emulated chips, and publishes the joints. pressed_m: how far the pad's own magnet is
+    down."""
 
     def __init__(self, host: FirmwareHost, pad: Pad, endpoint: str) -> None:
         self.pressed_m, self.publishes, self.is_untouched = 0.0, True, True

@@ -1,4 +1,4 @@
-"""A running daemon whose pad no contact model fits: what status, listen, both clients, record and replay say of it."""
+"""A running daemon whose pad fits no contact model: the output of status, listen, both clients, record and replay."""
 
 from __future__ import annotations
 

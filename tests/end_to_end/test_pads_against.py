@@ -1,4 +1,4 @@
-"""Two pads press on one peg: the forces that one of them reads correct the other one's contact model."""
+"""Two pads press on one peg: the forces read by one correct the other's contact model."""
 
 from __future__ import annotations
 

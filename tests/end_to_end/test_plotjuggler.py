@@ -1,7 +1,7 @@
 """PlotJuggler's ZMQ subscriber on a daemon's bus, as docs/foxglove.md sets it up.
 
-PlotJuggler (DataStreamZMQ) subscribes to the beginning of a topic over tcp, takes each part of a message for a message
-of its own, and skips what its parser refuses. The parser wants the whole part to be one MessagePack value.
+PlotJuggler (DataStreamZMQ) subscribes to a topic's prefix over tcp, treats each part of a message as a message, and
+skips those that its parser refuses. The parser requires the whole part to be one MessagePack value.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ CONFIG = '[[pad]]\nname = "left"\n[pad.source]\ntype = "simulated"\n'
 
 
 def series(value: Any, name: str) -> dict[str, float]:
-    """The curves that a value gives: numbers and truth values by their path."""
+    """The curves from a value: numbers and truth values by their path."""
     if isinstance(value, dict):
         return {key: each for part in value for key, each in series(value[part], f"{name}/{part}").items()}
     if isinstance(value, list):

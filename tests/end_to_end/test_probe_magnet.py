@@ -60,7 +60,7 @@ NO_SWAP, SWAP = [0, 1, 2, 3], [2, 1, 0, 3]
 
 
 def dipole_field(moment: np.ndarray, place_m: np.ndarray, sensors_m: np.ndarray = PLACES_M) -> np.ndarray:
-    """Jackson 5.56, outside of the magnet, at all sensors."""
+    """Jackson 5.56, outside the magnet, at all sensors."""
     r = sensors_m - place_m
     distance = np.linalg.norm(r, axis=1, keepdims=True)
     n = r / distance
@@ -68,7 +68,7 @@ def dipole_field(moment: np.ndarray, place_m: np.ndarray, sensors_m: np.ndarray 
 
 
 class Check:
-    """The process, and the person before it."""
+    """The process, and the person at the board."""
 
     def __init__(self, board: FirmwareHost, order: list[int], *words: str | Path, environment: dict[str, str]) -> None:
         self._board, self._order = board, order
@@ -107,7 +107,7 @@ class Check:
         self.process.stdin.flush()
 
     def ended(self) -> tuple[int, str]:
-        """The exit code, and what was printed."""
+        """The exit code, and the output."""
         assert self.process.stdout
         assert self.process.stdin
         assert self.process.stderr
@@ -122,7 +122,7 @@ class Check:
 
 
 class SkinCheck(Check):
-    """The same person before a published board: its chips are as in published_boards.py, not in config/layouts.py."""
+    """The same person at a published board: its chips are as in published_boards.py, not in config/layouts.py."""
 
     def __init__(self, board: Board, name: str, *words: str | Path, environment: dict[str, str]) -> None:
         self._skin, self._chips = board, chips(name)
@@ -139,7 +139,7 @@ class SkinCheck(Check):
 
 
 def followed(check: Check) -> tuple[int, str]:
-    """A person who does what the check says."""
+    """A person who follows the check's instructions."""
     check.magnet(None)
     check.wait_for("Step 0")
     check.wait_for("steady")

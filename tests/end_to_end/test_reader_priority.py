@@ -1,4 +1,4 @@
-"""`[service] realtime_priority` and the process that reads an I2C bus: real processes, asked of the real scheduler."""
+"""`[service] realtime_priority` and the process that reads an I2C bus: real processes and the real scheduler."""
 
 from __future__ import annotations
 

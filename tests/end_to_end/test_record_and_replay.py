@@ -53,7 +53,7 @@ seed = 3
 
 
 def beside(x_mm: int, neighbours: list[str]) -> str:
-    """What is the same of each pad of AMONG_ARRAYS, after its magnets: where it sits, and among whom."""
+    """Facts that each pad of AMONG_ARRAYS shares, after its magnets: its place, and its neighbours."""
     return f"\n[pad.scene]\nneighbours = {neighbours}\n[pad.placement]\nposition_mm = [{x_mm}, 0, 0]\n"
 
 
@@ -90,7 +90,7 @@ def recorder(daemon: RunningDaemon, output: Path, *options: str) -> subprocess.P
 
 
 def chunks_s(output: Path) -> list[float]:
-    """How much time each whole chunk holds."""
+    """How much time each complete chunk covers."""
     spans = []
     with output.open("rb") as file, suppress(EndOfFile, struct.error):  # the file is being written
         for record in StreamReader(file, emit_chunks=True).records:
@@ -100,7 +100,7 @@ def chunks_s(output: Path) -> list[float]:
 
 
 def contacts(output: Path) -> list[tuple[str, int]]:
-    """Pad and number of each that is in the file by now."""
+    """Pad and number of each message that the file has by now."""
     return [(one.pad, one.message.seq) for one in read(output) if isinstance(one.message, ContactMessage)]
 
 
@@ -139,7 +139,7 @@ def test_replay_of_pads_beside_one_with_several_magnets_is_identical(
 
 
 def wait_for_contacts(daemon: RunningDaemon, pad: str, count: int) -> None:
-    """Until so many more have come; a look into the recording would read all of it, ever longer."""
+    """Until this many more have come; reading the recording each time would take ever longer."""
     with Subscription(("contact",), pad, daemon.base) as messages:
         for _ in range(count):
             assert messages.receive(PATIENCE_S) is not None
@@ -164,7 +164,7 @@ def replays_identically(
 
 @pytest.mark.real_time  # a late computer drops frames
 def test_recorder_that_is_killed_leaves_a_recording(daemon: RunningDaemon, tmp_path: Path) -> None:
-    """All but its last chunk, of which each holds a second. The writer by itself would keep four to itself."""
+    """All but its last chunk, each of which covers a second. The writer alone would keep four in memory."""
     process = recorder(daemon, tmp_path / "a.mcap", "--pad", "far")
     until = time.monotonic() + PATIENCE_S
     while len(spans := chunks_s(tmp_path / "a.mcap")) < 3:
@@ -215,7 +215,7 @@ def test_interrupt_during_chunk_write_duplicates_no_message(daemon: RunningDaemo
 
 
 def test_full_disk_ends_the_recorder_with_a_sentence(daemon: RunningDaemon, tmp_path: Path) -> None:
-    """The daemon and its other listeners do not notice. The limit has to hold a first chunk, a slow machine's too."""
+    """The daemon and its other listeners do not notice. The limit must hold a first chunk, even a slow machine's."""
     limited = f"ulimit -f 400; trap '' XFSZ; exec {sys.executable} -m fmfts record {tmp_path / 'a.mcap'}"
     ended = subprocess.run(
         ["bash", "-c", limited], env=daemon.environment, capture_output=True, text=True, timeout=60, check=False

@@ -1,4 +1,5 @@
-"""`fmfts-daemon report` as a process: on an emulated kernel bus, on a board, beside a daemon, where all is broken."""
+"""`fmfts-daemon report` as a process: on an emulated kernel bus, on a board, beside a daemon, and with everything
+broken."""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ HMC_CONFIG = '[[pad]]\nname = "left"\n[pad.source]\ntype = "i2c"\nbus = 7\n'
 
 
 class Made:
-    """A report that was just made, in a folder of its own. words: options of the verb."""
+    """A new report, in a folder of its own. words: options of the verb."""
 
     def __init__(self, folder: Path, config: str | None, *words: str | Path, **environment: str) -> None:
         self.path = folder / "report.mcap"
@@ -43,7 +44,7 @@ class Made:
         self.facts: dict[str, Any] = facts_of(self.path)
 
     def missing(self, beginning: str) -> str:
-        """The sentence of what could not be had; the same is on stderr."""
+        """The sentence about a missing part; the same is on stderr."""
         (found,) = [each for each in self.facts["missing"] if each.startswith(beginning)]
         return found
 
@@ -79,7 +80,7 @@ def test_report_of_chips_on_a_bus_holds_what_the_kept_one_holds(tmp_path: Path) 
 
 
 def test_report_holds_selftest_and_registers_of_the_daemon(tmp_path: Path) -> None:
-    """Honeywell 900425: 0x9c in register A is compensation and 220 Hz; the chips of mux 0x71 were never set up."""
+    """Honeywell 900425: 0x9c in register A means compensation and 220 Hz; the chips of mux 0x71 were never set up."""
     with kernel_bus():
         made = Made(tmp_path, HMC_CONFIG, "--seconds", "1")
     assert [test["passed"] for test in made.facts["selftests"]] == [True]
@@ -174,7 +175,7 @@ def test_report_says_why_a_daemon_does_not_start(tmp_path: Path) -> None:
 
 
 def test_report_brings_baselines_and_leaves_them_as_they_are(tmp_path: Path) -> None:
-    """A daemon that is started for the report works on a copy, a damaged baseline among them."""
+    """A daemon that is started for the report works on a copy, including a damaged baseline."""
     folder = tmp_path / "state/fmfts/baseline"
     folder.mkdir(parents=True)
     (folder / "left.json").write_text('{"damaged": "baseline"}')
@@ -194,7 +195,7 @@ SECRETS = {
 
 
 def test_report_holds_no_secret_of_user_or_computer(tmp_path: Path) -> None:
-    """Every byte of the file, and of what is compressed in it, is searched."""
+    """Searches every byte of the file, and of its compressed contents."""
     home = tmp_path / "home" / SECRETS["user"]
     tools = home / "bin"
     tools.mkdir(parents=True)
@@ -257,7 +258,7 @@ def states_of(path: Path) -> str:
 
 
 def everything_in(path: Path) -> bytes:
-    """The bytes of a file, and of its chunks and attachments as they are unpacked."""
+    """The bytes of a file, and of its unpacked chunks and attachments."""
     with path.open("rb") as file:
         parts = [repr(record).encode() for record in StreamReader(file).records]
     return b"\n".join([path.read_bytes(), attachment(path, NAME) or b"", *parts])

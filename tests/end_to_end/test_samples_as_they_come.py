@@ -34,7 +34,7 @@ def tapping(time_s: float) -> Touch:
 
 @pytest.fixture(scope="module")
 def tapped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDaemon]:
-    """A daemon with a baseline, whose pad is pressed without end."""
+    """A daemon with a baseline, whose pad is pressed all the time."""
     folder = tmp_path_factory.mktemp("samples")
     with (
         FirmwareHost(folder) as board,
@@ -64,7 +64,7 @@ def contacts_of(daemon: RunningDaemon, seconds: float) -> list[Contact]:
 
 
 def test_every_sample_makes_a_contact_and_now_goes_on(tapped: RunningDaemon) -> None:
-    """Four chips and the frames: five times as many contacts as frames, in which only `now` is another."""
+    """Four chips and the frames: five times as many contacts as frames, which differ only in `now`."""
     contacts = contacts_of(tapped, 3.0)
     frames = len({contact.t_sample_ns for contact in contacts})
     missing = contacts[-1].seq - contacts[0].seq + 1 - len(contacts)
@@ -79,7 +79,7 @@ def test_every_sample_makes_a_contact_and_now_goes_on(tapped: RunningDaemon) -> 
 
 
 def test_early_samples_are_replayed_identically(tapped: RunningDaemon, tmp_path: Path) -> None:
-    """Also where another recorder comes, for whom a state is taken in the middle."""
+    """Even if another recorder starts, for which a state is taken in the middle."""
     output = tmp_path / "a.mcap"
     words = [sys.executable, "-m", "fmfts", "record", output, "--json"]
     process = subprocess.Popen(words, env=tapped.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -129,7 +129,7 @@ def test_failed_sensor_gives_no_now_between_frames(tmp_path: Path, pad: Pad) -> 
 
 
 def test_three_pads_of_one_board_publish_every_sample(tmp_path: Path) -> None:
-    """A pty has no baud rate, as a board with USB of its own has none: the line carries all of them."""
+    """A pty, like a board's own USB, has no baud rate: the line carries all of them."""
     pads = [
         SAMPLES.replace('"left"', f'"{name}"') + f"pad_index = {index}\n" for index, name in enumerate(("a", "b", "c"))
     ]

@@ -1,4 +1,4 @@
-"""Thousands of programs that connect to the daemon and do nothing: contacts go on, and the daemon stays."""
+"""Thousands of programs that connect to the daemon and do nothing: contacts continue, and the daemon stays up."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OF_THIS_PROCESS = 500
 
 @contextmanager
 def files(needed: int) -> Iterator[None]:
-    """Lets this process hold the strangers' ends."""
+    """Allows this process to hold the strangers' ends."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if hard < needed:
         pytest.skip(f"this process may open only {hard} files: ulimit -Hn")

@@ -26,7 +26,7 @@ def first_python(page: Path) -> str:
 
 @pytest.mark.parametrize("page", ["README.md", "clients/python/README.md"])
 def test_first_python_of_readme_runs(page: str, tmp_path: Path) -> None:
-    """One that reads for ever is ended by what it prints first."""
+    """A program that reads for ever is ended after its first output."""
     with RunningDaemon(tmp_path, PADS) as daemon:
         words = [sys.executable, "-u", "-W", "error", "-c", first_python(ROOT / page)]
         environment = os.environ | {"FMFTS_BUS": daemon.base}

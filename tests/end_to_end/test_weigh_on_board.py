@@ -1,4 +1,4 @@
-"""A pad of silicone that is stiffer than the model's, weighed by a stranger's steps: the firmware's host build."""
+"""A pad of silicone stiffer than the model's, weighed by a stranger's steps: the firmware's host build."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def built() -> MountedPad:
 
 
 def pressed(x_m: float, y_m: float, force_n: float) -> Array:
-    """Silicone that is stiffer by a factor moves as softer silicone does under a force that is smaller by it."""
+    """Silicone that is stiffer by a factor moves like the model's under a force smaller by that factor."""
     return pressed_field(built(), x_m, y_m, force_n / STIFFNESS)
 
 

@@ -1,4 +1,4 @@
-"""A baseline belongs to the sensors that it was recorded with: another board's is not believed."""
+"""A baseline belongs to the sensors that it was recorded with: the daemon refuses another board's."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def record(daemon: RunningDaemon) -> str:
 
 
 def test_baseline_of_another_board_is_refused_until_its_own_board_is_back(tmp_path: Path, pad: Pad) -> None:
-    """No uid in the configuration: the boards are told apart by what they say of themselves."""
+    """Without a uid in the configuration, the boards are distinguished by their own reports."""
     with FirmwareHost(tmp_path, "--uid", ONE) as host:
         host.field(resting_field(pad))
         with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port)) as daemon:
@@ -105,7 +105,7 @@ def test_old_baseline_without_board_id_is_accepted_with_note(tmp_path: Path, pad
 
 
 def make_old(path: Path) -> None:
-    """As the version before wrote it: without its origin."""
+    """As the previous version wrote it: without its origin."""
     baseline = msgspec.json.decode(path.read_bytes(), type=Baseline)
     assert baseline.origin is not None
     path.write_bytes(encode(baseline.recorded_on(None)))

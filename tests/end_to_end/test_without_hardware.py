@@ -1,4 +1,4 @@
-"""Every command of docs/without-hardware.md: those that cost minutes are other tests' work, all others run here."""
+"""Every command of docs/without-hardware.md runs here, but those of minutes, which other tests run."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def ran(command: str, folder: Path, environment: dict[str, str]) -> str:
 
 @pytest.fixture(scope="module")
 def prepared(folder: Path, environment: dict[str, str]) -> None:
-    """What the page does before `run`, in its order."""
+    """The page's steps before `run`, in its order."""
     assert len(WITHOUT_A_DAEMON) == 8
     for command in WITHOUT_A_DAEMON:
         ran(command, folder, environment)

@@ -1,4 +1,4 @@
-"""The firmware's ELF on the emulated chip, with its stream taken apart by the daemon's own decoder."""
+"""The firmware's ELF on the emulated chip; the daemon's own decoder reads its stream."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def firmware() -> Path:
 
 
 class EmulatedStream:
-    """A board, everything it has said so far, and what its latest status and hello were."""
+    """A board, its output so far, and its latest status and hello."""
 
     def __init__(self, **options: object) -> None:
         self.board = Board(firmware(), **options)
@@ -82,13 +82,13 @@ class EmulatedStream:
         return next(packet for packet in reversed(self.packets) if isinstance(packet, Status) and wanted(packet))
 
     def clock_us(self) -> float:
-        """What the firmware's microsecond counter is now: whole SysTick periods, and the part of this one."""
+        """The firmware's present microsecond counter: whole SysTick periods, and the part of this one."""
         machine = self.board.machine
         systick = machine.core.systick
         counts = machine.core.entered[SYSTICK] * (systick.load + 1) + systick.load - systick.value()
         return counts / self.board.rcc.hz * 1e6
 
     def is_clean(self) -> bool:
-        """No byte was wasted on the line, and the chip has nothing to complain of."""
+        """No byte on the line was wasted, and the chip has no complaint."""
         errors = self.decoder.crc_errors + self.decoder.garbage_packets + self.decoder.garbage_bytes
         return errors == 0 and self.board.complaints == []

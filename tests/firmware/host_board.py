@@ -102,7 +102,7 @@ class HostBoard:
         os.write(self.port, stuff(packet + struct.pack("<H", crc(packet))))
 
     def packets(self, seconds: float) -> Iterator[bytes]:
-        """Whole packets, CRC taken off, as they come within this time."""
+        """Whole packets without their CRC, as they come within this time."""
         end = time.monotonic() + seconds
         while True:
             while self._whole:
@@ -122,7 +122,7 @@ class HostBoard:
         return (Sample.parse(packet) for packet in self.packets(seconds) if packet[0] & 15 == SAMPLE)
 
     def wait_for(self, kind: int, seconds: float = 10.0) -> bytes:
-        """The next packet of a type; generous, since it only has to come."""
+        """The next packet of a type; waits long, because it only has to come."""
         for packet in self.packets(seconds):
             if packet[0] & 15 == kind:
                 return packet

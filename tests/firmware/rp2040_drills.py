@@ -1,7 +1,7 @@
-"""The RP2040's firmware on rp2040js (an emulator of the whole chip) with the emulated switches and chips of the STM32.
+"""The RP2040's firmware on rp2040js (an emulator of the whole chip) with the STM32's emulated switches and chips.
 
-`make test-rp2040` installs rp2040js and runs this. rp2040js sends bytes at once and gives the I2C no wires: what the
-line carries, and the clocks that free a bus, are not tried here. The USB controller and its host are our own
+`make test-rp2040` installs rp2040js and runs this. rp2040js sends bytes at once and gives the I2C no wires: the line's
+speed, and the clocks that free a bus, are not tested here. The USB controller and its host are our own
 (`usb_host.cjs`), by the data sheet.
 """
 
@@ -50,7 +50,7 @@ KINDS: dict[str, tuple[type[Any], int, int]] = {  # gain code and rate
 
 
 class Stream:
-    """A board and what it has said."""
+    """A board and its output."""
 
     def __init__(self, kind: str = "hmc5983", channels: Sequence[int] = range(4), board: str = "pico") -> None:
         make("rp2040", f"RP2040_BOARD={board}")
@@ -130,7 +130,7 @@ def test_pico_boots_says_hello_and_streams_every_frame(opened: Callable[..., Str
 
 
 def test_qt_py_streams_every_frame_over_its_usb_and_lets_go_of_its_own_lines(opened: Callable[..., Stream]) -> None:
-    """Which pins the I2C has, the emulator does not see but when a line is held: SDA of port 1 is GPIO 24 there."""
+    """The emulator knows the I2C's pins only while a line is held: SDA of port 1 is GPIO 24 there."""
     stream = opened(board="qtpy")
     stream.open_usb()
     stream.run_over_usb(0.4)
@@ -300,7 +300,7 @@ def test_stream_takes_usb_while_a_program_has_the_port_open(opened: Callable[...
 
 
 def test_no_line_waits_for_the_next_one_in_the_host_s_driver(opened: Callable[..., Stream]) -> None:
-    """The driver hands on what ends with a short packet: a line of 64 bytes needs an empty one after it."""
+    """The driver passes data on after a short packet: an empty one must follow a line of 64 bytes."""
     stream = opened()
     stream.open_usb()
     stream.board.run(0.5)
@@ -345,7 +345,7 @@ def test_reset_leaves_the_bus_and_comes_back(opened: Callable[..., Stream], in_h
 
 
 def test_cable_that_was_pulled_may_be_plugged_in_again(opened: Callable[..., Stream]) -> None:
-    """The board has another supply, so it goes on meanwhile: over its UART, for nobody has its port open."""
+    """The board has another supply, so it continues meanwhile: over its UART, because nobody has its port open."""
     stream = opened()
     stream.open_usb()
     stream.board.usb("send", *encode(Request(Verb.RATE, 1, ALL_PADS, 220)))

@@ -1,8 +1,8 @@
 # ruff: noqa: E501  a mutation is easier to read in one line
-"""Wrong drivers of the firmware's chips, each with one mistake: the C tests of that chip must catch all of them.
+"""Wrong drivers of the firmware's chips, each with one mistake: the C tests of that chip must catch all.
 
-A mutation is a piece of the driver's file and what stands there instead, or a whole file of wrong_drivers/. The emulated
-chips share no code with the drivers; a fact that both took from the same source they share.
+A mutation replaces a piece of the driver's file, or is a whole file of wrong_drivers/. The emulated chips share no code
+with the drivers, but they share facts that both took from the same source.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def compiled(source: Path, folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Of the core, the emulation and the C tests, by folder and name."""
+    """Files of the core, the emulation and the C tests, by folder and name."""
     folder = tmp_path_factory.mktemp("objects")
     firmware = ROOT / "firmware"
     sources = [firmware / "host/emulation.c"]
@@ -186,7 +186,7 @@ def source_of(kind: str) -> Path:
 
 
 def failures(objects: dict[str, Path], driver: Path, kind: str, folder: Path) -> list[str]:
-    """What the tests that judge `kind` say of this driver."""
+    """The result of the tests of `kind` for this driver."""
     changed = objects | {f"{source_of(kind).parent.name}/{kind}": compiled(driver, folder)}
     program = folder / "test-core"
     subprocess.run(["gcc", *changed.values(), "-o", program, "-lm"], check=True, timeout=120)

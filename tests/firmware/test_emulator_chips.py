@@ -1,4 +1,4 @@
-"""The firmware's ELF with other chips on its buses: it finds by itself what each of them is."""
+"""The firmware's ELF with other chips on its buses: it identifies each of them by itself."""
 
 from __future__ import annotations
 
@@ -195,7 +195,7 @@ def test_flashed_program_sets_a_power_cycled_chip_up_again(kind: Kind) -> None:
 
 @pytest.mark.parametrize("emulated", [Qmc5883l, Qmc5883p, Mmc5983ma, Mmc5603nj])
 def test_second_pad_behind_a_mux_is_found(emulated: type[Magnetometer]) -> None:
-    """Also where the chips' address is above 31."""
+    """Even if the chips' address is above 31."""
     stream = EmulatedStream(places=(Place(1, 0x70, 0), Place(1, 0x70, 4)))
     mux = next(iter(stream.board.muxes.values()))
     for channel in range(8):
@@ -293,7 +293,7 @@ def test_chip_that_is_missing_without_a_mux_is_named() -> None:
 
 
 def test_single_chip_without_mux_makes_no_pad() -> None:
-    """It may be of a kind that the board does not look for there."""
+    """It may be of a kind that the board does not search there."""
     stream, chips = without_a_mux()
     for chip in chips[1:]:
         chip.absent = True

@@ -1,7 +1,7 @@
-"""Everything that goes wrong on a bench, to the firmware's ELF on the emulated chip: it says what, and comes back.
+"""Every fault of a bench, with the firmware's ELF on the emulated chip: it reports the fault, and recovers.
 
-A sensor that has failed is tried again after 50 ms, then after twice that, up to 0.8 s; so a second is what recovery
-may take, and most drills leave the fault for some tenths of a second only.
+A failed sensor is tried again after 50 ms, then after twice that, up to 0.8 s; so recovery may take a second, and most
+faults last only some tenths of a second.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def is_right(sample: Sample, sensors: int = EVERYONE) -> bool:
 
 
 def assert_stream_is_right(stream: EmulatedStream, within_s: float = RECOVERY_S) -> None:
-    """Within this time all four are back, and from then on nothing is missing or wrong."""
+    """Within this time all four recover, and from then on nothing is missing or wrong."""
     stream.wait(lambda packet: isinstance(packet, Sample) and packet.valid == EVERYONE, within_s)
     samples = stream.samples(0.2)
     assert len(samples) >= 43
@@ -196,7 +196,7 @@ def test_slow_host_loses_only_the_hit_packets(stream: EmulatedStream) -> None:
 
 
 def test_line_too_slow_drops_whole_packets_and_counts_them() -> None:
-    """A flood of requests: the answers come faster than the line takes them, and the ring overflows."""
+    """A flood of requests: answers are made faster than the line sends them, and the ring overflows."""
     stream = EmulatedStream(pads=3)
     stream.run(0.3)
     for _ in range(60):

@@ -1,4 +1,5 @@
-"""The emulated I2C port is as strict as the chip: right drivers work, each classic wrong one fails as on a board."""
+"""The emulated I2C port is as strict as the chip: correct drivers work, and each classic wrong one fails as on a
+board."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ pytestmark = pytest.mark.needs("arm-none-eabi-gcc")
 
 
 class Ran:
-    """A driver after its scenario: what it found out, and what the chip complained of."""
+    """A driver after its scenario: its findings, and the chip's complaints."""
 
     def __init__(self, board: Board) -> None:
         result = bytes(board.machine.engine.uc.mem_read(RESULT, 72))

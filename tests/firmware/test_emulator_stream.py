@@ -79,7 +79,7 @@ def test_no_conversion_of_sensor_slower_than_the_frames_is_lost() -> None:
 
 
 def test_every_sample_comes_before_its_frame_and_soon_after_its_conversion() -> None:
-    """The line carries one pad's samples and frames; READ_S and the line's time are what the daemon takes for it."""
+    """The line carries one pad's samples and frames; the daemon assumes READ_S and the line's time."""
     stream = started()
     assert stream.request(Verb.START, 0b001).result == Result.DONE
     stream.run(0.1)

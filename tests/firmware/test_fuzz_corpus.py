@@ -1,6 +1,6 @@
-"""The fuzz targets over their kept corpora, by the C compiler and its sanitizers: what was found once stays found.
+"""The fuzz targets over their kept corpora, by the C compiler and its sanitizers: past findings stay found.
 
-`make -C firmware fuzz` goes on from there with libFuzzer, a million inputs each.
+`make -C firmware fuzz` continues from there with libFuzzer, a million inputs each.
 """
 
 from __future__ import annotations

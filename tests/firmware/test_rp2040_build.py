@@ -1,6 +1,6 @@
-"""The RP2040's firmware as GCC builds it: size, boot block, vectors, UF2, and the deepest the stack can get.
+"""The RP2040's firmware as GCC builds it: size, boot block, vectors, UF2, and the deepest possible stack.
 
-That it runs is tried by `make test-rp2040` (rp2040_drills.py).
+`make test-rp2040` (rp2040_drills.py) tests that it runs.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def image() -> bytes:
 
 
 def crc32_of_the_rom(data: bytes) -> int:
-    """Bit by bit, as the data sheet has it (2.8.1.3.1)."""
+    """Bit by bit, as the data sheet defines it (2.8.1.3.1)."""
     register = 0xFFFF_FFFF
     for bit in (byte >> place & 1 for byte in data for place in range(7, -1, -1)):
         out, register = register >> 31, register << 1 & 0xFFFF_FFFF

@@ -1,4 +1,4 @@
-"""The STM32 firmware as two compilers build it: size, layout, vectors, and the deepest the stack can get."""
+"""The STM32 firmware as two compilers build it: size, layout, vectors, and the deepest possible stack."""
 
 from __future__ import annotations
 

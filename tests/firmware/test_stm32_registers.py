@@ -1,7 +1,7 @@
-"""Every register and bit that the STM32 firmware names, held against the SVD files that pyOCD carries.
+"""Every register and bit that the STM32 firmware names, compared with pyOCD's SVD files.
 
-The STM32F103 file describes the peripherals. It leaves out SysTick and SCB, which belong to the core and are the same
-in every ARMv7-M part: those come from the STM32L4x2's file.
+The STM32F103 file describes the peripherals. It lacks SysTick and SCB, which belong to the core and are the same in
+every ARMv7-M part: those come from the STM32L4x2's file.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def header() -> tuple[dict[str, list[str]], list[str]]:
 
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, int]:
-    """What a compiler makes of the header: member offsets as `struct.MEMBER`, macro values by name."""
+    """A compiler's values for the header: member offsets as `struct.MEMBER`, macro values by name."""
     structs, macros = header()
     folder = tmp_path_factory.mktemp("registers")
     lines = ["#include <stddef.h>", "#include <stdio.h>", f'#include "{HEADER}"', "int main(void) {"]

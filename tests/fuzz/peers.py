@@ -1,12 +1,10 @@
-"""Damages what peers send to each other, and wants of whoever decodes it that it refuses in one way.
+"""Damages messages between peers, and demands that each decoder refuses them with its own errors. python
+tests/fuzz/peers.py --seconds 60 `control`: requests to the daemon; only BadRequestError may come out, with a text that
+can be encoded. `messages`: a client's input from the bus and from an answer; only MessageError, SchemaError and
+ControlError may come out. Each input is a real message in which a value or a key is replaced, a key is dropped, or
+bytes are damaged.
 
-    python tests/fuzz/peers.py --seconds 60
-
-`control`: requests to the daemon; only BadRequestError may come out, with a text that can be encoded. `messages`: what
-a client reads of the bus and of an answer; only MessageError, SchemaError and ControlError may. Each input is a real
-message in which a value or a key has become another one, a key is left out, or bytes are damaged.
-
-The seed and the number of an input give it again: --seed 1 --first 4711 --inputs 1.
+The seed and the number of an input reproduce it: --seed 1 --first 4711 --inputs 1.
 """
 
 from __future__ import annotations
@@ -60,7 +58,7 @@ Target = Callable[[Random], None]
 
 
 def spoilt(document: dict[str, Any], dice: Random) -> bytes:
-    """In msgpack; a tenth of them as they are."""
+    """Encoded in msgpack; a tenth of them unchanged."""
     kind = dice.random()
     if kind < 0.1:
         return bytes(msgpack.packb(document))
@@ -145,7 +143,7 @@ class Messages:
 
 
 def fuzzed(name: str, seed: int, numbers: Any, until: float) -> Counter[str]:
-    """How many inputs were read or refused. Raises what nothing may raise, with a note that gives the input again."""
+    """How many inputs were read or refused. Re-raises an unexpected error, with a note that reproduces the input."""
     target: Target = {"control": lambda: control, "messages": Messages}[name]()
     said: Counter[str] = Counter()
     for number in numbers:

@@ -1,4 +1,4 @@
-"""The fuzz targets over what is kept: what was found once stays found. `make fuzz` goes on from there."""
+"""The fuzz targets over the kept corpus: past findings stay found. `make fuzz` continues from there."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Replays all frozen worlds and judges them (`make golden`), or freezes what is said now (`make golden-freeze`).
-
+"""Replays all frozen worlds and judges them (`make golden`), or freezes the present messages (`make golden-freeze`).
 --way recorded: with a snapshot of the state after every 500th frame.
 """
 

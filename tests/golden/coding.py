@@ -1,4 +1,4 @@
-"""Whole numbers in few bytes: what changes little from row to row costs little."""
+"""Whole numbers in few bytes: small changes from row to row cost little."""
 
 from __future__ import annotations
 

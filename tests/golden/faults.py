@@ -1,4 +1,4 @@
-"""What goes wrong with frames, in whole numbers: each fault is an episode of a world, stored with its frames."""
+"""Faults of frames, in whole numbers: each fault is an episode of a world, stored with its frames."""
 
 from __future__ import annotations
 

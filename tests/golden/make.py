@@ -1,6 +1,6 @@
-"""Makes the frozen worlds from simulated pads: `python -m golden.make [NAME…]`, only where a new world is needed.
+"""Makes the frozen worlds from simulated pads: `python -m golden.make [NAME…]`, only to make a new world.
 
-What is made once stays: the frames in `data/` do not follow later changes of the simulation.
+A world never changes: the frames in `data/` do not follow later changes of the simulation.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ SOONER_S = 3.7  # the scripted finger does not touch a pad in its first 4 s
 
 @dataclass(slots=True)
 class Plan:
-    """One pad of a world. noise: in multiples of the chip's. tools: what is near the pad. is_on_board: its samples come
+    """One pad of a world. noise: in multiples of the chip's. tools: objects near the pad. is_on_board: its samples come
     over a serial line, which makes them older."""
 
     config: PadConfig
@@ -170,7 +170,7 @@ def world_pad(config: PadConfig, baseline: Baseline | None, frames: Sequence[Fra
 
 
 def sensor_faults(first: int, apart: int) -> list[list[Any]]:
-    """Every kind of fault of a sensor, one after the other, and health for as long in between."""
+    """Every kind of fault of a sensor, one after another, with healthy pauses of the same length."""
     kinds: list[list[Any]] = [
         ["offset", 1, 0, 120], ["stuck", 2, 1], ["saturated", 0, 2], ["silent", 3], ["spike", 2, 0, 150, 10],
         ["gain", 0, 2, 1050], ["offset", 3, 2, -20], ["old", 1, 3], ["lost", 7, 2], ["cold"], ["offset", 0, 1, 6],
@@ -185,7 +185,7 @@ def sensor_faults(first: int, apart: int) -> list[list[Any]]:
 
 
 class Later:
-    """A tool that begins its way later, and is away before."""
+    """A tool that starts later, and is far away before."""
 
     def __init__(self, tool: Tool, later_s: float, until_s: float) -> None:
         self._tool, self._later_s, self._until_s = tool, later_s, until_s
@@ -196,7 +196,7 @@ class Later:
 
 
 def passing(seed: int, seconds: float) -> list[Any]:
-    """One tool after the other, each from afar."""
+    """One tool after another, each coming from afar."""
     ways = (Way("passes", 0.045, 0.3), Way("passes", 0.09, 0.3), Way("put down", 0.06, 1.0), Way("turned", 0.1, 0.0),
             Way("passes", 0.045, 0.05), Way("put down", 0.15, 0.05))  # fmt: skip
     moments = (0.055, 0.2, 0.02, 0.055, 0.02, 0.2)
@@ -423,7 +423,7 @@ def skin() -> World:
 
 
 def recorded() -> World:
-    """What `record` wrote of a daemon with two simulated pads: noise, times and all."""
+    """A recording of a daemon with two simulated pads: noise, times and all."""
     import tempfile
     from pathlib import Path
 
@@ -462,7 +462,7 @@ LIFTED_SLOWLY = (0.0, 1.0, 4.0, 5.0, 6.0, 7.0, 10.0), (0.0, 0.0, 0.03, 0.0, 0.0,
 
 
 class Lifting:
-    """A field that grows as the magnet's does where it is pulled up: a weaker field at all sensors."""
+    """A field that grows as the magnet's does when it is pulled up: a weaker field at all sensors."""
 
     def __init__(self, course: tuple[tuple[float, ...], tuple[float, ...]]) -> None:
         self._course = course
@@ -478,7 +478,7 @@ class Lifting:
 
 
 class Gradient:
-    """Fields of a constant gradient, each stronger than the one before: of things that are near no sensor alone."""
+    """Fields of a constant gradient, each stronger than the last: from objects that are near no sensor alone."""
 
     def field_t(self, places_m: Array, time_s: Array) -> Array:
         random = np.random.default_rng(34)

@@ -1,4 +1,4 @@
-"""Noise of chips from whole numbers alone, so that every processor and every NumPy draws the same.
+"""Noise of chips from whole numbers alone, so that every processor and every NumPy draws the same values.
 
 SplitMix64: G. L. Steele, D. Lea, C. H. Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014. The sum of
 eight uniform numbers is near a normal one (Irwin and Hall): no more than 4.9 deviations, kurtosis 2.85.

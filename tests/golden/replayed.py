@@ -1,4 +1,4 @@
-"""Pushes a frozen world through the product's pipelines as the daemon does, and gathers what they say."""
+"""Pushes a frozen world through the product's pipelines as the daemon does, and collects their messages."""
 
 from __future__ import annotations
 
@@ -23,9 +23,8 @@ from golden.world import World, WorldPad
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """snapshots: after how many frames of a pad its state is taken, as where somebody begins to record; 0: never.
-
-    anew: with which frame of the first pad other pipelines go on from the states of all, as a replay does; 0: never.
+    """snapshots: take a pad's state after this many frames, as when a recording begins; 0: never. anew: the frame of
+    the first pad from which other pipelines continue with the states of all, as in a replay; 0: never.
     """
 
     snapshots: int = 0
@@ -36,7 +35,7 @@ AS_ALWAYS = Way()
 
 
 def replay(world: World, messages: int | None = None, way: Way = AS_ALWAYS) -> dict[str, Said]:
-    """What each pad says. messages: of each pad at most so many."""
+    """The messages of each pad. messages: at most this many of each pad."""
     said = {pad.settings.name: Said() for pad in world.pads}
     for name, message, sent_ns in answers(world, way):
         if messages is None or len(said[name].words) < messages:
@@ -47,9 +46,9 @@ def replay(world: World, messages: int | None = None, way: Way = AS_ALWAYS) -> d
 
 
 def answers(world: World, way: Way = AS_ALWAYS) -> Iterator[tuple[str, ContactMessage | None, int]]:
-    """Yields the message of all that arrives, with its pad, and when it was sampled, on the host's clock.
+    """Yields the message for each arrival, with its pad, and the time of its sample on the host's clock.
 
-    None: a sample that came before its frame, and says nothing new.
+    None: a sample that came before its frame, and contains nothing new.
     """
     with ExitStack() as folders:
         pipelines = folders.enter_context(pipelines_of(world))
@@ -89,7 +88,7 @@ def pipelines_of(world: World) -> Iterator[dict[str, Pipeline]]:
 
 
 def _settings(pad: WorldPad, folder: Path) -> PadConfig:
-    """A skin's contact model is put into a file."""
+    """A skin's contact model is written into a file."""
     settings = pad.settings
     if pad.response is None:
         return settings

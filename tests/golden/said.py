@@ -1,15 +1,15 @@
-"""What messages say, in a form that is small and compared by what a digit means.
+"""The content of messages, in a small form that is compared by the meaning of its digits.
 
-Of every message: all that is no number, run-length coded. Of every fiftieth: all numbers; and the mean of each number
-over the fifty messages, so that no frame goes unseen.
+Of every message: everything but numbers, run-length coded. Of every fiftieth: all numbers; and the mean of each number
+over the fifty messages, so that every frame counts.
 
 Tolerance. A number may differ by `OF_A_DEVIATION` of its own published deviation, or by `FLOOR` of its unit, whichever
-is more. Two thousandths of a deviation are as much less than what noise does to the number from frame to frame; no
-controller decides by them, and they are 10⁸ times what another order of sums does. The
-floors are below what any reader resolves: 10 nm, 10 µN, 0.1 nT. A deviation itself may differ by `OF_ITSELF`.
+is more. Two thousandths of a deviation are that much less than the noise from frame to frame; no controller depends on
+them, and they are 10⁸ times the effect of another order of sums. The floors are below any reader's resolution: 10 nm,
+10 µN, 0.1 nT. A deviation itself may differ by `OF_ITSELF`.
 
-What is no number may come up to `LONGEST_SHIFT` messages sooner or later, at up to `MOST_SHIFTED` of all changes, for a
-threshold may be crossed by rounding alone; the numbers are then excused for as long as the filters remember. A world of
+Values that are no numbers may change up to `LONGEST_SHIFT` messages sooner or later, at up to `MOST_SHIFTED` of all
+changes, because rounding alone may cross a threshold; the numbers are then ignored for the filters' memory. A world of
 fewer than twenty changes allows none.
 """
 
@@ -52,7 +52,7 @@ def floor_of(name: str) -> float:
 
 
 def deviation_of(name: str) -> str:
-    """The name of the number's published deviation: x_m → x_sd_m. Its own name where it is a deviation."""
+    """The name of the number's published deviation: x_m → x_sd_m. For a deviation, its own name."""
     plain = re.sub(r"\[\d+\]$", "", name)
     if plain.endswith("axis"):
         return plain + "_sd_rad"
@@ -61,7 +61,8 @@ def deviation_of(name: str) -> str:
 
 
 def split(message: ContactMessage, sent_ns: int) -> tuple[str, Numbers]:
-    """What is no number, and the numbers. sent_ns: when the frame was sampled, against which times count."""
+    """The values that are no numbers, and the numbers. sent_ns: time of the frame's sample, to which times are
+    relative."""
     words: dict[str, Any] = {}
     numbers: Numbers = {"sampled_ns": float(message.t_sample_ns - sent_ns)}
     for name, value in _flat("", msgspec.to_builtins(message)):
@@ -101,7 +102,8 @@ class Block:
 
 @dataclass(slots=True)
 class Said:
-    """All that one pad said. words: of every message. digest: of every digit, to tell "the same" from "within"."""
+    """All messages of one pad. words: of every message. digest: of every digit, to distinguish "the same" from
+    "within"."""
 
     words: list[str] = field(default_factory=list)
     blocks: list[Block] = field(default_factory=list)
@@ -109,7 +111,8 @@ class Said:
     _digits: Any = field(default_factory=hashlib.sha256)
 
     def add(self, message: ContactMessage | None, sent_ns: int) -> None:
-        """None: a sample that came before its frame, and said nothing new. It counts, so that all keep their places."""
+        """None: a sample that came before its frame, and contained nothing new. It counts, so that all keep their
+        indices."""
         words, numbers = ("{}", {}) if message is None else split(message, sent_ns)
         if len(self.words) % BLOCK == 0:
             self.blocks.append(Block(numbers))
@@ -156,7 +159,7 @@ def _content(said: Said) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Frozen:
-    """What one pad said when it was frozen. first, mean (B, K) in SI, NaN where nothing was said; count (B, K)."""
+    """The messages of one pad when it was frozen. first, mean (B, K) in SI, NaN if absent; count (B, K)."""
 
     words: list[str]
     digest: str
@@ -184,7 +187,7 @@ def _frozen(content: dict[str, Any]) -> Frozen:
 
 @dataclass(slots=True)
 class Verdict:
-    """differences: beyond the tolerance, each with its message. shifted: messages that say something else at a change.
+    """differences: beyond the tolerance, each with its message. shifted: messages that differ around a change.
     identical: every digit is the same."""
 
     differences: list[str] = field(default_factory=list)
@@ -194,7 +197,7 @@ class Verdict:
 
 
 def compare(said: Said, frozen: Frozen) -> Verdict:
-    """Of a part of the world, what came of its first messages is compared."""
+    """Of a part of the world, the results of its first messages are compared."""
     count = len(said.words)
     verdict = Verdict(identical=said.digest == frozen.digest)
     if count > len(frozen.words):
@@ -210,7 +213,7 @@ def compare(said: Said, frozen: Frozen) -> Verdict:
 
 
 def _shifted(words: list[str], frozen: list[str], verdict: Verdict) -> NDArray[np.bool_]:
-    """Which messages say something else than they did."""
+    """Messages whose content changed."""
     other = np.array([one != two for one, two in zip(words, frozen, strict=True)], np.bool_)
     changes = sum(one != two for one, two in pairwise(frozen))
     verdict.shifted = int(other.sum())
@@ -228,7 +231,7 @@ def _shifted(words: list[str], frozen: list[str], verdict: Verdict) -> NDArray[n
 
 
 def _changed(words: str, frozen: str) -> str:
-    """What is no longer the same."""
+    """The values that changed."""
     own, before = (json.decode(each) for each in (words, frozen))
     names = [name for name in own | before if own.get(name) != before.get(name)]
     return ", ".join(f"{name} is {own.get(name)!r}, was {before.get(name)!r}" for name in names)

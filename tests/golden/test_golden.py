@@ -1,4 +1,4 @@
-"""The first messages of each frozen world are what they were (`make golden`: all of 269,909 frames)."""
+"""The first messages of each frozen world are unchanged (`make golden`: all of 269,909 frames)."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ def test_frozen_world_is_answered_as_before(name: str) -> None:
 
 
 def said_by(name: str, way: Way) -> list[Any]:
-    """All that the first messages of a world say, but for the times of their sending."""
+    """All values of a world's first messages, except the times of sending."""
     some = islice(answers(load(name)[0], way), RECORDED[name])
     return [(pad, None if message is None else essence(message)) for pad, message, _ in some]
 
 
 @pytest.mark.parametrize("name", RECORDED)
 def test_snapshots_and_a_replay_change_no_bit(name: str) -> None:
-    """A snapshot is taken where a recording begins: the pad goes on as if there were none, and so does a replay."""
+    """A snapshot is taken where a recording begins: the pad continues unaffected, and so does a replay."""
     frames = RECORDED[name] // (4 if "samples" in name else len(load(name)[0].pads))
     assert said_by(name, Way(snapshots=50, anew=frames // 2)) == said_by(name, AS_ALWAYS)
 
@@ -93,7 +93,7 @@ def test_frozen_worlds_are_many_and_small() -> None:
 
 
 def test_frames_are_those_that_were_frozen() -> None:
-    """Of one world: `make golden` asks it of all."""
+    """Of one world: `make golden` checks it for all."""
     world, digest = load("steel")
     assert world.digest == digest
     world.pads[0].stream.counts[1000, 2, 1] += 1

@@ -1,8 +1,8 @@
 """Frozen worlds: the raw frames of one to three pads, with the configuration and the baseline of each.
 
-Counts are stored as a simulated pad's without noise, which compress to little; noise and faults are added from whole
-numbers when a world is read. What `record` wrote is stored with its noise. `digest` is of all that comes out, so that
-a machine that reads other frames says so.
+Counts are stored as a simulated pad's without noise, which compress well; noise and faults are added from whole numbers
+when a world is read. Recordings of `record` are stored with their noise. `digest` is of the decoded frames, so that a
+machine that reads other frames reports it.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ Event = Frame | EarlySample
 @dataclass(slots=True)
 class WorldPad:
     """noise: deviation in thousandths of a count; faults: see faults.py. is_early: each sample also comes before its
-    frame; comes_again: and once more after it. baseline: as a file has it; None: there is none. response: the file of a
-    skin's contact model."""
+    frame; comes_again: and once more after it. baseline: the content of its file; None: there is none. response: the
+    file of a skin's contact model."""
 
     config: dict[str, Any]
     baseline: dict[str, Any] | None
@@ -57,7 +57,7 @@ class WorldPad:
         return msgspec.convert(self.config, PadConfig)
 
     def events(self) -> Iterator[tuple[int, list[Event]]]:
-        """Yields what arrives, each with its place in the order of the pad's frames."""
+        """Yields each arrival with its index in the order of the pad's frames."""
         stream, chip = self.read(), CHIPS[self.settings.source.chip]
         arrive = apply(stream, self.faults, chip.largest_count, chip.saturated_count)
         for number in np.flatnonzero(arrive).tolist():
@@ -79,7 +79,7 @@ class WorldPad:
             yield number, [*early, frame, *(early if self.comes_again and number else ())]
 
     def read(self) -> Stream:
-        """The stream with its noise. A sample that is not fresh is the one before."""
+        """The stream with its noise. A sample that is not fresh repeats the last one."""
         copy = Stream(*(getattr(self.stream, name).copy() for name in DIFFERENCES))
         if self.noise:
             frames, *shape = copy.counts.shape
@@ -106,7 +106,7 @@ class World:
     pads: list[WorldPad]
 
     def events(self) -> Iterator[tuple[str, Event]]:
-        """Yields all that arrives, with the name of its pad."""
+        """Yields each arrival with the name of its pad."""
         own = [_placed(place, pad) for place, pad in enumerate(self.pads)]
         for _, _, name, events in heapq.merge(*own, key=lambda one: one[:2]):
             for event in events:

@@ -45,7 +45,7 @@ def _unit(random: np.random.Generator) -> np.ndarray:
 
 
 def _geometry(random: np.random.Generator, sensors: int) -> np.ndarray:
-    """Three scalars at each of `sensors` places in a box of 24 mm under the magnet; directions as they come."""
+    """Three scalars at each of `sensors` places in a box of 24 mm under the magnet; directions are random."""
     rows = np.zeros((3 * sensors, MEASUREMENT))
     rows[:, PLACE] = np.repeat(random.uniform([-12e-3, -12e-3, -4e-3], [12e-3, 12e-3, 2e-3], (sensors, 3)), 3, axis=0)
     rows[:, DIRECTION] = np.linalg.qr(random.normal(size=(sensors, 3, 3)))[0].reshape(-1, 3)
@@ -68,7 +68,7 @@ def _state(random: np.random.Generator, neighbours: int) -> State:
 
 
 def _parts(random: np.random.Generator, neighbours: int) -> np.ndarray:
-    """Any role for any part; a gradient or a neighbour is never free of a prior."""
+    """Any role for any part; a gradient or a neighbour always has a prior."""
     parts = np.zeros(SIZE + NEIGHBOUR_SIZE * neighbours, dtype=np.uint8)
     any_part = [Part.FREE, Part.PRIOR, Part.CONSIDERED, Part.FIXED]
     parts[:3] = random.choice([Part.FREE, Part.PRIOR], 3)

@@ -21,7 +21,7 @@ STRICT = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wshadow",
 
 
 def kernel_sources() -> list[Path]:
-    """What pyproject.toml compiles, without the binding."""
+    """The sources that pyproject.toml compiles, without the binding."""
     modules = parse((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"]
     extension = next(module for module in modules if module["name"] == "fmfts.pose._kernel")
     return [ROOT / source for source in extension["sources"] if not Path(source).name.startswith("_")]
@@ -111,7 +111,7 @@ def test_kernel_compiles_for_a_cortex_m3(tmp_path: Path) -> None:
 
 
 def test_kernel_allocates_nothing_and_keeps_nothing(tmp_path: Path) -> None:
-    """Its objects have no data of their own, and of the C library they need mathematics and memory moves only."""
+    """Its objects have no data of their own, and need only mathematics and memory moves of the C library."""
     needed: set[str] = set()
     for source in kernel_sources():
         target = tmp_path / f"{source.stem}.o"

@@ -1,4 +1,4 @@
-"""Steps of the product that no binding exports, as a library of their own: of the package that is imported."""
+"""Steps of the product that no binding exports, compiled as a separate library from the imported package's sources."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def part_of(record: Record) -> ctypes.c_void_p:
 
 
 def memory_between(first: str, last: str) -> Record:
-    """One struct of a pad's memory, whose fields these are the first and the last of."""
+    """One struct of a pad's memory, from its first to its last of these fields."""
     names = [name for name, _, _ in MEMORY]
     fields: Sequence[tuple[str, str, int]] = MEMORY[names.index(first) : names.index(last) + 1]
     return Record(fields)

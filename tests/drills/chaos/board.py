@@ -1,4 +1,4 @@
-"""A board on a pty whose every frame is written down: when it was taken, and what touched its pad."""
+"""A board on a pty that records every frame: when it was taken, and what touched its pad."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NOT_TOLD = Touch(0.0, 0.0, 0.0, 0)
 
 
 class Taken(NamedTuple):
-    """When a frame was taken, and what touched the pad. sampled_ns: when its newest sample was, maybe long before."""
+    """When a frame was taken, and what touched the pad. sampled_ns: time of its newest sample, maybe long before."""
 
     taken_ns: int
     touch: Touch
@@ -32,10 +32,9 @@ class Taken(NamedTuple):
 
 
 class ChaosBoard(Board):
-    """`tick` sends the frames that are due. `faults`: what is wrong now, each with the time at which it ends.
-
-    written: frames that the line took whole. lost: frames that were taken and never reached it, or were damaged.
-    again, overtaken: packets that ORDERS sent once more, or after a newer one.
+    """`tick` sends the frames that are due. `faults`: the present ones, each with its end. written: frames that the
+    line took completely. lost: frames that were taken but lost or damaged on the way. again, overtaken: packets that ORDERS
+    repeated, or sent after a newer one.
     """
 
     def __init__(self, link: Path, uid: bytes, library: Library, seed: int) -> None:
@@ -68,7 +67,7 @@ class ChaosBoard(Board):
             self._frame(time.monotonic_ns())
 
     def rested_ns(self, now_ns: int) -> int:
-        """When the finger left the pad; now, while it is there."""
+        """When the finger left the pad; the present time while it touches."""
         last = self.last_touch
         return now_ns if last.force_n > 0.0 else now_ns - last.standing * PERIOD_NS
 
@@ -115,7 +114,7 @@ class ChaosBoard(Board):
             self.lost += 1
 
     def _put(self, data: bytes) -> bool:
-        """False if the line took nothing of it: it was full. What it took in part is finished first."""
+        """False if the line was full and took nothing of it. What it took in part is finished first."""
         try:
             if self._rest:
                 self._rest = self._rest[os.write(self.master, self._rest) :]
@@ -128,7 +127,7 @@ class ChaosBoard(Board):
             return False
 
     def lines_ago(self, count: int) -> list[bytes]:
-        """So many lines of a second ago."""
+        """Send this many lines of a second ago."""
         return list(self._lines)[:count]
 
     def unplug(self) -> None:
@@ -141,7 +140,7 @@ class ChaosBoard(Board):
         self.is_plugged, self._rest = True, b""
 
     def reset(self, hello: bool) -> None:
-        """The firmware starts anew. hello: it comes through."""
+        """Restart the firmware. hello: it arrives."""
         self._born_ns = time.monotonic_ns()
         self.sequence = [0]
         self._lines.clear()

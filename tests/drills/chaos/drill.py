@@ -1,10 +1,10 @@
-"""Everything that can go wrong, at random, in pairs, on many touched pads, with random load: is any number wrong?
+"""Every fault at random, in pairs, on many touched pads, with random load: is any number wrong?
 
-    PYTHONPATH=tests python -m drills.chaos.drill --frames 10000000
-
-Boards on ptys write down each frame that they take: when, and what touched the pad. Each contact names its frame by a
-watermark, and is judged by that frame and by its true age. Every fault lasts for some tenths of a second, two at a time
-on one pad; a pad that is not `ok` again one second after the last of them ended is a latch.
+PYTHONPATH=tests python -m drills.chaos.drill --frames 10000000 Boards on ptys record when they took each frame, and
+what touched the pad. A watermark names the frame of each contact, which is judged by that frame and by its true
+age.
+Every fault lasts for some tenths of a second, two at a time on one pad; a pad that is not `ok` one second after its
+last fault counts as stuck.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ AHEAD = ("nice", "-n", "-10")
 
 @dataclass
 class Trouble:
-    """The faults of one pad, the last of which ends at `ends_ns`; 0: it is well, until `next_ns`."""
+    """The faults of one pad, the last of which ends at `ends_ns`; 0: it is healthy until `next_ns`."""
 
     faults: tuple[str, ...] = ()
     ends_ns: int = 0
@@ -95,7 +95,7 @@ class Drill:
         self._disturbed_ns = 0  # when the last fault of the whole computer ended
 
     def run(self, frames: int, seconds: float) -> dict[str, Any]:
-        """Until so many frames were made, or so many seconds have passed."""
+        """Run until this many frames were made, or this many seconds have passed."""
         put_ahead()
         self._daemon.wait_until_serving(self._tick, answer_s=0.05)
         judge = Judge(f"{self._daemon.base}/bus", self._boards)
@@ -186,7 +186,8 @@ class Drill:
         )
 
     def _is_latched(self, judge: Judge, name: str, since_ns: int, now_ns: int) -> bool:
-        """Whether the pad is not well again. any_age: by its frames' own times, however late they are published."""
+        """True if the pad has not recovered. any_age: judge by its frames' own times, however late they are
+        published."""
         if self._meanwhile_ends_ns:
             return False
         taken_ns, health = judge.judged_until.get(name, (0, ""))

@@ -1,4 +1,4 @@
-"""What can be wrong with a board's chips and with its line, frame by frame; and what can be wrong with the computer."""
+"""Faults of a board's chips and line, frame by frame; and faults of the computer."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ LineFault = Callable[["ChaosBoard", Sample, bytes, random.Random], tuple[bytes, 
 
 
 def _stale(now: Sample, old: Sample, dice: random.Random) -> Sample:
-    """No chip gives anything new, and the board does not notice."""
+    """No chip gives a new sample, and the board does not notice."""
     return replace(now, counts=old.counts, fresh=0)
 
 
 def _frozen(now: Sample, old: Sample, dice: random.Random) -> Sample:
-    """The same, and the board's clock stands."""
+    """The same, and the board's clock stands still."""
     return replace(now, counts=old.counts, fresh=0, time_us=old.time_us)
 
 
@@ -96,12 +96,12 @@ def _doubled(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random
 
 
 def _again(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
-    """Now and then some packets of a second ago come again."""
+    """Some packets of a second ago are repeated."""
     return (line + b"".join(board.lines_ago(dice.randrange(1, 12))) if dice.random() < 0.1 else line), True
 
 
 def _future(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
-    """Now and then a valid packet tells a time or a number that cannot be."""
+    """Some valid packets carry an impossible time or number."""
     if dice.random() > 0.05:
         return line, True
     other = replace(sample, time_us=min(sample.time_us + 2 ** dice.randrange(20, 48), 2**48 - 1))
@@ -116,7 +116,7 @@ def _tripled(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random
 
 
 def _burst(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
-    """The last few packets come again as they came."""
+    """The last few packets are repeated unchanged."""
     if dice.random() >= 0.3:
         return line, True
     burst = [*board.lines_ago(REPEATED)[-3:], line]

@@ -1,4 +1,4 @@
-"""Holds each published contact against the frame that it was made of, by the watermark in it, and by its true age."""
+"""Compares each published contact with the frame that its watermark names, and with its true age."""
 
 from __future__ import annotations
 
@@ -28,9 +28,8 @@ class Judge:
     """Listens to a daemon's contacts in a thread of its own. Read the counters after `close`.
 
     wrong: (pad, what, seconds since the start, contact). stale: `ok` although its samples were older than 100 ms.
-    false_times: `ok` with a `t_sample_ns` that is more than 30 ms off.
-    published: contacts of frames, by pad. unheard: contacts that this listener lost. ok_ns: when the frame of the last
-    `ok` contact of each pad was taken.
+    false_times: `ok` with a `t_sample_ns` that is wrong by more than 30 ms. published: contacts of frames, by pad.
+    unheard: contacts that this listener lost. ok_ns: when the frame of the last `ok` contact of each pad was taken.
     """
 
     def __init__(self, endpoint: str, boards: dict[str, ChaosBoard]) -> None:
@@ -132,14 +131,15 @@ class Judge:
                     self._note(f"{name} {value:.4f} ± {contact[deviation]:.4f}, not {truth:.4f}", contact)
 
     def _recent_faults(self, contact: dict[str, Any]) -> str:
-        """Those that are on now on its pad, or were within the last second."""
+        """Faults of its pad that are active, or were within the last second."""
         faults, now_ns = self._boards[contact["pad"]].faults, contact["t_publish_ns"]
         on = sorted(name for name, ends_ns in faults.items() if ends_ns > now_ns)
         over = sorted(name for name, ends_ns in faults.items() if now_ns - RECENT_NS < ends_ns <= now_ns)
         return f"on: {', '.join(on) or 'none'}; over: {', '.join(over) or 'none'}"
 
     def _is_beyond_telling(self, contact: dict[str, Any]) -> bool:
-        """A chip of its pad lies while another is left out: nine values, three of them wrong, for eight unknowns."""
+        """A chip of its pad gives false values while another is excluded: nine values, three of them false, for eight
+        unknowns."""
         faults, recent_ns = self._boards[contact["pad"]].faults, contact["t_publish_ns"] - RECENT_NS
         recent = {name for name, ends_ns in faults.items() if ends_ns > recent_ns}
         return not recent.isdisjoint(LYING) and len({OF_ONE_CHIP[name] for name in recent & OF_ONE_CHIP.keys()}) > 1

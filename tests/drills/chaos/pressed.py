@@ -1,7 +1,7 @@
-"""A pad that a finger presses by a script, as packets: what each frame's chips see, exactly, is known for ever.
+"""A pad that a script presses, as packets: the exact field at each frame's chips stays known.
 
-Every frame carries a watermark in its temperature, so that a contact names the frame that it was made of, whatever time
-it claims. The magnet follows that temperature, as a real one does.
+Every frame carries a watermark in its temperature, which names the frame of a contact whatever time that claims. The
+magnet follows that temperature, like a real one.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Touch(NamedTuple):
 
 
 def mark_c(mark: int) -> float:
-    """The temperature that a frame with this watermark tells."""
+    """The temperature that encodes this watermark."""
     return MIDDLE_C + (mark - MARKS // 2) * STEP_C
 
 
@@ -72,7 +72,7 @@ class Library:
         self.noise = random_.normal(0.0, CHIP.noise_t, (4096, 4, 3))
 
     def baseline(self, name: str, origin: Origin) -> bytes:
-        """The file of a baseline of this pad, recorded for three seconds before and after it was mounted."""
+        """The file of a baseline of this pad, recorded for three seconds before and three after mounting."""
         tolerance = CONFIG.tolerance.si()
         noise = np.full((4, 3), np.hypot(CHIP.noise_t, CHIP.step_t[GAIN_CODE, 0] / np.sqrt(12.0)))
         pad = _named(name)
@@ -96,7 +96,7 @@ class Finger:
         self._standing = 0
 
     def next(self) -> tuple[Touch, Array]:
-        """The next frame's touch, and the field (4, 3) T."""
+        """The next frame's touch, and its field (4, 3) in T."""
         at = self._at
         rising, falling = at - PAUSE, PAUSE + RAMP + HOLD + RAMP - at
         level = min(max(min(rising, falling), 0) * LEVELS // RAMP, LEVELS)
@@ -113,7 +113,7 @@ class Finger:
 
 
 def counts_of(library: Library, field_t: Array, mark: int) -> Array:
-    """What the chips tell (4, 3) of a field, with noise, while the magnet has the temperature of the watermark."""
+    """The chips' readings (4, 3) of a field, with noise, at the magnet temperature of the watermark."""
     warm = 1.0 + CONFIG.magnet.temperature_coefficient_per_k * (mark_c(mark) - MIDDLE_C)
     seen = field_t * warm + library.noise[library.dice.randrange(len(library.noise))]
     return np.rint(seen / CHIP.step_t[GAIN_CODE]).astype(np.int16)

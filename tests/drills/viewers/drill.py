@@ -1,8 +1,7 @@
-"""What Rerun, Foxglove and the MCAP project read of a recording: `make viewers`.
+"""How Rerun, Foxglove and the MCAP project read a recording: `make viewers`.
 
-Records a simulated pad, and has its ROS 2 messages read by Rerun's own reader and by `mcap-ros2-support` (of PyPI), and
-by Foxglove's own parsers (of npm). Each must find the numbers that the recording's own messages have, without a
-plug-in.
+Records a simulated pad; Rerun's own reader, `mcap-ros2-support` (of PyPI) and Foxglove's own parsers (of npm) read its
+ROS 2 messages. Each must find the numbers of the recording's own messages, without a plug-in.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ NPM += ("@foxglove/rosmsg2-serialization@3.1.0",)
 
 
 def own_contacts(recording: Path) -> dict[int, dict[str, Any]]:
-    """By the time of their sample (UTC); a key that is absent is not known."""
+    """Keyed by the time of their sample (UTC); an absent key means unknown."""
     with recording.open("rb") as file:
         bodies = [json.loads(message.data) for _, _, message in make_reader(file).iter_messages(["contact/left"])]
     return {body["utc_ns"] - (body["t_publish_ns"] - body["t_sample_ns"]): body for body in bodies}

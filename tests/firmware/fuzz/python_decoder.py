@@ -1,9 +1,7 @@
-"""A million random and damaged inputs to the Python decoder: no crash, and no packet that a CRC of our own refuses.
-
-    python tests/firmware/fuzz/python_decoder.py --inputs 1000000
-
-Every input is a golden line with bits flipped, bytes cut, doubled or replaced, or plain noise, and a whole golden line
-behind it, which must come through unless the damage ate the zero before it.
+"""A million random and damaged inputs to the Python decoder: no crash, and no packet that a separate CRC refuses.
+python tests/firmware/fuzz/python_decoder.py --inputs 1000000 Every input is a golden line with bits flipped, bytes cut,
+doubled or replaced, or plain noise, followed by a whole golden line, which must be decoded unless the damage hit the
+zero before it.
 """
 
 from __future__ import annotations
