@@ -1,7 +1,9 @@
 """Makes the harmful files in tests/data/harmful/: one folder a kind of file, as tests/drills/file_kinds.py names it.
 
-PYTHONPATH=tests:tests/unit python tests/data/make_harmful.py Each file once ended the daemon, filled the memory or
-took minutes. `make fuzz-files` keeps what it finds; add it here, too.
+    PYTHONPATH=tests:tests/unit python tests/data/make_harmful.py
+
+Each file once ended the daemon, filled the memory or took minutes. `make fuzz-files` keeps what it finds; add it here,
+too.
 """
 
 from __future__ import annotations

@@ -1,7 +1,10 @@
 """Measures how soon a packet of an AnySkin board is read, and the processor time: this daemon beside their own reader.
-pip install --no-deps --target DIR anyskin .venv/bin/python tests/drills/anyskin_latency.py --anyskin DIR Both read the
-same emulated board on a pty, one after the other. Each packet carries its number in a field. The daemon's time lasts
-until a subscriber has its frame, after pose and contact; theirs lasts until `get_sample` returns.
+
+    pip install --no-deps --target DIR anyskin
+    .venv/bin/python tests/drills/anyskin_latency.py --anyskin DIR
+
+Both read the same emulated board on a pty, one after the other. Each packet carries its number in a field. The daemon's
+time lasts until a subscriber has its frame, after pose and contact; theirs lasts until `get_sample` returns.
 """
 
 from __future__ import annotations

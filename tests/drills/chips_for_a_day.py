@@ -34,12 +34,13 @@ OTHER_READING_EVERY = 10  # the daemon polls stretches at twice the rate
 @dataclass(frozen=True)
 class Promise:
     """From the sources of lab/results/chip-facts.md, written here again. frames_hz: rate that the pad requests.
-    rate_hz: conversions a second; None if the driver starts each one, so that every frame has a new sample. That holds up
-        to twice frames_hz; at 380 Hz a slow chip is late after each check of its registers. noise_gauss: at that rate, in
-        the emulated chip. beyond_gauss: beyond its range, by axis. low_steps: the mean's loss through dropped lower bits.
-        sensitivity_per_k: relative, from 25 °C; the HMC5983 compensates all of it. has_film: a field beyond the range
-        spoils all axes until a set pulse. overwritten: the largest share of samples that the next one replaces before they
-        are read: between its status and its axes, where a check of the registers delayed the reading.
+
+    rate_hz: conversions a second; None if the driver starts each one, so that every frame has a new sample. That holds
+    up to twice frames_hz; at 380 Hz a slow chip is late after each check of its registers. noise_gauss: at that rate,
+    in the emulated chip. beyond_gauss: beyond its range, by axis. low_steps: the mean's loss through dropped lower
+    bits. sensitivity_per_k: relative, from 25 °C; the HMC5983 compensates all of it. has_film: a field beyond the range
+    spoils all axes until a set pulse. overwritten: the largest share of samples that the next one replaces before they
+    are read: between its status and its axes, where a check of the registers delayed the reading.
     """
 
     frames_hz: int

@@ -1,5 +1,6 @@
-"""The emulated chips compiled to machine code by mypyc from the same sources, which halves the time of a day. mypyc
-comes with mypy. Without it, or without a C compiler, the same Python runs as it is.
+"""The emulated chips compiled to machine code by mypyc from the same sources, which halves the time of a day.
+
+mypyc comes with mypy. Without it, or without a C compiler, the same Python runs as it is.
 """
 
 from __future__ import annotations

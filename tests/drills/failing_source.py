@@ -78,8 +78,9 @@ def metronome(missed: Synchronized[int], priority: int) -> None:
 
 @dataclass
 class Heard:
-    """For one kind of fault: sample times (ns) of the healthy pads, and the messages of the faulty pad. spans_ns: the
-    time in which each pad's samples are due.
+    """For one kind of fault: sample times (ns) of the healthy pads, and the messages of the faulty pad.
+
+    spans_ns: the time in which each pad's samples are due.
     """
 
     ok_ns: dict[str, list[int]] = field(default_factory=lambda: {name: [] for name in HEALTHY})

@@ -1,9 +1,11 @@
-"""Damages files of every kind at random, and demands that each reader fails with its own named error only. python
-tests/drills/file_fuzz.py --inputs 1000000 Half of the damages affect the bytes: bits flipped, bytes replaced, cut,
-doubled, inserted. The others affect the contents (file_damage.py): any value of a document becomes another one or is
-repeated, a container is rewritten with correct checksums and a false length, and the hash of a baseline is recomputed.
-No damaged file is accepted by chance: of the damages to bytes, a file with a hash must let none in that changes a
-number.
+"""Damages files of every kind at random, and demands that each reader fails with its own named error only.
+
+    python tests/drills/file_fuzz.py --inputs 1000000
+
+Half of the damages affect the bytes: bits flipped, bytes replaced, cut, doubled, inserted. The others affect the
+contents (file_damage.py): any value of a document becomes another one or is repeated, a container is rewritten with
+correct checksums and a false length, and the hash of a baseline is recomputed. No damaged file is accepted by chance:
+of the damages to bytes, a file with a hash must let none in that changes a number.
 
 Each input may take a second of the processor and the process 200 MB. An input that breaks a rule is kept, and named in
 the log. Each processor has a worker; the seed and the number of an input reproduce it.
@@ -67,8 +69,9 @@ def spoilt(kind: Kind, number: int, seed: int) -> tuple[bytes, bool]:
 
 
 def fuzzed(kind: Kind, folder: Path, numbers: Sequence[int], seed: int, limits: bool = False) -> Tried:
-    """The reader's answers to these inputs. AssertionError with the damage that was accepted. limits: also measure time
-    and memory, and compare them with LONGEST_S and LARGEST_MB.
+    """The reader's answers to these inputs. AssertionError with the damage that was accepted.
+
+    limits: also measure time and memory, and compare them with LONGEST_S and LARGEST_MB.
     """
     tried = Tried(kind.name)
     path = folder / "damaged"

@@ -57,9 +57,10 @@ POLLS, POLL_NS = 60, 5_000_000  # of a replayed recording
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file: an intact one, its reader, and the only error that the reader may raise. remade: rewrites one
-    with an error that no checksum shows; None: only bytes are damaged. hashed: a file whose bytes differ from the intact
-    one must be refused, or read the same. cost: of reading one, about, in ms.
+    """A kind of file: an intact one, its reader, and the only error that the reader may raise.
+
+    remade: rewrites one with an error that no checksum shows; None: only bytes are damaged. hashed: a file whose bytes
+    differ from the intact one must be refused, or read the same. cost: of reading one, about, in ms.
     """
 
     whole: bytes

@@ -30,8 +30,9 @@ LARGEST_READ = 1 << 20
 
 
 class Flooder:
-    """A peer. waiting: how many unanswered requests it may have. turns: how often it was to ask. held: how often most
-    of its requests were then still unanswered or unsent.
+    """A peer. waiting: how many unanswered requests it may have.
+
+    turns: how often it was to ask. held: how often most of its requests were then still unanswered or unsent.
     """
 
     def __init__(self, address: str, verb: str, waiting: int) -> None:

@@ -185,9 +185,11 @@ class Tca9548a:
 
 class Bus:
     """Muxes, and chips without one, on one pair of wires, byte by byte; `start` and `put` return whether any chip
-    acknowledged. bit_times: of all transfers, in periods of SCL (NXP UM10204). A START, a repeated START and a STOP
-    take one each, an address and each byte nine, with the acknowledgement. Between two transfers the wires are free for
-    tBUF, half a period (1.3 µs at 400 kHz), which does not count here.
+    acknowledged.
+
+    bit_times: of all transfers, in periods of SCL (NXP UM10204). A START, a repeated START and a STOP take one each, an
+    address and each byte nine, with the acknowledgement. Between two transfers the wires are free for tBUF, half a
+    period (1.3 µs at 400 kHz), which does not count here.
     """
 
     def __init__(self, muxes: Sequence[Tca9548a], chips: Sequence[Any] = ()) -> None:

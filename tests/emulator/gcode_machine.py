@@ -28,6 +28,7 @@ class Move:
 class GcodeMachine:
     """homing_mm_per_s: None homes immediately. z_limit_mm_per_s: faster feeds are clamped silently; 5 is stock Marlin.
     `switch_mm`: z of a limit switch that ends all motion below it. `stalled`: motors turn but nothing moves.
+
     backlash_mm: an axis that comes from above stands higher by this than commanded.
     """
 

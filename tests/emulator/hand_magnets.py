@@ -16,8 +16,10 @@ NAMES = ("knuckle", "middle", "still")
 
 @dataclass(frozen=True)
 class HandMagnets:
-    """Magnets that two joints move. `field` replaces a Source's neighbours. moment_am2: of the finger's magnet; the
-    motor's is half. period_s: of the knuckle; the other joint's is longer. stiff: the joints keep their initial position.
+    """Magnets that two joints move. `field` replaces a Source's neighbours.
+
+    moment_am2: of the finger's magnet; the motor's is half. period_s: of the knuckle; the other joint's is longer.
+    stiff: the joints keep their initial position.
     """
 
     moment_am2: float = 0.02

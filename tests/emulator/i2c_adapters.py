@@ -50,9 +50,10 @@ Rule = Callable[[Sequence[Message]], int]  # the errno of a refusal, 0: none
 
 class Adapter(NamedTuple):
     """device: its path in /sys, whose last part is the device that `driver` drives. name: as in its sysfs file.
-    no_answer: errno for an address that nobody acknowledges. write_s, exchange_s: minimum times of a write, and of a write
-    with a read. Each report to a full-speed HID device waits for a frame of USB (1 ms): the FT260 takes one for a write and
-    two for both, the CP2112 two and three, the MCP2221 two and four, and its driver sleeps 1 ms after each.
+
+    no_answer: errno for an address that nobody acknowledges. write_s, exchange_s: minimum times of a write, and of a
+    write with a read. Each report to a full-speed HID device waits for a frame of USB (1 ms): the FT260 takes one for a
+    write and two for both, the CP2112 two and three, the MCP2221 two and four, and its driver sleeps 1 ms after each.
     """
 
     device: str

@@ -7,9 +7,11 @@ import time
 
 
 def slowed(pace: float, since_s: float | None = None) -> dict[str, str]:
-    """The environment in which `pace` seconds pass in one of ours. since_s: time.monotonic() when the slowed clock
-    agreed with ours; None: when the process starts, so that each process has another clock. Not through `faketime` itself:
-        it stays the parent, and would get the signal instead of the process.
+    """The environment in which `pace` seconds pass in one of ours.
+
+    since_s: time.monotonic() when the slowed clock agreed with ours; None: when the process starts, so that each
+    process has another clock. Not through `faketime` itself: it stays the parent, and would get the signal instead of
+    the process.
     """
     behind_s = 0.0 if since_s is None else (pace - 1.0) * (time.monotonic() - since_s)
     shown = subprocess.run(

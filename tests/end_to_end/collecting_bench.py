@@ -103,9 +103,10 @@ class SimulatedClock:
 
 
 class PressedBench:
-    """The pad under the rod. `pad` may be moved, which changes the board's field, as after a knock. real_time: by the
-    real clock, in a thread of its own; else time passes in `clock` alone. told_delay_s: the gauge's delay in the
-    configuration, None for the true one.
+    """The pad under the rod. `pad` may be moved, which changes the board's field, as after a knock.
+
+    real_time: by the real clock, in a thread of its own; else time passes in `clock` alone. told_delay_s: the gauge's
+    delay in the configuration, None for the true one.
     """
 
     def __init__(

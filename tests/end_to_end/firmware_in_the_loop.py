@@ -66,8 +66,9 @@ class EmulatedBoard(FirmwareHost):
 
 
 class PressedPad:
-    """Presses the board's pad as `finger` defines, in real time; before `press` nothing touches it. ambient_t: uniform
-    field (3,) besides the magnet's, in pad axes.
+    """Presses the board's pad as `finger` defines, in real time; before `press` nothing touches it.
+
+    ambient_t: uniform field (3,) besides the magnet's, in pad axes.
     """
 
     def __init__(self, board: FirmwareHost, pad: Pad, ambient_t: np.ndarray | float = 0.0) -> None:

@@ -89,6 +89,7 @@ class FirmwareHost:
 
 class RunningDaemon:
     """`fmfts-daemon run` with sockets, state and log in `folder`. endpoint, keys: set by its configuration alone.
+
     through: words of a command that starts the daemon, such as prlimit.
     """
 

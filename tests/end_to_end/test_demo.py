@@ -20,8 +20,9 @@ PAPER_DEMO = (sys.executable, ROOT / "tests" / "end_to_end" / "paper_demo.py")
 
 
 def started(command: tuple[str | Path, ...]) -> subprocess.Popen[str]:
-    """In a process group of its own, as a shell starts it: Ctrl-C reaches all of them. nohup, or a shell's background,
-    where the tests may run, would make the demo ignore a hangup, or Ctrl-C.
+    """In a process group of its own, as a shell starts it: Ctrl-C reaches all of them.
+
+    nohup, or a shell's background, where the tests may run, would make the demo ignore a hangup, or Ctrl-C.
     """
     pipe = subprocess.PIPE
     return subprocess.Popen(

@@ -1,8 +1,10 @@
-"""Damages messages between peers, and demands that each decoder refuses them with its own errors. python
-tests/fuzz/peers.py --seconds 60 `control`: requests to the daemon; only BadRequestError may come out, with a text that
-can be encoded. `messages`: a client's input from the bus and from an answer; only MessageError, SchemaError and
-ControlError may come out. Each input is a real message in which a value or a key is replaced, a key is dropped, or
-bytes are damaged.
+"""Damages messages between peers, and demands that each decoder refuses them with its own errors.
+
+    python tests/fuzz/peers.py --seconds 60
+
+`control`: requests to the daemon; only BadRequestError may come out, with a text that can be encoded. `messages`: a
+client's input from the bus and from an answer; only MessageError, SchemaError and ControlError may come out. Each input
+is a real message in which a value or a key is replaced, a key is dropped, or bytes are damaged.
 
 The seed and the number of an input reproduce it: --seed 1 --first 4711 --inputs 1.
 """

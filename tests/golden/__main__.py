@@ -1,4 +1,5 @@
 """Replays all frozen worlds and judges them (`make golden`), or freezes the present messages (`make golden-freeze`).
+
 --way recorded: with a snapshot of the state after every 500th frame.
 """
 

@@ -23,8 +23,10 @@ from golden.world import World, WorldPad
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """snapshots: take a pad's state after this many frames, as when a recording begins; 0: never. anew: the frame of
-    the first pad from which other pipelines continue with the states of all, as in a replay; 0: never.
+    """snapshots: take a pad's state after this many frames, as when a recording begins; 0: never.
+
+    anew: the frame of the first pad from which other pipelines continue with the states of all, as in a replay; 0:
+    never.
     """
 
     snapshots: int = 0

@@ -32,9 +32,10 @@ class Taken(NamedTuple):
 
 
 class ChaosBoard(Board):
-    """`tick` sends the frames that are due. `faults`: the present ones, each with its end. written: frames that the
-    line took completely. lost: frames that were taken but lost or damaged on the way. again, overtaken: packets that ORDERS
-    repeated, or sent after a newer one.
+    """`tick` sends the frames that are due. `faults`: the present ones, each with its end.
+
+    written: frames that the line took completely. lost: frames that were taken but lost or damaged on the way. again,
+    overtaken: packets that ORDERS repeated, or sent after a newer one.
     """
 
     def __init__(self, link: Path, uid: bytes, library: Library, seed: int) -> None:

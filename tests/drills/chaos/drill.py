@@ -1,10 +1,10 @@
 """Every fault at random, in pairs, on many touched pads, with random load: is any number wrong?
 
-PYTHONPATH=tests python -m drills.chaos.drill --frames 10000000 Boards on ptys record when they took each frame, and
-what touched the pad. A watermark names the frame of each contact, which is judged by that frame and by its true
-age.
-Every fault lasts for some tenths of a second, two at a time on one pad; a pad that is not `ok` one second after its
-last fault counts as stuck.
+    PYTHONPATH=tests python -m drills.chaos.drill --frames 10000000
+
+Boards on ptys record when they took each frame, and what touched the pad. A watermark names the frame of each contact,
+which is judged by that frame and by its true age. Every fault lasts for some tenths of a second, two at a time on one
+pad; a pad that is not `ok` one second after its last fault counts as stuck.
 """
 
 from __future__ import annotations

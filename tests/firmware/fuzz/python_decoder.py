@@ -1,7 +1,9 @@
 """A million random and damaged inputs to the Python decoder: no crash, and no packet that a separate CRC refuses.
-python tests/firmware/fuzz/python_decoder.py --inputs 1000000 Every input is a golden line with bits flipped, bytes cut,
-doubled or replaced, or plain noise, followed by a whole golden line, which must be decoded unless the damage hit the
-zero before it.
+
+    python tests/firmware/fuzz/python_decoder.py --inputs 1000000
+
+Every input is a golden line with bits flipped, bytes cut, doubled or replaced, or plain noise, followed by a whole
+golden line, which must be decoded unless the damage hit the zero before it.
 """
 
 from __future__ import annotations
