@@ -93,7 +93,7 @@ def test_client_is_valid_up_to_the_named_force_deviation(
     assert eventually(given, lambda answer: answer.get("seq") == 60 and answer["fresh"])["valid"] is valid
 
 
-def test_latest_after_a_pause_skips_what_waited(client: Talker, publisher: Publisher) -> None:
+def test_latest_after_a_pause_skips_waiting_messages(client: Talker, publisher: Publisher) -> None:
     def after_a_pause() -> dict[str, Any]:
         while client.latest(50)["result"] == NEW:  # of an attempt whose last messages came after the pause
             pass
@@ -112,14 +112,14 @@ def test_delayed_message_is_not_returned_as_new(client: Talker, publisher: Publi
     assert (answer["result"], answer["alive"], answer["valid"]) == (NOTHING, False, False)
 
 
-def test_daemon_that_speaks_of_old_samples_is_alive_and_pad_not_fresh(client: Talker, publisher: Publisher) -> None:
+def test_daemon_that_repeats_old_samples_is_alive_but_not_fresh(client: Talker, publisher: Publisher) -> None:
     publisher.send_contact("demo", contact_message(seq=7, t_sample_ns=time.monotonic_ns() - 400_000_000))
     answer = eventually(lambda: client.latest(100), lambda answer: answer.get("seq") == 7)
     assert (answer["alive"], answer["fresh"], answer["valid"]) == (True, False, False)
     assert 0.4 <= answer["sample_age_s"] < LIVENESS_S
 
 
-def test_timeout_is_waited_for_and_ended_by_what_comes(client: Talker, publisher: Publisher) -> None:
+def test_wait_ends_with_a_message_or_the_timeout(client: Talker, publisher: Publisher) -> None:
     start = time.monotonic()
     assert client.latest(150)["result"] == NOTHING
     assert time.monotonic() - start >= 0.15

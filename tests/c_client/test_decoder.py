@@ -72,7 +72,7 @@ def test_every_field_of_every_contact_is_read_as_it_was_encoded(c_client: Talker
 
 @given(contacts, st.data())
 @settings(max_examples=40)
-def test_order_unknown_keys_and_other_widths_of_numbers_do_not_matter(
+def test_key_order_unknown_keys_and_number_widths_do_not_matter(
     c_client: Talker, contact: ContactMessage, data: st.DataObject
 ) -> None:
     message = msgpack.unpackb(encode(contact))
@@ -264,7 +264,7 @@ def test_non_finite_number_is_refused_everywhere(c_client: Talker) -> None:
         {"x_m": None},
     ],
 )
-def test_unmeasured_facts_are_not_called_measured(c_client: Talker, change: dict[str, Any]) -> None:
+def test_contact_with_unmeasured_facts_is_not_measured(c_client: Talker, change: dict[str, Any]) -> None:
     assert not read(c_client.decode(encode(contact_message(**change))))["measured"]
 
 

@@ -52,7 +52,7 @@ def told(host: Path, folder: Path, **changed: Any) -> tuple[list[dict[str, Any]]
     return [json.loads(line) for line in output.splitlines()], Contact.from_message(msgspec.to_builtins(message))
 
 
-def test_interfaces_are_wrench_of_contact_and_nan_while_nothing_comes(host: Path, tmp_path: Path) -> None:
+def test_interfaces_hold_the_wrench_and_nan_in_silence(host: Path, tmp_path: Path) -> None:
     read, contact = told(host, tmp_path, shear_x_n=0.4, shear_x_sd_n=0.1, shear_y_n=-0.3, shear_y_sd_n=0.1)
     assert tuple(read[0]) == FORCES
     wrench = wrench_of(contact, HEIGHT_M)
@@ -62,13 +62,13 @@ def test_interfaces_are_wrench_of_contact_and_nan_while_nothing_comes(host: Path
     assert set(read[-1].values()) == {None}, "a silent daemon"
 
 
-def test_unknown_shear_is_zero_where_it_was_asked_for(host: Path, tmp_path: Path) -> None:
+def test_unknown_shear_is_zero_if_so_configured(host: Path, tmp_path: Path) -> None:
     read, contact = told(host, tmp_path, shear_x_n=None, shear_x_sd_n=None, shear_y_n=None, shear_y_sd_n=None)
     wrench = wrench_of(contact, HEIGHT_M, 0.0)
     known = [list(each.values()) for each in read if each["tip/force.z"] is not None]
     assert known[0] == pytest.approx([*wrench.force_n, *wrench.torque_nm], rel=1e-12)
 
 
-def test_pad_that_may_not_be_acted_upon_is_nan(host: Path, tmp_path: Path) -> None:
+def test_unusable_pad_gives_nan(host: Path, tmp_path: Path) -> None:
     read, _ = told(host, tmp_path, health="disturbed", reason="steel")
     assert all(value is None for each in read for value in each.values())

@@ -28,7 +28,7 @@ def test_random_bytes_between_frames_bring_no_wrong_number(tmp_path: Path) -> No
     recovery.garbage(tmp_path, 50_000)
 
 
-def test_storm_of_nacks_brings_no_wrong_number_and_passes(tmp_path: Path) -> None:
+def test_storm_of_nacks_gives_no_wrong_number_and_pad_recovers(tmp_path: Path) -> None:
     recovery.nack_storm(tmp_path, 2.0)
 
 
@@ -70,7 +70,7 @@ def test_wrong_anyskin_baud_rate_is_reported_and_recovers(tmp_path: Path) -> Non
     anyskin_drills.other_baud(tmp_path, 2)
 
 
-def test_pairs_of_faults_bring_no_wrong_number_and_end_with_their_causes(tmp_path: Path) -> None:
+def test_pairs_of_faults_give_no_wrong_number_and_recover(tmp_path: Path) -> None:
     facts = Drill(tmp_path, pads=3, seed=1, any_age=True).run(frames=1_000_000, seconds=12.0)
     assert {name: facts[name] for name in MUST_BE_NONE} == dict.fromkeys(MUST_BE_NONE, 0), facts
     assert facts["judged_pressed"] > 0, facts

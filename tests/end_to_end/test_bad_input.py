@@ -36,7 +36,7 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDaemon]:
         pytest.param('[pad.contact]\nmodel = "nothing.onnx"\n', ["nothing.onnx"], id="absent model"),
     ],
 )
-def test_wrong_configuration_ends_with_78_and_names_what(tmp_path: Path, line: str, told: list[str]) -> None:
+def test_wrong_configuration_exits_with_78_and_names_the_key(tmp_path: Path, line: str, told: list[str]) -> None:
     path = tmp_path / "wrong.toml"
     path.write_text(SIMULATED_CONFIG + line)
     ended = run_command("run", "--config", path)

@@ -83,7 +83,7 @@ class TestStream:
         assert after.garbage_bytes > garbage_before
         daemon.wait_for(lambda contact: contact.health == "ok")
 
-    def test_truncated_packet_takes_at_most_the_next_one_along(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
+    def test_truncated_packet_costs_at_most_the_next_one(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
         def truncate() -> None:
             for _ in range(5):
                 host.tell("truncate")
@@ -161,7 +161,7 @@ class TestSensors:
         lost = daemon.wait_for(lambda contact: contact.health == "lost")
         assert (lost.pose, lost.force_n, lost.contact) == (None, None, None)
 
-    def test_dead_mux_makes_no_contact(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
+    def test_dead_mux_causes_no_contact(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
         host.tell("mux 0 unplugged")
         lost = daemon.wait_for(lambda contact: contact.health in ("lost", "stale"))
         assert lost.contact is None

@@ -16,7 +16,7 @@ def test_every_command_of_the_page_is_found() -> None:
     assert typed == [["init", "--i2c"], ["probe"], ["baseline", "--bare"], ["baseline", "--rest"]]
 
 
-def test_guide_misses_absent_lines_but_ignores_other_figures() -> None:
+def test_guide_reports_absent_lines_but_ignores_other_figures() -> None:
     step = Step("x", ("position: (0.000, 1.000) mm", "faults: none"))
     assert step.missing("position: (-0.013, 0.980) mm\nfaults: none\n") == []
     assert step.missing("position: (0, 1) mm\nfaults: sensor 1\n") == ["faults: none"]

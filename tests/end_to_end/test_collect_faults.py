@@ -80,7 +80,7 @@ def test_rod_is_lifted_when_the_gauge_is_unplugged(quick_bench: PressedBench) ->
 
 
 @both_dialects
-def test_stock_machine_begins_to_lift_as_soon(bench: PressedBench) -> None:
+def test_stock_machine_begins_to_lift_equally_soon(bench: PressedBench) -> None:
     ended(bench, bench.gauge.unplug)
     assert bench.lifted_after_s is not None
     print(f"off the pad after {bench.lifted_after_s * 1e3:.0f} ms")
@@ -212,7 +212,7 @@ def test_guard_is_left_to_lift_rod_when_lifting_is_interrupted(
     assert left_to_lift == [True]
 
 
-def test_killed_work_goes_on_with_no_row_lost_and_none_doubled(bench: PressedBench) -> None:
+def test_killed_work_continues_without_lost_or_doubled_rows(bench: PressedBench) -> None:
     table = bench.folder / "data.csv"
     grid = plan(bench.folder, TWO_PLACES_FOUR_FORCES)
     killed_bench = bench.folder / "killed"

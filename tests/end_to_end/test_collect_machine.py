@@ -82,7 +82,7 @@ def test_rise_from_a_long_way_down_ends_that_way(tmp_path: Path, dialect: str) -
 
 
 @both_dialects
-def test_rise_after_a_power_failure_leads_up_whatever_zero_is(tmp_path: Path, dialect: str) -> None:
+def test_rise_after_a_power_failure_leads_up_from_any_zero(tmp_path: Path, dialect: str) -> None:
     """Machine coordinates are negative on a machine that homes to its upper end: "up to -5" would lead down from 0."""
     with stock_machine(tmp_path, dialect) as (emulated, config, clock):
         emulated.home[2] = -1.0

@@ -75,7 +75,7 @@ def test_second_daemon_is_refused_whatever_the_transport(daemon: RunningDaemon) 
 
 @pytest.mark.parametrize("verb", [("probe",), RECORD, ("status",), ("listen", "--seconds", "1")])
 @pytest.mark.parametrize("place", ["nonsense", "open directory"])
-def test_unusable_endpoint_is_a_sentence(tmp_path: Path, verb: tuple[str, ...], place: str) -> None:
+def test_unusable_endpoint_is_reported_in_a_sentence(tmp_path: Path, verb: tuple[str, ...], place: str) -> None:
     (tmp_path / "fmfts").mkdir(mode=0o755)
     environment = os.environ | {
         "XDG_RUNTIME_DIR": str(tmp_path),
@@ -88,7 +88,7 @@ def test_unusable_endpoint_is_a_sentence(tmp_path: Path, verb: tuple[str, ...], 
 
 
 @pytest.mark.parametrize("verb", [("run",), RECORD])
-def test_unusable_state_directory_is_a_sentence(tmp_path: Path, verb: tuple[str, ...]) -> None:
+def test_unusable_state_directory_is_reported_in_a_sentence(tmp_path: Path, verb: tuple[str, ...]) -> None:
     config = tmp_path / "config.toml"
     config.write_text(STILL_CONFIG)
     environment = os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}", "XDG_STATE_HOME": "/proc/x"}
@@ -178,7 +178,7 @@ class TestDamagedBaseline:
         without_traceback(damaged.command("baseline", "--restore", "--config", damaged.config), 0)
         damaged.wait_for(lambda contact: contact.health == "ok")
 
-    def test_last_good_one_comes_back_without_a_daemon(self, damaged: RunningDaemon) -> None:
+    def test_last_good_baseline_is_restored_without_a_daemon(self, damaged: RunningDaemon) -> None:
         damaged.stop()
         without_traceback(damaged.command("baseline", "--restore", "--config", damaged.config), 0)
         damaged.start()

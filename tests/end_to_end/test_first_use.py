@@ -12,7 +12,7 @@ def test_transcript_in_the_manual_is_what_is_printed_today(tmp_path: Path) -> No
     assert stable(shown(PAGE.read_text())) == stable(transcript(tmp_path))
 
 
-def test_transcript_has_every_command_of_list_above_it_up_to_rest_baseline() -> None:
+def test_transcript_has_each_listed_command_up_to_rest_baseline() -> None:
     text = PAGE.read_text()
     for command in COMMANDS[1:]:
         words = command.removeprefix("fmfts-daemon ").removesuffix(" --config pad.toml").split()

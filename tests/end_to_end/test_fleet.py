@@ -121,7 +121,7 @@ def test_killed_robot_is_lost_and_the_others_go_on_without_a_gap(robots: Robots,
         assert listener.numbers == list(range(first, last + 1))
 
 
-def test_robot_that_comes_back_is_there_again(robots: Robots, fleet: OpenPage) -> None:
+def test_returning_robot_is_shown_again(robots: Robots, fleet: OpenPage) -> None:
     robots.daemons["leg"].process.kill()
     robots.daemons["leg"].process.wait()
     fleet.until(are("lost", "leg"))
@@ -130,9 +130,7 @@ def test_robot_that_comes_back_is_there_again(robots: Robots, fleet: OpenPage) -
     assert told["leg"]["pads"] == 1
 
 
-def test_robot_that_stands_still_with_its_connections_open_is_lost_and_comes_back(
-    robots: Robots, fleet: OpenPage
-) -> None:
+def test_stopped_robot_with_open_connections_is_lost_and_back(robots: Robots, fleet: OpenPage) -> None:
     """Like one whose network is cut: no connection is closed, and nothing arrives."""
     robots.daemons["arm"].process.send_signal(signal.SIGSTOP)
     try:
@@ -265,7 +263,7 @@ def test_fleet_page_without_token_receives_nothing(view: View, fleet: OpenPage) 
             assert closed.value.rcvd.code == 4401
 
 
-def test_view_itself_needs_little_of_processor_and_no_more_memory_with_time(view: View, fleet: OpenPage) -> None:
+def test_fleet_view_needs_little_processor_and_constant_memory(view: View, fleet: OpenPage) -> None:
     for _ in range(3):  # it may have just started
         before_s, before_kb = view.processor_s, view.resident_kb
         time.sleep(5.0)

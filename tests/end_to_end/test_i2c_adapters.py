@@ -68,7 +68,7 @@ def test_smbus_controller_is_refused_by_probe_and_init(tmp_path: Path) -> None:
         assert "/dev/i2c-7 (SMBus I801 adapter at efa0, driver i801_smbus) is an SMBus controller" in told
 
 
-def test_refused_transfer_names_the_adapter_and_not_the_wires(tmp_path: Path) -> None:
+def test_refused_transfer_blames_the_adapter_not_the_wires(tmp_path: Path) -> None:
     """An FT260 writes at most two bytes before it reads, and a register of an MLX90393 takes four."""
     source = 'chip = "mlx90393"\nrange_gauss = 132.0\nrate_hz = 50\nchannels = []\n'
     code, said = probed(tmp_path, source, "mlx90393", 12, 13, 14, 15, adapter="ft260")

@@ -47,7 +47,7 @@ def test_four_sensors_arrive_as_counts_with_age_freshness_and_temperature(kernel
 
 
 @pytest.mark.real_time
-def test_samples_come_before_their_frames_where_they_are_wanted(kernel: KernelBus) -> None:
+def test_samples_come_before_their_frames_if_requested(kernel: KernelBus) -> None:
     source = kernel.open(pad(publish="sample", rate_hz=SLOW_RATE_HZ))
     early: list[EarlySample] = []
     held: set[tuple[int, int]] = set()
@@ -67,7 +67,7 @@ def test_samples_come_before_their_frames_where_they_are_wanted(kernel: KernelBu
     assert source.state.warnings == {}
 
 
-def test_foreign_user_of_the_mux_makes_no_early_sample(kernel: KernelBus) -> None:
+def test_foreign_access_to_the_mux_gives_no_early_sample(kernel: KernelBus) -> None:
     source = kernel.open(pad(publish="sample", rate_hz=SLOW_RATE_HZ))
     early: list[EarlySample] = []
 
@@ -110,14 +110,14 @@ def test_simultaneous_conversions_share_one_time(kernel: KernelBus) -> None:
     assert kernel.report()["conflicts"] == 0
 
 
-def test_saturated_axis_reads_overflow_and_nothing_else_suffers(kernel: KernelBus) -> None:
+def test_saturated_axis_reads_overflow_without_other_effects(kernel: KernelBus) -> None:
     kernel.chip(2, field_gauss=[0.1, 5.0, 0.2])
     frame = run(kernel.open(pad()), all_valid)[-1]
     assert np.argwhere(frame.overflow).tolist() == [[2, 1]]
     assert np.isnan(frame.field_t).sum() == 1
 
 
-def test_one_sensor_that_does_not_answer_leaves_others_and_comes_back(kernel: KernelBus) -> None:
+def test_silent_sensor_does_not_affect_others_and_comes_back(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)
     kernel.chip(2, absent=True)
@@ -144,7 +144,7 @@ def test_another_chip_is_named_by_its_answer(kernel: KernelBus) -> None:
     assert not frames[-1].valid[0]
 
 
-def test_mux_that_does_not_answer_is_blamed_and_not_its_sensors(kernel: KernelBus) -> None:
+def test_silent_mux_is_blamed_instead_of_its_sensors(kernel: KernelBus) -> None:
     kernel.order(mux=0, set={"absent": True})
     source = kernel.open(pad())
     run(source, lambda frames: len(source.state.sensor_faults) == 4)

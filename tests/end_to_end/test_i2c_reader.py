@@ -62,7 +62,7 @@ def test_reader_that_dies_is_started_again(kernel: KernelBus) -> None:
     assert source.state.reconnects == 1
 
 
-def test_killed_reader_is_not_blamed_on_its_last_line(kernel: KernelBus) -> None:
+def test_killed_readers_last_line_is_not_given_as_the_cause(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)
 

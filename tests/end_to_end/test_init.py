@@ -80,7 +80,7 @@ def test_init_names_the_places_of_chips_unless_there_are_four() -> None:
     assert of_one.startswith("pad2: 1 chip found (mux 0x70, channels 4)")
 
 
-def test_init_says_which_pads_may_be_two_halves_of_one() -> None:
+def test_init_reports_pads_that_may_be_halves_of_one() -> None:
     halves = [
         {"i2c_port": 1, "mux_address": mux, "channels": channels, "identification": ["48 34 33"] * 4}
         for mux, channels in ((0x70, [0, 1, 2, 3]), (0x70, [4, 5, 6, 7]), (0x71, [0, 1, 2, 3]))
@@ -136,7 +136,7 @@ def test_init_without_a_board_says_what_was_tried(tmp_path: Path) -> None:
     assert not (tmp_path / "pad.toml").exists()
 
 
-def test_init_on_a_computer_without_ports_says_what_needs_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_init_without_ports_suggests_the_simulated_pad(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serial_port, "candidates", list)
     with pytest.raises(VerbError, match=r"there is no .*--simulated needs none"):
         init_config._on_ports(None)

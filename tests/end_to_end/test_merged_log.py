@@ -167,9 +167,7 @@ def forces(table: Path) -> list[float]:
     return [float(row["force_n"]) for row in rows(table) if row["press"] != "0"]
 
 
-def test_presses_by_zero_that_jumped_are_refused_and_no_other_is_wrong(
-    tmp_path: Path, folder: Path, machine: Machine
-) -> None:
+def test_presses_after_a_jump_of_the_zero_are_refused(tmp_path: Path, folder: Path, machine: Machine) -> None:
     for jump_n in (-0.3, 0.3):
         log, table = write_log(tmp_path / "log.csv", machine), tmp_path / f"{jump_n}.csv"
 
@@ -199,7 +197,7 @@ def test_log_of_a_rod_beside_the_pad_makes_no_press(tmp_path: Path, folder: Path
     assert len(forces(tmp_path / "data.csv")) == len(PRESSES) - 2
 
 
-def test_log_that_makes_no_row_is_refused_and_leaves_no_table(tmp_path: Path, folder: Path, machine: Machine) -> None:
+def test_log_without_a_usable_row_is_refused_without_a_table(tmp_path: Path, folder: Path, machine: Machine) -> None:
     def moving(share: float, cells: list[float]) -> None:
         cells[0] = 1e3 * share
 

@@ -34,7 +34,7 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDaemon]:
         yield daemon
 
 
-def test_python_client_gets_touch_and_displacement_and_calls_it_not_valid(daemon: RunningDaemon) -> None:
+def test_python_client_gets_invalid_touch_and_displacement(daemon: RunningDaemon) -> None:
     contact = daemon.wait_for(lambda contact: contact.contact is True and (contact.displacement_m or 0.0) > PRESSED_M)
     assert contact.displacement_sd_m is not None
     assert 0.0 < contact.displacement_sd_m < PRESSED_M
@@ -42,7 +42,7 @@ def test_python_client_gets_touch_and_displacement_and_calls_it_not_valid(daemon
     assert contact.reason.startswith(REASON)
 
 
-def test_c_client_gets_touch_and_displacement_and_calls_it_not_measured(daemon: RunningDaemon, tmp_path: Path) -> None:
+def test_c_client_gets_unmeasured_touch_and_displacement(daemon: RunningDaemon, tmp_path: Path) -> None:
     program = build_listener(tmp_path)
     with Talker(program, "odd", daemon.base) as client:
         answer = eventually(

@@ -65,7 +65,7 @@ def reader_of(daemon: RunningDaemon, other_than: int = 0) -> int:
 
 
 @needs_the_right
-def test_reader_comes_first_as_loop_does_and_so_does_one_after_it(kernel: KernelBus, tmp_path: Path) -> None:
+def test_reader_and_its_successor_have_the_loops_priority(kernel: KernelBus, tmp_path: Path) -> None:
     with RunningDaemon(tmp_path, CONFIG.format(priority=PRIORITY)) as daemon:
         reader = reader_of(daemon)
         assert scheduling(daemon.process.pid) == FIRST

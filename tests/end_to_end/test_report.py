@@ -59,7 +59,7 @@ def shape(facts: Any) -> Any:
     return [shape(facts[0])] if isinstance(facts, list) and facts and isinstance(facts[0], dict) else None
 
 
-def test_report_of_chips_on_a_bus_holds_what_the_kept_one_holds(tmp_path: Path) -> None:
+def test_report_of_chips_on_a_bus_has_the_kept_reports_facts(tmp_path: Path) -> None:
     with kernel_bus("qmc5883l"):
         made = Made(tmp_path, QMC_CONFIG, "--seconds", "2")
     kept = facts_of(KEPT)

@@ -63,7 +63,7 @@ def contacts_of(daemon: RunningDaemon, seconds: float) -> list[Contact]:
     return found
 
 
-def test_every_sample_makes_a_contact_and_now_goes_on(tapped: RunningDaemon) -> None:
+def test_every_sample_makes_a_contact_and_updates_now(tapped: RunningDaemon) -> None:
     """Four chips and the frames: five times as many contacts as frames, which differ only in `now`."""
     contacts = contacts_of(tapped, 3.0)
     frames = len({contact.t_sample_ns for contact in contacts})

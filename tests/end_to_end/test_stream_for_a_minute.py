@@ -28,7 +28,7 @@ def _resident_kb(pid: int) -> int:
 
 @pytest.mark.slow
 @pytest.mark.real_time
-def test_minute_at_220_hz_loses_nothing_and_grows_nothing(tmp_path: Path, pad: Pad) -> None:
+def test_minute_at_220_hz_loses_no_frame_and_leaks_no_memory(tmp_path: Path, pad: Pad) -> None:
     """Solving and publishing every frame of one pad from the firmware's own bytes, on a pty."""
     with FirmwareHost(tmp_path) as host, RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port)) as daemon:
         host.field(resting_field(pad))

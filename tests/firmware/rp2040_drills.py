@@ -129,7 +129,7 @@ def test_pico_boots_says_hello_and_streams_every_frame(opened: Callable[..., Str
     assert stream.board.now_s == pytest.approx(samples[-1].time_us * 1e-6, abs=0.02)
 
 
-def test_qt_py_streams_every_frame_over_its_usb_and_lets_go_of_its_own_lines(opened: Callable[..., Stream]) -> None:
+def test_qt_py_streams_over_usb_and_releases_its_own_lines(opened: Callable[..., Stream]) -> None:
     """The emulator knows the I2C's pins only while a line is held: SDA of port 1 is GPIO 24 there."""
     stream = opened(board="qtpy")
     stream.open_usb()
@@ -208,7 +208,7 @@ def test_only_unplugged_sensor_is_missed_and_found_again(opened: Callable[..., S
     assert stream.samples(0.1)[-1].valid == 15
 
 
-def test_line_that_is_held_low_is_named_and_let_go(opened: Callable[..., Stream]) -> None:
+def test_line_held_low_is_named_and_released(opened: Callable[..., Stream]) -> None:
     stream = opened()
     stream.run(0.4)
     stream.board.hold(4, level=False)
@@ -299,7 +299,7 @@ def test_stream_takes_usb_while_a_program_has_the_port_open(opened: Callable[...
     assert (stream.decoder.crc_errors, stream.board.complaints) == (0, [])
 
 
-def test_no_line_waits_for_the_next_one_in_the_host_s_driver(opened: Callable[..., Stream]) -> None:
+def test_host_driver_passes_each_line_on_at_once(opened: Callable[..., Stream]) -> None:
     """The driver passes data on after a short packet: an empty one must follow a line of 64 bytes."""
     stream = opened()
     stream.open_usb()

@@ -114,7 +114,7 @@ def test_qmc5883l_that_was_power_cycled_is_set_up_again() -> None:
     assert chips[1].registers[0x09] == 0x1D  # 200 Hz, ±8 G, continuous, by data sheet section 9.2.3
 
 
-def test_board_with_two_chip_kinds_reports_which_is_where() -> None:
+def test_board_with_two_kinds_of_chips_reports_their_places() -> None:
     """Only the host can say that they do not belong together."""
     stream, _ = with_chips({1: None, 3: None})
     stream.run(1.0)

@@ -62,7 +62,7 @@ def test_manuals_receive_sequences_work(run: Callable[[str], Ran]) -> None:
     assert ran.complaints == []
 
 
-def test_stop_after_last_byte_reads_byte_too_many_and_returns_it_next_time(run: Callable[[str], Ran]) -> None:
+def test_late_stop_reads_one_byte_too_many_for_the_next_time(run: Callable[[str], Ran]) -> None:
     ran = run("stop_after_last_byte")
     assert ran.bytes[:1] == b"H"
     assert ran.bytes[1:2] == b"\xff"  # released by the sensor when it was refused

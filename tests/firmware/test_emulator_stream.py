@@ -48,7 +48,7 @@ def conversion_number(sample: Sample, sensor: int) -> int:
     return int(sample.counts[sensor][0]) << 10 | int(sample.counts[sensor][1])
 
 
-def test_free_running_sensors_are_sampled_once_each_with_age_they_have() -> None:
+def test_each_free_conversion_is_sampled_once_with_its_true_age() -> None:
     stream = started()
     samples = stream.samples(SECONDS)
     assert len(samples) / SECONDS >= 219

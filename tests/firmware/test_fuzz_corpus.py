@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("target", ["decoder", "requests"])
-def test_board_agrees_with_wire_s_definition_on_every_kept_input(target: str) -> None:
+def test_board_agrees_with_wire_md_on_every_kept_input(target: str) -> None:
     built = subprocess.run(
         ["make", "-C", ROOT / "firmware", f"build/replay-{target}"], capture_output=True, text=True, timeout=120
     )

@@ -94,7 +94,7 @@ def test_saturated_axis_and_lost_mux_show_in_the_stream(board: HostBoard) -> Non
 
 
 @pytest.mark.real_time
-def test_samples_that_busy_computer_makes_up_for_are_of_field_of_their_time(board: HostBoard) -> None:
+def test_late_samples_show_the_field_of_their_own_time(board: HostBoard) -> None:
     assert board.process.stdin is not None
     assert board.process.stdout is not None
     assert board.command("noise 0 0") == "ok"

@@ -49,7 +49,7 @@ def test_firmware_image_fits_into_flash(elf: Path, tmp_path: Path) -> None:
     assert 4096 < len(image(elf, tmp_path)) <= FLASH_LIMIT
 
 
-def test_everything_in_ram_lies_within_its_share_above_the_stack(elf: Path) -> None:
+def test_all_data_in_ram_lie_above_the_stack(elf: Path) -> None:
     names = symbols(elf)
     in_ram = {name: address for name, address in names.items() if RAM <= address < RAM + 0x5000}
     assert max(in_ram.values()) <= RAM + RAM_LIMIT
@@ -67,7 +67,7 @@ def test_every_vector_leads_to_its_handler(elf: Path, tmp_path: Path) -> None:
         assert vectors[number] == expected | 1, f"exception {number}"  # bit 0: Thumb
 
 
-def test_build_says_what_it_takes() -> None:
+def test_build_prints_its_sizes() -> None:
     (report,) = re.findall(r"flash (\d+) of 20480 bytes, RAM (\d+) of 4096 bytes", make("stm32"))
     assert (FIRMWARE / "build/fmfts.bin").stat().st_size == int(report[0])
     assert "Memory Configuration" in (FIRMWARE / "build/fmfts.map").read_text()

@@ -128,7 +128,7 @@ def _direction(random: np.random.Generator) -> Array:
 
 
 @pytest.mark.parametrize("drag", Drag.read(), ids=lambda drag: str(drag.name))
-def test_ball_that_another_program_dragged_is_told(pad: Pad, drag: Drag) -> None:
+def test_ball_dragged_in_calculix_is_within_deviations(pad: Pad, drag: Drag) -> None:
     """While it slips. A ball digs in, so that its shear reads up to a third too large (lab/results/slip.md)."""
     model = solving(pad, friction=0.8, finger_m=(3e-3, 12e-3))
     rows = np.flatnonzero(drag.way_mm >= drag.slips_from_mm)

@@ -110,7 +110,7 @@ def test_each_derivative_agrees_with_the_potential(neighbours: int, octupole: bo
 
 
 @pytest.mark.parametrize("neighbours", [0, 2])
-def test_prediction_is_the_potentials(neighbours: int) -> None:
+def test_prediction_agrees_with_the_potential(neighbours: int) -> None:
     pose, _ = random_pose(2, 4, neighbours)
     problem, at = problem_of(pose, [0]), np.zeros(len(pose.steps))
     value_t, by_step = predict(problem.measurements, problem.magnets, problem.start)
@@ -119,7 +119,7 @@ def test_prediction_is_the_potentials(neighbours: int) -> None:
     assert (np.abs(by_step - wanted) < 1e-7 * np.abs(wanted).max(axis=0)).all()
 
 
-def test_deviations_of_old_samples_are_the_noise_and_what_moved() -> None:
+def test_deviations_of_old_samples_combine_noise_and_motion() -> None:
     pose, _ = random_pose(3)
     problem, random = problem_of(pose, [0]), np.random.default_rng(3)
     rows = problem.measurements
@@ -135,7 +135,7 @@ def test_deviations_of_old_samples_are_the_noise_and_what_moved() -> None:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_answer_and_covariance_are_scipys(seed: int) -> None:
+def test_answer_and_covariance_agree_with_scipy(seed: int) -> None:
     random = np.random.default_rng(seed)
     pose, _ = random_pose(100 + seed, sensors=4 + seed % 3, neighbours=seed % 2, octupole=seed % 3 > 0)
     free = POSE if seed % 4 == 0 else FIELD
@@ -248,7 +248,7 @@ def ended(problem: Problem, state: State, axis: Array) -> float:
 
 
 @pytest.mark.parametrize(("free", "name"), [(POSE, "pose"), (FIELD, "pose and ambient field")])
-def test_errors_over_random_pads_are_what_the_covariance_says(free: list[int], name: str) -> None:
+def test_errors_over_random_pads_agree_with_the_covariance(free: list[int], name: str) -> None:
     """NEES and χ² of 400 pads, each with another geometry, pose and noise: sums of χ² are within their 1e-6 quantiles;
     coverage of one and two deviations is within five of its own."""
     nees, chi2, inside, count = 0.0, 0.0, np.zeros(2), 400

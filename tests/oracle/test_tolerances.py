@@ -61,7 +61,7 @@ def error_of_modulus(deviation: float) -> float:
 
 
 @pytest.mark.parametrize("press", PRESSES)
-def test_stiffer_silicone_takes_so_much_more_force_at_same_place(pad: Pad, press: Array) -> None:
+def test_stiffer_silicone_scales_the_force_at_the_same_place(pad: Pad, press: Array) -> None:
     plain, stiff = model(pad), model(pad, modulus=0.2)
     change = moved_by(plain, press)
     without = answer(plain, pad, change)
@@ -70,7 +70,7 @@ def test_stiffer_silicone_takes_so_much_more_force_at_same_place(pad: Pad, press
 
 
 @pytest.mark.parametrize("press", PRESSES)
-def test_thicker_silicone_is_off_as_the_table_says(pad: Pad, press: Array) -> None:
+def test_thicker_silicones_error_agrees_with_the_table(pad: Pad, press: Array) -> None:
     plain, thick = model(pad), model(pad, thickness_m=0.2e-3)
     change = moved_by(plain, press)
     without = answer(plain, pad, change)
@@ -83,7 +83,7 @@ def test_thicker_silicone_is_off_as_the_table_says(pad: Pad, press: Array) -> No
 
 
 @pytest.mark.parametrize("press", PRESSES)
-def test_wider_finger_is_off_as_much_as_model_is_of_its_movement(pad: Pad, press: Array) -> None:
+def test_wider_fingers_error_is_that_of_its_extra_movement(pad: Pad, press: Array) -> None:
     """12 mm against the probe's 6: two deviations. The mean over a ring of presses, whose second moments are known, is
     what an area does to second order; the model's answers to a small share of the difference are then compared."""
     plain, wide = model(pad), model(pad, finger_m=(6e-3, 12e-3))

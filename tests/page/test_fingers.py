@@ -173,7 +173,7 @@ def test_pad_without_estimate_shows_no_number(shows: Callable[..., Page], bus: t
     assert text(page, "#force") == "not known"
 
 
-def test_pad_with_one_magnet_is_drawn_as_ever(shows: Callable[..., Page]) -> None:
+def test_pad_with_one_magnet_is_drawn_unchanged(shows: Callable[..., Page]) -> None:
     page = shows("one magnet", x_m=0.006, y_m=-0.002)
     page.wait_for_timeout(1000)
     assert middles(page) == [pytest.approx((6.0, -2.0), abs=PLACE_MM)]

@@ -109,7 +109,7 @@ def test_click_anywhere_on_a_card_opens_its_robot(page: Page) -> None:
     page.wait_for_url("**/robot/leg/")
 
 
-def test_nothing_is_shown_as_known_once_pages_server_has_gone(
+def test_no_state_is_shown_as_current_after_the_server_ended(
     browser: Browser, robots: Robots, view: View, page: Page
 ) -> None:
     with robots.view(robots.keys) as brief:

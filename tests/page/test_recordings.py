@@ -72,7 +72,7 @@ def test_recording_is_made_and_its_contacts_are_shown_again_on_same_page(bench: 
     assert not page.is_visible("#replay")
 
 
-def test_file_no_recording_is_named_and_daemon_is_shown_on(bench: Bench, page: Page) -> None:
+def test_file_that_is_no_recording_leaves_the_daemon_shown(bench: Bench, page: Page) -> None:
     broken: Path = bench.folder / "broken.mcap"
     broken.write_bytes(b"")
     show(page, "Show broken.mcap")

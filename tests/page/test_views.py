@@ -171,7 +171,7 @@ def test_untouched_pad_shows_the_smallest_force_it_detects(shows: Callable[..., 
     assert page.inner_text("#place") == "less than 0.08 N anywhere on the pad"
 
 
-def test_good_news_have_no_mark_of_warning(page: Page, bus: tuple[Bus, str]) -> None:
+def test_good_news_has_no_warning_mark(page: Page, bus: tuple[Bus, str]) -> None:
     for detail in ("lost: no pose fits", "ok: this computer keeps up again", "ok"):
         bus[0].tell(event_message(kind="health", detail=detail))
         until(page, f"document.querySelector('#event-list span')?.textContent.endsWith('health {detail}')")

@@ -70,7 +70,7 @@ def test_page_and_sockets_let_no_other_user_in(robot: tuple[DaemonByDefault, Vie
 
 @pytest.mark.slow
 @pytest.mark.parametrize("begins", ["", "GET /"], ids=["silence", "a request"])
-def test_full_waiting_room_keeps_no_owner_out(
+def test_full_waiting_room_still_admits_the_owner(
     robot: tuple[DaemonByDefault, View], table: list[Row], begins: str
 ) -> None:
     daemon, view = robot
@@ -156,7 +156,7 @@ def test_folder_of_another_user_is_no_endpoint(
 
 
 @pytest.mark.slow
-def test_planted_links_lead_no_file_astray(table: list[Row]) -> None:
+def test_planted_links_redirect_no_file(table: list[Row]) -> None:
     """The owner writes a key and a recording to a folder that everybody may write to."""
     with open_folder() as folder, open_folder() as owners:
         folder.chmod(0o1777)

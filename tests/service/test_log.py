@@ -95,7 +95,7 @@ def test_contacts_continue_when_the_log_is_not_read(tmp_path: Path) -> None:
             daemon.wait(PATIENCE_S)
 
 
-def test_lines_that_waited_are_written_and_those_left_out_are_counted() -> None:
+def test_delayed_lines_are_written_and_dropped_ones_counted() -> None:
     with full_pipe() as (reading, writing):
         program = subprocess.Popen([sys.executable, "-c", MANY_LINES], stderr=writing, stdout=subprocess.PIPE)
         os.close(writing)

@@ -70,7 +70,7 @@ def test_contacts_are_found_with_the_deviation_that_is_stated() -> None:
     assert np.sqrt(np.mean((found.contact - press)[:, :2] ** 2)) < 0.15
 
 
-def test_moment_that_wavers_from_frame_to_frame_is_in_deviation() -> None:
+def test_deviation_covers_a_moment_that_varies_between_frames() -> None:
     press = presses(400, 33)
     press[:, :2] *= 0.9
     wavering = 1.0 + np.random.default_rng(34).normal(0.0, table().moment_share, (400, 1))
@@ -142,7 +142,7 @@ def test_softer_pad_gives_no_gain_when_load_is_force() -> None:
     assert evaluate_field(by_force, data, "test").instances["skin"].gain == pytest.approx(0.0, abs=1e-6)
 
 
-def test_no_label_is_looked_at_to_learn_a_day() -> None:
+def test_learning_a_day_reads_no_label() -> None:
     press = presses(300, 10)
     field = noisy(press, 11)
     told = explained(table(), field, Instance(table().reference_ut), REST_UT)

@@ -50,7 +50,7 @@ def test_contact_model_of_a_recorded_pad(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.parametrize("kind", [[], {}, None, 5, "usb"])
-def test_source_that_no_package_reads_is_damage_and_no_more(kind: object) -> None:
+def test_recorded_source_without_a_package_counts_as_damage(kind: object) -> None:
     with pytest.raises(msgspec.ValidationError) as error:
         recorded_pad({"name": "skin", "source": {"type": kind}})
     assert "pip install" not in str(error.value)

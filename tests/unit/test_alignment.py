@@ -92,7 +92,7 @@ def test_sensor_without_a_measurement_stays_without_one() -> None:
     assert np.isfinite(aligned.field_t[[0, 3]]).all()
 
 
-def test_axis_that_saturates_is_not_replaced_by_its_past() -> None:
+def test_saturated_axis_does_not_repeat_its_past() -> None:
     alignment = Alignment(4, PERIOD_US)
     offsets = np.array([0, 1200, 2500, 4000])
     for step in range(4):
@@ -132,7 +132,7 @@ def test_reset_of_the_board_is_seen_from_its_valid_sensors() -> None:
     assert aligned.time_us == 5000
 
 
-def test_samples_before_long_gap_do_not_make_ones_after_it_uncertain() -> None:
+def test_samples_before_a_long_gap_add_no_uncertainty_after_it() -> None:
     """The pad moved meanwhile: a line across the gap would be as uncertain as the whole way."""
     alignment = Alignment(4, PERIOD_US)
     offsets = np.array([0, 1200, 2500, 4000])
@@ -164,7 +164,7 @@ def test_gap_at_the_end_of_a_tap_widens_deviations() -> None:
                 assert (error / np.hypot(aligned.bend_t, 2e-7)).max() < 2.0
 
 
-def test_sample_whose_first_frame_never_came_is_taken_from_next() -> None:
+def test_sample_of_a_lost_frame_is_taken_from_the_next() -> None:
     """The last chip is slower than the frames: frame 5 repeats its sample of frame 4, which was left out."""
     alignment = Alignment(4, PERIOD_US)
     offsets = np.array([0, 1200, 2500, 4000])

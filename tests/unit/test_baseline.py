@@ -27,7 +27,7 @@ def world(pad: Pad) -> World:
 
 
 @pytest.mark.parametrize("with_bare", [True, False])
-def test_rest_pose_and_remanence_are_estimated_as_well_as_claimed(pad: Pad, with_bare: bool) -> None:
+def test_errors_of_rest_pose_and_remanence_agree_with_deviations(pad: Pad, with_bare: bool) -> None:
     errors, remanences, misfits = [], [], []
     for seed in range(60):
         world = World(pad, np.random.default_rng(seed))
@@ -370,7 +370,7 @@ def test_field_of_mounting_has_derivatives_that_its_estimate_uses(pad: Pad, seed
     [(FREE_PAPER, 1.0, 0.0), (FREE_FIELD, 1.0, 0.0), (FREE_FIELD, 0.0, 1.0), (FREE_FIELD, 1.0, 1.0)],
     ids=["pressed, field held", "pressed", "in another field", "pressed in another field"],
 )
-def test_change_of_pose_is_as_uncertain_as_claimed(
+def test_change_of_pose_scatters_as_stated(
     pad: Pad, free: np.ndarray, pressed: float, turned: float, tolerance: Tolerance
 ) -> None:
     """What places and chips leave open scales a press, and reads another ambient field as a movement.

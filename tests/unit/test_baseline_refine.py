@@ -70,7 +70,9 @@ def refined(request: pytest.FixtureRequest) -> list[tuple[World, Mounting, Mount
 
 
 @pytest.mark.parametrize("which", ["at rest", "refined"])
-def test_unknowns_are_found_as_well_as_claimed(refined: list[tuple[World, Mounting, Mounting]], which: str) -> None:
+def test_errors_of_refined_unknowns_agree_with_deviations(
+    refined: list[tuple[World, Mounting, Mounting]], which: str
+) -> None:
     normalised = []
     for world, before, after in refined:
         error, covariance = _error(world, after if which == "refined" else before)
@@ -103,7 +105,7 @@ def test_presses_are_picked_from_a_recording(pad: Pad) -> None:
     assert error @ np.linalg.solve(covariance, error) < 60.0
 
 
-def test_means_of_interpolated_frames_are_as_quiet_as_claimed(pad: Pad) -> None:
+def test_noise_of_interpolated_means_is_as_stated(pad: Pad) -> None:
     world = World(pad, np.random.default_rng(2))
     field = world.field()
     still = means(frames_of(lambda times_s: np.broadcast_to(field, (len(times_s), 4, 3)), 20.0, world.random))

@@ -57,7 +57,7 @@ def turns(request: pytest.FixtureRequest) -> Turns:
 
 
 @pytest.mark.long
-def test_sensitivities_are_found_as_well_as_claimed(turns: Turns) -> None:
+def test_errors_of_sensitivities_agree_with_deviations(turns: Turns) -> None:
     errors, deviations, normalised = [], [], []
     for world, turn in turns.each:
         found = sensitivity_from_turn(world.pad, Sensitivity.untested(4, turns.tolerance), turn)
@@ -173,7 +173,7 @@ def test_steel_in_the_mount_that_turns_along_is_named(pad: Pad, tolerance: Toler
 
 @pytest.mark.long
 @pytest.mark.parametrize(("share", "least", "most"), [(0.0, 0, 0), (0.08, 48, 50)])
-def test_exactly_boards_with_steel_are_refused(pad: Pad, share: float, least: int, most: int) -> None:
+def test_every_board_with_steel_and_no_other_is_refused(pad: Pad, share: float, least: int, most: int) -> None:
     """Turned a little further than needed, so that steel takes away no axis of the sweep, which is another cause."""
     said = []
     for seed in range(50):
@@ -214,7 +214,7 @@ def test_turn_needs_a_rest_baseline(pad: Pad) -> None:
             make_turn(pad, turned(world), before)
 
 
-def test_turn_without_rest_baseline_is_refused_before_anybody_turns(pad: Pad) -> None:
+def test_turn_without_rest_baseline_is_refused_at_once(pad: Pad) -> None:
     request = BaselineRequest(pad, UNTESTED, bare=False, replaced=False, turn=True)
     source = Simulated(PadConfig(name=pad.name, source=SimulatedSource()))
     with ThreadPoolExecutor(1) as executor, pytest.raises(BaselineError, match=r"pad 'standard'.*--rest.*then --turn"):

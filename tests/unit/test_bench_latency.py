@@ -61,7 +61,7 @@ def test_messages_find_their_frames_though_some_are_lost() -> None:
     assert set(matched(echoed, written, is_echo=True)[0]) == {delay_ns - 5_000_000}
 
 
-def test_frames_are_as_late_as_the_boards_were() -> None:
+def test_measured_delay_of_frames_includes_the_boards() -> None:
     pads, frames = 4, round((WARM_UP_S + 1.0) * RATE_HZ)
     due = 1_000_000_000 + (np.arange(frames) + np.arange(pads)[:, None] / pads) * 1e9 / RATE_HZ
     held = due.astype(np.int64)

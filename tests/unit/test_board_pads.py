@@ -59,7 +59,7 @@ def test_samples_before_hello_are_ignored() -> None:
     assert line.state.pad_faults == {1: NOT_SAID}
 
 
-def test_pads_of_four_are_asked_for_where_another_configuration_made_one_of_eight() -> None:
+def test_pads_of_four_are_requested_from_a_pad_of_eight() -> None:
     line = Line(pad("left"), pad("right", pad_index=1))
     line.feed(told(*MADE))
     assert [(one.verb, one.argument) for one in line.asked()] == [(Verb.HELLO, 0x44)]
@@ -80,7 +80,7 @@ def test_reset_with_a_lost_hello_stops_the_stream_until_a_hello() -> None:
     assert line.state.pad_faults == {0: ASKED, 1: ASKED}
 
 
-def test_reset_that_kept_pads_costs_no_frame_where_hello_came() -> None:
+def test_reset_with_hello_and_same_pads_costs_no_frame() -> None:
     line = line_of_eight()
     line.feed(told(*MADE))
     line.feed(sample(8, time_us=60_000_000))
@@ -88,7 +88,7 @@ def test_reset_that_kept_pads_costs_no_frame_where_hello_came() -> None:
     assert len(line.feed(sample(8, time_us=1000))) == 1
 
 
-def test_older_firmware_is_named_and_pads_before_one_of_eight_go_on() -> None:
+def test_older_firmware_is_named_and_its_small_pads_continue() -> None:
     line = Line(pad("left"), pad("array", sensors=8, pad_index=1), pad("right", pad_index=2))
     line.feed(told(*HALVES, can_make_pads=0))
     assert line.asked() == []

@@ -83,7 +83,7 @@ def test_replugged_board_is_opened_at_once(tmp_path: Path) -> None:
         bridge.close()
 
 
-def test_silent_port_that_lost_its_name_to_board_is_not_waited_for(tmp_path: Path) -> None:
+def test_port_whose_name_moved_to_a_board_is_left_at_once(tmp_path: Path) -> None:
     """A port's number goes to whoever comes first: between two plugs it may have been another device's."""
     port = tmp_path / "port"
     with plugged(tmp_path / "other") as other, plugged(tmp_path / "again") as board:
@@ -102,9 +102,7 @@ def test_silent_port_that_lost_its_name_to_board_is_not_waited_for(tmp_path: Pat
         bridge.close()
 
 
-def test_port_that_stays_closed_to_us_is_tried_at_most_once_second(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_forbidden_port_is_tried_at_most_once_a_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     attempts = []
     (tmp_path / "port").touch(mode=0)
 

@@ -88,7 +88,7 @@ def test_pose_is_same_for_any_remanence_that_rest_field_shows(pad: Pad) -> None:
         np.testing.assert_allclose(one, other, atol=1e-4)  # mm: 0.1 µm
 
 
-def test_bound_grows_as_the_force_falls_and_towards_the_corner(response: Response, solver: FrameSolver) -> None:
+def test_error_bound_grows_for_light_presses_and_corners(response: Response, solver: FrameSolver) -> None:
     press = np.array([[2.0, 2.0, 1.6], [2.0, 2.0, 0.2], [12.0, 12.0, 1.6], [2.0, 2.0, 0.05]])
     bound = Samples.expected(response, solver, press).bound
     assert bound[3, 0] / bound[1, 0] == pytest.approx(4.0, rel=0.05)  # in proportion to 1 / force while it is light
@@ -280,7 +280,7 @@ def test_own_error_of_a_biased_model_is_its_bias(response: Response, solver: Fra
     np.testing.assert_allclose(facts.force_error_n, 0.05, atol=1e-5)
 
 
-def test_model_error_excludes_what_the_jacobian_propagates(response: Response, solver: FrameSolver) -> None:
+def test_model_error_excludes_propagated_pose_errors(response: Response, solver: FrameSolver) -> None:
     samples = Samples.expected(response, solver, presses_within(response, 3000, np.random.default_rng(10), beyond=1.0))
     noisy, still = samples.noisy(1, np.random.default_rng(11)), samples.pose
     bins = force_bins(response.scale_n)

@@ -113,7 +113,7 @@ def test_shear_is_learned_where_the_set_has_it() -> None:
     assert ratio == pytest.approx(1.3, rel=0.05)  # shear of 0.5 N moves magnets by 20 µm, and the baseline's gains by 1
 
 
-def test_table_says_its_own_error_where_no_correction_reaches_truth() -> None:
+def test_table_states_its_error_if_corrections_do_not_suffice() -> None:
     """A pad whose movements differ from press to press by 8 %: nothing smooth explains that."""
     one = built(START)
     data = presses_of(one, grid(4))

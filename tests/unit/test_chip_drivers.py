@@ -259,7 +259,7 @@ def test_another_chip_in_its_place_is_named(clock: Clock, configured: str, there
     assert words.endswith(f'not {CHIPS[configured].named}: set chip = "{there}"')
 
 
-def test_each_chip_has_its_article() -> None:
+def test_each_chips_name_has_its_article() -> None:
     named = {chip.named for chip in CHIPS.values() if not chip.streamed}
     assert named == {
         "an HMC5983",

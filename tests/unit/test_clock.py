@@ -101,7 +101,7 @@ def test_backlog_that_comes_in_two_bursts_is_no_standstill() -> None:
     assert clock.restarts == 0
 
 
-def test_packets_that_waited_because_host_did_not_read_are_no_standstill() -> None:
+def test_packets_the_host_read_late_are_no_standstill() -> None:
     """A host that reads four times a second, and each time what is 0.2 s old, for ten seconds."""
     board, clock = Board(50), DeviceClock(tolerance=200e-6)
     errors_us(clock, board, board.packets(10))

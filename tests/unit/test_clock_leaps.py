@@ -174,7 +174,7 @@ class TestTimePassed:
     def test_unplugged_minute_is_no_leap(self) -> None:
         assert self.leap_us(60_000_000, here_ns=60_000_000_000, numbers=1) == 0
 
-    def test_reset_board_leaps_back_by_its_age_and_time_that_passed(self) -> None:
+    def test_leap_of_a_reset_is_its_age_plus_the_passed_time(self) -> None:
         assert self.leap_us(-60_000_000, here_ns=2_000_000_000, numbers=-5000) == -62_000_000
 
 
@@ -271,7 +271,7 @@ def test_each_measurement_counts_once_in_any_order(reads: list[list[int]]) -> No
     assert statistics.repeated == statistics.dropped
 
 
-def test_part_of_a_stream_that_comes_again_is_counted_as_such() -> None:
+def test_repeated_part_of_a_stream_is_counted() -> None:
     line, statistics = Line(), PadStatistics()
     line.feed(hello(4))
     numbers = [0, 1, 2, 3, 0, 1, 2, 3, 4, 5, 4, 5, 6]

@@ -73,7 +73,7 @@ def test_wrong_plan_is_refused_with_its_fault(tmp_path: Path, text: str, sentenc
     assert sentence in str(refused.value)
 
 
-def test_plan_that_is_nowhere_names_the_presets() -> None:
+def test_missing_plan_lists_the_presets() -> None:
     with pytest.raises(PlanError, match="experiment, simulation"):
         read_plan("nowhere")
 
@@ -264,7 +264,7 @@ def test_press_without_field_change_is_refused(monkeypatch: pytest.MonkeyPatch) 
     assert hand.release() == "let go of the pad"
 
 
-def test_reached_forces_fall_into_as_many_levels_as_planned() -> None:
+def test_reached_forces_form_the_planned_levels() -> None:
     plan, random = read_plan("simulation"), np.random.default_rng(2)
     press = np.array([[p.x_m * 1e3, p.y_m * 1e3, p.force_n * random.uniform(0.94, 1.06)] for p in plan.presses])
     assert empty_response(press).exponent.ravel().tolist() == [1, 2, 3]

@@ -111,7 +111,7 @@ def problem_after(frames: list[Frame]) -> str:
     return collection.problem(time.monotonic())
 
 
-def test_computer_that_stalls_and_loses_frames_is_no_leap_of_the_device_clock() -> None:
+def test_stalled_computer_is_no_leap_of_the_device_clock() -> None:
     """It reads frames of 0.5 to 0.6 s 0.8 s late, loses 0.6 to 1.4 s, and is in time again."""
     frames = record(Simulated(PadConfig(name="left", source=SimulatedSource())), no_finger, 2.0)
     kept = len(frames) - len(after(frames, 0.5))

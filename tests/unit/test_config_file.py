@@ -324,7 +324,7 @@ def test_line_that_is_no_toml_comes_with_a_hint(tmp_path: Path, line: str, hint:
     assert complaint(tmp_path, f"{PAD}{line}\n").endswith(hint)
 
 
-def test_sensors_in_metres_are_one_mistake(tmp_path: Path) -> None:
+def test_sensors_in_metres_are_reported_once(tmp_path: Path) -> None:
     metres = "[[0.008, 0.008, 0], [0.008, -0.008, 0], [-0.008, 0.008, 0], [-0.008, -0.008, 0]]"
     told = complaint(tmp_path, f"{PAD}[pad.geometry]\nsensors_mm = {metres}\n")
     assert "\n" not in told
@@ -332,7 +332,7 @@ def test_sensors_in_metres_are_one_mistake(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("magnet", ["length_mm = 0.002", "rest_mm = [0, 0, 0.012]"])
-def test_magnet_in_metres_is_asked_for(tmp_path: Path, magnet: str) -> None:
+def test_magnet_in_metres_is_questioned(tmp_path: Path, magnet: str) -> None:
     assert complaint(tmp_path, f"{PAD}[pad.magnet]\n{magnet}\n").endswith(": is it in metres?")
 
 
@@ -495,7 +495,7 @@ def test_contact_model_of_package_not_installed_says_how_to_install_it(
     assert "pip install 'fmfts[skin]'" in told
 
 
-def test_error_brings_no_further_ones_with_it(tmp_path: Path) -> None:
+def test_error_causes_no_further_errors(tmp_path: Path) -> None:
     """What stands in for a wrong value is not judged."""
     text = I2C + 'channels = [0, 1, 2, "x"]\n[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [-8, 8, 0]]\n'
     assert "source.channels, sensor 4 = 'x'" in complaint(tmp_path, text)

@@ -222,7 +222,7 @@ def test_answer_is_finite_for_any_finite_pose_and_refused_for_others(pad: Pad, m
         model.estimate(pad.rest_position_m, pad.rest_axis, CERTAIN * np.nan)
 
 
-def test_place_beyond_the_pad_is_as_vague_as_the_pad_is_wide(model: ContactModel) -> None:
+def test_unknown_place_has_the_deviation_of_the_pads_width(model: ContactModel) -> None:
     """Light and noisy poses are put there; the Jacobian of a network beyond its training says too little."""
     random = np.random.default_rng(5)
     beyond = 0

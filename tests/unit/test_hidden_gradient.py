@@ -180,7 +180,7 @@ def test_magnet_that_turns_along_is_none_that_comes_near(pad: Pad) -> None:
 
 
 @pytest.mark.parametrize("gain", [0.005, 0.05])
-def test_ambient_field_is_as_uncertain_as_claimed(pad: Pad, gain: float) -> None:
+def test_ambient_field_scatters_as_stated(pad: Pad, gain: float) -> None:
     """Chips that are off read a press and another ambient field as a foreign one; the baseline says by how much."""
     normalised = []
     for seed in range(40):

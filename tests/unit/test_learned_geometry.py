@@ -64,7 +64,7 @@ Made = tuple[World, Baseline, Mounting, dict[str, object]]
 
 
 @pytest.mark.long
-def test_places_are_found_as_well_as_claimed(learned_pad: Made) -> None:
+def test_errors_of_learned_places_agree_with_deviations(learned_pad: Made) -> None:
     world, _, mounting, facts = learned_pad
     assert mounting.leftover is not None
     scale = mounting.leftover.unknowns.deviation

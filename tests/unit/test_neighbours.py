@@ -137,7 +137,7 @@ def measured(frame: Frame, mounting: Mounting, field_t: np.ndarray) -> Frame:
     return replace(frame, counts=counts, age_us=np.zeros(len(counts), np.uint16))
 
 
-def test_pose_beside_an_uncertain_neighbour_is_as_uncertain_as_it_says() -> None:
+def test_pose_beside_an_uncertain_neighbour_scatters_as_stated() -> None:
     """NEES of five unknowns over 300 frames: 5 ± 4·√(10/300)."""
     config = PadConfig(name="one", source=SimulatedSource())
     drawing, baseline = config.pad(), simulated_baseline(config)

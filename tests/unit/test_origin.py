@@ -57,7 +57,7 @@ def test_baseline_of_other_sensors_is_refused_with_its_origin(one: Origin, other
 
 
 @pytest.mark.parametrize("kind", ["turn", "refine"])
-def test_other_sensors_baseline_is_refused_before_anybody_turns_or_presses(kind: str) -> None:
+def test_other_sensors_baseline_is_refused_at_once(kind: str) -> None:
     config = PadConfig(name="left", source=SimulatedSource(finger="none", turning_deg_per_s=0.0))
     mine, others = of(SimulatedSource(seed=1)), of(SimulatedSource(seed=2))
     before = simulated_baseline(config).recorded_on(others)

@@ -107,7 +107,7 @@ def test_reduced_covariance_has_no_negative_variance(pad: Pad, tracking: Trackin
             assert (np.diagonal(left) > of_moment).all()
 
 
-def test_pose_in_another_field_is_as_uncertain_as_claimed(pad: Pad, overlap: Overlap) -> None:
+def test_pose_in_another_field_scatters_as_stated(pad: Pad, overlap: Overlap) -> None:
     """Single frames of hand-placed pads, solved with the deviations of a running pad.
 
     With both parts counted, χ² would be half of what it has to be.
