@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
-from recorded_files import needs
+from recorded_files import FOLDER, needs
 
+from fmfts_lab.real.other_day import corrected, rows_of
 from fmfts_lab.real.sold_sensor import SESSIONS, written_session
 from fmfts_skin.calibrate.force_command import make_force_file
 
@@ -29,3 +31,35 @@ def test_forces_of_another_session(tmp_path: Path) -> None:
         assert all(one <= limit for one, limit in zip(found, most, strict=True)), found
     unclipped = [rows["no value clipped"][f"rms_{axis}_n"] for axis in "xyz"]
     assert unclipped == pytest.approx([0.121, 0.074, 0.284], abs=0.01)
+
+
+@pytest.mark.long
+def test_calibrate_is_honest_on_another_day_and_a_network_is_not() -> None:
+    """By rest alone, and by one or five presses of known force: lab/results/real.md has the figures."""
+    for file, _ in SESSIONS.values():
+        needs(file)
+    rows = list(rows_of(FOLDER))
+    by_rest = [row for row in rows if row.known == 0]
+    assert len(rows) == 4 * 2 * 4
+    for row in (row for row in rows if "calibrate" in row.method):
+        assert 0.90 <= row.within_2 <= 0.995, row
+        assert row.beyond_5 <= 0.003, row
+    for row in (row for row in by_rest if "calibrate" not in row.method):
+        assert row.within_2 < 0.90, row
+        assert row.beyond_5 > 0.03, row
+    for number in range(2):
+        field, pose, network, polynomial = (row.size_n for row in by_rest[number::2])
+        assert max(field, pose) < 0.42 < min(network, polynomial)
+
+
+def test_known_press_scales_all_forces_and_never_beyond_the_stated_prior() -> None:
+    found, variance = np.array([[0.2, -0.1, 4.0]]), np.full((1, 3), 1e-12)
+    np.testing.assert_allclose(corrected(found, 1.1 * found, variance), 1.1 * np.eye(3), rtol=1e-6)
+    doubtful = corrected(found, 1.1 * found, np.full((1, 3), 4.0))
+    assert doubtful[0, 0] == doubtful[2, 2] < 1.001
+
+
+def test_five_known_presses_find_what_mixes_the_directions() -> None:
+    mixes = np.eye(3) + np.random.default_rng(1).normal(0.0, 0.03, (3, 3))
+    found = np.random.default_rng(2).normal(0.0, 2.0, (5, 3))
+    np.testing.assert_allclose(corrected(found, found @ mixes.T, np.full((5, 3), 1e-10)), mixes, atol=1e-6)

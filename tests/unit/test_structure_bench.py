@@ -11,7 +11,7 @@ import pytest
 from fmfts_lab.bench.cast_pads import CastMechanics, ramps
 from fmfts_lab.bench.structure import CELLS, measured
 
-OPTIONS = Namespace(seed=2, pads=1, seconds=6.0)
+OPTIONS = Namespace(seed=2, pads=1, seconds=6.0, bare_and_rest=False)
 
 
 @pytest.mark.parametrize("name", ["stiff, 12 mm, 2°", "tilt 5°"])

@@ -127,6 +127,7 @@ def main() -> None:
     verb = verbs.add_parser("real", help="what public recordings of real sensors show, and their charts")
     verb.add_argument("--recordings", type=Path, required=True, metavar="FOLDER", help="see lab/results/real.md")
     verb.add_argument("--charts", type=Path, metavar="FOLDER", help="draw a chart of each there (needs matplotlib)")
+    verb.add_argument("--only", nargs="+", metavar="NAME", help="only these: sold-sensor another-day …")
     verb.set_defaults(run=of_skins("real"))
     verb = verbs.add_parser("eflesh", help="a public pad of unknown magnets: what its recordings give")
     verb.add_argument("--recordings", type=Path, required=True, metavar="FOLDER", help="has eflesh_normal_1.csv …")
@@ -258,6 +259,7 @@ def main() -> None:
     verb.add_argument("--only", nargs="+", metavar="CELL", help="cells whose name begins so: tilt")
     verb.add_argument("--before", action="store_true", help="beside it, deviations that count none of it")
     verb.add_argument("--known", action="store_true", help="all but the tilt is known of these pads")
+    verb.add_argument("--bare-and-rest", action="store_true", help="pads whose baseline has no --turn")
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=structure.run)
     verb = verbs.add_parser(

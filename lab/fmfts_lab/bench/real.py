@@ -12,6 +12,8 @@ from fmfts_lab.real.figures import RECORDINGS, Shown
 def run(options: Namespace) -> None:
     """Recordings that the folder does not have are said to be absent."""
     for name, (shows, file) in RECORDINGS.items():
+        if options.only and name not in options.only:
+            continue
         if not (options.recordings / file).is_file():
             print(f"{name}: {options.recordings / file} is absent: lab/results/real.md says how to get it")
             continue
@@ -50,6 +52,9 @@ def _draw(shown: Shown, file: Path) -> None:
             for axis in (axes.xaxis, axes.yaxis):
                 axis.set_major_formatter(lambda value, _: f"{value:g}")
                 axis.set_minor_formatter(lambda *_: "")
+        if shown.ticks:
+            axes.set_xticks(range(len(shown.ticks)), shown.ticks)
+            axes.set_ylim(bottom=0.0)
         axes.set_title(shown.title, fontsize="medium")
         axes.set(xlabel=shown.x, ylabel=shown.y)
         if not (shown.log and shown.points):

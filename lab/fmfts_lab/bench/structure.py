@@ -162,12 +162,12 @@ def cast_pad(config: PadConfig, cell: Cell, friction: float, towards_rad: float)
     return source
 
 
-def trial(cell: Cell, friction: float, seed: int, seconds: float, counted: Counted, found: Found) -> None:
+def trial(cell: Cell, friction: float, seed: int, options: Namespace, counted: Counted, found: Found) -> None:
     random = np.random.default_rng(seed)
     towards_rad = float(random.uniform(0.0, 2.0 * np.pi))
     config = config_of(cell, friction, seed, counted)
     try:
-        baseline = baseline_of(config, cast_pad(config, cell, friction, towards_rad), turn=True)
+        baseline = baseline_of(config, cast_pad(config, cell, friction, towards_rad), turn=not options.bare_and_rest)
     except BaselineError:
         found.refused += 1
         return
@@ -176,13 +176,13 @@ def trial(cell: Cell, friction: float, seed: int, seconds: float, counted: Count
     source = cast_pad(config, cell, friction, towards_rad)
     finger = CastFinger(ramps(cell.thickness_mm, cell.finger_mm, friction > 0.0), CALIBRATED_N * cell.modulus, random)
     source.finger = finger
-    found.saw(messages_of(pipeline, source.recorded(seconds)), Truth(source.built, finger), finger, towards_rad)
+    found.saw(messages_of(pipeline, source.recorded(options.seconds)), Truth(source.built, finger), finger, towards_rad)
 
 
 def measured(cell: Cell, friction: float, options: Namespace, counted: Counted) -> dict[str, float]:
     found = Found()
     for seed in range(options.seed, options.seed + options.pads):
-        trial(cell, friction, seed, options.seconds, counted, found)
+        trial(cell, friction, seed, options, counted, found)
     return found.facts if found.frames else {"refused": found.refused}
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -13,12 +12,11 @@ from fmfts.baseline.sensitivity import matrices, relative_deviation
 from fmfts.calibrate.evaluation import printed
 from fmfts.config import GeometryConfig
 from fmfts.pad import Array
-from fmfts_lab.real.sold_sensor import SESSIONS, written_session
+from fmfts_lab.real.other_day import field_presses, read, rows_of
+from fmfts_lab.real.sold_sensor import SESSIONS
 from fmfts_lab.real.untouched_hand import HandRows, judged, line_of
 from fmfts_lab.real.waved_boards import BOARDS, file_of, turned
-from fmfts_skin.calibrate.force_fit import Presses
 from fmfts_skin.calibrate.force_judge import make_route
-from fmfts_skin.calibrate.force_set import read_force_set
 
 GAUSS_UT = 100.0
 FORCE_BINS, TIMES = 8, 24
@@ -28,7 +26,8 @@ ALLOWED_UNEVEN_UT = 5.0  # that the model of a skin allows its rest to drift by
 
 @dataclass(slots=True)
 class Shown:
-    """A chart: curves by name, each x and y; logarithmic axes where `log`. lines: the same in words."""
+    """A chart: curves by name, each x and y; logarithmic axes where `log`. lines: the same in words. ticks: what x = 0,
+    1, 2 … stand for, if x is no number."""
 
     title: str
     x: str
@@ -37,6 +36,7 @@ class Shown:
     lines: list[str] = field(default_factory=list)
     log: bool = False
     points: bool = False
+    ticks: tuple[str, ...] = ()
 
 
 def sold_sensor(folder: Path) -> Shown:
@@ -44,11 +44,8 @@ def sold_sensor(folder: Path) -> Shown:
     shown = Shown(
         "Stated deviations (dashed) follow the errors on another day", "force, N", "rms error of each direction, N"
     )
-    with TemporaryDirectory() as written:
-        paths = [written_session(name, folder / file, Path(written)) for name, (file, _) in SESSIONS.items()]
-        data = read_force_set(paths)
-    presses = Presses("field", data.names, data.change(), data.sensor, data.axis, data.force_n, data.session)
-    judged = make_route(presses, data.clipped, data.sessions, "two sessions", shown.lines.append).left_out
+    data = read(folder)
+    judged = make_route(field_presses(data), data.clipped, data.sessions, "two sessions", shown.lines.append).left_out
     shown.lines.append(printed(judged.rows()))
     size = np.linalg.norm(judged.force_n, axis=1)
     edges = np.quantile(size, np.linspace(0.0, 1.0, FORCE_BINS + 1))
@@ -59,6 +56,33 @@ def sold_sensor(folder: Path) -> Shown:
         for name, values in (("error", square), ("deviation", judged.found.variance)):
             each = [np.sqrt(values[bins == one, number].mean()) for one in range(FORCE_BINS)]
             shown.curves[f"{direction}, {name}"] = middle, np.array(each)
+    return shown
+
+
+def another_day(folder: Path) -> Shown:
+    """Forces of each session by four methods that learnt the other one, with 0, 1 and 5 presses of known force."""
+    shown = Shown(
+        "On another day a fit to the field has twice the error; calibrate allows for that day",
+        "known of the day",
+        "rms error of the force, N",
+        ticks=("the day's presses", "rest", "rest, one force", "rest, five forces"),
+    )
+    shown.lines += [
+        "| method | day | known forces | rows | rms x, y, z (N) | within 2 deviations | beyond 5 |",
+        "|-" * 7 + "|",
+    ]
+    each: dict[str, dict[int | None, list[float]]] = {}
+    for row in rows_of(folder):
+        each.setdefault(row.method, {}).setdefault(row.known, []).append(row.size_n)
+        x, y, z = row.rms_n
+        known = "its own" if row.known is None else str(row.known)
+        shown.lines.append(
+            f"| {row.method} | {row.way} | {known} | {row.rows:,} | {x:.3f}, {y:.3f}, {z:.3f} "
+            f"| {row.within_2:.1%} | {row.beyond_5:.2%} |"
+        )
+    for method, sizes in each.items():
+        mean = np.array([np.sqrt(np.mean(np.square(one))) for one in sizes.values()])
+        shown.curves[method.replace("`", "")] = np.arange(float(len(mean))), mean
     return shown
 
 
@@ -160,6 +184,7 @@ def four_sensors(folder: Path) -> Shown:
 
 RECORDINGS: dict[str, tuple[Callable[[Path], Shown], str]] = {
     "sold-sensor": (sold_sensor, SESSIONS["first"][0]),
+    "another-day": (another_day, SESSIONS["second"][0]),
     "waved-boards": (waved_boards, file_of(BOARDS[0])),
     "moving-hand": (moving_hand, "leaphand_nocontact_1.txt"),
     "resting-chip": (resting_chip, "sensor_fusion/hmc5883l_compass.mat"),

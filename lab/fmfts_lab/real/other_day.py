@@ -1,0 +1,194 @@
+"""Forces of a sold sensor on another day: by field, by pose, by a network and by a polynomial.
+
+The other day is known by its rest alone, by one press of known force, or by five. A known press scales all forces of a
+method; five correct each direction's part of each. That correction is the most probable one, with the spread of another
+day's forces that `calibrate` states as its prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from fmfts.pad import Array
+from fmfts_lab.calibration.regressors import BackPropagation
+from fmfts_lab.real.sold_sensor import CLIPPED_MT, SESSIONS, written_session
+from fmfts_lab.real.unlabelled import FIRST_SHARE, learned_from, poses_of, session_t, untouched
+from fmfts_skin.calibrate.field_fit import LOAD_SHARE
+from fmfts_skin.calibrate.force_fit import RIDGE, Presses
+from fmfts_skin.calibrate.force_judge import coverage_of, make_route
+from fmfts_skin.calibrate.force_pose import AXIS, FIELD_BY_HEIGHT, NAMES, PART
+from fmfts_skin.calibrate.force_set import ForceSet, read_force_set
+from fmfts_skin.force_model import Mask, monomials
+
+CORRECTION = LOAD_SHARE["force_n"]
+DRAWS = 40  # of known presses; a row says the mean over them
+FIRM = 0.5  # known presses are among the harder half
+KNOWN = (0, 1, 5)
+NEURONS = (10,)  # the paper's network
+# Of some rows, by others: forces (K, 3) and their variance (K, 3).
+Answer = tuple[Array, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One method on one way. known: presses of known force on the other day; None: left-out eighths of the same day."""
+
+    method: str
+    way: str
+    known: int | None
+    rows: int
+    rms_n: tuple[float, float, float]
+    within_2: float
+    beyond_5: float
+
+    @property
+    def size_n(self) -> float:
+        """The rms error of the whole force."""
+        return float(np.linalg.norm(self.rms_n))
+
+
+def read(folder: Path) -> ForceSet:
+    with TemporaryDirectory() as written:
+        files = [written_session(name, folder / file, Path(written)) for name, (file, _) in SESSIONS.items()]
+        return read_force_set(files)
+
+
+def field_presses(data: ForceSet) -> Presses:
+    return Presses("field", data.names, data.change(), data.sensor, data.axis, data.force_n, data.session)
+
+
+def pose_presses(data: ForceSet, folder: Path) -> Presses:
+    """By the geometry that the unlabelled beginning of the first day determines, and by each day's own rest."""
+    days = [session_t(name, folder) for name in SESSIONS]
+    learned = learned_from(days[0][: round(FIRST_SHARE * len(days[0]))])
+    height_m = float(learned.drawing.geometry(learned.fit.vector).rest.position_m[2])
+    unit = np.array([height_m / FIELD_BY_HEIGHT] * 3 + [1.0, 1.0])
+    values = []
+    for day in days:
+        poses = poses_of(learned, day)[:, : len(NAMES)]
+        values.append((poses - np.median(poses[untouched(day)], axis=0)) / unit)
+    return Presses("pose", NAMES, np.concatenate(values), PART, AXIS, data.force_n, data.session)
+
+
+def by_calibrate(presses: Presses, data: ForceSet) -> tuple[Answer, Answer]:
+    """What `calibrate` says of left-out eighths of each day, and of each day by a model of the other."""
+    own = np.full((2, *data.force_n.shape), np.nan)
+    for number, _ in enumerate(data.sessions):
+        day = data.session == number
+        alone = replace(presses.rows(day), session=np.zeros(day.sum(), dtype=np.intp))
+        left = make_route(alone, data.clipped[day], ("",), "one day", _silent).left_out.found
+        own[0, day], own[1, day] = left.force, left.variance
+    across = make_route(presses, data.clipped, data.sessions, "another day", _silent).left_out.found
+    return (own[0], own[1]), (across.force, across.variance)
+
+
+def by_fit(fitted: Callable[[Mask, Mask], Array], presses: Presses, data: ForceSet) -> tuple[Answer, Answer]:
+    """The same of a method without deviations: it states the error of left-out eighths of the day that it learnt."""
+    own, across = np.empty(data.force_n.shape), np.empty(data.force_n.shape)
+    own_variance, variance = np.empty(own.shape), np.empty(own.shape)
+    for number, _ in enumerate(data.sessions):
+        day = data.session == number
+        fold = np.full(len(day), -1)
+        fold[day] = replace(presses.rows(day), session=np.zeros(day.sum(), dtype=np.intp)).folds()
+        for one in range(fold.max() + 1):
+            own[fold == one] = fitted(day & (fold != one), fold == one)
+        across[~day] = fitted(day, ~day)
+        variance[~day] = own_variance[day] = rms(own[day] - data.force_n[day]) ** 2
+    return (own, own_variance), (across, variance)
+
+
+def clipped_at_bound(data: ForceSet) -> Array:
+    """(K, V) changes from rest in mT, a clipped value at the end of the range: these methods need every value."""
+    ends = np.sign(np.nan_to_num(data.bound_ut)) * 1e3 * CLIPPED_MT
+    filled = np.where(np.isfinite(data.field_ut), data.field_ut, ends)
+    rest = np.array([data.rest_ut(number) for number in range(len(data.sessions))])
+    return np.asarray((filled - rest[data.session]) * 1e-3)
+
+
+def by_polynomial(data: ForceSet, power: int = 2) -> Callable[[Mask, Mask], Array]:
+    values = clipped_at_bound(data)
+    basis = monomials(values, np.ones(values.shape[1], dtype=np.bool_), power)
+
+    def fitted(train: Mask, test: Mask) -> Array:
+        own = basis[train] / (scale := np.sqrt(np.mean(basis[train] ** 2, axis=0)))
+        normal = own.T @ own / len(own) + RIDGE * np.eye(len(scale))
+        return np.asarray(basis[test] / scale @ np.linalg.solve(normal, own.T @ data.force_n[train] / len(own)))
+
+    return fitted
+
+
+def by_network(data: ForceSet) -> Callable[[Mask, Mask], Array]:
+    values = clipped_at_bound(data)
+
+    def fitted(train: Mask, test: Mask) -> Array:
+        return BackPropagation(NEURONS).fit(values[train], data.force_n[train]).predict(values[test])
+
+    return fitted
+
+
+def corrected(found: Array, told: Array, variance: Array) -> Array:
+    """(3, 3): takes the forces found (K, 3) of known presses to the told ones; a single press gives one factor."""
+    if len(found) == 1:
+        weight = float((found**2 / variance).sum() + 1.0 / CORRECTION**2)
+        return (1.0 + float((found * (told - found) / variance).sum()) / weight) * np.eye(3)
+    matrix = np.eye(3)
+    for row in range(3):
+        weighted = found / variance[:, row : row + 1]
+        normal = found.T @ weighted + np.eye(3) / CORRECTION**2
+        matrix[row] += np.linalg.solve(normal, weighted.T @ (told - found)[:, row])
+    return matrix
+
+
+def rms(error: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(error * error, axis=0)))
+
+
+def rows_of(folder: Path) -> Iterator[Row]:
+    data = read(folder)
+    field = field_presses(data)
+    methods: dict[str, Callable[[], tuple[Answer, Answer]]] = {
+        "`calibrate`, field": lambda: by_calibrate(field, data),
+        "`calibrate`, pose": lambda: by_calibrate(pose_presses(data, folder), data),
+        "network, field": lambda: by_fit(by_network(data), field, data),
+        "polynomial, field": lambda: by_fit(by_polynomial(data), field, data),
+    }
+    for name, answered in methods.items():
+        own, across = answered()
+        for number, day in enumerate(data.sessions):
+            rows = data.session == number
+            yield _row(name, f"{day} alone", None, [_of(own, rows, data)])
+            for known in KNOWN:
+                yield _row(name, f"{day} by the other", known, list(_drawn(*_of(across, rows, data), known)))
+
+
+def _of(answer: Answer, rows: Mask, data: ForceSet) -> tuple[Array, Array, Array]:
+    """Labels, forces and variances of those of the rows that are answered."""
+    rows = rows & np.isfinite(answer[0]).all(axis=1)
+    return data.force_n[rows], answer[0][rows], answer[1][rows]
+
+
+def _drawn(told: Array, found: Array, variance: Array, known: int) -> Iterator[tuple[Array, Array, Array]]:
+    """The rows that were not among the known presses, corrected by these."""
+    size = np.linalg.norm(told, axis=1)
+    firm, random = np.flatnonzero(size > np.quantile(size, FIRM)), np.random.default_rng(known)
+    for _ in range(DRAWS if known else 1):
+        chosen = random.choice(firm, known, replace=False)
+        matrix = corrected(found[chosen], told[chosen], variance[chosen]) if known else np.eye(3)
+        left = np.delete(np.arange(len(found)), chosen)
+        yield told[left], found[left] @ matrix.T, variance[left]
+
+
+def _row(method: str, way: str, known: int | None, draws: list[tuple[Array, Array, Array]]) -> Row:
+    each = [coverage_of(*draw) for draw in draws]
+    x, y, z = np.mean([one.rms_n for one in each], axis=0).tolist()
+    within, beyond = (float(np.mean([getattr(one, name) for one in each])) for name in ("within_2", "beyond_5"))
+    return Row(method, way, known, max(one.rows for one in each) + (known or 0), (x, y, z), within, beyond)
+
+
+def _silent(_: str) -> None:
+    """`calibrate` says how it chose the power of a polynomial."""

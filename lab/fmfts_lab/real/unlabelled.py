@@ -1,0 +1,84 @@
+"""Poses of the magnet in a sensor that was sold, by a geometry that its unlabelled fields determine.
+
+One magnet in elastomer above four pixels of two axes (x and z): real/sold_sensor.py. Nobody published where the pixels
+are.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.learn.drawing import Drawing
+from fmfts.learn.fit import Fields, solved_poses
+from fmfts.learn.make import spread_out
+from fmfts.learn.search import Learned, learn, with_octupole
+from fmfts.pad import Array, Magnet, Pad, SensorArray, Tolerance
+from fmfts_lab.real.sold_sensor import PIXELS, SESSIONS
+
+# Where a value saturates depends on the other axis; up to here it never does.
+CLIPPED_T = 32e-3
+NOISE_T = 3e-5
+FIRST_SHARE = 0.7  # of the session that the geometry is learned from
+UNTOUCHED = 60  # this many of the weakest fields of a session belong to the untouched pad
+# A first look shows: signs tell which pixel is where, and fields of 12 mT, with their ratios, of a magnet
+# some 3 mm above pixels some 2 mm apart. Nobody has measured it.
+SKETCH = Tolerance(3e-4, 3e-4, np.radians(5.0), gain=0.05, remanence=0.15, sensor_rotation_rad=0.09, cross_axis=0.01)
+
+
+def sketch() -> Pad:
+    standard = PadConfig(name="standard", source=SimulatedSource()).pad()
+    places_m = np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]]) * 1e-3
+    return replace(
+        standard,
+        sensors=SensorArray.aligned(places_m),
+        magnet=Magnet(1.8e-3, 0.9e-3, 1.3),
+        rest_position_m=np.array([0.0, 0.0, 3e-3]),
+        rest_axis=np.array([0.0, 0.0, 1.0]),
+    )
+
+
+def session_t(name: str, folder: Path) -> Array:
+    """(K, 4, 3) tesla of a session of SESSIONS; NaN where a pixel has no axis or a value is clipped."""
+    file, empty = SESSIONS[name]
+    with (folder / file).open(newline="") as lines:
+        rows = [row for number, row in enumerate(csv.DictReader(lines)) if number != empty]
+    fields = np.full((len(rows), len(PIXELS), 3), np.nan)
+    for sensor, pixel in enumerate(PIXELS):
+        for axis, letter in ((0, "Bx"), (2, "Bz")):
+            fields[:, sensor, axis] = [float(row[letter + pixel]) * 1e-3 for row in rows]
+    fields[np.abs(fields) > CLIPPED_T] = np.nan
+    return fields
+
+
+def untouched(session: Array) -> NDArray[np.intp]:
+    """The rows of the weakest fields, of those without a clipped value."""
+    whole = np.flatnonzero(np.isfinite(session[:, :, [0, 2]]).all(axis=(1, 2)))
+    size = np.linalg.norm(np.nan_to_num(session[whole]).reshape(len(whole), -1), axis=1)
+    return whole[np.argsort(size)[:UNTOUCHED]]
+
+
+def fields_of(session: Array) -> Fields:
+    """Of presses that are far from each other."""
+    rest = np.full((len(PIXELS), 3), np.nan)
+    rest[:, [0, 2]] = np.median(session[untouched(session)][:, :, [0, 2]], axis=0)
+    deviation = np.full(rest.shape, NOISE_T)
+    return Fields(rest, spread_out(session, rest), deviation, deviation)
+
+
+def learned_from(session: Array, starts: int = 4) -> Learned:
+    fields = fields_of(session)
+    return with_octupole(learn(Drawing(sketch(), SKETCH), fields, starts=starts), fields)
+
+
+def poses_of(learned: Learned, session: Array) -> Array:
+    """(K, 6) position and axis of the magnet in each row."""
+    deviation = np.full(session.shape[1:], NOISE_T)
+    geometry = learned.drawing.geometry(learned.fit.vector)
+    poses = solved_poses(geometry, learned.drawing, Fields(session[0], session, deviation, deviation))
+    return np.asarray(poses[:, :6])
