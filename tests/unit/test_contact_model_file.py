@@ -8,19 +8,23 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import onnx
 import pytest
 from onnx import TensorProto, helper
 from test_contact_model import CALIBRATION
 
-from fmfts.config import PadConfig, SimulatedSource
+from fmfts.cli.main import main
+from fmfts.config import BusConfig, PadConfig, SimulatedSource
+from fmfts.config.file import load
 from fmfts.contact import ContactModel, ModelError
 from fmfts.contact.contract import METADATA_KEY, RESPONSE_KEY, SHEAR_OUTPUT_ORDER, SIZE_LIMIT_BYTES, WEIGHTS_KEY
 from fmfts.contact.seal import unsealed, with_seal
 from fmfts.contact.shipped import DEFAULT_PATH, STANDARD_DIMENSIONS, STANDARD_HASH
 from fmfts.contact.structure import shipped_friction_error
 from fmfts.pad import Pad
+from fmfts.runtime.daemon import Daemon
 
 
 def edited(tmp_path: Path, edit: Callable[[onnx.ModelProto], None]) -> str:
@@ -184,13 +188,30 @@ def test_pad_of_other_dimensions_is_refused_and_another_magnet_strength_is_not(p
     ContactModel.load("default", replace(pad, magnet=pad.magnet.with_remanence(1.28)))
 
 
-def test_model_without_a_response_cannot_be_refined(tmp_path: Path, pad: Pad) -> None:
-    def forget(proto: onnx.ModelProto) -> None:
-        kept = [entry for entry in proto.metadata_props if entry.key != RESPONSE_KEY]
-        proto.ClearField("metadata_props")
-        proto.metadata_props.extend(kept)
+def without_response(proto: onnx.ModelProto) -> None:
+    kept = [entry for entry in proto.metadata_props if entry.key != RESPONSE_KEY]
+    proto.ClearField("metadata_props")
+    proto.metadata_props.extend(kept)
 
-    path = edited(tmp_path, forget)
+
+@pytest.mark.parametrize(
+    ("finger_mm", "warns"), [("[12, 12]", True), ("[3, 12]", True), ("[6, 6]", False)], ids=["known", "usual", "probe"]
+)
+def test_finger_without_effect_is_named(
+    finger_mm: str, warns: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By `check-config` and at a start: a model without a response can neither correct a finger nor count it."""
+    file, text = tmp_path / "pad.toml", f"finger_mm = {finger_mm} has no effect: the contact model holds no response"
+    contact = f'[pad.contact]\nmodel = "{edited(tmp_path, without_response)}"\nfinger_mm = {finger_mm}\n'
+    file.write_text('[[pad]]\nname = "one"\n[pad.source]\ntype = "simulated"\n' + contact)
+    assert main(["check-config", "--config", str(file)]) == 0
+    assert (text in capsys.readouterr().err) == warns
+    with Daemon(msgspec.structs.replace(load(file)[0], bus=BusConfig(endpoint=f"ipc://{tmp_path}"))):
+        assert (text in capsys.readouterr().err) == warns
+
+
+def test_model_without_a_response_cannot_be_refined(tmp_path: Path, pad: Pad) -> None:
+    path = edited(tmp_path, without_response)
     ContactModel.load(path, pad)
     with pytest.raises(ModelError, match="holds no response"):
         ContactModel.load(path, pad, refine=True)

@@ -22,6 +22,7 @@ def run(options: argparse.Namespace) -> int:
     from fmfts.config.checks import other_silicone
     from fmfts.config.i2c_checks import rates_carried
     from fmfts.contact import ContactModel, ModelError, NoContactModel
+    from fmfts.contact.unknown_finger import unknown_finger
     from fmfts.contact.unknown_shear import SHEAR_UNKNOWN
     from fmfts.runtime.opening import load_models
     from fmfts.sensor import SourceError
@@ -56,8 +57,9 @@ def run(options: argparse.Namespace) -> int:
             print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, contact model {model.hash}…")
             if not isinstance(model, ContactModel):
                 continue
-            if (warning := other_silicone(pad)) is not None:
-                print(f"{pad.name}: warning: {warning}", file=sys.stderr)
+            for warning in (other_silicone(pad), unknown_finger(model)):
+                if warning is not None:
+                    print(f"{pad.name}: warning: {warning}", file=sys.stderr)
             if model.shear_is_unknown:
                 print(f"{pad.name}: warning: {SHEAR_UNKNOWN.format(friction=pad.contact.friction)}", file=sys.stderr)
     return 0

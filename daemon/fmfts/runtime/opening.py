@@ -13,6 +13,7 @@ from fmfts.bus.publisher import Publisher
 from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.config.checks import other_silicone
 from fmfts.contact import ContactModel, ModelError, NoContactModel
+from fmfts.contact.unknown_finger import unknown_finger
 from fmfts.pad import Pad
 from fmfts.pipeline.configured import AnyModel, Pipeline, contact_model_of, feel_neighbours, pipeline_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
@@ -110,8 +111,10 @@ def channel_of(
         log.info("pad '%s': %s", pad.name, scene.why)
         for text in observability_warnings(pad, scene.tracking):
             log.warning("pad '%s': %s", pad.name, text)
-    if isinstance(model, ContactModel) and (doubt := other_silicone(config)) is not None:
-        log.warning("pad '%s': %s", pad.name, doubt)
+    if isinstance(model, ContactModel):
+        for doubt in (other_silicone(config), unknown_finger(model)):
+            if doubt is not None:
+                log.warning("pad '%s': %s", pad.name, doubt)
     channel = Channel(source, pad_index, pipeline, publisher, boot, float(config.source.rate_hz))
     channel.recorders.config, channel.baseline.origin = config, origin_of(config)
     use_baseline(channel, config, pads)
