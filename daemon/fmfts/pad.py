@@ -257,10 +257,16 @@ class Tolerance:
         """Of the magnet against the sensors."""
         return float(root_of_squares(self.magnet_tilt_rad, self.pad_tilt_rad))
 
-    def tilts_given(self, found_rad: Array) -> SharedTilt:
+    def tilts_given(self, found_rad: Array, told: Array) -> SharedTilt:
         """Whose a tilt (2,) is that was found at rest. A magnet's own is bounded by its mould; a pad is glued by hand.
-        So a tilt that both deviations together do not explain widens the pad's deviation to its most likely value."""
-        square, of_magnet = float(product(found_rad, found_rad)) / 2.0, self.magnet_tilt_rad * self.magnet_tilt_rad
+        So a tilt that both deviations together do not explain widens the pad's deviation to its most likely value.
+
+        told (2,): the share of a tilt's variance that the recording determines. The rest is noise in what was found, of
+        the variance 1/told − 1 times the tilt's: it is no tilt of the pad.
+        """
+        noise = self.tilt_rad * self.tilt_rad * float(np.mean(1.0 / told - 1.0))
+        square = float(product(found_rad, found_rad)) / 2.0 - noise
+        of_magnet = self.magnet_tilt_rad * self.magnet_tilt_rad
         of_pad = max(self.pad_tilt_rad * self.pad_tilt_rad, square - of_magnet if self.pad_tilt_rad else 0.0)
         share = of_pad / (of_pad + of_magnet) if of_pad else 0.0
         return SharedTilt(share, self.magnet_tilt_rad * float(np.sqrt(share)))

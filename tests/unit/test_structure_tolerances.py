@@ -109,14 +109,28 @@ def test_tilt_that_may_be_the_magnets_alone_turns_only_its_share(pad: Pad) -> No
 def test_tilt_that_tolerances_do_not_explain_is_the_whole_pads() -> None:
     """The deviation of a pad's tilt under which the found one is most likely, and never a smaller one than is said."""
     usual = Tolerance(1e-4, 1e-4, float(np.radians(0.25)), 0.005, 0.05, pad_tilt_rad=float(np.radians(1.0)))
-    small, large = (usual.tilts_given(np.radians([tilt_deg, 0.0])) for tilt_deg in (1.0, 5.0))
+    small, large = (usual.tilts_given(np.radians([tilt_deg, 0.0]), np.ones(2)) for tilt_deg in (1.0, 5.0))
     assert small.pad_share == pytest.approx(1.0 / (1.0 + 0.25**2))
     assert large.pad_share == pytest.approx(1.0 - 2.0 * 0.25**2 / 5.0**2)
     assert large.unshared_rad == pytest.approx(np.radians(0.25), rel=0.01), "the magnet's own tilt stays unknown"
     cast = replace(usual, magnet_tilt_rad=float(np.radians(5.0)))
-    assert cast.tilts_given(np.radians([5.0, 0.0])).pad_share == pytest.approx(1.0 / 26.0)
+    assert cast.tilts_given(np.radians([5.0, 0.0]), np.ones(2)).pad_share == pytest.approx(1.0 / 26.0)
     level = replace(usual, pad_tilt_rad=0.0)
-    assert level.tilts_given(np.radians([5.0, 0.0])) == (0.0, 0.0)
+    assert level.tilts_given(np.radians([5.0, 0.0]), np.ones(2)) == (0.0, 0.0)
+
+
+def test_noise_of_recording_is_no_tilt_of_the_pad() -> None:
+    """Recordings that determine a third of a tilt find tilts that are √3 times as large as the pads' own. The pad's
+    share stays near what the tolerances say. A large tilt is the pad's all the same."""
+    given = Tolerance(1e-4, 1e-4, float(np.radians(1.0)), 0.005, 0.05, pad_tilt_rad=float(np.radians(0.5)))
+    random, told = np.random.default_rng(1), np.full(2, 1.0 / 3.0)
+    found = given.tilt_rad / np.sqrt(told) * random.standard_normal((2000, 2))
+    by_noise = np.mean([given.tilts_given(one, np.ones(2)).pad_share for one in found])
+    share = np.mean([given.tilts_given(one, told).pad_share for one in found])
+    assert 0.2 <= share < 0.4 < 0.5 < by_noise
+    large = given.tilts_given(np.radians([8.0, 0.0]), told).pad_share
+    assert large == pytest.approx(1.0 - 1.0 / (8.0**2 / 2.0 - 2.0 * 1.25))
+    assert given.tilts_given(found[0], np.full(2, 0.01)).pad_share == pytest.approx(0.2), "it tells nothing"
 
 
 def test_error_of_movement_through_tilt_is_what_turn_by_it_does() -> None:

@@ -162,7 +162,7 @@ def estimate_mounting(
     place_deviation = np.sqrt(np.diagonal(covariance)[9 : 9 + 3 * count]).reshape(count, 3)
     chi2 = float(np.sum(square(weight * misfit.ravel())) + product(scaled, unknowns.precision, scaled))
     told = np.maximum(1.0 - np.diagonal(scaled_covariance)[:5], TELLS_LITTLE)
-    shared = tolerance.tilts_given((unknowns.deviation[:5] * scaled[:5] / told)[TILT])
+    shared = tolerance.tilts_given((unknowns.deviation[:5] * scaled[:5] / told)[TILT], told[TILT])
     # A misfit above what tolerances explain makes the pose as uncertain as it is large (Birge's ratio: tracker.c).
     birge = max(chi2 / float(believed.sum()), 1.0)
     leftover = Leftover(
