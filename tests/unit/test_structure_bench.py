@@ -41,11 +41,17 @@ def test_mirror_images_of_press_move_magnet_as_mirror_images() -> None:
     solved = ramps(4.0, 6.0, sheared=True)
     pad = CastMechanics(solved, 1.0)
     force_n = np.array([1.1])
-    moved = {one.place_m: pad.response(*(np.array([along]) for along in one.place_m), force_n)[0] for one in solved}
-    (x, y), shear = solved[0].place_m, solved[0].shear_share
-    assert shear != (0.0, 0.0)
-    np.testing.assert_allclose(moved[-x, y], moved[x, y] * [-1.0, 1.0, 1.0, -1.0, 1.0])
-    np.testing.assert_allclose(moved[y, x], moved[x, y][[1, 0, 2, 4, 3]])
+
+    def moved(x: float, y: float, *shear: float) -> np.ndarray:
+        loads = (np.array([share]) * force_n for share in (1.0, *shear))
+        return pad.response(np.array([x]), np.array([y]), *loads)[0]
+
+    (x, y), (along_x, along_y) = solved[0].place_m, solved[0].shear_share
+    assert (along_x, along_y) != (0.0, 0.0)
+    assert moved(x, y, along_x, along_y).any()
+    assert not moved(x, y, along_x, -along_y).any(), "no such press was solved"
+    np.testing.assert_allclose(moved(-x, y, -along_x, along_y), moved(x, y, along_x, along_y) * [-1, 1, 1, -1, 1])
+    np.testing.assert_allclose(moved(y, x, along_y, along_x), moved(x, y, along_x, along_y)[[1, 0, 2, 4, 3]])
 
 
 def test_softer_silicone_moves_the_magnet_as_more_force_does() -> None:

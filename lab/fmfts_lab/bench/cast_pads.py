@@ -69,18 +69,19 @@ class CastMechanics:
     """Stands for a simulated pad's `Mechanics`: only its own presses move the magnet. modulus: over the model's."""
 
     def __init__(self, solved: tuple[Ramp, ...], modulus: float) -> None:
-        self._powers = {_key(*one.place_m): one.powers for one in solved}
+        self._powers = {_key(*one.place_m, *one.shear_share): one.powers for one in solved}
         self._modulus = modulus
 
     def response(self, x_m: Array, y_m: Array, force_n: Array, *shear_n: Array) -> Array:
         """(K, 5) as `Mechanics.response`. A modulus that is higher takes as much more force for the same movement."""
         moved = np.zeros((len(force_n), 5))
-        places = [_key(x, y) for x, y in zip(x_m.tolist(), y_m.tolist(), strict=True)]
-        for place in set(places) if np.any(force_n > 0.0) else ():
-            if place in self._powers:
-                own = np.array([one == place for one in places])
-                powers = self._powers[place]
-                moved[own] = (force_n[own, None] / self._modulus) ** np.arange(1, len(powers) + 1) @ powers
+        pressed = np.flatnonzero(force_n > 0.0)
+        shares = [one[pressed] / force_n[pressed] for one in shear_n] or [np.zeros(len(pressed))] * 2
+        columns = (x_m[pressed], y_m[pressed], *shares)
+        keys = [_key(*one) for one in zip(*(column.tolist() for column in columns), strict=True)]
+        for key in set(keys) & self._powers.keys():
+            own, powers = pressed[[one == key for one in keys]], self._powers[key]
+            moved[own] = (force_n[own, None] / self._modulus) ** np.arange(1, len(powers) + 1) @ powers
         return moved
 
 
@@ -110,5 +111,5 @@ def tilted_by(tilt_deg: float, towards_rad: float) -> Array:
     return np.asarray(np.eye(3) + sin(angle) * cross + (1.0 - cos(angle)) * cross @ cross)
 
 
-def _key(x_m: float, y_m: float) -> tuple[int, int]:
-    return round(x_m * 1e7), round(y_m * 1e7)
+def _key(x_m: float, y_m: float, shear_x: float, shear_y: float) -> tuple[int, ...]:
+    return round(x_m * 1e7), round(y_m * 1e7), round(shear_x * 1e3), round(shear_y * 1e3)
