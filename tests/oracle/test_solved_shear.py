@@ -18,9 +18,11 @@ from fmfts_lab.bench.slip_world import Drag
 
 Array = NDArray[np.float64]
 FRICTION, SD_SHARE = 0.6, 0.3  # an even distribution over the cone's disc
+SCALE = [1.0, 1.0, 0.1, 0.1, 0.1]
 FRAME_SD = np.array([0.015, 0.015, 0.0035, 0.0035, 0.0035])  # of one frame: mm, and components of the axis
 UNIT = np.array([1e3, 1e3, 1.0, 1.0, 1.0])
 STEP = 0.02
+EDGE_MM, LEAST_FORCE_N = 14.0, 0.01  # of the table; of the prior
 PRESSES = [
     np.array(press)
     for press in (
@@ -59,8 +61,39 @@ def test_answer_is_most_likely_press_within_the_cone(pad: Pad, press: Array) -> 
         return np.concatenate([left, found[3:] / (SD_SHARE * found[2])])
 
     found = answer(model, pad, change)
-    expected = least_squares(residuals, found.values * UNIT, x_scale=[1.0, 1.0, 0.1, 0.1, 0.1], xtol=1e-12).x
+    expected = least_squares(residuals, found.values * UNIT, x_scale=SCALE, xtol=1e-12).x
     assert (np.abs(found.values * UNIT - expected) < 0.1 * found.deviations * UNIT).all()
+
+
+def test_search_at_the_rim_ends_near_the_least_chi2(pad: Pad) -> None:
+    """SciPy's search of the same posterior, within the table, from the answer and from the true press."""
+    model, plain, random = solving(pad), ContactModel.load("default", pad), np.random.default_rng(7)
+    assert model.response is not None
+    farthest_n = 3.0 * model.response.scale_n
+    limits = np.array([[-EDGE_MM, -EDGE_MM, 0.0, -farthest_n, -farthest_n], [EDGE_MM, EDGE_MM, *[farthest_n] * 3]])
+    over = []
+    for _ in range(120):
+        place_mm, force_n = random.uniform(-EDGE_MM, EDGE_MM, 2), random.uniform(0.5, 2.0)
+        true = np.concatenate(
+            [place_mm, [force_n], FRICTION * force_n * np.sqrt(random.uniform()) * _direction(random)]
+        )
+        if np.hypot(*place_mm) < 8.0:
+            continue
+        change = change_of(model, true) + FRAME_SD * random.standard_normal(5)
+
+        def residuals(found: Array, change: Array = change) -> Array:
+            left = (change - change_of(model, found)) / FRAME_SD
+            return np.concatenate([left, found[3:] / (SD_SHARE * max(found[2], LEAST_FORCE_N))])
+
+        standard = answer(plain, pad, change)
+        if not standard.force_n > 2.0 * standard.force_sd_n:  # a touch that noise explains is not searched
+            continue
+        found = answer(model, pad, change).values * UNIT
+        inside = [np.clip(press, limits[0] + 1e-6, limits[1] - 1e-6) for press in (found, true)]
+        least = min(2.0 * least_squares(residuals, press, x_scale=SCALE, bounds=limits).cost for press in inside)
+        over.append(np.sum(residuals(found) ** 2) - least)
+    assert len(over) > 40
+    assert max(over) < 1.0  # of a deviation squared
 
 
 @pytest.mark.parametrize("press", PRESSES[:4])

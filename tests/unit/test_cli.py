@@ -50,6 +50,16 @@ def test_check_config_refuses_model_of_another_pad_as_run_would(
     assert "sensors_mm" not in said.split("configuration")[0]
 
 
+def test_check_config_says_that_shear_is_excluded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    config = changed(tmp_path, 'model = "default"', 'model = "shear"')
+    text = Path(config).read_text()
+    assert main(["check-config", "--config", config]) == 0
+    assert "friction" not in capsys.readouterr().err
+    Path(config).write_text(re.sub(r"(?m)^friction = [^ ]*", "friction = 0.0", text))
+    assert main(["check-config", "--config", config]) == 0
+    assert "warning: [pad.contact] friction = 0 excludes shear" in capsys.readouterr().err
+
+
 SLOW_LOG = """
 import sys, time, types
 import fmfts.service.log

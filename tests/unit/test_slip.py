@@ -276,6 +276,11 @@ def test_check_of_a_config_refuses_slip_without_shear() -> None:
     assert [keys[-1] for keys, _ in problems_in(Config(pad=(wrong,)))] == ["slip_friction"]
 
 
+def test_check_of_a_config_refuses_slip_without_friction() -> None:
+    wrong = msgspec.structs.replace(pad().config, contact=ContactConfig(model="shear", slip=True, friction=0.0))
+    assert [keys[-1] for keys, _ in problems_in(Config(pad=(wrong,)))] == ["friction"]
+
+
 def test_onset_and_end_of_a_slip_are_events() -> None:
     sent = Sent()
     announcer = Announcer("slip", sent, sent, "boot", 0, sent)  # type: ignore[arg-type]

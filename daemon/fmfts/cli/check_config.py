@@ -22,8 +22,9 @@ def run(options: argparse.Namespace) -> int:
     from fmfts.config.checks import other_silicone
     from fmfts.config.i2c_checks import rates_carried
     from fmfts.contact import ContactModel, ModelError, NoContactModel
+    from fmfts.contact.contract import SHEAR_OUTPUT_ORDER
     from fmfts.contact.unknown_finger import unknown_finger
-    from fmfts.contact.unknown_shear import SHEAR_UNKNOWN
+    from fmfts.contact.unknown_shear import NO_SHEAR, SHEAR_UNKNOWN
     from fmfts.runtime.opening import load_models
     from fmfts.sensor import SourceError
 
@@ -62,6 +63,8 @@ def run(options: argparse.Namespace) -> int:
                     print(f"{pad.name}: warning: {warning}", file=sys.stderr)
             if model.shear_is_unknown:
                 print(f"{pad.name}: warning: {SHEAR_UNKNOWN.format(friction=pad.contact.friction)}", file=sys.stderr)
+            if model.facts.outputs == SHEAR_OUTPUT_ORDER and not model.has_shear:
+                print(f"{pad.name}: warning: {NO_SHEAR}", file=sys.stderr)
     return 0
 
 

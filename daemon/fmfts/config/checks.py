@@ -225,6 +225,11 @@ def _slip(pad: PadConfig) -> Iterator[Problem]:
             'needs a model with shear; other models mistake shear for a moving finger: set model = "shear", or '
             "a model of `calibrate --shear`",
         )
+    if pad.contact.slip and pad.contact.friction == 0.0:
+        yield (
+            ("contact", "friction"),
+            "slip = true reports fingers that shear, and 0 says that none can: set friction above 0, or slip = false",
+        )
     if not 0.0 < pad.contact.slip_friction[0] < pad.contact.slip_friction[1]:
         yield ("contact", "slip_friction"), "the smallest friction must be above 0 and below the largest"
 

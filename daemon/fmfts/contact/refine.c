@@ -20,6 +20,7 @@ typedef struct {
     const fmfts_search *search;
     double information[FMFTS_MOVED][FMFTS_MOVED];
     double residual[FMFTS_MOVED], slope[FMFTS_MOVED][FMFTS_MAX_PRESS], chi2, of_shear;
+    const double *lowest, *highest;
     bool has_begun;
 } cause;
 
@@ -181,6 +182,19 @@ static double judge(void *problem, const double *press)
     return c->chi2;
 }
 
+/* An unknown on a limit that χ² pushes outwards stays there: else the others would follow a step that it cannot take. */
+static void hold(size_t size, const double *lowest, const double *highest, const double *press, double *normal, double *right)
+{
+    for (size_t i = 0; i < size; i++) {
+        bool is_held = (press[i] <= lowest[i] && right[i] < 0.0) || (press[i] >= highest[i] && right[i] > 0.0);
+        right[i] = is_held ? 0.0 : right[i];
+        for (size_t j = 0; is_held && j < size; j++) {
+            normal[i * size + j] *= j == i ? 1.0 : 0.0;
+            normal[j * size + i] *= j == i ? 1.0 : 0.0;
+        }
+    }
+}
+
 static bool take(void *problem, const double *press, double *chi2, double *normal, double *right)
 {
     cause *c = problem;
@@ -207,6 +221,16 @@ static bool take(void *problem, const double *press, double *chi2, double *norma
     for (size_t i = SHEAR; i < size; i++) {
         normal[i * size + i] += c->of_shear;
         right[i] -= c->of_shear * press[i];
+        if (press[FORCE] > LEAST_FORCE_N) { /* more force makes the same shear likelier */
+            double by_force = c->of_shear * press[i] / press[FORCE];
+            normal[FORCE * size + i] -= by_force;
+            normal[i * size + FORCE] -= by_force;
+            normal[FORCE * size + FORCE] += by_force * press[i] / press[FORCE];
+            right[FORCE] += by_force * press[i];
+        }
+    }
+    if (c->search->shear_share > 0.0) {
+        hold(size, c->lowest, c->highest, press, normal, right);
     }
     return true;
 }
@@ -245,7 +269,7 @@ bool fmfts_refine(const fmfts_response *response, const fmfts_search *wanted, do
 {
     double lowest[FMFTS_MAX_PRESS], highest[FMFTS_MAX_PRESS], best[FMFTS_MAX_PRESS];
     double room[FMFTS_DESCENT_ROOM(FMFTS_MAX_PRESS)], inverse[FMFTS_MAX_PRESS * FMFTS_MAX_PRESS];
-    cause problem = {.response = response, .search = wanted};
+    cause problem = {.response = response, .search = wanted, .lowest = lowest, .highest = highest};
     fmfts_descent search = {
         .unknowns = 2 + response->loads,
         .iterations = wanted->steps > 0 ? (size_t)wanted->steps : 0,

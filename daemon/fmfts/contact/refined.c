@@ -10,7 +10,7 @@ enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE };
 #define VAGUE_MM 1.0
 
 /* Of the search for a press with shear. A friction of 0.8 puts the network's answer up to ten deviations away. */
-enum { SHEAR_STEPS = 8 };
+enum { SHEAR_STEPS = 16 };
 #define SETTLED_DEVIATIONS 0.1
 
 /* The change of pose from rest, and its covariance, as the table of presses has them. */

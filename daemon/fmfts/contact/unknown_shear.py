@@ -1,4 +1,4 @@
-"""Warnings for contact models with an unknown effect of shear."""
+"""Warnings for contact models with an unknown effect of shear, or without the shear that they could give."""
 
 from __future__ import annotations
 
@@ -7,6 +7,11 @@ SHEAR_UNKNOWN = (
     "[pad.contact] friction = {friction:g} has no effect: the contact model was made without --sheared, so what a "
     "shearing finger does to it is not known, and its deviations do not count it: calibrate with --sheared, or use a "
     "finger that cannot shear and set friction = 0"
+)
+# For friction = 0 and a model that could give shear.
+NO_SHEAR = (
+    "[pad.contact] friction = 0 excludes shear, so the answers are the default model's, without shear_x_n and "
+    "shear_y_n: set friction to the largest coefficient of what presses, as 0.3"
 )
 # For slip with a model that has three outputs, or no response.
 SLIP_UNKNOWN = (
