@@ -16,7 +16,7 @@ from pathlib import Path
 from pages.commands import ROOT
 
 BY_ITSELF = re.compile(r"fmfts-daemon (run|view)\b")  # goes on until it is interrupted
-PATIENCE_S, BEGINS_S, ENDS_S = 300.0, 60.0, 30.0
+PATIENCE_S, BEGINS_S, ENDS_S = 600.0, 60.0, 30.0
 ENDED_BY_US = (0, 130, -signal.SIGINT)
 
 

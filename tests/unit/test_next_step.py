@@ -8,6 +8,7 @@ import pytest
 
 from fmfts.cli import next_step
 from fmfts.cli.main import main
+from fmfts.common import exit_codes
 from fmfts.view.facts import print_facts
 
 CONFIG = """
@@ -114,3 +115,10 @@ def test_gains_of_a_recording_are_reported_in_words_with_units(capsys: pytest.Ca
         "press of 1 N: magnet's way sideways: ± 0.070 mm (was ± 0.300 mm)",
         "places of the sensors: ± 0.090 mm (was ± 0.100 mm)",
     ]
+
+
+def test_probe_gives_the_reason_of_an_absent_bus_once(config: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path(config).write_text('[[pad]]\nname = "left"\n[pad.source]\ntype = "i2c"\nbus = 4711\n')
+    assert main(["probe", "--config", config]) == exit_codes.UNAVAILABLE
+    said = capsys.readouterr().out
+    assert said.count("/dev/i2c-4711 does not exist") == 1, said

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
@@ -200,13 +200,16 @@ def probe(config: Config) -> dict[str, Any]:
     finally:
         for source, _ in sources:
             source.close()
-    unsound = {facts["pad"] for facts in pads if not facts["sound"]}
-    on_buses = _on_the_buses([pad for pad in config.pad if pad.name in unsound])
+    reasons = {facts["pad"]: facts.get("reason", "") for facts in pads if not facts["sound"]}
+    on_buses = _on_the_buses([pad for pad in config.pad if pad.name in reasons], reasons)
     return {"pads": [facts | on_buses.get(facts["pad"], {}) for facts in pads]}
 
 
-def _on_the_buses(unsound: Sequence[PadConfig]) -> dict[str, dict[str, Any]]:
-    """The chips on the I2C buses of faulty pads. Their devices must be closed."""
+def _on_the_buses(unsound: Sequence[PadConfig], reasons: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    """The chips on the I2C buses of faulty pads, or why a bus cannot be read unless that is the pad's reason already.
+
+    Their devices must be closed.
+    """
     from fmfts.sensor.i2c.scan import scanned
 
     facts = {}
@@ -216,7 +219,8 @@ def _on_the_buses(unsound: Sequence[PadConfig]) -> dict[str, dict[str, Any]]:
                 found = [str(each) for each in scanned(pad.source.bus)]
             except SourceError as error:
                 found = [str(error)]
-            facts[pad.name] = {"found_on_bus": found or ["no chip that this daemon knows"]}
+            if found != [reasons[pad.name]]:
+                facts[pad.name] = {"found_on_bus": found or ["no chip that this daemon knows"]}
     return facts
 
 
