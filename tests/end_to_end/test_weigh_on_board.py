@@ -1,8 +1,9 @@
-"""A pad of silicone stiffer than the model's, weighed by a stranger's steps: the firmware's host build."""
+"""A pad of silicone stiffer than the model's, from README's commands to a weight: the firmware's host build."""
 
 from __future__ import annotations
 
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from fmfts_lab.bench.recorded import pressed_field
 
 STIFFNESS, WEIGHT_N, FORCE_N = 1.4, 0.980665, 1.2
 EARTH_T = np.array([2e-5, 0.0, 4e-5])
-CONFIG = "--config", "pad.toml"
+README = Path(__file__).parents[2] / "README.md"
 
 
 def built() -> MountedPad:
@@ -31,22 +32,33 @@ def pressed(x_m: float, y_m: float, force_n: float) -> Array:
     return pressed_field(built(), x_m, y_m, force_n / STIFFNESS)
 
 
+def typed_by_readme() -> list[list[str]]:
+    """The commands of "Use your own pad", as it has them."""
+    section = README.read_text(encoding="utf-8").partition("## Use your own pad")[2].partition("\n## ")[0]
+    lines = [line.partition("#")[0] for line in section.splitlines() if line.startswith("    fmfts-daemon ")]
+    return [shlex.split(line)[1:] for line in lines]
+
+
 def test_stranger_weighs_a_pad_and_its_forces_are_right(tmp_path: Path) -> None:
+    """README's commands in its order. Only `init` is told a port: no list of devices has a pty. This robot does not
+    turn, and nothing is refined."""
+    init, probe, selftest, bare, rest, turn, refine, run, _ = typed_by_readme()
+    assert (turn, refine, run) == (["baseline", "--turn"], ["baseline", "--refine"], ["run"])
     with FirmwareHost(tmp_path) as board:
-        said(tmp_path, "init", "--port", board.port)
-        early = said(tmp_path, "weigh", "100g", *CONFIG, code=65)
+        said(tmp_path, *init, "--port", board.port)
+        early = said(tmp_path, "weigh", "100g", code=65)
         assert "rest is not recorded: `fmfts-daemon baseline --rest` while nothing touches the pad, then weigh" in early
         board.field(built().sensed(np.tile(EARTH_T, (4, 1))))
-        said(tmp_path, "baseline", "--bare", *CONFIG)
+        assert "fmfts-daemon selftest" in said(tmp_path, *probe)
+        assert "fmfts-daemon baseline --bare" in said(tmp_path, *selftest)
+        assert "fmfts-daemon baseline --rest" in said(tmp_path, *bare)
         board.field(pressed(0.0, 0.0, 0.0))
-        said(tmp_path, "baseline", "--rest", *CONFIG)
-        assert "no weight is detected: put it on the middle" in said(tmp_path, "weigh", "100g", *CONFIG, code=65)
-        assert "100 has no unit: write 100g for grams, 100N for newtons" in said(
-            tmp_path, "weigh", "100", *CONFIG, code=2
-        )
+        said(tmp_path, *rest)
+        assert "no weight is detected: put it on the middle" in said(tmp_path, "weigh", "100g", code=65)
+        assert "100 has no unit: write 100g for grams, 100N for newtons" in said(tmp_path, "weigh", "100", code=2)
 
         board.field(pressed(0.0, 0.0, WEIGHT_N))
-        facts = json.loads(said(tmp_path, "weigh", "100g", "--by", "6mm", "--json", *CONFIG))
+        facts = json.loads(said(tmp_path, "weigh", "100g", "--by", "6mm", "--json"))
         assert facts["weight_n"] == pytest.approx(WEIGHT_N)
         assert facts["stiffness"] == pytest.approx(STIFFNESS, abs=2.0 * facts["stiffness_sd"])
 
