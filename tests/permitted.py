@@ -1,4 +1,4 @@
-"""What the system permits whoever runs the tests: containers and ordinary users may less than a computer's root."""
+"""What the system permits to the tests' user: containers and ordinary users may do less than root."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ports for what tests serve over tcp; those that run side by side never ask for the same."""
+"""Ports for servers of the tests over tcp; tests that run side by side never get the same."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """A test that is judged by the clock, and fails while other programs take this computer's processors, is repeated once.
 
-A pytest plugin for what is marked `real_time`. Reports say what the others took; the summary names what was repeated.
+A pytest plugin for tests that are marked `real_time`. Reports say how much the others took; the summary names repeated
+tests.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
 
 def all_ticks() -> int:
-    """Of all processors, while they did anything; what a hypervisor gave to others is among it (proc_stat(5))."""
+    """Busy ticks of all processors, including those that a hypervisor gave to others (proc_stat(5))."""
     user, nice, system, _, _, irq, softirq, steal = map(int, Path("/proc/stat").read_text().split()[1:9])
     return user + nice + system + irq + softirq + steal
 
 
 def own_ticks(root: int) -> int:
-    """Of the process `root` and all that descend from it, those that have ended included."""
+    """Ticks of the process `root` and all its descendants, including ended ones."""
     children: dict[int, list[int]] = {}
     ticks: dict[int, int] = {}
     for process in Path("/proc").iterdir():
@@ -46,7 +47,7 @@ def own_ticks(root: int) -> int:
 
 
 class OthersShare:
-    """What other programs took at most of a processor in any second, while this is open."""
+    """The largest share of a processor that other programs took in any second, while this is open."""
 
     def __init__(self, root: int) -> None:
         self.largest = 0.0
@@ -100,12 +101,12 @@ def pytest_runtest_protocol(item: pytest.Item) -> bool | None:
 
 
 def root_of(item: pytest.Item) -> int:
-    """With xdist this process is one of some workers, whose tests are no strangers to each other."""
+    """With xdist this process is one of several workers, whose tests do not count as strangers."""
     return os.getppid() if hasattr(item.config, "workerinput") else os.getpid()
 
 
 def wait_for_quiet(root: int) -> None:
-    """It may come; without it the second attempt has to do."""
+    """Waits for quiet; if it does not come, the second attempt must do without."""
     until = time.monotonic() + QUIET_WITHIN_S
     while time.monotonic() < until:
         with OthersShare(root) as others:
@@ -115,7 +116,7 @@ def wait_for_quiet(root: int) -> None:
 
 
 def attempt(item: pytest.Item) -> tuple[list[pytest.TestReport], OthersShare]:
-    """Run it with fixtures of its own, which no later test is given, nor a later attempt."""
+    """Run it with fixtures of its own, which no other test and no later attempt gets."""
     with OthersShare(root_of(item)) as others:
         reports = runtestprotocol(item, log=False, nextitem=None)
     for report in reports:

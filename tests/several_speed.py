@@ -1,7 +1,7 @@
 """`python tests/several_speed.py`: how long the estimator of several magnets takes, call by call, in µs.
 
-Four magnets, eight sensors, 48 causes of errors, a table of 15 × 15 knots. The least of several runs. A
-warm fit starts where the finger was a frame before, 0.05 mm and 0.01 N beside.
+Four magnets, eight sensors, 48 causes of errors, a table of 15 × 15 knots. The least of several runs. A warm fit starts
+at the finger's place one frame before, 0.05 mm and 0.01 N off.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""When a processor or a pty of this computer stood still, whoever made it: a hypervisor, a frozen container, a program.
+"""Records when a processor or a pty of this computer stood still, whatever the cause: a hypervisor, a frozen container,
+a program.
 
-A test that judges what comes in time needs a witness that does not depend on what it judges.
+A test that judges timing needs a witness independent of the system under test.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ LONGEST_ON_A_PTY_S = 0.01  # a kernel's worker of ordinary priority carries the 
 class StandingStill:
     """One thread on each processor that sleeps and wakes; `times` (start, end) of CLOCK_MONOTONIC that it overslept.
 
-    pty: also when a byte was held up on a pty, which is how an emulated board's bytes come.
+    pty: also when a byte was delayed on a pty, which carries an emulated board's bytes.
     """
 
     def __init__(self, pty: bool = False) -> None:
@@ -35,7 +36,7 @@ class StandingStill:
 
     @property
     def total_s(self) -> float:
-        """Of all processors together: 0 where none stood still."""
+        """For all processors together: 0 if none stood still."""
         return sum(end - start for start, end in self.times)
 
     def within(self, start_s: float, end_s: float) -> bool:
@@ -78,6 +79,6 @@ class StandingStill:
 
 
 def _go_first() -> None:
-    """This thread, before all programs; only root may, others wait for their turn."""
+    """Give this thread priority over all programs; only root may, others wait for their turn."""
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))

@@ -29,7 +29,7 @@ class Judged(NamedTuple):
 
 
 def pose_of(problem: Problem, state: State) -> Pose:
-    """Without the rows that have no value or no weight."""
+    """Drops the rows without a value or a weight."""
     rows = problem.measurements[np.isfinite(problem.measurements[:, 6]) & np.isfinite(problem.measurements[:, 7])]
     magnets = [
         OneMagnet(one.position_m, one.axis, one.log_moment, *magnet)
@@ -85,7 +85,7 @@ def judged(problem: Problem, state: State) -> Judged:
 
 
 def is_too_uncertain(problem: Problem, state: State, deviation: Array) -> bool:
-    """Whether a position or an axis is known too little for a covariance to mean anything."""
+    """Whether a position or an axis is too uncertain for a covariance to mean anything."""
     pose = pose_of(problem, state)
     for number, magnet in enumerate(pose.magnets):
         own = deviation[14 + 6 * (number - 1) :] if number else deviation

@@ -1,4 +1,4 @@
-"""A neighbouring pad's magnets in another pad's axes, and what they do to its field: by differences of the potential.
+"""A neighbouring pad's magnets in another pad's axes, and their effect on its field, by differences of the potential.
 
 A magnet moves by at most 0.02 m/s and turns by 2 rad/s (a tap of 1 N in 50 ms), no farther than 1.2 mm and 0.2 rad (the
 paper's hardest press); its log moment is never known better than 1e-3. An error of placement or rest changes a dipole's
@@ -61,7 +61,7 @@ def fields(magnets: tuple[Magnet, ...], values: Array, sensors: SensorArray) -> 
 
 
 def variance(sighting: Sighting, placement: Placement, sensors: SensorArray) -> Array:
-    """(N,) T² along each axis, from errors of placement, and of what rests there."""
+    """(N,) T² along each axis, from errors of placement and of the magnets' rest."""
     last, rest = (
         placed(np.array([[*one.position_m, *one.axis, one.log_moment] for one in where]), placement)
         for where in (sighting.last, sighting.rest)

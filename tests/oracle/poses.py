@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 def at(model: FieldModel, change: Array) -> Predicted:
-    """What magnets that have moved by `change` (5M,) do to the field. Its `change` is the one that errors go with."""
+    """The field's change when magnets have moved by `change` (5M,). Errors are computed for its `change`."""
     mounting = model.mounting
     moved = mounting.magnets.changed(change, mounting.frames)
     field, by_pose = field_and_slope(moved, mounting.frames, mounting.sensors)
@@ -21,8 +21,9 @@ def at(model: FieldModel, change: Array) -> Predicted:
 
 
 def counted(model: FieldModel, change: Array) -> Array:
-    """(5M,) the change that the baseline's errors go with. They are known for a magnet that is HALF_A_PRESS down. One
-    that is pressed by d is d/2 down on the way, nearer to the chips: the slope of a dipole's gradient goes with r⁻⁵."""
+    """(5M,) the change for which the baseline's errors are computed. They are computed for a magnet that is
+    HALF_A_PRESS down. One that is pressed by d is d/2 down on the way, nearer to the chips: the slope of a dipole's
+    gradient goes with r⁻⁵."""
     heights = model.mounting.sensors.position_m[:, 2].tolist()
     base_m, counted = sum(heights) / len(heights), change.copy()
     for number, place_m in enumerate(model.mounting.magnets.position_m[:, 2].tolist()):

@@ -30,7 +30,7 @@ def weights(response: Any, along_mm: float) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Pad:
-    """model: the product's, of which the numbers are read and no function is called, but for the baseline's errors."""
+    """model: the product's; only its numbers are read, and no function is called except for the baseline's errors."""
 
     model: Any
     drawn_m: Array
@@ -73,7 +73,7 @@ class Pad:
         return differences(self.field_t, change, np.tile(POSE_STEP, self.count))
 
     def by_finger(self, fingers: Array) -> Array:
-        """(3N, 3K) by the table's own slope: how far a magnet lies off is of the second order."""
+        """(3N, 3K) by the table's own slope: a magnet's offset is a second-order effect."""
         slopes = [differences(self.alone, finger, FINGER_STEP) for finger in fingers]
         return self.by_pose(self.change(fingers)) @ (
             np.concatenate(slopes, axis=1) * np.tile(TO_SI, self.count)[:, None]
@@ -92,7 +92,7 @@ class Pad:
         return np.asarray(total + P @ self.considered(fingers) @ P.T)
 
     def considered(self, fingers: Array) -> Array:
-        """(5M, 5M) in SI: of the changes of pose that no place and force of a finger tells."""
+        """(5M, 5M) in SI: the changes of pose that place and force of a finger do not determine."""
         mounting, response, scene = self.model.mounting, self.model.response, self.model.scene
         inner, by_place, table = (
             np.zeros((5 * self.count,) * 2),

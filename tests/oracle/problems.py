@@ -20,7 +20,7 @@ OF_NEIGHBOUR = np.array([1e-5] * 3 + [1e-4] * 3)
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """The start and all that is fixed. magnets: the pad's own first. A step h has 14 + 6k numbers."""
+    """The start and all fixed quantities. magnets: the pad's own first. A step h has 14 + 6k numbers."""
 
     place_m: Array
     direction: Array
@@ -63,7 +63,7 @@ def solved(pose: Pose, free: list[int], prior: Array | None = None) -> tuple[Arr
         return own if root is None else np.concatenate([own, root @ step[free]])
 
     def jacobian(unknown: Array) -> Array:
-        """SciPy's own, by first differences, ends 1e-4 of a deviation off on a processor without fused multiply-add."""
+        """SciPy's own first differences end 1e-4 of a deviation off on a processor without fused multiply-add."""
         return differences(residual, unknown, np.full(len(free), 1e-2))
 
     found = least_squares(residual, np.zeros(len(free)), jacobian, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15)
@@ -73,8 +73,8 @@ def solved(pose: Pose, free: list[int], prior: Array | None = None) -> tuple[Arr
 
 
 def covariance(normal: Array, free: list[int], considered: list[int], held: Array | None) -> Array:
-    """(columns, columns). normal: A, at the solution. held: the prior's covariance, of which that of the considered
-    columns counts."""
+    """(columns, columns). normal: A, at the solution. held: the prior's covariance; only the considered columns' part
+    is used."""
     columns = len(normal)
     A, A_xc = normal[np.ix_(free, free)], normal[np.ix_(free, considered)]
     scale = 1.0 / np.sqrt(np.diag(A))

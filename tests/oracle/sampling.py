@@ -1,4 +1,4 @@
-"""Alignment as docs/tracking.md and the field's own shape say it: from the whole history of each sensor.
+"""Alignment as defined by docs/tracking.md and the field's own shape, from the whole history of each sensor.
 
 The instant is that of the sensor whose newest sample is oldest; each sensor is interpolated linearly between the two
 samples around it (the newest two). The noise of a weighted mean w a + (1 − w) b of independent samples is
@@ -7,7 +7,7 @@ instant (twice: where a tap begins, half of its acceleration is in the divided d
 more than half a gauss between two samples, the jump may be anywhere between them. Without a third sample it is the
 step itself.
 
-Which samples are new, and what a gap, a clock that begins again and a chip that stops do, are in push.h and push.c.
+push.h and push.c define which samples are new, and the effect of a gap, a restarted clock and a stopped chip.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class History:
         return float(np.hypot(place, 1.0 - place))
 
     def _axis(self, instant_us: int, axis: int) -> tuple[float, float]:
-        """Value and bend. A sample that this axis lacks ends its history there."""
+        """Value and bend. A sample without a value on this axis ends its history."""
         values = [float(each[axis]) for each in self.fields[:-4:-1]]
         f0, f1, f2 = values + [np.nan] * (3 - len(values))
         if np.isnan(f0) or np.isnan(f1):
@@ -147,7 +147,7 @@ class Chips:
         return later_us < -stopped_us
 
     def _new(self, time_us: Times, fresh: Flags, timed: Flags) -> Flags:
-        """Where a frame was lost, a sample is new, too, whose first frame it was."""
+        """If a frame was lost, a sample that first occurred in it is new, too."""
         lost = fresh.any() and time_us[fresh].max() - self.newest_us > LOST_PERIODS * self.period_us
         later_us = time_us - [each.newest_us for each in self.histories]
         return np.asarray(fresh | (timed & lost & (later_us > NEW_PERIODS * self.period_us)))

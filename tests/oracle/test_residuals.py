@@ -1,8 +1,8 @@
 """χ² of the mean residual, by generalised least squares with matrices, in the frames of frozen worlds.
 
 With V the covariance of the mean's errors and J the derivatives of what the axes read by the unknowns, the part of the
-mean m that no unknown explains has χ² = min over x of (m − Jx)ᵀV⁻¹(m − Jx). V: noise, less in a mean; what no mean
-makes less; and what the axes have in common: the moment, and the unknowns that a baseline leaves.
+mean m that no unknown explains has χ² = min over x of (m − Jx)ᵀV⁻¹(m − Jx). V: noise, which a mean reduces; errors that
+no mean reduces; and common errors of the axes: the moment, and the unknowns that a baseline leaves.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def worth(frames: float) -> float:
 
 
 class Judged:
-    """What the pipeline knows after a frame that it judged."""
+    """The pipeline's state after a frame that it judged."""
 
     def __init__(self, pipeline: PadPipeline) -> None:
         self.parameters, self.memory = pipeline._parameters, pipeline.memory.fields

@@ -61,7 +61,7 @@ def failing(seed: int, count: int) -> Iterator[Pushed]:
 
 
 def compared(frames: Iterator[Pushed], count: int, rounding_t: float) -> Counter[str]:
-    """Hold every frame to the histories. Returns how often each thing was met. rounding_t: of a parabola."""
+    """Compare every frame with the histories. Returns how often each event occurred. rounding_t: of a parabola."""
     alignment, chips = Alignment(count, PERIOD_US), Chips(count, PERIOD_US)
     met: Counter[str] = Counter()
     before_us = 0

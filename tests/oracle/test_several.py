@@ -26,7 +26,7 @@ def pads(magnets: int, sensors: int, terms: int) -> tuple[FieldModel, Pad]:
 
 
 def near(told: Array, wanted: Array, share: float) -> None:
-    """Within a share of the largest of each column: what differences leave."""
+    """Within a share of each column's largest value: the error of differences."""
     size = np.abs(wanted).max(axis=0)
     assert (np.abs(told - wanted) <= share * size + 1e-300).all(), float((np.abs(told - wanted) / size).max())
 

@@ -1,7 +1,7 @@
-"""The compiled search for fingers and poses against NumPy's linear algebra: what each step says where it ended.
+"""The compiled search for fingers and poses against NumPy's linear algebra: the results of each step at its end.
 
-The field, its slope and its covariance C are the product's, which test_several.py judges; of the values that there are,
-with r the residual and J the slope, all that follows is least squares: docs/several.md and the docstrings of several/.
+The field, its slope and its covariance C are the product's, which test_several.py judges. Everything else is least
+squares on the present values, with the residual r and the slope J: docs/several.md and the docstrings of several/.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ NOBODY, NO_CHANGE = np.zeros((0, 3)), np.zeros(3)
 
 
 class White(NamedTuple):
-    """C (U, U) of the values that there are; r (U,) and J (U, unknowns) in its deviations: L⁻¹r, L⁻¹J."""
+    """C (U, U) of the present values; r (U,) and J (U, unknowns) in its deviations: L⁻¹r, L⁻¹J."""
 
     L: Array
     residual: Array
@@ -70,7 +70,7 @@ def near_covariance(told: Array, wanted: Array) -> None:
 
 
 def worlds(sizes: tuple[float, ...], seed: int, count: int) -> list[tuple[Fitter, Measured, Array]]:
-    """Fields of one to three fingers, without some sensors, without single values, and beside other pads."""
+    """Fields of one to three fingers, without some sensors or single values, and beside other pads."""
     fitter, random = Fitter(models_of(1, *sizes)), np.random.default_rng(seed)  # type: ignore[arg-type]
     true = [fingers_of(random, trial % 3 + 1) for trial in range(count)]
     return [
@@ -141,7 +141,7 @@ def near_each_other(fingers: Array) -> bool:
 
 @pytest.mark.parametrize("sizes", [*PADS, (9, 16, 64, 12, 8, 30.0)])
 def test_scan_finds_the_best_places_of_the_grid(sizes: tuple[float, ...]) -> None:
-    """The best is as good as any, by least squares of the forces alone; pairs are the best ones that differ."""
+    """The best is at least as good as any, by least squares of the forces alone; pairs are the best distinct ones."""
     random, found = np.random.default_rng(8), 0
     for fitter, measured, true in worlds(sizes, 8, 12 if len(sizes) == 5 else 3):
         root, places = fitter.whitener(fingers_of(random, len(true) - 1), measured, NO_CHANGE), fitter.places
@@ -190,7 +190,7 @@ def number_of(places: Array, finger: Array) -> int:
 
 @SIZES
 def test_one_more_finger_lowers_chi2_as_least_squares_says(sizes: tuple[int, ...]) -> None:
-    """Beside others, which may move a little for it."""
+    """Beside other fingers, which may move a little for it."""
     gained = 0
     for fitter, measured, true in worlds(sizes, 12, 12):
         told = replace(fitter.fit(true[:1], measured, NO_CHANGE), fingers=true)
@@ -221,7 +221,7 @@ def test_one_more_finger_lowers_chi2_as_least_squares_says(sizes: tuple[int, ...
 
 @SIZES
 def test_fingers_put_elsewhere_are_those_of_two_steps_across(sizes: tuple[int, ...]) -> None:
-    """Each a step of least squares with one sum held: of what is unknown, and the multiplier of what is held."""
+    """Each is a step of least squares with one sum held: unknowns, and the multiplier of the constraint."""
     random, reached, refused = np.random.default_rng(13), 0, 0
     for trial, (fitter, measured, true) in enumerate(worlds(sizes, 13, 24)):
         count = len(true)

@@ -1,5 +1,5 @@
 """Place, force and shear that contact/sheared.c solves: beside SciPy's least squares, finite differences, another
-program's drags (lab/fmfts_lab/finite_elements/drags.py: CalculiX), and the model that knows no shear."""
+program's drags (lab/fmfts_lab/finite_elements/drags.py: CalculiX), and the model without shear."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_search_at_the_rim_ends_near_the_least_chi2(pad: Pad) -> None:
 
 @pytest.mark.parametrize("press", PRESSES[:4])
 def test_deviations_carry_an_error_of_the_pose_to_all_five(pad: Pad, press: Array) -> None:
-    """A wider finger moves the magnet otherwise: what that adds, beside answers to a share of this movement."""
+    """A wider finger moves the magnet differently: its extra movement, compared with answers to a share of it."""
     plain, wide = solving(pad), solving(pad, finger_m=(6e-3, 12e-3))
     change, step = change_of(plain, press), np.sqrt((12.0**2 - 6.0**2) / 16.0 / 2.0)
     without = answer(plain, pad, change)

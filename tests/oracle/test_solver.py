@@ -30,7 +30,7 @@ def unit(random: np.random.Generator) -> Array:
 def random_pose(
     seed: int, sensors: int = 4, neighbours: int = 0, octupole: bool = True, noise: float = 1.0
 ) -> tuple[Pose, Array]:
-    """A start, and the step from there to the truth whose field is measured."""
+    """A start, and the step from there to the true state whose field is measured."""
     random = np.random.default_rng(seed)
     place = np.repeat(random.uniform([-12e-3, -12e-3, -2e-3], [12e-3, 12e-3, 2e-3], (sensors, 3)), 3, axis=0)
     direction = np.linalg.qr(random.normal(size=(sensors, 3, 3)))[0].reshape(-1, 3)
@@ -171,7 +171,7 @@ def test_answer_and_covariance_agree_with_scipy(seed: int) -> None:
 @pytest.mark.parametrize("sensors", range(3, 9))
 @pytest.mark.parametrize("neighbours", range(3))
 def test_any_part_may_have_any_role_and_samples_any_age(sensors: int, neighbours: int) -> None:
-    """The search ends in the minimum, with the covariance and χ² of that place, or where too little is measured."""
+    """The search ends in the minimum, with its covariance and χ², or where too little is measured."""
     unobservable = 0
     for seed in range(12):
         problem = random_problem(1000 * sensors + 100 * neighbours + seed, sensors, neighbours, seed % 2 == 0)
@@ -206,7 +206,7 @@ LINEAR = {
 
 @pytest.mark.parametrize("roles", LINEAR)
 def test_cold_start_has_best_axis_moment_and_ambient_field_of_its_position(roles: str) -> None:
-    """Of a dipole at a place that is not quite its own: no axis, moment and field beside it fit as well."""
+    """Of a dipole slightly off its place: no other axis, moment and field fit as well."""
     parts = LINEAR[roles]
     for seed in range(8):
         random = np.random.default_rng(seed)
@@ -276,7 +276,7 @@ def test_errors_over_random_pads_agree_with_the_covariance(free: list[int], name
 
 
 def test_considered_moment_covers_the_error_it_causes() -> None:
-    """2 % of the moment, drawn anew for each of 300 pads and never told: the covariance holds it."""
+    """2 % of the moment, drawn anew for each of 300 pads and unknown to the solver: the covariance covers it."""
     nees, count = 0.0, 300
     for seed in range(count):
         random = np.random.default_rng(seed)

@@ -1,6 +1,7 @@
-"""What the pad's structure leaves open of a contact (contact/tolerances.c), beside finite differences of whole answers.
+"""The uncertainty of a contact through the pad's structure (contact/tolerances.c), against finite differences of whole
+answers.
 
-The response and the model are as they are; what another pad or finger does is written out here anew.
+The response and the model are the product's; the effects of another pad or finger are written here again.
 """
 
 from __future__ import annotations
@@ -84,8 +85,8 @@ def test_thicker_silicones_error_agrees_with_the_table(pad: Pad, press: Array) -
 
 @pytest.mark.parametrize("press", PRESSES)
 def test_wider_fingers_error_is_that_of_its_extra_movement(pad: Pad, press: Array) -> None:
-    """12 mm against the probe's 6: two deviations. The mean over a ring of presses, whose second moments are known, is
-    what an area does to second order; the model's answers to a small share of the difference are then compared."""
+    """12 mm against the probe's 6: two deviations. The mean over a ring of presses with known second moments is an
+    area's effect to second order; the model's answers to a small share of the difference are then compared."""
     plain, wide = model(pad), model(pad, finger_m=(6e-3, 12e-3))
     moment_mm2 = (12.0**2 - 6.0**2) / 16.0 / 2.0
     change, step = moved_by(plain, press), np.sqrt(moment_mm2)
@@ -122,7 +123,7 @@ def test_known_finger_reads_as_the_probe_does(pad: Pad, press: Array, width_mm: 
 
 @pytest.mark.parametrize("name", ["default", "shear"])
 def test_tolerances_change_no_answer_and_no_judgement(pad: Pad, name: str) -> None:
-    """Whether a force is over range is judged without them: a scale that is off makes no squeeze."""
+    """Over range is judged without them: a wrong scale makes no squeeze."""
     plain, open_one = model(pad, name), model(pad, name, modulus=0.2, thickness_m=2e-4, finger_m=(3e-3, 12e-3))
     for press in [*PRESSES, *(PRESSES * [1.0, 1.0, 1.5])]:
         change = moved_by(plain, press)
@@ -143,7 +144,7 @@ def test_shears_scale_like_the_force(pad: Pad) -> None:
 
 
 def test_contacts_begin_and_end_as_they_would_without_tolerances() -> None:
-    """A touch is judged by noise: that the scale of a force is not known makes it no less certain."""
+    """A touch is judged by noise: an unknown scale of the force makes it no less certain."""
     said = []
     for modulus, thickness_mm, finger_mm in ((0.0, 0.0, (6.0, 6.0)), (0.4, 0.4, (1.0, 15.0))):
         config = PadConfig(

@@ -70,7 +70,7 @@ def test_touch_begins_and_ends_as_docs_say(compiled: ctypes.CDLL) -> None:
 
 
 def test_smoothed_pose_is_the_parabola_of_fading_least_squares(compiled: ctypes.CDLL) -> None:
-    """Morrison (1969): with weights θ^k, where the start is forgotten. 0.03 s of memory, 400 frames."""
+    """Morrison (1969): with weights θ^k, after the start is forgotten. 0.03 s of memory, 400 frames."""
     random, memory_s, count = np.random.default_rng(3), 0.03, 400
     time_s = np.arange(count) / RATE_HZ
     in_its_units = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])

@@ -1,4 +1,4 @@
-"""One daemon, one server of the page and one Chromium for all tests of a file: they take seconds to start."""
+"""One daemon, one server of the page and one Chromium for all tests of a file, because they take seconds to start."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def one_page(browser: Browser, bench: Bench) -> Iterator[Page]:
 
 @pytest.fixture
 def page(one_page: Page, bench: Bench) -> Iterator[Page]:
-    """The page, showing the untouched pad. Its console must stay empty, and nothing come from elsewhere."""
+    """The page, showing the untouched pad. Its console must stay empty, and it must load nothing from elsewhere."""
     bench.pressed.touch(0.0, 0.0, 0.0)
     until(one_page, "document.querySelector('#health').dataset.health === 'ok' && fmfts.nowMs() !== null")
     until(one_page, "document.querySelector('#force').dataset.kind === 'none'")

@@ -1,4 +1,5 @@
-"""`make page-drills`: minutes of drawing. Every point of 1,000 touches is what was sent; no view fails in ten minutes.
+"""`make page-drills`: minutes of drawing. Every point of 1,000 touches equals the sent one; no view fails in ten
+minutes.
 
 Each prints its figures: run with -s. FMFTS_PAGE_TOUCHES and FMFTS_PAGE_SECONDS (at most 600 count here) shorten them.
 """

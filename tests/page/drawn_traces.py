@@ -66,7 +66,7 @@ class Drawn(NamedTuple):
 
 
 def drawn(page: Page, bus: KnownTouches) -> Drawn:
-    """Read all traces of `page`, and compare each point with what `bus` sent."""
+    """Read all traces of `page`, and compare each point with the messages of `bus`."""
     read = page.evaluate(READ)
     sent, ghosts = dict(bus.sent), dict(bus.ghosts)  # everything that is drawn, and later messages
     traces: dict[str, dict[str, Points]] = {

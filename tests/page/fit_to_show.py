@@ -1,4 +1,4 @@
-"""Whether a page is fit to be photographed: a picture of the manual shows a pad that works as it should."""
+"""Judges whether a page is fit to be photographed: a picture of the manual shows a healthy pad."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class UnfitError(Exception):
 
 
 def why_unfit(page: Page, health: Sequence[str] = ("ok",), fewest_pictures: int = FEWEST_PICTURES) -> str:
-    """What is not as it should be: health, rate and age of the pads, pictures a second, or the width; "" if all is.
+    """What is wrong with the page: health, rate and age of the pads, pictures a second, or the width; "" if nothing is.
 
-    health: of the pads, what the picture is meant to show. fewest_pictures: a second, that the page draws.
+    health: expected health of the pads in the picture. fewest_pictures: the least number a second that the page draws.
     """
     found = []
     for pad in page.evaluate(LOOK):
@@ -57,9 +57,9 @@ def why_unfit(page: Page, health: Sequence[str] = ("ok",), fewest_pictures: int 
 def photographed(
     page: Page, shows: str = "true", health: Sequence[str] = ("ok",), clip: FloatRect | None = None
 ) -> bytes:
-    """A picture of the whole page, or of the clip, that is fit before and after.
+    """A picture of the whole page, or of the clip, which is fit before and after.
 
-    shows: condition in JavaScript of what the picture is of. UnfitError says what was not as it should be for a minute.
+    shows: condition in JavaScript for the picture's subject. UnfitError says what stayed wrong for a minute.
     """
     end = time.monotonic() + PATIENCE_S
     while True:

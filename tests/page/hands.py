@@ -32,8 +32,8 @@ def swaying(time_s: float) -> np.ndarray:
 class HandledBoard:
     """A board whose field follows the hands.
 
-    A busy computer holds up the hands but not the board. They then go on from where they were: if they made up for long
-    stops, the field would jump, which between the samples of two chips looks like a touch.
+    A busy computer delays the hands but not the board. They then continue from where they were: if they made up for
+    long stops, the field would jump, which looks like a touch between the samples of two chips.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -1,4 +1,5 @@
-"""A bus on which a finger taps one pad again and again: what was sent is kept, to compare it with what a page draws."""
+"""A bus on which a finger taps one pad again and again; it keeps the sent messages, to compare them with the page's
+drawing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A bus with the messages of many touched pads: `python load.py BASE PADS`. What a daemon of 64 pads would send."""
+"""A bus with the messages of many touched pads: `python load.py BASE PADS`. The traffic of a daemon with 64 pads."""
 
 from __future__ import annotations
 

@@ -15,9 +15,9 @@ from fmfts_client import Endpoints
 
 
 class Bus:
-    """A daemon that says of each of its pads what `make` makes.
+    """A daemon that publishes what `make` makes for each of its pads.
 
-    pads: name → facts beyond those of the standard pad, as `pads` of the control socket tells them.
+    pads: name → facts beyond those of the standard pad, as in `pads` of the control socket.
     """
 
     def __init__(self, base: str, pads: dict[str, dict[str, Any]], make: Callable[..., ContactMessage]) -> None:

@@ -1,4 +1,4 @@
-"""`make page-drills`: what takes minutes or a quiet computer. Each prints its figures: run with -s.
+"""`make page-drills`: drills that take minutes or a quiet computer. Each prints its figures: run with -s.
 
 Many pads, many pages, hostile connections, a long run, and the guided first use of a board to its end.
 """
@@ -78,8 +78,8 @@ def test_64_pads_are_drawn_and_cost_little(browser: Browser, many: View) -> None
 
 
 def test_five_pages_cost_the_daemon_nothing(browser: Browser, tmp_path: Path) -> None:
-    """In turns, so that whatever else the computer does meets all alike. What drawing costs, a browser on another
-    computer would pay: pages that are only received show what serving them costs here."""
+    """In turns, so that the computer's other work affects all equally. Drawing costs the browser's computer: pages that
+    are only received show the cost of serving them."""
     with ExitStack() as stack:
         daemon = stack.enter_context(RunningDaemon(tmp_path, UNTOUCHED_CONFIG))
         view = stack.enter_context(View(tmp_path, daemon.environment))
@@ -110,7 +110,7 @@ def test_five_pages_cost_the_daemon_nothing(browser: Browser, tmp_path: Path) ->
 
 @contextmanager
 def _received(view: View) -> Iterator[None]:
-    """A page's connection without the page: it watches the pad, and reads all that comes."""
+    """A page's connection without the page: it watches the pad, and reads everything that comes."""
     origin = f"http://127.0.0.1:{view.port}"
     with connect(f"ws://127.0.0.1:{view.port}/socket", origin=Origin(origin), proxy=None) as socket:
         socket.send(json.dumps({"token": view.token}))
@@ -125,7 +125,7 @@ def _received(view: View) -> Iterator[None]:
 
 
 def _cost(daemon: RunningDaemon, seconds: float) -> tuple[float, float]:
-    """Share of a core, and the median p99 of its latency as it tells it each second."""
+    """Share of a core, and the median of the p99 latency that the daemon reports each second."""
 
     def processor_s() -> float:
         fields = Path(f"/proc/{daemon.process.pid}/stat").read_text().rpartition(")")[2].split()
@@ -195,7 +195,7 @@ def _fuzz(port: int, seed: int, count: int) -> None:
 
 
 def test_long_run_does_not_grow(browser: Browser, tmp_path: Path) -> None:
-    """FMFTS_PAGE_SECONDS: an hour unless told otherwise. The ten minutes that are kept are full after ten."""
+    """FMFTS_PAGE_SECONDS: an hour unless told otherwise. The ten minutes of history are full after ten."""
     with ExitStack() as stack:
         config = UNTOUCHED_CONFIG.replace('finger = "none"', 'finger = "script"')
         daemon = stack.enter_context(RunningDaemon(tmp_path, config))

@@ -1,8 +1,7 @@
 """`make pictures`: takes the pictures of the manual from the real page, in Chromium, of the firmware on a pty.
 
 They are: a touch (light, dark, on a phone), a sensor that is left out, the guided baseline, a hand beside a fixed
-baseline, a moving touch, three robots of which one is lost. No picture is taken while rate, age or health is not as it
-should be.
+baseline, a moving touch, three robots of which one is lost. No picture is taken while rate, age or health is wrong.
 """
 
 from __future__ import annotations
@@ -58,7 +57,7 @@ def keep(shot: bytes, name: str) -> None:
 
 
 def weigh(path: Path) -> None:
-    """Print the size of a picture; UnfitError where it is too large."""
+    """Print the size of a picture; UnfitError if it is too large."""
     size = path.stat().st_size
     print(f"{path}: {size // 1000} kB", flush=True)
     if size > LARGEST_BYTES:

@@ -96,7 +96,7 @@ def chromium() -> Iterator[Browser]:
 
 
 def opened(browser: Browser, address: str, **options: Any) -> Page:
-    """The page at `address`. complaints: what its console says is wrong; foreign: what it asked of other servers."""
+    """The page at `address`. complaints: errors in its console; foreign: its requests to other servers."""
     context = browser.new_context(viewport={"width": 1440, "height": 900}, **options)
     context.grant_permissions(["clipboard-read", "clipboard-write"])
     page = context.new_page()
@@ -114,7 +114,7 @@ def opened(browser: Browser, address: str, **options: Any) -> Page:
 def until(page: Page, condition: str, within_s: float = PATIENCE_S) -> None:
     """Wait until the JavaScript `condition` holds on the page.
 
-    The page's policy forbids to evaluate text, as Playwright's own waiting does; DevTools may.
+    The page's policy forbids evaluating text, which Playwright's own waiting does; DevTools may.
     """
     end = time.monotonic() + within_s
     while not page.evaluate(condition):
@@ -141,7 +141,7 @@ def seconds_until(page: Page, condition: str, since_ns: int, within_s: float = P
 
 
 def run_card(page: Page, number: int, ends: str, within_s: float = 90.0) -> str:
-    """Start a card of the guide, 0 to 6, and wait for its end, "done" or "refused"; what it says then."""
+    """Start a card of the guide, 0 to 6, and wait for its end, "done" or "refused"; returns its text."""
     card = f"#cards > li:nth-child({number + 1})"
     page.click(f"{card} > button")
     until(page, f"document.querySelector('{card}').dataset.state !== 'running'", within_s)

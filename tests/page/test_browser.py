@@ -46,7 +46,7 @@ class BrowserInForeground:
 
 @contextmanager
 def opened_by_view(folder: Path, environment: dict[str, str]) -> Iterator[tuple[View, str]]:
-    """`view`, and the address that it gave to the browser."""
+    """`view`, and the address that it passed to the browser."""
     browser = BrowserInForeground(folder)
     with View(folder, environment, browser=str(browser.command)) as view:
         try:

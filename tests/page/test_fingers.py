@@ -77,7 +77,7 @@ def one_page(browser: Browser, bus: tuple[Bus, str, Path]) -> Iterator[Page]:
 
 @pytest.fixture
 def shows(one_page: Page, bus: tuple[Bus, str, Path]) -> Iterator[Callable[..., Page]]:
-    """Makes the bus say something, and waits until the page has drawn it."""
+    """Make the bus send something, and wait until the page has drawn it."""
 
     def show(*fingers: object, **changes: object) -> Page:
         word = f"drawn {next(numbers)}"
@@ -96,7 +96,7 @@ def shows(one_page: Page, bus: tuple[Bus, str, Path]) -> Iterator[Callable[..., 
 
 
 def middles(page: Page) -> list[tuple[float, float]]:
-    """Middles of what is drawn in the colour of contacts left and right of the pad's centre, in mm of the pad."""
+    """Centres of the shapes in the colour of contacts left and right of the pad's centre, in mm of the pad."""
     pixels = np.array(page.evaluate(PIXELS, ["top", "--contact"])).reshape(-1, 2)
     halves = [pixels[pixels[:, 0] < 0.0], pixels[pixels[:, 0] > 0.0]]
     return [tuple((half.min(axis=0) + half.max(axis=0)) / 2) for half in halves if len(half)]

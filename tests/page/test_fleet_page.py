@@ -40,7 +40,7 @@ def view(robots: Robots) -> Iterator[View]:
 
 @pytest.fixture
 def page(browser: Browser, robots: Robots, view: View) -> Iterator[Page]:
-    """The page, with all three there. Its console must stay empty, and nothing come from elsewhere."""
+    """The page with all three robots. Its console must stay empty, and it must load nothing from elsewhere."""
     for daemon in robots.daemons.values():
         if daemon.process.poll() is not None:
             daemon.start()
@@ -53,7 +53,7 @@ def page(browser: Browser, robots: Robots, view: View) -> Iterator[Page]:
 
 
 def card(page: Page, name: str) -> str:
-    """What the card of a robot says, as a person reads it."""
+    """The text of a robot's card, as a person reads it."""
     return " ".join(page.locator("#robots li", has=page.locator(f"#state-{name}")).inner_text().split())
 
 

@@ -1,4 +1,4 @@
-"""First use in the browser: cards that say what one's hands do, and run the verbs on a board and in a simulation."""
+"""First use in the browser: cards that say what to do by hand, and run the verbs on a board and in a simulation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ KEEP_HINTS = """() => {
 
 @pytest.fixture(scope="module")
 def new_bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    """A board of which nothing is recorded."""
+    """A board without any recorded baseline."""
     bench = Bench(tmp_path_factory.mktemp("new"))
     yield bench
     bench.close()
@@ -96,7 +96,7 @@ def test_guided_first_use_of_a_simulated_pad_reports_each_step(browser: Browser,
 
 
 def brought(page: Page, card: int) -> list[float]:
-    """For each figure of a card: what it is now, as a share of what it was."""
+    """For each figure of a card: its present value as a share of its first one."""
     tiles = page.locator(f"#cards > li:nth-child({card + 1}) .gains > div").all_inner_texts()
     pairs = [[float(part.split()[0]) for part in " ".join(tile.split()).split("±")[1:]] for tile in tiles]
     return [now / was for now, was in pairs]

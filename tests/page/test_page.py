@@ -54,7 +54,7 @@ def text(page: Page, selector: str) -> str:
 
 
 def settled(page: Page) -> None:
-    """Wait until what is drawn was sampled after now: the step of a touch is over."""
+    """Wait until the drawn contact was sampled after now: the step of a touch is over."""
     now_ns = time.monotonic_ns()
     until(page, f"Number({NEWEST}.t_sample_ns) > {now_ns + 100_000_000}")
     page.wait_for_timeout(100)  # drawn

@@ -1,4 +1,4 @@
-"""Recordings on the page, in Chromium: one is made, shown again and left, and what is no recording is refused."""
+"""Recordings on the page, in Chromium: one is made, shown again and left, and a file that is none is refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All views of the page, on a phone and on a desk: nothing fails, all fits, and each says what it means."""
+"""All views of the page, on a phone and on a desk: nothing fails, everything fits, and each explains itself."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def page(one_page: Page) -> Iterator[Page]:
 
 @pytest.fixture
 def shows(page: Page, bus: tuple[Bus, str]) -> Iterator[Callable[..., Page]]:
-    """Makes the bus say something of all pads, and waits until the page has drawn it."""
+    """Make the bus send messages of all pads, and wait until the page has drawn them."""
 
     def show(message: Callable[..., Any] = contact_message, **changes: Any) -> Page:
         said = f"number {next(numbers)}"
@@ -198,7 +198,7 @@ def test_every_colour_of_the_drawings_has_a_legend(page: Page) -> None:
 
 
 def test_page_of_four_magnets_fits_a_desktop_screen(shows: Callable[..., Page]) -> None:
-    """With two fingers, and eight sensors of which four are left out."""
+    """With two fingers, and eight sensors of which four are excluded."""
     page = shows(untouched)
     standard = page.evaluate("fmfts.pads.get('demo').shape.sensors_m")
     page.evaluate("(all) => { fmfts.pads.get('demo').shape.sensors_m = all; }", EIGHT_M)
@@ -220,7 +220,7 @@ def test_facts_of_four_magnets_are_not_cut_off(shows: Callable[..., Page]) -> No
 
 
 def test_label_of_a_force_covers_no_sensor(page: Page) -> None:
-    """A disc anywhere on the pad, with sensors as the standard pad has them on the page."""
+    """A disc anywhere on the pad, with the standard pad's sensors on the page."""
     boxes = [{"x": x, "y": y, "wide": 23, "tall": 23} for x in (-70, 70) for y in (-70, 70)]
     covered = page.evaluate(
         """async (boxes) => {
@@ -240,7 +240,7 @@ def test_label_of_a_force_covers_no_sensor(page: Page) -> None:
 
 @pytest.mark.parametrize("width", [390, 1024, 1440])
 def test_labels_of_fingers_and_bad_sensors_lie_apart(shows: Callable[..., Page], width: int) -> None:
-    """On a pad with eight sensors, of which none is good, and two fingers that are near each other."""
+    """On a pad with eight sensors, all of them faulty, and two fingers close to each other."""
     page = shows(untouched)
     standard = page.evaluate("fmfts.pads.get('demo').shape.sensors_m")
     page.set_viewport_size({"width": width, "height": 900})

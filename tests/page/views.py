@@ -16,7 +16,7 @@ NEXT_KEY_MS = 120
 
 
 def look_at_all_views(page: Page, seconds: float) -> int:
-    """Press all keys in turn, at least once, until `seconds` are over. How many rounds that were."""
+    """Press all keys in turn, at least once, until `seconds` are over. Returns the number of rounds."""
     end, rounds = time.monotonic() + seconds, 0
     page.evaluate("document.activeElement.blur()")  # because Space would press a button
     while not rounds or time.monotonic() < end:

@@ -39,7 +39,7 @@ def read(text: str) -> Page:
 
 
 def faults(site: Path) -> tuple[list[str], int]:
-    """What is wrong, and how many links and loaded files were looked at."""
+    """The faults, and how many links and loaded files were checked."""
     pages = {path.resolve(): read(path.read_text()) for path in site.rglob("*.html")}
     found, count = [], 0
     for path, page in pages.items():

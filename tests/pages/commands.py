@@ -1,6 +1,6 @@
-"""Every command of the pages: what `make docs-test` types, and why it does not type the others.
+"""Every command of the pages: which ones `make docs-test` types, and why it does not type the others.
 
-commands.toml has what the pages cannot say: which commands another test types, which none can, and why.
+commands.toml says what the pages cannot: which commands another test types, which none can, and why.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PROGRAM = re.compile(
 
 
 class Command(NamedTuple):
-    """words: without the comment. shown: the lines that the page shows of what is printed."""
+    """words: without the comment. shown: the lines of output that the page shows."""
 
     page: str
     words: str

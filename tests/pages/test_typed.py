@@ -22,7 +22,7 @@ FROM_NOTHING |= {page for page in TYPED if page.startswith("lab/results/")}
 
 
 def demanded_bus(page: Path, folder: Path) -> str:
-    """The [bus] that a comment of the page demands of the reader's file, with the keys' folder in `folder`."""
+    """The [bus] that a comment of the page asks for in the reader's file, with the keys' folder in `folder`."""
     found = re.search(r'^ +# .*\[bus\] (endpoint = "[^"]*"), keys = "/etc/fmfts/(\w+)"', page.read_text(), re.MULTILINE)
     return f'[bus]\n{found[1]}\nkeys = "{folder}/etc-{found[2]}"\n' if found else ""
 

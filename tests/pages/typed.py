@@ -21,7 +21,7 @@ ENDED_BY_US = (0, 130, -signal.SIGINT)
 
 
 def printed(begun: subprocess.Popen[str], within_s: float, command: str) -> tuple[str, str]:
-    """What it printed until it ended. Otherwise it and all that it started are killed, with an AssertionError."""
+    """Its output until it ended. If it does not end, it and all that it started are killed, with an AssertionError."""
     try:
         return begun.communicate(timeout=within_s)
     except subprocess.TimeoutExpired as error:
@@ -33,7 +33,7 @@ def printed(begun: subprocess.Popen[str], within_s: float, command: str) -> tupl
 
 
 class Reader:
-    """Somebody who types, in `folder`. What goes on by itself is left running until `leave`."""
+    """A person who types, in `folder`. Programs that run on are left running until `leave`."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -46,7 +46,7 @@ class Reader:
                 (folder / name).symlink_to(ROOT / name)
 
     def type(self, command: str) -> str:
-        """What is printed; AssertionError if the command fails, or ends where it should go on."""
+        """The output; AssertionError if the command fails, or ends although it should run on."""
         begun = subprocess.Popen(
             ["bash", "-c", f"exec {command}" if BY_ITSELF.search(command) else command],
             cwd=self.folder, env=self._environment, stdin=subprocess.DEVNULL,
@@ -85,7 +85,7 @@ class Reader:
 
 @contextmanager
 def reader(folder: Path, prepared: Path | None = None) -> Iterator[Reader]:
-    """prepared: where somebody has set a pad up, whose files this reader finds, and whose daemon runs."""
+    """prepared: a folder in which a pad was set up; this reader finds its files, and its daemon runs."""
     folder.mkdir(exist_ok=True)
     if prepared is not None:
         for name in ("pad.toml", "xdg_state_home"):

@@ -1,7 +1,7 @@
 """Each type that the node publishes: rclpy and rosbags must write the same bytes, and read each other's.
 
-Runs in the environment of a distribution: `python cdr.py jazzy`. ROS leaves bytes of padding as they happen to be; a
-byte is padding where rosbags reads the same message whatever its value.
+Runs in the environment of a distribution: `python cdr.py jazzy`. ROS does not initialise bytes of padding; a byte is
+padding if rosbags reads the same message whatever its value.
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ def environment_of(distribution: str, folder: Path) -> Path:
 
 
 def in_namespace() -> None:
-    """Start this program again where there is no network but the loopback."""
+    """Start this program again in a network with the loopback alone."""
     unprivileged = [] if os.geteuid() == 0 else ["--map-root-user"]
     # DDS finds its peers by multicast, which the loopback does not do by itself.
     begin = 'ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && exec "$@"'

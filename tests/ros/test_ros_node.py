@@ -128,7 +128,7 @@ def listener(place: Path, tmp_path: Path) -> Iterator[RosProcess]:
 
 
 def level_of(pad: str, level: int) -> Callable[[dict[str, Any]], bool]:
-    """Is it a diagnosis that gives this pad this level?"""
+    """True if this diagnosis gives this pad this level."""
     return lambda said: any(
         each["name"] == f"fmfts: {pad}" and each["level"] == level for each in said.get("statuses", [])
     )
@@ -271,7 +271,7 @@ def test_node_and_daemon_survive_each_others_death(place: Path, tmp_path: Path, 
 def test_fingers_of_pad_with_several_magnets_arrive_as_point_cloud(
     place: Path, tmp_path: Path, listener: RosProcess
 ) -> None:
-    """A bus with messages that were made up stands for the daemon."""
+    """A bus with made-up messages stands for the daemon."""
     base = f"ipc://{tmp_path}"
     shape = {"pad": "demo", "placement_m": [0.0] * 3, "placement_rotation": np.eye(3).tolist()}
     shape |= {"rest_position_m": [0.0, 0.0, 0.0105]}

@@ -45,7 +45,7 @@ OPTIONS = ["-O1", "-fPIC", "-shared", "-w", "-Wl,--allow-shlib-undefined"]
 
 
 def build_tf2_msgs(place: Path) -> None:
-    """place: an environment with ROS's wheels; what is built goes into it."""
+    """place: an environment with ROS's wheels, into which the result goes."""
     generated, libraries = place / "tf2", place / "lib"
     (packages,) = libraries.glob("python3*/site-packages")
     (generated / "msg").mkdir(parents=True)

@@ -46,7 +46,7 @@ def library_of(part: dict[str, Any]) -> Path:
 
 
 def flags_of(part: dict[str, Any]) -> list[str]:
-    """As in the package, but for the optimisation: what is optimised away cannot be caught."""
+    """As in the package, but without its optimisation, which removes errors that should be caught."""
     return [flag for flag in part["extra-compile-args"] if not flag.startswith("-O")]
 
 
@@ -59,7 +59,7 @@ def build_part(part: dict[str, Any]) -> None:
 
 
 def link_python() -> None:
-    """Makes build/sanitized/fmfts what daemon/fmfts is, without compiled parts."""
+    """Makes build/sanitized/fmfts a copy of daemon/fmfts without compiled parts."""
     package, here = ROOT / "daemon/fmfts", BUILD / "fmfts"
     for link in here.rglob("*"):
         if link.is_symlink():
@@ -80,10 +80,10 @@ def build() -> None:
 
 
 def environment() -> dict[str, str]:
-    """In which Python runs the package under the sanitizers.
+    """Environment in which Python runs the package under the sanitizers.
 
-    Python itself keeps memory until it ends, so that leaks are not looked for; and its own allocator hides the ends of
-    small objects from the sanitizer, so that malloc serves.
+    Python keeps memory until it ends, so leaks are not searched; and its own allocator hides the ends of small objects
+    from the sanitizer, so malloc replaces it.
     """
     libraries = [
         subprocess.run(["gcc", f"-print-file-name={name}"], capture_output=True, text=True, check=True).stdout.strip()

@@ -43,7 +43,7 @@ PADS = ModuleType("pads")  # functions in the place of methods
 
 
 def judged(parts: tuple[Any, ...], frame: tuple[Any, ...]) -> bytes:
-    """A frame, by a pad that is made of these parts."""
+    """A frame for a pad made of these parts."""
     return _pad.Pad(*parts).judge(*frame)
 
 
@@ -72,7 +72,7 @@ def _sent(_socket: int, _data: int, size: int, _flags: int) -> int:
 def lent(
     parts: tuple[Any, ...], loan: tuple[Any, ...], unread: bytes, line: bytes, arrival_ns: int, descriptor: int
 ) -> tuple[Any, ...]:
-    """Bytes of a board, by a loop that has the pad."""
+    """Bytes of a board, for a loop that has the pad."""
     pad = _pad.Pad(*parts)
     pad.begin(*loan)
     loop = _pad.Loop(-1, ctypes.cast(_sent, ctypes.c_void_p).value or 0, 0, IN_TIME, BEHIND)
@@ -129,7 +129,7 @@ def kept(argument: Any) -> Any:
 
 @contextmanager
 def _recorded(calls: dict[tuple[str, str], list[Call]]) -> Iterator[None]:
-    """While this is open, each call of an exported function is kept, too."""
+    """While this is open, it also records each call of an exported function."""
     originals = {(module, name): getattr(MODULES[module], name) for module, name in functions()}
 
     def recorder(module: str, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
@@ -278,7 +278,7 @@ def _frames(_: np.random.Generator) -> None:
 
 
 def parts_of(pipeline: PadPipeline) -> tuple[Any, ...]:
-    """What its Pad is made of, in copies."""
+    """The parts of its Pad, copied."""
     model = pipeline.model
     return (
         bytearray(pipeline._parameters.buffer.tobytes()),

@@ -1,4 +1,4 @@
-"""Odd arguments to every function that the compiled parts export: it answers, or raises an ordinary error.
+"""Odd arguments to every function that the compiled parts export: it must answer, or raise an ordinary error.
 
     python tests/sanitized/odd_calls.py --calls 2000 [FUNCTION …]
 
@@ -45,7 +45,7 @@ OTHERS = (None, 0, 1.5, "text", b"", (), [], object)
 
 
 def odd_bytes(data: bytes, dice: random.Random) -> bytes:
-    """Of another size, or with other numbers."""
+    """An array of another size, or with other numbers."""
     size = len(data)
     match dice.randrange(7):
         case 0:
@@ -84,7 +84,7 @@ def odd_array(data: bytes | bytearray, dice: random.Random, own: bool) -> Any:
 
 
 def odd(argument: Any, dice: random.Random, own: bool, most: int) -> Any:
-    """Something else in the place of this argument."""
+    """Replaces this argument by something else."""
     if isinstance(argument, tuple):
         changed = list(argument)
         place = dice.randrange(len(changed) + 1)
@@ -120,7 +120,7 @@ def odd_call(call: Call, dice: random.Random) -> tuple[Any, ...]:
 
 
 def tried(calls: Sequence[Call], count: int, show: bool = False) -> Counter[str]:
-    """What became of so many odd calls, by the kind of error. Whatever is not ordinary is raised."""
+    """The outcomes of this many odd calls, by the kind of error. Raises any error that is not ordinary."""
     dice = random.Random(zlib.crc32(calls[0].name.encode()))
     outcome = Counter[str]()
     for number in range(count):

@@ -1,6 +1,6 @@
 """Attacks of a user who has an account on the robot's computer and nothing else: `python attacks.py NAME JSON`.
 
-Each prints, as a JSON list, what it gained. The program starts as root, imports, and becomes that user for good.
+Each prints its gains as a JSON list. The program starts as root, imports, and becomes that user for good.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def _page(port: int, **headers: str) -> ClientConnection:
 
 
 def _obeys(port: int, first: str) -> bool:
-    """Does the page let this in, or say anything, or record a baseline for it?"""
+    """Tries whether the page admits this, answers it, or records a baseline for it."""
     with _page(port) as page, suppress(ConnectionClosed, TimeoutError):
         page.send(first)
         page.send(BASELINE)
@@ -45,7 +45,7 @@ def _obeys(port: int, first: str) -> bool:
 
 
 def read_the_token(port: int) -> list[str]:
-    """In the arguments and environments of all programs, and in the files that these name."""
+    """Searches the arguments and environments of all programs, and the files that these name."""
     texts = []
     for file in (*Path("/proc").glob("[0-9]*/cmdline"), *Path("/proc").glob("[0-9]*/environ")):
         with suppress(OSError):
@@ -63,11 +63,11 @@ def use_the_page_without_the_token(port: int) -> list[str]:
 
 
 def take_all_places(port: int, seconds: float, pages: bool, begins: str) -> list[str]:
-    """Connections at PACE_S, more than are kept, so that each that is dropped is replaced.
+    """Connections at PACE_S, more than are kept, so that each dropped one is replaced.
 
-    Says "ready" when many are made. pages: hold more pages without the token than there are places, too. begins: what
-    each connection sends. A flood that fills the kernel's queue of the port is another thing: what is not accepted
-    cannot be told apart, so a new page opens late while it lasts. Open pages go on.
+    Prints "ready" when many are made. pages: also hold more pages without the token than there are places. begins:
+    first bytes of each connection. A flood that fills the kernel's queue of the port is different: connections that are
+    not accepted cannot be distinguished, so a new page opens late while it lasts. Open pages go on.
     """
     held = [_page(port) for _ in range(PLACES)] if pages else []
     silent: list[socket.socket] = []
@@ -90,7 +90,7 @@ def take_all_places(port: int, seconds: float, pages: bool, begins: str) -> list
 
 
 def come_by_another_name(port: int) -> list[str]:
-    """As a page of the attacker's, whose name leads to this computer, or which is open in the owner's browser."""
+    """Like a page of the attacker's, whose name leads to this computer, or which is open in the owner's browser."""
     gained = []
     for host, origin in (
         (f"evil.example:{port}", f"http://evil.example:{port}"),
@@ -152,7 +152,7 @@ def listen_without_a_key(base: str) -> list[str]:
 
 
 def occupy_the_folder(folder: str, mode: int) -> list[str]:
-    """Make the folder of the daemon's sockets before it does. What it gained is seen by whether the daemon starts."""
+    """Make the folder of the daemon's sockets before it does. The test sees its gain in whether the daemon starts."""
     Path(folder).mkdir()
     Path(folder).chmod(mode)
     return []
@@ -161,7 +161,7 @@ def occupy_the_folder(folder: str, mode: int) -> list[str]:
 def forge_the_force(port: int, program: int, stays: bool) -> list[str]:
     """From its own port, and from the address and port of the owner's program, by a socket on 127.0.0.2 (IP_PKTINFO).
 
-    What it gained is seen by the gauge. stays: for a moment, so that its sockets can be looked up.
+    The gauge shows its gain. stays: keep running, so that its sockets can be looked up.
     """
     gauge = ("127.0.0.1", port)
     as_the_program = (socket.IPPROTO_IP, IP_PKTINFO, struct.pack("i4s4s", 0, socket.inet_aton("127.0.0.1"), bytes(4)))

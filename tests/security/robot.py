@@ -1,4 +1,5 @@
-"""What is attacked: a daemon and its page as `fmfts-daemon run` and `view` start them, on a computer of many users.
+"""The target of the attacks: a daemon and its page as `fmfts-daemon run` and `view` start them, on a computer of many
+users.
 
 No folder around them keeps other users out, so that only the modes that fmfts gives its own files and sockets count.
 """
@@ -111,5 +112,5 @@ def _first_contact(view: View) -> None:
 
 
 def environment_of_nobody() -> dict[str, str]:
-    """Without what a user of fmfts may have set."""
+    """Without settings of a user of fmfts."""
     return {name: value for name, value in os.environ.items() if not name.startswith(("FMFTS_", "XDG_"))}

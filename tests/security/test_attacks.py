@@ -49,7 +49,7 @@ def robot() -> Iterator[tuple[DaemonByDefault, View]]:
 
 
 def unharmed(daemon: RunningDaemon, view: View, baseline: object) -> str:
-    """What the table says of the owner, who must get in, and whose baseline must be the same."""
+    """The table's row about the owner, who must get in, and whose baseline must be unchanged."""
     took_s = owner_opens(view)
     assert daemon.request("pads")["pads"][0]["baseline"] == baseline
     return f"gets in, {took_s:.1f} s"

@@ -1,4 +1,5 @@
-"""`make install` and `make uninstall` into a folder: what the service's user finds there, and what is left."""
+"""`make install` and `make uninstall` into a folder: the files that the service's user finds there, and the remaining
+ones."""
 
 from __future__ import annotations
 
@@ -43,7 +44,7 @@ def release(folder: Path) -> Path:
 
 
 def make(target: str, sources: Path, tree: Path) -> None:
-    """As root of a hardened machine does it, whose files are nobody else's."""
+    """As root does it on a hardened machine, whose files nobody else may read."""
     words = ["make", target, f"DESTDIR={tree}", "WITHOUT_DEPENDENCIES=1", f"SYSTEM_PYTHON={sys.executable}"]
     made = subprocess.run(words, cwd=sources, umask=0o077, timeout=PATIENCE_S, capture_output=True, text=True)
     assert made.returncode == 0, made.stdout + made.stderr

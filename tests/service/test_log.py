@@ -1,4 +1,4 @@
-"""The daemon's log, where nobody takes it."""
+"""The daemon's log, when nobody reads it."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ FILLING = b"." * 4096
 
 @contextmanager
 def full_pipe() -> Iterator[tuple[int, int]]:
-    """(read end, write end) of a pipe that takes no more, as a journal that hangs."""
+    """(read end, write end) of a full pipe, like a journal that hangs."""
     reading, writing = os.pipe()
     fcntl.fcntl(writing, F_SETPIPE_SZ, len(FILLING))
     os.set_blocking(writing, False)
@@ -113,7 +113,7 @@ def test_delayed_lines_are_written_and_dropped_ones_counted() -> None:
 
 
 def test_log_line_from_signal_handler_does_not_deadlock() -> None:
-    """As a daemon that is stopped while it logs."""
+    """Like a daemon that is stopped while it logs."""
     done = subprocess.run([sys.executable, "-c", INTERRUPTED], stderr=subprocess.PIPE, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0
     assert "amid another" in done.stderr

@@ -1,4 +1,5 @@
-"""The streams of AnySkin boards: each whole packet arrives once, damage costs what it damaged, and times are true."""
+"""The streams of AnySkin boards: each whole packet arrives once, damage costs only damaged packets, and times are
+true."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ FORMS = [(BinaryStream, binary), (TextStream, text)]
 
 
 def numbered(form: object, count: int) -> list[bytes]:
-    """Packets that tell their number by the first field."""
+    """Packets whose first field is their number."""
     return [form([(steps_ut()[0] * 10 * k, *FIELDS_UT[0][1:]), *FIELDS_UT[1:]]) for k in range(1, count + 1)]  # type: ignore[operator]
 
 
@@ -108,7 +109,7 @@ def test_magnetometer_without_sample_is_not_measured_and_others_are() -> None:
 def arrivals(
     rate_hz: float, seconds: float, random: Random, *, lost: dict[int, int] | None = None, drift: float = 0.0
 ) -> list[tuple[int, float]]:
-    """(arrival in ns, when it was made in s) of each packet that came. Delays: 0.3 ms and more, at times much more."""
+    """(arrival in ns, time of making in s) of each packet that came. Delays: 0.3 ms and more, sometimes much more."""
     found, number = [], 0
     while number / rate_hz < seconds:
         number += (lost or {}).get(len(found), 0) + 1
@@ -191,7 +192,7 @@ def test_stall_during_period_measurement_does_not_set_the_rate(stall_s: tuple[fl
 
 @pytest.mark.parametrize("other_hz", [100.0, 230.0, 400.0])
 def test_changed_period_is_measured_within_three_seconds(other_hz: float) -> None:
-    """As if it had been learned wrong: the numbers begin anew, in another run."""
+    """As if it had been learned wrong: the numbers restart, in another run."""
     clock, late_s = StreamClock(), []
     for arrival_ns, _ in arrivals(200.0, 5.0, Random(9)):
         clock.stamped(arrival_ns)
@@ -216,7 +217,7 @@ def test_occasional_losses_do_not_change_the_period() -> None:
 
 
 def test_packets_that_waited_here_are_not_stamped_younger_than_they_are() -> None:
-    """A computer with too much to do reads every 0.15 s what has come: no packet was lost, and none is from then."""
+    """A busy computer reads the stream only every 0.15 s: no packet was lost, and none is lost later."""
     clock, too_young_s = StreamClock(), []
     for arrival_ns, made_s in arrivals(200.0, 20.0, Random(12)):
         busy = 10.0 < made_s < 15.0

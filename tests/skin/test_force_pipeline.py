@@ -100,7 +100,7 @@ def test_press_has_force_and_shear_within_the_deviations(press: Press, model: Pa
 
 
 def test_deviation_includes_another_day_in_each_frame(model: Path, tmp_path: Path) -> None:
-    """By as much as the file says, in the 200th frame as in the first: no average makes it smaller."""
+    """The file's deviation applies to the 200th frame as to the first: no average reduces it."""
     forces = ForceModel.of(model.read_bytes(), "model")
     (tmp_path / "no.force").write_bytes(msgspec.structs.replace(forces, day_share=0.0).encoded())
     press = (0.0, 0.0, 1.8, 0.0, 0.0)

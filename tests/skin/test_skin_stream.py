@@ -1,7 +1,7 @@
 """A board's stream through the daemon's own source, from the bytes on a pty to frames: no field is lost or rounded.
 
-What is sent: eFlesh's published recordings (notvenky/eFlesh, characterization/datasets), and what the library of the
-boards makes of counts (emulator/anyskin_board.py). Time passes at the word of the test, one period a packet.
+The sent bytes: eFlesh's published recordings (notvenky/eFlesh, characterization/datasets), and the boards' library
+applied to counts (emulator/anyskin_board.py). The test advances the time, one period a packet.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def test_value_between_two_steps_was_damaged_and_is_not_used(line: Line) -> None
 
 
 def test_step_that_was_learned_too_coarse_is_learned_anew(line: Line) -> None:
-    """While the period was learnt, all counts happened to be even."""
+    """While the period was learned, all counts happened to be even."""
     counts = noisy_counts(Settings(), LEARNING)
     line.frames(packets_of(2 * np.round(counts / 2), Settings()))
     sent = counts + 1 - counts % 2

@@ -1,4 +1,4 @@
-"""The daemon where the package of a pad's source or model is not installed, or does not fit."""
+"""The daemon when the package of a pad's source or model is not installed, or does not fit."""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 
 G. H. Golub, C. F. Van Loan, "Matrix Computations": outer-product Cholesky (4.2), column-oriented substitution (3.1),
 one-sided Jacobi (8.6), Householder (5.1). An order that changes, or a fused multiply-add, changes the last bit.
-Not a witness of the values, for it was the daemon's own: test_arithmetic.py has NumPy's linear algebra for that.
+No independent witness of the values, because the daemon once used it: test_arithmetic.py has NumPy's linear algebra for
+that.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Which samples newer ones supersede, packet by packet, as the docstring of sensor/wire/newest.py says it.
 
-Not a witness: it was the daemon's own, and holds newest.c to the last byte.
+No independent witness: the daemon once used it, and newest.c must match it to the last byte.
 """
 
 from __future__ import annotations

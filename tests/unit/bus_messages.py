@@ -21,7 +21,8 @@ BOOT = "b00t"
 
 
 def settle(endpoint: str) -> None:
-    """Until what was sent has arrived: ZeroMQ's one thread makes there and back in more steps than one way."""
+    """Wait until the sent messages have arrived: ZeroMQ's single thread needs more steps for there and back than for
+    one way."""
     context = zmq.Context.instance()
     with context.socket(zmq.PAIR) as here, context.socket(zmq.PAIR) as there:
         here.bind(endpoint)

@@ -28,7 +28,7 @@ TRANSFER_S = 2e-4
 
 
 class Clock:
-    """Moves when somebody sleeps, and a little with each transfer."""
+    """Advances when somebody sleeps, and a little with each transfer."""
 
     def __init__(self) -> None:
         self.now_s = 100.0
@@ -113,7 +113,7 @@ def emulated_pad(
 
 
 def read(chip: Any, register: int, count: int = 1) -> bytes:
-    """What an emulated chip answers, without a driver."""
+    """The answer of an emulated chip, without a driver."""
     chip.write(bytes((register,)))
     return bytes(chip.read(count))
 

@@ -1,4 +1,4 @@
-"""A pad whose bytes go to the bus in C while they may, and by way of frames otherwise; and who hears all of it."""
+"""A pad whose bytes go to the bus in C when possible, and otherwise through frames; and a subscriber to all of it."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def link_of(config: PadConfig) -> tuple[Link, DeviceClock]:
 
 
 class Bus:
-    """A publisher's socket as the loop has it, and who hears all that goes out. epoll: of a loop that waits."""
+    """A publisher's socket as the loop has it, and a subscriber to everything sent. epoll: of a loop that waits."""
 
     def __init__(self, epoll: int = -1) -> None:
         self._ours, self._theirs = (zmq.Context.instance().socket(kind) for kind in (zmq.PUB, zmq.SUB))
@@ -81,7 +81,7 @@ class Bus:
         self.heard()
 
     def heard(self, topic: bytes = TOPIC) -> list[bytes]:
-        """What came under this topic since it was asked for last."""
+        """New messages under this topic since the last call."""
         while self._theirs.poll(0):
             told, payload = self._theirs.recv_multipart()
             self._heard.setdefault(told, []).append(payload)
@@ -93,7 +93,7 @@ class Bus:
 
 
 class Host:
-    """A pad whose bytes go to the loop while they may, and by way of frames otherwise, as the daemon has it."""
+    """A pad whose bytes go to the loop when possible, and otherwise through frames, as in the daemon."""
 
     LINE = 3
     overdue_ns = 1 << 62  # its frames' times are not this computer's

@@ -9,7 +9,7 @@ import msgspec
 
 
 def fits(content: Any, schema: dict[str, Any]) -> bool:
-    """Whether it fits; prints why it does not."""
+    """True if it fits; prints why it does not."""
     checked = _validator(msgspec.json.encode(schema))
     for error in checked.iter_errors(content):
         print(error)

@@ -1,8 +1,8 @@
-"""Random mistakes of boards, and whether the check with one magnet names them; for the drill and for the suite.
+"""Random mistakes of boards, and whether the check with one magnet names them; for the drill and for the tests.
 
-A mistake is named where the check is sure, its explanation has every channel's place, axes and scale as built, and its
-sentences say so in the words that are written here once more. Where it says that a known pole or a nearer magnet
-decides, the person repeats it so, once.
+A mistake counts as named if the check is sure, its explanation has every channel's place, axes and scale as built, and
+its sentences contain the words that are written here again. If it says that a known pole or a nearer magnet decides,
+the person repeats it that way, once.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def upside_down(built: Built, random: np.random.Generator) -> Mistake:
 
 
 def any_turn(built: Built, random: np.random.Generator) -> Mistake:
-    """About a horizontal axis by a quarter, or about a diagonal."""
+    """About a horizontal axis by a quarter turn, or about a diagonal."""
     channel = int(random.integers(len(built.place_m)))
     axis, quarters, after = str(random.choice(["x", "y"])), int(random.choice([1, 3])), int(random.integers(4))
     rotation = np.linalg.matrix_power(QUARTER["z"], after) @ np.linalg.matrix_power(QUARTER[axis], quarters)
@@ -157,7 +157,8 @@ MISTAKES: tuple[Callable[[Built, np.random.Generator], Mistake], ...] = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """verdict: named, open (it said that it cannot tell), wrong name, or false accusation; good for a good board."""
+    """verdict: named, open (it reported that it cannot decide), wrong name, or false accusation; good for a good
+    board."""
 
     kind: str
     verdict: str
@@ -171,7 +172,7 @@ def board_of(count: int) -> Built:
 
 
 def obeyed(built: Built, chip: str, someone: Person, random: np.random.Generator) -> Readings:
-    """The readings of a person who does what the hints say."""
+    """The readings of a person who follows the hints."""
     for _ in range(4):
         try:
             return measured(built, chip, someone, random)
@@ -187,7 +188,7 @@ def obeyed(built: Built, chip: str, someone: Person, random: np.random.Generator
 def tried(
     seed: tuple[int, ...], make: Callable[[Built, np.random.Generator], Mistake] | None, clumsy: float = 1.0
 ) -> Outcome:
-    """One board, with a mistake or without, before one person with one magnet. clumsy: times as far off as usual."""
+    """One board, with or without a mistake, and one person with one magnet. clumsy: factor of the usual errors."""
     random = np.random.default_rng(seed)
     chip, count = str(random.choice(KINDS)), int(random.choice(COUNTS))
     drawn = board_of(count)
@@ -232,7 +233,7 @@ def _judged(mistake: Mistake, verdict: Verdict) -> str:
 
 
 def _is_as_built(mistake: Mistake, verdict: Verdict) -> bool:
-    """Whether the explanation sends any field to the channels as the board as built does."""
+    """Whether the explanation maps any field to the channels like the board as built."""
     built, one = mistake.built, verdict.found[0].explanation
     matrix = np.eye(3) if mistake.turned_pad is None else mistake.turned_pad
     axes = np.einsum("ij,cjk,ckl->cil", matrix, built.drawn_axes[built.wired], built.turned)

@@ -1,8 +1,8 @@
 """A person who holds a magnet above an emulated board that was built with a mistake, or without one.
 
 Fields are those of a uniformly magnetised cylinder, by magpylib (Ortner and Coliandro Bandeira, SoftwareX 11, 2020),
-not by the daemon's dipole. What the chips make of them comes from the register-level emulators of tests/emulator, read
-by the daemon's real drivers. A chip with an inverted axis, or with another LSB, is an emulated chip that measures so.
+not by the daemon's dipole. The register-level emulators of tests/emulator turn them into readings, and the daemon's
+real drivers read these. A chip with an inverted axis, or with another LSB, is emulated with that property.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ AMBIENT_T = 5e-5
 
 
 class RefusedStepError(Exception):
-    """The check does not take a step; the text is its hint."""
+    """The check refuses a step; the text is its hint."""
 
 
 @dataclass
@@ -89,7 +89,7 @@ class Person:
     tilt_rad: float = TILT_RAD
 
     def poses(self) -> list[tuple[np.ndarray, Rotation]]:
-        """Of each step: within 5 mm and 15° of what was asked for, as one deviation of a normal hand."""
+        """For each step: within 5 mm and 15° of the request, as one deviation of a normal hand."""
         found = []
         for step in self.directions:
             place = step + np.array([0.0, 0.0, self.height_m]) + self.random.uniform(-1.0, 1.0, 3) * self.jitter_m
@@ -115,7 +115,7 @@ def good_board(count: int, axes: np.ndarray | None = None) -> Built:
 
 
 def person(kind: str, random: np.random.Generator, largest_factor: float = 1.0) -> Person:
-    """Lowers a magnet until the board sees a good part of its range, as the check says."""
+    """Lower a magnet until the board sees a good part of its range, as the check asks."""
     diameter, length = (each * 1e-3 for each in MAGNETS_MM[random.integers(len(MAGNETS_MM))])
     wished_gauss = random.uniform(0.25, 0.6) * min(GAINS[kind][1], 8.0) / largest_factor
     one = Person(diameter, length, random.uniform(1.2, 1.35), 0.05, int(random.choice([-1, 1])), random)
@@ -128,7 +128,7 @@ def person(kind: str, random: np.random.Generator, largest_factor: float = 1.0) 
 
 
 def measured(built: Built, kind: str, someone: Person, random: np.random.Generator) -> Readings:
-    """What the check measures: nothing near, then the steps. Raises RefusedStepError where the check refuses one."""
+    """The check's measurements: without a magnet, then the steps. Raises RefusedStepError if the check refuses one."""
     clock, count = Clock(), len(built.place_m)
     with patched(clock):
         chips = []

@@ -1,4 +1,4 @@
-"""A pad as it was built, in the Earth's field: what baselines are tried on."""
+"""A pad as built, in the Earth's field, for tests of baselines."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class World:
         return self.gain * (own + np.einsum("iab,...ib->...ia", self.cross_axis, own))
 
     def surroundings(self) -> np.ndarray:
-        """(3,) what is different about the ambient field from one recording to the next."""
+        """(3,) the change of the ambient field from one recording to the next."""
         return self.random.normal(0.0, STANDING_AMBIENT_T, 3)
 
     def field(self, state: State | None = None) -> np.ndarray:

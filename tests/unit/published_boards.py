@@ -1,4 +1,4 @@
-"""Published boards of five chips as their public files say: where each chip is, and how it is turned.
+"""Published boards of five chips according to their public files: each chip's place, and its rotation.
 
 Typed from these sources, not from the daemon:
 - pick-and-place and Gerber files in circuits/5X_ReSkin.Zip of raunaqbhirangi/reskin_sensor: reference points, rotations

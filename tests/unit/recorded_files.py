@@ -14,7 +14,7 @@ FOLDER = Path(os.environ.get("FMFTS_RECORDED") or ROOT.parent / "shared/recorded
 
 
 def needs(name: str) -> Path:
-    """The file of this name; the test is skipped where there is none."""
+    """The file of this name; without it the test is skipped."""
     path = FOLDER / name
     if not path.is_file():
         pytest.skip(f"{path} is absent (FMFTS_RECORDED names its folder)")

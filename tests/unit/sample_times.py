@@ -1,4 +1,4 @@
-"""Judges the times of samples: chips sense a field that tells the time, and each sample says when it was measured.
+"""Judges the times of samples: chips sense a field that encodes the time, so each sample shows when it was measured.
 
 The field is a triangle of known slope, so a count gives two instants in each period; the nearest one counts. Emulated
 chips sense the mean over their measurement (tests/emulator/memsic_film.py), which of a straight line is its middle.
@@ -23,7 +23,7 @@ SAME_SAMPLE_S = 0.5e-3  # no measurement is shorter
 
 @dataclass
 class Judged:
-    """samples: that were called new, and far enough from a peak to be judged."""
+    """samples: those that were reported as new, and are far enough from a peak to be judged."""
 
     frames: int = 0
     samples: int = 0

@@ -1,4 +1,4 @@
-"""Pads with several magnets as tests need them: any number of magnets and sensors, mounted anyhow, without a file."""
+"""Pads with several magnets for tests: any number of magnets and sensors, mounted at random, without a file."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def pad_of(random: np.random.Generator, magnets: int, sensors: int) -> Pad:
 
 
 def response_of(random: np.random.Generator, pad: Pad, knots: int, terms: int, reach_mm: float = 14.0) -> ArrayResponse:
-    """Each magnet moves down and leans towards a finger; higher powers of the force take a little back."""
+    """Each magnet moves down and leans towards a finger; higher powers of the force reduce this a little."""
     first_mm, spacing_mm = -reach_mm, 2.0 * reach_mm / (knots - 1)
     along = first_mm + spacing_mm * (np.arange(knots + 2) - 1.0)
     x, y = np.meshgrid(along, along, indexing="ij")
@@ -130,7 +130,7 @@ def measured_of(random: np.random.Generator, model: FieldModel, fingers: Array, 
 
 
 def masked(random: np.random.Generator, measured: Measured, trial: int) -> Measured:
-    """All values, without some sensors, without single values; what there is not is NaN."""
+    """All values, or without some sensors, or without single values; missing ones are NaN."""
     used = np.ones(len(measured.used), bool)
     if trial % 3 == 1:
         used = np.repeat(random.uniform(size=len(used) // 3) < 0.8, 3)

@@ -133,7 +133,7 @@ def test_reset_of_the_board_is_seen_from_its_valid_sensors() -> None:
 
 
 def test_samples_before_a_long_gap_add_no_uncertainty_after_it() -> None:
-    """The pad moved meanwhile: a line across the gap would be as uncertain as the whole way."""
+    """The pad moved meanwhile: a line across the gap would be uncertain by the whole movement."""
     alignment = Alignment(4, PERIOD_US)
     offsets = np.array([0, 1200, 2500, 4000])
     for step in range(4):

@@ -1,4 +1,4 @@
-"""`make test`: every part runs, whatever became of the one before, and one summary says what to report."""
+"""`make test`: every part runs, whatever the result of the one before, and one summary says what to report."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_forbidden(number):
 
 @pytest.fixture
 def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[list[str]]]:
-    """What `make test` consists of, and that its logs are in a folder of their own."""
+    """The parts of `make test`, with their logs in a separate folder."""
     (tmp_path / "pytest.ini").touch()
     (tmp_path / "test_of_many.py").write_text(TESTS)
     (tmp_path / "test_of_one.py").write_text("def test_good(): pass\n")

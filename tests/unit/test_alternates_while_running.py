@@ -1,4 +1,5 @@
-"""A field that begins to alternate while a pad runs, and samples that begin to scatter: found, named and counted."""
+"""A field that begins to alternate while a pad runs, and samples that begin to scatter: both are found, named and
+counted."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ def _mains(hz: float, amplitude_t: float, direction: tuple[float, float, float])
 @pytest.mark.parametrize("ambient", ["constant", "drifting"])
 @pytest.mark.parametrize("hz", [50.0, 60.0])
 def test_mains_along_normal_are_found_without_wrong_answers(ambient: Ambient, hz: float) -> None:
-    """Along the normal a uniform field is exactly a stronger magnet farther away: no single frame shows it."""
+    """Along the normal a uniform field looks exactly like a stronger magnet farther away: no single frame shows it."""
     row = Row()
     row.begin_pad()
     trial(at_rate(ambient, 1, 220), MODEL, _mains(hz, 2e-6, (0.0, 0.0, 1.0)), "after", 4.0, row)

@@ -1,4 +1,4 @@
-"""A field that alternates in a baseline's recording: mains as a room has it, against NumPy's own sine."""
+"""A field that alternates during a baseline's recording, like a room's mains, against NumPy's own sine."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_spectral_line_far_below_noise_is_not_reported() -> None:
 
 
 def _warned(frames: list[Frame], pad: Pad) -> list[str]:
-    """What `baseline --bare` tells the person beside its figures."""
+    """What `baseline --bare` prints beside its figures."""
     request = BaselineRequest(pad, Tolerance(1e-4, 1e-4, 0.02, 0.005, 0.05), bare=True, replaced=False)
     facts = request.record(frames, None).facts(pad)
     warnings: list[str] = facts["warnings"]
@@ -126,7 +126,8 @@ def test_baseline_recording_reports_alternating_field(
 
 @pytest.mark.parametrize("hz", [7.3, 50.0])
 def test_alternating_field_counts_as_noise(hz: float) -> None:
-    """Differences of samples 4.5 ms apart show a tenth of 7 Hz. All axes err together: each counts the others, too."""
+    """Differences of samples 4.5 ms apart show a tenth of 7 Hz. All axes err together: each includes the others'
+    errors."""
     summary = summarise(_recorded(hz, 2e-6))
     rms = 2e-6 * np.abs(DIRECTIONS) / np.sqrt(2.0)
     expected = np.sqrt(NOISE_T**2 + rms * rms.sum())

@@ -218,7 +218,7 @@ def test_lengths_are_those_of_numpy() -> None:
 )
 @pytest.mark.parametrize("rank", [1, 2])
 def test_singular_values_are_found_of_any_shape_and_rank(shape: tuple[int, int], rank: int) -> None:
-    """Columns that are nothing but rounding are not turned for ever."""
+    """Columns of mere rounding are not rotated for ever."""
     random = np.random.default_rng(3)
     for _ in range(100):
         a = random.normal(size=(shape[0], rank)) @ random.normal(size=(rank, shape[1]))

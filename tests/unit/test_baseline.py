@@ -134,7 +134,7 @@ def test_load_is_refused_and_measured(world: World, pad: Pad) -> None:
 
 
 def test_small_load_is_refused_where_the_pad_is_known(world: World, pad: Pad) -> None:
-    """What a drawing's tolerances would swallow, the last baseline does not: 0.2 N would become the new zero."""
+    """The last baseline prevents an error that a drawing's tolerances would hide: 0.2 N would become the new zero."""
     pressed = world.rest.stepped(np.array([0, 0, -2e-4, 0, 0, 0, 0, 0, 0]))
     first, _ = make_rest(pad, TOLERANCE, world.recorded(world.field()), world.bare_baseline())
     with pytest.raises(BaselineError, match=r"looks loaded.*-0\.2.*--replaced"):
@@ -156,7 +156,7 @@ def test_magnet_still_mounted_is_no_bare_field(world: World, pad: Pad) -> None:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_zero_offset_within_data_sheet_is_not_taken_for_magnet(pad: Pad, seed: int) -> None:
-    """A zero of 1 G is typical of the LIS3MDL: such a bare recording is accepted, and what it says is taken away."""
+    """A zero of 1 G is typical of the LIS3MDL: such a bare recording is accepted, and its values are subtracted."""
     world = World(replace(pad, chip=LIS3MDL), np.random.default_rng(seed))
     zero_t = LIS3MDL.zero_t * world.random.choice([-1.0, 1.0], (4, 3))
     before = make_bare(world.pad, TOLERANCE, world.recorded(world.bare() + zero_t))
@@ -319,7 +319,7 @@ def test_sensor_that_fails_amid_recording_is_named_with_time() -> None:
 
 
 def test_sensor_silent_most_is_named_where_others_miss_frames() -> None:
-    """On a computer that is late every sensor is without a sample now and then."""
+    """On a late computer every sensor sometimes has no sample."""
     now_and_then = np.array([1, 0, 0, 1], bool)
     frames = [
         replace(frame, valid=now_and_then if frame.sequence % 8 == 0 else np.array([1, 1, 0, 1], bool))
@@ -373,9 +373,9 @@ def test_field_of_mounting_has_derivatives_that_its_estimate_uses(pad: Pad, seed
 def test_change_of_pose_scatters_as_stated(
     pad: Pad, free: np.ndarray, pressed: float, turned: float, tolerance: Tolerance
 ) -> None:
-    """What places and chips leave open scales a press, and reads another ambient field as a movement.
+    """Errors of places and chips scale a press, and turn another ambient field into a movement.
 
-    The fields are without noise, so that nothing else is wrong.
+    The fields have no noise, so that there is no other error.
     """
     normalised = []
     for seed in range(40):

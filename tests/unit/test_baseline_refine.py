@@ -1,4 +1,4 @@
-"""`baseline --refine`: sensor places and gains from presses that nobody labelled."""
+"""`baseline --refine`: sensor places and gains from unlabelled presses."""
 
 from __future__ import annotations
 

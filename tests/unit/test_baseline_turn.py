@@ -84,7 +84,7 @@ def test_errors_of_sensitivities_agree_with_deviations(turns: Turns) -> None:
 
 
 def test_rest_is_known_better_after_a_turn(turns: Turns) -> None:
-    """What gains of ±5 % leave open of a press, a turn takes away; and what is left is not more than claimed."""
+    """A turn removes the error of a press through gains of ±5 %; the rest agrees with its deviation."""
     normalised = []
     for world, turn in turns.each:
         before = world.baseline(turns.tolerance)
@@ -134,7 +134,7 @@ def test_touch_while_turning_is_refused_with_its_time(pad: Pad) -> None:
 
 
 def test_chip_whose_offset_jumps_while_turning_is_named_and_no_touch(pad: Pad) -> None:
-    """By 10 mG, as after a field that is too strong for it. Late in the turn, too, when few orientations show it."""
+    """By 10 mG, as after a field that is too strong for it. Late in the turn, too, if few orientations show it."""
     world = _world(pad, 4, HAND_PLACED)
     means = turned(world)
     for share in (0.2, 0.9):
@@ -165,7 +165,7 @@ def test_flipped_bit_while_turning_is_no_touch(pad: Pad) -> None:
     ],
 )
 def test_steel_in_the_mount_that_turns_along_is_named(pad: Pad, tolerance: Tolerance, share: float, said: str) -> None:
-    """Gains that are hardly known take it in, and then the magnet does not fit; known ones leave it in the strength."""
+    """Uncertain gains absorb it, and then the magnet does not fit; known gains leave it in the strength."""
     world = _world(pad, 9, tolerance)
     with pytest.raises(BaselineError, match=said + ".*Steel turns with the pad"):
         make_turn(pad, turned(world, soft_iron=share), world.baseline(tolerance))
@@ -174,7 +174,8 @@ def test_steel_in_the_mount_that_turns_along_is_named(pad: Pad, tolerance: Toler
 @pytest.mark.long
 @pytest.mark.parametrize(("share", "least", "most"), [(0.0, 0, 0), (0.08, 48, 50)])
 def test_every_board_with_steel_and_no_other_is_refused(pad: Pad, share: float, least: int, most: int) -> None:
-    """Turned a little further than needed, so that steel takes away no axis of the sweep, which is another cause."""
+    """Turned a little further than needed, because steel must not remove an axis of the sweep, which is another
+    cause."""
     said = []
     for seed in range(50):
         world = _world(pad, 1000 + seed, GAINS_KNOWN)
@@ -222,7 +223,7 @@ def test_turn_without_rest_baseline_is_refused_at_once(pad: Pad) -> None:
 
 
 def test_gains_outlive_the_pad_that_was_turned(pad: Pad) -> None:
-    """They are the sensors' own: another pad, and even another bare recording, keep them."""
+    """They belong to the sensors: another pad, and even another bare recording, keep them."""
     world = _world(pad, 4)
     turned_baseline, _ = make_turn(pad, turned(world), world.baseline(UNTESTED))
     bare = make_bare(pad, UNTESTED, world.recorded(world.bare()), turned_baseline)
@@ -261,7 +262,7 @@ def test_one_kind_of_baseline_at_a_time(pad: Pad) -> None:
 
 @pytest.mark.parametrize("nonsense", ["a magnet passes", "noise alone", "half of it lost"])
 def test_impossible_turn_is_refused_or_solved_without_internal_error(nonsense: str, pad: Pad) -> None:
-    """Fields that are far from any pad's leave equations without a solution: that is said of the turn."""
+    """Fields that are impossible for any pad lead to equations without a solution: the turn's error says so."""
     random = np.random.default_rng(5)
     refused = 0
     for seed in range(6):

@@ -1,4 +1,4 @@
-"""The benchmarks run, and their figures are those of a solver at its bound. Times are not judged here."""
+"""The benchmarks run, and their figures agree with a solver at its bound. Times are not judged here."""
 
 from __future__ import annotations
 

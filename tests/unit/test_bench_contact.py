@@ -30,7 +30,7 @@ def test_shipped_model_is_near_the_best_and_honest() -> None:
 
 @pytest.mark.long
 def test_sizes_stand_beside_what_they_cost() -> None:
-    """Parameters are most of what a larger network adds: 4 bytes each, and as much again for their transposes."""
+    """A larger network mainly adds parameters: 4 bytes each, and as much again for their transposes."""
     facts = sizes((4, 8), presses=300)
     small, large = (facts[f"two layers of {hidden}"] for hidden in (4, 8))
     assert large["file_bytes"] - small["file_bytes"] > 4 * (large["parameters"] - small["parameters"])

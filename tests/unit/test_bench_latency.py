@@ -1,4 +1,4 @@
-"""The rig that measures latency: its numbers must be those of the frames that they are said to be about."""
+"""The rig that measures latency: its numbers must belong to the frames that it names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A contact model bends over the deviations of a pose: its deviations must hold for the larger force, too."""
+"""A contact model bends over the deviations of a pose: its deviations must also hold for the larger force."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def towards_force(by_pose: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def own(model: ContactModel, position_m: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """(3,) deviations that a pose has which is known exactly."""
+    """(3,) deviations for a pose that is known exactly."""
     return model.estimate(position_m, axis, KNOWN).deviations
 
 
@@ -63,8 +63,8 @@ def carried(model: ContactModel, position_m: np.ndarray, axis: np.ndarray, by_po
 
 
 def misjudged(model: ContactModel, pad: Pad) -> np.ndarray:
-    """(K, 2) how many of its deviations a force is off, if the pose is off by BEND_DEVIATIONS along the force: as
-    told, and by the slope at the found pose alone."""
+    """(K, 2) the error of a force in its deviations, if the pose is wrong by BEND_DEVIATIONS along the force: as
+    published, and by the slope at the found pose alone."""
     off = []
     for position_m, axis in poses(pad):
         truth = model.estimate(position_m, axis, VAGUE)
@@ -128,7 +128,7 @@ class Counted(Inference):
 
 
 def test_certain_pose_needs_no_second_slope(model: ContactModel, pad: Pad) -> None:
-    """Such a frame costs what it did, and the second slope would change its deviation by next to nothing."""
+    """Such a frame costs as much as before, and the second slope would hardly change its deviation."""
     assert isinstance(model.inference, CompiledInference)
     vague = [model.estimate(*pose, VAGUE) for pose in poses(pad)]
     twice = [bends(model, *pose) for pose in poses(pad)]

@@ -1,4 +1,4 @@
-"""The named boards in `[pad.geometry]`: a dipole over chips that are where public files say is found where it is.
+"""The named boards in `[pad.geometry]`: a dipole over chips at their published places is found at its true place.
 
 The boards are those of published_boards.py, not the daemon's.
 """
@@ -74,7 +74,7 @@ def test_dipole_over_a_public_layout_is_found_where_it_is(board: BoardName) -> N
 
 @pytest.mark.parametrize("number", [1, 2])
 def test_anyskin_turns_come_from_a_real_moving_hand(number: int) -> None:
-    """The field of the surroundings changes alike at all chips of a pad: what one tells, another tells turned.
+    """The ambient field changes alike at all chips of a pad: each chip reports it in its own axes.
 
     sissihrx/anyskin-leaphand: four pads on a LEAP hand that touches nothing; the first one hardly moves.
     """

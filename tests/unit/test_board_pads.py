@@ -1,4 +1,4 @@
-"""A board makes the pads that the configuration has, and until it has made them none of its samples counts."""
+"""A board makes the configured pads, and none of its samples counts before that."""
 
 from __future__ import annotations
 

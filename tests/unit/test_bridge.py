@@ -52,7 +52,7 @@ def pad(port: Path, name: str = "left", sensors: int = 4, **source: object) -> P
 
 
 def run(bridge: Bridge, *boards: Board, until: Callable[[], object], frames: list | None = None) -> list:
-    """Poll as the pipeline does, with the board answering in between; the frames that came, as soon as they come."""
+    """Poll as the pipeline does, with the board answering in between; returns the frames as soon as they come."""
     frames = [] if frames is None else frames
     end = time.monotonic() + PATIENCE_S
     while not until():

@@ -1,4 +1,4 @@
-"""The port of a bridge: absent, unplugged, another's, silent, bound to a board, or somebody else's."""
+"""The port of a bridge: absent, unplugged, another device's, silent, bound to a board, or in use by another program."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_replugged_board_is_opened_at_once(tmp_path: Path) -> None:
 
 
 def test_port_whose_name_moved_to_a_board_is_left_at_once(tmp_path: Path) -> None:
-    """A port's number goes to whoever comes first: between two plugs it may have been another device's."""
+    """A port's number may be reused: between two plugs it may have belonged to another device."""
     port = tmp_path / "port"
     with plugged(tmp_path / "other") as other, plugged(tmp_path / "again") as board:
         port.symlink_to(os.readlink(other.link))

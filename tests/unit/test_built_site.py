@@ -1,4 +1,4 @@
-"""The judge of the built site sees links that lead nowhere, and what a network would have to bring."""
+"""The judge of the built site finds links that lead nowhere, and files that a network would have to provide."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def hears(client: Client, number: int) -> bool:
 
 
 def connect(publisher: Publisher, client: Client) -> None:
-    """Send until the client hears: a subscription takes a moment to arrive."""
+    """Send until the client receives: a subscription takes a moment to arrive."""
 
     def heard() -> bool:
         publisher.send_contact("demo", contact_message(seq=0))

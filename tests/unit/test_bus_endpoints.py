@@ -1,4 +1,4 @@
-"""Where the bus is served: one daemon an endpoint, and nobody else's."""
+"""The bus's endpoints: one daemon on each, and none of another user."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def test_root_is_trusted_by_every_user(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def of_another_user(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As root it is given away; another user sees it from the other side."""
+    """Root gives it away; so this process sees it as another user would."""
     if os.geteuid() == 0:
         os.chown(folder, 65534, -1)
     else:
@@ -185,7 +185,7 @@ def test_folder_of_a_stranger_in_a_shared_place_is_refused(
 
 
 def test_link_of_a_stranger_in_a_shared_place_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where it leads to a folder that is trusted: it may lead elsewhere later."""
+    """Even if it leads to a trusted folder: it may lead elsewhere later."""
     if os.geteuid() != 0:
         pytest.skip("needs a link of another user")
     mine, shared = tmp_path / "mine", tmp_path / "shared"
@@ -210,7 +210,7 @@ def test_service_user_may_own_a_folder_in_a_shared_place(tmp_path: Path, monkeyp
 
 
 def test_missing_folder_in_a_shared_place_is_refused(tmp_path: Path) -> None:
-    """Whoever makes it first would be believed. A daemon makes it itself, and looks whose it is."""
+    """Clients would trust whoever makes it first. A daemon makes it itself, and looks whose it is."""
     shared = tmp_path / "shared"
     shared.mkdir()
     (tmp_path / "link").symlink_to(shared / "robot")

@@ -1,4 +1,4 @@
-"""What each driver asks of the bus: transfers that every adapter of Linux takes, and as many bits as its chip says."""
+"""Each driver's transfers: every adapter of Linux accepts them, and they have as many bits as the chip states."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_driver_asks_nothing_that_an_adapter_refuses(chip: Chip, adapter: str, c
 
 @pytest.mark.parametrize("chip", READ_ON_I2C, ids=lambda chip: chip.name)
 def test_sample_bits_are_those_on_the_wires(chip: Chip, clock: Clock) -> None:
-    """Of nearly every sample: a driver may ask for more now and then, to keep its chip well."""
+    """For nearly every sample: a driver may ask for more now and then, to maintain its chip."""
     for rate_hz, trigger in settings_of(chip):
         pad, bus = emulated_pad(clock, chip.name, [emulated(chip, clock)], rate_hz=rate_hz, trigger=trigger)
         run(pad, clock, 0.5, rate_hz)

@@ -1,4 +1,4 @@
-"""`make test-busy`: what it says of a turn is what the suite's own summary said."""
+"""`make test-busy`: its report of a turn agrees with the tests' own summary."""
 
 from __future__ import annotations
 

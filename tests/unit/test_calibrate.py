@@ -108,8 +108,8 @@ def test_samples_hold_rest_and_what_is_little_beyond_calibrated_force(response: 
 
 
 def test_error_of_response_from_few_presses_is_known_without_truth(pad: Pad, solver: FrameSolver) -> None:
-    """168 of the 675 presses: left out ones predict the errors under presses that nobody kept, to a factor of three
-    (they are more than a press of the whole fit has, as a fifth of so few is missed), and more for fewer presses."""
+    """168 of the 675 presses: left-out presses predict the errors to a factor of three (too large, because a fifth of
+    so few is missing), and larger ones for fewer presses."""
     calibration = read_calibration_set(CALIBRATION)
     random = np.random.default_rng(3)
     asked = np.column_stack([random.uniform(-13.0, 13.0, (300, 2)), random.uniform(0.3, 1.9, 300)])
@@ -132,7 +132,7 @@ def test_error_of_response_from_few_presses_is_known_without_truth(pad: Pad, sol
 
 @pytest.mark.parametrize("largest_n", [1.0, 12.0])
 def test_pad_of_any_force_has_samples_in_each_bin(response: Response, solver: FrameSolver, largest_n: float) -> None:
-    """Also one whose places begin away from its centre: a ring that no press had is as the nearest."""
+    """Also a set whose places begin away from its centre: a ring without presses counts like the nearest one."""
     scaled = replace(response, scale_n=largest_n, first_mm=response.first_mm + 20.0)
     bins = force_bins(largest_n)
     press = presses_in_bins(scaled, bins, 50, np.random.default_rng(1))

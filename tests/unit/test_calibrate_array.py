@@ -1,4 +1,4 @@
-"""A table of presses from labelled presses of a pad with several magnets: how near it comes, and what is refused."""
+"""A table of presses from labelled presses of a pad with several magnets: its accuracy, and refusals."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_shear_is_learned_where_the_set_has_it() -> None:
 
 
 def test_table_states_its_error_if_corrections_do_not_suffice() -> None:
-    """A pad whose movements differ from press to press by 8 %: nothing smooth explains that."""
+    """A pad whose movements scatter from press to press by 8 %: no smooth table explains that."""
     one = built(START)
     data = presses_of(one, grid(4))
     loose = replace(data, change_t=data.change_t * one.random.normal(1.0, 0.08, (len(data.press), 1)))

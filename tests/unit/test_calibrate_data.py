@@ -1,4 +1,4 @@
-"""What is wrong with a calibration set is named by file, row and column."""
+"""Errors of a calibration set are named by file, row and column."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def test_swapped_sensors_are_seen_by_field_that_no_magnet_makes(tmp_path: Path) 
 
 
 def test_ambient_field_that_was_left_in_is_named_with_its_size(tmp_path: Path) -> None:
-    """Free unknowns would take it up, and the remanence would be wrong."""
+    """Free unknowns would absorb it, and the remanence would be wrong."""
     earth_ut = {"x": 20.0, "y": -10.0, "z": 45.0}
 
     def add(rows: Rows) -> Rows:
@@ -229,7 +229,7 @@ def test_target_that_cannot_be_written_is_refused_before_anything_is_solved(
 
 
 def test_slight_shear_of_a_real_gauge_is_none(tmp_path: Path) -> None:
-    """2 mN in each row, on forces from 283 mN; a press that is sheared stays one."""
+    """2 mN in each row, on forces from 283 mN; a sheared press remains one."""
     path = written(tmp_path, lambda rows: [row | {"shear_x_n": "0.002", "shear_y_n": "-0.002"} for row in rows])
     assert not read_calibration_set(path).press[:, 3:].any()
     path = written(tmp_path, lambda rows: [row | {"shear_x_n": "0.1", "shear_y_n": "0"} for row in rows])

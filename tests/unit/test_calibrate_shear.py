@@ -1,4 +1,4 @@
-"""Shear: told by a model whose response knows it, counted as an error by one without."""
+"""Shear: measured by a model whose response includes it, and counted as an error by one without."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def test_each_axis_has_the_data_sheets_scale_and_sign(clock: Clock, kind: Kind) 
 def test_saturated_axis_is_flagged_alone_and_is_good_again_after(
     clock: Clock, kind: Kind, axis: int, sign: int
 ) -> None:
-    """Also where it is far beyond: an output that wraps around must not read as a field."""
+    """Even far beyond the range: an output that wraps around must not read as a field."""
     one = chip_of(clock, kind.name)
     pad, _ = emulated_pad(clock, kind.name, [one], gain_code=kind.gain_code, rate_hz=100)
     saturated = CHIPS[kind.name].saturated_count
@@ -190,7 +190,7 @@ def test_temperature_is_the_data_sheets(clock: Clock, kind: str, temperature_c: 
     ],
 )
 def test_warmer_chip_counts_less_of_the_same_field(clock: Clock, kind: str, per_k: float) -> None:
-    """Alike on all axes and chips it is as if the magnet were weaker, which no pose depends on."""
+    """If it is equal on all axes and chips, it looks like a weaker magnet, on which no pose depends."""
     one = chip_of(clock, kind)
     pad, _ = emulated_pad(clock, kind, [one], rate_hz=100)
     cold = last_counts(run(pad, clock, 1.0, 100))[0]

@@ -1,4 +1,4 @@
-"""The emulated chips behave as the data sheets say; what is tested against them is only as good as they are."""
+"""The emulated chips behave as the data sheets say; tests against them are only as good as they are."""
 
 from __future__ import annotations
 

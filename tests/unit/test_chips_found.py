@@ -1,4 +1,4 @@
-"""What `baseline --turn` says of the chips that it found turned, or unequal."""
+"""What `baseline --turn` reports about chips with wrong rotations or unequal gains."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HAND_PLACED = replace(TOLERANCE, gain=0.05, sensor_rotation_rad=math.radians(1.5
 
 
 def said(pad: Pad, rotation_deg: tuple[float, float, float], gain: float) -> str:
-    """Of a pad as drawn, but for its third chip's rotation and its second chip's gain."""
+    """A pad as drawn, except for its third chip's rotation and its second chip's gain."""
     world = World(pad, np.random.default_rng(11))
     world.gain = np.ones((4, 3))
     world.gain[1] += gain

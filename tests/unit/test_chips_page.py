@@ -1,4 +1,4 @@
-"""The pages about chips say what the chips' descriptions say."""
+"""The pages about chips agree with the chips' descriptions."""
 
 from __future__ import annotations
 

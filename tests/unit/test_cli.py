@@ -1,4 +1,4 @@
-"""The command: what a stranger is told who gets a verb wrong, and where he can read on."""
+"""The command: what it tells a stranger who gets a verb wrong, and where to read on."""
 
 from __future__ import annotations
 

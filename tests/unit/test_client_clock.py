@@ -1,4 +1,4 @@
-"""Clients on another machine, whose monotonic clock tells another time than the daemon's."""
+"""Clients on another machine, whose monotonic clock differs from the daemon's."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def test_clock_of_a_restarted_machine_is_learned_anew() -> None:
 def test_age_is_short_by_at_most_the_fastest_delay(
     ahead_s: float, arrivals: list[tuple[float, float]], drift: float
 ) -> None:
-    """Whatever the delays: a message's age is told less what the fastest took, and what clocks drift since then."""
+    """Whatever the delays: a message's age is too small by the fastest delay, and by the clocks' drift since then."""
     clock, now_s = SenderClock(), 1e5
     started_s, fastest = now_s, []
     for pause_s, delay_s in arrivals:

@@ -1,4 +1,4 @@
-"""`Client.why()`: what a client that hears nothing is told, over real sockets."""
+"""`Client.why()`: the reason that a client gets if it receives nothing, over real sockets."""
 
 from __future__ import annotations
 

@@ -39,8 +39,8 @@ def errors_us(clock: DeviceClock, board: Board, packets: list[tuple[int, int]]) 
 
 @pytest.mark.parametrize("ppm", [-100, 0, 37, 100])
 def test_crystals_drift_is_recovered_and_samples_are_timed_within_20_us(ppm: float) -> None:
-    """With 200 µs mean excess delay the least of the 880 delays within the 4 s window is some 0.2 µs, so what is left
-    is the slope's error (a few ppm) over those 4 s."""
+    """With 200 µs mean excess delay the least of the 880 delays within the 4 s window is some 0.2 µs; the rest is the
+    slope's error (a few ppm) over those 4 s."""
     board, clock = Board(ppm), DeviceClock(tolerance=200e-6)
     errors = errors_us(clock, board, board.packets(60))
     assert clock.drift_ppm == pytest.approx(ppm, abs=3)
@@ -91,7 +91,8 @@ def test_late_arrivals_do_not_move_the_map() -> None:
 
 
 def test_backlog_that_comes_in_two_bursts_is_no_standstill() -> None:
-    """After the first the host stalls again, and what comes in time is long gone by when it is heard, or never came."""
+    """After the first the host stalls again, and packets that were in time are long outdated when they are read, or
+    never came."""
     board, clock = Board(50), DeviceClock(tolerance=200e-6)
     errors_us(clock, board, board.packets(10))
     backlog = [device_us for device_us, _ in board.packets(0.5, start_us=10_000_000)]
@@ -102,7 +103,7 @@ def test_backlog_that_comes_in_two_bursts_is_no_standstill() -> None:
 
 
 def test_packets_the_host_read_late_are_no_standstill() -> None:
-    """A host that reads four times a second, and each time what is 0.2 s old, for ten seconds."""
+    """A host that reads four times a second, each time packets up to 0.2 s old, for ten seconds."""
     board, clock = Board(50), DeviceClock(tolerance=200e-6)
     errors_us(clock, board, board.packets(10))
     for read in range(40):
@@ -114,7 +115,7 @@ def test_packets_the_host_read_late_are_no_standstill() -> None:
 
 
 def test_burst_of_late_arrivals_in_first_second_does_not_tilt_map() -> None:
-    """Before there is a slope to hold on to, half a second's backlog looks like a clock that runs 2 % slow."""
+    """Before there is a slope, half a second's backlog looks like a clock that runs 2 % slow."""
     board, clock = Board(50), DeviceClock(tolerance=0.02)
     stall = (BOOT_NS + 300_000_000, BOOT_NS + 800_000_000)
     packets = [(t, stall[1] if stall[0] <= arrival < stall[1] else arrival) for t, arrival in board.packets(3)]
@@ -125,7 +126,7 @@ def test_burst_of_late_arrivals_in_first_second_does_not_tilt_map() -> None:
 @pytest.mark.parametrize("uptime_s", [1, 10])
 @pytest.mark.parametrize("pause_s", [0.03, 0.5])
 def test_board_clock_that_stood_still_is_followed_within_half_a_second(uptime_s: float, pause_s: float) -> None:
-    """A debugger, or flash that is being written: device time goes on where it was, later."""
+    """A debugger, or flash that is being written: device time continues from where it was, later."""
     board, clock = Board(80), DeviceClock(tolerance=200e-6)
     errors_us(clock, board, board.packets(uptime_s))
     board.start_ns += int(pause_s * 1e9)
@@ -216,7 +217,7 @@ def test_hours_between_packets_do_not_change_the_drift() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_clock_line_holds_all_learned_values(seed: int) -> None:
-    """Stalls, resets, packets out of order: whoever goes on from a copy of the line says the same, to the last bit."""
+    """Stalls, resets, packets out of order: a copy of the line gives the same results, to the last bit."""
     draw = np.random.default_rng(seed)
     board = Board(ppm=draw.uniform(-300, 300), seed=seed)
     tolerance = (200e-6, 0.02)[seed % 2]

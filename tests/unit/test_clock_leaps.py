@@ -62,7 +62,7 @@ def test_line_has_right_times_soon_after_each_leap(power: int, way: int, count: 
 
 @pytest.mark.parametrize("order", [(0, 0), (0, 0, 0), (1, 0)], ids=["doubled", "tripled", "swapped"])
 def test_leap_is_followed_when_packets_come_doubled_or_swapped(order: tuple[int, ...]) -> None:
-    """Copies convince nobody, and a packet that another one overtook contradicts nothing."""
+    """Copies are no evidence, and an overtaken packet contradicts nothing."""
     line = Line()
     line.feed(hello(4))
     times, size = leaping(46, 1, RATE_HZ), max(order) + 1
@@ -101,7 +101,7 @@ def tapped() -> list[Frame]:
 
 
 def test_frames_of_the_first_read_have_their_own_times() -> None:
-    """They all arrived at once; the last of them shows how long the others had waited."""
+    """They all arrived at once; the last one shows how long the others had waited."""
     line = Line()
     line.feed(hello(4))
     frames = line.feed(*(of(number) for number in range(4)), later_ns=0)
@@ -125,7 +125,7 @@ def leapt(frames: list[Frame], power: int, way: int, first: int, count: int) -> 
     [(20, 1, PRESSED), (20, -1, PRESSED), (46, 1, RESTS), (52, 1, PRESSED), (52, -1, PRESSED)],
 )
 def test_pad_is_ok_soon_after_a_leap_of_a_second(power: int, way: int, first: int) -> None:
-    """The frames of a second are off. Nothing wrong is published, at the leap and after it."""
+    """The frames of one second have wrong times. Nothing wrong is published, at the leap and after it."""
     frames = leapt(tapped()[: first + RATE_HZ + 2 * SOON], power, way, first, RATE_HZ)
     pipeline = pipeline_of(CONFIG, BASELINE)
     messages = [pipeline.process(frame) for frame in frames]
@@ -138,7 +138,7 @@ def test_pad_is_ok_soon_after_a_leap_of_a_second(power: int, way: int, first: in
 
 
 class TestTimePassed:
-    """What a leap is, from two frames 10 ms apart on this computer's clock."""
+    """The size of a leap, from two frames 10 ms apart on this computer's clock."""
 
     def leap_us(self, there_us: int, here_ns: int = 10_000_000, numbers: int = 2) -> int:
         before, last = tapped()[-1], LastFrame(RATE_HZ)
@@ -168,7 +168,7 @@ class TestTimePassed:
         assert last.leap_us(replace(frame, device_time_us=frame.device_time_us + 4_000_000, host_time_ns=host_ns)) == 0
 
     def test_suspended_computer_is_no_leap_of_the_board(self) -> None:
-        """The host's clock stood for an hour; the board made frames meanwhile, and numbered them."""
+        """The host's clock stood still for an hour; the board made frames meanwhile, and numbered them."""
         assert self.leap_us(3_600_000_000, numbers=3600 * RATE_HZ) == 0
 
     def test_unplugged_minute_is_no_leap(self) -> None:
@@ -186,7 +186,7 @@ OUTAGE_US = 980_000
 @pytest.mark.parametrize("is_timed", [True, False], ids=["stale", "untimed"])
 @pytest.mark.parametrize("age_us", [0, HOURS_US], ids=["reset", "ahead"])
 def test_time_passed_is_right_when_a_leap_brings_no_sample(age_us: int, is_timed: bool, silent: int) -> None:
-    """The first frames after the leap have no new sample: no age is known, or all samples are said to be old ones."""
+    """The first frames after the leap have no new sample: no age is known, or all samples are reported as old."""
     frames, alignment, last = tapped()[:20], Alignment(4, PERIOD_US), LastFrame(RATE_HZ)
     before_us, elapsed_s, behind_us = None, [], []
     for number, frame in enumerate(frames):
@@ -212,7 +212,7 @@ def test_time_passed_is_right_when_a_leap_brings_no_sample(age_us: int, is_timed
 
 
 def with_early(frames: list[Frame], copies: int) -> Iterator[tuple[bytes, int]]:
-    """Each read, and when. Every early sample comes so often again at once, and once more after the next frame."""
+    """Each read, and when. Every early sample is repeated this often at once, and once more after the next frame."""
     late = b""
     for number, frame in enumerate(frames):
         sampled_us, early = frame.sampled_us.tolist(), b""
@@ -281,7 +281,7 @@ def test_repeated_part_of_a_stream_is_counted() -> None:
 
 
 def test_replay_of_a_board_that_was_reset_goes_on() -> None:
-    """A recording does not tell runs: numbers and times begin anew, and the host's time goes on."""
+    """A recording does not mark runs: numbers and times restart, and the host's time continues."""
     statistics, frames = PadStatistics(), tapped()[:100]
     again = [replace(frame, host_time_ns=frame.host_time_ns + 1_000_000_000) for frame in frames]
     assert all(statistics.frame(frame) for frame in frames)

@@ -159,7 +159,7 @@ def test_load_cell_without_its_board_is_refused() -> None:
 
 
 class Cell:
-    """A feed whose load cell gives what hangs on it."""
+    """A feed whose load cell reports the weight that hangs on it."""
 
     description = "a board"
 

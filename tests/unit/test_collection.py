@@ -1,4 +1,4 @@
-"""How long a recording goes on where a computer that is busy loses frames."""
+"""The duration of a recording if a busy computer loses frames."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from fmfts_lab.bench.drills import record
 
 
 def collected(every: int, duration_s: float, fewest: int) -> tuple[int, float]:
-    """Frames and time until a recording is complete that gets each `every`-th frame only."""
+    """Frames and time until a recording is complete that receives only each `every`-th frame."""
     source = Simulated(PadConfig(name="left", source=SimulatedSource()))
     source.finger = no_finger
     collection = Collection(source, duration_s, fewest)

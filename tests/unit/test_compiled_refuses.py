@@ -1,4 +1,4 @@
-"""Arguments that only a program error or a damaged file gives to C: it refuses them, or leaves them to Python.
+"""Arguments that only a program error or a damaged file passes to C: it refuses them, or leaves them to Python.
 
 tests/sanitized/odd_calls.py, which found these, tries thousands under the sanitizers: `make sanitize`.
 """

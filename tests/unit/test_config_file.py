@@ -1,5 +1,5 @@
 # ruff: noqa: E501  (a table of input and expected text reads best one case a line)
-"""The configuration: what is read, and what a stranger is told who got it wrong."""
+"""The configuration: valid files, and what a stranger is told about a wrong one."""
 
 from __future__ import annotations
 
@@ -496,7 +496,7 @@ def test_contact_model_of_package_not_installed_says_how_to_install_it(
 
 
 def test_error_causes_no_further_errors(tmp_path: Path) -> None:
-    """What stands in for a wrong value is not judged."""
+    """A wrong value's replacement is not judged."""
     text = I2C + 'channels = [0, 1, 2, "x"]\n[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [-8, 8, 0]]\n'
     assert "source.channels, sensor 4 = 'x'" in complaint(tmp_path, text)
     assert "\n" not in complaint(tmp_path, text)

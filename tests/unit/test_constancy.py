@@ -1,4 +1,4 @@
-"""A scene that calls the ambient field constant, on a robot that turns: one clear message, and no sensor blamed."""
+"""A scene that calls the ambient field constant, on a robot that turns: one clear message, and no blamed sensor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fmfts_lab.bench.tapped import pipeline_of
 
 
 def published(turning_deg_per_s: float, seconds: float, offset_counts: int = 0) -> list[ContactMessage]:
-    """A pressed pad whose scene is constant; from the first second on, it turns, or an axis of sensor 2 is off."""
+    """A pressed pad whose scene is constant; after the first second it turns, or an axis of sensor 2 is wrong."""
     config = pad_config("constant", seed=1)
     pipeline = pipeline_of(config, load_contact_model(config))
     source, messages = Simulated(config), []
@@ -52,7 +52,7 @@ def test_unmoved_pad_is_not_reported_as_moved() -> None:
 
 
 def test_sensor_offset_stays_that_sensors_fault() -> None:
-    """66 counts are 100 mG: what a moving field would need, its start apart, is that it moves."""
+    """66 counts are 100 mG: a constant offset, without the motion that a moving field would show."""
     last = published(0.0, 3.0, offset_counts=66)[-220:]
     assert {message.health for message in last} == {"degraded"}
     assert all(message.reason.startswith("sensor 2 ") for message in last)

@@ -1,4 +1,4 @@
-"""The model that ships: how right it is, and what it says of its own errors."""
+"""The model that ships: its accuracy, and its statements about its own errors."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Frames:
         return cls.of(pad, press, NOISE_T, seed=seed)
 
     def estimates(self, model: ContactModel) -> list[ContactEstimate]:
-        """What the pipeline would make of each, with the covariance that the solver claims."""
+        """The pipeline's result for each, with the solver's covariance."""
         unit, out = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0]), []
         for pose, covariance in zip(self.tracked.pose, self.tracked.covariance, strict=True):
             full = np.zeros((6, 6))
@@ -128,8 +128,8 @@ def test_any_magnet_strength_gives_the_same_contact(pad: Pad, model: ContactMode
 def test_single_frames_come_near_the_cramer_rao_bound(
     pad: Pad, model: ContactModel, lowest_n: float, highest_n: float, within: float
 ) -> None:
-    """At 2 mG within 8 mm. 500 frames give an rms to 3 %; the rest is the network's own error, and at light touch
-    that a place is no longer a linear function of the noise."""
+    """At 2 mG within 8 mm. 500 frames give an rms to 3 %; the rest is the network's own error, and for light touches a
+    place that is not linear in the noise."""
     frames = Frames.drawn(pad, 500, lowest_n, highest_n, 8e-3, seed=31)
     session = onnxruntime.InferenceSession(DEFAULT_PATH, providers=["CPUExecutionProvider"])
     response = parse_response(session.get_modelmeta().custom_metadata_map)
@@ -223,7 +223,7 @@ def test_answer_is_finite_for_any_finite_pose_and_refused_for_others(pad: Pad, m
 
 
 def test_unknown_place_has_the_deviation_of_the_pads_width(model: ContactModel) -> None:
-    """Light and noisy poses are put there; the Jacobian of a network beyond its training says too little."""
+    """Light and noisy poses are moved there; the Jacobian of a network beyond its training is too small."""
     random = np.random.default_rng(5)
     beyond = 0
     for _ in range(300):
@@ -239,7 +239,7 @@ def test_unknown_place_has_the_deviation_of_the_pads_width(model: ContactModel) 
 
 
 def test_light_touch_at_rim_may_be_lighter_one_in_middle(pad: Pad, model: ContactModel) -> None:
-    """The force being three deviations from none, they change such a pose alike; a firm press cannot be mistaken."""
+    """At three deviations of force they change such a pose alike; a firm press cannot be mistaken."""
     press = np.array([[13.3, 2.8, 0.25], [13.3, 2.8, 1.5]])
     frames = Frames.of(pad, press)
     light, firm = frames.estimates(model)
@@ -255,6 +255,6 @@ def test_light_touch_at_rim_may_be_lighter_one_in_middle(pad: Pad, model: Contac
 @pytest.mark.parametrize("refine", [False, True])
 @pytest.mark.parametrize("lift_m", [5e-6, 20e-6, 40e-6, 100e-6])
 def test_magnet_above_rest_gives_no_contact(pad: Pad, refine: bool, lift_m: float) -> None:
-    """A moment that is weaker than thought looks like that. 20 mN are what a place at rest answers with."""
+    """A moment that is weaker than assumed looks like that. 20 mN is the answer to a place at rest."""
     raised = pad.rest_position_m + np.array([0.0, 0.0, lift_m])
     assert abs(ContactModel.load("default", pad, refine=refine).estimate(raised, pad.rest_axis, CERTAIN).force_n) < 0.02

@@ -1,4 +1,4 @@
-"""A contact model's file: what it must be before it is believed, and by which sentence it is refused."""
+"""A contact model's file: the conditions for accepting it, and the sentence of each refusal."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def edited(tmp_path: Path, edit: Callable[[onnx.ModelProto], None]) -> str:
 
 
 def of_another_program(edit: Callable[[onnx.ModelProto], None]) -> Callable[[onnx.ModelProto], None]:
-    """Without the weights that `calibrate` writes, by which the graph need not be looked at."""
+    """Without the weights that `calibrate` writes, which make a check of the graph unnecessary."""
 
     def edited_too(proto: onnx.ModelProto) -> None:
         kept = [entry for entry in proto.metadata_props if entry.key != WEIGHTS_KEY]
@@ -254,7 +254,7 @@ def test_file_with_one_other_bit_is_refused(place: float, pad: Pad, tmp_path: Pa
 
 
 def test_file_whose_seal_and_weights_are_both_damaged_is_refused(pad: Pad, tmp_path: Path) -> None:
-    """Else it would be taken for a model of another program."""
+    """Otherwise it would count as a model of another program."""
     content = bytearray(DEFAULT_PATH.read_bytes().replace(b"fmfts.sha256", b"fmvts.sha256"))
     content[len(content) // 2] ^= 0x04
     (tmp_path / "damaged.onnx").write_bytes(content)

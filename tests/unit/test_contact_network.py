@@ -1,4 +1,4 @@
-"""The compiled contact network: what it is read from, when it is used, and that it answers as onnxruntime does."""
+"""The compiled contact network: its source, when it is used, and that it answers like onnxruntime."""
 
 from __future__ import annotations
 

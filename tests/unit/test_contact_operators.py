@@ -1,4 +1,4 @@
-"""A contact model of another program takes what it took when it was tried, or is refused."""
+"""A contact model of another program needs no more than when it was tried, or is refused."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ def test_model_with_functions_of_its_own_is_refused() -> None:
 
 
 def test_evaluated_model_is_the_checked_one() -> None:
-    """Another reader may find a node where this one sees a field that it does not know: those are not handed on."""
+    """Another reader may find a node where this one sees an unknown field: such files are not passed on."""
     proto = model(make_node("Identity", ["low"], ["offset"]))
     unknown = b"\xfa\x7f\x02no"  # field 2047
     assert require_even(proto.SerializeToString() + unknown) == proto.SerializeToString()
@@ -184,7 +184,7 @@ def test_missing_onnx_package_says_what_to_install(tmp_path: Path) -> None:
 
 
 def test_model_in_another_format_is_not_loaded() -> None:
-    """onnxruntime's own begins so, and its operators were never looked at."""
+    """onnxruntime's own format begins so, and its operators were never checked."""
     with pytest.raises(ValueError, match=r"[Pp]rotobuf"):
         session_of(b"\x20\x00\x00\x00ORTM" + bytes(100))
 

@@ -1,4 +1,4 @@
-"""What `[pad.contact]` makes of a model: refined answers, friction, and a model that tells shear."""
+"""The effect of `[pad.contact]` on a model: refined answers, friction, and a model with shear."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_model_of_five_outputs_reports_shear_and_refuses_edge(tmp_path: Path, pa
 
 
 def test_error_of_response_stays_in_deviations_of_refined_answer(tmp_path: Path, pad: Pad) -> None:
-    """A response known to 1 mm and 0.2 N, whatever the network is."""
+    """A response known to 1 mm and 0.2 N, whatever the network."""
 
     def tell(facts: dict[str, object]) -> None:
         own = facts["own_error"]

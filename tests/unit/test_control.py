@@ -269,7 +269,7 @@ def test_ten_thousand_random_requests_each_get_one_answer(server: ControlServer,
 def test_request_is_walked_for_few_items(
     server: ControlServer, dealer: Dealer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The walk is in Python, and takes microseconds an item."""
+    """The check walks in Python, and takes microseconds an item."""
     walked: list[object] = []
 
     def counted(value: object, path: str = "") -> str:

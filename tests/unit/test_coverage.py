@@ -43,7 +43,7 @@ def hints(source: Simulated, coverage: Coverage, seconds: float) -> tuple[list[s
 
 
 def pressing(place: Callable[[int], tuple[float, float]], force: Callable[[int], float]) -> Finger:
-    """One press each PRESS_S, after half a second of nothing."""
+    """One press each PRESS_S, after half a second without one."""
 
     def finger(time_s: float) -> Touch:
         number, phase = divmod(time_s - 0.5, PRESS_S)

@@ -1,4 +1,5 @@
-"""A damaged key or list of keys is one sentence, and an exit code after which systemd starts no new daemon."""
+"""A damaged key or list of keys gives one sentence, and an exit code after which systemd does not restart the
+daemon."""
 
 from __future__ import annotations
 
@@ -106,7 +107,7 @@ def closed(path: Path) -> Iterator[None]:
 
 
 def test_closed_key_is_reported_by_check_config(keys: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The user who edits the configuration may be another than the service."""
+    """The user who edits the configuration may not be the service's."""
     with tempfile.TemporaryDirectory() as open_to_all:  # pytest closes its own to others
         Path(open_to_all).chmod(0o755)
         config = Path(open_to_all) / "config.toml"
@@ -133,7 +134,7 @@ def test_key_list_is_read_once_it_becomes_readable() -> None:
 
 
 def test_mended_list_with_its_old_time_is_read_again(keys: Path) -> None:
-    """As `cp -p` does it from a copy."""
+    """Like `cp -p` from a copy."""
     folder, path = KeyFolder(keys), keys / "clients"
     good, before = path.read_bytes(), path.stat()
     (arm, *_) = folder.clients().values()
@@ -186,7 +187,8 @@ def test_damaged_key_of_a_client_is_bad_configuration(
 
 
 def damages(whole: bytes) -> Iterator[bytes]:
-    """A bit of each byte flipped, each beginning, and more than a file may hold; `make fuzz-files` tries the others."""
+    """A bit of each byte flipped, each truncation, and more than a file may hold; `make fuzz-files` tries the
+    others."""
     for at in range(len(whole)):
         yield whole[:at]
         yield whole[:at] + bytes([whole[at] ^ 1 << at % 8]) + whole[at + 1 :]
@@ -206,7 +208,7 @@ def test_each_damage_to_a_byte_of_the_daemons_key_is_seen(keys: Path) -> None:
 
 
 def test_each_damage_to_a_byte_of_a_clients_key_is_seen(keys: Path) -> None:
-    """But for the daemon's public key, of which the client has no other copy."""
+    """Except the daemon's public key, of which the client has no other copy."""
     path, refused = keys.parent / "arm.key", 0
     key = client_key(path)
     assert key is not None
@@ -251,7 +253,7 @@ def test_damaged_list_is_named_with_its_line(keys: Path, line: str) -> None:
 
 
 def test_list_without_its_first_line_names_that_line(keys: Path) -> None:
-    """Who removed its clients, line by line, would lock them out."""
+    """An owner who removed its clients, line by line, would lock them out."""
     (keys / "clients").write_text((keys / "clients").read_text().removeprefix(f"{HEAD}\n"))
     with pytest.raises(KeysError, match=f"line 1: this line must stand before it: {HEAD}$"):
         KeyFolder(keys).clients()

@@ -1,4 +1,4 @@
-"""A baseline that is refused names the cause: each defect alone, and two at once, on pads drawn within tolerances."""
+"""A refused baseline names the cause: each defect alone, and two at once, on pads drawn within tolerances."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ BROKEN = {"a chip by a quarter": {2}, "a chip by 12°": {3}, "a gain": {1}}
 
 
 def refusal(pad: Pad, seed: int, *names: str) -> str:
-    """What is said of a pad with these defects; "" if it is accepted."""
+    """The message about a pad with these defects; "" if it is accepted."""
     world = World(pad, np.random.default_rng(seed))
     world.spoilt(PLACED)
     for name in names:
@@ -128,7 +128,7 @@ def _is_named(pad: Pad, name: str, seeds: range) -> None:
 
 @pytest.mark.long
 def test_two_defects_are_named_or_reported_as_unexplained(pad: Pad) -> None:
-    """One of the two is named in nine of ten, and no sound sensor is blamed alone in more than one of fifty."""
+    """One of the two is named in nine of ten cases, and a healthy sensor alone is blamed in at most one of fifty."""
     # A magnet upside down above left-handed chips makes each sensor read what the one across should read: two swaps.
     alike = [{"all chips by 4°", "a chip by 12°"}, {"upside down", "left-handed chips"}]
     pairs = [

@@ -1,4 +1,4 @@
-"""What a package index is told: versions that agree, the licence, dependencies; and what a release needs."""
+"""The metadata for a package index: versions that agree, the licence, dependencies; and a release's requirements."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_only_the_client_distribution_has_the_clients_files() -> None:
 
 @pytest.mark.parametrize("folder", PROJECTS, ids=lambda folder: folder.name)
 def test_every_file_that_a_program_reads_is_packed(folder: Path) -> None:
-    """An installation without the sources has what `package-data` names, and nothing else."""
+    """An installation without the sources contains only the files of `package-data`."""
     built_in = parse((folder / "pyproject.toml").read_text())["tool"]["setuptools"]
     where = folder / ("daemon" if folder == ROOT else ".")
     for package, patterns in built_in["package-data"].items():

@@ -22,7 +22,7 @@ NO_FILES = re.compile(r"^(?:contact|event|status|frame|state)/$|^/|^\.venv/|^bui
 
 
 def without_code(text: str) -> str:
-    """A link inside a block of code or in backticks is none."""
+    """A link inside a block of code or in backticks does not count."""
     return re.sub(r"`[^`\n]*`", "``", re.sub(r"^```.*?^```$|^    .*?$", "", text, flags=re.DOTALL | re.MULTILINE))
 
 
@@ -39,7 +39,7 @@ def anchors_of(page: Path) -> set[str]:
 
 
 def fault(page: Path, target: str) -> str | None:
-    """Why a link of `page` leads nowhere, None where it leads somewhere."""
+    """Why a link of `page` is broken; None if it is not."""
     if re.match(r"[a-z]+:", target):
         return None
     path, _, anchor = target.partition("#")
@@ -54,7 +54,7 @@ def fault(page: Path, target: str) -> str | None:
 
 
 def files_named_in(text: str) -> set[str]:
-    """What stands in backticks and looks like a path: a folder before a slash, or a file with a known ending."""
+    """Texts in backticks that look like a path: a folder before a slash, or a file with a known ending."""
     words = {word for code in CODE.findall(text) for word in code.split() if PATH.fullmatch(word)}
     ending = re.compile(r".*\.(?:py|pyi|c|h|md|toml|csv|ini|onnx|sh|mk|svg|service)$")
     return {word for word in words if ("/" in word or ending.match(word)) and not NO_FILES.match(word)}

@@ -1,4 +1,4 @@
-"""The door to the bus: closed to new connections while too many files are open; who is connected stays."""
+"""The door to the bus: closed to new connections while too many files are open; connected clients stay."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # ruff: noqa: E501  a mutation is easier to read in one line
-"""Wrong drivers, each with one mistake: what is checked of every chip must catch all of them, and pass the right one.
+"""Wrong drivers, each with one mistake: the checks of every chip must catch all of them, and pass the right one.
 
-A mutation is a piece of the driver's file and what stands there instead. The emulated chips share no code with the
-drivers, so that a slip in a driver meets a chip without it; a fact that both took from the same source they share.
+A mutation replaces a piece of the driver's file. The emulated chips share no code with the drivers, so that a slip in a
+driver shows; but both share facts that they took from the same source.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ MUTATIONS = [
 
 
 def mutated(kind: str, right: str, wrong: str) -> Chip:
-    """The chip of a file in which `wrong` stands for `right`."""
+    """The chip of a file in which `wrong` replaces `right`."""
     path = FOLDER / f"{kind}.py"
     source = path.read_text(encoding="utf-8")
     if "chips.memsic import" in source:  # its registers have a file of their own
@@ -161,7 +161,7 @@ def scale_and_saturation(clock: Clock, kind: str) -> None:
 
 
 def stream(clock: Clock, kind: str) -> None:
-    """Every conversion once, at the rate that was asked for, whatever else happens."""
+    """Every conversion once, at the requested rate, whatever else happens."""
     rate_hz = RATE_HZ[kind]
     one = made(clock, kind, noise_gauss=0.0)
     pad, _ = emulated_pad(clock, kind, [one], rate_hz=rate_hz)

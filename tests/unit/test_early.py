@@ -1,4 +1,4 @@
-"""Samples that come before their frames: each is used once, in order, and only what goes on with `now` is published."""
+"""Samples that come before their frames: each is used once, in order, and published only if it updates `now`."""
 
 from __future__ import annotations
 
@@ -200,7 +200,7 @@ def test_after_a_silence_samples_wait_for_a_frame(model: ContactModel) -> None:
 
 @pytest.mark.parametrize("begins", [180, 181, 182, 183, 184])
 def test_replay_from_any_frame_gives_the_same_now(model: ContactModel, begins: int) -> None:
-    """A state is taken before a frame, with samples before it in the filter; what follows is repeated bit for bit."""
+    """A state is taken before a frame, with samples before it in the filter; the rest must repeat bit for bit."""
     packets = sent_of(tapped, 0.4)
     first = next(n for n in range(begins, len(packets)) if not isinstance(packets[n], EarlySample))
     live = pipeline_with(model)

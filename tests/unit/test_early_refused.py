@@ -1,4 +1,4 @@
-"""Samples before their frames, where something is wrong: old frames, strange frames, samples that come late."""
+"""Errors with samples before their frames: old frames, strange frames, samples that come late."""
 
 from __future__ import annotations
 
@@ -138,5 +138,5 @@ def test_recorded_sample_that_no_chip_gives_is_refused(damage: dict[str, object]
     [("hmc5983", 30, 226.6), ("mmc5983ma", 200, 399.0), ("mlx90393", 100, 139.65), ("qmc5883l", 200, 210.0)],
 )
 def test_chip_gives_samples_at_rate_that_board_runs_it_at(kind: str, rate_hz: int, samples_hz: float) -> None:
-    """Which is not the frames': the HMC5983 has one rate on a board, and an MMC5983MA is started again at once."""
+    """It differs from the frames' rate: the HMC5983 has one rate on a board, and an MMC5983MA is restarted at once."""
     assert fastest_on_board_hz(CHIPS[kind], rate_hz) == pytest.approx(samples_hz)

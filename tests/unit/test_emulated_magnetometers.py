@@ -3,7 +3,7 @@
 The reset values and read-only registers of the others, too; test_emulated_mmc5983ma.py, test_emulated_mmc5603nj.py and
 test_emulated_qmc5883p.py have the rest of them.
 
-The data sheets could not be read here: what stands here of them, public drivers say alike (lab/results/chip-facts.md).
+The data sheets could not be read here: these facts are common to public drivers (lab/results/chip-facts.md).
 """
 
 from __future__ import annotations

@@ -270,7 +270,7 @@ def test_strong_field_that_was_assigned_or_moved_upsets_the_film(clock: Clock) -
 
 @pytest.mark.parametrize(("command", "odd"), [(0x21, 4), (0x01, 0), (0x25, 0)])
 def test_exactly_0x21_spoils_x_of_every_16th_sample(clock: Clock, command: int, odd: int) -> None:
-    """By 10 to 12 uT. With another bit beside (0x25: the interrupt) it does not happen."""
+    """By 10 to 12 uT. With another bit set (0x25: the interrupt) it does not occur."""
     chip = made(clock)
     samples = [measured(clock, chip, command & ~MEASURE) for _ in range(64)]
     wrong = [number for number, sample in enumerate(samples) if sample != AFTER_SET]

@@ -1,7 +1,7 @@
-"""Wrong beliefs in an emulator are found without any driver: what the sources say is checked of the emulator alone.
+"""Wrong facts in an emulator are found without any driver: the checks compare the emulator alone with the sources.
 
-The beliefs of MMC5983MA, MMC5603NJ, QMC5883P and the first one of MLX90393 and QMC5883L were held once, by driver and
-emulator alike, so that every test passed.
+Driver and emulator once shared the wrong facts about MMC5983MA, MMC5603NJ, QMC5883P and the first one about MLX90393
+and QMC5883L, so that every test passed.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ BELIEFS: list[tuple[str, str, Any, str, Any]] = [
 
 
 def checked(kind: str) -> int:
-    """How the checks of this emulator end."""
+    """The results of this emulator's checks."""
     options = ["-q", "-x", "--no-header", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "addopts="]
     return pytest.main([*options, str(HERE / f"test_emulated_{kind}.py")])
 

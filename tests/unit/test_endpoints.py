@@ -1,4 +1,4 @@
-"""Where daemon and clients meet, and who else may."""
+"""Where daemon and clients meet, and which other users may connect."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def test_file_in_place_of_the_directory_is_refused(tmp_path: Path) -> None:
 
 
 def test_directory_of_somebody_else_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Seen from another user's side, so that it needs no second account."""
+    """Simulates another user's view, so that no second account is needed."""
     owner = os.getuid()
     (tmp_path / f"fmfts-{owner + 1}").mkdir(mode=0o700)
     monkeypatch.setattr(os, "getuid", lambda: owner + 1)
@@ -146,7 +146,7 @@ def test_client_outside_the_services_group_gets_the_reason(no_service: Path, mon
 
 
 def test_named_folder_that_everybody_may_write_to_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    """Also with the sticky bit, as /tmp has it: whoever makes the socket first gets the clients."""
+    """Even with the sticky bit, as on /tmp: whoever makes the socket first gets the clients."""
     shared = tmp_path / "shared"
     shared.mkdir()
     base = f"ipc://{shared}"

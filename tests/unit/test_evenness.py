@@ -1,4 +1,4 @@
-"""How even the ambient field was while the robot turned: what noise, attitude and place have in it."""
+"""How even the ambient field was while the robot turned: the parts of noise, attitude and place."""
 
 from __future__ import annotations
 

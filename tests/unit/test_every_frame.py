@@ -1,4 +1,4 @@
-"""Sessions of a pad, frame by frame, healthy or not: what is said, and that nothing is left behind."""
+"""Sessions of a pad, frame by frame, healthy or not: their messages, and that no memory leaks."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def taps(config: PadConfig, seconds: float) -> list[Frame]:
 
 
 def silent(frame: Frame) -> Frame:
-    """As the firmware tells of a sensor that does not answer."""
+    """The firmware's report of a sensor that does not answer."""
     there = np.array([True, False, True, True])
     age_us = np.where(there, frame.age_us, 65535).astype(np.uint16)
     return replace(frame, valid=there, fresh=frame.fresh & there, age_us=age_us)
@@ -74,7 +74,7 @@ def saturated(frame: Frame) -> Frame:
 
 
 def told(pipeline: PadPipeline, frames: list[Frame]) -> list[bytes]:
-    """What is said of each, but for the time of saying it."""
+    """Each message, without the time of sending."""
     messages = [pipeline.process(frame) for frame in frames]
     return [msgspec.msgpack.encode(msgspec.structs.replace(one, t_publish_ns=0, utc_ns=0)) for one in messages]
 
@@ -100,7 +100,7 @@ def test_warm_pad_has_larger_deviations_for_offset_drift() -> None:
 
 @pytest.mark.parametrize("missing", [range(40, 130), range(70), range(130)], ids=["later", "at first", "throughout"])
 def test_warm_pad_without_thermometer_makes_no_contact(missing: range) -> None:
-    """25 K are 3 % of the moment: 220 µm of height, which a thermometer that is silent does not make a touch."""
+    """25 K are 3 % of the moment: 220 µm of height, which must not become a touch when the thermometer is silent."""
     config = config_of(11, ambient="drifting")
     frames = [
         replace(frame, temperature_c=None) if number in missing else frame
@@ -242,7 +242,7 @@ def test_two_sensors_that_are_not_whole_leave_too_few() -> None:
 
 
 def test_silent_sensor_makes_no_jump() -> None:
-    """Its last two samples lie far from the line through those before. They are not used: nothing has jumped."""
+    """Its last two samples lie far from the line through those before. They are not used: no jump is reported."""
     config = config_of(25)
     frames = taps(config, 1.0)
     counts = frames[BEGINS].counts.copy()
@@ -271,7 +271,7 @@ def test_model_with_shear_reports_shear_and_its_rate() -> None:
 
 
 def test_force_past_the_calibrated_one_has_a_bound_that_holds() -> None:
-    """Beside the middle, where what friction may do counts most."""
+    """Away from the middle, where the effect of friction is largest."""
     config = config_of(3)
     tracking = tracking_model_for(config.scene, config.magnet).tracking
     model = ContactModel.load("default", config.pad(), friction=0.3)

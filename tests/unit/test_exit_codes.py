@@ -1,4 +1,4 @@
-"""One cause has one exit code, whichever verb meets it. Beside a daemon: end_to_end/test_codes_beside_a_daemon.py."""
+"""One cause has one exit code, whichever verb detects it. Beside a daemon: end_to_end/test_codes_beside_a_daemon.py."""
 
 from __future__ import annotations
 

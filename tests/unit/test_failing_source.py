@@ -1,4 +1,5 @@
-"""A source that raises anything, or returns anything, is that pad's health: the other pads go on, and it comes back."""
+"""A source that raises anything, or returns anything, affects only that pad's health: the other pads continue, and it
+recovers."""
 
 from __future__ import annotations
 
@@ -59,7 +60,7 @@ class Bench:
         return self.heard["faulty"][-1]
 
     def hears(self, count: int) -> None:
-        """Run until each healthy pad has published so many messages more."""
+        """Run until each healthy pad has published this many more messages."""
         wanted = {name: len(self.heard.get(name, ())) + count for name in HEALTHY}
         self.until(lambda: all(len(self.heard.get(name, ())) >= wanted[name] for name in HEALTHY))
 
@@ -116,9 +117,9 @@ def test_anything_that_a_source_returns_disturbs_no_other_pad(bench: Bench) -> N
 
 
 def assert_others_went_on(bench: Bench) -> None:
-    """Each frame that was not late is published, and nothing but this computer's lateness disturbed it.
+    """Each frame that was not late is published, and only this computer's lateness disturbed it.
 
-    A message that was late when it was made takes its number with it.
+    A message that was late when it was made keeps its number.
     """
     for channel in bench.daemon._channels.values():
         if channel.name == "faulty":

@@ -1,4 +1,4 @@
-"""A frame from its bytes to its message in one call, against the same by way of frames: equal to the last bit."""
+"""A frame from its bytes to its message in one call, compared with the way through frames: equal to the last bit."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ Read = tuple[bytes, int]
 
 
 def reads_of(frames: Iterable[Frame], seed: int) -> Iterator[Read]:
-    """What a busy host reads of a line that loses bytes, and when. The board's clock is 50 ppm off; it stands once."""
+    """What a busy host reads from a line that loses bytes, and when. The board's clock is 50 ppm off; it stands
+    once."""
     draw = np.random.default_rng(seed)
     pending, readable_ns = encode(hello(4)), 0
     for number, frame in enumerate(frames):
@@ -240,7 +241,7 @@ def test_interrupt_during_model_run_is_handled(bus: Bus) -> None:
 
 
 def test_board_is_lent_only_while_all_is_well(board: Board) -> None:  # noqa: F811
-    """What its borrower leaves, and all that is not a sample, becomes frames and facts as ever."""
+    """Bytes that C does not handle, and everything but samples, become frames and facts as usual."""
     bridge = Bridge({0: pad(board.link)})
     connected(bridge, board)
     assert not bridge.lendable()  # no frame yet: nothing is known to be healthy

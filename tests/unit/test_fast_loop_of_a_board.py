@@ -1,4 +1,4 @@
-"""A daemon and its board: frames that pass in C, what is told of them, and what ends it."""
+"""A daemon and its board: frames that C handles, which of them are reported, and what ends this."""
 
 from __future__ import annotations
 
@@ -192,7 +192,7 @@ def test_new_baseline_is_used_from_the_next_message_on(daemon: Daemon, board: Bo
 def test_touch_begun_in_c_is_reported_at_once(
     daemon: Daemon, board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By what C calls Python for, neither with a status nor in the look for silence."""
+    """By the events for which C calls Python, and neither by a status nor by the check for silence."""
     (channel,) = daemon._channels.values()
     monkeypatch.setattr(daemon, "_tell_silence", lambda now_ns: False)
     daemon._status_ns = 1 << 62
@@ -220,7 +220,7 @@ def test_touch_begun_in_c_is_reported_at_once(
 
 
 def test_statuses_are_a_second_apart_whatever_held_the_daemon_up(daemon: Daemon, board: Board, tmp_path: Path) -> None:
-    """Sooner, a burst of a few milliseconds would pass for the rate."""
+    """Earlier, a burst of a few milliseconds would count as the rate."""
     with Subscription(("status",), "left", f"ipc://{tmp_path}") as subscription:
         told: list[dict[str, Any]] = []
         run(daemon, lambda: (told.extend(received(subscription)) or told) and len(told) > 1)

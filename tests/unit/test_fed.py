@@ -1,4 +1,4 @@
-"""A pad whose frames another program sends: what is taken, what is left out, and what is said while none comes."""
+"""A pad whose frames another program sends: accepted frames, dropped ones, and the reports while none comes."""
 
 from __future__ import annotations
 

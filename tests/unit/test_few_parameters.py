@@ -1,6 +1,6 @@
-"""No function on a frame's way has more than six parameters: what belongs together is a struct, or a class.
+"""No function on a frame's way has more than six parameters: related ones form a struct, or a class.
 
-An option in Python that has a default, and that callers must name, does not count: whoever calls need not know it.
+A keyword-only option in Python with a default does not count: callers need not know it.
 """
 
 from __future__ import annotations

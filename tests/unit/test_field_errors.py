@@ -1,4 +1,4 @@
-"""What a baseline leaves open, as patterns in the field: the yardstick for residuals that are no fault."""
+"""The errors that a baseline leaves, as patterns in the field: the scale for residuals that are no fault."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_residuals_of_healthy_pads_are_what_baseline_leaves_open(pad: Pad) -> No
 
 
 def test_deviations_of_single_axes_are_careful(pad: Pad) -> None:
-    """They do not know how errors go together, and must not be too small for it."""
+    """They ignore correlations of the errors, and must not be too small for that."""
     ratios = [_misfit(World(pad, np.random.default_rng(seed)), patterns=False) for seed in range(PADS)]
     assert np.mean(ratios) < 1.0
 

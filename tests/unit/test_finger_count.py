@@ -1,4 +1,4 @@
-"""How many fingers press on a pad with four magnets: none, one or two, who is who, and when a finger goes."""
+"""How many fingers press on a pad with four magnets: none, one or two, their ids, and when a finger leaves."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_one_wide_or_sliding_finger_is_not_two(patch_mm: float, share: float, bu
 
 
 def test_ignoring_shear_would_split_a_sliding_finger(drawn: World) -> None:
-    """What the covariance considers is what keeps one finger one: else friction of 0.3 gains hundreds."""
+    """One finger stays one because the covariance considers these causes: otherwise friction of 0.3 gains hundreds."""
     measured = drawn.measured(drawn.pressed([Press(0.0, 0.0, 2.0, 0.0, 0.6)]))
     assert gain_of_second(world(1, EXACT, friction=0.0), measured) > 3.0 * SECOND_GAIN
     assert gain_of_second(drawn, measured) < SECOND_GAIN / 2.0
@@ -120,7 +120,7 @@ def test_forgotten_clock_restarts(built: World) -> None:
 
 
 def test_second_finger_is_searched_beside_one_without_force(drawn: World) -> None:
-    """Where the search ended at no force, its place says nothing, and no matrix may be singular."""
+    """If the search ends at zero force, its place means nothing, and no matrix may be singular."""
     fitter, measured = drawn.fitter, drawn.measured(drawn.pressed([RIGHT]))
     nobody = fitter.fit(np.zeros((1, 3)), drawn.measured(np.zeros(20)), NOTHING)
     weightless = replace(nobody, fingers=np.zeros((1, 3)))

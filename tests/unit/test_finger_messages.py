@@ -1,4 +1,4 @@
-"""The fields of pads with several magnets: they arrive as sent, and a pad with one magnet sends not a byte more."""
+"""The fields of pads with several magnets: they arrive as sent, and a pad with one magnet sends no additional byte."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_pad_with_several_magnets_sends_the_golden_bytes(name: str) -> None:
 
 @pytest.mark.parametrize("name", [path.stem for path in sorted(GOLDEN.glob("*.msgpack"))])
 def test_golden_messages_are_read_as_their_json_says(name: str) -> None:
-    """tests/c_client/test_decoder.py asks the same of the C client."""
+    """tests/c_client/test_decoder.py tests the same for the C client."""
     wanted = json.loads((GOLDEN / f"{name}.json").read_text())
     contact = Contact.from_message(msgpack.unpackb((GOLDEN / f"{name}.msgpack").read_bytes()))
     told = json.loads(msgspec.json.encode(contact))
