@@ -79,7 +79,7 @@ def without_comment(line: str) -> str:
 def commands_of(page: str, text: str) -> list[Command]:
     """ValueError names a line of a console that begins with no known program."""
     found: list[Command] = []
-    for block in blocks(text):
+    for block in blocks(re.sub(r"\\\n *", "", text)):  # a command may go on in the next line
         lines = [line for line in block.splitlines() if without_comment(line)]
         if lines and lines[0].startswith("$ "):
             for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:

@@ -60,6 +60,10 @@ def test_unknown_program_in_a_console_is_refused() -> None:
         commands_of("x.md", "    make test\n    frobnicate --now\n")
 
 
+def test_command_may_continue_in_the_next_line() -> None:
+    assert [command.words for command in commands_of("x.md", "    make test \\\n        lint\n")] == ["make test lint"]
+
+
 def test_pages_have_commands_typed_and_such_not() -> None:
     typed = [command for command in COMMANDS if KNOWN.reason(command) is None]
     assert len(COMMANDS) > 100
