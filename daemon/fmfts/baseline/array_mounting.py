@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import exp, square
-from fmfts.arithmetic.matrix import eigen, inverse, lengths, product, solve
+from fmfts.arithmetic.matrix import cholesky, eigen, inverse, lengths, product, solve, solve_lower_transposed
 from fmfts.baseline import sensitivity
 from fmfts.baseline.array_unknowns import OF_MAGNET, ArrayUnknowns
 from fmfts.baseline.most_probable import most_probable
@@ -125,7 +125,7 @@ def estimate_array_mounting(
         offset_t=rest.mean_t / gain - rest_field,
         rest_field_t=rest_field,
         noise_t=rest.noise_t,
-        errors=_errors(unknowns, scaled, covariance),
+        errors=_errors(unknowns, scaled, normal),
         log_moment=(scale * scaled)[:first].reshape(-1, OF_MAGNET)[:, 5],
         rest_covariance=in_si[:first, :first],
         chi2=chi2,
@@ -151,7 +151,7 @@ def moved_since(before: ArrayMounting, recording: Recording) -> tuple[Array, Arr
     return farthest, solved[CHANGE * len(before.magnets) :]
 
 
-def _errors(unknowns: ArrayUnknowns, scaled: Array, covariance: Array) -> FieldErrors:
+def _errors(unknowns: ArrayUnknowns, scaled: Array, normal: Array) -> FieldErrors:
     """The errors of a change of the field; at rest the baseline absorbs them, so only those of the change count."""
     magnets, _, places, matrix = unknowns.unpack(scaled)
     gain = split(matrix, unknowns.pad.sensors.axes)[0].ravel()
@@ -174,8 +174,7 @@ def _errors(unknowns: ArrayUnknowns, scaled: Array, covariance: Array) -> FieldE
     all_by_field = np.zeros((gain.size, 3, len(scaled)))
     all_by_field[:, :, -9 * count :] = by_field * unknowns.deviation[-9 * count :]
     # The covariance of these errors, with the typical changes as weights, has a few large directions: they are kept.
-    value, vectors = eigen(covariance)
-    root = vectors * np.sqrt(np.maximum(value, 0.0))
+    root = solve_lower_transposed(cholesky(normal), np.eye(len(scaled)))  # root · rootᵀ = normal⁻¹
     by_pose = product(turned.reshape(-1, len(scaled)), root)
     all_by_field = product(all_by_field.reshape(-1, len(scaled)), root)
     rows = np.concatenate([by_pose, all_by_field * (AMBIENT_DEVIATION_T / 10.0)])

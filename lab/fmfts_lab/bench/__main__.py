@@ -63,13 +63,7 @@ def of_skins(name: str) -> Callable[[argparse.Namespace], None]:
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m fmfts_lab.bench", description="measure the pose solver")
     parser.add_argument("--seed", type=int, default=1)
-    verbs = parser.add_subparsers(
-        required=True,
-        metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
-        "alternating | neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | "
-        "overload | frame | resident | now | several | eflesh | real | learned | structure | weigh | "
-        "few-presses | second-weight | known-modulus | slip | shear | tables",
-    )
+    verbs = parser.add_subparsers(required=True, metavar="VERB")
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
     verb.add_argument("--beside", type=Path, metavar="FILE", help="another build's _kernel….so: only the ratio of both")
