@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from argparse import Namespace
 from pathlib import Path
 
 import numpy as np
@@ -66,7 +67,7 @@ def changed(table: Path, to: Path, row: int | None, **cells: str | None) -> Path
 def test_five_presses_correct_stiffer_and_thicker_pads() -> None:
     for cell in (STIFF, Cell("thick", modulus=0.7, thickness_mm=4.4)):
         row = Row(cell.name)
-        trial(cell, 5, 4, 6.0, None, row)
+        trial(cell, 5, 4, Namespace(seconds=6.0, refine=False, without=()), None, row)
         facts = facts_of([row.found])
         assert row.refused == []
         assert facts["wrong"] == 0

@@ -270,6 +270,13 @@ def main() -> None:
     verb.add_argument("--presses", type=int, help="only so many (5, 9 and 18)")
     verb.add_argument("--against", action="store_true", help="labelled by a weighed pad that presses against it")
     verb.add_argument("--refine", action="store_true", help="after baseline --refine, too")
+    verb.add_argument(
+        "--without",
+        nargs="+",
+        choices=("mounting", "labels"),
+        default=(),
+        help="errors to leave out: what limits?",
+    )
     verb.set_defaults(run=few_presses.run)
     verb = verbs.add_parser("second-weight", help="whether a second weight, aside, tells how thick a pad is")
     verb.add_argument("--pads", type=int, default=6, help="how many pads are built, for each thickness")

@@ -27,8 +27,9 @@ from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.sensor.chips import DEFAULT_CHIP
 from fmfts.simulation.finger import no_finger, steady_finger
+from fmfts.simulation.mounted import MountedPad
 from fmfts_lab.bench.cast_pads import CastFinger, ramps
-from fmfts_lab.bench.silicone import messages_of
+from fmfts_lab.bench.silicone import RealPad, messages_of
 from fmfts_lab.bench.structure import CALIBRATED_N, Cell, Found
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import Truth
@@ -153,14 +154,25 @@ def refined(bench: Bench, cell: Cell, random: np.random.Generator) -> Baseline:
     return request.make(source.recorded(request.seconds), bench.baseline)[0]
 
 
-def trial(
-    cell: Cell, count: int, seed: int, seconds: float, against: OtherPad | None, row: Row, refine: bool = False
-) -> None:
-    bench = Bench(cell, PROBE_MM, seed)
-    random = np.random.default_rng([seed, count])
-    baseline = refined(bench, cell, random) if refine else bench.baseline
+class DrawnBench(Bench):
+    """Chips and magnet are where the drawing has them; only silicone and presses differ from the model's."""
+
+    def pad(self, cell: Cell) -> RealPad:
+        source = super().pad(cell)
+        built = source.built
+        drawn = MountedPad.exact(self.config.pad(), built.mechanics)
+        source.stands(replace(drawn, ambient_t=built.ambient_t))
+        return source
+
+
+def trial(cell: Cell, count: int, seed: int, options: Namespace, against: OtherPad | None, row: Row) -> None:
+    bench = (DrawnBench if "mounting" in options.without else Bench)(cell, PROBE_MM, seed)
+    random, seconds = np.random.default_rng([seed, count]), options.seconds
+    baseline = refined(bench, cell, random) if options.refine else bench.baseline
     presses = presses_of(cell, count, random)
     labels = labelled_by_gauge(presses, random) if against is None else against.labels(presses, random)
+    if "labels" in options.without:
+        labels = np.array(presses) * [1e3, 1e3, 1.0]
     scale_sd = GAUGE_SCALE if against is None else against.scale_sd
     try:
         with corrected(bench.config, baseline, Pressed(bench, cell), presses, labels, scale_sd) as (config, name):
@@ -187,7 +199,7 @@ def run(options: Namespace) -> None:
                 for finger_mm in FINGERS_MM:
                     cell = Cell(row.name, modulus, thickness_mm, finger_mm)
                     for seed in range(options.seed, options.seed + options.pads):
-                        trial(cell, count, seed, options.seconds, against, row, options.refine)
+                        trial(cell, count, seed, options, against, row)
                 row.tell()
                 rows.append(row)
         print(f"{count} presses, all: {line(facts_of([row.found for row in rows if row.found.frames]))}", flush=True)
