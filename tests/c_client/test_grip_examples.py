@@ -190,6 +190,28 @@ def test_example_follows_a_daemon_and_holds_when_it_ends(command: list[str], tmp
         example.goes_on(BLIND)
 
 
+@pytest.mark.parametrize("name", ["grip", "gripper", "fingers"])
+def test_python_example_ends_when_its_output_is_closed(name: str, tmp_path: Path) -> None:
+    publisher = Publisher(Endpoints.from_base(f"ipc://{tmp_path}"), "b00t", pads=["demo", *NAMES])
+
+    def send() -> None:
+        for pad in ("demo", *NAMES):
+            publisher.send_contact(pad, contact_message(pad=pad, force_n=0.1))
+
+    words = [sys.executable, str(PYTHON_EXAMPLE.with_name(f"{name}.py"))]
+    environment = os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}"}
+    with started(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline()
+        process.stdout.close()
+        with closing(publisher), repeating(send, PERIOD_S):
+            assert process.wait(PATIENCE_S) == 1
+        told = process.stderr.read()
+    assert told.endswith(f"{name}: its output was closed, so it ends\n")
+    assert "Traceback" not in told
+
+
 def drawn(random: np.random.Generator) -> Iterator[tuple[bool, list[ContactMessage | None]]]:
     """Steps of a grip that is lost, found, slips, grows heavier and goes blind."""
     force_n, sticks, friction, place_m = 0.0, 1.0, None, 2e-3

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Says which fingers touch a pad with several magnets, each time that another one comes or goes."""
 
+import os
 import sys
 
 from fmfts_client import ALIVE_S, Client
@@ -19,11 +20,22 @@ def who_touches(client: Client) -> str:
     return " and ".join(f"finger {finger.id}" for finger in contact.contacts) or "no finger"
 
 
-with Client(sys.argv[1] if len(sys.argv) > 1 else "demo") as client:
-    said = ""
-    while True:
-        touching = who_touches(client)
-        if touching != said:
-            said = touching
-            # client.contact.contacts has the place, force and shear of each.
-            print(said, flush=True)
+def main(pad: str) -> None:
+    with Client(pad) as client:
+        said = ""
+        while True:
+            touching = who_touches(client)
+            if touching != said:
+                said = touching
+                # client.contact.contacts has the place, force and shear of each.
+                print(said, flush=True)
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1] if len(sys.argv) > 1 else "demo")
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except BrokenPipeError:  # nobody reads it any more; Python would write once more at the end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit("fingers: its output was closed, so it ends")

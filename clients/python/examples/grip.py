@@ -11,6 +11,7 @@ says what it needs.
 """
 
 import math
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -155,4 +156,10 @@ if __name__ == "__main__":
     words = [word for word in sys.argv[1:] if word != "--loosen"]
     if len(words) not in (0, 2):
         sys.exit(f"grip: It needs two pads, and got {len(words)}. Name both: grip.py left right [--loosen]")
-    main(words or ["left", "right"], "--loosen" in sys.argv)
+    try:
+        main(words or ["left", "right"], "--loosen" in sys.argv)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except BrokenPipeError:  # nobody reads it any more; Python would write once more at the end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit("grip: its output was closed, so it ends")

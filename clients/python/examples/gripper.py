@@ -4,6 +4,7 @@
 It opens at once, and closes after CALM_S in which nothing spoke for opening: a force near the limit does not rattle it.
 """
 
+import os
 import sys
 import time
 
@@ -25,16 +26,27 @@ def why_open(client: Client) -> str:
     return client.why_invalid
 
 
-with Client(sys.argv[1] if len(sys.argv) > 1 else "demo", largest_force_sd_n=LARGEST_FORCE_SD_N) as client:
-    print(client.why(), file=sys.stderr)  # before the loop, because it may take a second
-    is_open, opened_s = None, time.monotonic()
-    while True:
-        reason = why_open(client)
-        if reason:
-            opened_s = time.monotonic()
-        elif time.monotonic() - opened_s < CALM_S:
-            continue
-        if bool(reason) != is_open:
-            is_open = bool(reason)
-            # Your gripper's command goes here.
-            print(f"OPEN ({reason})" if is_open else "CLOSE", flush=True)
+def main(pad: str) -> None:
+    with Client(pad, largest_force_sd_n=LARGEST_FORCE_SD_N) as client:
+        print(client.why(), file=sys.stderr)  # before the loop, because it may take a second
+        is_open, opened_s = None, time.monotonic()
+        while True:
+            reason = why_open(client)
+            if reason:
+                opened_s = time.monotonic()
+            elif time.monotonic() - opened_s < CALM_S:
+                continue
+            if bool(reason) != is_open:
+                is_open = bool(reason)
+                # Your gripper's command goes here.
+                print(f"OPEN ({reason})" if is_open else "CLOSE", flush=True)
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1] if len(sys.argv) > 1 else "demo")
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except BrokenPipeError:  # nobody reads it any more; Python would write once more at the end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit("gripper: its output was closed, so it ends")
