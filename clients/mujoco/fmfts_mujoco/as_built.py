@@ -21,7 +21,7 @@ from fmfts.simulation.mechanics import Mechanics
 BY_FORCE = np.array([2.0, 2.0, -2.4, -2.7, -2.7])
 BY_SHEAR = np.array([-1.7, -1.7, -2.4, -2.3, -2.3])
 DRAWN_M = 4e-3  # the thickness of the slab that every pad is drawn with: the middle one of these three
-SOFTEST, THINNEST = 0.3, 0.5  # shares of the drawn number: fewer make no pad
+THINNEST = 0.5  # as a share of the drawn thickness: less is no pad
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +36,10 @@ class Structures:
     def drawn(cls, pads: Sequence[PadConfig], random: np.random.Generator) -> Structures:
         """Within `[pad.tolerance] modulus`, `thickness_mm` and `[pad.contact] finger_mm` of each pad."""
         told = [pad.structure_tolerance() for pad in pads]
-        modulus = random.normal(1.0, [each.modulus for each in told])
+        modulus = np.exp(random.normal(0.0, [each.modulus for each in told]))  # as StructureTolerance says
         thickness = random.normal(1.0, [each.thickness_m / DRAWN_M for each in told])
         width_mm = 1e3 * random.uniform(*np.array([each.finger_m for each in told]).T)
-        return cls(np.maximum(modulus, SOFTEST), np.maximum(thickness, THINNEST), width_mm**2 / 16.0)
+        return cls(modulus, np.maximum(thickness, THINNEST), width_mm**2 / 16.0)
 
     def response(self, mechanics: Mechanics, pad: np.ndarray, press: Sequence[Array]) -> Array:
         """(C, 5) as `Mechanics.response`, of the pads (C,). press: x, y, force, and shear x, y if there is any.
