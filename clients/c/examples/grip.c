@@ -77,26 +77,32 @@ static enum slips is_slipping(const struct fmfts_contact *contact, struct memory
     return slipping || has_moved || (pad->stuck && sticks < slips_below) ? SLIPS : STICKS;
 }
 
-/* By what factor the pad's shear grew since the last slip; shear is what the margin leaves of the friction. */
-static double grown(const struct fmfts_contact *contact, double sticks_s, struct memory *pad)
+/* By what factor the shear of both pads grew since the last slip: they carry the object together, and what one reads too much the other
+ * may read too little. Shear is what the margin leaves of the friction. */
+static double grown(const struct fmfts_contact *const seen[PADS], double sticks_s, struct memory pads[PADS])
 {
-    const struct fmfts_slip *slip = &contact->slip;
-    if (!slip->known || !slip->friction.known || !slip->margin_n.known)
-        return 1.0;
-    double shear_n = slip->friction.value * contact->force_n.value - slip->margin_n.value;
-    pad->shear_n = pad->sheared ? pad->shear_n + fmin(period_s / smooth_s, 1.0) * (shear_n - pad->shear_n) : shear_n;
-    pad->sheared = true;
-    if (sticks_s < settled_s)
-        return 1.0;
-    if (!pad->sheared_then)
-        pad->sheared_then = true, pad->shear_then_n = pad->shear_n;
-    return pad->shear_n / fmax(pad->shear_then_n, 0.1);
+    double now_n = 0.0, then_n = 0.0;
+    for (int i = 0; i < PADS; i++) {
+        const struct fmfts_slip *slip = seen[i] ? &seen[i]->slip : NULL;
+        struct memory *pad = &pads[i];
+        if (!slip || !slip->known || !slip->friction.known || !slip->margin_n.known)
+            continue;
+        double shear_n = slip->friction.value * seen[i]->force_n.value - slip->margin_n.value;
+        pad->shear_n = pad->sheared ? pad->shear_n + fmin(period_s / smooth_s, 1.0) * (shear_n - pad->shear_n) : shear_n;
+        pad->sheared = true;
+        if (sticks_s < settled_s)
+            continue;
+        if (!pad->sheared_then)
+            pad->sheared_then = true, pad->shear_then_n = pad->shear_n;
+        now_n += pad->shear_n;
+        then_n += fmax(pad->shear_then_n, 0.1);
+    }
+    return then_n > 0.0 ? now_n / then_n : 1.0;
 }
 
 static double wanted_n(struct grip *grip, const struct fmfts_contact *const seen[PADS], double force_n, bool loosen)
 {
     bool begins = grip->sticks_s > same_s, knows = true;
-    double most = 1.0;
     grip->slips = false;
     for (int i = 0; i < PADS; i++) {
         enum slips slips = seen[i] ? is_slipping(seen[i], &grip->pad[i]) : NOT_KNOWN;
@@ -115,10 +121,9 @@ static double wanted_n(struct grip *grip, const struct fmfts_contact *const seen
             grip->found = true, grip->slipped_n = first_n / (1.0 + reserve);
     }
     grip->sticks_s += period_s;
-    for (int i = 0; i < PADS; i++)
-        most = grip->found && seen[i] ? fmax(most, grown(seen[i], grip->sticks_s, &grip->pad[i])) : most;
+    double growth = grip->found ? fmax(grown(seen, grip->sticks_s, grip->pad), 1.0) : 1.0;
     double more = 1.0 + (grip->found ? reserve : first_reserve);
-    return fmin(fmax(more * grip->slipped_n * most, first_n), largest_n);
+    return fmin(fmax(more * grip->slipped_n * growth, first_n), largest_n);
 }
 
 /* seen: the newest contact of each pad; NULL if it cannot be used. loosen: find the least force; the arm stands still

@@ -14,7 +14,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Optional
 
 from fmfts_client import Client, Contact
@@ -98,9 +98,9 @@ class Grip:
             if (1.0 + FIRST_RESERVE) * self._slipped_n < FIRST_N:  # the pads cannot measure a force this small
                 self.found, self._slipped_n = True, FIRST_N / (1.0 + RESERVE)
         self._sticks_s += period_s
-        grown = max([self._grown(contact, period_s) for contact in seen if self.found] or [1.0])
+        grown = max(self._grown(seen, period_s), 1.0) if self.found else 1.0
         reserve = RESERVE if self.found else FIRST_RESERVE
-        return min(max((1.0 + reserve) * self._slipped_n * max(grown, 1.0), FIRST_N), LARGEST_N)
+        return min(max((1.0 + reserve) * self._slipped_n * grown, FIRST_N), LARGEST_N)
 
     def _is_slipping(self, contact: Contact) -> Optional[bool]:
         """None: nobody knows."""
@@ -114,17 +114,21 @@ class Grip:
         has_moved = math.hypot(contact.x_m - x_m, contact.y_m - y_m) > MOVED_M
         return bool(slip.slipping) or has_moved or (contact.pad in self._stuck and sticks < SLIPS_BELOW)
 
-    def _grown(self, contact: Contact, period_s: float) -> float:
-        """By what factor the pad's shear grew since the last slip; shear is what the margin leaves of the friction."""
-        slip, pad = contact.slip, contact.pad
-        if slip is None or slip.friction is None or slip.margin_n is None or contact.force_n is None:
-            return 1.0
-        shear_n = slip.friction * contact.force_n - slip.margin_n
-        before_n = self._shear_n.get(pad, shear_n)
-        self._shear_n[pad] = before_n + min(period_s / SMOOTH_S, 1.0) * (shear_n - before_n)
-        if self._sticks_s < SETTLED_S:
-            return 1.0
-        return self._shear_n[pad] / max(self._shear_then_n.setdefault(pad, self._shear_n[pad]), 0.1)
+    def _grown(self, seen: Sequence[Contact], period_s: float) -> float:
+        """By what factor the shear of both pads grew since the last slip: they carry the object together, and what one
+        reads too much the other may read too little. Shear is what the margin leaves of the friction."""
+        now_n = then_n = 0.0
+        for contact in seen:
+            slip, pad = contact.slip, contact.pad
+            if slip is None or slip.friction is None or slip.margin_n is None or contact.force_n is None:
+                continue
+            shear_n = slip.friction * contact.force_n - slip.margin_n
+            before_n = self._shear_n.get(pad, shear_n)
+            self._shear_n[pad] = before_n + min(period_s / SMOOTH_S, 1.0) * (shear_n - before_n)
+            if self._sticks_s >= SETTLED_S:
+                now_n += self._shear_n[pad]
+                then_n += max(self._shear_then_n.setdefault(pad, self._shear_n[pad]), 0.1)
+        return now_n / then_n if then_n else 1.0
 
 
 def newest(client: Client) -> Optional[Contact]:
@@ -133,23 +137,37 @@ def newest(client: Client) -> Optional[Contact]:
     return contact if contact is not None and client.alive and usable(contact, contact.sample_age_s) else None
 
 
-def main(names: Sequence[str], loosen: bool) -> None:
+def hold(names: Sequence[str], loosen: Callable[[], bool], act: Callable[[Command, bool], None]) -> None:
+    """Until it is interrupted. loosen: as for `Grip.step`. act: your gripper's and arm's commands go there; also told
+    whether the least force is known."""
     clients = [Client(name) for name in names]
     for client in clients:
-        print(client.why(), file=sys.stderr)  # before the loop, because it may take a second
-    grip, said = Grip(), ""
+        if why := client.why():  # before the loop, because it may take a second
+            print(why, file=sys.stderr)
+    grip, before_s = Grip(), time.monotonic()
     try:
         while True:
-            command = grip.step([newest(client) for client in clients], loosen)
-            # Your gripper's and arm's commands go here.
-            what = "close" if command.close_m_per_s > 1e-3 else "open" if command.close_m_per_s < -1e-3 else "hold"
-            saying = f"{what}{', lift' if command.may_lift else ''}{f' ({command.why})' if command.why else ''}"
-            if saying != said:
-                said = saying
-                print(said, flush=True)
+            now_s = time.monotonic()
+            command = grip.step([newest(client) for client in clients], loosen(), min(now_s - before_s, LATE_S))
+            act(command, grip.found)
+            before_s = now_s
             time.sleep(PERIOD_S)
     finally:
-        print("hold (it ends)", flush=True)  # set your gripper's speed to 0; otherwise it keeps the last one
+        act(Command(0.0, False, "it ends"), grip.found)  # otherwise the gripper keeps the last speed
+
+
+class Printed:
+    """Says each command that differs from the one before."""
+
+    def __init__(self) -> None:
+        self._said = ""
+
+    def __call__(self, command: Command, found: bool) -> None:
+        what = "close" if command.close_m_per_s > 1e-3 else "open" if command.close_m_per_s < -1e-3 else "hold"
+        saying = f"{what}{', lift' if command.may_lift else ''}{f' ({command.why})' if command.why else ''}"
+        if saying != self._said:
+            self._said = saying
+            print(saying, flush=True)
 
 
 if __name__ == "__main__":
@@ -157,7 +175,7 @@ if __name__ == "__main__":
     if len(words) not in (0, 2):
         sys.exit(f"grip: It needs two pads, and got {len(words)}. Name both: grip.py left right [--loosen]")
     try:
-        main(words or ["left", "right"], "--loosen" in sys.argv)
+        hold(words or ["left", "right"], lambda: "--loosen" in sys.argv, Printed())
     except KeyboardInterrupt:
         sys.exit(130)
     except BrokenPipeError:  # nobody reads it any more; Python would write once more at the end

@@ -28,7 +28,8 @@ def why_open(client: Client) -> str:
 
 def main(pad: str) -> None:
     with Client(pad, largest_force_sd_n=LARGEST_FORCE_SD_N) as client:
-        print(client.why(), file=sys.stderr)  # before the loop, because it may take a second
+        if why := client.why():  # before the loop, because it may take a second
+            print(why, file=sys.stderr)
         is_open, opened_s = None, time.monotonic()
         while True:
             reason = why_open(client)
