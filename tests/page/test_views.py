@@ -147,6 +147,12 @@ def test_slip_leaves_a_trail_and_a_sticking_finger_none(shows: Callable[..., Pag
     assert page.evaluate(RED, [-40, 0, 12]) <= sticking
 
 
+def test_shear_of_a_finger_that_may_slip_is_put_in_words(shows: Callable[..., Page]) -> None:
+    slip = SlipMessage(slipping=False, sticking_probability=1.0, friction=0.6, margin_n=0.24)
+    page = shows(x_m=0.0, y_m=0.0, force_n=1.0, shear_x_n=0.3, shear_y_n=0.2, slip=slip)
+    assert "sticks until 0.24 N more shear; friction 0.60" in page.inner_text("#place")
+
+
 def test_recording_that_the_daemon_plays_is_not_called_live(page: Page, bus: tuple[Bus, str]) -> None:
     link = "document.querySelector('#link').textContent"
     until(page, f"{link}.startsWith('live')")
