@@ -19,7 +19,7 @@ from fmfts.baseline import Baseline
 from fmfts.config import PadConfig
 from fmfts.config.file import load
 
-from fmfts_mujoco.lifting import Lifting
+from fmfts_mujoco.lifting import Lift, Lifting, pads_here
 from fmfts_mujoco.objects import SHAPES, Object
 from fmfts_mujoco.rivals import KINDS, controller, example
 from fmfts_mujoco.scene import Scene
@@ -73,12 +73,16 @@ def lift(number: int, seed: int, kind: str, shape: str | None, as_built: bool, t
     """One. The same seed and number draw the same object, pads and noise for each controller."""
     thing = Object.drawn(np.random.default_rng([seed, number]), shape)
     configs, recorded = _pads(100 * seed + number % PADS_OF_A_SEED, as_built, tolerance)
-    lifted = Lifting(thing, configs, recorded, number, as_built=as_built).run(controller(kind), example().usable)
+    pads = pads_here(configs, recorded, number, as_built=as_built)
+    return ended(Lifting(thing, pads).run(controller(kind), example().usable))
+
+
+def ended(lifted: Lift) -> Ended:
     shares, first = lifted.shares("lift", "hold"), lifted.shares("air")
     end = "held" if lifted.held else "dropped" if lifted.dropped else "left"
     nothing = float("nan")
     return Ended(
-        thing,
+        lifted.thing,
         end,
         float(shares.mean()) if len(shares) else nothing,
         float(shares.max()) if len(shares) else nothing,
@@ -123,7 +127,7 @@ def main() -> None:
     options.add_argument("--lifts", type=int, default=200)
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--controllers", nargs="+", choices=KINDS, default=KINDS)
-    options.add_argument("--shape", choices=(*SHAPES, "rod", "wall"), help="of all objects")
+    options.add_argument("--shape", choices=(*SHAPES, "sharp", "rod", "wall"), help="of all objects")
     options.add_argument("--as-built", action="store_true", help="pads within their tolerances, and other fingertips")
     options.add_argument("--tolerance", choices=("tested", "default"), default="tested", help="of the chips")
     options.add_argument("--processes", type=int, default=2)

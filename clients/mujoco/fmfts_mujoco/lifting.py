@@ -5,7 +5,7 @@ MuJoCo judges: how hard the fingers press, whether the object is still there, an
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from fmfts_mujoco.in_process import Pads
 from fmfts_mujoco.objects import Object, filled
+from fmfts_mujoco.over_bus import Robot
 
 PERIOD_S = 0.01
 LOAD_M_PER_S, AIR_M = 0.02, 0.015  # this slowly, and this high, before the search for the least force
@@ -81,16 +82,27 @@ class Lift:
         return float(np.ptp(way_m)) if there.any() else 0.0
 
 
+def pads_here(
+    configs: list[PadConfig], recorded: Mapping[str, Baseline], seed: int, *, as_built: bool
+) -> Callable[[mujoco.MjModel, mujoco.MjData], Pads]:
+    """In this process, and as fast as it can."""
+
+    def made(model: mujoco.MjModel, data: mujoco.MjData) -> Pads:
+        pads = Pads(model, data, configs, recorded, as_built=as_built)
+        pads.reset(seed)
+        return pads
+
+    return made
+
+
 class Lifting:
     """A gripper around one object, with its pads."""
 
-    def __init__(
-        self, thing: Object, configs: list[PadConfig], recorded: Mapping[str, Baseline], seed: int, *, as_built: bool
-    ) -> None:
+    def __init__(self, thing: Object, pads: Callable[[mujoco.MjModel, mujoco.MjData], Pads | Robot]) -> None:
+        """pads: makes those of a model that stands like this."""
         self.thing, self.model = thing, thing.model()
         self.data = mujoco.MjData(self.model)
-        self.pads = Pads(self.model, self.data, configs, recorded, as_built=as_built)
-        self.pads.reset(seed)
+        self.pads = pads(self.model, self.data)
         self.lift = Lift(thing)
         self._newest: dict[str, Contact] = {}
         self._substeps = round(PERIOD_S / self.model.opt.timestep)

@@ -1,4 +1,4 @@
-"""Draws what the gripper lifts: balls, eggs and bulging glasses of any mass and friction; and worse, rods and walls."""
+"""Draws what the gripper lifts: balls, eggs and bulging glasses; worse: sharp ones, rods and walls. All are random."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ GRAVITY_M_PER_S2 = 9.81
 SHAPES = ("ball", "egg", "glass")
 CHEEK_M = 9e-3
 FRICTION, LEAST_N, WIDTH_M = (0.2, 1.2), (0.8, 1.45), (0.05, 0.09)
+SHARP = (0.3, 0.7)  # radii of curvature, as shares of half the width, below those of SHAPES
 FILLED = (1.3, 1.6)  # a glass: its full mass, as a share of its empty mass
 TOP_M, CLEAR_M = 14e-3, 6e-3  # of a pad above its sensors; between the pad and the object before it closes
 HEIGHT_M = 31e-3  # height of the middle of the cheeks above the table
@@ -45,7 +46,10 @@ class Object:
         # Curvature, as shares of half the width: along y and z. An object whose factor for z is below 1 tends to tip
         # over.
         egg, glass = random.uniform((0.5, 0.7), (1.0, 1.0)), random.uniform(1.0, 2.0)
+        curved: tuple[float, ...] | None
         curved = {"ball": (1.0, 1.0), "egg": (float(egg[0]), float(egg[1])), "glass": (1.0, float(glass))}.get(shape)
+        if shape == "sharp":
+            curved = tuple(float(each) for each in random.uniform(*SHARP, 2))
         if curved is None:
             x, y, z = {"rod": (0.01, 3e-3, 0.01), "wall": (0.01, 0.015, 0.025)}[shape]
         else:  # an ellipsoid's pole has a radius of curvature of y²/x, z²/x

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -10,7 +11,8 @@ import pytest
 from fmfts_client import Contact
 
 from fmfts_mujoco.grip import _pads, lift, line
-from fmfts_mujoco.lifting import HIGH_M, Lifting
+from fmfts_mujoco.lift_over_bus import Gripping
+from fmfts_mujoco.lifting import HIGH_M, Lifting, pads_here
 from fmfts_mujoco.objects import GRAVITY_M_PER_S2, SHAPES, Object
 from fmfts_mujoco.rivals import controller, example
 
@@ -81,13 +83,21 @@ class OneEyed(Blind):
 @pytest.mark.parametrize("kind", [Blind, OneEyed])
 def test_example_holds_the_object_while_pads_say_nothing(kind: type[Blind]) -> None:
     configs, recorded = _pads(1, False, "tested")
-    lifted = kind(drawn(3), configs, recorded, 1, as_built=False).run(controller("slip"), example().usable)
+    lifted = kind(drawn(3), pads_here(configs, recorded, 1, as_built=False)).run(controller("slip"), example().usable)
     there = lifted.during("lift", "hold")
     force_n = np.array(lifted.force_n)[there]
     assert force_n[20:].min() > force_n[20] - 0.05
     assert kind is OneEyed or np.ptp(force_n[20:]) < 0.05
     assert lifted.object_m[-1] - lifted.object_m[0] > 0.5e-2
     assert lifted.object_m[-1] < 2.0 * HIGH_M
+
+
+def test_example_commands_from_a_process_of_its_own(tmp_path: Path) -> None:
+    with Gripping(f"ipc://{tmp_path}") as gripping:
+        gripping.wait()
+        for loosen in (False, True):
+            assert gripping.step([], loosen, 0.01)[:2] == (0.0, False), "no pad is there"
+        assert not gripping.found
 
 
 def test_turned_robot_makes_shear_better_known() -> None:
