@@ -116,6 +116,21 @@ def test_deviations_carry_an_error_of_the_pose_to_all_five(pad: Pad, press: Arra
     np.testing.assert_allclose(added, np.sqrt(variance), rtol=0.1, atol=0.02)
 
 
+@pytest.mark.parametrize("width_mm", [3.0, 12.0])
+@pytest.mark.parametrize("press", PRESSES[:4])
+def test_known_finger_that_shears_reads_as_the_probe_does(pad: Pad, press: Array, width_mm: float) -> None:
+    """A wider disc is the probe smeared over a ring: here over one of 60 points."""
+    plain, known = solving(pad), solving(pad, finger_m=(width_mm * 1e-3, width_mm * 1e-3))
+    moment_mm2 = (width_mm**2 - 6.0**2) / 16.0
+    around = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    ring_mm = np.sqrt(2.0 * abs(moment_mm2)) * np.column_stack([np.cos(around), np.sin(around), *np.zeros((3, 60))])
+    by_probe = change_of(plain, press)
+    more = np.sign(moment_mm2) * (np.mean([change_of(plain, press + each) for each in ring_mm], axis=0) - by_probe)
+    expected, found = answer(plain, pad, by_probe), answer(known, pad, by_probe + more)
+    # The last of the rounds leaves something; one correction at the press without shear leaves up to a deviation.
+    assert (np.abs(found.values - expected.values) < 0.15 * expected.deviations).all()
+
+
 @pytest.mark.parametrize("press", PRESSES)
 def test_finger_that_cannot_shear_has_standard_answer(pad: Pad, press: Array) -> None:
     change = change_of(solving(pad), press * [1.0, 1.0, 1.0, 0.0, 0.0])
@@ -162,7 +177,8 @@ def _direction(random: np.random.Generator) -> Array:
 
 @pytest.mark.parametrize("drag", Drag.read(), ids=lambda drag: str(drag.name))
 def test_ball_dragged_in_calculix_is_within_deviations(pad: Pad, drag: Drag) -> None:
-    """While it slips. A ball digs in, so that its shear reads up to a third too large (lab/results/slip.md)."""
+    """While it slips. A ball digs in, so that its shear reads up to a third too large (lab/results/slip.md); a narrow
+    one reads 7 % too much force, as a narrow probe does (lab/results/shear.md)."""
     model = solving(pad, friction=0.8, finger_m=(3e-3, 12e-3))
     rows = np.flatnonzero(drag.way_mm >= drag.slips_from_mm)
     assert len(rows) > 3
@@ -170,6 +186,7 @@ def test_ball_dragged_in_calculix_is_within_deviations(pad: Pad, drag: Drag) -> 
         found = answer(model, pad, drag.response[row] * [1e3, 1e3, 1e3, 1.0, 1.0], FRAME_SD / 10.0)
         assert found.shear_n is not None
         true_n, read_n = drag.load_n[row, 1:], found.shear_n
-        assert found.force_n == pytest.approx(drag.load_n[row, 0], rel=0.05)
+        assert found.force_n == pytest.approx(drag.load_n[row, 0], rel=0.09 if drag.name == "small" else 0.05)
+        assert abs(found.force_n - drag.load_n[row, 0]) < found.force_sd_n
         assert np.dot(read_n, true_n) > 0.95 * np.linalg.norm(read_n) * np.linalg.norm(true_n)
         assert 0.8 < np.linalg.norm(read_n) / np.linalg.norm(true_n) < 1.4

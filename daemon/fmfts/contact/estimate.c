@@ -77,6 +77,8 @@ static void answer_of(const fmfts_network *network, const fmfts_question *questi
 
 /* The part of a finger depends on the press, and the press on the rest of the pose: after these rounds its error is a hundredth. */
 #define KNOWN_FINGER_ROUNDS 3
+/* With shear, each leaves up to half of its error. */
+#define SHEARED_ROUNDS 5
 
 static void answer_by_probe(const fmfts_contact_parameters *parameters, const fmfts_network *network,
                             const fmfts_response *response, fmfts_question *question, fmfts_found *found)
@@ -89,6 +91,23 @@ static void answer_by_probe(const fmfts_contact_parameters *parameters, const fm
         fmfts_take_known_finger(parameters, response, press, question->pose);
         answer_of(network, question, found);
     }
+}
+
+/* With shear the press is another one than the network's: its rounds follow, from the press that was solved. */
+static bool solve_by_probe(const fmfts_contact_parameters *parameters, const fmfts_question *asked, const fmfts_response *response,
+                           fmfts_question *question, fmfts_found *found, double bend[CONTACT])
+{
+    int rounds = parameters->known_finger_mm2 != 0.0 ? SHEARED_ROUNDS : 1;
+    for (int round = 0; round < rounds; round++) {
+        if (round > 0) {
+            *question = *asked;
+            fmfts_take_known_finger(parameters, response, found->contact, question->pose);
+        }
+        if (!fmfts_solve_answer(parameters, question, response, found, bend)) {
+            return false;
+        }
+    }
+    return true;
 }
 
 double fmfts_doubt(double force_n, double variance)
@@ -226,7 +245,7 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
         bend_of(network, question, &found, bend);
     }
     if ((refines && !(has_table && fmfts_refine_answer(parameters, question, &table, &found, bend))) ||
-        (solves && !(has_table && fmfts_solve_answer(parameters, question, &table, &found, bend)))) {
+        (solves && !(has_table && solve_by_probe(parameters, asked, &table, question, &found, bend)))) {
         return false;
     }
     estimate->explained = has_table ? fmfts_explained_part(parameters, question, &table, &found) : 1.0;

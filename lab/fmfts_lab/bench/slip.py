@@ -31,6 +31,8 @@ AMBIENTS: tuple[Ambient, Ambient] = ("constant", "drifting")
 SHAPES = ("round", "ball", "flat", "edge")
 SHEARED, STEPS = 0.3, 40  # of the bound; number of trials of an inversion
 BOUND_AT = ((0.0, 0.5), (0.0, 1.0), (0.0, 2.0), (4.0, 1.0), (8.0, 1.0), (8.0, 2.0), (10.0, 2.0))
+BOUND_MM_PER_S = (5.0, 50.0)
+NEEDED = np.log(9.0 / 1e-4)  # log odds: BEGINS against FALSE_ODDS of contact/friction.c
 EARLY_S, LATE_S = 0.01, 0.05  # time around a slip in which its onset counts as found
 
 
@@ -103,13 +105,23 @@ def bound() -> None:
     response = ContactModel.load("shear", pad).response
     assert response is not None
     solver = FrameSolver(pad, rest_field_of(pad), "drifting", NOISE_T)
-    print(f"one frame, shear x {SHEARED:g} of the force: x, y (mm), force, shear x, y (N); x, y without shear")
+    print(f"one frame, shear x {SHEARED:g} of the force: x, y (mm), force, shear x, y (N); x, y without shear;")
+    print(f"and when a slip along x may be noticed at {', '.join(f'{each:g}' for each in BOUND_MM_PER_S)} mm/s (ms)")
     for x_mm, force_n in BOUND_AT:
         expected = Samples.expected(response, solver, np.array([[x_mm, 0.0, force_n, SHEARED * force_n, 0.0]]))
         slope = response.change_and_slope(expected.press)[1]
         known = bound_of(slope[:, :, :3], expected.covariance)[0]
         told = "".join(f"{value:8.3f}" for value in (*expected.bound[0], *known[:2]))
-        print(f"  ({x_mm:g}, 0) mm, {force_n:g} N {told}")
+        soonest = "".join(f"{1e3 * soonest_s(float(expected.bound[0, 0]), each):6.0f}" for each in BOUND_MM_PER_S)
+        print(f"  ({x_mm:g}, 0) mm, {force_n:g} N {told} |{soonest}")
+
+
+def soonest_s(deviation_mm: float, speed_mm_per_s: float) -> float:
+    """When the frames' log odds of a slip of known beginning and speed v beat contact/friction.c's odds against it.
+
+    After the time t they are the sum of (v·t_i)²/2s², t_i = i/rate: v²t³·rate/6s², s the deviation of a frame's place.
+    """
+    return float((6.0 * NEEDED * (deviation_mm / speed_mm_per_s) ** 2 / RATE_HZ) ** (1.0 / 3.0))
 
 
 def of_table(options: Namespace, random: np.random.Generator) -> None:
