@@ -28,8 +28,8 @@ class Pads:
     """Several pads of one daemon. pad_size_m: edge of the square pads, for the deviation of an unknown place.
     patience_s: how long a step may wait for a new value, which is never an old one.
 
-    A data set has a number everywhere, so another feature tells what is not known: where `contact` is 0, the place
-    is 0 with the deviation of anywhere on the pad; where `over_range` is 1, `force_n` is the lower bound.
+    A data set has a number everywhere, so another feature marks what is not known: where `contact` is 0, the place is 0
+    with the deviation of anywhere on the pad; where `over_range` is 1, `force_n` is the lower bound.
     """
 
     def __init__(
@@ -69,8 +69,8 @@ class Pads:
         self._clients = {}
 
     def contact(self, name: str, wait_s: float | None = None) -> Contact:
-        """A usable contact of this pad, not given out before. Raises TouchLostError if none comes in `wait_s`; None:
-        in `patience_s`."""
+        """A usable contact of this pad that was not returned before. Raises TouchLostError if none comes in `wait_s`;
+        None: in `patience_s`."""
         client = self._clients.get(name)
         if client is None:
             raise TouchLostError(f"pad {name}: not connected")
@@ -105,8 +105,9 @@ def why_lost(client: Client, last: Contact | None, wait_s: float) -> str:
 
 
 def filled(contact: Contact, anywhere_sd_m: float) -> Contact:
-    """The contact with a number in place of what is not known: a force over range is its lower bound, a place is the
-    pad's middle with the deviation of anywhere. Raises TouchLostError where it has no force, or is touched nowhere."""
+    """The contact with numbers instead of unknown values: a force over range is its lower bound, a place is the pad's
+    middle with the deviation of anywhere. Raises TouchLostError if its force is not known, or if it is a touch without
+    a place."""
     force_n = contact.force_min_n if contact.over_range else contact.force_n
     if force_n is None:
         raise TouchLostError(f"pad {contact.pad}: its force is not known: {contact.reason or 'no contact model'}")

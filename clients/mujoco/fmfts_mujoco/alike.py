@@ -50,8 +50,8 @@ def messages(pad: PadConfig, frames: Sequence[Frame]) -> Array:
 
 
 def alike(pad: PadConfig, press: Press) -> tuple[Array, Array, Array]:
-    """Of force and place, each (3,): by how much the means differ, in deviations of one frame's noise; the ratio of
-    both noises; the ratio of the published deviations."""
+    """For force and place, each (3,): the difference of the means in deviations of one frame's noise; the ratio of both
+    noises; the ratio of the published deviations."""
     one, other = (messages(pad, make(pad, press)) for make in (daemons, boards))
     noise, other_noise = one[:, :3].std(axis=0), other[:, :3].std(axis=0)
     apart = np.abs(other[:, :3].mean(axis=0) - one[:, :3].mean(axis=0)) / noise

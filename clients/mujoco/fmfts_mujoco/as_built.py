@@ -1,6 +1,6 @@
 """Draws pads as people build them: other silicone, thickness and fingers than the drawing's, within the tolerances.
 
-What a contact model does not know of a pad is the same in each of its messages. So one pad says little about
+The errors of a contact model about one pad are the same in each of its messages. So one pad says little about
 deviations: draw many. Learners draw another in each episode.
 """
 
@@ -26,7 +26,7 @@ THINNEST = 0.5  # as a share of the drawn thickness: less is no pad
 
 @dataclass(frozen=True, slots=True)
 class Structures:
-    """What K pads are made of. modulus, thickness: as shares of what is drawn. moment_mm2: of the finger's face."""
+    """The materials of K pads. modulus, thickness: as shares of the drawn ones. moment_mm2: of the finger's face."""
 
     modulus: Array
     thickness: Array
@@ -44,7 +44,7 @@ class Structures:
     def response(self, mechanics: Mechanics, pad: np.ndarray, press: Sequence[Array]) -> Array:
         """(C, 5) as `Mechanics.response`, of the pads (C,). press: x, y, force, and shear x, y if there is any.
 
-        A modulus that is higher takes as much more load for the same movement.
+        A higher modulus takes proportionally more load for the same movement.
         """
         x_m, y_m, *load = press
         force_n, *shear_n = (each / self.modulus[pad] for each in load)

@@ -1,4 +1,4 @@
-"""Makes the frames of several alike pads at once: what the chips of each report of its field, by their own clocks."""
+"""Makes the frames of several equal pads at once: the chips' reports of each pad's field, by their own clocks."""
 
 from __future__ import annotations
 
@@ -26,8 +26,7 @@ SILICONE, CASTING = "silicone", "casting"
 
 @dataclass
 class Faults:
-    """What is broken at one pad. silent, stuck: sensors that answer no more, or repeat one reading for ever.
-    unplugged: the board."""
+    """Faults of one pad. silent, stuck: sensors that no longer answer, or repeat one reading. unplugged: the board."""
 
     silent: set[int]
     stuck: set[int]
@@ -35,9 +34,9 @@ class Faults:
 
 
 def built_of(pad: PadConfig, *, as_built: bool = False) -> MountedPad:
-    """The pad as the daemon's own simulation builds it from this seed. ModelError where MuJoCo cannot press it.
+    """The pad as the daemon's own simulation builds it from this seed. ModelError if MuJoCo cannot press it.
 
-    as_built: with errors as large as `[pad.tolerance]` says; else a good pad.
+    as_built: with errors as large as `[pad.tolerance]` says; else an ideal pad.
     """
     source, name = pad.source, f"pad '{pad.name}'"
     if not isinstance(source, SimulatedSource):
@@ -115,7 +114,7 @@ class Boards:
         return self._packed(first, counts.reshape(*shape, 3), sampled_s.reshape(shape), fresh.reshape(shape))
 
     def _field(self, sampled_s: Array, moved: History, around: History, bare: bool) -> Array:
-        """(F, K, N, 3) what the chips feel at their times (F, K, N), in their own axes and times their gain."""
+        """(F, K, N, 3) the field at the chips at their times (F, K, N), in their own axes and times their gain."""
         pad = np.broadcast_to(np.arange(self._pads)[:, None], sampled_s.shape)
         sensor = np.broadcast_to(np.arange(self._sensors), sampled_s.shape)
         field_t = around.at(sampled_s, pad, sensor)

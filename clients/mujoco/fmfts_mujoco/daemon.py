@@ -30,7 +30,7 @@ class Daemon:
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self, robot: Robot) -> None:
-        """Record the baselines of the robot's pads as it stands, and start. RuntimeError where it does not."""
+        """Record the baselines of the robot's pads as it stands, and start. RuntimeError if it does not start."""
         robot.store_baselines(self._environment)
         log = self._folder / "daemon.log"
         words = [sys.executable, "-m", "fmfts", "run", "--config", str(self.config)]

@@ -52,7 +52,7 @@ class Ended:
 
 @cache
 def _pads(pair: int, as_built: bool, tolerance: str) -> tuple[list[PadConfig], dict[str, Baseline]]:
-    """Two pads, and their baselines in the empty gripper. tolerance: "default" for chips that were soldered by hand."""
+    """Two pads, and their baselines in the empty gripper. tolerance: "default" for hand-soldered chips."""
     configs = []
     for number, pad in enumerate(load(CONFIG)[0].pad):
         source = msgspec.structs.replace(pad.source, seed=2 * pair + number)

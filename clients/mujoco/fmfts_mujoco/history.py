@@ -19,12 +19,12 @@ class History:
         self._value = np.concatenate([self._value, value])
 
     def forget(self, before_s: float) -> None:
-        """Keep only what is needed from this time on."""
+        """Keep only values that are needed from this time on."""
         first = max(int(np.searchsorted(self._time_s, before_s, side="right")) - 1, 0)
         self._time_s, self._value = self._time_s[first:], self._value[first:]
 
     def at(self, time_s: Array, *index: np.ndarray) -> Array:
-        """The value at each time; before the first and after the last, that. index: into the value, as many."""
+        """The value at each time; outside the stored times, the nearest one. index: into the value, as many."""
         if len(self._time_s) == 1:
             return np.asarray(self._value[(np.zeros(time_s.shape, dtype=int), *index)])
         before = np.clip(np.searchsorted(self._time_s, time_s, side="right") - 1, 0, len(self._time_s) - 2)

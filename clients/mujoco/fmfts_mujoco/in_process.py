@@ -59,7 +59,8 @@ class Pads:
         self.reset()
 
     def reset(self, seed: int | np.random.Generator = 0) -> None:
-        """Switch everything on again, with other noise: the pads remember nothing. The same seed says the same."""
+        """Switch everything on again, with other noise: the pads remember nothing. The same seed gives the same
+        messages."""
         self.scene.start(np.random.default_rng(seed))
         for pipeline in self._pipelines.values():
             pipeline.start_anew()
@@ -69,7 +70,7 @@ class Pads:
 
     @property
     def faults(self) -> dict[str, Faults]:
-        """What is broken at each pad; change it at any time."""
+        """The faults of each pad; may be changed at any time."""
         return self.scene.faults
 
     @property
@@ -78,7 +79,7 @@ class Pads:
         return round((self._recorded_s + START_S) * NS)
 
     def step(self, data: mujoco.MjData) -> None:
-        """Tell what `mj_step` just did."""
+        """Take over the step that `mj_step` just did."""
         self._recorded_s = self.scene.record(data)
 
     def contacts(self) -> dict[str, Told]:

@@ -39,7 +39,7 @@ class Controller(Protocol):
 
 @dataclass
 class Lift:
-    """What MuJoCo saw every PERIOD_S: phase, force of a finger, least force, height of object and of fingers."""
+    """MuJoCo's values every PERIOD_S: phase, force of a finger, least force, height of object and of fingers."""
 
     thing: Object
     phase: list[str] = field(default_factory=list)
@@ -54,17 +54,17 @@ class Lift:
 
     @property
     def lifted(self) -> bool:
-        """It was once where the fingers were to lift it to."""
+        """The object once reached the height of the lift."""
         return bool(np.max(self.object_m) - self.object_m[0] > 0.5 * HIGH_M)
 
     @property
     def held(self) -> bool:
-        """It still is at the end."""
+        """It is still there at the end."""
         return self.phase[-1] == "end" and self.object_m[-1] - self.object_m[0] > 0.5 * HIGH_M
 
     @property
     def dropped(self) -> bool:
-        """It was in the air, and is no more."""
+        """It was in the air, and no longer is."""
         return not self.held and bool(np.max(self.object_m) - self.object_m[0] > IN_AIR_M)
 
     def shares(self, *phases: str) -> Array:

@@ -39,7 +39,7 @@ class Object:
 
     @classmethod
     def drawn(cls, random: np.random.Generator, shape: str | None = None) -> Object:
-        """The least force on each finger is drawn, of a full glass; the mass follows from it and the friction."""
+        """The least force on each finger is drawn, for a full glass; the mass follows from it and the friction."""
         friction, least_n, width_m = (float(random.uniform(*limits)) for limits in (FRICTION, LEAST_N, WIDTH_M))
         shape = str(random.choice(SHAPES)) if shape is None else shape
         full = float(random.uniform(*FILLED)) if shape == "glass" else 1.0

@@ -1,4 +1,4 @@
-"""What a policy sees of a pad: its last samples as an array of fixed size, the same in process and over the bus."""
+"""A policy's view of a pad: its last samples as an array of fixed size, the same in process and over the bus."""
 
 from __future__ import annotations
 

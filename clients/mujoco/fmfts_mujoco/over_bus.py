@@ -64,16 +64,17 @@ class Robot:
         self.scene.start(np.random.default_rng(seed))
 
     def store_baselines(self, environ: Mapping[str, str] = os.environ) -> None:
-        """Record the pads as the robot stood at first, where a daemon with this environment reads them as it starts."""
+        """Record the pads at the robot's first pose, into the folder where a daemon with this environment reads them at
+        its start."""
         for pad in self.scene.pads:
             store(self.baselines[pad.name], pad.pad(), environ)
 
     def reset(self, random: np.random.Generator) -> None:
-        """Nothing: whatever happens to the model, the boards stay switched on. As `Pads.reset` otherwise."""
+        """Does nothing: whatever happens to the model, the boards stay switched on. As `Pads.reset` otherwise."""
 
     @property
     def faults(self) -> dict[str, Faults]:
-        """What is broken at each pad; change it at any time."""
+        """The faults of each pad; may be changed at any time."""
         return self.scene.faults
 
     @property
@@ -82,7 +83,7 @@ class Robot:
         return time.monotonic_ns()
 
     def step(self, data: mujoco.MjData) -> None:
-        """Tell what `mj_step` just did, when its time has come."""
+        """Take over the step that `mj_step` just did, when its time has come."""
         recorded_s = self.scene.record(data)
         now_ns = time.monotonic_ns()
         due_ns = self._started_ns + round(recorded_s * NS)
@@ -106,7 +107,7 @@ class Robot:
             client.close()
 
     def _send(self, name: str, path: str, frame: Frame) -> None:
-        """As a board does: whether anybody listens or not."""
+        """Like a board: whether anybody listens or not."""
         sampled_ns = frame.host_time_ns - round(START_S * NS) + self._started_ns
         message = frame_message(frame.at(sampled_ns), name, self._boot, time.time_ns())
         try:

@@ -21,7 +21,7 @@ STALE_S = 0.1  # an older sample does not describe the present
 
 
 def features(observed: OBSERVED) -> NDArray[np.float64]:
-    """What the policy looks at, each of about 1: the feature's name says of what."""
+    """The policy's inputs, each of about 1; names explain them."""
     touch, robot = observed["touch"].astype(float), observed["robot"].astype(float)
     usable = (observed["samples"] > 0) & (touch[..., _AT["ok"]] > 0) & (touch[..., _AT["age_s"]] < STALE_S)
     touched = usable & (touch[..., _AT["place_known"]] > 0)

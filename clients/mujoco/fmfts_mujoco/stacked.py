@@ -1,4 +1,4 @@
-"""Several built pads of one kind, reckoned together: what `MountedPad` says of each, at once for all."""
+"""Several built pads of one kind, computed together: the results of `MountedPad` for all at once."""
 
 from __future__ import annotations
 

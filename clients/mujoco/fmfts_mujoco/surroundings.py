@@ -1,4 +1,4 @@
-"""Computes what else the sensors feel: the Earth's field as the hand turns, other pads' magnets, and steel."""
+"""Computes the other fields at the sensors: the Earth's as the hand turns, other pads' magnets, and steel."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def test_trained_policy_lifts_what_it_never_saw(environment: gymnasium.Env) -> N
 
 
 def test_blind_policy_does_not(environment: gymnasium.Env) -> None:
-    """What the pads tell matters: without it the same policy crushes, or holds nothing."""
+    """The pads' messages matter: without them the same policy crushes the object, or holds nothing."""
     policy = Policy.load()
 
     def blind(observed: dict[str, np.ndarray]) -> np.ndarray:

@@ -67,7 +67,7 @@ def test_force_alone_presses_harder() -> None:
 
 
 class Blind(Lifting):
-    """So many of its pads fall silent as soon as the object is lifted."""
+    """This many of its pads fall silent as soon as the object is lifted."""
 
     silent = 2
 

@@ -43,7 +43,7 @@ def test_client_reads_the_balls_weight_and_a_fault(tmp_path: Path) -> None:
 
 
 def drive(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, client: Client, seconds: float) -> list[Contact]:
-    """What the client hears meanwhile."""
+    """The messages that the client receives meanwhile."""
     for _ in range(round(seconds / model.opt.timestep)):
         mujoco.mj_step(model, data)
         robot.step(data)

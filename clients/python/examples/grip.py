@@ -6,8 +6,8 @@
 
 It loosens the object, once, until it slips a millimetre or two; the force at which that began is the least one. It then
 holds with RESERVE more, and with as much more as the shear grows: a glass that is filled. Each further slip teaches
-anew. While a pad says nothing certain the gripper never opens; while neither does, it holds as it is. docs/slip.md
-says what it needs.
+anew. While no pad knows its force the gripper never opens; while both do not, it holds still. docs/slip.md says what it
+needs.
 """
 
 import math
@@ -39,7 +39,8 @@ PERIOD_S = 0.01
 
 
 class Command(NamedTuple):
-    """For the gripper, and the arm. close_m_per_s: each finger, negative opens. why: what it lacks, for people."""
+    """For the gripper and the arm. close_m_per_s: speed of each finger; negative opens. why: a reason for people to
+    read."""
 
     close_m_per_s: float
     may_lift: bool
@@ -47,7 +48,7 @@ class Command(NamedTuple):
 
 
 def usable(contact: Optional[Contact], age_s: float) -> bool:
-    """Is its force known now? Slip and place may be unknown: a light touch."""
+    """Is the pad's force known now? Slip and place may be unknown: a light touch."""
     if contact is None or age_s > LATE_S or contact.health != "ok" or contact.over_range:
         return False
     return contact.contact is not None and contact.force_n is not None
@@ -67,8 +68,8 @@ class Grip:
         self._place_m: dict[str, tuple[float, float]] = {}  # by pad: the place where it sticks
 
     def step(self, pads: Sequence[Optional[Contact]], loosen: bool, period_s: float = PERIOD_S) -> Command:
-        """pads: the newest contact of each, None: not `usable`. loosen: the arm stands still, with the object in the
-        air, and the least force shall be found."""
+        """pads: the newest contact of each; None if it cannot be used. loosen: find the least force; the arm stands
+        still and the object hangs in the air."""
         seen = [contact for contact in pads if contact is not None]
         if not seen:
             return Command(0.0, False, "no pad knows its force")

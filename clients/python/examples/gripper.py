@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Closes a gripper until the pad feels LIMIT_N; opens it when the force is larger, too large to measure, or unknown.
 
-It opens at once, and closes after CALM_S in which nothing spoke for opening: a force near the limit does not rattle it.
+It opens at once, and closes after CALM_S without a reason to open, so that a force near the limit does not make it
+chatter.
 """
 
 import os

@@ -113,7 +113,8 @@ class Client:
 
     @property
     def why_invalid(self) -> str:
-        """Why `valid` is False, as a sentence, without waiting; "" if it is True. Of silence `why()` tells more."""
+        """Why `valid` is False, as a sentence, without waiting; "" if it is True. If nothing arrives, `why()` explains
+        more."""
         if self.contact is None or not self.alive:
             return "nothing arrives"
         if not self.fresh:
@@ -124,7 +125,8 @@ class Client:
         """Why nothing arrives, as a sentence with what to do; "" if contacts of the pad do arrive and can be read.
 
         Listens to all pads of the daemon for up to `timeout_s`, on a connection of its own: not for a control loop.
-        It tells that no daemon is there, that it has no such pad (and which it has), another version, or a refused key.
+        It finds out that no daemon is there, that it has no such pad (and which it has), another version, or a refused
+        key.
         """
         return why_nothing(self.pad, self._subscription.endpoints, timeout_s)
 

@@ -31,7 +31,8 @@ class EndpointError(Exception):
 class Endpoints:
     """ZeroMQ endpoints: `bus` (contacts, events, status), `control` (requests), `frames` (raw counts).
 
-    key: the file of the client's key for this daemon, for who talks to several; None: the one that FMFTS_KEY names.
+    key: the file of the client's key for this daemon, for clients of several daemons; None: the one that FMFTS_KEY
+    names.
     """
 
     bus: str
@@ -114,7 +115,7 @@ def for_client(endpoint: Optional[Union[str, Endpoints]] = None, environ: Mappin
 def for_daemon(configured: Optional[str] = None, environ: Mapping[str, str] = os.environ) -> Endpoints:
     """The endpoints for the daemon: FMFTS_BUS, else the base in its configuration, else the defaults.
 
-    systemd sets RUNTIME_DIRECTORY for the daemon. Clients do not read it: theirs would be of their own service.
+    systemd sets RUNTIME_DIRECTORY for the daemon. Clients do not read it: theirs would belong to their own service.
     """
     base = named_base(configured, environ)
     if base:

@@ -59,8 +59,9 @@ class Wrench:
 def wrench_of(contact: Any, height_m: float, unknown_shear_n: float = NAN, unknown_shear_sd_n: float = NAN) -> Wrench:
     """The wrench of a Contact, or of what has as much of it. Its force must be known, and not over range.
 
-    height_m: where above the sensors the force acts: z of the resting magnet, `rest_position_m` of the command `pads`.
-    unknown_shear_n, unknown_shear_sd_n: stand for shear along x and along y where the contact model tells none.
+    height_m: height above the sensors at which the force acts: z of the resting magnet, `rest_position_m` of the
+    command `pads`. unknown_shear_n, unknown_shear_sd_n: replace shear along x and along y if the contact model gives
+    none.
     """
     normal_n, normal_sd_n = _or(contact.force_n, NAN), _or(contact.force_sd_n, NAN)
     if contact.contact is False:  # noise, below what a touch would cause

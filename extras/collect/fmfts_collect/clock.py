@@ -13,7 +13,7 @@ class Clock(Protocol):
         """Time on the clock of frames and forces (of the computer: CLOCK_MONOTONIC)."""
 
     def sleep(self, seconds: float) -> None:
-        """Wait for so long."""
+        """Wait for this long."""
 
 
 class Monotonic:

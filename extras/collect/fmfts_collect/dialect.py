@@ -50,7 +50,7 @@ class Dialect(Protocol):
         """The lines for a straight move up to that height, also after a halt."""
 
     def rise_by(self, way_mm: float, mm_per_s: float) -> tuple[str, ...]:
-        """The lines for a straight move up by so much, for a machine that does not know its position."""
+        """The lines for a straight move up by this distance, for a machine that does not know its position."""
 
     def read(self, line: str) -> Answer:
         """The content of a line from the machine."""

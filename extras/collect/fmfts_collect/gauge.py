@@ -35,7 +35,7 @@ class Gauge(Protocol):
 
     @property
     def unread(self) -> str:
-        """What arrived last and was no reading, and why, as a clause; "" where all were readings."""
+        """The last input that was no reading, and why, as a clause; "" if all were readings."""
 
     def poll(self, now_ns: int) -> Sequence[Reading]:
         """The readings since the last call. Raises AbsentError where the gauge has gone."""

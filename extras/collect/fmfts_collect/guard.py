@@ -58,7 +58,8 @@ class Guard:
         return self._process.pid
 
     def beat(self, *, down: bool) -> None:
-        """Say that the collector lives, and whether the rod is down. StoppedError where the guard does not listen."""
+        """Report that the collector is alive, and whether the rod is down. StoppedError if the guard does not
+        listen."""
         beat, now_s = (DOWN if down else UP), time.monotonic()
         if beat == self._beat and (not down or now_s - self._beat_s < BEAT_S):
             return
@@ -71,7 +72,7 @@ class Guard:
             raise StoppedError("the guard of collect does not listen: was it stopped?") from error
 
     def why_lifted(self) -> str:
-        """Why it sent the rod up; "" where it did not. Waits until the rod is up."""
+        """Why it sent the rod up; "" if it did not. Waits until the rod is up."""
         try:
             os.write(self._pipe, self._beat)
         except BrokenPipeError:

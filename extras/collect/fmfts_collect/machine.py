@@ -172,7 +172,7 @@ class Machine:
         self.trouble, self._answers_due = "", 0
 
     def _insist(self, done: Callable[[], bool], seconds: float) -> None:
-        """Waits until `done` or until the time is over, and ignores what the machine reports as trouble."""
+        """Waits until `done` or until the time is over, and ignores troubles that the machine reports."""
         end_s = self._now_s() + seconds
         while not done() and self._now_s() < end_s:
             self.trouble = ""

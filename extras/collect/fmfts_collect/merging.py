@@ -85,7 +85,7 @@ class _Heard:
 
 
 class _Named(NamedTuple):
-    """Of what measured the forces: a name and a fingerprint for the table's header, and what errors call it."""
+    """The source of the forces: a name and a fingerprint for the table's header, and its name in errors."""
 
     plan: str
     fingerprint: str

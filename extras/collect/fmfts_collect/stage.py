@@ -178,7 +178,7 @@ class Stage:
         self._last = (z_mm, force_n)
 
     def _step_mm(self, force_n: float, error_n: float) -> float:
-        """The next step down in mm; negative where the force is too large."""
+        """The next step down in mm; negative if the force is too large."""
         step_mm = self._config.step_mm
         if force_n < TOUCH_N or not self._n_per_mm:
             return math.copysign(step_mm, error_n)

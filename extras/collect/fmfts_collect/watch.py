@@ -66,11 +66,11 @@ class Watch:
             self._judge(lost if self.on_guard else "", now_s, slept)
 
     def wait(self, seconds: float) -> None:
-        """Receive for so long."""
+        """Receive for this long."""
         self.until(lambda: False, seconds)
 
     def until(self, done: Callable[[], bool], seconds: float) -> bool:
-        """Receive until `done`, at most for so long; returns whether it was done."""
+        """Receive until `done`, at most for this long; returns whether it was done."""
         end_s = self._now_s() + seconds
         while True:
             self.turn()

@@ -1,4 +1,4 @@
-"""One open page of the fleet: sends it how all robots are. It may ask for nothing else."""
+"""One open page of the fleet: sends it the state of all robots. It may ask for nothing else."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fmfts.page.connection import sending
 
 
 class FleetConnection:
-    """Serves one page until it goes. What a page has not taken yet is replaced by what is newer."""
+    """Serves one page until it goes. State that a page has not taken yet is replaced by newer state."""
 
     def __init__(self, socket: ServerConnection) -> None:
         self._socket = socket

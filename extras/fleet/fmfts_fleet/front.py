@@ -1,4 +1,4 @@
-"""The page at the front of a fleet's server: its files, its open pages, and what they are told."""
+"""The page at the front of a fleet's server: its files, its open pages, and the messages to them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,8 @@ class FleetFront:
             self._pages.discard(page)
 
     async def run(self) -> None:
-        """Looks at the fleet with or without an open page: since when a robot is lost, whoever opens one later asks."""
+        """Polls the fleet with or without an open page, so that a page opened later knows since when a robot is
+        lost."""
         told_s = 0.0
         while True:
             now_s = time.monotonic()

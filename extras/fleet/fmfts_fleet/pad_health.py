@@ -1,4 +1,4 @@
-"""What the fleet's page says of the pads of one robot, from the status that its daemon sends of each once a second."""
+"""The fleet page's facts about the pads of one robot, from the status that its daemon sends of each once a second."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LONGEST_TEXT, MOST_FAULTS = 500, 16  # longest text of a robot: the page keeps a
 
 @dataclass(frozen=True)
 class PadHealth:
-    """One pad, as its newest status has it. for_s: how long health had been what it is when the daemon said so."""
+    """One pad, as in its newest status. for_s: how long it had its health when the daemon sent this."""
 
     pad: str
     health: str
@@ -41,7 +41,8 @@ class PadHealth:
 
     @property
     def is_sound(self) -> bool:
-        """Is there nothing to say? A pad may be "ok" with a reason, such as a computer that is overloaded."""
+        """True if there is nothing to report. A pad may be "ok" with a reason, such as a computer that is
+        overloaded."""
         return self.health == "ok" and not self.reason and not self.sensor_faults
 
     @property
@@ -55,7 +56,7 @@ class PadHealth:
 
 
 def facts_of(pads: Sequence[PadHealth]) -> dict[str, Any]:
-    """The pads' number, the rate of the slowest, how many have which health, and the worst; None: all are sound."""
+    """The number of pads, the rate of the slowest, how many have which health, and the worst; None: all are healthy."""
     slowest = min(pads, key=lambda pad: pad.rate_share, default=None)
     worst = min(pads, key=lambda pad: pad._rank, default=None)
     counted = Counter(pad.health for pad in sorted(pads, key=lambda pad: pad._rank))

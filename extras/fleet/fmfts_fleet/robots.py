@@ -56,7 +56,7 @@ class WatchedRobot:
         return True
 
     def facts(self, now_s: float) -> dict[str, Any]:
-        """What the page shows; why: what is wrong and what to do, where the robot is not there."""
+        """The page's facts; why: what is wrong and what to do, if the robot is not there."""
         is_there = self.state == "there"
         pads = list(self._pads.values())
         shown = facts_of(pads) if is_there else facts_of(()) | {"pads": len(pads)}

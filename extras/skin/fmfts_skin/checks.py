@@ -1,4 +1,4 @@
-"""What is wrong with the configuration of a pad whose magnets are unknown, besides what is checked of every pad."""
+"""Errors in the configuration of a pad with unknown magnets, besides the checks of every pad."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ UNREAD = {
 
 
 def skin_problems(pad: PadConfig) -> Iterator[Problem]:
-    """What such a pad cannot do."""
+    """Keys that such a pad cannot use."""
     if isinstance(pad.source, SimulatedSource):
         yield ("contact", "model"), "a table of fields is for a real skin: what is simulated has magnets that are known"
     if pad.scene.neighbours:

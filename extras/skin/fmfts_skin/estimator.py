@@ -28,7 +28,8 @@ BESIDE = 1e-3  # share of a cell: a contact this near to the table's end is take
 
 @dataclass(frozen=True, slots=True)
 class _Values:
-    """What a set of values needs: the finder of their table, and the root of their covariance without a contact."""
+    """The parts that a set of values needs: the finder of their table, and the root of their covariance without a
+    contact."""
 
     finder: ContactFinder
     root_at_rest: Array
@@ -76,7 +77,7 @@ class SkinEstimator(RestedPad):
         return change
 
     def _found(self, finder: ContactFinder, change_ut: Array) -> FoundContacts:
-        """Follows the last frame's contact, and searches the table where that explains the frame no more."""
+        """Follows the last frame's contact, and searches the table if that no longer explains the frame."""
         if self.memory.touching:
             found = finder.find(change_ut[None], self.memory.contact[None])
             if found.chi2[0] <= self._limit(change_ut):
@@ -110,7 +111,7 @@ class SkinEstimator(RestedPad):
         return _Values(finder, cholesky(finder.covariance_at(np.zeros(1))[0]))
 
     def _of(self, used: Mask) -> _Values:
-        """Each set of values is prepared once: a sensor that fails comes back as a set that is known."""
+        """Each set of values is prepared once: when a sensor fails again, its set is known."""
         key = used.tobytes()
         if key not in self._known:
             values = np.flatnonzero(used.ravel())

@@ -169,7 +169,7 @@ class ContactFinder:
         return (residual * residual).sum(axis=1) + self._log_at(contact[:, -1]), residual, slope
 
     def _normal(self, slope: Array) -> Array:
-        """(K, D, D), kept regular where nothing tells a coordinate."""
+        """(K, D, D), kept regular if nothing determines a coordinate."""
         loose = LOOSE_CELLS * self._cell
         normal: Array = product(slope.swapaxes(1, 2), slope) + np.diag(1.0 / (loose * loose))
         return normal

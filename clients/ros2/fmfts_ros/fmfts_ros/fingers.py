@@ -22,7 +22,7 @@ IDS = 1 << 32  # a PointField has no integer of 64 bits
 def finger_cloud(contact: Contact, frame: str, height_m: float) -> PointCloud2 | None:
     """One point a finger, and no point without contact. None where fingers are not known: `has_fingers`.
 
-    height_m: where above the sensors the forces act; until that is known nothing is.
+    height_m: height above the sensors at which the forces act; nothing is known before it is.
     """
     if not has_fingers(contact) or contact.contacts is None or math.isnan(height_m):
         return None
@@ -41,7 +41,7 @@ def finger_cloud(contact: Contact, frame: str, height_m: float) -> PointCloud2 |
 
 
 def has_fingers(contact: Contact) -> bool:
-    """Are `contacts` all that touches? Where two fingers do not explain the field, they are wrong."""
+    """Are `contacts` all the touches? Where two fingers do not explain the field, they are wrong."""
     return has_force(contact) and contact.contacts is not None and contact.more is False
 
 

@@ -1,4 +1,4 @@
-"""One pad in ROS: its publishers, and what the daemon said of it last."""
+"""One pad in ROS: its publishers, and the daemon's last facts about it."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class RosPad:
             self._fingers.publish(cloud)
 
     def has_new_verdict(self, why_silent: str) -> bool:
-        """Has level or health changed since this was asked last? Numbers in sentences do not count."""
+        """Has level or health changed since the last call? Numbers in sentences do not count."""
         level, _ = verdict(self.contact, self.silence_s, why_silent)
         judged = level, "" if self.contact is None or why_silent else self.contact.health
         changed = judged != self._verdict

@@ -1,4 +1,4 @@
-"""Contacts as messages of two packages that need not be there: fmfts_msgs (beside this one) and tactile_msgs."""
+"""Contacts as messages of two optional packages: fmfts_msgs (beside this one) and tactile_msgs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ NUMBERS += ("shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n")
 
 
 def kinds() -> dict[str, tuple[type, Callable[[Contact, str, float], Any]]]:
-    """By the end of the topic: type and maker of those messages whose package is there."""
+    """By the end of the topic: type and maker of those messages whose package is installed."""
     made: dict[str, tuple[Any, Callable[[Contact, str, float], Any]]] = {
         "contact": (FmftsContact, contact_message),
         "tactile_contacts": (TactileContacts, tactile_contacts),
@@ -56,7 +56,7 @@ def contact_message(contact: Contact, frame: str, height_m: float) -> Any:
 
 
 def slip_message(contact: Contact, frame: str) -> Any:
-    """What the daemon tells of a finger that may slip; None where it tells nothing, or the type is not there."""
+    """The daemon's message about a finger that may slip; None if it sends none, or the type is missing."""
     slip = contact.slip
     if slip is None or FmftsSlip is None:
         return None

@@ -97,7 +97,7 @@ class TextStream:
 
 
 def packet_of(numbers: Sequence[float]) -> Packet | None:
-    """None if these cannot be readings: no temperature among them is possible, or a field is of no magnet."""
+    """None if these cannot be readings: none of the temperatures is possible, or no magnet makes such a field."""
     readings = []
     for start in range(0, len(numbers), 4):
         temperature_c, x, y, z = numbers[start : start + 4]

@@ -42,7 +42,7 @@ class PadOnStream(WiredPad):
 
 
 class Anyskin:
-    """A Source: one board with one pad. What the board does not tell (errors, settings), it cannot know."""
+    """A Source: one board with one pad. Facts that the board does not send (errors, settings) stay unknown."""
 
     def __init__(self, pad: PadOnStream) -> None:
         self.state = SourceState(description=f"AnySkin stream on {pad.port}")
@@ -105,7 +105,7 @@ class Anyskin:
         return True
 
     def _receive(self, now_ns: int) -> Sequence[Frame]:
-        """What has come, until nothing is left unread, or for so many reads."""
+        """The received packets, until nothing is left unread, or for this many reads."""
         assert self._descriptor is not None
         frames: list[Frame] = []
         for _ in range(READS):
@@ -173,7 +173,7 @@ class Anyskin:
         )
 
     def _begin_run(self) -> None:
-        """Numbers and times begin anew."""
+        """Numbers and times restart."""
         self._run = self._clock.epochs
         self._values[:], self._sampled_us[:] = 0, 0
         rate_hz = round(self._clock.rate_hz or 0.0, 1)

@@ -72,7 +72,7 @@ class StreamClock:
             self._measured = halves_of(self._measured)[1]
 
     def _check(self, arrival_ns: int) -> None:
-        """Two seconds in a row that have another period, the same one: what was learned came of a busy computer."""
+        """Two seconds in a row with the same new period: a busy computer caused the learned one."""
         if arrival_ns - self._measured[0] < CHECK_NS:
             return
         measured, self._measured = self._measured, []

@@ -77,7 +77,8 @@ class FieldEvaluation:
 
 
 def evaluate_field(response: FieldResponse, data: FieldSet, whose: str, learn: bool = True) -> FieldEvaluation:
-    """learn: each recording's instance from its fields first; False: only its rest rows, or the table's own rest.
+    """learn: each recording's instance is first learned from its fields; False: only its rest rows, or the table's own
+    rest.
 
     DataError where the set is of another kind than the table.
     """
@@ -106,7 +107,7 @@ def evaluate_field(response: FieldResponse, data: FieldSet, whose: str, learn: b
 
 
 def _unlearnt(response: FieldResponse, data: FieldSet) -> list[tuple[Any, Instance]]:
-    """Every recording as it is: with its own rest where rows tell it, else that of the table."""
+    """Every recording as it is: with its own rest if it has rest rows, else that of the table."""
     rests = data.rest_ut()
     out = []
     for number in range(len(data.recordings)):

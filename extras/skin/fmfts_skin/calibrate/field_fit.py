@@ -1,7 +1,7 @@
 """Makes a table from contact to field of labelled fields: penalised splines, and how far frames are from them.
 
-The change of the field from the rest is fitted; no load means no change. Where rows of an untouched pad tell the rest,
-the newest counts. Where none do, the presses tell it (field_rest.py), and with it what drifts is fitted: the moment of
+The change of the field from the rest is fitted; no load means no change. If rows of an untouched pad give the rest, the
+newest counts. If there are none, it is fitted to the presses (field_rest.py), together with the drift: the moment of
 all magnets, which warm by some kelvin within hours (a per cent), and the rest of each sensor, as slow curves over rows.
 """
 
@@ -138,7 +138,7 @@ def _left_out(fit: SplineFit, contact: Array, target: Array) -> Array:
 
 
 def _drift(target: Array, table: Array, recording: Indices) -> Drift:
-    """Moment and rest over the rows of each recording, from what the table leaves."""
+    """Moment and rest over the rows of each recording, from the table's residuals."""
     moment, rest = np.zeros(len(target)), np.zeros_like(target)
     for number in np.unique(recording):
         rows = np.flatnonzero(recording == number)

@@ -1,12 +1,12 @@
-"""What differs between a pad and the pad of the table, from frames whose contacts nobody knows.
+"""The differences between a pad and the table's pad, from frames with unknown contacts.
 
-A frame of N sensors has 3N values and a contact three unknowns at most: what the best contacts leave unexplained in
-many frames tells the rest of each sensor, the moment of all magnets and the gain of the change. Each round finds the
+A frame of N sensors has 3N values, and a contact has at most three unknowns: the residuals of the best contacts in many
+frames determine the rest of each sensor, the moment of all magnets and the gain of the change. Each round finds the
 contacts, takes away from the residuals what a contact could still explain, and solves the remainder for these unknowns,
 with priors (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413).
 
-Where the load is a force or shear, the gain is left alone: a softer pad and a larger force look the same, and the gain
-that frames without labels tell makes forces worse. A table without a place is left alone altogether.
+If the load is a force or shear, the gain is not estimated: a softer pad and a larger force look the same, and a gain
+from frames without labels makes forces worse. A table without a place is not changed at all.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ LARGEST_CHI2_OF_A_VALUE, INDEPENDENT = 2.0, 0.25
 
 
 def is_told(response: FieldResponse) -> bool:
-    """Whether frames without labels tell anything of an instance."""
+    """Whether frames without labels determine anything about an instance."""
     return response.load > 0
 
 
 def instance_of(response: FieldResponse, data: FieldSet) -> list[tuple[Mask, Instance]]:
-    """For each recording of a set: its rows, and the instance that explains them. No label is looked at."""
+    """For each recording of a set: its rows, and the instance that explains them. No label is used."""
     rests = data.rest_ut()
     out = []
     for number in range(len(data.recordings)):

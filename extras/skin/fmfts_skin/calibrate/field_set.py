@@ -56,7 +56,7 @@ class FieldSet:
         return known
 
     def rest_ut(self) -> Array:
-        """(K, P): at each row, the mean of the newest unloaded rows that stand together, before it in its recording.
+        """(K, P): at each row, the mean of the newest consecutive unloaded rows before it in its recording.
 
         Rows before the first rest have that one; rows of a recording without any have NaN.
         """

@@ -15,7 +15,7 @@ MARK = b"fmfts field response"
 
 
 def is_of_fields(data: Path) -> bool:
-    """Whether a set names what only such a pad's has: a depth, shear alone, rest rows or recordings."""
+    """Whether a set has columns that only such a pad needs: a depth, shear alone, rest rows or recordings."""
     names = columns_of(data)
     # A table that `collect` wrote names the recording of its frames; such a pad's magnets are known.
     return bool({"depth_mm", "shear_n", "rest", "recording"} & names) and OF_COLLECT not in names

@@ -57,7 +57,7 @@ def make_force_file(
 
 
 def evaluate_force_file(sources: Sequence[Path], model: Path, magnet: KnownMagnet | None) -> Judged:
-    """What the model at `model` says of the sets. DataError, ForceModelError."""
+    """The report of the model at `model` on the sets. DataError, ForceModelError."""
     loaded = ForceModel.of(read_regular(model, LARGEST_BYTES), str(model))
     data = read_force_set(sources)
     if loaded.route == "pose" and magnet is None:

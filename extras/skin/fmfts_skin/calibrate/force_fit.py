@@ -1,10 +1,10 @@
 """Fits polynomials from the change of fields or poses to forces, so that they hold on another day.
 
-One session does not show what differs in the next: gains and rotations of the sensors against the magnet, and where the
-field rests. So the polynomials are fitted to copies of the presses as of other days, drawn from a stated prior: they do
-not lean on differences that another day would change (regression with errors in the variables). Powers and deviations
-come from presses that a fit was not told: whole sessions, or eighths of the time of a single one; both drawn as other
-days.
+One session does not show the differences of the next: gains and rotations of the sensors relative to the magnet, and
+the field at rest. So the polynomials are fitted to copies of the presses as of other days, drawn from a stated prior:
+they do not lean on differences that another day would change (regression with errors in the variables). Powers and
+deviations come from presses that a fit was not told: whole sessions, or eighths of the time of a single one; both drawn
+as other days.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Presses:
         return known
 
     def having(self, values: Mask) -> Presses:
-        """The rows that know all of these values (V,)."""
+        """The rows in which all of these values (V,) are known."""
         return self.rows(np.asarray((self.known | ~values).all(axis=1), dtype=np.bool_))
 
     def folds(self) -> Indices:
@@ -136,7 +136,7 @@ def _map_of(presses: Presses, known: Mask, power: int) -> ForceMap | None:
 
 @dataclass(frozen=True, slots=True)
 class _LeftOut:
-    """error, found (R, 3) of rows that the fit was not told. leverage (R,)."""
+    """error, found (R, 3) of rows that were left out of the fit. leverage (R,)."""
 
     error: Array
     found: Array

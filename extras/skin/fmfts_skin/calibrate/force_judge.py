@@ -59,7 +59,7 @@ def coverage_of(force_n: Array, found: Array, variance: Array) -> Coverage:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """What one route gives: the model of all presses, and what it says of left-out ones."""
+    """The result of one route: the model of all presses, and its answers to left-out ones."""
 
     model: ForceModel
     left_out: Judged
@@ -99,7 +99,7 @@ def make_route(presses: Presses, clipped: Mask, sessions: tuple[str, ...], origi
 
 
 def _learnt(presses: Presses, found: FoundForces) -> tuple[float, float, float]:
-    """By what factor left-out sessions are missed by more than the deviations say; the prior says 1."""
+    """The factor by which errors of left-out sessions exceed the deviations; the prior is 1."""
     square = (found.force - presses.force_n) ** 2 / found.variance
     each = [np.nanmean(square[presses.session == one], axis=0) for one in np.unique(presses.session)]
     factor = np.sqrt((PRIOR_SESSIONS + np.sum(each, axis=0)) / (PRIOR_SESSIONS + len(each)))
@@ -136,4 +136,4 @@ def choose(routes: list[Route]) -> Route:
 
 
 def _silent(_: str) -> None:
-    """Fits that only judge say nothing."""
+    """Fits that only judge print nothing."""
