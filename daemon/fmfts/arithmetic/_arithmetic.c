@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "elementary.h"
+#include "finite.h"
 #include "matrix.h"
 #include "spline.h"
 
@@ -179,6 +180,15 @@ static PyObject *logarithm(PyObject *module, PyObject *number)
     return of_number(number, fmfts_log);
 }
 
+/* has_finite_numbers(message) */
+FMFTS_FUNCTION(has_finite_numbers)
+{
+    if (!PyArg_ParseTuple(args, "y*", &b[0])) {
+        return NULL;
+    }
+    return PyBool_FromLong(fmfts_has_finite_numbers(b[0].buf, (size_t)b[0].len));
+}
+
 static PyMethodDef methods[] = {
     FMFTS_METHOD(product, NULL),
     FMFTS_METHOD(cholesky, NULL),
@@ -188,6 +198,7 @@ static PyMethodDef methods[] = {
     FMFTS_METHOD(complement, NULL),
     FMFTS_METHOD(cover, NULL),
     FMFTS_METHOD(powers, NULL),
+    FMFTS_METHOD(has_finite_numbers, NULL),
     {"exp", exponential, METH_O, NULL},
     {"log", logarithm, METH_O, NULL},
     {NULL, NULL, 0, NULL},

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from operator import attrgetter
 from typing import Any
 
 import msgspec
 
-from fmfts.bus.messages import AnyMessage, ContactMessage, FingerMessage, NowMessage, PoseMessage
+from fmfts.arithmetic._arithmetic import has_finite_numbers
+from fmfts.bus.messages import AnyMessage, ContactMessage
 
 
 class NotFiniteError(ValueError):
@@ -29,10 +28,10 @@ _contact_decoder = msgspec.msgpack.Decoder(ContactMessage)
 
 def encode(message: AnyMessage) -> bytes:
     """The msgpack map of `message`. Raises NotFiniteError, which names the field, for any NaN or infinity."""
-    if not _numbers_are_finite(message):
-        field = not_finite_field(message)
+    payload = _encoder.encode(message)
+    if not has_finite_numbers(payload) and (field := not_finite_field(message)):
         raise NotFiniteError(f"pad {message.pad!r}: {type(message).__name__}.{field} is not a finite number")
-    return _encoder.encode(message)
+    return payload
 
 
 def decode_contact(payload: bytes) -> ContactMessage:
@@ -66,38 +65,3 @@ def not_finite_field(value: object, path: str = "") -> str:
         children = enumerate(value)
     fields = (not_finite_field(child, f"{path}.{name}" if path else str(name)) for name, child in children)
     return next(filter(None, fields), "")
-
-
-def _getter(kind: type[msgspec.Struct], item: str) -> Callable[[Any], tuple[Any, ...]]:
-    """A function that gets, in one call, all fields of `kind` annotated as `item` or `item | None`."""
-    names = [name for name, hint in kind.__annotations__.items() if hint in (item, f"{item} | None")]
-    getter: Callable[[Any], tuple[Any, ...]] = attrgetter(*names)
-    return getter
-
-
-_contact_numbers = _getter(ContactMessage, "float")
-_pose_numbers = _getter(PoseMessage, "float")
-_pose_vectors = _getter(PoseMessage, "Vector")
-_now_numbers = _getter(NowMessage, "float")
-_finger_numbers = _getter(FingerMessage, "float")
-
-
-def _numbers_are_finite(message: AnyMessage) -> bool:
-    """Fast for contacts, which are frequent: one sum of all numbers, which is finite only if all its terms are."""
-    if not isinstance(message, ContactMessage):
-        return not not_finite_field(message)
-    total = sum(filter(None, _contact_numbers(message)))
-    if (now := message.now) is not None:
-        total += sum(filter(None, _now_numbers(now)))
-    if (pose := message.pose) is not None:
-        total += _sum_of_pose(pose)
-    if message.contacts:  # neither unset nor null nor empty
-        total += sum(sum(filter(None, _finger_numbers(finger))) for finger in message.contacts)
-    if message.poses:
-        total += sum(map(_sum_of_pose, message.poses))
-    return math.isfinite(total)
-
-
-def _sum_of_pose(pose: PoseMessage) -> float:
-    total: float = sum(_pose_numbers(pose)) + sum(map(sum, filter(None, _pose_vectors(pose))))
-    return total

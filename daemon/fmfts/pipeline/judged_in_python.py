@@ -6,7 +6,6 @@ C judges the frames of a pad with one magnet (frame.c). For these pads C does no
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -101,7 +100,7 @@ class JudgedInPython:
         if frame.joints is not None:
             hand.recall(frame.joints)
         field_t, foreign_t2, self._posture_unknown = hand.at(self._sampled_ns)
-        return replace(aligned, field_t=aligned.field_t - field_t.reshape(-1, 3), foreign_t2=foreign_t2)
+        return aligned._replace(field_t=aligned.field_t - field_t.reshape(-1, 3), foreign_t2=foreign_t2)
 
     def _message(self, reading: Judged, told: dict[str, Any], temperature_c: float | None) -> ContactMessage:
         """told: the message's estimates, by field."""

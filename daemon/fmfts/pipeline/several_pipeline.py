@@ -43,7 +43,7 @@ from fmfts.several.field_model import FieldModel, Scene
 from fmfts.several.poses_estimator import PosesEstimator
 from fmfts.several.reading import FingersMemory, FingersReading, PosesMemory, PosesReading
 from fmfts.several.sighted import rest_of
-from fmfts.several.since_rest import Warmth
+from fmfts.several.since_rest import Warmth, present
 
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
 
@@ -179,10 +179,9 @@ class SeveralPipeline(JudgedInPython):
             self.missing = missing_sensors(frame, None)
             reading = FingersReading("no_baseline", self._why_none, frame.usable)
         else:
-            stuck = aligned.repeats > estimator.repeats_allowed
             # Every axis with a measurement has a field: no sensor is missing.
-            is_whole = np.isfinite(self._field_t).all() and not stuck.any()
-            self.missing = {} if is_whole else missing_sensors(frame, stuck)
+            _, is_whole = present(self._field_t, aligned.repeats, estimator.repeats_allowed)
+            self.missing = {} if is_whole else missing_sensors(frame, aligned.repeats > estimator.repeats_allowed)
             seen = [view.at(self._sampled_ns) for view in self._neighbours]
             reading, sighted = self._read(estimator, aligned, frame, seen)
             self.search = reading.search

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import ceil, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,7 @@ Times = NDArray[np.int64]
 FALSE_STANDSTILL = 1e-8
 
 
-@dataclass(frozen=True, slots=True)
-class Aligned:
+class Aligned(NamedTuple):
     """field_t (N, 3): at `time_us` (the board's clock), NaN where a sensor has no value.
 
     noise_share (N, 1): noise of field_t over that of one sample. bend_t (N, 3): the error that curvature may cause.
@@ -88,10 +88,10 @@ class Alignment:
         aligned = self._push(field_t, time_us, fresh, timed, frame_us)
         if not self.memory.without_news:
             self._leap_us = 0
-            return replace(aligned, leap_us=leap_us) if leap_us else aligned
+            return aligned._replace(leap_us=leap_us) if leap_us else aligned
         self._leap_us += leap_us
         on_old_clock_us = aligned.time_us or self._newest_us  # 0: all samples were forgotten
-        return replace(aligned, leap_us=leap_us, time_us=on_old_clock_us + self._leap_us)
+        return aligned._replace(leap_us=leap_us, time_us=on_old_clock_us + self._leap_us)
 
     def _push(
         self,

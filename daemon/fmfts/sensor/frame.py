@@ -200,7 +200,13 @@ _put_packed = WireFrame.__dict__["_packed"].__set__
 
 def mask_of(flags: NDArray[np.bool_]) -> int:
     """Bit i is flags[i]."""
-    return int.from_bytes(np.packbits(flags, bitorder="little").tobytes(), "little")
+    return _mask_of(flags.tobytes())
+
+
+@lru_cache(maxsize=1024)
+def _mask_of(flags: bytes) -> int:
+    """By the bytes of `flags`, which are mostly those of a frame before."""
+    return int.from_bytes(np.packbits(np.frombuffer(flags, np.bool_), bitorder="little").tobytes(), "little")
 
 
 @lru_cache(maxsize=1024)

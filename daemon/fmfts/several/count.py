@@ -60,11 +60,14 @@ class CounterMemory:
         return self.places[: self.count]
 
     def put(self, fingers: Array, ids: Sequence[int]) -> None:
+        """In other arrays, so that copies keep theirs."""
         self.count = len(fingers)
-        self.places[: self.count], self.ids[: self.count] = fingers, ids
+        if self.count:
+            self.places, self.ids = self.places.copy(), self.ids.copy()
+            self.places[: self.count], self.ids[: self.count] = fingers, ids
 
     def copy(self) -> CounterMemory:
-        return CounterMemory(self.count, self.places.copy(), self.ids.copy(), self.next_id, self.doubtful_frames)
+        return CounterMemory(self.count, self.places, self.ids, self.next_id, self.doubtful_frames)
 
 
 class Counted(NamedTuple):

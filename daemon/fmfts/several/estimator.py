@@ -31,7 +31,7 @@ from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.scan import Another
 from fmfts.several.sighted import sighted
-from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth
+from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth, present
 from fmfts.several.trust import trusted
 from fmfts.several.valley import valley_variance
 
@@ -136,9 +136,9 @@ class FingersEstimator:
         memory.last_us = aligned.time_us
         if elapsed_s > self._longest_gap_s or aligned.began_anew:
             self._counter.forget()
-        there = np.isfinite(aligned.field_t) & (aligned.repeats <= self.repeats_allowed)
+        there, _ = present(aligned.field_t, aligned.repeats, self.repeats_allowed)
         memory.recovery.pass_time(elapsed_s, pressed=memory.counter.count > 0)
-        now_t = np.abs(self.fitter.model.field_of(memory.counter.fingers)) if memory.counter.count else 0.0
+        now_t = np.abs(self.fitter.model.field_of(memory.counter.fingers)) if memory.counter.count else None
         measured = self._since_rest.measured(aligned, temperature_c, there, neighbours, memory, now_t)
         left_out, used = memory.left_out, there.copy()
         if left_out >= 0:

@@ -30,7 +30,7 @@ from fmfts.several.odd_sensor import note_agreement
 from fmfts.several.reading import PosesMemory, PosesReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.sighted import sighted
-from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth
+from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth, present
 from fmfts.several.trust import trusted
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ class PosesEstimator:
         memory.last_us = aligned.time_us
         if elapsed_s > self._touch.longest_gap_s or aligned.began_anew:
             self._touch.forget()
-        there = np.isfinite(aligned.field_t) & (aligned.repeats <= self.repeats_allowed)
+        there, _ = present(aligned.field_t, aligned.repeats, self.repeats_allowed)
         memory.recovery.pass_time(elapsed_s, pressed=memory.touch.touched)
         measured = self._since_rest.measured(aligned, temperature_c, there, neighbours, memory, memory.now_t)
         used = there.copy()

@@ -29,8 +29,3 @@ class Recovery:
     def remember(self, change_t: Array) -> None:
         """change_t (3N,): the present change of the field by fingers."""
         self.recent_t = np.maximum(self.recent_t, np.abs(change_t))
-
-    def beyond_t(self, now_t: Array | float) -> Array:
-        """(3N,) by how much more fingers changed the field before than now."""
-        beyond: Array = np.maximum(self.recent_t - now_t, 0.0)
-        return beyond

@@ -8,12 +8,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.pad import Pad
 from fmfts.pose import Aligned
 from fmfts.pose.neighbour import NeighbourEstimate, change_of
+from fmfts.several import _several
+from fmfts.several.arrays import doubles
 from fmfts.several.measured import Measured
 from fmfts.several.recovery import Recovery
 
@@ -45,6 +46,8 @@ class SinceRest:
 
     def __init__(self, pad: Pad, mounting: ArrayMounting, warmth: Warmth) -> None:
         self._mounting, self._warmth = mounting, warmth
+        at_rest = mounting.gain, mounting.offset_t, mounting.noise_t, mounting.rest_field_t
+        self._rest = [doubles(each) for each in at_rest]
         # By which share of its force the silicone may have crept.
         self.silicone = float(root_of_squares(pad.silicone.creep_per_decade, pad.silicone.hysteresis))
         # Of the last frame: the change of the field around, and the factor on the magnets' moments.
@@ -57,24 +60,41 @@ class SinceRest:
         there: Mask,
         neighbours: Sequence[NeighbourEstimate],
         memory: RestMemory,
-        now_t: Array | float,
+        now_t: Array | None,
     ) -> Measured:
-        """now_t (3N,): by how much presses change the field now, as far as it is known."""
+        """The change is (field / gain − offset − neighbours) / moment − rest. Its variance is that of noise, of what a
+        sample is older or younger than the frame (bend), and of what earlier presses left in the silicone.
+
+        now_t (3N,): by how much presses change the field now; None: nothing presses, or it is not known."""
         mounting, first_c = self._mounting, self._warmth.rest_c
         memory.last_c = memory.last_c if temperature_c is None else temperature_c
         warmer_k = 0.0 if first_c is None or memory.last_c is None else memory.last_c - first_c
         self.moment = 1.0 + self._warmth.magnet_per_k * warmer_k
-        own, foreign_t2 = mounting.magnet_field(np.where(there, aligned.field_t, 0.0)), aligned.foreign_t2
-        self.around_t = memory.ambient_t
+        self.around_t, foreign_t2, foreign_t = memory.ambient_t, aligned.foreign_t2, None
         if neighbours:
             foreign_t, of_neighbours_t2 = change_of(mounting.sensors, neighbours)
-            own = own - foreign_t
             foreign_t2 = of_neighbours_t2 if foreign_t2 is None else foreign_t2 + of_neighbours_t2
             # Rotated chips also misread the neighbours' field, which is about uniform over the pad.
             self.around_t = memory.ambient_t + mounting.sensors.to_pad(foreign_t).mean(axis=0)
-        own = own / self.moment
-        noise = mounting.noise_t * aligned.noise_share / mounting.gain
-        bend = np.where(np.isfinite(aligned.bend_t), aligned.bend_t, 0.0)
-        left_t = self.silicone * memory.recovery.beyond_t(now_t)
-        variance_t2 = (square(noise) + square(bend)).ravel() + square(left_t)
-        return Measured((own - mounting.rest_field_t).ravel(), variance_t2, there.ravel(), foreign_t2)
+        change_t, variance_t2 = np.empty(there.size), np.empty(there.size)
+        _several.since_rest(
+            doubles(aligned.field_t),
+            doubles(aligned.bend_t),
+            *self._rest,
+            doubles(memory.recovery.recent_t),
+            change_t,
+            variance_t2,
+            doubles(aligned.noise_share),
+            there,
+            None if foreign_t is None else doubles(foreign_t),
+            None if now_t is None else doubles(now_t),
+            self.moment,
+            self.silicone,
+        )
+        return Measured(change_t, variance_t2, there.ravel(), foreign_t2)
+
+
+def present(field_t: Array, repeats: NDArray[np.int64], allowed: Array) -> tuple[Mask, bool]:
+    """Which values (N, 3) are there, and repeated no more often than `allowed`; and whether all are."""
+    there = np.empty(field_t.shape, dtype=np.bool_)
+    return there, _several.list_present(doubles(field_t), doubles(allowed), np.ascontiguousarray(repeats), there)
