@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#include "wide.h"
+
 enum { MOST_SWEEPS = 60 };
 static const double ORTHOGONAL = 1e-15, ROUNDING = 0x1p-52;
 
@@ -22,7 +24,7 @@ void fmfts_product(size_t m, size_t k, size_t n, const double *a, const double *
 
 /* Each finished column is subtracted from all that are left: the order of each sum is that of its own column, and the sums of
  * a row do not wait for each other. The row above the diagonal holds the column, so that both are contiguous. */
-bool fmfts_cholesky(size_t n, double *a)
+FMFTS_WIDE bool fmfts_cholesky(size_t n, double *a)
 {
     for (size_t k = 0; k < n; k++) {
         double pivot = a[k * n + k], *column = a + k * n;
@@ -47,7 +49,7 @@ bool fmfts_cholesky(size_t n, double *a)
     return true;
 }
 
-void fmfts_solve_lower(size_t n, size_t columns, const double *l, double *x)
+FMFTS_WIDE void fmfts_solve_lower(size_t n, size_t columns, const double *l, double *x)
 {
     for (size_t k = 0; k < n; k++) {
         for (size_t c = 0; c < columns; c++) {

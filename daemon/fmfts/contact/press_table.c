@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "../arithmetic/spline.h"
+#include "../arithmetic/wide.h"
 
 enum { VALUE, BY_X, BY_Y, LAPLACIAN, KINDS };
 
@@ -26,7 +27,7 @@ static void weighted(const fmfts_press_table *table, const double *weight, const
     }
 }
 
-void fmfts_press_by_table(const fmfts_press_table *table, const double finger[FMFTS_FINGER], double *pressed)
+FMFTS_WIDE void fmfts_press_by_table(const fmfts_press_table *table, const double finger[FMFTS_FINGER], double *pressed)
 {
     const fmfts_knots knots = {table->first_mm, table->spacing_mm, table->width - 3};
     double value[FMFTS_TABLE_TERMS], slope[FMFTS_TABLE_TERMS];

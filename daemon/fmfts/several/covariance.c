@@ -2,11 +2,12 @@
 #include <math.h>
 #include <string.h>
 
+#include "../arithmetic/wide.h"
 #include "gram.h"
 #include "several.h"
 
 /* sum [count] += Σ weight[i] · rows[i][count], i in order. Four rows at once: the sums stay in registers between them. */
-static void add_rows(size_t rows, size_t count, const double *weight, const double *restrict row, double *restrict sum)
+FMFTS_WIDE static void add_rows(size_t rows, size_t count, const double *weight, const double *restrict row, double *restrict sum)
 {
     size_t i = 0;
     for (; i + 4 <= rows; i += 4, row += 4 * count) {
@@ -128,7 +129,7 @@ static size_t through_poses(const fmfts_several *model, fmfts_fingers fingers, c
 }
 
 /* covariance [V][V] = factor factor', of so many columns. */
-static void square(const fmfts_several *model, size_t columns, const double *factor, double *covariance)
+FMFTS_WIDE static void square(const fmfts_several *model, size_t columns, const double *factor, double *covariance)
 {
     size_t values = model->values, stride = model->stride;
     for (size_t i = 0; i < values; i += FMFTS_LANES) {

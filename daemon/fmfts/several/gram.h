@@ -7,33 +7,21 @@
 
 #include "several.h"
 
-/* Two doubles in one register, which every processor has; the compiler does not vectorise this by itself. */
-typedef double fmfts_two __attribute__((vector_size(16)));
-
-static inline fmfts_two fmfts_load_two(const double *from)
-{
-    fmfts_two two;
-    memcpy(&two, from, sizeof two);
-    return two;
-}
+/* Four doubles: one register or two. The compiler does not vectorise this by itself. */
+typedef double fmfts_four __attribute__((vector_size(FMFTS_LANES * sizeof(double))));
 
 /* sum[i][j] = Σ_k a[k · a_stride + i] · b[k · b_stride + j], added up from k = 0. */
 static inline void fmfts_gram(size_t count, const double *a, size_t a_stride, const double *b, size_t b_stride,
                               double sum[FMFTS_LANES][FMFTS_LANES])
 {
-    fmfts_two left[FMFTS_LANES] = {{0.0, 0.0}}, right[FMFTS_LANES] = {{0.0, 0.0}};
+    fmfts_four row[FMFTS_LANES] = {{0.0}}, four;
     for (size_t k = 0; k < count; k++) {
-        fmfts_two b_left = fmfts_load_two(b + k * b_stride), b_right = fmfts_load_two(b + k * b_stride + 2);
+        memcpy(&four, b + k * b_stride, sizeof four);
         for (int i = 0; i < FMFTS_LANES; i++) {
-            fmfts_two one = {a[k * a_stride + i], a[k * a_stride + i]};
-            left[i] += one * b_left;
-            right[i] += one * b_right;
+            row[i] += a[k * a_stride + i] * four;
         }
     }
-    for (int i = 0; i < FMFTS_LANES; i++) {
-        memcpy(sum[i], &left[i], sizeof left[i]);
-        memcpy(sum[i] + 2, &right[i], sizeof right[i]);
-    }
+    memcpy(sum, row, sizeof row);
 }
 
 #endif

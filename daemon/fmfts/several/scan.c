@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "../arithmetic/matrix.h"
+#include "../arithmetic/wide.h"
 #include "fit.h"
 #include "gram.h"
 
@@ -123,7 +124,7 @@ static const double *panel_of(const scan *s, size_t place)
     return s->white + place / FMFTS_PANEL * s->used * FMFTS_PANEL + place % FMFTS_PANEL;
 }
 
-static void crosses(const scan *s, size_t i, size_t j, double cross[FMFTS_LANES][FMFTS_LANES])
+static inline void crosses(const scan *s, size_t i, size_t j, double cross[FMFTS_LANES][FMFTS_LANES])
 {
     fmfts_gram(s->used, panel_of(s, i), FMFTS_PANEL, panel_of(s, j), FMFTS_PANEL, cross);
 }
@@ -145,7 +146,7 @@ static bool taken(const scan *s, size_t i, size_t j)
 }
 
 /* Fills best and other of the FMFTS_LANES places from `first` on. */
-static void best_of_rows(scan *s, size_t first)
+FMFTS_WIDE static void best_of_rows(scan *s, size_t first)
 {
     const fmfts_search *search = s->search;
     double apart = squared(search->head->apart_mm);
