@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
+from msgspec import msgpack
 
 from fmfts.arithmetic import _arithmetic, matrix
 from fmfts.config import PadConfig, SimulatedSource
@@ -172,6 +173,7 @@ def _matrices(random: np.random.Generator) -> None:
         matrix.product(random.normal(size=(2, size, 3)), random.normal(size=(3, 4)))
     for x in (-800.0, 0.5):
         _arithmetic.exp(x)
+        _arithmetic.has_finite_numbers(msgpack.encode([x, "x" * 40, {"x": None}, b"x"]))
         _arithmetic.log(abs(x))
 
 

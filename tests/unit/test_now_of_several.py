@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import cos, pi
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -12,7 +13,7 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.pipeline.configured import contact_model_of, lead_of, pipeline_of
 from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.several_pipeline import SeveralPipeline
-from fmfts.pipeline.snapshot import restore, snapshot
+from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 from fmfts.simulation.array import SimulatedArray
@@ -131,3 +132,12 @@ def test_now_is_null_with_a_silent_sensor(sensor: int) -> None:
         valid[sensor] = frame.sequence < 40
         last = made.process(replace(frame, valid=valid))
     assert (last.health, last.now) == ("degraded", None)
+
+
+def test_state_of_a_version_without_now_is_refused_in_words() -> None:
+    made = ready()
+    made.process(frames(1)[0])
+    state = msgspec.msgpack.decode(snapshot(made))
+    state["memory"]["followed"] = None
+    with pytest.raises(BadMemoryError, match="this pad remembers followed, and the state does not"):
+        restore(ready(), msgspec.msgpack.encode(state))

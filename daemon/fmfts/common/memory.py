@@ -29,7 +29,10 @@ def decode(content: bytes, kind: type[Memory]) -> Memory:
 def require_alike(memory: Any, other: Any, where: str = "") -> None:
     """ValueError where arrays have other shapes, or one of them lacks a part that the other has."""
     if type(memory) is not type(other) and (_is_memory(memory) or _is_memory(other)):
-        raise ValueError(f"{where} is {type(memory).__name__}, not {type(other).__name__}")
+        if _is_memory(memory) and _is_memory(other):
+            raise ValueError(f"{where} is of another kind of pad")
+        has, lacks = ("the state", "this pad") if _is_memory(memory) else ("this pad", "the state")
+        raise ValueError(f"{has} remembers {where}, and {lacks} does not")
     if isinstance(memory, np.ndarray) and isinstance(other, np.ndarray) and memory.shape != other.shape:
         raise ValueError(f"{where} has the shape {memory.shape}, not {other.shape}")
     if _is_memory(memory):

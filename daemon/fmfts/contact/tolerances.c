@@ -18,6 +18,8 @@ enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE, MOVED = FMFTS_MOVED, FORCE = 
 
 /* Difference of a finger's moments along and across, as a share of their common difference from the probe's. */
 #define UNEVEN 0.5
+/* Of the axis along z: a magnet that lies flat has 0, and its tilt changes nothing along z. */
+#define LEAST_UPRIGHT 1e-3
 
 /* A disc of 12 mm is the probe of 6 mm, smeared: over a ring, whose fourth moments are right to an eighth. */
 #define HALF_ROOT 0.70710678118654752
@@ -103,10 +105,13 @@ void fmfts_take_known_finger(const fmfts_contact_parameters *parameters, const f
 /* The error of each output for this additional movement of the magnet. The axis stays a unit vector. */
 static void add_movement(const fmfts_question *question, const fmfts_answer *answer, const double moved[MOVED], double *variance)
 {
-    double along = question->pose[3] * moved[3] + question->pose[4] * moved[4];
+    double along = question->pose[3] * moved[3] + question->pose[4] * moved[4], upright = question->pose[5];
+    if (fabs(upright) < LEAST_UPRIGHT) {
+        upright = copysign(LEAST_UPRIGHT, upright);
+    }
     for (int i = 0; i < answer->outputs; i++) {
         const double *row = answer->by_pose + POSE * i;
-        double error = -row[5] * along / question->pose[5];
+        double error = -row[5] * along / upright;
         for (int k = 0; k < MOVED; k++) {
             error += row[k] * moved[k];
         }

@@ -65,7 +65,10 @@ def restore(pipeline: Pipeline, content: bytes) -> None:
     try:
         pipeline.recall(decode(_unwrapped(content), pipeline.memory_kind))
     except (msgspec.MsgspecError, KeyError, ValueError, TypeError) as error:
-        raise BadMemoryError(f"the state is not one of this version: {type(error).__name__}: {error}") from error
+        raise BadMemoryError(
+            f"the state is of another version of fmfts, or of another pad, or is damaged ({error}): replay the "
+            "recording with the version that made it"
+        ) from error
 
 
 def _unwrapped(content: bytes) -> bytes:

@@ -39,6 +39,7 @@ FMFTS_FUNCTION(poses)
 FMFTS_FUNCTION(free_poses)
 {
     enum { LIMITS = FIRST, START, FIELD, CHANGE = FIELD + 5, COVARIANCE, MISFIT, AMBIENT, BY_POSE, COUNTED, POSITION, AXIS, ALL };
+    _Static_assert((int)ALL <= (int)FMFTS_MOST_ARRAYS, "more arrays than one call takes");
     call c = {.buffer = b};
     fmfts_measured measured;
     if (!take(&c, args, CHANGE, ALL) || !has_model(&c)) {

@@ -22,6 +22,7 @@ static bool searches(const call *c, int which, size_t values, fmfts_search *sear
 FMFTS_FUNCTION(fit)
 {
     enum { SEARCH = FIRST, START, FIELD, FINGERS = FIELD + 5, COVARIANCE, MISFIT, AMBIENT, SHEAR, SHEAR_DEVIATION, NOISE, SLOPE, ALL };
+    _Static_assert((int)ALL <= (int)FMFTS_MOST_ARRAYS, "more arrays than one call takes");
     call c = {.buffer = b};
     fmfts_search search;
     fmfts_measured measured;
@@ -89,6 +90,7 @@ FMFTS_FUNCTION(chi2_with)
 FMFTS_FUNCTION(valley)
 {
     enum { SEARCH = FIRST, FINGERS, AWAY, DIRECTION, LIMITS, FIELD, THERE = FIELD + 5, CHI2, ALL };
+    _Static_assert((int)ALL <= (int)FMFTS_MOST_ARRAYS, "more arrays than one call takes");
     call c = {.buffer = b};
     fmfts_search search;
     fmfts_measured measured;
