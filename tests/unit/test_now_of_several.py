@@ -65,6 +65,14 @@ def test_now_of_four_magnets_follows_a_tap_of_50_ms() -> None:
     assert sum(message.now is None for message in messages[80:]) <= 2
 
 
+def test_newest_samples_show_a_finger_that_the_frame_does_not() -> None:
+    made = ready()
+    messages = [made.process(frame) for frame in frames(220, tapping)]
+    ahead = [message for message in messages if message.contact is False and message.now and message.now.force_n > 0.1]
+    assert len(ahead) >= 2
+    assert all(tapping(message.now.t_ns * 1e-9).force_n > 0.05 for message in ahead if message.now)
+
+
 def test_now_of_an_untouched_pad_is_no_force_without_a_place() -> None:
     made = ready()
     now = [made.process(frame) for frame in frames(20)][-1].now
