@@ -24,6 +24,9 @@ OF_SLIP = (
     *("slip_since_s", "slip_speed", "slip_spread", "learnt_friction", "learnt_weight"),
 )
 
+# And these, from before a mean residual told how far offsets drift.
+LATER = (*OF_SLIP, "further_drift")
+
 # The fields that are not 0, and equal for every pad.
 FIRST: dict[str, Numbers] = {
     "last_us": np.nan,
@@ -56,9 +59,9 @@ def first_memory(pad: Pad, baselined: BaselinedPad | None) -> dict[str, Numbers]
     }
 
 
-def with_slip(fields: Values) -> Values:
-    """The same, if a version without slip wrote it."""
-    return {name: np.zeros(count or ()) for name, _, count in MEMORY if name in OF_SLIP} | fields
+def with_later(fields: Values) -> Values:
+    """The same, if an older version wrote it."""
+    return {name: np.zeros(count or ()) for name, _, count in MEMORY if name in LATER} | fields
 
 
 def without_samples(memory: dict[str, Numbers]) -> dict[str, Numbers]:

@@ -15,7 +15,7 @@ from fmfts.pad import Pad, Placement
 from fmfts.pipeline import _pad
 from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.encoded import EncodedMessage, Passed
-from fmfts.pipeline.first_memory import first_memory, with_slip, without_samples
+from fmfts.pipeline.first_memory import first_memory, with_later, without_samples
 from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.parameters import packed_response, parameters_of, put_neighbours
 from fmfts.pipeline.possible_memory import require_alike, require_possible
@@ -237,7 +237,7 @@ class PadPipeline:
             raise ValueError("of a pad with a baseline, and this one has none, or the other way round")
         require_possible(memory.fields, memory.sensors)
         require_alike(memory.sighting, self._sighting)
-        self._memory.recall(with_slip(memory.fields))
+        self._memory.recall(with_later(memory.fields))
         self._has_frame = False
         self._sighting.recall(memory.sighting)
         if memory.why_no_baseline != self._why_none:

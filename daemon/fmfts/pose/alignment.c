@@ -131,8 +131,8 @@ static double drift_t2(fmfts_step *step)
 {
     double warmed_k = step->temperature_c - step->parameters->rest_temperature_c;
     step->memory->warmed_k = isnan(warmed_k) ? step->memory->warmed_k : warmed_k;
-    double drift_t = step->parameters->offset_t_per_k * step->memory->warmed_k;
-    return drift_t * drift_t;
+    double per_k = step->parameters->offset_t_per_k, warmed = step->memory->warmed_k;
+    return (per_k * per_k + step->memory->further_drift) * warmed * warmed;
 }
 
 /* The variances of one sensor's axes, whose field differs from that at rest. */

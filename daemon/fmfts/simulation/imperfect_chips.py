@@ -36,7 +36,7 @@ class ImperfectChips:
     def __init__(self, kinds: Collection[str], sensors: int, chip: Chip, rate_hz: float, random: np.random.Generator):
         self._kinds, self._random, self._chip = kinds, random, chip
         shape = (sensors, 3)
-        self._offset_t_per_k = random.normal(0.0, chip.offset_t_per_k, shape)
+        self.offset_t_per_k = random.normal(0.0, chip.offset_t_per_k, shape)
         self._disturbed_t = np.zeros(shape)
         self._disturbed_t[random.integers(sensors)] = random.normal(0.0, DISTURBED_T, 3)
         self._bend = NONLINEARITY * random.uniform(-1.0, 1.0, shape)
@@ -51,7 +51,7 @@ class ImperfectChips:
         if "nonlinear" in self._kinds:
             field_t = field_t + self._bend * LINEAR_RANGE_T * (field_t / LINEAR_RANGE_T) ** 3
         if "offset_drift" in self._kinds:
-            field_t = field_t + self._offset_t_per_k * warming_k
+            field_t = field_t + self.offset_t_per_k * warming_k
         if "disturbed" in self._kinds:
             field_t = field_t + self._disturbed_t * (time_s[..., None] > DISTURBED_AT_S)
         if not {"flicker", "steps"} & set(self._kinds):

@@ -58,6 +58,10 @@ class Imperfections:
         self._soft_iron = np.eye(3) + random.normal(0.0, SOFT_IRON, (3, 3)) * ("soft_iron" in kinds)
         self._chips = ImperfectChips(kinds, count, built.pad.chip, rate_hz, random)
 
+    def drift_times(self, factor: float) -> None:
+        """Let the chips' offsets drift so many times as much."""
+        self._chips.offset_t_per_k *= factor
+
     def field(self, now: PadNow, touches: Sequence[Touch], ambient_t: Array, time_s: Array) -> Array:
         """(K, N, 3) the chips' readings without noise, at each sensor's times (K, N) in an ambient field
         (K, N, 3). touches: of these times, one after the other; empty where the pad is not mounted."""

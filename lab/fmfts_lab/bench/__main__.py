@@ -41,6 +41,7 @@ from fmfts_lab.bench import (
     structure,
     tools,
     turning,
+    warming,
     weigh,
 )
 
@@ -162,6 +163,17 @@ def main() -> None:
     verb.add_argument("--turn", action="store_true", help="after --turn, not after bare and rest alone")
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=silicone.run)
+    verb = verbs.add_parser("warming", help="offsets of chips drift more than assumed: down how long, false contacts")
+    verb.add_argument("--pads", type=int, default=4, help="how many pads are built, for each row")
+    verb.add_argument("--seconds", type=float, default=145.0, help="in which a pad warms evenly")
+    verb.add_argument("--after", type=float, default=10.0, help="seconds in which it stays warm")
+    verb.add_argument("--kelvin", type=float, default=10.0)
+    verb.add_argument("--times", type=float, nargs="+", default=[1.0, 3.0], help="of the chip's offset_t_per_k")
+    verb.add_argument("--scenes", nargs="+", choices=warming.AMBIENTS, default=warming.AMBIENTS)
+    verb.add_argument("--fingers", nargs="+", choices=warming.FINGERS, default=warming.FINGERS)
+    verb.add_argument("--turn", action="store_true", help="after --turn, not after bare and rest alone")
+    verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.set_defaults(run=warming.run)
     verb = verbs.add_parser("long-squeeze", help="creeping silicone: false contacts after 4 N, force of a hold")
     verb.add_argument("--pads", type=int, default=1)
     verb.add_argument("--seconds", type=float, default=600.0, help="how long 4 N press")

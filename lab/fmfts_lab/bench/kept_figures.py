@@ -125,7 +125,31 @@ def tilted(rows: Rows) -> str:
     return markdown(columns, lines)
 
 
-TABLES = (Table("as-built.md", "as-built", as_built), Table("structure.md", "tilt", tilted))
+def warming(rows: Rows) -> str:
+    """Of pads whose offsets drift further than the chip's figure says."""
+    lines = []
+    for seeds in rows:
+        first = seeds[0]
+        lines.append(
+            (
+                f"{1e9 * first['t_per_k']:.0f} nT/K",
+                first["ambient"],
+                spread((one["least_published"] for one in seeds), ".2%").replace("%", " %").replace("  ", " "),
+                f"{sum(one['wrong'] for one in seeds)} of {sum(one['frames'] for one in seeds)}",
+                spread((one["worst_sd"] for one in seeds), ".1f"),
+                spread((one["false_onsets"] for one in seeds), "d"),
+                f"{sum(one['false_frames'] for one in seeds)} of {sum(one['rest_frames'] for one in seeds)}",
+            )
+        )
+    columns = ("drift", "scene", "published by the worst pad", "wrong", "worst, sd", "false onsets", "in frames")
+    return markdown(columns, lines)
+
+
+TABLES = (
+    Table("as-built.md", "as-built", as_built),
+    Table("silicone.md", "warming", warming),
+    Table("structure.md", "tilt", tilted),
+)
 
 
 def page(text: str, table: Table) -> str:

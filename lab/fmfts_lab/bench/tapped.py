@@ -95,7 +95,12 @@ def tapped(ambient: Ambient, seeds: Iterable[int], seconds: float) -> Well:
 
 
 class ManyFrames(Simulated):
-    """Makes the frames of many polls at once, in a tenth of the time. Without neighbours and warming."""
+    """Makes the frames of many polls at once, in a tenth of the time. Without neighbours.
+
+    warmed_k: of a batch. Only imperfect pads warm.
+    """
+
+    warmed_k = 0.0
 
     def batches(self, count: int) -> Iterator[list[WireFrame]]:
         self._start_ns = 0
@@ -107,7 +112,7 @@ class ManyFrames(Simulated):
         conversion = self._chips.newest_conversion(sequence[:, None] / self._rate_hz)
         fresh = conversion != np.concatenate([self._delivered[None], conversion[:-1]])
         sampled_s = self._chips.time_of(conversion)
-        counts = self._chips.counts(self._fields(sampled_s), self._gain_code, 0.0)
+        counts = self._chips.counts(self._fields(sampled_s), self._gain_code, self.warmed_k)
         # A value that is not fresh repeats its last reading.
         newest = np.maximum.accumulate(np.where(fresh, np.arange(count)[:, None] + 1, 0))
         counts = np.take_along_axis(np.concatenate([self._counts[None], counts]), newest[:, :, None], axis=0)
@@ -115,12 +120,12 @@ class ManyFrames(Simulated):
             counts = self._imperfections.transferred(counts)
         self._sequence += count
         self._delivered, self._counts = conversion[-1], counts[-1]
-        return wire_frames(sequence, sampled_s, fresh, counts, self._gain_code)
+        return wire_frames(sequence, sampled_s, fresh, counts, self._gain_code, self._told_c(self.warmed_k))
 
     def _fields(self, sampled_s: Array) -> Array:
         """(K, N, 3) field at each sensor of each frame, at its own sample time (K, N)."""
         if self._imperfections is not None:
-            return self.imperfect_field(self._ambients(sampled_s), sampled_s, 0.0)
+            return self.imperfect_field(self._ambients(sampled_s), sampled_s, self.warmed_k)
         built, shape = self._built, (*sampled_s.shape, 3)
         press = columns([self.finger(moment) for moment in sampled_s.ravel().tolist()])
         position_m, axis = (vectors.reshape(shape) for vectors in built.pose(*press))
@@ -148,6 +153,7 @@ def wire_frames(
     fresh: NDArray[np.bool_],
     counts: NDArray[np.int16],
     gain_code: int,
+    told_c: float | None = ROOM_C,
 ) -> list[WireFrame]:
     newest_s = sampled_s.max(axis=1)
     readings = np.empty((*fresh.shape, 4), "<i2")
@@ -160,6 +166,6 @@ def wire_frames(
     host_ns = np.rint(newest_s * 1e9).astype(np.int64)
     rows = zip(sequence.tolist(), device_us.tolist(), host_ns.tolist(), masks.tolist(), strict=True)
     return [
-        WireFrame(0, number, time_us, time_ns, (gain_code, every, mask, data[size * row : size * (row + 1)]), ROOM_C)
+        WireFrame(0, number, time_us, time_ns, (gain_code, every, mask, data[size * row : size * (row + 1)]), told_c)
         for row, (number, time_us, time_ns, mask) in enumerate(rows)
     ]
