@@ -378,7 +378,7 @@ kept-report: $(VENV)/.installed-test
 $(VENV)/.installed: pyproject.toml $(wildcard daemon/fmfts/*/*.[ch] daemon/fmfts/*/*/*.[ch]) | base-packages
 	@test -x $(BIN)/python || { echo "making $(VENV)"; $(PYTHON) -m venv $(VENV); }
 	@echo "installing fmfts into $(VENV) (a minute the first time)"
-	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e . -e ./extras/collect -e ./extras/fleet -e ./extras/skin
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e . $(INSTALL_EXTRAS:%=-e ./%)
 	@touch $@
 
 $(VENV)/.installed-test: pyproject.toml $(EXTRAS:%=%/pyproject.toml) $(VENV)/.installed

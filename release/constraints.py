@@ -20,7 +20,7 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 HERE = Path(__file__).parent
-EXTRAS = ("calibrate", "plot", "cluster")  # and those of extras/; not `fem`: nobody gets GPL-3 unasked
+EXTRAS = ("train", "plot", "cluster")  # and those of extras/; not `fem`: nobody gets GPL-3 unasked
 OPTIONS = ["--universal", "--generate-hashes", "--no-header", "--no-annotate", "--no-emit-index-url"]
 OPTIONS += ["--no-emit-find-links", "--quiet"]
 

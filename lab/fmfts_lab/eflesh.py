@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.calibrate.field_table import write
 from fmfts.pad import Array
+from fmfts_calibrate.field_table import write
 
 NEWTON_PER_GRAM = 9.80665e-3
 WITHDRAWN_MM = 0.05

@@ -30,8 +30,11 @@ LEAST_MESSAGES = 220  # one second of frames: a busy computer starts the daemon 
 LARGEST_LISTED = 8
 # A source from a package, with a chip that it does not support.
 SKIN = '[[pad]]\nname = "skin"\n[pad.source]\ntype = "anyskin"\nport = "/dev/null"\nchip = "hmc5983"\n'
+SIMULATED = '[[pad]]\nname = "pad"\n[pad.source]\ntype = "simulated"\n'
 # A verb that cannot use them says so if the extra is installed.
 MISUSED = {
+    "calibrate": (["calibrate", "x.csv", "-o", "x.onnx", "--hidden", "1"], "--hidden is 1: from 2 to 64"),
+    "magnet": (["probe", "--magnet", "--config", "simulated.toml"], "nobody can hold a magnet above it"),
     "collect": (["collect", "--weigh-g", "100"], "expected 2 arguments"),
     "fleet": (["view", "--robot", "arm"], "give NAME=ENDPOINT"),
     "foxglove": (["view", "--foxglove", "--host", "0.0.0.0"], "serves this machine alone"),
@@ -146,6 +149,7 @@ def extras_add_their_verbs(python: str) -> None:
 def said_by(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     command = [folder / "venv/bin/fmfts-daemon", *words]
     (folder / "skin.toml").write_text(SKIN)
+    (folder / "simulated.toml").write_text(SIMULATED)
     return subprocess.run(command, cwd=folder, env=clean_variables(), capture_output=True, text=True, check=False)
 
 

@@ -20,8 +20,6 @@ from drills.file_damage import LyingRecording, Remade, mutated, proto_damaged, r
 from fmfts.baseline import Baseline, BaselineError, load
 from fmfts.baseline.files import path_of, store_gains, stored_gains
 from fmfts.bus.keys import KeyFolder, KeysError
-from fmfts.calibrate.dataset import read_calibration_set
-from fmfts.calibrate.field_table import DataError
 from fmfts.common.toml import parse
 from fmfts.config import PadConfig, ReplaySource, SimulatedSource, file
 from fmfts.config.file import ConfigError
@@ -42,6 +40,8 @@ from fmfts.sensor.source import SourceError
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.pad_file import PadFileError, read_pad_file
 from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_calibrate.dataset import read_calibration_set
+from fmfts_calibrate.field_table import DataError
 from fmfts_client.keys import BadKeyError, client_key
 from fmfts_collect.errors import RefusedError
 from fmfts_collect.machine_log import read_log

@@ -10,16 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.calibrate.dataset import PAD_SIZE_MM, CalibrationSet, read_calibration_set, read_labelled
-from fmfts.calibrate.labelled_poses import LabelledPoses, solver_of
-from fmfts.calibrate.likelihood import invert
-from fmfts.calibrate.network import train_network
-from fmfts.calibrate.samples import Samples, presses_within
-from fmfts.calibrate.tracked import Tracked
-from fmfts.calibrate.training import PRESSES
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array, Pad
 from fmfts.sensor.chips import NOISE_T
+from fmfts_calibrate.dataset import PAD_SIZE_MM, CalibrationSet, read_calibration_set, read_labelled
+from fmfts_calibrate.labelled_poses import LabelledPoses, solver_of
+from fmfts_calibrate.likelihood import invert
+from fmfts_calibrate.network import train_network
+from fmfts_calibrate.samples import Samples, presses_within
+from fmfts_calibrate.tracked import Tracked
+from fmfts_calibrate.training import PRESSES
 
 FRAMES = 20  # of each held-out press, with the noise of single frames
 BAR = 1.2  # of ideal data's error

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from fmfts.common.sweep import Workers
+from fmfts_calibrate.sweep import Workers
 from ports import tcp_base
 
 PATIENCE_S = 60.0

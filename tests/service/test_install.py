@@ -102,5 +102,8 @@ def assert_runs(tree: Path) -> None:
     assert [part for part in compiled_parts() if not (library / part).exists()] == []
     said = subprocess.run([*command, "collect", "--help"], env=environment, capture_output=True, text=True, check=False)
     assert "--by-hand" in said.stdout, f"extras that every system has are found there: {said.stderr}"
+    for verb, option in (("calibrate", "--correct"), ("evaluate", "--plot"), ("pose", "--octupole")):
+        said = subprocess.run([*command, verb, "--help"], env=environment, capture_output=True, text=True, timeout=60)
+        assert option in said.stdout, said.stderr
     said = subprocess.run([*command, "view", "--robot", "arm"], env=environment, capture_output=True, text=True)
     assert "give NAME=ENDPOINT" in said.stderr

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.calibrate.field_table import write
+from fmfts_calibrate.field_table import write
 from fmfts_skin.calibrate.field_set import FieldSet
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.calibrate.field_table import write
+from fmfts_calibrate.field_table import write
 from fmfts_lab.bench.eflesh import another_day, converted, run
 from fmfts_lab.eflesh import main
 from fmfts_skin.calibrate.field_evaluate import evaluate_field

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.calibrate.field_table import DataError
 from fmfts.cli.main import main
+from fmfts_calibrate.field_table import DataError
 from fmfts_skin.calibrate.field_evaluate import FieldEvaluation, evaluate_field
 from fmfts_skin.calibrate.field_fit import make_response
 from fmfts_skin.calibrate.field_instance import REST_UT, explained

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.calibrate.dataset import standard_pad
-from fmfts.calibrate.field_table import DataError
-from fmfts.calibrate.tracked import FrameSolver
 from fmfts.cli.main import main
+from fmfts_calibrate.dataset import standard_pad
+from fmfts_calibrate.field_table import DataError
+from fmfts_calibrate.tracked import FrameSolver
 from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
 from fmfts_skin.calibrate.force_command import KnownMagnet, evaluate_force_file, make_force_file
 from fmfts_skin.calibrate.force_set import read_force_set

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from magnet_world import GAINS, Built, Person, RefusedStepError, good_board, measured, person
 
-from fmfts.magnet_check import Board, Readings, TooLittleError, Verdict, instructed_hand, judged, sentences
+from fmfts_magnet import Board, Readings, TooLittleError, Verdict, instructed_hand, judged, sentences
 
 KINDS = tuple(GAINS)
 COUNTS = (4, 4, 4, 4, 5, 8)

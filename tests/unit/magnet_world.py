@@ -19,10 +19,10 @@ from scipy.spatial.transform import Rotation
 from emulator.chips import Hmc5983
 from emulator.magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l
 from emulator.mlx90393 import Mlx90393
-from fmfts.magnet_check.holding import Held, Hold, readings_of
-from fmfts.magnet_check.readings import Readings
 from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS
 from fmfts.sensor.frame import Frame, bits
+from fmfts_magnet.holding import Held, Hold, readings_of
+from fmfts_magnet.readings import Readings
 
 KINDS: dict[str, Any] = {
     "hmc5983": Hmc5983, "qmc5883l": Qmc5883l, "lis3mdl": Lis3mdl, "mmc5983ma": Mmc5983ma, "mlx90393": Mlx90393

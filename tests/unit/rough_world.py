@@ -8,8 +8,8 @@ import numpy as np
 from mounted_world import NOISE_T, TOLERANCE, World
 
 from fmfts.baseline import Baseline, Means, make_bare, make_rest
-from fmfts.learn.fit import Fields
 from fmfts.pad import Pad, rotation_from_vector
+from fmfts_calibrate.learn.fit import Fields
 
 PLACE_M, ROTATION_RAD = 2e-3, np.radians(10.0)
 SKETCH = replace(

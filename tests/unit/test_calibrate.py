@@ -11,25 +11,25 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from fmfts.calibrate.dataset import read_calibration_set
-from fmfts.calibrate.evaluation import force_bins, own_error, rows, tables_of_squares
-from fmfts.calibrate.evaluation_plot import magnification, shortened
-from fmfts.calibrate.export import export
-from fmfts.calibrate.field_table import DataError
-from fmfts.calibrate.fitting import fit_response
-from fmfts.calibrate.left_out import LeftOut
-from fmfts.calibrate.levenberg import Layers, train
-from fmfts.calibrate.network import DIRECTION_GAIN, ContactNetwork, features, train_network
-from fmfts.calibrate.samples import Samples, presses_in_bins, presses_within
-from fmfts.calibrate.selection import Candidate, compare, smallest_within_noise
-from fmfts.calibrate.tracked import FrameSolver
-from fmfts.calibrate.training import Options, calibrate, selection_table
 from fmfts.contact import ContactModel
 from fmfts.contact.contract import parse_response
 from fmfts.contact.response import Response
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.sensor.chips import NOISE_T
+from fmfts_calibrate.dataset import read_calibration_set
+from fmfts_calibrate.evaluation import force_bins, own_error, rows, tables_of_squares
+from fmfts_calibrate.evaluation_plot import magnification, shortened
+from fmfts_calibrate.export import export
+from fmfts_calibrate.field_table import DataError
+from fmfts_calibrate.fitting import fit_response
+from fmfts_calibrate.left_out import LeftOut
+from fmfts_calibrate.levenberg import Layers, train
+from fmfts_calibrate.network import DIRECTION_GAIN, ContactNetwork, features, train_network
+from fmfts_calibrate.samples import Samples, presses_in_bins, presses_within
+from fmfts_calibrate.selection import Candidate, compare, smallest_within_noise
+from fmfts_calibrate.tracked import FrameSolver
+from fmfts_calibrate.training import Options, calibrate, selection_table
 from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
 
 REST = np.array([0.0, 0.0, 12.0, 0.0, 0.0, 1.0])

@@ -12,14 +12,14 @@ import pytest
 
 from fmfts.baseline.baseline import encode, make_bare, make_rest
 from fmfts.baseline.recording import Recording
-from fmfts.calibrate.array_correction import LEVELS, Correction
-from fmfts.calibrate.array_fit import fit_table
-from fmfts.calibrate.array_set import ArraySet, read_array_set
-from fmfts.calibrate.array_start import SHIPPED_MM, hash_of, starting_table
-from fmfts.calibrate.field_table import DataError
 from fmfts.contact.array_response import CHANGE, ArrayResponse
 from fmfts.pad import Array, Pad, Tolerance
 from fmfts.pose.magnets import field_of
+from fmfts_calibrate.array_correction import LEVELS, Correction
+from fmfts_calibrate.array_fit import fit_table
+from fmfts_calibrate.array_set import ArraySet, read_array_set
+from fmfts_calibrate.array_start import SHIPPED_MM, hash_of, starting_table
+from fmfts_calibrate.field_table import DataError
 from fmfts_lab.bench.several_world import BUILT, EXACT, NOISE_T, Press, World, world
 from fmfts_lab.finite_elements.array_pad import array_config
 

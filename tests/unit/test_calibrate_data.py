@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.calibrate.dataset import read_calibration_set, read_labelled, rest_field, standard_pad
-from fmfts.calibrate.field_table import DataError
-from fmfts.calibrate.labelled_poses import solved
-from fmfts.calibrate.tracked import FrameSolver
-from fmfts.calibrate.training import Options, calibrate
 from fmfts.cli.main import main
 from fmfts.common import exit_codes
+from fmfts_calibrate.dataset import read_calibration_set, read_labelled, rest_field, standard_pad
+from fmfts_calibrate.field_table import DataError
+from fmfts_calibrate.labelled_poses import solved
+from fmfts_calibrate.tracked import FrameSolver
+from fmfts_calibrate.training import Options, calibrate
 from fmfts_lab.calibration.simulated import rest_field_of
 
 CALIBRATION = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fmfts.calibrate.dataset import CalibrationSet
-from fmfts.calibrate.evaluate import evaluate
-from fmfts.calibrate.field_table import DataError
-from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact import ContactModel
 from fmfts.pad import Pad
 from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_calibrate.dataset import CalibrationSet
+from fmfts_calibrate.evaluate import evaluate
+from fmfts_calibrate.field_table import DataError
+from fmfts_calibrate.training import Options, calibrate
 from fmfts_lab.calibration.simulated import magnet_fields, rest_field_of
 
 Array = NDArray[np.float64]

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import get_args
 
@@ -14,6 +15,8 @@ import pytest
 from fmfts.bus.messages import Health
 from fmfts.cli.main import main
 from fmfts.common import exit_codes
+from fmfts.common.extras import LABORATORY, how_to_install
+from fmfts.common.toml import parse
 from fmfts.contact.shipped import DEFAULT_PATH
 
 ROOT = Path(__file__).parents[2]
@@ -83,7 +86,7 @@ def test_why_daemon_ended_is_its_last_line_however_slow_log_is(tmp_path: Path) -
 def test_absent_package_comes_with_the_line_that_installs_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setitem(sys.modules, "fmfts.calibrate.command", None)
+    monkeypatch.setitem(sys.modules, "fmfts_calibrate.command", None)
     arguments = ["calibrate", str(CALIBRATION), "-o", "m.onnx", "--config", str(SHIPPED)]
     assert main(arguments) == exit_codes.UNAVAILABLE
     assert f"{sys.executable} -m pip install 'fmfts[calibrate]'" in capsys.readouterr().err
@@ -178,7 +181,7 @@ def test_verb_of_the_laboratory_says_how_to_install_it(
         ["pad-model", "--to", "x"],
     ):
         assert main(words) == 69
-        assert "pip install ./clients/python . ./lab" in capsys.readouterr().err
+        assert f"pip install -e {ROOT}/extras/calibrate -e {ROOT}/lab\n" in capsys.readouterr().err
 
 
 def test_verb_of_an_extra_says_how_to_install_it(
@@ -186,7 +189,50 @@ def test_verb_of_an_extra_says_how_to_install_it(
 ) -> None:
     monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
     assert main(["collect", "simulation", "-o", "data.csv", "--by-hand"]) == 69
-    assert "pip install 'fmfts[collect]'\n" in capsys.readouterr().err
+    assert f"pip install 'fmfts[collect]' -e {ROOT}/extras/collect\n" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words", [["calibrate", "data.csv", "-o", "m.onnx"], ["evaluate", "data.csv"], ["pose", "f.csv"]]
+)
+def test_each_verb_about_models_says_how_to_install_it(
+    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    without(monkeypatch, "fmfts.verbs")
+    assert main(words) == 69
+    assert f"pip install 'fmfts[calibrate]' -e {ROOT}/extras/calibrate\n" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("words", "extra"), [("baseline --learn", "calibrate"), ("probe --magnet", "magnet")])
+def test_option_of_an_extra_says_how_to_install_it(
+    words: str, extra: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    without(monkeypatch, "fmfts.options")
+    assert main([*words.split(), "--config", str(SHIPPED)]) == 69
+    said = capsys.readouterr().err
+    assert said.startswith(f"fmfts-daemon {words.split()[0]}: {words} belongs to a package of its own")
+    assert f"pip install 'fmfts[{extra}]' -e {ROOT}/extras/{extra}\n" in said
+
+
+def without(monkeypatch: pytest.MonkeyPatch, group: str) -> None:
+    """As if no package had such entry points."""
+    monkeypatch.setattr(
+        "importlib.metadata.entry_points", lambda **of: () if of["group"] == group else entry_points(**of)
+    )
+
+
+@pytest.mark.parametrize("package", ["calibrate", "skin", LABORATORY])
+def test_line_that_installs_a_package_names_all_folders_that_pip_needs(package: str) -> None:
+    """pip finds them nowhere else: no index has them."""
+    editable, plain = how_to_install(package), how_to_install(package, ROOT / "no-checkout")
+    folder = ROOT / package if package == LABORATORY else ROOT / "extras" / package
+    needed = parse((folder / "pyproject.toml").read_text())["project"]["dependencies"]
+    beside = {word.partition("==")[0].removeprefix("fmfts-") for word in needed if word.startswith("fmfts-")}
+    for name in beside - {"client"}:
+        assert f"-e {ROOT}/extras/{name} " in editable
+        assert f"./extras/{name} " in plain
+    assert f"-e {folder}" in editable
+    assert plain.endswith(f" ./{folder.relative_to(ROOT)}")
 
 
 @pytest.mark.parametrize("column", ["force_z_n", "depth_mm", "shear_n"])
@@ -195,11 +241,11 @@ def test_data_set_of_an_extra_says_how_to_install_it(
 ) -> None:
     data = tmp_path / "set.csv"
     data.write_text(f"b1x_ut,b1y_ut,b1z_ut,{column}\n")
-    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
+    without(monkeypatch, "fmfts.calibrations")
     assert main(["calibrate", str(data), "-o", str(tmp_path / "model")]) == 69
     said = capsys.readouterr().err
     assert column in said
-    assert "pip install 'fmfts[skin]'\n" in said
+    assert "pip install 'fmfts[skin]' -e " in said
 
 
 @pytest.mark.parametrize("mark", ["fmfts field response 1", "fmfts force model 1"])
@@ -208,9 +254,9 @@ def test_model_of_an_extra_says_how_to_install_it(
 ) -> None:
     model = tmp_path / "model"
     model.write_text(mark)
-    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
+    without(monkeypatch, "fmfts.calibrations")
     assert main(["evaluate", str(tmp_path / "set.csv"), "--model", str(model)]) == 69
-    assert "pip install 'fmfts[skin]'\n" in capsys.readouterr().err
+    assert "pip install 'fmfts[skin]' -e " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

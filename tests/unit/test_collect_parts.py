@@ -15,10 +15,10 @@ from rich.console import Console
 from emulator.pty_port import PtyPort
 from fmfts.baseline.files import store
 from fmfts.baseline.origin import Origin
-from fmfts.calibrate.fitting import empty_response
 from fmfts.config import BridgeSource, PadConfig, SimulatedSource
 from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
+from fmfts_calibrate.fitting import empty_response
 from fmfts_collect.errors import AbsentError, RefusedError, StoppedError
 from fmfts_collect.gauge import Reading, open_gauge
 from fmfts_collect.hand import Hand

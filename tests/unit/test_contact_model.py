@@ -10,8 +10,6 @@ import onnxruntime
 import pytest
 from numpy.typing import NDArray
 
-from fmfts.calibrate.dataset import read_calibration_set, standard_pad
-from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.contact import ContactEstimate, ContactModel
 from fmfts.contact.contract import parse_response
 from fmfts.contact.response import bound_of
@@ -19,6 +17,8 @@ from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_calibrate.dataset import read_calibration_set, standard_pad
+from fmfts_calibrate.tracked import FrameSolver, Tracked
 from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
 
 CALIBRATION = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"

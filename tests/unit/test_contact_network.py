@@ -16,9 +16,6 @@ from pad_frames import frames_of
 from test_pipeline import config_of, pipeline_of
 
 from examples import examples
-from fmfts.calibrate.export import packed_weights
-from fmfts.calibrate.levenberg import Layers
-from fmfts.calibrate.network import ContactNetwork
 from fmfts.contact import ContactModel, ModelError, beside, comparison, verified
 from fmfts.contact.comparison import answers, poses_of
 from fmfts.contact.contract import WEIGHTS_KEY, pack_weights, parse_weights
@@ -27,6 +24,9 @@ from fmfts.contact.seal import unsealed, with_seal
 from fmfts.contact.shipped import DEFAULT_PATH, SHIPPED_PATHS
 from fmfts.pad import Pad
 from fmfts.simulation.baseline import simulated_baseline
+from fmfts_calibrate.export import packed_weights
+from fmfts_calibrate.levenberg import Layers
+from fmfts_calibrate.network import ContactNetwork
 
 CONTENT = unsealed(DEFAULT_PATH.read_bytes())
 Edit = Callable[[onnx.ModelProto], None]

@@ -11,12 +11,12 @@ import pytest
 from test_contact_model import CERTAIN, Frames
 from test_contact_model_file import edited, with_facts
 
-from fmfts.calibrate.export import export
-from fmfts.calibrate.levenberg import Layers
-from fmfts.calibrate.network import ContactNetwork
 from fmfts.contact import ContactModel
 from fmfts.contact.contract import SHEAR_OUTPUT_ORDER
 from fmfts.pad import Pad
+from fmfts_calibrate.export import export
+from fmfts_calibrate.levenberg import Layers
+from fmfts_calibrate.network import ContactNetwork
 from fmfts_lab.bench.workspace import standard_pad
 
 

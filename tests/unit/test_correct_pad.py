@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.calibrate.array_correction import SCALARS
-from fmfts.calibrate.command import CorrectionJob, make_corrected_model
-from fmfts.calibrate.dataset import standard_pad
-from fmfts.calibrate.export import network_of
-from fmfts.calibrate.field_table import DataError
-from fmfts.calibrate.reshaped import Reshaped
-from fmfts.cli.correct_pad import mounted_pad, starting_model
 from fmfts.contact import ContactModel
 from fmfts.contact.contract import OUTPUT_ORDER
 from fmfts.contact.inference import NetworkInference
 from fmfts.pipeline.configured import load_contact_model
+from fmfts_calibrate.array_correction import SCALARS
+from fmfts_calibrate.command import CorrectionJob, make_corrected_model
+from fmfts_calibrate.correct_verb import mounted_pad, starting_model
+from fmfts_calibrate.dataset import standard_pad
+from fmfts_calibrate.export import network_of
+from fmfts_calibrate.field_table import DataError
+from fmfts_calibrate.reshaped import Reshaped
 from fmfts_lab.bench.few_presses import Pressed, Row, labelled_by_gauge, presses_of, table_of, trial
 from fmfts_lab.bench.structure import Cell
 from fmfts_lab.bench.weigh import Bench, facts_of

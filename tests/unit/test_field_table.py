@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.calibrate.field_table import DataError, field_columns, read
 from fmfts.common import reading
+from fmfts.common.names import field_columns
+from fmfts_calibrate.field_table import DataError, read
 
 HEADER = ",".join([*field_columns(1), "note"])
 

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from fmfts.magnet_check.holding import Held, Hold
 from fmfts.sensor.chips import DEFAULT_CHIP
 from fmfts.sensor.frame import Frame
+from fmfts_magnet.holding import Held, Hold
 
 GAIN_CODE = 3
 STEP_T = DEFAULT_CHIP.step_t[GAIN_CODE]

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from recorded_files import FOLDER, needs
 
-from fmfts.learn.drawing import Drawing
-from fmfts.learn.fit import Fields, misfits
-from fmfts.learn.search import Learned, LearnError, learn
 from fmfts.pad import SensorArray, rotation_from_vector
+from fmfts_calibrate.learn.drawing import Drawing
+from fmfts_calibrate.learn.fit import Fields, misfits
+from fmfts_calibrate.learn.search import Learned, LearnError, learn
 from fmfts_lab.real.sold_sensor import SESSIONS
 from fmfts_lab.real.unlabelled import FIRST_SHARE, NOISE_T, SKETCH, fields_of, learned_from, session_t, sketch
 

@@ -11,14 +11,14 @@ from mounted_world import World
 from rough_world import SKETCH, bare_and_rest, fields, presses, rough_world
 
 from fmfts.baseline import Baseline, BaselineError, Mounting, encode, load, make_refined
-from fmfts.learn.drawing import FIRST_PLACE, Drawing
-from fmfts.learn.fit import Bundle, Fields
-from fmfts.learn.make import make_learned, spread_out
-from fmfts.learn.next_press import TIMES, next_press
-from fmfts.learn.search import Learned, LearnError, learn, octupole_factor, with_octupole
-from fmfts.learn.uniqueness import mirrored, relative_place_deviation_m
 from fmfts.pad import Magnet, Pad, SensorArray
 from fmfts.simulation.cylinder import cylinder_field
+from fmfts_calibrate.learn.drawing import FIRST_PLACE, Drawing
+from fmfts_calibrate.learn.fit import Bundle, Fields
+from fmfts_calibrate.learn.make import make_learned, spread_out
+from fmfts_calibrate.learn.next_press import TIMES, next_press
+from fmfts_calibrate.learn.search import Learned, LearnError, learn, octupole_factor, with_octupole
+from fmfts_calibrate.learn.uniqueness import mirrored, relative_place_deviation_m
 
 
 def _places(pad: Pad) -> slice:

@@ -10,10 +10,10 @@ from magnet_mistakes import MISTAKES, any_turn, board_of, tried, two_quarters, u
 from magnet_world import Built, good_board, measured, person
 from scipy.spatial.transform import Rotation
 
-from fmfts.magnet_check import Board, Readings, TooLittleError, Verdict, instructed_hand, judged, sentences
-from fmfts.magnet_check.geometry import NotWritableError, geometry_of
-from fmfts.magnet_check.picture import picture
-from fmfts.magnet_check.words import magnet
+from fmfts_magnet import Board, Readings, TooLittleError, Verdict, instructed_hand, judged, sentences
+from fmfts_magnet.geometry import NotWritableError, geometry_of
+from fmfts_magnet.picture import picture
+from fmfts_magnet.words import magnet
 
 SEED = 3
 LEFT_TO_THE_DRILL = two_quarters, upside_down, any_turn  # `make magnet-check`; this file takes some 20 s

@@ -100,7 +100,7 @@ def test_layout_of_package_not_installed_says_how_to_install_it(
     monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
     for words in (["layout", "foxglove", "--pad", "left"], ["view", "--foxglove"]):
         assert main(words) == exit_codes.UNAVAILABLE
-        assert "pip install 'fmfts[foxglove]'\n" in capsys.readouterr().err
+        assert "pip install 'fmfts[foxglove]' -e " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("program", ["foxglove", "plotjuggler"])

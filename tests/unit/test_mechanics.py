@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from recovered import recover_poses
 
-from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.cli.main import main
 from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_calibrate.dataset import read_calibration_set
 from fmfts_lab.calibration.standard_set import rows
 
 DATA = Path(__file__).parents[1] / "data"

@@ -18,12 +18,12 @@ from magnet_mistakes import mirrored_chip, mirrored_pad, obeyed, quarter, scaled
 from magnet_world import Built, Person, person
 from published_boards import chips
 
-from fmfts.cli.magnet_check import judged_pad, offer
 from fmfts.config import GeometryConfig, PadConfig
 from fmfts.config.file import load
 from fmfts.config.layouts import BoardName
-from fmfts.magnet_check import Readings, Verdict, sentences
-from fmfts.magnet_check.geometry import NotWritableError, keys_of
+from fmfts_magnet import Readings, Verdict, sentences
+from fmfts_magnet.geometry import NotWritableError, keys_of
+from fmfts_magnet.verb import judged_pad, offer
 from fmfts_skin.settings import AnyskinSource
 
 NAMES = get_args(BoardName)

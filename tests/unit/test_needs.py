@@ -9,9 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.calibrate.dataset import standard_pad
-from fmfts.calibrate.samples import Samples
-from fmfts.calibrate.tracked import FrameSolver
 from fmfts.config import (
     I2cSource,
     MagnetConfig,
@@ -37,6 +34,9 @@ from fmfts.scene import (
     recommended,
 )
 from fmfts.sensor.chips import NOISE_T
+from fmfts_calibrate.dataset import standard_pad
+from fmfts_calibrate.samples import Samples
+from fmfts_calibrate.tracked import FrameSolver
 from fmfts_lab.calibration.simulated import rest_field_of
 from fmfts_lab.study.harness import Request
 from fmfts_lab.study.scene_facts import largest_field_gauss, limits, recommended_range_gauss, would_pay

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.calibrate.field_table import field_columns
 from fmfts.cli.main import main
 from fmfts.common import exit_codes
+from fmfts.common.names import field_columns
 from fmfts.pad import Pad
 from fmfts.pose import State, dipole_field
 from fmfts.pose.kernel import predict

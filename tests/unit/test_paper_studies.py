@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.calibrate.dataset import read_calibration_set, standard_pad
 from fmfts.cli.main import main
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_calibrate.dataset import read_calibration_set, standard_pad
 from fmfts_lab.calibration.standard_set import standard_set
 from fmfts_lab.study import experiment, paper_inputs
 from fmfts_lab.study.harness import Facts, Request, Row

@@ -10,12 +10,12 @@ import pytest
 
 from fmfts.cli.main import main
 from fmfts.common.exit_codes import DATA, USAGE
-from fmfts.common.sweep import Workers
 from fmfts.config.file import ConfigError, load
 from fmfts.sensor.source import SourceError
 from fmfts.simulation.pad_file import read_pad_file
 from fmfts.simulation.solved_table import PRESSED_PATH, RESPONSE, SI, read_solved
 from fmfts.simulation.source import Simulated
+from fmfts_calibrate.sweep import Workers
 from fmfts_lab.finite_elements.finite_element import PressedSlab
 from fmfts_lab.finite_elements.pad_file import write_pad_file
 from fmfts_lab.finite_elements.reciprocity import Influence

@@ -11,9 +11,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from examples import examples
-from fmfts.calibrate.fitting import SHEAR_EXPONENTS, fit_response
-from fmfts.calibrate.likelihood import invert
-from fmfts.calibrate.tracked import FrameSolver
 from fmfts.contact import ContactModel
 from fmfts.contact.beside import told
 from fmfts.contact.contract import RESPONSE_KEY, parse_response
@@ -23,6 +20,9 @@ from fmfts.contact.seal import unsealed
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.sensor.chips import NOISE_T
+from fmfts_calibrate.fitting import SHEAR_EXPONENTS, fit_response
+from fmfts_calibrate.likelihood import invert
+from fmfts_calibrate.tracked import FrameSolver
 from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
 from oracle.response import change_and_slope, most_likely
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmfts.calibrate.levenberg import Layers
 from fmfts.pad import Array
+from fmfts_calibrate.levenberg import Layers
 from fmfts_lab.calibration.regressors import BackPropagation
 from fmfts_lab.calibration.regularised import BayesianNetwork, Components, RegularisedBasis, bayesian_steps
 

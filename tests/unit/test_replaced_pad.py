@@ -11,8 +11,8 @@ import pytest
 from mounted_world import NOISE_T, TOLERANCE, World
 
 from fmfts.baseline import Baseline, BaselineError, encode, make_rest
-from fmfts.calibrate.field_table import field_columns
 from fmfts.cli.main import main
+from fmfts.common.names import field_columns
 from fmfts.pad import Pad
 
 PRESSES = 300

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.calibrate.dataset import read_labelled, standard_pad
-from fmfts.calibrate.tracked import FrameSolver
 from fmfts.simulation.solved_table import COLUMNS, mirrored
+from fmfts_calibrate.dataset import read_labelled, standard_pad
+from fmfts_calibrate.tracked import FrameSolver
 from fmfts_lab.calibration.simulated import rest_field_of
 from fmfts_lab.calibration.solved_set import main
 

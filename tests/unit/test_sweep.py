@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.common import sweep
-from fmfts.common.sweep import ClusterError, Workers
+from fmfts_calibrate import sweep
+from fmfts_calibrate.sweep import ClusterError, Workers
 from ports import tcp_base
 
 PIECES = [(number,) for number in range(8)]

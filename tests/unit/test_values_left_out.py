@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.calibrate.dataset import CalibrationSet, read_calibration_set
-from fmfts.calibrate.field_table import field_columns
-from fmfts.calibrate.labelled_poses import solved, solver_of
-from fmfts.calibrate.tracked import Tracked
 from fmfts.cli.main import main
+from fmfts.common.names import field_columns
+from fmfts_calibrate.dataset import CalibrationSet, read_calibration_set
+from fmfts_calibrate.labelled_poses import solved, solver_of
+from fmfts_calibrate.tracked import Tracked
 
 CALIBRATION = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"
 NAMES = field_columns(4)

@@ -233,7 +233,7 @@ class TestCommandLine:
         assert main(["view", "--port", "0", "--robot", "arm=tcp://127.0.0.1:5570"]) == exit_codes.UNAVAILABLE
         said = capsys.readouterr().err
         assert "view --robot belongs to a package of its own" in said
-        assert "pip install 'fmfts[fleet]'\n" in said
+        assert "pip install 'fmfts[fleet]' -e " in said
 
     def test_key_that_is_missing_is_named_with_how_to_make_it(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]

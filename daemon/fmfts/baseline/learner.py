@@ -13,8 +13,8 @@ LEARN_PRESSES = 60  # of which a geometry is learnt
 
 
 class Learner(Protocol):
-    """Learns from its own recording: a geometry (fmfts.learn), a silicone (pipeline.weighing), or a hand's posture
-    field (posture.py). option: its name on the command line.
+    """Learns from its own recording: a geometry (fmfts_calibrate.learn), a silicone (pipeline.weighing), or a
+    hand's posture field (posture.py). option: its name on the command line.
 
      seconds: the usual time. presses: so many, all over the pad; 0: none.
     weight_n: a weight that stands on it; 0: none.

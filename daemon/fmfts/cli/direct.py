@@ -15,6 +15,7 @@ from fmfts.baseline.job import BaselineJob, Collection, GainTest
 from fmfts.baseline.learner import Learner
 from fmfts.baseline.request import BaselineRequest, restore
 from fmfts.bus.lock import BusError, serving_pid
+from fmfts.cli import elsewhere
 from fmfts.config import Config, I2cSource, PadConfig
 from fmfts.pipeline.configured import posture_learner
 from fmfts.recording.baseline import require_device
@@ -125,12 +126,11 @@ def record_baseline(
 def learn_baseline(pad: PadConfig, pads: Sequence[PadConfig], base: str | None, **options: Any) -> dict[str, Any]:
     """The same for presses that determine a geometry. AbsentError if a daemon serves: such work would take its time for
     frames."""
-    from fmfts.learn.make import FromPresses
-
+    learner: Learner = elsewhere.option("baseline --learn")()
     endpoints = for_client(named_base(base))
     if serving_pid(endpoints.control) is not None:
         raise AbsentError("a daemon runs, and --learn computes for a minute: stop it, learn, and start it again")
-    return record_baseline(pad, pads, bare=False, turn=False, refine=False, learn=FromPresses(), **options)
+    return record_baseline(pad, pads, bare=False, turn=False, refine=False, learn=learner, **options)
 
 
 def restore_baseline(pad: PadConfig) -> dict[str, Any]:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-from fmfts.cli.verb import AddVerb, VerbError
-from fmfts.common import exit_codes
-from fmfts.common.extras import LABORATORY, added, entry_points_of, how_to_install
-from fmfts.common.kind_of_file import begins_with, columns_of
+from fmfts.cli.verb import AddVerb, not_installed
+from fmfts.common.extras import LABORATORY, added, entry_points_of
 
 if TYPE_CHECKING:
     from fmfts.config import Config
@@ -19,29 +17,17 @@ VERBS = "fmfts.verbs"  # entry points: functions that take an AddVerb
 VIEWS = "fmfts.views"  # functions that `view` calls, by their package's extra
 LAYOUTS = "fmfts.layouts"  # paths, by the program that reads them
 CONFIGURATIONS = "fmfts.configurations"  # by the name of the table that it reads: a subclass of Config
-CALIBRATIONS = "fmfts.calibrations"  # modules like Calibration, by their package's extra
-PACKAGES = ("fmfts_lab", "fmfts_collect", "fmfts_fleet", "fmfts_foxglove", "fmfts_skin")
+OPTIONS = "fmfts.options"  # what an option of one of this package's verbs needs, by the package's extra
 # Each verb's line of help, and its package: the laboratory, or an extra of this one.
 OF_VERB = {
     "collect": ("press a plan of places and forces, and write the calibration data", "collect"),
     "study": ("compare methods on this pad", LABORATORY),
     "pad-model": ("make a simulated pad by finite elements", LABORATORY),
+    "calibrate": ("make a contact model from a CSV file of labelled fields", "calibrate"),
+    "evaluate": ("compare a contact model's answers with a CSV file of labelled fields", "calibrate"),
+    "pose": ("solve the magnet's pose for every row of a CSV file of fields", "calibrate"),
 }
-# Columns of a set, and marks at the beginning of a model, that only another package can read; and its extra.
-OF_COLUMN = dict.fromkeys(("force_z_n", "depth_mm", "shear_n"), "skin")
-OF_MARK = dict.fromkeys((b"fmfts field response", b"fmfts force model"), "skin")
-
-
-class Calibration(Protocol):
-    """How another package makes and judges contact models of its own kind. noise_t: of one frame's field values."""
-
-    def is_set(self, data: Path) -> bool: ...
-
-    def is_model(self, model: Path) -> bool: ...
-
-    def calibrate(self, options: argparse.Namespace, noise_t: float) -> int: ...
-
-    def evaluate(self, options: argparse.Namespace, noise_t: float) -> int: ...
+OF_OPTION = {"baseline --learn": "calibrate", "probe --magnet": "magnet"}  # its package's extra
 
 
 def add_to(verb: AddVerb, only_installed: bool = False) -> None:
@@ -61,10 +47,6 @@ def refuse(options: argparse.Namespace) -> int:
     raise not_installed(options.verb, OF_VERB[options.verb][1])
 
 
-def not_installed(what: str, package: str) -> VerbError:
-    return VerbError(exit_codes.UNAVAILABLE, f"{what} {how_to_install(package)}")
-
-
 def view(package: str, what: str) -> Callable[..., Any]:
     """An extra's function for the verb `view`, named by `what`. Raises VerbError if it is not installed."""
     viewing: Callable[..., Any] = _required(VIEWS, package, what)
@@ -77,34 +59,9 @@ def layout(package: str) -> Path:
     return path
 
 
-def calibration_of_set(data: Path) -> Calibration | None:
-    """The package that makes models of such a set; None: this one. Raises VerbError like `view`."""
-    installed = _calibrations()
-    if (found := next((one for one in installed.values() if one.is_set(data)), None)) is not None:
-        return found
-    columns = columns_of(data)
-    _require_installed({name: extra for name, extra in OF_COLUMN.items() if name in columns}, installed, data)
-    return None
-
-
-def calibration_of_model(model: Path) -> Calibration | None:
-    """The package that judges such a model; None: this one. Raises VerbError like `view`."""
-    installed = _calibrations()
-    if (found := next((one for one in installed.values() if one.is_model(model)), None)) is not None:
-        return found
-    marks = {mark.decode(): extra for mark, extra in OF_MARK.items() if begins_with(model, mark)}
-    _require_installed(marks, installed, model)
-    return None
-
-
-def _calibrations() -> dict[str, Calibration]:
-    return {point.name: point.load() for point in entry_points_of(CALIBRATIONS)}
-
-
-def _require_installed(extras: Mapping[str, str], installed: Container[str], file: Path) -> None:
-    for what, extra in extras.items():
-        if extra not in installed:
-            raise not_installed(f"{file}: who reads {what}", extra)
+def option(what: str) -> Any:
+    """What an option of OF_OPTION needs. Raises VerbError like `view`."""
+    return _required(OPTIONS, OF_OPTION[what], what)
 
 
 def _required(group: str, package: str, what: str) -> Any:

@@ -12,13 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from fmfts import __version__
-from fmfts.cli import calibrate as calibration_verbs
 from fmfts.cli import check_config, elsewhere, on_device
 from fmfts.cli import companions as companion_verbs
 from fmfts.cli import demo as demo_verb
 from fmfts.cli import init_config as init_verb
 from fmfts.cli import keys as keys_verb
-from fmfts.cli import pose as pose_verb
 from fmfts.cli import record as record_verbs
 from fmfts.cli import report as report_verb
 from fmfts.cli import view as view_verb
@@ -28,7 +26,6 @@ from fmfts.common import exit_codes
 
 DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or the first of /etc/fmfts/config.toml, ./config.toml or ./pad.toml"
 LISTENERS_CONFIG = "the daemon's file, if that sets [bus] endpoint; not needed otherwise"
-OWN_PACKAGES = ("fmfts", "fmfts_client", *elsewhere.PACKAGES)
 EPILOG = """\
 A new pad: init, check-config, probe, selftest, baseline --bare, baseline --rest, run; then listen and status.
 If a daemon runs, probe, selftest, baseline and weigh go through it.
@@ -70,7 +67,7 @@ def _handled(options: argparse.Namespace) -> int:
         code: int = options.handler(options)
         return code
     except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] in OWN_PACKAGES:
+        if error.name is None or error.name.startswith("fmfts"):
             raise
         raise lacking(error) from error  # installed with --no-deps
 
@@ -121,8 +118,6 @@ def _parser(requested: str | None, only_installed: bool = False) -> argparse.Arg
     keys_verb.add_to(verb)
     record_verbs.add_to(verb, LISTENERS_CONFIG)
     report_verb.add_to(verb)
-    pose_verb.add_to(verb)
-    calibration_verbs.add_to(verb)
     companion_verbs.add_to(verb)
     if requested not in verbs.choices:
         elsewhere.add_to(verb, only_installed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from fmfts.cli import next_step
+from fmfts.cli import elsewhere, next_step
 from fmfts.cli.verb import (
     AddVerb,
     VerbError,
@@ -143,9 +143,8 @@ def _probe(options: argparse.Namespace) -> int:
     from fmfts.view.facts import print_facts
 
     if options.magnet:
-        from fmfts.cli import magnet_check
-
-        return magnet_check.run(options)
+        checked: int = elsewhere.option("probe --magnet")(options)
+        return checked
     if options.pole or options.write:
         raise VerbError(exit_codes.USAGE, "--pole and --write belong to --magnet: `fmfts-daemon probe --magnet`")
     with ended_by(*direct.ERRORS):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from fmfts.common import exit_codes
 from fmfts.common.exit_codes import code_of
+from fmfts.common.extras import how_to_install
 from fmfts.common.names import no_such_pad
 from fmfts.common.writing import why_not_written
 
@@ -26,7 +27,6 @@ Kind = TypeVar("Kind", bound="Config")
 
 log = logging.getLogger("fmfts")
 
-OF_PRESSES = ("place_sd_mm", "scale_sd")  # options of `calibrate --correct`: how well the few presses are known
 WEIGH_FIRST = "weigh that pad (`fmfts-daemon weigh`), and record and collect again"
 
 
@@ -80,6 +80,11 @@ def lacking(error: ImportError, extra: str = "") -> VerbError:
     return VerbError(exit_codes.UNAVAILABLE, f"{error}: it comes with\n    {sys.executable} -m pip install {package}")
 
 
+def not_installed(what: str, package: str) -> VerbError:
+    """The error for a part of another package."""
+    return VerbError(exit_codes.UNAVAILABLE, f"{what} {how_to_install(package)}")
+
+
 def refuse_options(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
     """Raise VerbError for the first of these options that is given, a number 0 among them."""
     for name in names:
@@ -90,14 +95,6 @@ def refuse_options(options: argparse.Namespace, names: Sequence[str], why: str) 
 def say(line: str) -> None:
     """Report progress to a person, beside the output."""
     print(line, file=sys.stderr)
-
-
-def require_one_file(options: argparse.Namespace) -> None:
-    """Raise VerbError for options of `calibrate` and `evaluate` that are for sets with forces in three directions."""
-    if options.sessions:
-        raise VerbError(exit_codes.USAGE, f"{options.sessions[0]}: several files are for sets with forces (force_z_n)")
-    if getattr(options, "route", None) is not None:
-        raise VerbError(exit_codes.USAGE, f"--route: {options.data} has no forces in three directions (force_z_n)")
 
 
 def configuration(options: argparse.Namespace) -> Config:

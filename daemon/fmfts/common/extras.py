@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
+import fmfts
+
 LABORATORY = "lab"
-IN_CHECKOUT = "./clients/python ."
+NEEDS = {"skin": "extras/calibrate ", LABORATORY: "extras/calibrate "}  # other folders that pip needs beside it
+CHECKOUT = Path(fmfts.__file__).parents[2]  # of an editable installation
 
 
 def entry_points_of(group: str) -> Any:
@@ -21,12 +25,16 @@ def added(group: str, name: str) -> Any:
     return next((point.load() for point in entry_points_of(group) if point.name == name), None)
 
 
-def how_to_install(package: str) -> str:
-    """The end of a sentence about a package's part."""
+def how_to_install(package: str, checkout: Path = CHECKOUT) -> str:
+    """The end of a sentence about a package's part. An editable installation stays one."""
     pip = f"{sys.executable} -m pip install"
-    if package == LABORATORY:
-        return f"belongs to the laboratory; install it in a checkout of fmfts with\n    {pip} {IN_CHECKOUT} ./lab"
-    return (
-        f"belongs to a package of its own; install it with\n    {pip} 'fmfts[{package}]'\n"
-        f"or in a checkout of fmfts with\n    {pip} {IN_CHECKOUT} ./extras/{package}"
-    )
+    is_laboratory = package == LABORATORY
+    folders = (NEEDS.get(package, "") + ("lab" if is_laboratory else f"extras/{package}")).split()
+    whose = f"belongs to {'the laboratory' if is_laboratory else 'a package of its own'}; install it"
+    extra = "" if is_laboratory else f"'fmfts[{package}]' "
+    if (checkout / "pyproject.toml").is_file():
+        return f"{whose} with\n    {pip} {extra}{' '.join(f'-e {checkout / folder}' for folder in folders)}"
+    this = extra.replace("fmfts", ".") or ". "
+    of_folders = f"{pip} ./clients/python {this}{' '.join(f'./{folder}' for folder in folders)}"
+    by_name = "" if is_laboratory else f"with\n    {pip} {extra.strip()}\nor "
+    return f"{whose} {by_name}in a checkout of fmfts with\n    {of_folders}"

@@ -1,4 +1,4 @@
-"""The sentence for an unknown name, with the known ones and the most similar one."""
+"""The sentence for an unknown name, with the known ones and the most similar one; names of columns."""
 
 from __future__ import annotations
 
@@ -14,3 +14,8 @@ def no_such_pad(name: str | None, known: Sequence[str], where: str) -> str:
     nearest = get_close_matches(name, known, n=1)
     meant = f"; did you mean '{nearest[0]}'?" if nearest else ""
     return f"no pad '{name}' here; {where} has {quoted}{meant}"
+
+
+def field_columns(sensors: int) -> list[str]:
+    """Of a CSV file of fields in µT; the sensors are in the order of the configuration."""
+    return [f"b{sensor}{axis}_ut" for sensor in range(1, sensors + 1) for axis in "xyz"]

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import msgspec
 
-from fmfts.calibrate.field_table import field_columns
+from fmfts.common.names import field_columns
 from fmfts.common.reading import damage_told, read_regular
 from fmfts.common.writing import why_not_written
 from fmfts.service.state import write_atomically

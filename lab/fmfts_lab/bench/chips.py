@@ -15,8 +15,6 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from fmfts.calibrate.likelihood import invert
-from fmfts.calibrate.tracked import FrameSolver, upright
 from fmfts.config.example import EXAMPLE_PATH
 from fmfts.config.file import load
 from fmfts.contact import ContactModel
@@ -25,6 +23,8 @@ from fmfts.pad import Array
 from fmfts.scene import Surroundings
 from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS
 from fmfts.simulation.chip import as_counts
+from fmfts_calibrate.likelihood import invert
+from fmfts_calibrate.tracked import FrameSolver, upright
 from fmfts_lab.bench.curvature import Curvature, curvature, weight_with_free_ambient
 from fmfts_lab.calibration.simulated import magnet_fields
 from fmfts_lab.study.scene_chips import Setting, settings

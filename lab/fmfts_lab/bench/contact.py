@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from fmfts.calibrate.evaluation import rms, rounded
-from fmfts.calibrate.likelihood import invert
-from fmfts.calibrate.tracked import FrameSolver, Scene, Tracked
 from fmfts.contact import ContactModel
 from fmfts.contact.contract import SHEAR_OUTPUT_ORDER
 from fmfts.contact.response import Response
 from fmfts.contact.shipped import path_of
 from fmfts.pad import Pad
 from fmfts.sensor.chips import NOISE_T
+from fmfts_calibrate.evaluation import rms, rounded
+from fmfts_calibrate.likelihood import invert
+from fmfts_calibrate.tracked import FrameSolver, Scene, Tracked
 from fmfts_lab.bench import contact_live, contact_shear, contact_sizes
 from fmfts_lab.bench.contact_answers import answers
 from fmfts_lab.bench.workspace import Array, standard_pad

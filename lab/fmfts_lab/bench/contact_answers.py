@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmfts.calibrate.tracked import Tracked
 from fmfts.contact import ContactEstimate, ContactModel
 from fmfts.contact.model import POSE_UNIT
+from fmfts_calibrate.tracked import Tracked
 from fmfts_lab.bench.workspace import Array
 
 MM = np.array([1e3, 1e3, 1.0])

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from fmfts.calibrate.evaluation import rounded
-from fmfts.calibrate.tracked import FrameSolver
 from fmfts.config import MagnetConfig, SceneConfig
 from fmfts.contact import ContactModel, TouchDetector
 from fmfts.pad import Pad
@@ -16,6 +14,8 @@ from fmfts.pose import STOP_CONVERGED, solve
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.source import ROOM_C
+from fmfts_calibrate.evaluation import rounded
+from fmfts_calibrate.tracked import FrameSolver
 from fmfts_lab.bench.contact_answers import estimates
 from fmfts_lab.bench.field_tracker import FieldTracker
 from fmfts_lab.bench.workspace import Array, standard_pad

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from fmfts.calibrate.dataset import CalibrationSet
-from fmfts.calibrate.evaluate import judge
-from fmfts.calibrate.evaluation import rms, rounded
-from fmfts.calibrate.samples import Samples
-from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.contact import ContactModel
 from fmfts.contact.response import Response
 from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.solved_table import SHEARED_PATH, read_solved
+from fmfts_calibrate.dataset import CalibrationSet
+from fmfts_calibrate.evaluate import judge
+from fmfts_calibrate.evaluation import rms, rounded
+from fmfts_calibrate.samples import Samples
+from fmfts_calibrate.tracked import FrameSolver, Tracked
 from fmfts_lab.bench.contact_answers import answers, estimates
 from fmfts_lab.bench.workspace import Array, standard_pad
 from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from fmfts.calibrate.evaluation import rounded
-from fmfts.calibrate.export import export
-from fmfts.calibrate.fitting import best_roughness
-from fmfts.calibrate.labelled_poses import solved, solver_of
-from fmfts.calibrate.levenberg import Layers
-from fmfts.calibrate.network import ContactNetwork
-from fmfts.calibrate.selection import HIDDEN, PRESSES, Candidate, compare, smallest_within_noise
 from fmfts.contact import ContactModel
 from fmfts.sensor.chips import NOISE_T
+from fmfts_calibrate.evaluation import rounded
+from fmfts_calibrate.export import export
+from fmfts_calibrate.fitting import best_roughness
+from fmfts_calibrate.labelled_poses import solved, solver_of
+from fmfts_calibrate.levenberg import Layers
+from fmfts_calibrate.network import ContactNetwork
+from fmfts_calibrate.selection import HIDDEN, PRESSES, Candidate, compare, smallest_within_noise
 from fmfts_lab.bench.workspace import standard_pad
 from fmfts_lab.calibration.standard_set import standard_set
 

@@ -14,8 +14,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from fmfts.calibrate.field_table import write
 from fmfts.pad import Array
+from fmfts_calibrate.field_table import write
 from fmfts_lab.eflesh import columns
 from fmfts_skin.calibrate.field_evaluate import FieldEvaluation, evaluate_field
 from fmfts_skin.calibrate.field_fit import make_response

@@ -19,15 +19,16 @@ import numpy as np
 from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.recording import summarise
 from fmfts.baseline.request import BaselineRequest
-from fmfts.calibrate.command import CorrectionJob, make_corrected_model
-from fmfts.calibrate.field_table import DataError, field_columns, write
-from fmfts.cli.correct_pad import mounted_pad, starting_model
+from fmfts.common.names import field_columns
 from fmfts.config import PadConfig, ToleranceConfig
 from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.sensor.chips import DEFAULT_CHIP
 from fmfts.simulation.finger import no_finger, steady_finger
 from fmfts.simulation.mounted import MountedPad
+from fmfts_calibrate.command import CorrectionJob, make_corrected_model
+from fmfts_calibrate.correct_verb import mounted_pad, starting_model
+from fmfts_calibrate.field_table import DataError, write
 from fmfts_lab.bench.cast_pads import CastFinger, ramps
 from fmfts_lab.bench.silicone import RealPad, messages_of
 from fmfts_lab.bench.structure import CALIBRATED_N, Cell, Found

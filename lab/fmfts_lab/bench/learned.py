@@ -16,11 +16,11 @@ from fmfts.baseline.mounting import Mounting
 from fmfts.baseline.request import LEARN_S, BaselineRequest
 from fmfts.config import ContactConfig, GeometryConfig, PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
-from fmfts.learn.make import FromPresses
 from fmfts.pad import rotation_from_vector
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.encoded import message_of
 from fmfts.simulation.finger import no_finger
+from fmfts_calibrate.learn.make import FromPresses
 from fmfts_lab.bench.as_built import Cell, Made
 from fmfts_lab.bench.built_world import BuiltSource, Defects, Presses
 from fmfts_lab.bench.tapped import without_baseline

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fmfts.arithmetic.spline import spline_collocation
-from fmfts.calibrate.array_evaluate import ArrayEvaluation, evaluate_array
-from fmfts.calibrate.array_fit import fit_table
-from fmfts.calibrate.array_set import ArraySet
-from fmfts.calibrate.array_start import starting_table
 from fmfts.contact.array_model import ArrayModel
 from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Array, Tolerance
+from fmfts_calibrate.array_evaluate import ArrayEvaluation, evaluate_array
+from fmfts_calibrate.array_fit import fit_table
+from fmfts_calibrate.array_set import ArraySet
+from fmfts_calibrate.array_start import starting_table
 from fmfts_lab.bench.several_world import NOISE_T, RATE_HZ, SCENE, WITHIN_MM, Press, World, world
 from fmfts_lab.finite_elements.array_model import linear_normal
 from fmfts_lab.finite_elements.array_pad import array_config

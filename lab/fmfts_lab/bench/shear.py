@@ -15,7 +15,6 @@ from time import process_time_ns
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.calibrate.tracked import FrameSolver, Tracked, upright
 from fmfts.contact import ContactModel
 from fmfts.contact.response import bound_of
 from fmfts.contact.tolerances import FINGER_M, PROBE_M, StructureTolerance
@@ -24,6 +23,7 @@ from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.finger_shape import FingerShape
 from fmfts.simulation.mechanics import Mechanics
 from fmfts.simulation.solved_table import SHEARED_PATH, read_solved, standard_mechanics
+from fmfts_calibrate.tracked import FrameSolver, Tracked, upright
 from fmfts_lab.bench.contact_answers import estimates
 from fmfts_lab.bench.workspace import standard_pad
 from fmfts_lab.calibration.simulated import magnet_fields, rest_field_of

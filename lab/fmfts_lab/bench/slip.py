@@ -11,14 +11,14 @@ import msgspec
 import numpy as np
 
 from fmfts.bus.messages import ContactMessage, SlipMessage
-from fmfts.calibrate.samples import Samples
-from fmfts.calibrate.tracked import FrameSolver, upright
 from fmfts.config import ContactConfig, PadConfig
 from fmfts.contact import ContactModel
 from fmfts.contact.refinement import Refiner
 from fmfts.contact.response import bound_of
 from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.mechanics import Mechanics
+from fmfts_calibrate.samples import Samples
+from fmfts_calibrate.tracked import FrameSolver, upright
 from fmfts_lab.bench.drills import RATE_HZ, Ambient, pad_config
 from fmfts_lab.bench.now_pads import BuiltPad
 from fmfts_lab.bench.slip_world import HEALTHY, Drag, Dragged, DragMechanics, Healthy, Slide, ToolNearby

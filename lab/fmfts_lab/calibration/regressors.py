@@ -1,7 +1,7 @@
 """Regressors with one interface, for comparisons: fit(inputs, target, weight) → itself, predict(inputs) → target.
 
 Inputs (K, d) may be poses or fields in any unit: each column is scaled to ±1, like MATLAB's `mapminmax`. The network
-that ships is in fmfts.calibrate.network: it is trained with the pose's noise.
+that ships is in fmfts_calibrate.network: it is trained with the pose's noise.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from typing import Protocol
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from fmfts.calibrate.levenberg import Layers, train
 from fmfts.pad import Array
+from fmfts_calibrate.levenberg import Layers, train
 
 
 class Regressor(Protocol):

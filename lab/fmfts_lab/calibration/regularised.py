@@ -13,8 +13,8 @@ from itertools import islice
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from fmfts.calibrate.levenberg import Layers
 from fmfts.pad import Array
+from fmfts_calibrate.levenberg import Layers
 from fmfts_lab.calibration.regressors import Span, squared_distance
 
 FIRST_PRECISION, FIRST_DECAY = 1.0, 1e-3

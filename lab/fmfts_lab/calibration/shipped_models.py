@@ -13,9 +13,9 @@ import json
 import sys
 from pathlib import Path
 
-from fmfts.calibrate.dataset import read_calibration_set
-from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact.shipped import DEFAULT_PATH
+from fmfts_calibrate.dataset import read_calibration_set
+from fmfts_calibrate.training import Options, calibrate
 
 HIDDEN = 24
 

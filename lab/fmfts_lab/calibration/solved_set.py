@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.calibrate.dataset import standard_pad
-from fmfts.calibrate.field_table import field_columns
+from fmfts.common.names import field_columns
 from fmfts.contact.contract import SHEAR_OUTPUT_ORDER
 from fmfts.pad import Array, Pad
 from fmfts.simulation.solved_table import mirrored, read_solved
+from fmfts_calibrate.dataset import standard_pad
 from fmfts_lab.calibration.simulated import magnet_fields
 
 

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.calibrate.dataset import CalibrationSet, standard_pad
-from fmfts.calibrate.field_table import field_columns
+from fmfts.common.names import field_columns
 from fmfts.contact.contract import OUTPUT_ORDER
 from fmfts.pad import Array
+from fmfts_calibrate.dataset import CalibrationSet, standard_pad
 from fmfts_lab.calibration.simulated import pressed_fields
 
 PLACES_MM = range(-14, 15, 2)

@@ -21,10 +21,10 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from fmfts.common.sweep import Workers
 from fmfts.pad import Array
 from fmfts.simulation.solved_table import COLUMNS
 from fmfts.view.progress import progress_bar
+from fmfts_calibrate.sweep import Workers
 from fmfts_lab.finite_elements.finite_element import PressedSlab
 from fmfts_lab.finite_elements.slab import ELEMENT_M, Press, Slab
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmfts.cli.verb import AddVerb, VerbError, configured_pad, ended_by, lacking, not_written
-from fmfts.cli.workers import add_workers, workers_of
 from fmfts.common import exit_codes
-from fmfts.common.sweep import ClusterError
+from fmfts_calibrate.sweep import ClusterError
+from fmfts_calibrate.workers import add_workers, workers_of
 
 if TYPE_CHECKING:
     from fmfts.config import PadConfig

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from fmfts.baseline.sensitivity import matrices, relative_deviation
-from fmfts.calibrate.evaluation import printed
 from fmfts.config import GeometryConfig
 from fmfts.pad import Array
+from fmfts_calibrate.evaluation import printed
 from fmfts_lab.real.other_day import field_presses, read, rows_of
 from fmfts_lab.real.sold_sensor import SESSIONS
 from fmfts_lab.real.untouched_hand import HandRows, judged, line_of

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.learn.drawing import Drawing
-from fmfts.learn.fit import Fields, solved_poses
-from fmfts.learn.make import spread_out
-from fmfts.learn.search import Learned, learn, with_octupole
 from fmfts.pad import Array, Magnet, Pad, SensorArray, Tolerance
+from fmfts_calibrate.learn.drawing import Drawing
+from fmfts_calibrate.learn.fit import Fields, solved_poses
+from fmfts_calibrate.learn.make import spread_out
+from fmfts_calibrate.learn.search import Learned, learn, with_octupole
 from fmfts_lab.real.sold_sensor import PIXELS, SESSIONS
 
 # Where a value saturates depends on the other axis; up to here it never does.

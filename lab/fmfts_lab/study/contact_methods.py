@@ -10,9 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from msgspec import structs
 
-from fmfts.calibrate.likelihood import invert
-from fmfts.calibrate.samples import Samples, presses_within
-from fmfts.calibrate.tracked import FrameSolver
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
 from fmfts.pad import Array
@@ -21,6 +18,9 @@ from fmfts.pipeline.encoded import Answer, message_of
 from fmfts.pose import State
 from fmfts.pose.solver import estimate_of
 from fmfts.sensor.chips import NOISE_T
+from fmfts_calibrate.likelihood import invert
+from fmfts_calibrate.samples import Samples, presses_within
+from fmfts_calibrate.tracked import FrameSolver
 from fmfts_lab.calibration.regressors import BackPropagation, RadialBasis
 from fmfts_lab.calibration.simulated import rest_field_of
 from fmfts_lab.study.contact_bench import Bench, ContactFinder, regressor_of

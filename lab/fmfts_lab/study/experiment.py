@@ -12,8 +12,6 @@ import numpy as np
 
 from fmfts.baseline import Mounting, Recording
 from fmfts.baseline.mounting import estimate_mounting
-from fmfts.calibrate.dataset import CalibrationSet, standard_pad
-from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact import ContactModel
 from fmfts.pad import Array, Pad, SensorArray, Tolerance
 from fmfts.pipeline.drawn import in_nominal_frame
@@ -29,6 +27,8 @@ from fmfts.simulation.mounted import (
     SENSOR_ROTATION_RAD,
     MountedPad,
 )
+from fmfts_calibrate.dataset import CalibrationSet, standard_pad
+from fmfts_calibrate.training import Options, calibrate
 from fmfts_lab.bench import recorded
 from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
 from fmfts_lab.study import paper_chart

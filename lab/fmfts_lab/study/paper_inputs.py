@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from fmfts import simulation as simulate
-from fmfts.calibrate.dataset import rest_field
-from fmfts.calibrate.field_table import DataError
-from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.pad import Array, Pad
 from fmfts.sensor.chips import NOISE_T
+from fmfts_calibrate.dataset import rest_field
+from fmfts_calibrate.field_table import DataError
+from fmfts_calibrate.tracked import FrameSolver, Tracked
 from fmfts_lab.calibration.simulated import magnet_fields, rest_field_of
 from fmfts_lab.calibration.standard_set import standard_set
 

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.calibrate.dataset import standard_pad
-from fmfts.calibrate.fitting import fit_response
-from fmfts.calibrate.likelihood import invert
 from fmfts.contact import ContactModel
 from fmfts.contact.response import CHANGE, Response
 from fmfts.pad import Array
+from fmfts_calibrate.dataset import standard_pad
+from fmfts_calibrate.fitting import fit_response
+from fmfts_calibrate.likelihood import invert
 from fmfts_lab.calibration.regressors import Regressor
 from fmfts_lab.study import paper_chart
 from fmfts_lab.study.harness import Facts, Request, Row, Study

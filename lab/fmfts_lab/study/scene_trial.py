@@ -9,14 +9,14 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from fmfts.calibrate.likelihood import invert
-from fmfts.calibrate.samples import presses_within
-from fmfts.calibrate.tracked import FrameSolver, Tracked, UnsolvedError, upright
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact.response import CHANGE
 from fmfts.pad import Array, Pad
 from fmfts.pose import STOP_CONVERGED, dipole_field, solve
 from fmfts.scene import AMBIENT_CHANGE_T, Model, Surroundings
+from fmfts_calibrate.likelihood import invert
+from fmfts_calibrate.samples import presses_within
+from fmfts_calibrate.tracked import FrameSolver, Tracked, UnsolvedError, upright
 from fmfts_lab.bench.neighbours import Outcome, pressed_pair
 from fmfts_lab.calibration.simulated import magnet_fields
 

@@ -17,14 +17,14 @@ import msgspec
 import numpy as np
 
 from fmfts.baseline.recording import summarise
-from fmfts.calibrate.dataset import CalibrationSet, standard_pad
-from fmfts.calibrate.training import Options, calibrate
 from fmfts.config import PadConfig, ToleranceConfig
 from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.finger import Finger
+from fmfts_calibrate.dataset import CalibrationSet, standard_pad
+from fmfts_calibrate.training import Options, calibrate
 from fmfts_lab.bench.cast_pads import CastFinger, ramps
 from fmfts_lab.bench.few_presses import GAUGE_SCALE, PROBE_MM, Pressed, corrected, labelled_by_gauge, presses_of
 from fmfts_lab.bench.silicone import messages_of

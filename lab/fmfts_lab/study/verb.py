@@ -39,7 +39,7 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _study(options: argparse.Namespace) -> int:
-    from fmfts.calibrate.field_table import DataError
+    from fmfts_calibrate.field_table import DataError
 
     pad = configured_pad(options)
     if options.seed < 0:

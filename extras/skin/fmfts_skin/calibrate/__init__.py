@@ -1,6 +1,6 @@
 """What `calibrate` and `evaluate` do with the sets and models of pads whose magnets are unknown, or do not matter.
 
-The functions here are what `fmfts-daemon` asks for (fmfts.cli.elsewhere.Calibration).
+The functions here are what `fmfts-daemon` asks for (fmfts_calibrate.kinds.Calibration).
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fmfts.cli.verb import require_one_file
+from fmfts_calibrate.kinds import require_one_file
 from fmfts_skin.calibrate import fields, forces
 
 

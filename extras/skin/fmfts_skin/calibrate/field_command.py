@@ -8,8 +8,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from fmfts.calibrate.command import report_of, write_model
-from fmfts.calibrate.labelled_poses import Say
+from fmfts_calibrate.command import report_of, write_model
+from fmfts_calibrate.labelled_poses import Say
 from fmfts_skin.calibrate.field_evaluate import evaluate_field
 from fmfts_skin.calibrate.field_fit import make_response
 from fmfts_skin.calibrate.field_set import read_field_set

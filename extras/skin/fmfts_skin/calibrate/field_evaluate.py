@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from fmfts.calibrate.evaluation import HONEST, WRONG, Row, rms, rounded
-from fmfts.calibrate.field_table import DataError
 from fmfts.pad import Array
+from fmfts_calibrate.evaluation import HONEST, WRONG, Row, rms, rounded
+from fmfts_calibrate.field_table import DataError
 from fmfts_skin.calibrate.field_instance import instance_of
 from fmfts_skin.calibrate.field_set import FieldSet
 from fmfts_skin.field_contact import ContactFinder

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from fmfts.calibrate.field_table import DataError
-from fmfts.calibrate.labelled_poses import Say
 from fmfts.pad import Array
+from fmfts_calibrate.field_table import DataError
+from fmfts_calibrate.labelled_poses import Say
 from fmfts_skin.calibrate.field_rest import Rest, rest_of_presses
 from fmfts_skin.calibrate.field_set import FieldSet, Indices
 from fmfts_skin.calibrate.field_splines import SplineFit

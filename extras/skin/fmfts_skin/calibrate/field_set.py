@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.calibrate.field_table import DataError, FieldTable, read
 from fmfts.common.reading import MOST_COLUMNS, digest_of, open_text
 from fmfts.pad import Array
+from fmfts_calibrate.field_table import DataError, FieldTable, read
 from fmfts_skin.field_response import LOADS, PLACE
 
 Mask = NDArray[np.bool_]

@@ -6,9 +6,9 @@ import argparse
 import json
 from pathlib import Path
 
-from fmfts.cli.verb import OF_PRESSES, ended_by, lacking, refuse_options, say, written_to
-from fmfts.common.kind_of_file import begins_with, columns_of
+from fmfts.cli.verb import ended_by, lacking, refuse_options, say, written_to
 from fmfts.common.reading import read_regular, unreadable_told
+from fmfts_calibrate.kinds import OF_PRESSES, begins_with, columns_of
 
 OF_COLLECT = "first_frame_ns"
 MARK = b"fmfts field response"
@@ -30,7 +30,7 @@ def calibrate(options: argparse.Namespace) -> int:
         from fmfts_skin.calibrate.field_command import make_field_response
     except ImportError as error:
         raise lacking(error, "calibrate") from error
-    from fmfts.calibrate.field_table import DataError
+    from fmfts_calibrate.field_table import DataError
 
     why = (
         f"{options.data} is of a pad whose magnets are unknown (it has depth_mm, shear_n, rest or recording); its "
@@ -51,8 +51,8 @@ def evaluate(options: argparse.Namespace) -> int:
         from fmfts_skin.calibrate.field_evaluate import evaluate_field
     except ImportError as error:
         raise lacking(error, "calibrate") from error
-    from fmfts.calibrate.evaluation import COVERAGE, printed
-    from fmfts.calibrate.field_table import DataError
+    from fmfts_calibrate.evaluation import COVERAGE, printed
+    from fmfts_calibrate.field_table import DataError
     from fmfts_skin.calibrate.field_set import read_field_set
     from fmfts_skin.field_response import LARGEST_BYTES, FieldResponse, FieldResponseError
 

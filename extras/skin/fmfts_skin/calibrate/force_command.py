@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fmfts.calibrate.command import report_of, write_model
-from fmfts.calibrate.field_table import DataError
-from fmfts.calibrate.labelled_poses import Say
-from fmfts.calibrate.tracked import Scene
 from fmfts.common.reading import read_regular
 from fmfts.pad import Pad
+from fmfts_calibrate.command import report_of, write_model
+from fmfts_calibrate.field_table import DataError
+from fmfts_calibrate.labelled_poses import Say
+from fmfts_calibrate.tracked import Scene
 from fmfts_skin.calibrate.force_fit import GAIN, OFFSET, ROTATION_RAD, Presses
 from fmfts_skin.calibrate.force_judge import Judged, choose, make_route
 from fmfts_skin.calibrate.force_pose import pose_presses

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from fmfts.calibrate.field_table import DataError
-from fmfts.calibrate.labelled_poses import Say
 from fmfts.pad import Array
+from fmfts_calibrate.field_table import DataError
+from fmfts_calibrate.labelled_poses import Say
 from fmfts_skin.force_model import DIRECTIONS, MOST_POWER, ForceMap, Mask, Route, monomials
 
 Indices = NDArray[np.intp]

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from fmfts.calibrate.evaluation import HONEST, WRONG, Row, rms, rounded
-from fmfts.calibrate.field_table import DataError
-from fmfts.calibrate.labelled_poses import Say
 from fmfts.pad import Array
+from fmfts_calibrate.evaluation import HONEST, WRONG, Row, rms, rounded
+from fmfts_calibrate.field_table import DataError
+from fmfts_calibrate.labelled_poses import Say
 from fmfts_skin.calibrate.field_fit import LOAD_SHARE
 from fmfts_skin.calibrate.force_fit import Presses, fit_maps
 from fmfts_skin.force_model import DIRECTIONS, Coverage, ForceModel, FoundForces, Mask

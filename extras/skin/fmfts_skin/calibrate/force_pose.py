@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.calibrate.field_table import DataError, mounting_of
-from fmfts.calibrate.tracked import FrameSolver, Scene
 from fmfts.pad import Array, Pad
+from fmfts_calibrate.field_table import DataError, mounting_of
+from fmfts_calibrate.tracked import FrameSolver, Scene
 from fmfts_skin.calibrate.force_fit import Presses
 from fmfts_skin.calibrate.force_set import ForceSet
 

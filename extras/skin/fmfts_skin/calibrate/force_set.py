@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.calibrate.field_table import DataError, read_cells, value_and_bound
 from fmfts.common.reading import digest_of
 from fmfts.pad import Array
+from fmfts_calibrate.field_table import DataError, read_cells, value_and_bound
 from fmfts_skin.force_model import FORCE, MOST_VALUES
 
 Mask = NDArray[np.bool_]

@@ -7,10 +7,10 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmfts.cli.verb import OF_PRESSES, VerbError, configured_pad, ended_by, lacking, refuse_options, say, written_to
+from fmfts.cli.verb import VerbError, configured_pad, ended_by, lacking, refuse_options, say, written_to
 from fmfts.common import exit_codes
-from fmfts.common.kind_of_file import begins_with, columns_of
 from fmfts.common.reading import unreadable_told
+from fmfts_calibrate.kinds import OF_PRESSES, begins_with, columns_of
 
 if TYPE_CHECKING:
     from fmfts_skin.calibrate.force_command import KnownMagnet
@@ -32,8 +32,8 @@ def calibrate(options: argparse.Namespace, noise_t: float) -> int:
         from fmfts_skin.calibrate.force_command import make_force_file
     except ImportError as error:
         raise lacking(error, "calibrate") from error
-    from fmfts.calibrate.evaluation import printed
-    from fmfts.calibrate.field_table import DataError
+    from fmfts_calibrate.evaluation import printed
+    from fmfts_calibrate.field_table import DataError
 
     why = f"{options.data} has force_x_n, force_y_n and force_z_n: leave it out"
     refuse_options(options, ("shear", "sheared", "hidden", "start", "correct", *OF_PRESSES), why)
@@ -57,8 +57,8 @@ def evaluate(options: argparse.Namespace, noise_t: float) -> int:
         from fmfts_skin.calibrate.force_command import evaluate_force_file
     except ImportError as error:
         raise lacking(error, "calibrate") from error
-    from fmfts.calibrate.evaluation import COVERAGE, printed
-    from fmfts.calibrate.field_table import DataError
+    from fmfts_calibrate.evaluation import COVERAGE, printed
+    from fmfts_calibrate.field_table import DataError
     from fmfts_skin.force_model import ForceModelError
 
     with ended_by(DataError, ForceModelError), unreadable_told(DataError, options.model):
