@@ -8,25 +8,28 @@ Each part's output is shown and kept in build/test-logs/, with pytest's report a
 from __future__ import annotations
 
 import argparse
+import math
 import os
+import select
 import signal
 import subprocess
 import sys
-import threading
 import time
 import xml.etree.ElementTree as ET
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import BinaryIO
 
-from repeating import REPEATED
+from repeating import REPEATED, family
 
 ROOT = Path(__file__).parents[1]
 LOGS = Path("build/test-logs")
 PYTEST = ["-m", "pytest", "-o", "junit_logging=no", "-o", "junit_family=xunit1"]  # the older one names files
 # A test that waits for what never comes ends its worker, which prints the stacks of all threads, and fails by its name.
-TEST_LIMIT_S, PART_LIMIT_S = 300, 1500  # on two idle cores the longest test takes 45 s, the longest part 380 s
+TEST_LIMIT_S, PART_LIMIT_S = 360, 1200  # on two idle cores the longest test takes 45 s, the longest part 380 s
 BOUNDED = [*PYTEST, "-o", f"faulthandler_timeout={TEST_LIMIT_S}", "-o", "faulthandler_exit_on_timeout=true"]
+TURN_S = 0.5
 OF_FUNCTIONS = ["tests/unit", "tests/skin", "tests/oracle", "tests/golden"]
 BY_FILES = ["--dist", "loadfile", "--no-loadscope-reorder"]  # in tests/conftest.py's order, not by their counts
 WHOLE = ["--dist", "worksteal", *(word for folder in OF_FUNCTIONS for word in ("--ignore", folder))]
@@ -73,6 +76,8 @@ def run(part: Part, commands: list[list[str]]) -> None:
     """Run all of its commands; their output is shown, and written into its log."""
     part.report.unlink(missing_ok=True)
     start = time.monotonic()
+    limit_s = math.inf if part.name in BY_ITSELF else PART_LIMIT_S
+    until = start + limit_s
     with part.log.open("wb") as log:
         for words in commands:
             tests, failed_before = "pytest" in words, len(part.failed)
@@ -83,21 +88,22 @@ def run(part: Part, commands: list[list[str]]) -> None:
                 if part.name in FAVOURED:
                     part.favoured = favour(process.pid, FAVOURED[part.name])
                 assert process.stdout is not None
-                overdue = threading.Timer(PART_LIMIT_S, os.killpg, (process.pid, signal.SIGKILL))
-                if part.name not in BY_ITSELF:
-                    overdue.start()
+                os.set_blocking(process.stdout.fileno(), False)
                 try:
-                    while data := os.read(process.stdout.fileno(), 65536):
-                        log.write(data)
-                        sys.stdout.buffer.write(data)
-                        sys.stdout.buffer.flush()
-                except KeyboardInterrupt:  # a process in a session of its own does not receive it
+                    while process.poll() is None and time.monotonic() < until:
+                        select.select([process.stdout], [], [], TURN_S)
+                        pass_on(process.stdout.fileno(), log)
+                except KeyboardInterrupt:  # which a session of its own does not hear
                     os.killpg(process.pid, signal.SIGINT)
                     raise
-                finally:
-                    overdue.cancel()
-            if process.returncode == -signal.SIGKILL and time.monotonic() - start > PART_LIMIT_S:
-                part.failed.append(f"{' '.join(words)}: did not end within {PART_LIMIT_S} s")
+                if overdue := process.poll() is None:
+                    for one in family(process.pid):  # daemons and browsers have sessions of their own
+                        with suppress(ProcessLookupError):
+                            os.kill(one, signal.SIGKILL)
+                process.wait()
+                pass_on(process.stdout.fileno(), log)  # a process that it left behind may hold the pipe open
+            if overdue:
+                part.failed.append(f"{' '.join(words)}: did not end within {limit_s} s")
             if tests and part.report.exists():
                 read(part)
             elif tests:
@@ -105,6 +111,15 @@ def run(part: Part, commands: list[list[str]]) -> None:
             if process.returncode != 0 and len(part.failed) == failed_before:
                 part.failed.append(f"{' '.join(words)}: ended with {process.returncode}")
     part.seconds = time.monotonic() - start
+
+
+def pass_on(output: int, log: BinaryIO) -> None:
+    """What can be read at once goes on, and into the log."""
+    with suppress(BlockingIOError):
+        while data := os.read(output, 65536):
+            log.write(data)
+            sys.stdout.buffer.write(data)
+            sys.stdout.buffer.flush()
 
 
 def favour(session: int, niceness: int) -> str:

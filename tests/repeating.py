@@ -30,20 +30,25 @@ def all_ticks() -> int:
     return user + nice + system + irq + softirq + steal
 
 
-def own_ticks(root: int) -> int:
-    """Ticks of the process `root` and all its descendants, including ended ones."""
+def family(root: int) -> dict[int, list[str]]:
+    """The process `root` and all that descend from it, whatever their session: of each what follows its name in
+    proc_pid_stat(5)."""
     children: dict[int, list[int]] = {}
-    ticks: dict[int, int] = {}
+    said: dict[int, list[str]] = {}
     for process in Path("/proc").iterdir():
         if process.name.isdecimal():
             with suppress(OSError):  # it has ended since
-                fields = (process / "stat").read_text().rpartition(")")[2].split()
-                children.setdefault(int(fields[1]), []).append(int(process.name))
-                ticks[int(process.name)] = sum(map(int, fields[11:15]))
+                said[int(process.name)] = (process / "stat").read_text().rpartition(")")[2].split()
+                children.setdefault(int(said[int(process.name)][1]), []).append(int(process.name))
     own = [root]
-    for process in own:
-        own += children.get(process, ())
-    return sum(ticks.get(process, 0) for process in own)
+    for one in own:
+        own += children.get(one, ())
+    return {one: said[one] for one in own if one in said}
+
+
+def own_ticks(root: int) -> int:
+    """Of the process `root` and all that descend from it, those that have ended included."""
+    return sum(sum(map(int, fields[11:15])) for fields in family(root).values())
 
 
 class OthersShare:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 import all_parts
+from repeating import family
 
 TESTS = """
 import pytest
@@ -76,14 +78,37 @@ def test_all_parts_run_and_summary_shows_each_result(
     assert "one is not two" in (tmp_path / "logs/second.log").read_text()
 
 
-def test_part_without_end_is_ended(
-    parts: dict[str, list[list[str]]], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+LEAVES_A_CHILD = """
+import subprocess, sys, time
+print(subprocess.Popen(["sleep", "60"], start_new_session=True).pid, flush=True)
+time.sleep(float(sys.argv[1]))
+"""
+
+
+def test_part_without_end_is_ended_with_all_that_it_started(
+    tmp_path: Path,
+    parts: dict[str, list[list[str]]],
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
-    parts["first"] = [["-c", "import time; time.sleep(60)"]]
-    monkeypatch.setattr(all_parts, "PART_LIMIT_S", 1)
+    parts["first"] = [["-c", LEAVES_A_CHILD, "60"]]
+    monkeypatch.setattr(all_parts, "PART_LIMIT_S", 2)
+    start_s = time.monotonic()
     code, lines = outcome(monkeypatch, capfd, "first")
     assert code == 1
-    assert "did not end within 1 s" in "\n".join(lines)
+    assert "did not end within 2 s" in "\n".join(lines)
+    assert time.monotonic() - start_s < 30.0
+    child = int((tmp_path / "logs/first.log").read_text())
+    assert all(said[0] == "Z" for said in family(child).values()), "its child, in a session of its own, still runs"
+
+
+def test_part_that_leaves_a_process_behind_is_not_waited_for(
+    parts: dict[str, list[list[str]]], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    parts["first"] = [["-c", LEAVES_A_CHILD, "0"]]
+    start_s = time.monotonic()
+    assert outcome(monkeypatch, capfd, "first")[0] == 0
+    assert time.monotonic() - start_s < 30.0
 
 
 def test_test_without_end_fails_by_its_name(
@@ -94,7 +119,7 @@ def test_test_without_end_fails_by_its_name(
 ) -> None:
     (tmp_path / "test_of_one.py").write_text("import time\n\ndef test_waits():\n    time.sleep(60)\n")
     monkeypatch.delenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD")
-    bounded = [word.replace("=300", "=1") for word in all_parts.BOUNDED]
+    bounded = [word.replace(f"={all_parts.TEST_LIMIT_S}", "=1") for word in all_parts.BOUNDED]
     parts["third"] = [[*bounded, "-n", "1", "--rootdir", str(tmp_path), str(tmp_path / "test_of_one.py")]]
     code, lines = outcome(monkeypatch, capfd, "third")
     assert code == 1

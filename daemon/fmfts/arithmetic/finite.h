@@ -29,7 +29,9 @@ static inline size_t fmfts_item_bytes(uint8_t type, const uint8_t *at, size_t co
     }
     if (type >= 0xc0 && bytes > 16) {
         size_t length = bytes - 16;
-        bytes = count < length ? SIZE_MAX : length + (size_t)fmfts_big_endian(at, length);
+        /* size_t may have 32 bits. */
+        uint64_t whole = count < length ? SIZE_MAX : length + fmfts_big_endian(at, length);
+        bytes = whole > count ? SIZE_MAX : (size_t)whole;
     }
     return bytes > count ? SIZE_MAX : bytes;
 }

@@ -37,11 +37,33 @@ static fmfts_predicted *begin(const fmfts_valued *valued, const double *at)
     return &work->predicted[0];
 }
 
+static size_t unknowns_of(const fmfts_valued *valued)
+{
+    return valued->fingers ? FMFTS_FINGER * valued->fingers : valued->search ? 0 : valued->model->poses;
+}
+
+/* The values' covariance is that at `at`. */
+static bool weigh(fmfts_valued *valued, const double *at)
+{
+    const fmfts_fingers fingers = {valued->fingers, valued->fingers ? at : NULL};
+    memcpy(valued->weighed_at, at, unknowns_of(valued) * sizeof(double));
+    return fmfts_root_of(valued->model, fingers, valued->here, valued->measured, valued->work, &valued->refusal);
+}
+
+/* χ² there, and the values' slope over their deviations. */
+static double whiten(fmfts_valued *valued)
+{
+    fmfts_several_work *work = valued->work;
+    const fmfts_predicted *here = valued->here;
+    fmfts_whiten_slope(valued->fingers ? here->slope : here->by_pose, unknowns_of(valued), work, valued->slope);
+    return fmfts_whiten(work, work->root, valued->measured, here->field, work->white);
+}
+
 static bool take(void *problem, const double *at, double *chi2, double *normal, double *right)
 {
     fmfts_valued *valued = problem;
     fmfts_several_work *work = valued->work;
-    size_t unknowns = valued->fingers ? FMFTS_FINGER * valued->fingers : valued->search ? 0 : valued->model->poses;
+    size_t unknowns = unknowns_of(valued);
     fmfts_predicted *before = valued->here;
     if (before) {
         valued->here = valued->there;
@@ -50,15 +72,10 @@ static bool take(void *problem, const double *at, double *chi2, double *normal, 
         valued->here = begin(valued, at);
         valued->there = &work->predicted[valued->here == &work->predicted[0]];
     }
-    if (!before || !(fmfts_step_length(unknowns, valued->weighed_at, at, normal) <= valued->stale)) {
-        const fmfts_fingers fingers = {valued->fingers, valued->fingers ? at : NULL};
-        if (!fmfts_root_of(valued->model, fingers, valued->here, valued->measured, work, &valued->refusal)) {
-            return false;
-        }
-        memcpy(valued->weighed_at, at, unknowns * sizeof(double));
+    if ((!before || !(fmfts_step_length(unknowns, valued->weighed_at, at, normal) <= valued->stale)) && !weigh(valued, at)) {
+        return false;
     }
-    *chi2 = fmfts_whiten(work, work->root, valued->measured, valued->here->field, work->white);
-    fmfts_whiten_slope(valued->fingers ? valued->here->slope : valued->here->by_pose, unknowns, work, valued->slope);
+    *chi2 = whiten(valued);
     fmfts_normal_equations(work, unknowns, valued->slope, normal, right);
     return true;
 }
@@ -73,5 +90,10 @@ bool fmfts_find_minimum(fmfts_valued *valued, fmfts_descent *search, double *at,
     if (end == FMFTS_NO_STEP || end == FMFTS_NO_NUMBER) {
         valued->refusal = (fmfts_refusal){end == FMFTS_NO_STEP ? FMFTS_INDEFINITE : FMFTS_INFINITE, search->unknowns};
     }
-    return end == FMFTS_DESCENDED;
+    if (end != FMFTS_DESCENDED || !memcmp(valued->weighed_at, at, unknowns_of(valued) * sizeof(double))) {
+        return end == FMFTS_DESCENDED;
+    }
+    bool weighed = weigh(valued, at);
+    *chi2 = weighed ? whiten(valued) : *chi2;
+    return weighed;
 }
