@@ -201,8 +201,8 @@ static void find_own(const fmfts_step *step, double *own_t2)
 }
 
 /* Whether a mean that is not that of healthy sensors is explained by offsets that drift 2 or 4 times as much as the chip's
- * figure, which no data sheet has. Then this counts until the next baseline. A fault that does not grow with the warming is
- * soon larger than that. */
+ * figure, which no data sheet has. Then this counts until the next baseline. A fault of this size hides as well: one
+ * deviation is up to 4·offset_t_per_k·warmed_k, 0.4 µT for 10 nT/K and 10 K. A pad that warms on hides more. */
 static bool drifts_further(fmfts_step *step, double common[][FMFTS_AXES], const double *own_t2)
 {
     static const double further[] = {2.0 * 2.0 - 1.0, 4.0 * 4.0 - 1.0};
