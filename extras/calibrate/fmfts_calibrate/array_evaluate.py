@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -77,17 +77,17 @@ class ArrayEvaluation:
 
 def evaluate_array(data: ArraySet, model: ArrayModel, scene: Scene, rate_hz: float, noise_t: float) -> ArrayEvaluation:
     """noise_t: of one frame's value, for the deviations."""
-    mounting, count = data.mounting, len(data.pad.sensors)
+    count = len(data.pad.sensors)
     shape = (count, 3)
+    mounting = replace(data.mounting, noise_t=np.full(shape, noise_t))
     estimator = FingersEstimator(FieldModel(data.pad, mounting, model.response, scene), rate_hz, np.full(shape, np.inf))
-    share = np.full(shape, noise_t) / mounting.noise_t
     columns = 5 if data.has_shear else 3
     found, deviation = np.full((2, len(data.press), columns), np.nan)
     chi2, ok, told = np.full(len(data.press), np.nan), np.zeros(len(data.press), dtype=np.bool_), list[Told]()
     for row, change_t in enumerate(data.change_t):
         estimator.recall(FingersMemory(CounterMemory(), Recovery(np.zeros(3 * count))))
         field_t = (mounting.rest_field_t + mounting.offset_t + change_t.reshape(shape)) * mounting.gain
-        aligned = Aligned(field_t, share, np.zeros(shape), 0, np.zeros(shape, dtype=np.int64))
+        aligned = Aligned(field_t, np.ones((count, 1)), np.zeros(shape), 0, np.zeros(shape, dtype=np.int64))
         reading = estimator.read(aligned, None, {})
         told.append(_told(reading))
         ok[row] = reading.health == "ok" and told[-1] in ("one finger", "two fingers")
