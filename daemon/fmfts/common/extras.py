@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import fmfts
@@ -27,13 +28,13 @@ def added(group: str, name: str) -> Any:
 
 def how_to_install(package: str, checkout: Path = CHECKOUT) -> str:
     """The end of a sentence about a package's part. An editable installation stays one."""
-    pip = f"{sys.executable} -m pip install"
+    pip = f"{quote(sys.executable)} -m pip install"
     is_laboratory = package == LABORATORY
     folders = (NEEDS.get(package, "") + ("lab" if is_laboratory else f"extras/{package}")).split()
     whose = f"belongs to {'the laboratory' if is_laboratory else 'a package of its own'}; install it"
     extra = "" if is_laboratory else f"'fmfts[{package}]' "
     if (checkout / "pyproject.toml").is_file():
-        return f"{whose} with\n    {pip} {extra}{' '.join(f'-e {checkout / folder}' for folder in folders)}"
+        return f"{whose} with\n    {pip} {extra}{' '.join(f'-e {quote(str(checkout / folder))}' for folder in folders)}"
     this = extra.replace("fmfts", ".") or ". "
     of_folders = f"{pip} ./clients/python {this}{' '.join(f'./{folder}' for folder in folders)}"
     by_name = "" if is_laboratory else f"with\n    {pip} {extra.strip()}\nor "
