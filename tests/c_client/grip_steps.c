@@ -9,7 +9,7 @@
 
 int main(void)
 {
-    struct grip grip = {.slipped_n = first_n / (1.0 + first_reserve), .sticks_s = 1.0};
+    struct grip grip = {.slipped_n = first_n / (1.0 + first_reserve), .sticks_s = 1.0, .growth = 1.0};
     static unsigned char body[65536];
     int loosen;
     while ((loosen = getchar()) != EOF) {

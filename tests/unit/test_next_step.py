@@ -117,7 +117,7 @@ def test_gains_of_a_recording_are_reported_in_words_with_units(capsys: pytest.Ca
     ]
 
 
-def test_probe_does_not_say_again_under_found_on_bus_why_a_bus_is_absent(config: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_found_on_bus_does_not_repeat_why_a_bus_is_absent(config: str, capsys: pytest.CaptureFixture[str]) -> None:
     Path(config).write_text('[[pad]]\nname = "left"\n[pad.source]\ntype = "i2c"\nbus = 4711\n')
     assert main(["probe", "--config", config]) == exit_codes.UNAVAILABLE
     said = capsys.readouterr().out

@@ -26,6 +26,7 @@ static const double approach_m_per_s = 0.015, fastest_m_per_s = 0.04;
 /* How fast to close for a newton too little: thirty divided by the gripper's stiffness in N/m. */
 static const double close_m_per_s_per_n = 0.15;
 static const double settled_s = 0.3, smooth_s = 0.15;
+static const double least_shear_n = 0.1; /* of a pad, where its growth is told from */
 static const double same_s = 0.05; /* a slip that begins again within this time is the same one */
 /* `slipping` waits until sticking_probability is below 0.1: a finger may roll. An object in a gripper hardly does. So a pad that surely
  * stuck slips from slips_below on. */
@@ -42,10 +43,10 @@ struct memory {
     double x_m, y_m, shear_n, shear_then_n;
 };
 
-/* found: the least force is known, and the arm may hurry. slipped_n: the force at which it slipped last. */
+/* found: the least force is known, and the arm may hurry. slipped_n: the force at which it slipped last. growth: of the shear since. */
 struct grip {
     bool found, touched, slips;
-    double slipped_n, sticks_s;
+    double slipped_n, sticks_s, growth;
     struct memory pad[PADS];
 };
 
@@ -78,26 +79,33 @@ static enum slips is_slipping(const struct fmfts_contact *contact, struct memory
 }
 
 /* By what factor the shear of both pads grew since the last slip: they carry the object together, and what one reads too much the other
- * may read too little. Shear is what the margin leaves of the friction. */
-static double grown(const struct fmfts_contact *const seen[PADS], double sticks_s, struct memory pads[PADS])
+ * may read too little. Shear is what the margin leaves of the friction. A pad that joins later counts from there on. While one says
+ * nothing, the load has not become smaller. */
+static double grown(struct grip *grip, const struct fmfts_contact *const seen[PADS])
 {
-    double now_n = 0.0, then_n = 0.0;
+    double now_n = 0.0, then_n = 0.0, least = 1.0;
+    bool joined[PADS] = {false};
+    int counted = 0;
     for (int i = 0; i < PADS; i++) {
         const struct fmfts_slip *slip = seen[i] ? &seen[i]->slip : NULL;
-        struct memory *pad = &pads[i];
-        if (!slip || !slip->known || !slip->friction.known || !slip->margin_n.known)
-            continue;
-        double shear_n = slip->friction.value * seen[i]->force_n.value - slip->margin_n.value;
-        pad->shear_n = pad->sheared ? pad->shear_n + fmin(period_s / smooth_s, 1.0) * (shear_n - pad->shear_n) : shear_n;
-        pad->sheared = true;
-        if (sticks_s < settled_s)
-            continue;
-        if (!pad->sheared_then)
-            pad->sheared_then = true, pad->shear_then_n = pad->shear_n;
-        now_n += pad->shear_n;
-        then_n += fmax(pad->shear_then_n, 0.1);
+        struct memory *pad = &grip->pad[i];
+        if (slip && slip->known && slip->friction.known && slip->margin_n.known) {
+            double shear_n = slip->friction.value * seen[i]->force_n.value - slip->margin_n.value;
+            pad->shear_n = pad->sheared ? pad->shear_n + fmin(period_s / smooth_s, 1.0) * (shear_n - pad->shear_n) : shear_n;
+            pad->sheared = true;
+            joined[i] = grip->sticks_s >= settled_s;
+        }
+        if (pad->sheared_then && joined[i])
+            now_n += pad->shear_n, then_n += pad->shear_then_n, counted++;
+        else if (pad->sheared_then)
+            least = grip->growth;
     }
-    return then_n > 0.0 ? now_n / then_n : 1.0;
+    if (counted)
+        grip->growth = fmax(now_n / fmax(then_n, least_shear_n * counted), least);
+    for (int i = 0; i < PADS; i++)
+        if (joined[i] && !grip->pad[i].sheared_then)
+            grip->pad[i].sheared_then = true, grip->pad[i].shear_then_n = grip->pad[i].shear_n / grip->growth;
+    return grip->growth;
 }
 
 static double wanted_n(struct grip *grip, const struct fmfts_contact *const seen[PADS], double force_n, bool loosen)
@@ -115,13 +123,14 @@ static double wanted_n(struct grip *grip, const struct fmfts_contact *const seen
         grip->slipped_n = begins ? force_n : grip->slipped_n * (1.0 + still_slips_per_s * period_s);
         grip->sticks_s = 0.0;
         memset(grip->pad, 0, sizeof grip->pad);
+        grip->growth = 1.0;
     } else if (loosen && !grip->found && knows) {
         grip->slipped_n *= 1.0 - loosens_per_s * period_s;
         if ((1.0 + first_reserve) * grip->slipped_n < first_n) /* the pads cannot measure a force this small */
             grip->found = true, grip->slipped_n = first_n / (1.0 + reserve);
     }
     grip->sticks_s += period_s;
-    double growth = grip->found ? fmax(grown(seen, grip->sticks_s, grip->pad), 1.0) : 1.0;
+    double growth = grip->found ? grown(grip, seen) : 1.0;
     double more = 1.0 + (grip->found ? reserve : first_reserve);
     return fmin(fmax(more * grip->slipped_n * growth, first_n), largest_n);
 }
@@ -180,7 +189,7 @@ int main(int count, char **words)
     int named = count - 1 - loosen;
     struct fmfts_client *client[PADS];
     struct fmfts_contact contact[PADS] = {0};
-    struct grip grip = {.slipped_n = first_n / (1.0 + first_reserve), .sticks_s = 1.0};
+    struct grip grip = {.slipped_n = first_n / (1.0 + first_reserve), .sticks_s = 1.0, .growth = 1.0};
     struct timespec period;
     if (named != 0 && named != PADS)
         return fprintf(stderr, "grip: It needs two pads, and got %d. Name both: grip left right [--loosen]\n", named), 64;

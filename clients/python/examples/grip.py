@@ -29,6 +29,7 @@ APPROACH_M_PER_S, FASTEST_M_PER_S = 0.015, 0.04
 # How fast to close for a newton too little: thirty divided by the gripper's stiffness in N/m.
 CLOSE_M_PER_S_PER_N = 0.15
 SETTLED_S, SMOOTH_S = 0.3, 0.15
+LEAST_SHEAR_N = 0.1  # of a pad, where its growth is told from
 SAME_S = 0.05  # a slip that begins again within this time is the same one
 # `slipping` waits until sticking_probability is below 0.1: a finger may roll. An object in a gripper hardly does. So a
 # pad that certainly stuck counts as slipping from SLIPS_BELOW on.
@@ -65,6 +66,7 @@ class Grip:
         self._stuck: set[str] = set()  # pads that certainly stuck since the last slip
         self._shear_n: dict[str, float] = {}  # by pad: the present shear, smoothed
         self._shear_then_n: dict[str, float] = {}  # and just after the last slip
+        self._growth = 1.0  # of the shear since then
         self._place_m: dict[str, tuple[float, float]] = {}  # by pad: the place where it sticks
 
     def step(self, pads: Sequence[Optional[Contact]], loosen: bool, period_s: float = PERIOD_S) -> Command:
@@ -94,12 +96,13 @@ class Grip:
             self._slipped_n = force_n if begins else self._slipped_n * (1.0 + STILL_SLIPS_PER_S * period_s)
             self._sticks_s = 0.0
             self._stuck, self._place_m, self._shear_n, self._shear_then_n = set(), {}, {}, {}
+            self._growth = 1.0
         elif loosen and not self.found and None not in slips:
             self._slipped_n *= 1.0 - LOOSENS_PER_S * period_s
             if (1.0 + FIRST_RESERVE) * self._slipped_n < FIRST_N:  # the pads cannot measure a force this small
                 self.found, self._slipped_n = True, FIRST_N / (1.0 + RESERVE)
         self._sticks_s += period_s
-        grown = max(self._grown(seen, period_s), 1.0) if self.found else 1.0
+        grown = self._grown(seen, period_s) if self.found else 1.0
         reserve = RESERVE if self.found else FIRST_RESERVE
         return min(max((1.0 + reserve) * self._slipped_n * grown, FIRST_N), LARGEST_N)
 
@@ -117,8 +120,10 @@ class Grip:
 
     def _grown(self, seen: Sequence[Contact], period_s: float) -> float:
         """By what factor the shear of both pads grew since the last slip: they carry the object together, and what one
-        reads too much the other may read too little. Shear is what the margin leaves of the friction."""
-        now_n = then_n = 0.0
+        reads too much the other may read too little. Shear is what the margin leaves of the friction.
+
+        A pad that joins later counts from there on. While one says nothing, the load has not become smaller."""
+        joined = []
         for contact in seen:
             slip, pad = contact.slip, contact.pad
             if slip is None or slip.friction is None or slip.margin_n is None or contact.force_n is None:
@@ -127,9 +132,15 @@ class Grip:
             before_n = self._shear_n.get(pad, shear_n)
             self._shear_n[pad] = before_n + min(period_s / SMOOTH_S, 1.0) * (shear_n - before_n)
             if self._sticks_s >= SETTLED_S:
-                now_n += self._shear_n[pad]
-                then_n += max(self._shear_then_n.setdefault(pad, self._shear_n[pad]), 0.1)
-        return now_n / then_n if then_n else 1.0
+                joined.append(pad)
+        counted = [pad for pad in joined if pad in self._shear_then_n]
+        least = 1.0 if len(counted) == len(self._shear_then_n) else self._growth
+        if counted:
+            now_n, then_n = (sum(of[pad] for pad in counted) for of in (self._shear_n, self._shear_then_n))
+            self._growth = max(now_n / max(then_n, LEAST_SHEAR_N * len(counted)), least)
+        for pad in joined:
+            self._shear_then_n.setdefault(pad, self._shear_n[pad] / self._growth)
+        return self._growth
 
 
 def newest(client: Client) -> Optional[Contact]:
