@@ -94,6 +94,8 @@ static double grown(struct grip *grip, const struct fmfts_contact *const seen[PA
             pad->shear_n = pad->sheared ? pad->shear_n + fmin(period_s / smooth_s, 1.0) * (shear_n - pad->shear_n) : shear_n;
             pad->sheared = true;
             joined[i] = grip->sticks_s >= settled_s;
+        } else if (!pad->sheared_then) {
+            pad->sheared = false; /* it is too old by then */
         }
         if (pad->sheared_then && joined[i])
             now_n += pad->shear_n, then_n += pad->shear_then_n, counted++;

@@ -123,16 +123,18 @@ class Grip:
         reads too much the other may read too little. Shear is what the margin leaves of the friction.
 
         A pad that joins later counts from there on. While one says nothing, the load has not become smaller."""
-        joined = []
+        joined, told = [], set(self._shear_then_n)
         for contact in seen:
             slip, pad = contact.slip, contact.pad
             if slip is None or slip.friction is None or slip.margin_n is None or contact.force_n is None:
                 continue
+            told.add(pad)
             shear_n = slip.friction * contact.force_n - slip.margin_n
             before_n = self._shear_n.get(pad, shear_n)
             self._shear_n[pad] = before_n + min(period_s / SMOOTH_S, 1.0) * (shear_n - before_n)
             if self._sticks_s >= SETTLED_S:
                 joined.append(pad)
+        self._shear_n = {pad: shear_n for pad, shear_n in self._shear_n.items() if pad in told}  # the rest is too old
         counted = [pad for pad in joined if pad in self._shear_then_n]
         least = 1.0 if len(counted) == len(self._shear_then_n) else self._growth
         if counted:
