@@ -23,6 +23,7 @@ FRAME_SD = np.array([0.015, 0.015, 0.0035, 0.0035, 0.0035])  # of one frame: mm,
 UNIT = np.array([1e3, 1e3, 1.0, 1.0, 1.0])
 STEP = 0.02
 EDGE_MM, LEAST_FORCE_N = 14.0, 0.01  # of the table; of the prior
+NARROW = "a narrow ball reads 7 % too much force, as a narrow probe does (lab/results/shear.md)"
 PRESSES = [
     np.array(press)
     for press in (
@@ -177,8 +178,7 @@ def _direction(random: np.random.Generator) -> Array:
 
 @pytest.mark.parametrize("drag", Drag.read(), ids=lambda drag: str(drag.name))
 def test_ball_dragged_in_calculix_is_within_deviations(pad: Pad, drag: Drag) -> None:
-    """While it slips. A ball digs in, so that its shear reads up to a third too large (lab/results/slip.md); a narrow
-    one reads 7 % too much force, as a narrow probe does (lab/results/shear.md)."""
+    """While it slips. A ball digs in, so that its shear reads up to a third too large (lab/results/slip.md)."""
     model = solving(pad, friction=0.8, finger_m=(3e-3, 12e-3))
     rows = np.flatnonzero(drag.way_mm >= drag.slips_from_mm)
     assert len(rows) > 3
@@ -186,7 +186,20 @@ def test_ball_dragged_in_calculix_is_within_deviations(pad: Pad, drag: Drag) -> 
         found = answer(model, pad, drag.response[row] * [1e3, 1e3, 1e3, 1.0, 1.0], FRAME_SD / 10.0)
         assert found.shear_n is not None
         true_n, read_n = drag.load_n[row, 1:], found.shear_n
-        assert found.force_n == pytest.approx(drag.load_n[row, 0], rel=0.09 if drag.name == "small" else 0.05)
         assert abs(found.force_n - drag.load_n[row, 0]) < found.force_sd_n
         assert np.dot(read_n, true_n) > 0.95 * np.linalg.norm(read_n) * np.linalg.norm(true_n)
         assert 0.8 < np.linalg.norm(read_n) / np.linalg.norm(true_n) < 1.4
+
+
+@pytest.mark.parametrize(
+    "drag",
+    [
+        pytest.param(drag, id=drag.name, marks=[pytest.mark.xfail(reason=NARROW)] * (drag.name == "small"))
+        for drag in Drag.read()
+    ],
+)
+def test_force_of_a_ball_dragged_in_calculix_is_right_to_five_percent(pad: Pad, drag: Drag) -> None:
+    model = solving(pad, friction=0.8, finger_m=(3e-3, 12e-3))
+    for row in np.flatnonzero(drag.way_mm >= drag.slips_from_mm):
+        found = answer(model, pad, drag.response[row] * [1e3, 1e3, 1e3, 1.0, 1.0], FRAME_SD / 10.0)
+        assert found.force_n == pytest.approx(drag.load_n[row, 0], rel=0.05)

@@ -31,6 +31,7 @@ from fmfts_lab.bench.slip import messages
 from fmfts_lab.bench.slip_world import Drag, DragMechanics, Healthy, Slide
 from fmfts_lab.bench.tapped import ManyFrames
 
+PLOUGHS = "pressed in by a third of its radius, others by a fifth: 38 % more than friction holds it"
 ASKED = ContactConfig(model="shear", slip=True)
 SLIPPING = SlipMessage(slipping=True, sticking_probability=0.02, speed_m_per_s=0.05, friction=0.6)
 
@@ -251,15 +252,24 @@ def test_client_reads_what_the_daemon_sends() -> None:
     assert decode_contact(msgspec.msgpack.encode(slipping)) == slipping
 
 
-def test_dragged_ball_sticks_before_it_slips() -> None:
-    for drag in Drag.read():
-        assert 0.0 < drag.slips_from_mm < 1.0
-        load = drag.load_n[drag.first + 1 :]
-        ratio = np.hypot(load[:, 1], load[:, 2]) / load[:, 0]
-        ploughs = 0.4 if drag.name == "small" else 0.35  # it is pressed in by a third of its radius, others by a fifth
-        assert ratio.max() == pytest.approx(drag.friction, rel=ploughs)
-        rest = DragMechanics(drag).response(np.zeros(1), np.zeros(1), np.zeros(1))
-        assert not rest.any()
+@pytest.mark.parametrize("drag", Drag.read(), ids=lambda drag: str(drag.name))
+def test_dragged_ball_sticks_before_it_slips(drag: Drag) -> None:
+    assert 0.0 < drag.slips_from_mm < 1.0
+    rest = DragMechanics(drag).response(np.zeros(1), np.zeros(1), np.zeros(1))
+    assert not rest.any()
+
+
+@pytest.mark.parametrize(
+    "drag",
+    [
+        pytest.param(drag, id=drag.name, marks=[pytest.mark.xfail(reason=PLOUGHS)] * (drag.name == "small"))
+        for drag in Drag.read()
+    ],
+)
+def test_dragged_ball_is_held_by_its_friction(drag: Drag) -> None:
+    load = drag.load_n[drag.first + 1 :]
+    ratio = np.hypot(load[:, 1], load[:, 2]) / load[:, 0]
+    assert ratio.max() == pytest.approx(drag.friction, rel=0.35)
 
 
 def test_light_touch_reports_no_slip() -> None:
