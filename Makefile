@@ -285,13 +285,15 @@ compiled-parts:
 	@printf '%s\n' $(COMPILED_PARTS)
 
 wheel: $(VENV)/.installed-test
-	rm -rf build/wheel $(EXTRAS:%=%/build)
+	rm -rf build/wheel build/lib build/lib.* $(EXTRAS:%=%/build)  # nothing that an older build left
 	$(BIN)/pip wheel -q --no-deps -w build/wheel . $(EXTRAS:%=./%)
 	@for part in $(COMPILED_PARTS); do \
 	  $(BIN)/python -m zipfile -l build/wheel/fmfts-*.whl | grep "fmfts/$$part.*so" >/dev/null || \
 	    { echo "the wheel has no fmfts/$$part: is there a C compiler?" >&2; rm -rf build/wheel; exit 1; }; done
 	@$(BIN)/python -m zipfile -l build/wheel/fmfts-*.whl | grep "fmfts/page/static/vendor/uPlot.esm.js" >/dev/null || \
 	    { echo "the wheel has no page" >&2; exit 1; }
+	@size=$$(cat build/wheel/fmfts-0*.whl | wc -c); test $$size -le 2500000 || \
+	  { echo "the wheel has $$size bytes, and 2,500,000 are allowed: what came into it?" >&2; exit 1; }
 	@ls build/wheel/*.whl
 
 # What a package index takes: docs/installing.md.
