@@ -13,6 +13,7 @@ from typing import get_args
 import pytest
 
 from fmfts.bus.messages import Health
+from fmfts.cli.elsewhere import OF_OPTION
 from fmfts.cli.main import main
 from fmfts.common import exit_codes
 from fmfts.common.extras import LABORATORY, how_to_install
@@ -67,6 +68,7 @@ SLOW_LOG = """
 import sys, time, types
 import fmfts.service.log
 fmfts.service.log.select = types.SimpleNamespace(select=lambda *_: time.sleep(0.3))
+from fmfts.cli.elsewhere import OF_OPTION
 from fmfts.cli.main import main
 sys.exit(main(["run", "--config", sys.argv[1]]))
 """
@@ -203,15 +205,40 @@ def test_each_verb_about_models_says_how_to_install_it(
     assert f"pip install 'fmfts[calibrate]' -e {ROOT}/extras/calibrate\n" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("words", "extra"), [("baseline --learn", "calibrate"), ("probe --magnet", "magnet")])
+OPTIONS_OF_EXTRAS = [("init --learn", "calibrate"), ("baseline --learn", "calibrate"), ("probe --magnet", "magnet")]
+
+
+@pytest.mark.parametrize(("words", "extra"), OPTIONS_OF_EXTRAS)
 def test_option_of_an_extra_says_how_to_install_it(
-    words: str, extra: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: str, extra: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     without(monkeypatch, "fmfts.options")
-    assert main([*words.split(), "--config", str(SHIPPED)]) == 69
+    file = tmp_path / "absent.toml" if words.startswith("init") else SHIPPED
+    assert main([*words.split(), "--config", str(file)]) == 69
+    assert not (tmp_path / "absent.toml").exists()
     said = capsys.readouterr().err
     assert said.startswith(f"fmfts-daemon {words.split()[0]}: {words} belongs to a package of its own")
     assert f"pip install 'fmfts[{extra}]' -e {ROOT}/extras/{extra}\n" in said
+
+
+@pytest.mark.parametrize("words", OF_OPTION)
+def test_help_marks_options_whose_extra_is_absent(
+    words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    verb, option = words.split()
+    assert "(not installed)" not in helped(verb, option, capsys)
+    without(monkeypatch, OF_OPTION[words][0])
+    assert "(not installed)" in helped(verb, option, capsys)
+    assert "(not installed)" not in helped(verb, "--config", capsys)
+
+
+def helped(verb: str, option: str, capsys: pytest.CaptureFixture[str]) -> str:
+    """What `--help` says about one option."""
+    with pytest.raises(SystemExit):
+        main([verb, "--help"])
+    text = capsys.readouterr().out.partition("options:")[2]
+    (said,) = [part for part in re.split(r"\n  (?=-)", text) if part.split()[:1] == [option]]
+    return " ".join(said.split())
 
 
 def without(monkeypatch: pytest.MonkeyPatch, group: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +26,15 @@ OF_VERB = {
     "evaluate": ("compare a contact model's answers with a CSV file of labelled fields", "calibrate"),
     "pose": ("solve the magnet's pose for every row of a CSV file of fields", "calibrate"),
 }
-OF_OPTION = {"baseline --learn": "calibrate", "probe --magnet": "magnet"}  # its package's extra
+# The group of entry points and the package's extra that an option needs.
+OF_OPTION = {
+    "init --learn": (OPTIONS, "calibrate"),
+    "baseline --learn": (OPTIONS, "calibrate"),
+    "probe --magnet": (OPTIONS, "magnet"),
+    "view --foxglove": (VIEWS, "foxglove"),
+    "view --robot": (VIEWS, "fleet"),
+}
+ABSENT = " (not installed)"  # at the end of a line of help
 
 
 def add_to(verb: AddVerb, only_installed: bool = False) -> None:
@@ -37,7 +44,7 @@ def add_to(verb: AddVerb, only_installed: bool = False) -> None:
         if name in installed:
             installed.pop(name).load()(verb)
         elif not only_installed:
-            verb(name, refuse, f"{text} (not installed)").add_argument("rest", nargs=argparse.REMAINDER)
+            verb(name, refuse, f"{text}{ABSENT}").add_argument("rest", nargs=argparse.REMAINDER)
     for point in installed.values():
         point.load()(verb)
 
@@ -47,21 +54,36 @@ def refuse(options: argparse.Namespace) -> int:
     raise not_installed(options.verb, OF_VERB[options.verb][1])
 
 
-def view(package: str, what: str) -> Callable[..., Any]:
-    """An extra's function for the verb `view`, named by `what`. Raises VerbError if it is not installed."""
-    viewing: Callable[..., Any] = _required(VIEWS, package, what)
-    return viewing
-
-
 def layout(package: str) -> Path:
-    """A layout for the program of this name. Raises VerbError like `view`."""
+    """A layout for the program of this name. Raises VerbError if its package is not installed."""
     path: Path = _required(LAYOUTS, package, f"layout {package}")
     return path
 
 
 def option(what: str) -> Any:
-    """What an option of OF_OPTION needs. Raises VerbError like `view`."""
-    return _required(OPTIONS, OF_OPTION[what], what)
+    """The part of another package that an option of OF_OPTION needs. Raises VerbError if it is not installed."""
+    return _required(*OF_OPTION[what], what)
+
+
+def require(what: str) -> None:
+    """Raise VerbError if the package of an option of OF_OPTION is not installed. Loads nothing of it."""
+    group, package = OF_OPTION[what]
+    if not _is_installed(group, package):
+        raise not_installed(what, package)
+
+
+def mark_absent(verb: argparse.ArgumentParser) -> None:
+    """Let the help of a verb's options say which of them need a package that is not installed."""
+    name = verb.prog.split()[-1]
+    for action in verb._actions:
+        for word in action.option_strings:
+            needed = OF_OPTION.get(f"{name} {word}")
+            if needed is not None and action.help and not _is_installed(*needed):
+                action.help = action.help.removesuffix(ABSENT) + ABSENT
+
+
+def _is_installed(group: str, package: str) -> bool:
+    return any(point.name == package for point in entry_points_of(group))
 
 
 def _required(group: str, package: str, what: str) -> Any:

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fmfts.cli import elsewhere
 from fmfts.cli.verb import AddVerb, VerbError
 from fmfts.common import exit_codes
 
@@ -49,6 +50,8 @@ def _init(options: argparse.Namespace) -> int:
     pads: list[FoundPad] = []
     if options.simulated and options.learn:
         raise VerbError(exit_codes.USAGE, "--learn is for a board: the simulated pad is as its drawing says")
+    if options.learn:  # before the work of sketching a board that could not be learned
+        elsewhere.require("init --learn")
     if options.simulated:
         text, where = EXAMPLE_PATH.read_text(encoding="utf-8"), "a simulated pad"
     else:

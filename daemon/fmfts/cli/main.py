@@ -136,7 +136,14 @@ def _no_such_verb(word: str, verbs: Sequence[str]) -> str:
 
 
 class _Verb(argparse.ArgumentParser):
-    """Names the probably intended option for a mistyped one, before argparse reports a missing one."""
+    """Names the probably intended option for a mistyped one, before argparse reports a missing one.
+
+    Its help marks the options that need a missing package.
+    """
+
+    def format_help(self) -> str:
+        elsewhere.mark_absent(self)
+        return super().format_help()
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         # Some verbs pass the rest of the line on: those words are not their options.

@@ -47,7 +47,7 @@ def _view(options: argparse.Namespace) -> int:
     if options.robot_keys is not None and not options.robot:
         raise VerbError(exit_codes.USAGE, "--robot-keys is for --robot; the key of one robot is named by FMFTS_KEY")
     if options.foxglove and not options.robot:
-        code: int = elsewhere.view("foxglove", "view --foxglove")(options)
+        code: int = elsewhere.option("view --foxglove")(options)
         return code
     from fmfts.page.browser import shown_in_browser
     from fmfts.page.guard import Guard, RefusedAddressError
@@ -68,7 +68,7 @@ def _view(options: argparse.Namespace) -> int:
 
         guard = Guard(options.host, options.certificate, options.key)
         if options.robot:
-            elsewhere.view("fleet", "view --robot")(options, guard, port, serving)
+            elsewhere.option("view --robot")(options, guard, port, serving)
             return 0
         base = serving_base(options)
         where, folder = Where(for_client(base), base), options.recordings.absolute()
