@@ -35,7 +35,7 @@ for told in (
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-pytest_plugins = ["repeating"]
+pytest_plugins = ["left_behind", "repeating"]
 
 settings.register_profile("deterministic", derandomize=True, deadline=None)
 settings.register_profile("few", settings.get_profile("deterministic"), max_examples=10)  # for emulated machines

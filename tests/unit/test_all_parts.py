@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
 
 import all_parts
+import left_behind
 from repeating import family
 
 TESTS = """
@@ -78,6 +81,15 @@ def test_all_parts_run_and_summary_shows_each_result(
     assert "one is not two" in (tmp_path / "logs/second.log").read_text()
 
 
+WAITS = """
+import pathlib, subprocess, time
+
+def test_waits():
+    child = subprocess.Popen(["sleep", "60"], start_new_session=True)
+    pathlib.Path(__file__).with_name("child").write_text(str(child.pid))
+    time.sleep(60)
+"""
+
 LEAVES_A_CHILD = """
 import subprocess, sys, time
 print(subprocess.Popen(["sleep", "60"], start_new_session=True).pid, flush=True)
@@ -98,10 +110,13 @@ def test_part_without_end_is_ended_with_all_that_it_started(
     assert code == 1
     assert "did not end within 5 s" in "\n".join(lines)
     assert time.monotonic() - start_s < 30.0
-    child = int((tmp_path / "logs/first.log").read_text())
+    wait_for_end(int((tmp_path / "logs/first.log").read_text()))
+
+
+def wait_for_end(process: int) -> None:
     until = time.monotonic() + 30.0  # a killed process ends when the kernel next runs it
-    while any(said[0] != "Z" for said in family(child).values()):
-        assert time.monotonic() < until, "its child, in a session of its own, still runs"
+    while any(said[0] != "Z" for said in family(process).values()):
+        assert time.monotonic() < until, "a child, in a session of its own, still runs"
         time.sleep(0.01)
 
 
@@ -120,14 +135,87 @@ def test_test_without_end_fails_by_its_name(
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    (tmp_path / "test_of_one.py").write_text("import time\n\ndef test_waits():\n    time.sleep(60)\n")
+    (tmp_path / "conftest.py").write_text('pytest_plugins = ["left_behind"]\n')
+    (tmp_path / "test_of_one.py").write_text(WAITS)
+    monkeypatch.setenv("PYTHONPATH", str(Path(left_behind.__file__).parent))
     monkeypatch.delenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD")
     bounded = [word.replace(f"={all_parts.TEST_LIMIT_S}", "=1") for word in all_parts.BOUNDED]
     parts["third"] = [[*bounded, "-n", "1", "--rootdir", str(tmp_path), str(tmp_path / "test_of_one.py")]]
     code, lines = outcome(monkeypatch, capfd, "third")
     assert code == 1
     assert "crashed while running 'test_of_one.py::test_waits'" in "\n".join(lines)
-    assert "line 4 in test_waits" in (tmp_path / "logs/third.log").read_text()
+    assert "line 7 in test_waits" in (tmp_path / "logs/third.log").read_text()
+    wait_for_end(int((tmp_path / "child").read_text()))  # which the worker could not end
+
+
+TOGETHER = """
+import pathlib, sys, time
+mine, its = (pathlib.Path(sys.argv[1]) / name for name in sys.argv[2:])
+mine.touch()
+until = time.monotonic() + 20.0
+while not its.exists():
+    assert time.monotonic() < until, "the other part does not run"
+    time.sleep(0.01)
+print(mine.name, "met", its.name)
+"""
+
+
+@pytest.fixture
+def together(tmp_path: Path, parts: dict[str, list[list[str]]], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two parts that need each other, and a third one."""
+    parts["first"] = [["-c", TOGETHER, str(tmp_path), "computing", "waiting"]]
+    parts["second"] = [["-c", TOGETHER, str(tmp_path), "waiting", "computing"]]
+    monkeypatch.setattr(all_parts, "COMPUTING", ("first",))
+    monkeypatch.setattr(all_parts, "WAITING", "second")
+
+
+@pytest.mark.usefixtures("together")
+def test_part_that_computes_runs_beside_processes_and_is_shown_after_them(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["all_parts.py"])
+    assert all_parts.main() == 0
+    said = capfd.readouterr().out
+    places = [said.index(text) for text in ("waiting met computing", "computing met waiting", "test session starts")]
+    assert places == sorted(places)
+    assert "beside the part second (niceness 5)" in said
+
+
+@pytest.mark.usefixtures("together")
+def test_part_beside_processes_fails_by_itself(
+    parts: dict[str, list[list[str]]], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    parts["first"] += [["-c", "import sys; print('too late'); sys.exit(3)"]]
+    code, lines = outcome(monkeypatch, capfd)
+    assert code == 1
+    assert [line.split()[:2] for line in lines[:3]] == [["first", "FAILED"], ["second", "passed"], ["third", "passed"]]
+    assert "ended with 3" in "\n".join(lines)
+
+
+def test_ctrl_c_ends_the_part_beside_processes(
+    tmp_path: Path, parts: dict[str, list[list[str]]], together: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parts["first"] += [["-c", LEAVES_A_CHILD, "60"]]
+    parts["second"] += [["-c", "import time; time.sleep(60)"]]
+    beside = tmp_path / "logs/first.log"
+
+    def interrupt() -> None:
+        until = time.monotonic() + 30.0
+        while time.monotonic() < until:
+            if beside.exists() and beside.read_text().count("\n") > 1:
+                signal.raise_signal(signal.SIGINT)
+                return
+            time.sleep(0.01)
+
+    monkeypatch.setattr(sys, "argv", ["all_parts.py", "first", "second"])
+    user = threading.Thread(target=interrupt)
+    user.start()
+    start_s = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        all_parts.main()
+    assert time.monotonic() - start_s < 50.0
+    user.join()
+    wait_for_end(int(beside.read_text().split()[-1]))
 
 
 @pytest.mark.usefixtures("parts")
