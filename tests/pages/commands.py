@@ -40,6 +40,28 @@ class Command(NamedTuple):
     shown: tuple[str, ...] = ()
 
 
+class Part(NamedTuple):
+    """One program of a command line, without `sudo`."""
+
+    words: str
+    variables: tuple[str, ...] = ()  # that are set in front of it
+
+
+# Programs whose options test_page_commands.py and test_page_programs.py check.
+PARSED_ELSEWHERE = re.compile(r"(?:fmfts-daemon|make|(?:\S*/)?python3?)(?= |$)")
+
+
+def parts_of(words: str) -> list[Part]:
+    """The programs of `A && B; C`."""
+    found = []
+    for part in re.split(r"&&|;", words):
+        variables = re.match(r"(?:[A-Z_]+=\S+ )*", part.strip())
+        assert variables is not None
+        rest = part.strip()[variables.end() :].removeprefix("sudo ")
+        found.append(Part(rest, tuple(re.findall(r"([A-Z_]+)=", variables[0]))))
+    return found
+
+
 class Known(NamedTuple):
     """commands.toml. Patterns are regular expressions, looked for in `PAGE: COMMAND`."""
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import re
 import shlex
+from pathlib import Path
 
 import pytest
 
+from fmfts.cli import manual
 from fmfts.cli.main import command_line
-from pages.commands import ROOT, Command, Known, commands_of, every_command
+from pages.commands import PAGES, ROOT, Command, Known, commands_of, every_command
 
+VERBS = manual.verbs_of(command_line())
 KNOWN = Known.read()
 COMMANDS = every_command()
 PAGE = """Text `make x`.
@@ -86,3 +89,26 @@ def test_daemon_takes_every_verb_and_option_of_the_pages(command: Command, capsy
     if words is not None:
         command_line().parse_args(words)
     assert capsys.readouterr().err == ""
+
+
+def unknown_options(text: str) -> list[str]:
+    """Options in backticks that their verb lacks; a verb may have verbs of its own (`keys new`)."""
+    found = []
+    for span in re.findall(r"(?<!`)`([^`]+)`(?!`)", re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE)):
+        verb = VERBS.get(next(iter(span.removeprefix("fmfts-daemon ").split()), ""))
+        if verb is not None:
+            parsers = [verb, *manual.verbs_of(verb).values()]
+            known = {word for one in parsers for action in one._actions for word in action.option_strings}
+            given = re.findall(r"(?<![\w-])--?[a-z][\w-]*", span)
+            found += [f"{span}: {word}" for word in given if word not in known]
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_options_named_in_a_sentence_exist(page: Path) -> None:
+    assert unknown_options(page.read_text()) == []
+
+
+def test_unknown_option_in_a_sentence_is_found() -> None:
+    text = "Use `baseline --rest`, `keys new --may-change` or\n`fmfts-daemon baseline\n--reset`; `frobnicate --now`."
+    assert unknown_options(text) == ["fmfts-daemon baseline\n--reset: --reset"]

@@ -18,9 +18,9 @@ from typing import Any
 
 import pytest
 
-from pages.commands import ROOT, every_command
+from pages.commands import ROOT, every_command, parts_of
 
-WORDS = list(dict.fromkeys(part.strip() for one in every_command() for part in re.split(r"&&|;", one.words)))
+WORDS = list(dict.fromkeys(part.words for one in every_command() for part in parts_of(one.words)))
 VARIABLE = re.compile(r"[A-Z_]+=")
 TARGET = re.compile(r"^([\w./-]+):(?!=)", re.MULTILINE)
 USED = re.compile(r"\$[({](\w+)|^(?:ifdef|ifndef) (\w+)", re.MULTILINE)
