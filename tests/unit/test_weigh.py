@@ -107,6 +107,15 @@ def test_half_or_twice_is_refused_where_it_is_likelier(thickness_mm: float, said
     assert knows.weighed(knows.baseline, WEIGHT_N, steady_finger(*MIDDLE_M, WEIGHT_N)).silicone is not None
 
 
+def test_weight_in_the_middle_is_accepted_where_its_place_is_uncertain() -> None:
+    """The daemon reads 0.8 mm from the middle of this thick pad as 2.2 ± 0.25 mm."""
+    thick = Bench(Cell("thick", 1.0, 4.4), by_mm=3.0, seed=6)
+    weighed = thick.weighed(thick.baseline, WEIGHT_N, steady_finger(*MIDDLE_M, WEIGHT_N))
+    assert weighed.silicone is not None
+    with pytest.raises(BaselineError, match=r"stands [3-5]\.\d mm from the middle"):
+        thick.weighed(thick.baseline, WEIGHT_N, steady_finger(*ASIDE_M, WEIGHT_N))
+
+
 def test_iron_or_a_shaken_magnet_is_named(bench: Bench) -> None:
     source = bench.pad(STIFF)
     source.finger = steady_finger(*MIDDLE_M, WEIGHT_N)

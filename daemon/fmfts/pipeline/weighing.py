@@ -36,7 +36,9 @@ UNBELIEVABLE = 3.5  # deviations
 # This share of weights is entered as half or twice its mass. `weigh` refuses a weight that is UNLIKELY deviations off,
 # where the probability of this mistake exceeds DOUBT.
 MISTAKEN, DOUBT, UNLIKELY = 0.01, 0.05, 2.5
-MIDDLE_M = 2e-3  # of the estimated place: without --turn and --refine it may be off by a millimetre
+# `weigh` refuses a weight that stands further from the middle than MIDDLE_M and SURELY deviations of its place. Without
+# --turn and --refine the place may be off by a millimetre.
+MIDDLE_M, SURELY = 2e-3, 2.0
 LIGHTEST_N, HEAVIEST_N = 0.2, 4.0
 # Other deviations of the ratio: the model itself and a pad that is not level (2 %), and a kitchen scale.
 READ_SHARE, SCALE_N = 0.02, 0.01
@@ -77,8 +79,9 @@ class Weighing:
         model = self._model()
         _require_still(frames, before)
         read = _read(self.config, model, frames, msgspec.structs.replace(before, silicone=None))
-        away_m = hypot(read.x_m - pad.rest_position_m[0], read.y_m - pad.rest_position_m[1])
-        if away_m > MIDDLE_M:
+        x_m, y_m = read.x_m - pad.rest_position_m[0], read.y_m - pad.rest_position_m[1]
+        away_m = hypot(x_m, y_m)
+        if away_m > MIDDLE_M + SURELY * hypot(x_m * read.x_sd_m, y_m * read.y_sd_m) / away_m:
             raise BaselineError(
                 f"the weight stands {away_m * 1e3:.1f} mm from the middle, at ({read.x_m * 1e3:.1f}, "
                 f"{read.y_m * 1e3:.1f}) mm: put it within 1 mm, and weigh again"
@@ -160,7 +163,9 @@ class Weighing:
 @dataclass(frozen=True, slots=True)
 class _Reading:
     x_m: float
+    x_sd_m: float
     y_m: float
+    y_sd_m: float
     force_n: float
     force_sd_n: float
 
@@ -192,14 +197,18 @@ def _require_still(frames: Sequence[Frame], before: Baseline) -> None:
 
 
 def _read(config: PadConfig, model: ContactModel, frames: Sequence[Frame], baseline: Baseline) -> _Reading:
-    """The mean force of these frames. Its deviation is that of one frame, because noise is the smallest part."""
+    """The mean place and force of these frames. Deviations are those of one frame: noise is their smallest part."""
     pipeline = pipeline_of(config, model, boot="")
     pipeline.use(baseline)
     begun_us = frames[0].device_time_us + 1e6 * SETTLED_S
     messages = [pipeline.process(frame) for frame in frames]
     told = [one for frame, one in zip(frames, messages, strict=True) if frame.device_time_us >= begun_us]
     _require_sound(told)
-    pressed = [(one.x_m, one.y_m, one.force_n, one.force_sd_n) for one in told if one.contact and one.x_m is not None]
+    pressed = [
+        (one.x_m, one.x_sd_m, one.y_m, one.y_sd_m, one.force_n, one.force_sd_n)
+        for one in told
+        if one.contact and one.x_m is not None
+    ]
     if len(pressed) < MOSTLY * len(told):
         raise BaselineError("no weight is detected: put it on the middle of the pad, let go, and weigh again")
     return _Reading(*np.array(pressed, dtype=float).mean(axis=0).tolist())
