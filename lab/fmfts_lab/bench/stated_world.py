@@ -15,8 +15,6 @@ from fmfts.pad import Array
 from fmfts.simulation.finger_shape import PATCH_MM2, FingerShape
 from fmfts.simulation.mechanics import Mechanics
 
-# Of the modulus, so that no draw is negative.
-SOFTEST = 0.4
 # Half the difference of a finger's moments along and across, as a share of their common error: tolerances.c.
 UNEVEN = 0.5
 NARROWEST_MM2 = 0.05
@@ -37,7 +35,7 @@ class StatedMechanics:
         farthest_mm2 = (1e3 * FINGER_M[1]) ** 2 / 16.0 - PATCH_MM2
         uneven_mm2 = random.normal(0.0, UNEVEN * farthest_mm2 / 2.0)
         moments = (max(disc_mm2 + uneven_mm2, NARROWEST_MM2), max(disc_mm2 - uneven_mm2, NARROWEST_MM2))
-        modulus = max(random.normal(1.0, MODULUS), SOFTEST)
+        modulus = float(np.exp(random.normal(0.0, MODULUS)))
         return cls(model, modulus, 1e3 * random.normal(0.0, THICKNESS_M), FingerShape(moments))
 
     def response(self, x_m: Array, y_m: Array, force_n: Array) -> Array:
