@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 from fmfts.contact import ContactModel
 from fmfts.contact.estimate import ContactEstimate
 from fmfts.contact.tolerances import StructureTolerance
+from fmfts.contact.touch import TouchDetector
 from fmfts.pad import Pad
 from fmfts_lab.bench.slip_world import Drag
 
@@ -169,6 +170,35 @@ def test_deviations_are_honest_over_frames_with_noise(pad: Pad, press: Array) ->
     if np.hypot(*press[:2]) < 10.0:  # not by deviations that are far too large
         assert np.mean(np.abs(errors) < 1.0) < 0.85
     assert np.abs(errors).max() < 5.0
+
+
+def test_press_whose_force_shear_hides_is_within_its_deviations(pad: Pad) -> None:
+    """Beyond 12 mm, where the standard answer could be noise and the movement could not: 3 in 1000 beyond five."""
+    model, plain, random = solving(pad), ContactModel.load("default", pad), np.random.default_rng(5)
+    onset_chi2 = TouchDetector(220.0).onset_chi2
+    model.parameters.put("onset_chi2", onset_chi2)
+    errors = []
+    for _ in range(3000):
+        place_mm, force_n = random.uniform(-13.0, 13.0, 2), random.uniform(0.5, 2.0)
+        if np.hypot(*place_mm) < 12.0:
+            continue
+        shear_n = FRICTION * force_n * np.sqrt(random.uniform()) * _direction(random)
+        change = change_of(model, np.array([*place_mm, force_n, *shear_n])) + FRAME_SD * random.standard_normal(5)
+        standard = answer(plain, pad, change)
+        has_moved = np.sum((change / FRAME_SD) ** 2) > onset_chi2
+        if has_moved and not standard.force_n > 2.0 * standard.force_sd_n:
+            found = answer(model, pad, change)
+            errors.append((found.force_n - force_n) / found.force_sd_n)
+    assert len(errors) > 300
+    assert np.sum(np.abs(errors) > 5.0) <= 0.003 * len(errors)
+
+
+def test_movement_searches_no_untouched_frame(pad: Pad) -> None:
+    """Noise makes a force of two deviations in 4 of 100 frames. The movement adds one frame an hour: here none."""
+    unmoved, moved, random = solving(pad), solving(pad), np.random.default_rng(8)
+    moved.parameters.put("onset_chi2", TouchDetector(220.0).onset_chi2)
+    for change in FRAME_SD * random.standard_normal((5000, 5)):
+        np.testing.assert_array_equal(answer(moved, pad, change).values, answer(unmoved, pad, change).values)
 
 
 def _direction(random: np.random.Generator) -> Array:

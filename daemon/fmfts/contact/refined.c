@@ -75,23 +75,31 @@ static void suppose_shear(const fmfts_contact_parameters *parameters, fmfts_foun
     found->outputs = CONTACT;
 }
 
+/* Whether the magnet moved further than noise moves it. Shear outwards on the rim hides force, but not this. */
+static bool has_moved(const fmfts_contact_parameters *parameters, const double moved[FMFTS_MOVED], const double *covariance)
+{
+    double chi2, onset = parameters->onset_chi2; /* 0: outside of a pipeline */
+    return onset > 0.0 && fmfts_chi2_from_rest(FMFTS_MOVED, moved, covariance, &chi2) && chi2 > onset;
+}
+
 bool fmfts_solve_answer(const fmfts_contact_parameters *parameters, const fmfts_question *question,
                         const fmfts_response *response, fmfts_found *found, double bend[CONTACT])
 {
     double moved[FMFTS_MOVED], covariance[FMFTS_MOVED * FMFTS_MOVED];
     fmfts_search search = {moved, covariance, SHEAR_STEPS, SETTLED_DEVIATIONS, parameters->shear_share};
     bool may_be_noise = !(fmfts_doubt(found->contact[2], found->variance[2]) < 1.0);
+    double begun_n = found->contact[2];
     fmfts_sheared solved;
+    movement_of(parameters, question, moved, covariance);
     suppose_shear(parameters, found);
-    if (may_be_noise) {
+    if (may_be_noise && !(begun_n > 0.0 && has_moved(parameters, moved, covariance))) {
         return true;
     }
-    movement_of(parameters, question, moved, covariance);
     memcpy(solved.press, found->contact, sizeof solved.press);
     if (!fmfts_solve_shear(response, &search, &solved)) {
         return false;
     }
-    double share = solved.press[2] / found->contact[2];
+    double share = solved.press[2] / begun_n;
     found->touch_variance *= share * share; /* as certain a touch as without shear */
     memcpy(found->contact, solved.press, sizeof solved.press);
     memcpy(found->variance, solved.variance, sizeof solved.variance);

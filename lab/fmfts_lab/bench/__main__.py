@@ -164,6 +164,7 @@ def main() -> None:
     verb.add_argument("--moments", type=float, nargs="+", default=tools.MOMENTS_A_M2, metavar="A_M2")
     verb.add_argument("--built", choices=tuple(tools.BUILT), default="drawn", help="how chips are turned and gains off")
     verb.add_argument("--touches", nargs="+", choices=tuple(tools.FINGERS), default=tuple(tools.FINGERS))
+    verb.add_argument("--model", default="default", help="the contact model: shear, or another")
     verb.add_argument("--verbose", action="store_true", help="a row for each way, too")
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=tools.run)

@@ -15,7 +15,7 @@ import numpy as np
 from fmfts.baseline import Baseline
 from fmfts.baseline.request import BaselineRequest
 from fmfts.bus.messages import ContactMessage
-from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
+from fmfts.config import ContactConfig, PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
 from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
@@ -131,7 +131,7 @@ HEADER = (
 )
 
 
-def pad_config(scene: Scene, seed: int, built: Built) -> PadConfig:
+def pad_config(scene: Scene, seed: int, built: Built, model: str = "default") -> PadConfig:
     """What the scene says, and what the robot does.
 
     still, turning: a drifting field; turned: the robot turns, also for `baseline --turn`. constant: nothing moves,
@@ -144,6 +144,7 @@ def pad_config(scene: Scene, seed: int, built: Built) -> PadConfig:
         source=SimulatedSource(seed=seed, finger="none", turning_deg_per_s=turning),
         tolerance=BUILT[built],
         scene=SceneConfig(ambient="constant" if constant else "drifting", steel_nearby=scene == "steel"),
+        contact=ContactConfig(model=model),
     )
 
 
@@ -178,10 +179,11 @@ def drilled(
     touches: Sequence[str],
     seeds: range,
     built: Built,
+    name: str = "default",
 ) -> Iterator[Cell]:
     """Every tool on every way, on each pad."""
     for scene in scenes:
-        configs = {seed: pad_config(scene, seed, built) for seed in seeds}
+        configs = {seed: pad_config(scene, seed, built, name) for seed in seeds}
         baselines = {seed: baseline_of(config, scene) for seed, config in configs.items()}
         model = load_contact_model(configs[seeds[0]])
         for moment_a_m2, way, touch in product(moments_a_m2, ways, touches):
@@ -199,7 +201,8 @@ def run(options: Namespace) -> None:
     sums: dict[tuple[str, float, str], Cell] = {}
     print(HEADER, flush=True)
     seeds = range(options.seed, options.seed + options.pads)
-    for cell in drilled(options.scenes, options.moments, WAYS, options.touches, seeds, options.built):
+    given = options.scenes, options.moments, WAYS, options.touches, seeds, options.built, options.model
+    for cell in drilled(*given):
         cells.append(cell)
         if options.verbose:
             print(cell.line, flush=True)
