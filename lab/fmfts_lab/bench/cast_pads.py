@@ -1,4 +1,4 @@
-"""Pads of other silicone, thickness and finger than the shipped model knows, solved by CalculiX: `cast_presses.csv`.
+"""Pads of other silicone, thickness and finger than the shipped model's, solved by CalculiX: `cast_presses.csv`.
 
 `python -m fmfts_lab.finite_elements.cast_presses` makes that file, with a solver that shares no code with the one
 that trained the model. Presses are at the places that were solved, and at their seven mirror images: nothing is
@@ -19,6 +19,7 @@ from fmfts.pad import Array
 from fmfts.simulation.finger import Touch
 
 PRESSES_PATH = Path(__file__).with_name("cast_presses.csv")
+POISSON, SOFTER_POISSON = 0.49, 0.47  # solved; the first is the shipped model's
 SI = np.array([1e-6, 1e-6, 1e-6, 1.0, 1.0])
 HOLD_S, RAMP_S = 0.7, 0.2  # pauses are as long as the press before them
 FORCES_N = (0.25, 1.4)
@@ -42,20 +43,50 @@ class Ramp(NamedTuple):
         return Ramp(vector(*self.place_m), vector(*self.shear_share), sign * self.powers[:, order])
 
 
+class CastPad(NamedTuple):
+    """poisson: of its silicone; one of those that were solved, or any between and up to incompressible silicone."""
+
+    thickness_mm: float
+    finger_mm: float
+    poisson: float = POISSON
+
+
+DRAWN = CastPad(4.0, 6.0)
+Presses = dict[tuple[float, float, float, float], Array]  # by place and share of shear: a row for each force
+
+
 @cache
-def ramps(thickness_mm: float, finger_mm: float, sheared: bool) -> tuple[Ramp, ...]:
-    """All presses of such a pad, and their mirror images."""
+def solved() -> dict[CastPad, Presses]:
+    """Forces (N) and the magnet's movements (µm, axis) of each ramp."""
     rows: dict[tuple[float, ...], list[list[float]]] = {}
     with PRESSES_PATH.open(newline="") as lines:
         for row in csv.DictReader(lines):
             numbers = [float(value) for value in row.values()]
-            rows.setdefault(tuple(numbers[:6]), []).append(numbers[6:])
+            rows.setdefault(tuple(numbers[:7]), []).append(numbers[7:])
+    found: dict[CastPad, Presses] = {}
+    for (thickness, finger, poisson, x, y, *shear), levels in rows.items():
+        found.setdefault(CastPad(thickness, finger, poisson), {})[x, y, shear[0], shear[1]] = np.array(levels)
+    return found
+
+
+def unsheared_pads() -> list[CastPad]:
+    """Those of the model's own Poisson's ratio that are solved at every place without shear."""
+    places = len(_unsheared(DRAWN))
+    return [cast for cast in solved() if cast.poisson == POISSON and len(_unsheared(cast)) == places]
+
+
+def _unsheared(cast: CastPad) -> Presses:
+    return {key: levels for key, levels in solved().get(cast, {}).items() if not any(key[2:])}
+
+
+@cache
+def ramps(cast: CastPad, sheared: bool) -> tuple[Ramp, ...]:
+    """All presses of such a pad, and their mirror images."""
     found = []
-    for (thickness, finger, x, y, *share), levels in rows.items():
-        if (thickness, finger, any(share)) == (thickness_mm, finger_mm, sheared):
-            table = np.array(levels)
+    for (x, y, *shear), table in _with_poisson(cast).items():
+        if any(shear) == sheared:
             powers = np.linalg.solve(table[:, :1] ** np.arange(1, len(table) + 1), table[:, 1:] * SI)
-            found.append(Ramp((x * 1e-3, y * 1e-3), (share[0], share[1]), powers))
+            found.append(Ramp((x * 1e-3, y * 1e-3), (shear[0], shear[1]), powers))
     return tuple(
         one.mirrored(turned, along_x, along_y)
         for one in found
@@ -63,6 +94,20 @@ def ramps(thickness_mm: float, finger_mm: float, sheared: bool) -> tuple[Ramp, .
         for along_x in (1.0, -1.0)
         for along_y in (1.0, -1.0)
     )
+
+
+def _with_poisson(cast: CastPad) -> Presses:
+    """Movements are linear in Poisson's ratio: `finite_elements.poisson`. Where the other ratio is not solved on this
+    pad, movements at this place change by the same shares as on DRAWN; on the others, sinking by 0.4 % more or less."""
+    if cast.poisson == POISSON:
+        return solved()[cast]
+    share = (cast.poisson - POISSON) / (SOFTER_POISSON - POISSON)
+    changed = {}
+    for key, levels in _unsheared(cast._replace(poisson=POISSON)).items():
+        by = cast if key in solved().get(cast._replace(poisson=SOFTER_POISSON), {}) else DRAWN
+        usual, softer = (solved()[by._replace(poisson=each)][key] for each in (POISSON, SOFTER_POISSON))
+        changed[key] = levels * (1.0 + share * (softer / usual - 1.0))
+    return changed
 
 
 class CastMechanics:

@@ -7,11 +7,12 @@ told: both press on a peg of 6 mm between them.
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -25,19 +26,20 @@ from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.sensor.chips import DEFAULT_CHIP
 from fmfts.simulation.finger import no_finger, steady_finger
+from fmfts.simulation.finger_shape import FingerShape
 from fmfts.simulation.mounted import MountedPad
 from fmfts_calibrate.command import CorrectionJob, make_corrected_model
 from fmfts_calibrate.correct_verb import mounted_pad, starting_model
 from fmfts_calibrate.field_table import DataError, write
-from fmfts_lab.bench.cast_pads import CastFinger, ramps
 from fmfts_lab.bench.silicone import RealPad, messages_of
-from fmfts_lab.bench.structure import CALIBRATED_N, Cell, Found
+from fmfts_lab.bench.stated_world import StatedMechanics
+from fmfts_lab.bench.structure import Cell, Found
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import Truth
 from fmfts_lab.bench.weigh import Bench, facts_of, line
 
 PRESSES = (5, 9, 18)
-PROBE_MM = 6.0  # of the gauge, and of the peg
+PROBE_MM = 6.0  # of the peg
 # Errors of the gauge: one factor for all presses, and one for each reading; errors of the places: from a ruler.
 GAUGE_SCALE, READING, PLACE_MM = 0.01, 0.01, 0.5
 FORCES_N = (0.4, 1.6)
@@ -55,7 +57,7 @@ class Pressed:
 
     def __init__(self, bench: Bench, cell: Cell) -> None:
         self.config = bench.config
-        self._source = bench.pad(replace(cell, finger_mm=PROBE_MM))
+        self._source = bench.pad(cell)
 
     def under(self, press: Press | None) -> list:  # type: ignore[type-arg]
         """The frames of a press once it has settled; None: of the untouched pad."""
@@ -65,8 +67,8 @@ class Pressed:
 
 
 def presses_of(cell: Cell, count: int, random: np.random.Generator) -> list[Press]:
-    """All over the pad, each at another of the solved places."""
-    solved = ramps(cell.thickness_mm, PROBE_MM, sheared=False)
+    """All over the pad, each at another of the solved places, by a gauge as wide as the finger."""
+    solved = cell.ramps()
     which = random.permutation(len(solved))[:count]
     forces_n = random.uniform(*FORCES_N, count) * min(cell.modulus, 1.0)
     return [(*solved[n].place_m, force) for n, force in zip(which.tolist(), forces_n.tolist(), strict=True)]
@@ -102,7 +104,7 @@ class OtherPad:
         self._pipeline.use(weighed)
         self.scale_sd = self._pipeline.force_scale_sd or 0.0
         self._pressed = Pressed(self._bench, OTHER_PAD)
-        self._places = ramps(OTHER_PAD.thickness_mm, PROBE_MM, sheared=False)
+        self._places = OTHER_PAD.ramps()
 
     def labels(self, presses: list[Press], random: np.random.Generator) -> Array:
         """What it reads of the same forces, near its middle."""
@@ -142,32 +144,43 @@ def corrected(
         mounted = mounted_pad(config, baseline, start, DEFAULT_CHIP.noise_t / np.sqrt(100.0 * AVERAGED_S))
         job = CorrectionJob(mounted, start, 40.0, PLACE_MM, scale_sd)
         report = make_corrected_model(source, target, job, lambda _: None)
-        contact = msgspec.structs.replace(config.contact, model=str(target), finger_mm=(PROBE_MM, PROBE_MM))
+        as_calibrated = (PROBE_MM, PROBE_MM)  # the gauge is as wide as what presses later
+        contact = msgspec.structs.replace(config.contact, model=str(target), finger_mm=as_calibrated)
         own = ToleranceConfig(gain=config.tolerance.gain)
         yield msgspec.structs.replace(config, contact=contact, tolerance=own), str(report["chosen"])
 
 
 def refined(bench: Bench, cell: Cell, random: np.random.Generator) -> Baseline:
     """The pad's baseline after `--refine`: presses anywhere, which nobody measured."""
-    source = bench.pad(replace(cell, finger_mm=PROBE_MM))
-    source.finger = CastFinger(ramps(cell.thickness_mm, PROBE_MM, sheared=False), CALIBRATED_N * cell.modulus, random)
+    source = bench.pad(cell)
+    source.finger = cell.finger(random)
     request = BaselineRequest(bench.config.pad(), bench.config.tolerance.si(), False, False, refine=True)
     return request.make(source.recorded(request.seconds), bench.baseline)[0]
 
 
-class DrawnBench(Bench):
-    """Chips and magnet are where the drawing has them; only silicone and presses differ from the model's."""
+class PartlyDrawnBench(Bench):
+    """without: "mounting": chips and magnet are where the drawing has them; "shape": the silicone moves the magnet as
+    the model's does, but for its modulus; "noise": chips have a tenth of it."""
+
+    def __init__(self, cell: Cell, by_mm: float, seed: int, without: Sequence[str]) -> None:
+        self._without = without
+        self.noise_t = DEFAULT_CHIP.noise_t / 10.0 if "noise" in without else None
+        super().__init__(cell, by_mm, seed)
 
     def pad(self, cell: Cell) -> RealPad:
         source = super().pad(cell)
-        built = source.built
-        drawn = MountedPad.exact(self.config.pad(), built.mechanics)
-        source.stands(replace(drawn, ambient_t=built.ambient_t))
+        if "shape" in self._without:
+            drawn: Any = StatedMechanics(RealPad(self.config).built.mechanics, cell.modulus, 0.0, FingerShape())
+            source.stands(replace(source.built, mechanics=drawn))
+        if "mounting" in self._without:
+            built = source.built
+            drawn_pad = MountedPad.exact(self.config.pad(), built.mechanics)
+            source.stands(replace(drawn_pad, ambient_t=built.ambient_t))
         return source
 
 
 def trial(cell: Cell, count: int, seed: int, options: Namespace, against: OtherPad | None, row: Row) -> None:
-    bench = (DrawnBench if "mounting" in options.without else Bench)(cell, PROBE_MM, seed)
+    bench = PartlyDrawnBench(cell, PROBE_MM, seed, options.without)
     random, seconds = np.random.default_rng([seed, count]), options.seconds
     baseline = refined(bench, cell, random) if options.refine else bench.baseline
     presses = presses_of(cell, count, random)
@@ -181,8 +194,7 @@ def trial(cell: Cell, count: int, seed: int, options: Namespace, against: OtherP
             pipeline = without_baseline(config, load_contact_model(config))
             pipeline.use(baseline)
             source = bench.pad(cell)
-            solved = ramps(cell.thickness_mm, cell.finger_mm, sheared=False)
-            finger = CastFinger(solved, CALIBRATED_N * cell.modulus, np.random.default_rng(seed))
+            finger = cell.finger(np.random.default_rng(seed))
             source.finger = finger
             messages = messages_of(pipeline, source.recorded(seconds))
             row.found.saw(messages, Truth(source.built, finger), finger, 0.0)

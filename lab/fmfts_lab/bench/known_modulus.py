@@ -1,4 +1,7 @@
-"""50 g that are called 100 g, and the other way round, on pads whose modulus is known to 5 %: are they refused?"""
+"""Weights that tell nothing, on pads whose modulus is known to 5 %: are they refused, or within their deviations?
+
+50 g that are called 100 g and the other way round, a weight 3.6 mm from the middle, and one that a hand holds.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +11,26 @@ from collections import Counter
 import numpy as np
 
 from fmfts.baseline import BaselineError
+from fmfts.baseline.silicone import StoredSilicone
 from fmfts.config import ToleranceConfig
-from fmfts.simulation.finger import steady_finger
+from fmfts.simulation.finger import Finger, steady_finger
 from fmfts_lab.bench.structure import Cell
-from fmfts_lab.bench.weigh import MIDDLE_M, PADS_MM, WEIGHTS_N, Bench
+from fmfts_lab.bench.weigh import ASIDE_M, MIDDLE_M, PADS_MM, WEIGHTS_N, Bench, shaken
 
 MODULUS = 0.05
 HONEST_DEVIATIONS = 2.0
+
+
+def weights() -> list[tuple[str, float, Finger]]:
+    """What is said of each, in N, and how it presses."""
+    found = []
+    for said_n in WEIGHTS_N:
+        for true_n in WEIGHTS_N:
+            name = "right" if said_n == true_n else "half of what is said" if true_n < said_n else "twice what is said"
+            found.append((name, said_n, steady_finger(*MIDDLE_M, true_n)))
+        found.append(("aside", said_n, steady_finger(*ASIDE_M, said_n)))
+        found.append(("hand", said_n, shaken(said_n)))
+    return found
 
 
 def run(options: Namespace) -> None:
@@ -24,22 +40,25 @@ def run(options: Namespace) -> None:
             random = np.random.default_rng([seed, round(10.0 * thickness_mm), round(by_mm)])
             cell = Cell("known", float(np.exp(MODULUS * random.standard_normal())), thickness_mm, by_mm)
             bench = Bench(cell, by_mm, seed, ToleranceConfig(gain=0.005, modulus=MODULUS))
-            for said_n in WEIGHTS_N:
-                for true_n in WEIGHTS_N:
-                    kind = f"{thickness_mm:g} mm, {'right' if said_n == true_n else 'off by a factor of two'}"
-                    said[kind, _outcome(bench, cell, said_n, true_n)] += 1
-    for (kind, outcome), count in sorted(said.items()):
-        print(f"{kind}: {count} {outcome}")
+            # A slab of another thickness has another scale, and a right weight tells it.
+            is_drawn = thickness_mm == PADS_MM[0][0]
+            truth = cell.modulus if is_drawn else _stiffness(bench, *weights()[0][1:]).stiffness
+            for name, said_n, finger in weights():
+                said[name, f"{thickness_mm:g} mm: {_outcome(bench, truth, said_n, finger)}"] += 1
+    for (name, outcome), count in sorted(said.items()):
+        print(f"{name}, {outcome}: {count}")
 
 
-def _outcome(bench: Bench, cell: Cell, said_n: float, true_n: float) -> str:
-    """A slab of another thickness has another scale in the middle, and that is what a weight tells."""
-    try:
-        silicone = bench.weighed(bench.baseline, said_n, steady_finger(*MIDDLE_M, true_n)).silicone
-    except BaselineError:
-        return "refused"
+def _stiffness(bench: Bench, said_n: float, finger: Finger) -> StoredSilicone:
+    silicone = bench.weighed(bench.baseline, said_n, finger).silicone
     assert silicone is not None
-    if cell.thickness_mm != PADS_MM[0][0]:
-        return "taken"
-    off = abs(np.log(silicone.stiffness / cell.modulus)) / silicone.deviation
-    return "taken, " + ("right" if off <= HONEST_DEVIATIONS else "off by more than two deviations")
+    return silicone
+
+
+def _outcome(bench: Bench, truth: float, said_n: float, finger: Finger) -> str:
+    try:
+        silicone = _stiffness(bench, said_n, finger)
+    except BaselineError as error:
+        return "refused" + (", not in the middle" if "from the middle" in str(error) else "")
+    off = abs(np.log(silicone.stiffness / truth)) / silicone.deviation
+    return "accepted, " + ("right" if off <= HONEST_DEVIATIONS else "off by more than two deviations")

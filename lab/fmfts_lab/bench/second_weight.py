@@ -12,7 +12,7 @@ import numpy as np
 
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.simulation.finger import steady_finger
-from fmfts_lab.bench.cast_pads import ramps
+from fmfts_lab.bench.cast_pads import CastPad, ramps
 from fmfts_lab.bench.few_presses import PROBE_MM
 from fmfts_lab.bench.silicone import messages_of
 from fmfts_lab.bench.structure import Cell
@@ -28,7 +28,7 @@ def readings(thickness_mm: float, seed: int) -> list[float]:
     """Of the weight at each of the solved places, the innermost first; NaN where none is read."""
     bench = Bench(Cell("pad", thickness_mm=thickness_mm), PROBE_MM, seed)
     pipeline = without_baseline(bench.config, load_contact_model(bench.config))
-    solved, random, found = ramps(thickness_mm, PROBE_MM, sheared=False), np.random.default_rng(seed), []
+    solved, random, found = ramps(CastPad(thickness_mm, PROBE_MM), sheared=False), np.random.default_rng(seed), []
     for first in range(0, len(solved), IMAGES):
         pipeline.use(bench.baseline)
         source = bench.pad(Cell("pad", thickness_mm=thickness_mm))
@@ -44,7 +44,9 @@ def run(options: Namespace) -> None:
     seeds = range(options.seed, options.seed + options.pads)
     read = np.array([[readings(thickness, seed) for seed in seeds] for thickness in THICKNESSES_MM])
     ratio = np.log(read[:, :, 1:] / read[:, :, :1])  # (thickness, seed, place)
-    places = [np.hypot(*one.place_m) * 1e3 for one in ramps(THICKNESSES_MM[0], PROBE_MM, sheared=False)[::IMAGES]]
+    places = [
+        np.hypot(*one.place_m) * 1e3 for one in ramps(CastPad(THICKNESSES_MM[0], PROBE_MM), sheared=False)[::IMAGES]
+    ]
     across_mm = THICKNESSES_MM[-1] - THICKNESSES_MM[0]
     for number, radius_mm in enumerate(places[1:]):
         slope = float((ratio[-1, :, number] - ratio[0, :, number]).mean()) / across_mm

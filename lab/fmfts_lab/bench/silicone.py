@@ -89,8 +89,9 @@ EFFECTS = (
 class RealPad(ManyFrames):
     """A simulated pad with imperfections, many frames at once."""
 
-    def __init__(self, config: PadConfig) -> None:
-        super().__init__(config)
+    def __init__(self, config: PadConfig, noise_t: float | None = None) -> None:
+        """noise_t: of a sample; None: the chip's."""
+        super().__init__(config, noise_t=noise_t)
         if self._imperfections is None:
             shape, random = SHAPES["round"], np.random.default_rng(0)
             self._imperfections = Imperfections((), shape, self.built, RATE_HZ, random)

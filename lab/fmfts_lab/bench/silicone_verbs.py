@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from fmfts_lab.bench import (
+    any_pad,
     few_presses,
     known_modulus,
     long_squeeze,
@@ -71,11 +72,19 @@ def add_verbs_of_silicone(verbs: argparse._SubParsersAction[argparse.ArgumentPar
     verb.add_argument(
         "--without",
         nargs="+",
-        choices=("mounting", "labels"),
+        choices=("mounting", "labels", "shape", "noise"),
         default=(),
         help="errors to leave out: what limits?",
     )
     verb.set_defaults(run=few_presses.run)
+    verb = verbs.add_parser(
+        "any-pad", help="pads drawn over all moduli, thicknesses, Poisson's ratios and fingers; a weight; five presses"
+    )
+    verb.add_argument("--pads", type=int, default=40, help="how many pads are drawn, one for each seed")
+    verb.add_argument("--seconds", type=float, default=14.0, help="of presses and pauses, for each pad")
+    verb.add_argument("--refine", action="store_true", help="five presses after baseline --refine")
+    verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.set_defaults(run=any_pad.run)
     verb = verbs.add_parser("second-weight", help="whether a second weight, aside, tells how thick a pad is")
     verb.add_argument("--pads", type=int, default=6, help="how many pads are built, for each thickness")
     verb.set_defaults(run=second_weight.run)

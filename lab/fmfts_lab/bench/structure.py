@@ -15,7 +15,7 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import ContactConfig, PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts_lab.bench.cast_pads import CastFinger, CastMechanics, ramps, tilted_by
+from fmfts_lab.bench.cast_pads import POISSON, CastFinger, CastMechanics, CastPad, Ramp, ramps, tilted_by
 from fmfts_lab.bench.silicone import RealPad, baseline_of, messages_of
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
@@ -43,6 +43,14 @@ class Cell:
     thickness_mm: float = 4.0
     finger_mm: float = 6.0
     tilt_deg: float = 0.0
+    poisson: float = POISSON
+
+    def ramps(self, sheared: bool = False) -> tuple[Ramp, ...]:
+        return ramps(CastPad(self.thickness_mm, self.finger_mm, self.poisson), sheared)
+
+    def finger(self, random: np.random.Generator, sheared: bool = False) -> CastFinger:
+        """Presses all over this pad, as strong as a calibrated model reads."""
+        return CastFinger(self.ramps(sheared), CALIBRATED_N * self.modulus, random)
 
 
 CELLS = (
@@ -151,12 +159,14 @@ def config_of(cell: Cell, friction: float, seed: int, counted: Counted) -> PadCo
     )
 
 
-def cast_pad(config: PadConfig, cell: Cell, friction: float, towards_rad: float) -> RealPad:
+def cast_pad(
+    config: PadConfig, cell: Cell, friction: float, towards_rad: float, noise_t: float | None = None
+) -> RealPad:
     """A simulated pad with the chips of its seed, and the silicone and the tilt of the cell."""
-    source = RealPad(config)
+    source = RealPad(config, noise_t)
     built = source.built
     tilted = tilted_by(cell.tilt_deg, towards_rad)
-    mechanics: Any = CastMechanics(ramps(cell.thickness_mm, cell.finger_mm, friction > 0.0), cell.modulus)
+    mechanics: Any = CastMechanics(cell.ramps(friction > 0.0), cell.modulus)
     drawn = replace(built.pad, rest_axis=tilted[:, 2])
     source.stands(replace(built, pad=drawn, rest_axis_from_z=tilted, tilted=tilted, mechanics=mechanics))
     return source
@@ -174,7 +184,7 @@ def trial(cell: Cell, friction: float, seed: int, options: Namespace, counted: C
     pipeline: PadPipeline = without_baseline(config, load_contact_model(config))
     pipeline.use(baseline)
     source = cast_pad(config, cell, friction, towards_rad)
-    finger = CastFinger(ramps(cell.thickness_mm, cell.finger_mm, friction > 0.0), CALIBRATED_N * cell.modulus, random)
+    finger = cell.finger(random, friction > 0.0)
     source.finger = finger
     found.saw(messages_of(pipeline, source.recorded(options.seconds)), Truth(source.built, finger), finger, towards_rad)
 

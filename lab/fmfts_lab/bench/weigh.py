@@ -13,13 +13,12 @@ import numpy as np
 
 from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.request import BaselineRequest
-from fmfts.config import ToleranceConfig
+from fmfts.config import PadConfig, ToleranceConfig
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.weighing import Weighing
 from fmfts.simulation.finger import Finger, Touch, steady_finger
-from fmfts_lab.bench.cast_pads import CastFinger, ramps
 from fmfts_lab.bench.silicone import RealPad, baseline_of, messages_of
-from fmfts_lab.bench.structure import CALIBRATED_N, Cell, Found, cast_pad, config_of
+from fmfts_lab.bench.structure import Cell, Found, cast_pad, config_of
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import Truth
 
@@ -54,7 +53,9 @@ def shaken(force_n: float) -> Finger:
 
 class Bench:
     """One built pad under its weights. by_mm: how wide what the weight stands on is. remanence_t: of its magnet; None:
-    nearly as drawn."""
+    nearly as drawn. noise_t: of a sample; None: the chip's."""
+
+    noise_t: float | None = None
 
     def __init__(
         self,
@@ -72,7 +73,7 @@ class Bench:
         self.baseline = baseline_of(self.config, self.pad(cell), turn=True)
 
     def pad(self, cell: Cell) -> RealPad:
-        source = cast_pad(self.config, cell, 0.0, 0.0)
+        source = cast_pad(self.config, cell, 0.0, 0.0, self.noise_t)
         if self._remanence_t is not None:
             built = source.built
             magnet = built.pad.magnet.with_remanence(self._remanence_t)
@@ -118,12 +119,15 @@ class Bench:
         off = abs(np.log(silicone.stiffness / weighed.silicone.stiffness)) / silicone.deviation
         return "" if off > 2.0 else f"right to {off:.1f} deviations"
 
-    def presses(self, cell: Cell, baseline: Baseline, seconds: float, found: Found) -> None:
-        solved = ramps(cell.thickness_mm, cell.finger_mm, sheared=False)
-        pipeline = without_baseline(self.config, load_contact_model(self.config))
+    def presses(
+        self, cell: Cell, baseline: Baseline, seconds: float, found: Found, config: PadConfig | None = None
+    ) -> None:
+        """config: of the daemon that reads them; None: as at the baseline."""
+        config = config or self.config
+        pipeline = without_baseline(config, load_contact_model(config))
         pipeline.use(baseline)
         source = self.pad(cell)
-        finger = CastFinger(solved, CALIBRATED_N * cell.modulus, np.random.default_rng(self._seed))
+        finger = cell.finger(np.random.default_rng(self._seed))
         source.finger = finger
         found.saw(messages_of(pipeline, source.recorded(seconds)), Truth(source.built, finger), finger, 0.0)
 
@@ -172,6 +176,7 @@ class Row:
 def facts_of(founds: Sequence[Found]) -> dict[str, float]:
     """Of all presses of these."""
     within = np.array([error for found in founds for error in found.errors]) <= 2.0
+    off_at_1n_m = [off for found in founds for off in found.off_at_1n_m]
     return {
         "frames": sum(found.frames for found in founds),
         "wrong": sum(found.wrong for found in founds),
@@ -183,7 +188,7 @@ def facts_of(founds: Sequence[Found]) -> dict[str, float]:
         "force_within_2_sd": float(within[:, 2].mean()),
         "force_off_median": float(np.median(np.abs([share for found in founds for share in found.share]))),
         "force_sd_median": float(np.median([share for found in founds for share in found.claimed])),
-        "place_off_at_1n_mm": 1e3 * float(np.median([off for found in founds for off in found.off_at_1n_m])),
+        "place_off_at_1n_mm": 1e3 * float(np.median(off_at_1n_m)) if off_at_1n_m else float("nan"),
     }
 
 

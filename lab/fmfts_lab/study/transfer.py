@@ -25,7 +25,7 @@ from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.finger import Finger
 from fmfts_calibrate.dataset import CalibrationSet, standard_pad
 from fmfts_calibrate.training import Options, calibrate
-from fmfts_lab.bench.cast_pads import CastFinger, ramps
+from fmfts_lab.bench.cast_pads import CastFinger, CastPad, ramps
 from fmfts_lab.bench.few_presses import GAUGE_SCALE, PROBE_MM, Pressed, corrected, labelled_by_gauge, presses_of
 from fmfts_lab.bench.silicone import messages_of
 from fmfts_lab.bench.structure import CALIBRATED_N, FELT_N, Cell
@@ -97,7 +97,7 @@ class OfPad:
 
     @property
     def finger(self) -> CastFinger:
-        solved = ramps(self.kind.thickness_mm, PROBE_MM, sheared=False)
+        solved = ramps(CastPad(self.kind.thickness_mm, PROBE_MM), sheared=False)
         return CastFinger(solved, CALIBRATED_N * self.kind.modulus, np.random.default_rng(self.seed))
 
     def row(self, method: str, true: Array, found: Array) -> Row:
@@ -161,7 +161,7 @@ class OfPad:
         pad = self.bench.config.pad()
         mounting = self.bench.baseline.mounting(pad)
         press, fields = [], []
-        for ramp in ramps(self.kind.thickness_mm, PROBE_MM, sheared=False):
+        for ramp in ramps(CastPad(self.kind.thickness_mm, PROBE_MM), sheared=False):
             for share in OWN_FORCES_N:
                 force_n = share * min(self.kind.modulus, 1.2)
                 mean_t = summarise(pressed.under((*ramp.place_m, force_n))).mean_t
