@@ -150,12 +150,28 @@ def test_error_of_movement_through_tilt_is_what_turn_by_it_does() -> None:
     np.testing.assert_allclose(after - before, np.diag([2e-5**2, 2e-5**2, 0.0]), atol=2e-13)
 
 
-@pytest.mark.parametrize(("share", "words"), [(0.23, "± 23% of every force"), (0.0, "as calibrated"), (None, "–")])
-def test_status_reports_the_force_scale_uncertainty(share: float | None, words: str) -> None:
+@pytest.mark.parametrize(
+    ("share", "stiffness", "words"),
+    [
+        (
+            0.23,
+            None,
+            "± 23% of every force: the stiffness of its silicone is not known",
+        ),
+        (
+            0.06,
+            1.5,
+            "1.50 times as stiff as the model's, as a weight showed; contact.finger_mm or `calibrate",
+        ),
+        (0.0, None, "as calibrated"),
+        (None, None, "–"),
+    ],
+)
+def test_status_reports_the_force_scale_uncertainty(share: float | None, stiffness: float | None, words: str) -> None:
     out = io.StringIO()
     report = Status.from_message(
         {name: getattr(status_message(), name) for name in status_message().__struct_fields__}
-        | {"force_scale_sd": share}
+        | {"force_scale_sd": share, "force_scale": stiffness}
     )
     Console(file=out, width=200).print(render_status([report]))
     (row,) = [line for line in out.getvalue().splitlines() if "force scale" in line]

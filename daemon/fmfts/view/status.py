@@ -92,4 +92,7 @@ def _scale(stiffness: float | None, share: float | None) -> str:
     open_still = f"± {share:.0%} of every force"
     if stiffness is None:
         return f"{open_still}: the stiffness of its silicone is not known; `weigh` or `calibrate` measures it"
-    return f"{open_still}; the silicone is {stiffness:.2f} times as stiff as the model's, as a weight showed"
+    return (
+        f"{open_still}; the silicone is {stiffness:.2f} times as stiff as the model's, as a weight showed; "
+        "contact.finger_mm or `calibrate --correct` lowers it"
+    )
