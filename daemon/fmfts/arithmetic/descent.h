@@ -10,13 +10,14 @@
  * iterations: number of trials at most. rounding: a relative increase of χ² up to this is ignored. settled: the last
  * step is shorter than this, in the deviation of each unknown alone. damping: the first; a step that raises χ²
  * multiplies it by damping_factor, a good one divides it; beyond most_damping the search ends. floor: is added to the
- * diagonal of the normal matrix, so that an unknown of which nothing is measured stays where it is; NULL: nothing. */
+ * diagonal of the normal matrix, so that an unknown that no measurement determines stays where it is; NULL: nothing is
+ * added. */
 typedef struct {
     size_t unknowns, iterations;
     double settled, rounding, damping, damping_factor, most_damping;
     const double *lowest, *highest, *floor;
     void *problem;
-    /* χ² of a trial, under the weights at the last point that was taken. */
+    /* χ² of a trial, with the weights of the last accepted point. */
     double (*judge)(void *problem, const double *trial);
     /* Accepts the last trial point, or the start: χ², the normal matrix J'WJ [unknowns][unknowns], and J'Wr, under the
      * weights there. False ends the search. */

@@ -1,6 +1,6 @@
-/* erfc with the same bits on every processor: only +, -, * and /, as in elementary.h. Sums of two doubles have 31 digits, so
- * that the result is the correctly rounded value, but for one argument in a billion: it equals that of series.py.
- */
+/* erfc with the same bits on every processor: only +, -, * and /, as in elementary.h. Sums of two doubles have 31
+ * digits, so that the result is the correctly rounded value, except for one argument in a billion; it equals that of
+ * series.py. */
 #ifndef FMFTS_ERFC_H
 #define FMFTS_ERFC_H
 

@@ -20,7 +20,7 @@ static inline uint64_t fmfts_big_endian(const uint8_t *at, size_t count)
  * the type. SIZE_MAX: an unknown type, or one that is cut off. */
 static inline size_t fmfts_item_bytes(uint8_t type, const uint8_t *at, size_t count)
 {
-    /* From 0xc0 on: bytes of the item, and 16 plus the bytes of the length of what follows. 99: unknown. */
+    /* From 0xc0 on: the bytes of the item, or 16 plus the bytes that hold the length of the content. 99: unknown. */
     static const uint8_t after[32] = {0, 99, 0, 0, 17, 18, 20, 99, 99, 99, 4, 8, 1, 2, 4,  8,
                                       1, 2,  4, 8, 99, 99, 99, 99, 99, 17, 18, 20, 2, 4, 2, 4};
     size_t bytes = type >= 0xa0 && type < 0xc0 ? type & 31u : type >= 0xc0 && type < 0xe0 ? after[type - 0xc0] : 0;

@@ -127,7 +127,7 @@ bool fmfts_rotate_columns(size_t m, size_t n, double *a, double *v)
     return false;
 }
 
-/* A reflection: v [rows], each so many doubles after the one before. */
+/* A reflection: v [rows], with a fixed number of doubles from one to the next. */
 typedef struct {
     size_t rows, stride;
     const double *v;

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 # Probability of finding one in white noise.
 FALSE_FINDING = 1e-6
-SLOWEST_HZ = 1.0  # slower ones move the mean, for which the recording is refused
+SLOWEST_HZ = 1.0  # slower lines shift the mean, and another check refuses the recording
 FEWEST_SAMPLES = 25
 # A field of less than this share of a sample's noise changes no deviation.
 SMALLEST_SHARE = 0.5
@@ -91,7 +91,7 @@ def alternation(frames: Sequence[Frame]) -> Alternation | None:
     rate_hz = min(len(times) - 1 for times, _ in sampled) / seconds
     if rate_hz <= 2.0 * SLOWEST_HZ:
         return None
-    # Half a resolution apart, so that none falls between two.
+    # Frequencies half a resolution apart: no line falls between two.
     frequencies = np.arange(SLOWEST_HZ, rate_hz / 2.0, 0.5 / seconds)
     power = np.array([_power(times, values, frequencies) for times, values in sampled])
     # Rounding to counts sets the lower limit of the noise: a quiet axis may repeat one value.

@@ -19,7 +19,7 @@ from fmfts.sensor import Frame
 
 Array = NDArray[np.float64]
 
-# More than the estimation's minimum, so that an early end costs no noticeable accuracy.
+# More than the estimation needs at least, so that an early end costs no noticeable accuracy.
 SWEEP_SHARE = 1.4 * SMALLEST_SHARE
 # Interval of evaluations of the whole recording, each of which takes longer than a frame.
 LOOK_FRAMES = 55

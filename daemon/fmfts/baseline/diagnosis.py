@@ -27,8 +27,8 @@ FALSE_REFUSAL = 1e-5
 LARGEST_STRAIN = 5.0
 # The Earth's field plus that of a robot's own steel; more means a magnet or iron close by.
 LARGEST_AMBIENT_T = 2e-4
-# A chip's typical zero is taken as one deviation of each axis; of three axes together fewer than one in a thousand is
-# further than this beyond what the Earth's field leaves of LARGEST_AMBIENT_T.
+# A chip's typical zero counts as one deviation of each axis. Together with the Earth's field, the zeros of fewer than
+# one chip in a thousand exceed LARGEST_AMBIENT_T by more than this.
 LARGEST_ZERO = 3.0
 # From this share of the drawn magnet's field on, a magnet is present. The LIS3MDL's zeros cause an error of 0.24
 # (standard pad): one bare pad in 400 is refused. One mounted pad in seven is not refused; `--rest` then finds no

@@ -18,8 +18,8 @@ from fmfts.baseline.recording import BaselineError
 
 Array = NDArray[np.float64]
 
-# In a workshop the strength of the field differs by this over the path of a turned pad. It changes smoothly: of many
-# orientations only so many count as independent.
+# In a workshop the strength of the field differs by this over the path of a turned pad. It changes smoothly: only this
+# many of the orientations count as independent.
 STRENGTH_DEVIATION, INDEPENDENT = 0.005, 10
 # Limit of the part that depends on the attitude. The workshop's own part, which no gain explains, is below
 # STRENGTH_DEVIATION; screws that reach three times that made a healthy sensor look faulty.

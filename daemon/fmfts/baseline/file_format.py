@@ -20,7 +20,7 @@ from fmfts.pad import Tolerance
 from fmfts.sensor.chips import GAIN_CODES
 
 Rows = tuple[tuple[float, float, float], ...]
-MOST_FIELDS = 1000  # most fields of a turn, or of presses: a recording keeps 100 and 40
+MOST_FIELDS = 1000  # the most fields that a file may hold of a turn or of presses; a recording keeps 100 and 40
 
 
 class StoredRecording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -22,7 +22,7 @@ from fmfts.sensor.tasks import PATIENCE_S, Selftest
 OVERTIME_S = 5.0
 # A busy computer loses frames: longest extension of a recording to get enough.
 EXTRA_S = 2.5
-# A board that was just opened has the range of before, until the request for the configured one has arrived.
+# A board that was just opened keeps its former range until the request for the configured range has arrived.
 SETTLING_S = 0.5
 LEAP_NS = 300_000_000
 
@@ -105,7 +105,7 @@ class BaselineJob:
         self._source = source
         self._executor = executor
         self._unsettled = unsettled
-        # Twice as many, as a sensor may have no new sample in some.
+        # Twice as many frames, because a sensor may have no new sample in some of them.
         self._collection = Collection(source, request.seconds, 2 * MINIMUM_FRAMES, pad_index)
         self._coverage = request.coverage
         self._result: Future[Recorded] | None = None

@@ -9,7 +9,7 @@ from fmfts.baseline.baseline import AnyMounting, Baseline
 from fmfts.pad import Pad
 from fmfts.sensor import Frame
 
-LEARN_PRESSES = 60  # of which a geometry is learnt
+LEARN_PRESSES = 60  # presses from which a geometry is learned
 
 
 class Learner(Protocol):

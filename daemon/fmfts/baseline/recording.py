@@ -147,7 +147,7 @@ def _silent(frames: Sequence[Frame], answers: NDArray[np.int64]) -> str:
         if len(ended) == len(since_s):
             text += f", and in none after {max(ended):.2f} s"
         return f"{text}: check what they share, the plugs, supply, SDA and SCL of the mux or board"
-    # Only the one with the fewest answers: on a busy computer the others miss a frame now and then, too.
+    # Only the sensor with the fewest answers is named: on a busy computer the others miss a frame now and then, too.
     sensor = int(np.argmin(answers))
     moment = since_s[sensor]
     when = "" if moment is None or not answers[sensor] else f", and in none after {moment:.2f} s"

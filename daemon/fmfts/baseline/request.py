@@ -63,7 +63,7 @@ class Recorded:
     """A baseline that is stored and may be used."""
 
     baseline: Baseline
-    mounting: AnyMounting | None  # None before rest was recorded, for several or unknown magnets
+    mounting: AnyMounting | None  # None before rest was recorded, and for pads with several or unknown magnets
     path: Path
     gained: dict[str, Any]
     warnings: list[str] = field(default_factory=list)  # warnings about the recording

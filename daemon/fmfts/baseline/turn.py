@@ -36,7 +36,7 @@ from fmfts.pad import Pad
 Array = NDArray[np.float64]
 
 # With 100 means of MEAN_OF frames the noise leaves 0.03 % of a gain; more would cost file size and time and gain
-# nothing. Where the robot turned fast the windows are shorter and more: up to the second number.
+# nothing. Fast turns need shorter windows, and more of them: up to the second number.
 ORIENTATIONS, MOST_ORIENTATIONS = 100, 400
 # The difference of the field between sensors 16 mm apart.
 UNEVEN_DEVIATION_T = 5e-8

@@ -18,7 +18,7 @@ from fmfts.common import possible
 TOPIC = b"joints"
 LARGEST_RECEIVED = 16_384
 LONGEST_NAME = 100
-MOST_PARTS = 3  # parts read at once, one more than a message has: a peer may send any number
+MOST_PARTS = 3  # parts that are read at once: one more than a message has, because a peer may send any number
 MOST_WAITING = 100  # messages kept of one peer; a busy daemon drops older ones
 LOGGED_AGAIN_S = 60.0
 log = logging.getLogger(__name__)

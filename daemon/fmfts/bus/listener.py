@@ -14,7 +14,7 @@ import struct
 
 import zmq
 
-SO_ATTACH_FILTER, SO_DETACH_FILTER = 26, 27  # of Linux; Python has no names for them
+SO_ATTACH_FILTER, SO_DETACH_FILTER = 26, 27  # constants of Linux for which Python has no names
 DROP_ALL = struct.pack("=HBBI", 0x06, 0, 0, 0)  # struct sock_filter, BPF_RET: keep no byte of the packet
 
 

@@ -31,7 +31,7 @@ MOST_ON_BUS = PEER_BYTES // (1200 + MESSAGE_BYTES)
 FRAMES_HIGH_MARK = PEER_BYTES // (200 + MESSAGE_BYTES)
 # The longest topic has 40 bytes, ZeroMQ's command around it 10, and other libraries' greetings a little more.
 LARGEST_SUBSCRIPTION = 128
-# libzmq itself handles subscriptions, in the loop's thread, while it sends: of each peer so many at a time.
+# libzmq itself handles subscriptions, in the loop's thread, while it sends: at most this many of each peer at a time.
 SUBSCRIPTIONS_OF_A_PEER = 16
 # Interval of the looks for new subscriptions: one look takes twice as long as sending a contact.
 LOOK_NS = 50_000_000

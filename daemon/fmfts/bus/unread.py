@@ -18,7 +18,7 @@ from fmfts.bus.server import PEER_BYTES
 MOST_OF_A_PEER = PEER_BYTES
 MOST_IN_ALL = 20_000_000
 OF_AN_ANSWER = 300  # Python's objects around the bytes of an answer
-PEERS_AT_ONCE = 16  # to which sending is tried in one call: four tries take as long as a request
+PEERS_AT_ONCE = 16  # peers to which one call tries to send: four tries take as long as a request
 
 log = logging.getLogger(__name__)
 Route = tuple[bytes, ...]

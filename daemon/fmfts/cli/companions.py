@@ -12,7 +12,7 @@ from fmfts.common import exit_codes
 
 PROGRAMS = ("foxglove", "plotjuggler")
 OWN_LAYOUTS = {"plotjuggler": Path(__file__).parents[1] / "view" / "layouts" / "plotjuggler.xml"}
-DRAWN_PAD = "left"  # whose layouts the files hold
+DRAWN_PAD = "left"  # the pad for which the files are written
 
 
 def add_to(verb: AddVerb) -> None:

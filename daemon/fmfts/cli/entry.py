@@ -14,7 +14,7 @@ def main() -> int:
     """Run the command and return its exit code. Ctrl-C before and after the verb ends the process at once."""
     # Matrices here are small: another thread of OpenBLAS would only wait for this one, on a core that it keeps busy.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # not where a shell ignores it
+    interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # except where a shell ignores it
     if interruptible:
         signal.signal(signal.SIGINT, _end)
     try:
@@ -31,6 +31,6 @@ def main() -> int:
 
 
 def _end(*_: object) -> None:
-    with suppress(OSError, RuntimeError):  # its reader is gone, or this came amid another flush
+    with suppress(OSError, RuntimeError):  # its reader is gone, or this signal interrupted another flush
         sys.stdout.flush()
     os._exit(INTERRUPTED)

@@ -42,7 +42,7 @@ def _report(options: argparse.Namespace) -> int:
         return _show(options)
     path: Path = options.output or new_name()
     with ended_by(RecordingError):
-        writer = CopyWriter(path)  # first: a minute's work must not end with a folder that cannot be written
+        writer = CopyWriter(path)  # checked first: a minute's work must not end with a folder that cannot be written
         try:
             with tempfile.TemporaryDirectory(prefix="fmfts-report-") as folder, progress_bar("report") as show:
                 gathering = Gathering(

@@ -11,7 +11,7 @@
 /* The probability that χ² exceeds `value`: Abramowitz & Stegun 26.4.4, 26.4.5, for whole degrees of freedom. */
 static inline double fmfts_survival(double value, int degrees_of_freedom)
 {
-    double half = fmax(value, 0.0) / 2.0; /* a perfect fit's is rounded to either side of zero */
+    double half = fmax(value, 0.0) / 2.0; /* rounding may make χ² of a perfect fit negative */
     bool is_odd = degrees_of_freedom % 2 != 0;
     double total = is_odd ? fmfts_erfc(sqrt(half)) : fmfts_exp(-half);
     double term = is_odd ? 2.0 * fmfts_exp(-half) * sqrt(half / FMFTS_PI) : total * half;

@@ -11,7 +11,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-LARGEST_BYTES = 200_000  # a configuration of 64 pads has 100,000
+LARGEST_BYTES = 200_000  # bytes: the configuration of 64 pads has 100,000
 MOST_PARTS = 32  # of one dotted key
 NotToml = tomllib.TOMLDecodeError
 _PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*"""

@@ -70,7 +70,7 @@ __all__ = [
 ]
 
 STANDARD_SENSORS_MM: tuple[Vector, ...] = ((8, 8, 0), (8, -8, 0), (-8, 8, 0), (-8, -8, 0))
-# Magnets in mm: thinner ones are not made (a smaller number was meant in metres), thicker ones fit no fingertip.
+# Magnets in mm: thinner ones are not made (a smaller number is probably in metres), thicker ones fit no fingertip.
 MagnetSize = Annotated[float, Meta(ge=0.2, le=50.0)]
 # Wider ones exceed the table of presses.
 FingerSize = Annotated[float, Meta(ge=0.0, le=30.0)]

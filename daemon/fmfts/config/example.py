@@ -10,7 +10,7 @@ EXAMPLE_PATH = Path(__file__).with_name("example.toml")
 ARRAY_PATH = Path(__file__).with_name("array.toml")  # the second standard pad
 FIRST_PAD = "# One [[pad]] table for each pad."
 GEOMETRY, OTHER_SOURCES = "[pad.geometry]", "# --- A pad behind an STM32 board"
-# For a further pad; its other keys are explained at the first one.
+# The keys of a further pad; the first pad's comments explain the others.
 SHORT_GEOMETRY = "[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [-8, 8, 0], [-8, -8, 0]]"
 SHARED_KEYS = ("rate_hz", "range_gauss", "trigger", "publish", "chip")
 COLLECTING = "# --- The machine and the gauge"
@@ -97,7 +97,7 @@ def shared_lines() -> list[str]:
     lines: list[str] = []
     is_shared = False
     for line in text[: text.index(GEOMETRY)].splitlines():
-        if not line.startswith(" "):  # else it continues the comment of the line before
+        if not line.startswith(" "):  # otherwise the line continues the comment before it
             is_shared = line.partition(" = ")[0] in SHARED_KEYS
         if is_shared:
             lines.append(line)

@@ -11,7 +11,7 @@ from fmfts.config.section import Key, Problem
 from fmfts.config.several_checks import MAGNETS_APART_MM
 
 MOST_NEIGHBOURS = 3
-MOST_OTHER_MAGNETS = 8  # of the neighbours of a pad with one magnet: the solver's state holds nine
+MOST_OTHER_MAGNETS = 8  # magnets of the neighbours of a pad with one magnet: the solver's state holds nine magnets
 
 
 def of_neighbours(pads: Sequence[PadConfig]) -> Iterator[Problem]:

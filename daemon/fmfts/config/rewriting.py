@@ -14,7 +14,7 @@ from fmfts.common.toml import parse
 from fmfts.config.file import ConfigError, load
 
 PAD = re.compile(r"^\s*\[\[\s*pad\s*\]\]")
-TABLE = re.compile(r"^\s*\[\[?\s*[A-Za-z_][\w.\s-]*\]\]?\s*(?:#|\Z)")  # and no row of a list
+TABLE = re.compile(r"^\s*\[\[?\s*[A-Za-z_][\w.\s-]*\]\]?\s*(?:#|\Z)")  # but not a row of a list
 OF_PAD = re.compile(r"^\s*\[\[?\s*pad\s*\.")
 GEOMETRY = re.compile(r"^\s*\[\s*pad\s*\.\s*geometry\s*\]")
 

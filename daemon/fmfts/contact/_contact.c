@@ -41,7 +41,7 @@ static PyObject *told(const fmfts_estimate *estimate, double *places, double *de
                          estimate->force_min_n);
 }
 
-/* Of the arrays of estimate(), and a model. */
+/* The lengths of the arrays of estimate(), and of a model's parameters. */
 static PyObject *estimated(const Py_buffer *b, const fmfts_network *network)
 {
     enum { PARAMETERS, RESPONSE, POSE, COVARIANCE, PLACES, DEVIATIONS };

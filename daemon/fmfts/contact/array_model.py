@@ -19,7 +19,7 @@ ARRAY_PATH = Path(__file__).with_name("array.response")
 STANDARD_SENSORS_MM = np.array(
     [(12, 0, 0), (-12, 0, 0), (0, 12, 0), (0, -12, 0), (12, 12, 0), (12, -12, 0), (-12, 12, 0), (-12, -12, 0)], float
 )
-# Where its magnets are, in mm, and which way up, in the order of the table.
+# The places of its magnets in mm, and the sign of each pole, in the order of the table.
 STANDARD_MAGNETS = ((6, 6, 12, 1), (6, -6, 12, -1), (-6, 6, 12, -1), (-6, -6, 12, 1))
 
 

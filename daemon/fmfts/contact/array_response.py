@@ -27,13 +27,13 @@ from fmfts.contact import _contact
 
 Array = NDArray[np.float64]
 CHANGE = 5
-PRESSED = 7  # numbers of a press for each number of pose: see Pressed
+PRESSED = 7  # values that the table gives for each component of a pose: see Pressed
 FORMAT = "fmfts array response 1"
 # The table that ships has 0.28 MB, 17 knots and 4 terms.
 LARGEST_BYTES, MOST_KNOTS = 4_000_000, 66
 # Limits of several.h: terms, and places of a grid (several/scan.py).
 MOST_TERMS, WIDEST_MM = 8, 60.0
-# Relative error of a change of pose, of the shipped table (lab/results/several.md).
+# Relative error of a change of pose by the shipped table (lab/results/several.md).
 SHIPPED_ERROR, LARGEST_ERROR = 0.005, 0.2
 
 

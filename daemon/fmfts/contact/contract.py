@@ -30,7 +30,7 @@ INPUT_ORDER = ("a_mm", "b_mm", "c_mm", "m", "n", "p")
 OUTPUT_ORDER = ("x_mm", "y_mm", "force_n")
 SHEAR_OUTPUT_ORDER = (*OUTPUT_ORDER, "shear_x_n", "shear_y_n")
 SIZE_LIMIT_BYTES = 4_000_000
-# Limits of a response; the shipped ones have 17 and 11, and refine.h has room for 16 monomials.
+# Limits of a response. The shipped responses have 17 knots and 11 monomials; refine.h has room for 16 monomials.
 MOST_KNOTS, MOST_MONOMIALS = 66, 16
 
 Pose = Annotated[tuple[float, ...], Meta(min_length=6, max_length=6)]

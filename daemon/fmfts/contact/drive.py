@@ -8,7 +8,7 @@ from fmfts.arithmetic.matrix import product
 from fmfts.contact.response import CHANGE, Response
 from fmfts.pad import Array
 
-# Found by `bench now` on six built pads: a tap of 1 N in 50 ms has 80 N/s at most, and turns round within 25 ms.
+# Found by `bench now` on six built pads: a tap of 1 N in 50 ms reaches 80 N/s, and reverses within 25 ms.
 FORCE_DRIVE_N2_PER_S3 = 2e5
 PLACE_DRIVE_MM2_PER_S3 = 3e6
 # The next place is unknown: average over a grid with this many places a side, out to this share of the table, at this

@@ -75,9 +75,10 @@ static void answer_of(const fmfts_network *network, const fmfts_question *questi
     found->touch_variance = found->variance[2];
 }
 
-/* The part of a finger depends on the press, and the press on the rest of the pose: after these rounds its error is a hundredth. */
+/* A finger's effect on the pose depends on the press, which follows from the rest of the pose. These rounds leave a
+ * hundredth of the error. */
 #define KNOWN_FINGER_ROUNDS 3
-/* With shear, each leaves up to half of its error. */
+/* With shear, each round leaves up to half of the error. */
 #define SHEARED_ROUNDS 5
 
 static void answer_by_probe(const fmfts_contact_parameters *parameters, const fmfts_network *network,
@@ -93,7 +94,7 @@ static void answer_by_probe(const fmfts_contact_parameters *parameters, const fm
     }
 }
 
-/* With shear the press is another one than the network's: its rounds follow, from the press that was solved. */
+/* With shear the solved press differs from the network's: further rounds follow, from the solved press. */
 static bool solve_by_probe(const fmfts_contact_parameters *parameters, const fmfts_question *asked, const fmfts_response *response,
                            fmfts_question *question, fmfts_found *found, double bend[CONTACT])
 {
@@ -116,8 +117,8 @@ double fmfts_doubt(double force_n, double variance)
     return force_n > 0.0 && least_square < force_n * force_n ? least_square / (force_n * force_n) : 1.0;
 }
 
-/* The factor of each variance because the model bends over the pose's deviations. Where noise may be all of the force, it has no place
- * and its bend means nothing. */
+/* The factor of each variance because the model bends over the pose's deviations. Where noise alone may explain the
+ * force, there is no place, and the bend means nothing. */
 static void bend_of(const fmfts_network *network, const fmfts_question *question, const fmfts_found *found, double bend[CONTACT])
 {
     float pose[POSE], contact[CONTACT], jacobian[CONTACT * POSE];
@@ -126,7 +127,7 @@ static void bend_of(const fmfts_network *network, const fmfts_question *question
     for (int i = 0; i < found->outputs; i++) {
         bend[i] = 1.0;
     }
-    bool has_shear = found->outputs == CONTACT; /* whose deviations are careful as they are: model.py */
+    bool has_shear = found->outputs == CONTACT; /* its deviations are wide enough without this: model.py */
     if (has_shear || !(variance > straight * straight) || !(fmfts_doubt(force_n, variance) < 1.0)) {
         return;
     }

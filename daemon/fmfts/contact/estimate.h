@@ -4,8 +4,8 @@
 
 #include "step.h"
 
-/* In the model's units. by_pose [CONTACT][POSE]: the derivative of the answer by the pose. touch_variance: of the force, as far as it
- * makes doubtful that anything presses; not knowing the shear does not. */
+/* In the model's units. by_pose [CONTACT][POSE]: the derivative of the answer by the pose. touch_variance: the part of
+ * the force's variance that makes a touch doubtful; an unknown shear does not. */
 typedef struct {
     int outputs;
     double contact[FMFTS_CONTACT];
@@ -13,11 +13,13 @@ typedef struct {
     double *by_pose;
 } fmfts_found;
 
-/* estimate.c: how far noise of this variance alone could explain the force, from 0 to 1: g of Fieller's theorem. A place is a ratio: how far
- * the magnet tilts and shifts, over how far it sinks. The deviation of such a ratio grows by 1/sqrt(1 - g). */
+/* estimate.c: from 0 to 1, how well noise of this variance alone explains the force: g of Fieller's theorem. A place is
+ * a ratio: how far the magnet tilts and shifts, over how far it sinks. The deviation of such a ratio grows by 1/sqrt(1
+ * - g). */
 double fmfts_doubt(double force_n, double variance);
 
-/* refined.c: the share of the movement that a press explains. Asked only where the force is large enough for a contact. */
+/* refined.c: the share of the movement that a press explains. Computed only if the force is large enough for a
+ * contact. */
 double fmfts_explained_part(const fmfts_contact_parameters *parameters, const fmfts_question *question, const fmfts_response *response,
                             const fmfts_found *found);
 

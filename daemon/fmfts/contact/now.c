@@ -10,7 +10,7 @@
 
 #include <math.h>
 
-enum { FORCE = 2 /* and the shears after it */ };
+enum { FORCE = 2 /* index of the force; the shears follow it */ };
 
 #define FORCE_RATE_N_PER_S 60.0
 #define PLACE_RATE_M_PER_S 0.12

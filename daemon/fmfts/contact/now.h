@@ -12,7 +12,7 @@
     MANY(double, untouched_drive, FMFTS_MOVED * FMFTS_MOVED)                                                           \
     MANY(double, drive_power, FMFTS_CONTACT)
 
-/* made_us: when frame 0 would have been made, on the board's clock, by recent frames. told_us: the time for which the
+/* made_us: the time of frame 0 on the board's clock, extrapolated from recent frames. told_us: the time for which the
  * last `now` held. */
 #define FMFTS_NOW_MEMORY(ONE, MANY) ONE(double, made_us) ONE(double, told_us)
 
@@ -32,7 +32,7 @@ bool fmfts_drive(const fmfts_now_parameters *parameters, const void *response, s
 /* now.c: shrinks the rates, whose variances are in rate_deviation. moving: probability that the finger moves. */
 void fmfts_shrink(const fmfts_now_parameters *parameters, double moving, fmfts_contact_now *now);
 
-/* now.c: carries the contact on by lead_s. pressed: whether the magnet is certainly below its rest. */
+/* now.c: extrapolates the contact by lead_s. pressed: whether the magnet is certainly below its rest. */
 void fmfts_carry(double lead_s, bool pressed, fmfts_contact_now *now);
 
 #endif

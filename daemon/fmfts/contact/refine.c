@@ -12,9 +12,10 @@ enum { FORCE = 2, SHEAR = 3 }; /* in a press */
 static const double FIRST_DAMPING = 1e-3, DAMPING_FACTOR = 10.0;
 static const double FARTHEST_LOAD = 3.0; /* presses are searched up to this multiple of the calibrated force */
 static const double UNKNOWN = 1e-6;      /* a prior deviation of 1 m: at rest, the place is unknown */
-static const double LEAST_FORCE_N = 0.01; /* of the prior of shear, which would be infinitely narrow */
+static const double LEAST_FORCE_N = 0.01; /* smallest deviation of the prior of shear: at a force of 0 it would be 0 */
 
-/* A change of pose, and the press that was judged last: what it leaves, its slope, and the prior information on each of its shears. */
+/* A change of pose, and the last trial press: its residual, its slope, and the prior information on each of its
+ * shears. */
 typedef struct {
     const fmfts_response *response;
     const fmfts_search *search;
@@ -91,7 +92,8 @@ static void monomials(const fmfts_response *response, const double *load, double
     }
 }
 
-/* with_slope is a constant at each call: values alone take a fifth of the time. */
+/* with_slope is a constant at each call, so the compiler makes a version without slopes, which takes a fifth of the
+ * time. */
 FMFTS_INLINE void respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
                           double slope[FMFTS_MOVED][FMFTS_MAX_PRESS], bool with_slope)
 {
@@ -182,7 +184,8 @@ static double judge(void *problem, const double *press)
     return c->chi2;
 }
 
-/* An unknown on a limit that χ² pushes outwards stays there: else the others would follow a step that it cannot take. */
+/* An unknown that χ² pushes beyond its limit stays on it. Otherwise the others would follow a step that it cannot
+ * take. */
 static void hold(size_t size, const double *lowest, const double *highest, const double *press, double *normal, double *right)
 {
     for (size_t i = 0; i < size; i++) {
@@ -235,7 +238,7 @@ static bool take(void *problem, const double *press, double *chi2, double *norma
     return true;
 }
 
-/* lowest, highest: of a press on the table. */
+/* lowest, highest: the limits of a press on the table. */
 static void limit(const fmfts_response *response, double *lowest, double *highest)
 {
     double farthest = FARTHEST_LOAD * response->scale_n;
@@ -290,7 +293,7 @@ bool fmfts_refine(const fmfts_response *response, const fmfts_search *wanted, do
     for (size_t i = 0; i < search.unknowns; i++) {
         best[i] = fmfts_within(press[i], lowest[i], highest[i]);
     }
-    fmfts_descend(&search, best, chi2, room); /* where a step leads nowhere, the best press so far is the answer */
+    fmfts_descend(&search, best, chi2, room); /* if no step lowers χ², the best press so far is the answer */
     if (!fmfts_spread_of(search.unknowns, NULL, room, inverse, room + search.unknowns * search.unknowns)) {
         return false;
     }

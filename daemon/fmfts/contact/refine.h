@@ -44,17 +44,19 @@ void fmfts_move(const fmfts_response *response, const double *press, double chan
 /* The factor of each coefficient, without the five numbers of a change: the change is linear in the coefficients. */
 void fmfts_basis(const fmfts_response *response, const double *press, double *basis);
 
-/* The search for the press behind a change of pose. covariance: of the change, 5 × 5. steps: so many trials of Levenberg–Marquardt at
- * most; settled: a step shorter than this, in deviations of each number by itself, is the last. shear_share: a prior on each of a press's
- * two shears, whose deviation is this share of the force; 0: nothing is known of them. */
+/* The search for the press behind a change of pose. covariance: of the change, 5 × 5. steps: the largest number of
+ * trials of Levenberg–Marquardt; settled: the search ends with a step shorter than this, in deviations of each unknown
+ * alone. shear_share: a prior on each of a press's two shears, whose deviation is this share of the force; 0: no
+ * prior. */
 typedef struct {
     const double *change, *covariance;
     int steps;
     double settled, shear_share;
 } fmfts_search;
 
-/* Moves `press` to the most likely one. spread: receives its covariance, (2 + loads)². chi2: of what it leaves of the change, and of its
- * shear against the prior. False, and nothing is written, if `covariance` is not positive definite. */
+/* Moves `press` to the most likely one. spread: receives its covariance, (2 + loads)². chi2: of the residual of the
+ * change, and of the shear against the prior. False, and nothing is written, if `covariance` is not positive
+ * definite. */
 bool fmfts_refine(const fmfts_response *response, const fmfts_search *search, double *press, double *spread, double *chi2);
 
 /* The inverse of the covariance of a change, 5 × 5. False if that is not positive definite. */
@@ -63,8 +65,8 @@ bool fmfts_information(const double *covariance, double information[FMFTS_MOVED]
 /* The prior's information (1/N²) on each shear of a press with this force. */
 double fmfts_shear_information(const fmfts_search *search, double force_n);
 
-/* A press with shear. press: receives the most likely one; it begins with where to search. gain: its derivative by the change of pose.
- * bend: the factor of each variance because the response bends. */
+/* A press with shear. press: where the search begins; receives the most likely press. gain: its derivative by the
+ * change of pose. bend: the factor of each variance because the response bends. */
 typedef struct {
     double press[FMFTS_MAX_PRESS], variance[FMFTS_MAX_PRESS], bend[FMFTS_MAX_PRESS], gain[FMFTS_MAX_PRESS][FMFTS_MOVED];
 } fmfts_sheared;

@@ -22,7 +22,8 @@ from fmfts.contact import _contact
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-# Prior deviation of each shear, over friction times force: that of an even distribution over the cone's disc.
+# Prior deviation of each shear, divided by friction times force: for a uniform distribution over the disc of the
+# friction cone.
 SHARE_OF_CONE = 0.5
 CHANGE = 5  # a, b, c in mm, and the axis's m and n
 

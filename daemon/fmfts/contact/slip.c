@@ -40,7 +40,7 @@ static const double SPEED[FILTERS] = {0.0, 8.0, 80.0}, LASTS_S[FILTERS] = {1.0, 
 #define LEVER_MM 0.25
 #define LEVER_SD_MM 0.25
 #define LEAST_FORCE_N 0.05 /* of the linearisation */
-/* The score forgets within so long. */
+/* The memory of the score. */
 #define REMEMBERS_S 0.1
 /* χ² of five numbers that is exceeded once in ten million frames: the filters then restart. */
 #define SURPRISE_CHI2 43.0
@@ -148,7 +148,7 @@ static void update(int which, const fmfts_response *response, const fmfts_slip_f
     for (int i = 0; i < MOVED; i++) {
         double innovation = row[i][N];
         for (int k = 0; k < N; k++) {
-            innovation -= row[i][k] * (f->x[k] - before[k]); /* minus the update by earlier rows */
+            innovation -= row[i][k] * (f->x[k] - before[k]); /* without the update by earlier rows */
         }
         take(row[i], innovation, f);
     }

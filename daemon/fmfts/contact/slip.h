@@ -6,8 +6,8 @@
 
 enum { FMFTS_SLIP_STATES = 7, FMFTS_SLIP_FILTERS = 3, FMFTS_STUCK = 0 };
 
-/* tells_slip: 0: not asked for, and nothing of this file runs. slip_friction: smallest and largest friction that the finger may
- * have. */
+/* tells_slip: 0: slip is not configured, and nothing of this file runs. slip_friction: smallest and largest friction
+ * that the finger may have. */
 #define FMFTS_SLIP_PARAMETERS(ONE, MANY)                                                                                       \
     ONE(double, tells_slip)                                                                                            \
     MANY(double, slip_friction, 2)

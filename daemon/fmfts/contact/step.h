@@ -40,19 +40,19 @@ enum { FMFTS_BINS = 16, FMFTS_RINGS = 8, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_
     MANY(double, magnet_off_m, 2) /* from the drawing's place */                                                       \
     MANY(double, spread_m, 2)                                                                                          \
     ONE(double, force_bins)                                                                                            \
-    MANY(double, force_bin_n, FMFTS_BINS) /* upper ends of all bins but the last */                                    \
+    MANY(double, force_bin_n, FMFTS_BINS) /* upper ends of the bins; the last has none */                              \
     ONE(double, radius_bins)                                                                                           \
     MANY(double, radius_bin_m, FMFTS_BINS)                                                                             \
     MANY(double, own_deviation, FMFTS_CONTACT * FMFTS_BINS * FMFTS_BINS) /* [force][radius][outputs] */                \
     MANY(double, trained_force_n, FMFTS_BINS * FMFTS_BINS)                                                             \
     MANY(double, slipping_n, FMFTS_BINS) /* by radius */                                                               \
-    ONE(double, modulus_share) /* tolerances.c, as the next six */                                                      \
+    ONE(double, modulus_share) /* tolerances.c, as the next six */                                                     \
     ONE(double, finger_mm2)                                                                                            \
     ONE(double, known_finger_mm2)                                                                                      \
     ONE(double, ring_mm)                                                                                               \
     MANY(double, thicker_mm, FMFTS_RINGS)                                                                              \
     MANY(double, thicker_share, FMFTS_RINGS)                                                                           \
-    ONE(double, smoothing_s) /* smooth.c; 0: none */                                                               \
+    ONE(double, smoothing_s) /* smooth.c; 0: none */                                                                   \
     ONE(double, smoothing_jump_chi2)
 
 #define FMFTS_CONTACT_MEMORY(ONE, MANY)                                                                                        \
@@ -133,7 +133,8 @@ void fmfts_count_tolerances(const fmfts_contact_parameters *parameters, const fm
  * probe's by wider_mm2 (negative: smaller). */
 void fmfts_wider_finger(const fmfts_response *response, const double press[FMFTS_CONTACT], double wider_mm2, double more[2][FMFTS_MOVED]);
 
-/* tolerances.c: what a disc adds to the movement under `press` whose second moments are larger than the probe's by wider_mm2. */
+/* tolerances.c: the additional movement under `press` by a disc whose second moments exceed the probe's by
+ * wider_mm2. */
 void fmfts_wider_disc(const fmfts_response *response, const double press[FMFTS_CONTACT], double wider_mm2, double more[FMFTS_MOVED]);
 
 /* tolerances.c: takes from the pose what a finger of a known width adds to the movement under `press`: what is left is the movement by

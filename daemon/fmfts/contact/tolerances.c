@@ -18,10 +18,11 @@ enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE, MOVED = FMFTS_MOVED, FORCE = 
 
 /* Difference of a finger's moments along and across, as a share of their common difference from the probe's. */
 #define UNEVEN 0.5
-/* Of the axis along z: a magnet that lies flat has 0, and its tilt changes nothing along z. */
+/* Smallest component of the axis along z: that of a magnet that lies flat is 0, and its tilt changes nothing along
+ * z. */
 #define LEAST_UPRIGHT 1e-3
 
-/* A disc of 12 mm is the probe of 6 mm, smeared: over a ring, whose fourth moments are right to an eighth. */
+/* A disc of 12 mm is the probe of 6 mm, smeared over a ring, whose fourth moments are then right to an eighth. */
 #define HALF_ROOT 0.70710678118654752
 enum { ON_RING = 8 };
 static const double RING[ON_RING][2] = {{1.0, 0.0},  {HALF_ROOT, HALF_ROOT},   {0.0, 1.0},  {-HALF_ROOT, HALF_ROOT},
@@ -32,7 +33,7 @@ static void add_square(double *variance, double error)
     *variance += error * error;
 }
 
-/* By linear interpolation; beyond the last ring as on it. */
+/* Interpolates linearly; beyond the last ring, its value holds. */
 static double at_radius(const fmfts_contact_parameters *parameters, const double table[FMFTS_RINGS], double radius_mm)
 {
     double ring = fmin(radius_mm / parameters->ring_mm, FMFTS_RINGS - 1.0);

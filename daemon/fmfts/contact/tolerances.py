@@ -21,8 +21,8 @@ from fmfts.common.record import Numbers
 MODULUS = 0.2
 THICKNESS_M = 0.2e-3  # poured by hand up to a mark, and levelled by eye
 FINGER_M = (3e-3, 12e-3)
-PROBE_M = 6e-3  # that calibrated the shipped pads
-SHAPE_SHARE = 1.0 / 3.0  # of the correction for a disc's width: a square has a second moment larger by this share
+PROBE_M = 6e-3  # width of the probe that calibrated the shipped pads
+SHAPE_SHARE = 1.0 / 3.0  # deviation of a width's correction: a square's second moment is so much larger
 
 # Errors of an answer on a slab that is a millimetre thicker, by distance from the middle: the place outwards, in mm,
 # and the share by which the force is too small. Small strains, mean of an axis and a diagonal: `python -m

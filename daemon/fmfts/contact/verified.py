@@ -13,7 +13,7 @@ from fmfts.contact.inference import CompiledInference, Inference
 
 log = logging.getLogger(__name__)
 
-_differences: dict[bytes, str | None] = {}  # by model: each is compared only once
+_differences: dict[bytes, str | None] = {}  # results by model: each model is compared only once
 
 
 def read(file: Path) -> bytes:

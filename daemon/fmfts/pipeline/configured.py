@@ -39,9 +39,10 @@ DEFAULT_MODEL = "default"
 # Deviation of the ambient field since the baseline, along each axis, while a robot turns: a pad with several magnets
 # estimates it in each frame.
 TURNING_T = 1e-4
-# From a frame's last byte to its message, at the median, with a pad that is the only one (lab/results/latency.md).
+# Median time from a frame's last byte to its message, with a single pad (lab/results/latency.md).
 HOST_S = 0.3e-3
-# From the end of a conversion to its reading: the transfer over the chip's bus, and those of the other chips.
+# Time from the end of a conversion to its reading: the transfer over the chip's bus, and the transfers of the other
+# chips.
 READ_S = 0.4e-3
 
 

@@ -33,7 +33,7 @@ void fmfts_follow_gaps(fmfts_frame_work *work)
 {
     const fmfts_pose_parameters *parameters = work->step.parameters;
     fmfts_pose_memory *memory = &work->memory->pose;
-    /* Before the first temperature its error is in every deviation. */
+    /* Until the first temperature is read, every deviation includes the error that its absence causes. */
     bool matters = parameters->unread_warming_k > 0.0 && !isnan(parameters->rest_temperature_c) && memory->unread_variance == 0.0;
     memory->unread_s = isnan(work->step.temperature_c) && matters ? memory->unread_s + work->step.field.elapsed_s : 0.0;
     if (memory->unread_s > HELD_S) {

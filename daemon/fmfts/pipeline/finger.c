@@ -1,11 +1,12 @@
-/* `now` of a pad with several magnets, while one finger presses or none: the equations are those of pose/motion.c and contact/now.c, with
- * the finger in place of the magnet's pose:
+/* `now` of a pad with several magnets, while one finger presses or none: the equations are those of pose/motion.c and
+ * contact/now.c, with the finger in place of the magnet's pose:
  *
  *     state: x, y (mm), force (N), two zeros; their rates; the change of the ambient field since the frame's instant
  *     z = h + J (x − x̂) + ambient along the axis
  *
- * x̂ is the finger that the frame's fit found, h what each axis most likely reads there without noise: with what shear, a wide finger and
- * the baseline's errors do to the field, as far as the residual shows it (several/fit.c). So the filter agrees with the fit. */
+ * x̂ is the finger that the frame's fit found, h what each axis most likely reads there without noise: including the
+ * effects of shear, of a wide finger and of the baseline's errors, as far as the residual shows them (several/fit.c).
+ * So the filter agrees with the fit. */
 #include "finger.h"
 
 #include <math.h>
@@ -18,7 +19,8 @@ enum { NUMBERS = FMFTS_FINGER_NUMBERS, FORCE = 2, MOVED = FMFTS_MOVED, KNOWN = F
 
 static const double UNIT[NUMBERS] = {1e-3, 1e-3, 1.0}; /* mm → m; newtons stay */
 
-/* A finger that the frame before had not is followed from that frame on, if no more than this lies between: it pressed with nothing then. */
+/* A new finger is followed from the previous frame on, in which its force was 0, if at most this much time lies
+ * between. */
 #define LONGEST_SINCE_UNTOUCHED_US 2e4
 
 static void look_at_finger(const fmfts_driven *driven, int sensor, const double *x, double ahead[3], double slope[3][KNOWN])
@@ -63,7 +65,7 @@ static void begin(const fmfts_finger_memory *finger, const double *drive, fmfts_
     fmfts_begin_states(was_untouched ? untouched_us : finger->instant_us, known, covariance, drive, motion);
 }
 
-/* The ambient field is that of the frame from now on: what it has changed by since is not known yet. */
+/* From now on the ambient field is the frame's; its change since then is not known yet. */
 static void renew_ambient(fmfts_motion_memory *motion)
 {
     for (int i = FMFTS_AMBIENT_CHANGE; i < FMFTS_AMBIENT_CHANGE + 3; i++) {
@@ -91,7 +93,7 @@ static void tell(const fmfts_parameters *parameters, fmfts_followed_memory *memo
     for (int i = 0; i < NUMBERS; i++) {
         double own = UNIT[i] * finger->finger_deviation[i], variance = own * own, square = UNIT[i] * UNIT[i];
         contact->value[i] = contact->rate[i] = 0.0;
-        contact->rate_deviation[i] = lead_s * parameters->now.drive_power[i] * square; /* a variance, until it is shrunk */
+        contact->rate_deviation[i] = lead_s * parameters->now.drive_power[i] * square; /* first the variance */
         if (pressed) {
             const double *of_rate = motion->motion_covariance + STATES * (FMFTS_RATE + i) + FMFTS_RATE;
             moving = motion->modes[1];
@@ -146,7 +148,7 @@ void fmfts_follow_finger(const fmfts_parameters *parameters, fmfts_followed_memo
     if (goes_on) {
         tell(parameters, memory, time_us, now);
     } else {
-        finger->pressing = -1.0; /* nor do samples before the next frame say it */
+        finger->pressing = -1.0; /* samples before the next frame have no `now` either */
     }
 }
 

@@ -6,10 +6,11 @@
 
 enum { FMFTS_FINGER_NUMBERS = 3 }; /* x and y in mm, force in N */
 
-/* What the last frame said. pressing: 1: one finger; 0: nothing; less: nobody knows. places: whether its message tells a contact. finger:
- * where the field is linear, and, before the filter begins, where it begins. ahead_t, by_finger: what each axis reads at that finger,
- * baseline subtracted, and its derivative. deviation: of the finger, for all causes; untouched_us: the instant of
- * the last frame that said that nothing presses, if no other one came since; 0: none. taken_us: of each sensor's newest sample. */
+/* The result of the last frame. pressing: 1: one finger; 0: nothing; negative: unknown. places: whether its message
+ * reports a contact. finger: the point of linearisation, and the filter's start. ahead_t, by_finger: what each axis
+ * reads at that finger, baseline subtracted, and its derivative. deviation: of the finger, for all causes;
+ * untouched_us: the instant of the last frame, if nothing pressed in it; else 0. taken_us: of each sensor's newest
+ * sample. */
 #define FMFTS_FINGER_MEMORY(ONE, MANY)                                                                                 \
     ONE(double, pressing)                                                                                              \
     ONE(double, places)                                                                                                \
@@ -42,12 +43,12 @@ typedef struct {
     const int64_t *sampled_us;
 } fmfts_finger_frame;
 
-/* finger.c: takes the samples of a frame that was judged: memory->finger says what it says, all but taken_us. `now` is unknown where the
- * samples contradict what was predicted, or nobody knows what presses. */
+/* finger.c: takes the samples of a frame that was judged: memory->finger holds its result, except for taken_us. `now`
+ * is unknown if the samples contradict the prediction, or if it is unknown what presses. */
 void fmfts_follow_finger(const fmfts_parameters *parameters, fmfts_followed_memory *memory, const fmfts_finger_frame *frame,
                          fmfts_now *now);
 
-/* finger.c: takes a sample that came before its frame. `now` is unknown if it says nothing new. */
+/* finger.c: takes a sample that came before its frame. `now` is unknown if the sample is not new. */
 void fmfts_follow_finger_early(const fmfts_parameters *parameters, fmfts_followed_memory *memory, const fmfts_early *early,
                                fmfts_now *now);
 

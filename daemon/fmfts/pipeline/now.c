@@ -12,13 +12,13 @@ enum { CONTACT = FMFTS_MAX_OUTPUTS, POSE = FMFTS_POSE, STATES = FMFTS_MOTION_STA
 #define MM_PER_M 1e3
 static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0, 1.0, 1.0}; /* mm → m; newtons stay */
 
-/* Before so many frames the filter has not settled. */
+/* Number of frames after which the filter has settled. */
 enum { SETTLED_FRAMES = 3 };
 /* At the earliest a frame is made just after its newest conversion, so the latest of the recent frames gives the time.
  * This bound is relaxed by this share of a period each frame, to follow a board with another rate than its nominal one.
  * */
 #define LET_GO 0.0025
-#define JUMP_PERIODS 2.5 /* a board that was reset */
+#define JUMP_PERIODS 2.5 /* the board was reset */
 
 double fmfts_publish_us(const fmfts_parameters *parameters, int64_t sequence, int64_t frame_us, fmfts_now_memory *memory)
 {

@@ -72,7 +72,7 @@ void fmfts_find_slip(const fmfts_pad *pad, fmfts_frame_work *work, fmfts_reading
         }
     }
     frame.shear_sd_n = lasting_shear_n(estimate, whole, noise);
-    if (frame.elapsed_s > 0.0) { /* the same samples once more tell nothing: counted again, their noise would look like a motion */
+    if (frame.elapsed_s > 0.0) { /* repeated samples are no news: their noise would look like a motion */
         fmfts_follow_slip(&response, &frame, estimate, memory);
     }
     fmfts_judge_slip(&parameters->slip, &frame, memory, &reading->slip);

@@ -65,13 +65,14 @@ void fmfts_find_slip(const fmfts_pad *pad, fmfts_frame_work *work, fmfts_reading
  * moves. */
 void fmfts_find_now(const fmfts_pad *pad, const fmfts_frame *frame, fmfts_frame_work *work, fmfts_reading *reading);
 
-/* Beyond it (a board that stalls, a chip that stopped) the newest sample says nothing of the time of publishing. */
+/* Beyond it (a board that stalls, a chip that stopped) the newest sample is too old for the time of publishing. */
 #define FMFTS_LONGEST_LEAD_S 0.02
 
 /* now.c: when the message of a frame is published, on the board's clock. */
 double fmfts_publish_us(const fmfts_parameters *parameters, int64_t sequence, int64_t frame_us, fmfts_now_memory *memory);
 
-/* now.c: whether the sample is one of this pad that goes on from those of the last frame, taken_us, and not by too much. */
+/* now.c: whether the sample is this pad's, and follows the samples of the last frame, taken_us, at a plausible
+ * distance. */
 bool fmfts_comes_next(const fmfts_pose_parameters *parameters, const int64_t *taken_us, const fmfts_motion_memory *memory,
                    const fmfts_early *early);
 

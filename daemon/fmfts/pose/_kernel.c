@@ -5,7 +5,7 @@
 
 enum { MEASUREMENTS, MAGNETS, PARTS, START, MEAN, COVARIANCE, RATE, DIFFUSION, INPUTS };
 enum { STATE = INPUTS, SPREAD, DIRECTION, SUMMARY, BUFFERS };
-enum { SUMMARY_VALUES = 6, MOST = 1 << 24 /* limits of pads and rows: no product of sizes overflows */ };
+enum { SUMMARY_VALUES = 6, MOST = 1 << 24 /* limits of pads and rows: within them no product of sizes overflows */ };
 
 typedef struct {
     Py_buffer *buffer;

@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 SAME_DEVIATIONS = 0.5
 # A covariance assumes a linear field. A solution counts as bent if, BELIEVED_DEVIATIONS away along its least certain
 # direction, the field misses the linear prediction by more than the share STRAIGHT of the predicted change. In a
-# million starts of three sensors with eight unknowns, each answer beyond its deviations missed by at least 0.66, and
-# 0.7 % of the good ones by 0.5; with four sensors none missed by 0.1.
+# million starts of three sensors with eight unknowns, each answer beyond its deviations missed by at least 0.66. 0.7 %
+# of the good answers missed by 0.5. With four sensors no answer missed by 0.1.
 BELIEVED_DEVIATIONS = 3.0
 STRAIGHT = 0.5
 

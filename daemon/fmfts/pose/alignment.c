@@ -70,7 +70,7 @@ static int64_t instant_us(fmfts_pose_memory *memory, int64_t aligned_us, int64_t
         return aligned_us;
     }
     memory->leapt_us += leap_us;
-    return (aligned_us ? aligned_us : memory->newest_us) + memory->leapt_us; /* 0: all samples were forgotten */
+    return (aligned_us ? aligned_us : memory->newest_us) + memory->leapt_us; /* 0 if all samples were forgotten */
 }
 
 static void note_stuck(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, fmfts_missing *missing)
@@ -143,7 +143,7 @@ static void add_up(fmfts_step *step, int sensor, double drift_t2)
     double change[3], share = field->noise_share[sensor], lasting_t2 = drift_t2 + FMFTS_ALTERNATING_SHARE * step->memory->alternating_t2;
     for (int k = 0; k < 3; k++) {
         change[k] = field->field_t[3 * sensor + k] - parameters->rest_field_t[3 * sensor + k];
-        change[k] = isnan(change[k]) ? 0.0 : change[k]; /* without a value, this axis says nothing about the others */
+        change[k] = isnan(change[k]) ? 0.0 : change[k]; /* an axis without a value does not judge the others */
     }
     for (int axis = 3 * sensor; axis < 3 * sensor + 3; axis++) {
         double noise_t = parameters->noise_t[axis] * share;

@@ -21,9 +21,9 @@
 #define OTHER_WAY 0.5
 /* After detection: frames from one spectrum to the next, and how many spectra without a line, or much noise, end it. */
 enum { LOOK_EVERY = 16, QUIET_LOOKS = 12 };
-/* The variance follows χ², at most by a factor of MOST_RATIO in each frame, up to LARGEST_T: upwards over RISE_FRAMES, and downwards
- * over FALL_FRAMES once CALM_FRAMES passed without a rise. The phases that chips see beat with the differences of their clocks: while
- * what alternates lasts, no calm is as long. */
+/* The variance follows χ², at most by a factor of MOST_RATIO in each frame, up to LARGEST_T: upwards over RISE_FRAMES,
+ * and downwards over FALL_FRAMES once CALM_FRAMES passed without a rise. The phases that chips see beat with the
+ * differences of their clocks: while the alternating field lasts, no calm is as long. */
 #define RISE_FRAMES 8.0
 #define FALL_FRAMES 32.0
 #define CALM_FRAMES 256

@@ -62,7 +62,7 @@ static bool is_explained(const fmfts_step *step, double ambient_t[3], double *de
            found.chi2 < parameters->motion_chi2[found.rows - found.unknowns];
 }
 
-/* How many of the last frames looked at are explained by the ambient field. */
+/* How many of the last examined frames the ambient field explains. */
 static int explained_of(const fmfts_pose_memory *memory)
 {
     int count = 0;
@@ -100,7 +100,7 @@ static void follow(const fmfts_step *step)
 {
     fmfts_pose_memory *memory = step->memory;
     memory->frames_seen++;
-    if (step->verdict.stronger) { /* so large an ambient field would also explain steel on a finger */
+    if (step->verdict.stronger) { /* an ambient field this large would also explain steel on a finger */
         forget(memory);
     } else if (step->verdict.health == FMFTS_OK) {
         memory->well_frames++;

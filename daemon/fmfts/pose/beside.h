@@ -1,4 +1,4 @@
-/* The magnets of a neighbouring pad: where they are in this pad's axes, and what they do to its field. */
+/* The magnets of a neighbouring pad: their poses in this pad's axes, and their effect on its field. */
 #ifndef FMFTS_BESIDE_H
 #define FMFTS_BESIDE_H
 
@@ -28,8 +28,8 @@ typedef struct {
     size_t width;
 } fmfts_seen;
 
-/* Where a sighting's magnets are at time_ns, less certain by the time since they were seen. turn, place_m: from their pad's axes to
- * this one's. Writes all that `seen` points to. */
+/* The poses of a sighting's magnets at time_ns; the time since they were seen adds uncertainty. turn, place_m: from
+ * their pad's axes to this one's. Writes all that `seen` points to. */
 void fmfts_see(const double turn[9], const double place_m[3], const fmfts_sighting *sighting, double time_ns,
                const fmfts_seen *seen);
 
@@ -42,8 +42,8 @@ void fmfts_field_of_placed(const double magnet[FMFTS_MAGNET], const double place
 double fmfts_placement_variance(const double rest_error[2], double placement_m, const double now_m[3], const double place_m[3],
                                 const double change_t[3]);
 
-/* A neighbouring pad that is considered, not solved; arrays as above, of all its magnets. direction: of the chips'
- * axes. */
+/* A neighbouring pad whose magnets are considered, not solved for. Arrays are as above, of all its magnets. direction:
+ * of the chips' axes. */
 typedef struct {
     size_t sensors, magnets;
     const double *place_m, *direction, *magnet, *rest, *now, *rest_error, *covariance;

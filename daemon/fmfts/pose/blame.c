@@ -9,7 +9,7 @@
 #include "foreign_field.h"
 #include "mean_residuals.h"
 
-/* The share of the probability that one explanation needs to be the answer. */
+/* An explanation needs this share of the probability to become the answer. */
 #define CLEAR 0.999
 /* Prior deviation of a broken axis: as wide as an error that the gate of one frame may let through. */
 #define AXIS_FAULT_T 1e-5

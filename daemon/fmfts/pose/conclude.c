@@ -1,8 +1,8 @@
 /* The end of a search: the covariance, or the direction that no measurement determines. */
 #include "search.h"
 
-/* A deviation above this share of the distance to the nearest sensor, or of a radian, is meaningless: the field falls with
- * the third power of the distance, so the model is not linear over it, and the covariance is wrong. */
+/* A deviation above this share of the distance to the nearest sensor, or of a radian, is meaningless: the field falls
+ * with the third power of the distance, so the model is not linear over this range, and the covariance is wrong. */
 #define UNCERTAIN 0.25
 
 /* Whether a position or an axis is so uncertain that its covariance is meaningless. */

@@ -3,8 +3,8 @@
 #include "model.h"
 #include "tracking.h"
 
-/* The suspects [mask]: sensors without which the others fit better than with a foreign field. last: the last suspect,
- * with its solution. */
+/* The suspects [mask]: without a suspect the other sensors fit better than with a foreign field. last: the last
+ * suspect, with its solution. */
 typedef struct {
     unsigned sensors;
     int count, last;

@@ -74,9 +74,9 @@ static void add_foreign_field(frame_problem *problem)
     }
 }
 
-/* The ambient field is any within this of its mean, independently of the frame before. */
+/* Prior deviation of the ambient field from its mean, independent of the frame before. */
 #define ALTERNATES_T 1e-5
-/* The mean moment of recent seconds, because one frame cannot separate moment and field. */
+/* Deviation of the moment, whose mean of recent seconds is used: one frame cannot separate moment and field. */
 #define MOMENT_DEVIATION 5e-4
 
 static void forget_correlation(frame_problem *problem, size_t column)

@@ -13,7 +13,7 @@ static const double LOG_STRONGER = 0.04879016416943205;
 
 double fmfts_strongest(const fmfts_pose_parameters *parameters)
 {
-    return parameters->at_rest != 0.0 ? LOG_STRONGER : FMFTS_LOG_MOMENT_REACH; /* else the moment has no baseline */
+    return parameters->at_rest != 0.0 ? LOG_STRONGER : FMFTS_LOG_MOMENT_REACH; /* 0: no moment at rest */
 }
 
 bool fmfts_has_plausible_pose(const fmfts_pose_parameters *parameters, const fmfts_solved *solved, double strongest)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-# The share of healthy frames that the χ² gate rejects. At 220 Hz, one frame in an hour would be 1.3e-6.
+# The share of healthy frames that the χ² gate rejects. At 220 Hz, 1.3e-6 would be one frame an hour.
 FALSE_ALARM = 1e-6
-# The share of healthy mean residuals that raise an alarm: once in ten hours, at 27 judgements a second that share
+# The share of healthy mean residuals that raise an alarm: once in ten hours, at 27 judgements a second of overlapping
 # frames.
 FALSE_MEAN_ALARM = 1e-6
 # A mean residual is sound if its χ² is below the one that only this share of healthy means exceeds.

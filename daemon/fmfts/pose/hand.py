@@ -134,7 +134,7 @@ class Hand:
         time_ns = np.nan if self.joints.time_ns is None else float(self.joints.time_ns)
         of_rate = self._independent(product(rate[:, None], rate[None, :]))
         parts = newest.field_t, rate, self._independent(newest.covariance_t2), of_rate, *self._wide_values
-        self.table.flat[:] = np.concatenate([[self._state, time_ns], *parts])  # in one call: C may read between two
+        self.table.flat[:] = np.concatenate([[self._state, time_ns], *parts])  # in one call, as C may read any time
 
     def _independent(self, covariance_t2: Array) -> Array:
         """(P,) variances of independent errors that bound the covariance in every direction of the pose."""

@@ -18,8 +18,8 @@
 #include "model.h"
 #include "step.h"
 
-/* A passing tool rotates its field: at moments the sum is as strong as the Earth's alone. So a detected field fades
- * slowly. */
+/* A passing tool rotates its field: at some moments the sum is as strong as the Earth's field alone. So a detected
+ * field fades slowly. */
 #define FADES_S 1.0
 
 /* The variance of what turns along with the pad. */
@@ -69,7 +69,7 @@ static double foreign_t(const fmfts_pose_parameters *parameters, const fmfts_ref
     }
     double strength = sqrt(dot3(total, total)), strange = strength - reference->strength_t;
     if (!(fabs(strange) > healthy * parameters->even_t)) {
-        return 0.0; /* also if the reference is unknown */
+        return 0.0; /* true, too, if the reference is unknown */
     }
     fmfts_change(parameters, state, change);
     for (int i = 0; i < 3; i++) {

@@ -24,7 +24,7 @@ EVEN_T = 5e-7
 HEALTHY = 3.0
 NEAREST_M = 0.06
 GRADIENT_PER_T = 3.0 / NEAREST_M
-# Without a turn, the field of what the robot carries is unknown: a tenth of the Earth's.
+# Deviation of the field of what the robot carries, without a turn: a tenth of the Earth's field.
 IRON_T = 5e-6
 
 
@@ -128,7 +128,7 @@ def centre_of(points: Array) -> Array:
     """(3,) the centre c of the sphere through points p (K, 3): |p − c|² is the same for all, linear in c and |c|²."""
     middle = points.mean(axis=0)
     swept = points - middle
-    # Fields in tesla: with this the columns are of one size.
+    # Scales fields in tesla, so that the columns have similar sizes.
     equations = np.column_stack([2.0 * swept, np.full(len(swept), 1e-5)])
     centre: Array = middle + least_squares(equations, square(swept).sum(axis=1))[:3]
     return centre

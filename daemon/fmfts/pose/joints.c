@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* How long the field is extrapolated along its last rate; then it stays. */
+/* The field is extrapolated along its last rate for this long, then held. */
 static const double GOES_ON_S = 0.1;
 /* A time stamp that is further ahead of a frame comes from another clock. */
 static const double AHEAD_S = 0.5;

@@ -7,9 +7,10 @@
 /* Joint positions older than this are unknown. */
 #define FMFTS_SILENT_S 0.25
 
-/* What is known of a posture. ANY: no joints are published, so it is any recorded one. OUTSIDE: none of the recorded
- * ones. NO_REST: the posture of the rest recording is unknown. SILENT, AHEAD: the newest joint positions are too old,
- * or stamped by another clock. The other values but NONE are also states of a hand's table. */
+/* What is known of a posture. ANY: no joints are published, so the posture may be any recorded one. OUTSIDE: the
+ * posture is none of the recorded ones. NO_REST: the posture of the rest recording is unknown. SILENT, AHEAD: the
+ * newest joint positions are too old, or stamped by another clock. The other values but NONE are also states of a
+ * hand's table. */
 typedef enum {
     FMFTS_POSTURE_NONE, /* the pad is on no hand that moves */
     FMFTS_POSTURE_KNOWN,
@@ -25,7 +26,7 @@ typedef enum {
 /* newest: state of the hand's table. later_s: the frame's time since the newest joint positions; NaN: none came. */
 fmfts_posture fmfts_posture_at(double newest, double later_s);
 
-/* For how long the field goes on along its last rate. */
+/* For how long the field is extrapolated along its last rate. */
 double fmfts_goes_on_s(double later_s);
 
 /* The deviation of the field is its rate times this. */

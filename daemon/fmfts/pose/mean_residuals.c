@@ -168,9 +168,9 @@ static double chi2_of(fmfts_judged_axes *judged, const double *value, double own
     return along(judged->axes, own, weighed);
 }
 
-/* Whether a fault ended: the last frames are healthy, and the mean's residuals would not be. Otherwise a large fault
- * would outlive its cause by the seconds in which the mean forgets it. A few frames cannot show the end of a small
- * fault. */
+/* Whether a fault ended: the last frames are healthy, although the mean still contains the fault. Otherwise a large
+ * fault would outlive its cause by the seconds in which the mean forgets it. A few frames cannot show the end of a
+ * small fault. */
 static bool is_over(const fmfts_step *step, double common[][FMFTS_AXES], const double *recent_t)
 {
     const fmfts_pose_parameters *parameters = step->parameters;
@@ -188,8 +188,8 @@ static bool is_over(const fmfts_step *step, double common[][FMFTS_AXES], const d
            chi2_of(&judged, step->memory->mean_t, chosen) > parameters->alarm_chi2[freedom];
 }
 
-/* The variance of the mean of each axis; NaN where it is of too few frames. A mean of n frames; once the memory is full, an
- * exponential mean, which is worth 2·memory − 1 frames. */
+/* The variance of the mean of each axis; NaN where there are too few frames. It is a mean of n frames; once the memory
+ * is full, an exponential mean, which equals one of 2·memory − 1 frames. */
 static void find_own(const fmfts_step *step, double *own_t2)
 {
     for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {

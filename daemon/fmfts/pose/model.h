@@ -136,7 +136,7 @@ FMFTS_INLINE size_t first_column(size_t magnet)
 enum { AXIS_VALUE = 3, LOG_VALUE = 6, AMBIENT_VALUE = 7, GRADIENT_VALUE = 10 };
 enum { TILT_COLUMN = 3, LOG_COLUMN = 5, AMBIENT_COLUMN = 6, GRADIENT_COLUMN = 9, BASE_COLUMNS = 14 };
 
-/* The magnets of a state, prepared for look(). log_moment: of which `strength` is, to spare the exponential.
+/* The magnets of a state, prepared for look(). log_moment: the logarithm of `strength`, kept to spare the exponential.
  * with_gradient: whether the state's ambient field has a gradient that counts. */
 typedef struct {
     fmfts_source source[FMFTS_MAX_MAGNETS];

@@ -24,9 +24,10 @@
 #include "model.h"
 #include "motion_modes.h"
 
-/* The filter begins with the solver's pose, which shares samples with the next frame: factor of its covariance. */
+/* Factor of the covariance of the solver's pose, with which the filter begins: that pose shares samples with the next
+ * frame. */
 #define FIRST_COVARIANCE 4.0
-/* The variance of the first rates is that of the drive in this time. */
+/* The variance of the first rates is what the drive adds in this time. */
 #define FIRST_RATE_S 0.02
 /* Boards read chips by turns, so that samples of two chips may come in the wrong order; older ones are not used. */
 #define LATE_US 1000.0
@@ -88,8 +89,8 @@ static bool had_early(const fmfts_motion_memory *memory)
     return false;
 }
 
-/* The modes since the last frame: those of the samples that came before their frame, or else the merged state. shares: their
- * probabilities after that frame. Returns the time of its newest sample. */
+/* The modes since the last frame: from the samples that came before their frame, or else from the merged state. shares:
+ * their probabilities after that frame. Returns the time of its newest sample. */
 static double begin_modes(const fmfts_motion_memory *memory, fmfts_mode modes[MODES], double shares[MODES])
 {
     bool goes_on = had_early(memory);

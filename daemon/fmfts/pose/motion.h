@@ -6,8 +6,8 @@
 
 enum { FMFTS_MOTION_STATES = 13, FMFTS_MODES = 2, FMFTS_RATE = 5, FMFTS_AMBIENT_CHANGE = 10 };
 
-/* weights: 0 for a mode that is left out: `bench now --ablation` shows what each of them brings. surprise_chi2: frames with
- * larger innovations are not those of a healthy pad; early_chi2: the same of a sample that came before its frame. */
+/* weights: 0 excludes a mode: `bench now --ablation` shows the benefit of each. surprise_chi2: frames with larger
+ * innovations are not those of a healthy pad; early_chi2: the same of a sample that came before its frame. */
 #define FMFTS_MOTION_PARAMETERS(ONE, MANY)                                                                                     \
     MANY(double, weights, FMFTS_MODES)                                                                                 \
     ONE(double, surprise_chi2)                                                                                         \
@@ -20,10 +20,10 @@ enum { FMFTS_MOTION_STATES = 13, FMFTS_MODES = 2, FMFTS_RATE = 5, FMFTS_AMBIENT_
     MANY(double, motion_covariance, FMFTS_MOTION_STATES * FMFTS_MOTION_STATES)                                         \
     MANY(double, modes, FMFTS_MODES) /* probabilities */                                                               \
     ONE(double, followed) /* frames since the filter began */                                                          \
-    MANY(double, early_us, FMFTS_SENSORS) /* time of each sensor's newest; 0 before the first */                       \
-    ONE(double, early_from_us) /* motion_us and modes after the last frame */                                          \
+    MANY(double, early_us, FMFTS_SENSORS) /* time of each sensor's newest sample; 0 before the first */                \
+    ONE(double, early_from_us) /* the same time, and the modes, after the last frame */                                \
     MANY(double, early_modes, FMFTS_MODES)                                                                             \
-    MANY(double, early_state, FMFTS_MODES * FMFTS_MOTION_STATES) /* of each mode, as the rest */                       \
+    MANY(double, early_state, FMFTS_MODES * FMFTS_MOTION_STATES) /* for each mode, as are the next fields */           \
     MANY(double, early_covariance, FMFTS_MODES * FMFTS_MOTION_STATES * FMFTS_MOTION_STATES)                            \
     MANY(double, early_chi2_sum, FMFTS_MODES)                                                                          \
     MANY(double, early_widths, FMFTS_MODES)
@@ -43,21 +43,21 @@ void fmfts_forget_motion(fmfts_motion_memory *memory);
 
 enum { FMFTS_FOLLOWED = 8 }; /* states that samples depend on: the pose's change, or a finger in its place, and the ambient field */
 
-/* What samples are taken with: the pad, its newest samples, W [5][5] of motion.c, and what they tell of. */
+/* The input of the filter: the pad, its newest samples, W [5][5] of motion.c, and what the samples depend on. */
 typedef struct fmfts_driven {
     const fmfts_pose_parameters *parameters;
     const fmfts_pose_memory *pose;
     const double *drive;
-    /* What the axes of a sensor would read in state x, baseline subtracted, and the derivatives of that. */
+    /* The prediction for the axes of a sensor in state x, baseline subtracted, and its derivatives. */
     void (*look)(const struct fmfts_driven *driven, int sensor, const double *x, double ahead[3], double slope[3][FMFTS_FOLLOWED]);
     double strength;   /* of a magnet */
-    const void *finger; /* of a pad with several: pipeline/finger.h */
+    const void *finger; /* for a pad with several magnets: pipeline/finger.h */
 } fmfts_driven;
 
-/* motion_modes.c: of one magnet, whose moment is that of the pad's last pose. */
+/* motion_modes.c: predicts one magnet, whose moment is that of the pad's last pose. */
 fmfts_driven fmfts_driven_magnet(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *pose, const double *drive);
 
-/* Begins at time_us, with known [8] and its covariance [8][8]; of the rates nothing is known but the drive. */
+/* Begins at time_us, with known [8] and its covariance [8][8]; the drive alone bounds the rates. */
 void fmfts_begin_states(double time_us, const double *known, const double *covariance, const double *drive,
                         fmfts_motion_memory *memory);
 
@@ -71,7 +71,7 @@ bool fmfts_follow(const fmfts_driven *driven, const fmfts_motion_parameters *own
 /* Whether a sample that came before its frame goes on from those that the filter took. */
 bool fmfts_is_next(const fmfts_motion_memory *memory, int sensor, double time_us);
 
-/* Takes one sensor's sample that came before its frame and is next. Otherwise as fmfts_follow. */
+/* Takes the next sample of one sensor, which came before its frame. Otherwise like fmfts_follow. */
 bool fmfts_follow_early(const fmfts_driven *driven, const fmfts_motion_parameters *own, const fmfts_early *early,
                         fmfts_motion_memory *memory);
 

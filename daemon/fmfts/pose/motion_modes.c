@@ -10,10 +10,10 @@
 #define CALM_S 0.03
 /* How often a mode gives way to each other one. */
 #define SWITCHES_PER_S 30.0
-/* Share of the deviation that lasts (gains, places) that counts in each sample. In full it would slow the filter, which would
- * take noise for larger than it is; without it, gains that are off would look like motion. */
+/* Share of the lasting deviation (gains, places) that counts in each sample. All of it would slow the filter, because
+ * noise would seem larger than it is. Without it, wrong gains would look like motion. */
 #define LASTING_SHARE 0.5
-/* The largest tilt (sine) of a pressed magnet: beyond, the filter has lost it. */
+/* The largest tilt (sine) of a pressed magnet. With a larger one, the filter has lost the magnet. */
 #define LARGEST_TILT 0.7
 
 enum { N = FMFTS_MOTION_STATES, RATE = FMFTS_RATE, AMBIENT = FMFTS_AMBIENT_CHANGE, MODES = FMFTS_MODES };
@@ -84,7 +84,7 @@ static void predict(const fmfts_pose_parameters *parameters, double passed_s, co
     }
 }
 
-/* Takes one scalar. slope: by STATE. ahead: what the axis would read. */
+/* Takes one scalar measurement. slope: its derivative by STATE. ahead: the prediction. */
 static void measure(fmfts_mode *own, double value, double ahead, const double *slope, double r)
 {
     double spread[N], s = r;
@@ -225,7 +225,8 @@ static void merge_modes(const fmfts_motion_parameters *own, double elapsed_s, co
     }
 }
 
-/* The modes as one state, with these probabilities: its mean, and its covariance with what the modes differ by. */
+/* Merges the modes, with these probabilities, into one state: its mean, and its covariance with the spread of the
+ * modes. */
 static void merge_states(const fmfts_mode modes[MODES], fmfts_motion_memory *memory)
 {
     for (int i = 0; i < N; i++) {

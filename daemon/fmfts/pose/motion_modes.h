@@ -13,7 +13,7 @@ typedef struct {
 bool fmfts_take_sample(const fmfts_driven *driven, const fmfts_early *sample, fmfts_mode modes[FMFTS_MODES],
                        fmfts_motion_memory *memory);
 
-/* motion_modes.c: the modes as one state. shares: their probabilities `elapsed_s` before. */
+/* motion_modes.c: the modes as one state. shares: the modes' probabilities `elapsed_s` ago. */
 void fmfts_merge(const fmfts_motion_parameters *own, double elapsed_s, const fmfts_mode *modes, const double *shares,
                  fmfts_motion_memory *memory);
 

@@ -87,7 +87,7 @@ void fmfts_take_neighbours(const fmfts_step *step, const double placed[][FMFTS_P
     }
 }
 
-/* A neighbour turns with the robot: the bare recording counts its field as the Earth's. */
+/* A neighbour turns with the robot, so the bare recording took its field for the Earth's. */
 fmfts_reference fmfts_reference_beside(const fmfts_pose_parameters *parameters, const fmfts_felt *felt)
 {
     fmfts_reference reference = {.strength_t = parameters->reference_strength_t};

@@ -1,22 +1,21 @@
 /* The errors that both a frame's covariance and the baseline's leftovers contain.
  *
- * What the baseline leaves unknown of the chips is in the deviation of each measurement, which gives uncertain
- * measurements less weight. So it is in the frame's covariance C, as if it were new in each measurement. The error of a
- * change of pose (change_error) has the same causes, with their correlations. Only one of the two may count. With H the
- * slopes of the measurements, W their weights, and L² the lasting part of their variances (unknown_t2), a frame's
+ * The chips' errors that the baseline leaves are in the deviation of each measurement, which gives uncertain
+ * measurements less weight. So they are in the frame's covariance C, as if they were new in each measurement. The error
+ * of a change of pose (change_error) has the same causes, with their correlations. Only one of the two may count. With
+ * H the slopes of the measurements, W their weights, and L² the lasting part of their variances (unknown_t2), a frame's
  * estimate moves by C·Hᵀ·W per measurement, so the part of C to take away is
  *
  *     C·Hᵀ·W·L²·W·H·C
  *
- * With N² the other part of the variances and Ω the prior's information, C·(HᵀWH + Ω)·C = C and W = (N² + L²)⁻¹. So what is
- * left of C is C·(HᵀW·N²·WH + Ω)·C: it never has a negative variance.
- */
+ * With N² the other part of the variances and Ω the prior's information, C·(HᵀWH + Ω)·C = C and W = (N² + L²)⁻¹. So
+ * what is left of C is C·(HᵀW·N²·WH + Ω)·C: it never has a negative variance. */
 #include <string.h>
 
 #include "model.h"
 #include "step.h"
 
-/* If the share is smaller in every measurement, it is not removed: deviations would change by half a thousandth. */
+/* A smaller share in every measurement is not removed: it would change deviations by half a thousandth. */
 static const double NEGLIGIBLE = 1e-3;
 
 enum { SOLVED = GRADIENT_COLUMN }; /* the columns that a frame may estimate come first: pose, moment, ambient field */

@@ -49,11 +49,11 @@ enum {
     ONE(double, moment_per_k_deviation)                                                                                \
     ONE(double, rest_temperature_c) /* NaN: unknown */                                                                 \
     MANY(double, rest, FMFTS_STATE)                                                                                    \
-    MANY(double, gate_chi2, FMFTS_AXES + 1) /* gate.c: by degrees of freedom; NaN: none */                             \
+    MANY(double, gate_chi2, FMFTS_AXES + 1) /* gate.c: by degrees of freedom; NaN: no gate */                          \
     MANY(double, motion_chi2, FMFTS_AXES + 1) /* ambient_motion.c */                                                   \
     MANY(double, surprising_chi2, FMFTS_AXES + 1) /* alternating.c: by degrees of freedom */                           \
     ONE(double, line_chi2)                                                                                             \
-    ONE(double, at_rest) /* 0: only the bare board was recorded, without the pad */                                    \
+    ONE(double, at_rest) /* 0 if only the bare board was recorded, without the pad */                                  \
     ONE(double, steel_nearby) /* the scene says that steel or magnets pass */                                          \
     ONE(double, unread_warming_k)                                                                                      \
     MANY(double, alarm_chi2, FMFTS_AXES + 1) /* mean_residuals.c: by degrees of freedom */                             \
@@ -115,12 +115,12 @@ typedef enum {
     MANY(double, state, FMFTS_STATE) /* tracker.c: of the last good frame */                                           \
     MANY(double, covariance, FMFTS_STEP * FMFTS_STEP)                                                                  \
     ONE(double, since_good_s)                                                                                          \
-    ONE(double, unread_variance) /* variance of the log moment through the unknown temperature, until one is read */  \
-    ONE(double, warmth_variance) /* the most that warming has added to it */                                           \
+    ONE(double, unread_variance) /* variance of the log moment through the unknown temperature, until one is read */   \
+    ONE(double, warmth_variance) /* the largest variance that warming has added */                                     \
     ONE(double, misfit) /* recent mean of chi2 per degree of freedom */                                                \
     ONE(int64_t, disturbed_frames) /* how many frames no pose explained since then */                                  \
     ONE(int64_t, searched) /* fmfts_cause: what the last search for the cause found */                                 \
-    ONE(int64_t, searched_sensors) /* mask: the suspects */                                              \
+    ONE(int64_t, searched_sensors) /* mask: the suspects */                                                            \
     MANY(double, mean_t, FMFTS_AXES) /* mean_residuals.c: of the residuals */                                          \
     MANY(double, lasting_t2, FMFTS_AXES)                                                                               \
     MANY(double, frames, FMFTS_AXES)                                                                                   \
@@ -139,7 +139,7 @@ typedef enum {
     MANY(double, lowest_t, 3) /* ambient_motion.c: range of the ambient field in the frames that it explained */       \
     MANY(double, highest_t, 3)                                                                                         \
     ONE(int64_t, explained) /* bit i: whether it explained the i-th last frame that was looked at */                   \
-    ONE(double, moved_t) /* how far the field moved */                                                            \
+    ONE(double, moved_t) /* by how much the field moved */                                                             \
     ONE(int64_t, frames_seen)                                                                                          \
     ONE(int64_t, well_frames)                                                                                          \
     MANY(double, crept, 5 * FMFTS_DECADES) /* silicone.c */                                                            \
@@ -149,15 +149,15 @@ typedef enum {
     ONE(double, steady_frames) /* steady_moment.c: of the log moment of recent frames: how many, mean and variance */  \
     ONE(double, steady_moment)                                                                                         \
     ONE(double, steady_variance)                                                                                       \
-    ONE(int64_t, alternates) /* alternating.c: the ambient field is solved for as one that alternates */               \
-    ONE(double, alternating_t2) /* the variance that it adds to each axis */                                           \
+    ONE(int64_t, alternates) /* alternating.c: whether the ambient field is solved for as an alternating one */        \
+    ONE(double, alternating_t2) /* the variance that the alternating field adds to each axis */                        \
     ONE(int64_t, calm_frames) /* since that variance rose */                                                           \
     MANY(double, last_surprise, FMFTS_AXES + 1)                                                                        \
-    ONE(double, surprises) /* sum of recent outliers that alternate in direction */                                  \
+    ONE(double, surprises) /* sum of recent outliers that alternate in direction */                                    \
     MANY(double, last_ambient_t, 3)                                                                                    \
     MANY(double, ring_t, 3 * FMFTS_RING) /* spectrum.c: the ambient field of recent frames */                          \
     ONE(int64_t, ring_frames)                                                                                          \
-    ONE(int64_t, quiet_rings) /* looks since a line or much noise was seen */                                          \
+    ONE(int64_t, quiet_rings) /* number of spectra since a line or much noise was found */                             \
     ONE(double, line_hz) /* as sampled; 0: none */                                                                     \
     ONE(double, line_t)
 

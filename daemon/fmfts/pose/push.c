@@ -12,7 +12,7 @@
  * sample half a period later than the last one is also new: the frame that held it first never arrived. */
 #define GAP_SHARE 0.6
 #define UNSEEN_SHARE 0.2
-/* After this many frames, or frame periods, without a new sample, the chip's next sample is old. Periods count too,
+/* If a chip had no new sample for this many frames or frame periods, its next sample counts as old. Periods count too,
  * because an overloaded computer drops frames. */
 enum { MOST_WITHOUT_NEWS = 3 };
 
@@ -35,8 +35,8 @@ int64_t fmfts_latest(size_t count, const int64_t *time_us)
     return most;
 }
 
-/* Short steps forward are gaps: the samples' times say how long they are. For other steps the host's clock says how much time
- * passed. While a computer is suspended that clock stands; then the frames' numbers give the time. */
+/* Short steps forward are gaps, whose lengths the samples' times show. For other steps the host's clock shows how much
+ * time passed. While a computer is suspended that clock stands; then the frames' numbers give the time. */
 int64_t fmfts_leap_us(const fmfts_last *last, int64_t frame_us, int64_t host_ns, int64_t sequence, double period_us)
 {
     int64_t there_us = frame_us - last->frame_us, passed_ns = host_ns - last->stood_ns, frames = sequence - last->stood_sequence;
@@ -129,7 +129,7 @@ static void remember(const fmfts_periods *periods, fmfts_samples *samples, const
     samples->without_news = any ? 0 : samples->without_news + 1;
 }
 
-/* Whether a sensor's newest sample is near that of the others, and this frame has one of it. */
+/* Whether a sensor's newest sample is near those of the others, and this frame contains a sample of it. */
 static bool is_running(const fmfts_periods *periods, const fmfts_samples *samples, const fmfts_pushed *frame, size_t sensor,
                        int64_t newest)
 {

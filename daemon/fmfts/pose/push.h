@@ -23,16 +23,17 @@ typedef struct {
     int64_t frame_us; /* of the frame itself, if it has one */
 } fmfts_pushed;
 
-/* After a longer gap than this (or the time after which a chip counts as stopped, at low rates) the samples before it say nothing
- * of the motion since: the line from them to the next sample would make that as uncertain as the whole way that the pad moved in
- * the gap. */
+/* After a longer gap than this (or the time after which a chip counts as stopped, at low rates) the earlier samples do
+ * not determine the motion since: a line from them to the next sample would be as uncertain as the whole movement of
+ * the pad in the gap. */
 #define FMFTS_LONGEST_GAP_US 300000.0
 /* A chip that is this many periods behind the others has stopped: the others do not wait for it. */
 #define FMFTS_STOPPED_PERIODS 2.5
 /* A sample jumps if it is half a gauss off the line through the two before; a tap of 1 N in 50 ms is off by a tenth. */
 #define FMFTS_JUMP_T 5e-5
 
-/* stopped_us: how far behind the others a chip has stopped. old_us: how old the newest sample of all may be. */
+/* stopped_us: a chip that is this far behind the others has stopped. old_us: the largest age of the newest sample of
+ * all. */
 typedef struct {
     double stopped_us, longest_gap_us, old_us;
 } fmfts_periods;
@@ -50,7 +51,7 @@ typedef struct {
     int64_t frame_us, stood_ns, stood_sequence;
 } fmfts_last;
 
-/* By how much the board's clock jumped between the last frame and this one, beyond the time that passed. */
+/* The jump of the board's clock between the last frame and this one, beyond the time that passed. */
 int64_t fmfts_leap_us(const fmfts_last *last, int64_t frame_us, int64_t host_ns, int64_t sequence, double period_us);
 
 /* There is at least one sensor. */

@@ -3,8 +3,8 @@
 
 #include "mean_residuals.h"
 
-/* The mean of residuals shows 20 nT, and offsets of chips drift by some 10 nT/K: beyond this change they may be the
- * cause. */
+/* The mean of residuals shows 20 nT, and offsets of chips drift by some 10 nT/K: beyond this change of temperature they
+ * may be the cause. */
 #define WARMED_K 5.0
 
 static bool ambient_is_known(const fmfts_pose_parameters *parameters)
@@ -70,7 +70,7 @@ static void say_warming(const fmfts_step *step, fmfts_text *reason)
     }
 }
 
-/* Overrules the verdict on a frame that fits, by the verdict of the frames before it. */
+/* Replaces the verdict on a frame that fits by the verdict of the frames before it. */
 static void overrule(fmfts_step *step)
 {
     const fmfts_pose_memory *memory = step->memory;
@@ -92,7 +92,7 @@ static void overrule(fmfts_step *step)
     fmfts_clear(reason);
     verdict->has_estimate = false;
     if (memory->found_foreign) {
-        /* Where the scene holds the ambient field fixed, a robot that turned is a uniform foreign field. */
+        /* If the scene holds the ambient field fixed, a turned robot appears as a uniform foreign field. */
         verdict->health = FMFTS_DISTURBED;
         fmfts_say(reason, "a weak foreign field: steel or another magnet is near%s",
                   ambient_is_known(step->parameters) ? ", or the robot has turned" : "");

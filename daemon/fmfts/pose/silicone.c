@@ -1,10 +1,9 @@
 /* What silicone adds to the uncertainty of a change of pose: it creeps under a load, and recovers slowly afterwards.
  *
- * A spring would move the magnet by the same way whenever the same force acts. Silicone moves it further the longer the
- * load lasts, and recovers as slowly. The amount differs from pad to pad, so nothing is corrected; the deviations
- * include it. The change of pose, filtered with a time constant for each decade, gives how far each decade can have
- * crept, and in which direction.
- */
+ * A spring would always move the magnet equally far under the same force. Silicone moves further the longer the load
+ * lasts, and recovers as slowly. The amount differs from pad to pad, so nothing is corrected; the deviations include
+ * it. The change of pose, filtered with a time constant for each decade, gives how far each decade can have crept, and
+ * in which direction. */
 #include <string.h>
 
 #include "step.h"
@@ -35,8 +34,8 @@ void fmfts_follow_creep(const fmfts_pose_parameters *parameters, fmfts_pose_memo
     memcpy(memory->pressed, change, sizeof memory->pressed);
 }
 
-/* The share of the change itself: hysteresis, and what creeps faster than a calibration measures. The rest: what earlier loads
- * have left. Decades count as independent, but all creep the same way. */
+/* The share of the change itself covers hysteresis, and creep that is faster than a calibration measures. The rest
+ * covers what earlier loads have left. Decades count as independent, but all creep the same way. */
 void fmfts_creep(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double change[5],
                  double covariance[5][5])
 {

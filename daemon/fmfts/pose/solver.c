@@ -16,7 +16,7 @@
 #define FIRST_DAMPING 1e-4
 #define NO_DAMPING 1e-7 /* below this, Marquardt's step equals the Gauss–Newton step */
 #define ROUNDING 1e-12  /* relative error of a sum of squares */
-/* Right explanations reach the wanted χ² in two steps, hardly ever in more than ten. */
+/* Correct explanations reach the wanted χ² in two steps, and hardly ever need more than ten. */
 #define VAIN_ITERATIONS 12
 
 /* step: Marquardt's step. Returns the decrease of χ² that the linear model promises for it; −∞ if there is no step. */
@@ -156,7 +156,7 @@ static fmfts_summary solve(const fmfts_problem *problem, double *work, double *s
     search.problem = problem;
     search.columns = columns;
     search.active = search.ordered = 0;
-    search.sources.with_gradient = true; /* until the columns are known */
+    search.sources.with_gradient = true; /* assumed until the columns are known */
     search.sources.count = problem->magnet_count;
     if (!fmfts_valid(problem)) {
         return summary;

@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 FREE_POSE = np.arange(5)  # the moment is known
 FREE_PAPER = np.arange(6)  # the paper's six unknowns: position, and a moment of free direction and length
-FREE_FIELD = np.array([0, 1, 2, 3, 4, 6, 7, 8])  # the moment is known, the ambient field is not
+FREE_FIELD = np.array([0, 1, 2, 3, 4, 6, 7, 8])  # the moment is known, but not the ambient field
 
 
 @dataclass(frozen=True, slots=True)

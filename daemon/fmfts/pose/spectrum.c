@@ -1,5 +1,5 @@
-/* The spectrum of alternating.py, of as many frames as the memory holds: at each frequency the power of all axes is added. Of white
- * noise 2|X|²/(nσ²) is χ² with two degrees of freedom for each axis (N. R. Lomb, 1976). */
+/* The spectrum of alternating.py, of as many frames as the memory holds: at each frequency the power of all axes is
+ * added. For white noise, 2|X|²/(nσ²) is χ² with two degrees of freedom for each axis (N. R. Lomb, 1976). */
 #include "spectrum.h"
 
 #include <math.h>

@@ -1,4 +1,4 @@
-/* Which frequency the ambient field of the last frames alternates with. */
+/* The frequency with which the ambient field of the last frames alternates. */
 #ifndef FMFTS_SPECTRUM_H
 #define FMFTS_SPECTRUM_H
 

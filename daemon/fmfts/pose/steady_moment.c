@@ -1,7 +1,7 @@
-/* Remembers the magnet's moment where each frame estimates its own: warming and ageing change it over minutes, so a
- * moment that jumps is really an ambient field. In one frame a uniform field along the pad's normal equals a stronger
- * magnet, farther away. All frames of a press have the same error of the moment: averaging reduces only the noise in
- * its variance. */
+/* Remembers the magnet's moment if each frame estimates its own. Warming and ageing change it over minutes, so a moment
+ * that jumps is really an ambient field. In one frame a uniform field along the pad's normal equals a stronger magnet,
+ * farther away. All frames of a press have the same error of the moment: averaging reduces only the noise in its
+ * variance. */
 #include "model.h"
 #include "tracking.h"
 

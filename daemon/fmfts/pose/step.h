@@ -48,13 +48,13 @@ typedef struct {
 typedef struct {
     int64_t instant_us;
     bool is_old, began_anew; /* no new sample came for too long; the board's clock restarted */
-    int64_t leap_us;         /* by how much that clock jumped before this frame, beyond the time that passed */
+    int64_t leap_us;         /* the jump of that clock before this frame, beyond the time that passed */
     double elapsed_s;        /* since the last frame's instant */
     double field_t[FMFTS_AXES];
     double bend_t[FMFTS_AXES];     /* the error that curvature between two samples may cause */
     double noise_share[FMFTS_SENSORS];
     double unknown_t2[FMFTS_AXES]; /* variance of what the baseline leaves unknown */
-    double other_t2[FMFTS_AXES];   /* of curvature, warming and neighbours: averaging does not reduce it, either */
+    double other_t2[FMFTS_AXES];   /* of curvature, warming and neighbours; averaging does not reduce it */
     double variance_t2[FMFTS_AXES]; /* of all, with noise */
 } fmfts_field;
 
@@ -79,15 +79,16 @@ typedef struct {
     double chi2, residual_t;
 } fmfts_pose;
 
-/* How well the most likely pose explains all that is measured, and how far the moment is off (steady_moment.c), in deviations. */
+/* How well the most likely pose explains all measurements, and the error of the moment (steady_moment.c), in
+ * deviations. */
 typedef struct {
     bool known;
     int freedom;
     double chi2, moment;
 } fmfts_misfit;
 
-/* The most likely state of a frame, fitting or not, with its covariance: what the residuals are formed with. known: there is a
- * plausible one. placed: where the neighbours' magnets are in it. */
+/* The most likely state of a frame, even of one that does not fit, with its covariance. Residuals are formed with it.
+ * known: there is a plausible one. placed: where the neighbours' magnets are in it. */
 typedef struct {
     bool known;
     double state[FMFTS_STATE];
@@ -104,7 +105,7 @@ typedef struct {
     double turn[2][2];
 } fmfts_displacement;
 
-/* One frame's way from counts to pose: what each step below reads and writes. `memory` is what the next frame finds. */
+/* One frame from counts to pose: each step below reads and writes it. `memory` is kept for the next frame. */
 typedef struct {
     const fmfts_pose_parameters *parameters;
     fmfts_pose_memory *memory;
@@ -118,11 +119,12 @@ typedef struct {
     fmfts_nearest nearest;
     fmfts_verdict verdict;
     fmfts_misfit misfit;
-    double residual_t[FMFTS_AXES]; /* residual_monitor.c: to `nearest`, if that is known */
+    double residual_t[FMFTS_AXES]; /* residual_monitor.c: residuals from `nearest`, if that is known */
     double slopes[FMFTS_AXES][FMFTS_STEP]; /* derivatives of the prediction by a step from `nearest` */
 } fmfts_step;
 
-/* alignment.c: takes the frame's samples into the memory, and brings them to one instant; notes what is missing. */
+/* alignment.c: takes the frame's samples into the memory, and interpolates them to one instant; notes what is
+ * missing. */
 void fmfts_align(fmfts_step *step, const fmfts_frame *frame);
 
 /* alignment.c: excludes stuck sensors, subtracts the baseline, and adds up the deviations. */
@@ -131,7 +133,7 @@ void fmfts_subtract(fmfts_step *step);
 /* alignment.c: whether the time of the last change of field is unknown for a sample of any axis. */
 bool fmfts_has_jumped(const fmfts_step *step);
 
-/* alignment.c: the variance of what the baseline leaves unknown of an axis, at a change [3] of its sensor's field from rest. The
+/* alignment.c: the variance of an axis that the baseline leaves, at a change [3] of its sensor's field from rest. The
  * errors are proportional to the field. The pose at rest contains those at rest, so only those of the change count. */
 double fmfts_lasting_variance(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axis,
                               const double change[3]);
@@ -164,7 +166,7 @@ void fmfts_doubt_beside_steel(fmfts_step *step);
 /* residual_monitor.c: averages the residuals, judges their mean from time to time, and overrules the verdict on the frame. */
 void fmfts_watch_residuals(fmfts_step *step);
 
-/* residual_monitor.c: the sensor that is left out because its mean residual contradicts the others; negative: none. */
+/* residual_monitor.c: the sensor that is excluded because its mean residual contradicts the others; negative: none. */
 int fmfts_blamed(const fmfts_pose_memory *memory);
 
 /* residual_monitor.c: whether to believe a single frame that blames this sensor. */
@@ -192,8 +194,8 @@ void fmfts_change(const fmfts_pose_parameters *parameters, const double *state, 
 void fmfts_displace(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double *state,
                     const fmfts_pose *pose, const double overlap[5][5], fmfts_displacement *d);
 
-/* change.c: how far (m) the change moved the magnet's centre, and the deviation along that direction: without one, the
- * largest deviation of the three. */
+/* change.c: how far (m) the change moved the magnet's centre, and the deviation along that direction. Without a
+ * direction: the largest of the three deviations. */
 void fmfts_distance(const fmfts_displacement *d, double *moved_m, double *deviation_m);
 
 /* silicone.c: notes in `memory` the load of its state. elapsed_s: since the last frame. If a frame's pose cannot be
@@ -207,8 +209,8 @@ void fmfts_creep(const fmfts_pose_parameters *parameters, const fmfts_pose_memor
 /* change.c: adds to the covariance of `state`'s pose that of a change of pose, over the rest axis's tangents. */
 void fmfts_widen(const fmfts_pose_parameters *parameters, const double *state, const double added[5][5], fmfts_pose *pose);
 
-/* hidden_gradient.c: notes the foreign field that the ambient field shows, and adds to the pose's covariance what it leaves
- * uncertain; the frame is disturbed if that is too much. Nothing without an estimate. */
+/* hidden_gradient.c: notes the foreign field that the ambient field shows, and adds its uncertainty to the pose's
+ * covariance; if that is too large, the frame is disturbed. Does nothing without an estimate. */
 void fmfts_follow_foreign(fmfts_step *step);
 
 /* hidden_gradient.c: the same addition, to the covariance of another `state`. */

@@ -123,8 +123,8 @@ void fmfts_note_nearest(fmfts_step *step, const fmfts_solved *solved)
     memcpy(step->nearest.placed, solved->placed, step->felt.count * sizeof solved->placed[0]);
 }
 
-/* The factor that widens the covariance. Residuals that are larger than their deviations show an error that is not found yet; the
- * pose's errors are then larger by the same factor. R. T. Birge, "The calculation of errors by the method of least squares",
+/* The factor that widens the covariance. Residuals that exceed their deviations show an undetected error; the pose's
+ * errors are then larger by the same factor. R. T. Birge, "The calculation of errors by the method of least squares",
  * Phys. Rev. 40 (1932) 207. */
 static double misfit_of(const fmfts_step *step)
 {
@@ -153,7 +153,7 @@ void fmfts_accept(fmfts_step *step, const fmfts_prior *prior, const fmfts_solved
     step->verdict.has_estimate = true;
 }
 
-/* As long as no pose was found. */
+/* Sets the verdict that holds as long as no pose is found. */
 static void begin(fmfts_step *step, const double field_t[FMFTS_AXES])
 {
     fmfts_verdict *verdict = &step->verdict;

@@ -7,8 +7,8 @@
 #include "solver.h"
 #include "step.h"
 
-/* While a disturbance lasts, the search for a single faulty sensor is repeated once in so many frames. It is slow: it takes
- * many solves, and they converge slowly because none of them fits. */
+/* While a disturbance lasts, the search for a single faulty sensor is repeated once in so many frames. It is slow: it
+ * takes many solves, which converge slowly because none fits. */
 enum { FMFTS_SEARCH_EVERY = 8 };
 
 /* A magnet whose moment is off by this factor (3) is not the pad's. */

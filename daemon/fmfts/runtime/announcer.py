@@ -72,7 +72,7 @@ class Announcer:
         """Publish an event for each thing that changed with a message that was sent."""
         before = self._last
         is_change = before is None or before.health != message.health
-        # Opening a source for the first time needs no warning; a failure to open it does.
+        # A source that opens for the first time needs no warning; a failure to open it does.
         is_opening = not self._source.state.since_ns
         if is_change:
             self.health_since_ns = message.t_publish_ns

@@ -55,9 +55,9 @@ from fmfts_client.endpoints import for_daemon
 
 log = logging.getLogger(__name__)
 
-TICK_NS = 50_000_000  # while a pad is silent, its health is published so often
+TICK_NS = 50_000_000  # interval at which a silent pad's health is published
 SILENT_AT_ONCE = 4  # number of silent pads that are published in one turn; frames of the others wait meanwhile
-QUIET_TICK_NS = 200_000_000  # while all is well; waking an idle computer costs more than the work of the tick
+QUIET_TICK_NS = 200_000_000  # interval while all is well: to wake an idle computer costs more than the work of the tick
 SECOND_NS = 1_000_000_000
 
 

@@ -141,7 +141,7 @@ def use_baseline(channel: Channel, config: PadConfig, pads: Sequence[PadConfig])
             log.info("pad '%s': simulated, so its baseline was recorded in no time", pad.name)
         if baseline is None:
             log.warning("pad '%s': no baseline yet: `fmfts-daemon baseline --bare`, then `--rest`", pad.name)
-        elif baseline != pipeline.baseline:  # a recording that is played again mostly has the same
+        elif baseline != pipeline.baseline:  # a recording that is played again mostly has the same baseline
             channel.use(baseline)
             if (
                 channel.baseline.origin is not None
@@ -152,7 +152,7 @@ def use_baseline(channel: Channel, config: PadConfig, pads: Sequence[PadConfig])
     except BaselineError as error:
         log.error("%s", error)
         pipeline.refuse(str(error))
-    except StateError:  # for no pad: no folder for baselines
+    except StateError:  # it concerns no single pad: there is no folder for baselines
         raise
     except Exception as error:
         log.exception("pad '%s': internal error with its baseline, worth reporting", pad.name)

@@ -32,7 +32,7 @@ class SearchTurns:
         self._pads = pads
         self._searched: str | None = None  # the pad that searched in the present round
         self._waiting: dict[str, None] = {}  # pads whose search is due, in the order of their requests
-        self._frames = 0  # since the search; or, in a new round, since the first that waits had a frame
+        self._frames = 0  # frames since the search or, in a new round, since the first waiting pad had a frame
 
     def allowed(self, pad: str, frame: Frame) -> Frame:
         """The next frame of a pad, as it may search. Then `told` has to be called."""

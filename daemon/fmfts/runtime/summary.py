@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from fmfts.bus.messages import StatusMessage
 
-LONGEST_LIST = 4  # names at most so many faulty pads, because systemctl shows one line
+LONGEST_LIST = 4  # at most this many faulty pads are named, because systemctl shows one line
 
 
 def one_line(pads: Sequence[StatusMessage], now_ns: int) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from fmfts.sensor.chips import Chip
 from fmfts.sensor.frame import READING_BYTES, Frame, WireFrame
 
-LARGEST = 1 << 62  # of any number of a frame, so that C can add two of them
+LARGEST = 1 << 62  # limit of any number of a frame, so that C can add two of them
 LATEST_US = 1 << 53  # a board's clock, which C reckons in doubles: 285 years
 EARLIEST_NS = 1_000_000_000  # a frame's time is at most this far in the future
 

@@ -12,7 +12,8 @@ class Patience(NamedTuple):
     longest_us: int
 
 
-# Three frames at 220 Hz: a burst of an adapter or a short delay of the scheduler is used; a longer backlog is not.
+# Three frames at 220 Hz: frames of an adapter's burst, or of a short delay of the scheduler, are used; a longer backlog
+# is not.
 IN_TIME = Patience(1 << 30, 15_000)
 BEHIND = Patience(1, 15_000)
 RECORDED = Patience(1 << 30, 200_000)  # a recorder wants all frames, also those that are not judged

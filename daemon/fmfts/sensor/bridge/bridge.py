@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 READ_BYTES = 4096  # the size of Linux's buffer for a serial line
 FIRST_BACKOFF_NS = 50_000_000
 LONGEST_BACKOFF_NS = 1_000_000_000
-LOOK_NS = 50_000_000  # how often to look, without opening a port, whether a device was plugged in or pulled out
+LOOK_NS = 50_000_000  # interval of checks whether a device was plugged in or pulled out; a check opens no port
 SILENCE_NS = 1_500_000_000  # a board sends its status every second, whatever else it does
 REOPEN_NS = 5_000_000_000  # reopen the port after this silence: some adapters recover only then
 IDENTIFY_NS = 1_500_000_000  # within this time the board on a port must send its hello
@@ -74,7 +74,7 @@ class Bridge(PacketSource):
             return ()
         frames = self._receive(now_ns)
         if frames and self.state.connected and not self._outbox and self._link.is_quiet:
-            return frames  # all is well, and there is nothing to send
+            return frames  # the line works, and there is nothing to send
         if self._serial is not None:
             self._judge(now_ns)
         if self._serial is not None:
@@ -121,7 +121,7 @@ class Bridge(PacketSource):
             self._found[self._port] = serial_port.why_not_open(self._port, error)
             self._next_attempt(now_ns)
             return False
-        self._descriptor = self._serial.fileno()  # kept: asking pyserial takes longer than reading
+        self._descriptor = self._serial.fileno()  # kept, because asking pyserial takes longer than reading
         self._opened_ns = now_ns
         self._outbox = b""
         sensors = max(pad.sensors for pad in self._pads.values())

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 TESLA_PER_GAUSS = 1e-4
 USUAL_RANGE_GAUSS = 2.5  # the standard pad's field under any load that it is made for
-GAIN_CODES = 32  # of a chip at most; three bits of the wire name the first eight (firmware/wire.md)
+GAIN_CODES = 32  # gain codes of a chip at most; three bits of the wire name the first eight (firmware/wire.md)
 
 Axes = tuple[int, int, int]
 PerAxis = tuple[float, float, float]

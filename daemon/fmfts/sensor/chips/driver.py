@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 
 from fmfts.sensor.chips.chip import Axes, Chip
 
-IDENTITY_BYTES = 3  # what the wire has room for (firmware/wire.md, hello)
+IDENTITY_BYTES = 3  # the limit of the wire (firmware/wire.md, hello)
 
 
 def transfer_bits(written: int, read: int = 0) -> int:

@@ -65,8 +65,8 @@ HMC5983 = Chip(
     driver=_Registers(),
     address=0x1E,
     identity=b"H43",
-    # By gain code (CRB bits 7–5), both from the gain table; the range is the one it recommends, a fifth smaller than
-    # what the 12-bit converter can tell.
+    # By gain code (CRB bits 7–5), both from the gain table; the range is the recommended one, a fifth smaller than that
+    # of the 12-bit converter.
     ranges_gauss=(0.88, 1.3, 1.9, 2.5, 4.0, 4.7, 5.6, 8.1),
     counts_per_gauss=tuple((counts, counts, counts) for counts in (1370, 1090, 820, 660, 440, 390, 330, 230)),
     largest_count=2047,
@@ -98,7 +98,8 @@ HMC5883L = replace(
     name="hmc5883l",
     label="HMC5883L",
     free_rate_hz=75,
-    # Firmware cannot tell it from an HMC5983, and writes that chip's rate of 220 Hz and compensation: reserved here.
+    # Firmware cannot distinguish it from an HMC5983, and writes that chip's bits for 220 Hz and compensation, which are
+    # reserved here.
     board_rates_hz=(),
     sensitivity_per_k=-0.003,
     thermometer=None,

@@ -30,7 +30,7 @@ MMC5603NJ = Chip(
     sensitivity_per_k=-0.0002,  # as the MMC5983MA's (unverified)
     thermometer=None,  # measured in place of the field
     bias_strap=None,
-    # Beyond its range the film may be upset. No source tells the limit; the range is the safe one to take.
+    # Beyond its range the film may be upset. No source gives that limit, so the range is taken, which is safe.
     film=Film(upset_gauss=30.0, doubtful_gauss=15.0, pulse=_REGISTERS.set_pulse, pause_s=PULSE_PAUSE_S),
     board_rates_hz=(380.0,),
     board_single_hz=203,

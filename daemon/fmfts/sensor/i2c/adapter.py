@@ -20,7 +20,8 @@ GONE = (errno.ENODEV, errno.ESHUTDOWN)
 # An address that nobody acknowledges: 6 and 121; the FT260's driver reports 5, the CP2112's 110.
 NOT_ACKNOWLEDGED = (errno.ENXIO, errno.EREMOTEIO, errno.EIO)
 STUCK = (errno.ETIMEDOUT, errno.EAGAIN, errno.EBUSY)
-# By driver: what a write takes at least, and a write with a read. A report to a HID device waits 1 ms, a frame of USB.
+# By driver: the shortest time of a write, and of a write with a read. A report to a HID device waits 1 ms, a frame of
+# USB.
 USB_S = {"mcp2221": (3e-3, 6e-3), "ft260": (1e-3, 2e-3), "cp2112": (2e-3, 3e-3)}
 ANY_USB_S = (1e-3, 1e-3)
 

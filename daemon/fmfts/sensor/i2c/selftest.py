@@ -42,7 +42,7 @@ def _gain_code(chip: Chip) -> int:
 
 def _measure_sensor(pad: I2cPad, sensor: Sensor, gain_code: int) -> SelftestSensor:
     if sensor.state != SensorState.OK:
-        # On a busy computer it may be lost for a moment, so only its present answer counts.
+        # On a busy computer a sensor may be lost for a moment, so only its present answer counts.
         pad.try_again(sensor)
     if sensor.state != SensorState.OK:
         return SelftestSensor(sensor.state, NOTHING, NOTHING)

@@ -61,7 +61,7 @@ class BoardPads:
     def _wrong(self, hello: Hello) -> int | None:
         """The first pad that has another number of sensors; after it, a pad's index may be another pad's."""
         for index, sensors in enumerate(_counts(hello)):
-            # Firmware that makes no pads has those of no pad that is not configured either.
+            # Firmware that makes no pads does not have the sensors of unconfigured pads either.
             wanted = self._sensors.get(index, FOUND_SENSORS if hello.can_make_pads else sensors)
             if sensors != wanted:
                 return index

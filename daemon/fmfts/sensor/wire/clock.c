@@ -85,7 +85,7 @@ static double hull_slope(const fmfts_packet *point, int64_t count)
     return 0.0;
 }
 
-/* Adds the lowest packet of the bucket to the minima, of which those that are too old go. */
+/* Adds the lowest packet of the bucket to the minima, and drops minima that are too old. */
 static void keep_lowest(fmfts_clock_line *line)
 {
     int64_t old = line->minima == FMFTS_SLOPE_BUCKETS;
@@ -127,7 +127,7 @@ static void note_late(fmfts_clock_line *line, const fmfts_packet *p, int64_t arr
 {
     line->least_late_ns = fmin(line->least_late_ns, above(line, p));
     if (line->late_packets && arrival_ns - line->late_ns < LATE_APART_NS) {
-        return; /* of the burst of the last one */
+        return; /* belongs to the burst of the last late packet */
     }
     line->late_packets++;
     line->late_ns = arrival_ns;
@@ -141,7 +141,7 @@ static void note_late(fmfts_clock_line *line, const fmfts_packet *p, int64_t arr
     line->lowest.ns += step_ns;
     line->height_ns += (double)step_ns;
     forget_late(line);
-    if (above(line, p) <= unsure_ns(line, p)) { /* else it is later than another late one */
+    if (above(line, p) <= unsure_ns(line, p)) { /* otherwise it is later than another late packet */
         learn(line, p);
     }
 }

@@ -252,7 +252,7 @@ class Link:
         subject = f"request {Verb(request.verb).name.lower()}"
         refused = reply.result != Result.DONE
         if request.verb == Verb.HELLO or (reply.result == Result.BUSY and request.verb in SETTING):
-            self._hello_due_ns = now_ns + REPEAT_NS  # if the hello is lost; after a hello, settings are requested again
+            self._hello_due_ns = now_ns + REPEAT_NS  # in case the hello is lost; a hello renews the request
         if not refused and request.verb in SETTING:
             self._board.granted(Verb(request.verb), request.argument)
         if refused and request.verb == Verb.HELLO and request.argument and reply.result != Result.BUSY:

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <string.h>
 
-/* Of one kind of packets: how many stay, and the newest one's time. */
+/* Of one kind of packets: how many stay, and the time of the newest. */
 typedef struct {
     unsigned kept;
     uint64_t newest_us;

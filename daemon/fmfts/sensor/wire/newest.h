@@ -13,8 +13,8 @@ typedef struct {
     int64_t longest_us;
 } fmfts_patience;
 
-/* Removes superseded samples and early samples from the complete lines in `bytes`, and counts the samples by pad: an early one
- * that was left out is in the next frame. Returns the new size. All other bytes stay, in their order. */
+/* Removes superseded samples and early samples from the complete lines in `bytes`, and counts the samples by pad: an
+ * early sample that was left out is in the next frame. Returns the new size. All other bytes stay, in their order. */
 size_t fmfts_keep_newest(uint8_t *bytes, size_t size, fmfts_patience patience, unsigned left_out[FMFTS_WIRE_PADS]);
 
 #endif

@@ -76,7 +76,7 @@ bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample)
     if (wide) {
         sensors = (body - FIXED_BYTES - MORE_MASKS_BYTES) / FMFTS_READING_BYTES;
     }
-    size_t masks = FIXED_BYTES + FMFTS_READING_BYTES * sensors; /* where those of sensor 9 and those after it are */
+    size_t masks = FIXED_BYTES + FMFTS_READING_BYTES * sensors; /* bits of sensor 9 and later ones */
     if (sensors < 1 || sensors > FMFTS_SENSORS || wide != (sensors > ONE_MASK) ||
         body != masks + (wide ? MORE_MASKS_BYTES : 0)) {
         return false;
