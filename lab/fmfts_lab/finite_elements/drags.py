@@ -43,7 +43,7 @@ HEIGHTS_MM = (0.0, 1.0, 2.0, 3.0, 3.5, 4.0)
 @dataclass(frozen=True, slots=True)
 class Drag:
     """ball_mm: its radius; cap_mm: width of the part that is meshed. It is pressed in by depth_mm at (x, y), and then
-    dragged by way_mm along `angle_rad`, at this depth."""
+    dragged by way_mm along `angle_rad`, at this depth. flat_mm: radius of a flat face, whose edge is the ball."""
 
     friction: float
     ball_mm: float
@@ -53,6 +53,7 @@ class Drag:
     depth_mm: float
     way_mm: float
     angle_rad: float
+    flat_mm: float = 0.0
 
     @property
     def along(self) -> Array:
@@ -74,23 +75,24 @@ CASES = {
     "wide": Drag(0.6, 20.0, 9.0, -2.0, -2.0, 0.8, 3.5, 0.8),
     "roughest": Drag(1.2, 10.0, 8.0, 0.0, 0.0, 1.0, 3.0, 0.8),
     "outside": Drag(0.8, 4.0, 5.5, 4.0, 3.0, 1.3, 4.0, 3.4),
+    "flat": Drag(0.5, 3.0, 13.0, -1.5, 0.0, 0.8, 3.0, 0.3, flat_mm=4.0),
 }
 
 
-def mesh_of(slab: Slab, drag: Drag) -> SlabMesh:
-    """Fine where the ball passes; coarse beyond."""
+def mesh_of(slab: Slab, drag: Drag, fine_mm: float = FINE_MM) -> SlabMesh:
+    """Elements of fine_mm where the ball passes; coarse ones beyond."""
     radius, span, half = (
         MM * along for along in (slab.magnet_diameter_m / 2, slab.width_m / 2 - slab.rim_m, slab.width_m / 2)
     )
     edges = (
-        (0.0, radius, FINE_MM),
-        (radius, drag.reach_mm, FINE_MM),
+        (0.0, radius, fine_mm),
+        (radius, drag.reach_mm, fine_mm),
         (drag.reach_mm, span, COARSE_MM),
         (span, half, half),
     )
     side = np.concatenate([np.linspace(a, b, max(round((b - a) / step), 1) + 1) for a, b, step in edges])
     line = np.unique(np.round(np.concatenate([-side, side]), 9))
-    return SlabMesh.on_lines(slab, FINE_MM / MM, line, np.array(HEIGHTS_MM))
+    return SlabMesh.on_lines(slab, fine_mm / MM, line, np.array(HEIGHTS_MM))
 
 
 def ball_of(drag: Drag, top_mm: float) -> tuple[Array, NDArray[np.intp]]:
@@ -98,7 +100,7 @@ def ball_of(drag: Drag, top_mm: float) -> tuple[Array, NDArray[np.intp]]:
     count, half = round(drag.cap_mm / BALL_ELEMENT_MM) + 1, drag.cap_mm / 2.0
     u, v = np.meshgrid(np.linspace(-1.0, 1.0, count), np.linspace(-1.0, 1.0, count), indexing="ij")
     x, y = half * u * np.sqrt(1.0 - v * v / 2.0), half * v * np.sqrt(1.0 - u * u / 2.0)  # a square becomes a disc
-    rise = drag.ball_mm - np.sqrt(drag.ball_mm**2 - x * x - y * y)
+    rise = drag.ball_mm - np.sqrt(drag.ball_mm**2 - np.maximum(np.hypot(x, y) - drag.flat_mm, 0.0) ** 2)
     low = np.stack([x + drag.x_mm, y + drag.y_mm, rise + top_mm + GAP_MM], axis=-1).reshape(-1, 3)
     high = low.copy()
     high[:, 2] = top_mm + drag.cap_mm
@@ -174,10 +176,10 @@ def _elements(name: str, kind: str, chosen: NDArray[np.intp], cells: NDArray[np.
     )
 
 
-def solve(name: str, drag: Drag) -> list[list[str]]:
+def solve(name: str, drag: Drag, fine_mm: float = FINE_MM) -> list[list[str]]:
     """Rows of the drag, from the first touch on. RuntimeError with CalculiX's last output if it failed."""
     slab = Slab()
-    mesh = mesh_of(slab, drag)
+    mesh = mesh_of(slab, drag, fine_mm)
     with TemporaryDirectory() as folder:
         Path(folder, "drag.inp").write_text(deck(slab, mesh, drag))
         said = subprocess.run(["ccx", "drag"], cwd=folder, capture_output=True, text=True, check=False).stdout
@@ -219,12 +221,13 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m fmfts_lab.finite_elements.drags")
     parser.add_argument("output", type=Path)
     parser.add_argument("--case", choices=CASES, action="append")
+    parser.add_argument("--element-mm", type=float, default=FINE_MM, help="where the ball passes")
     options = parser.parse_args(arguments)
     rows = list(csv.reader(options.output.read_text().splitlines()))[1:] if options.output.exists() else []
     for name in options.case or CASES:
         if any(row[0] == name for row in rows):
             continue
-        rows += solve(name, CASES[name])
+        rows += solve(name, CASES[name], options.element_mm)
         with options.output.open("w", newline="") as file:
             csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
         print(f"{name}: {rows[-1]}", flush=True)
