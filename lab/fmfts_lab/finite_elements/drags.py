@@ -4,8 +4,8 @@ python -m fmfts_lab.finite_elements.drags OUT.csv [--case NAME]
 
 Another solver, other elements (C3D8I) and another load than those of the table of presses (`solved_presses`: felupe,
 Q1P0, an even traction): here a ball is pressed in and dragged sideways, and Coulomb's law decides what sticks.
-CalculiX's contact is face to face with penalties: NORMAL_MPA_PER_MM and STICK_MPA_PER_MM. A case takes about ten
-minutes of one core. Drags that OUT.csv has already are not solved again.
+CalculiX's contact is face to face with penalties: NORMAL_MPA_PER_MM and STICK_MPA_PER_MM. A case takes five
+to twelve minutes of one core. Drags that OUT.csv has already are not solved again.
 """
 
 from __future__ import annotations
