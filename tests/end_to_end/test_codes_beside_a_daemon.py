@@ -26,7 +26,7 @@ def code(daemon: RunningDaemon, *words: str | Path) -> int:
     return ended.returncode
 
 
-def test_probe_ends_well_only_while_every_sensor_can_be_used(host: FirmwareHost, daemon: RunningDaemon) -> None:
+def test_probe_succeeds_only_if_every_sensor_can_be_used(host: FirmwareHost, daemon: RunningDaemon) -> None:
     assert code(daemon, "probe") == exit_codes.DONE
     for sensor in range(4):
         host.tell(f"fault 0 {sensor} unplugged")

@@ -198,9 +198,7 @@ def test_rod_is_lifted_when_somebody_interrupts(bench: PressedBench) -> None:
     assert bench.rod_is_up()
 
 
-def test_guard_is_left_to_lift_rod_when_lifting_is_interrupted(
-    bench: PressedBench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_guard_lifts_the_rod_after_an_interrupted_lift(bench: PressedBench, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 

@@ -170,7 +170,7 @@ def test_probe_names_devices_on_bus_when_pad_has_faults(tmp_path: Path) -> None:
         assert f"QMC5883L at 0x0D, mux 0x70, channel {channel}" in ended.stdout
 
 
-def test_qmc5883p_is_named_and_another_device_there_is_not(tmp_path: Path) -> None:
+def test_qmc5883p_is_named_but_no_other_device_at_its_address(tmp_path: Path) -> None:
     """A digital potentiometer at 0x2C answers every read with 0x80, even that of the identification."""
     config = tmp_path / "pad.toml"
     source = 'type = "i2c"\nbus = 7\nchip = "qmc5883l"\nrate_hz = 200\nrange_gauss = 8.0\n'

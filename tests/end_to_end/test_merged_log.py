@@ -132,7 +132,7 @@ def rows(table: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(lines))
 
 
-def test_every_press_of_noisy_log_with_another_zero_and_clock_becomes_row(
+def test_noisy_log_with_shifted_zero_and_clock_gives_every_press(
     tmp_path: Path, folder: Path, machine: Machine
 ) -> None:
     done = merged(folder, write_log(tmp_path / "log.csv", machine, drift_n=0.1), tmp_path / "data.csv")

@@ -51,7 +51,7 @@ def assert_stream_is_right(stream: EmulatedStream, within_s: float = RECOVERY_S)
     assert stream.is_clean()
 
 
-def test_unplugged_sensor_is_reported_others_go_on_and_it_is_found_again(stream: EmulatedStream) -> None:
+def test_unplugged_sensor_is_reported_and_found_among_others(stream: EmulatedStream) -> None:
     stream.board.unplug(0, 2)
     status = stream.wait_for_status(lambda status: status.pads[0].states[2] == SensorState.NO_ANSWER, 0.1)
     assert status.pads[0].states == (0, 0, SensorState.NO_ANSWER, 0)
@@ -210,7 +210,7 @@ def test_line_too_slow_drops_whole_packets_and_counts_them() -> None:
     assert len(stream.samples(0.2)) >= 43
 
 
-def test_requests_that_come_faster_than_they_are_answered_are_not_mixed_up(stream: EmulatedStream) -> None:
+def test_fast_requests_are_not_mixed_up(stream: EmulatedStream) -> None:
     before = len(stream.packets)
     for _ in range(20):
         assert stream.request(Verb.STATUS).result == Result.DONE

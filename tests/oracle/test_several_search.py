@@ -118,7 +118,7 @@ def test_fit_reports_covariance_chi2_ambient_and_shear_at_its_end(sizes: tuple[i
 
 
 @pytest.mark.parametrize("sizes", PADS[:4])  # the table of the last one is jagged: it has other minima nearby
-def test_fit_from_near_ends_where_no_step_is_left(sizes: tuple[int, ...]) -> None:
+def test_fit_from_a_near_start_ends_at_a_minimum(sizes: tuple[int, ...]) -> None:
     """The search ends where a step is below 0.03 deviations; at the table's edge a finger may go no further."""
     random, settled, tried = np.random.default_rng(5), 0, 0
     for fitter, measured, true in worlds(sizes, 5, 24):

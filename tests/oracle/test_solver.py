@@ -205,7 +205,7 @@ LINEAR = {
 
 
 @pytest.mark.parametrize("roles", LINEAR)
-def test_cold_start_has_best_axis_moment_and_ambient_field_of_its_position(roles: str) -> None:
+def test_cold_start_fits_axis_moment_and_field_to_its_position(roles: str) -> None:
     """Of a dipole slightly off its place: no other axis, moment and field fit as well."""
     parts = LINEAR[roles]
     for seed in range(8):

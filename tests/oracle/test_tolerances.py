@@ -143,7 +143,7 @@ def test_shears_scale_like_the_force(pad: Pad) -> None:
     np.testing.assert_allclose(added(answer(stiff, pad, change), without)[2:], expected, rtol=1e-6)
 
 
-def test_contacts_begin_and_end_as_they_would_without_tolerances() -> None:
+def test_tolerances_do_not_change_begin_and_end_of_contacts() -> None:
     """A touch is judged by noise: an unknown scale of the force makes it no less certain."""
     said = []
     for modulus, thickness_mm, finger_mm in ((0.0, 0.0, (6.0, 6.0)), (0.4, 0.4, (1.0, 15.0))):

@@ -119,7 +119,7 @@ def test_two_fingers_are_drawn_where_they_are_and_nothing_between_them(shows: Ca
     assert "finger 4: 0.90" in (page.get_attribute("#top", "aria-label") or "")
 
 
-def test_one_finger_is_one_spot_and_no_contact_none(shows: Callable[..., Page]) -> None:
+def test_one_finger_draws_one_spot_and_no_contact_draws_none(shows: Callable[..., Page]) -> None:
     page = shows(finger_message(5, x_m=0.007, y_m=0.002))
     page.wait_for_timeout(1000)  # the trails of the fingers before are gone
     assert middles(page) == [pytest.approx((7.0, 2.0), abs=PLACE_MM)]

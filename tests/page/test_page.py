@@ -133,7 +133,7 @@ def test_background_tab_receives_no_contacts_until_it_is_shown(bench: Bench, pag
     until(page, f"Number({NEWEST}.seq) > {before + 100}")
 
 
-def test_paused_moment_can_be_looked_at_and_copied_with_keyboard_alone(bench: Bench, page: Page) -> None:
+def test_paused_moment_is_inspected_and_copied_by_keyboard(bench: Bench, page: Page) -> None:
     bench.pressed.touch(3e-3, 3e-3, 1.2)
     until(page, "document.querySelector('#force').dataset.kind === 'touch'")
     settled(page)

@@ -26,7 +26,7 @@ def show(page: Page, name: str) -> None:
     page.click(f"#recording-list button[aria-label='{name}']")
 
 
-def test_recording_is_made_and_its_contacts_are_shown_again_on_same_page(bench: Bench, page: Page) -> None:
+def test_recording_is_made_and_shown_on_the_same_page(bench: Bench, page: Page) -> None:
     page.keyboard.press("r")
     until(page, f"{TOAST}.startsWith('recording all pads into')")
     assert page.get_attribute("#record", "aria-pressed") == "true"

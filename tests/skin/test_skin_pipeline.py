@@ -127,7 +127,7 @@ def test_press_is_reported_with_place_and_force_within_deviations(
     assert told(pipeline, frames(5, NOBODY, 160))[-1].contact is False
 
 
-def test_robot_that_turns_in_earths_field_makes_no_contact_and_moves_none(model: Path) -> None:
+def test_turning_in_earths_field_makes_and_moves_no_contact(model: Path) -> None:
     """Without the ambient field among the errors, 60 µT are a press of half a newton."""
     pipeline, press = ready(model), (3.0, 2.0, 5.0)
     for first, ambient_ut in enumerate(np.array([[60.0, 0.0, 0.0], [0.0, -60.0, 30.0], [-40.0, 30.0, -60.0]])):

@@ -165,7 +165,7 @@ def test_zero_offset_within_data_sheet_is_not_taken_for_magnet(pad: Pad, seed: i
 
 
 @pytest.mark.parametrize("upside", [1.0, -1.0])
-def test_magnet_still_mounted_is_seen_by_its_pattern_where_zeros_are_as_large(pad: Pad, upside: float) -> None:
+def test_mounted_magnet_is_found_by_its_pattern_among_large_zeros(pad: Pad, upside: float) -> None:
     world = World(replace(pad, chip=LIS3MDL), np.random.default_rng(3))
     turned = replace(world.rest, axis=upside * world.rest.axis)
     zero_t = LIS3MDL.zero_t * world.random.uniform(-1.0, 1.0, (4, 3))
@@ -318,7 +318,7 @@ def test_sensor_that_fails_amid_recording_is_named_with_time() -> None:
         summarise(broken)
 
 
-def test_sensor_silent_most_is_named_where_others_miss_frames() -> None:
+def test_most_silent_sensor_is_named_if_others_miss_frames_too() -> None:
     """On a late computer every sensor sometimes has no sample."""
     now_and_then = np.array([1, 0, 0, 1], bool)
     frames = [

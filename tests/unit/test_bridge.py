@@ -302,7 +302,7 @@ def test_pad_of_other_chips_is_not_read(board: Board) -> None:
     bridge.close()
 
 
-def test_chip_of_another_kind_among_right_ones_is_to_be_replaced() -> None:
+def test_odd_chip_among_right_ones_is_named_for_replacement() -> None:
     answers = [b"H43", b"\0\0\0", b"\x30\0\0", b"H43"]
     sensor, said = why_not_among(HMC5983, answers) or (-1, "")
     assert sensor == 2

@@ -155,7 +155,7 @@ def test_absent_board_gives_no_frame_and_lists_what_was_found(board: Board, tmp_
     bridge.close()
 
 
-def test_nothing_is_written_to_strange_port_that_does_not_speak_wire(tmp_path: Path) -> None:
+def test_nothing_is_written_to_a_port_without_our_protocol(tmp_path: Path) -> None:
     by_id = tmp_path / "by-id"
     by_id.mkdir()
     with plugged(by_id / "somebody-elses-robot") as stranger:

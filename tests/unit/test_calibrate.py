@@ -97,7 +97,7 @@ def test_error_bound_grows_for_light_presses_and_corners(response: Response, sol
     assert bound[0, 2] == pytest.approx(bound[1, 2], rel=0.3)  # the force's deviation hardly changes
 
 
-def test_samples_hold_rest_and_what_is_little_beyond_calibrated_force(response: Response) -> None:
+def test_samples_cover_rest_and_slightly_excessive_force(response: Response) -> None:
     press = presses_within(response, 1000, np.random.default_rng(0))
     assert (press[:, 2] == 0.0).sum() == 50
     assert 1.25 * response.scale_n < press[:, 2].max() < 1.31 * response.scale_n
@@ -164,7 +164,7 @@ def test_derivatives_of_the_layers_are_those_of_differences() -> None:
         np.testing.assert_allclose(slopes[:, :, column], (ahead - behind) / 2e-6, atol=1e-8)
 
 
-def test_two_networks_side_by_side_answer_as_each_alone() -> None:
+def test_concurrent_networks_answer_as_each_alone() -> None:
     place, force = random_network(8, 2, 1).layers, random_network(8, 1, 2).layers
     inputs = np.random.default_rng(3).standard_normal((20, 10))
     together = place.beside(force)
@@ -224,7 +224,7 @@ def test_larger_networks_that_gain_nothing_are_not_chosen() -> None:
     assert smallest_within_noise(ladder).hidden == 12
 
 
-def test_table_of_networks_says_rule_and_why_others_are_not_taken() -> None:
+def test_network_table_states_its_rule_and_rejections() -> None:
     ladder = [
         Candidate("two layers of 12", 12, 50, np.full(3, 1.16)),
         Candidate("table inversion", None, 9, np.ones(3)),

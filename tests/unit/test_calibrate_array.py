@@ -176,7 +176,7 @@ def larger(scale: float, order: tuple[int, ...] = (0, 1, 2, 3)) -> Pad:
     )
 
 
-def test_shipped_table_is_brought_to_larger_pad_and_to_its_order_of_magnets() -> None:
+def test_shipped_table_is_scaled_and_reordered_for_a_larger_pad() -> None:
     pad = larger(1.5, (3, 1, 0, 2))
     table = starting_table(None, pad)
     at, here = table.pressed(4.5, 3.0, 2.25), START.pressed(3.0, 2.0, 1.0)

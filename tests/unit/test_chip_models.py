@@ -110,7 +110,7 @@ def test_field_beyond_the_range_reads_minus_4096_on_that_axis(clock: Clock) -> N
     assert measured(chip, clock) == (109, -4096, -109)
 
 
-def test_under_bias_field_outside_is_taken_away_unless_sum_saturates(clock: Clock) -> None:
+def test_bias_test_subtracts_the_ambient_field_unless_saturated(clock: Clock) -> None:
     chip = Hmc5983(clock, (0.5, -0.25, 4.5))
     for bias, expected in ((1, (452, 452, -4096)), (2, (-452, -452, -421))):
         chip.write(bytes((0, 0x70 | bias, 5 << 5, 0)))

@@ -74,7 +74,7 @@ sys.exit(main(["run", "--config", sys.argv[1]]))
 """
 
 
-def test_why_daemon_ended_is_its_last_line_however_slow_log_is(tmp_path: Path) -> None:
+def test_last_line_says_why_the_daemon_ended_despite_a_slow_log(tmp_path: Path) -> None:
     """A thread writes the log. `report` and the demo show its end to whoever asks for why."""
     (tmp_path / "own.onnx").write_text("no model")
     config = changed(tmp_path, 'model = "default"', 'model = "own.onnx"')

@@ -70,7 +70,7 @@ def test_regular_presses_are_refused_as_ambiguous() -> None:
 
 
 @pytest.mark.parametrize("ppm", [0.0, 300.0])
-def test_papers_plan_is_aligned_and_its_plateaus_found_whatever_clock(ppm: float) -> None:
+def test_plateaus_of_the_papers_plan_are_found_on_any_clock(ppm: float) -> None:
     """Half an hour: 675 presses, some of them a seventieth of others in the field, and a pause before each place."""
     pad, random = MountedPad.exact(PadConfig(name="left", source=SimulatedSource()).pad()), np.random.default_rng(0)
     steps: list[tuple[float, float, float]] = []

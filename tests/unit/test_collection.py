@@ -33,13 +33,13 @@ def collected(every: int, duration_s: float, fewest: int) -> tuple[int, float]:
     return len(taken), (taken[-1].device_time_us - taken[0].device_time_us) * 1e-6
 
 
-def test_recording_ends_with_its_time_where_no_frame_is_lost() -> None:
+def test_lossless_recording_ends_on_time() -> None:
     count, spent_s = collected(1, 0.5, 50)
     assert 109 <= count <= 113  # the board's clock is off by up to 1 %
     assert round(spent_s, 1) == 0.5
 
 
-def test_recording_goes_on_until_it_has_fewest_frames_that_it_needs() -> None:
+def test_recording_continues_until_it_has_enough_frames() -> None:
     count, spent_s = collected(5, 0.5, 50)
     assert count == 50
     assert spent_s < 0.5 + EXTRA_S

@@ -177,7 +177,7 @@ def test_lower_bound_of_a_squeeze_is_below_its_force(pad: Pad, model: ContactMod
             assert 1.0 < estimate.force_min_n <= force_n
 
 
-def test_hard_squeeze_within_8_mm_is_always_over_range_and_known_to_be_hard(pad: Pad, model: ContactModel) -> None:
+def test_hard_squeeze_within_8_mm_is_over_range_with_a_bound(pad: Pad, model: ContactModel) -> None:
     frames = Frames.drawn(pad, 300, 2.3, 4.0, 8e-3, seed=52)
     found = frames.estimates(model)
     assert all(estimate.over_range for estimate in found)
@@ -187,7 +187,7 @@ def test_hard_squeeze_within_8_mm_is_always_over_range_and_known_to_be_hard(pad:
     assert np.median(error_mm) < 0.5
 
 
-def test_pose_far_outside_is_judged_by_nearest_one_that_model_knows(pad: Pad, model: ContactModel) -> None:
+def test_far_pose_is_judged_by_the_nearest_known_pose(pad: Pad, model: ContactModel) -> None:
     """Three and ten times a firm press's displacement: the same place, and nearly the calibrated force."""
     displacement_m, axis = standard_mechanics().displacement(np.array([4e-3]), np.array([2e-3]), np.array([1.9]))
     for times in (3.0, 10.0):

@@ -181,7 +181,7 @@ def test_model_with_weights_in_another_file_is_refused(tmp_path: Path, pad: Pad)
         ContactModel.load(str(path), pad)
 
 
-def test_pad_of_other_dimensions_is_refused_and_another_magnet_strength_is_not(pad: Pad) -> None:
+def test_other_dimensions_are_refused_but_not_another_strength(pad: Pad) -> None:
     other = replace(pad, rest_position_m=pad.rest_position_m + np.array([0.0, 0.0, 1e-3]))
     with pytest.raises(ModelError, match="other dimensions"):
         ContactModel.load("default", other)

@@ -115,7 +115,7 @@ def test_similar_presses_report_what_is_missing(
 
 
 @pytest.mark.parametrize("duration_s", [None, 12.0])
-def test_recording_ends_when_it_has_enough_unless_duration_was_asked_for(
+def test_recording_ends_early_unless_a_duration_is_given(
     duration_s: float | None, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))

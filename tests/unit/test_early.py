@@ -80,7 +80,7 @@ def without(message: ContactMessage, *names: str) -> dict[str, object]:
     return {name: value for name, value in essence(message).items() if name not in names}
 
 
-def test_tap_read_with_its_rate_is_as_good_as_goal_and_hold_no_worse() -> None:
+def test_tap_with_rates_meets_the_goal_and_holding_is_no_worse() -> None:
     """0.06 N rms is the goal for six pads (lab/results/now.md); one pad alone may miss it by a quarter."""
     facts = {name: one.facts() for name, one in bench.measure(2, 1, 1.0, (hold, tap(50e-3)), early=True).items()}
     assert facts["tap in 50 ms"]["read_carried_n"] < 0.075

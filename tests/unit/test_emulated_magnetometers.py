@@ -118,7 +118,7 @@ def test_qmc_is_ready_at_its_rate_until_an_output_is_read(clock: Clock, code: in
     assert read(chip, 0x06)[0] & 5 == 0
 
 
-def test_qmc_calls_any_axis_beyond_its_range_an_overflow_of_all(clock: Clock) -> None:
+def test_qmc_reports_one_overflow_for_all_axes(clock: Clock) -> None:
     chip = qmc(clock, 0x0D, field_gauss=(0.1, -2.8, 0.1))
     clock.sleep(0.0051)
     assert read(chip, 0x06)[0] & 2 == 2

@@ -289,7 +289,7 @@ def test_noise_follows_the_bandwidth(clock: Clock, bandwidth: int, noise_mg: flo
 
 
 @pytest.mark.parametrize(("bits", "way"), [(0x00, 0), (0x02, 1), (0x04, -1)])
-def test_coil_makes_a_field_that_the_film_senses_as_any_other(clock: Clock, bits: int, way: int) -> None:
+def test_film_senses_the_coils_field_like_any_other(clock: Clock, bits: int, way: int) -> None:
     chip = made(clock, (0.0, 0.0, 0.0), coil_gauss=(0.125, -0.0625, 0.1875))
     chip.write(bytes((CONTROL_3, bits)))
     for bit, sense in ((SET, 1), (RESET, -1)):

@@ -84,7 +84,7 @@ def test_service_and_its_clients_meet(no_service: Path) -> None:
     assert for_daemon(None, {"RUNTIME_DIRECTORY": f"{no_service}:/run/more"}) == for_client(None, {})
 
 
-def test_client_in_service_of_its_own_does_not_look_in_its_own_directory(no_service: Path) -> None:
+def test_client_in_a_service_ignores_its_own_runtime_directory(no_service: Path) -> None:
     no_service.mkdir()
     assert for_client(None, {"RUNTIME_DIRECTORY": "/run/gripper"}).bus == f"ipc://{no_service}/bus"
 

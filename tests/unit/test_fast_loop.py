@@ -118,7 +118,7 @@ def settled(bus: Bus, model: Inference | None = None) -> tuple[Host, bytes, int]
     return host, reads[-1][0], reads[-1][1] + 100_000
 
 
-def test_frames_with_faults_stay_in_loop_and_their_changes_are_reported(bus: Bus) -> None:
+def test_faulty_frames_stay_in_the_c_loop_and_changes_are_reported(bus: Bus) -> None:
     """An axis that saturates, and a temperature that is missing."""
     host, _, _ = settled(bus)
     before = len(host.told.messages)
@@ -135,7 +135,7 @@ def test_frames_with_faults_stay_in_loop_and_their_changes_are_reported(bus: Bus
     assert host.told.changes == 2
 
 
-def test_packet_that_is_no_next_frame_changes_nothing(bus: Bus) -> None:
+def test_packet_other_than_the_next_frame_changes_nothing(bus: Bus) -> None:
     host, data, arrival_ns = settled(bus)
     frame = frames_of(config_of(4), 1.0)[-1]
     sample = sample_of(frame)

@@ -62,7 +62,7 @@ def test_swapped_wires_make_no_ok_frame() -> None:
     assert not (drill.truth.all_deviations(messages) > WRONG_DEVIATIONS)[len(told) :].any()
 
 
-def test_taps_on_chips_that_run_free_are_no_alarm() -> None:
+def test_taps_on_free_running_chips_raise_no_alarm() -> None:
     well = tapped("drifting", (1,), 5.0)
     assert (well.alarms, well.wrong) == (0, 0), well.line
 
@@ -97,7 +97,7 @@ def test_facts_of_the_drills_are_json() -> None:
     assert facts["healthy"][0]["frames"] == 10
 
 
-def test_field_that_goes_again_is_followed_until_the_pad_is_well() -> None:
+def test_ending_field_is_followed_until_the_pad_is_ok() -> None:
     """30 mG for 1.2 s in a constant scene, and then none."""
     step = [fault for fault in field_faults() if fault.kind == "field step 30 mG"]
     (outcome,) = drilled(step, [1], ["constant"], ["rest"])

@@ -49,7 +49,7 @@ def _misfit(world: World, patterns: bool) -> float:
     return float(seen @ np.linalg.solve(spread @ spread.T + REST_NOISE_T**2 * np.eye(4), seen)) / 4.0
 
 
-def test_residuals_of_healthy_pads_are_what_baseline_leaves_open(pad: Pad) -> None:
+def test_residuals_of_healthy_pads_match_the_baselines_uncertainty(pad: Pad) -> None:
     """240 degrees of freedom: the mean of χ² over them is 1 ± 0.09, and this is four of those."""
     ratios = [_misfit(World(pad, np.random.default_rng(seed)), patterns=True) for seed in range(PADS)]
     assert 0.64 < np.mean(ratios) < 1.36

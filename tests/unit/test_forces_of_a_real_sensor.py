@@ -52,7 +52,7 @@ def test_calibrate_is_honest_on_another_day_and_a_network_is_not() -> None:
         assert max(field, pose) < 0.42 < min(network, polynomial)
 
 
-def test_known_press_scales_all_forces_and_never_beyond_the_stated_prior() -> None:
+def test_known_press_scales_forces_within_the_stated_prior() -> None:
     found, variance = np.array([[0.2, -0.1, 4.0]]), np.full((1, 3), 1e-12)
     np.testing.assert_allclose(corrected(found, 1.1 * found, variance), 1.1 * np.eye(3), rtol=1e-6)
     doubtful = corrected(found, 1.1 * found, np.full((1, 3), 4.0))

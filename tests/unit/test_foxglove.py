@@ -235,7 +235,7 @@ def test_drawn_contact_follows_the_finger() -> None:
     assert there.keys() == {"pad", "magnet", "contact"}
 
 
-def test_pressed_beyond_its_range_pad_shows_no_force_and_says_so() -> None:
+def test_over_range_pad_shows_no_force_and_says_so() -> None:
     there = entities(contact(0, over_range=True))
     assert there["contact"].arrows == ()
     assert "harder" in there["health"].texts[0].text

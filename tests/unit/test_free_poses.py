@@ -75,7 +75,7 @@ def test_magnets_are_found_from_rest_within_their_deviations(name: str) -> None:
 
 
 @pytest.mark.long
-def test_deviations_hold_hard_presses_of_pads_that_were_built_by_hand() -> None:
+def test_deviations_cover_hard_presses_on_handmade_pads() -> None:
     """Errors are known for half a press. Taken as they are, the mean square is 1.5 and more of three fingers."""
     squares = []
     for number in range(16):
@@ -136,7 +136,7 @@ def test_sensor_that_is_wrong_is_named(name: str) -> None:
     assert right >= 0.9 * tried
 
 
-def test_sensor_without_poses_explain_frame_best_is_tried_first() -> None:
+def test_sensor_whose_exclusion_fits_best_is_tried_first() -> None:
     """8 µT on each axis of one: without some other sensor the frame is explained as well, by chance and less well."""
     right = tried = 0
     for number, (one, change, measured) in enumerate(pressed_worlds("3 over 8", pads=12)):

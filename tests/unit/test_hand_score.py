@@ -44,7 +44,7 @@ def test_force_beyond_five_deviations_is_wrong() -> None:
 
 
 @pytest.mark.parametrize("health", ["ok", "degraded"])
-def test_contact_without_a_touch_counts_whatever_its_health(health: str) -> None:
+def test_contact_without_a_touch_counts_in_any_health(health: str) -> None:
     score = score_of([0.0] * MOVES)
     score.take(TURNED, "thumb", contact(0.01, health=health))
     score.take(TURNED, "thumb", contact(0.0, contact=False))
@@ -70,7 +70,7 @@ def test_fixed_baseline_has_a_contact_above_a_usual_limit() -> None:
     assert (score.ways[GHOST].false_contacts, score.ways[GHOST].wrong) == (1, 2)
 
 
-def test_moments_in_which_the_force_changes_are_not_judged() -> None:
+def test_moments_of_changing_force_are_not_judged() -> None:
     score = score_of([0.05 * number for number in range(MOVES)])
     score.take(TURNED, "thumb", contact(9.0))
     assert score.ways[TURNED] == Verdict()

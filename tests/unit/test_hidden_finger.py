@@ -22,7 +22,7 @@ def another(gain: float, force: float = 0.3) -> Another:
     return Another(np.array([[10.0, 1.0, 1.0]]), np.array([gain]), np.array([force]), by_force)
 
 
-def test_finger_as_likely_as_not_counts_with_half_of_most() -> None:
+def test_finger_with_even_odds_counts_half() -> None:
     variance = hidden_variance(FINGER, another(HALF_GAIN))
     # The first finger gives 0.15 N and moves to x = 1.94; with 0.3 N at x = 10 the resultant is at 3.40, of 1.65 N.
     assert variance[2] == pytest.approx(0.5 * MOST * 0.15**2)

@@ -96,7 +96,7 @@ def test_three_taps_are_three_touches(name: str) -> None:
     assert hardest == pytest.approx([1.2, 1.2, 1.2], rel=0.15)
 
 
-def test_fault_that_comes_and_goes_is_named_and_forgiven() -> None:
+def test_passing_fault_is_named_and_then_cleared() -> None:
     contacts = expected(FOLDER / "fault.mcap")
     assert not any(contact.contact for contact in contacts)
     for contact in contacts:

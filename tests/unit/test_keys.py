@@ -219,7 +219,7 @@ def test_connected_client_that_is_forgotten_is_answered_no_more(service: Service
     assert service.carried_out == ["pads"]
 
 
-def test_damaged_list_refuses_those_who_are_connected(service: Service, tmp_path: Path) -> None:
+def test_damaged_key_list_refuses_connected_clients(service: Service, tmp_path: Path) -> None:
     with connected(service) as socket:
         (tmp_path / "keys" / "clients").write_text("not a key\n")
         assert "the daemon cannot read its list of keys" in answered(socket, "baseline")["error"]
@@ -368,7 +368,7 @@ def test_libzmq_is_built_with_curve() -> None:
     assert zmq.has("curve")
 
 
-def test_gate_that_is_closed_makes_room_for_the_next_at_once(tmp_path: Path) -> None:
+def test_closed_gate_frees_its_endpoint_at_once(tmp_path: Path) -> None:
     keys = KeyFolder(tmp_path / "keys")
     for _ in range(300):
         Gate(keys).close()

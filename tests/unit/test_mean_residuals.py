@@ -51,7 +51,7 @@ def test_healthy_noise_is_never_a_lasting_fault(pad: Pad, ambient: str) -> None:
 
 @pytest.mark.parametrize("sensor", range(4))
 @pytest.mark.parametrize("axis", range(2))
-def test_offset_that_one_frame_lets_through_is_named_within_half_a_second(pad: Pad, sensor: int, axis: int) -> None:
+def test_offset_below_the_frame_gate_is_named_within_half_a_second(pad: Pad, sensor: int, axis: int) -> None:
     """6 mG, three deviations: the gate at 1e-6 lets nearly all such frames through; 7 times less noise does not."""
     watched = Watched(pad, "constant")
     watched.run(110)
@@ -79,7 +79,7 @@ def test_weak_field_from_elsewhere_is_disturbed_and_blames_no_sensor(pad: Pad) -
     assert {track.health for track in tracks[110:]} == {"disturbed"}
 
 
-def test_drifting_scene_at_rest_does_not_guess_whose_vertical_axis_is_off(pad: Pad) -> None:
+def test_drifting_scene_does_not_guess_which_vertical_axis_failed(pad: Pad) -> None:
     """With eight unknowns, an error of one sensor's z looks like that of any other's: parity has one pattern of z."""
     watched = Watched(pad, "drifting")
     watched.run(110)

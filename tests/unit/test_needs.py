@@ -129,7 +129,7 @@ def test_bus_too_slow_for_220_hz_is_reported_with_what_it_carries(response: Resp
     assert limits(Surroundings(fast, response))[1] == "rate: 220 Hz of 220"
 
 
-def test_range_holds_hardest_press_or_says_which_magnet_would(response: Response) -> None:
+def test_range_fits_the_hardest_press_or_names_a_magnet_that_would(response: Response) -> None:
     standard = Surroundings(pad(), response)
     assert 2.5 < largest_field_gauss(standard) < 2.55  # 2.02 G of the magnet under 1.98 N, and 0.5 G of the Earth
     # ±2.5 G is the range that the data sheet recommends for 660 counts a gauss; 2047 of them are 3.10 G.
@@ -182,14 +182,14 @@ def test_named_neighbour_gives_more_answers_and_none_wrong(response: Response) -
 
 
 @pytest.mark.parametrize("name", ["bench-top", "large-magnet", "neighbour"])
-def test_scenes_of_the_docs_need_something_else_than_the_default(response: Response, name: str) -> None:
+def test_scenes_of_the_docs_need_other_settings_than_the_default(response: Response, name: str) -> None:
     (config, _) = load(Path(f"docs/scenes/{name}.toml"))
     first, *others = config.pad
     surroundings = Surroundings(first, response, others=placed_beside(first, others))
     assert recommended(costs(surroundings, thorough=False)).model == configured(surroundings) != SHIPPED
 
 
-def test_next_larger_model_pays_where_it_is_said_to(response: Response) -> None:
+def test_larger_model_pays_where_the_docs_say_so(response: Response) -> None:
     """The factor that is printed, put into the scene, is where the recommendation turns."""
     weak = pad(scene=BENCH_TOP, magnet=MagnetConfig(remanence_t=0.3))
     surroundings = Surroundings(weak, response)

@@ -173,7 +173,7 @@ def at(pad: Pad) -> NeighbourEstimate:
     return NeighbourView(Sighting.unseen(pad), turned).at(0)
 
 
-def test_the_change_of_a_neighbours_field_is_as_uncertain_as_its_magnets() -> None:
+def test_neighbours_field_is_as_uncertain_as_its_magnets() -> None:
     pad, random = array_config().pad(), np.random.default_rng(3)
     seen = at(pad)
     moved = oracle.stepped(seen.rest, np.tile([1e-4, -2e-4, -3e-4, 0.02, 0.01, 0.0], 4))

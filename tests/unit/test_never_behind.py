@@ -119,7 +119,7 @@ def test_c_and_python_drop_the_same_frames(pieces: list[bytes], patience: Patien
     assert _wire.keep_newest(data, *patience) == one_by_one(data, patience)
 
 
-def test_frames_that_came_while_daemon_stood_still_are_left_out_and_counted(
+def test_frames_during_a_stall_are_dropped_and_counted(
     daemon: Daemon,  # noqa: F811
     board: Board,  # noqa: F811
     tmp_path: Path,
@@ -191,7 +191,9 @@ def test_loop_is_behind_while_something_is_always_ready() -> None:
     os.close(theirs)
 
 
-def test_few_silent_pads_are_told_of_at_once_and_all_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_few_silent_pads_are_published_at_once_and_many_in_turn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Else the frames of the others would wait for all of them."""
     monkeypatch.setenv("FMFTS_BUS", f"ipc://{tmp_path}")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))

@@ -120,7 +120,7 @@ def test_frames_without_new_samples_are_old_and_say_so(pipeline: PadPipeline, cl
     assert not any(map(is_wrong, messages + again[5:]))
 
 
-def test_frames_without_new_samples_that_come_seldom_are_old_by_time(pipeline: PadPipeline) -> None:
+def test_rare_frames_without_new_samples_become_old_by_time(pipeline: PadPipeline) -> None:
     """A computer that has too little time leaves frames out: three of those that are left may span 60 ms and more."""
     frames = taps(1.5)
     last = frames[150]

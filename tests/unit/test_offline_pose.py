@@ -87,7 +87,7 @@ def test_known_moment_makes_five_unknowns_and_is_held(pad: Pad, pressed: State, 
     assert "ambient_x_ut" not in row
 
 
-def test_nine_unknowns_at_rest_are_unobservable_and_tilted_they_are_not(pad: Pad, tmp_path: Path) -> None:
+def test_nine_unknowns_are_observable_only_when_tilted(pad: Pad, tmp_path: Path) -> None:
     row = solved(tmp_path, field_of(pad, State.at_rest(pad)), "--unknowns", "9")
     assert row["status"] == "unobservable"
     assert row["c_mm"] == row["remanence_t"] == row["ambient_z_ut"] == ""

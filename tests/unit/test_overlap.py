@@ -60,7 +60,7 @@ def deviations(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 
 
 @SCENES
-def test_overlap_is_what_independent_lasting_errors_do_to_estimate(
+def test_overlap_is_the_effect_of_lasting_errors_on_the_estimate(
     pad: Pad, tracking: TrackingModel, overlap: Overlap
 ) -> None:
     """Each measurement is changed by its lasting deviation, one after the other, and solved again."""

@@ -308,7 +308,7 @@ class TestWhoMay:
 
 
 class TestFeed:
-    def test_page_gets_every_message_of_pad_it_watches_and_newest_of_others(self, served: Served) -> None:
+    def test_page_gets_all_of_its_pad_and_the_newest_of_others(self, served: Served) -> None:
         with served.page() as page:
             page.send(json.dumps({"ask": "watch", "detail": "left"}))
             page.send(json.dumps({"ask": "ping", "sent_ms": 0.0}))
@@ -369,9 +369,7 @@ class TestFeed:
         raise AssertionError("nothing of the bus arrives any more")
 
     @pytest.mark.parametrize("first", [0, 300])
-    def test_every_message_of_recording_is_shown_in_its_order_and_then_its_end(
-        self, served: Served, first: int
-    ) -> None:
+    def test_recording_is_shown_in_order_up_to_its_end(self, served: Served, first: int) -> None:
         """From the place in it that the page asks for."""
         began_ns, count = 1_000_000_000, 450
         writer = RecordingWriter(served.folder / f"{first}.mcap")

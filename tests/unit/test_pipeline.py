@@ -331,7 +331,7 @@ def test_why_a_source_cannot_be_opened_is_warned_of_once(caplog: pytest.LogCaptu
     assert "/dev/i2c-1 does not exist: enable I2C" in told[1][1]
 
 
-def test_overload_is_logged_three_times_in_ten_seconds_with_count_and_its_end(
+def test_overload_log_is_bounded_and_names_count_and_end(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     with Bench(config_of()) as bench, caplog.at_level(logging.INFO):

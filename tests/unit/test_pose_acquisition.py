@@ -61,7 +61,7 @@ def test_every_cold_start_is_right_or_flagged(pad: Pad, free: np.ndarray, sensor
     assert flagged <= (0.06 if (sensors, len(free)) == (3, 8) else 0.0) * DRAWS
 
 
-def test_deviations_that_the_field_bends_away_from_are_flagged(pad: Pad) -> None:
+def test_deviations_in_a_curved_field_are_flagged(pad: Pad) -> None:
     """A reading of the million cold starts: one minimum, χ² fits, and the magnet is far outside its deviations."""
     truth = State(np.array([-1.732e-3, 0.821e-3, 8.296e-3]), np.array([-0.0318, -0.5387, 0.8419]), 0.0, np.zeros(3))
     problem = problem_of(truth, pad, FREE_FIELD, 3, np.random.default_rng(0))

@@ -115,7 +115,7 @@ def _change(rows: np.ndarray, image: State, column: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("remanence", REMANENCES)
-def test_table_1_at_rest_with_nine_unknowns_is_unobservable_not_29_mm_high(pad: Pad, remanence: str) -> None:
+def test_table_1_at_rest_is_unobservable_with_nine_unknowns(pad: Pad, remanence: str) -> None:
     estimate = solve(reading("1", remanence), pad, free=np.arange(9))
     assert estimate.status is Status.UNOBSERVABLE
     assert set(estimate.unobservable) == {"z", "moment", "ambient z"}

@@ -92,7 +92,7 @@ def test_detected_presses_are_explained(model: ContactModel) -> None:
     assert np.mean(shares > KEPT) > 0.999
 
 
-def test_contact_begins_and_stays_only_with_a_press_that_explains_it() -> None:
+def test_contact_needs_a_press_that_explains_the_movement() -> None:
     detector = TouchInC()
     detector.update(np.full(5, 1e-3), np.diag([8.6e-6, 8.6e-6, 6.1e-6, 2e-3, 2e-3]) ** 2)
     shares, said = (0.7, 0.8, 0.3, 0.2, 0.6), []

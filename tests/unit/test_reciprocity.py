@@ -148,7 +148,7 @@ def test_mesh_that_no_memory_holds_is_refused(tmp_path: Path, capsys: pytest.Cap
     assert "memory than a computer has" in capsys.readouterr().err
 
 
-def test_press_is_solved_same_to_last_bit_whatever_was_solved_before() -> None:
+def test_solved_press_is_bit_identical_in_any_order() -> None:
     press, fresh, used = Press(4e-3, 0.0, 0.6), *(PressedSlab(Slab(), COARSE_M) for _ in range(2))
     used.solve(Press(8e-3, 4e-3, 0.8))
     used.rest()
@@ -156,7 +156,7 @@ def test_press_is_solved_same_to_last_bit_whatever_was_solved_before() -> None:
         np.testing.assert_array_equal(one, other)
 
 
-def test_two_processes_solve_same_file_as_one_and_go_on_where_one_stopped(tmp_path: Path) -> None:
+def test_two_processes_solve_and_resume_the_same_file(tmp_path: Path) -> None:
     presses = [Press(x * 1e-3, 0.0, force_n) for x in (0, 4, 8) for force_n in (0.3, 0.6)]
     files = [tmp_path / name for name in ("one.csv", "two.csv", "interrupted.csv")]
     shares: list[float] = []

@@ -238,7 +238,7 @@ def test_replay_that_could_compare_nothing_is_no_success(
     assert msgspec.json.decode(capsys.readouterr().out)["different"] == 0
 
 
-def test_recorded_contact_in_middle_that_no_frame_gives_again_is_found() -> None:
+def test_recorded_contact_that_replay_lacks_is_found() -> None:
     comparison = Comparison()
     for seq in range(10):
         comparison.recorded(contact_message(seq=seq, t_sample_ns=seq))
@@ -248,7 +248,7 @@ def test_recorded_contact_in_middle_that_no_frame_gives_again_is_found() -> None
     assert not comparison.is_the_same
 
 
-def test_recording_that_grows_while_it_is_read_is_as_long_as_it_was(tmp_path: Path) -> None:
+def test_growing_recording_keeps_its_length_at_opening(tmp_path: Path) -> None:
     """A recorder's write comes amid the reading of its chunk: the part that was there is no damaged chunk."""
     contacts = written(tmp_path / "a.mcap")
     content, path = (tmp_path / "a.mcap").read_bytes(), tmp_path / "b.mcap"

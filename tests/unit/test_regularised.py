@@ -56,7 +56,7 @@ def test_components_show_faint_signals_and_drop_repetitions() -> None:
     assert abs(np.corrcoef(shrunk[:, 1], faint)[0, 1]) > 0.95
 
 
-def test_gaussians_pass_through_rows_without_ridge_and_not_with_one(rows: tuple[Array, Array]) -> None:
+def test_gaussians_interpolate_rows_only_without_a_ridge(rows: tuple[Array, Array]) -> None:
     inputs, target = rows
     exact, smooth = (RegularisedBasis(0.02, 1e-12), RegularisedBasis(0.5, 1e-2))
     np.testing.assert_allclose(exact.fit(inputs, target).predict(inputs), target, atol=1e-6)

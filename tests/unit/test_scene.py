@@ -80,7 +80,7 @@ def test_magnet_that_warms_while_turning_stays_within_its_deviations(pad: Pad) -
     assert np.mean(hand.nees) < 6.5
 
 
-def test_pad_that_stays_warm_does_not_become_vaguer_with_every_frame(pad: Pad) -> None:
+def test_warm_pad_does_not_lose_certainty_with_every_frame(pad: Pad) -> None:
     """10 K with a fifth of 0.12 % per K unknown are 0.24 % of the moment, however many frames have been there."""
     scene, rest = tracking_model_for(SceneConfig(ambient="drifting"), MagnetConfig()).tracking, State.at_rest(pad)
     tracker = FieldTracker(pad, rest, scene, 25.0)
@@ -93,7 +93,7 @@ def test_pad_that_stays_warm_does_not_become_vaguer_with_every_frame(pad: Pad) -
     assert deviation == pytest.approx(np.hypot(0.0024, MOMENT_DEVIATION), rel=0.01)
 
 
-def test_field_that_steps_is_disturbed_for_moment_and_then_learned(pad: Pad) -> None:
+def test_field_step_disturbs_briefly_and_is_then_learned(pad: Pad) -> None:
     """A motor's brake lets go: 30 mG at once."""
     scene = tracking_model_for(SceneConfig(ambient="drifting"), MagnetConfig()).tracking
     rest = State.at_rest(pad)
@@ -135,7 +135,7 @@ def test_magnet_hotter_than_its_board_needs_a_drifting_remanence(pad: Pad) -> No
         assert bool(off < 2.0) is is_honest
 
 
-def test_standard_pad_sees_all_that_its_scene_leaves_unknown(pad: Pad) -> None:
+def test_standard_pad_observes_all_unknowns_of_its_scene(pad: Pad) -> None:
     for ambient in ("constant", "drifting"):
         assert (
             observability_warnings(pad, tracking_model_for(replace_scene(ambient=ambient), MagnetConfig()).tracking)

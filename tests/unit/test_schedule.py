@@ -86,7 +86,7 @@ def test_source_whose_time_has_come_is_polled(two: tuple[Schedule, Piped, Piped]
     assert time.monotonic_ns() < until
 
 
-def test_deadline_that_came_nearer_while_served_is_kept(two: tuple[Schedule, Piped, Piped]) -> None:
+def test_earlier_deadline_set_during_a_poll_is_kept(two: tuple[Schedule, Piped, Piped]) -> None:
     schedule, due, _ = two
     due.deadline = time.monotonic_ns() + 1_000_000
     schedule.served(cast(Source, due))

@@ -90,13 +90,13 @@ def test_one_pad_searches_in_a_round_and_each_in_its_turn() -> None:
 
 
 @pytest.mark.parametrize("pads", [1, 16])
-def test_pad_that_alone_wants_to_search_does_so_in_each_of_its_frames(pads: int) -> None:
+def test_only_pad_that_wants_to_search_does_so_each_frame(pads: int) -> None:
     others = [str(number) for number in range(1, pads)]
     searched = who_searched(SearchTurns(pads), ["0", *others] * 10, {"0"})
     assert searched.count("0") == 10
 
 
-def test_frames_of_one_pad_alone_make_rounds_where_all_others_are_away() -> None:
+def test_single_present_pad_still_completes_rounds() -> None:
     assert who_searched(SearchTurns(16), ["a"] * 5, {"a"}) == ["a"] * 5
 
 

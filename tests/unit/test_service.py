@@ -151,7 +151,7 @@ def test_journal_gets_a_priority_on_every_line() -> None:
     assert logged("journal") == ["<7>d", "<6>i", "<4>w", "<3>two", "<3>lines", "<2>c"]
 
 
-def test_people_get_time_and_level_even_in_shell_that_inherited_journal() -> None:
+def test_people_get_time_and_level_despite_an_inherited_journal() -> None:
     assert re.fullmatch(r"\d\d:\d\d:\d\d\.\d{3} DEBUG d", logged("terminal")[0])
 
 

@@ -154,7 +154,7 @@ def test_saturated_sample_spoils_its_axis() -> None:
     assert bridge_zero_counts(MMC5983MA, [(9, 5, 3), (11, 5, 3)], [(-6, 5, bad), (-6, 5, 3)]) == (2, 5, bad)
 
 
-def test_person_reads_zeros_in_microtesla_and_that_they_do_not_matter() -> None:
+def test_zeros_are_reported_in_microtesla_as_harmless() -> None:
     facts = selftest_facts(MMC5983MA, 0, [(1229, -410, 0)], [(-512, 512, -512)])
     assert (facts["passed"], facts["gain_factor_sd"]) == (True, None)
     lines = [line.strip() for line in fact_lines(facts)]

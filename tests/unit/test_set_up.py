@@ -58,7 +58,7 @@ def pressed(config: PadConfig, baseline: Baseline, place_m: tuple[float, float])
 
 
 @pytest.mark.parametrize("place_m", [(0.0, 0.0), (4e-3, 3e-3), (-6e-3, 2e-3)])
-def test_newton_on_set_up_pad_is_known_to_tenth_but_for_its_silicone(
+def test_newton_is_known_to_a_tenth_except_for_silicone(
     demo: tuple[PadConfig, Baseline, list[str]], place_m: tuple[float, float]
 ) -> None:
     """20 % of the modulus, the thickness, and the finger's size are counted beside what the set-up leaves."""
@@ -81,7 +81,7 @@ def test_demo_stores_what_its_daemon_will_read(tmp_path: Path, capsys: pytest.Ca
     assert capsys.readouterr().out.startswith("pad array: self-test, bare, rest and turn were simulated in ")
 
 
-def test_demo_sets_up_no_pad_that_is_not_simulated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_demo_sets_up_simulated_pads_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config = tmp_path / "pad.toml"
     config.write_text('[[pad]]\nname = "left"\n[pad.source]\ntype = "bridge"\nport = "/dev/null"\n')
     set_up_pads(config, {"XDG_STATE_HOME": str(tmp_path)})

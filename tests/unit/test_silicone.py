@@ -70,7 +70,7 @@ def test_nothing_of_a_recovery_is_learned_as_a_drift() -> None:
     assert max(run.sizes_m) < 1e-6
 
 
-def test_deviation_of_held_press_grows_by_decades_and_goes_as_slowly() -> None:
+def test_deviation_of_a_held_press_grows_and_decays_by_decades() -> None:
     follower, press = SiliconeInC(Silicone(0.02, 0.01), 0.1), np.array([0.0, 0.0, -1e-3, 0.0, 0.0])
 
     def height_sd(change: np.ndarray, seconds: float) -> float:
@@ -96,7 +96,7 @@ def test_load_of_a_gap_is_the_larger_one() -> None:
     assert follower.crept[TIMES_S < 50.0, 2] == pytest.approx(-1e-3, rel=0.02)
 
 
-def test_each_decade_of_loads_is_filtered_with_its_time_and_counts_alone() -> None:
+def test_each_decade_of_loads_is_filtered_independently() -> None:
     """Loads that come and go, and gaps between frames. A filter of the first order, by the implicit step of Euler."""
     random, silicone = np.random.default_rng(1), Silicone(0.02, 0.01)
     follower, creep = SiliconeInC(silicone, 0.1), Creep(silicone, 0.1)
@@ -115,7 +115,7 @@ def test_each_decade_of_loads_is_filtered_with_its_time_and_counts_alone() -> No
         np.testing.assert_allclose(creep.left_behind(change, elapsed_s), left, rtol=1e-9, atol=1e-24)
 
 
-def test_simulated_silicone_creeps_by_its_share_each_decade_and_comes_back() -> None:
+def test_simulated_silicone_creeps_each_decade_and_recovers() -> None:
     silicone, way = CreepingSilicone(1, hysteresis=0.0), np.zeros((1, 1, 5))
     way[0, 0, 2] = -1e-3
     silicone.moved(np.array([[0.0]]), 0.0 * way)

@@ -49,7 +49,7 @@ def test_sheared_presses_are_accurate_to_three_thousandths() -> None:
     assert (np.linalg.norm(error[:, 3:], axis=1) < 0.003 * np.linalg.norm(rows[:, 8:], axis=1)).all()
 
 
-def test_table_holds_to_the_rim_and_for_twice_the_friction_that_made_it() -> None:
+def test_table_is_valid_to_the_rim_and_for_double_friction() -> None:
     """Presses with shear up to 0.8 of their force, all over the pad; the table was made with 0.4."""
     rows = read_solved(SIMULATE / "test_friction.csv")
     assert len(rows) == 60

@@ -30,7 +30,7 @@ def test_structure_tolerances_cover_pads_of_another_solver(name: str) -> None:
         assert abs(counted["along_tilt_mm"]) < 0.4 < 1.0 < before["along_tilt_mm"]
 
 
-def test_tilt_turns_the_displacement_back_by_all_of_it() -> None:
+def test_displacement_is_corrected_by_the_whole_tilt() -> None:
     """Of the same pads, level and tilted by 5°: the places differ by 0.1 mm at most. Of each pad alone the mounting
     leaves a tilt of a degree unknown, and this difference is free of it."""
     level, tilted = (
@@ -79,7 +79,7 @@ def test_poissons_ratio_changes_a_press_as_calculix_solved_it() -> None:
     assert thin[2] / -822.14e-6 == pytest.approx(1.0356, abs=1e-4)
 
 
-def test_other_places_take_the_effect_of_poissons_ratio_from_the_drawn_pad() -> None:
+def test_poissons_effect_elsewhere_comes_from_the_drawn_pad() -> None:
     thick, drawn = (
         [Cell("", thickness_mm=thickness_mm, poisson=poisson).ramps()[-1].powers[0, 2] for poisson in (0.47, 0.49)]
         for thickness_mm in (4.4, 4.0)

@@ -31,7 +31,7 @@ def config(model: str = "default", finger_mm: tuple[float, float] = (3.0, 12.0),
     )
 
 
-def test_silicone_of_pad_that_was_calibrated_is_known_and_its_finger_is_not() -> None:
+def test_calibrated_pad_has_known_silicone_but_unknown_finger() -> None:
     shipped, own = (config(name).structure_tolerance() for name in ("shear", "mine.onnx"))
     assert shipped == StructureTolerance(0.2, 0.2e-3, (3e-3, 12e-3))
     assert own == StructureTolerance(0.0, 0.0, (3e-3, 12e-3), is_of_probe=False)
@@ -51,7 +51,7 @@ def test_finger_farthest_from_the_probe_is_two_deviations_away() -> None:
     assert StructureTolerance().finger_mm2 == 0.0
 
 
-def test_known_width_is_corrected_and_its_shape_stays_open() -> None:
+def test_known_width_is_corrected_but_not_the_shape() -> None:
     wide_mm2, narrow_mm2 = (144.0 - 36.0) / 16.0, (9.0 - 36.0) / 16.0
     disc = StructureTolerance(finger_m=(12e-3, 12e-3))
     assert (disc.known_finger_mm2, disc.finger_mm2) == (pytest.approx(wide_mm2), pytest.approx(wide_mm2 / 3.0))
@@ -62,7 +62,7 @@ def test_known_width_is_corrected_and_its_shape_stays_open() -> None:
     assert some.finger_mm2 > (wide_mm2 - some.known_finger_mm2) / 2.0
 
 
-def test_model_of_the_users_own_presses_is_not_corrected_for_the_finger_that_pressed() -> None:
+def test_users_own_model_is_not_corrected_for_the_probe() -> None:
     own = config("mine.onnx", finger_mm=(12.0, 12.0)).structure_tolerance()
     assert own.known_finger_mm2 == 0.0
     assert own.finger_mm2 == pytest.approx((144.0 - 36.0) / 16.0 / 2.0), "the width counts in the deviations"
@@ -83,7 +83,7 @@ def test_widths_in_the_wrong_order_are_named() -> None:
     assert "[3, 12]" in text
 
 
-def test_tilt_at_rest_turns_movements_back_by_all_of_it_on_average(pad: Pad) -> None:
+def test_rest_tilt_is_corrected_fully_on_average(pad: Pad) -> None:
     """Places and gains look like a tilt, so that the most probable one of 3° has 2° on average; but not what turns."""
     tolerance, left = Tolerance(1e-4, 1e-4, 0.0, 0.005, 0.05, pad_tilt_rad=float(np.radians(1.0))), []
     for seed in range(12):
@@ -97,7 +97,7 @@ def test_tilt_at_rest_turns_movements_back_by_all_of_it_on_average(pad: Pad) -> 
     assert abs(np.degrees(np.mean(left))) < 0.5
 
 
-def test_tilt_that_may_be_the_magnets_alone_turns_only_its_share(pad: Pad) -> None:
+def test_tilt_of_uncertain_cause_corrects_only_its_share(pad: Pad) -> None:
     turns = []
     for of_magnet, of_pad in ((0.0, 0.02), (0.016, 0.012), (0.02, 0.0)):
         tolerance = Tolerance(1e-4, 1e-4, of_magnet, 0.005, 0.05, pad_tilt_rad=of_pad)
@@ -106,7 +106,7 @@ def test_tilt_that_may_be_the_magnets_alone_turns_only_its_share(pad: Pad) -> No
     np.testing.assert_allclose(turns[2], 0.0, atol=1e-15)
 
 
-def test_tilt_that_tolerances_do_not_explain_is_the_whole_pads() -> None:
+def test_tilt_beyond_tolerances_counts_as_the_whole_pads() -> None:
     """The deviation of a pad's tilt under which the found one is most likely, and never a smaller one than is said."""
     usual = Tolerance(1e-4, 1e-4, float(np.radians(0.25)), 0.005, 0.05, pad_tilt_rad=float(np.radians(1.0)))
     small, large = (usual.tilts_given(np.radians([tilt_deg, 0.0]), np.ones(2)) for tilt_deg in (1.0, 5.0))
@@ -133,7 +133,7 @@ def test_noise_of_recording_is_no_tilt_of_the_pad() -> None:
     assert given.tilts_given(found[0], np.full(2, 0.01)).pad_share == pytest.approx(0.2), "it tells nothing"
 
 
-def test_error_of_movement_through_tilt_is_what_turn_by_it_does() -> None:
+def test_tilt_error_of_a_movement_equals_a_turn_by_that_tilt() -> None:
     """Sideways in both directions, where the magnet moves down."""
     one = config(sensor_rotation_deg=0.0, gain=0.0, cross_axis=0.0)
     leftover = simulated_baseline(one).mounting(one.pad()).leftover

@@ -81,7 +81,7 @@ def test_age_is_reported_in_newtons_and_in_milliseconds() -> None:
     assert row["late_ms"] == pytest.approx(6.0)
 
 
-def test_rate_carries_the_force_on_until_it_is_read() -> None:
+def test_rate_extrapolates_the_force_until_it_is_read() -> None:
     rates = np.array([0.0, 0.0, RAMP_N_PER_S])
     row = controller.scored(steady_ramp(), told_late(steady_ramp(), 0.0, rates))
     assert row["read_n"] == pytest.approx(0.0, abs=1e-6)
@@ -176,7 +176,7 @@ def row_of(method: str, motion: str, error: float, frames: int, time: float) -> 
     return about | errors | rest | times
 
 
-def test_errors_of_several_pads_are_pooled_in_squares_and_times_by_their_median() -> None:
+def test_pads_pool_errors_as_squares_and_times_as_medians() -> None:
     rows = [row_of("a", "hold", *each) for each in ((0.1, 100, 1.0), (0.1, 100, 9.0), (0.4, 100, 2.0))]
     (row,) = controller_chart.pooled(rows)
     assert number(row, "publishing_n") == pytest.approx(np.sqrt((0.01 + 0.01 + 0.16) / 3), abs=1e-6)

@@ -74,7 +74,7 @@ def test_summary_names_machine_versions_seed_and_whether_it_is_whole(tmp_path: P
     assert written["versions"]["fmfts"]
 
 
-def test_point_without_rows_is_error_rather_than_measured_for_ever(tmp_path: Path) -> None:
+def test_point_without_rows_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="'a' has no rows"):
         Study("drill", request(tmp_path), COLUMNS).measure({"a": point([], "a", rows=0)})
 

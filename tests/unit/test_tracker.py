@@ -122,7 +122,7 @@ def test_vanished_magnet_is_lost_and_found_again(pad: Pad, tracker: FieldTracker
     assert found.estimate.position_m == pytest.approx(pressed.position_m, abs=1e-6)
 
 
-def test_pose_from_which_nothing_is_found_is_left_for_rest(pad: Pad, tracker: FieldTracker, rest: State) -> None:
+def test_failed_start_is_replaced_by_rest(pad: Pad, tracker: FieldTracker, rest: State) -> None:
     """A magnet that was seen upside down, then steel, then the pad as it should be: no search from there leads back."""
     fallen = replace(
         rest,
@@ -166,7 +166,7 @@ def test_jump_across_the_pad_is_followed_within_one_frame(pad: Pad, tracker: Fie
     assert track.estimate.position_m == pytest.approx(far.position_m, abs=1e-6)
 
 
-def test_misfit_that_no_gate_stops_makes_the_answer_less_certain(pad: Pad, rest: State) -> None:
+def test_misfit_below_the_gate_widens_the_answer(pad: Pad, rest: State) -> None:
     """Noise twice as large as its deviations say: χ² is four times its degrees of freedom, deviations are to double."""
     field, random = field_at(pad, rest), np.random.default_rng(4)
     deviations = {}

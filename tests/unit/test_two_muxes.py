@@ -59,7 +59,7 @@ def test_emulated_bus_counts_two_chips_that_answer_through_two_open_muxes(clock:
     assert bus.bus.conflicts == 1
 
 
-def test_silent_sensor_is_named_with_its_mux_and_channel_and_others_go_on(clock: Clock) -> None:  # noqa: F811
+def test_silent_sensor_is_named_with_mux_and_channel(clock: Clock) -> None:  # noqa: F811
     pad, bus = wide_pad(clock)
     bus.bus.muxes[1].channels[4].absent = True
     sample = run(pad, clock, 1.0, RATE_HZ / 3)[-1]

@@ -137,7 +137,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[float]]:
     ahead[0] = 0.0
 
 
-def test_progress_comes_at_once_and_every_second_whatever_duration(daemon: Daemon, clock: list[float]) -> None:
+def test_progress_comes_at_once_and_then_every_second(daemon: Daemon, clock: list[float]) -> None:
     daemon.ask("baseline", duration_s=55.0)
     assert daemon.answer() == {"id": 1, "progress": {"share": 0.0}}
     for second in range(1, 4):

@@ -42,7 +42,7 @@ def test_contact_is_drawn_at_its_place() -> None:
     assert sum(lines) / len(lines) == pytest.approx(4)
 
 
-def test_harder_touch_is_drawn_larger_and_none_not_at_all() -> None:
+def test_harder_touch_is_drawn_larger_and_no_touch_is_not_drawn() -> None:
     def size(**changes: Any) -> int:
         return "\n".join(drawn(contact(pose=None, **changes))[:-1]).count("●")
 
@@ -196,7 +196,7 @@ def test_picture_has_legend_scale_sensors_source_and_past() -> None:
 
 
 @pytest.mark.parametrize("width", range(40, 101))
-def test_picture_is_never_wider_than_the_terminal_and_its_frame_is_whole(width: int) -> None:
+def test_picture_fits_the_terminal_with_a_whole_frame(width: int) -> None:
     lines = whole(width)
     assert max(map(len, lines)) <= width
     assert {len(line) for line in lines} == {len(lines[0])}

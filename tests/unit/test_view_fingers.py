@@ -44,7 +44,7 @@ def middle(found: list[tuple[int, int]]) -> tuple[float, float]:
     return sum(column for column, _ in found) / len(found), sum(row for _, row in found) / len(found)
 
 
-def test_two_fingers_are_two_spots_with_their_numbers_and_nothing_between() -> None:
+def test_two_fingers_draw_two_numbered_spots() -> None:
     rows = drawn(fingers_message(*FAR, poses=None))
     assert places(rows, "3") == [(-10, 4)], "the last digit stands in the middle of the spot"
     assert places(rows, "4") == [(10, -4)]

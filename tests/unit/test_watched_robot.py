@@ -47,7 +47,7 @@ class TestWorstPad:
             pads = [each for each in pads if each.health != health]
         assert facts_of(pads)["worst"] is None, "ok is nothing to worry about"
 
-    def test_pad_that_is_ok_with_a_reason_is_worse_than_one_without(self) -> None:
+    def test_ok_pad_with_a_reason_ranks_below_one_without(self) -> None:
         overloaded = pad("right", reason="this computer is overloaded: 37 % of the frames left out")
         assert facts_of([pad(), overloaded])["worst"]["pad"] == "right"
         assert facts_of([pad(), pad("right", sensor_faults=["sensor 3 is silent"])])["worst"]["pad"] == "right"
@@ -59,7 +59,7 @@ class TestWorstPad:
     def test_unknown_health_is_shown_and_not_ok(self) -> None:
         assert facts_of([pad(), pad("right", health="enchanted")])["worst"]["health"] == "enchanted"
 
-    def test_how_long_counts_on_the_daemons_own_clock(self) -> None:
+    def test_duration_is_counted_on_the_daemons_clock(self) -> None:
         facts = facts_of([pad(health="stale", since_ns=5_000_000_000, t_publish_ns=65_000_000_000)])
         assert facts["worst"]["for_s"] == 60.0
 
@@ -142,7 +142,7 @@ def test_robot_that_never_answers_is_not_reached_and_says_what_to_do(tmp_path: P
     rig.close()
 
 
-def test_daemon_whose_loop_stands_is_lost_though_its_connection_stands(rig: Rig) -> None:
+def test_daemon_with_a_stopped_loop_is_lost_despite_its_connection(rig: Rig) -> None:
     rig.sent(status_message(), state="there")
     rig.now_s += SILENT_S - 0.1
     assert rig.facts()["state"] == "there"

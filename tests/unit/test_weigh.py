@@ -99,7 +99,7 @@ def test_half_weight_is_refused_when_modulus_is_configured(bench: Bench) -> None
 
 
 @pytest.mark.parametrize(("thickness_mm", "said_n"), [(3.6, WEIGHT_N), (4.4, WEIGHT_N / 2.0)])
-def test_half_or_twice_is_refused_where_it_is_likelier(thickness_mm: float, said_n: float) -> None:
+def test_half_or_double_mass_is_refused_if_likelier(thickness_mm: float, said_n: float) -> None:
     """These slabs are two deviations off, and make a weight look the more like what is said."""
     knows = Bench(Cell("known", 1.0, thickness_mm), 6.0, 2, ToleranceConfig(gain=0.005, modulus=0.05))
     with pytest.raises(BaselineError, match=r"compare the weight and its unit"):
