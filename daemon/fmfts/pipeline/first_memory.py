@@ -25,7 +25,7 @@ OF_SLIP = (
 )
 
 # And these, from before a mean residual told how far offsets drift.
-LATER = (*OF_SLIP, "further_drift")
+LATER = (*OF_SLIP, "further_drift", "calm_drift")
 
 # The fields that are not 0, and equal for every pad.
 FIRST: dict[str, Numbers] = {

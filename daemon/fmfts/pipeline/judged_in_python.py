@@ -39,6 +39,8 @@ class JudgedInPython:
     """messages: the number of the last one. missing: sensor (from 0) → why it could not be used in the last frame;
     empty while frames are absent. hand: that the pad is on, if its field depends on the hand's posture."""
 
+    further_drift = ""  # only PadPipeline finds it
+
     def __init__(self, pad: Pad, model_hash: str, boot: str, rate_hz: float, hand: Hand | None = None) -> None:
         self.pad, self._model_hash, self._boot, self._rate_hz = pad, model_hash, boot, rate_hz
         self.hand = hand

@@ -20,7 +20,7 @@ from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.parameters import packed_response, parameters_of, put_neighbours
 from fmfts.pipeline.possible_memory import require_alike, require_possible
 from fmfts.pipeline.weighed import on_weighed_silicone
-from fmfts.pipeline.words import NO_BASELINE, words_of
+from fmfts.pipeline.words import NO_BASELINE, further_drift_of, words_of
 from fmfts.pose import TrackingModel
 from fmfts.pose.hand import Hand
 from fmfts.pose.neighbour import NeighbourView
@@ -129,6 +129,12 @@ class PadPipeline:
     def missing(self) -> dict[int, str]:
         """Sensor (from 0) → why it could not be used in the last frame; empty while frames are absent."""
         return self._compiled.missing() if self._has_frame else {}
+
+    @property
+    def further_drift(self) -> str:
+        """A sentence for the status if offsets drift further than the chip's figure says; else empty."""
+        further, warmed_k = (self._memory.number(name) for name in ("further_drift", "warmed_k"))
+        return further_drift_of(self._parameters.number("offset_t_per_k"), further, warmed_k)
 
     @property
     def detection_limit_n(self) -> float:

@@ -25,6 +25,7 @@ class PluggedPipeline(Protocol):
     memory_kind: type[Any]
     missing: dict[int, str]
     messages: int
+    further_drift: str
     hand: Hand | None
 
     @property

@@ -200,33 +200,16 @@ static void find_own(const fmfts_step *step, double *own_t2)
     }
 }
 
-/* Whether a mean that is not that of healthy sensors is explained by offsets that drift 2 or 4 times as much as the chip's
- * figure, which no data sheet has. Then this counts until the next baseline. A fault of this size hides as well: one
- * deviation is up to 4·offset_t_per_k·warmed_k, 0.4 µT for 10 nT/K and 10 K. A pad that warms on hides more. */
-static bool drifts_further(fmfts_step *step, double common[][FMFTS_AXES], const double *own_t2)
+bool fmfts_explains_mean(const fmfts_step *step, double common[][FMFTS_AXES], const double *own_t2,
+                         double added_t2)
 {
-    static const double further[] = {2.0 * 2.0 - 1.0, 4.0 * 4.0 - 1.0};
-    fmfts_pose_memory *memory = step->memory;
-    double per_k = step->parameters->offset_t_per_k, warmed = memory->warmed_k, wider_t2[FMFTS_AXES], chosen[FMFTS_AXES];
+    double other_t2[FMFTS_AXES], chosen[FMFTS_AXES];
     fmfts_judged_axes judged;
-    for (size_t i = 0; i < sizeof further / sizeof further[0]; i++) {
-        double drift = further[i] * per_k * per_k, added_t2 = (drift - memory->further_drift) * warmed * warmed;
-        if (added_t2 <= 0.0) {
-            continue;
-        }
-        for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {
-            wider_t2[axis] = own_t2[axis] + added_t2;
-        }
-        if (solve_axes(step, common, wider_t2, &judged) &&
-            chi2_of(&judged, memory->mean_t, chosen) < step->parameters->sound_chi2[judged.axes - judged.unknowns]) {
-            for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {
-                memory->lasting_t2[axis] += added_t2;
-            }
-            memory->further_drift = drift;
-            return true;
-        }
+    for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {
+        other_t2[axis] = own_t2[axis] + added_t2;
     }
-    return false;
+    return solve_axes(step, common, other_t2, &judged) &&
+           chi2_of(&judged, step->memory->mean_t, chosen) < step->parameters->sound_chi2[judged.axes - judged.unknowns];
 }
 
 fmfts_finding fmfts_judge_means(fmfts_step *step)
@@ -255,9 +238,10 @@ fmfts_finding fmfts_judge_means(fmfts_step *step)
     }
     if (chi2 < (forgives ? sound_chi2 : parameters->alarm_chi2[freedom])) {
         memory->lasting_misfit = fmax(chi2 / sound_chi2, 1.0);
+        fmfts_drifts_less(step, common, own_t2);
         return nothing;
     }
-    if (drifts_further(step, common, own_t2)) {
+    if (fmfts_drifts_further(step, common, own_t2)) {
         return nothing;
     }
     return fmfts_blame(step, &judged, mean_t);

@@ -36,6 +36,16 @@ fmfts_finding fmfts_judge_means(fmfts_step *step);
 /* mean_residuals.c: values of the judged axes times R = V⁻¹ − V⁻¹J(JᵀV⁻¹J)⁻¹JᵀV⁻¹. */
 void fmfts_weigh(fmfts_judged_axes *judged, const double *value, double *weighed);
 
+/* mean_residuals.c: whether the mean is that of healthy sensors if each axis's own variance own_t2 [axes] has added_t2 more. common:
+ * the covariance of the errors that they have in common. */
+bool fmfts_explains_mean(const fmfts_step *step, double common[][FMFTS_AXES], const double *own_t2, double added_t2);
+
+/* further_drift.c: whether a further drift explains a mean that is not that of healthy sensors; then it counts from now on. */
+bool fmfts_drifts_further(fmfts_step *step, double common[][FMFTS_AXES], const double *own_t2);
+
+/* further_drift.c: lets the drift fall to the next smaller figure once that has explained the mean for long. */
+void fmfts_drifts_less(fmfts_step *step, double common[][FMFTS_AXES], const double *own_t2);
+
 /* blame.c: what is wrong with a mean that is not that of healthy sensors. mean_t: of the judged axes. */
 fmfts_finding fmfts_blame(const fmfts_step *step, fmfts_judged_axes *judged, const double *mean_t);
 

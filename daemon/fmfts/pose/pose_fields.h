@@ -112,6 +112,7 @@ typedef enum {
     ONE(double, unread_s) /* how long the last temperature has been held */                                            \
     ONE(double, warmed_k) /* since rest, by the last temperature */                                                    \
     ONE(double, further_drift) /* mean_residuals.c: T²/K²; variance of the offsets' drift that the model lacks */      \
+    ONE(int64_t, calm_drift) /* how many means in a row a smaller drift has explained */                               \
     MANY(double, state, FMFTS_STATE) /* tracker.c: of the last good frame */                                           \
     MANY(double, covariance, FMFTS_STEP * FMFTS_STEP)                                                                  \
     ONE(double, since_good_s)                                                                                          \

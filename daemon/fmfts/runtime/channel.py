@@ -252,7 +252,7 @@ class Channel:
         """Health and reason as they were published last. Where it is not "ok", there is a reason."""
         if (last := self.announcer.last) is None:
             return self._absence(time.monotonic_ns())
-        return last.health, last.reason or self._lateness.sentence
+        return last.health, last.reason or self._lateness.sentence or self.pipeline.further_drift
 
     def status(self, now_ns: int) -> StatusMessage:
         """The status message about the interval since the last call."""
