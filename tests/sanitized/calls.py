@@ -23,7 +23,7 @@ from fmfts.pipeline import _pad
 from fmfts.pipeline.creep import Creep
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.parameters import packed_response
-from fmfts.pipeline.words import words_of
+from fmfts.pipeline.words import Words, words_of
 from fmfts.pose import _alignment, _kernel
 from fmfts.pose.alignment import Alignment
 from fmfts.pose.kernel import deviations, predict, solve_problem
@@ -65,6 +65,16 @@ def missing(parts: tuple[Any, ...], frame: tuple[Any, ...]) -> dict[int, str]:
     return pad.missing()
 
 
+def told_of_several(
+    parts: tuple[Any, ...], follow: tuple[Any, ...], early: tuple[Any, ...], told: tuple[Any, ...]
+) -> bytes | None:
+    """A frame of several magnets, that Python judged, and a sample before the next frame."""
+    pad = _pad.Pad(*parts)
+    pad.follow(*follow)
+    pad.tell(*told)
+    return pad.follow_early(follow[0], *early)
+
+
 @ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
 def _sent(_socket: int, _data: int, size: int, _flags: int) -> int:
     return size
@@ -81,7 +91,7 @@ def lent(
     return loop.take(descriptor, line, arrival_ns), pad.last_ns(), loop.end(descriptor), pad.end(), pad.last
 
 
-for function in (judged, followed, absent, missing, lent):
+for function in (judged, followed, absent, missing, lent, told_of_several):
     setattr(PADS, function.__name__, function)
 
 MODULES: dict[str, ModuleType] = {
@@ -361,10 +371,30 @@ def _followed(_: np.random.Generator) -> None:
 
     from fmfts.sensor.early import EarlySample
 
-    pipeline = ready(early_s=1.1e-3)
-    for frame in frames(90, tapping):
-        pipeline.answer(frame)
-    pipeline.early(EarlySample(frame.pad_index, 1, frame.device_time_us + 2000, frame.gain_code, (100, -200, 50)))
+    pipeline, noted = ready(early_s=1.1e-3), dict[str, tuple[Any, ...]]()
+    writer, compiled = pipeline._writer, pipeline._writer.compiled
+
+    class Noted:
+        """The pad, whose last calls are noted."""
+
+        def __getattr__(self, name: str) -> Any:
+            def noting(*arguments: Any) -> Any:
+                noted[name] = kept(arguments)
+                return getattr(compiled, name)(*arguments)
+
+            return noting if name in ("follow", "tell", "follow_early") else getattr(compiled, name)
+
+    writer.compiled = Noted()  # type: ignore[assignment]
+    words = tuple(Words(1, "pad", "boot", "model", None, "", "", "", ((), "")))
+    for count in (20, 90):  # untouched, and a finger
+        for frame in frames(count, tapping):
+            pipeline.answer(frame)
+        pipeline.early(EarlySample(frame.pad_index, 1, frame.device_time_us + 2000, frame.gain_code, (100, -200, 50)))
+        parts = writer.parameters, writer._memory
+        buffers = tuple(bytearray(part.buffer.tobytes()) for part in parts)
+        pad = *buffers, None, None, words, bytearray(writer._unseen.tobytes()), ()
+        early = noted.get("follow_early", (b"", 1, 0, 100, -200, 50, 10))
+        PADS.told_of_several(pad, noted["follow"], early[1:], noted["tell"])
 
 
 def _neighbours(_: np.random.Generator) -> None:

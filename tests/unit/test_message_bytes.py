@@ -12,7 +12,15 @@ import numpy as np
 import pytest
 
 from fmfts.bus.encoding import decode_contact, encode
-from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, NowMessage, PoseMessage, SlipMessage
+from fmfts.bus.messages import (
+    NO_ESTIMATE,
+    ContactMessage,
+    FingerMessage,
+    Health,
+    NowMessage,
+    PoseMessage,
+    SlipMessage,
+)
 from fmfts_client.fields import SCHEMA_VERSION
 from needed import missing
 
@@ -34,6 +42,8 @@ POSE = PoseMessage.__struct_fields__
 # Contents of a reading: the flags of write_message.c after `contact`.
 TOLD = ("over_range", "force", "place", "force_min", "displacement", "pose", "outputs", "now", "now_places")
 TOLD += ("slip", "slip_known", "slipping", "friction")
+TOLD += ("several", "more", "tells_fingers", "fingers", "tells_poses", "magnets")
+MOST_FINGERS, MOST_MAGNETS = 2, 9
 SLIP = SlipMessage.__struct_fields__[1:]
 EDGES = [0, 23, 31, 32, 127, 128, 255, 256, 65535, 65536, 2**31, 2**32 - 1, 2**32, 2**53, 2**63 - 1]
 
@@ -83,6 +93,26 @@ def random_numbers(random: np.random.Generator) -> dict[str, Any]:
     return {name: value if len(value) > 1 else float(value[0]) for name, value in numbers.items()}
 
 
+def magnet(numbers: dict[str, Any], times: float) -> PoseMessage:
+    """times: the number that write_message.c multiplies this magnet's own numbers by."""
+    of_all = "ambient_t", "ambient_sd_t", "residual_t", "chi2"
+    scaled = {name: np.asarray(numbers[name]) * (1.0 if name in of_all else times) for name in POSE}
+    pose = {name: tuple(value.tolist()) if NUMBERS[name] > 1 else float(value) for name, value in scaled.items()}
+    if np.isnan(numbers["ambient_t"][0]):
+        pose |= {"ambient_t": None, "ambient_sd_t": None}  # type: ignore[dict-item]
+    return PoseMessage(**pose)  # type: ignore[arg-type]
+
+
+def finger(numbers: dict[str, Any], outputs: int, number: int) -> FingerMessage:
+    """As write_message.c makes it."""
+    told: dict[str, Any] = dict.fromkeys(FingerMessage.__struct_fields__)
+    for index, name in enumerate(OUTPUTS[:outputs]):
+        unit = "m" if name in "xy" else "n"
+        told[f"{name}_{unit}"] = float(numbers["place"][index] * (1.0 + number))
+        told[f"{name}_sd_{unit}"] = float(numbers["deviation"][index] * (1.0 + number))
+    return FingerMessage(**(told | {"id": 100 * number + 7}))
+
+
 def expected(
     numbers: dict[str, Any], flags: list[int], integers: list[int], words: Words, health: str
 ) -> ContactMessage:
@@ -113,11 +143,13 @@ def expected(
     if told["slip"]:
         known = {name: numbers[name] if told["friction"] or SLIP.index(name) < 5 else None for name in SLIP}
         fields["slip"] = SlipMessage(slipping=bool(told["slipping"]), **known) if told["slip_known"] else SlipMessage()
-    if told["pose"]:
-        pose = {name: tuple(value) if NUMBERS[name] > 1 else value for name in POSE for value in [numbers[name]]}
-        if np.isnan(numbers["ambient_t"][0]):
-            pose |= {"ambient_t": None, "ambient_sd_t": None}
-        fields["pose"] = PoseMessage(**pose)
+    if told["pose"] and not told["several"]:
+        fields["pose"] = magnet(numbers, 1.0)
+    if told["several"]:
+        fingers = [finger(numbers, told["outputs"], number) for number in range(told["fingers"])]
+        poses = [magnet(numbers, 1.0 + number) for number in range(told["magnets"])]
+        fields["contacts"], fields["more"] = fingers if told["tells_fingers"] else None, bool(told["more"])
+        fields["poses"] = poses if told["tells_poses"] else None
     return ContactMessage(
         v=version,
         pad=pad,
@@ -157,6 +189,8 @@ def random_flags(random: np.random.Generator, healths: int) -> list[int]:
         *(int(one) for one in random.integers(0, 2, len(TOLD))),
     ]
     flags[2 + TOLD.index("outputs")] = int(random.choice([3, 5]))
+    flags[2 + TOLD.index("fingers")] = int(random.integers(MOST_FINGERS + 1))
+    flags[2 + TOLD.index("magnets")] = int(random.integers(MOST_MAGNETS + 1))
     return flags
 
 

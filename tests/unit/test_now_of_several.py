@@ -102,7 +102,7 @@ def test_samples_before_their_frame_bring_a_newer_now() -> None:
     made, before, brought = ready(EARLY_S), ready(), list[ContactMessage]()
     alone = [before.process(frame) for frame in frames(220, tapping)]
     for frame in frames(220, tapping):
-        brought += [answer for sample in samples_of(frame) if (answer := made.early(sample)) is not None]
+        brought += [answer.message for sample in samples_of(frame) if (answer := made.early(sample)) is not None]
         last = made.process(frame)
         assert last.now is None or last.now.t_ns > frame.host_time_ns - 10_000_000
     assert len(brought) > 600

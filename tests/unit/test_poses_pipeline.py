@@ -20,8 +20,9 @@ from fmfts.contact.array_model import ArrayModel
 from fmfts.offline.replay import Replay, essence
 from fmfts.pad import Placement
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
-from fmfts.pipeline.several_pipeline import BARE_ONLY, SeveralPipeline
+from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot, state_message
+from fmfts.pipeline.words import BARE_ONLY
 from fmfts.recording.file import RecordingWriter
 from fmfts.runtime.announcer import _place
 from fmfts.sensor import Frame

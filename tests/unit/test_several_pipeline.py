@@ -16,8 +16,9 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig, SiliconeConfig
 from fmfts.pad import Array, rotation_from_vector
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
-from fmfts.pipeline.several_pipeline import BARE_ONLY, SeveralPipeline
+from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
+from fmfts.pipeline.words import BARE_ONLY
 from fmfts.sensor import Frame
 from fmfts.several import estimator
 from fmfts.several.poses import Poses, poses_of

@@ -1,11 +1,12 @@
 /* The module fmfts.pipeline._pad: its types, and the fields of the structs that Python fills. */
 #include "_pad.h"
 
-#include "finger.h"
+#include "fingers.h"
 
 static const fmfts_field_name PARAMETERS[] = FMFTS_NAMES(FMFTS_PARAMETERS);
 static const fmfts_field_name MEMORY[] = FMFTS_NAMES(FMFTS_MEMORY);
 static const fmfts_field_name FOLLOWED[] = FMFTS_NAMES(FMFTS_FOLLOWED_MEMORY);
+static const fmfts_field_name MOUNTED[] = FMFTS_NAMES(FMFTS_MOUNTED_PARAMETERS);
 
 /* Fields and inner structs have no padding: one flat NumPy record describes them. */
 #define ONE_BYTES(type, name) +sizeof(type)
@@ -34,6 +35,7 @@ static int set_up(PyObject *module)
     return !loop_type || fmfts_add_fields(module, "PARAMETERS", PARAMETERS, COUNT(PARAMETERS)) < 0 ||
                    fmfts_add_fields(module, "MEMORY", MEMORY, COUNT(MEMORY)) < 0 ||
                    fmfts_add_fields(module, "FOLLOWED", FOLLOWED, COUNT(FOLLOWED)) < 0 ||
+                   fmfts_add_fields(module, "MOUNTED", MOUNTED, COUNT(MOUNTED)) < 0 ||
                    PyModule_AddIntConstant(module, "FELT", FMFTS_FELT) < 0 ||
                    PyModule_AddIntConstant(module, "STATE", FMFTS_STATE) < 0 ||
                    PyModule_AddIntConstant(module, "STEP", FMFTS_STEP) < 0
@@ -44,8 +46,6 @@ static int set_up(PyObject *module)
 static PyMethodDef methods[] = {
     FMFTS_METHOD(distance, "How far a change moved a magnet; see _pad.pyi."),
     FMFTS_METHOD(drawn, "A pose in the drawing's frame; see _pad.pyi."),
-    FMFTS_METHOD(follow_finger, "The finger as it is published; see _pad.pyi."),
-    FMFTS_METHOD(follow_finger_early, "The same after one sample; see _pad.pyi."),
     FMFTS_METHOD(left_behind, "What earlier loads have left; see _pad.pyi."),
     FMFTS_METHOD(track_field, "Judge a field that is given; see _pad.pyi."),
     {NULL, NULL, 0, NULL},

@@ -64,6 +64,11 @@ static PyObject *message_of(const fmfts_pad_object *self)
     return PyBytes_FromStringAndSize((const char *)self->message, (Py_ssize_t)self->message_bytes);
 }
 
+PyObject *fmfts_written(fmfts_pad_object *self)
+{
+    return write_message(self, self->memory->pose.frame_us, self->memory->pose.frame_ns) ? message_of(self) : NULL;
+}
+
 bool fmfts_tell(fmfts_pad_object *self, const fmfts_frame *frame)
 {
     bool judged = fmfts_judge(&self->pad, self->memory, frame, &self->reading);
@@ -154,7 +159,7 @@ static PyObject *early(PyObject *object, PyObject *args)
     return PyErr_Occurred() ? NULL : Py_NewRef(Py_None);
 }
 
-static fmfts_health health_of(const char *name)
+fmfts_health fmfts_health_of(const char *name)
 {
     fmfts_health health = FMFTS_OK;
     while (health < FMFTS_HEALTHS && strcmp(name, fmfts_health_name(health)) != 0) {
@@ -170,7 +175,7 @@ static PyObject *absent(PyObject *object, PyObject *args)
     if (!PyArg_ParseTuple(args, "ss", &health, &reason) || !fmfts_still_fits(self)) {
         return NULL;
     }
-    if (health_of(health) == FMFTS_HEALTHS) {
+    if (fmfts_health_of(health) == FMFTS_HEALTHS) {
         return PyErr_Format(PyExc_ValueError, "there is no health '%s'", health);
     }
     fmfts_forget_touch(&self->memory->contact); /* the finger may be gone */
@@ -178,7 +183,7 @@ static PyObject *absent(PyObject *object, PyObject *args)
     fmfts_forget_slip(&self->memory->slip);
     memset(&self->reading, 0, sizeof self->reading);
     self->reading.tells_slip = self->pad.parameters->slip.tells_slip != 0.0;
-    self->reading.health = health_of(health);
+    self->reading.health = fmfts_health_of(health);
     self->reading.temperature_c = NAN;
     fmfts_say(&self->reading.reason, "%s", reason);
     return write_message(self, 0, 0) ? message_of(self) : NULL;
@@ -224,6 +229,9 @@ static PyMethodDef methods[] = {
     {"absent", absent, METH_VARARGS, "Encode a message without an estimate; see _pad.pyi."},
     {"missing", missing, METH_NOARGS, "What is wrong with the sensors of the last frame; see _pad.pyi."},
     {"begin", fmfts_pad_begin, METH_VARARGS, "Let a Loop judge the pad's frames; see _pad.pyi."},
+    {"follow", fmfts_pad_follow, METH_VARARGS, "Follow the finger of a frame; see _pad.pyi."},
+    {"follow_early", fmfts_pad_follow_early, METH_VARARGS, "The same after a sample; see _pad.pyi."},
+    {"tell", fmfts_pad_tell, METH_VARARGS, "Encode the message of a pad with several magnets; see _pad.pyi."},
     {"end", fmfts_pad_end, METH_NOARGS, "Stop that, and tell what was handled; see _pad.pyi."},
     {"last_ns", fmfts_pad_last_ns, METH_NOARGS, "When the last handled frame arrived; see _pad.pyi."},
     {NULL, NULL, 0, NULL},

@@ -48,6 +48,7 @@ typedef struct {
     fmfts_pad pad;
     fmfts_memory *memory;
     fmfts_reading reading;
+    fmfts_told_several several; /* of the reading, where it has several magnets */
     fmfts_gist gist;
     fmfts_times times;
     uint8_t message[FMFTS_MESSAGE_ROOM];
@@ -83,6 +84,17 @@ static inline bool fmfts_has_size(const Py_buffer *buffer, size_t size, const ch
 /* _pad.c: whether differences of these fit into 64 bits. 0 and ValueError if not. */
 int fmfts_are_possible(int64_t sequence, int64_t time_us, int64_t host_ns);
 
+/* _pad.c: the health of a name in messages; FMFTS_HEALTHS, if there is none. */
+fmfts_health fmfts_health_of(const char *name);
+
+/* _pad.c: writes the reading as the next message, with `now` relative to the last frame. NULL with an exception if it has no room. */
+PyObject *fmfts_written(fmfts_pad_object *self);
+
+/* _fingers.c: methods of a Pad with several magnets. */
+PyObject *fmfts_pad_tell(PyObject *self, PyObject *args);
+PyObject *fmfts_pad_follow(PyObject *self, PyObject *args);
+PyObject *fmfts_pad_follow_early(PyObject *self, PyObject *args);
+
 /* _pad.c: judges a frame, and writes its message. False if a number of it is not finite, or with an exception that the contact
  * model raised. */
 bool fmfts_tell(fmfts_pad_object *self, const fmfts_frame *frame);
@@ -106,9 +118,6 @@ PyObject *fmfts_py_drawn(PyObject *module, PyObject *args);
 PyObject *fmfts_py_left_behind(PyObject *module, PyObject *args);
 PyObject *fmfts_py_distance(PyObject *module, PyObject *args);
 
-/* _finger.c: follow_finger() and follow_finger_early(), which _pad.pyi explains. */
-PyObject *fmfts_py_follow_finger(PyObject *module, PyObject *args);
-PyObject *fmfts_py_follow_finger_early(PyObject *module, PyObject *args);
 
 /* _lent.c: methods of Pad, which _pad.pyi explains. */
 PyObject *fmfts_pad_begin(PyObject *object, PyObject *args);

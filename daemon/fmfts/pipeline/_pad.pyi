@@ -15,12 +15,17 @@ Field = tuple[str, str, int]  # name, type as NumPy names it, and how many; 0: o
 PARAMETERS: list[Field]  # of fmfts_parameters
 MEMORY: list[Field]  # of fmfts_memory
 FOLLOWED: list[Field]  # of fmfts_followed_memory
+MOUNTED: list[Field]  # of fmfts_mounted_parameters
 FELT: int  # magnets of neighbouring pads, at most
 STATE: int  # numbers of a state, and of a step
 STEP: int
 
 # health, contact, over_range, t_sample_ns, t_publish_ns of a message.
 Gist = tuple[Health, bool | None, bool, bool, int, int]
+# Whether they are beyond the table; numbers; place and force, covariance, shear and its deviation, least variance.
+Fingers = tuple[bool, tuple[int, ...], Numbers, Numbers, Numbers, Numbers, Numbers | None]
+# Positions, axes, variances of the change since rest, residuals, χ², and the change of the ambient field.
+Magnets = tuple[Numbers, Numbers, Numbers, Numbers, float, Numbers | None]
 # See encoded.py.
 Passed = tuple[int, int, int, int, int, int, int, bytes, tuple[bytes, ...], list[float]]
 
@@ -35,36 +40,6 @@ def drawn(parameters: Buffer, state: Numbers, covariance: Numbers, pose: Numbers
 
     state (15,), covariance (14, 14): of the mounted pad.
     """
-
-# The time that `now` is about on the board's clock, whether it tells places; value, deviation, rate and its deviation
-# of x, y (m) and force (N).
-Quad = tuple[float, float, float, float]
-Followed = tuple[int, bool, Quad, Quad, Quad]
-
-def follow_finger(
-    parameters: Buffer,
-    memory: Buffer,
-    field_t: Numbers,
-    sampled_us: Numbers,
-    fresh: int,
-    sequence: int,
-    device_time_us: int,
-    /,
-) -> Followed | None:
-    """The finger when the message of a frame is published: finger.h. None: nobody knows."""
-
-def follow_finger_early(
-    parameters: Buffer,
-    memory: Buffer,
-    sensor: int,
-    gain_code: int,
-    x: int,
-    y: int,
-    z: int,
-    device_time_us: int,
-    /,
-) -> Followed | None:
-    """The same after a sample that came before its frame."""
 
 def left_behind(parameters: Buffer, memory: Buffer, left: Numbers, elapsed_s: float, /) -> None:
     """Notes the load of the memory's state. Fills left (5, 5) with the covariance of what earlier loads have left."""
@@ -136,6 +111,39 @@ class Pad:
 
     def missing(self) -> dict[int, str]:
         """Sensor (from 0) → why the last frame could not use it."""
+
+    def tell(
+        self,
+        health: str,
+        reason: str,
+        temperature_c: float,
+        times: tuple[int, int, int, int],
+        more: bool,
+        has_now: bool,
+        mounted: Buffer,
+        used: Numbers,
+        contact: int,
+        displacement: tuple[float, float],
+        fingers: Fingers | None,
+        magnets: Magnets | None,
+        /,
+    ) -> bytes:
+        """The message of a frame of several magnets, which Python judged: fingers.h. times: the message's number, the
+        host's time of the sample, and the frame's on the board's clock and on the host's. has_now: `follow` made it.
+        contact: −1: not known. displacement: NaN: not told.
+
+        ArithmeticError if a number of its message is not finite.
+        """
+
+    def follow(
+        self, memory: Buffer, field_t: Numbers, sampled_us: Numbers, fresh: int, sequence: int, time_us: int, /
+    ) -> bool:
+        """Follow the finger of a frame: finger.h. Whether the next message has a `now`. memory: of FOLLOWED."""
+
+    def follow_early(
+        self, memory: Buffer, sensor: int, gain_code: int, x: int, y: int, z: int, time_us: int, /
+    ) -> bytes | None:
+        """The last message with what a sample says that came before its frame; None: it has no news."""
 
     def begin(self, clock: Buffer, topic: bytes, pad_index: int, overdue_ns: int, /) -> None:
         """Until `end`, a Loop judges the frames, whatever their health.

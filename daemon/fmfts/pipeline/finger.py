@@ -11,7 +11,6 @@ import numpy as np
 
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import product
-from fmfts.bus.messages import NowMessage
 from fmfts.common.chi2 import quantile
 from fmfts.common.record import Record, Values
 from fmfts.contact.drive import drive_power
@@ -37,9 +36,6 @@ LONGEST_AHEAD_S = 0.01
 LIGHT_N = 0.2
 # What the linear field, the table and the gains may be wrong by while a finger moves, as a share of the field's change.
 UNKNOWN_SHARE = 0.03
-NO_SHEAR: dict[str, None] = dict.fromkeys(name for name in NowMessage.__struct_fields__ if name.startswith("shear_"))
-Quad = tuple[float, float, float, float]
-Told = tuple[int, bool, Quad, Quad, Quad]  # _pad.Followed
 
 
 @dataclass(slots=True)
@@ -52,16 +48,17 @@ class FollowedMemory:
 class FollowedFinger:
     """For one pad with its baseline."""
 
-    def __init__(self, estimator: FingersEstimator, rate_hz: float, lead: Lead) -> None:
+    def __init__(self, estimator: FingersEstimator, rate_hz: float, lead: Lead, parameters: Record) -> None:
+        """parameters: of the pad's Pad, which are filled."""
         pad, mounting, scene = estimator.pad, estimator.mounting, estimator.scene
         self._estimator, self._mounting = estimator, mounting
         self._sensors = len(pad.sensors)
-        self._parameters, self._memory = Record(_pad.PARAMETERS), Record(_pad.FOLLOWED)
+        self._memory = Record(_pad.FOLLOWED)
         walk = np.zeros(_pad.STEP)
         walk[AMBIENT] = scene.ambient_walk_t2_per_s
         values = mounting.noise_t.size
-        self._parameters.fill(chip_fields(pad.chip))
-        self._parameters.fill(
+        parameters.fill(chip_fields(pad.chip))
+        parameters.fill(
             {
                 "sensors": self._sensors,
                 "period_us": 1e6 / rate_hz,
@@ -81,7 +78,7 @@ class FollowedFinger:
             }
         )
 
-        self._buffers = self._parameters.buffer, self._memory.buffer
+        self._buffer = self._memory.buffer
         self._rest_t = mounting.rest_field_t.ravel()
         self._quiet = np.array([0.0, 0.0, estimator.quiet_force_sd_n])
         self._sure_t = SURE_DEVIATIONS * mounting.noise_t
@@ -99,12 +96,15 @@ class FollowedFinger:
         """Nobody knows what presses."""
         self._memory.fill({"pressing": NOT_KNOWN, "untouched_us": 0.0, "motion_us": 0.0})
 
-    def after(self, reading: FingersReading, aligned: Aligned, frame: Frame, field_t: Array) -> Told | None:
-        """The contact when the message of a frame is published; None: not known. field_t (N, 3): of the frame."""
+    def after(
+        self, reading: FingersReading, aligned: Aligned, frame: Frame, field_t: Array, compiled: _pad.Pad
+    ) -> bool:
+        """Whether `compiled` knows the contact when the message of a frame is published. field_t (N, 3): of the
+        frame."""
         memory, fit = self._memory, reading.fit
         if fit is None or reading.health != "ok" or reading.over_range or len(fit.fingers) > 1 or aligned.leap_us:
             self.forget()
-            return None
+            return False
         pressed = len(fit.fingers) > 0
         memory.fill({"pressing": float(pressed), "places": float(pressed), "instant_us": float(aligned.time_us)})
         if pressed:
@@ -114,15 +114,14 @@ class FollowedFinger:
             newer_t = field_t - aligned.field_t
             if (np.abs(newer_t) > self._sure_t).any():
                 self._look_ahead(reading.measured, newer_t, frame)
-        told: Told | None = _pad.follow_finger(
-            *self._buffers,
+        return compiled.follow(
+            self._buffer,
             np.ascontiguousarray(field_t),
             np.ascontiguousarray(frame.sampled_us),
             mask_of(frame.fresh & frame.valid),
             frame.sequence,
             frame.device_time_us,
         )
-        return told
 
     def _look_ahead(self, measured: Measured | None, newer_t: Array, frame: Frame) -> None:
         """The newest samples may show a finger, though nothing pressed at the frame's instant. newer_t (N, 3): by how
@@ -164,39 +163,7 @@ class FollowedFinger:
         memory["ahead_t"][:values] = moment * (self._rest_t + change_t)
         memory["by_finger"][: 3 * values] = (moment * slope_t).ravel()
 
-    def early(self, early: EarlySample) -> Told | None:
-        """The same after a sample that came before its frame; None where it says nothing new."""
-        told: Told | None = _pad.follow_finger_early(
-            *self._buffers,
-            early.sensor,
-            early.gain_code,
-            *early.counts,
-            early.device_time_us,
-        )
-        return told
-
-
-def now_told(told: Told | None, t_ns: int) -> NowMessage | None:
-    """As a message has it. t_ns: when it holds, on the host's clock."""
-    if told is None:
-        return None
-    _, places, x, y, force = told
-    nothing = None, None, None, None
-    (x_m, x_sd, x_rate, x_rate_sd), (y_m, y_sd, y_rate, y_rate_sd) = (x, y) if places else (nothing, nothing)
-    force_n, force_sd, force_rate, force_rate_sd = force
-    return NowMessage(
-        t_ns=t_ns,
-        x_m=x_m,
-        x_sd_m=x_sd,
-        x_rate_m_per_s=x_rate,
-        x_rate_sd_m_per_s=x_rate_sd,
-        y_m=y_m,
-        y_sd_m=y_sd,
-        y_rate_m_per_s=y_rate,
-        y_rate_sd_m_per_s=y_rate_sd,
-        force_n=force_n,
-        force_sd_n=force_sd,
-        force_rate_n_per_s=force_rate,
-        force_rate_sd_n_per_s=force_rate_sd,
-        **NO_SHEAR,
-    )
+    def early(self, early: EarlySample, compiled: _pad.Pad) -> bytes | None:
+        """The last message with what a sample says that came before its frame; None where it says nothing new."""
+        count = early.sensor, early.gain_code, *early.counts
+        return compiled.follow_early(self._buffer, *count, early.device_time_us)

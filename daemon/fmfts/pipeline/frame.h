@@ -84,6 +84,28 @@ typedef struct {
     fmfts_contact_now contact; /* outputs: 3 or 5 */
 } fmfts_now;
 
+enum { FMFTS_TOLD_FINGERS = 2, FMFTS_TOLD_MAGNETS = FMFTS_MOST_TOGETHER };
+
+/* A magnet's pose in a message. */
+typedef struct {
+    double position_m[3], position_sd_m[3], axis[3], axis_sd_rad, remanence_t, remanence_sd_t;
+} fmfts_told_pose;
+
+/* One of several fingers in a message. outputs: 5; 3 without shear. */
+typedef struct {
+    int64_t id;
+    int outputs;
+    double value[FMFTS_CONTACT], deviation[FMFTS_CONTACT];
+} fmfts_told_finger;
+
+/* What a message of a pad with several magnets adds. more: no two fingers explain the field. */
+typedef struct {
+    bool more, tells_fingers, tells_poses;
+    size_t fingers, magnets;
+    fmfts_told_finger finger[FMFTS_TOLD_FINGERS];
+    fmfts_told_pose pose[FMFTS_TOLD_MAGNETS];
+} fmfts_told_several;
+
 /* The last frame's values for samples that come before the next frame. moment: the covariance of the magnet's moment
  * with the pose, and its variance. known: the other values are valid. */
 typedef struct {
@@ -106,13 +128,14 @@ typedef struct {
     fmfts_estimate estimate; /* place, force and shear, with deviations but for that of the force */
     double force_n, force_sd_n;
     double displacement_m, displacement_sd_m;
-    double position_m[3], position_sd_m[3], axis[3], axis_sd_rad, remanence_t, remanence_sd_t;
+    fmfts_told_pose pose;
     double ambient_t[3], ambient_sd_t[3]; /* NaN: not measured */
     double residual_t, chi2;
     fmfts_now now;
     bool tells_slip; /* whether it is configured, so that the message has the key */
     fmfts_slip slip;
     fmfts_judged judged;
+    const fmfts_told_several *several; /* NULL: the pad has one magnet */
 } fmfts_reading;
 
 /* frame.c: judges one frame, in `memory`. False, and the memory is as before, if a number of its message is not finite. */
@@ -130,7 +153,7 @@ typedef struct {
     int64_t sampled, published, utc, now;
 } fmfts_times;
 
-enum { FMFTS_MESSAGE_ROOM = FMFTS_TEXT_ROOM + 4096 };
+enum { FMFTS_MESSAGE_ROOM = FMFTS_TEXT_ROOM + 8192 };
 
 /* message.c: encodes a reading as msgpack, as docs/messages.md has it; the bytes are those that msgspec makes of a
  * ContactMessage. Returns the size; 0 if there is no room, which only long words can cause. */

@@ -15,6 +15,7 @@ from fmfts.baseline import Baseline
 from fmfts.bus.messages import ContactMessage, Health
 from fmfts.pad import Pad
 from fmfts.pipeline import _pad
+from fmfts.pipeline.encoded import EncodedMessage
 from fmfts.pipeline.last_frame import LastFrame
 from fmfts.pipeline.sensors_ok import mask_of
 from fmfts.pipeline.words import NO_BASELINE
@@ -64,14 +65,14 @@ class JudgedInPython:
         """Make the message of one frame."""
         raise NotImplementedError
 
-    def answer(self, frame: Frame) -> ContactMessage:
+    def answer(self, frame: Frame) -> ContactMessage | EncodedMessage:
         return self.process(frame)
 
     def host_time_ns(self, device_time_us: int) -> int:
         """The host's time of the board's, near the last frame."""
         return self._last_frame.host_time_ns(device_time_us)
 
-    def early(self, early: EarlySample) -> ContactMessage | None:
+    def early(self, early: EarlySample) -> ContactMessage | EncodedMessage | None:
         """Ignores a sample that comes before its frame, unless the pad has a `now`."""
         return None
 
@@ -104,13 +105,18 @@ class JudgedInPython:
         field_t, foreign_t2, self._posture_unknown = hand.at(self._sampled_ns)
         return aligned._replace(field_t=aligned.field_t - field_t.reshape(-1, 3), foreign_t2=foreign_t2)
 
-    def _message(self, reading: Judged, told: dict[str, Any], temperature_c: float | None) -> ContactMessage:
-        """told: the message's estimates, by field."""
-        self.messages += 1
+    def _health(self, reading: Judged) -> tuple[Health, str]:
+        """Of a frame's reading, and of the posture's field, which may not be known."""
         health, reason = reading.health, reading.reason
         if self._posture_unknown and health in ("ok", "degraded", "disturbed", "lost"):
             health = "degraded" if health == "ok" else health
             reason = "; ".join(filter(None, (reason, self._posture_unknown)))
+        return health, reason
+
+    def _message(self, reading: Judged, told: dict[str, Any], temperature_c: float | None) -> ContactMessage:
+        """told: the message's estimates, by field."""
+        self.messages += 1
+        health, reason = self._health(reading)
         return ContactMessage(
             pad=self.pad.name,
             boot=self._boot,

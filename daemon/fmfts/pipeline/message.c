@@ -1,11 +1,10 @@
-/* Encodes a reading as msgpack: ContactMessage of bus/messages.py, without the fields that only a pad with several magnets has.
- * Integers and texts take as few bytes as msgpack allows, as msgspec writes them. */
+/* Encodes a reading as msgpack: ContactMessage of bus/messages.py. Integers and texts take as few bytes as msgpack allows, as msgspec writes them. */
 #include <math.h>
 #include <string.h>
 
 #include "frame.h"
 
-enum { MESSAGE_FIELDS = 30, NOW_FIELDS = 21, SLIP_FIELDS = 10, POSE_FIELDS = 10, FORCE = 2 };
+enum { MESSAGE_FIELDS = 30, OF_SEVERAL = 3, NOW_FIELDS = 21, SLIP_FIELDS = 10, POSE_FIELDS = 10, FINGER_FIELDS = 11, FORCE = 2 };
 
 /* msgpack's first byte of each type that a message has. */
 enum {
@@ -192,25 +191,59 @@ static void put_slip(fmfts_packer *p, const fmfts_reading *r)
     put_number(p, "margin_sd_n", knows ? &slip->margin_sd_n : NULL);
 }
 
-static void put_pose(fmfts_packer *p, const fmfts_reading *r)
+/* A list that holds few enough items, or nil. */
+static void put_list(fmfts_packer *p, const char *name, bool told, size_t count)
 {
-    put_name(p, "pose");
-    if (!r->tells_pose) {
-        put_typed(p, NIL, 0, 0);
-        return;
+    put_name(p, name);
+    put_typed(p, told ? FIXED_ARRAY | (int)count : NIL, 0, 0);
+}
+
+static void put_fingers(fmfts_packer *p, const fmfts_told_several *several)
+{
+    put_list(p, "contacts", several->tells_fingers, several->fingers);
+    for (size_t f = 0; several->tells_fingers && f < several->fingers; f++) {
+        const fmfts_told_finger *finger = &several->finger[f];
+        put_typed(p, FIXED_MAP | FINGER_FIELDS, 0, 0);
+        put_integer(p, "id", finger->id);
+        for (int i = 0; i < FMFTS_CONTACT; i++) {
+            put_number(p, OUTPUT[i][0], i < finger->outputs ? &finger->value[i] : NULL);
+            put_number(p, OUTPUT[i][1], i < finger->outputs ? &finger->deviation[i] : NULL);
+        }
     }
+    put_flag(p, "more", several->more);
+}
+
+static void put_magnet(fmfts_packer *p, const fmfts_reading *r, const fmfts_told_pose *pose)
+{
     bool has_ambient = !isnan(r->ambient_t[0]);
     put_typed(p, FIXED_MAP | POSE_FIELDS, 0, 0);
-    put_vector(p, "position_m", r->position_m);
-    put_vector(p, "position_sd_m", r->position_sd_m);
-    put_vector(p, "axis", r->axis);
-    put_number(p, "axis_sd_rad", &r->axis_sd_rad);
-    put_number(p, "remanence_t", &r->remanence_t);
-    put_number(p, "remanence_sd_t", &r->remanence_sd_t);
+    put_vector(p, "position_m", pose->position_m);
+    put_vector(p, "position_sd_m", pose->position_sd_m);
+    put_vector(p, "axis", pose->axis);
+    put_number(p, "axis_sd_rad", &pose->axis_sd_rad);
+    put_number(p, "remanence_t", &pose->remanence_t);
+    put_number(p, "remanence_sd_t", &pose->remanence_sd_t);
     put_vector(p, "ambient_t", has_ambient ? r->ambient_t : NULL);
     put_vector(p, "ambient_sd_t", has_ambient ? r->ambient_sd_t : NULL);
     put_number(p, "residual_t", &r->residual_t);
     put_number(p, "chi2", &r->chi2);
+}
+
+static void put_poses(fmfts_packer *p, const fmfts_reading *r)
+{
+    const fmfts_told_several *several = r->several;
+    put_name(p, "pose");
+    if (several || !r->tells_pose) {
+        put_typed(p, NIL, 0, 0);
+    } else {
+        put_magnet(p, r, &r->pose);
+    }
+    if (several) {
+        put_list(p, "poses", several->tells_poses, several->magnets);
+    }
+    for (size_t m = 0; several && several->tells_poses && m < several->magnets; m++) {
+        put_magnet(p, r, &several->pose[m]);
+    }
 }
 
 static void put_reading(fmfts_packer *p, const fmfts_reading *r, int64_t now_ns)
@@ -220,9 +253,12 @@ static void put_reading(fmfts_packer *p, const fmfts_reading *r, int64_t now_ns)
     put_name(p, "reason");
     put_text(p, r->reason.text, r->reason.size);
     put_contact(p, r);
+    if (r->several) {
+        put_fingers(p, r->several);
+    }
     put_now(p, &r->now, now_ns);
     put_slip(p, r);
-    put_pose(p, r);
+    put_poses(p, r);
     put_integer(p, "sensors_ok", r->sensors_ok);
 }
 
@@ -230,7 +266,7 @@ size_t fmfts_write_message(const fmfts_words *words, const fmfts_reading *readin
                            uint8_t message[FMFTS_MESSAGE_ROOM])
 {
     fmfts_packer packer = {.bytes = message, .room = FMFTS_MESSAGE_ROOM, .fits = true}, *p = &packer;
-    put_typed(p, MAP16, MESSAGE_FIELDS + (reading->tells_slip ? 1 : 0), 2);
+    put_typed(p, MAP16, MESSAGE_FIELDS + (reading->several ? OF_SEVERAL : 0) + (reading->tells_slip ? 1 : 0), 2);
     put_integer(p, "v", words->version);
     put_words(p, "pad", words->pad);
     put_words(p, "boot", words->boot);

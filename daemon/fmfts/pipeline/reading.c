@@ -30,6 +30,7 @@ void fmfts_begin(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *
     work->step.missing.words = &pad->words.chip;
     reading->now.known = reading->judged.known = reading->slip.known = false;
     reading->tells_slip = pad->parameters->slip.tells_slip != 0.0;
+    reading->several = NULL;
 }
 
 /* When the instant was on the host's clock. In a recording's memory it may be any time. */
@@ -69,15 +70,15 @@ static void read_pose(const fmfts_message_parameters *parameters, const fmfts_st
         deviation[i] = sqrt(own[(FMFTS_STEP + 1) * i] + parameters->rest_variance[i]);
     }
     for (int i = 0; i < 3; i++) {
-        reading->position_m[i] = state[i];
-        reading->position_sd_m[i] = deviation[i];
-        reading->axis[i] = state[AXIS_VALUE + i];
+        reading->pose.position_m[i] = state[i];
+        reading->pose.position_sd_m[i] = deviation[i];
+        reading->pose.axis[i] = state[AXIS_VALUE + i];
         reading->ambient_t[i] = parameters->ambient_t[i] + state[AMBIENT_VALUE + i];
         reading->ambient_sd_t[i] = sqrt(parameters->ambient_variance[i] + own[(FMFTS_STEP + 1) * (AMBIENT_COLUMN + i)]);
     }
-    reading->axis_sd_rad = fmax(deviation[3], deviation[4]);
-    reading->remanence_t = parameters->remanence_t * fmfts_exp(state[LOG_VALUE]);
-    reading->remanence_sd_t = deviation[5] * reading->remanence_t;
+    reading->pose.axis_sd_rad = fmax(deviation[3], deviation[4]);
+    reading->pose.remanence_t = parameters->remanence_t * fmfts_exp(state[LOG_VALUE]);
+    reading->pose.remanence_sd_t = deviation[5] * reading->pose.remanence_t;
     reading->residual_t = step->pose.residual_t;
     reading->chi2 = step->pose.chi2;
 }

@@ -8,26 +8,26 @@ Python judges its frames, and calls the compiled fit.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
 from fmfts.baseline import Baseline
 from fmfts.baseline.array_mounting import ArrayMounting
-from fmfts.bus.messages import ContactMessage, Health, NowMessage
+from fmfts.bus.messages import ContactMessage, Health
 from fmfts.common.memory import require_alike
 from fmfts.contact import NoContactModel
 from fmfts.contact.array_model import ArrayModel
 from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Array, Pad, Placement
-from fmfts.pipeline.finger import FollowedFinger, FollowedMemory, Told, now_told
+from fmfts.pipeline.encoded import EncodedMessage
+from fmfts.pipeline.finger import FollowedFinger, FollowedMemory
 from fmfts.pipeline.judged_in_python import JudgedInPython
 from fmfts.pipeline.lead import Lead
-from fmfts.pipeline.several_message import several_told
+from fmfts.pipeline.several_message import SeveralWriter
+from fmfts.pipeline.words import BARE_ONLY
 from fmfts.pose import Aligned, repeats_allowed
 from fmfts.pose.alignment import AlignmentMemory
 from fmfts.pose.hand import Hand
@@ -44,8 +44,6 @@ from fmfts.several.poses_estimator import PosesEstimator
 from fmfts.several.reading import FingersMemory, FingersReading, PosesMemory, PosesReading
 from fmfts.several.sighted import rest_of
 from fmfts.several.since_rest import Warmth, present
-
-BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
 
 
 @dataclass(slots=True)
@@ -64,7 +62,7 @@ class SeveralMemory:
 
 
 class SeveralPipeline(JudgedInPython):
-    """Makes a message of each frame of one pad with several magnets.
+    """Makes a message of each frame of one pad with several magnets, which C encodes.
 
     magnet_per_k: temperature coefficient of the remanence.
     """
@@ -86,7 +84,7 @@ class SeveralPipeline(JudgedInPython):
         super().__init__(pad, model.hash, boot, rate_hz, hand)
         self._model, self._lead = model, lead
         self._followed: FollowedFinger | None = None
-        self._last: ContactMessage | None = None  # of a frame that has a `now`
+        self._has_now = False  # the last message, and it is that of a frame
         self._scene, self._magnet_per_k = scene, magnet_per_k
         self._estimator: FingersEstimator | PosesEstimator | None = None
         self._at_first: FingersMemory | PosesMemory | None = None  # the estimator's memory before any frame
@@ -94,6 +92,11 @@ class SeveralPipeline(JudgedInPython):
         self._neighbours: list[NeighbourView] = []
         self._is_felt = False
         self.search: Search = "none"  # the last frame's search for fingers
+        self._writer = SeveralWriter(pad, boot, model.hash)
+
+    def _use(self, estimator: FingersEstimator | PosesEstimator | None, baseline: Baseline | None) -> None:
+        self._estimator, self._baseline, self._has_now, self._followed = estimator, baseline, False, None
+        self._writer.use(estimator, None if baseline is None else baseline.id)
 
     @property
     def model(self) -> ArrayModel | NoContactModel:
@@ -118,25 +121,26 @@ class SeveralPipeline(JudgedInPython):
         Returns the mounting; None, and nothing is published yet, if there is only a bare recording.
         """
         if baseline.rest is None:
-            self._estimator, self._baseline, self._why_none = None, baseline, BARE_ONLY
-            self._followed = self._last = None
+            self._why_none = BARE_ONLY
+            self._use(None, baseline)
             return None
         rest, mounting = baseline.rest, mounting or baseline.array_mounting(self.pad)
-        before, self._baseline = self._estimator, baseline
+        before = self._estimator
         allowed = repeats_allowed(mounting.noise_t, self.pad.chip.coarseness_t(rest.gain_code))
         others = self._rate_hz, allowed, Warmth(self._magnet_per_k, rest.temperature_c)
-        self._followed = self._last = None
         if isinstance(self._model, NoContactModel):
             unknown = ArrayResponse.unknown(len(self.pad.magnets))
-            self._estimator = PosesEstimator(FieldModel(self.pad, mounting, unknown, self._scene), *others)
+            poses = PosesEstimator(FieldModel(self.pad, mounting, unknown, self._scene), *others)
+            self._use(poses, baseline)
+            self._at_first = deepcopy(poses.memory)
         else:
-            field_model = FieldModel(self.pad, mounting, self._model.response, self._scene)
-            self._estimator = FingersEstimator(field_model, *others)
+            fingers = FingersEstimator(FieldModel(self.pad, mounting, self._model.response, self._scene), *others)
+            self._use(fingers, baseline)
             if self.hand is None:
-                self._followed = FollowedFinger(self._estimator, self._rate_hz, self._lead)
+                self._followed = FollowedFinger(fingers, self._rate_hz, self._lead, self._writer.parameters)
             if isinstance(before, FingersEstimator):  # a finger of before is another one
-                self._estimator.memory.counter.next_id = before.memory.counter.next_id
-        self._at_first = deepcopy(self._estimator.memory)
+                fingers.memory.counter.next_id = before.memory.counter.next_id
+            self._at_first = deepcopy(fingers.memory)
         self._sighting.rests(*rest_of(mounting))
         if self.hand is not None:
             self.hand.use(None if baseline.posture is None else baseline.posture.model())
@@ -166,11 +170,15 @@ class SeveralPipeline(JudgedInPython):
 
     def refuse(self, reason: str) -> None:
         """Publish `reason` in every message: there is a baseline, but it cannot be used."""
-        self._estimator = self._baseline = self._followed = self._last = None
+        self._use(None, None)
         self._why_none = reason
 
     def process(self, frame: Frame) -> ContactMessage:
         """Make the message of one frame."""
+        return self.answer(frame).message
+
+    def answer(self, frame: Frame) -> EncodedMessage:
+        """The same, encoded."""
         self.search = "none"
         aligned = self._aligned(frame)
         estimator = self._estimator
@@ -187,30 +195,29 @@ class SeveralPipeline(JudgedInPython):
             self.search = reading.search
             if self._is_felt and sighted is not None:
                 self._sighting.saw(*sighted, self._sampled_ns)
-        told = several_told(reading, estimator)
-        if self._followed is None or not isinstance(reading, FingersReading) or self._neighbours:
-            return self._message(reading, told, frame.temperature_c)
-        told["now"] = now = self._now_of(self._followed.after(reading, aligned, frame, self._field_t))
-        message = self._message(reading, told, frame.temperature_c)
-        self._last = None if now is None else message
-        return message
+        self._has_now = (
+            self._followed is not None
+            and isinstance(reading, FingersReading)
+            and not self._neighbours
+            and self._followed.after(reading, aligned, frame, self._field_t, self._writer.compiled)
+        )
+        return self._written(reading, frame.temperature_c)
 
-    def early(self, early: EarlySample) -> ContactMessage | None:
+    def _written(self, reading: FingersReading | PosesReading, temperature_c: float | None) -> EncodedMessage:
+        self.messages += 1
+        times = self.messages, self._sampled_ns, *self._last_frame.times
+        return self._writer.written(reading, self._health(reading), temperature_c, times, self._has_now)
+
+    def early(self, early: EarlySample) -> EncodedMessage | None:
         """The message of a sample that came before its frame: what the last frame said, with another `now`. None where
         it says nothing new."""
-        if self._followed is None or self._last is None or early.sensor >= len(self.pad.sensors):
+        if self._followed is None or not self._has_now or early.sensor >= len(self.pad.sensors):
             return None
-        now = self._now_of(self._followed.early(early))
-        if now is None:
-            return None
-        times = {"t_publish_ns": time.monotonic_ns(), "utc_ns": time.time_ns()}
-        return msgspec.structs.replace(self._last, now=now, **times)
-
-    def _now_of(self, told: Told | None) -> NowMessage | None:
-        return None if told is None else now_told(told, self.host_time_ns(told[0]))
+        payload = self._followed.early(early, self._writer.compiled)
+        return None if payload is None else EncodedMessage.of(payload, self._writer.compiled)
 
     def _forget_now(self) -> None:
-        self._last = None
+        self._has_now = False
         if self._followed is not None:
             self._followed.forget()
 
@@ -251,7 +258,7 @@ class SeveralPipeline(JudgedInPython):
         ValueError, and nothing changes, if the memory does not fit this pipeline.
         """
         require_alike(memory, self.memory)
-        self._last = None
+        self._has_now = False
         if self._followed is not None and memory.followed is not None:
             self._followed.recall(memory.followed)
         self._alignment.memory = memory.alignment
@@ -271,4 +278,4 @@ class SeveralPipeline(JudgedInPython):
         self._forget_now()
         self.missing = {}
         reading = FingersReading(health, reason, np.zeros((len(self.pad.sensors), 3), dtype=np.bool_))
-        return self._message(reading, several_told(reading, self._estimator), None)
+        return self._written(reading, None).message

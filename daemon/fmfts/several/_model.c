@@ -1,5 +1,6 @@
 /* Prediction and covariance for Python: field_model.py calls them, and makes the arrays. */
 #include "_arrays.h"
+#include "resultant.h"
 
 #include <string.h>
 
@@ -58,5 +59,28 @@ FMFTS_FUNCTION(covariance)
     exchange(&c, &c.work->predicted[0], PREDICTED, false);
     fmfts_several_covariance(&c.model, fingers(&c, FINGERS), &c.work->predicted[0], array(&c, VARIANCE), array(&c, AMBIENT), c.work);
     memcpy(array(&c, COVARIANCE), c.work->covariance, values * values * sizeof(double));
+    return Py_NewRef(Py_None);
+}
+
+/* resultant(finger, whole, covariance, least, deviation): the last three are None where deviations are not asked for; least may be
+ * None alone. */
+FMFTS_FUNCTION(resultant)
+{
+    enum { FINGER, WHOLE, COVARIANCE, LEAST, DEVIATION };
+    if (!PyArg_ParseTuple(args, "y*w*z*z*z*", &b[FINGER], &b[WHOLE], &b[COVARIANCE], &b[LEAST], &b[DEVIATION])) {
+        return NULL;
+    }
+    const size_t count = (size_t)b[FINGER].len / (FMFTS_FINGER * sizeof(double)), unknowns = FMFTS_FINGER * count;
+    const size_t all = FMFTS_FINGER + unknowns;
+    if (!fmfts_have_doubles(b, (size_t[]){unknowns, FMFTS_FINGER}, COVARIANCE) ||
+        (b[LEAST].buf && !fmfts_has_doubles(&b[LEAST], all, "least")) ||
+        (b[DEVIATION].buf && (!fmfts_has_doubles(&b[COVARIANCE], unknowns * unknowns, "covariance") ||
+                              !fmfts_has_doubles(&b[DEVIATION], all, "deviation")))) {
+        return NULL;
+    }
+    fmfts_resultant(count, b[FINGER].buf, b[WHOLE].buf);
+    if (b[DEVIATION].buf) {
+        fmfts_finger_deviations(count, b[FINGER].buf, b[COVARIANCE].buf, b[LEAST].buf, b[DEVIATION].buf);
+    }
     return Py_NewRef(Py_None);
 }

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import length
 from fmfts.common.chi2 import quantile
+from fmfts.several import _several
+from fmfts.several.arrays import doubles
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import APART_MM, GRID_FORCE_N, Fit, Fitter, Measured
 
@@ -181,8 +183,6 @@ def are_two(fingers: Array) -> bool:
 
 def resultant(fingers: Array) -> Array:
     """(3,) the place where all of the force would press, and its sum."""
-    x = y = force = 0.0
-    for own_x, own_y, own in fingers.tolist():
-        x, y, force = x + own_x * own, y + own_y * own, force + own
-    whole = max(force, 1e-9)
-    return np.array([x / whole, y / whole, force])
+    whole = np.empty(FINGER)
+    _several.resultant(doubles(fingers), whole, None, None, None)
+    return whole

@@ -18,7 +18,6 @@ from fmfts.pose.neighbour import NeighbourEstimate
 from fmfts.pose.observable import needed_values
 from fmfts.pose.state import Neighbour
 from fmfts.several import reasons, searches
-from fmfts.several.at_rest import AtRest
 from fmfts.several.count import MOST_FINGERS, RELEASE_FRAMES, CounterMemory, FingerCounter, Search
 from fmfts.several.field_model import FINGER, FieldModel
 from fmfts.several.fit import Fit, Fitter, Measured
@@ -68,7 +67,6 @@ class FingersEstimator:
         self._counter = FingerCounter(self.fitter, rate_hz)
         self._cold = FingerCounter(self.fitter, rate_hz)
         self.memory = FingersMemory(self._counter.memory, Recovery(np.zeros(mounting.gain.size)), last_c=warmth.rest_c)
-        self.at_rest = AtRest(pad, mounting)
         self._unfelt_variance = np.tile(square(UNFELT), (len(mounting.magnets), 1))
         self._poses: tuple[FingersReading, Poses] | None = None  # of the last requested reading
         self._values_for_poses = needed_values(len(pad.magnets))

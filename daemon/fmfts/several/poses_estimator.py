@@ -20,7 +20,6 @@ from fmfts.pose.neighbour import NeighbourEstimate
 from fmfts.pose.observable import FEWEST_SPARE, taken_values
 from fmfts.pose.state import Neighbour
 from fmfts.several import reasons, searches
-from fmfts.several.at_rest import AtRest
 from fmfts.several.count import Search
 from fmfts.several.field_model import FieldModel
 from fmfts.several.free_poses import FreePoses, free_poses, is_explained
@@ -43,7 +42,7 @@ class PosesEstimator:
     def __init__(self, model: FieldModel, rate_hz: float, repeats_allowed: Array, warmth: Warmth = CONSTANT) -> None:
         pad, mounting = model.pad, model.mounting
         self.pad, self.mounting, self.scene, self._model = pad, mounting, model.scene, model
-        self.repeats_allowed, self.at_rest = repeats_allowed, AtRest(pad, mounting)
+        self.repeats_allowed = repeats_allowed
         self._since_rest = SinceRest(pad, mounting, warmth)
         self._touch = TouchDetector(rate_hz, magnets=len(pad.magnets))
         self._fewest = taken_values(len(pad.magnets)) + FEWEST_SPARE

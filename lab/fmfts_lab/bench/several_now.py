@@ -66,10 +66,10 @@ def _messages(
     pipeline.use(simulated_baseline(config))
     published, messages = [], []
     for at_s, packet in _packets(config, motion, seconds, samples):
-        answer = pipeline.early(packet) if isinstance(packet, EarlySample) else pipeline.process(packet)
+        answer = pipeline.early(packet) if isinstance(packet, EarlySample) else pipeline.answer(packet)
         if answer is not None:
             published.append(at_s - BEFORE_S)
-            messages.append(answer)
+            messages.append(answer.message)
     return np.array(published), messages
 
 
