@@ -61,7 +61,7 @@ def first_memory(pad: Pad, baselined: BaselinedPad | None) -> dict[str, Numbers]
 
 def with_later(fields: Values) -> Values:
     """The same, if an older version wrote it."""
-    return {name: np.zeros(count or ()) for name, _, count in MEMORY if name in LATER} | fields
+    return {name: np.zeros(count or (), kind) for name, kind, count in MEMORY if name in LATER} | fields
 
 
 def without_samples(memory: dict[str, Numbers]) -> dict[str, Numbers]:
