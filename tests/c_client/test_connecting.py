@@ -58,7 +58,7 @@ def far(publisher: Publisher, ahead_s: float, waited_s: float = 0.0, boot: str =
 
 
 @pytest.mark.parametrize("ahead_s", [3600.0, -3600.0])
-def test_clock_of_another_machine_is_learned_from_what_arrives(program: Path, ahead_s: float) -> None:
+def test_clock_of_another_machine_is_learned_from_arrivals(program: Path, ahead_s: float) -> None:
     """That machine was started an hour before or after this one, and later restarted."""
     base = tcp_base()
     publisher = Publisher(Endpoints.from_base(base), BOOT)

@@ -97,7 +97,7 @@ def running(command: list[str], environment: dict[str, str]) -> Iterator[Example
         yield Example(process)
 
 
-def test_example_closes_on_slips_and_holds_while_pads_are_blind(command: list[str], tmp_path: Path) -> None:
+def test_example_closes_on_slips_and_holds_without_readings(command: list[str], tmp_path: Path) -> None:
     endpoints = Endpoints.from_base(f"ipc://{tmp_path}")
     made: list[Callable[[str], ContactMessage]] = [untouched]
     publisher = Publisher(endpoints, "b00t", pads=list(NAMES))
