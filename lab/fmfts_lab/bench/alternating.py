@@ -79,7 +79,7 @@ class Alternated(ManyFrames):
 
 @dataclass(slots=True)
 class Row:
-    """The results of one row, over all pads, rates and frequencies. wrong, false_contacts: of each pad."""
+    """The results of one row, over all pads, rates and frequencies. wrong, false_contacts: one number for each pad."""
 
     runs: int = 0
     refused: int = 0

@@ -1,4 +1,4 @@
-"""Pads as people build them: chips turned by hand, gains off, an uneven field; what each baseline makes of them."""
+"""Pads as people build them: chips turned by hand, gains off, an uneven field; the errors after each baseline."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Cell:
 
     @property
     def noticed_shares(self) -> list[tuple[float, float, float]]:
-        """Between which forces (N), and the share of the published frames of such touches that say contact."""
+        """A range of forces (N), and the share of published frames of such touches that report contact."""
         bins = list(pairwise(LIGHT_N))
         return [(*bins[place], self.noticed[place] / frames) for place, frames in sorted(self.light.items())]
 

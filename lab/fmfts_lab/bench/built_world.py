@@ -50,7 +50,7 @@ class Defects:
 
     @property
     def magnet_tilt_deg(self) -> float:
-        """Of the magnet in its silicone, besides the tilt of the whole pad."""
+        """The tilt of the magnet in its silicone, without that of the whole pad."""
         return ToleranceConfig().magnet_tilt_deg if self.stated else 0.0
 
     @property

@@ -70,7 +70,7 @@ def solved() -> dict[CastPad, Presses]:
 
 
 def unsheared_pads() -> list[CastPad]:
-    """Those of the model's own Poisson's ratio that are solved at every place without shear."""
+    """The pads of the model's own Poisson's ratio that are solved at every place without shear."""
     places = len(_unsheared(DRAWN))
     return [cast for cast in solved() if cast.poisson == POISSON and len(_unsheared(cast)) == places]
 
@@ -118,7 +118,7 @@ class CastMechanics:
         self._modulus = modulus
 
     def response(self, x_m: Array, y_m: Array, force_n: Array, *shear_n: Array) -> Array:
-        """(K, 5) as `Mechanics.response`. A modulus that is higher takes as much more force for the same movement."""
+        """(K, 5) as `Mechanics.response`. A higher modulus needs proportionally more force for the same movement."""
         moved = np.zeros((len(force_n), 5))
         pressed = np.flatnonzero(force_n > 0.0)
         shares = [one[pressed] / force_n[pressed] for one in shear_n] or [np.zeros(len(pressed))] * 2

@@ -1,4 +1,6 @@
-"""What a running pad says of each defect, alone and in pairs: is the cause named, and is a sound part blamed?"""
+"""The reports of a running pad about each defect, alone and in pairs: is the cause named, and is a healthy part
+blamed?
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,7 @@ UNCLEAR = (
 
 
 def defects(sensor: int = 1, other: int = 2) -> list[Defect]:
-    """Sensor faults on two sensors (from 0), and what befalls the field."""
+    """Sensor faults on two sensors (from 0), and disturbances of the field."""
     one = {fault.kind: fault for fault in sensor_faults((sensor,), (0,))}
     two = {fault.kind: fault for fault in sensor_faults((other,), (2,))}
     fields = {fault.kind: fault for fault in field_faults()}
@@ -80,7 +82,7 @@ def defects(sensor: int = 1, other: int = 2) -> list[Defect]:
 
 @dataclass(slots=True)
 class Said:
-    """What was said of one case, from GRACE_S after its beginning: reasons, and how many frames said so."""
+    """The reports about one case from GRACE_S after its beginning: reasons, with the number of frames."""
 
     case: tuple[str, ...]
     ambient: str
@@ -112,7 +114,7 @@ class Said:
 
     @property
     def is_right(self) -> bool:
-        """Named in nine of ten frames that are not ok. A case that is not seen at all is not right."""
+        """Named in nine of ten frames that are not ok. An undetected case does not count as right."""
         return self.flagged > 0 and self.named >= RIGHT_SHARE * self.flagged
 
     @property

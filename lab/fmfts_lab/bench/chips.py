@@ -72,7 +72,7 @@ class OverBound:
 def error_over_bound(
     config: object, response: Response, setting: Setting, frames: int, random: np.random.Generator
 ) -> OverBound:
-    """Of each press over its own bound."""
+    """The error of each press, divided by its own bound."""
     pad = config.pad()  # type: ignore[attr-defined]
     rest_field = magnet_fields(pad, np.zeros((1, 3)), pad.rest_axis[None])[0]
     solver = FrameSolver(replace(pad), rest_field, "drifting", setting.noise_t)
@@ -116,7 +116,7 @@ def _rms(values: Array) -> float:
 
 
 def _measured(field_t: Array, setting: Setting, random: np.random.Generator) -> Array:
-    """What the chips say of a field, in tesla again."""
+    """A field after the chips' noise, steps and saturation, in tesla again."""
     chip = setting.chip
     assert setting.range_gauss is not None, f"no range of the {chip.label} holds this pad's field"
     code = chip.gain_code_for_range(setting.range_gauss)

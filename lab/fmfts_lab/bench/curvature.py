@@ -1,7 +1,7 @@
-"""What curvature does to a most likely answer whose noise is not small: its mean moves, and its bound grows.
+"""The effect of curvature on a most likely answer with large noise: its mean moves, and its bound grows.
 
-The Cramér–Rao bound takes the model for straight over the noise, and the answer for unbiased. Neither holds where the
-noise is a third of what is asked for.
+The Cramér–Rao bound assumes a model that is straight over the noise, and an unbiased answer. Neither holds if the noise
+is a third of the wanted quantity.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Curvature:
 
 
 def curvature(model: Model, at: Array, steps: Sequence[float], weight: Array) -> Curvature:
-    """By differences of `model` around `at` (K, U), of these steps."""
+    """Slope and bend by differences of `model` around `at` (K, U), with these steps."""
     unknowns = at.shape[1]
     shifts = np.diag(np.asarray(steps, float))
     slope = np.stack([(model(at + one) - model(at - one)) / (2 * one.max()) for one in shifts], axis=-1)

@@ -78,7 +78,7 @@ class DrillSource(Simulated):
         return PadThen(self._built, self.finger(moment_s), lambda places_m: self._field_of_magnets(places_m, moment_s))
 
     def _field_of_magnets(self, places_m: Array, moment_s: float) -> Array:
-        """(M, K, 3) at places (K, 3), of each magnet."""
+        """The field (M, K, 3) of each magnet at places (K, 3)."""
         position_m, axis = self._built.pose(*columns([self.finger(moment_s)]))
         return cylinder_field(places_m, position_m, axis, self._built.pad.magnet)[None]
 

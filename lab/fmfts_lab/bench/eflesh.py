@@ -67,7 +67,7 @@ def _normal(first: Path, second: Path) -> None:
 
 
 def _some(data: FieldSet) -> Mask:
-    """(K,): a row of five at random, and all rests, without which no row counts."""
+    """(K,): one row in five at random, and all rests, which every row needs."""
     return (np.random.default_rng(3).random(len(data.rest)) < 0.2) | data.rest
 
 
@@ -104,7 +104,7 @@ def _loads(name: str, train: FieldSet, test: FieldSet) -> None:
 
 
 def _cycle(data: FieldSet) -> Array:
-    """(K,): how often the pad has been left before each row: one press lasts until the next rest."""
+    """(K,): the number of rests before each row; a press lasts until the next rest."""
     begins = data.rest & ~np.concatenate([[False], data.rest[:-1]])
     cycle: Array = np.maximum(np.cumsum(begins) - 1, 0).astype(np.float64)
     return cycle
@@ -161,8 +161,9 @@ def _places(name: str, response: FieldResponse, test: FieldSet, other: str) -> N
 
 
 def from_its_rest(response: FieldResponse, test: FieldSet) -> FieldSet:
-    """The test's fields as if its untouched pad had the table's field, which is what a baseline does, and no more. This
-    recording has no untouched rows: the rest is the one that its presses tell."""
+    """The test's fields, shifted to the table's field of the untouched pad, as a baseline does. This recording has no
+    untouched rows, so the rest is estimated from its presses.
+    """
     (learnt,) = evaluate_field(response, test, "recording").instances.values()
     return replace(test, field_ut=test.field_ut - (1.0 + learnt.moment) * learnt.rest_ut + response.reference_ut)
 

@@ -1,4 +1,4 @@
-"""The kinds of fault of a pad: what a broken sensor tells, and which foreign fields there are besides the pad's own."""
+"""The kinds of fault of a pad: the readings of broken sensors, and foreign fields."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _scaled(factor: float) -> Callable[[int, int], float]:
 
 
 def field_faults(wires: Iterable[tuple[int, int]] = tuple(combinations(range(4), 2))) -> list[Fault]:
-    """The faults of the surroundings, not of a sensor. wires: of which pairs of sensors they are swapped."""
+    """The faults of the surroundings, not of a sensor. wires: the pairs of sensors whose wires are swapped."""
     faults = [
         Fault(f"neighbour {distance_mm} mm, {how}", field=_neighbour(distance_mm * 1e-3, how == "moving"))
         for distance_mm in (30, 45, 60, 80, 100)

@@ -88,7 +88,7 @@ class Healthy:
         baseline: Baseline | None = None,
         start_s: float = 0.0,
     ) -> None:
-        """config: of another pad than `pad_config`. baseline: None records it. start_s: the first frame's time."""
+        """config: for a pad other than `pad_config`. baseline: None records it. start_s: the first frame's time."""
         self.ambient, self.touch = ambient, touch
         self.config = config or pad_config(ambient, seed)
         self._start_s = start_s

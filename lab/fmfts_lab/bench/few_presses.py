@@ -1,7 +1,6 @@
 """Pads of other silicone, and five to eighteen presses of them: how wrong are forces after `calibrate --correct`?
 
-Presses are labelled as a person would with a gauge that is not quite right, or by another pad, whose silicone a weight
-told: both press on a peg of 6 mm between them.
+A gauge with small errors labels the presses, or another pad that was weighed: both press on a peg of 6 mm between them.
 """
 
 from __future__ import annotations
@@ -94,7 +93,7 @@ def labelled_by_gauge(presses: list[Press], random: np.random.Generator) -> Arra
 
 
 class OtherPad:
-    """A weighed pad that presses against the one to correct. scale_sd: by which its forces may all be off."""
+    """A weighed pad that presses against the one to correct. scale_sd: the deviation of its forces' common scale."""
 
     def __init__(self, seed: int) -> None:
         self._bench = Bench(OTHER_PAD, PROBE_MM, SEED_OF_OTHER + seed)
@@ -107,7 +106,7 @@ class OtherPad:
         self._places = OTHER_PAD.ramps()
 
     def labels(self, presses: list[Press], random: np.random.Generator) -> Array:
-        """What it reads of the same forces, near its middle."""
+        """Its readings of the same forces, near its middle."""
         labels = labelled_by_gauge(presses, random)
         for row, (_, _, force_n) in enumerate(presses):
             place = self._places[int(random.integers(8))].place_m
@@ -151,7 +150,7 @@ def corrected(
 
 
 def refined(bench: Bench, cell: Cell, random: np.random.Generator) -> Baseline:
-    """The pad's baseline after `--refine`: presses anywhere, which nobody measured."""
+    """The pad's baseline after `--refine`, with unmeasured presses at any place."""
     source = bench.pad(cell)
     source.finger = cell.finger(random)
     request = BaselineRequest(bench.config.pad(), bench.config.tolerance.si(), False, False, refine=True)

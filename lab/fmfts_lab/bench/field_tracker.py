@@ -30,7 +30,7 @@ class Tracked:
 
 
 class FieldTracker:
-    """errors: of healthy sensors; without them, small faults that last are not looked for."""
+    """errors: those of healthy sensors; without them, small lasting faults are not searched."""
 
     def __init__(
         self,
@@ -41,7 +41,7 @@ class FieldTracker:
         errors: SensorErrors | None = None,
         hidden: HiddenGradient | None = None,
     ) -> None:
-        """hidden: of the pad; without it, no foreign field is looked for in the ambient one."""
+        """hidden: the pad's hidden gradient; without it, the ambient field is not searched for a foreign one."""
         values, free = 3 * len(pad.sensors), int((model.parts == Part.FREE).sum())
         estimated = int(np.isin(model.parts, (Part.FREE, Part.PRIOR)).sum())
         self._unknowns, self._remanence_t = free, pad.magnet.remanence_t

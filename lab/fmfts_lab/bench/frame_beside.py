@@ -57,7 +57,9 @@ OF_A_RUN = ("t_publish_ns", "utc_ns", "baseline")  # whose identity was valid wh
 
 @dataclass
 class Compared:
-    """Messages of two builds, but for what differs in each run. fields: which differ, of how many messages."""
+    """Messages of two builds, without the fields that differ in each run. fields: the differing fields, with the number
+    of messages.
+    """
 
     messages: int = 0
     same: int = 0
@@ -141,7 +143,9 @@ def run(other: str) -> None:
 
 
 def _from_elsewhere(theirs: dict[str, str], folder: Path, ours: dict[str, str]) -> Iterator[tuple[str, Path]]:
-    """The modules of packages in `folder`, and their files, that are not from there, or, through links, are ours."""
+    """Modules, with their files, that should come from `folder` but come from elsewhere, or through links from this
+    build.
+    """
     of_ours = {Path(file).resolve() for file in ours.values()}
     for name, file in theirs.items():
         package, real = folder / name.partition(".")[0], Path(file).resolve()

@@ -1,4 +1,4 @@
-"""What a frame costs by the state of its pad: healthy, without a sensor, disturbed, with another model, recorded.
+"""The cost of a frame by the state of its pad: healthy, without a sensor, disturbed, with another model, recorded.
 
 From the bytes on the line to the bus, as the daemon does it: without Python as long as its loop takes the frames. The
 processor time of the thread is counted, so that other programs do not matter; ZeroMQ's own thread is not in it.
@@ -47,7 +47,8 @@ Spoil = Callable[[Sample, int], Sample]
 @dataclass(frozen=True)
 class State:
     """spoil: what is wrong with the samples, by their number. contact: the pad's contact section. recorded: somebody
-    records. beside: another pad is near, and felt."""
+    records. beside: another pad is near, and its field is measured.
+    """
 
     name: str
     finger: Finger = no_finger

@@ -42,7 +42,7 @@ class Whole:
         return self._lent is not None and self._loop.take(self.LINE, line, arrival_ns)
 
     def take_in_python(self, line: bytes, arrival_ns: int) -> None:
-        """Process by way of Python a line that the loop did not take; it may take the next ones."""
+        """Let Python process a line that the loop left; the loop may take the next lines."""
         if self._lent is not None:
             self._loop.end(self.LINE)
             self._pipeline.end(self._lent)

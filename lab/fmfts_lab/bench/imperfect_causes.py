@@ -1,4 +1,4 @@
-"""What a running pad as built says: chips turned by hand, one imperfection or two, and what may break besides."""
+"""The reports of a built pad: chips turned by hand, one imperfection or two, and one more defect."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ BIT_ERROR_EVERY, BITS = 10, 11
 
 
 def imperfections() -> list[Effect]:
-    """Those of `bench silicone` that a running pad has: a magnet cast askew is refused by its baseline."""
+    """Imperfections of `bench silicone` that a running pad can have: the baseline refuses a magnet cast askew."""
     warm = {"offset drift, 15 K": WARMING_K_PER_MINUTE}
     unlike = ("none", "casting, unnamed", "bit errors", "thimble")
     return [
@@ -86,7 +86,7 @@ def disturbed_sensor(config: PadConfig) -> int:
 
 
 def cause_of(effect: Effect, config: PadConfig) -> list[Defect]:
-    """What may be said of an imperfection. Of most nothing: they are within the deviations."""
+    """The reports that an imperfection allows: for most none, because they are within the deviations."""
     drifted = [Defect("offset drift", Fault("offset drift"), OR_DRIFTED)] if effect.warming_k_per_minute else []
     if "disturbed" not in effect.imperfections:
         return drifted
@@ -125,7 +125,7 @@ class ImperfectPad(Healthy):
         super().__init__(ambient, "pressed", seed, model, config=config, baseline=baseline, start_s=START_S)
 
     def said(self, *case: Defect) -> Judged:
-        """What is said where these defects befall it."""
+        """The reports of the pad with these defects."""
         causes = [*cause_of(self.effect, self.config), *case]
         names = (*([self.effect.name] if self.effect.name else ["turned chips"]), *(one.name for one in case))
         said = Judged(names, self.ambient, must=any(one.name in ALWAYS_SEEN for one in case))
@@ -162,7 +162,7 @@ def model_of(ambient: Ambient, friction: float) -> ContactModel:
 
 @dataclass(slots=True)
 class Tally:
-    """A row of the table: what became of a group of cases."""
+    """A row of the table: the results of a group of cases."""
 
     name: str
     cases: int = 0
@@ -198,7 +198,7 @@ def possible(ambient: Ambient) -> list[Defect]:
 
 
 def groups(ambient: Ambient) -> dict[str, list[tuple[Effect, list[tuple[Defect, ...]]]]]:
-    """Name of a group → pads, and what befalls each of them."""
+    """Name of a group → pads, and the defects of each."""
     sound, every = together(), imperfections()
     broken_pairs = [
         pair
@@ -219,7 +219,7 @@ def groups(ambient: Ambient) -> dict[str, list[tuple[Effect, list[tuple[Defect, 
 def told(
     pads: Iterable[tuple[Effect, list[tuple[Defect, ...]]]], ambient: Ambient, seed: int, turned: bool
 ) -> Iterator[Judged | str]:
-    """What is said in each case, or why the pad's baseline is refused."""
+    """The reports in each case, or the reason why the pad's baseline is refused."""
     for effect, cases in pads:
         try:
             pad = ImperfectPad(effect, ambient, seed, turned)

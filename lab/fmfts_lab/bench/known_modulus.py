@@ -1,4 +1,4 @@
-"""Weights that tell nothing, on pads whose modulus is known to 5 %: are they refused, or within their deviations?
+"""Useless weights on pads whose modulus is known to 5 %: are they refused, or within their deviations?
 
 50 g that are called 100 g and the other way round, a weight 3.6 mm from the middle, and one that a hand holds.
 """
@@ -22,7 +22,7 @@ HONEST_DEVIATIONS = 2.0
 
 
 def weights() -> list[tuple[str, float, Finger]]:
-    """What is said of each, in N, and how it presses."""
+    """The weight that is entered, in N, and the press that it makes."""
     found = []
     for said_n in WEIGHTS_N:
         for true_n in WEIGHTS_N:

@@ -1,4 +1,4 @@
-"""Pads whose sensors nobody measured: what `baseline --learn` makes of them, beside pads whose geometry is known."""
+"""Pads with unmeasured sensors after `baseline --learn`, beside pads whose geometry is known."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ EVEN = 3.0**0.5  # a number anywhere within ±1 has the standard deviation 1/√
 
 @dataclass(frozen=True, slots=True)
 class Rough:
-    """One pad: the true board, and the configuration of somebody who measured it and of somebody who did not."""
+    """One pad: the true board, and the configurations with measured and with unmeasured geometry."""
 
     source: BuiltSource
     known: PadConfig

@@ -1,4 +1,4 @@
-"""Motions of a finger, drawn by a seed: what `bench now` measures the age of a contact with."""
+"""Motions of a finger, drawn by a seed, with which `bench now` measures the age of a contact."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def hold(random: np.random.Generator, seconds: float) -> Motion:
 
 
 def light_hold(random: np.random.Generator, seconds: float) -> Motion:
-    """20 mN in the middle, where the pad feels them."""
+    """20 mN in the middle, where the pad detects them."""
     x_m, y_m = place(random, 2e-3)
     return Motion("hold 20 mN", lambda time_s: Touch(x_m, y_m, 0.02 if time_s > 0.1 else 0.0), _whole(seconds))
 

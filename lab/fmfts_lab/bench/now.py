@@ -148,7 +148,7 @@ def rms(parts: Sequence[Array]) -> float:
 
 
 def ratio(now: Sequence[Array], today: Sequence[Array]) -> float:
-    """Error of the one over that of the other; 1 where neither has any: an untouched pad publishes 0 N."""
+    """The ratio of two errors; 1 if both are 0: an untouched pad publishes 0 N."""
     now_n, today_n = rms(now), rms(today)
     return 1.0 if now_n == today_n else now_n / today_n if today_n > 0.0 else float("inf")
 
@@ -167,7 +167,7 @@ def measure(
 
 
 def _messages(pad: BuiltPad, motion: Motion, seconds: float) -> tuple[Array, list[ContactMessage]]:
-    """When the messages are published, and they themselves."""
+    """The times at which messages are published, and the messages."""
     pipeline = pad.pipeline()
     messages = [message_of(pipeline.answer(frame)) for frame in pad.frames(motion, seconds)]
     return published_s(len(messages)), messages

@@ -1,4 +1,4 @@
-"""What parts of the filter behind `now` bring: the same motions without them, side by side."""
+"""The benefit of each part of the filter behind `now`: the same motions without it, side by side."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""More work than the computer can do: how old what is published is, what is left out, and how soon that ends.
+"""More work than the computer can do: the age of published messages, the dropped frames, and the recovery.
 
 Boards on ptys note when they wrote each frame; each message names its frame. So every age is the true one, whatever
 the daemon says. Beside each row an echo (latency_rig) shows what the same share of a processor can carry.

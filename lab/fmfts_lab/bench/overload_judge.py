@@ -95,7 +95,7 @@ def judge(heard: Sequence[Heard], written: Written) -> Verdict:
 
 
 def _calm_after_s(found: Sequence[_Message], at_ns: NDArray[np.int64], end_ns: int) -> float | None:
-    """Since when, after the load, every pad's messages were new and without a pause."""
+    """The time after the load from which every pad's messages were new and without a pause."""
     last_bad_ns, last_ns = end_ns, int(at_ns.max())
     for pad in range(len(at_ns)):
         own = [one for one in found if one.pad == pad and one.published_ns >= end_ns - PAUSE_NS and one.health == "ok"]

@@ -1,4 +1,4 @@
-"""The processes of the overload bench: boards that note when they wrote each frame, busy processes, and who hears."""
+"""The processes of the overload bench: boards that note when they wrote each frame, busy processes, and subscribers."""
 
 from __future__ import annotations
 
@@ -55,9 +55,10 @@ class Load:
 
 @dataclass(frozen=True)
 class Written:
-    """When each frame was handed to its pty, and when it was due, which is what it tells of its own time: written_ns,
+    """When each frame was handed to its pty, and when it was due, which is the time that the frame states: written_ns,
     due_ns (pads, frames). A board that the computer held up is late, and its clock is not. lost: frames that found no
-    room."""
+    room.
+    """
 
     written_ns: Times
     due_ns: Times
@@ -155,7 +156,7 @@ def subscriber(pipe: Connection, endpoint: str, count: int) -> None:
 
 
 def go_first() -> None:
-    """Before every ordinary process; where that is not permitted, the busy processes hold the boards up as well."""
+    """Runs before every ordinary process. Where that is not permitted, the busy processes delay the boards, too."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(OTHERS_PRIORITY))
     except PermissionError:
@@ -164,7 +165,7 @@ def go_first() -> None:
 
 @contextmanager
 def busy(count: int) -> Iterator[None]:
-    """Processes of the measured one's weight that never sleep."""
+    """Processes that never sleep, with the measured process's weight."""
     processes = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
     try:
         yield

@@ -10,7 +10,7 @@ from fmfts_lab.real.figures import RECORDINGS, Shown
 
 
 def run(options: Namespace) -> None:
-    """Recordings that the folder does not have are said to be absent."""
+    """Reports recordings that the folder lacks as absent."""
     for name, (shows, file) in RECORDINGS.items():
         if options.only and name not in options.only:
             continue

@@ -25,7 +25,7 @@ IMAGES = 8  # each solved place has this many presses, and each pad draws one of
 
 
 def readings(thickness_mm: float, seed: int) -> list[float]:
-    """Of the weight at each of the solved places, the innermost first; NaN where none is read."""
+    """The reading of the weight at each solved place, the innermost first; NaN where none is read."""
     bench = Bench(Cell("pad", thickness_mm=thickness_mm), PROBE_MM, seed)
     pipeline = without_baseline(bench.config, load_contact_model(bench.config))
     solved, random, found = ramps(CastPad(thickness_mm, PROBE_MM), sheared=False), np.random.default_rng(seed), []

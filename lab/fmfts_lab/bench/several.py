@@ -1,4 +1,6 @@
-"""Two fingers on a pad with four magnets: told apart how often, how accurately; and how often one is told as two."""
+"""Two fingers on a pad with four magnets: how often and how accurately they are reported, and how often one is reported
+as two.
+"""
 
 from __future__ import annotations
 
@@ -131,7 +133,7 @@ def _two(options: Namespace, tolerance: Tolerance, forces: tuple[float, float], 
 
 
 def _three(options: Namespace, whole_n: float) -> None:
-    """Three fingers, which are more than are told: what is said of them, and how wrong what is told as good is."""
+    """Three fingers, more than can be reported: the published results, and the errors of those published as good."""
     health, worst, wrong, frames = Counter[str](), 0.0, 0, 0
     for one in worlds(options.frames, BUILT, options.seed + 2, FRAMES_OF_A_PAD):
         for _ in range(FRAMES_OF_A_PAD):
@@ -159,7 +161,7 @@ def _three_apart(random: np.random.Generator) -> Array:
 
 
 def _one(options: Namespace, name: str, tolerance: Tolerance) -> str:
-    """One finger, by the counter alone: how many fingers it tells. several_whole.py has what is published of them."""
+    """One finger, by the counter alone: how many fingers it reports. several_whole.py has what is published of them."""
     gains, told, frames = [], 0, 0
     errors, alone, off = [], [], []
     for one in worlds(options.one_finger, tolerance, options.seed + 1, ONE_FINGER_FRAMES_OF_A_PAD):
@@ -187,7 +189,7 @@ def _one(options: Namespace, name: str, tolerance: Tolerance) -> str:
 
 
 def _one_in_a_million(gains: Array) -> float:
-    """The gain that one frame in a million has, if the tail goes on as it falls beyond its 99th percentile."""
+    """The gain that one frame in a million exceeds, if the tail continues as beyond its 99th percentile."""
     start = float(np.quantile(gains, 0.99))
     return start + float(np.mean(gains[gains >= start] - start)) * float(np.log(0.01 / 1e-6))
 
@@ -211,7 +213,7 @@ def gain_of_second(one: World, measured: Measured) -> float:
 
 
 def _counted(one: World, measured: Measured) -> Counted:
-    """Of one frame alone, without what was before."""
+    """For one frame alone, without memory."""
     return one.counter().update(measured, NOTHING)
 
 

@@ -64,7 +64,7 @@ def _one_magnet(options: Namespace, tolerance: Tolerance) -> Array:
 
 
 def _four_magnets(options: Namespace, tolerance: Tolerance) -> Array:
-    """(K, 3) errors in mm and N of frames that tell a finger: the lightest presses at the rim may tell none."""
+    """(K, 3) errors in mm and N of frames that report a finger; the lightest presses at the rim may report none."""
     errors = []
     for one in worlds(options.frames, tolerance, options.seed, PRESSES_OF_A_PAD):
         for _ in range(PRESSES_OF_A_PAD):

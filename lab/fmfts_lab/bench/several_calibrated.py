@@ -85,8 +85,9 @@ def judged(test: ArraySet, table: ArrayResponse) -> ArrayEvaluation:
 
 
 def other(start: ArrayResponse) -> ArrayResponse:
-    """Of a slab that is thicker, which finite elements tell for small forces, of silicone that needs FORCE times the
-    force. How it bends with the force is the start's, at the force of the same movement."""
+    """The table of a thicker slab, by finite elements for small forces, in silicone that needs FORCE times the force.
+    Its curvature over the force is that of the start, at the force with the same movement.
+    """
     size = len(start.coefficient) - 2
     knots: Array = start.first_mm + start.spacing_mm * np.arange(size, dtype=np.float64)
     slab = array_slab()

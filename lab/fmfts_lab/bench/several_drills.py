@@ -1,4 +1,6 @@
-"""Faults, steel, turning and warm-up on a pad with four magnets: right, or said to be wrong; for `several --drills`."""
+"""Faults, steel, turning and warm-up on a pad with four magnets: is the result right or flagged? For `several
+--drills`.
+"""
 
 from __future__ import annotations
 
@@ -28,9 +30,11 @@ HEAD = (
 
 @dataclass(slots=True)
 class Counted:
-    """Drills of one kind. frames: while the fault lasts. judged: these, and those afterwards. wrong: of these, told
-    as good, and off by more than five deviations. false: more fingers than there are. flagged: not ok while
-    something is broken. named, blamed: of these, those that name what is broken, and those that name a sound sensor."""
+    """Drills of one kind. frames: while the fault lasts. judged: these frames, and those afterwards. wrong: judged
+    frames that are published as good and off by more than five deviations. false: more fingers than there are. flagged:
+    not ok while something is broken. named, blamed: flagged frames that name the defect, and that name a healthy
+    sensor.
+    """
 
     drills: int = 0
     frames: int = 0
@@ -136,8 +140,9 @@ def _made(seed: int) -> tuple[Pipeline, bytes]:
 
 
 def _deviations(message: ContactMessage, truth: list[Touch]) -> float:
-    """How far what is told is off, in its own deviations: of the resultant's force, and of each finger if as many are
-    told as there are."""
+    """The errors of published results in their own deviations: of the resultant's force, and of each finger if their
+    number is right.
+    """
     if message.force_n is None or message.force_sd_n is None:
         return 0.0
     worst = abs(message.force_n - sum(touch.force_n for touch in truth)) / message.force_sd_n

@@ -1,4 +1,6 @@
-"""What befalls a pad with four magnets in the drills: the faults of a pad with one, and what only several can have."""
+"""The defects of a pad with four magnets in the drills: those of a pad with one, and those that only several magnets
+have.
+"""
 
 from __future__ import annotations
 

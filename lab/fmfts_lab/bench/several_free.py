@@ -1,7 +1,7 @@
 """Poses by the field alone, on pads with two to four magnets over eight to sixteen sensors; for `--free-poses`.
 
 Each frame is by itself, pressed by up to three fingers of any kind, and solved from rest. Then one axis of one sensor
-reads too much, and a magnet lies beside the pad: how often is that noticed, and what is told where it is not?
+reads too much, and a magnet lies beside the pad: how often is that noticed, and what is published otherwise?
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ BESIDE_M, MOMENT_A_M2 = (0.04, 0.06, 0.08), 0.2
 
 @dataclass(slots=True)
 class Noticed:
-    """Of frames in which something is wrong: how many are refused, and in how many poses are told that are wrong."""
+    """Frames with a defect: how many are refused, and how many publish wrong poses."""
 
     frames: int = 0
     refused: int = 0

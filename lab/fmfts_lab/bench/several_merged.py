@@ -1,4 +1,4 @@
-"""Two fingers that come near to each other: told as two, as one, or said not to be explained; how wrong one is."""
+"""Two fingers that approach each other: reported as two, as one, or as unexplained, and the errors of one."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Row:
         )
 
     def line_of_each(self) -> str:
-        """More columns: what the valleys change, of the resultant and of each finger."""
+        """More columns: the effect of the valleys on the resultant and on each finger."""
         worst = np.abs(self.each).max()
         return f" {_wrong(self.parabola)} | {worst:.1f} | {_wrong(self.each)} | {_wrong(self.parabola_each)} |"
 
@@ -99,7 +99,7 @@ def run_above(options: Namespace) -> None:
 
 
 def _in_all(rows: list[Row]) -> str:
-    """What the valleys change in all frames of these rows: how many are wrong, and how large deviations are."""
+    """The effect of the valleys in all frames of these rows: how many are wrong, and the size of the deviations."""
     told: list[str] = []
     for of_what, names in (("resultant", ("deviations", "parabola")), ("fingers", ("each", "parabola_each"))):
         now, before = ([one for row in rows for one in getattr(row, name)] for name in names)

@@ -1,7 +1,7 @@
 """The other way to fingers: solve the poses of all magnets first, without the table of presses; for `--through-poses`.
 
-Beside it the way that fmfts takes: the fingers themselves are the unknowns. And how well the sensors of some pads know
-the poses, by the Cramér–Rao bound.
+Beside it the way that fmfts takes: the fingers themselves are the unknowns. Also the Cramér–Rao bound of the poses on
+some pads.
 """
 
 from __future__ import annotations
@@ -119,7 +119,8 @@ def _by_poses(way: Way, one: World, measured: Measured, truth: Array, change: Ar
 
 def _poses(one: World, measured: Measured, true: Array) -> tuple[Array, Array, float] | None:
     """The most likely change of the poses (5M,), with the ambient field free, its covariance, and χ²; None where the
-    search does not end. It begins at the `true` one, so that it is no matter of where to begin."""
+    search does not end. It begins at the `true` one, so that the start does not matter.
+    """
     mounting, model = one.mounting, one.fitter.model
     scale = np.concatenate([np.tile(LARGEST, len(mounting.magnets)), [1e-4] * FREE_FIELD])
     moment = one.fitter.model.scene.moment * mounting.rest_field_t.ravel()
@@ -155,7 +156,9 @@ def _poses(one: World, measured: Measured, true: Array) -> tuple[Array, Array, f
 
 
 def _fingers_of(one: World, change: Array, covariance: Array, truth: Array) -> Array:
-    """(K, 3) the fingers that go best with the poses, by their covariance and what the model of fingers considers."""
+    """(K, 3) the fingers that fit the poses best, by their covariance and the effects that the model of fingers
+    considers.
+    """
     fingers, model, table = truth.copy(), one.fitter.model, one.response
     for _ in range(ITERATIONS):
         predicted = model.predict(fingers)
@@ -172,7 +175,7 @@ def _fingers_of(one: World, change: Array, covariance: Array, truth: Array) -> A
 
 
 def _two(random: np.random.Generator) -> list[Press]:
-    """Two of 0.3 to 1 N, far enough apart to be told."""
+    """Two fingers of 0.3 to 1 N, far enough apart to be distinguished."""
     places = two_places(random, random.uniform(10.0, 18.0))
     return [Press(x, y, random.uniform(0.3, 1.0)) for x, y in places.tolist()]
 

@@ -1,8 +1,8 @@
 """A daemon with many pads of four magnets: the processor time that it takes, and whether it keeps up.
 
 The daemon is the real one, in a process of its own, with its loop, its publisher and a subscriber. Only its sources are
-others: they hand out frames that were simulated before, each when it is due, because simulating a
-frame takes longer than judging it. What handing out takes is measured beside, and told.
+others: they hand out frames that were simulated before, each when it is due, because simulating a frame takes longer
+than judging it. The time of handing out is measured separately, and reported.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def daemon(pipe: Connection, folder: str, pads: int, seconds: float) -> None:
 
 @dataclass
 class Heard:
-    """Of the messages of some time: contacts by health and by how many fingers they tell, and how old they were.
+    """The messages of a period: contacts by health and by number of fingers, and their ages.
 
     numbers, dropped: of each pad, its first and its last number of a contact, and of frames that were left out.
     """

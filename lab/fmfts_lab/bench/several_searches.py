@@ -1,7 +1,7 @@
 """Time of frames that search fingers: the first ones that nothing explains, of one pad, and of many at once.
 
-Each frame counts with the least of its times in RUNS runs of the same frames, so that what other programs cost counts
-little: what a frame computes is the same in each.
+Each frame counts with the least of its times in RUNS runs of the same frames, so that other programs hardly count: each
+run computes the same.
 """
 
 from __future__ import annotations

@@ -115,7 +115,7 @@ def _seconds(work: Callable[[], object]) -> float:
 
 
 def _print(name: str, times: list[float]) -> float:
-    """The row. Returns the median, in ms."""
+    """Prints the row. Returns the median in ms."""
     told = np.array(times[1:]) * 1e3
     median = float(np.median(told))
     print(f"| {name} | {median:.3f} | {np.quantile(told, 0.99):.3f} | {told.min():.3f} |", flush=True)

@@ -43,9 +43,10 @@ HEAD = (
 
 @dataclass(slots=True)
 class Whole:
-    """What is said of the frames of one row. told: how many fingers each frame with contacts has. off: of the resultant
-    and, if as many are told as there are, of each finger, in their deviations, of `ok` frames. errors (…, 3): of each
-    of these fingers, mm and N."""
+    """The published results of the frames of one row. told: how many fingers each frame with contacts has. off: of the
+    resultant and, if as many are told as there are, of each finger, in their deviations, of `ok` frames. errors (…, 3):
+    of each of these fingers, mm and N.
+    """
 
     frames: int = 0
     said: Counter[str] = field(default_factory=Counter)
@@ -102,7 +103,7 @@ def run(options: Namespace) -> None:
 
 
 def table_error() -> str:
-    """How far the table, and the sum of two of its presses, is from presses that finite elements solved."""
+    """The distance of the table, and of the sum of two of its presses, from presses that finite elements solved."""
     response = ArrayModel.load(ARRAY_PATH, array_config().pad()).response
     presses, changes = read_presses(DATA / "test-one.csv")
     wide = np.tile([1.0, 1.0, 1.0, LEVER_MM, LEVER_MM], changes.shape[1] // len(SI))

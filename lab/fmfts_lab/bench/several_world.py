@@ -171,7 +171,7 @@ def estimator_of(one: World) -> FingersEstimator:
 
 
 def read_once(one: World, change: Array, estimator: FingersEstimator | None = None) -> FingersReading:
-    """What a pad says of one frame, without what was before."""
+    """A pad's result for one frame, without memory."""
     shape, estimator = one.gain.shape, estimator or estimator_of(one)
     estimator.recall(FingersMemory(CounterMemory(), Recovery(np.zeros(one.gain.size))))
     field = one.sensed(change, one.ambient_t)
@@ -180,7 +180,7 @@ def read_once(one: World, change: Array, estimator: FingersEstimator | None = No
 
 
 def worlds(frames: int, tolerance: Tolerance, seed: int, of_a_pad: int) -> Iterator[World]:
-    """Pads enough for so many frames."""
+    """Enough pads for this many frames."""
     for number in range(-(-frames // of_a_pad)):
         yield world(1000 * seed + number, tolerance)
 

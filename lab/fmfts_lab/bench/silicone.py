@@ -1,4 +1,4 @@
-"""What real pads do besides what tolerances name, one effect at a time: is the daemon right, or says that it is not?"""
+"""Effects of real pads that no tolerance names, one at a time: is the daemon right, or does it flag the error?"""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ RELEASED_S = 0.2  # see as_built.RELEASE_S
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """One row: what the pad does, and what its owner says of it in the configuration."""
+    """One row: the pad's effect, and its owner's configuration."""
 
     name: str
     imperfections: tuple[Imperfection, ...] = ()
@@ -97,7 +97,7 @@ class RealPad(ManyFrames):
             self._imperfections = Imperfections((), shape, self.built, RATE_HZ, random)
 
     def stands(self, built: MountedPad) -> None:
-        """It is this pad from now on."""
+        """Replaces the pad by this one from now on."""
         self._built = built
 
     def creep_times(self, factor: float) -> None:

@@ -1,4 +1,4 @@
-"""Slip: how often and how soon it is noticed, false alarms of healthy fingers, and the friction that it teaches."""
+"""Slip: how often and how soon it is noticed, false alarms of healthy fingers, and the learned friction."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def of_drags(options: Namespace) -> None:
 
 
 def inverted(drag: Drag) -> str:
-    """What the shear model's table says of the drag's poses without noise, from its true place and load on."""
+    """The shear model's answers to the drag's poses without noise, searched from the true place and load."""
     pad = standard_pad()
     response = ContactModel.load("shear", pad).response
     assert response is not None

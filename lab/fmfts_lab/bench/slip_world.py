@@ -1,8 +1,8 @@
 """Fingers that press, stick, slip and roll, for `bench slip`: by the table of presses, and by CalculiX's drags.
 
-The drags (finite_elements/drags.csv) are the world that can say no: another solver, other elements, a ball that
-Coulomb's law holds, where the estimator's table knows an even traction on a disc. They are quasi-static, so the speed
-is free.
+The drags (finite_elements/drags.csv) are an independent world: another solver, other elements, and a ball under
+Coulomb's law, whereas the estimator's table assumes uniform traction on a disc. They are quasi-static, so the speed is
+free.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ class Drag:
 
     @property
     def slips_from_mm(self) -> float:
-        """How far the ball is dragged when its place moves nearly as fast as the ball: gross slip."""
+        """The drag at which the place moves nearly as fast as the ball: gross slip."""
         moved = np.linalg.norm(self.place_mm - self.place_mm[self.first], axis=1)
         share = np.diff(moved[self.first :]) / np.diff(self.way_mm[self.first :])
         first = int(np.flatnonzero(share > GROSS_SHARE)[0])
@@ -219,7 +219,7 @@ class Dragged:
 
 
 class DragMechanics:
-    """What MountedPad asks of a Mechanics."""
+    """The methods of a Mechanics that MountedPad calls."""
 
     def __init__(self, drag: Drag) -> None:
         self._drag = drag

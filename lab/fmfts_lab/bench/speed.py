@@ -161,7 +161,7 @@ def _many_sensors(count: int, random: np.random.Generator) -> float:
 
 
 def _many_magnets(count: int, random: np.random.Generator) -> float:
-    """Time of a solve with neighbours 60 mm away, which are known as well as a frame of their own pads tells."""
+    """Time of a solve with neighbours 60 mm away, known to the accuracy of one frame of their own pads."""
     pad, poses = standard_pad(), in_workspace(64, random)
     rows, start = readings(poses, pad, random), displaced(poses, MOVED_M, MOVED_RAD, random)
     places = np.array([[60e-3, 0.0, 12e-3], [-60e-3, 0.0, 12e-3], [0.0, 60e-3, 12e-3]])[: count - 1]

@@ -1,4 +1,4 @@
-"""The ways on which a magnetic tool moves beside a pad, and its field: that of a dipole."""
+"""The paths of a magnetic tool beside a pad, and its dipole field."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Way:
 
     @property
     def seconds(self) -> float:
-        """Until the tool is as far away as in the beginning, or has stayed for two seconds."""
+        """The time until the tool is as far away as in the beginning, or has stayed for two seconds."""
         if self.kind == "turned":
             return BEGIN_S + 4.0
         passing = (2.0 if self.kind == "passes" else 1.0) * (FAR_M - self.nearest_m) / self.speed_m_s
@@ -51,7 +51,7 @@ WAYS = (
 
 
 class Tool:
-    """A dipole on its way, from a side and with a direction that chance draws."""
+    """A dipole on its path, from a random side and with a random direction."""
 
     def __init__(self, way: Way, moment_a_m2: float, random: np.random.Generator) -> None:
         self._way = way

@@ -61,7 +61,7 @@ class Cell:
     """The results of one scene, moment, way and touch, over all pads, from BEGIN_S on.
 
     wrong, wrong_degraded: frames that are published `ok` and `degraded` with an error of more than WRONG_DEVIATIONS.
-    false_contacts: frames that tell a contact where nothing touches. off: see `_is_off`.
+    false_contacts: frames that report a contact while nothing touches. off: see `_is_off`.
     """
 
     scene: str
@@ -111,12 +111,12 @@ class Cell:
 
 
 def _untouched(finger: Finger, time_s: float) -> bool:
-    """Whether nothing touched the pad for the time that a contact may be told after it."""
+    """Whether nothing touched the pad for longer than a contact may outlast its touch."""
     return all(finger(time_s - ago_s).force_n == 0.0 for ago_s in np.linspace(0.0, RELEASE_S, 11).tolist())
 
 
 def _is_off(message: ContactMessage, finger: Finger, time_s: float) -> bool:
-    """Whether the force that is told misleads, however large its deviation: what a controller without one acts on."""
+    """Whether the published force misleads a controller that ignores deviations."""
     told_n = 0.0 if message.contact is False else message.force_n
     steady_n = [finger(time_s + around_s).force_n for around_s in STEADY_S]
     if told_n is None or message.over_range or max(steady_n) - min(steady_n) > STEADY_N:
@@ -163,7 +163,7 @@ def baseline_of(config: PadConfig, scene: Scene) -> Baseline:
 def messages_beside(
     config: PadConfig, baseline: Baseline, tool: Tool, finger: Finger, seconds: float, model: ContactModel
 ) -> tuple[list[ContactMessage], Truth]:
-    """What a pad says while the tool moves beside it."""
+    """A pad's messages while the tool moves beside it."""
     pipeline, source = without_baseline(config, model), BesideTool(config, tool)
     pipeline.use(baseline)
     source.finger = finger

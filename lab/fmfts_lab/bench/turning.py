@@ -87,8 +87,8 @@ def _within(pad: Pad, most: float, random: np.random.Generator) -> Gains:
 def _after_turn(pad: Pad, random: np.random.Generator) -> Gains:
     """The errors of gains that remain after `baseline --turn`, in a field as uneven as it assumes.
 
-    The field's strength depends on the attitude, because a hand that turns the pad also moves it. A difference between
-    x, y and z that arises so cannot be told from gains by any turn.
+    The field's strength depends on the attitude, because a hand that turns the pad also moves it. No turn can
+    distinguish such a difference between x, y and z from gains.
     """
     count, at_rest = len(pad.sensors), _field(pad, State.at_rest(pad))
     true = _drawn(pad, UNTESTED, random).true

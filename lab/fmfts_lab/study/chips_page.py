@@ -59,7 +59,7 @@ def _abilities() -> str:
 
 
 def _addresses(chip: Chip) -> str:
-    """Three addresses in a row and more by the first and the last."""
+    """Shortens three or more addresses in a row to the first and the last."""
     first, last = chip.addresses[0], chip.addresses[-1]
     if len(chip.addresses) > 2 and chip.addresses == tuple(range(first, last + 1)):
         return f"0x{first:02X} to 0x{last:02X}"

@@ -50,7 +50,7 @@ def network(kind: str, size: tuple[int, ...], bench: Bench) -> ContactFinder:
 
 @lru_cache(maxsize=64)
 def _trained_on_fields(kind: str, size: tuple[int, ...], config: PadConfig) -> BackPropagation | RadialBasis:
-    """A regressor trained like those on poses: with noise, and each press weighted by what a frame can tell of it."""
+    """A regressor trained like those on poses: with noise, and each press weighted by the information of a frame."""
     known, random = known_of(config), np.random.default_rng(SEED)
     some = slice(None, None, len(known.press) // TRAINED_ON)
     inputs = (known.inputs + random.normal(0.0, NOISE_T, known.inputs.shape))[some]

@@ -101,7 +101,7 @@ def _by_regressor(kind: str, size: tuple[int, ...], precision: type[np.floating[
 
 @lru_cache(maxsize=64)
 def _trained_on_poses(kind: str, size: tuple[int, ...], config: PadConfig) -> BackPropagation | RadialBasis:
-    """Trained on poses with the noise of single frames, each press weighted by what a frame can tell of it."""
+    """Trained on poses with the noise of single frames, each press weighted by the information of a frame."""
     pad, random = config.pad(), np.random.default_rng(SEED)
     model = ContactModel.load(config.contact.model, pad, refine=True)
     assert model.refiner is not None

@@ -75,8 +75,8 @@ def _rows_of(pad: BuiltPad, motion: Motion, seconds: float, methods: Sequence[Co
 def scored(motion: Motion, told: Sequence[Told]) -> Row:
     """The errors of one motion: force in N and place in mm, rms; see the columns of the page of results.
 
-    age_ms: from the instant that is told of to publishing. late_ms: how late the told force is most like the true one.
-    noise_mn: of the force while the finger holds still.
+    age_ms: from the instant of the answer to publishing. late_ms: the delay at which the published force fits the true
+    one best. noise_mn: of the force while the finger holds still.
     """
     published = published_s(len(told))
     values, rates, at = (np.array([getattr(one, name) for one in told]) for name in ("values", "rates", "at_s"))
@@ -116,7 +116,7 @@ def _rounded(value: float, digits: int) -> float | None:
 
 
 def late_ms(motion: Motion, when: Array, force_n: Array) -> float | None:
-    """By which delay the true force is most like the told one; None where the force hardly changes."""
+    """The delay at which the published force fits the true one best; None if the force hardly changes."""
     delays = np.arange(EARLIEST_S, LATEST_S, LATE_STEP_S)
     known = np.isfinite(force_n)
     truth = motion.truth(when)[:, 2]

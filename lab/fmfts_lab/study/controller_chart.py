@@ -38,7 +38,7 @@ TOLD_LATE = ("tap in 50 ms", "release in 20 ms", "ramp 30 N/s")
 
 
 def pooled(rows: Sequence[Row]) -> list[Row]:
-    """One row for each motion and method, over all pads: errors in squares, what else by its mean, times by medians."""
+    """One row for each motion and method, over all pads: rms errors, medians of times, and means of the rest."""
     shown = [row for row in rows if row["chart"] == CHART]
     found: list[Row] = []
     for motion in dict.fromkeys(str(row["scene"]) for row in shown):
@@ -69,7 +69,7 @@ def _together(name: str, values: Array, frames: Array) -> float:
 
 
 def facts(rows: Sequence[Row]) -> list[Facts]:
-    """Of each method: what it costs, how old and how late it is, how noisy; and its errors by motion."""
+    """For each method: cost, age, delay, noise, and errors by motion."""
     found = pooled(rows)
     told = []
     for method in dict.fromkeys(str(row["method"]) for row in found):

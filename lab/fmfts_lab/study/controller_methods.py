@@ -1,5 +1,6 @@
-"""What may tell a controller the contact, each from the frames of one built pad: the daemon, straight lines, filters,
-networks."""
+"""Methods that give a controller the contact, each from the frames of one built pad: the daemon, straight lines,
+filters, networks.
+"""
 
 from __future__ import annotations
 
@@ -35,8 +36,9 @@ TO_SI = np.array([1e-3, 1e-3, 1.0])
 
 
 class Told(NamedTuple):
-    """What a method tells after a frame: values (3,) x, y (m), force (N) at `at_s` of the frames' clock, and rates (3,)
-    per second. NaN where it tells none."""
+    """The answer of a method after a frame: values (3,) x, y (m), force (N) at `at_s` of the frames' clock, and rates
+    (3,) per second. NaN if it has none.
+    """
 
     at_s: float
     values: Array
@@ -90,8 +92,9 @@ class Now:
 
 
 class Line:
-    """Another method's last two answers, carried on to the time of publishing by the straight line through them. The
-    line itself is not timed: it is a few multiplications."""
+    """Another method's last two answers, extrapolated linearly to the time of publishing. The line itself is not timed:
+    it is a few multiplications.
+    """
 
     def __init__(self, of: Teller) -> None:
         self._of, self._before = of, NOTHING
@@ -195,7 +198,7 @@ ALIGNED, HELD = "samples brought to one instant", "held until the next message"
 
 
 def controller_methods() -> Iterator[ControllerMethod]:
-    """In the order of the tables; TODAY first, because times are told as shares of its time."""
+    """In the order of the tables; TODAY first, because times are given relative to its time."""
     finders = {one.name: one.make for one in contact_methods()}
     field, one_step = (partial(FromFrames, finders[name]) for name in (NETWORK, ONE_STEP))
     at_once = partial(FromFrames, finders[SOLVER], aligned=False)

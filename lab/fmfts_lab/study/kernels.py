@@ -185,6 +185,6 @@ def batch_of(world: World, parts: Any, cylinder: bool | None = None, prior: Arra
 def misfits(chi2: float, degrees_of_freedom: float) -> bool:
     """Whether the daemon's own gate refuses this χ²; a healthy sample misfits once in an hour.
 
-    Where there are as many unknowns as values, χ² tells nothing.
+    With as many unknowns as values, χ² means nothing.
     """
     return degrees_of_freedom > 0 and not chi2 < quantile(FALSE_ALARM, int(degrees_of_freedom))

@@ -48,7 +48,7 @@ def draw(rows: Sequence[Row]) -> Figure:
 
 
 def _along(line: Sequence[tuple[float, float]]) -> Iterator[tuple[float, float]]:
-    """Points between those of the line, too, so that no label covers it."""
+    """Adds points between those of the line, so that no label covers the line."""
     for (x, y), (x_end, y_end) in pairwise(line):
         for share in np.linspace(0.0, 1.0, 30):
             yield x + share * (x_end - x), y + share * (y_end - y)

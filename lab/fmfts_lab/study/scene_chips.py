@@ -1,8 +1,8 @@
 """What each kind of chip is worth at this pad: the contact's error by the Cramér–Rao bound, and saturation.
 
 The bound is that of one frame (fmfts/scene/error_budget.py), with the noise of a sample at the chip's own rate and that
-of its steps, step²/12. Of a chip that converts faster than it is asked the newest sample is taken, none is averaged.
-"mean": the place's error in the mean of the frames of 1/220 s, for who reads faster.
+of its steps, step²/12. A chip that converts faster than it is read gives its newest sample, without averaging. "mean":
+the place's error in the mean of the frames of 1/220 s, for a faster reader.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Setting:
 
     @property
     def noise_t(self) -> float:
-        """Of one sample, with its steps: the mean of the axes."""
+        """The noise of one sample, including its steps: the mean of the axes."""
         code = 0 if self.range_gauss is None else self.chip.gain_code_for_range(self.range_gauss)
         steps = self.chip.step_t[code]
         return float(np.sqrt(self.chip.noise_at_t(self.rate_hz, self.trigger) ** 2 + np.mean(steps**2) / 12.0))
@@ -71,7 +71,7 @@ def chip_rows(surroundings: Surroundings) -> Iterator[Row]:
 
 
 def settings(chip: Chip, sensors: int, range_gauss: float | None) -> list[Setting]:
-    """At 220 Hz or as near as it comes, at the host's word where that is quieter, and at the best rate."""
+    """At 220 Hz or the nearest rate, triggered by the host if that is quieter, and at the best rate."""
     found = []
     for trigger in ("free", "simultaneous") if chip.has_trigger else ("free",):
         most = i2c_rate_hz(chip, trigger, CLOCK_HZ, BusLoad(sensors, 1, _needs_mux(chip, sensors)))

@@ -44,7 +44,7 @@ BESIDE_S, QUICK_BESIDE_S = 14.0, 6.0
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """said: sentences about what the study had to assume."""
+    """said: sentences about the study's assumptions."""
 
     surroundings: Surroundings
     said: list[str]

@@ -79,7 +79,9 @@ METHODS = (FIELD, POSE, WEIGHT, PRESSES, OWN)
 
 @dataclass(frozen=True)
 class OfPad:
-    """One pad and what every method is asked: frames under presses. found: force (N) and place (mm) of each frame."""
+    """One pad, and the frames under presses that every method answers. found: force (N) and place (mm) of each
+    frame.
+    """
 
     kind: Kind
     seed: int
@@ -128,7 +130,7 @@ class OfPad:
         return true, found
 
     def from_field(self) -> tuple[Array, Array]:
-        """By a network that learnt the shipped pad's fields less their rest."""
+        """By a network that learned the shipped pad's fields without their rest."""
         rest = self.bench.baseline.rest
         assert rest is not None
         rest_t, pairs = rest.recording().mean_t, []
@@ -156,7 +158,7 @@ class OfPad:
             return self.told(config)
 
     def own(self) -> tuple[Array, Array]:
-        """As `calibrate` makes it of a grid on this very pad."""
+        """By a model that `calibrate` makes from a grid of presses on this pad."""
         random, pressed = np.random.default_rng(self.seed), Pressed(self.bench, self.cell)
         pad = self.bench.config.pad()
         mounting = self.bench.baseline.mounting(pad)
@@ -197,7 +199,7 @@ def _touch(finger: Finger, time_s: float) -> tuple[float, float, float]:
 
 @cache
 def _field_network() -> BackPropagation:
-    """From the change of the field to the press, of the shipped pad as drawn: what one pad tells a learner."""
+    """From the change of the field to the press, learned on the shipped pad as drawn."""
     pad, random = standard_pad(), np.random.default_rng(8)
     force_n = random.uniform(0.05, CALIBRATED_N, FIELD_PRESSES)
     press = np.column_stack([random.uniform(-REACH_MM, REACH_MM, (FIELD_PRESSES, 2)), force_n])
@@ -220,7 +222,7 @@ def run(request: Request) -> Facts:
 
 
 def medians(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
-    """Of the pads, for each method."""
+    """The errors on the pads, for each method."""
     return {
         method: {
             column: round(float(np.median([float(row[column] or 0.0) for row in rows if row["method"] == method])), 4)
