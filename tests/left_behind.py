@@ -28,6 +28,6 @@ def started_by(worker: str, run: str) -> Iterator[int]:
     told = {f"PYTEST_XDIST_WORKER={worker}".encode(), f"PYTEST_XDIST_TESTRUNUID={run}".encode()}
     for process in Path("/proc").iterdir():
         if process.name.isdecimal():
-            with suppress(OSError):  # it has ended since, or is another user's
+            with suppress(OSError):  # the process has ended since, or is another user's
                 if told <= set((process / "environ").read_bytes().split(b"\0")):
                     yield int(process.name)

@@ -245,12 +245,12 @@ class Tolerance:
 
     sensor_position_m: float
     magnet_position_m: float
-    magnet_tilt_rad: float  # of the magnet in its silicone
+    magnet_tilt_rad: float  # tilt of the magnet in its silicone
     gain: float
     remanence: float
     sensor_rotation_rad: float = 0.0  # about each axis
     cross_axis: float = 0.0
-    pad_tilt_rad: float = 0.0  # of the silicone against the sensors
+    pad_tilt_rad: float = 0.0  # tilt of the silicone against the sensors
 
     @property
     def tilt_rad(self) -> float:

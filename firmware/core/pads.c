@@ -32,7 +32,7 @@ uint8_t pads_make(const struct pads *pads, uint16_t wanted, struct pad_wiring wi
         struct pad_wiring pad = pads->found[f];
         bool mux_in_use = count && share_a_mux(&wiring[count - 1], &pad);
         if (mux_in_use && wiring[count - 1].sensor_count > PAD_SENSORS_FOUND)
-            continue; // it is part of that pad
+            continue; // the sensor is part of that pad
         uint8_t asked = wanted & 15;
         wanted = (uint16_t)(wanted >> 4);
         if (asked > PAD_SENSORS_FOUND) {

@@ -38,7 +38,7 @@ struct sensor {
     bool unsent;           // and it was not sent early
     bool discard_next;     // the next sample was converted with the old gain
     bool awaiting;         // a trigger's conversion has not been read yet
-    bool confirmed;        // that conversion has ended: READY was set
+    bool confirmed;        // whether that conversion has ended: READY was set
     bool overtaken;        // triggered again before it was read: READY belongs to the new conversion
     bool suspect;          // a trigger's conversion was late or missing, and no later one ended in time
     bool unaltered;        // the last sample equals the one before

@@ -9,7 +9,7 @@ enum {
     UNCHANGED_MAX = 20,
     POLL_PAUSE_US = 100,
     SILENCE_US = 50000,        // eleven conversions of the HMC5983
-    SILENT_PERIODS = 4,        // of chips that are too slow for that
+    SILENT_PERIODS = 4,        // periods of chips that are too slow for that
     LATE_CONVERSION_US = 3000, // beyond the trigger's `wait_us`
     BURST_US = 250,            // six bytes, with some time to spare
     READY_SURVIVES = 3, // this many probes in a row show that reading does not clear this chip's READY

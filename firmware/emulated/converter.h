@@ -12,7 +12,7 @@ struct emulated_converter {
     struct bench *bench;
     struct load_cell_pins pins;
     bool present;
-    int32_t counts; // what the load cell reads now
+    int32_t counts; // the load cell's present reading
     uint32_t shifted;
     int pulses; // clock pulses since the present read-out began
     bool clock, bit;

@@ -28,7 +28,7 @@ enum {
     HALLCONF = 0x0C,
     NO_AXIS_US = 490,
     AFTER_Z_US = 100,
-    CONVERTER_END = 88000, // of 19 bits: 22000 counts of RES 2
+    CONVERTER_END = 88000, // last count of 19 bits: 22000 counts of RES 2
     EXIT_NS = 900000,      // a measurement that is running ends first
 };
 

@@ -10,7 +10,7 @@ enum { MLX90393_WORDS = 64 };
 struct emulated_mlx90393 {
     struct emulated_magnetometer common;
     uint16_t words[MLX90393_WORDS]; // the customer area, as it is in use
-    uint8_t mode, axes;             // of the status byte; what is measured: bits z, y, x, t
+    uint8_t mode, axes;             // mode of the status byte; the measured axes: bits z, y, x, t
     bool was_reset;
     double slowness; // factor by which a conversion takes longer than in the table; a test may set it
     bool acknowledged; // the status of an SM or SB was read since the reset

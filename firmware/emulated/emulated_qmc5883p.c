@@ -76,7 +76,7 @@ static void put(struct emulated_part *part, uint8_t byte)
     if (number == CONTROL_2 && (byte & SOFT_RST)) {
         power_on(part);
     } else if (number == SIGNS) {
-        chip->signs_defined = byte == DEFINED_SIGNS; // it cannot be read back
+        chip->signs_defined = byte == DEFINED_SIGNS; // the register cannot be read back
     } else if (number == CONTROL_1 || number == CONTROL_2) {
         common->registers[number] = byte;
         if (number == CONTROL_1) {

@@ -14,7 +14,7 @@ struct session {
     uint64_t jumped_ns; // virtual time that the command `time` jumped over
     bool stepped;       // time passes only by the command `run`
     bool held;          // time stands still
-    char answer[24];    // what the last command prints after "ok"
+    char answer[24];    // the answer to the last command after "ok"
     bool quit;
 };
 

@@ -12,7 +12,7 @@ struct emulation {
     uint8_t chip_count[SAMPLER_PADS_MAX]; // on the channels of each switch, from 0 on
     uint8_t switch_count;
     struct emulated_switch *switches[SAMPLER_PADS_MAX];
-    struct pads pads; // what a board keeps over a reset
+    struct pads pads; // data that a board keeps over a reset
     struct emulated_converter converter;
     struct board board;
     struct device device;

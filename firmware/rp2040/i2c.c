@@ -9,7 +9,7 @@ enum {
     BAUD = 400000,
     FREE_LIMIT_US = 100,
     TRANSFER_LIMIT_US = 1000, // the longest transfer of the core takes 0.3 ms
-    HALF_CLOCK_US = 3,        // of recovery by hand: 160 kHz
+    HALF_CLOCK_US = 3,        // half a clock of recovery by hand: 160 kHz
     CLOCKS_MAX = 9,
     MUX_RESET_US = 2,
 };

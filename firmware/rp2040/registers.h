@@ -131,7 +131,7 @@ struct ssi { // [4.10.13] between the processor and the flash
     uint32_t CTRLR0, CTRLR1, SSIENR, MWCR, SER, BAUDR, TXFTLR, RXFTLR, TXFLR, RXFLR, SR, unused_0[13], DR0;
 };
 #define SSI AT(ssi, 0x18000000)
-#define SSI_CTRLR0_BYTES (7U << 16) // of 8 bits, sent and received at once
+#define SSI_CTRLR0_BYTES (7U << 16) // frames of 8 bits, sent and received at once
 #define SSI_SR_RFNE (1U << 3)
 
 #define QSPI_SELECT (*(volatile uint32_t *)0x4001800C) // [2.19.6.2] GPIO_QSPI_SS_CTRL

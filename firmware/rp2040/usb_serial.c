@@ -19,7 +19,7 @@ enum {
 
 static uint8_t transmit_bytes[TRANSMIT_SIZE], receive_bytes[RECEIVE_SIZE];
 static struct ring transmit, receive;
-static volatile bool is_sending, has_received; // what was received waits in the controller's memory for room
+static volatile bool is_sending, has_received; // received bytes wait in the controller's memory for room
 static bool ended_full, sends_data1, receives_data1;
 static uint32_t frame_began_us;
 

@@ -55,7 +55,7 @@ def test_example_says_which_fingers_touch(command: list[str], tmp_path: Path) ->
     }
     with started([*command, "demo"], stdout=subprocess.PIPE, env=environment) as process:
         too_long = threading.Timer(PATIENCE_S, process.kill)
-        too_long.daemon = True  # else the tests end only then
+        too_long.daemon = True  # otherwise the tests would end only with the thread
         too_long.start()
         assert process.stdout is not None
         assert process.stdout.readline() == "nothing arrives\n"

@@ -57,7 +57,7 @@ def debian(cache: Path) -> Path:
         libraries = [f"{tree}.new/usr/lib/python3", f"{tree}.new/usr/lib/python3.11"]
         subprocess.run(["/usr/bin/python3.11", "-m", "compileall", "-q", *libraries], check=True)
         Path(f"{tree}.new").rename(tree)
-    (tree / "dev/ptmx").unlink(missing_ok=True)  # it would hide the host's, and then no pty opens
+    (tree / "dev/ptmx").unlink(missing_ok=True)  # this file would hide the host's, and then no pty opens
     return tree
 
 

@@ -30,7 +30,7 @@ TOKENS = (
 VALUE = re.compile(rb'-?\d[\d.e+-]*|true|false|null|"[^"\\]*"')
 DOUBLED = (2, 10, 100, 1000)  # how often a part of a file is repeated
 LARGE = 1 << 18  # a file that is extended has about this many bytes
-MANY = LARGE // 9  # of the smallest parts: empty records, entries of metadata
+MANY = LARGE // 9  # number of the smallest parts: empty records, entries of metadata
 MANY_EMPTY = record(0x7F, b"") * MANY
 HUGE = (0, 1, 2**7, 2**16, 2**31, 2**32 - 1, 2**40, 2**63, 2**64 - 1)
 

@@ -37,7 +37,7 @@ COLUMNS = (
 )
 LEAST_SHARE, MOST_OF_IDLE = 0.99, 2.0
 HELD = 0.5  # share of its turns in which a flood had to wait for answers, or for its socket
-LEAST_OF_RATE = 0.9  # of the boards' frames without requests, and of the requests that a flood names
+LEAST_OF_RATE = 0.9  # share of the boards' frames without requests, and of a flood's requests
 
 
 @dataclass(frozen=True)

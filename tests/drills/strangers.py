@@ -14,7 +14,7 @@ GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x00" + b"NULL".ljust(20, b"\0")
 METADATA = b"\x0bSocket-Type" + (3).to_bytes(4, "big") + b"SUB"
 READY = b"\x04" + bytes([6 + len(METADATA)]) + b"\x05READY" + METADATA
 SUBSCRIBE_TO_ALL = b"\x00\x01\x01"
-GREETING_BYTES, HEAD_BYTES = len(GREETING), 2  # of the other end's greeting, and before its READY
+GREETING_BYTES, HEAD_BYTES = len(GREETING), 2  # bytes of the other end's greeting, and before its READY
 SILENT, SUBSCRIBED = b"", SUBSCRIBE_TO_ALL
 FULL_FOR_S = 10.0  # a full queue of connections may stay full for this long before the door counts as closed
 

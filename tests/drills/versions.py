@@ -221,7 +221,7 @@ def tried(project: Project, ends: list[str], only: list[str], judge: Callable[[P
     for end, python in product(ends, had):
         folder = ROOT / "build/versions" / f"{project.name}-{python}-{end}"
         folder.parent.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(folder, ignore_errors=True)  # of a trial that failed; trials of others may run meanwhile
+        shutil.rmtree(folder, ignore_errors=True)  # removes a failed trial; trials of others may run meanwhile
         print(f"{project.name}: Python {python}, {end} dependencies", flush=True)
         versions: dict[str, str] = {}
         try:

@@ -64,7 +64,7 @@ class Memsic(RegisterChip):
     reset_s = 0.0
     upsetting_gauss = 0.0
     remanence_gauss = 0.3  # of an upset film
-    upset_sensitivity = 0.5  # of an upset film, once the strong field is gone
+    upset_sensitivity = 0.5  # sensitivity of an upset film, once the strong field is gone
     strong_sensitivity = 1.0  # as long as the strong field lasts, so that it is noticed
     unsettled_gauss = 0.2  # the error of a measurement that begins right at a pulse
     repeatability_gauss = 1e-3
@@ -108,7 +108,7 @@ class Memsic(RegisterChip):
 
     def written(self, register: int, value: int) -> None:
         if self.time_s() < self.starts_until_s - 1e-9:
-            return  # it ignores commands while it starts
+            return  # the chip ignores commands while it starts
         number = register - self.control_0
         if register == self.status and self.writing_clears_done:
             self.registers[register] &= ~(value & self.done)

@@ -77,7 +77,7 @@ class Qmc5883p(RegisterChip):
 
     address = 0x2C
     sensitivity_per_k = -0.0005  # as of the QMC5883L; unverified
-    cleared_by: Literal["status", "data"] = "status"  # what is read before DRDY reads as zero
+    cleared_by: Literal["status", "data"] = "status"  # the read that clears DRDY
     turned = (-1, -1, 1)  # signs of the axes before 0x29 = 0x06; unverified
     single_s = 5e-3  # unverified: no longer than a period of the highest rate of mode "normal"
 

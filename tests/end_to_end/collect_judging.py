@@ -21,7 +21,7 @@ from fmfts_calibrate.samples import Samples, presses_within
 from fmfts_calibrate.tracked import Tracked
 from fmfts_calibrate.training import PRESSES
 
-FRAMES = 20  # of each held-out press, with the noise of single frames
+FRAMES = 20  # frames of each held-out press, with the noise of single frames
 BAR = 1.2  # of ideal data's error
 
 

@@ -22,7 +22,7 @@ ELF = ROOT / "firmware" / "build" / "fmfts.elf"
 RUNNER = ROOT / "tests" / "emulator" / "board_on_pty.py"
 MOVES_A_SECOND = 100
 EMULATED_CONFIG = BRIDGE_CONFIG + "rate_hz = 75\n"
-PACE = 0.2  # of real time: an emulated second costs up to three of a processor, and tests run beside each other
+PACE = 0.2  # share of real time: an emulated second costs up to three of a processor, and tests share it
 PATIENCE_S = 120.0
 
 

@@ -69,7 +69,7 @@ class Hand:
         self.daemon: RunningDaemon
         self.captions: zmq.Socket[bytes]
         self.address = ""
-        self.beside = ""  # what the three methods report, for the page
+        self.beside = ""  # reports of the three methods, for the page
 
     def _board(self, number: int) -> FirmwareHost:
         return FirmwareHost(self._folders[number], "--uid", UID.format(number))

@@ -241,7 +241,7 @@ def test_recording_from_a_robots_view_uses_its_key_and_its_name(robots: Robots, 
         name = page.asked(ask="record", on=True)["done"]["recording"]
         assert name.startswith("head-")
         path, end = robots.folder / name, time.monotonic() + START_PATIENCE_S
-        while not path.exists() or path.stat().st_size < 10_000:  # it has been let in, and writes
+        while not path.exists() or path.stat().st_size < 10_000:  # the recorder was let in, and writes
             assert time.monotonic() < end, fleet.told()
             time.sleep(0.1)
         ended = page.asked(ask="record", on=False)
@@ -264,7 +264,7 @@ def test_fleet_page_without_token_receives_nothing(view: View, fleet: OpenPage) 
 
 
 def test_fleet_view_needs_little_processor_and_constant_memory(view: View, fleet: OpenPage) -> None:
-    for _ in range(3):  # it may have just started
+    for _ in range(3):  # the robot may have just started
         before_s, before_kb = view.processor_s, view.resident_kb
         time.sleep(5.0)
         took_s, grew_kb = view.processor_s - before_s, view.resident_kb - before_kb

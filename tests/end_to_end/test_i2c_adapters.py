@@ -75,7 +75,7 @@ def test_refused_transfer_blames_the_adapter_not_the_wires(tmp_path: Path) -> No
     assert code == exit_codes.UNAVAILABLE, said
     refusal = "its adapter (FT260 usb-i2c bridge on hidraw0, driver ft260) refuses reading from 0x0c after writing 60"
     assert refusal in said
-    assert "MLX90393 at 0x0C" in said  # it is there, but its adapter prevents reading it
+    assert "MLX90393 at 0x0C" in said  # the chip is there, but its adapter prevents reading it
 
 
 def test_probe_says_what_a_usb_bridge_can_do(tmp_path: Path) -> None:

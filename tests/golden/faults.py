@@ -49,16 +49,16 @@ def apply(stream: Stream, faults: Sequence[Sequence[Any]], largest: int, saturat
             stream.fresh[number[number % args[1] > 0], args[0]] = 0
         elif kind == "lost":  # frames that never arrive
             arrive[number[number % args[0] < args[1]]] = False
-        elif kind == "field":  # of the surroundings, as every sensor reads it
+        elif kind == "field":  # a field of the surroundings, as every sensor reads it
             counts[span] += np.array(args)
-        elif kind == "gradient":  # of a thing near one sensor: (N, 3) numbers
+        elif kind == "gradient":  # the gradient of a thing near one sensor: (N, 3) numbers
             counts[span] += np.array(args).reshape(counts.shape[1:])
         elif kind == "swapped":
             counts[span, [args[0], args[1]]] = counts[span, [args[1], args[0]]]
         elif kind == "reset":  # of the board's clock
             stream.device_time_us[first:] -= stream.device_time_us[first] - 1000
             stream.age_us[first] = 0
-        elif kind == "leap":  # of the board's clock, by this many µs
+        elif kind == "leap":  # a leap of the board's clock, by this many µs
             stream.device_time_us[first:] += args[0]
         elif kind == "stands":  # the board's clock, which then continues as if it had not leapt
             stream.device_time_us[span] = stream.device_time_us[first]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 GOLDEN_GAMMA, FIRST, SECOND = (np.uint64(each) for each in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
 TERMS = 8
-SUM_DEVIATION = 53510  # of eight uniform numbers of 16 bits: sqrt(8 / 12) · 2¹⁶
+SUM_DEVIATION = 53510  # deviation of a sum of eight uniform numbers of 16 bits: sqrt(8 / 12) · 2¹⁶
 
 
 def splitmix(state: NDArray[np.uint64]) -> NDArray[np.uint64]:

@@ -13,7 +13,7 @@ from fmfts.contact import _contact
 from oracle.field import Array, differences
 
 POSE, SCALED = 6, 5
-OF_A_FLOAT = 2e-5  # of sums of a hundred floats of the order of one
+OF_A_FLOAT = 2e-5  # rounding of sums of a hundred floats of the order of one
 
 
 class Network:

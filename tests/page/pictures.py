@@ -32,7 +32,7 @@ from page.rig import View, chromium, opened, until
 DOCS = ROOT / "docs"
 COLOURS = 160
 MOVING_S, MOVING_HZ, MOVING_COLOURS = 6.0, 5, 96
-LARGEST_BYTES = 200_000  # of one picture: each is loaded with the README or a page of the manual
+LARGEST_BYTES = 200_000  # bytes of one picture: each is loaded with the README or a page of the manual
 TRIES = 5
 HEALTH = "document.querySelector('#health').dataset.health"
 FORCE = "document.querySelector('#force').dataset.kind"

@@ -46,7 +46,7 @@ class View:
         )
         assert self.process.stdout is not None
         if not select.select([self.process.stdout], [], [], START_PATIENCE_S)[0]:
-            self.process.kill()  # what it printed is read below
+            self.process.kill()  # its output is read below
         first = self.process.stdout.readline()
         assert first.startswith("the page: "), first + self.process.communicate(timeout=PATIENCE_S)[1]
         self.address = first.removeprefix("the page: ").strip()

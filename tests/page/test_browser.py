@@ -63,7 +63,7 @@ def programs_that_show(secret: str) -> list[str]:
             if secret.encode() in file.read_bytes():
                 found.append(str(file))
         except OSError:
-            pass  # it has ended, or is another user's
+            pass  # the process has ended, or is another user's
     return found
 
 

@@ -14,7 +14,7 @@ from page.rig import CHROMIUM, NEWEST, seconds_until, until
 
 pytestmark = [pytest.mark.needs(CHROMIUM), pytest.mark.real_time, pytest.mark.slow]
 
-SOON_S = 0.100  # of a touch, to the picture that shows it
+SOON_S = 0.100  # delay from a touch to the picture that shows it
 AT_ONCE_S = 1.0
 PLACE_MM = 0.5
 
@@ -167,7 +167,7 @@ def test_axe_finds_no_serious_violation(page: Page, theme: str) -> None:
     for dialog in (None, "g", "o", "?"):
         if dialog:
             page.keyboard.press(dialog)
-            page.wait_for_timeout(300)  # it has risen: contrast is judged for opaque text
+            page.wait_for_timeout(300)  # until the text is opaque: its contrast is judged
         found = Axe().run(page).response["violations"]
         serious = [
             (each["id"], each["nodes"][0]["html"][:120]) for each in found if each["impact"] in ("serious", "critical")

@@ -44,7 +44,7 @@ class Part(NamedTuple):
     """One program of a command line, without `sudo`."""
 
     words: str
-    variables: tuple[str, ...] = ()  # that are set in front of it
+    variables: tuple[str, ...] = ()  # variables that are set in front of it
 
 
 # Programs whose options test_page_commands.py and test_page_programs.py check.

@@ -237,6 +237,6 @@ def test_packets_at_another_baud_rate_are_no_packets(stream: type, form: object,
     sent = numbered(form, 200)
     assert [read_at(packet, 115_200, 115_200 * ratio) for packet in sent[:5] for ratio in (0.98, 1.0, 1.02)] == [
         packet for packet in sent[:5] for _ in range(3)
-    ]  # what a UART can carry
+    ]  # the most that a UART can carry
     parser = stream(5)
     assert [packet for each in sent for packet in parser.feed(read_at(each, 115_200, read_baud))] == []

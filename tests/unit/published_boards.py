@@ -22,7 +22,7 @@ PICK_AND_PLACE = {
     "U4": (2557.055, 2877.953, 90.0, "VSS", "VSS"),
     "U2": (2559.055, 3427.134, 180.0, "VDD", "VDD"),
 }
-REFERENCE_FROM_CENTRE_MIL = (0.0, 2.0)  # of the footprint at rotation 0: "Ref" less "Mid"
+REFERENCE_FROM_CENTRE_MIL = (0.0, 2.0)  # offset in the footprint at rotation 0: "Ref" less "Mid"
 STREAMED = {"reskin5": (0x0C, 0x13, 0x12, 0x10, 0x11), "anyskin5": (0x0C, 0x0D, 0x0E, 0x0F, 0x10)}
 TURNED_OVER = np.diag([-1.0, 1.0, -1.0])  # about y
 

@@ -145,7 +145,7 @@ def test_test_without_end_fails_by_its_name(
     assert code == 1
     assert "crashed while running 'test_of_one.py::test_waits'" in "\n".join(lines)
     assert "line 7 in test_waits" in (tmp_path / "logs/third.log").read_text()
-    wait_for_end(int((tmp_path / "child").read_text()))  # which the worker could not end
+    wait_for_end(int((tmp_path / "child").read_text()))  # a child that the worker could not end
 
 
 TOGETHER = """

@@ -46,7 +46,7 @@ def test_smallest_touch_is_millinewtons_twice_that_is_immediate() -> None:
     assert (np.diff(smallest, axis=0) > 0.0).all()
     np.testing.assert_allclose(smallest, smallest.T, rtol=1e-2)
     assert np.max(facts["worst_onset_frames"]) <= 2
-    assert facts["false_contacts"] == 0  # of 8,000 frames; one in 790,000 is allowed
+    assert facts["false_contacts"] == 0  # in 8,000 frames; one in 790,000 is allowed
 
 
 @pytest.mark.parametrize("refine", [False, True])

@@ -128,7 +128,7 @@ def test_age_is_short_by_at_most_the_fastest_delay(
         assert now_s - started_s - arrivals[0][0] < SETTLING_S + 1e-9
         return
     told_s = now_s - clock.ahead_s - sent_s
-    rounding_s = 1e-8  # of times up to 1e6 s in double precision
+    rounding_s = 1e-8  # rounding of times up to 1e6 s in double precision
     assert -rounding_s <= told_s <= delay_s * (1.0 + DRIFT) + rounding_s
     allowed_s = min(least_s + 2.1 * DRIFT * (now_s - then_s + least_s) for least_s, then_s in fastest)
     assert told_s >= delay_s * (1.0 - DRIFT) - allowed_s - rounding_s

@@ -31,7 +31,7 @@ SOON = 66  # frames: 300 ms
 AT_ONCE_NS = 1_000_000  # a packet of this line never waits
 BEGUN = 300
 PRESSED, RESTS = 140, 230  # frames of `taps`
-TIMES = 2**48  # of the wire: a board's 64 bits are cut to 48
+TIMES = 2**48  # times on the wire: a board's 64 bits are cut to 48
 # The largest is a recording's: its times have 64 bits.
 POWERS = (20, 23, 33, 46, 47)
 
@@ -236,7 +236,7 @@ def test_early_samples_count_once_however_often_they_come(in_the_loop: bool) -> 
             host.end()
         published.append([(message.t_sample_ns, message.force_n, message.now) for message in host.told.messages])
     bus.close()
-    assert len(published[0]) > 200  # of 150 frames: the others are of early samples
+    assert len(published[0]) > 200  # 150 are frames; the others are early samples
     assert published[0] == published[1] == published[2]
 
 

@@ -276,7 +276,7 @@ def test_request_is_walked_for_few_items(
         walked.append(value)
         return not_finite_field(value, path)
 
-    monkeypatch.setattr("fmfts.bus.encoding.not_finite_field", counted)  # which calls itself for each item
+    monkeypatch.setattr("fmfts.bus.encoding.not_finite_field", counted)  # the function calls itself for each item
     monkeypatch.setattr("fmfts.bus.control.not_finite_field", counted)
     contents: list[dict[str, Any]] = [
         {"ages": [0] * 900},

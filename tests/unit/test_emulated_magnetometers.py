@@ -16,7 +16,7 @@ from emulated_bus import Clock, read
 from emulator.magnetometers import Lis3mdl, Mmc5603nj, Mmc5983ma, Qmc5883l, Qmc5883p
 
 FIELD_GAUSS = (0.75, -1.5, 0.3)
-ADVANCE = 0x80  # of a LIS3MDL's register number
+ADVANCE = 0x80  # bit of a LIS3MDL's register number
 
 
 @pytest.fixture

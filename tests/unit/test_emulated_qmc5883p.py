@@ -110,7 +110,7 @@ def test_axes_are_turned_until_the_signs_are_defined(clock: Clock) -> None:
         clock.sleep(5.1e-3)
         assert (counts(chip) == right) == is_right
         assert [abs(each) for each in counts(chip)] == [abs(each) for each in right]
-        assert read(chip, SIGNS) == b"\x00"  # it cannot be read back
+        assert read(chip, SIGNS) == b"\x00"  # the register cannot be read back
 
 
 def test_single_mode_measures_once_and_ends_in_suspend(clock: Clock) -> None:

@@ -25,7 +25,7 @@ FUNCTION = re.compile(r"^[A-Za-z_][\w \t*]*?[ \t*](\w+)\(([^;{}]*?)\)\s*[;{]", r
 
 def in_c(code: str) -> Iterator[tuple[str, int]]:
     for name, parameters in FUNCTION.findall(COMMENT.sub("", code)):
-        flat = re.sub(r"\([^()]*\)", "", parameters)  # those of a function that is a parameter are its own
+        flat = re.sub(r"\([^()]*\)", "", parameters)  # a function that is a parameter has parameters of its own
         yield name, 1 + flat.count(",")
 
 

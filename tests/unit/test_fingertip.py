@@ -19,7 +19,7 @@ HARDWARE = Path(__file__).parents[2] / "hardware"
 HANDS = ("leap", "allegro")
 # By docs/build-a-pad.md: the plate's top above the chips, the silicone, and breakouts side by side.
 PLATE_ABOVE_CHIPS_MM, SILICONE_MM, BOARDS_MM, BOARD_MM, CHIP_MM, CABLE_MM = 10.0, (4.0, 40.0, 40.0), 50.8, 1.6, 1.0, 6.0
-RIM_MM = 3.0  # of the silicone, held; the slab of the finite elements that made the contact model has the same
+RIM_MM = 3.0  # width of the held silicone; the slab of the contact model's finite elements has the same
 CHIPS_APART_MM, FROM_STEEL_MM = 25.4, 30.0
 PLA_KG_PER_MM3 = 1.24e-6
 # LEAP's last motor, where its own fingertip leaves 14 mm free, and the fork that DIGIT has for Allegro.

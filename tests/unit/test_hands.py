@@ -16,7 +16,7 @@ from fmfts.simulation.source import Simulated
 
 CONFIG = PadConfig(name="left", source=SimulatedSource())  # pressed by the script on a robot that turns
 PERIOD_NS = round(1e9 / 220)
-COUNT_T = 1e-4 / 660  # of the chip at 2.5 gauss
+COUNT_T = 1e-4 / 660  # one count of the chip at 2.5 gauss
 
 
 def request(kind: str) -> BaselineRequest:

@@ -234,5 +234,5 @@ PUT_DOWN, MOMENT_A_M2 = WAYS[8], 0.055
 @pytest.mark.parametrize("scene", ["steel", "turned"])
 def test_magnetic_tool_is_no_contact_and_no_wrong_answer(scene: Scene) -> None:
     (cell,) = drilled((scene,), (MOMENT_A_M2,), (PUT_DOWN,), ("rest",), range(1, 2), "drawn")
-    assert cell.health["ok"] > 1000  # that is not because answers are missing
+    assert cell.health["ok"] > 1000  # missing answers are not the cause
     assert (cell.wrong, cell.wrong_degraded, cell.false_contacts) == (0, 0, 0), cell.line

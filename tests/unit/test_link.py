@@ -402,7 +402,7 @@ def test_two_boards_on_one_line_are_both_rejected() -> None:
     assert line.feed(sample(sequence=1, time_us=9090), sample(sequence=90, time_us=9991)) == []
     assert all(uid.hex() in line.state.pad_faults[0] for uid in (UID, other.uid))
     assert not line.link.accepts(0)
-    for number in range(2, 14):  # it asks every second, and one board answers
+    for number in range(2, 14):  # the link asks every second, and one board answers
         asked = line.asked(later_ns=400_000_000)
         if asked:
             line.feed(Reply(asked[0].request_id, asked[0].verb, 0), hello(4))

@@ -31,7 +31,7 @@ WHOLE = (0, -1, 1, 5, 9, 63, 64, 2**31, 2**53, -(2**53), 2**60, -(2**60), 2**62,
 NUMBERS = (0.0, -1.0, 1e300, -1e300, np.nan, np.inf, -np.inf, 1e19, 1e-300)
 # This many frames of a world: with a count that no chip gives, with a fault that was found, and with none.
 AMID = {"growing": 2310, "faulty": 290, "healthy": 200, "slip": 200, "posture": 200}
-ASKED = {"slip": "sheared", "posture": "healthy"}  # of these worlds, with another configuration
+ASKED = {"slip": "sheared", "posture": "healthy"}  # memories of these worlds, with another configuration
 AFTER = 3  # frames
 OUTSIDE: dict[str, Any] = {
     "found_sensor": (4, -2, 1 << 40), "heard": (16, -1), "suspects": (1 << 62, -(1 << 63)), "searched_sensors": (16,),

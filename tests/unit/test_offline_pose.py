@@ -63,7 +63,7 @@ def test_ambient_field_needs_eight_unknowns_and_is_reported(pad: Pad, pressed: S
     field = field_of(pad, pressed) + AMBIENT_T
     assert off_um(solved(tmp_path, field), pressed) > 100.0
     row = solved(tmp_path, field, "--unknowns", "8")
-    assert off_um(row, pressed) < 0.1  # of a noise-free field, whose bound at 2 mG is 15 µm
+    assert off_um(row, pressed) < 0.1  # error in a noise-free field; the bound at 2 mG is 15 µm
     assert [float(row[f"ambient_{axis}_ut"]) for axis in "xyz"] == pytest.approx(AMBIENT_T * 1e6, abs=1e-3)
     assert all(float(row[f"ambient_{axis}_ut_sd"]) > 0.0 for axis in "xyz")
 

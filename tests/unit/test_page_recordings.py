@@ -26,7 +26,7 @@ def test_only_files_of_the_folder_can_be_shown(tmp_path: Path) -> None:
 def test_page_reports_a_recorder_that_ended(tmp_path: Path) -> None:
     recordings = Recordings(tmp_path, f"ipc://{tmp_path}")
     name = recordings.begin()["recording"]
-    assert (tmp_path / name).exists()  # it has subscribed: no later message is missing
+    assert (tmp_path / name).exists()  # the recorder has subscribed: no later message is missing
     assert recordings.under_way == name
     assert recordings.failure() is None
     recorder = recordings._recorder

@@ -245,7 +245,7 @@ def test_release_that_cannot_be_signed_ends(dist: Path, key: Path, repository: P
 
 def test_checksums_are_those_that_sha256sum_finds(dist: Path) -> None:
     write_checksums(dist)
-    write_checksums(dist)  # it is not in its own list of files
+    write_checksums(dist)  # the list does not name itself
     words = ["sha256sum", "--check", "--strict", "SHA256SUMS"]
     assert subprocess.run(words, cwd=dist, capture_output=True, check=False).returncode == 0
     (dist / WHEEL).write_text("damaged")

@@ -17,7 +17,7 @@ EXTRAS = sorted(path.parent for path in ROOT.glob("extras/*/pyproject.toml"))
 CLOSED = {"runtime", "offline", "report"}
 OPEN_VERBS = {"fmfts.cli.verb", "fmfts.cli.feed"}
 OF_ALL = {"fmfts_client"}
-OPEN_PACKAGES = {"fmfts_skin": OF_ALL | {"fmfts_calibrate"}}  # whose sets it reads, and as which it judges
+OPEN_PACKAGES = {"fmfts_skin": OF_ALL | {"fmfts_calibrate"}}  # the package reads its sets, and judges as it does
 # The lowest first: each may import those before it, and none of its own floor.
 FLOORS = [
     {"arithmetic", "service", "sensor/chips"},

@@ -137,7 +137,7 @@ def test_frame_without_a_search_is_not_ok_with_an_old_finger() -> None:
     assert after.health == "ok"
     assert isinstance(after.contacts, list)
     assert len(after.contacts) == 2
-    assert before.contacts[0].id in {finger.id for finger in after.contacts}  # it was held all the time
+    assert before.contacts[0].id in {finger.id for finger in after.contacts}  # the finger was held all the time
 
 
 def test_possible_second_finger_degrades_until_it_is_searched(

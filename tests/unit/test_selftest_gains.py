@@ -22,7 +22,7 @@ from fmfts.simulation.baseline import hold_still
 from fmfts.simulation.source import Simulated
 
 MINE, ANOTHER = (Origin("bridge", "HMC5983", uid=uid, pad_index=0) for uid in ("0a", "0b"))
-STRAPS = 0.005  # of the straps' fields from one axis to another
+STRAPS = 0.005  # difference of the straps' fields between axes
 CONFIG = PadConfig(name="standard", source=SimulatedSource(seed=4), tolerance=ToleranceConfig(gain=0.05))
 
 GAIN = 1.0 + np.random.default_rng(2).normal(0.0, 0.05, (4, 3))

@@ -17,7 +17,7 @@ from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c
 from fmfts.view.facts import fact_lines
 
 __all__ = ["clock"]
-FIELD_GAUSS = (0.75, -2.4, 0.3)  # of a magnet at rest; z out of the chip's face
+FIELD_GAUSS = (0.75, -2.4, 0.3)  # field of a magnet at rest; z out of the chip's face
 COUNTS_PER_GAUSS = 4096  # of 16 bits
 ZERO_GAUSS = (0.31, -0.08, 0.45)  # along the chip's own axes, z into the board
 

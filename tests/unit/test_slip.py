@@ -156,7 +156,7 @@ def test_margin_is_friction_times_force_less_shear() -> None:
         assert slip is not None
         assert slip.margin_n is not None
         assert slip.margin_sd_n is not None
-        assert abs(slip.margin_n) < 5.0 * slip.margin_sd_n  # it has just slipped, and is still pulled
+        assert abs(slip.margin_n) < 5.0 * slip.margin_sd_n  # the finger has just slipped, and is still pulled
 
 
 def test_other_fields_are_the_same_with_slip_and_without() -> None:

@@ -297,7 +297,7 @@ def test_simulated_pad_is_held_for_its_baseline_and_then_let_go(daemon: Daemon, 
     assert told["ok"]
     assert told["kind"] == kind
     if kind == "rest":
-        assert told["remanence_t"] == pytest.approx(1.23, rel=0.2)  # that of a pad that nothing pressed
+        assert told["remanence_t"] == pytest.approx(1.23, rel=0.2)  # the remanence of an untouched pad
         assert 5e-5 < told["middle_1n_place_sd_m"] < 5e-4
     daemon.verbs.finish_jobs()
     assert daemon.source.mounted

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lerobot_camera_fmfts.config_camera import FmftsCameraConfig
 from lerobot_camera_fmfts.touch import Pads, TouchLostError
 
-FINGER_SD_M = 0.003  # of the blob, in addition to the deviation of the place: about a fingertip
+FINGER_SD_M = 0.003  # the blob's own deviation, in addition to the place's: about a fingertip
 EDGE = 40  # brightness of the pad's edge in the blue channel
 
 

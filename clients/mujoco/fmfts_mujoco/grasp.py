@@ -27,7 +27,7 @@ PADS = ("left_pad", "right_pad")
 CONTROL_S = 0.02
 CLOSING_M_PER_S, LIFTING_M_PER_S = 0.04, 0.1
 MASS_KG, FRICTION, WIDER_M = (0.02, 0.05), (0.3, 0.6), (-0.003, 0.003)
-CRUSHED_N = 2.0  # of either finger, for one step of control; holding an object takes 0.16 to 0.82 N
+CRUSHED_N = 2.0  # force of either finger in one step of control; holding an object takes 0.16 to 0.82 N
 LIFTED_M = 0.04
 OBSERVED = dict[str, NDArray[Any]]
 

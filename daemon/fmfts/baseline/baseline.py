@@ -150,7 +150,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     def _at_rest(self, pad: Pad, rest: StoredRecording) -> AtRest:
         tolerance = Tolerance(**self.tolerance)
         measured, learned = self._before_turn(pad), None
-        if self.learned is not None and self.refine is not None:  # else it would count as exact
+        if self.learned is not None and self.refine is not None:  # it would count as exact
             learned = self.learned.geometry()
             pad, measured = learned.turned(pad), learned.from_drawing(measured)
         if self.turn is not None:

@@ -104,7 +104,7 @@ def estimate_and_judge(
         f"the field does not fit an unloaded pad: χ² = {mounting.chi2:.0f}, where tolerances, gains and noise explain "
         f"at most {_limit(mounting):.0f}; magnet {np.abs(mounting.rest_strain).max():.1f} deviations from its place"
     )
-    if abs(misfit[worst]) > SLIGHT_MISFIT_T:  # else the magnet's place or strength does not fit
+    if abs(misfit[worst]) > SLIGHT_MISFIT_T:  # below it, the magnet's place or strength does not fit
         facts += f"; worst: sensor {worst[0] + 1}, axis {'xyz'[worst[1]]}, {misfit[worst] * 1e6:+.1f} µT off"
     facts += "."
     cause = _cause(pad, tolerance, rest, bare, measured)

@@ -17,7 +17,7 @@ from fmfts.pose.posture import PostureModel, basis_of
 MOVES_RAD = 0.01  # a joint that moves by less stands still
 MOST_COORDINATES, LEAST_SHARE = 6, 0.02  # of the largest coordinate's spread
 MOST_TERMS, ROWS_OF_A_TERM, HIGHEST = 80, 6, 12
-BLOCKS = 8  # of the recording, each left out in turn
+BLOCKS = 8  # parts of the recording, each left out in turn
 RIDGES = (1e-6, 1e-3, 3e-2)  # of the number of rows; a term's order raises its share with its square
 # A function with more terms must explain left-out rows better by this.
 BETTER = 0.98

@@ -97,7 +97,7 @@ class ClientList:
             try:
                 self._by_key = {client.public: client for client in self.read().values()}
             except KeysError as error:
-                if error.__cause__ is not None:  # it could not be opened or read: try again next time
+                if error.__cause__ is not None:  # the file could not be opened or read: try again next time
                     raise
                 self._damage = str(error)  # a damaged list is not read again for each peer that connects
             self._read_at = version

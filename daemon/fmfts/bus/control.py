@@ -25,7 +25,7 @@ LARGEST_RECEIVED = 2 * LARGEST_REQUEST  # beyond this ZeroMQ closes the connecti
 # Requests of one peer that wait in this process, and answers that one peer has not read. A peer that sends more waits
 # in its own `send`; see unread.py for answers.
 MOST_WAITING = MOST_UNREAD = 32
-MOST_PARTS = 3  # of a REQ socket's request, the sender's identity among them
+MOST_PARTS = 3  # a REQ socket's request has three parts with the sender's identity
 DISCARDED_AT_ONCE = 32
 MOST_ARGUMENTS = 16
 

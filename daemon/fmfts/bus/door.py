@@ -62,7 +62,7 @@ class Door:
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="door", daemon=True)
         self.is_open = True
-        self._stuck: list[str] = []  # what kept a socket from being closed or opened
+        self._stuck: list[str] = []  # reasons why a socket could not be closed or opened
         if limit < SAFE_LIMIT:
             log.warning(
                 "this process may open only %d files, so many connections within %.0f ms could end it: raise the limit "

@@ -27,7 +27,7 @@ HANDSHAKE_MS = 5000
 PEER_BYTES = 2_000_000
 # Beside the body: libzmq keeps 64 bytes for each of two parts, and its own head of a body, for which malloc rounds up.
 MESSAGE_BYTES = 256
-LARGEST_HANDSHAKE = 512  # of an encrypted connection; MAXMSGSIZE limits it too
+LARGEST_HANDSHAKE = 512  # bytes of an encrypted connection's handshake; MAXMSGSIZE limits it too
 log = logging.getLogger(__name__)
 
 

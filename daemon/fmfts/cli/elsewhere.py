@@ -16,7 +16,7 @@ VERBS = "fmfts.verbs"  # entry points: functions that take an AddVerb
 VIEWS = "fmfts.views"  # functions that `view` calls, by their package's extra
 LAYOUTS = "fmfts.layouts"  # paths, by the program that reads them
 CONFIGURATIONS = "fmfts.configurations"  # by the name of the table that it reads: a subclass of Config
-OPTIONS = "fmfts.options"  # what an option of one of this package's verbs needs, by the package's extra
+OPTIONS = "fmfts.options"  # parts that options of this package's verbs need, by the package's extra
 # Each verb's line of help, and its package: the laboratory, or an extra of this one.
 OF_VERB = {
     "collect": ("press a plan of places and forces, and write the calibration data", "collect"),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Field = tuple[str, str, int]  # name, type as NumPy names it, and how many; 0: one, which is no array
 Numbers = NDArray[np.float64] | NDArray[np.int64] | NDArray[np.uint8] | Sequence[float] | float
-Values = dict[str, NDArray[Any]]  # of all fields, by name
+Values = dict[str, NDArray[Any]]  # values of all fields, by name
 
 
 class Record:

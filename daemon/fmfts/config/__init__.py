@@ -224,7 +224,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
     source: SourceConfig
     geometry: GeometryConfig = field(default_factory=GeometryConfig)
     magnet: MagnetConfig = field(default_factory=MagnetConfig)
-    other_magnets: tuple[MagnetConfig, ...] = ()  # of [[pad.magnet]], those besides the first
+    other_magnets: tuple[MagnetConfig, ...] = ()  # the magnets of [[pad.magnet]] after the first
     tolerance: ToleranceConfig = field(default_factory=ToleranceConfig)
     silicone: SiliconeConfig = field(default_factory=SiliconeConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
@@ -282,7 +282,7 @@ class Config(_Section, frozen=True):
     pad: tuple[PadConfig, ...]
     bus: BusConfig = field(default_factory=BusConfig)
     service: ServiceConfig = field(default_factory=ServiceConfig)
-    collect: dict[str, Any] = field(default_factory=dict)  # of the package fmfts-collect, which reads and checks it
+    collect: dict[str, Any] = field(default_factory=dict)  # the package fmfts-collect reads and checks it
 
     def problems_of_extras(self) -> Iterator[Problem]:
         """Errors in the tables of other packages, beyond their types; a package's own configuration finds them."""

@@ -11,7 +11,7 @@ from typing import Any
 
 from fmfts.contact.contract import EXTERNAL, IR_VERSION, OPSET
 
-Part = Any  # of a model, as the onnx package reads it
+Part = Any  # part of a model, as the onnx package reads it
 
 DEFAULT_DOMAIN = ("", "ai.onnx")
 DOCUMENT = "those that docs/calibration.md lists"

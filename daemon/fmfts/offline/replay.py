@@ -149,7 +149,7 @@ class Replay:
             "first_differences": [f"{pad} {seq}: {', '.join(names)}" for pad, seq, names in compared.different[:3]],
             "unreplayed": compared.unreplayed,
             "without_their_other": compared.alone,
-            "sha256": self._digest.hexdigest(),  # of all replayed contacts; the same on every processor
+            "sha256": self._digest.hexdigest(),  # digest of all replayed contacts; the same on every processor
         }
 
     def _replayed(self, pipeline: Pipeline, message: FrameMessage | EarlyMessage) -> Iterator[ContactMessage]:

@@ -41,7 +41,7 @@ class RobotView:
 class FrontPage(Protocol):
     """The page at FRONT if it is not a robot's own: from another package, such as the fleet's."""
 
-    folder: Path  # of its files, which are beside those of a robot's page
+    folder: Path  # folder of its files, beside those of a robot's page
     page: str  # which of them it is
 
     @property

@@ -16,7 +16,7 @@ from typing import Any
 # A connection passes through at most eight turns of the loop until its token is known, so it is not among the oldest.
 WAITING, ACCEPTED_IN_A_TURN = 512, 32
 QUEUE = 256  # the kernel's queue until the loop accepts
-Address = tuple[Any, ...]  # of the other end: unique while the connection lasts
+Address = tuple[Any, ...]  # address of the other end: unique while the connection lasts
 
 
 @dataclass

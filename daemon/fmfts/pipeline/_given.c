@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-enum { WORDS_ROOM = 2048 }; /* of the words that are in every message, so that it always has room */
+enum { WORDS_ROOM = 2048 }; /* limit of the words in every message, so that it always has room */
 
 /* The parts of a sighting, in the order of sighting.py. 0 and ValueError if the buffer is not of so many magnets. */
 static int view_sighting(const Py_buffer *buffer, size_t magnets, fmfts_sighting *sighting)

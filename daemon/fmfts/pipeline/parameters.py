@@ -40,7 +40,7 @@ from fmfts.pose.state import SIZE, tangent_basis
 from fmfts.sensor.chips import Chip
 
 Array = NDArray[np.float64]
-MODE_WEIGHTS = (1.0, 1.0)  # of a finger that stands still, and of one that moves: `bench now --ablation` leaves one out
+MODE_WEIGHTS = (1.0, 1.0)  # for a still and for a moving finger: `bench now --ablation` leaves one out
 Values = dict[str, Numbers]
 
 

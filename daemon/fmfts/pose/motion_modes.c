@@ -19,7 +19,7 @@
 enum { N = FMFTS_MOTION_STATES, RATE = FMFTS_RATE, AMBIENT = FMFTS_AMBIENT_CHANGE, MODES = FMFTS_MODES };
 enum { STILL, MOVING };
 enum { SEEN = FMFTS_FOLLOWED };
-static const int STATE[SEEN] = {0, 1, 2, 3, 4, 10, 11, 12}; /* what a sample depends on */
+static const int STATE[SEEN] = {0, 1, 2, 3, 4, 10, 11, 12}; /* the states that a sample depends on */
 
 void fmfts_pose_after(const fmfts_pose_parameters *parameters, const double *change, double position[3], double axis[3],
                       double turn[2][3])

@@ -101,7 +101,7 @@ typedef enum {
     ONE(int64_t, without_news)                                                                                         \
     ONE(int64_t, newest_us) /* alignment.c: of the newest sample, on its clock */                                      \
     ONE(int64_t, leapt_us) /* how far the board's clock has leapt since that sample */                                 \
-    ONE(int64_t, frame_us) /* of the last frame: its time on the board's clock, and on the host's, and its number */   \
+    ONE(int64_t, frame_us) /* the last frame's time on the board's clock, on the host's, and its number */   \
     ONE(int64_t, frame_ns)                                                                                             \
     ONE(int64_t, sequence)                                                                                             \
     ONE(int64_t, stood_ns) /* host's time and number of the first frame with that time on the board's clock, which may stand */\

@@ -20,7 +20,7 @@ typedef struct {
     const int64_t *time_us;
     const uint8_t *fresh, *timed;
     bool has_time;
-    int64_t frame_us; /* of the frame itself, if it has one */
+    int64_t frame_us; /* time of the frame itself, if it has one */
 } fmfts_pushed;
 
 /* After a longer gap than this (or the time after which a chip counts as stopped, at low rates) the earlier samples do

@@ -54,7 +54,7 @@ typedef struct {
     double bend_t[FMFTS_AXES];     /* the error that curvature between two samples may cause */
     double noise_share[FMFTS_SENSORS];
     double unknown_t2[FMFTS_AXES]; /* variance of what the baseline leaves unknown */
-    double other_t2[FMFTS_AXES];   /* of curvature, warming and neighbours; averaging does not reduce it */
+    double other_t2[FMFTS_AXES];   /* from curvature, warming and neighbours; averaging does not reduce it */
     double variance_t2[FMFTS_AXES]; /* of all, with noise */
 } fmfts_field;
 
@@ -75,7 +75,7 @@ typedef struct {
 } fmfts_verdict;
 
 typedef struct {
-    double covariance[FMFTS_STEP * FMFTS_STEP]; /* of the memory's state, widened by the recent misfit */
+    double covariance[FMFTS_STEP * FMFTS_STEP]; /* covariance of the memory's state, widened by the recent misfit */
     double chi2, residual_t;
 } fmfts_pose;
 

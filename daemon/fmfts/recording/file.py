@@ -55,7 +55,7 @@ __all__ = [
 PROFILE = "fmfts"
 HEADER_BYTES = 8
 LARGEST_MESSAGE = 1 << 20
-LONGEST_TOPIC = 64  # of those that are read; the name of a pad has at most 32 letters
+LONGEST_TOPIC = 64  # bytes of a topic; the name of a pad has at most 32 letters
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from types import TracebackType
 
 LONGEST_TEXT = 200
-DEEPEST_CALLS = 12  # of a traceback: the thousand of a RecursionError take as long as three frames
+DEEPEST_CALLS = 12  # calls of a traceback: a RecursionError's thousand take as long as three frames
 
 
 class Contained:

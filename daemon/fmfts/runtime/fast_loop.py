@@ -45,7 +45,7 @@ class FastLoop:
         self._epoll = select.epoll()
         self._boards: dict[int, LentBoard] = {}  # by id of the source
         self._unserved: set[int] = set()  # descriptors where end() got back whole packets; the next wait() returns them
-        self._offered: set[int] = set()  # those of them that the last wait() returned
+        self._offered: set[int] = set()  # descriptors of these that the last wait() returned
         self._loop = None
         send = send_function()
         if send is not None:

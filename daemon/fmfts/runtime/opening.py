@@ -152,7 +152,7 @@ def use_baseline(channel: Channel, config: PadConfig, pads: Sequence[PadConfig])
     except BaselineError as error:
         log.error("%s", error)
         pipeline.refuse(str(error))
-    except StateError:  # it concerns no single pad: there is no folder for baselines
+    except StateError:  # the folder for baselines is absent, which concerns all pads
         raise
     except Exception as error:
         log.exception("pad '%s': internal error with its baseline, worth reporting", pad.name)

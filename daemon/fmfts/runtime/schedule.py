@@ -93,7 +93,7 @@ class Schedule:
     def _forget(self, source: Source, descriptor: int) -> None:
         del self._descriptor_of[id(source)]
         if self._source_of.get(descriptor) is not source:
-            return  # it was closed, and now belongs to another source
+            return  # the descriptor was closed, and now belongs to another source
         del self._source_of[descriptor]
         try:
             self._fast_loop.unregister(descriptor)

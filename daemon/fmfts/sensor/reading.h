@@ -4,8 +4,8 @@
 #define FMFTS_READING_H
 
 enum {
-    FMFTS_SENSORS = 16,    /* of a pad, at most */
-    FMFTS_GAIN_CODES = 32, /* of a chip, at most (chip.py) */
+    FMFTS_SENSORS = 16,    /* most sensors of a pad */
+    FMFTS_GAIN_CODES = 32, /* most gain codes of a chip (chip.py) */
     FMFTS_READING_BYTES = 8 /* of a sensor */,
 };
 

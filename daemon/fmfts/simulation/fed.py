@@ -21,7 +21,7 @@ from fmfts.sensor.frame import Frame
 from fmfts.sensor.source import CannotError, SourceError, SourceState
 
 SILENT_NS = 1_000_000_000
-LARGEST_BYTES = 1 << 14  # of a frame: one of 64 sensors has 6 kB
+LARGEST_BYTES = 1 << 14  # bytes of a frame: one of 64 sensors has 6 kB
 MOST_FRAMES = 8  # that one poll takes
 _decoder = msgspec.msgpack.Decoder(FrameMessage)
 

@@ -28,7 +28,7 @@ KINDS = np.array([0, 0, 1, 2, 2])  # sideways, down, tilt
 # Deviations of the correction before any press is known. A map's are shares of the table's mean movement.
 FORCE, KIND, WIDTH, SHEAR, MAP = 0.4, 0.2, 0.1, 0.3, 0.1
 PLACE_MM = 0.3
-CELLS = 5  # of the map, along x and along y
+CELLS = 5  # cells of the map along x and along y
 SCALARS = 6  # log factors: force, three kinds, width, shear
 SAME_MM = 0.5  # largest distance at which a symmetry maps one magnet onto another
 

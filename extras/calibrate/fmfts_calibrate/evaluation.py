@@ -25,7 +25,7 @@ RADIUS_BINS_MM = (4.0, 8.0, 11.0, 12.5, 14.0, 15.5, 17.0, 18.5, 20.0)
 LEAST_ERROR = 1e-5
 HONEST, WRONG = 2.0, 5.0  # deviations
 COVERAGE = "within_2, beyond_5: share of errors within two, and beyond five, of the stated deviations"
-STEP = 1e-4  # of central differences, for a pose's position in mm and for its axis
+STEP = 1e-4  # step of central differences, for a pose's position in mm and for its axis
 
 
 def regions(press: Array) -> Iterator[tuple[str, Mask]]:

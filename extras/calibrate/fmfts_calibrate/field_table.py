@@ -69,7 +69,7 @@ def read_cells(path: Path) -> tuple[list[int], dict[str, list[str]]]:
     """The line at which each row ends, and the columns by name, as text. Raises DataError where it is no table."""
     try:
         with unreadable_told(DataError, path), open_text(path) as file:
-            text = file.read()  # of at most as many bytes: a day of one frame a second
+            text = file.read()  # at most as many bytes as a day of one frame a second
     except UnicodeDecodeError as error:
         raise DataError(f"{path}: is not UTF-8 text (byte {error.start})") from error
     with damage_told(DataError, f"{path}: is not a table"):  # csv.Error: a cell is too long, or holds a zero byte

@@ -18,7 +18,7 @@ from fmfts_calibrate.press_set import PressSet
 
 PLACES = OUTPUT_ORDER[:2]
 PLACE_MM = 0.5  # deviation of a place that a hand pressed beside a ruler
-READ_PLACE_MM = 1.0  # of a place by the uncorrected model
+READ_PLACE_MM = 1.0  # deviation of a place by the uncorrected model
 # The change of pose (5,) from the change of the field (N, 3), and its covariance (5, 5); None if no pose explains it.
 PoseOf = Callable[[Array], tuple[Array, Array] | None]
 # The place (2,) in mm by the uncorrected model from a change of pose (5,) with its covariance (5, 5).

@@ -79,7 +79,7 @@ class Guard:
             if self._process.wait() == GOOD:
                 return f"collect stood still for {HANG_S:g} s: was it stopped, or is this computer too busy?"
         except BlockingIOError:
-            pass  # it is alive but does not read
+            pass  # the guard is alive but does not read
         return ""
 
     def close(self, *, lift: bool = False) -> None:

@@ -20,7 +20,7 @@ from fmfts_fleet.pad_health import PadHealth, facts_of
 HEARTBEAT_S = 0.1  # no answer for 2.5 of them means that the robot is lost: 0.35 s after its network was cut
 SILENT_S = 2.5  # two statuses: the connection stands, but the daemon's loop does not run
 FIRST_S = 2.0  # wait for the first status before a robot counts as unreachable
-MOST_PADS = 256  # of one robot: anything beyond is dropped
+MOST_PADS = 256  # pads of one robot: further ones are dropped
 TAKEN_AT_ONCE = 1000  # messages of one robot, and events of its connection, that are read at once
 
 REFUSED = zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
@@ -39,7 +39,7 @@ class WatchedRobot:
         self._endpoints = endpoints
         self._subscription = Subscription(("status",), None, endpoints, watch=True, heartbeat_s=HEARTBEAT_S)
         self._connected = False
-        self._events = 0  # of the newest attempt to connect
+        self._events = 0  # number of the newest attempt to connect
         self._heard_s = -math.inf
         self._boot = ""
         self._refusal = ""

@@ -19,7 +19,7 @@ ALIKE = 2.0 * log(20.0)
 # A simple fault is excluded if the readings alone make it this much less probable.
 EXCLUDED = 2.0 * log(30.0)
 SAME_READINGS = 0.05
-SAME_SCALE = 0.3  # of a logarithm: 2 and 2.18 are one
+SAME_SCALE = 0.3  # difference of logarithms below which scales count as equal
 FALSE_REFUSAL = 1e-6
 DETECTED = 10.0  # deviations: a channel or an axis that reads less, where others read more, is dead
 LEAST_FIELD_T = 1e-5

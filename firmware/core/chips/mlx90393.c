@@ -21,7 +21,7 @@ enum {
     REGISTERS = 3,
     HALL_CONFIGURATION = 0x0C,
     HALL_BITS = 0x0F,
-    ANALOG = 0x007F, // of register 0: gain in bits 6–4, HALLCONF in 3–0; the others keep the factory's values
+    ANALOG = 0x007F, // bits of register 0: gain in 6–4, HALLCONF in 3–0; the others keep the factory's values
     FINEST_GAIN_SEL = 7,
     INTERRUPT_PIN = 0x8000,
     BURST_OF_ALL = ALL << 6, // of register 1; burst rate 0 means no pause

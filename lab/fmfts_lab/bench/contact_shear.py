@@ -23,7 +23,7 @@ from fmfts_lab.calibration.solved_set import labelled
 
 FORCE_N = 2.0
 STEP_MM = 2.0
-FRICTION, SHEAR_FRICTION = 0.2, 0.5  # of the maps' finger; in the settings of the model that measures shear
+FRICTION, SHEAR_FRICTION = 0.2, 0.5  # friction of the maps' finger; the setting for the model that measures shear
 FRAMES = 200
 SOLVED_TEST, NOISY = SHEARED_PATH.with_name("test_shear.csv"), 20
 # Coefficients of friction, of the finger and in the model's settings: each combination is tested with three outputs.

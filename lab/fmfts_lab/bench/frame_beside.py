@@ -52,7 +52,7 @@ for _ in sys.stdin:
     taken = time.process_time_ns() - begun
     print(taken, base64.b64encode(msgspec.msgpack.encode(told)).decode(), flush=True)
 """
-OF_A_RUN = ("t_publish_ns", "utc_ns", "baseline")  # whose identity was valid when it was recorded
+OF_A_RUN = ("t_publish_ns", "utc_ns", "baseline")  # the baseline's identity holds the time of its recording
 
 
 @dataclass

@@ -13,8 +13,8 @@ from fmfts.pad import Array
 from fmfts.simulation.finger import Finger, Touch, no_finger
 
 REACH_M = 6e-3
-PERIOD_S = 0.35  # of taps, releases and ramps: one after another, each at another place
-WAIT_S, START_S = 0.1, 0.02  # before and after a slide; time in which it reaches its speed
+PERIOD_S = 0.35  # period of taps, releases and ramps, each at another place
+WAIT_S, START_S = 0.1, 0.02  # time before and after a slide; time in which a slide reaches its speed
 STICK_S, SLIP_S, SLIP_M, SLIP_N = 0.06, 0.01, 0.6e-3, 0.1
 
 # Time since the beginning of one event (s) → touch.

@@ -27,9 +27,9 @@ from fmfts_lab.finite_elements.array_pad import array_config
 
 FRAMES_OF_A_PAD = 20
 NOTHING = np.zeros(FREE_FIELD)
-WRONG_T = (4e-6, 40e-6)  # what one axis of one sensor reads too much
+WRONG_T = (4e-6, 40e-6)  # additional reading of one axis of one sensor
 ITERATIONS, SETTLED, DAMPING, MOST_DAMPING = 60, 1e-3, 1e-3, 1e8
-LARGEST = np.array([2e-3, 2e-3, 2e-3, 0.5, 0.5])  # of a change of pose: a larger one is no solution
+LARGEST = np.array([2e-3, 2e-3, 2e-3, 0.5, 0.5])  # largest change of pose of a solution
 POSES_DRAWN = 50
 PRESSED = np.array([4e-4, 4e-4, 4e-4, 0.1, 0.1])  # deviations of the poses for which the bound is reported
 

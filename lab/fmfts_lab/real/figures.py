@@ -21,7 +21,7 @@ from fmfts_skin.calibrate.force_judge import make_route
 GAUSS_UT = 100.0
 FORCE_BINS, TIMES = 8, 24
 HMC_SAMPLES_HZ = 74.5
-ALLOWED_UNEVEN_UT = 5.0  # that the model of a skin allows its rest to drift by
+ALLOWED_UNEVEN_UT = 5.0  # drift of the rest that the model of a skin allows
 
 
 @dataclass(slots=True)

@@ -26,7 +26,7 @@ from fmfts_skin.calibrate.force_set import ForceSet, read_force_set
 from fmfts_skin.force_model import Mask, monomials
 
 CORRECTION = LOAD_SHARE["force_n"]
-DRAWS = 40  # of known presses; a row says the mean over them
+DRAWS = 40  # draws of known presses; a row states their mean
 FIRM = 0.5  # known presses are among the harder half
 KNOWN = (0, 1, 5)
 NEURONS = (10,)  # the paper's network

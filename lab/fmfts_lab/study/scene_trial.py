@@ -21,7 +21,7 @@ from fmfts_lab.bench.neighbours import Outcome, pressed_pair
 from fmfts_lab.calibration.simulated import magnet_fields
 
 TURNING_DEG_PER_S = 20.0  # the robot's turn, if the ambient field drifts
-LIGHTEST_SHARE = 0.15  # of full scale; under lighter presses the place is very uncertain
+LIGHTEST_SHARE = 0.15  # share of full scale; under lighter presses the place is very uncertain
 
 
 def tried(surroundings: Surroundings, model: Model, frames: int, seed: int) -> Array:

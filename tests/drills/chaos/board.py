@@ -16,10 +16,10 @@ from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.packets import Sample, Status, StatusPad
 
 PERIOD_NS = 1_000_000_000 // RATE_HZ
-ROUNDS = 2  # of stored watermarks: 18 seconds
+ROUNDS = 2  # rounds of stored watermarks: 18 seconds
 STATUS_EVERY = RATE_HZ
 ALL_LINES = LINES | ORDERS
-TIMES = 2**48  # of the wire: a board's clock is sent as 48 bits
+TIMES = 2**48  # times on the wire: a board's clock is sent as 48 bits
 NOT_TOLD = Touch(0.0, 0.0, 0.0, 0)
 
 

@@ -26,7 +26,7 @@ extern struct result {
     uint8_t bytes[64];
 } result;
 
-void scenario(void); // what each driver shows; the rest is in driver.c
+void scenario(void); // the part that each driver tests; the rest is in driver.c
 
 void start_port(void);
 bool await(uint32_t flags);                   // false, and `failed` counts, when they do not come

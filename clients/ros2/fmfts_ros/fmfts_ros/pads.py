@@ -44,7 +44,7 @@ class RosPad:
             for end, (kind, maker) in kinds().items()
         ]
         self._fingers: Publisher | None = None  # a pad with one magnet has no such topic
-        self._slip: Publisher | None = None  # nor one whose configuration does not ask for it
+        self._slip: Publisher | None = None  # None, too, if the configuration does not ask for it
 
     @property
     def silence_s(self) -> float:

@@ -21,8 +21,8 @@ EXIT_S = 1e-3  # section 15.1.3: a measurement that is running ends first
 
 # Section 16.1. HALLCONF 0xC is the default; 0x0 is faster and forbids more of the filters below.
 HALL_CONFIGURATION = 0x0C
-ANALOG = 0x007F  # of register 0: GAIN_SEL in bits 6–4, HALLCONF in 3–0; the others are the factory's
-INTERRUPT_PIN, BURST_OF_ALL = 0x8000, ALL << 6  # of register 1; a burst rate of 0: without a pause
+ANALOG = 0x007F  # bits of register 0: GAIN_SEL in 6–4, HALLCONF in 3–0; the others are the factory's
+INTERRUPT_PIN, BURST_OF_ALL = 0x8000, ALL << 6  # values of register 1; a burst rate of 0: without a pause
 # Of register 2. OSR2 0, OSR 0, DIG_FILT in bits 4–2, RES_Z, RES_Y and RES_X in 10–5. RES picks 16 of 19 bits. With RES
 # 0 and 1 a field beyond the range wraps around, and reads as another field; with RES 2 the converter's own end (±22000
 # counts) is reached first, so that it can be detected (section 16.2.6). OSR 0: T = 67 + 64 2^OSR (2 + 2^DIG_FILT) µs an

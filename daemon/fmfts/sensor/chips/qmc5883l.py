@@ -27,7 +27,7 @@ class _Registers:
 
     sample_bits = transfer_bits(1, 7)
     trigger_bits = 0
-    trigger = b""  # it has no single measurements
+    trigger = b""  # the chip has no single measurements
     stale_samples = 1
 
     def identify(self, wires: Wires, chip: Chip) -> bytes:
@@ -71,7 +71,7 @@ QMC5883L = Chip(
     identity_mask=b"\x3e\xfe\xff",  # bits that are not used are zero
     ranges_gauss=(2.0, 8.0),
     counts_per_gauss=tuple((counts, counts, counts) for counts in (12000, 3000)),  # section 2.2
-    largest_count=32766,  # it stays at 32767 or −32768 beyond its range
+    largest_count=32766,  # the count stays at 32767 or −32768 beyond its range
     saturated_count=-32768,
     output_rates_hz=(10.0, 50.0, 100.0, 200.0),
     free_rate_hz=200,

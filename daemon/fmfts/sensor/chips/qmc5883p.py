@@ -14,7 +14,7 @@ IDENTIFICATION, AXES, STATUS, CONTROL_1, SIGNS = 0x00, 0x01, 0x09, 0x0A, 0x29
 STATUS_READY, STATUS_OVERFLOW = 0x01, 0x02
 MODE_NORMAL = 0x01  # control 1: mode in bits 1–0, rate in 3–2, oversampling in 5–4 (0: 8 times), downsampling in 7–6
 SIGNS_OF_AXES = 0x06  # "define the sign for x, y and z": the first step of each example in its data sheet
-WIDEST_RANGE = 3  # of gain codes here; its own range code in bits 3–2 of control 2 counts from the widest
+WIDEST_RANGE = 3  # a gain code; the chip's range code in bits 3–2 of control 2 counts from the widest
 _AXES = Struct("<hhh")
 _TO_STATUS, _TO_AXES = bytes((STATUS,)), bytes((AXES,))
 

@@ -63,7 +63,7 @@ class I2cBus:
         self.adapter = adapter_of(number)
         self._number = number
         self._record = record
-        self._writes: dict[tuple[int, bytes], smbus2.i2c_msg] = {}  # of `exchange`: the same few all the time
+        self._writes: dict[tuple[int, bytes], smbus2.i2c_msg] = {}  # messages of `exchange`: the same few all the time
         try:
             self._lock = os.open(self.path, os.O_RDWR | os.O_CLOEXEC)
             lock_device(self._lock, self.path)

@@ -31,10 +31,10 @@ class Sensor:
     block: bytes = b""
     sampled_us: int | None = None
     polled_us: int = 0
-    started_us: int = 0  # it was set up, or its last discarded sample came
+    started_us: int = 0  # time of the set-up, or of its last discarded sample
     started_measuring_us: int = 0  # its last triggered measurement; 0: the trigger failed
     late: int = 0  # measurements in a row that had not ended when they were read
-    exposure: int = 0  # of its film to strong fields, since the last pulse
+    exposure: int = 0  # exposure of its film to strong fields since the last pulse
     magnetised_us: int = 0
     retry_us: int = 0
     fresh: bool = False  # sample not in a frame yet

@@ -26,7 +26,7 @@ class Board:
     def __init__(self, pads: Mapping[int, WiredPad], state: SourceState, uid: bytes | None) -> None:
         self.hello: Hello | None = None
         self._pads = pads
-        first = next(iter(pads.values()))  # what pads of one board have in common
+        first = next(iter(pads.values()))  # settings that all pads of a board share
         self.chip = first.chip
         self._has_selftest = first.has_selftest
         self._settings = Settings.of(first)

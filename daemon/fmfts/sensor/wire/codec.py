@@ -34,7 +34,7 @@ from fmfts.sensor.wire.packets import (
 
 VERSION = 1
 ONE_MASK = 0xFF  # the sensors whose bits fit into the masks that every sample has
-EARLY_MORE = 0x08  # of an early sample's sensor, the bit that stands beside the gain code
+EARLY_MORE = 0x08  # the bit of an early sample's sensor beside the gain code
 
 _SAMPLE = Layout("<BBIIHBBBh")
 _HELLO = Layout("<B3BBB12sHBB")

@@ -52,6 +52,6 @@ class LineGuard:
                 return NOT_YET
             if arrival_ns - self._asked_ns > ASK_NS:
                 self._asked_ns = arrival_ns
-                self._requests.ask(Verb.HELLO)  # it may be another board's
+                self._requests.ask(Verb.HELLO)  # the packet may be another board's
             return f"no board's clock can show {time_us * 1e-6:.3f} s here: it came twice, or late"
         return None

@@ -9,13 +9,13 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 MAX_SENSORS = 16  # of a pad
-BOARD_SENSORS = 8  # of a pad in the packets of a board; only a bus of this computer reads more
-FOUND_SENSORS = 4  # of a pad as a board finds it: half the channels of a TCA9548A
-ALL_BOARD_SENSORS = 12  # of all pads of a board together
-COUNT_BITS = 4  # of a hello request's argument, for the sensors of each pad
+BOARD_SENSORS = 8  # sensors of a pad in a board's packets; only a bus of this computer reads more
+FOUND_SENSORS = 4  # sensors of a pad that a board finds: half the channels of a TCA9548A
+ALL_BOARD_SENSORS = 12  # sensors of all pads of a board together
+COUNT_BITS = 4  # bits of a hello request's argument for the sensors of each pad
 MOST_DESCRIBED = 44  # sensors of all pads together: a hello of three pads holds no more
 MORE_SENSORS = 9  # in place of their number in four bits: more than a board's, and the packet's length says how many
-MUX_BASE, MUX_MASK = 0x70, 0x07  # of muxes' addresses: they differ in the last three bits
+MUX_BASE, MUX_MASK = 0x70, 0x07  # addresses of muxes: they differ in the last three bits
 CHANNEL_BITS, CHANNEL_MASK = 3, 0x07  # of a sensor's channel; above it, how many addresses its mux is after the pad's
 MAX_PADS = 3
 ALL_PADS = 255
@@ -23,8 +23,8 @@ NO_MUX = 0  # in place of a mux's address: then a sensor's channel is its own ad
 TEMPERATURE_UNKNOWN = -32768
 UID_BYTES = 12
 LINE_BITS_PER_BYTE = 10  # on a serial line: start, eight data bits, stop
-EARLY_BYTES = 19  # of an early packet on the line
-FRAME_BYTES = (21, 8)  # of a sample packet of up to eight sensors on the line: fixed, and for each sensor
+EARLY_BYTES = 19  # bytes of an early packet on the line
+FRAME_BYTES = (21, 8)  # bytes of a sample packet of up to eight sensors: fixed, and for each sensor
 
 
 def frame_bytes(sensors: int) -> int:

@@ -36,11 +36,11 @@ class TimeGate:
     def __init__(self) -> None:
         self.waits = False
         self._strange: tuple[int, int] | None = None  # time in µs and arrival in ns of the last one
-        self._last_of_read: tuple[int, int] | None = None  # of the read before: it waited least
+        self._last_of_read: tuple[int, int] | None = None  # last packet of the read before: it waited least
         self._count = 0
         self._since_ns = 0
         self._hello = False
-        self._newest_us = 0  # of the clock, when something strange or a hello came
+        self._newest_us = 0  # newest time of the clock when something strange or a hello came
         self._numbers: dict[object, int] = {}  # the newest admitted one of each sequence of numbers
 
     def hello(self, clock: DeviceClock) -> None:

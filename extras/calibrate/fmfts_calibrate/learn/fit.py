@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 ROBUST = 3.0
 POSE_ITERATIONS = 40
-FAR = 0.15  # of the way to the nearest sensor
+FAR = 0.15  # share of the way to the nearest sensor
 
 
 @dataclass(frozen=True, slots=True)

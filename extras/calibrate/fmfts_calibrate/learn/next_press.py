@@ -13,7 +13,7 @@ from fmfts_calibrate.learn.search import Learned, information_of
 from fmfts_calibrate.learn.uniqueness import relative_place_deviation_m
 
 Array = NDArray[np.float64]
-TIMES = 10  # of a place, so that the difference can be told
+TIMES = 10  # presses of one place: enough to show a difference
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from struct import Struct
 from typing import NamedTuple
 
 END = b"\r\n"
-WARMEST_C, COLDEST_C = 125.0, -40.0  # what the chip may bear: what says more was read while it had no sample
+WARMEST_C, COLDEST_C = 125.0, -40.0  # the chip's limits: values beyond them were read while it had no sample
 LARGEST_UT = 5e5  # ten times the chip's largest reading; 0xFFFF of a silent chip becomes 4.8e5 at the coarsest setting
 _NUMBER = re.compile(rb"-?\d+\.\d\d|-?(?:nan|inf|ovf)")
 _LONGEST_LINE = 1024

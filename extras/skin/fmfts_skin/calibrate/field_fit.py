@@ -32,7 +32,7 @@ REST_DRIFT_UT, ROW_UT = 15.0, 10.0  # deviations: of a drifting rest, and of one
 # Levels of load with a covariance of their own: each needs this many rows for each value of a frame.
 ROWS_OF_A_VALUE, MOST_LEVELS = 12, 9
 SHRUNK = 0.05  # pulls towards the mean of all levels, because a level has few rows
-STEP_UT = 2.0  # of the chip: no value is known more precisely
+STEP_UT = 2.0  # the chip's step: no value is known more precisely
 # An untouched pad's rest does not predict from which field the next recording starts under load, within this: pressing
 # a printed pad releases a set of tens of µT.
 REPEATED_UT = 8.0
