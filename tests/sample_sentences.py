@@ -82,23 +82,25 @@ def messages() -> Found:
 
 
 def comments() -> Found:
+    """Whole lines of comment in a row are one text; a comment behind code stands alone."""
     for path in tracked(".py"):
-        lines: list[tuple[int, str]] = []
+        lines: list[tuple[int, str, bool]] = []
         for token in tokenize.generate_tokens(io.StringIO(path.read_text()).readline):
             if token.type == tokenize.COMMENT:
-                lines.append((token.start[0], token.string.lstrip("#! ")))
-        for index, (number, line) in enumerate(lines):  # lines in a row are one comment
-            text = line
-            if index and lines[index - 1][0] == number - 1:
-                continue
-            for further in range(index + 1, len(lines)):
-                if lines[further][0] != number + further - index:
-                    break
-                text += " " + lines[further][1]
-            yield from ((str(path), sentence) for sentence in sentences_of(text))
+                lines.append((token.start[0], token.string.lstrip("#! "), token.line.lstrip().startswith("#")))
+        texts: list[str] = []
+        before = (-1, "", False)
+        for number, line, is_whole in lines:
+            if is_whole and before[2] and before[0] == number - 1:
+                texts[-1] += " " + line
+            else:
+                texts.append(line)
+            before = (number, line, is_whole)
+        yield from ((str(path), sentence) for text in texts for sentence in sentences_of(text))
     for path in tracked(".c", ".h"):
         for text in C_COMMENT.findall(path.read_text()):
-            yield from ((str(path), sentence) for sentence in sentences_of(re.sub(r"^\s*/?[/*]+|\*/", "", text)))
+            plain = re.sub(r"^\s*(?:/?\*+|//)|\*/", "", text, flags=re.MULTILINE)
+            yield from ((str(path), sentence) for sentence in sentences_of(plain))
 
 
 def tests() -> Found:
