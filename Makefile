@@ -17,7 +17,7 @@
 # make docs    the manual, the results and a reference from docstrings as a site in build/site, to read and search without a
 #              network; fails if a link leads nowhere or a docstring is missing (a minute)
 # make words   the words of README and the manual, and of the laboratory's results; the aim for the manual is 40,000
-# make docs-test    type every command of the pages that needs neither hardware nor root, as it stands there (four minutes)
+# make docs-test    type every command of the pages that needs neither hardware nor root, as it stands there (ten minutes)
 # make pictures     take the pictures of the manual from the real page, in Chromium
 # make test    set up what the tests need, run all parts, and summarise    (PARTS="lint unit": only those; or make lint …)
 # make test-fresh    the same in a fresh clone on a plain Debian 12, as root; and the demo as an ordinary user

@@ -1,5 +1,7 @@
 """Every command of the pages: which ones `make docs-test` types, and why it does not type the others.
 
+`python tests/pages/commands.py` lists them with the reason, and counts them. Tests parse all of them.
+
 commands.toml says what the pages cannot: which commands another test types, which none can, and why.
 """
 
@@ -117,3 +119,18 @@ def commands_of(page: str, text: str) -> list[Command]:
 
 def every_command() -> list[Command]:
     return [one for page in PAGES for one in commands_of(str(page.relative_to(ROOT)), page.read_text())]
+
+
+def main() -> None:
+    known = Known.read()
+    elsewhere = {test for _, test in known.elsewhere}
+    count = {"typed by make docs-test": 0, "typed by another test": 0, "parsed alone": 0}
+    for one in every_command():
+        reason = known.reason(one)
+        print(f"{one.page}: {one.words}\n    {reason or 'typed'}")
+        count[list(count)[0 if reason is None else 1 if reason in elsewhere else 2]] += 1
+    print(f"{sum(count.values())} commands:", ", ".join(f"{number} {how}" for how, number in count.items()))
+
+
+if __name__ == "__main__":
+    main()

@@ -28,7 +28,7 @@ def printed(begun: subprocess.Popen[str], within_s: float, command: str) -> tupl
         said = b"".join(filter(None, (error.stdout, error.stderr))).decode()
         raise AssertionError(f"{command}: did not end within {within_s:.0f} s; it printed {said!r}") from None
     finally:
-        with begun, suppress(ProcessLookupError):  # it may have ended, but not what it started
+        with begun, suppress(ProcessLookupError):  # the command may have ended, but not its children
             os.killpg(begun.pid, signal.SIGKILL)
 
 
@@ -40,6 +40,7 @@ class Reader:
         self._left_running: list[tuple[str, subprocess.Popen[str]]] = []
         path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
         homes = {name: f"{folder}/{name.lower()}" for name in ("XDG_STATE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME")}
+        homes |= {"HOME": str(folder), "CLONE": str(ROOT)}
         self._environment = os.environ | homes | {"PATH": path, "FMFTS_BUS": f"ipc://{folder}"}
         for name in ("config.toml", "docs"):
             if not (folder / name).exists():
