@@ -94,14 +94,14 @@ def _overview(rows: Sequence[Row], default: str) -> Figure:
 
 
 def _told(rows: Sequence[Row], default: str) -> str:
-    """How many frames are wrong, compared with methods that answer as often: who flags most frames is seldom wrong."""
+    """How many frames are wrong, compared with methods that answer as often: a method that flags all is never wrong."""
     wrong, flagged = (dict.fromkeys((str(row["method"]) for row in rows), 0) for _ in range(2))
     for row in rows:
         wrong[str(row["method"])] += round(_counted([row], "wrong"))
         flagged[str(row["method"])] += round(_counted([row], "flagged"))
     others = [count for name, count in wrong.items() if name != default and flagged[name] <= flagged[default]]
-    own = f"Wrong and not flagged: {wrong[default]} of the daemon's frames"
-    return f"{own}, {min(others)} or more of those of each method that flags no more" if others else own
+    own = f"Wrong without a flag: the daemon in {wrong[default]} frames"
+    return f"{own}, every method with as few flags in at least {min(others)}" if others else own
 
 
 def _conditions(rows: Sequence[Row], default: str) -> Figure:
