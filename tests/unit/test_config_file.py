@@ -366,6 +366,31 @@ def test_files_are_searched_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert load(None, {})[1] == paths[3]
 
 
+def test_file_that_init_wrote_is_used_beside_the_example(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The clone's top folder has the example, of a simulated pad, as config.toml."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(config_file, "DEFAULT_PATHS", config_file.DEFAULT_PATHS[1:])  # this machine may have a service
+    (tmp_path / "config.toml").write_text(PAD)
+    assert load(None, {})[1] == Path("config.toml")
+    assert not caplog.messages
+    (tmp_path / "pad.toml").write_text(PAD)
+    assert load(None, {})[1] == Path("pad.toml")
+    assert caplog.messages == ["pad.toml is used, not config.toml: to use another file, add --config config.toml"]
+
+
+def test_two_names_of_one_configuration_are_not_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    paths = [tmp_path / name for name in ("etc.toml", "here.toml")]
+    monkeypatch.setattr(config_file, "DEFAULT_PATHS", paths)
+    paths[0].write_text(PAD)
+    paths[1].symlink_to(paths[0])
+    assert load(None, {})[1] == paths[0]
+    assert not caplog.messages
+
+
 def test_path_of_a_model_is_taken_from_the_folder_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine.onnx").touch()
     (tmp_path / "elsewhere").mkdir()

@@ -24,7 +24,7 @@ from fmfts.cli import weigh as weigh_verb
 from fmfts.cli.verb import VerbError, configuration, ended_by, lacking, seconds, serving_base, with_json
 from fmfts.common import exit_codes
 
-DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or the first of /etc/fmfts/config.toml, ./config.toml or ./pad.toml"
+DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or the first of /etc/fmfts/config.toml, ./pad.toml or ./config.toml"
 LISTENERS_CONFIG = "the daemon's file, if that sets [bus] endpoint; not needed otherwise"
 EPILOG = """\
 A new pad: init, check-config, probe, selftest, baseline --bare, baseline --rest, run; then listen and status.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -23,8 +24,9 @@ ENVIRONMENT = "FMFTS_CONFIG"
 OTHER_MAGNET = re.compile(r"other_magnets, value (\d+)")
 MOST_PADS = 256
 CURLY = "\u201c\u201d\u201e\u2018\u2019"  # a word processor's replacements of " and '
-DEFAULT_PATHS = (Path("/etc/fmfts/config.toml"), Path("config.toml"), Path("pad.toml"))
+DEFAULT_PATHS = (Path("/etc/fmfts/config.toml"), Path("pad.toml"), Path("config.toml"))  # `init` writes pad.toml
 
+log = logging.getLogger(__name__)
 
 Kind = TypeVar("Kind", bound=Config)
 
@@ -89,14 +91,18 @@ def _told(file: Path, wrong: Sequence[str]) -> str:
 
 
 def find(path: Path | None, environ: Mapping[str, str] = os.environ) -> Path:
-    """The file that `load` reads. Raises ConfigError if none is given, and none is in DEFAULT_PATHS."""
+    """The file that `load` reads. If several of DEFAULT_PATHS exist, logs which one. Raises ConfigError for none."""
     if path is not None:
         return path
     if environ.get(ENVIRONMENT):
         return Path(environ[ENVIRONMENT])
-    for candidate in DEFAULT_PATHS:
-        if candidate.exists():
-            return candidate
+    found = [candidate for candidate in DEFAULT_PATHS if candidate.exists()]
+    if found:
+        others = [other for other in found[1:] if other.resolve() != found[0].resolve()]
+        if others:
+            unread = " and ".join(map(str, others))
+            log.warning("%s is used, not %s: to use another file, add --config %s", found[0], unread, others[0])
+        return found[0]
     raise ConfigError(
         f"no configuration found: neither --config nor ${ENVIRONMENT} is given, and there is no "
         f"{' or '.join(map(str, DEFAULT_PATHS))}: `fmfts-daemon init` finds the board and writes one; "
