@@ -37,15 +37,15 @@ OF_FUNCTIONS = ["tests/unit", "tests/skin", "tests/oracle", "tests/golden"]
 BY_FILES = ["--dist", "loadfile", "--no-loadscope-reorder"]  # in tests/conftest.py's order, not by their counts
 WHOLE = ["--dist", "worksteal", *(word for folder in OF_FUNCTIONS for word in ("--ignore", folder))]
 # Tests of whole processes mostly wait, so that four share two cores. Tests that are judged by the clock come last, and
-# compute little; if this user may set priorities, other programs have to wait for them. Browsers and drills need a
-# processor.
+# three of them take half a processor; if this user may set priorities, other programs have to wait for them. Browsers
+# and drills need a processor.
 PARTS = {
     "lint": [["-m", "ruff", "check", "."], ["-m", "ruff", "format", "--check", "."],
              ["-m", "mypy", "--num-workers", "2", "daemon", "lab", "extras", "clients/python",
               "clients/mujoco/fmfts_mujoco"]],
     "unit": [[*BOUNDED, "-n", "3", *BY_FILES, *OF_FUNCTIONS, "-m", "not long and not mutation"]],
     "processes": [[*BOUNDED, "-n", "4", *WHOLE, "-m", "not real_time and not slow and not long and not mutation"]],
-    "clock": [[*BOUNDED, "-n", "2", *WHOLE, "-m", "real_time and not slow"]],
+    "clock": [[*BOUNDED, "-n", "3", *WHOLE, "-m", "real_time and not slow"]],
     "slow": [[*PYTEST, "-n", "1", "--ignore", "tests/unit", "-m", "slow"]],  # a worker, as a test's limit ends it
     "long": [[*PYTEST, "-n", "2", "tests/unit", "tests/skin", "tests/firmware", "-m", "long"]],
     "mutations": [[*BOUNDED, "-n", "3", "tests/unit", "tests/firmware", "-m", "mutation"]],

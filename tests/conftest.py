@@ -44,6 +44,10 @@ settings.load_profile("deterministic")
 
 # Long files of few tests come first, so that no worker runs one alone at the end.
 LONGEST = {
+    "test_solver.py",
+    "test_field_response.py",
+    "test_moving_hand.py",
+    "test_weigh_on_board.py",
     "test_stream_for_a_minute.py",
     "test_learn.py",
     "test_learned_geometry.py",
