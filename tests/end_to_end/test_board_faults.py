@@ -7,12 +7,14 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from end_to_end.processes import BRIDGE_CONFIG, PATIENCE_S, FirmwareHost, RunningDaemon, resting_field
+from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Pad
 from fmfts_client import Status
 
@@ -21,8 +23,14 @@ ATTEMPTS = 5
 
 @pytest.fixture
 def daemon(tmp_path: Path, host: FirmwareHost) -> Iterator[RunningDaemon]:
-    """Reading the host's board, its baseline recorded."""
-    with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port)) as daemon:
+    with reading(tmp_path, host) as daemon:
+        yield daemon
+
+
+@contextmanager
+def reading(folder: Path, host: FirmwareHost) -> Iterator[RunningDaemon]:
+    """A daemon that reads the host's board, its baseline recorded."""
+    with RunningDaemon(folder, BRIDGE_CONFIG.format(port=host.port)) as daemon:
         daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b1111)
         recorded = daemon.command("baseline", "--rest", "--duration-s", "1", "--config", daemon.config)
         assert recorded.returncode == 0, recorded.stderr
@@ -56,7 +64,34 @@ def frames_lost_to(daemon: RunningDaemon, act: Callable[[], None]) -> tuple[int,
     return after.gaps - before.gaps, after
 
 
-class TestStream:
+@pytest.fixture(scope="module")
+def used(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[FirmwareHost, RunningDaemon]]:
+    """A board and the daemon that reads it, for several tests."""
+    folder, pad = tmp_path_factory.mktemp("board"), PadConfig(name="standard", source=SimulatedSource()).pad()
+    with FirmwareHost(folder) as host:
+        host.field(resting_field(pad))
+        with reading(folder, host) as daemon:
+            yield host, daemon
+
+
+class OnOneBoard:
+    """Tests of one board and its daemon; the board is whole again after each."""
+
+    @pytest.fixture
+    def host(self, used: tuple[FirmwareHost, RunningDaemon]) -> FirmwareHost:
+        return used[0]
+
+    @pytest.fixture
+    def daemon(self, used: tuple[FirmwareHost, RunningDaemon]) -> Iterator[RunningDaemon]:
+        host, daemon = used
+        yield daemon
+        for sensor in range(4):
+            host.tell(f"fault 0 {sensor} none")
+        host.tell("mux 0 none")
+        daemon.wait_for(lambda contact: contact.health == "ok" and contact.sensors_ok == 0b1111)
+
+
+class TestBoard:
     def test_unplugged_board_is_disconnected_and_comes_back(
         self, tmp_path: Path, host: FirmwareHost, daemon: RunningDaemon, pad: Pad
     ) -> None:
@@ -70,6 +105,22 @@ class TestStream:
             daemon.wait_for(lambda contact: contact.health == "ok")
             assert status_of(daemon).reconnects >= 1
 
+    @pytest.mark.real_time  # a board delayed by a busy computer is stale
+    def test_wrap_of_a_32_bit_microsecond_counter_is_not_noticed(
+        self, host: FirmwareHost, daemon: RunningDaemon
+    ) -> None:
+        host.tell(f"time {2**32 - 500_000}")
+        daemon.wait_for(lambda contact: contact.health == "ok")
+        before = status_of(daemon)
+        with daemon.subscribe() as messages:
+            for _ in range(300):  # 1.4 s, across the wrap
+                message = messages.receive(PATIENCE_S)
+                assert message is not None
+                assert (message.body["health"], message.body["reason"]) == ("ok", "")
+        assert status_of(daemon).gaps == before.gaps
+
+
+class TestStream(OnOneBoard):
     def test_garbage_between_packets_costs_no_frame(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
         garbage_before = status_of(daemon).garbage_bytes
 
@@ -98,22 +149,8 @@ class TestStream:
         host.tell("reset")
         daemon.wait_for(lambda contact: contact.health == "ok")
 
-    @pytest.mark.real_time  # a board delayed by a busy computer is stale
-    def test_wrap_of_a_32_bit_microsecond_counter_is_not_noticed(
-        self, host: FirmwareHost, daemon: RunningDaemon
-    ) -> None:
-        host.tell(f"time {2**32 - 500_000}")
-        daemon.wait_for(lambda contact: contact.health == "ok")
-        before = status_of(daemon)
-        with daemon.subscribe() as messages:
-            for _ in range(300):  # 1.4 s, across the wrap
-                message = messages.receive(PATIENCE_S)
-                assert message is not None
-                assert (message.body["health"], message.body["reason"]) == ("ok", "")
-        assert status_of(daemon).gaps == before.gaps
 
-
-class TestSensors:
+class TestSensors(OnOneBoard):
     @pytest.mark.parametrize(("fault", "sensor"), [("unplugged", 0), ("unplugged", 2), ("wrong-id", 1)])
     def test_sensor_that_does_not_answer_is_left_out_and_named(
         self, host: FirmwareHost, daemon: RunningDaemon, fault: str, sensor: int
@@ -222,7 +259,7 @@ class TestBaseline:
         assert after.boot != before.boot
 
 
-class TestSecondDaemon:
+class TestSecondDaemon(OnOneBoard):
     def test_same_device_is_refused_with_the_firsts_pid(
         self, tmp_path: Path, host: FirmwareHost, daemon: RunningDaemon
     ) -> None:

@@ -68,25 +68,20 @@ def test_daemon_counts_no_error_on_the_emulated_line(tmp_path: Path, board: Emul
         assert last.crc_errors == last.gaps == last.reconnects == 0
 
 
-@pytest.mark.parametrize(
-    ("order", "told", "mend"),
-    [
-        ("fault 0 2 unplugged", r"sensor 3 .*does not answer at 0x1E", "fault 0 2 none"),
-        ("fault 0 1 wrong-id", r"sensor 2 ", "fault 0 1 none"),
-        ("mux 0 unplugged", r"the mux does not answer", "mux 0 none"),
-    ],
-)
-def test_status_reports_board_events_and_their_end(
-    tmp_path: Path, board: EmulatedBoard, order: str, told: str, mend: str
-) -> None:
+def test_status_reports_board_events_and_their_end(tmp_path: Path, board: EmulatedBoard) -> None:
     with SlowedDaemon(tmp_path, EMULATED_CONFIG.format(port=board.port)) as daemon:
         daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
-        board.tell(order)
-        daemon.wait_for(lambda contact: contact.sensors_ok != 0b1111)
-        assert _is_told(daemon, told)
-        board.tell(mend)
-        daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
-        assert _is_told_no_more(daemon, told)
+        for order, told, mend in (
+            ("fault 0 2 unplugged", r"sensor 3 .*does not answer at 0x1E", "fault 0 2 none"),
+            ("fault 0 1 wrong-id", r"sensor 2 ", "fault 0 1 none"),
+            ("mux 0 unplugged", r"the mux does not answer", "mux 0 none"),
+        ):
+            board.tell(order)
+            daemon.wait_for(lambda contact: contact.sensors_ok != 0b1111)
+            assert _is_told(daemon, told), order
+            board.tell(mend)
+            daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
+            assert _is_told_no_more(daemon, told), order
 
 
 def _is_told(daemon: RunningDaemon, sentence: str) -> bool:
