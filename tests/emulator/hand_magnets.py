@@ -29,29 +29,32 @@ class HandMagnets:
     since_s: float = 0.0
 
     def joints_rad(self, time_s: float) -> dict[str, float]:
-        moved = max(time_s - self.since_s, 0.0)
+        knuckle, middle = self._moved_rad(np.array([time_s]))
+        return dict(zip(NAMES, (float(knuckle[0]), float(middle[0]), 0.7), strict=True))
+
+    def _moved_rad(self, times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        moved = np.maximum(times_s - self.since_s, 0.0)
         knuckle = 1.2 + 0.45 * (1.0 - np.cos(2.0 * np.pi * moved / self.period_s))
         middle = 0.2 + 0.35 * (1.0 - np.cos(2.0 * np.pi * moved / (1.7 * self.period_s)))
-        return dict(zip(NAMES, (float(knuckle), float(middle), 0.7), strict=True))
+        return knuckle, middle
 
-    def dipoles(self, time_s: float) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Place in m and moment in A·m² of each magnet, in the pad's axes."""
-        joints = self.joints_rad(time_s)
-        first, second = joints["knuckle"], joints["knuckle"] + joints["middle"]
-        along = np.array([np.cos(first), 0.0, np.sin(first)])
-        tip = np.array([np.cos(second), 0.0, np.sin(second)])
+    def dipoles(self, times_s: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Place in m and moment in A·m² of each magnet at each time (N, 3), in the pad's axes."""
+        first, middle = self._moved_rad(times_s)
+        second, none = first + middle, np.zeros(len(times_s))
+        along = np.column_stack([np.cos(first), none, np.sin(first)])
+        tip = np.column_stack([np.cos(second), none, np.sin(second)])
         knuckle = np.array(self.base_m) + self.links_m[0] * along
-        across = np.array([-np.sin(second), 0.0, np.cos(second)])
-        motor = 0.5 * self.moment_am2 * np.array([along[2], 0.3, -along[0]])
+        across = np.column_stack([-np.sin(second), none, np.cos(second)])
+        motor = 0.5 * self.moment_am2 * np.column_stack([along[:, 2], none + 0.3, -along[:, 0]])
         return [(knuckle, motor), (knuckle + self.links_m[1] * tip, self.moment_am2 * across)]
 
     def field(self, position_m: np.ndarray, sampled_s: np.ndarray, warming_k: float = 0.0) -> np.ndarray:
         """(N, 3) T at places (N, 3), each at its own time (N,)."""
         out = np.zeros(position_m.shape)
-        for sensor, (place_m, time_s) in enumerate(zip(position_m, sampled_s, strict=True)):
-            for magnet_m, moment in self.dipoles(float(time_s)):
-                away = place_m - magnet_m
-                distance = np.linalg.norm(away)
-                unit = away / distance
-                out[sensor] += MU0_OVER_4PI * (3.0 * unit * (unit @ moment) - moment) / distance**3
+        for magnet_m, moment in self.dipoles(sampled_s):
+            away = position_m - magnet_m
+            distance = np.sqrt((away * away).sum(axis=1))[:, None]
+            unit = away / distance
+            out += MU0_OVER_4PI * (3.0 * unit * (unit * moment).sum(axis=1)[:, None] - moment) / distance**3
         return out

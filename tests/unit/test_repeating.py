@@ -91,9 +91,16 @@ def test_idle_computer_or_judged_failure_is_not_repeated(pytester: pytest.Pytest
     assert (result.ret, tried) == (1, 1)
 
 
+@pytest.fixture
+def short_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Thirty ticks of the kernel's clock."""
+    monkeypatch.setattr(repeating, "WINDOW_S", 0.3)
+
+
+@pytest.mark.usefixtures("short_windows")
 def test_processes_of_others_are_noticed() -> None:
     with busy_process() as stranger, busy_process() as own, repeating.OthersShare(own.pid) as others:
-        wait_for(stranger.pid, 2.0)
+        wait_for(stranger.pid, 0.6)
     assert others.largest > repeating.BUSY_SHARE
 
 
@@ -130,13 +137,14 @@ def hold_the_interpreter(seconds: float) -> None:
     usleep(round(seconds * 1e6))
 
 
+@pytest.mark.usefixtures("short_windows")
 def test_second_attempt_waits_until_strangers_have_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(repeating, "QUIET_WITHIN_S", 10.0)
+    monkeypatch.setattr(repeating, "QUIET_WITHIN_S", 3.0)
     monkeypatch.setattr(repeating, "BUSY_SHARE", 0.8)  # share of other programs here: little; of a busy process: all
     with busy_process() as stranger, busy_process() as own:
-        ended = threading.Timer(3.0, stranger.kill)
+        ended = threading.Timer(1.0, stranger.kill)
         ended.start()
         start = time.monotonic()
         repeating.wait_for_quiet(own.pid)
-        assert time.monotonic() - start > 3.0
+        assert time.monotonic() - start > 1.0
         assert stranger.wait(0.0) is not None
