@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 import select
 import shutil
 import struct
@@ -19,6 +21,7 @@ from unit.bus_messages import contact_message
 ROOT = Path(__file__).parents[2]
 CLIENT = ROOT / "clients" / "c"
 HERE = Path(__file__).parent
+BUILT = ROOT / "build/c_client"
 STRICT = ["-std=c11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wshadow", "-Wpedantic"]
 SANITIZED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer"]
 NEW, NOTHING, REFUSED, WRONG_VERSION = 1, 0, -1, -2
@@ -57,9 +60,23 @@ def ended(process: subprocess.Popen[bytes], patience_s: float = 20.0) -> tuple[b
 
 
 def build(output: Path, compiler: str, sources: Sequence[Path], *flags: str) -> Path:
-    """A program of the client's source and `sources`."""
+    """A program of the client's source and `sources`; as by `make`, it is built again only when a file changed."""
     zmq = pkg_config("--cflags", "--libs", "libzmq")
-    run([need(compiler), *STRICT, *flags, *sources, CLIENT / "fmfts.c", *zmq, "-o", output])
+    words = [need(compiler), *STRICT, *flags, *sources, CLIENT / "fmfts.c", *zmq]
+    read = sorted(
+        file for folder in (CLIENT, HERE) for file in folder.rglob("*") if file.suffix in (".c", ".h", ".cpp")
+    )
+    told = [str(word).encode() for word in words] + [file.read_bytes() for file in read]
+    told.append(run([words[0], "--version"]).encode())
+    key = hashlib.sha256(b"".join(hashlib.sha256(each).digest() for each in told)).hexdigest()
+    BUILT.mkdir(parents=True, exist_ok=True)
+    program = BUILT / key
+    if not program.exists():
+        unfinished = BUILT / f"{key}.{os.getpid()}"
+        run([*words, "-o", unfinished])
+        unfinished.replace(program)  # at once: tests run in several processes
+    output.unlink(missing_ok=True)
+    output.symlink_to(program)
     return output
 
 
