@@ -39,7 +39,7 @@ def name_of(word: str) -> str:
 
 
 def requirements() -> dict[str, list[str]]:
-    """What each file must satisfy, in the words of pyproject.toml."""
+    """The requirements of each file, in the words of pyproject.toml."""
     daemon, client = described(ROOT), described(ROOT / "clients/python")
     extras = daemon["project"]["optional-dependencies"]
     packages = [described(path.parent) for path in sorted(ROOT.glob("extras/*/pyproject.toml"))]

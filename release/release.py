@@ -53,7 +53,7 @@ def the_version(root: Path = ROOT) -> str:
 
 
 def notes(version: str, changelog: str) -> str:
-    """What CHANGELOG.md says of this version. Raises NotReadyError where it has no heading for it, or says nothing."""
+    """The entry of this version in CHANGELOG.md. Raises NotReadyError if it has no heading, or is empty."""
     part = re.search(
         rf"^## {re.escape(version)} \(\d{{4}}-\d\d-\d\d\)\n(.*?)(?=^## |\Z)", changelog, re.DOTALL | re.MULTILINE
     )

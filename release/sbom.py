@@ -109,7 +109,7 @@ def pinned(name: str, version: str, hashes: list[str], licences: dict[str, str])
 
 
 def needs_of_extras(licences: dict[str, str], needed: list[Component]) -> dict[str, list[Component]]:
-    """What each package of extras/ needs beside what the daemon does, by how the names of its files begin."""
+    """The requirements of each package of extras/ besides the daemon's, by the beginning of its files' names."""
     tested = {name: (name, *rest) for name, *rest in requirements(HERE / "constraints-extras.txt")}
     known = {part["name"] for part in needed}
     found = {}
@@ -166,7 +166,7 @@ def written_bill(dist: Path, time_s: int) -> Path:
 
 
 def fault_of(text: str) -> str:
-    """What CycloneDX's schema finds wrong; "" where it finds nothing."""
+    """The fault that CycloneDX's schema finds; "" if there is none."""
     from cyclonedx.schema import SchemaVersion
     from cyclonedx.validation.json import JsonStrictValidator
 

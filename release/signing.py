@@ -25,7 +25,7 @@ def signs() -> bool:
 
 
 def write_checksums(folder: Path) -> Path:
-    """As `sha256sum -c` reads them."""
+    """Write the checksums as `sha256sum -c` reads them."""
     files = sorted(path for path in folder.iterdir() if not path.name.startswith(SUMS))
     sums = folder / SUMS
     sums.write_text("".join(f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n" for path in files))

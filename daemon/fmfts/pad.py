@@ -254,7 +254,7 @@ class Tolerance:
 
     @property
     def tilt_rad(self) -> float:
-        """Of the magnet against the sensors."""
+        """The tilt of the magnet against the sensors."""
         return float(root_of_squares(self.magnet_tilt_rad, self.pad_tilt_rad))
 
     def tilts_given(self, found_rad: Array, told: Array) -> SharedTilt:
@@ -273,8 +273,9 @@ class Tolerance:
 
 
 class SharedTilt(NamedTuple):
-    """pad_share: how much of a tilt that is found at rest is most likely the whole pad's. unshared_rad: what stays
-    unknown of the pad's own where both together are known."""
+    """pad_share: the most likely share of the whole pad in a tilt that is found at rest. unshared_rad: the deviation of
+    the pad's own tilt if the sum of both tilts is known.
+    """
 
     pad_share: float
     unshared_rad: float

@@ -137,7 +137,7 @@ def standard(scene: Scene) -> PadConfig:
 
 
 def second_standard(scene: Scene) -> PadConfig:
-    """As config/array.toml draws it."""
+    """The second standard pad as config/array.toml draws it."""
     (config,) = load(ARRAY_PATH)[0].pad
     assert isinstance(config.source, SimulatedSource)
     source = replaced(config.source, rate_hz=RATE_HZ, turning_deg_per_s=scene.turning_deg_per_s)

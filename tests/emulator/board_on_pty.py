@@ -49,7 +49,7 @@ def spoil(line: Line, data: bytes) -> bytes:
 
 
 def stream(session: Session, pty: Pty, orders: Orders, pace: float) -> float:
-    """Until the orders end. Returns board seconds per second of CPU time."""
+    """Run until the orders end. Returns board seconds per second of CPU time."""
     begun_s = time.process_time()
     due = time.monotonic()
     while not orders.ended:

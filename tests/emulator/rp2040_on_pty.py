@@ -79,7 +79,7 @@ def execute(board: Rp2040Board, line: str) -> None:
 
 
 def stream(board: Rp2040Board, pty: Pty, orders: Orders, pace: float) -> None:
-    """Until the orders end."""
+    """Run until the orders end."""
     board.run(0.02)
     board.usb("plug")
     board.run(0.06)

@@ -59,7 +59,7 @@ class Robots:
 
 
 class OpenPage:
-    """What a browser's page of this server would receive. place: "/" of the fleet, "/robot/NAME/" of one robot."""
+    """A page that receives what a browser would. place: "/" of the fleet, "/robot/NAME/" of one robot."""
 
     def __init__(self, view: View, place: str = "/", token: str | None = None) -> None:
         address, origin = f"ws://127.0.0.1:{view.port}{place}socket", f"http://127.0.0.1:{view.port}"

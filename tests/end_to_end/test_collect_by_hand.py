@@ -52,7 +52,7 @@ class Person:
         self._acting = threading.Thread(target=self._act, daemon=True)
 
     def obey(self, process: subprocess.Popen[str]) -> None:
-        """Until the process ends."""
+        """Press as asked until the process ends."""
         assert process.stderr is not None
         for line in process.stderr:
             self.heard.append(line.strip())

@@ -34,7 +34,7 @@ def skin_field(press: Array) -> Array:
 
 
 def streamed_field(press: Array) -> Array:
-    """The same of weaker magnets, as the boards' stream can carry it: ±52 G."""
+    """The same field of weaker magnets, within ±52 G, which the boards' stream can carry."""
     weaker: Array = 0.4 * skin_field(press)
     return weaker
 

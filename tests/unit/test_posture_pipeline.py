@@ -182,7 +182,7 @@ def test_rest_recorded_again_keeps_the_posture_with_its_joints() -> None:
 
 
 def test_bare_baseline_says_that_it_drops_the_posture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is told against the rest, which bare drops, too."""
+    """The posture is relative to the rest, which a bare recording drops, too."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     world, before, baseline, _ = taught(6, 0.005)
     pad, tolerance = config().pad(), config().tolerance.si()

@@ -65,7 +65,7 @@ class FmftsCamera(Camera):
         return self._drawn(self._pads.contact(self.config.pad, timeout_ms * 1e-3))
 
     def read_latest(self, max_age_ms: int = 300) -> NDArray[np.uint8]:
-        """The same: what is held back here is never given out."""
+        """Like `async_read`: a held-back sample is never given out."""
         return self.async_read(float(max_age_ms))
 
     def disconnect(self) -> None:

@@ -88,8 +88,9 @@ class Samples:
         self._clients, self._last, self._usable = {}, {}, {}
 
     def frame(self) -> dict[str, NDArray[Any]]:
-        """What all pads felt since the last call, without waiting: a sample is never given out twice. Raises
-        TouchLostError if a pad gave nothing usable for `patience_s`."""
+        """The samples of all pads since the last call, without waiting: a sample is never given out twice. Raises
+        TouchLostError if a pad gave nothing usable for `patience_s`.
+        """
         arrays: dict[str, NDArray[Any]] = {}
         for name in self.names:
             samples, left_out = self._since_the_last_step(name)
@@ -98,7 +99,7 @@ class Samples:
         return arrays
 
     def _since_the_last_step(self, name: str, wait_s: float = 0.0) -> tuple[list[Contact], int]:
-        """Those for which there is room, and how many more there were. wait_s: for a usable one."""
+        """The samples for which there is room, and the number of further ones. wait_s: for a usable one."""
         client = self._clients.get(name)
         if client is None:
             raise TouchLostError(f"pad {name}: not connected")

@@ -126,7 +126,7 @@ def filled(contact: Contact, anywhere_sd_m: float) -> Contact:
 
 
 def _values(contact: Contact, anywhere_sd_m: float) -> tuple[float, ...]:
-    """In the order of FEATURES."""
+    """The values in the order of FEATURES."""
     known = filled(contact, anywhere_sd_m)
     numbers = (getattr(known, name) for name in FEATURES[3:])
     return (USABLE[known.health], float(bool(known.contact)), float(known.over_range), *numbers)

@@ -23,7 +23,7 @@ Press = tuple[float, float, float]  # x, y in m, force in N
 
 
 def daemons(pad: PadConfig, press: Press) -> list[Frame]:
-    """Of the daemon's simulation of a pad that stands still."""
+    """Frames of the daemon's simulation of a pad that stands still."""
     source = Simulated(pad)
     source.turning_rad_per_s = 0.0
     source.finger = steady_finger(*press)
@@ -31,7 +31,7 @@ def daemons(pad: PadConfig, press: Press) -> list[Frame]:
 
 
 def boards(pad: PadConfig, press: Press) -> list[Frame]:
-    """Of this package's boards, in the ambient field in which the daemon simulates the pad."""
+    """Frames of this package's boards, in the ambient field in which the daemon simulates the pad."""
     built = built_of(pad)
     stacked, sensors = Stacked([built]), len(built.pad.sensors)
     moved, around = History(1, 5), History(1, sensors, 3)
@@ -41,7 +41,7 @@ def boards(pad: PadConfig, press: Press) -> list[Frame]:
 
 
 def messages(pad: PadConfig, frames: Sequence[Frame]) -> Array:
-    """(M, NUMBERS) of the messages, with one baseline for all. AssertionError where one is not ok."""
+    """The numbers (M, NUMBERS) of the messages, with one baseline for all. AssertionError where one is not ok."""
     pipeline = pipeline_of(pad, contact_model_of(pad), "alike")
     pipeline.use(simulated_baseline(pad))
     told = [pipeline.process(frame) for frame in frames][BEGUN:]

@@ -27,7 +27,7 @@ BALL_KG = 0.08
 
 
 def go_before_others() -> None:
-    """As root. Others may not, and then what else this computer does counts, too."""
+    """Give this process priority, as root. Without it, other programs of this computer affect the result."""
     with suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, -15)
 
@@ -76,7 +76,7 @@ def cost(count: int, seconds: float) -> tuple[float, float]:
 
 @dataclass
 class Covered:
-    """How presses came out: errors, and published deviations (N, m, m), of those that were answered."""
+    """The results of presses: errors, and published deviations (N, m, m), of the answered ones."""
 
     presses: int = 0
     errors: list[Array] = field(default_factory=list)

@@ -24,7 +24,7 @@ def in_process(policy: Policy, seeds: range) -> list[Episode]:
 
 
 def over_bus(policy: Policy, seeds: range) -> list[Episode]:
-    """In real time: an episode takes 2.4 s, and where other programs have the processors, the pads are late."""
+    """Episodes over the bus in real time: each takes 2.4 s, and on a busy computer the pads are late."""
     go_before_others()
     with Daemon(CONFIG) as daemon:
         environment = gymnasium.make("FmftsGrasp-v0", config=daemon.config, endpoint=daemon.endpoint)

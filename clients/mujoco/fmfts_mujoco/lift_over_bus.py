@@ -54,7 +54,7 @@ class Gripping:
         return self._newest
 
     def wait(self) -> None:
-        """Until it commands something. RuntimeError where it does not."""
+        """Wait until the controller commands something. RuntimeError if it does not."""
         until = time.monotonic() + PATIENCE_S
         while not self.commands:
             if time.monotonic() > until or self._process.poll() is not None:

@@ -17,7 +17,7 @@ LARGEST = 100.0
 
 
 class Seen(msgspec.Struct):
-    """What the columns are made of, decoded in a tenth of the time that a whole Contact takes."""
+    """The values of the columns, decoded in a tenth of the time that a whole Contact takes."""
 
     t_sample_ns: int
     health: str

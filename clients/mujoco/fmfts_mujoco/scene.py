@@ -55,7 +55,7 @@ class Scene:
 
     @property
     def faults(self) -> dict[str, Faults]:
-        """What is broken, by pad; it may be changed at any time."""
+        """The faults by pad; they may be changed at any time."""
         return dict(zip((pad.name for pad in self.pads), self.boards.faults, strict=True))
 
     def record(self, data: mujoco.MjData) -> float:
@@ -106,7 +106,7 @@ class Scene:
         return self.boards.frames(seconds, moved, around, bare=bare)
 
     def _look_around(self, steps: list[Step], response: Array) -> None:
-        """Of some of these steps, and of the last one."""
+        """Looks around in some of these steps, and in the last one."""
         seen = []
         for number, step in enumerate(steps):
             if number == len(steps) - 1 or step.time_s - self._around_s >= AROUND_EVERY_S:
@@ -117,7 +117,7 @@ class Scene:
 
 
 def _turned(step: Step, share: float) -> Step:
-    """This step of a robot that turns once about x, then y, then z; share: of that, 0 to 1."""
+    """One step of a robot that turns once about x, then y, then z; share: of the whole turn, 0 to 1."""
     turn = np.eye(3)
     for axis, vector in enumerate(np.eye(3)):
         turn = turn @ rotation_from_vector(vector * 2.0 * np.pi * np.clip(3.0 * share - axis, 0.0, 1.0))

@@ -11,8 +11,9 @@ from fmfts_mujoco.scene import Scene
 
 
 def baselines(scene: Scene, data: mujoco.MjData, *, turned: bool = False) -> dict[str, Baseline]:
-    """Of all pads, as the robot stands in `data`. Contacts there do not count. turned: also while the robot turns,
-    without which shear is not known well. BaselineError if one cannot be made."""
+    """Record baselines of all pads, as the robot stands in `data`. Contacts there do not count. turned: also while the
+    robot turns, without which shear is not known well. BaselineError if one cannot be made.
+    """
     before: dict[str, Baseline | None] = dict.fromkeys((pad.name for pad in scene.pads), None)
     for kind in ("bare", "rest", "turn")[: 2 + turned]:
         bare, turns = kind == "bare", kind == "turn"

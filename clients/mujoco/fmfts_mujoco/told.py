@@ -22,7 +22,7 @@ class Told(Sequence[Contact]):
         self.payloads.extend(payloads)
 
     def split(self, now_ns: int) -> tuple[Told, Told]:
-        """Those that are published by now, and the later ones."""
+        """Messages that are published by now, and later ones."""
         published = bisect_right(self.published_ns, now_ns)
         if published == len(self.payloads):
             return self, Told()

@@ -80,6 +80,6 @@ def test_printed_fingertip_has_pad_at_same_place_in_urdf_and_mjcf(hand: str) -> 
 
 
 def mass_of(hand: str) -> float:
-    """Of all links of the URDF."""
+    """The mass of all links of the URDF."""
     masses = ElementTree.parse(HARDWARE / f"fingertip-{hand}.urdf").getroot().iterfind("link/inertial/mass")
     return sum(float(mass.get("value", "")) for mass in masses)

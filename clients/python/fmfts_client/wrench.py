@@ -34,8 +34,9 @@ class Wrench:
 
     @property
     def covariance(self) -> tuple[tuple[float, ...], ...]:
-        """Of force and torque, (6, 6), in N², N²·m and N²·m². Messages have deviations alone: the three parts of the
-        force and the two of the place are taken as independent, and the height as exact."""
+        """The covariance (6, 6) of force and torque, in N², N²·m and N²·m². Messages have deviations alone: the three
+        parts of the force and the two of the place are taken as independent, and the height as exact.
+        """
         variances = [sd * sd for sd in (*self.force_sd_n, *self.place_sd_m)]
         by_force_and_place = self._derivatives()
         return tuple(
@@ -48,7 +49,7 @@ class Wrench:
         )
 
     def _derivatives(self) -> list[tuple[float, float, float, float, float]]:
-        """Of force and torque by the force and the place along x and y, (6, 5)."""
+        """Derivatives (6, 5) of force and torque by the force and the place along x and y."""
         force = [(1.0, 0.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)]
         if self.place_m is None:
             return force + [(0.0, 0.0, 0.0, 0.0, 0.0)] * 3

@@ -130,7 +130,7 @@ def _noisy(frames: Sequence[Frame]) -> list[str]:
 
 
 def _samples(frames: Sequence[Frame]) -> list[tuple[Array, Array]]:
-    """Of each sensor times (K,) in s and fields (K, 3) of its samples, without mean and slope; none if too few."""
+    """For each sensor the times (K,) in s and fields (K, 3) of its samples, without mean and slope; none if too few."""
     chosen = np.array([frame.fresh & frame.timed for frame in frames])
     times = np.array([frame.sampled_us for frame in frames], dtype=np.float64) * 1e-6
     fields = np.array([frame.field_t for frame in frames])

@@ -21,8 +21,9 @@ OF_MAGNET = 6  # unknowns of each: position, tilt, log moment
 
 @dataclass(frozen=True, slots=True)
 class ArrayUnknowns:
-    """Of each magnet its place, tilt and log moment (6M), ambient field (3), sensor places (3N), sensitivities (9N), in
-    prior deviations from the drawing and from `sensitivity` (9N,). deviation (U,): these, in SI. precision (U, U)."""
+    """For each magnet its place, tilt and log moment (6M), ambient field (3), sensor places (3N), sensitivities (9N),
+    in prior deviations from the drawing and from `sensitivity` (9N,). deviation (U,): these, in SI. precision (U, U).
+    """
 
     pad: Pad
     drawn: Magnets

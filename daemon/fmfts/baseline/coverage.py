@@ -155,7 +155,7 @@ class PressCoverage:
 
     @property
     def _missing(self) -> str:
-        """What the presses lack, besides their number."""
+        """The lacks of the presses, besides their number."""
         missing = []
         lacking = int((self._in_part < ENOUGH_IN_PART).sum())
         if lacking:

@@ -47,7 +47,7 @@ class JointTrack:
         return positions
 
     def mean(self, names: tuple[str, ...], from_ns: int, to_ns: int) -> Array | None:
-        """(J,) of these joints while they stand still; None if one of them is not known."""
+        """The mean positions (J,) of these joints while they stand still; None if one of them is unknown."""
         if not set(names) <= set(self.names):
             return None
         positions = self.at(np.linspace(float(from_ns), float(to_ns), 20))[:, [self.names.index(one) for one in names]]

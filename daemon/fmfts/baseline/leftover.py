@@ -119,7 +119,9 @@ class Leftover:
         return told
 
     def _errors_of_tilt(self) -> Array:
-        """(3, 3, M + 2): of a unit movement along each axis, by each deviation of unknowns and of the pad's tilt."""
+        """The error (3, 3, M + 2) of a unit movement along each axis, by each deviation of unknowns and of the pad's
+        tilt.
+        """
         axis = self.unknowns.pad.rest_axis
         root = self._root[TILT] / np.sqrt(self._told_of_tilt)[:, None]
         tilts = np.hstack([self.pad_share * root, self.unshared_tilt_rad * np.eye(2)])

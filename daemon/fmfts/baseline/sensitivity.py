@@ -44,7 +44,7 @@ class Sensitivity:
 
 
 def ideal(count: int) -> Array:
-    """(9N,) of chips without errors."""
+    """The sensitivities (9N,) of chips without errors."""
     return np.concatenate([np.ones(3 * count), np.zeros(6 * count)])
 
 

@@ -179,7 +179,7 @@ def _linearised(pad: Pad, turn: Turn, fit: _Fit, inflation: float) -> Reduced:
 
 
 def _deviation(turn: Turn, repeated: float = 1.0) -> Array:
-    """(N, 3) of a mean from the field that all chips share."""
+    """The deviation (N, 3) of a mean from the field that all chips share."""
     deviation: Array = root_of_squares(turn.deviation_t, UNEVEN_DEVIATION_T * repeated)
     return deviation
 

@@ -78,7 +78,7 @@ class TurnMisfit:
 
 
 def _compared(chi2: Array, freedom: int) -> tuple[float, NDArray[np.bool_]]:
-    """How much larger than expected the misfits (K,) are, at least 1, and which (K,) of them stand out even so."""
+    """The ratio of the misfits (K,) to the expected ones, at least 1, and the outliers (K,) that remain after it."""
     inflation = max(1.0, float(np.sqrt(np.median(chi2) / freedom)))
     return inflation, np.asarray(chi2 > quantile(FALSE_TOUCH / len(chi2), freedom) * square(inflation), dtype=np.bool_)
 

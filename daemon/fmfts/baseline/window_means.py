@@ -50,7 +50,7 @@ def means(frames: Sequence[Frame]) -> Means:
 
 
 def turning_means(frames: Sequence[Frame]) -> Means:
-    """As `means`, over windows that are short enough for the field's speed."""
+    """Like `means`, over windows that are short enough for the field's speed."""
     fields, times = _whole(frames)
     window = turning_window(fields)
     return _means_of(fields, times, _noise(frames, 1.0 if window == MEAN_OF else STILLEST), window)
@@ -131,7 +131,7 @@ def _noise(frames: Sequence[Frame], stillest: float = 1.0) -> Array:
 
 
 def _noise_of(samples: Array, stillest: float) -> Array:
-    """(3,) of one sensor's samples (K, 3)."""
+    """The noise (3,) of one sensor's samples (K, 3)."""
     moved = lengths(samples[2:] - samples[:-2])
     still = np.argsort(moved)[: round(stillest * len(moved))]
     noise: Array = _robust_deviation(np.diff(samples, 2, axis=0)[still]) / np.sqrt(6.0)

@@ -58,7 +58,7 @@ complete -o default -F _fmfts_daemon {PROGRAM}
 
 
 def zsh_completion() -> str:
-    """As `bash_completion`, with what each verb and option does."""
+    """Like `bash_completion`, with the help of each verb and option."""
     verbs = verbs_of(command_line())
     described = "\n".join(f"        {_zsh(name, _first_line(verb))}" for name, verb in verbs.items())
     cases = "\n".join(

@@ -105,14 +105,14 @@ def configuration(options: argparse.Namespace) -> Config:
 
 
 def configuration_and_path(options: argparse.Namespace) -> tuple[Config, Path]:
-    """The same, and its file."""
+    """The configuration and its file."""
     from fmfts.config import Config
 
     return configuration_as(Config, options)
 
 
 def configuration_as(kind: type[Kind], options: argparse.Namespace) -> tuple[Kind, Path]:
-    """The same, as another package's kind of configuration."""
+    """The configuration as another package's kind, and its file."""
     from fmfts.config.file import ConfigError, load_as
 
     try:
@@ -122,7 +122,7 @@ def configuration_as(kind: type[Kind], options: argparse.Namespace) -> tuple[Kin
 
 
 def configuration_if_any(options: argparse.Namespace) -> Config | None:
-    """The same; None if no file is given and none exists in the default places. Raises VerbError."""
+    """The configuration; None if no file is given and none exists in the default places. Raises VerbError."""
     from fmfts.config.file import is_there_any
 
     return configuration(options) if options.config is not None or is_there_any() else None
@@ -172,7 +172,7 @@ def require_known_magnets(pad: PadConfig) -> None:
 
 
 def configured_or_standard_pad(options: argparse.Namespace, several: bool = False) -> PadConfig:
-    """The same; without any configuration, the standard pad. Raises VerbError."""
+    """The configured pad; without any configuration, the standard pad. Raises VerbError."""
     from fmfts.config import PadConfig, SimulatedSource
     from fmfts.config.file import is_there_any
 

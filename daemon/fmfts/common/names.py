@@ -17,5 +17,5 @@ def no_such_pad(name: str | None, known: Sequence[str], where: str) -> str:
 
 
 def field_columns(sensors: int) -> list[str]:
-    """Of a CSV file of fields in µT; the sensors are in the order of the configuration."""
+    """The columns of a CSV file of fields in µT, with the sensors in the order of the configuration."""
     return [f"b{sensor}{axis}_ut" for sensor in range(1, sensors + 1) for axis in "xyz"]

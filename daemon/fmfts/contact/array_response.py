@@ -42,8 +42,9 @@ class ResponseError(ValueError):
 
 
 class Pressed(NamedTuple):
-    """What one finger does to P = 5M numbers of pose: change (P,); slope (P, 3) by x, y and the force; by_shear (P, 2);
-    and laplacian (P,), ∂²/∂x² + ∂²/∂y² of the change, which gives the effect of a wider patch."""
+    """The effect of one finger on P = 5M components of pose: change (P,); slope (P, 3) by x, y and the force; by_shear
+    (P, 2); and laplacian (P,), ∂²/∂x² + ∂²/∂y² of the change, which gives the effect of a wider patch.
+    """
 
     change: Array
     slope: Array

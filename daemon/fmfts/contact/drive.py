@@ -17,7 +17,7 @@ PLACES, REACH, LIGHT_N = 9, 5.0 / 7.0, 0.1
 
 
 def drive_power(loads: int) -> Array:
-    """(2 + loads,) of x and y in mm²/s³, and of each load in N²/s³."""
+    """The power (2 + loads,) of x and y in mm²/s³, and of each load in N²/s³."""
     return np.array([PLACE_DRIVE_MM2_PER_S3] * 2 + [FORCE_DRIVE_N2_PER_S3] * loads)
 
 
@@ -34,7 +34,7 @@ def untouched_drive(response: Response, to_pose: Array) -> Array:
 
 
 def to_pose(tilt: Array) -> Array:
-    """(5, 5) from changes in the response's units (mm, components of the nominal axis) to those of a pose.
+    """The matrix (5, 5) from changes in the response's units (mm, components of the nominal axis) to those of a pose.
 
     tilt (2, 2): components of the nominal axis, by the tangents of the pad's rest axis.
     """

@@ -30,7 +30,7 @@ class Inference(ABC):
 
     @property
     def for_c(self) -> bytes | Inference:
-        """How C evaluates the model: by the weights of a known network, or by calling run()."""
+        """The model for C: the weights of a known network, or an object with run()."""
         return self
 
     @abstractmethod

@@ -105,7 +105,7 @@ class ContactModel:
 
     @property
     def told(self) -> str:
-        """What it is, in a few words for the log."""
+        """The model's description in a few words for the log."""
         return self.inference.by
 
     @property

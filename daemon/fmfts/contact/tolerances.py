@@ -50,7 +50,7 @@ class StructureTolerance:
 
     @property
     def for_c(self) -> dict[str, Numbers]:
-        """What tolerances.c needs: contact/step.h."""
+        """The fields that tolerances.c needs: contact/step.h."""
         thicker_mm = self.thickness_m * 1e3
         return {
             "modulus_share": self.modulus_share,
@@ -91,7 +91,7 @@ class StructureTolerance:
 
     @property
     def scale_deviation(self) -> float:
-        """The same of the logarithm of the scale of forces."""
+        """The deviation of the logarithm of the scale of forces."""
         return float(root_of_squares(self.modulus, self._thickness_share))
 
     @property
@@ -104,7 +104,7 @@ class StructureTolerance:
         return float(THICKER_SHARE[0]) if self.is_weighed else 0.0
 
     def weighed(self, deviation: float) -> StructureTolerance:
-        """After a weight in the middle measured the scale of forces to this share."""
+        """The tolerance after a weight in the middle measured the scale of forces to this share."""
         return replace(self, modulus=deviation, is_weighed=True)
 
 

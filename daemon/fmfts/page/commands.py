@@ -25,7 +25,7 @@ Baseline = Literal["bare", "rest", "replaced", "turn", "refine", "restore", "und
 
 
 class Watch(Struct, forbid_unknown_fields=True, tag="watch", tag_field="ask"):
-    """Which pad's every message is wanted, and whether the tab is hidden."""
+    """The pad whose messages are all wanted, and whether the tab is hidden."""
 
     detail: PadName | None = None
     hidden: bool = False
@@ -54,7 +54,7 @@ class RecordBaseline(Struct, forbid_unknown_fields=True, tag="baseline", tag_fie
 
 
 class Weigh(Struct, forbid_unknown_fields=True, tag="weigh", tag_field="ask"):
-    """As the verb `weigh`: a known weight on the pad, and the width below it."""
+    """The verb `weigh`: a known weight on the pad, and the width below it."""
 
     id: Number
     pad: PadName

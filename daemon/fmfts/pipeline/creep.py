@@ -26,5 +26,5 @@ class Creep:
 
 
 def _state_of(change: Array) -> Array:
-    """(15,) of a magnet that rests at the origin, upright."""
+    """The state (15,) of a magnet that rests at the origin, upright."""
     return np.concatenate([change, [1.0], np.zeros(9)])

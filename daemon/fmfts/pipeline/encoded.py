@@ -42,7 +42,8 @@ def message_of(answer: Answer) -> ContactMessage:
 
 
 class Passed(NamedTuple):
-    """What C has published between `begin` and `end` of a Pad: of `frames`, and of samples that came before theirs.
+    """The messages that C published between `begin` and `end` of a Pad: of `frames`, and of samples that came before
+    their frames.
 
     first_sequence, sequence: of the first frame and the last; without any, of the previous one. arrival_ns: of the last
     frame. frame_us, frame_ns: the last frame's time on the board's clock, and on the host's. t_sample_ns, payload: of

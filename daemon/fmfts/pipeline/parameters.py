@@ -175,7 +175,7 @@ def _residuals(baselined: BaselinedPad) -> Values:
 
 
 def _quantiles(probability: float, most: int) -> Array:
-    """(most + 1,) by degrees of freedom: a sensor that is missing takes some."""
+    """The quantiles (most + 1,) by degrees of freedom: a missing sensor takes some away."""
     return np.array([np.nan] + [quantile(probability, freedom) for freedom in range(1, most + 1)])
 
 

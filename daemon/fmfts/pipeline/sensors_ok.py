@@ -15,6 +15,6 @@ def mask_of(used: NDArray[np.bool_]) -> int:
 
 @lru_cache(maxsize=256)
 def _mask_of(used: bytes, shape: tuple[int, ...]) -> int:
-    """By the bytes of `used`, which are mostly those of the frame before."""
+    """The mask by the bytes of `used`, which are mostly those of the frame before."""
     whole = np.frombuffer(used, dtype=np.bool_).reshape(shape).all(axis=1)
     return sum(1 << sensor for sensor in np.flatnonzero(whole).tolist())

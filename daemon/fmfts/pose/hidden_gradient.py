@@ -43,7 +43,7 @@ STANDS_STILL = Reference(np.zeros(3), 0.0)
 
 
 class HiddenGradient:
-    """What such a field does to one pad.
+    """The effect of such a field on one pad.
 
     pad: as mounted. ambient_error (8, 3, M): see `Leftover.ambient_error`. effect (5, 5): S, by the components of the
     gradient. even_t: deviation of the ambient field's strength without a foreign field.

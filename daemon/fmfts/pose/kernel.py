@@ -141,14 +141,16 @@ def columns_of(magnets: int) -> int:
 
 
 def predict(rows: Array, magnets: Array, state: State) -> tuple[Array, Array]:
-    """What each measurement (rows, 10) would read (rows,) in tesla, and its derivative by a step (rows, columns)."""
+    """The prediction (rows,) in tesla of each measurement (rows, 10), and its derivative by a step (rows, columns)."""
     predicted, jacobian = np.empty(len(rows)), np.empty((len(rows), state.columns))
     _kernel.read(*map(np.ascontiguousarray, (rows, magnets, state.vector())), predicted, jacobian)
     return predicted, jacobian
 
 
 def deviations(problem: Problem) -> Array | None:
-    """(rows,) of the measurements at the state's time: infinite where one is left out; None if one is invalid."""
+    """The deviations (rows,) of the measurements at the state's time: infinite where one is left out; None if one is
+    invalid.
+    """
     found, motion = np.empty(len(problem.measurements)), problem.motion
     arrays = map(np.ascontiguousarray, (problem.measurements, problem.magnets, problem.start.vector()))
     rates = (None, None) if motion is None else (motion.rate, motion.diffusion)

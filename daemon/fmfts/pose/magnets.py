@@ -34,7 +34,7 @@ class Magnets:
 
     @classmethod
     def drawn(cls, pad: Pad) -> Magnets:
-        """As in the drawing, at rest."""
+        """The magnets of the drawing, at rest."""
         magnets = pad.magnets
         return cls(
             np.array([one.rest_position_m for one in magnets]),
@@ -47,12 +47,14 @@ class Magnets:
         return len(self.position_m)
 
     def stronger(self, log_moment: Array) -> Magnets:
-        """With other moments. log_moment (M,): ln of the ratio."""
+        """The magnets with other moments. log_moment (M,): ln of the ratio."""
         ratio = np.array([exp(one) for one in log_moment.tolist()])
         return replace(self, strength_t_m3=self.strength_t_m3 * ratio)
 
     def changed(self, change: Array, frames: Array) -> Magnets:
-        """After a change of pose (5M,), in m and components of the axis. frames (M, 3, 3): `rest_frames` of these."""
+        """The magnets after a change of pose (5M,), in m and components of the axis. frames (M, 3, 3): `rest_frames` of
+        these.
+        """
         position, axis = np.empty(self.position_m.shape), np.empty(self.axis.shape)
         _kernel.move(*map(np.ascontiguousarray, (frames, self.position_m, change)), position, axis)
         return replace(self, position_m=position, axis=axis)

@@ -58,7 +58,7 @@ class NeighbourEstimate:
 
 @dataclass(frozen=True, slots=True)
 class NeighbourView:
-    """What one pad knows of another pad's magnets. placement: the other pad's, in this one's axes."""
+    """One pad's knowledge of another pad's magnets. placement: the other pad's, in this one's axes."""
 
     sighting: Sighting
     placement: Placement
@@ -74,8 +74,9 @@ class NeighbourView:
 
 
 def change_of(sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> tuple[Array, Array]:
-    """By how much the neighbours have changed the field since they rested, (N, 3) T in sensor axes, and the covariance
-    (3N, 3N) of that."""
+    """The change (N, 3) of the neighbours' field since they rested, in T and sensor axes, and its covariance (3N,
+    3N).
+    """
     effects = [other.effect(sensors) for other in seen]
     return added([change_t for _, change_t, _ in effects]), added([covariance for _, _, covariance in effects])
 

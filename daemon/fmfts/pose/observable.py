@@ -21,7 +21,7 @@ def needed_values(magnets: int) -> int:
 
 
 def needed_sensors(magnets: int) -> int:
-    """The same in three-axis sensors."""
+    """The needed number of three-axis sensors."""
     return -(-needed_values(magnets) // 3)
 
 

@@ -72,7 +72,7 @@ class PostureModel:
         return self.rest_rad is not None or self.rest_unknown
 
     def predicted(self, position_rad: Array | None) -> Predicted:
-        """At joints (J,); None: not known."""
+        """The field at joints (J,); None: unknown."""
         if not self.names:
             return self._anywhere(1.0, "")
         if position_rad is None or self.rest_unknown or not len(self.axes):
@@ -116,7 +116,7 @@ class PostureModel:
         return _basis(self.exponents, np.minimum(np.maximum(coordinates, -1.0), 1.0))[0]
 
     def _anywhere(self, more: float, why: str) -> Predicted:
-        """In any of the recorded postures."""
+        """The field in any of the recorded postures."""
         mean_t, spread_t2 = self.mean_t, self.spread_t2
         if self.rest_rad is not None:
             mean_t = mean_t - product(self._rest_basis(), self.weight_t)

@@ -77,7 +77,7 @@ class PadScene:
 
     @classmethod
     def of_state(cls, pad: str, config: dict[str, Any]) -> PadScene:
-        """Of the configuration in a StateMessage. Raises msgspec.ValidationError: it is another version's."""
+        """The scene of the configuration in a StateMessage. Raises msgspec.ValidationError: it is another version's."""
         return cls(pad, pad_facts(recorded_pad(config)))
 
     def contact(self, body: dict[str, Any]) -> Iterator[Drawn]:
@@ -224,5 +224,5 @@ class PadScene:
 
 
 def _placed(pose: dict[str, Any]) -> Pose:
-    """Of a magnet, as Foxglove has it: z along its moment."""
+    """The pose of a magnet for Foxglove: z along its moment."""
     return Pose(position=vector(pose["position_m"]), orientation=turning(TOWARD_FINGER, pose["axis"]))

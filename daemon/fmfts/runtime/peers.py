@@ -22,7 +22,7 @@ PAUSES = 4
 
 @dataclass(frozen=True, slots=True)
 class Servers:
-    """What peers are connected to. hear: gets the positions that `joints` received, and their time."""
+    """The sockets to which peers are connected. hear: gets the positions that `joints` received, and their time."""
 
     publisher: Publisher
     control: ControlServer

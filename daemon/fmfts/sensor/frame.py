@@ -205,7 +205,7 @@ def mask_of(flags: NDArray[np.bool_]) -> int:
 
 @lru_cache(maxsize=1024)
 def _mask_of(flags: bytes) -> int:
-    """By the bytes of `flags`, which are mostly those of a frame before."""
+    """The mask by the bytes of `flags`, which are mostly those of a frame before."""
     return int.from_bytes(np.packbits(np.frombuffer(flags, np.bool_), bitorder="little").tobytes(), "little")
 
 

@@ -62,7 +62,7 @@ class PadOnI2c(WiredPad):
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """As the wire has them: `trigger` 0 free, 1 simultaneous."""
+    """The settings as the wire encodes them: `trigger` 0 free, 1 simultaneous."""
 
     gain_code: int
     rate_hz: int

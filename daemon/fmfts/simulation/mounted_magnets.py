@@ -37,7 +37,9 @@ class MountedMagnets:
 
     @classmethod
     def of(cls, config: PadConfig, random: np.random.Generator | None) -> MountedMagnets:
-        """With random building errors; without, if `random` is None. ValueError where no such pad is simulated."""
+        """A pad with random building errors; without errors if `random` is None. ValueError where no such pad is
+        simulated.
+        """
         drawing = config.pad()
         return cls.built(drawing, _response_of(drawing), random)
 
@@ -76,7 +78,7 @@ class MountedMagnets:
         return [self.magnets.changed((change * MM).ravel(), self.frames) for change in sums]
 
     def _changes(self, touches: Sequence[Touch]) -> Array:
-        """(T, M, 5) of the magnets under each finger alone."""
+        """The changes (T, M, 5) of the magnets under each finger alone."""
         count = len(self.remanence_t)
         changes = np.zeros((len(touches), count, CHANGE))
         pressing = [number for number, one in enumerate(touches) if one.force_n or one.shear_x_n or one.shear_y_n]

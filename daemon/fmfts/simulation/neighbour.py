@@ -36,7 +36,7 @@ class OneMagnet:
 
 @dataclass(slots=True)
 class SeveralMagnets:
-    """As OneMagnet, of a pad with several."""
+    """Like OneMagnet, for a pad with several."""
 
     inside: FieldOfFingers
     placement: Placement

@@ -69,7 +69,7 @@ def render_contact(
 
 
 def _legend(sensors_m: Places, half_columns: int) -> Text:
-    """What the marks mean, and how long 10 mm are in the picture."""
+    """The meaning of the marks, and the length of 10 mm in the picture."""
     entries = [f"{mark} {word}" for mark, word in LEGEND if sensors_m or word != "sensor"]
     scale = "├" + "─" * (half_columns // 2 - 1) + "┤ 10 mm"
     return Text("  ".join([*entries, scale]), no_wrap=True, overflow="ellipsis")

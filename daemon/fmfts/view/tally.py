@@ -165,7 +165,7 @@ def shown_number(contact: Contact) -> float | None:
 
 
 def displacement_text(contact: Contact) -> str:
-    """How far the magnet is from rest, as text in millimetres."""
+    """The magnet's distance from rest, as text in millimetres."""
     if contact.displacement_m is None:
         return "–"
     deviation = "" if contact.displacement_sd_m is None else f" ± {contact.displacement_sd_m * 1e3:.3f}"

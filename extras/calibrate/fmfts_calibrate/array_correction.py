@@ -65,7 +65,7 @@ class Correction:
 
     @property
     def deviation(self) -> Array:
-        """(U,) of the parameters, before any press is known."""
+        """The deviations (U,) of the parameters before any press is known."""
         magnets = len(self.centre_mm)
         first = self.start.coefficient[1:-1, 1:-1, 0].reshape(-1, magnets, CHANGE)
         mean = np.tile(np.sqrt(np.square(first).mean(axis=(0, 1))), magnets)
@@ -150,7 +150,7 @@ class Correction:
         )
 
     def map_at(self, place_mm: Array, off_mm: Array) -> Array:
-        """(K, 5M, D) of each direction of the map at places (K, 2), for magnets `off_mm` beside their drawn places."""
+        """The map (K, 5M, D) in each direction at places (K, 2), for magnets `off_mm` beside their drawn places."""
         first, last = self.start.first_mm, self.start.last_mm
         spacing = (last - first) / CELLS
         x, x1 = _basis(place_mm[:, 0], first, spacing, CELLS)

@@ -116,7 +116,7 @@ def _fitted(data: ArraySet, whose: str, start: ArrayResponse, noise_t: float, sa
 
 
 def _on_the_table(data: ArraySet, whose: str, start: ArrayResponse, say: Say) -> ArraySet:
-    """Without presses beyond the table's places."""
+    """The set without presses beyond the table's places."""
     inside = ((data.press[:, :2] >= start.first_mm) & (data.press[:, :2] <= start.last_mm)).all(axis=1)
     if not inside.all():
         say(

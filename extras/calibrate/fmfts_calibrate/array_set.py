@@ -150,7 +150,7 @@ def _require_fields(path: Path, table: FieldTable, field_t: Array, rest_t: Array
 
 
 def _column(path: Path, table: FieldTable, name: str) -> Array:
-    """(K,) of numbers; zeros where the column is not there."""
+    """The numbers (K,) of a column; zeros if it is absent."""
     cells = table.others.get(name)
     if cells is None:
         return np.zeros(len(table.line))

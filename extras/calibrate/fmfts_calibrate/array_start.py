@@ -74,7 +74,7 @@ def _read(path: Path) -> ArrayResponse:
 
 
 def _ordered(response: ArrayResponse, order: Array) -> ArrayResponse:
-    """With the table's magnet order[i] as the pad's magnet i."""
+    """The table with its magnet order[i] as the pad's magnet i."""
     own = (CHANGE * order[:, None] + np.arange(CHANGE)).ravel()
     return replace(response, coefficient=response.coefficient[..., own], shear=response.shear[..., own])
 

@@ -136,7 +136,9 @@ def evaluate_array_model(source: Path, model: Path, job: ArrayJob, say: Say) -> 
 
 
 def report_of(target: Path, example: str) -> Path:
-    """Where a model's report goes: beside it. DataError where that is the model itself, OSError if not writable."""
+    """The path of a model's report, beside the model. DataError where that is the model itself, OSError if not
+    writable.
+    """
     report = target.with_suffix(".json")
     if report == target:
         raise DataError(f"{target}: the model's report would have the same name: choose another ({example})")

@@ -55,7 +55,7 @@ class Predictions(ABC):
         and the response itself."""
 
     def only(self, rows: Rows) -> Self:
-        """Of some of the presses."""
+        """The fit of some of the presses."""
         return replace(self, data=self.data.only(rows))
 
     def fitted(self, rows: Rows, level: str) -> Array:

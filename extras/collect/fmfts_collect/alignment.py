@@ -100,7 +100,9 @@ def _lag_of_the_whole(pressed: Array, moved: Array) -> tuple[int, float]:
 
 
 def _lags_of_stretches(pressed: Array, moved: Array, lag: int) -> list[tuple[float, float]]:
-    """(middle, lag) of each stretch in s, the middle since the log began. Leaves out stretches with few presses."""
+    """The middle and the lag of each stretch in s, the middle since the log began. Leaves out stretches with few
+    presses.
+    """
     reach = round(PEAK_S * GRID_HZ)
     number = max(round(len(pressed) / (STRETCH_S * GRID_HZ)), 1)
     edges = np.linspace(0, len(pressed), number + 1).astype(int)

@@ -93,7 +93,7 @@ class Unmoved:
             )
 
     def _since_baseline(self, unloaded: Averaged) -> tuple[Array, Array]:
-        """How far the magnet has moved (3,), of several the one that moved most, and the ambient field changed (3,)."""
+        """The movement (3,) of the magnet, or of the one that moved most, and the change (3,) of the ambient field."""
         mounting = self.mounting
         if isinstance(mounting, ArrayMounting):
             return moved_since(mounting, unloaded.field)

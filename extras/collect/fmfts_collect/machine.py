@@ -114,7 +114,7 @@ class Machine:
         return int(self._port.fileno())
 
     def lowest_mm(self) -> float:
-        """Its z, or, while it moves, z of the lower end of the move."""
+        """The machine's z or, during a move, the z of its lower end."""
         assert self.place is not None
         return self.place[2] if self._under_way is None else self._under_way.low_mm
 

@@ -89,7 +89,7 @@ class Fits:
 
 
 def fields(board: Board, magnets: Magnets) -> tuple[Array, Array, Array]:
-    """At every place: the field (H, K, N, 3), and its derivatives by position and by moment (H, K, N, 3, 3)."""
+    """The field (H, K, N, 3) at every place, and its derivatives by position and by moment (H, K, N, 3, 3)."""
     r = board.place_m - magnets.position_m[:, :, None, :]
     flat, nowhere = r.reshape(-1, 3), np.zeros(3)
     moment = np.repeat(magnets.moment.reshape(-1, 3), len(board), axis=0)
@@ -163,7 +163,7 @@ class Fitter:
         return Fits(magnets, surprise, chi2, of_readings.sum(axis=2))
 
     def chips(self, explanations: Explanations, magnets: Magnets) -> Array:
-        """(H, N, 3, 3): from a field in pad axes to each channel's reading."""
+        """The matrices (H, N, 3, 3) from a field in pad axes to each channel's reading."""
         axes = self.board.axes[explanations.place]
         return np.exp(magnets.log_scale)[:, :, None, None] * (explanations.turn @ axes.transpose(0, 1, 3, 2))
 

@@ -59,7 +59,7 @@ def _other_layout(names: tuple[str, ...]) -> str:
 
 
 def report(found: Found, dead: NDArray[np.bool_]) -> list[str]:
-    """What is wrong by this explanation, a sentence for each cause; none where all is as drawn.
+    """The faults by this explanation, a sentence for each cause; none if all is as drawn.
 
     dead (N, 3): axes that are reported elsewhere.
     """
@@ -156,7 +156,7 @@ def _channel(found: Found, channel: int) -> Iterator[str]:
 
 
 def _turned(turn: Array) -> str:
-    """What the chip is, to follow "is"; `turn` goes from what it should read to what it reads."""
+    """The chip's orientation, to follow "is"; `turn` goes from its expected reading to its actual one."""
     if np.linalg.det(turn) > 0.0:
         return _rotated(turn.T)
     wrong = [AXES[axis] for axis in range(3) if turn[axis, axis] == -1.0]

@@ -102,7 +102,7 @@ class SkinEstimator(RestedPad):
         return bool(contact[-1] > last[-1] or outside[:-1].any())
 
     def _in_posture(self, known: _Values, used: Mask) -> _Values:
-        """With the errors of this frame's posture, if the pad is part of a hand that moves."""
+        """Adds the errors of this frame's posture, if the pad is part of a hand that moves."""
         if self._foreign_t2 is None:
             return known
         values = np.flatnonzero(used.ravel())

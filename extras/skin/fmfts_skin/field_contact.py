@@ -154,7 +154,7 @@ class ContactFinder:
         return log
 
     def covariance_at(self, load: Array) -> Array:
-        """(K, P, P) of frames about the table at loads (K,)."""
+        """The covariance (K, P, P) of frames about the table at loads (K,)."""
         lower, share = self.response.of_level(load)
         upper, share = np.minimum(lower + 1, len(self._log) - 1), share[:, None, None]
         return (1.0 - share) * self._covariance[lower] + share * self._covariance[upper]

@@ -61,7 +61,7 @@ def _corners(axes: int) -> NDArray[np.intp]:
 
 
 class Felt(NamedTuple):
-    """What contacts (K, D) do to P values of field: change (K, P), and slope (K, P, D)."""
+    """The effect of contacts (K, D) on P values of field: change (K, P), and slope (K, P, D)."""
 
     change: Array
     slope: Array
@@ -123,7 +123,7 @@ class FieldResponse:
 
     @property
     def load(self) -> int:
-        """Which axis is the load: the last."""
+        """The axis of the load: the last."""
         return len(self.axes) - 1
 
     def only(self, values: NDArray[np.intp]) -> FieldResponse:
@@ -136,7 +136,7 @@ class FieldResponse:
         )
 
     def felt(self, contact: Array) -> Felt:
-        """What contacts (K, D) change."""
+        """The change of the field by contacts (K, D)."""
         stencils = [axis.stencil(contact[:, i]) for i, axis in enumerate(self.axes)]
         corners = _corners(len(self.axes))
         weight = np.ones((len(contact), 1 + len(self.axes), len(corners)))
@@ -177,7 +177,9 @@ class FieldResponse:
 
     @classmethod
     def of(cls, content: bytes, whose: str) -> FieldResponse:
-        """Of a file's content. FieldResponseError where it is none. whose: the file's name, for the error."""
+        """The response in a file's content. FieldResponseError if there is none. whose: the file's name, for the
+        error.
+        """
         with damage_told(FieldResponseError, f"{whose}: is no field response"):
             stored = msgspec.msgpack.decode(content, type=_Stored)
             if stored.format != FORMAT:

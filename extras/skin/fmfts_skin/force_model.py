@@ -64,7 +64,7 @@ class ForceMap:
     share: Array
 
     def find(self, values: Array) -> FoundForces:
-        """Of values (K, V); those that are not known are not read."""
+        """The forces of values (K, V); unknown values are not read."""
         basis = monomials(values, self.known, self.power) / self.scale
         force = product(basis, self.weight)
         leverage = (product(basis, self.spread) * basis).sum(axis=1)
@@ -93,7 +93,7 @@ def monomials(values: Array, known: Mask, power: int) -> Array:
 
 
 class Coverage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What left-out rows say of the deviations, x, y and z together. left_out: what a fold was."""
+    """The coverage of deviations by left-out rows, x, y and z together. left_out: the kind of fold."""
 
     left_out: Literal["sessions", "eighths of the time"]
     rows: int
@@ -136,7 +136,7 @@ class _Stored(_Facts, frozen=True):
 
 
 class ForceModel(_Facts, frozen=True):
-    """What a file holds."""
+    """The content of a model's file."""
 
     maps: tuple[ForceMap, ...]
 
@@ -183,7 +183,7 @@ class ForceModel(_Facts, frozen=True):
 
     @classmethod
     def of(cls, content: bytes, whose: str) -> ForceModel:
-        """Of a file's content. ForceModelError where it is none. whose: the file's name, for the error."""
+        """The model in a file's content. ForceModelError if there is none. whose: the file's name, for the error."""
         with damage_told(ForceModelError, f"{whose}: is no force model"):
             stored = msgspec.msgpack.decode(content, type=_Stored)
             if stored.format != FORMAT:

@@ -28,7 +28,7 @@ class SkinModel:
 
     @property
     def told(self) -> str:
-        """What it is, in a few words for the log."""
+        """The model's description in a few words for the log."""
         place = "place" if self.response.load else ""
         tells = " and ".join(filter(None, (place, "force" if self.response.axes[-1].name == "force_n" else "")))
         return f"unknown magnets, {tells}"
@@ -46,7 +46,7 @@ class SkinModel:
 
     @property
     def told_names(self) -> tuple[str, ...]:
-        """What the numbers of a contact are."""
+        """The names of the numbers of a contact."""
         return tuple(axis.name for axis in self.response.axes)
 
     @property
@@ -96,7 +96,7 @@ class SkinForceModel:
 
     @property
     def told_names(self) -> tuple[str, ...]:
-        """What the numbers of a contact are; the last counts a press as positive."""
+        """The names of the numbers of a contact; the last counts a press as positive."""
         return ("shear_x_n", "shear_y_n", "force_n")
 
     @property

@@ -34,7 +34,7 @@ BARE_ONLY = "rest not recorded: `fmfts-daemon baseline --rest` while nothing tou
 
 @dataclass(slots=True)
 class SkinPipelineMemory:
-    """As PipelineMemory, of a pad whose magnets are unknown."""
+    """Like PipelineMemory, for a pad with unknown magnets."""
 
     alignment: AlignmentMemory
     skin: SkinMemory | None
@@ -98,10 +98,10 @@ class SkinPipeline(JudgedInPython):
         return mounting
 
     def feel(self, neighbour: Sighting, placement: Placement) -> None:
-        """Its configuration names no neighbours (checks.py)."""
+        """Does nothing: such a pad's configuration names no neighbours (checks.py)."""
 
     def be_felt(self) -> Sighting:
-        """Nor does another pad's name it: nobody knows where its magnets are."""
+        """An unseen sighting: nobody knows where its magnets are, and no other pad may name it."""
         return Sighting.unseen(self.pad)
 
     def start_anew(self) -> None:

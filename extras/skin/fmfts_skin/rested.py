@@ -53,7 +53,7 @@ class SkinMemory:
 
 
 class SkinReading(NamedTuple):
-    """What one frame says. used (N, 3): the axes that it was made from. contact, deviation (D,): of a contact.
+    """The result of one frame. used (N, 3): the axes that it was made from. contact, deviation (D,): of a contact.
 
     touching: None where it is not known. beyond: the contact lies at the table's end, or beyond it.
     """
@@ -108,11 +108,11 @@ class RestedPad(ABC):
 
     @abstractmethod
     def _judged(self, field_t: Array, used: Mask, told: list[str]) -> SkinReading:
-        """What the `used` ones of fields (N, 3) say. told: which sensors are missing. May raise SingularError."""
+        """The result of the `used` ones of fields (N, 3). told: the missing sensors. May raise SingularError."""
 
     @property
     def _needed_chi2(self) -> float:
-        """By how much a contact has to lower χ²."""
+        """The amount by which a contact has to lower χ²."""
         return self._onset_chi2 * (KEEPS if self.memory.touching else 1.0)
 
     def _by_ambient(self) -> Array:
@@ -130,6 +130,6 @@ class RestedPad(ABC):
 
 
 def health_of(whole: bool, told: list[str]) -> tuple[Health, str]:
-    """Of a frame that tells a contact, or none, and the reason. whole: from all its values."""
+    """The health of a frame with or without a contact, and the reason. whole: from all its values."""
     reason = "; ".join(told) or ("" if whole else "axes are saturated or stuck, and are left out")
     return "ok" if whole else "degraded", reason

@@ -30,7 +30,7 @@ X, Y, Z = np.eye(3)
 
 @dataclass(frozen=True, slots=True)
 class Defects:
-    """What one row of the table does to a pad; standard deviations.
+    """The defects of a pad in one row of the table; standard deviations.
 
     stated: all else is drawn from the default tolerances, silicone and fingers, too.
     """
@@ -92,7 +92,7 @@ class BuiltSource(ManyFrames):
         return [frame for batch in self.batches(round(seconds * RATE_HZ)) for frame in batch]
 
     def _attitudes(self, time_s: Array) -> Array:
-        """(…, 3, 3) from axes of the room to axes of the pad."""
+        """Rotations (…, 3, 3) from axes of the room to axes of the pad."""
         if self.attitude == "tumbling":  # once about each axis
             turns = 3.0 * time_s / TURN_S
             x, y, z = (2.0 * np.pi * np.clip(turns - axis, 0.0, 1.0) for axis in range(3))

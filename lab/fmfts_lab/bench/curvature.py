@@ -67,7 +67,7 @@ def curvature(model: Model, at: Array, steps: Sequence[float], weight: Array) ->
 
 
 def weight_with_free_ambient(noise: float, sensors: int) -> Array:
-    """(3 N, 3 N) of readings with white noise, over which one ambient field of three free components lies."""
+    """The weight (3 N, 3 N) of readings with white noise and one free ambient field."""
     ambient = np.tile(np.eye(3), (sensors, 1))
     weight: Array = (np.eye(3 * sensors) - ambient @ ambient.T / sensors) / noise**2
     return weight

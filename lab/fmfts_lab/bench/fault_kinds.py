@@ -36,7 +36,7 @@ class PadThen:
 
     @property
     def places_m(self) -> Array:
-        """(N, 3) of its sensors."""
+        """The places (N, 3) of its sensors."""
         return self.built.pad.sensors.position_m
 
 

@@ -66,7 +66,7 @@ def _columns(messages: Sequence[object], names: Sequence[str]) -> Array:
 
 @dataclass(slots=True)
 class Errors:
-    """Of one motion, over all pads. Force in N, place in mm; each list holds arrays."""
+    """The errors of one motion, over all pads. Force in N, place in mm; each list holds arrays."""
 
     own: list[Array] = field(default_factory=list)
     today: list[Array] = field(default_factory=list)
@@ -141,7 +141,7 @@ class Errors:
 
 
 def rms(parts: Sequence[Array]) -> float:
-    """Of all numbers that are finite; NaN without any."""
+    """The root mean square of all finite numbers; NaN without any."""
     values = np.concatenate(parts)
     values = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(values * values))) if values.size else float("nan")

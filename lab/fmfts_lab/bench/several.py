@@ -199,7 +199,7 @@ def _rms(values: Array) -> float:
 
 
 def gain_of_second(one: World, measured: Measured) -> float:
-    """By how much the best second finger lowers χ², tested as the counter does."""
+    """The decrease of χ² by the best second finger, tested as the counter does."""
     fitter = one.fitter
     nobody = np.zeros((0, FINGER))
     first = fitter.fit(fitter.best_single(fitter.whitener(nobody, measured, NOTHING), measured)[0], measured, NOTHING)

@@ -125,7 +125,7 @@ def run(options: Namespace) -> None:
 
 
 def _pipeline(seed: int) -> Pipeline:
-    """Of one pad, before its first frame."""
+    """The pipeline of one pad before its first frame."""
     pipeline, memory = _made(seed)
     restore(pipeline, memory)
     return pipeline

@@ -49,7 +49,7 @@ class Noticed:
 
 @dataclass(slots=True)
 class Row:
-    """Of one kind of pad."""
+    """The results of one kind of pad."""
 
     frames: int = 0
     explained: int = 0

@@ -83,7 +83,7 @@ class Row:
 
 
 def run_above(options: Namespace) -> None:
-    """Where two are told in 99 % of the frames, and a little below."""
+    """Runs distances at which two are reported in 99 % of the frames, and slightly smaller ones."""
     print(
         f"| as built, mm apart | {' | '.join(TOLD)} | resultant's place, p90 mm | its force, rms N | worst, deviations "
         f"| wrong | wrong by the parabola | each finger: worst, deviations | wrong | wrong by the parabola "
@@ -113,7 +113,7 @@ def _in_all(rows: list[Row]) -> str:
 
 
 def _wrong(deviations: list[Array]) -> int:
-    """In how many frames one of these is more than `WRONG`."""
+    """The number of frames in which one of these exceeds `WRONG`."""
     return sum(bool((np.abs(one) > WRONG).any()) for one in deviations)
 
 
@@ -162,7 +162,7 @@ def _draw(found: dict[tuple[float, float], dict[float, Row]], file: Path) -> Non
 
 
 def draw_shares(figure: Figure, shares: dict[tuple[float, float], tuple[list[float], list[list[float]]]]) -> None:
-    """By both forces: distances in mm, and for each of TOLD its share in % at each distance."""
+    """Draws for each pair of forces the distances in mm, and the share in % of each of TOLD there."""
     for axes, (forces, (apart_mm, each)) in zip(
         figure.subplots(1, len(shares), sharey=True), shares.items(), strict=True
     ):

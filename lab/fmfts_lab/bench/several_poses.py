@@ -205,7 +205,9 @@ def _sensors(place_mm: Array | Sequence[Sequence[float]]) -> SensorArray:
 
 
 def _bound(name: str, magnets: Magnets, sensors: SensorArray, seed: int) -> str:
-    """Of all poses together, by the noise of one frame, with the ambient field free: rms and worst of some poses."""
+    """The bound of all poses together, by the noise of one frame, with a free ambient field: rms and worst of some
+    poses.
+    """
     random, frames, size = np.random.default_rng((seed, 29)), rest_frames(magnets.axis), CHANGE * len(magnets)
     by_ambient = sensors.axes.transpose(0, 2, 1).reshape(3 * len(sensors), 3)
     variances = []

@@ -42,7 +42,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """Of contacts: press, error and deviation (K, 3 or 5) in mm and N. told: share of the frames that are contacts."""
+    """Contacts: press, error and deviation (K, 3 or 5) in mm and N. told: share of the frames that are contacts."""
 
     press: Array
     error: Array

@@ -44,7 +44,7 @@ def config_of(ambient: Ambient, seed: int, shape: str = "round", creeps: bool = 
 
 @dataclass(slots=True)
 class Seen:
-    """What was published of slips: delays_s, infinite where it was missed; friction: true, published, deviation."""
+    """The published slips: delays_s, infinite for a missed one; friction: true, published, deviation."""
 
     delays_s: list[float] = field(default_factory=list)
     onsets: int = 0

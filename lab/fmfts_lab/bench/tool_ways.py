@@ -15,7 +15,7 @@ BEGIN_S, FAR_M = 1.0, 0.3
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """How a tool moves. nearest_m: from the pad's middle. speed_m_s: along the way; a tool that is put down stays."""
+    """The path of a tool. nearest_m: from the pad's middle. speed_m_s: along the way; a tool that is put down stays."""
 
     kind: Literal["passes", "put down", "turned"]
     nearest_m: float
@@ -66,7 +66,7 @@ class Tool:
         self._about /= np.linalg.norm(self._about)
 
     def field_t(self, places_m: Array, time_s: Array) -> Array:
-        """(K, N, 3) at the sensors' places (N, 3), each at its own time (K, N)."""
+        """The field (K, N, 3) at the sensors' places (N, 3), each at its own time (K, N)."""
         moment = np.broadcast_to(self._moment_t_m3, (*time_s.shape, 3))
         if self._way.kind == "turned":  # once in two seconds, about an axis across the moment
             angle = np.pi * np.maximum(time_s - BEGIN_S, 0.0)[..., None]

@@ -149,7 +149,7 @@ def pad_config(scene: Scene, seed: int, built: Built, model: str = "default") ->
 
 
 def baseline_of(config: PadConfig, scene: Scene) -> Baseline:
-    """As recorded without a tool."""
+    """The baseline as recorded without a tool."""
     baseline = simulated_baseline(config)
     if scene == "turned":
         request = BaselineRequest(config.pad(), config.tolerance.si(), False, False, turn=True)

@@ -174,7 +174,7 @@ class Row:
 
 
 def facts_of(founds: Sequence[Found]) -> dict[str, float]:
-    """Of all presses of these."""
+    """The facts about all presses of these pads."""
     within = np.array([error for found in founds for error in found.errors]) <= 2.0
     off_at_1n_m = [off for found in founds for off in found.off_at_1n_m]
     return {

@@ -61,7 +61,7 @@ class Drag:
 
     @property
     def reach_mm(self) -> float:
-        """How far from the middle the mesh must be fine."""
+        """The distance from the middle up to which the mesh must be fine."""
         start = np.array([self.x_mm, self.y_mm])
         farthest = max(np.abs(start).max(), np.abs(start + self.way_mm * self.along).max())
         return float(np.ceil(max(farthest + self.cap_mm / 2.0, 4.0)))
@@ -164,7 +164,7 @@ def deck(slab: Slab, mesh: SlabMesh, drag: Drag) -> str:
 
 
 def shown_points(mesh: SlabMesh, drag: Drag) -> NDArray[np.intp]:
-    """Those of the magnet, and of the face that the ball may touch."""
+    """The points of the magnet, and of the face that the ball may touch."""
     touched = mesh.cells[top_cells(mesh, drag)][:, 4:]
     return np.unique(np.concatenate([mesh.cells[mesh.magnet_cells].ravel(), touched.ravel()]))
 

@@ -194,7 +194,7 @@ def _write_in_order(path: Path, presses: Sequence[Press], rows: dict[tuple[str, 
 
 
 def made_of(slab: Slab, element_m: float) -> str:
-    """What stands beside a table of presses. Tables of one magnet were made before there were several."""
+    """The description beside a table of presses. Tables of one magnet were made before there were several."""
     facts = asdict(slab)
     if slab.magnets_m == Slab().magnets_m:
         del facts["magnets_m"]

@@ -103,7 +103,7 @@ def waved_boards(folder: Path) -> Shown:
 
 
 def moving_hand(folder: Path) -> Shown:
-    """How uneven the field of four skins becomes while a hand moves and touches nothing, and what they report."""
+    """The unevenness of the field of four skins while a hand moves and touches nothing, and their reports."""
     shown = Shown("A hand that touches nothing changes two of its four skins by 30 µT", "row", "uneven change, µT rms")
     rotations = GeometryConfig(board="anyskin5").sensor_rotations_deg
     turn = np.exp(1j * np.radians([z for *_, z in rotations]))
@@ -161,7 +161,7 @@ def allan_deviation(values: Array, counts: Array) -> Array:
 
 
 def four_sensors(folder: Path) -> Shown:
-    """How far four sensors of unknown places repeat the field of a magnet that comes back to a grid of 1 cm."""
+    """The repeatability of four sensors at unknown places, for a magnet that returns to a grid of 1 cm."""
     shown = Shown(
         "A magnet that returns to its place repeats to 20 to 33 counts, in any field",
         "field at the place, counts",

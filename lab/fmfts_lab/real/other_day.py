@@ -76,7 +76,7 @@ def pose_presses(data: ForceSet, folder: Path) -> Presses:
 
 
 def by_calibrate(presses: Presses, data: ForceSet) -> tuple[Answer, Answer]:
-    """What `calibrate` says of left-out eighths of each day, and of each day by a model of the other."""
+    """The results of `calibrate` on left-out eighths of each day, and on each day by a model of the other."""
     own = np.full((2, *data.force_n.shape), np.nan)
     for number, _ in enumerate(data.sessions):
         day = data.session == number
@@ -88,7 +88,7 @@ def by_calibrate(presses: Presses, data: ForceSet) -> tuple[Answer, Answer]:
 
 
 def by_fit(fitted: Callable[[Mask, Mask], Array], presses: Presses, data: ForceSet) -> tuple[Answer, Answer]:
-    """The same of a method without deviations: it states the error of left-out eighths of the day that it learnt."""
+    """The same for a method without deviations: it states its error on left-out eighths of the learned day."""
     own, across = np.empty(data.force_n.shape), np.empty(data.force_n.shape)
     own_variance, variance = np.empty(own.shape), np.empty(own.shape)
     for number, _ in enumerate(data.sessions):

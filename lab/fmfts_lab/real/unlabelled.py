@@ -64,7 +64,7 @@ def untouched(session: Array) -> NDArray[np.intp]:
 
 
 def fields_of(session: Array) -> Fields:
-    """Of presses that are far from each other."""
+    """The fields of presses that are far from each other."""
     rest = np.full((len(PIXELS), 3), np.nan)
     rest[:, [0, 2]] = np.median(session[untouched(session)][:, :, [0, 2]], axis=0)
     deviation = np.full(rest.shape, NOISE_T)

@@ -66,8 +66,9 @@ class HandRows:
 
 @dataclass
 class Reported:
-    """Of one skin over one recording: rows, how many are `disturbed`, have a contact, are not ok; presses and how many
-    were found."""
+    """The counts of one skin over one recording: rows, of these disturbed, with a contact, or not ok; presses, of these
+    found.
+    """
 
     rows: int = 0
     disturbed: int = 0
@@ -114,7 +115,7 @@ class HandPad:
         return make_rest(self.pad, self.config.tolerance.si(), recording, None)[0]
 
     def taught(self, rows: HandRows, skin: int, joints: bool = True) -> StoredPosture:
-        """What `baseline --posture` makes of this recording."""
+        """The result of `baseline --posture` on this recording."""
         change = (rows.field_ut[:, skin] - rows.field_ut[rows.rest(skin), skin].mean(axis=0)) * 1e-6
         positions = rows.joints_rad if joints else np.empty((len(change), 0))
         return StoredPosture.of(fit_posture(NAMES if joints else (), positions, change, self.by_ambient))
@@ -203,7 +204,7 @@ def _press(
 
 @cache
 def mm_of_a_newton() -> float:
-    """How far the synthetic skin gives way: until 0.3 N change the field by PRESS_UT rms over nine places."""
+    """The depth at which the synthetic skin changes the field by PRESS_UT rms over nine places, under 0.3 N."""
     low, high = 0.01, 20.0
     press = np.array([[x, y, 1.0] for x in PLACES_MM for y in PLACES_MM])
     for _ in range(60):

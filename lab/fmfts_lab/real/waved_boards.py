@@ -48,7 +48,7 @@ def _waved(recorded: Path) -> Array:
 
 
 def _drawn(fields: Array) -> Pad:
-    """By which right angles the chips are turned against the last one, as a drawing of the board would say."""
+    """The right angles between each chip and the last one, as in a drawing of the board."""
     swept = fields - fields.mean(axis=0)
     axes = [
         max(RIGHT_ANGLES, key=lambda turn: np.sum(turn @ swept[:, sensor].T * swept[:, -1].T)) for sensor in range(6)
@@ -58,7 +58,7 @@ def _drawn(fields: Array) -> Pad:
 
 
 def _turn(fields: Array) -> Turn:
-    """As the daemon would have recorded it."""
+    """The turn as the daemon would have recorded it."""
     counts = np.rint(fields / CHIP.step_t[GAIN_CODE]).astype(np.int16)
     ages, yes = np.zeros(SENSORS, np.uint16), np.ones(SENSORS, bool)
     frames = [
@@ -69,7 +69,7 @@ def _turn(fields: Array) -> Turn:
 
 
 def turned(recorded: Path) -> tuple[Pad, Turn, Sensitivity]:
-    """What `baseline --turn` makes of the recording of a board, whose drawing tells its chips' right angles."""
+    """The result of `baseline --turn` on the recording of a board, whose drawing has its chips' right angles."""
     fields = _waved(recorded)
     pad, turn = _drawn(fields), _turn(fields)
     return pad, turn, sensitivity_from_turn(pad, Sensitivity.untested(SENSORS, TOLERANCE), turn)

@@ -80,7 +80,7 @@ def _selftest(chip: Chip) -> str:
 
 
 def _steps(chip: Chip) -> str:
-    """Of the finest range: one figure, or two where z differs."""
+    """The steps of the finest range: one figure, or two if z differs."""
     steps = sorted({f"{1e3 / abs(counts):.2g}" for counts in chip.counts_per_gauss[0]})
     return " / ".join(steps)
 

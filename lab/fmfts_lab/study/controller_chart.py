@@ -133,7 +133,7 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def _pair(one: Facts, motion: str, unit: str, digits: int) -> str:
-    """At publishing, and when read."""
+    """The errors at publishing, and when read."""
     errors = one["motions"][motion]
     return " / ".join(_text(errors[f"{when}_{unit}"], digits) for when in ("publishing", "read"))
 
@@ -143,7 +143,7 @@ def _text(value: float | None, digits: int) -> str:
 
 
 def draw(rows: Sequence[Row]) -> Figure:
-    """Of each method, by its name: its error when a message is published, and when a controller reads it."""
+    """Draws the error of each method, by its name, when a message is published, and when a controller reads it."""
     found = pooled(rows)
     times = {one["method"]: one["of_todays_time"] for one in facts(rows)}
     figure = sheet(6.6, TITLE, FOOT)
@@ -159,7 +159,7 @@ def draw(rows: Sequence[Row]) -> Figure:
 
 
 def _dot(axes: Axes, row: Row, error: str, height: int) -> None:
-    """A line leads from the error at publishing to that when a controller reads it, where the error has both."""
+    """A line leads from the error at publishing to the error at a controller's reading, if both exist."""
     if row[error] is None:
         return
     at, is_now = pareto.number(row, error), row["method"] == NOW

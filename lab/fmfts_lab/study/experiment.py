@@ -84,7 +84,7 @@ class Made:
         return cls(built, float(softer), NOISE_T if "noise" in causes else 0.0)
 
     def field(self, press: Array, random: np.random.Generator) -> Array:
-        """(N, 3) of one frame under x, y in mm and a force in N."""
+        """The field (N, 3) of one frame under x, y in mm and a force in N."""
         count = len(self.built.pad.sensors)
         x, y, force = (np.full(count, value) for value in (press[0] * 1e-3, press[1] * 1e-3, press[2] * self.softer))
         sensed = self.built.sensed(self.built.magnet_field(x, y, force) + self.built.ambient_t)

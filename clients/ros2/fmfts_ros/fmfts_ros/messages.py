@@ -45,7 +45,7 @@ def wrench(contact: Contact, frame: str, height_m: float, unknown_shear: float =
 
 
 def contact_point(contact: Contact, frame: str, height_m: float) -> PointStamped | None:
-    """Where the pad is touched; None where it is not, or the place is not known. height_m: as of `wrench`."""
+    """The place of the touch; None without a touch, or if the place is unknown. height_m: as of `wrench`."""
     if not contact.contact or contact.x_m is None or contact.y_m is None or math.isnan(height_m):
         return None
     message = PointStamped()

@@ -48,7 +48,7 @@ class RosPad:
 
     @property
     def silence_s(self) -> float:
-        """Since the daemon sent something of this pad."""
+        """The time since the daemon sent something of this pad."""
         return time.monotonic() - self._heard_s
 
     @property

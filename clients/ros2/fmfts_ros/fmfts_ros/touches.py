@@ -31,7 +31,7 @@ NUMBERS += ("shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n")
 
 
 def kinds() -> dict[str, tuple[type, Callable[[Contact, str, float], Any]]]:
-    """By the end of the topic: type and maker of those messages whose package is installed."""
+    """Type and maker of messages whose package is installed, by the end of the topic."""
     made: dict[str, tuple[Any, Callable[[Contact, str, float], Any]]] = {
         "contact": (FmftsContact, contact_message),
         "tactile_contacts": (TactileContacts, tactile_contacts),
@@ -70,7 +70,7 @@ def slip_message(contact: Contact, frame: str) -> Any:
 
 
 def tactile_contacts(contact: Contact, frame: str, height_m: float) -> Any:
-    """What touches, and none where nothing does. The name is that of the pad's sensor in the URDF: its frame's."""
+    """The contacts; none if nothing touches. The name is that of the pad's sensor in the URDF: its frame's."""
     message = TactileContacts()
     if not contact.contact or contact.x_m is None or contact.y_m is None:
         return message

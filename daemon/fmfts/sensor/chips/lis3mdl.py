@@ -37,7 +37,7 @@ _TEST_REST = bytes((_TEST_GAIN_CODE << 5, MODE_CONTINUOUS, LOW_POWER << 2, BLOCK
 
 
 class _Registers:
-    """As `Driver` has it."""
+    """The chip's registers for `Driver`."""
 
     sample_bits = transfer_bits(1, 7)
     trigger_bits = transfer_bits(2)

@@ -40,7 +40,7 @@ _SINGLE_FILTER = 3
 
 
 class _Registers:
-    """As `Driver` has it, with commands in place of registers."""
+    """The chip's commands for `Driver`, in place of registers."""
 
     sample_bits = transfer_bits(1, 9)
     trigger_bits = transfer_bits(1)
@@ -115,7 +115,9 @@ _LARGEST = 22000
 
 
 def _conversion_s(filtered: int) -> float:
-    """Of three axes, 67 + 64 (2 + 2^DIG_FILT) µs each, with 0.49 ms (table 18), and 0.26 ms of the temperature."""
+    """The time of three axes, 67 + 64 (2 + 2^DIG_FILT) µs each, with 0.49 ms (table 18), and 0.26 ms of the
+    temperature.
+    """
     return (3 * (67 + 64 * (2 + (1 << filtered))) + 490 + 259) * 1e-6
 
 

@@ -23,7 +23,7 @@ _STATUS_AND_AXES = bytes((STATUS,))
 
 
 class _Registers:
-    """As `Driver` has it."""
+    """The chip's registers for `Driver`."""
 
     sample_bits = transfer_bits(1, 7)
     trigger_bits = 0

@@ -20,7 +20,7 @@ _TO_STATUS, _TO_AXES = bytes((STATUS,)), bytes((AXES,))
 
 
 class _Registers:
-    """As `Driver` has it."""
+    """The chip's registers for `Driver`."""
 
     sample_bits = 2 * transfer_bits(1, 1) + transfer_bits(1, 6)
     trigger_bits = 0

@@ -52,7 +52,7 @@ def is_due(chip: Chip, sensor: Sensor) -> bool:
 
 
 def _square_of_gauss(chip: Chip, gain_code: int, axes: Axes) -> float:
-    """Of the field's norm."""
+    """The square of the field's norm."""
     if chip.saturated_count in axes:
         return math.inf
     x, y, z = (

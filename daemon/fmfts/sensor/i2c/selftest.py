@@ -60,7 +60,7 @@ def _measure_sensor(pad: I2cPad, sensor: Sensor, gain_code: int) -> SelftestSens
 
 
 def _counts(pad: I2cPad, sensor: Sensor) -> tuple[Axes, Axes] | None:
-    """As `selftest_facts` wants them; None if a sample did not come in time."""
+    """The counts for `selftest_facts`; None if a sample did not come in time."""
     if pad.chip.set_reset is not None:
         return _with_pulses(pad, sensor, pad.chip.set_reset)
     if pad.chip.own_field is not None:

@@ -24,7 +24,7 @@ class BoardPads:
         return any(sensors != FOUND_SENSORS for sensors in self._sensors.values())
 
     def forget(self) -> None:
-        """It may be another board, or have other wiring."""
+        """Forget the board: it may be another one, or have other wiring."""
         self._refused = None
 
     def refuse(self, hello: Hello) -> None:

@@ -103,7 +103,7 @@ class DeviceClock:
         return _wire.goes_on(self.line, device_us, arrival_ns)
 
     def at_ns(self, device_us: int, arrival_ns: int) -> int:
-        """As `to_host_ns` for an earlier packet, by the present map."""
+        """Like `to_host_ns`, for an earlier packet by the present map."""
         above_ns = _wire.above_line(self.line, device_us, arrival_ns)
         return arrival_ns - max(0, int(above_ns)) - self._line.integer("fixed_delay_ns")
 

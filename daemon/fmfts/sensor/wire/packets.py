@@ -28,7 +28,7 @@ FRAME_BYTES = (21, 8)  # bytes of a sample packet of up to eight sensors: fixed,
 
 
 def frame_bytes(sensors: int) -> int:
-    """Of a sample packet on the line."""
+    """The bytes of a sample packet on the line."""
     return FRAME_BYTES[0] + FRAME_BYTES[1] * sensors
 
 

@@ -84,8 +84,9 @@ class Drawing:
         )
 
     def derivatives(self, geometry: Geometry, state: State) -> tuple[Array, Array, Array]:
-        """What the chips report (3N,) of the magnet in `state`, and its derivatives by the pose (3N, 5) and by the
-        vector (3N, M), as if rest and pose were one: for a press, the caller sets the columns of rest to zero."""
+        """The chips' readings (3N,) of the magnet in `state`, and its derivatives by the pose (3N, 5) and by the vector
+        (3N, M), as if rest and pose were one: for a press, the caller sets the columns of rest to zero.
+        """
         sensors, count = geometry.sensors, len(self.pad.sensors)
         strength = self.pad.magnet.strength_t_m3 * float(np.exp(state.log_moment))
         to_chip = geometry.matrix @ sensors.axes.transpose(0, 2, 1)

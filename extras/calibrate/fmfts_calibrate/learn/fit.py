@@ -67,7 +67,9 @@ class Bundle:
     _at: Array | None = field(default=None, init=False)
 
     def fit(self, start: Array, most: int, robust: bool = False) -> Fit:
-        """At most so many evaluations. robust: residuals beyond ROBUST deviations count less (Huber)."""
+        """The fit after at most this many evaluations. robust: residuals beyond ROBUST deviations count less
+        (Huber).
+        """
         from scipy.optimize import least_squares
 
         loss = {"loss": "huber", "f_scale": ROBUST} if robust else {}
@@ -80,7 +82,7 @@ class Bundle:
         return Fit(found.x, slope.T @ slope, self.poses.copy(), float(left @ left), presses, found.status > 0)
 
     def residual(self, vector: Array) -> Array:
-        """At rest (3N,), of the presses (3N each), and of the drawing (M,), in deviations."""
+        """The residuals at rest (3N,), of the presses (3N each), and of the drawing (M,), in deviations."""
         self._evaluate(vector)
         return self._residual
 

@@ -92,7 +92,9 @@ def with_octupole(learned: Learned, fields: Fields) -> Learned:
 
 
 def information_of(fit: Fit, inflation: float) -> Array:
-    """(M, M) of the vector, where the deviations of the fields are larger than claimed by the factor `inflation`."""
+    """The information (M, M) on the vector, if the fields' deviations are larger than claimed by the factor
+    `inflation`.
+    """
     prior = np.eye(len(fit.vector))
     return np.asarray((fit.information - prior) / inflation**2 + prior)
 

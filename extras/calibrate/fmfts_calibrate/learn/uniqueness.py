@@ -74,7 +74,7 @@ def _sides(drawing: Drawing, fits: list[Fit]) -> list[bool]:
 
 
 def open_directions(drawing: Drawing, fit: Fit, rivals: list[Fit]) -> list[str]:
-    """What stays undetermined, each as a sentence with its figure and a remedy; empty: nothing."""
+    """The undetermined directions, each as a sentence with its figure and a remedy; empty: none."""
     told = []
     images = _sides(drawing, [fit, *rivals])[1:]
     if any(images):
@@ -154,7 +154,7 @@ def spread_of_tilts(fit: Fit) -> float:
 
 
 def _moved(drawing: Drawing, fit: Fit, other: Fit) -> tuple[float, float]:
-    """How far rest, and the sensor that moved furthest, are apart in two answers, in m."""
+    """The distances in m between two answers: of rest, and of the sensor that moved furthest."""
     here, there = drawing.geometry(fit.vector), drawing.geometry(other.vector)
     apart = np.linalg.norm(there.sensors.position_m - here.sensors.position_m, axis=1)
     return float(np.linalg.norm(there.rest.position_m - here.rest.position_m)), float(apart.max())

@@ -47,7 +47,7 @@ class StreamClock:
         return 1e9 / self.period_ns if self.period_ns else None
 
     def stamped(self, arrival_ns: int) -> tuple[int, int, int] | None:
-        """(number, board's time in µs, host's time in ns) of the next packet; None while the period is learned."""
+        """The next packet's number, board's time in µs and host's time in ns; None while the period is learned."""
         if self._heard_ns and arrival_ns - self._heard_ns > PAUSE_NS:
             self.restart()
         self._heard_ns = arrival_ns
@@ -106,7 +106,7 @@ class StreamClock:
 
 
 def halves_of(arrivals_ns: list[int]) -> tuple[list[int], list[int]]:
-    """By the time, not by the number."""
+    """The halves by time, not by number."""
     middle = bisect(arrivals_ns, (arrivals_ns[0] + arrivals_ns[-1]) // 2)
     return arrivals_ns[:middle], arrivals_ns[middle:]
 

@@ -45,7 +45,7 @@ LOAD_SHARE = {"depth_mm": 0.1, "force_n": 0.03, "shear_n": 0.03}
 
 
 class Drift(NamedTuple):
-    """Of each row: moment (K,), about zero, and rest_ut (K, P), about zero."""
+    """The drift of each row: moment (K,), about zero, and rest_ut (K, P), about zero."""
 
     moment: Array
     rest_ut: Array

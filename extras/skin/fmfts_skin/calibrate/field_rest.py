@@ -33,7 +33,9 @@ class Rest(NamedTuple):
 
 
 def rest_of_presses(places: tuple[Axis, ...], contact: Array, field_ut: Array, load: str) -> Rest:
-    """Of presses (K, 3) at many places and loads, and their fields (K, P). load: what the last coordinate is."""
+    """The rest by presses (K, 3) at many places and loads, and their fields (K, P). load: what the last coordinate
+    is.
+    """
     fit = SplineFit(places, ROUGHNESS, None)
     basis = fit.basis(contact[:, :-1])
     pressed, least = contact[:, -1], float(contact[:, -1].min())
