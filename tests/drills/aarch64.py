@@ -34,7 +34,7 @@ ONE_SEED = "half a minute, and another seed runs"
 STATISTICS = "a long count of noise in plain Python"
 LEFT_OUT = {
     "contact_network.py::test_network_answers_like_onnxruntime_and_repeats": ONNXRUNTIME,
-    "contact_network.py::test_model_that_onnxruntime_evaluates_says_the_same": ONNXRUNTIME,
+    "contact_network.py::test_onnxruntime_model_gives_the_same_answers": ONNXRUNTIME,
     "touch.py::test_false_contacts_of_noise_come_at_the_stated_rate": STATISTICS,
     "mean_residuals.py::test_healthy_noise_is_never_a_lasting_fault": STATISTICS,
     "clock.py::test_hour_of_a_crystal_that_warms_and_cools_is_followed": "minutes; a shorter drift is followed",

@@ -106,7 +106,7 @@ def test_duration_is_checked_without_a_daemon_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("running", [True, False])
-def test_pad_that_its_board_does_not_have_is_not_connected(tmp_path: Path, pad: Pad, running: bool) -> None:
+def test_pad_that_the_board_lacks_is_not_connected(tmp_path: Path, pad: Pad, running: bool) -> None:
     with FirmwareHost(tmp_path) as host:
         host.field(resting_field(pad))
         with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port) + "pad_index = 1\n") as daemon:

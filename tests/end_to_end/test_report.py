@@ -153,7 +153,7 @@ def test_report_of_a_board_that_is_not_plugged_in_says_so(tmp_path: Path) -> Non
     assert made.missing("self-test") == "self-test: left out with --no-selftest"
 
 
-def test_report_beside_a_daemon_asks_it_and_leaves_its_bus_alone(tmp_path: Path) -> None:
+def test_report_beside_a_daemon_asks_it_instead_of_the_bus(tmp_path: Path) -> None:
     with kernel_bus(), RunningDaemon(tmp_path, HMC_CONFIG) as daemon:
         daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
         ended = daemon.command("report", tmp_path / "r.mcap", "--config", daemon.config, "--seconds", "1")

@@ -87,7 +87,7 @@ def test_over_range_does_not_look_like_a_measurement(bench: Bench, page: Page) -
     bench.pressed.touch(0.0, 0.0, 0.0)
 
 
-def test_sensor_that_is_left_out_is_marked_and_named(bench: Bench, page: Page) -> None:
+def test_excluded_sensor_is_marked_and_named(bench: Bench, page: Page) -> None:
     bench.board.tell("fault 0 2 unplugged")
     until(page, "document.querySelector('#health').dataset.health === 'degraded'")
     until(page, "document.querySelectorAll('#sensors li')[2].dataset.state === 'silent'")

@@ -67,7 +67,7 @@ def test_gridded_recording_has_places_about_its_middle_and_depths(tmp_path: Path
     assert not data.rest.any()
 
 
-def test_set_with_many_places_and_gauge_holds_no_forces(tmp_path: Path) -> None:
+def test_set_of_many_places_with_a_gauge_has_no_forces(tmp_path: Path) -> None:
     press = presses(200, 35)
     path = recorded(tmp_path / "eflesh_spatial_9.csv", press * [1.0, 1.0, -1.0], skin_field(press), np.full(200, -1.0))
     assert converted(path).axes == ("x_mm", "y_mm", "depth_mm")

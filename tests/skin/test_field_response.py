@@ -150,7 +150,7 @@ def test_learning_a_day_reads_no_label() -> None:
     np.testing.assert_array_equal(evaluation.instances["skin"].rest_ut, told.rest_ut)
 
 
-def test_moment_that_drifts_is_not_taken_for_contacts() -> None:
+def test_drifting_moment_is_not_reported_as_contact() -> None:
     """The magnets warm while the set is gathered, row by row of places; the table is as good as without."""
     press = presses(1500, 12)
     press = press[np.argsort(np.round(press[:, 0]) + 100.0 * (np.arange(1500) // 300))]
@@ -185,7 +185,7 @@ def test_rest_field_is_found_from_presses() -> None:
     assert place_rms_mm(evaluation) < 0.6
 
 
-def test_one_place_needs_rows_of_rest() -> None:
+def test_single_place_set_needs_rest_rows() -> None:
     data = force_set(400, 28)
     with pytest.raises(DataError, match="no rows of rest"):
         make_response(replace(data, rest=np.zeros(400, dtype=np.bool_)), "skin", quiet)

@@ -155,7 +155,7 @@ def test_end_of_the_converter_is_saturated(settings: Settings, end_ut: float, li
     assert frame.field_t[3, 0] * 1e6 == pytest.approx(0.95 * end_ut, abs=1.3)
 
 
-def test_value_between_two_steps_was_damaged_and_is_not_used(line: Line) -> None:
+def test_value_between_two_steps_counts_as_damaged(line: Line) -> None:
     counts = noisy_counts(Settings(), LEARNING)
     line.frames(packets_of(counts, Settings()))
     fields = counts[-1] * np.array(steps_ut())

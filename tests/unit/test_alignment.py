@@ -180,7 +180,7 @@ def test_sample_of_a_lost_frame_is_taken_from_the_next() -> None:
     assert again.time_us == aligned.time_us
 
 
-def test_sample_whose_time_is_not_known_is_not_taken_for_new_one() -> None:
+def test_sample_of_unknown_time_is_not_taken_as_new() -> None:
     alignment = Alignment(4, PERIOD_US)
     for step in range(3):
         alignment.push(_rows(1.0, 1.0, 1.0, 1.0), np.full(4, 100_000 + step * PERIOD_US), FRESH)

@@ -11,7 +11,7 @@ from fmfts_lab.bench import accuracy, convergence
 from fmfts_lab.bench.__main__ import main
 
 
-def test_monte_carlo_is_at_the_bound_with_the_octupole_and_not_without(capsys: pytest.CaptureFixture[str]) -> None:
+def test_monte_carlo_reaches_the_bound_only_with_the_octupole(capsys: pytest.CaptureFixture[str]) -> None:
     accuracy.run(Namespace(seed=3, draws=2000))
     lines = [line for line in capsys.readouterr().out.splitlines() if " on |" in line or "off |" in line]
     assert len(lines) == 6

@@ -39,7 +39,7 @@ def test_sizes_stand_beside_what_they_cost() -> None:
     assert facts["table inversion"]["error_in_bounds"] < 1.1 < large["error_in_bounds"] < small["error_in_bounds"]
 
 
-def test_smallest_touch_is_millinewtons_twice_that_is_immediate() -> None:
+def test_smallest_touch_is_millinewtons_and_double_is_immediate() -> None:
     facts = touch(0.01, np.random.default_rng(4))
     smallest = np.array(facts["smallest_n"])
     assert 0.01 < smallest[0, 0] < 0.03

@@ -66,7 +66,7 @@ def test_poses_are_relative_to_rest(pad: Pad, scene: str) -> None:
     np.testing.assert_allclose(tracked.pose[0], REST, atol=1e-5)  # mm: the stop rule leaves 10 nm
 
 
-def test_noise_of_solved_frames_is_covariance_that_is_drawn_from(pad: Pad, solver: FrameSolver) -> None:
+def test_drawn_noise_has_the_covariance_of_solved_frames(pad: Pad, solver: FrameSolver) -> None:
     """400 frames: deviations are known to 3.5 % (1 σ), so they agree within 12 %."""
     press = np.tile([4.0, -2.0, 0.8], (400, 1))
     noise = np.random.default_rng(3).normal(0.0, NOISE_T, (400, 4, 3))
@@ -76,7 +76,7 @@ def test_noise_of_solved_frames_is_covariance_that_is_drawn_from(pad: Pad, solve
     np.testing.assert_allclose(solver.at(clean.pose).covariance, clean.covariance, rtol=1e-6)
 
 
-def test_pose_is_same_for_any_remanence_that_rest_field_shows(pad: Pad) -> None:
+def test_pose_is_the_same_for_any_remanence_of_the_rest_field(pad: Pad) -> None:
     press = np.array([[4.0, -3.0, 1.0], [-10.0, 6.0, 0.5]])
     poses = []
     for remanence_t in (0.6, 1.23, 1.5):

@@ -201,7 +201,7 @@ def test_verbs_refuse_bad_data_with_65(tmp_path: Path, config: str, capsys: pyte
         (["--correct", "--scale-sd", "0.4"], "--scale-sd is 0.4: a share from 0 to 0.3; .*weigh that pad"),
     ],
 )
-def test_deviations_of_presses_are_checked_and_need_correct(
+def test_deviations_of_presses_belong_to_correct_alone(
     tmp_path: Path, config: str, capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
 ) -> None:
     data, made = str(written(tmp_path, lambda rows: None)), tmp_path / "m.onnx"

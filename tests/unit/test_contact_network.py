@@ -239,7 +239,7 @@ def test_vector_of_another_size_is_refused(pad: Pad) -> None:
             _contact.infer(wrong.tobytes(), *room)
 
 
-def test_model_that_onnxruntime_evaluates_says_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_onnxruntime_model_gives_the_same_answers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """To single precision: it sums in another order."""
     config, frames = config_of(3), frames_of(config_of(3), 8.0)[5 * 220 :]
     baseline = simulated_baseline(config)

@@ -91,7 +91,7 @@ def test_model_of_five_outputs_reports_shear_and_refuses_edge(tmp_path: Path, pa
     assert ContactModel.load(str(path), pad).estimate(pad.rest_position_m, pad.rest_axis, CERTAIN).refused
 
 
-def test_error_of_response_stays_in_deviations_of_refined_answer(tmp_path: Path, pad: Pad) -> None:
+def test_refined_deviations_include_the_responses_error(tmp_path: Path, pad: Pad) -> None:
     """A response known to 1 mm and 0.2 N, whatever the network."""
 
     def tell(facts: dict[str, object]) -> None:

@@ -148,7 +148,7 @@ def test_lost_sample_is_taken_from_its_frame_or_not_at_all(model: ContactModel) 
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_sample_that_contradicts_stops_now_until_frames_begin_it_again(model: ContactModel, axis: int) -> None:
+def test_contradicting_sample_stops_now_until_frames_restart_it(model: ContactModel, axis: int) -> None:
     pipeline, packets = pipeline_with(model), sent_of(pressed, 0.6)
     jumped, before, after = False, list[ContactMessage](), list[ContactMessage]()
     for number, packet in enumerate(packets):

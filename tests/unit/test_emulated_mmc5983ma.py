@@ -252,7 +252,7 @@ def test_strong_field_shows_as_long_as_it_lasts(clock: Clock) -> None:
     assert measured(clock, chip)[1] == 131071 / 16384
 
 
-def test_strong_field_that_was_assigned_or_moved_upsets_the_film(clock: Clock) -> None:
+def test_strong_field_upsets_the_film_when_set_or_moved(clock: Clock) -> None:
     for way in range(3):
         chip = made(clock)
         if way == 0:

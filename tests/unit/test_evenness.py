@@ -50,9 +50,7 @@ def test_even_field_is_even_whatever_the_noise(
 
 
 @pytest.mark.parametrize("noise_t", [1e-8, 1e-6])
-def test_field_that_differs_from_place_to_place_is_counted(
-    random: np.random.Generator, attitude: np.ndarray, noise_t: float
-) -> None:
+def test_uneven_field_is_counted(random: np.random.Generator, attitude: np.ndarray, noise_t: float) -> None:
     told = _told(random, random.normal(0.0, 0.04, ORIENTATIONS), attitude, noise_t)
     assert told == pytest.approx(0.04, rel=0.15)  # four times the uncertainty of a deviation from 400 squares
 

@@ -165,7 +165,7 @@ def test_session_with_faults_recovers(scene: str) -> None:
     assert sum(phase["ok"] for phase in phases.values()) > 900
 
 
-def test_session_repeated_is_the_same_bit_by_bit() -> None:
+def test_repeated_session_is_bit_identical() -> None:
     config = config_of(6)
     frames, baseline = frames_of(config, 4.0), simulated_baseline(config)
     first, second = (told(pipeline_of(config, baseline), frames) for _ in range(2))

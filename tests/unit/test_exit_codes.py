@@ -46,7 +46,7 @@ def test_pad_that_is_not_there_is_usage(verb: tuple[str, ...], place: Path, caps
 
 
 @pytest.mark.parametrize("verb", OF_ALL, ids=" ".join)
-def test_key_that_is_not_there_is_bad_configuration(verb: tuple[str, ...], place: Path) -> None:
+def test_absent_key_is_a_bad_configuration(verb: tuple[str, ...], place: Path) -> None:
     assert ended(verb, SIMULATED + "colour = 1\n", place) == exit_codes.CONFIG
 
 

@@ -135,6 +135,6 @@ def test_two_reported_fingers_are_apart_and_strong_enough() -> None:
     assert not are_two(np.array([[0.0, 0.0, 1.0], [9.0, 0.0, 0.05]]))
 
 
-def test_resultant_is_where_all_of_the_force_would_press() -> None:
+def test_resultant_is_the_place_of_an_equal_single_press() -> None:
     assert resultant(np.array([[-6.0, 0.0, 1.0], [6.0, 4.0, 3.0]])).tolist() == [3.0, 3.0, 4.0]
     assert resultant(np.zeros((0, 3))).tolist() == [0.0, 0.0, 0.0]

@@ -33,7 +33,7 @@ def compared(**changes: object) -> Compared:
     return found
 
 
-def test_messages_that_were_only_sent_at_other_times_are_same() -> None:
+def test_messages_that_differ_only_in_send_time_are_equal() -> None:
     assert str(compared(baseline="b", utc_ns=7, t_publish_ns=8)) == "1 of 1 messages the same to the last bit"
 
 

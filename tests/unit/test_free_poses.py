@@ -169,7 +169,7 @@ def test_search_ending_at_its_limit_is_rejected() -> None:
     assert not is_explained(replace(near, change=at_the_end), used)
 
 
-def test_how_many_sensors_poses_need() -> None:
+def test_poses_need_this_many_values() -> None:
     """Six values beside the five of each magnet and the three of the ambient field: one sensor may fail."""
     assert [needed_values(magnets) for magnets in (1, 2, 3, 4)] == [14, 19, 24, 29]
     assert are_observable(4, 10)

@@ -159,7 +159,7 @@ def test_foreign_field_is_not_judged_without_bare_turn_recording(pad: Pad) -> No
     assert gradient.foreign_t == 0.0
 
 
-def test_magnet_that_turns_along_is_none_that_comes_near(pad: Pad) -> None:
+def test_magnet_that_turns_along_is_not_an_approaching_one(pad: Pad) -> None:
     """A motor beside the pad: the ambient field's strength changes as the robot turns, by up to twice the motor's."""
     iron_t, random = np.array([6e-6, -4e-6, 5e-6]), np.random.default_rng(2)
     turns = [rotation_from_vector(random.normal(0.0, 1.5, 3)) for _ in range(100)]

@@ -49,7 +49,7 @@ def test_count_at_a_limit_passes_and_one_beyond_fails(edge: int) -> None:
     assert len(selftest_failures(HMC5983, 5, (-edge,) * 3, (edge,) * 3)) == 3
 
 
-def test_field_outside_is_taken_off_once_whether_chip_does_it_or_not() -> None:
+def test_ambient_field_is_subtracted_once_with_any_chip() -> None:
     outside = (200, -150, 0)
     up, down = strap_counts(HMC5983, outside, GOOD_UP, GOOD_DOWN)
     assert (up, down) == (GOOD_UP, GOOD_DOWN)

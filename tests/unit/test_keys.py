@@ -211,7 +211,7 @@ def answered(socket: zmq.Socket[bytes], verb: str) -> dict[str, Any]:
     return answer
 
 
-def test_connected_client_that_is_forgotten_is_answered_no_more(service: Service) -> None:
+def test_forgotten_client_gets_no_more_answers(service: Service) -> None:
     with connected(service) as socket:
         service.keys.forget("friend")
         for verb in ("status", "baseline"):

@@ -140,7 +140,7 @@ def test_misfit_packets_are_counted_and_the_last_is_named() -> None:
     assert line.state.warnings == {}
 
 
-def test_sample_with_too_few_sensors_for_pad_is_fault_until_one_fits() -> None:
+def test_sample_with_too_few_sensors_is_a_fault_until_one_fits() -> None:
     line = Line()
     assert line.feed(sample(3)) == []
     assert line.state.pad_faults == {
@@ -355,7 +355,7 @@ def test_another_wire_version_is_named_with_what_to_do(version: int, mend: str) 
     assert line.state.warnings == {"wire version": said}
 
 
-def test_missing_pad_is_only_its_own_first_fault() -> None:
+def test_missing_pad_is_no_fault_of_another_pad() -> None:
     line = Line(pad(), pad("right", pad_index=1))
     line.feed(hello(4, clock=2))
     source = cast("Source", SimpleNamespace(state=line.state))

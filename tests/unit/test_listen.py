@@ -177,7 +177,7 @@ def serving_status(base: str, *pads: Any) -> Iterator[None]:
         yield
 
 
-def test_mistyped_pad_is_named_at_once_with_one_that_was_meant(base: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_mistyped_pad_is_reported_with_the_intended_one(base: str, caplog: pytest.LogCaptureFixture) -> None:
     out = io.StringIO()
     with serving_status(base, {"pad": "left"}, {"pad": "right"}):
         assert listen("lef", None, out, endpoint=base) == exit_codes.USAGE  # None: otherwise it would listen for ever

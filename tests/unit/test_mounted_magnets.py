@@ -21,7 +21,7 @@ def changes_of(inside: MountedMagnets, touch: Touch) -> np.ndarray:
     return np.array(moved)
 
 
-def test_magnets_move_as_table_says_under_each_moments_fingers() -> None:
+def test_magnets_move_by_the_table_under_changing_fingers() -> None:
     inside = MountedMagnets.of(array_config(seed=1), np.random.default_rng(1))
     assert np.abs(inside.off_mm).min() > 0.0
     moments = [[NOTHING], [ONE, OTHER], [ONE], [], [OTHER, NOTHING]]

@@ -200,7 +200,7 @@ def test_larger_model_pays_where_the_docs_say_so(response: Response) -> None:
         assert recommended(costs(stronger)).model.cylinder is cylinder
 
 
-def test_daemon_advises_only_where_the_config_has_more_or_less(response: Response) -> None:
+def test_daemon_advises_if_the_model_has_more_or_less_than_needed(response: Response) -> None:
     named = pad(scene=SceneConfig(neighbours=("two",)))
     assert advice(pad(), [pad()], response, None) is None
     assert advice(named, [named, beside(20.0)], response, None) is None

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.summary)
-def test_change_has_one_place(change: Change) -> None:
+def test_changed_text_occurs_once_in_its_file(change: Change) -> None:
     folder = ROOT if change.path.startswith("extras/") else ROOT / "daemon/fmfts"
     assert (folder / change.path).read_text().count(change.old) == 1
     assert change.new != change.old

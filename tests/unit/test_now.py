@@ -133,7 +133,7 @@ def test_replay_says_the_same_now(model: ContactModel) -> None:
     assert [message.now for message in first] == [message.now for message in second]
 
 
-def test_frames_that_never_arrive_do_not_shift_its_time(model: ContactModel) -> None:
+def test_lost_frames_do_not_shift_the_time_of_now(model: ContactModel) -> None:
     frames = [frame for number, frame in enumerate(frames_of(pressed, 1.0)) if number % 7]
     messages = messages_of(pipeline_with(model), frames)
     for frame, message in list(zip(frames, messages, strict=True))[60:]:

@@ -106,7 +106,7 @@ def test_odd_memory_is_refused_or_frames_go_on_from_it(world: str) -> None:
     assert 20 < refused < len(memory.fields) * 3
 
 
-def test_odd_memory_of_a_slip_tells_nothing_that_is_not_finite() -> None:
+def test_odd_slip_memory_gives_only_finite_numbers() -> None:
     """Of a finger that sticks and of one that slips; after an error of the frame it goes on, as a daemon has it."""
     random, errors = np.random.default_rng(3), 0
     with amid("slip") as (pipeline, frames):

@@ -195,7 +195,7 @@ def frames(count: int) -> list[Frame]:
     return list(frames_of(CONFIG, count / 220))
 
 
-def test_model_that_python_runs_says_the_same() -> None:
+def test_python_model_gives_the_same_answers() -> None:
     in_c, in_python, _ = pipelines()
     for frame in frames(300):
         assert essence(in_c.answer(frame)) == essence(in_python.answer(frame))

@@ -295,7 +295,7 @@ class TestWhoMay:
             with served.page() as page, pytest.raises(ConnectionClosed, match="32 pages are open already"):
                 answered(page, "pong")
 
-    def test_page_that_takes_no_answers_is_not_read_on(self, served: Served) -> None:
+    def test_page_that_reads_no_answers_is_not_read_further(self, served: Served) -> None:
         """The server's memory stays small, so what the page sends stays in the kernel's buffers, which fill."""
         with socket.create_connection(("127.0.0.1", served.port)) as peer:
             peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)

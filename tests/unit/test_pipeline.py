@@ -144,7 +144,7 @@ def test_silence_keeps_the_time_of_the_last_sample() -> None:
 
 
 @pytest.mark.parametrize("told", [True, False])
-def test_touch_from_before_a_silence_does_not_outlast_it(told: bool) -> None:
+def test_touch_before_a_silence_ends_with_it(told: bool) -> None:
     """told: of a silence that the loop noticed; else frames are missing that it dropped or that never came."""
     config = config_of()
     pipeline = pipeline_of(config, simulated_baseline(config))

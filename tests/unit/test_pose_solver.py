@@ -122,7 +122,7 @@ def test_estimates_scatter_as_the_covariance_says(pad: Pad) -> None:
     assert np.mean(chi2) == pytest.approx(6.0, abs=0.44)
 
 
-def test_stop_in_deviations_leaves_less_than_a_twentieth_of_one(pad: Pad) -> None:
+def test_stopping_rule_leaves_under_a_twentieth_deviation(pad: Pad) -> None:
     truth = at(pad, (0.5, 0.3, 10.5), (0.1, 0.05, 0.99))
     field = field_of(truth, pad) + np.random.default_rng(6).normal(0.0, NOISE_T, (4, 3))
     stopped = solve(field, pad, deviation_t=NOISE_T)

@@ -54,7 +54,7 @@ def errors(fingers: int) -> Array:
 
 
 @pytest.mark.parametrize("fingers", [1, 2])
-def test_errors_of_the_poses_spread_as_their_deviations_say(fingers: int) -> None:
+def test_pose_errors_scatter_as_their_deviations(fingers: int) -> None:
     """Σ over the frames of (error/deviation)² is χ² for each number of pose, frames being independent."""
     found = errors(fingers)
     assert len(found) > 0.9 * FRAMES

@@ -29,9 +29,7 @@ def test_folders_that_pips_settings_name_are_found(home: Path) -> None:
     assert found == [home / "index", home / "wheels"]
 
 
-def test_settings_and_ways_through_proxy_are_carried_and_nothing_else(
-    home: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_settings_and_proxy_routes_are_carried(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("https_proxy", "http://proxy.invalid:3128")
     monkeypatch.setenv("MY_SECRET", "no package")
     carried = registries.environment()

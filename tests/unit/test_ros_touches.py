@@ -101,7 +101,7 @@ def test_slip_has_its_state_and_all_numbers(touches: Any, slip: SlipMessage, sta
         assert getattr(told, name) == value if value is not None else math.isnan(getattr(told, name)), name
 
 
-def test_pad_that_is_not_asked_for_slip_has_no_such_message(touches: Any) -> None:
+def test_pad_without_slip_setting_publishes_no_slip(touches: Any) -> None:
     assert touches("touches").slip_message(received(contact_message()), "left") is None
 
 

@@ -77,7 +77,7 @@ def test_source_with_bytes_is_polled_and_sleeping_ones_cost_nothing(two: tuple[S
     assert asleep.asked == asked
 
 
-def test_source_whose_time_has_come_is_polled(two: tuple[Schedule, Piped, Piped]) -> None:
+def test_due_source_is_polled(two: tuple[Schedule, Piped, Piped]) -> None:
     schedule, due, _ = two
     due.deadline = time.monotonic_ns() + 1_000_000
     schedule.review()

@@ -69,7 +69,7 @@ def test_grid_that_is_too_large_is_refused() -> None:
         Fitter(models_of(1, reach_mm=32.0))
 
 
-def test_poses_of_what_is_not_finite_are_refused_by_name() -> None:
+def test_non_finite_poses_are_refused_by_name() -> None:
     fitter, finger = fitter_of(*USUAL), np.array([[1.0, 2.0, 1.0]])
     good = measured_of(np.random.default_rng(16), fitter.model, finger)
     fit = fitter.fit(finger, good, NONE)

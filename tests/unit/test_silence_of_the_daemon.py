@@ -28,7 +28,7 @@ def as_a_stranger(endpoint: str) -> str:
     return subprocess.run(words, capture_output=True, text=True, check=True).stdout
 
 
-def test_daemon_not_there_is_asked_after_with_its_endpoint() -> None:
+def test_absent_daemon_leads_to_a_question_with_its_endpoint() -> None:
     assert why_silent("ipc:///nowhere/bus", {}) == "is fmfts-daemon running, and on this endpoint (FMFTS_BUS)?"
 
 

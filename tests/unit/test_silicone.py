@@ -64,7 +64,7 @@ def test_force_of_a_minute_s_hold_is_within_its_deviations() -> None:
 
 
 @pytest.mark.long
-def test_nothing_of_a_recovery_is_learned_as_a_drift() -> None:
+def test_recovery_is_not_learned_as_drift() -> None:
     """2 N for 100 s leave some ten micrometres, which go in minutes; the follower waits for them to go."""
     run = life(260.0, lambda time_s: Touch(0.0, 0.0, 2.0 * (10.0 < time_s < 110.0)), creeps=True)
     assert max(run.sizes_m) < 1e-6

@@ -159,7 +159,7 @@ def test_margin_is_friction_times_force_less_shear() -> None:
         assert abs(slip.margin_n) < 5.0 * slip.margin_sd_n  # the finger has just slipped, and is still pulled
 
 
-def test_other_fields_are_the_same_with_slip_and_without() -> None:
+def test_slip_does_not_change_other_fields() -> None:
     finger = slide(2.0)
     without = told(finger, finger.seconds, ContactConfig(model="shear", friction=ASKED.slip_friction[1]))
     times = {"t_publish_ns": 0, "utc_ns": 0, "baseline": None}
@@ -168,7 +168,7 @@ def test_other_fields_are_the_same_with_slip_and_without() -> None:
         assert msgspec.structs.replace(asked, slip=msgspec.UNSET, **times) == msgspec.structs.replace(plain, **times)
 
 
-def test_pad_that_is_not_asked_leaves_the_memory_of_slip_alone() -> None:
+def test_pad_without_slip_setting_leaves_the_slip_memory() -> None:
     plain = pad(ContactConfig(model="shear"))
     source, pipeline = ManyFrames(plain.config), plain.pipeline()
     source.finger = slide(0.0)
@@ -178,7 +178,7 @@ def test_pad_that_is_not_asked_leaves_the_memory_of_slip_alone() -> None:
     assert not any(np.any(pipeline.memory.fields[name]) for name in OF_SLIP)
 
 
-def test_memory_of_a_version_without_slip_is_taken() -> None:
+def test_memory_of_a_version_without_slip_is_accepted() -> None:
     pipeline = pad().pipeline()
     before = pipeline.memory
     older = {name: value for name, value in before.fields.items() if name not in OF_SLIP}

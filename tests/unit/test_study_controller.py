@@ -66,7 +66,7 @@ def number(row: Row, name: str) -> float:
     return pareto.number(row, name)
 
 
-def test_truth_at_publishing_is_wrong_only_by_reading_delay() -> None:
+def test_truth_at_publishing_is_off_only_by_the_reading_delay() -> None:
     row = controller.scored(steady_ramp(), told_late(steady_ramp(), 0.0))
     assert row["publishing_n"] == pytest.approx(0.0, abs=1e-9)
     # Read once a millisecond, a message is 0 to 4.5 ms old: rms 4.55/√3 ms, to within one read.
@@ -214,7 +214,7 @@ def test_option_belongs_to_one_study(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.long
-def test_study_can_measure_that_alone_and_writes_its_chart_and_its_table(tmp_path: Path) -> None:
+def test_study_measures_the_controller_alone(tmp_path: Path) -> None:
     command = ["study", "speed-accuracy", "--controller", "--quick", "--config", "config.toml", "--out", str(tmp_path)]
     assert main(command) == 0
     table = (tmp_path / "speed-accuracy-controller.md").read_text()

@@ -93,7 +93,7 @@ def test_turned_robot_is_disturbed_not_a_contact(pad: Pad, tracker: FieldTracker
     assert "not come from this magnet alone" in track.reason
 
 
-def test_cause_is_of_this_disturbance_not_of_another(pad: Pad, rest: State) -> None:
+def test_cause_belongs_to_the_present_disturbance(pad: Pad, rest: State) -> None:
     """After a frame that fits a stronger magnet, which needs no search, and a disturbance of another cause before."""
     tracker = FieldTracker(pad, rest, CONSTANT, errors=SensorErrors(DEVIATION, None))
     stronger = rest.stepped(np.array([0, 0, 0, 0, 0, 0.2, 0, 0, 0]))
@@ -184,7 +184,7 @@ def test_misfit_below_the_gate_widens_the_answer(pad: Pad, rest: State) -> None:
     assert 1.6 < deviations[2.0] / exact < 2.1
 
 
-def test_place_known_no_better_than_a_millimetre_is_lost(pad: Pad, tracker: FieldTracker, pressed: State) -> None:
+def test_place_with_a_millimetre_of_deviation_is_lost(pad: Pad, tracker: FieldTracker, pressed: State) -> None:
     field = field_at(pad, pressed)
     assert tracker.update(field, np.full((4, 3), 2e-6)).health == "ok"
     track = tracker.update(field, np.full((4, 3), 2.5e-5))

@@ -50,7 +50,7 @@ def test_each_sensor_is_read_behind_its_own_mux_and_never_two_at_once(
     assert bus.bus.conflicts == 0
 
 
-def test_emulated_bus_counts_two_chips_that_answer_through_two_open_muxes(clock: Clock) -> None:  # noqa: F811
+def test_emulated_bus_counts_two_chips_behind_two_open_muxes(clock: Clock) -> None:  # noqa: F811
     """What the tests here rely on: the answers of both are mixed, and it is seen."""
     _, bus = wide_pad(clock)
     for address in (0x70, 0x71):

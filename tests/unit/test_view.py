@@ -67,7 +67,7 @@ def test_figures_carry_unit_and_deviation() -> None:
         assert figure in text
 
 
-def test_over_range_is_lower_bound_and_never_looks_like_nothing() -> None:
+def test_over_range_shows_a_lower_bound() -> None:
     text = "\n".join(drawn(contact(over_range=True, force_n=None, force_min_n=3.25)))
     assert "more than 3.25 N" in text
     assert "▲" in text

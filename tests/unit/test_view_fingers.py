@@ -101,7 +101,7 @@ def line(message: ContactMessage) -> str:
         ({"more": True}, "two fingers do not explain this"),
     ],
 )
-def test_line_of_a_log_says_every_finger(changes: dict[str, Any], words: str) -> None:
+def test_log_line_names_every_finger(changes: dict[str, Any], words: str) -> None:
     said = line(fingers_message(*two_fingers(), **changes))
     assert words in said
     assert said.count(" N at ") == (1 if "contacts" in changes else 2)

@@ -52,7 +52,7 @@ class TestWorstPad:
         assert facts_of([pad(), overloaded])["worst"]["pad"] == "right"
         assert facts_of([pad(), pad("right", sensor_faults=["sensor 3 is silent"])])["worst"]["pad"] == "right"
 
-    def test_rate_is_that_of_the_slowest_for_its_own_nominal_rate(self) -> None:
+    def test_rate_is_that_of_the_slowest_pad_relative_to_nominal(self) -> None:
         facts = facts_of([pad(rate_hz=99.0, rate_nominal_hz=100.0), pad("right", rate_hz=110.0, rate_nominal_hz=220.0)])
         assert (facts["rate_hz"], facts["rate_nominal_hz"]) == (110.0, 220.0)
 
