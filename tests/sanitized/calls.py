@@ -66,10 +66,15 @@ def missing(parts: tuple[Any, ...], frame: tuple[Any, ...]) -> dict[int, str]:
 
 
 def told_of_several(
-    parts: tuple[Any, ...], follow: tuple[Any, ...], early: tuple[Any, ...], told: tuple[Any, ...]
+    parts: tuple[Any, ...],
+    frame: tuple[Any, ...],
+    follow: tuple[Any, ...],
+    early: tuple[Any, ...],
+    told: tuple[Any, ...],
 ) -> bytes | None:
     """A frame of several magnets, that Python judged, and a sample before the next frame."""
     pad = _pad.Pad(*parts)
+    pad.align(*frame)
     pad.follow(*follow)
     pad.tell(*told)
     return pad.follow_early(follow[0], *early)
@@ -372,7 +377,7 @@ def _followed(_: np.random.Generator) -> None:
     from fmfts.sensor.early import EarlySample
 
     pipeline, noted = ready(early_s=1.1e-3), dict[str, tuple[Any, ...]]()
-    writer, compiled = pipeline._writer, pipeline._writer.compiled
+    made, compiled = pipeline._frames, pipeline._frames.compiled
 
     class Noted:
         """The pad, whose last calls are noted."""
@@ -382,19 +387,19 @@ def _followed(_: np.random.Generator) -> None:
                 noted[name] = kept(arguments)
                 return getattr(compiled, name)(*arguments)
 
-            return noting if name in ("follow", "tell", "follow_early") else getattr(compiled, name)
+            return noting if name in ("align", "follow", "tell", "follow_early") else getattr(compiled, name)
 
-    writer.compiled = Noted()  # type: ignore[assignment]
+    made.compiled = Noted()  # type: ignore[assignment]
     words = tuple(Words(1, "pad", "boot", "model", None, "", "", "", ((), "")))
     for count in (20, 90):  # untouched, and a finger
         for frame in frames(count, tapping):
             pipeline.answer(frame)
         pipeline.early(EarlySample(frame.pad_index, 1, frame.device_time_us + 2000, frame.gain_code, (100, -200, 50)))
-        parts = writer.parameters, writer._memory
+        parts = made.parameters, made.memory
         buffers = tuple(bytearray(part.buffer.tobytes()) for part in parts)
-        pad = *buffers, None, None, words, bytearray(writer._unseen.tobytes()), ()
+        pad = *buffers, None, None, words, bytearray(made._unseen.tobytes()), ()
         early = noted.get("follow_early", (b"", 1, 0, 100, -200, 50, 10))
-        PADS.told_of_several(pad, noted["follow"], early[1:], noted["tell"])
+        PADS.told_of_several(pad, noted["align"], noted["follow"], early[1:], noted["tell"])
 
 
 def _neighbours(_: np.random.Generator) -> None:

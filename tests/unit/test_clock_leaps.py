@@ -18,7 +18,7 @@ from test_pipeline import pipeline_of
 from test_time_gate import PERIOD_NS, PERIOD_US, line_after, of
 
 from examples import examples
-from fmfts.pipeline.last_frame import LastFrame
+from fmfts_skin.last_frame import LastFrame
 from fmfts.pose.alignment import Alignment
 from fmfts.runtime.statistics import PadStatistics
 from fmfts.sensor import Frame

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmfts.pipeline.several_message import SeveralWriter
+from fmfts.pipeline.several_frames import SeveralFrames
 from fmfts.several.count import resultant
 from fmfts.several.resultant import deviation_of, deviation_of_each, resultant_deviation
 from fmfts.several.valley import weakest
@@ -55,9 +55,9 @@ def test_message_has_the_wider_deviations_of_each_finger() -> None:
     estimator = estimator_of(one)
     reading = read_once(one, one.pressed(RIM), estimator)
     assert reading.fit is not None
-    writer = SeveralWriter(estimator.pad, "boot", "model")
-    writer.use(estimator, None)
-    contacts = writer.written(reading, ("ok", ""), None, (1, 0, 0, 0), False).message.contacts
+    frames = SeveralFrames(estimator.pad, 220.0, "boot", "model")
+    frames.use(estimator, None)
+    contacts = frames.message(reading, None, False).message.contacts
     assert isinstance(contacts, list)
     told = np.array([[finger.x_sd_m * 1e3, finger.y_sd_m * 1e3] for finger in contacts])
     np.testing.assert_allclose(told, deviation_of_each(reading, reading.fit)[:, :2])

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "fingers.h"
+#include "steps.h"
 
 enum { ARRAYS = 16 };
 
@@ -146,14 +147,12 @@ PyObject *fmfts_pad_tell(PyObject *object, PyObject *args)
     fmfts_pad_object *self = (fmfts_pad_object *)object;
     const char *health, *reason;
     double temperature_c;
-    long long number, sampled_ns, frame_us, frame_ns;
     int more, has_now;
     judged j;
     arrays given = {.fits = true};
-    if (!PyArg_ParseTuple(args, "ssd(LLLL)ppOOi(dd)OO", &health, &reason, &temperature_c, &number, &sampled_ns, &frame_us, &frame_ns,
-                          &more, &has_now, &j.mounted, &j.used, &j.contact, &j.displacement_m, &j.displacement_sd_m, &j.fingers,
-                          &j.magnets) ||
-        !fmfts_still_fits(self) || !fmfts_are_possible(number, frame_us, frame_ns)) {
+    if (!PyArg_ParseTuple(args, "ssdppOOi(dd)OO", &health, &reason, &temperature_c, &more, &has_now, &j.mounted, &j.used, &j.contact,
+                          &j.displacement_m, &j.displacement_sd_m, &j.fingers, &j.magnets) ||
+        !fmfts_still_fits(self)) {
         return NULL;
     }
     fmfts_reading *reading = &self->reading;
@@ -172,34 +171,80 @@ PyObject *fmfts_pad_tell(PyObject *object, PyObject *args)
         PyErr_SetString(PyExc_ArithmeticError, "a number of the estimate is not finite: check the data of pad.contact.model");
         return NULL;
     }
-    self->memory->message.number = number - 1;
-    self->memory->message.sampled_ns = sampled_ns;
-    self->memory->pose.frame_us = frame_us;
-    self->memory->pose.frame_ns = frame_ns;
     return taken ? fmfts_written(self) : NULL;
 }
 
-PyObject *fmfts_pad_follow(PyObject *object, PyObject *args)
+/* The newest samples of the frame; NaN of sensors that it has none of. */
+static void list_newest(const fmfts_pad_object *self, unsigned valid, double *newest_t)
 {
+    for (size_t axis = 0; axis < 3 * (size_t)self->pad.parameters->pose.sensors; axis++) {
+        newest_t[axis] = valid >> axis / 3 & 1 ? self->memory->pose.field_t[axis] : NAN;
+    }
+}
+
+static bool is_whole(const fmfts_step *step, size_t axes)
+{
+    bool whole = true;
+    for (size_t axis = 0; axis < axes; axis++) {
+        whole = whole && isfinite(step->field.field_t[axis]) && !(step->missing.stuck[axis / 3] >> axis % 3 & 1);
+    }
+    return whole;
+}
+
+PyObject *fmfts_pad_align(PyObject *object, PyObject *args)
+{
+    enum { READINGS, FIELD, SHARE, BEND, REPEATS, NEWEST, ALL };
     fmfts_pad_object *self = (fmfts_pad_object *)object;
-    PyObject *memory, *field, *sampled;
-    long long sequence, time_us;
-    unsigned int fresh;
-    arrays given = {.fits = true};
-    if (!PyArg_ParseTuple(args, "OOOILL", &memory, &field, &sampled, &fresh, &sequence, &time_us) || !fmfts_still_fits(self) ||
-        !fmfts_are_possible(sequence, time_us, 0)) {
+    fmfts_frame frame;
+    long long sequence, time_us, host_ns;
+    arrays given = {.count = ALL};
+    Py_buffer *b = given.array;
+    PyObject *result = NULL;
+    if (!PyArg_ParseTuple(args, "IIIy*LLLdw*w*w*w*w*", &frame.gain_code, &frame.valid, &frame.fresh, &b[READINGS], &sequence,
+                          &time_us, &host_ns, &frame.temperature_c, &b[FIELD], &b[SHARE], &b[BEND], &b[REPEATS], &b[NEWEST])) {
         return NULL;
     }
-    const size_t sensors = (size_t)self->pad.parameters->pose.sensors;
-    fmfts_followed_memory *followed = next_of(&given, memory, PyBUF_WRITABLE, sizeof *followed, "memory");
-    const fmfts_finger_frame frame = {sequence, time_us, fresh, doubles_of(&given, field, 3 * sensors, "field"),
-                                      next_of(&given, sampled, PyBUF_SIMPLE, sensors * sizeof(int64_t), "times")};
-    bool follows = followed && frame.field_t && frame.sampled_us;
-    if (follows) {
+    frame.readings = b[READINGS].buf;
+    frame.sequence = sequence;
+    frame.time_us = time_us;
+    frame.host_ns = host_ns;
+    if (fmfts_still_fits(self) && fmfts_is_of(self, &frame, b[READINGS].len)) {
+        const size_t axes = 3 * (size_t)self->pad.parameters->pose.sensors, bytes = axes * sizeof(double);
+        fmfts_frame_work work;
+        const fmfts_field *field = &work.step.field;
+        if (fmfts_have_doubles(b + FIELD, (size_t[]){axes, axes / 3, axes, axes, axes}, ALL - FIELD)) {
+            fmfts_begin(&self->pad, self->memory, &frame, &work, &self->reading);
+            fmfts_align(&work.step, &frame);
+            fmfts_date(&frame, &work);
+            self->reading.missing = work.step.missing;
+            self->fresh = frame.fresh & frame.valid;
+            memcpy(b[FIELD].buf, field->field_t, bytes);
+            memcpy(b[SHARE].buf, field->noise_share, bytes / 3);
+            memcpy(b[BEND].buf, field->bend_t, bytes);
+            memcpy(b[REPEATS].buf, self->memory->pose.repeats, bytes);
+            list_newest(self, frame.valid, b[NEWEST].buf);
+            result = Py_BuildValue("(LNNLN)", (long long)field->instant_us, PyBool_FromLong(field->is_old),
+                                   PyBool_FromLong(field->began_anew), (long long)field->leap_us,
+                                   PyBool_FromLong(is_whole(&work.step, axes)));
+        }
+    }
+    give_back(&given);
+    return result;
+}
+
+PyObject *fmfts_pad_follow(PyObject *object, PyObject *memory)
+{
+    fmfts_pad_object *self = (fmfts_pad_object *)object;
+    arrays given = {.fits = true};
+    fmfts_followed_memory *followed =
+        fmfts_still_fits(self) ? next_of(&given, memory, PyBUF_WRITABLE, sizeof *followed, "memory") : NULL;
+    if (followed) {
+        const fmfts_pose_memory *last = &self->memory->pose;
+        const fmfts_finger_frame frame = {last->sequence, last->frame_us, self->fresh, last->field_t, last->time_us};
         fmfts_follow_finger(self->pad.parameters, followed, &frame, &self->reading.now);
     }
     give_back(&given);
-    return follows ? PyBool_FromLong(self->reading.now.known) : NULL;
+    return followed ? PyBool_FromLong(self->reading.now.known) : NULL;
 }
 
 PyObject *fmfts_pad_follow_early(PyObject *object, PyObject *args)

@@ -100,7 +100,7 @@ int fmfts_are_possible(int64_t sequence, int64_t time_us, int64_t host_ns)
 }
 
 /* 0 and ValueError if the frame is not this pad's. */
-static int is_of(const fmfts_pad_object *self, const fmfts_frame *frame, Py_ssize_t readings_bytes)
+int fmfts_is_of(const fmfts_pad_object *self, const fmfts_frame *frame, Py_ssize_t readings_bytes)
 {
     Py_ssize_t expected = FMFTS_READING_BYTES * (Py_ssize_t)self->pad.parameters->pose.sensors;
     if (readings_bytes != expected) {
@@ -129,7 +129,7 @@ static PyObject *judge(PyObject *object, PyObject *args)
     frame.sequence = sequence;
     frame.time_us = time_us;
     frame.host_ns = host_ns;
-    if (fmfts_still_fits(self) && is_of(self, &frame, readings.len)) {
+    if (fmfts_still_fits(self) && fmfts_is_of(self, &frame, readings.len)) {
         if (fmfts_tell(self, &frame)) {
             result = message_of(self);
         } else if (!PyErr_Occurred()) {
@@ -229,7 +229,8 @@ static PyMethodDef methods[] = {
     {"absent", absent, METH_VARARGS, "Encode a message without an estimate; see _pad.pyi."},
     {"missing", missing, METH_NOARGS, "What is wrong with the sensors of the last frame; see _pad.pyi."},
     {"begin", fmfts_pad_begin, METH_VARARGS, "Let a Loop judge the pad's frames; see _pad.pyi."},
-    {"follow", fmfts_pad_follow, METH_VARARGS, "Follow the finger of a frame; see _pad.pyi."},
+    {"align", fmfts_pad_align, METH_VARARGS, "Align the samples of a frame; see _pad.pyi."},
+    {"follow", fmfts_pad_follow, METH_O, "Follow the finger of a frame; see _pad.pyi."},
     {"follow_early", fmfts_pad_follow_early, METH_VARARGS, "The same after a sample; see _pad.pyi."},
     {"tell", fmfts_pad_tell, METH_VARARGS, "Encode the message of a pad with several magnets; see _pad.pyi."},
     {"end", fmfts_pad_end, METH_NOARGS, "Stop that, and tell what was handled; see _pad.pyi."},

@@ -55,6 +55,7 @@ typedef struct {
     size_t message_bytes;
     fmfts_given given;
     fmfts_lent lent;
+    unsigned fresh;          /* of several magnets: the sensors of which the last frame has a new sample */
     bool is_lent, is_unsent; /* is_unsent: the message is one of the bus's unsent ones */
 } fmfts_pad_object;
 
@@ -90,9 +91,13 @@ fmfts_health fmfts_health_of(const char *name);
 /* _pad.c: writes the reading as the next message, with `now` relative to the last frame. NULL with an exception if it has no room. */
 PyObject *fmfts_written(fmfts_pad_object *self);
 
+/* _pad.c: 0 and ValueError if the frame is not this pad's. */
+int fmfts_is_of(const fmfts_pad_object *self, const fmfts_frame *frame, Py_ssize_t readings_bytes);
+
 /* _fingers.c: methods of a Pad with several magnets. */
+PyObject *fmfts_pad_align(PyObject *self, PyObject *args);
 PyObject *fmfts_pad_tell(PyObject *self, PyObject *args);
-PyObject *fmfts_pad_follow(PyObject *self, PyObject *args);
+PyObject *fmfts_pad_follow(PyObject *self, PyObject *memory);
 PyObject *fmfts_pad_follow_early(PyObject *self, PyObject *args);
 
 /* _pad.c: judges a frame, and writes its message. False if a number of it is not finite, or with an exception that the contact

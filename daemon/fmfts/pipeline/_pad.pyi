@@ -117,7 +117,6 @@ class Pad:
         health: str,
         reason: str,
         temperature_c: float,
-        times: tuple[int, int, int, int],
         more: bool,
         has_now: bool,
         mounted: Buffer,
@@ -128,17 +127,38 @@ class Pad:
         magnets: Magnets | None,
         /,
     ) -> bytes:
-        """The message of a frame of several magnets, which Python judged: fingers.h. times: the message's number, the
-        host's time of the sample, and the frame's on the board's clock and on the host's. has_now: `follow` made it.
+        """The message of a frame of several magnets, which Python judged: fingers.h. has_now: `follow` made it.
         contact: −1: not known. displacement: NaN: not told.
 
         ArithmeticError if a number of its message is not finite.
         """
 
-    def follow(
-        self, memory: Buffer, field_t: Numbers, sampled_us: Numbers, fresh: int, sequence: int, time_us: int, /
-    ) -> bool:
-        """Follow the finger of a frame: finger.h. Whether the next message has a `now`. memory: of FOLLOWED."""
+    def align(
+        self,
+        gain_code: int,
+        valid: int,
+        fresh: int,
+        readings: bytes,
+        sequence: int,
+        time_us: int,
+        host_ns: int,
+        temperature_c: float,
+        field_t: Numbers,
+        noise_share: Numbers,
+        bend_t: Numbers,
+        repeats: Numbers,
+        newest_t: Numbers,
+        /,
+    ) -> tuple[int, bool, bool, int, bool]:
+        """The samples of a frame of several magnets at one instant. The arguments up to temperature_c are those of
+        `judge`; the others are filled as Aligned has them, and with the newest samples, NaN where the frame has none.
+
+        Returns time_us, is_old, began_anew and leap_us of Aligned, and whether every axis has a field.
+        """
+
+    def follow(self, memory: Buffer, /) -> bool:
+        """Follow the finger of the aligned frame: finger.h. Whether the next message has a `now`. memory: of
+        FOLLOWED."""
 
     def follow_early(
         self, memory: Buffer, sensor: int, gain_code: int, x: int, y: int, z: int, time_us: int, /

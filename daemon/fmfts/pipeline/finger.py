@@ -17,13 +17,12 @@ from fmfts.contact.drive import drive_power
 from fmfts.pad import Array
 from fmfts.pipeline import _pad
 from fmfts.pipeline.lead import Lead
-from fmfts.pipeline.parameters import MODE_WEIGHTS, chip_fields
+from fmfts.pipeline.parameters import MODE_WEIGHTS
 from fmfts.pipeline.possible_memory import require_possible
 from fmfts.pose import AMBIENT, Aligned
 from fmfts.pose.gates import FALSE_INNOVATION
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
-from fmfts.sensor.frame import mask_of
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.fit import Fit, Measured
 from fmfts.several.reading import FingersReading
@@ -48,8 +47,8 @@ class FollowedMemory:
 class FollowedFinger:
     """For one pad with its baseline."""
 
-    def __init__(self, estimator: FingersEstimator, rate_hz: float, lead: Lead, parameters: Record) -> None:
-        """parameters: of the pad's Pad, which are filled."""
+    def __init__(self, estimator: FingersEstimator, lead: Lead, parameters: Record) -> None:
+        """parameters: of C's pad, which are filled."""
         pad, mounting, scene = estimator.pad, estimator.mounting, estimator.scene
         self._estimator, self._mounting = estimator, mounting
         self._sensors = len(pad.sensors)
@@ -57,11 +56,8 @@ class FollowedFinger:
         walk = np.zeros(_pad.STEP)
         walk[AMBIENT] = scene.ambient_walk_t2_per_s
         values = mounting.noise_t.size
-        parameters.fill(chip_fields(pad.chip))
         parameters.fill(
             {
-                "sensors": self._sensors,
-                "period_us": 1e6 / rate_hz,
                 "gain": mounting.gain,
                 "offset_t": mounting.offset_t,
                 "rest_field_t": mounting.rest_field_t,
@@ -97,10 +93,10 @@ class FollowedFinger:
         self._memory.fill({"pressing": NOT_KNOWN, "untouched_us": 0.0, "motion_us": 0.0})
 
     def after(
-        self, reading: FingersReading, aligned: Aligned, frame: Frame, field_t: Array, compiled: _pad.Pad
+        self, reading: FingersReading, aligned: Aligned, frame: Frame, newest_t: Array, compiled: _pad.Pad
     ) -> bool:
-        """Whether `compiled` knows the contact when the message of a frame is published. field_t (N, 3): of the
-        frame."""
+        """Whether `compiled` knows the contact when the message of a frame is published. newest_t (N, 3): its
+        samples."""
         memory, fit = self._memory, reading.fit
         if fit is None or reading.health != "ok" or reading.over_range or len(fit.fingers) > 1 or aligned.leap_us:
             self.forget()
@@ -111,17 +107,10 @@ class FollowedFinger:
             self._put(reading.measured, fit, deviation_of_each(reading, fit)[0], frame)
         else:
             memory["finger_deviation"][:] = self._quiet
-            newer_t = field_t - aligned.field_t
+            newer_t = newest_t - aligned.field_t
             if (np.abs(newer_t) > self._sure_t).any():
                 self._look_ahead(reading.measured, newer_t, frame)
-        return compiled.follow(
-            self._buffer,
-            np.ascontiguousarray(field_t),
-            np.ascontiguousarray(frame.sampled_us),
-            mask_of(frame.fresh & frame.valid),
-            frame.sequence,
-            frame.device_time_us,
-        )
+        return compiled.follow(self._buffer)
 
     def _look_ahead(self, measured: Measured | None, newer_t: Array, frame: Frame) -> None:
         """The newest samples may show a finger, though nothing pressed at the frame's instant. newer_t (N, 3): by how

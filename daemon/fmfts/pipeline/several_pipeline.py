@@ -18,56 +18,57 @@ from fmfts.baseline import Baseline
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.bus.messages import ContactMessage, Health
 from fmfts.common.memory import require_alike
+from fmfts.common.record import Values
 from fmfts.contact import NoContactModel
 from fmfts.contact.array_model import ArrayModel
 from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Array, Pad, Placement
+from fmfts.pipeline import _pad
 from fmfts.pipeline.encoded import EncodedMessage
 from fmfts.pipeline.finger import FollowedFinger, FollowedMemory
-from fmfts.pipeline.judged_in_python import JudgedInPython
 from fmfts.pipeline.lead import Lead
-from fmfts.pipeline.several_message import SeveralWriter
-from fmfts.pipeline.words import BARE_ONLY
+from fmfts.pipeline.possible_memory import require_possible
+from fmfts.pipeline.several_frames import SeveralFrames
+from fmfts.pipeline.words import BARE_ONLY, NO_BASELINE
 from fmfts.pose import Aligned, repeats_allowed
-from fmfts.pose.alignment import AlignmentMemory
 from fmfts.pose.hand import Hand
 from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView
 from fmfts.pose.sighting import Sighting, SightingMemory
 from fmfts.pose.state import Neighbour
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
-from fmfts.sensor.missing import missing_sensors
 from fmfts.several.count import Search
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.field_model import FieldModel, Scene
 from fmfts.several.poses_estimator import PosesEstimator
 from fmfts.several.reading import FingersMemory, FingersReading, PosesMemory, PosesReading
 from fmfts.several.sighted import rest_of
-from fmfts.several.since_rest import Warmth, present
+from fmfts.several.since_rest import Warmth
 
 
 @dataclass(slots=True)
 class SeveralMemory:
-    """As PipelineMemory, of a pad with several magnets. sighting: None if no neighbour measures the pad. fingers,
-    followed: with a table of presses; poses: without one."""
+    """As PipelineMemory, of a pad with several magnets. fields: of FMFTS_MEMORY, by name. sighting: None if no
+    neighbour measures the pad. fingers, followed: with a table of presses; poses: without one."""
 
-    alignment: AlignmentMemory
+    fields: Values
     fingers: FingersMemory | None
-    number: int
-    sampled_ns: int
     why_no_estimator: str
     sighting: SightingMemory | None = None
     poses: PosesMemory | None = None
     followed: FollowedMemory | None = None
 
 
-class SeveralPipeline(JudgedInPython):
-    """Makes a message of each frame of one pad with several magnets, which C encodes.
+class SeveralPipeline:
+    """Makes a message of each frame of one pad with several magnets.
 
-    magnet_per_k: temperature coefficient of the remanence.
+    magnet_per_k: temperature coefficient of the remanence. missing: sensor (from 0) → why it could not be used in the
+    last frame; empty while frames are absent. hand: that the pad is on, if its field depends on the hand's posture.
     """
 
     memory_kind = SeveralMemory
+    further_drift = ""  # only PadPipeline finds it
+    force_scale: float | None = None  # no weight measures the silicone of such a pad
 
     def __init__(
         self,
@@ -81,8 +82,11 @@ class SeveralPipeline(JudgedInPython):
         hand: Hand | None = None,
         lead: Lead = Lead(),  # noqa: B008
     ) -> None:
-        super().__init__(pad, model.hash, boot, rate_hz, hand)
-        self._model, self._lead = model, lead
+        self.pad, self.hand, self.model, self.model_hash = pad, hand, model, model.hash
+        self._rate_hz, self._lead = rate_hz, lead
+        self._why_none = NO_BASELINE
+        self._baseline: Baseline | None = None
+        self.missing: dict[int, str] = {}
         self._followed: FollowedFinger | None = None
         self._has_now = False  # the last message, and it is that of a frame
         self._scene, self._magnet_per_k = scene, magnet_per_k
@@ -92,15 +96,31 @@ class SeveralPipeline(JudgedInPython):
         self._neighbours: list[NeighbourView] = []
         self._is_felt = False
         self.search: Search = "none"  # the last frame's search for fingers
-        self._writer = SeveralWriter(pad, boot, model.hash)
+        self._frames = SeveralFrames(pad, rate_hz, boot, model.hash, hand)
 
     def _use(self, estimator: FingersEstimator | PosesEstimator | None, baseline: Baseline | None) -> None:
         self._estimator, self._baseline, self._has_now, self._followed = estimator, baseline, False, None
-        self._writer.use(estimator, None if baseline is None else baseline.id)
+        self._frames.use(estimator, None if baseline is None else baseline.id)
 
     @property
-    def model(self) -> ArrayModel | NoContactModel:
-        return self._model
+    def baseline(self) -> Baseline | None:
+        return self._baseline
+
+    @property
+    def messages(self) -> int:
+        """The number of the last message."""
+        return self._frames.memory.integer("number")
+
+    def host_time_ns(self, device_time_us: int) -> int:
+        """The host's time of the board's, near the last frame."""
+        memory = self._frames.memory
+        return memory.integer("frame_ns") + 1000 * (device_time_us - memory.integer("frame_us"))
+
+    def begin(self, clock: memoryview, topic: bytes, pad_index: int, overdue_ns: int) -> None:
+        """C never takes such a pad's frames from a board's bytes."""
+
+    def end(self, pad: _pad.Pad) -> None:
+        """There is nothing to take back, because `begin` lent nothing."""
 
     @property
     def detection_limit_n(self) -> float:
@@ -128,16 +148,16 @@ class SeveralPipeline(JudgedInPython):
         before = self._estimator
         allowed = repeats_allowed(mounting.noise_t, self.pad.chip.coarseness_t(rest.gain_code))
         others = self._rate_hz, allowed, Warmth(self._magnet_per_k, rest.temperature_c)
-        if isinstance(self._model, NoContactModel):
+        if isinstance(self.model, NoContactModel):
             unknown = ArrayResponse.unknown(len(self.pad.magnets))
             poses = PosesEstimator(FieldModel(self.pad, mounting, unknown, self._scene), *others)
             self._use(poses, baseline)
             self._at_first = deepcopy(poses.memory)
         else:
-            fingers = FingersEstimator(FieldModel(self.pad, mounting, self._model.response, self._scene), *others)
+            fingers = FingersEstimator(FieldModel(self.pad, mounting, self.model.response, self._scene), *others)
             self._use(fingers, baseline)
             if self.hand is None:
-                self._followed = FollowedFinger(fingers, self._rate_hz, self._lead, self._writer.parameters)
+                self._followed = FollowedFinger(fingers, self._lead, self._frames.parameters)
             if isinstance(before, FingersEstimator):  # a finger of before is another one
                 fingers.memory.counter.next_id = before.memory.counter.next_id
             self._at_first = deepcopy(fingers.memory)
@@ -159,7 +179,7 @@ class SeveralPipeline(JudgedInPython):
     def start_anew(self) -> None:
         """Forget all frames, because the next have another clock, or an error left half a memory. A new estimator would
         take 15 ms, in which all other pads wait."""
-        self._forget_samples()
+        self._frames.forget()
         self._forget_now()
         memory = deepcopy(self._at_first)
         if isinstance(self._estimator, FingersEstimator) and isinstance(memory, FingersMemory):
@@ -180,41 +200,33 @@ class SeveralPipeline(JudgedInPython):
     def answer(self, frame: Frame) -> EncodedMessage:
         """The same, encoded."""
         self.search = "none"
-        aligned = self._aligned(frame)
+        aligned, newest_t, is_whole = self._frames.aligned(frame)
+        self.missing = {} if is_whole else self._frames.compiled.missing()
         estimator = self._estimator
         reading: FingersReading | PosesReading
         if estimator is None:
-            self.missing = missing_sensors(frame, None)
             reading = FingersReading("no_baseline", self._why_none, frame.usable)
         else:
-            # Every axis with a measurement has a field: no sensor is missing.
-            _, is_whole = present(self._field_t, aligned.repeats, estimator.repeats_allowed)
-            self.missing = {} if is_whole else missing_sensors(frame, aligned.repeats > estimator.repeats_allowed)
-            seen = [view.at(self._sampled_ns) for view in self._neighbours]
+            seen = [view.at(self._frames.sampled_ns) for view in self._neighbours]
             reading, sighted = self._read(estimator, aligned, frame, seen)
             self.search = reading.search
             if self._is_felt and sighted is not None:
-                self._sighting.saw(*sighted, self._sampled_ns)
+                self._sighting.saw(*sighted, self._frames.sampled_ns)
         self._has_now = (
             self._followed is not None
             and isinstance(reading, FingersReading)
             and not self._neighbours
-            and self._followed.after(reading, aligned, frame, self._field_t, self._writer.compiled)
+            and self._followed.after(reading, aligned, frame, newest_t, self._frames.compiled)
         )
-        return self._written(reading, frame.temperature_c)
-
-    def _written(self, reading: FingersReading | PosesReading, temperature_c: float | None) -> EncodedMessage:
-        self.messages += 1
-        times = self.messages, self._sampled_ns, *self._last_frame.times
-        return self._writer.written(reading, self._health(reading), temperature_c, times, self._has_now)
+        return self._frames.message(reading, frame.temperature_c, self._has_now)
 
     def early(self, early: EarlySample) -> EncodedMessage | None:
         """The message of a sample that came before its frame: what the last frame said, with another `now`. None where
         it says nothing new."""
         if self._followed is None or not self._has_now or early.sensor >= len(self.pad.sensors):
             return None
-        payload = self._followed.early(early, self._writer.compiled)
-        return None if payload is None else EncodedMessage.of(payload, self._writer.compiled)
+        payload = self._followed.early(early, self._frames.compiled)
+        return None if payload is None else EncodedMessage.of(payload, self._frames.compiled)
 
     def _forget_now(self) -> None:
         self._has_now = False
@@ -234,8 +246,8 @@ class SeveralPipeline(JudgedInPython):
             fingers = estimator.read(*what)
             return fingers, estimator.sighted(fingers) if self._is_felt else None
         poses = estimator.read(*what)
-        if poses.tells and isinstance(self._model, NoContactModel):
-            poses = poses._replace(reason="; ".join(filter(None, (poses.reason, self._model.reason))))
+        if poses.tells and isinstance(self.model, NoContactModel):
+            poses = poses._replace(reason="; ".join(filter(None, (poses.reason, self.model.reason))))
         return poses, estimator.sighted(poses) if self._is_felt else None
 
     @property
@@ -243,9 +255,8 @@ class SeveralPipeline(JudgedInPython):
         """The pipeline's memory between two frames."""
         estimator = self._estimator
         return SeveralMemory(
-            self._alignment.memory,
+            self._frames.memory.copy(),
             estimator.memory if isinstance(estimator, FingersEstimator) else None,
-            *(self.messages, self._sampled_ns),
             self._why_none,
             self._sighting.memory if self._is_felt else None,
             estimator.memory if isinstance(estimator, PosesEstimator) else None,
@@ -258,15 +269,15 @@ class SeveralPipeline(JudgedInPython):
         ValueError, and nothing changes, if the memory does not fit this pipeline.
         """
         require_alike(memory, self.memory)
+        require_possible(memory.fields, len(self.pad.sensors))
+        self._frames.memory.recall(memory.fields)
         self._has_now = False
         if self._followed is not None and memory.followed is not None:
             self._followed.recall(memory.followed)
-        self._alignment.memory = memory.alignment
         if isinstance(self._estimator, FingersEstimator) and memory.fingers is not None:
             self._estimator.recall(memory.fingers)
         if isinstance(self._estimator, PosesEstimator) and memory.poses is not None:
             self._estimator.recall(memory.poses)
-        self.messages, self._sampled_ns = memory.number, memory.sampled_ns
         self._why_none = memory.why_no_estimator
         if memory.sighting is not None:
             self._sighting.recall(memory.sighting)
@@ -278,4 +289,4 @@ class SeveralPipeline(JudgedInPython):
         self._forget_now()
         self.missing = {}
         reading = FingersReading(health, reason, np.zeros((len(self.pad.sensors), 3), dtype=np.bool_))
-        return self._written(reading, None).message
+        return self._frames.message(reading, None, False).message

@@ -8,6 +8,7 @@ from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.contact import ContactModel, NoContactModel
 from fmfts.pad import Pad
 from fmfts.pipeline.baselined_pad import BaselinedPad
+from fmfts.sensor.chips import Chip
 from fmfts.sensor.missing import saturated_at, untellable_by
 from fmfts_client.fields import SCHEMA_VERSION
 
@@ -32,6 +33,11 @@ class Words(NamedTuple):
     chip: tuple[tuple[str, ...], str]
 
 
+def chip_words(chip: Chip) -> tuple[tuple[str, ...], str]:
+    """As Words has them."""
+    return tuple(saturated_at(chip, code) for code in range(len(chip.step_t))), untellable_by(chip)
+
+
 def words_of(
     pad: Pad, boot: str, model: ContactModel | NoContactModel, baselined: BaselinedPad | None, why_none: str
 ) -> Words:
@@ -45,7 +51,7 @@ def words_of(
         no_model=model.reason if isinstance(model, NoContactModel) else "",
         no_baseline=why_none if baselined is None else BARE_ONLY,
         lifted="" if baselined is None else baselined.lifted_reason,
-        chip=(tuple(saturated_at(pad.chip, code) for code in range(len(pad.chip.step_t))), untellable_by(pad.chip)),
+        chip=chip_words(pad.chip),
     )
 
 

@@ -17,7 +17,6 @@ from fmfts.baseline.rest_field import RestField
 from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health
 from fmfts.common.memory import require_alike
 from fmfts.pad import Pad, Placement
-from fmfts.pipeline.judged_in_python import JudgedInPython
 from fmfts.pose import repeats_allowed
 from fmfts.pose.alignment import AlignmentMemory
 from fmfts.pose.hand import Hand
@@ -26,6 +25,7 @@ from fmfts.sensor import Frame
 from fmfts.sensor.missing import missing_sensors
 from fmfts_skin.estimator import SkinEstimator
 from fmfts_skin.force_estimator import ForceEstimator
+from fmfts_skin.judged_in_python import JudgedInPython
 from fmfts_skin.model import SkinForceModel, SkinModel
 from fmfts_skin.rested import RestedPad, SkinMemory, SkinReading
 

@@ -1,4 +1,4 @@
-"""From the reading of a pad with several magnets to its message, which C encodes: fingers.h, message.c."""
+"""What C does of a frame of a pad with several magnets: it aligns the samples, and encodes the message (fingers.h)."""
 
 from __future__ import annotations
 
@@ -6,16 +6,21 @@ import math
 from dataclasses import replace
 from typing import NamedTuple
 
-from fmfts.bus.messages import Health
+import numpy as np
+
 from fmfts.common.record import Record
-from fmfts.pad import Pad
+from fmfts.pad import Array, Pad
 from fmfts.pipeline import _pad
 from fmfts.pipeline.encoded import EncodedMessage
+from fmfts.pipeline.first_memory import first_memory
 from fmfts.pipeline.mounted import mounted_record
 from fmfts.pipeline.parameters import chip_fields
-from fmfts.pipeline.words import Words
+from fmfts.pipeline.words import Words, chip_words
+from fmfts.pose import Aligned
+from fmfts.pose.hand import Hand
 from fmfts.pose.magnets import CHANGE
 from fmfts.pose.sighting import Sighting
+from fmfts.sensor import Frame
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.free_poses import FreePoses
 from fmfts.several.poses_estimator import PosesEstimator
@@ -37,36 +42,71 @@ class SeveralTold(NamedTuple):
     magnets: _pad.Magnets | None = None
 
 
-class SeveralWriter:
-    """C's pad. parameters: of it, for `now` (finger.py)."""
+class SeveralFrames:
+    """parameters: of C's pad, and for `now` (finger.py). memory: of the samples and the last message. hand: see
+    SeveralPipeline."""
 
-    def __init__(self, pad: Pad, boot: str, model_hash: str) -> None:
-        self.parameters, self._memory = Record(_pad.PARAMETERS), Record(_pad.MEMORY)
-        self.parameters.fill({"sensors": len(pad.sensors), **chip_fields(pad.chip)})
-        self._named = SCHEMA_VERSION, pad.name, boot, model_hash
+    def __init__(self, pad: Pad, rate_hz: float, boot: str, model_hash: str, hand: Hand | None = None) -> None:
+        self.parameters, self.memory = Record(_pad.PARAMETERS), Record(_pad.MEMORY)
+        self.parameters.fill({"sensors": len(pad.sensors), "period_us": 1e6 / rate_hz, **chip_fields(pad.chip)})
+        self._hand, self._posture_unknown = hand, ""  # why, in the last frame
+        self._pad, self._named = pad, (SCHEMA_VERSION, pad.name, boot, model_hash)
         self._unseen = Sighting.unseen(replace(pad, other_magnets=())).table.buffer  # no other pad feels it through C
+        self.forget()
         self.use(None, None)
 
+    def forget(self) -> None:
+        """All samples."""
+        self.memory.fill(first_memory(self._pad, None))
+
     def use(self, estimator: Estimator, baseline_id: str | None) -> None:
-        """From the next message on."""
-        words = Words(*self._named, baseline_id, "", "", "", ((), ""))
-        self.compiled = _pad.Pad(self.parameters.buffer, self._memory.buffer, None, None, words, self._unseen, ())
+        """From the next frame on."""
+        words = Words(*self._named, baseline_id, "", "", "", chip_words(self._pad.chip))
+        allowed = np.full((len(self._pad.sensors), 3), np.inf) if estimator is None else estimator.repeats_allowed
+        self.parameters.put("repeats_allowed", allowed)
+        self.compiled = _pad.Pad(self.parameters.buffer, self.memory.buffer, None, None, words, self._unseen, ())
         self._estimator, self._mounted = estimator, mounted_record(estimator).buffer
 
-    def written(
-        self,
-        reading: FingersReading | PosesReading,
-        health: tuple[Health, str],
-        temperature_c: float | None,
-        times: tuple[int, int, int, int],
-        has_now: bool,
+    def aligned(self, frame: Frame) -> tuple[Aligned, Array, bool]:
+        """The samples at one instant, without the posture's field; the newest (N, 3), NaN where there are none; and
+        whether every axis has a field."""
+        count = len(self._pad.sensors)
+        field_t, bend_t, newest_t = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
+        share, repeats = np.empty((count, 1)), np.empty((count, 3), dtype=np.int64)
+        temperature_c = math.nan if frame.temperature_c is None else frame.temperature_c
+        times = frame.sequence, frame.device_time_us, frame.host_time_ns
+        time_us, is_old, began_anew, leap_us, is_whole = self.compiled.align(
+            *frame.packed, *times, temperature_c, field_t, share, bend_t, repeats, newest_t
+        )
+        aligned = Aligned(field_t, share, bend_t, time_us, repeats, is_old, began_anew, leap_us)
+        return self._without_posture(aligned, frame), newest_t, is_whole
+
+    def _without_posture(self, aligned: Aligned, frame: Frame) -> Aligned:
+        if self._hand is None:
+            return aligned
+        if frame.joints is not None:
+            self._hand.recall(frame.joints)
+        field_t, foreign_t2, self._posture_unknown = self._hand.at(self.sampled_ns)
+        return aligned._replace(field_t=aligned.field_t - field_t.reshape(-1, 3), foreign_t2=foreign_t2)
+
+    @property
+    def sampled_ns(self) -> int:
+        """The host's time of the last sample."""
+        return self.memory.integer("sampled_ns")
+
+    def message(
+        self, reading: FingersReading | PosesReading, temperature_c: float | None, has_now: bool
     ) -> EncodedMessage:
-        """health: with its reason. times, has_now: see Pad.tell."""
+        """has_now: see Pad.tell."""
+        health, reason = reading.health, reading.reason
+        if self._posture_unknown and health in ("ok", "degraded", "disturbed", "lost"):
+            health = "degraded" if health == "ok" else health
+            reason = "; ".join(filter(None, (reason, self._posture_unknown)))
         told = several_told(reading, self._estimator)
         payload = self.compiled.tell(
-            *health,
+            health,
+            reason,
             math.nan if temperature_c is None else temperature_c,
-            times,
             told.more,
             has_now,
             self._mounted,
