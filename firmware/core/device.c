@@ -117,7 +117,7 @@ static enum wire_result execute(struct device *device, const struct wire_request
     case WIRE_REQUEST_SELFTEST:
         return begin_selftest(device, request, pads);
     default:
-        return RESULT_DONE; // status: sent after the reply
+        return RESULT_DONE; // a status is sent after the reply
     }
 }
 

@@ -32,7 +32,7 @@ struct board {
     const struct bus *buses;
     uint8_t bus_count;
     const uint8_t *i2c_ports; // for each bus, the port number in the hello
-    struct pads *pads; // a host may have them made anew
+    struct pads *pads; // the pads, which a host may request anew
     const struct load_cell_pins *load_cell; // NULL: no pins for a load cell
     uint8_t uid[WIRE_UID_SIZE];
     uint8_t reset_cause;

@@ -17,7 +17,7 @@ enum {
     HMC5983_PERIOD_US = 4545,            // at that rate
     HMC5983_SINGLE_CONVERSION_US = 6000, // data sheet: one measurement, average of one
     HMC5983_SINGLE_WAIT_US = 6200,       // the same for the slowest chip (clock tolerance 3 %), rounded up
-    HMC5983_SINGLE_FASTEST_US = 5800,    // and for the fastest chip, rounded down
+    HMC5983_SINGLE_FASTEST_US = 5800,    // time of the fastest chip, rounded down
     HMC5983_SINGLE_RATE_MAX_HZ = 152,    // of simultaneous triggers: chips/hmc5983_chip.c
 };
 

@@ -8,7 +8,7 @@
 #include "wire.h"
 
 enum {
-    PAD_SENSORS_FOUND = 4, // a pad as it is found: half the channels of a mux
+    PAD_SENSORS_FOUND = 4, // sensors of a pad that the board finds: half the channels of a mux
     PAD_SENSORS_MAX = WIRE_SENSORS_MAX,
     PADS_SENSORS_MAX = WIRE_PADS_MAX * PAD_SENSORS_FOUND, // of all pads together
 };

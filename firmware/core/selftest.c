@@ -8,7 +8,7 @@
 enum { STAGE_CONFIGURE, STAGE_TRIGGER, STAGE_READ };
 
 enum {
-    ROUNDS_DISCARDED = 1, // the chips convert it with the old gain
+    ROUNDS_DISCARDED = 1, // the chips convert this round with the old gain
     ROUNDS = ROUNDS_DISCARDED + 4,
     // A biased measurement is two acquisitions, one without and one with the strap (data sheet, self-test operation).
     ROUND_WAIT_US = 2 * HMC5983_SINGLE_CONVERSION_US + 500,

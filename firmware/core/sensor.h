@@ -17,12 +17,12 @@ enum { SENSOR_ANY_ADDRESS = 0, SENSOR_CHORE_INTERVAL_US = 125000 };
 
 enum sensor_film {
     FILM_UNDISTURBED,
-    FILM_DOUBTFUL, // a stronger field may read like this one
+    FILM_DOUBTFUL, // a field that a stronger one may imitate
     FILM_UPSET,
 };
 
 struct sensor {
-    uint8_t address; // where a chip asks for it, or SENSOR_ANY_ADDRESS
+    uint8_t address; // address for a chip that asks for it, or SENSOR_ANY_ADDRESS
     uint8_t state; // enum sensor_state
     uint8_t phase; // enum sensor_phase: what the next turn does
     uint8_t identification[3];
@@ -34,8 +34,8 @@ struct sensor {
     uint8_t unchanged;      // samples in a row with equal bytes while READY never cleared
     uint8_t doubts; // wrong identifications in a row
     bool has_sample;
-    bool fresh;            // no frame has the last sample yet
-    bool unsent;           // and it was not sent early
+    bool fresh;            // whether no frame has the last sample yet
+    bool unsent;           // whether the last sample was not sent early
     bool discard_next;     // the next sample was converted with the old gain
     bool awaiting;         // a trigger's conversion has not been read yet
     bool confirmed;        // whether that conversion has ended: READY was set
@@ -51,7 +51,7 @@ struct sensor {
     uint64_t triggered_us; // when the running conversion was triggered
     uint64_t settled_us; // conversions that end before this are not used
     uint32_t chore_us; // when the last chore was; for minutes the lower half of the clock suffices
-    uint32_t set_us; // and when the last SET pulse was
+    uint32_t set_us; // time of the last SET pulse
 };
 
 // Everything but the sensor that a turn needs. The mux channel to the sensor is already open.

@@ -114,7 +114,7 @@ static void convert(struct emulated_chip *chip)
     chip->conversions++;
     chip->last_conversion_ns = chip->next_conversion_ns;
     if (chip->bytes_read != 0 || chip->mode_was_read)
-        return; // locked: the old sample stays
+        return; // the outputs are locked: the old sample stays
     for (int i = 0; i < 3; i++) {
         int counts = measure_axis(chip, axis_order[i], gain_code);
         chip->data[2 * i] = (uint8_t)((unsigned)counts >> 8);

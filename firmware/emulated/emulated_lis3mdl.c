@@ -15,7 +15,7 @@ enum {
     OUTPUT = 0x28,
     OUTPUT_BYTES = 6,
     TEMPERATURE = 0x2E,
-    ADVANCE = 0x80, // of the sub-address (section 5.1.1)
+    ADVANCE = 0x80, // bit of the sub-address (section 5.1.1)
     TEMP_EN = 0x80,
     FAST_ODR = 0x02,
     SOFT_RST = 0x04,

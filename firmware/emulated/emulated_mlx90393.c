@@ -149,14 +149,14 @@ static void obey(struct emulated_mlx90393 *chip)
         chip->exits = true;
         chip->exits_ns = chip->common.now_ns + (chip->mode ? EXIT_NS : 0);
     } else if (command == READ_MEASUREMENT) {
-        refused = !chip->has_sample || axes != chip->axes; // each can be read only once
+        refused = !chip->has_sample || axes != chip->axes; // each sample can be read only once
         answer(chip, refused, refused ? nothing : chip->sample, 8);
         chip->has_sample = chip->has_sample && refused;
         return;
     } else if (command == READ_REGISTER) {
         uint16_t word = chip->words[chip->command[1] >> 2];
         const uint8_t bytes[2] = {(uint8_t)(word >> 8), (uint8_t)word};
-        answer(chip, chip->mode != 0, chip->mode ? nothing : bytes, 2); // not while the chip measures
+        answer(chip, chip->mode != 0, chip->mode ? nothing : bytes, 2); // no answer while the chip measures
         return;
     } else if (command == WRITE_REGISTER) {
         refused = chip->mode != 0;

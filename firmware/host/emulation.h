@@ -9,7 +9,7 @@
 struct emulation {
     struct bench bench;
     struct emulated_chip chips[SAMPLER_PADS_MAX][PAD_SENSORS_MAX];
-    uint8_t chip_count[SAMPLER_PADS_MAX]; // on the channels of each switch, from 0 on
+    uint8_t chip_count[SAMPLER_PADS_MAX]; // chips on the channels of each switch, from 0 on
     uint8_t switch_count;
     struct emulated_switch *switches[SAMPLER_PADS_MAX];
     struct pads pads; // data that a board keeps over a reset
@@ -33,7 +33,7 @@ void emulation_fill_switch(struct emulation *emulation);
 // Resets the MCU: the core and its clock start again from zero; the chips keep their registers.
 void emulation_reset(struct emulation *emulation);
 
-// The same through its reset pin: it searches its pads anew, and forgets how many sensors a host wanted in each.
+// Resets the board through its pin: it searches its pads anew, and forgets how many sensors a host wanted in each.
 void emulation_reset_by_pin(struct emulation *emulation);
 
 // Runs the board up to this virtual time.

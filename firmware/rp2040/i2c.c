@@ -87,7 +87,7 @@ static enum bus_result end(const struct i2c_port *port)
     }
     if (i2c->RAW_INTR_STAT & I2C_INTR_TX_ABRT)
         result = BUS_NO_ANSWER;
-    (void)i2c->CLR_TX_ABRT; // until then it discards all bytes
+    (void)i2c->CLR_TX_ABRT; // until this read the port discards all bytes
     return result;
 }
 

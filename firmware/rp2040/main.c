@@ -139,7 +139,7 @@ int main(void)
     start_board();
     device_init(&device, &board);
     for (;;) {
-        WATCHDOG->LOAD = WATCHDOG_LOAD; // the only place that feeds it
+        WATCHDOG->LOAD = WATCHDOG_LOAD; // the only place that feeds the watchdog
         host_link_receive(take_from_host);
         device_poll(&device);
     }

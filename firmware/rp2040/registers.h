@@ -29,7 +29,7 @@ struct clock_generator { // [2.15.7]
 #define CLK_USB AT(clock_generator, 0x40008054)
 #define CLK_REF_XOSC 2U
 #define CLK_SYS_REF 0U
-#define CLK_SYS_AUX 1U // of which 0 is the PLL
+#define CLK_SYS_AUX 1U // its source 0 is the PLL
 #define CLK_ENABLE (1U << 11) // CLK_PERI from CLK_SYS, CLK_USB from PLL_USB
 
 struct xosc { // [2.16.7]
@@ -125,7 +125,7 @@ struct i2c { // [4.3.17]
 #define I2C_INTR_STOP_DET (1U << 9)
 #define I2C_STATUS_TFNF (1U << 1)
 #define I2C_STATUS_RFNE (1U << 3)
-#define I2C_ABRT_NOACK 0x0FU // of an address, or of data
+#define I2C_ABRT_NOACK 0x0FU // no acknowledge of an address or of data
 
 struct ssi { // [4.10.13] between the processor and the flash
     uint32_t CTRLR0, CTRLR1, SSIENR, MWCR, SER, BAUDR, TXFTLR, RXFTLR, TXFLR, RXFLR, SR, unused_0[13], DR0;

@@ -26,7 +26,7 @@ struct usb_control {
 
 void usb_control_reset(struct usb_control *control);
 void usb_control_setup(struct usb_control *control);     // the host has sent a setup packet
-void usb_control_sent(struct usb_control *control);      // it has taken a packet
+void usb_control_sent(struct usb_control *control);      // the host has taken a packet
 void usb_control_received(struct usb_control *control);  // it has sent one
 
 // Lets the host take `count` bytes of an endpoint's memory, or fill it. DATA1 or DATA0.

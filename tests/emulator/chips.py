@@ -115,7 +115,7 @@ class Hmc5983(Magnetometer):
     def run(self) -> None:
         """Catch up with the clock: finish all conversions that were due."""
         while self.next_conversion_s is not None and self.next_conversion_s <= self.time_s() and not self.frozen:
-            if self.registers[0x02] & 2:  # idle; it was not written either, or it would have measured
+            if self.registers[0x02] & 2:  # idle; nothing was written either, or the chip would have measured
                 self.next_conversion_s = None
                 return
             ended_s = self.next_conversion_s

@@ -31,7 +31,7 @@ void rig_run_ms(double ms);
 
 // The next packet of this type since the last call; the test fails if there is none.
 const uint8_t *rig_next(enum wire_type type);
-// The same, but NULL if there is none.
+// Like the function above, but NULL if there is none.
 const uint8_t *rig_find(enum wire_type type);
 void rig_forget(void);
 int rig_count(enum wire_type type);

@@ -205,7 +205,7 @@ def test_one_more_finger_lowers_chi2_as_least_squares_says(sizes: tuple[int, ...
         a, s = left.T @ rest, (left * left).sum(axis=0)
         s = np.where(s > 0.0, s, 1.0)
         apart = (np.linalg.norm(fitter.places[:, None, :2] - true[None, :, :2], axis=2) >= 8.0).all(axis=1)
-        certain = s > 1e-6 * (t * t).sum(axis=0)  # of a place that the others explain only rounding remains
+        certain = s > 1e-6 * (t * t).sum(axis=0)  # rounding is all that remains of a place that the others explain
         near(another.gain[certain], np.where((a > 0.0) & apart, a * a / s, 0.0)[certain], 1e-5)
         near(another.force[certain], (a / s)[certain], 1e-5)
         near(another.by_force, moved, 1e-5)

@@ -20,10 +20,10 @@ from fmfts_lab.bench.slip_world import Drag
 Array = NDArray[np.float64]
 FRICTION, SD_SHARE = 0.6, 0.3  # an even distribution over the cone's disc
 SCALE = [1.0, 1.0, 0.1, 0.1, 0.1]
-FRAME_SD = np.array([0.015, 0.015, 0.0035, 0.0035, 0.0035])  # of one frame: mm, and components of the axis
+FRAME_SD = np.array([0.015, 0.015, 0.0035, 0.0035, 0.0035])  # deviations of one frame: mm, and components of the axis
 UNIT = np.array([1e3, 1e3, 1.0, 1.0, 1.0])
 STEP = 0.02
-EDGE_MM, LEAST_FORCE_N = 14.0, 0.01  # of the table; of the prior
+EDGE_MM, LEAST_FORCE_N = 14.0, 0.01  # edge of the table; smallest force of the prior
 NARROW = "a narrow ball reads 7 % too much force, as a narrow probe does (lab/results/shear.md)"
 PULLED = "a pull beyond the force tilts the magnet as a press 3 mm away would: force 31 %, shear 46 % too large"
 EDGED = "a rigid flat face presses most at its edge, like a wider disc: 23 % too little force, 3.8 of the deviations"

@@ -28,7 +28,7 @@ PRESSES = np.column_stack(
     [np.random.default_rng(45).uniform(-11.0, 11.0, (12, 2)), np.random.default_rng(46).uniform(0.4, 1.9, 12)]
 )
 SURE = np.diag([1e-7, 1e-7, 1e-7, 1e-5, 1e-5, 1e-5]) ** 2
-STEP = 0.02  # of a movement: small, so that an answer is linear in it
+STEP = 0.02  # step of a movement, so small that an answer is linear in it
 
 
 def model(pad: Pad, name: str = "default", **tolerance: Any) -> ContactModel:

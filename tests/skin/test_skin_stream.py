@@ -27,7 +27,7 @@ from unit.recorded_files import eflesh_fields_ut
 PERIOD_NS = 5_000_000
 LEARNING = 150  # packets, more than the half second in which the source learns the period
 LARGEST_UT = 13_100.0  # of eFlesh's recordings
-SIX_DIGITS = 1e-5  # how far a published figure is from what the board sent, relative
+SIX_DIGITS = 1e-5  # relative difference of a published figure from the board's
 PUBLISHED = [("eflesh_normal_1.csv", 3600), ("eflesh_normal_2.csv", 3600), ("eflesh_spatial_1.csv", 4805),
              ("eflesh_shear_1.csv", 7200)]  # fmt: skip
 
@@ -196,7 +196,7 @@ def test_probe_reports_step_and_range_of_the_board(line: Line) -> None:
 
 
 def test_chip_without_a_sample_costs_no_other_at_any_setting(line: Line) -> None:
-    settings = Settings(0, 3)  # its 0xFFFF becomes the largest field of all
+    settings = Settings(0, 3)  # 0xFFFF becomes the largest field of all settings
     fields = noisy_counts(settings, LEARNING) * np.array(steps_ut(settings))
     fields[:, 1] = np.nan
     with warnings.catch_warnings():
@@ -212,4 +212,4 @@ def test_frame_of_an_older_recording_keeps_its_field() -> None:
     yes = np.ones(5, np.bool_)
     frame = Frame(0, 1, 0, 0, 0, counts, np.zeros(5, np.uint16), yes, yes, 25.0, chip=ANYSKIN)
     assert frame.field_t[0] * 1e6 == pytest.approx([161.0, -1.127, 5880.0])
-    assert ANYSKIN.gain_code_for_range(52.0) == 0  # a configuration that names it
+    assert ANYSKIN.gain_code_for_range(52.0) == 0  # the gain code of a configuration that names it

@@ -71,7 +71,7 @@ class Bus:
             socket.setsockopt(zmq.RCVHWM, 0)
         self._ours.bind(f"inproc://{id(self)}")
         self._theirs.connect(f"inproc://{id(self)}")
-        self._theirs.subscribe(TOPIC)  # and topics that begin with it
+        self._theirs.subscribe(TOPIC)  # subscribes to topics that begin with it, too
         self._heard: dict[bytes, list[bytes]] = {}
         send = send_function()
         assert send is not None
@@ -96,7 +96,7 @@ class Host:
     """A pad whose bytes go to the loop when possible, and otherwise through frames, as in the daemon."""
 
     LINE = 3
-    overdue_ns = 1 << 62  # its frames' times are not this computer's
+    overdue_ns = 1 << 62  # the frames' times are not this computer's
 
     def __init__(
         self, config: PadConfig, baseline: Baseline, bus: Bus, may_express: bool = True, line: int = LINE

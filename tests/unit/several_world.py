@@ -137,6 +137,6 @@ def masked(random: np.random.Generator, measured: Measured, trial: int) -> Measu
     elif trial % 3 == 2:
         used = random.uniform(size=len(used)) < 0.6
     variance = measured.variance_t2 * random.uniform(0.5, 2.0, len(used))
-    root = 3e-7 * random.standard_normal((len(used), 6))  # of neighbouring pads, in every other trial
+    root = 3e-7 * random.standard_normal((len(used), 6))  # field of neighbouring pads, in every other trial
     foreign = root @ root.T if trial % 2 else None
     return Measured(np.where(used, measured.field_t, np.nan), np.where(used, variance, np.nan), used, foreign)

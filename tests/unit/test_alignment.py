@@ -157,7 +157,7 @@ def test_gap_at_the_end_of_a_tap_widens_deviations() -> None:
         for step in steps:
             time_us = step * PERIOD_US + phase_us + np.array([0, 1200, 2500, 4000])
             if step == 9:
-                continue  # for every chip at once: its own conversion between the frames
+                continue  # a conversion of every chip between the frames
             aligned = alignment.push(_rows(*tap(time_us)), time_us, FRESH)
             if step == 10:
                 error = np.abs(aligned.field_t - tap(aligned.time_us))

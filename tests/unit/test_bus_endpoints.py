@@ -41,7 +41,7 @@ def test_second_daemon_on_an_endpoint_is_refused_by_name(publisher: Publisher, e
         Publisher(endpoints, "two")
     assert serving_pid(endpoints.bus) == os.getpid()
     with Client("demo", endpoints) as client:
-        connect(publisher, client)  # and the first one still serves
+        connect(publisher, client)  # the first daemon still serves
 
 
 def test_second_daemon_on_a_tcp_port_is_refused_too() -> None:

@@ -254,7 +254,7 @@ def test_press_without_field_change_is_refused(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("fmfts_collect.hand.PATIENCE_S", 0.6)
     watch = Watch(Cell(), Resting(), Limits(None, 1.0))
     hand, press = Hand(watch, 0.05, lambda _: None, gauge=True), Press(1, 2e-3, -4e-3, 1.0)
-    hand.stand_over(press)  # although its zero is not known yet
+    hand.stand_over(press)  # the press begins although the zero is not known yet
     watch.tare_n = 0.15
     with pytest.raises(StoppedError, match=r"1\.00 N was not measured for 0\.6 s: it reads 0\.050 N"):
         hand.press(press)

@@ -120,7 +120,7 @@ def mutated(kind: str, right: str, wrong: str) -> Chip:
     """The chip of a file in which `wrong` replaces `right`."""
     path = FOLDER / f"{kind}.py"
     source = path.read_text(encoding="utf-8")
-    if "chips.memsic import" in source:  # its registers have a file of their own
+    if "chips.memsic import" in source:  # this chip's registers have a file of their own
         lines = (line for line in source.splitlines() if "chips.memsic import" not in line and "__future__" not in line)
         source = (FOLDER / "memsic.py").read_text(encoding="utf-8") + "\n".join(lines)
     assert right in source, f"the mutation of {kind} mutates nothing: {right}"
@@ -183,7 +183,7 @@ def reset_is_noticed(clock: Clock, kind: str) -> None:
     samples = run(pad, clock, 1.5, 100)
     assert samples[-1].valid == 1
     assert all(np.abs(sample.counts[0] - good).max() <= 1 for sample in samples if sample.valid)
-    if kind in ("qmc5883l", "qmc5883p", "lis3mdl"):  # a bit of its range falls over
+    if kind in ("qmc5883l", "qmc5883p", "lis3mdl"):  # a bit of the range is flipped
         register, bit = {"qmc5883l": (0x09, 0x10), "qmc5883p": (0x0B, 0x04), "lis3mdl": (0x21, 0x20)}[kind]
         one.registers[register] ^= bit
         run(pad, clock, 1.0, 100)

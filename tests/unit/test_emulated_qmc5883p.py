@@ -102,7 +102,7 @@ def test_overflow_begins_at_30000_counts_and_saturates(clock: Clock, gauss: floa
 def test_axes_are_turned_until_the_signs_are_defined(clock: Clock) -> None:
     chip = made(clock)
     right = [11250, -22500, 4500]
-    chip.write(bytes((CONTROL_2, 0x80)))  # a soft reset forgets them
+    chip.write(bytes((CONTROL_2, 0x80)))  # a soft reset forgets the signs
     for signs, is_right in ((0x05, False), (0x06, True)):
         chip.write(bytes((SIGNS, signs)))
         chip.write(bytes((CONTROL_2, 3 << 2)))

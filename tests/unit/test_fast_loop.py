@@ -75,7 +75,7 @@ def told(config: PadConfig, baseline: Baseline, reads: Iterable[Read], bus: Bus,
     host = Host(config, baseline, bus, may_express)
     for number, (data, arrival_ns) in enumerate(reads):
         host.take(data, arrival_ns)
-        if number % 250 == 249 and host.lent is not None:  # the client that asks for a status
+        if number % 250 == 249 and host.lent is not None:  # a client asks for the status here
             host.link._decoder._pending = host.end()
             host.begin()
     if host.lent is not None:
@@ -145,7 +145,7 @@ def test_packet_other_than_the_next_frame_changes_nothing(bus: Bus) -> None:
         (encode(msgspec.structs.replace(sample, counts=sample.counts[:3], age_us=sample.age_us[:3])), arrival_ns),
         (data[:10] + data[11:], arrival_ns),
         (b"\0", arrival_ns),
-        (data, arrival_ns - 30_000_000),  # early: it must be requested so
+        (data, arrival_ns - 30_000_000),  # an early packet, which must be requested
     ]
     line = bytes(host.clock.line)
     for other, at_ns in unusable:

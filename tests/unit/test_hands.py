@@ -95,6 +95,6 @@ def test_robot_goes_on_turning_from_where_it_stood(kind: str) -> None:
     source.finger = no_finger
     turning = frames(source, 0.5)
     moved_t = np.abs(np.diff([each.field_t for each in (stood, *turning)], axis=0)).max(axis=(1, 2))
-    step_t = 0.3 / 220 * 60e-6  # in a frame, of the Earth's field: sixty microtesla at the most
+    step_t = 0.3 / 220 * 60e-6  # change in a frame of the Earth's field, which has at most sixty microtesla
     assert moved_t.max() < step_t + COUNT_T
     assert np.abs(turning[-1].field_t - stood.field_t).max() > 20 * step_t, "it does turn"

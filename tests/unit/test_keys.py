@@ -124,7 +124,7 @@ def test_request_ends_though_its_key_was_refused_before_it_was_sent(
         until_s = time.monotonic() + HANDSHAKE_S
         while not service.gate.refused and time.monotonic() < until_s:
             time.sleep(0.01)
-        time.sleep(1.0)  # until it learns of that, and has given up
+        time.sleep(1.0)  # until the client has learned of that, and has given up
         return bytes(packed(message))
 
     monkeypatch.setattr("fmfts_client.control.msgpack.packb", when_refused)

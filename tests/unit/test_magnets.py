@@ -110,7 +110,7 @@ def test_baseline_under_load_names_the_magnet_that_moved_most() -> None:
     loaded = one.gain * field_of(one.magnets.changed(change.ravel(), one.frames), one.sensors)
     ambient = one.gain * one.sensors.to_sensor(np.tile(one.ambient_t + 3e-6, (8, 1)))
     moved, around = moved_since(one.mounting, recording(loaded + ambient))
-    assert np.abs(moved - [0.0, 0.0, -4e-4]).max() < 5e-5  # an eighth of it: gains of half a percent, and noise
+    assert np.abs(moved - [0.0, 0.0, -4e-4]).max() < 5e-5  # an eighth of the change: gains of half a percent, and noise
     assert np.abs(around - 3e-6).max() < 1e-6  # gains of half a percent of what the press changes, 200 µT
     still, around = moved_since(one.mounting, recording(one.gain * field_of(one.magnets, one.sensors) + ambient))
     assert np.abs(around - 3e-6).max() < 2e-7  # noise, and gains and turns of a percent

@@ -98,7 +98,7 @@ def test_pin_of_the_lid_keeps_the_magnets_place_free(tmp_path: Path) -> None:
     pin = corners[(np.hypot(corners[:, 0], corners[:, 1]) < 3.0) & (corners[:, 2] < PAD_MM[2])]
     diameter_mm, length_mm = pad.magnet.diameter_mm, pad.magnet.length_mm
     assert np.hypot(pin[:, 0], pin[:, 1]).max() == pytest.approx(diameter_mm / 2 + CLEARANCE_MM, abs=1e-3)
-    assert pin[:, 2].min() == pytest.approx(PAD_MM[2] / 2 - length_mm / 2, abs=1e-4)  # its centre is the pad's
+    assert pin[:, 2].min() == pytest.approx(PAD_MM[2] / 2 - length_mm / 2, abs=1e-4)  # the magnet's centre is the pad's
 
 
 def test_lid_cannot_slide_on_the_tray(tmp_path: Path) -> None:

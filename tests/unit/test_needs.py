@@ -94,7 +94,7 @@ def test_bench_top_pad_needs_six_unknowns_and_turning_arm_eight(response: Respon
 def test_larger_magnet_at_half_the_distance_needs_cylinder_term(response: Response, scene: SceneConfig) -> None:
     found = best(pad(magnet=LARGE, scene=scene), response)
     assert found.model.cylinder
-    assert pad(magnet=LARGE).pad().magnet.as_cylinder  # so the daemon has it, too
+    assert pad(magnet=LARGE).pad().magnet.as_cylinder  # so the daemon uses the cylinder, too
 
 
 def test_octupole_is_recommended_only_where_it_matters(response: Response) -> None:

@@ -102,7 +102,7 @@ def test_reduced_covariance_has_no_negative_variance(pad: Pad, tracking: Trackin
         assert np.linalg.eigvalsh(left / scale / scale[:, None]).min() > 0.0
         assert (np.diagonal(counted) > 0.0).all()
         considered = tracking.parts[LOG_MOMENT] == Part.CONSIDERED
-        if considered:  # its part stays, although the lasting errors are almost all of the rest
+        if considered:  # the considered part stays, although lasting errors are almost all of the rest
             of_moment = estimate.covariance[:5, LOG_MOMENT] ** 2 / estimate.covariance[LOG_MOMENT, LOG_MOMENT]
             assert (np.diagonal(left) > of_moment).all()
 

@@ -17,7 +17,7 @@ from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c
 
 __all__ = ["clock"]
 FIELD_GAUSS = (0.75, -1.5, 0.3)
-COUNTS_PER_GAUSS = 2281  # at ±12 G (table 3)
+COUNTS_PER_GAUSS = 2281  # counts of a gauss at ±12 G (table 3)
 
 
 def measured(clock: Clock, *chips: Lis3mdl, trigger: int = 0) -> Selftest:

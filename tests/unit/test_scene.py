@@ -153,7 +153,7 @@ def test_layout_that_cannot_determine_pose_is_warned_about() -> None:
     assert "cannot tell tilt 2, y, ambient y" in observability_warnings(line, drifting)[0]
     crowded = observability_warnings(laid_out((5, 5, 0), (5, 6, 0), (6, 5, 0)), constant)
     assert [text.partition(" of a")[0] for text in crowded] == ["the x", "the y"]
-    assert "is known to 0.071 mm only" in crowded[0]  # as solve() has it: 70.8 µm
+    assert "is known to 0.071 mm only" in crowded[0]  # as solve() computes: 70.8 µm
     nine = replace(drifting, parts=parts_of(free=np.arange(9)))
     assert "moment" in observability_warnings(laid_out((8, 8, 0), (8, -8, 0), (-8, 8, 0), (-8, -8, 0)), nine)[0]
 

@@ -79,7 +79,7 @@ def test_zero_beyond_its_limit_fails_alone(clock: Clock, axis: int) -> None:
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_axis_that_does_not_measure_the_coil_is_dead(clock: Clock, axis: int) -> None:
-    coil = [0.08, -0.175, 0.08]  # its sign does not matter
+    coil = [0.08, -0.175, 0.08]  # the coil's sign does not matter
     coil[axis] = 0.002
     result = measured(clock, chip(clock, coil_gauss=tuple(coil)), chip(clock, coil_gauss=(0.08, 0.175, -0.08)))
     assert [sensor.state for sensor in result.sensors] == [SensorState.SELFTEST_FAILED, SensorState.OK]

@@ -204,4 +204,4 @@ def test_probe_and_state_name_each_sensors_mux() -> None:
     pad = HelloPad(1, 0x77, tuple(HelloSensor(channel_byte(0x77, *way), 0, b"H43") for way in ways))
     assert [pad.way_to(sensor) for sensor in range(3)] == ways
     assert pad.muxes == [0x70, 0x71, 0x77]
-    assert pad.sensors[0].channel == 3  # as of a pad with one mux
+    assert pad.sensors[0].channel == 3  # like the channel of a pad with one mux

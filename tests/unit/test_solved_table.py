@@ -55,7 +55,7 @@ def test_table_is_valid_to_the_rim_and_for_double_friction() -> None:
     assert len(rows) == 60
     error = errors(standard_mechanics(), rows)
     assert np.abs(error[:, :3]).max() < 0.6e-6  # a frame knows the height to 3.5 µm
-    assert np.abs(error[:, 3:]).max() < 0.2e-3  # and the tilt to 3.5 mrad
+    assert np.abs(error[:, 3:]).max() < 0.2e-3  # a frame knows the tilt to 3.5 mrad
 
 
 def test_shear_moves_the_magnet_as_the_table_says() -> None:

@@ -187,7 +187,7 @@ def test_only_statuses_are_asked_of_a_daemon(tmp_path: Path) -> None:
     assert bus.poll(5000)
     assert bus.recv() == b"\x01status/"
     assert not bus.poll(300)
-    bus.send_multipart([b"status/left", msgpack.packb({"v": 1, "pad": "left"})])  # and no message that is not a status
+    bus.send_multipart([b"status/left", msgpack.packb({"v": 1, "pad": "left"})])  # a message that is not a status
     time.sleep(0.1)
     robot.look(0.1)
     assert robot.facts(0.1)["pads"] == 0

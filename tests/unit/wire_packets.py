@@ -56,7 +56,7 @@ u8, u16, u32, u48 = (unsigned(bits) for bits in (8, 16, 32, 48))
 hello_sensors = st.builds(HelloSensor, u8, u8, st.binary(min_size=3, max_size=3))
 hello_pads = st.builds(
     HelloPad, u8, u8, tuples_of(hello_sensors, 14)
-)  # 16, but three such pads are more than a packet holds
+)  # at most 16, but a packet does not hold three such pads
 hellos = st.builds(
     Hello, st.tuples(u8, u8, u8), u8, u8, st.binary(min_size=12, max_size=12), u16, unsigned(3), unsigned(1),
     unsigned(1), tuples_of(hello_pads, 3), unsigned(1),

@@ -115,7 +115,7 @@ class Samples:
                 left_out += contact.seq - last.seq - 1  # numbered, and never here
                 if contact.t_sample_ns == last.t_sample_ns:
                     last = contact
-                    continue  # the daemon repeats it while the pad is silent
+                    continue  # the daemon repeats this message while the pad is silent
             samples.append(contact)
             last = contact
             if is_usable(contact):

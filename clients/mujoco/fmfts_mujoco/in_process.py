@@ -50,7 +50,7 @@ class Pads:
         self._pipelines: dict[str, PadPipeline] = {}
         for pad in configs:
             pipeline = pipeline_of(pad, contact_model_of(pad), "mujoco")
-            assert isinstance(pipeline, PadPipeline)  # of one magnet, as `Scene` demands
+            assert isinstance(pipeline, PadPipeline)  # a pad with one magnet, as `Scene` demands
             pipeline.use(self.baselines[pad.name])
             self._pipelines[pad.name] = pipeline
         for pad in configs:

@@ -45,7 +45,7 @@ def test_several_at_once_are_each_of_them(environment: gymnasium.Env) -> None:
 def test_samples_fill_the_window_and_grow_no_older(environment: gymnasium.Env) -> None:
     observed, _ = environment.reset(seed=1)
     assert observed["touch"].shape == (2, SAMPLES, len(COLUMNS))
-    assert 3 <= observed["samples"][0].sum() <= 5  # 20 ms at 220 Hz
+    assert 3 <= observed["samples"][0].sum() <= 5  # samples of 20 ms at 220 Hz
     np.testing.assert_array_equal(observed["touch"][observed["samples"] == 0], 0.0)
     for _ in range(5):
         observed, *_ = environment.step(np.zeros(2))

@@ -67,7 +67,7 @@ def test_turned_pad_reports_in_its_own_axes() -> None:
 def test_box_geom_is_a_pad_too() -> None:
     model = world((4e-3, -3e-3))
     step = read(model, settled(model), "left_silicone")
-    np.testing.assert_allclose(step.origin_m[0], 0.0, atol=1e-12)  # 14 mm below its top, as of the site
+    np.testing.assert_allclose(step.origin_m[0], 0.0, atol=1e-12)  # 14 mm below its top, like the site
     assert Presses.of([step]).load[:, 2].sum() == pytest.approx(WEIGHT_N, rel=1e-3)
 
 

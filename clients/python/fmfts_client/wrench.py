@@ -65,7 +65,7 @@ def wrench_of(contact: Any, height_m: float, unknown_shear_n: float = NAN, unkno
     none.
     """
     normal_n, normal_sd_n = _or(contact.force_n, NAN), _or(contact.force_sd_n, NAN)
-    if contact.contact is False:  # noise, below what a touch would cause
+    if contact.contact is False:  # noise, weaker than any touch
         return Wrench((0.0, 0.0, -normal_n), (0.0, 0.0, normal_sd_n), None, (0.0, 0.0))
     return Wrench(
         (_or(contact.shear_x_n, unknown_shear_n), _or(contact.shear_y_n, unknown_shear_n), -normal_n),

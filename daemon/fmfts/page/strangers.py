@@ -22,7 +22,7 @@ Address = tuple[Any, ...]  # address of the other end: unique while the connecti
 @dataclass
 class Stranger:
     connection: socket.socket
-    transport: asyncio.Transport | None = None  # None until TLS, where it is used, is agreed on
+    transport: asyncio.Transport | None = None  # None until the TLS handshake is done, if TLS is used
 
     @property
     def is_closed(self) -> bool:

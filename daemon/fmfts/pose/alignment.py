@@ -66,7 +66,7 @@ class Alignment:
             np.full((3, count, 3), np.nan), np.zeros((3, count), dtype=np.int64), np.zeros((count, 3), dtype=np.int64)
         )
         self._period_us = period_us
-        self._newest_us = self._leap_us = 0  # of the newest sample, on its clock; how far the board's has leapt since
+        self._newest_us = self._leap_us = 0  # time of the newest sample, on its clock; leap of the board's clock since
 
     def push(
         self,

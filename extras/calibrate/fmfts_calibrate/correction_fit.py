@@ -22,7 +22,7 @@ from fmfts_calibrate.labelled_poses import Say
 from fmfts_calibrate.press_set import PressSet, Rows
 
 FOLDS = 5
-ITERATIONS, SETTLED, LONGEST_STEP = 8, 0.02, 1.0  # in deviations of the parameters
+ITERATIONS, SETTLED, LONGEST_STEP = 8, 0.02, 1.0  # lengths of steps in deviations of the parameters
 WEIGHED = 2  # iterations after which C is constant
 # A larger correction must lower the mean square of left-out presses by this share, or by the differences between the
 # folds.

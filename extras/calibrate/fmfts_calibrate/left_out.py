@@ -15,7 +15,7 @@ from fmfts_calibrate.samples import Samples
 
 # The response's error at a place is estimated from so many presses around it: enough for a deviation to 15 %.
 NEIGHBOURS = 24
-LEAST_FORCE_N = 0.01  # of the prior of shear
+LEAST_FORCE_N = 0.01  # smallest force of the prior of shear
 
 
 @dataclass(frozen=True, slots=True)

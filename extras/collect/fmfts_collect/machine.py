@@ -51,7 +51,7 @@ class Machine:
         self._clock = clock
         self._dialect: Dialect = DIALECTS[config.dialect]
         self._answers_due = 0
-        self._standing: bool | None = False  # None: it has not reported yet
+        self._standing: bool | None = False  # None: the machine has not reported yet
         self._started = False
         self._position_lost = False  # the controller was reset: its coordinates are different now
         self._under_way: _UnderWay | None = None

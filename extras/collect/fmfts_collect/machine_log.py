@@ -21,7 +21,7 @@ STEADY_FORCE_N = 0.01
 STEADY_PLACE_MM = 0.01
 NOISE_DEVIATIONS = 4.0  # the noise of a mean may be this many deviations: an hour has 36,000 means
 EDGE_S = 0.1  # this much is left out at both ends of a plateau, because the lag may be wrong by as much
-MOST_ROWS = 4_000_000  # an hour at 1 kHz
+MOST_ROWS = 4_000_000  # rows of an hour at 1 kHz
 LONGEST_GAP = 3.0  # a longer gap, in rows or means, ends a plateau: nobody knows what happened in it
 
 

@@ -89,7 +89,7 @@ def read_plan(name: str) -> Plan:
         path = PRESETS / f"{name}.toml"
     try:
         content = read_regular(path, LARGEST_BYTES + 1)
-    except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
+    except (OSError, ValueError) as error:  # ValueError: the name holds a zero byte
         presets = ", ".join(sorted(preset.stem for preset in PRESETS.glob("*.toml")))
         why = error.strerror if isinstance(error, OSError) else error
         raise PlanError(f"{name}: {why}; the presets are {presets}") from error

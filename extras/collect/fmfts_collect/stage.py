@@ -15,7 +15,7 @@ from fmfts_collect.watch import Watch
 
 TOUCH_N = 0.03  # a gauge of ±5 mN never reads more by chance
 NEAR_MM = 0.3  # the steps begin this far above the surface that the last press found
-TILT = 0.05  # and higher by this for each mm of distance from the last press, because pads are tilted
+TILT = 0.05  # they begin higher by this for each mm from the last press, because pads are tilted
 READINGS = 3  # the force after a step is the mean of this many readings
 PATIENCE_S = 1.0
 ATTEMPTS = 3  # at one row

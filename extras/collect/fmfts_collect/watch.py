@@ -18,7 +18,7 @@ from fmfts_collect.settings import LONGEST_SILENCE_MS
 TURN_S = 0.001
 KEPT_S = 30.0
 LISTEN_S = 1.0  # shortest time to measure a gauge's rate
-LEAST_READINGS = 2  # within the time that counts as silence, because one may be lost
+LEAST_READINGS = 2  # fewest readings within the time of a silence, because one may be lost
 FIRST_S = 3.0  # a board reports within a second after it is opened
 # If this process did not run for this long, old data may wait unread, so silence is not judged in that turn.
 SLEPT_S = 0.02
@@ -38,7 +38,7 @@ class Watch:
 
     def __init__(self, feed: Feed, gauge: Gauge | None, limits: Limits, clock: Clock | None = None) -> None:
         self.frames: deque[Frame] = deque()
-        self.readings: deque[Reading] = deque()  # as the gauge gives them, without tare_n subtracted
+        self.readings: deque[Reading] = deque()  # readings of the gauge, without subtracting tare_n
         self.tare_n = 0.0
         self.on_guard = False
         self.heartbeat: Callable[[], None] = lambda: None  # called at each turn

@@ -32,8 +32,8 @@ from fmfts_collect.watch import Limits, Watch
 FRAMES_A_ROW = 64  # `average` refuses fewer
 # These pads were not turned: a row has the measured force, and a baseline that fits poorly is recorded again.
 FORCE_TOLERANCE = 0.05  # largest error of a reached force, relative to the plan's
-MOVED_LIMIT_M = 5e-5  # for the unloaded magnet, counted from its place in the baseline
-AMBIENT_LIMIT_T = 2e-6  # for the unloaded pad's field, counted from the baseline's
+MOVED_LIMIT_M = 5e-5  # limit for the unloaded magnet, counted from its place in the baseline
+AMBIENT_LIMIT_T = 2e-6  # limit for the unloaded pad's field, counted from the baseline's
 
 
 def collect(

@@ -46,7 +46,7 @@ class FleetConnection:
             match asked:
                 case Ping(sent_ms=sent_ms):
                     self._answer = {"pong": sent_ms, "now_ns": None}
-                case Watch():  # which pad, in a robot's own view
+                case Watch():  # names the pad in a robot's own view
                     return
                 case _:
                     self._answer = {"id": asked.id, "error": "this page only shows: open the robot's own view for it"}

@@ -96,7 +96,7 @@ class WatchedRobot:
                 if message is None:
                     return
                 status = Status.from_message(message.body)
-            except MessageError as error:  # from another version, or not a status
+            except MessageError as error:  # a message of another version, or not a status
                 self._refusal = str(error)
                 continue
             if status.boot != self._boot:

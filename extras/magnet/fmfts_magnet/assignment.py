@@ -10,9 +10,9 @@ from fmfts_magnet.readings import Array
 from fmfts_magnet.symmetry import TURNS
 
 SCALES = (1.0, 0.5, 2.0)
-LIKE_A_SCALE = 0.2  # in the logarithm: nearer to one of SCALES, that one is tried
+LIKE_A_SCALE = 0.2  # distance of logarithms below which the nearest of SCALES is tried
 ROUGH = 0.08  # relative error of a reading while magnets are guessed
-WORTH_A_FAULT = 15.0  # so much less χ² before a channel is said to differ from the drawing, while guessing
+WORTH_A_FAULT = 15.0  # decrease of χ² that shows a difference of a channel from the drawing, while guessing
 
 
 def assigned(fitter: Fitter, used: NDArray[np.bool_], magnets: Magnets) -> tuple[Explanations, Magnets]:

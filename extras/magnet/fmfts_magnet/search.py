@@ -26,7 +26,7 @@ ALL_PERMUTATIONS = 4  # of so many channels
 KEPT = 12
 ROUGH_ROUNDS, REFINED = 1, 48  # rounds of the first fits, and how many of them are fitted to the end
 AGAIN = 2
-HOPELESS = 100.0  # a larger difference than that of any two prior probabilities
+HOPELESS = 100.0  # exceeds the difference of any two prior probabilities
 Key = tuple[object, ...]
 
 

@@ -20,7 +20,7 @@ struct chip_wires {
 struct chip_setup {
     uint8_t gain_code;
     uint8_t speed; // of the chip's `speeds`
-    bool streams;  // by the chip's own clock; otherwise each measurement is triggered
+    bool streams;  // whether it measures by its own clock; otherwise each measurement is triggered
 };
 
 // Rates of a stream, slowest first. Of a chip that is `paced`: how often the board reads one.
@@ -35,7 +35,7 @@ struct chip_trigger {
     uint8_t count;    // of these bytes
     uint16_t conversion_us;
     uint16_t wait_us;    // the same for the slowest chip, rounded up
-    uint16_t fastest_us; // and for the fastest chip, rounded down. 0: a sample must be read before the next trigger
+    uint16_t fastest_us; // for the fastest chip, rounded down. 0: a sample must be read before the next trigger
     uint16_t rate_max_hz;
 };
 
@@ -59,14 +59,14 @@ struct chip {
     bool fills_period; // in a stream the measurements follow each other without a pause
     bool asked_by_writing; // `identify` sends commands that other chips may take for a register write
     uint16_t strong_counts; // a field of this norm may upset the film of a chip with `set`
-    uint16_t doubtful_counts; // and a stronger one may read as this value; a SET follows when the field has gone
+    uint16_t doubtful_counts; // a stronger field may read as this value; a SET follows when the field has gone
     uint16_t reset_us; // what `reset` takes
     const struct chip_speed *speeds;
-    const struct chip_trigger *trigger; // NULL: it measures only at its own times
+    const struct chip_trigger *trigger; // NULL: the chip measures only at its own times
     const struct memsic *memsic; // for `chip_wires`
     enum bus_result (*identify)(const struct chip_wires *wires, uint8_t identification[3]);
     bool (*is_identification)(const uint8_t identification[3]);
-    enum bus_result (*reset)(const struct chip_wires *wires); // called before `set_up`; NULL: it needs none
+    enum bus_result (*reset)(const struct chip_wires *wires); // called before `set_up`; NULL: the chip needs no call
     enum bus_result (*set_up)(const struct chip_wires *wires, const struct chip_setup *setup);
     enum bus_result (*check)(const struct chip_wires *wires, const struct chip_setup *setup, bool *held);
     // A SET pulse, which `set_up` gives as well. A measurement must begin CHIP_SET_PAUSE_US later. NULL: it has none.

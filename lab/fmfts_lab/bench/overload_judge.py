@@ -14,8 +14,8 @@ from fmfts_lab.bench.overload_rig import Written
 
 STALE_NS = 100_000_000  # an `ok` message must never describe an older frame
 FALSE_NS = 10_000_000  # `t_sample_ns` is wrong if it differs this much from the frame's own time
-CALM_NS = 20_000_000  # the daemon has recovered when every pad's frames are this new …
-PAUSE_NS = 50_000_000  # … and no pause is this long
+CALM_NS = 20_000_000  # the daemon has recovered when every pad's frames are this new
+PAUSE_NS = 50_000_000  # and no pause is longer than this
 
 Heard = tuple[bytes, int, bytes]  # topic, arrival, payload
 

@@ -51,7 +51,7 @@ static void check_settings(void)
     require(emulation.bench.contentions == 0, "no two chips are read at once");
 }
 
-// Four bits for each pad: how many sensors it should have, 0 for four. More than four are a whole mux's.
+// Four bits for each pad: how many sensors it should have, 0 for four. More than four sensors take a whole mux.
 static bool pads_can_be(unsigned wanted)
 {
     const struct pads *pads = &emulation.pads;

@@ -131,7 +131,7 @@ class FmftsNode(Node):
             return
         contact = Contact.from_message(message.body, message.clock_ahead_s)
         if contact.boot not in self._boots:
-            self._boots = frozenset({contact.boot})  # for one daemon: its places are read again after this time
+            self._boots = frozenset({contact.boot})  # the places of one daemon are read again after this time
         pad.height_m = self._heights_m.get(message.pad, pad.height_m)
         pad.take(contact)
 

@@ -115,7 +115,7 @@ class Bundle:
         self._at = vector.copy()
 
 
-AXIS_VALUES = slice(3, 6)  # in a state's vector; a step has two columns for the axis
+AXIS_VALUES = slice(3, 6)  # places of the axis in a state's vector; a step has two columns for it
 
 
 def weighted(field_t: Array, deviation_t: Array, predicted: Array) -> tuple[Array, Array]:

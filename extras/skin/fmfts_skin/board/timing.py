@@ -13,12 +13,12 @@ from fmfts.sensor.wire.clock import DeviceClock
 
 LEARNING_NS = 500_000_000  # time over which the period is measured, and accepted if both halves agree
 LONGEST_LEARNING_NS = 3_000_000_000
-CHECK_NS = 1_000_000_000  # time over which it is measured again
+CHECK_NS = 1_000_000_000  # time over which the period is measured again
 PERIOD_TOLERANCE = 0.02
 LATE_PACKETS = 8
 LATE_NS = 100_000_000  # if all are later than this for this long, the clock begins anew, however long they waited here
 LATE_PERIODS = 0.6
-PAUSE_NS = 1_000_000_000  # after a longer silence it begins anew: lost packets are only as certain as the period
+PAUSE_NS = 1_000_000_000  # after a longer silence the clock begins anew, because nobody can count the lost packets
 
 
 class StreamClock:
