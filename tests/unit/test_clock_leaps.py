@@ -18,13 +18,13 @@ from test_pipeline import pipeline_of
 from test_time_gate import PERIOD_NS, PERIOD_US, line_after, of
 
 from examples import examples
-from fmfts_skin.last_frame import LastFrame
 from fmfts.pose.alignment import Alignment
 from fmfts.runtime.statistics import PadStatistics
 from fmfts.sensor import Frame
 from fmfts.sensor.frame import AGE_UNKNOWN_US
 from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.packets import Early
+from fmfts_skin.last_frame import LastFrame
 
 RATE_HZ = 220
 SOON = 66  # frames: 300 ms
