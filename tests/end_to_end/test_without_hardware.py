@@ -106,7 +106,7 @@ def test_host_build_takes_every_command_of_the_page(tmp_path: Path) -> None:
                 board.tell(command)
 
 
-def test_fields_of_page_give_baseline_and_its_stuck_sensor_is_named(tmp_path: Path) -> None:
+def test_baseline_of_the_pages_fields_and_stuck_sensor_are_reported(tmp_path: Path) -> None:
     environment = os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}", "XDG_STATE_HOME": str(tmp_path / "state")}
     surroundings, resting, stuck = TYPED[:3]
     with FirmwareHost(tmp_path) as board:

@@ -71,7 +71,7 @@ class Slowed:
         )
 
     def ended(self, *verb: str | Path) -> tuple[int, str]:
-        """Its code, and what it said."""
+        """The exit code and the output."""
         with self.begun(*verb) as process:
             try:
                 said, _ = process.communicate(timeout=PATIENCE_S)

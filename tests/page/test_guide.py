@@ -78,8 +78,8 @@ def test_guided_first_use_of_a_simulated_pad_reports_each_step(browser: Browser,
         for card in (4, 5):
             place, force, measured = brought(page, card)
             assert measured < 1.0
-            # The measured part of them is small beside the pad's silicone and its magnet's place: they stay the same
-            # but for the last of two digits.
+            # Steps 4 and 5 measure only a small part of the deviations, beside silicone and the magnet's place. So at
+            # most the last of two digits changes.
             assert place < 1.1
             assert force < 1.1
         told = run_card(page, 6, "done")

@@ -228,7 +228,7 @@ def test_target_that_cannot_be_written_is_refused_before_anything_is_solved(
         assert "solving" not in said
 
 
-def test_slight_shear_of_a_real_gauge_is_none(tmp_path: Path) -> None:
+def test_slight_shear_of_a_real_gauge_is_ignored(tmp_path: Path) -> None:
     """2 mN in each row, on forces from 283 mN; a sheared press remains one."""
     path = written(tmp_path, lambda rows: [row | {"shear_x_n": "0.002", "shear_y_n": "-0.002"} for row in rows])
     assert not read_calibration_set(path).press[:, 3:].any()

@@ -82,7 +82,7 @@ def test_friction_unknown_to_a_model_is_recorded_with_it(pad: Pad, tmp_path: Pat
     assert facts.outputs == ("x_mm", "y_mm", "force_n")
     assert facts.friction_error is not None
     centre = np.array(facts.friction_error.x_mm)[-2:, 0]
-    # By how much depends on the pad; on this one, some tenths of a millimetre for a newton.
+    # The error depends on the pad: here, some tenths of a millimetre for a newton.
     assert (centre > 0.2).all()
     knowing, ignoring = (ContactModel.load(str(path), pad, friction=friction) for friction in (0.0, 0.3))
     position, certain = pad.rest_position_m - [0.0, 0.0, 1e-3], np.eye(6) * 1e-16

@@ -109,7 +109,7 @@ def test_calibration_set_is_met_on_the_grid(pad: Pad, model: ContactModel) -> No
     assert (np.abs(frames.found(model) - frames.press) < [0.1, 0.1, 0.02]).all()
 
 
-def test_new_presses_without_noise_are_met(pad: Pad, model: ContactModel) -> None:
+def test_model_meets_new_presses_without_noise(pad: Pad, model: ContactModel) -> None:
     """Within 8 mm, from the paper's lightest force to its firmest: at most 0.05 mm and 5 mN on average."""
     press = Frames.drawn(pad, 300, 0.28, 1.98, 8e-3, seed=71).press
     error = np.abs(Frames.of(pad, press).found(model) - press).mean(axis=0)

@@ -134,7 +134,7 @@ def test_page_that_runs_the_laboratory_says_how_to_install_it(page: Path) -> Non
         assert "./lab`" in text
 
 
-def test_all_pages_give_the_tests_the_same_time() -> None:
+def test_all_pages_state_the_same_duration_of_the_tests() -> None:
     told = [time for page in PAGES for time in re.findall(r"\((\w+) minutes on two idle cores\)", page.read_text())]
     assert len(told) > 1
     assert len(set(told)) == 1

@@ -225,7 +225,7 @@ def test_lis_thermometer_counts_eighths_from_25(clock: Clock, thermometer: int, 
     assert signed(read(chip, ADVANCE | 0x2E, 2)) == [counts]
 
 
-def test_lis_own_field_takes_its_time_and_goes_with_its_bit(clock: Clock) -> None:
+def test_lis_self_test_field_settles_and_ends_with_its_bit(clock: Clock) -> None:
     chip = lis(clock, 0x1D, 0x40, 0x00, field_gauss=(0.0, 0.0, 0.0))
     clock.sleep(0.0126)
     early = signed(read(chip, ADVANCE | 0x28, 6))[0]

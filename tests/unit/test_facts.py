@@ -37,7 +37,7 @@ def test_empty_facts_are_omitted_and_pads_separated(capsys: pytest.CaptureFixtur
     assert capsys.readouterr().out.splitlines() == ["pad: left", "faults: none", "", "pad: right", "faults: none"]
 
 
-def test_programs_get_everything_in_si(capsys: pytest.CaptureFixture[str]) -> None:
+def test_programs_get_si_units(capsys: pytest.CaptureFixture[str]) -> None:
     facts = {"rest_position_m": [-5.4e-8], "reason": "", "mux_address": 112}
     print_facts(facts, as_json=True)
     assert json.loads(capsys.readouterr().out) == facts

@@ -54,7 +54,7 @@ def test_turn_and_refine_improve_the_baseline_of_each_recording() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("after_s", [0.0, 6.0, 13.0])
-def test_turn_and_presses_are_enough_whenever_they_begin(after_s: float) -> None:
+def test_turn_and_presses_suffice_at_any_start(after_s: float) -> None:
     source = Simulated(CONFIG)
     source.poll(0)
     source.poll(round(after_s * 1e9))

@@ -17,7 +17,7 @@ NOTHING = Held(np.zeros((4, 3)), np.full((4, 3), 1e-8))
 
 
 def shown(hold: Hold, field_t: Callable[[float], float], is_asked: bool = False, seconds: float = 2.0) -> Hold:
-    """Frames at 100 Hz of a field that all axes share; a count of the chip that is saturated for an infinite one."""
+    """Frames at 100 Hz of a field that all axes share. An infinite field gives the chip's saturated count."""
     random = np.random.default_rng(1)
     for number in range(round(seconds * 100)):
         value = field_t(number / 100)

@@ -36,7 +36,7 @@ def test_pads_within_tolerances_are_seldom_wrong() -> None:
 
 
 @pytest.mark.long
-def test_row_is_measured_as_it_was(tmp_path: Path) -> None:
+def test_row_is_measured_the_same_with_its_seed(tmp_path: Path) -> None:
     """Of the first of its seeds: to a tenth, so that only what changes the answers of pads fails here."""
     kept = kept_figures.kept("as-built")[0][0]
     options = Namespace(seed=kept["seed"], pads=kept["pads"], seconds=3.3, rotations=[kept["rotation_deg"]],

@@ -151,7 +151,7 @@ def test_sample_with_too_few_sensors_is_a_fault_until_one_fits() -> None:
 
 
 @given(selftests)
-def test_any_selftest_result_ends_selftest_and_only_possible_one_is_judged(packet: Selftest) -> None:
+def test_any_result_ends_a_selftest_but_only_a_possible_one_is_judged(packet: Selftest) -> None:
     line = Line()
     line.feed(hello(4))
     line.link.request_selftest(0, line.now_ns)

@@ -46,7 +46,7 @@ def test_good_board_has_no_reported_fault(number: int) -> None:
     assert outcome.verdict == "good", outcome
 
 
-def test_two_of_four_scales_stay_open() -> None:
+def test_two_of_four_scales_stay_unknown() -> None:
     """Two chips that read twice, or the two others that read half: nobody knows how strong the magnet is."""
     built = replace(good_board(4), factor=np.array([[2.0] * 3, [1.0] * 3, [1.0] * 3, [2.0] * 3]))
     verdict = checked(built, 4)

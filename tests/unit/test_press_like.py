@@ -79,7 +79,9 @@ def test_change_beside_a_magnet_is_no_press(model: ContactModel, answer: tuple[f
 
 
 def test_detected_presses_are_explained(model: ContactModel) -> None:
-    """From answers that are off, as a network's are of an uncertain pose. Of forces beyond the calibrated, too."""
+    """From answers that are off, as a network's are of an uncertain pose. Presses with forces beyond the calibrated
+    ones, too.
+    """
     assert model.response is not None
     random, onset = np.random.default_rng(1), TouchDetector(220.0).onset_chi2
     press = np.column_stack([random.uniform(-10.0, 10.0, (1500, 2)), random.uniform(0.1, 4.0, 1500)])

@@ -67,7 +67,7 @@ def in_a_process(code: str) -> str:
 
 
 @pytest.mark.skipif(not permitted.priority(), reason=permitted.NO_PRIORITY)
-def test_loop_and_bus_come_first_and_what_they_start_does_not() -> None:
+def test_only_loop_and_bus_have_priority() -> None:
     assert in_a_process(PRIORITY) == "True True True"
 
 

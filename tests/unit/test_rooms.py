@@ -85,7 +85,7 @@ def test_robot_knows_nothing_of_the_packages_beside_it() -> None:
 
 
 @pytest.mark.parametrize("path", extra_modules(), ids=lambda path: path.name)
-def test_extra_uses_what_is_open_to_it(path: Path) -> None:
+def test_extra_imports_only_what_is_open_to_it(path: Path) -> None:
     names = {name for name in imported(path) if name == "fmfts" or name.startswith("fmfts.")}
     closed = {name for name in names if room_of(name) in CLOSED or (room_of(name) == "cli" and name not in OPEN_VERBS)}
     assert not closed, f"{path.name} imports {', '.join(sorted(closed))}: move what it needs to where both may use it"

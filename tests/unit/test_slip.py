@@ -226,7 +226,7 @@ def test_repeated_samples_add_no_information(kind: str) -> None:
 
 
 def test_model_without_shear_refuses_slip() -> None:
-    with pytest.raises(ModelError, match="model that tells shear"):
+    with pytest.raises(ModelError, match="model that measures shear"):
         ContactModel.load("default", pad().config.pad(), slip_friction=(0.2, 1.2))
 
 

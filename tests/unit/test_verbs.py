@@ -328,7 +328,7 @@ def test_probe_calls_a_pad_connected_only_while_frames_come(daemon: Daemon) -> N
     assert re.fullmatch(r"it is open, but none of its frames is used: silent for \d\.\d s", found["reason"])
 
 
-def test_status_reports_health_of_now_and_never_without_reason(daemon: Daemon) -> None:
+def test_status_reports_present_health_with_its_reason(daemon: Daemon) -> None:
     channel = Channel(daemon.source, 0, daemon.channel.pipeline, daemon._publisher, "boot", 220.0)
     daemon.source.state.connected, daemon.source.state.reason = False, "it is being opened"
     fresh = channel.status(time.monotonic_ns())  # as it is published at start, before any message

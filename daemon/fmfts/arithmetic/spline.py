@@ -26,7 +26,7 @@ class Splines(NamedTuple):
 
 
 def cover(at: Array, first: float, spacing: float, cells: int) -> Splines:
-    """at (K,), on cells + 1 knots. A place beyond the knots counts as on the last one."""
+    """The splines at places (K,), on cells + 1 knots. A place beyond the knots counts as on the last one."""
     at = np.ascontiguousarray(at, dtype=float)
     splines = Splines(np.empty(len(at), np.int64), np.empty((len(at), 4)), np.empty((len(at), 4)))
     _arithmetic.cover(first, spacing, cells, at, *splines)

@@ -15,6 +15,6 @@ NO_SHEAR = (
 )
 # For slip with a model that has three outputs, or no response.
 SLIP_UNKNOWN = (
-    "slip = true needs a model that tells shear: one of three outputs takes the shear of a finger that sticks for a "
-    'finger that moves. Set model = "shear" in [pad.contact], or calibrate with --shear'
+    "slip = true needs a model that measures shear: with three outputs, the shear of a sticking finger looks like "
+    'motion. Set model = "shear" in [pad.contact], or calibrate with --shear'
 )

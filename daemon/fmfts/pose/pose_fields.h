@@ -136,7 +136,7 @@ typedef enum {
     ONE(int64_t, found_sensor) /* the faulty sensor; negative: none alone */                                           \
     ONE(int64_t, found_foreign) /* a foreign field explains it better */                                               \
     ONE(int64_t, suspects) /* mask */                                                                                  \
-    ONE(int64_t, heard) /* mask: sensors that single frames blamed since all was sound */                              \
+    ONE(int64_t, heard) /* mask: sensors that single frames blamed since the last healthy mean */                              \
     MANY(double, lowest_t, 3) /* ambient_motion.c: range of the ambient field in the frames that it explained */       \
     MANY(double, highest_t, 3)                                                                                         \
     ONE(int64_t, explained) /* bit i: whether it explained the i-th last frame that was looked at */                   \

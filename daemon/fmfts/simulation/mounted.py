@@ -19,7 +19,7 @@ GAIN = 0.005
 SENSOR_ROTATION_RAD = float(np.deg2rad(1.5))  # about each axis: breakout boards that a hand placed
 CROSS_AXIS = 0.005
 EARTH_T = 0.5e-4
-# A good pad, whose tilt at rest is that of the silicone. Users' tolerances are wider: they count worse ones, too.
+# A good pad, whose tilt at rest is that of the silicone. Users' tolerances are wider, because they include worse pads.
 GOOD = Tolerance(
     sensor_position_m=SENSOR_PLACE_M,
     magnet_position_m=MAGNET_PLACE_M,

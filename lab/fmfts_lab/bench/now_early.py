@@ -20,7 +20,7 @@ Sent = EarlySample | WireFrame
 
 
 class EarlyToo(ManyFrames):
-    """Makes what a board sends in the order in which it sends it, on a line of `baud`."""
+    """Makes a board's packets in the order in which it sends them, on a line of `baud`."""
 
     def __init__(self, config: PadConfig, baud: int) -> None:
         super().__init__(config)
@@ -45,7 +45,7 @@ class EarlyToo(ManyFrames):
     def _frames(
         self, count: int, first: NDArray[np.int64], sampled_s: Array, counts: NDArray[np.int16]
     ) -> list[WireFrame]:
-        """Of the samples that were read when they are made."""
+        """The frames whose samples were read when they are made."""
         sequence = np.arange(count)
         newest = self._chips.newest_conversion(sequence[:, None] / RATE_HZ - READ_S) - first
         fresh = newest != np.concatenate([newest[:1] - 1, newest[:-1]])

@@ -29,7 +29,7 @@ extern struct result {
 void scenario(void); // the part that each driver tests; the rest is in driver.c
 
 void start_port(void);
-bool await(uint32_t flags);                   // false, and `failed` counts, when they do not come
+bool await(uint32_t flags);                   // false, and counts in `failed`, without these flags
 bool call(uint8_t address, bool reading);     // (repeated) START and address; ends with ADDR set
 bool transmit(uint8_t address, uint8_t byte); // ends with BTF set: no STOP yet
 void stop(void);

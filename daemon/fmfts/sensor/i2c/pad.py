@@ -22,7 +22,7 @@ from fmfts.sensor.wired_pad import Settings
 LOOK_US = 5_000_000
 MISSES_UNTIL_LOST = 3  # a single NACK is noise
 TRIGGER_TRIES = 3
-UNREAD_US = 250_000  # besides two frames; longer than the set-up of all chips of a pad, which else never ends
+UNREAD_US = 250_000  # besides two frames; it exceeds the set-up of a whole pad, which would otherwise not end
 LATE_UNTIL_RESET = 2  # triggered measurements in a row that do not end: the chip lost its settings
 
 
