@@ -120,7 +120,7 @@ def _misfit(residual: Array, information: Array) -> Array:
 
 
 def _summed(terms: Array, axis: int) -> Array:
-    """Sum one after the other, in the order of refine.c."""
+    """Sum one after the other, in the order of response.c."""
     total, *others = np.moveaxis(terms, axis, 0)
     for term in others:
         total = total + term

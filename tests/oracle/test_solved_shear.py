@@ -101,9 +101,10 @@ def test_search_at_the_rim_ends_near_the_least_chi2(pad: Pad) -> None:
 
 
 @pytest.mark.parametrize("press", PRESSES[:4])
-def test_deviations_carry_an_error_of_the_pose_to_all_five(pad: Pad, press: Array) -> None:
-    """A wider finger moves the magnet differently: its extra movement, compared with answers to a share of it."""
-    plain, wide = solving(pad), solving(pad, finger_m=(6e-3, 12e-3))
+def test_deviations_include_the_widest_finger_to_all_five(pad: Pad, press: Array) -> None:
+    """It is two deviations wide: half of how far the answer moves where it is known; and what is wider along x."""
+    widths_m = ((6e-3, 6e-3), (6e-3, 12e-3), (12e-3, 12e-3))
+    plain, wide, widest = (solving(pad, finger_m=finger_m) for finger_m in widths_m)
     change, step = change_of(plain, press), np.sqrt((12.0**2 - 6.0**2) / 16.0 / 2.0)
     without = answer(plain, pad, change)
     found = without.values * UNIT
@@ -111,13 +112,11 @@ def test_deviations_carry_an_error_of_the_pose_to_all_five(pad: Pad, press: Arra
         (change_of(plain, found + step * axis) + change_of(plain, found - step * axis)) / 2.0 - change_of(plain, found)
         for axis in np.eye(5)[:2]
     ]
-    variance = np.zeros(5)
-    for movement in (along[0] + along[1], (along[0] - along[1]) / 2.0):
-        more, less = (answer(plain, pad, change + side * STEP * movement).values for side in (1.0, -1.0))
-        variance += ((more - less) * UNIT / (2.0 * STEP)) ** 2
+    more, less = (answer(plain, pad, change + side * STEP * (along[0] - along[1]) / 2.0) for side in (1.0, -1.0))
+    uneven = (more.values - less.values) * UNIT / (2.0 * STEP)
+    variance = ((answer(widest, pad, change).values - without.values) * UNIT / 2.0) ** 2 + uneven**2
     added = np.sqrt(answer(wide, pad, change).deviations ** 2 - without.deviations**2) * UNIT
-    # Gauss and Newton's derivative: without the bend of the response, which moves a residual that is not zero.
-    np.testing.assert_allclose(added, np.sqrt(variance), rtol=0.1, atol=0.02)
+    np.testing.assert_allclose(added, np.sqrt(variance), rtol=0.25, atol=0.02)
 
 
 @pytest.mark.parametrize("width_mm", [3.0, 12.0])
@@ -172,6 +171,41 @@ def test_deviations_are_honest_over_frames_with_noise(pad: Pad, press: Array) ->
     if np.hypot(*press[:2]) < 10.0:  # not by deviations that are far too large
         assert np.mean(np.abs(errors) < 1.0) < 0.85
     assert np.abs(errors).max() < 5.0
+
+
+def test_deviation_reaches_every_force_that_is_as_likely(pad: Pad) -> None:
+    """Pulled outwards on the rim, a firm press moves the magnet as a light one does. SciPy says how likely each is."""
+    model, plain, random = solving(pad, 0.8), ContactModel.load("default", pad), np.random.default_rng(46)
+    assert model.response is not None
+    top_n, over = 1.5 * model.response.scale_n, []
+    while len(over) < 40:
+        place_mm, force_n = random.uniform(-13.9, 13.9, 2), random.uniform(0.5, 2.0)
+        radius_mm = np.hypot(*place_mm)
+        shear_n = random.uniform(0.6, 0.8) * force_n * place_mm / radius_mm
+        change = change_of(model, np.array([*place_mm, force_n, *shear_n])) + FRAME_SD * random.standard_normal(5)
+        standard = answer(plain, pad, change)
+        if radius_mm < 11.0 or not standard.force_n > 2.0 * standard.force_sd_n:
+            continue
+        found = answer(model, pad, change)
+        press = found.values * UNIT
+
+        def residuals(others: Array, force_n: float, change: Array = change) -> Array:
+            left = (change - change_of(model, np.insert(others, 2, force_n))) / FRAME_SD
+            return np.concatenate([left, others[2:] / (0.4 * max(force_n, LEAST_FORCE_N))])
+
+        others, least = np.delete(press, 2), np.sum(residuals(np.delete(press, 2), press[2]) ** 2)
+        inside, reached_n = (
+            [(-EDGE_MM - 1e-9, -EDGE_MM - 1e-9, -6.0, -6.0), (EDGE_MM + 1e-9, EDGE_MM + 1e-9, 6.0, 6.0)],
+            0.0,
+        )
+        for force in np.linspace(press[2], top_n, 10)[1:]:
+            fit = least_squares(residuals, others, x_scale=np.delete(SCALE, 2), bounds=inside, args=(force,))
+            others, delta = fit.x, 2.0 * fit.cost - least
+            if delta < 9.0:
+                reached_n = max(reached_n, (force - press[2]) / np.sqrt(max(delta, 1.0)))
+        over.append(found.force_sd_n / reached_n if reached_n > 0.0 else 1.0)
+    assert min(over) > 0.85
+    assert np.median(over) < 1.5  # nor is it far too large
 
 
 def test_press_whose_force_shear_hides_is_within_its_deviations(pad: Pad) -> None:

@@ -47,26 +47,24 @@ void fmfts_basis(const fmfts_response *response, const double *press, double *ba
 /* The search for the press behind a change of pose. covariance: of the change, 5 × 5. steps: the largest number of
  * trials of Levenberg–Marquardt; settled: the search ends with a step shorter than this, in deviations of each unknown
  * alone. shear_share: a prior on each of a press's two shears, whose deviation is this share of the force; 0: no
- * prior. */
+ * prior. holds_force: the force keeps its first value, if there is a prior. */
 typedef struct {
     const double *change, *covariance;
     int steps;
     double settled, shear_share;
+    bool holds_force;
 } fmfts_search;
 
-/* Moves `press` to the most likely one. spread: receives its covariance, (2 + loads)². chi2: of the residual of the
- * change, and of the shear against the prior. False, and nothing is written, if `covariance` is not positive
- * definite. */
+/* Moves `press` to the most likely one. spread: receives its covariance, (2 + loads)², of the others if the force is
+ * held. chi2: of the residual of the change, and of the shear against the prior. False, and nothing is written, if
+ * `covariance` is not positive definite. */
 bool fmfts_refine(const fmfts_response *response, const fmfts_search *search, double *press, double *spread, double *chi2);
 
 /* The inverse of the covariance of a change, 5 × 5. False if that is not positive definite. */
 bool fmfts_information(const double *covariance, double information[FMFTS_MOVED][FMFTS_MOVED]);
 
-/* The prior's information (1/N²) on each shear of a press with this force. */
-double fmfts_shear_information(const fmfts_search *search, double force_n);
-
 /* A press with shear. press: where the search begins; receives the most likely press. gain: its derivative by the
- * change of pose. bend: the factor of each variance because the response bends. */
+ * change of pose. bend: the factor of each variance because other presses are about as likely. */
 typedef struct {
     double press[FMFTS_MAX_PRESS], variance[FMFTS_MAX_PRESS], bend[FMFTS_MAX_PRESS], gain[FMFTS_MAX_PRESS][FMFTS_MOVED];
 } fmfts_sheared;

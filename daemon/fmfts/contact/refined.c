@@ -86,7 +86,7 @@ bool fmfts_solve_answer(const fmfts_contact_parameters *parameters, const fmfts_
                         const fmfts_response *response, fmfts_found *found, double bend[CONTACT])
 {
     double moved[FMFTS_MOVED], covariance[FMFTS_MOVED * FMFTS_MOVED];
-    fmfts_search search = {moved, covariance, SHEAR_STEPS, SETTLED_DEVIATIONS, parameters->shear_share};
+    fmfts_search search = {moved, covariance, SHEAR_STEPS, SETTLED_DEVIATIONS, parameters->shear_share, false};
     bool may_be_noise = !(fmfts_doubt(found->contact[2], found->variance[2]) < 1.0);
     double begun_n = found->contact[2];
     fmfts_sheared solved;

@@ -5,7 +5,7 @@ Cubic B-splines over the place, times monomials of the load, so that an unloaded
     change(x, y, load) = Σ_ij B_i(x) B_j(y) Σ_m c_ijm Π_l (load_l / scale)^e_ml
 
 Beyond the largest normal force the change continues along its tangent. A place beyond the table counts as on its edge.
-Units are those of the contact model: mm, N, and components of the axis. refine.c computes all of it.
+Units are those of the contact model: mm, N, and components of the axis. response.c computes all of it.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 /* A healthy frame, from the change of pose to a contact: touch.c, smooth.c, estimate.c, explained.c, tolerances.c,
- * network.c, refine.c and elsewhere.c. */
+ * network.c, response.c, refine.c and elsewhere.c. */
 #ifndef FMFTS_CONTACT_STEP_H
 #define FMFTS_CONTACT_STEP_H
 

@@ -18,6 +18,9 @@ enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE, MOVED = FMFTS_MOVED, FORCE = 
 
 /* Difference of a finger's moments along and across, as a share of their common difference from the probe's. */
 #define UNEVEN 0.5
+/* The widest finger, in deviations. Its error is that at its true place, which near the middle is farther out than the
+ * answer. Models without shear use the error at the answer. */
+#define WIDEST 2.0
 /* Smallest component of the axis along z: that of a magnet that lies flat is 0, and its tilt changes nothing along
  * z. */
 #define LEAST_UPRIGHT 1e-3
@@ -103,8 +106,8 @@ void fmfts_take_known_finger(const fmfts_contact_parameters *parameters, const f
     pose[5] = sqrt(fmax(1.0 - pose[3] * pose[3] - pose[4] * pose[4], 0.0));
 }
 
-/* The error of each output for this additional movement of the magnet. The axis stays a unit vector. */
-static void add_movement(const fmfts_question *question, const fmfts_answer *answer, const double moved[MOVED], double *variance)
+/* error: of each output for this additional movement of the magnet. The axis stays a unit vector. */
+static void error_of(const fmfts_question *question, const fmfts_answer *answer, const double moved[MOVED], double error[CONTACT])
 {
     double along = question->pose[3] * moved[3] + question->pose[4] * moved[4], upright = question->pose[5];
     if (fabs(upright) < LEAST_UPRIGHT) {
@@ -112,26 +115,52 @@ static void add_movement(const fmfts_question *question, const fmfts_answer *ans
     }
     for (int i = 0; i < answer->outputs; i++) {
         const double *row = answer->by_pose + POSE * i;
-        double error = -row[5] * along / upright;
+        error[i] = -row[5] * along / upright;
         for (int k = 0; k < MOVED; k++) {
-            error += row[k] * moved[k];
+            error[i] += row[k] * moved[k];
         }
-        add_square(&variance[i], error);
     }
+}
+
+/* The error of each output for a finger that is wider by one deviation, and for one that is wider along x than along y. */
+typedef struct {
+    double common[CONTACT], uneven[CONTACT];
+} finger_errors;
+
+/* Of a press there. */
+static finger_errors errors_at(const fmfts_contact_parameters *parameters, const fmfts_response *response,
+                               const fmfts_question *question, const fmfts_answer *answer, const double press[CONTACT])
+{
+    double along[2][MOVED], both[MOVED], differing[MOVED];
+    finger_errors errors;
+    fmfts_wider_finger(response, press, parameters->finger_mm2, along);
+    for (int i = 0; i < MOVED; i++) {
+        both[i] = along[0][i] + along[1][i];
+        differing[i] = UNEVEN * (along[0][i] - along[1][i]);
+    }
+    error_of(question, answer, both, errors.common);
+    error_of(question, answer, differing, errors.uneven);
+    return errors;
 }
 
 static void count_finger(const fmfts_contact_parameters *parameters, const fmfts_response *response,
                          const fmfts_question *question, const fmfts_answer *answer, double *variance)
 {
-    double press[CONTACT] = {0.0}, along[2][MOVED], both[MOVED], uneven[MOVED];
+    double press[CONTACT] = {0.0};
     memcpy(press, answer->contact, sizeof(double) * (size_t)answer->outputs);
-    fmfts_wider_finger(response, press, parameters->finger_mm2, along);
-    for (int i = 0; i < MOVED; i++) {
-        both[i] = along[0][i] + along[1][i];
-        uneven[i] = UNEVEN * (along[0][i] - along[1][i]);
+    const finger_errors here = errors_at(parameters, response, question, answer, press);
+    finger_errors widest = here;
+    if (parameters->shear_share > 0.0) {
+        for (int i = 0; i < answer->outputs; i++) {
+            press[i] -= WIDEST * here.common[i];
+        }
+        press[FORCE] = fmax(press[FORCE], 0.0);
+        widest = errors_at(parameters, response, question, answer, press);
     }
-    add_movement(question, answer, both, variance);
-    add_movement(question, answer, uneven, variance);
+    for (int i = 0; i < answer->outputs; i++) {
+        add_square(&variance[i], fmax(fabs(here.common[i]), fabs(widest.common[i])));
+        add_square(&variance[i], here.uneven[i]);
+    }
 }
 
 void fmfts_count_tolerances(const fmfts_contact_parameters *parameters, const fmfts_response *response,
