@@ -49,7 +49,7 @@ HAZARDS = (
     Hazard(
         "distance", hazards.distance,
         "Farther away the signal drowns (1/r³, its slope 1/r⁴); nearer, chips saturate and a dipole is no cylinder.",
-        "magnet.rest_mm tells it; the cylinder is taken by itself where it counts; a model of that pad is needed.",
+        "Set magnet.rest_mm; the daemon adds the cylinder's term where it matters. A model of that pad is needed.",
     ),
     Hazard(
         "gain errors", hazards.gains,
