@@ -177,7 +177,7 @@ def test_deviation_reaches_every_force_that_is_as_likely(pad: Pad) -> None:
     """Pulled outwards on the rim, a firm press moves the magnet as a light one does. SciPy says how likely each is."""
     model, plain, random = solving(pad, 0.8), ContactModel.load("default", pad), np.random.default_rng(46)
     assert model.response is not None
-    top_n, over = 1.5 * model.response.scale_n, []
+    top_n, over = 1.5 * model.response.scale_n, list[float]()
     while len(over) < 40:
         place_mm, force_n = random.uniform(-13.9, 13.9, 2), random.uniform(0.5, 2.0)
         radius_mm = np.hypot(*place_mm)
