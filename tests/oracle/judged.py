@@ -19,8 +19,9 @@ TOO_UNCERTAIN = 0.25
 
 
 class Judged(NamedTuple):
-    """At a state: the step to the minimum that is left, the covariance, χ² at the most probable value of what is
-    considered, and the deviations (columns,) that the estimated parts have before anything is considered."""
+    """The values at a state: the remaining step to the minimum, the covariance, χ² at the most probable value of the
+    considered parts, and the deviations (columns,) that the estimated parts have before anything is considered.
+    """
 
     left: Array
     covariance: Array

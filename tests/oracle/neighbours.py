@@ -33,7 +33,7 @@ def stepped(values: Array, step: Array) -> Array:
 
 
 def covariance(sighting: Sighting, placement: Placement, age_s: float) -> Array:
-    """(6M, 6M) of a step from where the magnets are now. age_s: infinite if they were never seen."""
+    """The covariance (6M, 6M) of a step from the magnets' present poses. age_s: infinite if they were never seen."""
     last = np.array([[*one.position_m, *one.axis, one.log_moment] for one in sighting.last])
     here, nowhere = placed(last, placement), np.zeros(6 * len(last))
 
@@ -50,7 +50,7 @@ def covariance(sighting: Sighting, placement: Placement, age_s: float) -> Array:
 
 
 def fields(magnets: tuple[Magnet, ...], values: Array, sensors: SensorArray) -> Array:
-    """(M, N, 3) of each magnet, along the sensors' axes."""
+    """The fields (M, N, 3) of each magnet, along the sensors' axes."""
     each = [
         field(
             OneMagnet(one[:3], one[3:6], one[6], magnet.strength_t_m3, magnet.modelled_octupole_m2), sensors.position_m

@@ -58,7 +58,7 @@ class Pad:
         return total * np.tile(TO_SI, self.count)
 
     def field_t(self, change: Array) -> Array:
-        """(3N,) by the sensors' axes."""
+        """The field (3N,) along the sensors' axes."""
         mounting = self.model.mounting
         total = np.zeros(mounting.sensors.position_m.shape)
         for number, moved in enumerate(change.reshape(-1, 5)):

@@ -46,7 +46,7 @@ class Pose:
         return np.concatenate([STEPS, np.tile(OF_NEIGHBOUR, len(self.magnets) - 1)])
 
     def jacobian(self, step: Array) -> Array:
-        """(rows, columns) of the reading in deviations, by a step."""
+        """The derivative (rows, columns) of the readings in deviations, by a step."""
         return -differences(self.residual, step, self.steps)
 
 

@@ -41,7 +41,7 @@ def solving(pad: Pad, friction: float = FRICTION, **tolerance: Any) -> ContactMo
 
 
 def answer(model: ContactModel, pad: Pad, change: Array, sd: Array = FRAME_SD) -> ContactEstimate:
-    """Of a change (5,) of pose, in mm and components of an axis of +z."""
+    """The answer to a change (5,) of pose, in mm and components of an axis of +z."""
     m, n = change[3:].tolist()
     covariance = np.zeros((6, 6))
     covariance[:5, :5] = np.diag((sd * [1e-3, 1e-3, 1e-3, 1.0, 1.0]) ** 2)

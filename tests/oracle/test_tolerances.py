@@ -37,7 +37,7 @@ def model(pad: Pad, name: str = "default", **tolerance: Any) -> ContactModel:
 
 
 def answer(model: ContactModel, pad: Pad, change: Array) -> ContactEstimate:
-    """Of a change (5,) of pose, in mm and components of an axis of +z."""
+    """The answer to a change (5,) of pose, in mm and components of an axis of +z."""
     m, n = change[3:].tolist()
     return model.estimate(pad.rest_position_m + change[:3] * 1e-3, np.array([m, n, np.sqrt(1.0 - m * m - n * n)]), SURE)
 

@@ -29,7 +29,7 @@ class UnfitError(Exception):
 
 
 def why_unfit(page: Page, health: Sequence[str] = ("ok",), fewest_pictures: int = FEWEST_PICTURES) -> str:
-    """What is wrong with the page: health, rate and age of the pads, pictures a second, or the width; "" if nothing is.
+    """The page's faults: health, rate and age of the pads, pictures a second, or the width; "" if nothing is.
 
     health: expected health of the pads in the picture. fewest_pictures: the least number a second that the page draws.
     """

@@ -21,7 +21,7 @@ ENDED_BY_US = (0, 130, -signal.SIGINT)
 
 
 def printed(begun: subprocess.Popen[str], within_s: float, command: str) -> tuple[str, str]:
-    """Its output until it ended. If it does not end, it and all that it started are killed, with an AssertionError."""
+    """The command's output. If it does not end in time, it and its children are killed, with an AssertionError."""
     try:
         return begun.communicate(timeout=within_s)
     except subprocess.TimeoutExpired as error:

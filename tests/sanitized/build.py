@@ -46,7 +46,7 @@ def library_of(part: dict[str, Any]) -> Path:
 
 
 def flags_of(part: dict[str, Any]) -> list[str]:
-    """As in the package, but without its optimisation, which removes errors that should be caught."""
+    """The package's flags without its optimisation, which removes errors that should be caught."""
     return [flag for flag in part["extra-compile-args"] if not flag.startswith("-O")]
 
 

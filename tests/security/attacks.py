@@ -109,7 +109,7 @@ def come_by_another_name(port: int) -> list[str]:
 
 
 def use_the_sockets(folder: str) -> list[str]:
-    """Those of the daemon on ipc, wherever the kernel's list has them, and all files beside them."""
+    """Use the daemon's sockets on ipc, wherever the kernel lists them, and all files beside them."""
     paths = {line.split()[-1] for line in Path("/proc/net/unix").read_text().splitlines() if folder in line}
     gained = [] if paths else ["nothing to attack: /proc/net/unix lists no socket there"]
     for path in paths:
@@ -131,7 +131,7 @@ def read_files(folder: str) -> list[str]:
 
 
 def command_over_tcp(base: str, key: str | None = None) -> list[str]:
-    """Without keys, or with a key that may only read."""
+    """Send commands without keys, or with a key that may only read."""
     gained = []
     if key is not None:
         os.environ["FMFTS_KEY"] = key
@@ -180,7 +180,7 @@ def forge_the_force(port: int, program: int, stays: bool) -> list[str]:
 
 
 def plant_links(folder: str, targets: dict[str, str]) -> list[str]:
-    """In a folder that everybody may write to: where the owner will write, a link or a file that is the attacker's."""
+    """Plant links and files of the attacker where the owner will write, in a folder that everybody may write to."""
     for name, target in targets.items():
         path = Path(folder) / name
         if target:

@@ -31,7 +31,7 @@ ATTACKS = Path(__file__).parent / "attacks.py"
 
 
 class DaemonByDefault(RunningDaemon):
-    """Without FMFTS_BUS, so that it makes its folder in XDG_RUNTIME_DIR."""
+    """A daemon without FMFTS_BUS, so that it makes its folder in XDG_RUNTIME_DIR."""
 
     def start(self) -> None:
         self.environment.pop("FMFTS_BUS", None)
@@ -112,5 +112,5 @@ def _first_contact(view: View) -> None:
 
 
 def environment_of_nobody() -> dict[str, str]:
-    """Without settings of a user of fmfts."""
+    """An environment without settings of a user of fmfts."""
     return {name: value for name, value in os.environ.items() if not name.startswith(("FMFTS_", "XDG_"))}

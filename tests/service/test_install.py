@@ -44,7 +44,7 @@ def release(folder: Path) -> Path:
 
 
 def make(target: str, sources: Path, tree: Path) -> None:
-    """As root does it on a hardened machine, whose files nobody else may read."""
+    """Run make as root on a hardened machine, whose files nobody else may read."""
     words = ["make", target, f"DESTDIR={tree}", "WITHOUT_DEPENDENCIES=1", f"SYSTEM_PYTHON={sys.executable}"]
     made = subprocess.run(words, cwd=sources, umask=0o077, timeout=PATIENCE_S, capture_output=True, text=True)
     assert made.returncode == 0, made.stdout + made.stderr
@@ -65,7 +65,7 @@ def test_installed_files_are_readable_run_and_are_removed(tmp_path: Path) -> Non
 
 
 def compiled_parts() -> list[str]:
-    """By pyproject.toml, where a compiler is optional."""
+    """The compiled parts by pyproject.toml, where a compiler is optional."""
     modules = parse((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"]
     return [module["name"].replace(".", "/") + ".abi3.so" for module in modules]
 

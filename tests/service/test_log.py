@@ -56,7 +56,7 @@ FILLING = b"." * 4096
 
 @contextmanager
 def full_pipe() -> Iterator[tuple[int, int]]:
-    """(read end, write end) of a full pipe, like a journal that hangs."""
+    """The read end and the write end of a full pipe, like a journal that hangs."""
     reading, writing = os.pipe()
     fcntl.fcntl(writing, F_SETPIPE_SZ, len(FILLING))
     os.set_blocking(writing, False)

@@ -53,7 +53,7 @@ def skin_set(press: Array, field_ut: Array, axes: tuple[str, ...] = ("x_mm", "y_
 
 
 def write_skin(path: Path, data: FieldSet) -> Path:
-    """As a CSV file."""
+    """Write the skin as a CSV file."""
     columns = {name: [repr(float(one)) for one in data.contact[:, i]] for i, name in enumerate(data.axes)}
     columns["rest"] = [str(int(one)) for one in data.rest]
     columns["recording"] = [data.recordings[one] for one in data.recording]

@@ -109,7 +109,9 @@ def test_magnetometer_without_sample_is_not_measured_and_others_are() -> None:
 def arrivals(
     rate_hz: float, seconds: float, random: Random, *, lost: dict[int, int] | None = None, drift: float = 0.0
 ) -> list[tuple[int, float]]:
-    """(arrival in ns, time of making in s) of each packet that came. Delays: 0.3 ms and more, sometimes much more."""
+    """The arrival in ns and the time of making in s of each packet that came. Delays: 0.3 ms and more, sometimes much
+    more.
+    """
     found, number = [], 0
     while number / rate_hz < seconds:
         number += (lost or {}).get(len(found), 0) + 1

@@ -28,7 +28,7 @@ Edit = Callable[[int, dict[str, str]], None]
 
 
 def _fields_ut(press: np.ndarray, random: np.random.Generator, gains: float) -> np.ndarray:
-    """(K, 12) of a board whose sensors' gains differ by `gains`, the first ten rows untouched."""
+    """The fields (K, 12) of a board whose sensors' gains differ by `gains`, the first ten rows untouched."""
     fields = np.concatenate([np.tile(rest_field_of(PAD), (10, 1, 1)), pressed_fields(PAD, press)]) * 1e6
     fields = fields * (1.0 + gains * random.standard_normal(4))[None, :, None]
     return (fields + NOISE_UT * random.standard_normal(fields.shape)).reshape(-1, 12)

@@ -38,7 +38,7 @@ NOBODY = (0.0, 0.0, 0.0)
 
 @cache
 def response(load: str) -> FieldResponse:
-    """Of presses that are noisy: by depth in mm, or by force in N."""
+    """The response by noisy presses: over depth in mm, or over force in N."""
     press = presses(1500, 1)
     field = streamed_field(press) + np.random.default_rng(2).normal(0.0, TABLE_NOISE_UT, (len(press), 15))
     press[:, 2] /= MM_OF_A_NEWTON if load == "force_n" else 1.0

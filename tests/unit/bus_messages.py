@@ -100,7 +100,7 @@ def finger_message(number: int, **changes: Any) -> FingerMessage:
 
 
 def fingers_message(*fingers: FingerMessage, **changes: Any) -> ContactMessage:
-    """Of a pad with two magnets: touched by these fingers, and the resultant of them."""
+    """A message of a pad with two magnets, with these fingers and their resultant."""
     poses = [pose_message(position_m=(x_m, 0.0, 0.0104)) for x_m in (-0.006, 0.006)]
     values: dict[str, Any] = {"contacts": list(fingers), "more": False, "pose": None, "poses": poses, "model": "none"}
     return contact_message(**(values | _resultant(fingers) | changes))

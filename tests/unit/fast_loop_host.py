@@ -133,7 +133,7 @@ class Host:
             self._bus.loop.begin(self.line, self.link.give_back(), (self.lent,))
 
     def end(self) -> bytes:
-        """What the loop has left unread."""
+        """The bytes that the loop has left unread."""
         assert self.lent is not None
         left = self._bus.loop.end(self.line)
         assert left is not None

@@ -45,7 +45,7 @@ class World:
         return self.sensed(self.earth_t + self.surroundings())
 
     def sensed(self, field_t: np.ndarray) -> np.ndarray:
-        """What the chips report of the fields (…, 4, 3) in pad axes: turned by exact rotations, then skewed, scaled."""
+        """The chips' reports of fields (…, 4, 3) in pad axes: turned by exact rotations, then skewed and scaled."""
         field_t = np.broadcast_to(field_t, np.broadcast_shapes(np.shape(field_t), (4, 3)))
         own = np.einsum("iba,...ib->...ia", self.turned, field_t)
         return self.gain * (own + np.einsum("iab,...ib->...ia", self.cross_axis, own))

@@ -156,7 +156,7 @@ class SingleSteps:
         return found
 
     def felt(self, pad: Pad, views: Sequence[NeighbourView], time_ns: int) -> Felt:
-        """What C makes of neighbours at that time on the host's clock."""
+        """The neighbours by C at that time on the host's clock."""
         parameters, count = Record(_pad.PARAMETERS), sum(len(each.sighting.magnets) for each in views)
         put_neighbours(parameters, views)
         sensors = {"place_m": pad.sensors.position_m, "direction": pad.sensors.axes.transpose(0, 2, 1)}

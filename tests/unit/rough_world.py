@@ -48,6 +48,6 @@ def bare_and_rest(world: World) -> Baseline:
 
 
 def fields(world: World, pressed: Means) -> Fields:
-    """What `learn` takes: without the ambient field."""
+    """The fields for `learn`, without the ambient field."""
     bare, deviation = world.bare(), np.full((4, 3), np.hypot(NOISE_T / np.sqrt(MEAN_OF), 1e-7))
     return Fields(world.field() - bare, pressed.field_t - bare, np.full((4, 3), 1.5e-7), deviation)

@@ -65,7 +65,7 @@ def response_of(random: np.random.Generator, pad: Pad, knots: int, terms: int, r
 
 
 def mounting_of(random: np.random.Generator, pad: Pad, causes: int) -> ArrayMounting:
-    """Of a pad whose parts lie anywhere within their tolerances."""
+    """The mounting of a pad whose parts lie anywhere within their tolerances."""
     count, drawn = len(pad.sensors), Magnets.drawn(pad)
     moved = random.normal(0.0, [1e-4, 1e-4, 1e-4, 0.02, 0.02], (len(drawn), 5))
     magnets = drawn.stronger(random.normal(0.0, 0.02, len(drawn))).changed(moved.ravel(), rest_frames(drawn.axis))

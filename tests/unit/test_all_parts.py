@@ -56,7 +56,7 @@ def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[lis
 
 
 def outcome(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], *names: str) -> tuple[int, list[str]]:
-    """Its exit code, and the summary's lines."""
+    """The exit code, and the summary's lines."""
     monkeypatch.setattr(sys, "argv", ["all_parts.py", *names])
     code = all_parts.main()
     return code, capfd.readouterr().out.rpartition("=" * 78)[2].strip().splitlines()

@@ -100,7 +100,7 @@ def test_spectral_line_far_below_noise_is_not_reported() -> None:
 
 
 def _warned(frames: list[Frame], pad: Pad) -> list[str]:
-    """What `baseline --bare` prints beside its figures."""
+    """The warnings that `baseline --bare` prints beside its figures."""
     request = BaselineRequest(pad, Tolerance(1e-4, 1e-4, 0.02, 0.005, 0.05), bare=True, replaced=False)
     facts = request.record(frames, None).facts(pad)
     warnings: list[str] = facts["warnings"]

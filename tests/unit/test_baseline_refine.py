@@ -28,7 +28,9 @@ def _presses(world: World, count: int = 36) -> Means:
 
 
 def _error(world: World, mounting: Mounting) -> tuple[np.ndarray, np.ndarray]:
-    """Of rest pose, log moment (6), places (12) and sensitivities (36, or the 12 gains), and its covariance."""
+    """The error of rest pose, log moment (6), places (12) and sensitivities (36, or the 12 gains), and its
+    covariance.
+    """
     leftover = mounting.leftover
     assert leftover is not None
     unknowns = leftover.unknowns

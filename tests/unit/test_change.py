@@ -88,7 +88,7 @@ def tilted_back(rest: State, estimate: PoseEstimate) -> Array:
 
 
 def test_zero_change_is_as_uncertain_as_its_largest_deviation(pad: Pad) -> None:
-    """It has no direction."""
+    """A zero change has no direction."""
     rest = State.at_rest(pad)
     estimate = estimate_at(pad, rest, np.random.default_rng(1))
     moved_m, deviation_m = Displaced(rest, pad, np.zeros((8, 5, 0)), estimate).distance()

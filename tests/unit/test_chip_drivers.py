@@ -34,7 +34,7 @@ FIELD_GAUSS = (0.75, -1.5, 0.3)
 
 @dataclass(frozen=True)
 class Kind:
-    """What the data sheet promises, written here once more. range_gauss: of the gain code."""
+    """The promises of the data sheet, written here once more. range_gauss: of the gain code."""
 
     name: str
     gain_code: int

@@ -233,7 +233,7 @@ def test_help_marks_options_whose_extra_is_absent(
 
 
 def helped(verb: str, option: str, capsys: pytest.CaptureFixture[str]) -> str:
-    """What `--help` says about one option."""
+    """The help of one option."""
     with pytest.raises(SystemExit):
         main([verb, "--help"])
     text = capsys.readouterr().out.partition("options:")[2]
@@ -242,7 +242,7 @@ def helped(verb: str, option: str, capsys: pytest.CaptureFixture[str]) -> str:
 
 
 def without(monkeypatch: pytest.MonkeyPatch, group: str) -> None:
-    """As if no package had such entry points."""
+    """Hide these entry points, as if no package had them."""
     monkeypatch.setattr(
         "importlib.metadata.entry_points", lambda **of: () if of["group"] == group else entry_points(**of)
     )

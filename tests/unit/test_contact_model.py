@@ -32,7 +32,7 @@ CERTAIN = np.eye(6) * 1e-16  # deviations of 10 nm and 1e-8
 
 @pytest.fixture
 def pad() -> Pad:
-    """That the model was made for: its magnet is a cylinder."""
+    """The pad that the model was made for, with a cylinder as magnet."""
     return standard_pad()
 
 

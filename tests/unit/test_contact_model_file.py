@@ -38,7 +38,7 @@ def edited(tmp_path: Path, edit: Callable[[onnx.ModelProto], None]) -> str:
 
 
 def of_another_program(edit: Callable[[onnx.ModelProto], None]) -> Callable[[onnx.ModelProto], None]:
-    """Without the weights that `calibrate` writes, which make a check of the graph unnecessary."""
+    """A model without the weights that `calibrate` writes, so that its graph must be checked."""
 
     def edited_too(proto: onnx.ModelProto) -> None:
         kept = [entry for entry in proto.metadata_props if entry.key != WEIGHTS_KEY]

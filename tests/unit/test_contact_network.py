@@ -46,7 +46,7 @@ def edited(edit: Edit) -> bytes:
 
 
 def without_weights(proto: onnx.ModelProto) -> None:
-    """As another program writes it."""
+    """The model as another program writes it."""
     kept = [entry for entry in proto.metadata_props if entry.key != WEIGHTS_KEY]
     proto.ClearField("metadata_props")
     proto.metadata_props.extend(kept)

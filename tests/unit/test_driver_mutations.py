@@ -246,7 +246,7 @@ def trigger(clock: Clock, kind: str) -> None:
 
 
 def selftest(clock: Clock, kind: str) -> None:
-    """Of bridges that pulses turn over; a LIS3MDL's has a test of its own (test_own_field.py)."""
+    """The self-test of bridges that pulses turn over; the LIS3MDL's has a test of its own (test_own_field.py)."""
     if CHIPS[kind].set_reset is None:
         return
     zeros_gauss, dead, magnetised = (0.3, -0.2, 0.1), made(clock, kind), made(clock, kind)

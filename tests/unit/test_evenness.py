@@ -14,7 +14,7 @@ BY_FIELD = np.broadcast_to(np.eye(3), (SENSORS, 3, 3))
 
 
 def _told(random: np.random.Generator, stronger: np.ndarray, attitude: np.ndarray, noise_t: float) -> float:
-    """Of ideal chips in a field that is stronger by this share (K,) at unit vectors (K, 3)."""
+    """The reports of ideal chips in a field that is stronger by this share (K,) at unit vectors (K, 3)."""
     field = EARTH_T * (1.0 + stronger)[:, None] * attitude
     reported = field[:, None] + random.normal(0.0, noise_t, (ORIENTATIONS, SENSORS, 3))
     return unevenness(reported, BY_FIELD, np.full((SENSORS, 3), noise_t))

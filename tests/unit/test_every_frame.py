@@ -86,7 +86,7 @@ def test_warm_pad_has_larger_deviations_for_offset_drift() -> None:
     model, baseline = ContactModel.load("default", config.pad()), simulated_baseline(config)
 
     def heights_m(offset_t_per_k: float) -> tuple[float, float]:
-        """How much they scatter, and their deviation."""
+        """The scatter of the heights, and their deviation."""
         drifts = replace(tracking, offset_t_per_k=offset_t_per_k)
         pipeline = PadPipeline(config.pad(), model, "boot", 220.0, drifts)
         pipeline.use(baseline)

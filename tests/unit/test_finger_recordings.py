@@ -63,7 +63,7 @@ def test_plain_schema_describes_every_field_of_a_finger() -> None:
 
 
 def scenes(*messages: ContactMessage) -> list[list[Drawn]]:
-    """What is drawn of each of these, a tenth of a second after the one before."""
+    """The drawings of these messages, each a tenth of a second after the one before."""
     scene = PadScene.of_state("demo", msgspec.to_builtins(PadConfig(name="demo", source=SimulatedSource())))
     bodies = [sent(message) | {"utc_ns": 10**18 + number * 10**8} for number, message in enumerate(messages)]
     return [list(scene.contact(body)) for body in bodies]

@@ -36,7 +36,7 @@ def printed(name: str, file: Path | None = None) -> np.ndarray:
 
 
 def pad_origin_mm(hand: str) -> np.ndarray:
-    """Where the URDF has the pad: the middle of the chips' faces."""
+    """The pad's place in the URDF: the middle of the chips' faces."""
     robot = ElementTree.parse(HARDWARE / f"fingertip-{hand}.urdf").getroot()
     origin = robot.find("joint[@name='tip_pad']/origin")
     assert origin is not None

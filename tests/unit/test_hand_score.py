@@ -12,7 +12,7 @@ MOVES = 30
 
 
 def score_of(forces_n: list[float]) -> Score:
-    """Of one pad, moved every thirtieth of a second from 0 s on."""
+    """The score of one pad that moves every thirtieth of a second from 0 s on."""
     score = Score(["thumb"], MOVES)
     for number, force_n in enumerate(forces_n):
         score.moved(number / MOVES, [force_n])

@@ -50,7 +50,7 @@ def test_second_finger_may_take_all_the_force() -> None:
 
 
 def off(one: World, estimator: FingersEstimator, presses: list[Press]) -> Array | None:
-    """(3,) of the resultant, in deviations; None unless one finger is told, and the frame is healthy."""
+    """The error (3,) of the resultant in deviations; None unless one finger is reported in a healthy frame."""
     reading = read_once(one, one.pressed(presses), estimator)
     if reading.health != "ok" or reading.fit is None or len(reading.fit.fingers) != 1:
         return None

@@ -56,7 +56,7 @@ class Judged:
         self.calls.append((self.pad.early, early))
 
     def measured(self) -> list[tuple[str, int, int]]:
-        """Of each call: the health of the last message, and how many bytes more than the answer it kept and needed."""
+        """For each call the health of the last message, and the bytes beyond the answer that it kept and needed."""
         found, answer = [], None
         for call, arguments in self.calls:
             del answer

@@ -35,7 +35,7 @@ def listener(endpoints: Endpoints) -> Iterator[JointListener]:
 
 
 def next_of(listener: JointListener, say: Any) -> Positions | None:
-    """What arrives while `say` says it again and again: a publisher needs a moment to connect."""
+    """The arrivals while `say` repeats its message: a publisher needs a moment to connect."""
     until = time.monotonic() + PATIENCE_S
     refused = listener.refused
     while time.monotonic() < until:

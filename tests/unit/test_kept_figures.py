@@ -58,7 +58,7 @@ def test_fewer_than_three_seeds_make_no_table(tmp_path: Path, monkeypatch: pytes
 
 
 def paper_row(name: str) -> list[float]:
-    """Of Table 3 on the page: x, y and force, for both magnets."""
+    """A row of Table 3 on the page: x, y and force, for both magnets."""
     text = (RESULTS / "paper.md").read_text(encoding="utf-8")
     row = next(line for line in text.splitlines() if line.startswith(f"| {name} |"))
     return [float(number) for cell in row.split("|")[2:4] for number in cell.split()]

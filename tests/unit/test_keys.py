@@ -33,7 +33,7 @@ HANDSHAKE_S, SILENCE_S = 5.0, 0.7
 
 
 class Service:
-    """What a daemon with keys serves, turning as its loop does."""
+    """The services of a daemon with keys, in turns like its loop."""
 
     def __init__(self, folder: Path) -> None:
         self.keys = KeyFolder(folder / "keys")
@@ -151,7 +151,7 @@ def test_list_that_cannot_be_read_lets_nobody_in(
 
 
 def refusal(service: Service, verb: str, name: str, monkeypatch: pytest.MonkeyPatch) -> str:
-    """What the client of that name is told when it asks for `verb`; "" if the daemon obeys."""
+    """The refusal that a client gets for `verb`; "" if the daemon obeys."""
     monkeypatch.setenv(KEY_VARIABLE, str(service.friend.with_name(f"{name}.key")))
     try:
         request(verb, endpoint=service.base, timeout_s=HANDSHAKE_S)
@@ -283,7 +283,7 @@ class Tap:
             client.sendall(data)
 
     def close(self) -> None:
-        """After the client has gone."""
+        """Close after the client has gone."""
         self._thread.join()
         self._listener.close()
 

@@ -26,7 +26,7 @@ def _session(name: str) -> np.ndarray:
 
 
 def _rms_t(learned: Learned, session: np.ndarray) -> float:
-    """What is left of each value after the magnet's pose was found from its row."""
+    """The residual of each value after the magnet's pose was solved from its row."""
     deviation = np.full(session.shape[1:], NOISE_T)
     left, _ = misfits(learned.drawing, learned.fit.vector, Fields(session[0], session, deviation, deviation))
     return float(NOISE_T * np.sqrt(np.mean(left[np.isfinite(session).reshape(left.shape)] ** 2)))

@@ -50,7 +50,7 @@ def pad(name: str = "left", sensors: int = 4, **source: object) -> PadOnBoard:
 
 
 def hello(*sensors: int, identification: bytes = b"H43", **changes: object) -> Hello:
-    """Of a board with so many sensors on each pad, set up as the config wants it."""
+    """The hello of a board with this many sensors on each pad, set up as configured."""
     pads = tuple(
         HelloPad(1, 0x70 + i, tuple(HelloSensor(c, 0, identification) for c in range(n))) for i, n in enumerate(sensors)
     )
@@ -88,7 +88,7 @@ class Line:
         return [one for one in Decoder().feed(self.link.outgoing(self.now_ns)) if isinstance(one, Request)]
 
     def answer_all(self, told: Hello) -> list[Verb]:
-        """What is asked until nothing is; each request is done, and `told` is the hello."""
+        """Answer all requests until none is left; each is done, and `told` is the hello."""
         answered: list[Verb] = []
         while asked := self.asked(later_ns=300_000_000):
             assert len(answered) < 10

@@ -98,7 +98,7 @@ def test_invalid_endpoint_is_named(caplog: pytest.LogCaptureFixture) -> None:
 def in_terminal(
     base: str, options: str, signal_after_s: float | None = None, number: int = signal.SIGINT
 ) -> tuple[str, int]:
-    """What a terminal of 100 × 30 shows, and the exit code."""
+    """The picture in a terminal of 100 × 30, and the exit code."""
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
     environ = os.environ | {"TERM": "xterm-256color"}

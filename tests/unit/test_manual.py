@@ -51,7 +51,7 @@ def test_completion_has_each_verb_and_each_of_its_options(completion: object) ->
 
 
 def completed(tmp_path: Path, *words: str) -> list[str]:
-    """What bash offers for the last word."""
+    """The completions that bash offers for the last word."""
     (tmp_path / "completion").write_text(manual.bash_completion())
     array = " ".join(f"'{word}'" for word in words)
     script = (

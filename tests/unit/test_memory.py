@@ -55,7 +55,7 @@ def sensor_that_falls_silent(number: int, frame: Frame) -> Frame:
 
 
 def turned(number: int, frame: Frame) -> Frame:
-    """By a field that was called constant, 20 mG over all sensors."""
+    """Turned by a field that was called constant, 20 mG over all sensors."""
     counts = frame.counts.copy()
     counts += np.int16(14 * (number // 130 % 2))
     return replace(frame, counts=counts)

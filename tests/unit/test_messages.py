@@ -50,7 +50,7 @@ NOW_FIELDS = [name for name, hint in NowMessage.__annotations__.items() if hint.
 
 
 def sent(message: Any) -> dict[str, Any]:
-    """What a subscriber decodes."""
+    """The message that a subscriber decodes."""
     decoded: dict[str, Any] = msgpack.unpackb(encode(message))
     return decoded
 
@@ -175,7 +175,7 @@ def test_another_machines_instant_is_translated() -> None:
 
 
 def nested(depth: int) -> list[Any]:
-    """As deep as msgpack decodes; Python's repr of it raises RecursionError."""
+    """A list as deep as msgpack decodes; Python's repr of it raises RecursionError."""
     value: list[Any] = []
     for _ in range(depth):
         value = [value]

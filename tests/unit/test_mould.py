@@ -38,7 +38,7 @@ def read(stl: str) -> np.ndarray:
 
 
 def volume_mm3(body: np.ndarray) -> float:
-    """Of a closed body; negative where it is inside out."""
+    """The volume of a closed body; negative if it is inside out."""
     return float(np.einsum("ki,ki->", body[:, 0], np.cross(body[:, 1], body[:, 2])) / 6.0)
 
 

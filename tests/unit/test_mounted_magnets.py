@@ -12,7 +12,7 @@ ONE, OTHER, NOTHING = Touch(3e-3, -4e-3, 0.8, 0.1, -0.2), Touch(-7e-3, 2e-3, 1.3
 
 
 def changes_of(inside: MountedMagnets, touch: Touch) -> np.ndarray:
-    """(M, 5) by one call of the table for each magnet, as the module's head says."""
+    """The changes (M, 5) by one call of the table for each magnet, as the module's head says."""
     moved = []
     for number, (x_mm, y_mm) in enumerate(inside.off_mm.tolist()):
         pressed = inside.response.pressed(1e3 * touch.x_m - x_mm, 1e3 * touch.y_m - y_mm, touch.force_n)

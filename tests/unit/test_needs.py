@@ -232,5 +232,5 @@ def test_quick_study_says_and_draws_what_decided(tmp_path: Path) -> None:
 
 
 def rms(errors: np.ndarray) -> np.ndarray:
-    """Of place and of force."""
+    """The rms errors of place and of force."""
     return np.sqrt([np.mean(errors[:, :2] ** 2), np.mean(errors[:, 2] ** 2)])

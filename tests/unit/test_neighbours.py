@@ -106,7 +106,7 @@ def near(told: np.ndarray, wanted: np.ndarray) -> None:
 
 
 def drawn_view(pad: Pad, magnets: int, seen_ns: int | None, random: np.random.Generator) -> NeighbourView:
-    """Of a pad with so many magnets, anywhere in their reach."""
+    """The view of a pad with this many magnets, anywhere in their reach."""
     where = [
         tuple(State.at_rest(pad).stepped(np.append(STEP_SD[:5], 0.01) * random.normal(size=6)) for _ in range(magnets))
         for _ in range(2)

@@ -46,7 +46,7 @@ def sample(pad_index: int, number: int, time_us: int) -> bytes:
 
 
 def numbers(data: bytes) -> list[tuple[int, int]]:
-    """(pad index, sequence) of the samples in these bytes."""
+    """The pad index and the sequence of the samples in these bytes."""
     return [(one.pad_index, one.sequence) for one in Decoder().feed(data) if isinstance(one, Sample)]
 
 

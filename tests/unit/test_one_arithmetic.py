@@ -53,7 +53,7 @@ def sources(*suffixes: str) -> list[Path]:
 
 
 def used(tree: ast.AST) -> Iterator[str]:
-    """What a module takes of NumPy, math and SciPy, and operators and functions that go the same way."""
+    """The functions that a module takes of NumPy, math and SciPy, and operators that lead to them."""
     for node in ast.walk(tree):
         if isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.MatMult | ast.Pow):
             constant = isinstance(node, ast.BinOp) and isinstance(node.left, ast.Constant) and node.left.value == 2

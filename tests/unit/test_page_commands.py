@@ -42,7 +42,7 @@ $ fmfts-daemon pads
 
 
 def daemon_words(command: Command) -> list[str] | None:
-    """What the daemon's command line gets; None if another program is called. `[--x Y]` may be left out."""
+    """The words for the daemon's command line; None if another program is called. `[--x Y]` may be left out."""
     words = re.sub(r"\[--[^\]]*\]", "", command.words).split(" > ")[0]
     called = re.match(r"(?:[A-Z_]+=\S+ )*fmfts-daemon (.*)", words)
     return shlex.split(called[1]) if called else None

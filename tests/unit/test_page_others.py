@@ -57,7 +57,7 @@ def faults_of_shell(words: list[str]) -> list[str]:
 
 
 def faults_of_pip(words: list[str]) -> list[str]:
-    """Its own parser reads options. A requirement is a folder here, a file of `make dist` or a project."""
+    """The faults by pip's own parser of options. A requirement is a folder here, a file of `make dist` or a project."""
     command = pytest.importorskip("pip._internal.commands").create_command(words[1])
     try:
         options, requirements = command.parse_args(words[2:])

@@ -43,7 +43,7 @@ def makefile(folder: str) -> tuple[set[str], set[str]]:
 
 
 def of_python(words: str) -> list[str] | None:
-    """What follows `python`; None if another program is called. `[--x Y]` may be left out."""
+    """The words after `python`; None if another program is called. `[--x Y]` may be left out."""
     try:
         found = shlex.split(re.sub(r"\[--[^\]]*\]", "", words).split(" > ")[0])
     except ValueError:

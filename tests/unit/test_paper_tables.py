@@ -38,7 +38,7 @@ def _table2() -> dict[tuple[str, str], np.ndarray]:
 
 
 def _solved(readings: dict[tuple[str, str], np.ndarray], folder: Path) -> dict[tuple[str, str], dict[str, str]]:
-    """What `fmfts-daemon pose` makes of the readings."""
+    """The poses that `fmfts-daemon pose` solves from the readings."""
     source, target = folder / "field.csv", folder / "pose.csv"
     with source.open("w") as out:
         names = [f"b{probe}{axis}_ut" for probe in range(1, 5) for axis in "xyz"]

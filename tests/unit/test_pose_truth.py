@@ -110,7 +110,7 @@ def test_table_1_with_its_image_field_is_right_to_hundredths(
 
 
 def _change(rows: np.ndarray, image: State, column: int) -> np.ndarray:
-    """Of the image field by one tilt."""
+    """The change of the image field by one tilt."""
     return rows[:, 3:6] @ tangent_basis(image.axis)[:, column - 3] * float(np.linalg.norm(image.ambient_t))
 
 

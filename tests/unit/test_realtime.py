@@ -72,7 +72,7 @@ def test_only_loop_and_bus_have_priority() -> None:
 
 
 def with_default(priority: str, denied: bool) -> tuple[str, str]:
-    """(its priority, what it logged) of a process whose unit gives this one."""
+    """The priority and the log of a process whose unit gives this priority."""
     code = BY_DEFAULT.format(denied=denied, environ={"FMFTS_REALTIME_PRIORITY": priority} if priority else {})
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     return done.stdout.strip(), done.stderr

@@ -31,7 +31,7 @@ Ageing = Callable[[float], float]
 
 @dataclass
 class Run:
-    """What the last minute said, and how far the rest had moved at any time."""
+    """The health of the last minute, and the movement of the rest at any time."""
 
     forces_n: list[float] = field(default_factory=list)
     heights_m: list[float] = field(default_factory=list)

@@ -11,7 +11,7 @@ from drills import registries
 
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """With pip's settings in it."""
+    """A home with pip's settings."""
     for name in ("index/simple", "wheels", "unnamed"):
         (tmp_path / name).mkdir(parents=True)
     settings = tmp_path / "home" / registries.PIP_OF_A_USER / "pip.conf"

@@ -109,7 +109,7 @@ def received(message: ContactMessage) -> Contact:
 
 
 def points(cloud: Any) -> list[dict[str, float]]:
-    """As a reader of point clouds unpacks them, by the fields that the message itself tells."""
+    """The points as a reader of point clouds unpacks them, by the fields in the message itself."""
     kinds = {PointField.FLOAT32: "<f4", PointField.UINT32: "<u4"}  # type: ignore[attr-defined]
     layout = np.dtype(
         {

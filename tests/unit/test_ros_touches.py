@@ -30,7 +30,9 @@ TactileContacts = message("TactileContacts", contacts=list)
 
 
 def of_definition(name: str) -> type:
-    """Of the fields of its own definition. As rosidl's types of Humble do, it asserts that an int8 gets an integer."""
+    """A type with the fields of its definition. Like rosidl's types of Humble, it asserts that an int8 gets an
+    integer.
+    """
     lines = (MESSAGES / f"{name}.msg").read_text().splitlines()
     fields = [line.split() for line in lines if not line.startswith("#") and "=" not in line]
     integers = {field for kind, field in fields if kind == "int8"}

@@ -21,7 +21,7 @@ FAR_NS = 60_000_000_000
 
 
 class Piped:
-    """As much of a Source as is waited for."""
+    """The part of a Source that the schedule waits for."""
 
     def __init__(self) -> None:
         self.deadline: int | None = None

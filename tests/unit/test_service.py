@@ -166,7 +166,7 @@ def require(tool: str) -> None:
 
 @pytest.fixture
 def unit(tmp_path: Path) -> Path:
-    """As shipped, but for the program, which is not installed where the tests run."""
+    """The shipped unit, except for the program, which is not installed where the tests run."""
     text = (SYSTEMD / "fmfts.service").read_text()
     assert "ExecStart=/usr/bin/fmfts-daemon run\n" in text
     path = tmp_path / "fmfts.service"

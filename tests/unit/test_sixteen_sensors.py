@@ -61,7 +61,7 @@ def two_fingers(config: PadConfig, count: int, angle: float = 0.0) -> list[Frame
 
 
 def pressed(config: PadConfig) -> list[Frame]:
-    """Of a pad with one magnet, under a finger that rests."""
+    """Frames of a pad with one magnet, under a finger that rests."""
     source = Simulated(config)
     source.finger = steady_finger(1e-3, -2e-3, FORCE_N)
     return [frame for step in range(100) for frame in source.poll(step * PERIOD_NS)]

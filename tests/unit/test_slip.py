@@ -119,7 +119,7 @@ def test_friction_is_forgotten_when_the_touch_ends() -> None:
 
 
 def learnt_under(allowed: tuple[float, float], friction: float) -> SlipMessage:
-    """What a pad with these bounds tells of the frame after the onset of a slip, which has taught nothing yet."""
+    """A pad's result with these bounds for the frame after the onset of a slip, from which nothing is learned yet."""
     source, pipeline = ManyFrames(pad().config), pad().pipeline()
     source.finger = slide(0.4, friction)
     frames = [frame for frames in source.batches(600) for frame in frames]

@@ -64,7 +64,7 @@ def sender() -> Iterator[socket.socket]:
 
 
 def forces(gauge: Gauge, now_ns: int = 0) -> list[float]:
-    """What has arrived: over the loopback interface a datagram has when its sender goes on."""
+    """The forces that have arrived: over the loopback interface a datagram arrives before its sender continues."""
     return [reading.force_n for reading in gauge.poll(now_ns)]
 
 

@@ -26,7 +26,9 @@ def with_sensors(config: PadConfig, sensors: int) -> PadConfig:
 
 
 def pipeline_with_default_model(config: PadConfig, baseline: Baseline) -> PadPipeline:
-    """With the default contact model, which is of the same magnet over four sensors: it asks for the pose alone."""
+    """A pipeline with the default contact model, made for the same magnet over four sensors: it needs the pose
+    alone.
+    """
     pad = config.pad()
     standard = SensorArray.aligned(PadConfig(name="standard", source=config.source).pad().sensors.position_m)
     model = ContactModel.load("default", replace(pad, sensors=standard))
