@@ -178,9 +178,14 @@ def test_untouched_pad_shows_the_smallest_force_it_detects(shows: Callable[..., 
 
 
 def test_good_news_has_no_warning_mark(page: Page, bus: tuple[Bus, str]) -> None:
-    for detail in ("lost: no pose fits", "ok: this computer keeps up again", "ok"):
-        bus[0].tell(event_message(kind="health", detail=detail))
-        until(page, f"document.querySelector('#event-list span')?.textContent.endsWith('health {detail}')")
+    for kind, detail in (
+        ("health", "lost: no pose fits"),
+        ("overload", "this computer keeps up again"),
+        ("health", "ok"),
+    ):
+        bus[0].tell(event_message(kind=kind, detail=detail))
+        shown = f"health {detail}" if kind == "health" else detail
+        until(page, f"document.querySelector('#event-list span')?.textContent === '{shown}'")
     good, plain, bad = (page.locator(f"#event-list li:nth-child({number}) i") for number in (1, 2, 3))
     assert (good.inner_text(), plain.inner_text(), bad.inner_text()) == ("●", "·", "▲")
     colours = [each.evaluate("(e) => getComputedStyle(e).color") for each in (good, bad)]

@@ -30,9 +30,9 @@ from fmfts.bus.control import ControlServer
 from fmfts.bus.messages import ContactMessage
 from fmfts.bus.publisher import Publisher
 from fmfts.common import exit_codes
-from fmfts.view.listen import listen
+from fmfts.view.listen import _event_line, listen
 from fmfts.view.status import status
-from fmfts_client import Endpoints
+from fmfts_client import SCHEMA_VERSION, Endpoints, Message
 
 LISTEN = "import sys; from fmfts.view.listen import listen; sys.exit(listen(endpoint=sys.argv[1], **eval(sys.argv[2])))"
 
@@ -70,6 +70,19 @@ def test_lines_once_a_second_where_there_is_no_terminal(base: str) -> None:
     assert 1 <= len(touched) <= 3
     assert any(line.startswith("other: ok  no contact") for line in lines)
     assert any(line.startswith("pad demo: ") and "0 lost" in line and "1 touches" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("kind", "detail", "line"),
+    [
+        ("health", "lost: no pose fits", "demo: health lost: no pose fits"),
+        ("overload", "this computer is overloaded: 5 %", "demo: this computer is overloaded: 5 %"),
+        ("of_a_later_daemon", "", "demo: of_a_later_daemon"),
+    ],
+)
+def test_line_of_an_event_names_its_kind(kind: str, detail: str, line: str) -> None:
+    body = {**msgspec.to_builtins(event_message(detail=detail)), "v": SCHEMA_VERSION, "kind": kind}
+    assert _event_line(Message("event", "demo", body, 0.0)) == line
 
 
 def test_json_is_one_object_for_each_message(base: str) -> None:

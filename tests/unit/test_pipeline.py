@@ -15,7 +15,7 @@ from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.origin import Origin
 from fmfts.baseline.request import BaselineRequest
 from fmfts.bus.encoding import decode_contact
-from fmfts.bus.messages import ContactMessage
+from fmfts.bus.messages import ContactMessage, EventMessage
 from fmfts.bus.publisher import Publisher
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
@@ -163,6 +163,7 @@ class Bench:
         self, config: PadConfig, rate_hz: float = 220.0, lead: Lead = NO_LEAD, has_baseline: bool = True
     ) -> None:
         self.sent: list[ContactMessage] = []
+        self.events: list[EventMessage] = []
         self.source = Simulated(config)
         self.source.finger = no_finger
         self.pipeline = pipeline_of(config, simulated_baseline(config) if has_baseline else None, lead)
@@ -178,6 +179,7 @@ class Bench:
 
         self._publisher.send_contact = keep  # type: ignore[method-assign]
         self._publisher.send_encoded = keep_encoded  # type: ignore[method-assign]
+        self._publisher.send_event = lambda pad, event: self.events.append(event)  # type: ignore[method-assign]
         self.channel = Channel(self.source, 0, self.pipeline, self._publisher, "boot", rate_hz)
 
     def __enter__(self) -> Bench:
@@ -348,7 +350,8 @@ def test_overload_log_is_bounded_and_names_count_and_end(
     assert len(told) == 11
     assert told[:3] == ["pad 'left': ok", "pad 'left': late", "pad 'left': ok"], "a short stall is told whole"
     assert told[3] == (
-        "pad 'left': ok (97 changes before this one are not in the log, because the computer was overloaded)"
+        "pad 'left': ok (97 changes before this one are not in the log, because the computer was overloaded: "
+        "among them late)"
     )
     assert told[9].startswith("pad 'left': late"), "the last state is never kept back for good"
     assert told[10] == "pad 'left': disconnected"
@@ -363,5 +366,42 @@ def test_log_says_that_one_change_is_missing(caplog: pytest.LogCaptureFixture) -
             log.tell(logging.WARNING, "late", second * 1_000_000_000)
         log.tell(logging.INFO, "ok", 15_000_000_000)
     assert caplog.records[-1].message == (
-        "pad 'left': ok (1 change before this one is not in the log, because the computer was overloaded)"
+        "pad 'left': ok (1 change before this one is not in the log, because the computer was overloaded: among them "
+        "late)"
     )
+    assert caplog.records[-1].levelname == "WARNING"
+
+
+def test_each_omitted_health_is_quoted_with_its_reason(caplog: pytest.LogCaptureFixture) -> None:
+    with Bench(config_of()) as bench, caplog.at_level(logging.INFO):
+        bench.channel._lateness.is_to_be_left_out(0, 1_000_000_000)
+        log = SparingLog("left", bench.channel._lateness)
+        changes = ["stale", "ok", "stale", "lost: no pose fits", "stale", "ok"]
+        for second, text in enumerate(changes):
+            log.tell(logging.INFO if text == "ok" else logging.WARNING, text, second * 1_000_000_000)
+        log.catch_up(9_000_000_000)
+        assert len(caplog.records) == 3
+        log.catch_up(11_000_000_000)
+    assert caplog.records[-1].message == (
+        "pad 'left': ok (2 changes before this one are not in the log, because the computer was overloaded: among them "
+        "lost: no pose fits; stale)"
+    )
+
+
+def test_reports_of_an_overload_keep_no_health_out_of_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    with Bench(config_of()) as bench, caplog.at_level(logging.INFO):
+        channel, begun_ns = bench.channel, time.monotonic_ns()
+        for second in range(8):
+            if second % 2 == 0:
+                channel.source.state.left_out[0] = channel.source.state.left_out.get(0, 0) + 9
+            channel.status(begun_ns + second * 1_000_000_000)
+        channel.announcer.send(bench.pipeline.absent("lost", "no pose fits"))
+    told = [record.message for record in caplog.records if record.name == "fmfts.runtime.sparing_log"]
+    assert told[-1] == "pad 'left': lost: no pose fits"
+    assert told[0] == (
+        "pad 'left': this computer is overloaded: 100 % of the frames left out; health is disconnected; see "
+        "docs/latency.md"
+    )
+    events = [event.detail for event in bench.events if event.kind == "overload"]
+    assert f"pad 'left': {events[0]}" == told[0]
+    assert events[1] == "this computer keeps up again: no frames are left out; health is disconnected"

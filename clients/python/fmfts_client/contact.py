@@ -178,7 +178,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Event:
-    """A change. kind: "onset", "release", "over_range", "health", "baseline", or a new word of a later daemon."""
+    """A change. kind: as docs/messages.md lists them, or a new word of a later daemon."""
 
     v: int
     pad: str

@@ -12,7 +12,9 @@ from fmfts.sensor.chips import Chip
 from fmfts.sensor.missing import saturated_at, untellable_by
 from fmfts_client.fields import SCHEMA_VERSION
 
-NO_BASELINE = "no baseline: `fmfts-daemon baseline --bare` before the pad is mounted, then `--rest` while nothing touches it"
+NO_BASELINE = (
+    "no baseline: `fmfts-daemon baseline --bare` before the pad is mounted, then `--rest` while nothing touches it"
+)
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
 
 # Of the drift on one axis: tests/unit/test_warming_offsets.py. The pose explains most of one axis that is off.

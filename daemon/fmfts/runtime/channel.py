@@ -61,9 +61,9 @@ class Channel:
         self._logged: set[str] = set()  # kinds of errors whose traceback is in the log
         self.is_recorded, self.recorders = False, Recorders(pipeline, publisher, boot)
         self.baseline = BaselineInUse(source, pipeline, self.recorders)
-        self._log = SparingLog(self.name, self._lateness)
+        self._log, self._other_log = SparingLog(self.name, self._lateness), SparingLog(self.name, self._lateness)
         self.announcer = Announcer(self.name, source, publisher, boot, self._started_ns, self._log)
-        self._impossible = ImpossibleFrames(self._statistics, self._log, self.announcer)
+        self._impossible = ImpossibleFrames(self._statistics, self._other_log, self.announcer)
         self._lent: Pad | None = None  # set while C handles the frames
 
     @property
@@ -258,10 +258,11 @@ class Channel:
         """The status message about the interval since the last call."""
         self._lateness.count_left_out()
         latency = self._statistics.interval(now_ns)
-        if news := self._lateness.judge():
-            self._log.tell(logging.WARNING if self._lateness.sentence else logging.INFO, news, now_ns)
-            self.announcer.event("health", f"{self.health}: {news}")
-        self._log.catch_up(now_ns)
+        if news := self._lateness.judge(self.health):
+            self._other_log.tell(logging.WARNING if self._lateness.sentence else logging.INFO, news, now_ns)
+            self.announcer.event("overload", news)
+        for each in (self._log, self._other_log):
+            each.catch_up(now_ns)
         state, last, mounting = self.source.state, self.announcer.last, self.pipeline.mounting
         health, reason = self.told()
         return StatusMessage(

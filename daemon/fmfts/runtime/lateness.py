@@ -52,17 +52,19 @@ class Lateness:
         """Whether frames were left out that recently."""
         return self._behind_ns is not None and now_ns - self._behind_ns < within_ns
 
-    def judge(self) -> str:
+    def judge(self, health: str) -> str:
         """Judge the interval that the statistics just ended.
 
-        Returns a sentence if an overload began or ended, else "".
+        Returns a text if an overload began or ended, else "". health: of the pad, which an overload does not change.
         """
         before, percent = self.sentence, 100 * self._statistics.overloaded
         is_overloaded = self._statistics.overloaded >= OVERLOADED
         self.sentence = f"this computer is overloaded: {percent:.0f} % of the frames left out" if is_overloaded else ""
         if bool(before) == is_overloaded:
             return ""
-        return self.sentence or "this computer keeps up again: no frames are left out"
+        if is_overloaded:
+            return f"{self.sentence}; health is {'still ' * (health == 'ok')}{health}; see docs/latency.md"
+        return f"this computer keeps up again: no frames are left out; health is {health}"
 
     @property
     def reason(self) -> str:

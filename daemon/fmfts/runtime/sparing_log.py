@@ -14,40 +14,49 @@ MOST = 3  # a short stall causes this many changes, each worth a line
 
 
 class SparingLog:
-    """Logs lines of a pad. While frames are dropped, at most MOST in PERIOD_NS; the next line has the number of the
-    omitted ones."""
+    """Logs lines of one kind about a pad: reports of an overload must not keep changes of health out of the log.
+
+    While frames are dropped, at most MOST lines in PERIOD_NS; the next one has the number of the omitted ones, and
+    quotes the last one of each other state. A line's state is its text before ":".
+    """
 
     def __init__(self, pad: str, lateness: Lateness) -> None:
         self._pad = pad
         self._lateness = lateness
         self._told_ns: deque[int] = deque(maxlen=MOST)
-        self._held: tuple[int, str] | None = None  # the last omitted line
+        self._held: dict[str, tuple[int, str]] = {}  # the last omitted line of each state, the newest at the end
         self._untold = 0
 
     def tell(self, level: int, text: str, now_ns: int, *, is_urgent: bool = False) -> None:
         """is_urgent: no overload causes it, so it is logged at once."""
-        is_behind = self._lateness.is_behind(now_ns, PERIOD_NS)
-        if is_behind and not is_urgent and self._has_told_enough(now_ns):
-            self._held, self._untold = (level, text), self._untold + 1
-        else:
-            self._write(level, text, self._untold, now_ns)
+        state = text.partition(":")[0]
+        self._held.pop(state, None)
+        self._held[state] = level, text
+        self._untold += 1
+        if is_urgent or not self._lateness.is_behind(now_ns, PERIOD_NS) or not self._has_told_enough(now_ns):
+            self._write(now_ns)
 
     def catch_up(self, now_ns: int) -> None:
         """Log the last omitted line when it is due. Call it about once a second."""
-        if self._held is not None and not self._has_told_enough(now_ns):
-            self._write(*self._held, self._untold - 1, now_ns)
+        if self._held and not self._has_told_enough(now_ns):
+            self._write(now_ns)
 
     def _has_told_enough(self, now_ns: int) -> bool:
         return len(self._told_ns) == MOST and now_ns - self._told_ns[0] < PERIOD_NS
 
-    def _write(self, level: int, text: str, untold: int, now_ns: int) -> None:
-        log.log(level, "pad '%s': %s%s", self._pad, text, _unlogged(untold))
+    def _write(self, now_ns: int) -> None:
+        *others, (_, text) = self._held.values()
+        level = max(level for level, _ in self._held.values())
+        unlogged = _unlogged(self._untold - 1, [other for _, other in others])
+        log.log(level, "pad '%s': %s%s", self._pad, text, unlogged)
         self._told_ns.append(now_ns)
-        self._held, self._untold = None, 0
+        self._held.clear()
+        self._untold = 0
 
 
-def _unlogged(changes: int) -> str:
+def _unlogged(changes: int, others: list[str]) -> str:
     if changes == 0:
         return ""
     which = "1 change before this one is" if changes == 1 else f"{changes} changes before this one are"
-    return f" ({which} not in the log, because the computer was overloaded)"
+    quoted = f": among them {'; '.join(others)}" if others else ""
+    return f" ({which} not in the log, because the computer was overloaded{quoted})"

@@ -159,7 +159,8 @@ def _stopped_by_signals() -> Iterator[None]:
 
 def _event_line(message: Message) -> str:
     event = Event.from_message(message.body)
-    return f"{event.pad}: {event.kind} {event.detail}".rstrip()
+    kind = "" if event.kind == "overload" else f"{event.kind} "  # of the computer, and its text says so
+    return f"{event.pad}: {kind}{event.detail}".rstrip()
 
 
 class _Pictures:

@@ -15,7 +15,8 @@ export function listEvent(list, event, named) {
   line.dataset.kind = event.kind;
   line.dataset.tone = toneOf(event);
   mark.textContent = TONES[line.dataset.tone] ?? MARKS[event.kind] ?? "·";
-  text.textContent = `${named ? `${event.pad}: ` : ""}${event.kind.replace("_", " ")}${event.detail ? ` ${event.detail}` : ""}`;
+  const kind = event.kind === "overload" ? "" : event.kind.replace("_", " "); // of the computer, and its text says so
+  text.textContent = [named ? `${event.pad}:` : "", kind, event.detail].filter(Boolean).join(" ");
   when.textContent = new Date().toLocaleTimeString("en-GB");
   line.append(mark, text, when);
   list.prepend(line);
