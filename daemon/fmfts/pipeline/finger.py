@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmfts.arithmetic.elementary import square
-from fmfts.arithmetic.matrix import product
 from fmfts.common.chi2 import quantile
 from fmfts.common.record import Record, Values
 from fmfts.contact.drive import drive_power
@@ -23,6 +22,7 @@ from fmfts.pose import AMBIENT, Aligned
 from fmfts.pose.gates import FALSE_INNOVATION
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
+from fmfts.several import _several
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.fit import Fit, Measured
 from fmfts.several.reading import FingersReading
@@ -75,6 +75,8 @@ class FollowedFinger:
         )
 
         self._buffer = self._memory.buffer
+        self._linear = self._memory["ahead_t"][:values], self._memory["by_finger"][: 3 * values]
+        self._numbers = np.array([1.0, LIGHT_N])
         self._rest_t = mounting.rest_field_t.ravel()
         self._quiet = np.array([0.0, 0.0, estimator.quiet_force_sd_n])
         self._sure_t = SURE_DEVIATIONS * mounting.noise_t
@@ -128,29 +130,19 @@ class FollowedFinger:
         """The field is linear at the finger where the newest samples should find it: at a tap it has moved on since the
         frame's instant."""
         assert measured is not None
-        memory, moment = self._memory, self._estimator.moment
-        finger, model = fit.fingers[0], self._estimator.fitter.model
-        # What is wrong of the table and of gains grows with the force; the ambient field does not.
-        even_t = product(model.by_ambient, fit.ambient_t)
-        wrong_t, force_n = fit.misfit_t - fit.noise_t - even_t, float(finger[2])
-        wrong_t_per_n = wrong_t * (force_n / (force_n * force_n + LIGHT_N * LIGHT_N))
-        change_t, slope_t = measured.field_t - fit.noise_t, fit.slope_t.copy()
-        began_us = memory.number("motion_us")
+        memory, model = self._memory, self._estimator.fitter.model
+        there, began_us = fit.fingers, memory.number("motion_us")
         if began_us > 0.0:
             moved = memory["motion_state"]
-            ahead_s = (frame.device_time_us - began_us) * 1e-6
+            ahead_s = min(max((frame.device_time_us - began_us) * 1e-6, 0.0), LONGEST_AHEAD_S)
             there = moved[:3].copy()  # the rates of its place are poorly known
-            there[2] = max(there[2] + min(max(ahead_s, 0.0), LONGEST_AHEAD_S) * moved[7], 0.0)
-            predicted_t, slope_t = model.field_and_slope_of(there[None])
-            change_t = predicted_t + even_t + wrong_t + wrong_t_per_n * (float(there[2]) - force_n)
-            finger = there
-        slope_t[:, 2] += wrong_t_per_n
-        memory["finger"][:] = finger
+            there[2] = max(there[2] + ahead_s * moved[7], 0.0)
+        self._numbers[0] = self._estimator.moment
+        memory["finger"][:] = there.ravel()
         memory["finger_covariance"][:] = fit.covariance.ravel()
         memory["finger_deviation"][:] = deviation
-        values = len(change_t)
-        memory["ahead_t"][:values] = moment * (self._rest_t + change_t)
-        memory["by_finger"][: 3 * values] = (moment * slope_t).ravel()
+        found = fit.fingers, measured.field_t, fit.noise_t, fit.misfit_t, fit.slope_t, fit.ambient_t
+        _several.ahead(model.packed, model.work, *found, self._rest_t, there, self._numbers, *self._linear)
 
     def early(self, early: EarlySample, compiled: _pad.Pad) -> bytes | None:
         """The last message with what a sample says that came before its frame; None where it says nothing new."""

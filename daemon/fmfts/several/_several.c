@@ -5,6 +5,8 @@
 
 static PyMethodDef methods[] = {
     FMFTS_METHOD(predict, "What fingers do to the field; see field_model.py."),
+    FMFTS_METHOD(field, "The field alone; see field_model.py."),
+    FMFTS_METHOD(ahead, "The linear field of a finger that is followed; see ahead.c."),
     FMFTS_METHOD(covariance, "How wrong that may be; see field_model.py."),
     FMFTS_METHOD(poses, "Where the magnets of a frame are; see poses.py."),
     FMFTS_METHOD(free_poses, "The same by the field alone; see free_poses.py."),

@@ -94,11 +94,11 @@ class FieldModel:
 
     def field_of(self, fingers: Array) -> Array:
         """(3N,) as in `predict`, which is all that most frames need."""
-        return self._predicted(fingers)[0]
-
-    def field_and_slope_of(self, fingers: Array) -> tuple[Array, Array]:
-        """(3N,) and (3N, 3K) as `predict` has them."""
-        return self._predicted(fingers)[:2]
+        require_room(fingers=len(fingers))
+        field, fingers = np.empty(len(self.at_rest)), doubles(fingers)
+        if not _several.field(self.packed, self.work, fingers, field):
+            finite(fingers=fingers)
+        return field
 
     def _predicted(self, fingers: Array) -> tuple[Array, Array, Array, Array, Array]:
         """As Predicted; the effect of each finger alone, (K, …), is still packed."""

@@ -181,6 +181,18 @@ typedef struct {
 fmfts_refusal fmfts_free_poses_of(const fmfts_several *model, const fmfts_free_limits *limits, const double *start,
                                   const fmfts_measured *measured, fmfts_several_work *work, fmfts_free_poses *found);
 
+/* A finger that a fit found, of which `now` makes a linear field: noise_t, misfit_t [values], slope_t [values][3], ambient_t [3].
+ * change_t: the measured change since rest, of rest_t. there [3]: where the finger is by now; NULL: where the fit found it. moment:
+ * the factor on all moments. light_n: the errors of lighter fingers do not grow with the force. */
+typedef struct {
+    const double *finger, *change_t, *noise_t, *misfit_t, *slope_t, *ambient_t, *rest_t, *there;
+    double moment, light_n;
+} fmfts_ahead;
+
+/* ahead.c: what each axis most likely reads at the finger, [values], and its derivative, [values][3]. */
+void fmfts_look_ahead(const fmfts_several *model, const fmfts_ahead *from, fmfts_several_work *work, double *ahead_t,
+                      double *by_finger);
+
 /* A grid to scan. root [used][used]. room: FMFTS_SCAN_DOUBLES(values, padded places). */
 typedef struct {
     const fmfts_search *search;

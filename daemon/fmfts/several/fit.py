@@ -40,7 +40,7 @@ FLOOR = np.array([1e-9, 1e-9, 1e-6])
 FARTHEST_LOAD = 3.0  # limit of the search, as a multiple of the table's largest force
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Fit:
     """K fingers (K, 3): x, y in mm and force in N, with covariance (3K, 3K). chi2: of the residual; misfit_t (3N,).
 
