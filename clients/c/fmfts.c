@@ -5,6 +5,7 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <inttypes.h>
 #include <limits.h>
 #include <math.h>
 #include <pwd.h>
@@ -17,12 +18,26 @@
 #include <unistd.h>
 #include <zmq.h>
 
+/* Copies a text of `size` bytes, cut between characters if it is too long. */
+static void copy_text(char into[FMFTS_TEXT_SIZE], const void *text, size_t size)
+{
+    if (size >= FMFTS_TEXT_SIZE) {
+        size = FMFTS_TEXT_SIZE - 1;
+        while (size > 0 && (((const uint8_t *)text)[size] & 0xC0) == 0x80)
+            size--;
+    }
+    memcpy(into, text, size);
+    into[size] = 0;
+}
+
 __attribute__((format(printf, 2, 3))) static bool fail(char why[FMFTS_TEXT_SIZE], const char *format, ...)
 {
+    char whole[FMFTS_TEXT_SIZE + 1]; /* shows whether a cut would lie within a character */
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(why, FMFTS_TEXT_SIZE, format, arguments);
+    vsnprintf(whole, sizeof whole, format, arguments);
     va_end(arguments);
+    copy_text(why, whole, strlen(whole));
     return false;
 }
 
@@ -340,14 +355,7 @@ static bool read_sentence(const struct item *item, char sentence[FMFTS_TEXT_SIZE
 {
     if (item->type != TEXT)
         return false;
-    size_t size = item->bits;
-    if (size >= FMFTS_TEXT_SIZE) {
-        size = FMFTS_TEXT_SIZE - 1;
-        while (size > 0 && (item->bytes[size] & 0xC0) == 0x80) /* cut between characters */
-            size--;
-    }
-    memcpy(sentence, item->bytes, size);
-    sentence[size] = 0;
+    copy_text(sentence, item->bytes, item->bits);
     return true;
 }
 
@@ -896,7 +904,7 @@ struct fmfts_client {
     char endpoint[ENDPOINT_SIZE];
     char topic[sizeof "contact/" + FMFTS_WORD_SIZE];
     char refusal[FMFTS_TEXT_SIZE];
-    uint64_t refused, restarts;
+    uint64_t refused, refused_before, restarts; /* refused_before: the last contact */
     double largest_force_sd_n;
     bool names_force_sd;
     bool heard;
@@ -1045,6 +1053,7 @@ static enum fmfts_result accept_body(struct fmfts_client *client, size_t size)
     place_in_time(client);
     client->restarts += client->heard && strcmp(client->next.boot, client->last.boot) != 0;
     client->heard = true;
+    client->refused_before = client->refused;
     client->last = client->next;
     return FMFTS_NEW;
 }
@@ -1116,12 +1125,46 @@ bool fmfts_fresh(const struct fmfts_client *client)
     return client->heard && is_recent(&client->last, client->last.t_sample_ns);
 }
 
+static double largest_force_sd_n(const struct fmfts_client *client)
+{
+    double third_n = client->names_force_sd ? 0.0 : client->last.force_n.value / 3.0;
+    return third_n > client->largest_force_sd_n ? third_n : client->largest_force_sd_n;
+}
+
 bool fmfts_valid(const struct fmfts_client *client)
 {
     const struct fmfts_number *deviation = &client->last.force_sd_n;
-    double third_n = client->last.force_n.value / 3.0;
-    bool is_certain = deviation->value <= client->largest_force_sd_n || (!client->names_force_sd && deviation->value <= third_n);
-    return fmfts_alive(client) && fmfts_fresh(client) && fmfts_measured(&client->last) && deviation->known && is_certain;
+    return fmfts_alive(client) && fmfts_fresh(client) && fmfts_measured(&client->last) && deviation->known &&
+           deviation->value <= largest_force_sd_n(client);
+}
+
+/* Writes `why` and returns false. */
+static bool explain(const struct fmfts_client *client, char why[FMFTS_TEXT_SIZE])
+{
+    const struct fmfts_contact *last = &client->last;
+    uint64_t refused = client->refused - client->refused_before;
+    if (!fmfts_alive(client) && refused)
+        return fail(why, "nothing usable arrives (messages refused: %" PRIu64 "): %s", refused, client->refusal);
+    if (!fmfts_alive(client))
+        return fail(why, "nothing arrives");
+    if (last->health == FMFTS_HEALTH_UNKNOWN)
+        return fail(why, "its health is not known to this client: install the client of the daemon's version");
+    if (last->health != FMFTS_OK)
+        return fail(why, "%s%s%s", fmfts_health_name(last->health), last->reason[0] ? ": " : "", last->reason);
+    if (!fmfts_fresh(client))
+        return fail(why, "the pad was not sampled for %g s or more", 1e-3 * FMFTS_ALIVE_MS);
+    if (last->over_range)
+        return fail(why, "the pad is pressed harder than its contact model knows");
+    if (!fmfts_measured(last))
+        return fail(why, last->force_n.known && last->contact == FMFTS_TOUCHED ? "the place is not known" : "the force is not known");
+    return fail(why, "the force is %.2f ± %.3f N, less certain than ± %.3f N: `fmfts-daemon baseline --turn` and `weigh` make it more certain",
+                last->force_n.value, last->force_sd_n.known ? last->force_sd_n.value : INFINITY, largest_force_sd_n(client));
+}
+
+bool fmfts_why_invalid(const struct fmfts_client *client, char why[FMFTS_TEXT_SIZE])
+{
+    *why = 0;
+    return fmfts_valid(client) || explain(client, why);
 }
 
 void fmfts_set_largest_force_sd(struct fmfts_client *client, double newton)
@@ -1325,8 +1368,8 @@ static bool why_not_connected(const char *bus, unsigned events, char why[FMFTS_T
         return fail(why, "the daemon at %s has other keys than %s says, or none: get a new key from its machine",
                     bus, key ? key : "FMFTS_KEY");
     if (events & SERVED)
-        return fail(why, "a program serves %s and sends no contacts: is it fmfts-daemon, and does `fmfts-daemon "
-                         "status` answer?", bus);
+        return fail(why, "a program serves %s and sends no contacts: a daemon that starts needs five seconds; is it "
+                         "fmfts-daemon, and does `fmfts-daemon status` answer?", bus);
     const char *path = bus + strlen("ipc://");
     if (starts_with(bus, "ipc://") && access(path, W_OK) != 0 && errno == EACCES)
         return fail(why, "%s is closed to you: join the group of its daemon (as a service: sudo usermod -aG fmfts "

@@ -195,6 +195,10 @@ uint64_t fmfts_refused(const struct fmfts_client *client);
 uint64_t fmfts_restarts(const struct fmfts_client *client); /* of the daemon */
 const char *fmfts_refusal(const struct fmfts_client *client); /* why the last message was refused; "" if none was */
 
+/* Why fmfts_valid() is false, as a sentence: nothing usable arrives, or health and its reason, or how uncertain the force is. True,
+ * and "" in `why`, if fmfts_valid() is true. Does not wait; if nothing arrives, fmfts_why() says more. */
+bool fmfts_why_invalid(const struct fmfts_client *client, char why[FMFTS_TEXT_SIZE]);
+
 /* May `contact` and `force_n` (and, if touched, `x_m` and `y_m`) be used as a measurement? True if health is ok, touch
  * and force are known and in range, and a touch has a place. Does not check the age. False does not mean "no force": a
  * pad without a contact model detects a touch but knows no force. */

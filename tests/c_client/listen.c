@@ -40,6 +40,8 @@ int main(int count, char **words)
         printf("\"alive\": %s, ", fmfts_alive(client) ? "true" : "false");
         printf("\"fresh\": %s, ", fmfts_fresh(client) ? "true" : "false");
         printf("\"valid\": %s, ", fmfts_valid(client) ? "true" : "false");
+        printf("\"says_valid\": %s, ", fmfts_why_invalid(client, why) ? "true" : "false");
+        show_text("why_invalid", why);
         show_text("refusal", fmfts_refusal(client));
         printf("\"refused\": %" PRIu64 ", \"restarts\": %" PRIu64 "}\n", fmfts_refused(client), fmfts_restarts(client));
         fflush(stdout);

@@ -25,7 +25,7 @@ from c_client.built import (
     run,
 )
 from fmfts.bus.publisher import Publisher
-from fmfts_client import Endpoints
+from fmfts_client import Client, Endpoints
 from unit.bus_messages import BOOT, contact_message
 
 
@@ -91,6 +91,53 @@ def test_client_is_valid_up_to_the_named_force_deviation(
         return client.latest(100)
 
     assert eventually(given, lambda answer: answer.get("seq") == 60 and answer["fresh"])["valid"] is valid
+
+
+@pytest.mark.parametrize(
+    ("named", "changes"),
+    [
+        (None, {}),
+        (None, {"force_n": 0.6, "force_sd_n": 0.51}),
+        (None, {"force_n": 2.1, "force_sd_n": 0.71}),
+        (0.1, {"force_n": 2.1, "force_sd_n": 0.2}),
+        (None, {"health": "disturbed", "reason": "steel"}),
+        (None, {"health": "disturbed", "reason": 300 * "µ"}),  # cut to what a text of the C client holds
+        (None, {"health": "lost", "reason": ""}),
+        (None, {"over_range": True, "force_n": None, "force_min_n": 1.5}),
+        (None, {"force_n": None, "force_sd_n": None, "x_m": None, "y_m": None}),
+        (None, {"x_m": None, "y_m": None}),
+        (None, {"contact": None}),
+    ],
+)
+def test_c_client_says_why_a_contact_is_invalid_as_the_python_client_does(
+    client: Talker, publisher: Publisher, tmp_path: Path, named: float | None, changes: dict[str, Any]
+) -> None:
+    if named is not None:
+        client.accept(named)
+    with Client("demo", f"ipc://{tmp_path}", named) as other:
+
+        def given() -> dict[str, Any]:
+            publisher.send_contact("demo", contact_message(seq=61, **changes))
+            contact = other.latest(0.1)
+            answer = client.latest(100)
+            return answer if contact is not None and contact.seq == 61 else {}
+
+        answer = eventually(given, lambda answer: answer.get("seq") == 61 and answer["fresh"])
+        publisher.send_contact("demo", contact_message(seq=61, **changes))
+        assert other.latest(1.0) is not None
+        assert answer["why_invalid"] == other.why_invalid.encode()[:255].decode(errors="ignore")
+        assert answer["says_valid"] is answer["valid"] is (answer["why_invalid"] == "")
+
+
+def test_c_client_tells_silence_old_samples_and_refused_messages_apart(client: Talker, publisher: Publisher) -> None:
+    time.sleep(0.35)
+    assert client.latest()["why_invalid"] == "nothing arrives"
+    send_raw(publisher, b"contact/demo", b"\x91\x01")
+    refused = eventually(lambda: client.latest(100), lambda answer: answer["refused"] == 1)
+    assert refused["why_invalid"].startswith("nothing usable arrives (messages refused: 1): ")
+    publisher.send_contact("demo", contact_message(seq=7, t_sample_ns=time.monotonic_ns() - 400_000_000))
+    answer = eventually(lambda: client.latest(100), lambda answer: answer.get("seq") == 7)
+    assert answer["why_invalid"] == "the pad was not sampled for 0.3 s or more"
 
 
 def test_latest_after_a_pause_skips_waiting_messages(client: Talker, publisher: Publisher) -> None:

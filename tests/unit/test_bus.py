@@ -113,14 +113,22 @@ def test_daemon_with_old_sample_is_alive_but_not_valid(publisher: Publisher, end
         assert not client.valid
 
 
+MORE_CERTAIN = "`fmfts-daemon baseline --turn` and `weigh` make it more certain"
+
+
 @pytest.mark.parametrize(
     ("named", "force_n", "sd_n", "why"),
     [
         ({}, 0.6, 0.49, ""),
-        ({}, 0.6, 0.51, "the force is 0.60 ± 0.510 N, less certain than ± 0.500 N"),
+        ({}, 0.6, 0.51, "the force is 0.60 ± 0.510 N, less certain than ± 0.500 N: " + MORE_CERTAIN),
         ({}, 2.1, 0.69, ""),  # a pad whose silicone nobody measured knows two newtons to a quarter
-        ({}, 2.1, 0.71, "the force is 2.10 ± 0.710 N, less certain than ± 0.700 N"),
-        ({"largest_force_sd_n": 0.1}, 2.1, 0.2, "the force is 2.10 ± 0.200 N, less certain than ± 0.100 N"),
+        ({}, 2.1, 0.71, "the force is 2.10 ± 0.710 N, less certain than ± 0.700 N: " + MORE_CERTAIN),
+        (
+            {"largest_force_sd_n": 0.1},
+            2.1,
+            0.2,
+            "the force is 2.10 ± 0.200 N, less certain than ± 0.100 N: " + MORE_CERTAIN,
+        ),
     ],
 )
 def test_client_is_valid_up_to_named_force_deviation_or_says_why_not(
@@ -141,6 +149,10 @@ def test_client_is_valid_up_to_named_force_deviation_or_says_why_not(
     [
         ({"health": "disturbed", "reason": "steel"}, "disturbed: steel"),
         (
+            {"health": "fine"},
+            "its health 'fine' is not known to this client: install the client of the daemon's version",
+        ),
+        (
             {"over_range": True, "force_n": None, "force_min_n": 1.5},
             "the pad is pressed harder than its contact model knows",
         ),
@@ -159,9 +171,31 @@ def test_client_explains_silence_and_old_samples(publisher: Publisher, endpoints
         assert client.why_invalid == "nothing arrives"
         connect(publisher, client)
         old_ns = time.monotonic_ns() - 400_000_000
-        publisher.send_contact("demo", contact_message(t_sample_ns=old_ns, health="stale"))
+        publisher.send_contact("demo", contact_message(t_sample_ns=old_ns))
         assert client.latest(timeout_s=1.0) is not None
-        assert client.why_invalid.startswith("stale: the last sample is 0.")
+        assert client.why_invalid == "the pad was not sampled for 0.3 s or more"
+        unplugged = {"health": "disconnected", "reason": "is the board plugged in?"}
+        publisher.send_contact("demo", contact_message(t_sample_ns=old_ns, **unplugged))
+        assert client.latest(timeout_s=1.0) is not None
+        assert client.why_invalid == "disconnected: is the board plugged in?"
+
+
+@pytest.mark.parametrize(
+    ("body", "why"), [(b"\xc1", "it is no msgpack (FormatError)"), (b"\x91\x01", "not a map but list")]
+)
+def test_client_counts_refused_messages_apart_from_silence(
+    publisher: Publisher, endpoints: Endpoints, body: bytes, why: str
+) -> None:
+    with Client("demo", endpoints) as client:
+        connect(publisher, client)
+        for _ in range(3):
+            publisher._bus.zmq.send_multipart([b"contact/demo", body])
+        assert client.latest(timeout_s=0.5) is None
+        assert client.why_invalid.startswith("nothing usable arrives (messages refused: 3): ")
+        assert client.why_invalid.endswith(why)
+        publisher.send_contact("demo", contact_message())
+        assert client.latest(timeout_s=1.0) is not None
+        assert client.valid
 
 
 def test_contact_that_waited_in_a_queue_is_not_the_latest(publisher: Publisher, endpoints: Endpoints) -> None:

@@ -239,12 +239,13 @@ GRIPPER = Path(__file__).parents[2] / "clients/python/examples/gripper.py"
 def test_gripper_opens_on_force_overload_bad_health_and_silence(base: str) -> None:
     gentle = contact_message(force_n=0.5)
     reasons = {
-        "OPEN (1.50 N)": contact_message(force_n=1.5),
-        "OPEN (at least 3.0 N, beyond what the pad can measure)": contact_message(
+        "OPEN (pressed with 1.50 N)": contact_message(force_n=1.5),
+        "OPEN (the pad is pressed harder than its contact model knows)": contact_message(
             over_range=True, force_n=None, force_min_n=3.0
         ),
         "OPEN (disturbed: steel)": contact_message(force_n=0.5, health="disturbed", reason="steel"),
-        "OPEN (the force is 0.90 ± 0.800 N, less certain than ± 0.300 N)": contact_message(force_n=0.9, force_sd_n=0.8),
+        "OPEN (the force is 0.90 ± 0.800 N, less certain than ± 0.500 N: `fmfts-daemon baseline --turn` and `weigh` "
+        "make it more certain)": contact_message(force_n=0.9, force_sd_n=0.8),
     }
     environ = os.environ | {"FMFTS_BUS": base}
     with subprocess.Popen([sys.executable, GRIPPER, "demo"], stdout=subprocess.PIPE, text=True, env=environ) as process:

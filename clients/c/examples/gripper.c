@@ -4,24 +4,29 @@
 #define _POSIX_C_SOURCE 200809L
 #include <fmfts.h>
 #include <stdio.h>
+#include <string.h>
 #include <time.h>
 
 static const double limit_n = 1.0;
-static const double largest_force_sd_n = 0.3; /* a force with a larger deviation does not close the gripper */
+static const double largest_force_sd_n = 0.5; /* a force with a larger deviation does not close the gripper */
 enum { PERIOD_NS = 1000000, CALM_PERIODS = 200 };
 
-/* Why the gripper must open; NULL: it may close. */
-static const char *why_open(const struct fmfts_client *client, const struct fmfts_contact *contact)
+/* Must the gripper open? `why` says why. */
+static bool must_open(const struct fmfts_client *client, const struct fmfts_contact *contact, char why[FMFTS_TEXT_SIZE])
 {
-    if (!fmfts_alive(client) || !fmfts_fresh(client))
-        return "nothing arrives";
-    if (contact->over_range)
-        return "more than the pad can measure";
-    if (contact->health != FMFTS_OK)
-        return fmfts_health_name(contact->health);
-    if (fmfts_measured(contact) && contact->force_n.value > limit_n)
-        return "pressed hard enough";
-    return fmfts_valid(client) ? NULL : "no force that is certain enough";
+    bool pressed = fmfts_measured(contact) && contact->force_n.value > limit_n;
+    if (!fmfts_why_invalid(client, why))
+        return true;
+    if (pressed)
+        snprintf(why, FMFTS_TEXT_SIZE, "pressed with %.2f N", contact->force_n.value);
+    return pressed;
+}
+
+/* Numbers in a reason change with each contact, its first word does not. */
+static bool is_news(const char *why, const char *printed)
+{
+    size_t word = strcspn(why, " ");
+    return word != strcspn(printed, " ") || strncmp(why, printed, word) != 0;
 }
 
 static void wait_for_next_period(struct timespec *at)
@@ -50,20 +55,19 @@ int main(int count, char **words)
     if (!fmfts_why(client, 1000, why)) /* before the loop, because it may take a second */
         fprintf(stderr, "gripper: %s\n", why);
     struct fmfts_contact contact = {.health = FMFTS_DISCONNECTED};
-    const char *printed = ""; /* the last printed reason; NULL: the gripper may close */
-    int calm = 0;             /* periods since there was a reason to open */
+    char printed[FMFTS_TEXT_SIZE] = "-"; /* the last printed reason; "": the gripper may close */
+    int calm = 0;                        /* periods since there was a reason to open */
     enum fmfts_result result;
     struct timespec period;
     clock_gettime(CLOCK_MONOTONIC, &period);
     while ((result = fmfts_latest(client, &contact, 0)) >= 0) {
-        const char *reason = why_open(client, &contact);
-        calm = reason ? 0 : calm < CALM_PERIODS ? calm + 1 : calm;
-        if (reason != printed && (reason || calm == CALM_PERIODS)) { /* each is a constant */
-            printed = reason;
+        bool open = must_open(client, &contact, why);
+        calm = open ? 0 : calm < CALM_PERIODS ? calm + 1 : calm;
+        if (is_news(why, printed) && (open || calm == CALM_PERIODS)) {
+            strcpy(printed, why);
             /* Your gripper's command goes here. */
-            bool explained = reason == fmfts_health_name(contact.health) && contact.reason[0];
-            if (reason)
-                printf("OPEN (%s%s%s)\n", reason, explained ? ": " : "", explained ? contact.reason : "");
+            if (open)
+                printf("OPEN (%s)\n", why);
             else
                 puts("CLOSE");
             fflush(stdout);

@@ -11,7 +11,7 @@ namespace {
 using std::chrono::steady_clock;
 constexpr std::chrono::milliseconds calm{200};
 constexpr double limit_n = 1.0;
-constexpr double largest_force_sd_n = 0.3; // a force that is less certain does not close the gripper
+constexpr double largest_force_sd_n = 0.5; // a force that is less certain does not close the gripper
 
 struct Close {
     void operator()(fmfts_client *client) const { fmfts_close(client); }
@@ -21,15 +21,10 @@ using Client = std::unique_ptr<fmfts_client, Close>;
 // Why the gripper must open; empty: it may close.
 std::string why_open(const Client &client, const fmfts_contact &contact)
 {
-    if (!fmfts_alive(client.get()) || !fmfts_fresh(client.get()))
-        return "nothing arrives";
-    if (contact.over_range)
-        return "at least " + std::to_string(contact.force_min_n.known ? contact.force_min_n.value : 0.0) + " N";
-    if (contact.health != FMFTS_OK)
-        return std::string(fmfts_health_name(contact.health)) + ": " + contact.reason;
-    if (fmfts_measured(&contact) && contact.force_n.value > limit_n)
-        return std::to_string(contact.force_n.value) + " N";
-    return fmfts_valid(client.get()) ? "" : "no force that is certain enough";
+    char why[FMFTS_TEXT_SIZE];
+    if (!fmfts_why_invalid(client.get(), why))
+        return why;
+    return contact.force_n.value > limit_n ? "pressed with " + std::to_string(contact.force_n.value) + " N" : "";
 }
 
 } // namespace

@@ -44,6 +44,7 @@ class Client:
         self.contact: Optional[Contact] = None
         self.status: Optional[Status] = None
         self.restarts = 0
+        self._refused_before = 0  # the last contact
         self._subscription = Subscription(("contact", "status"), pad, endpoint)
         self._published_ns: deque[int] = deque()
         self._frames_ns: deque[int] = deque()  # the same for messages of frames, not of the samples between them
@@ -60,6 +61,7 @@ class Client:
         """The newest contact that was not returned before; older ones are dropped. None: nothing new in `timeout_s`.
 
         A contact that was sent more than ALIVE_S ago (it waited in a queue while the caller was busy) is not new.
+        With a `timeout_s` below ALIVE_S, None does not yet mean silence: `valid` says whether `contact` still holds.
         """
         deadline = time.monotonic() + timeout_s
         while True:
@@ -114,11 +116,14 @@ class Client:
     @property
     def why_invalid(self) -> str:
         """Why `valid` is False, as a sentence, without waiting; "" if it is True. If nothing arrives, `why()` explains
-        more."""
+        more. The sentence stays the same while its cause does, except for numbers of a force."""
         if self.contact is None or not self.alive:
-            return "nothing arrives"
-        if not self.fresh:
-            return f"{self.contact.health}: the last sample is {self.contact.sample_age_s:.1f} s old"
+            refused = self.refused - self._refused_before
+            if refused == 0:
+                return "nothing arrives"
+            return f"nothing usable arrives (messages refused: {refused}): {self.refusal}"
+        if self.contact.health == "ok" and not self.fresh:
+            return f"the pad was not sampled for {ALIVE_S} s or more"
         return self.contact.why_invalid(self.largest_force_sd_n)
 
     def why(self, timeout_s: float = WHY_S) -> str:
@@ -153,6 +158,7 @@ class Client:
             self._frames_ns.clear()
         is_of_a_frame = self.contact is None or contact.t_sample_ns != self.contact.t_sample_ns
         self.contact = contact
+        self._refused_before = self.refused
         for times in (self._published_ns, self._frames_ns) if is_of_a_frame else (self._published_ns,):
             times.append(contact.t_publish_ns)
             if len(times) > 1 and contact.t_publish_ns - times[0] > RATE_WINDOW_S * 1e9:

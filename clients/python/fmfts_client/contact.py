@@ -15,6 +15,7 @@ Vector = tuple[float, float, float]
 # Most tasks stop at a force of a newton or more; this deviation is half a newton, the largest with which a controller
 # can decide.
 LARGEST_FORCE_SD_N = 0.5
+HEALTHS = ("ok", "degraded", "disturbed", "lost", "stale", "disconnected", "no_baseline")
 
 
 @dataclass(frozen=True)
@@ -131,10 +132,15 @@ class Contact:
         limit_n = max(LARGEST_FORCE_SD_N, force_n / 3.0) if largest_force_sd_n is None else largest_force_sd_n
         if deviation_n <= limit_n:
             return ""
-        return f"the force is {force_n:.2f} ± {deviation_n:.3f} N, less certain than ± {limit_n:.3f} N"
+        return (
+            f"the force is {force_n:.2f} ± {deviation_n:.3f} N, less certain than ± {limit_n:.3f} N: "
+            "`fmfts-daemon baseline --turn` and `weigh` make it more certain"
+        )
 
     @property
     def _why_no_measurement(self) -> str:
+        if self.health not in HEALTHS:
+            return f"its health '{self.health}' is not known to this client: install the client of the daemon's version"
         if self.health != "ok":
             return f"{self.health}: {self.reason}" if self.reason else self.health
         if self.over_range:

@@ -56,7 +56,8 @@ def why_not_connected(endpoints: Endpoints, events: int) -> str:
         return f"the daemon at {bus} has other keys than {key} says, or none: get a new key from its machine"
     if events & zmq.EVENT_HANDSHAKE_SUCCEEDED:
         return (
-            f"a program serves {bus} and sends no contacts: is it fmfts-daemon, and does `fmfts-daemon status` answer?"
+            f"a program serves {bus} and sends no contacts: a daemon that starts needs five seconds; "
+            "is it fmfts-daemon, and does `fmfts-daemon status` answer?"
         )
     return f"no daemon at {bus}: {why_silent(bus, key=endpoints.key)}"
 

@@ -109,7 +109,7 @@ class Subscription:
     def refuse(self, error: Exception) -> None:
         """Count a message that must not be used."""
         self.refused += 1
-        self.refusal = str(error)
+        self.refusal = str(error) or f"it is no msgpack ({type(error).__name__})"  # msgpack's own errors are silent
 
     def _accept(self, parts: Sequence[bytes]) -> Optional[Message]:
         try:
