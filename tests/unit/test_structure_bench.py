@@ -66,7 +66,7 @@ def test_softer_silicone_moves_the_magnet_as_more_force_does() -> None:
 def moved_in_the_middle(cell: Cell, force_n: float) -> np.ndarray:
     solved = cell.ramps()
     place = [np.array([along]) for along in solved[0].place_m]
-    return CastMechanics(solved, cell.modulus).response(*place, np.array([force_n]))[0]
+    return np.asarray(CastMechanics(solved, cell.modulus).response(*place, np.array([force_n]))[0])
 
 
 def test_poissons_ratio_changes_a_press_as_calculix_solved_it() -> None:
@@ -101,3 +101,12 @@ def test_any_pad_draws_the_whole_range() -> None:
     assert min(cell.poisson for cell in cells) < 0.472 < 0.499 < max(cell.poisson for cell in cells) < 0.4999
     assert {cell.thickness_mm for cell in cells} == {3.6, 4.0, 4.4}
     assert {cell.finger_mm for cell in cells} == {3.0, 6.0, 12.0}
+
+
+@pytest.mark.parametrize("cell", CELLS, ids=lambda cell: cell.name)
+def test_every_force_of_a_sheared_press_moves_the_magnet(cell: Cell) -> None:
+    """Also where the fourth digit of a share of shear is a 5."""
+    pad, force_n = CastMechanics(cell.ramps(sheared=True), 1.0), np.linspace(0.01, 1.4, 30)
+    for press in cell.ramps(sheared=True):
+        place, shear = ([np.full(30, each) for each in of] for of in (press.place_m, press.shear_share))
+        assert (pad.response(*place, force_n, *(force_n * share for share in shear))[:, 2] < 0.0).all()

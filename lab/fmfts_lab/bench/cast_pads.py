@@ -157,4 +157,4 @@ def tilted_by(tilt_deg: float, towards_rad: float) -> Array:
 
 
 def _key(x_m: float, y_m: float, shear_x: float, shear_y: float) -> tuple[int, ...]:
-    return round(x_m * 1e7), round(y_m * 1e7), round(shear_x * 1e3), round(shear_y * 1e3)
+    return round(x_m * 1e7), round(y_m * 1e7), round(shear_x * 1e4), round(shear_y * 1e4)
