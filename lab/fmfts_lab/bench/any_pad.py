@@ -42,6 +42,8 @@ class Trial:
         self.found = [Found() for _ in WHEN]
         self.refused: list[str] = []
         bench, seconds = Bench(cell, WEIGHED_BY_MM, seed), options.seconds
+        if options.refine:
+            bench.baseline = few_presses.refined(bench, cell, np.random.default_rng([seed, PRESSES]))
         bench.presses(cell, bench.baseline, seconds, self.found[0])
         try:
             weighed, _ = bench.in_the_middle()

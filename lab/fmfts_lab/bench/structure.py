@@ -214,7 +214,7 @@ def run(options: Namespace) -> None:
     ways: list[Counted] = ["tilt"] if options.known else ["tolerances"]
     if options.before:
         ways.insert(0, "nothing")
-    for friction in FRICTIONS:
+    for friction in options.frictions:
         for cell in cells:
             for counted in ways:
                 facts = measured(cell, friction, options, counted)
