@@ -12,7 +12,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Annotation
 
-from fmfts_lab.study import charts, heat_map, labels, speed_chart
+from fmfts_lab.study import charts, heat_map, labels, paper_chart, speed_chart
 from fmfts_lab.study.contact_methods import contact_methods
 from fmfts_lab.study.controller import CHART
 from fmfts_lab.study.controller_methods import controller_methods
@@ -71,6 +71,26 @@ def test_daemon_is_compared_with_methods_that_answer_as_often() -> None:
     ):
         _, figure = next(heat_map.figures([row(DAEMON, 0, 20), *others], DAEMON))
         assert figure.get_suptitle().replace("\n", " ") == f"Wrong without a flag: {told}"
+
+
+def test_training_chart_names_its_lines_beside_them() -> None:
+    curves = {"BP, field": (0.1, 0.01, 0.05), "RBF, field": (0.1, 0.02, 0.01)}  # the first rises again
+    rows: list[Row] = [
+        {"kind": "training", "case": case, "size": size, "trained_mse": error / 2, "left_out_mse": error}
+        for case, errors in curves.items()
+        for size, error in zip((1, 10, 100), errors, strict=True)
+    ]
+    figure = paper_chart.training(rows)
+    assert figure.get_suptitle().replace("\n", " ").endswith("on others the error rises again in 1 of 2")
+    renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
+    figure.draw(renderer)
+    for axes in figure.axes:
+        assert axes.get_legend() is None
+        texts = [child for child in axes.get_children() if isinstance(child, Annotation)]
+        assert [text.get_text() for text in texts] == ["trained on", "left out"]
+        boxes = [text.get_window_extent(renderer) for text in texts]
+        assert not boxes[0].overlaps(boxes[1])
+        assert all(axes.get_window_extent(renderer).contains(box.x0, box.y0) for box in boxes)
 
 
 def test_every_named_method_exists() -> None:
