@@ -118,7 +118,7 @@ class Magnetometer:
         self.next_conversion_s = self.time_s() + conversion_s * (1.0 + self.clock_error) + phase_s
 
     def run(self) -> None:
-        """Catch up with the clock. Of conversions that nobody could have read only the last is made."""
+        """Catch up with the clock. Skips conversions that nobody could have read, except for the last."""
         if self.next_conversion_s is None or self.frozen:
             return
         now_s = self.time_s()

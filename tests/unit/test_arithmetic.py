@@ -122,7 +122,7 @@ def test_equations_are_solved_in_their_order(root: Array, right: Array) -> None:
 
 
 @given(matrices(7, 4))
-def test_columns_are_turned_in_their_order(a: Array) -> None:
+def test_jacobi_rotates_columns_in_a_fixed_order(a: Array) -> None:
     ours, right = a.copy(), np.empty((4, 4))
     theirs, turned = a.copy(), np.empty((4, 4))
     assert in_order.rotate_columns(ours, right) == _arithmetic.rotate_columns(7, 4, theirs, turned)

@@ -112,7 +112,7 @@ def test_closed_key_is_reported_by_check_config(keys: Path, capsys: pytest.Captu
         Path(open_to_all).chmod(0o755)
         config = Path(open_to_all) / "config.toml"
         config.write_text(WITHOUT_MODEL.replace('"keys"', f'"{keys}"'))
-        assert main(["check-config", "--config", str(config)]) == exit_codes.DONE  # imports what others may not read
+        assert main(["check-config", "--config", str(config)]) == exit_codes.DONE  # imports private files
         with closed(keys / "server.key"):
             assert main(["check-config", "--config", str(config)]) == exit_codes.DONE
     assert "warning: the keys were not checked" in capsys.readouterr().err

@@ -108,7 +108,7 @@ def test_every_file_that_a_program_reads_is_packed(folder: Path) -> None:
         assert {str(path) for path in there - packed if path.is_file() and path.suffix not in SOURCES} == set()
 
 
-def test_notes_are_those_of_the_version_alone() -> None:
+def test_notes_are_only_those_of_this_version() -> None:
     changelog = "# Changelog\n\n## 0.2.0 (2027-01-02)\n\n- New.\n\n## 0.1.0 (2026-12-01)\n\n- Old.\n"
     assert notes("0.2.0", changelog) == "- New."
     assert notes("0.1.0", changelog) == "- Old."

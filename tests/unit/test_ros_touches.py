@@ -77,7 +77,7 @@ def test_touches_become_tactile_contacts(touches: Any) -> None:
     assert touches("touches").tactile_contacts(untouched, "left", HEIGHT_M).contacts == []
 
 
-def test_pad_publishes_both_beside_its_wrench(touches: Any) -> None:
+def test_pad_publishes_touches_beside_its_wrench(touches: Any) -> None:
     node = FakeNode()
     pad = touches("pads").RosPad(node, "left", "left", "left", math.nan)
     pad.height_m = HEIGHT_M

@@ -60,7 +60,7 @@ def test_filter_begins_anew_where_noise_does_not_explain_a_pose(share: float, ju
     assert (smoothed(smoother, moved[None])[0] == pytest.approx(moved, rel=1e-12)) == jumps
 
 
-def test_without_a_memory_nothing_is_changed() -> None:
+def test_filter_without_memory_changes_nothing() -> None:
     positions = REST + np.random.default_rng(2).normal(size=(10, 3)) * 1e-5
     np.testing.assert_allclose(smoothed(SmootherInC(0.0), positions), positions, rtol=1e-15)
 

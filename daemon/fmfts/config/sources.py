@@ -66,7 +66,7 @@ class BridgeSource(HardwareSource, frozen=True, tag="bridge", tag_field="type", 
 class I2cSource(HardwareSource, frozen=True, tag="i2c", tag_field="type", kw_only=True):
     bus: Annotated[int, Meta(ge=0)]
     mux_address: int = 0x70
-    mux_addresses: tuple[int, ...] = ()  # of each sensor's mux, where a pad has several; empty: all are mux_address
+    mux_addresses: tuple[int, ...] = ()  # address of each sensor's mux; empty: all are mux_address
     channels: tuple[Annotated[int, Meta(ge=0, le=7)], ...] = (0, 1, 2, 3)  # empty: without a mux
     addresses: tuple[Annotated[int, Meta(ge=0x08, le=0x77)], ...] = ()  # empty: where such chips are first
     clock_hz: Annotated[int, Meta(ge=10_000, le=1_000_000)] = 400_000

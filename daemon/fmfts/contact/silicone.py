@@ -1,7 +1,7 @@
 """A contact model on silicone that is stiffer, or softer, than that of its pad: the same model, in other newtons.
 
-Silicone that is stiffer by a factor takes as much more force for the same movement, exactly. So all that is a force
-grows by it, and nothing else changes.
+Silicone that is stiffer by a factor takes as much more force for the same movement, exactly. So every force grows by
+this factor, and nothing else changes.
 """
 
 from __future__ import annotations

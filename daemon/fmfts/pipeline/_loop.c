@@ -227,8 +227,8 @@ static int serve(loop_object *self, const struct epoll_event *events, int count,
     return fmfts_send_all(&self->bus) && served; /* nothing unsent may outlive its pad */
 }
 
-/* Adds one line that waits for Python to `wanted`, before others one that needs it. The lines take turns, so the pads of
- * others go on between them. */
+/* Adds to `wanted` one line that waits for Python; a line that needs Python comes first. The lines take turns, so the
+ * pads of others go on between them. */
 static int add_waiting(loop_object *self, PyObject *wanted)
 {
     int with_news = -1;

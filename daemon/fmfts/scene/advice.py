@@ -17,7 +17,7 @@ from fmfts.scene.neighbours import neighbours_around
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.chips import CHIPS
 
-# Share by which a larger model must lower the error to be worth its unknowns; and by which the cylinder's term must,
+# Share by which a larger model must lower the error to be worth its unknowns, and the share for the cylinder's term,
 # which adds no unknown.
 WORTH, WORTH_OF_TERM = 0.1, 0.01
 

@@ -21,7 +21,9 @@ def by_finger(model: FieldModel, predicted: Predicted) -> Array:
 
 
 def considered_moves(model: FieldModel, fingers: Array, predicted: Predicted) -> Array:
-    """(5M, C) what moves the poses besides the places and forces of the fingers, each by one deviation, in SI."""
+    """The movements (5M, C) of the poses by other causes than the places and forces of the fingers, one deviation each,
+    in SI.
+    """
     if not len(fingers):
         return np.zeros((len(model._si), 0))
     of_table = np.diag(response_error(model, fingers, predicted))

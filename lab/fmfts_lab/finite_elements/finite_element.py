@@ -95,8 +95,8 @@ class PressedSlab:
         """Forget the last press: what is solved next is the same to the last bit, whatever was solved before."""
         self.displacement_mm = np.zeros_like(self.mesh.points_mm)
         self._factor = self._rest_factor
-        # The elements' pressures are extrapolated from the previous displacement: the second time nothing of it is
-        # left.
+        # The elements' pressures are extrapolated from the previous displacement: the second evaluation removes this
+        # error.
         for _ in range(2):
             self._inner_force(self.displacement_mm)
 

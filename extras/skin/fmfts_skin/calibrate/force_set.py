@@ -26,7 +26,7 @@ Indices = NDArray[np.intp]
 VALUE = re.compile(r"b([1-9][0-9]*)([xyz])_ut")
 LARGEST_UT = 200_000.0  # twice what any chip for magnets in contact pads reads
 LARGEST_FORCE_N = 1000.0
-# If no rows are marked as rest: the rows whose force is within this share of the largest from the lightest.
+# If no rows are marked as rest: the rows whose force exceeds the lightest by at most this share of the largest.
 LIGHT = 0.01
 FEWEST_OF_A_SESSION = 60
 
