@@ -25,7 +25,7 @@ from fmfts.sensor.wire.packets import (
     Verb,
 )
 
-SECONDS = float(os.environ.get("FMFTS_EMULATED_SECONDS", "3"))
+SECONDS = float(os.environ.get("FMFTS_EMULATED_SECONDS", "2"))
 AGE_TOLERANCE_S = 0.5e-3  # the required bound; a conversion takes 4.5 ms
 STEP_S = 0.25e-3
 HSE, HSI = 1, 2
@@ -111,10 +111,10 @@ def simultaneous() -> EmulatedStream:
     return stream
 
 
-def test_simultaneous_conversions_start_together_on_every_sensor() -> None:
+def test_simultaneous_conversions_start_together_on_every_sensor_150_times_a_second() -> None:
     stream = simultaneous()
     samples = stream.samples(SECONDS)
-    assert len(samples) / SECONDS > 100
+    assert len(samples) / SECONDS >= 150
     assert [b.sequence - a.sequence for a, b in pairwise(samples)] == [1] * (len(samples) - 1)
     for sample in samples:
         assert sample.valid == sample.fresh == EVERYONE
@@ -124,11 +124,6 @@ def test_simultaneous_conversions_start_together_on_every_sensor() -> None:
         ]
         assert max(starts_s) - min(starts_s) < 30e-6
     assert stream.is_clean()
-
-
-def test_simultaneous_reaches_150_frames_a_second() -> None:
-    stream = simultaneous()
-    assert len(stream.samples(1.0)) >= 150
 
 
 def test_two_runs_send_the_same_bytes() -> None:
@@ -145,11 +140,11 @@ def test_three_pads_stream_side_by_side_without_a_gap() -> None:
     stream = EmulatedStream(pads=3)
     stream.run(0.5)
     begun = len(stream.packets)
-    stream.run(SECONDS / 3)
+    stream.run(SECONDS / 2)
     samples = [packet for packet in stream.packets[begun:] if isinstance(packet, Sample)]
     for pad in range(3):
         sequences = [sample.sequence for sample in samples if sample.pad_index == pad]
-        assert len(sequences) >= 219 * SECONDS / 3
+        assert len(sequences) >= 219 * SECONDS / 2
         assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))
     assert stream.is_clean()
 
