@@ -11,7 +11,7 @@ enum { FORCE = 2, SHEAR = 3 }; /* in a press */
 static const double FIRST_DAMPING = 1e-3, DAMPING_FACTOR = 10.0;
 static const double FARTHEST_LOAD = 3.0; /* presses are searched up to this multiple of the calibrated force */
 static const double UNKNOWN = 1e-6;      /* a prior deviation of 1 m: at rest, the place is unknown */
-static const double LEAST_FORCE_N = 0.01; /* smallest deviation of the prior of shear: at a force of 0 it would be 0 */
+static const double LEAST_FORCE_N = 0.01; /* least force for the prior of shear, else infinitely narrow */
 
 /* A change of pose, and the last trial press: its residual, its slope, and the prior information on each of its
  * shears. */

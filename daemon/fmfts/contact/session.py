@@ -31,7 +31,7 @@ from fmfts.contact.inference import POSE, Inference
 
 # Limits of memory and time: a model's file has 4 MB at most, and a pad 4 ms a frame.
 MOST_MORE, LONGEST_CPU_S, SLOWEST_S = 1 << 26, 10, 0.02
-PROBED_EVERY = 29  # poses at which the models are compared: from each share, corners and others
+PROBED_EVERY = 29  # one in so many poses of the comparison: of each share, corners and others
 
 
 class SessionInference(Inference):

@@ -148,7 +148,7 @@ static void update(int which, const fmfts_response *response, const fmfts_slip_f
     for (int i = 0; i < MOVED; i++) {
         double innovation = row[i][N];
         for (int k = 0; k < N; k++) {
-            innovation -= row[i][k] * (f->x[k] - before[k]); /* without the update by earlier rows */
+            innovation -= row[i][k] * (f->x[k] - before[k]); /* subtracts the update by earlier rows */
         }
         take(row[i], innovation, f);
     }

@@ -69,7 +69,7 @@ static double foreign_t(const fmfts_pose_parameters *parameters, const fmfts_ref
     }
     double strength = sqrt(dot3(total, total)), strange = strength - reference->strength_t;
     if (!(fabs(strange) > healthy * parameters->even_t)) {
-        return 0.0; /* true, too, if the reference is unknown */
+        return 0.0; /* also with an unknown reference */
     }
     fmfts_change(parameters, state, change);
     for (int i = 0; i < 3; i++) {

@@ -21,7 +21,7 @@ enum { FMFTS_MOTION_STATES = 13, FMFTS_MODES = 2, FMFTS_RATE = 5, FMFTS_AMBIENT_
     MANY(double, modes, FMFTS_MODES) /* probabilities */                                                               \
     ONE(double, followed) /* frames since the filter began */                                                          \
     MANY(double, early_us, FMFTS_SENSORS) /* time of each sensor's newest sample; 0 before the first */                \
-    ONE(double, early_from_us) /* the same time, and the modes, after the last frame */                                \
+    ONE(double, early_from_us) /* motion_us, and the modes, after the last frame */                                    \
     MANY(double, early_modes, FMFTS_MODES)                                                                             \
     MANY(double, early_state, FMFTS_MODES * FMFTS_MOTION_STATES) /* for each mode, as are the next fields */           \
     MANY(double, early_covariance, FMFTS_MODES * FMFTS_MOTION_STATES * FMFTS_MOTION_STATES)                            \
