@@ -15,6 +15,7 @@ from fmfts.baseline.origin import Origin
 from fmfts.common.reading import damage_told, read_regular
 from fmfts.common.writing import why_not_written
 from fmfts.pad import Pad
+from fmfts.service.recorded_by import sign
 from fmfts.service.state import state_directory, write_atomically
 
 FORMAT = 1
@@ -70,6 +71,7 @@ def store(baseline: Baseline, pad: Pad, environ: Mapping[str, str] = os.environ)
         if _is_good(path, pad):
             write_atomically(previous_of(path), path.read_bytes())
         write_atomically(path, encode(baseline))
+        sign(path)
     except OSError as error:
         raise StateError(
             f"pad '{pad.name}': the baseline cannot be written to {path}: {why_not_written(error, ELSEWHERE)}"
@@ -102,6 +104,7 @@ def store_gains(facts: Mapping[str, Any], pad: Pad, origin: Origin | None) -> Pa
     try:
         path.parent.mkdir(exist_ok=True)
         write_atomically(path, msgspec.json.format(msgspec.json.encode(tested), indent=1) + b"\n")
+        sign(path)
     except OSError as error:
         raise StateError(
             f"pad '{pad.name}': the self-test cannot be written to {path}: {why_not_written(error, ELSEWHERE)}"

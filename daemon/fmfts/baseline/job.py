@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from fmfts.baseline.baseline import Baseline
-from fmfts.baseline.files import store_gains
+from fmfts.baseline.files import path_of, store_gains
 from fmfts.baseline.origin import Origin
 from fmfts.baseline.recording import MINIMUM_FRAMES
 from fmfts.baseline.request import BaselineRequest, Recorded, restore
@@ -17,6 +17,7 @@ from fmfts.pad import Pad
 from fmfts.sensor import Frame, Source
 from fmfts.sensor.probing import silence_of
 from fmfts.sensor.tasks import PATIENCE_S, Selftest
+from fmfts.service.recorded_by import foreign
 
 # The device's clock decides when a recording is complete; this computer's clock decides when it takes too long.
 OVERTIME_S = 5.0
@@ -222,7 +223,8 @@ class GainTest:
 
     def _store(self, facts: dict[str, Any]) -> dict[str, Any]:
         origin = None if self._origin is None else self._origin.on(self._source.state.board)
-        return facts | {"stored": str(store_gains(facts, self._pad, origin))}
+        warnings = foreign(path_of(self._pad.name, "selftest"), "self-test")
+        return facts | {"warnings": warnings, "stored": str(store_gains(facts, self._pad, origin))}
 
     def problem(self, now_s: float) -> str:
         return "" if self._result is not None else self._test.problem(now_s)

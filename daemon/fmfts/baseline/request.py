@@ -27,7 +27,7 @@ from fmfts.baseline.baseline import AnyMounting, require_rest
 from fmfts.baseline.coverage import Coverage, PressCoverage, TurnCoverage
 from fmfts.baseline.facts import report, whose
 from fmfts.baseline.file_format import StoredGains
-from fmfts.baseline.files import previous, store, stored_gains
+from fmfts.baseline.files import path_of, previous, store, stored_gains
 from fmfts.baseline.joint_track import JointTrack
 from fmfts.baseline.learner import Learner
 from fmfts.baseline.origin import Origin, foreign
@@ -35,6 +35,7 @@ from fmfts.baseline.posture import PostureLearner
 from fmfts.baseline.recording import ForeignError
 from fmfts.pad import Pad, Tolerance
 from fmfts.sensor import Frame
+from fmfts.service.recorded_by import foreign as foreign_file
 
 # The mean over 3 s at 220 Hz has 1/25 of the noise of one sample; a longer recording would mostly add drift.
 DURATION_S = 3.0
@@ -212,6 +213,7 @@ class BaselineRequest:
             if was != now:
                 gained |= {f"{when}_{key}": facts[key] for key in now for when, facts in (("was", was), ("now", now))}
         warnings = [] if self.only_adds else warnings_of(frames)
+        warnings += foreign_file(path_of(self.pad.name), "baseline", "adds to" if self.only_adds else "replaces")
         if self.replaced and baseline.silicone is not None:
             warnings.append(CAST_ALIKE)
         if before is not None and before.posture is not None and baseline.posture is None:

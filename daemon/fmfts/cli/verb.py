@@ -15,6 +15,7 @@ from fmfts.common.exit_codes import code_of
 from fmfts.common.extras import how_to_install
 from fmfts.common.names import no_such_pad
 from fmfts.common.writing import why_not_written
+from fmfts.service import recorded_by
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -116,9 +117,11 @@ def configuration_as(kind: type[Kind], options: argparse.Namespace) -> tuple[Kin
     from fmfts.config.file import ConfigError, load_as
 
     try:
-        return load_as(kind, options.config)
+        config, file = load_as(kind, options.config)
     except ConfigError as error:
         raise VerbError(exit_codes.CONFIG, str(error)) from error
+    recorded_by.use(file)
+    return config, file
 
 
 def configuration_if_any(options: argparse.Namespace) -> Config | None:
