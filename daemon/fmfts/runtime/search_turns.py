@@ -1,7 +1,7 @@
 """Decides which pad may search fingers: at most one in each round of frames, in turn.
 
-A frame whose fingers follow from those of the frame before takes a pad with several magnets some 0.4 ms. If nothing
-explains the field, it searches: up to 3 ms, more than half of the time between two frames. Steel near a hand of sixteen
+A frame whose fingers follow from those of the frame before takes a pad with several magnets 0.2 to 0.4 ms. If nothing
+explains the field, it searches: for 2 to 3 ms, half of the time between two frames. Steel near a hand of sixteen
 pads would make all of them search at once. So one pad searches in each round; the others judge their frames without a
 search, and search in later rounds.
 

@@ -30,7 +30,7 @@ from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.scan import Another
 from fmfts.several.sighted import sighted
-from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth, present
+from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth
 from fmfts.several.trust import trusted
 from fmfts.several.valley import valley_variance
 
@@ -61,7 +61,7 @@ class FingersEstimator:
         pad, mounting = model.pad, model.mounting
         self.pad, self.mounting, self.response, self.scene = pad, mounting, model.response, model.scene
         self.repeats_allowed = repeats_allowed
-        self._since_rest = SinceRest(pad, mounting, warmth)
+        self._since_rest = SinceRest(pad, mounting, repeats_allowed, warmth)
         self._longest_gap_s = max(LONGEST_GAP_S, (RELEASE_FRAMES + 0.5) / rate_hz)
         self.fitter = Fitter(model)
         self._counter = FingerCounter(self.fitter, rate_hz)
@@ -130,11 +130,7 @@ class FingersEstimator:
         """Judge one aligned frame. missing: what is wrong with sensors that cannot be used. neighbours: the magnets of
         other pads at the time of this frame. may_search: it may search for fingers, which takes long."""
         memory = self.memory
-        elapsed_s = aligned.elapsed_s(memory.last_us)
-        memory.last_us = aligned.time_us
-        if elapsed_s > self._longest_gap_s or aligned.began_anew:
-            self._counter.forget()
-        there, _ = present(aligned.field_t, aligned.repeats, self.repeats_allowed)
+        elapsed_s, there = self._since_rest.begun(aligned, memory, self._longest_gap_s, self._counter.forget)
         memory.recovery.pass_time(elapsed_s, pressed=memory.counter.count > 0)
         now_t = np.abs(self.fitter.model.field_of(memory.counter.fingers)) if memory.counter.count else None
         measured = self._since_rest.measured(aligned, temperature_c, there, neighbours, memory, now_t)

@@ -29,7 +29,7 @@ from fmfts.several.odd_sensor import note_agreement
 from fmfts.several.reading import PosesMemory, PosesReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.sighted import sighted
-from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth, present
+from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth
 from fmfts.several.trust import trusted
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ class PosesEstimator:
         pad, mounting = model.pad, model.mounting
         self.pad, self.mounting, self.scene, self._model = pad, mounting, model.scene, model
         self.repeats_allowed = repeats_allowed
-        self._since_rest = SinceRest(pad, mounting, warmth)
+        self._since_rest = SinceRest(pad, mounting, repeats_allowed, warmth)
         self._touch = TouchDetector(rate_hz, magnets=len(pad.magnets))
         self._fewest = taken_values(len(pad.magnets)) + FEWEST_SPARE
         values, numbers = mounting.gain.size, CHANGE * len(pad.magnets)
@@ -74,11 +74,7 @@ class PosesEstimator:
     ) -> PosesReading:
         """Judge one aligned frame; parameters as of FingersEstimator.read."""
         memory = self.memory
-        elapsed_s = aligned.elapsed_s(memory.last_us)
-        memory.last_us = aligned.time_us
-        if elapsed_s > self._touch.longest_gap_s or aligned.began_anew:
-            self._touch.forget()
-        there, _ = present(aligned.field_t, aligned.repeats, self.repeats_allowed)
+        elapsed_s, there = self._since_rest.begun(aligned, memory, self._touch.longest_gap_s, self._touch.forget)
         memory.recovery.pass_time(elapsed_s, pressed=memory.touch.touched)
         measured = self._since_rest.measured(aligned, temperature_c, there, neighbours, memory, memory.now_t)
         used = there.copy()

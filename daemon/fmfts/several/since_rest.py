@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -24,11 +24,12 @@ Mask = NDArray[np.bool_]
 
 class RestMemory(Protocol):
     """The part of an estimator's memory that is used here. ambient_t (3,): the change of the ambient field since the
-    baseline. last_c: the last temperature that was told."""
+    baseline. last_c: the last temperature that was told. last_us: the board's time of the last frame."""
 
     recovery: Recovery
     ambient_t: Array
     last_c: float | None
+    last_us: int | None
 
 
 class Warmth(NamedTuple):
@@ -44,14 +45,25 @@ CONSTANT = Warmth(0.0, None)
 class SinceRest:
     """Subtracts the baseline, at its temperature, and what neighbouring pads do to the field."""
 
-    def __init__(self, pad: Pad, mounting: ArrayMounting, warmth: Warmth) -> None:
-        self._mounting, self._warmth = mounting, warmth
+    def __init__(self, pad: Pad, mounting: ArrayMounting, repeats_allowed: Array, warmth: Warmth) -> None:
+        self._mounting, self._allowed, self._warmth = mounting, repeats_allowed, warmth
         at_rest = mounting.gain, mounting.offset_t, mounting.noise_t, mounting.rest_field_t
         self._rest = [doubles(each) for each in at_rest]
         # By which share of its force the silicone may have crept.
         self.silicone = float(root_of_squares(pad.silicone.creep_per_decade, pad.silicone.hysteresis))
         # Of the last frame: the change of the field around, and the factor on the magnets' moments.
         self.around_t, self.moment = np.zeros(3), 1.0
+
+    def begun(
+        self, aligned: Aligned, memory: RestMemory, longest_gap_s: float, forget: Callable[[], None]
+    ) -> tuple[float, Mask]:
+        """The time since the last frame, and which values (N, 3) are there. After a longer gap, or where the board's
+        clock began anew, `forget` ends the touch."""
+        elapsed_s = aligned.elapsed_s(memory.last_us)
+        memory.last_us = aligned.time_us
+        if elapsed_s > longest_gap_s or aligned.began_anew:
+            forget()
+        return elapsed_s, present(aligned.field_t, aligned.repeats, self._allowed)[0]
 
     def measured(
         self,

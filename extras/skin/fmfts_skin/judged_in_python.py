@@ -16,13 +16,13 @@ from fmfts.bus.messages import ContactMessage, Health
 from fmfts.pad import Pad
 from fmfts.pipeline import _pad
 from fmfts.pipeline.encoded import EncodedMessage
-from fmfts.pipeline.sensors_ok import mask_of
 from fmfts.pipeline.words import NO_BASELINE
 from fmfts.pose import Aligned, Alignment
 from fmfts.pose.hand import Hand
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 from fmfts_skin.last_frame import LastFrame
+from fmfts_skin.sensors_ok import mask_of
 
 
 class Judged(Protocol):

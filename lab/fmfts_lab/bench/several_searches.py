@@ -14,7 +14,6 @@ import numpy as np
 
 from fmfts.baseline import Baseline
 from fmfts.baseline.array_mounting import ArrayMounting
-from fmfts.bus.encoding import encode
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.several_pipeline import SeveralPipeline
@@ -86,7 +85,7 @@ def alone(recorded: Recorded) -> np.ndarray:
         pipeline = recorded.pipeline()
         for number, frame in enumerate(recorded.frames):
             begun = time.process_time_ns()
-            encode(pipeline.process(frame))
+            pipeline.answer(frame)
             times[which, number] = (time.process_time_ns() - begun) * 1e-6
             searched[number] = pipeline.search == "made"
     return np.asarray(times.min(axis=0)[searched])
@@ -102,8 +101,7 @@ def together(recorded: Recorded, pads: int) -> str:
         for number, frame in enumerate(recorded.frames):
             begun = time.process_time_ns()
             for pad, pipeline in enumerate(pipelines):
-                message = pipeline.process(turns.allowed(str(pad), frame))
-                encode(message)
+                message = pipeline.answer(turns.allowed(str(pad), frame))
                 turns.told(str(pad), pipeline.search)
                 made.append(pipeline.search == "made")
                 since[pad] = since[pad] + 1 if pipeline.search == "due" else 0

@@ -13,9 +13,9 @@ from functools import partial
 import msgspec
 import numpy as np
 
-from fmfts.bus.encoding import encode
 from fmfts.config import SimulatedSource
 from fmfts.pipeline.configured import Pipeline, contact_model_of, pipeline_of
+from fmfts.pipeline.encoded import EncodedMessage
 from fmfts.sensor import Frame
 from fmfts.several.poses import poses_of
 from fmfts.simulation.baseline import simulated_baseline
@@ -105,7 +105,9 @@ def _chains(options: Namespace) -> None:
 
 
 def _sent(pipeline: Pipeline, frame: Frame) -> bytes:
-    return encode(pipeline.process(frame))
+    answer = pipeline.answer(frame)
+    assert isinstance(answer, EncodedMessage)
+    return answer.payload
 
 
 def _seconds(work: Callable[[], object]) -> float:
