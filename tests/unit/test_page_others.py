@@ -83,13 +83,13 @@ def is_ours(requirement: str) -> bool:
 
 
 def faults_of_apt(words: list[str]) -> list[str]:
-    """apt-get reads its options before it says its version."""
+    """apt-get reads the options of its verb before it says its version."""
     given = [word for word in words[1:] if word.startswith("-")]
+    verb, *packages = [word for word in words[1:] if not word.startswith("-")]
     if shutil.which("apt-get") is None:
         pytest.skip("apt-get is not installed")
-    ended = subprocess.run(["apt-get", *given, "--version"], capture_output=True, text=True, check=False)
+    ended = subprocess.run(["apt-get", verb, *given, "--version"], capture_output=True, text=True, check=False)
     found = [ended.stderr] if ended.returncode else []
-    verb, *packages = [word for word in words[1:] if not word.startswith("-")]
     found += [verb] if verb != "install" else []
     made = (ROOT / "systemd/install.mk").read_text()
     for one in packages:
