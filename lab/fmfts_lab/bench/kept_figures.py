@@ -125,6 +125,36 @@ def tilted(rows: Rows) -> str:
     return markdown(columns, lines)
 
 
+def structured(rows: Rows) -> str:
+    """Of pads of other silicone, thickness and tilt, under other fingers, of which the daemon knows nothing."""
+    lines = []
+    for seeds in rows:
+        first = seeds[0]
+        lines.append(
+            (
+                f"{first['friction']:g}",
+                first["cell"],
+                f"{sum(one['wrong'] for one in seeds):.0f} of {sum(one['frames'] for one in seeds):.0f}",
+                f"{max(one['worst_sd'] for one in seeds):.1f}",
+                spread((one["place_within_2_sd"] for one in seeds), ".1%"),
+                spread((one["force_within_2_sd"] for one in seeds), ".1%"),
+                spread((100.0 * one["force_off"] for one in seeds), "+.0f").replace("-", "−"),
+                spread((100.0 * one["force_sd"] for one in seeds), ".0f"),
+            )
+        )
+    columns = (
+        "friction",
+        "pad, finger",
+        "wrong",
+        "worst, sd",
+        "places within 2 sd",
+        "forces",
+        "force off, %",
+        "±, %",
+    )
+    return markdown(columns, lines)
+
+
 def warming(rows: Rows) -> str:
     """Of pads whose offsets drift further than the chip's figure says."""
     lines = []
@@ -148,6 +178,7 @@ def warming(rows: Rows) -> str:
 TABLES = (
     Table("as-built.md", "as-built", as_built),
     Table("silicone.md", "warming", warming),
+    Table("structure.md", "structure", structured),
     Table("structure.md", "tilt", tilted),
 )
 
