@@ -104,7 +104,7 @@ static bool solve_by_probe(const fmfts_contact_parameters *parameters, const fmf
             *question = *asked;
             fmfts_take_known_finger(parameters, response, found->contact, question->pose);
         }
-        if (!fmfts_solve_answer(parameters, question, response, found, bend)) {
+        if (!fmfts_solve_answer(parameters, question, response, found, round + 1 == rounds ? bend : NULL)) {
             return false;
         }
     }

@@ -27,7 +27,8 @@ double fmfts_explained_part(const fmfts_contact_parameters *parameters, const fm
 bool fmfts_refine_answer(const fmfts_contact_parameters *parameters, const fmfts_question *question, const fmfts_response *response,
                          fmfts_found *found, double bend[FMFTS_CONTACT]);
 
-/* refined.c: solves place, force and shear together (sheared.c), from the network's answer, which knows no shear. False if there is none. */
+/* refined.c: solves place, force and shear together (sheared.c), from the network's answer, which knows no shear.
+ * bend: NULL if another round follows. False if there is no answer. */
 bool fmfts_solve_answer(const fmfts_contact_parameters *parameters, const fmfts_question *question, const fmfts_response *response,
                         fmfts_found *found, double bend[FMFTS_CONTACT]);
 

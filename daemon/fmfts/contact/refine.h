@@ -69,8 +69,9 @@ typedef struct {
     double press[FMFTS_MAX_PRESS], variance[FMFTS_MAX_PRESS], bend[FMFTS_MAX_PRESS], gain[FMFTS_MAX_PRESS][FMFTS_MOVED];
 } fmfts_sheared;
 
-/* sheared.c: finds it. False if the covariance is not positive definite, or the response is to normal forces alone. */
-bool fmfts_solve_shear(const fmfts_response *response, const fmfts_search *search, fmfts_sheared *found);
+/* sheared.c: finds it. looks: for other presses that are about as likely; else each bend is 1. False if the covariance
+ * is not positive definite, or the response is to normal forces alone. */
+bool fmfts_solve_shear(const fmfts_response *response, const fmfts_search *search, bool looks, fmfts_sheared *found);
 
 /* elsewhere.c: continues from a press without shear that fmfts_refine found. wider [3]: the factor of each variance
  * because other presses explain the change about as well; not written without a press. */

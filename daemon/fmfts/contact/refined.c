@@ -96,14 +96,16 @@ bool fmfts_solve_answer(const fmfts_contact_parameters *parameters, const fmfts_
         return true;
     }
     memcpy(solved.press, found->contact, sizeof solved.press);
-    if (!fmfts_solve_shear(response, &search, &solved)) {
+    if (!fmfts_solve_shear(response, &search, bend != NULL, &solved)) {
         return false;
     }
     double share = solved.press[2] / begun_n;
     found->touch_variance *= share * share; /* as certain a touch as without shear */
     memcpy(found->contact, solved.press, sizeof solved.press);
     memcpy(found->variance, solved.variance, sizeof solved.variance);
-    memcpy(bend, solved.bend, sizeof solved.bend);
+    if (bend) {
+        memcpy(bend, solved.bend, sizeof solved.bend);
+    }
     for (int i = 0; i < CONTACT; i++) {
         memcpy(found->by_pose + POSE * i, solved.gain[i], sizeof solved.gain[i]);
         found->by_pose[POSE * i + FMFTS_MOVED] = 0.0;

@@ -25,6 +25,7 @@ static const double GROWTH = 1.5; /* each is so many times as far away as the on
 /* A force that is less likely than three deviations does not count. With 16, 2 instead of 7 frames of lab/results/shear.md are wrong,
  * and the deviations of usual presses are a quarter too large. */
 static const double FAR_CHI2 = 9.0;
+static const double LOOK_SETTLED = 0.3; /* deviations: Δ is then known to 0.1 */
 /* The answer has at least one deviation. */
 static const double LEAST_DELTA = 1.0;
 /* Presses are expected up to this multiple of the calibrated force. */
@@ -64,6 +65,7 @@ static void count_others(const fmfts_response *response, const fmfts_search *sea
         return;
     }
     held.steps = LOOK_STEPS;
+    held.settled = LOOK_SETTLED;
     held.holds_force = true;
     for (int i = 0; i < N; i++) {
         other[i] = press[i] + spread[N * i + FORCE] / deviation_n;
@@ -88,7 +90,7 @@ static void count_others(const fmfts_response *response, const fmfts_search *sea
     }
 }
 
-bool fmfts_solve_shear(const fmfts_response *response, const fmfts_search *search, fmfts_sheared *found)
+bool fmfts_solve_shear(const fmfts_response *response, const fmfts_search *search, bool looks, fmfts_sheared *found)
 {
     double information[FMFTS_MOVED][FMFTS_MOVED], spread[N * N], slope[FMFTS_MOVED][N], unused[FMFTS_MOVED], chi2;
     if (response->loads != FMFTS_MAX_LOADS || !fmfts_information(search->covariance, information) ||
@@ -101,6 +103,8 @@ bool fmfts_solve_shear(const fmfts_response *response, const fmfts_search *searc
         found->variance[i] = spread[(N + 1) * i];
         found->bend[i] = 1.0;
     }
-    count_others(response, search, spread, chi2, found);
+    if (looks) {
+        count_others(response, search, spread, chi2, found);
+    }
     return true;
 }

@@ -10,7 +10,7 @@ from argparse import Namespace
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
-from time import process_time_ns
+from time import perf_counter_ns
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ FORCES_N = (0.28, 1.98)
 ZONES_MM = ((0.0, 4.0), (4.0, 8.0), (8.0, 11.0), (11.0, 20.0))
 FRAMES_AT_ONCE = 20_000
 CERTAIN, HONEST, WRONG = 2.0, 2.0, 5.0  # deviations
+TURNS = 5  # of each model, of which the fastest counts
 TENTH_S, MEANS = 22, 20  # frames of 0.1 s at 220 Hz; means of each press
 MM = np.array([1e3, 1e3, 1.0, 1.0, 1.0])
 SOLVED = {6.0: "test_friction", 3.0: "test_friction_3"}  # by the probe's width in mm
@@ -201,15 +202,22 @@ def _judged(
 
 
 def speed(random: np.random.Generator) -> None:
-    """Processor time of an estimate, with the same call's cost in Python, in turns."""
+    """Processor time of an estimate, with the same call's cost in Python, in turns; and of the slowest frame, with the
+    largest shear and a finger of a known width too, of which each round of corrections solves the press again."""
     world = World.standard()
-    press = world.drawn(2000, 0.3, random)
-    tracked = world.tracked(press, np.full(len(press), PROBE_M), random)
-    models = {name: model_of(name, 0.3, FINGER_M) for name in ("default", "shear")}
-    taken: dict[str, list[float]] = {name: [] for name in models}
-    for _ in range(10):
-        for name, model in models.items():
-            begun = process_time_ns()
-            estimates(model, tracked)
-            taken[name].append((process_time_ns() - begun) * 1e-3 / len(press))
-    print("an estimate, µs: " + ", ".join(f"{name} {min(values):.1f}" for name, values in taken.items()))
+    for friction in (0.3, LARGEST_FRICTION):
+        press = world.drawn(1000, friction, random)
+        tracked = world.tracked(press, np.full(len(press), PROBE_M), random)
+        models = {name: model_of(name, friction, FINGER_M) for name in ("default", "shear")}
+        models["shear, a known finger"] = model_of("shear", friction, (FINGER_M[1], FINGER_M[1]))
+        each = [tracked.some(np.arange(len(press)) == number) for number in range(len(press))]
+        taken_us = {name: np.full((TURNS, len(press)), np.inf) for name in models}
+        for turn in range(TURNS):
+            for name, model in models.items():
+                for number, one in enumerate(each):
+                    begun = perf_counter_ns()
+                    estimates(model, one)
+                    taken_us[name][turn, number] = (perf_counter_ns() - begun) * 1e-3
+        least_us = {name: us.min(axis=0) for name, us in taken_us.items()}
+        told = [f"{name} {np.median(us):.0f}, slowest {us.max():.0f}" for name, us in least_us.items()]
+        print(f"friction up to {friction:g}, an estimate, median (µs): {'; '.join(told)}")

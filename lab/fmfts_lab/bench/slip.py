@@ -21,6 +21,7 @@ from fmfts_calibrate.samples import Samples
 from fmfts_calibrate.tracked import FrameSolver, upright
 from fmfts_lab.bench.drills import RATE_HZ, Ambient, pad_config
 from fmfts_lab.bench.now_pads import BuiltPad
+from fmfts_lab.bench.slip_soonest import Timed, Timer, lines, soonest_s
 from fmfts_lab.bench.slip_world import HEALTHY, Drag, Dragged, DragMechanics, Healthy, Slide, ToolNearby
 from fmfts_lab.bench.tapped import ManyFrames
 from fmfts_lab.bench.workspace import standard_pad
@@ -32,7 +33,6 @@ SHAPES = ("round", "ball", "flat", "edge")
 SHEARED, STEPS = 0.3, 40  # of the bound; number of trials of an inversion
 BOUND_AT = ((0.0, 0.5), (0.0, 1.0), (0.0, 2.0), (4.0, 1.0), (8.0, 1.0), (8.0, 2.0), (10.0, 2.0))
 BOUND_MM_PER_S = (5.0, 50.0)
-NEEDED = np.log(9.0 / 1e-4)  # log odds: BEGINS against FALSE_ODDS of contact/friction.c
 EARLY_S, LATE_S = 0.01, 0.05  # time around a slip in which its onset counts as found
 
 
@@ -116,19 +116,11 @@ def bound() -> None:
         print(f"  ({x_mm:g}, 0) mm, {force_n:g} N {told} |{soonest}")
 
 
-def soonest_s(deviation_mm: float, speed_mm_per_s: float) -> float:
-    """When the frames' log odds of a slip of known beginning and speed v beat contact/friction.c's odds against it.
-
-    After the time t they are the sum of (v·t_i)²/2s², t_i = i/rate: v²t³·rate/6s², s the deviation of a frame's place.
-    """
-    return float((6.0 * NEEDED * (deviation_mm / speed_mm_per_s) ** 2 / RATE_HZ) ** (1.0 / 3.0))
-
-
 def of_table(options: Namespace, random: np.random.Generator) -> None:
     """Slides of four shapes of fingers on built pads: friction 0.3 to 1.2, within 7 mm, silicone that creeps."""
     print(f"slides by the table of presses, {options.slides} a speed")
     pads: dict[tuple[Any, ...], BuiltPad] = {}
-    everything = Seen()
+    everything, timer, timed = Seen(), Timer.standard(), list[Timed]()
     for speed in SPEEDS_MM_PER_S:
         seen = Seen()
         for number in range(options.slides):
@@ -136,12 +128,13 @@ def of_table(options: Namespace, random: np.random.Generator) -> None:
             pad = pads.setdefault(kind, BuiltPad.of(config_of(*kind))) if kind not in pads else pads[kind]
             slide, source = Slide.drawn(random, speed * 1e-3), ManyFrames(pad.config)
             source.finger = slide
+            told = messages(pad, source, slide.seconds)
             for each in (seen, everything):
-                if each is seen:
-                    told = messages(pad, source, slide.seconds)
                 each.take(told, *slide.slips_s, slide.friction)
+            timed.append(timer.timed(slide, seen.delays_s[-1]))
         print(seen.line(f"  {speed:g} mm/s"))
     print(everything.line("  all"))
+    print(*lines(timed), sep="\n")
 
 
 def of_drags(options: Namespace) -> None:
