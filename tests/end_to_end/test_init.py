@@ -130,6 +130,13 @@ def test_surplus_argument_is_refused_with_usage(tmp_path: Path) -> None:
     assert said(tmp_path, "selftest", "left", code=2).endswith("unexpected: left; did you mean --pad left?\n")
 
 
+def test_init_says_what_to_do_where_it_cannot_write(tmp_path: Path) -> None:
+    told = said(tmp_path, "init", "--simulated", "--config", "absent/pad.toml", code=73)
+    assert (
+        "absent/pad.toml cannot be written: No such file or directory: make its folder first, or name another" in told
+    )
+
+
 def test_init_leaves_a_file_that_exists_as_it_is(tmp_path: Path) -> None:
     (tmp_path / "pad.toml").write_text("mine")
     assert "pad.toml exists and is left as it is" in said(tmp_path, "init", "--simulated", code=73)

@@ -206,7 +206,7 @@ SIMULATED = "pad 'a' (first [[pad]]): "
         (PAD + "[pad.tolerance]\ngain = 5", SIMULATED + "tolerance.gain = 5: must be a number from 0 to 0.5"),
         (PAD + "[pad.scene]\nsteel_nearby = 1", SIMULATED + "scene.steel_nearby = 1: must be true or false"),
         (PAD + "[pad.contact]\nmodel = 3", SIMULATED + "contact.model = 3: must be text in quotes"),
-        ('[[pad]]\nname = "a b"\n[pad.source]\ntype = "simulated"', "pad 'a b' (first [[pad]]): name = 'a b': must be text in quotes: 1 to 32 letters, digits, - or _"),
+        ('[[pad]]\nname = "a b"\n[pad.source]\ntype = "simulated"', "pad 'a b' (first [[pad]]): name = 'a b': must be 1 to 32 letters, digits, - or _, and no spaces"),
         ('[[pad]]\nname = "a"', SIMULATED + "source is missing: give a table"),
         ('[[pad]]\nname = "a"\n[pad.source]', SIMULATED + 'source.type is missing: give one of "anyskin", "bridge", "i2c", "replay", "simulated"'),
         ('[[pad]]\nname = "a"\n[pad.source]\ntype = "usb"', SIMULATED + "source.type = 'usb': must be one of \"anyskin\", \"bridge\", \"i2c\", \"replay\", \"simulated\""),
@@ -216,7 +216,7 @@ SIMULATED = "pad 'a' (first [[pad]]): "
         ('[pad]\nname = "a"', "pad: must be a list of tables ([[double brackets]])"),
         ("", "pad is missing: give a list of tables"),
         ("pad = []", "pad = []: at least one [[pad]] is needed"),
-        (BRIDGE + 'uid = "12"', "pad 'b' (first [[pad]]): source.uid = '12': must be text in quotes: 24 hexadecimal digits"),
+        (BRIDGE + 'uid = "12"', "pad 'b' (first [[pad]]): source.uid = '12': must be 24 hexadecimal digits"),
         (I2C + "channels = [0, 1, 2, 9]", "pad 'i' (first [[pad]]): source.channels, sensor 4 = 9: must be a whole number from 0 to 7"),
         (PAD + "[pad.magnet]\nlength_mm = 0.002", SIMULATED + "magnet.length_mm = 0.002: must be a number from 0.2 to 50"),
     ],
@@ -342,9 +342,14 @@ def test_syntax_error_is_shown_with_its_line(tmp_path: Path) -> None:
 
 
 def test_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"nothing.toml: cannot be read: No such file"):
+    with pytest.raises(
+        ConfigError,
+        match=r"nothing.toml: cannot be read: No such file .*: correct its name, or let `fmfts-daemon init` write",
+    ):
         load(tmp_path / "nothing.toml")
-    with pytest.raises(ConfigError, match="cannot be read: not a file, but a folder"):
+    with pytest.raises(
+        ConfigError, match=r"cannot be read: not a file, but a folder, .*: name the file in it with --config"
+    ):
         load(tmp_path)
     (tmp_path / "binary.toml").write_bytes(b"a = 1\n\xff")
     with pytest.raises(ConfigError, match=r"is not UTF-8 text \(byte 6\)"):

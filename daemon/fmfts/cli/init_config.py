@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from fmfts.cli import elsewhere
 from fmfts.cli.verb import AddVerb, VerbError
 from fmfts.common import exit_codes
+from fmfts.common.writing import why_not_written
 
 if TYPE_CHECKING:
     from fmfts.config.example import FoundPad
@@ -60,7 +61,8 @@ def _init(options: argparse.Namespace) -> int:
     try:
         file.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise VerbError(exit_codes.UNWRITABLE, f"{file} cannot be written: {error.strerror}") from error
+        why = why_not_written(error, "name another with --config")
+        raise VerbError(exit_codes.UNWRITABLE, f"{file} cannot be written: {why}") from error
     print(f"{file}: written for {where}")
     for remark in filter(None, map(unusual, pads)):
         print(remark)

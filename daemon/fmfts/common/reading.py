@@ -7,7 +7,7 @@ import hashlib
 import io
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
@@ -68,12 +68,13 @@ def damage_told(named: type[Exception], sentence: str, remedy: str = "") -> Iter
 
 
 @contextmanager
-def unreadable_told(named: type[Exception], whose: object) -> Iterator[None]:
-    """An OSError inside becomes `named`: the file `whose` cannot be read."""
+def unreadable_told(named: type[Exception], whose: object, remedies: Mapping[int, str] | None = None) -> Iterator[None]:
+    """An OSError inside becomes `named`: `whose` cannot be read. remedies: what to do, by the error's number."""
     try:
         yield
     except OSError as error:
-        raise named(f"{whose}: cannot be read: {error.strerror}") from error
+        remedy = (remedies or {}).get(error.errno or 0, "")
+        raise named(f"{whose}: cannot be read: {error.strerror}{remedy and ': '}{remedy}") from error
 
 
 def shortened(text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import re
@@ -25,6 +26,11 @@ OTHER_MAGNET = re.compile(r"other_magnets, value (\d+)")
 MOST_PADS = 256
 CURLY = "\u201c\u201d\u201e\u2018\u2019"  # a word processor's replacements of " and '
 DEFAULT_PATHS = (Path("/etc/fmfts/config.toml"), Path("pad.toml"), Path("config.toml"))  # `init` writes pad.toml
+UNREADABLE = {  # what to do
+    errno.ENOENT: "correct its name, or let `fmfts-daemon init` write one",
+    errno.EACCES: "allow this user to read it (chmod), or name another with --config",
+    errno.EINVAL: "name the file in it with --config",
+}
 
 log = logging.getLogger(__name__)
 
@@ -112,7 +118,7 @@ def find(path: Path | None, environ: Mapping[str, str] = os.environ) -> Path:
 
 def _read(file: Path) -> dict[str, Any]:
     try:
-        with unreadable_told(ConfigError, file):
+        with unreadable_told(ConfigError, file, UNREADABLE):
             content = read_regular(file, LARGEST_BYTES + 1)
         text = content.decode("utf-8-sig")  # skips the byte order mark of some editors
     except UnicodeDecodeError as error:

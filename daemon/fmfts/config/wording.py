@@ -37,7 +37,7 @@ UNITS = {
 }
 
 PATTERNS = {
-    inspect.type_info(PadName).pattern: "1 to 32 letters, digits, - or _",  # type: ignore[attr-defined]
+    inspect.type_info(PadName).pattern: "1 to 32 letters, digits, - or _, and no spaces",  # type: ignore[attr-defined]
     inspect.type_info(BoardUid).pattern: "24 hexadecimal digits",  # type: ignore[attr-defined]
 }
 
@@ -67,9 +67,10 @@ def explain(data: dict[str, Any], error: str, mended: dict[str, Any], whole: typ
         return f"{place(data, [*keys, unknown[1]])}: there is no such key{nearest}"
     if keys[-1:] == ["type"] and (how := lacking_source(value_at(data, keys))) is not None:
         return f"{place(data, keys)}{value_shown(data, keys)}: {how}"
-    kind = type_at(mended, keys, whole)
-    meant = _meant(kind, keys, value_at(data, keys))
-    return f"{place(data, keys)}{value_shown(data, keys)}: must be {_allowed(kind)}{meant}"
+    kind, value = type_at(mended, keys, whole), value_at(data, keys)
+    is_text = isinstance(kind, inspect.StrType) and isinstance(value, str)  # in quotes already
+    allowed = _allowed(kind).removeprefix("text in quotes: ") if is_text else _allowed(kind)
+    return f"{place(data, keys)}{value_shown(data, keys)}: must be {allowed}{_meant(kind, keys, value)}"
 
 
 def _meant(kind: inspect.Type, keys: Sequence[Key], value: Any) -> str:
