@@ -175,12 +175,22 @@ def test_evaluated_model_is_the_checked_one() -> None:
     assert require_even(proto.SerializeToString() + unknown) == proto.SerializeToString()
 
 
-def test_missing_onnx_package_says_what_to_install(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (DEFAULT.SerializeToString(), "pip install 'fmfts[calibrate]'"),
+        (b"no model", "ValueError: it is not an ONNX file: give one that `calibrate` wrote"),
+        (b"", "ValueError: it is not an ONNX file: give one"),
+    ],
+    ids=["model", "text", "nothing"],
+)
+def test_missing_onnx_package_says_what_to_install(tmp_path: Path, content: bytes, said: str) -> None:
     hidden = tmp_path / "onnx.py"
     hidden.write_text("raise ImportError\n")
-    asked = "import sys; sys.path.insert(0, sys.argv[1]); from fmfts.contact import operators as o; o.require_even(b'')"
-    ended = subprocess.run([sys.executable, "-c", asked, tmp_path], capture_output=True, text=True, check=False)
-    assert "pip install 'fmfts[calibrate]'" in ended.stderr
+    asked = "import sys; sys.path.insert(0, sys.argv[1]); from fmfts.contact import operators as o; "
+    asked += "o.require_even(sys.stdin.buffer.read())"
+    ended = subprocess.run([sys.executable, "-c", asked, tmp_path], input=content, capture_output=True, check=False)
+    assert said in ended.stderr.decode()
 
 
 def test_model_in_another_format_is_not_loaded() -> None:

@@ -13,6 +13,8 @@ from fmfts.contact.contract import EXTERNAL, IR_VERSION, OPSET
 
 Part = Any  # part of a model, as the onnx package reads it
 
+BEGINNING = bytes([1 << 3])  # protobuf's key of field 1, a number: ir_version, which every writer puts first
+GIVE = "give one that `calibrate` wrote, or a shipped name"
 DEFAULT_DOMAIN = ("", "ai.onnx")
 DOCUMENT = "those that docs/calibration.md lists"
 # Operators whose outputs' sizes follow from the sizes of their inputs.
@@ -40,6 +42,8 @@ def require_even(content: bytes) -> bytes:
         import onnx
         from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
     except ImportError:
+        if not content.startswith(BEGINNING):
+            raise ValueError(f"it is not an ONNX file: {GIVE}") from None
         raise ValueError(
             "`calibrate` did not write it, and the package that lists its operators is not installed: "
             "pip install 'fmfts[calibrate]'"
@@ -47,7 +51,7 @@ def require_even(content: bytes) -> bytes:
     try:
         model = onnx.load_from_string(content)
     except DecodeError:
-        raise ValueError("it is not an ONNX file, or a truncated one") from None
+        raise ValueError(f"it is not an ONNX file, or a truncated one: {GIVE}") from None
     _require_known(model)
     graph = model.graph
     made = {name for node in graph.node for name in node.output}
