@@ -111,7 +111,7 @@ def test_gains_of_a_recording_are_reported_in_words_with_units(capsys: pytest.Ca
     print_facts(facts, as_json=False)
     assert capsys.readouterr().out.splitlines() == [
         "gains, relative to each other: ± 0.0030 (was ± 0.0500)",
-        "press of 1 N: force, by the magnet's depth alone: ± 0.018 N (was ± 0.071 N)",
+        "press of 1 N: force, without the silicone's stiffness: ± 0.018 N (was ± 0.071 N)",
         "press of 1 N: magnet's way sideways: ± 0.070 mm (was ± 0.300 mm)",
         "places of the sensors: ± 0.090 mm (was ± 0.100 mm)",
     ]

@@ -20,7 +20,7 @@ SHIPPED = ToleranceConfig().si()
 def said_n(mounting: Mounting, pad: Pad) -> dict[str, float]:
     """Step → the deviation of the depth of 1 N that it is said to leave."""
     found = (
-        re.match(r"(\S+): sideways ±\d+ µm instead of .* in depth, as a force, ±([\d.]+) N", one)
+        re.match(r"(\S+): sideways ±\d+ µm .* as a force, ±([\d.]+) N .*, without the silicone's stiffness$", one)
         for one in prospects(mounting, pad)
     )
     return {match[1]: float(match[2]) for match in found if match is not None}

@@ -41,7 +41,8 @@ def prospects(mounting: Mounting, pad: Pad) -> list[str]:
         if min(then[key] / now[key] for key in ("press_1n_sideways_sd_m", "press_1n_force_sd_n")) < WORTH:
             (then_n, then_m), (now_n, now_m) = _figures(then), _figures(now)
             told.append(
-                f"{name}: sideways {then_m} instead of {now_m}; in depth, as a force, {then_n} instead of {now_n}"
+                f"{name}: sideways {then_m} instead of {now_m}; in depth, as a force, {then_n} instead of {now_n}, "
+                "without the silicone's stiffness"
             )
     return told
 

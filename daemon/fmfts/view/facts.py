@@ -36,7 +36,7 @@ LABELS = {
     "coil_t": "moved by its own coil",
     "sensor_place_sd_m": "places of the sensors",
     "press_1n_sideways_sd_m": "press of 1 N: magnet's way sideways",
-    "press_1n_force_sd_n": "press of 1 N: force, by the magnet's depth alone",
+    "press_1n_force_sd_n": "press of 1 N: force, without the silicone's stiffness",
     "middle_1n_place_sd_m": "press of 1 N in the middle: place",
     "middle_1n_force_sd_n": "press of 1 N in the middle: force",
     "with_bare": "with a bare recording",
