@@ -1,3 +1,4 @@
+# make help    print these lines
 # make demo    install into .venv, run the simulated pad, show its contacts    (SECONDS=10 ends by itself; PAD=array
 #              FINGERS=2: four magnets, two fingers that meet and part; PAPER=1: the
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board;
@@ -77,7 +78,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 # Packages for tests. umockdev emulates the kernel's I2C interface, and needs the system's own Python (python3-gi).
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi faketime g++ openscad gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium openssh-client)
 
-.PHONY: demo test lint unit processes clock slow long mutations bench cold-starts clean wheel
+.PHONY: help demo test lint unit processes clock slow long mutations bench cold-starts clean wheel
 .PHONY: first-uses transcript recordings kept-report model pictures chips-page mould fingertip sample-times
 .PHONY: first-minute magnet-check chaos clock-leaps failing-source chips-for-a-day fuzz fuzz-short fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
@@ -96,6 +97,9 @@ else ifneq ($(HAND),)
 else
 	@$(call until_interrupted,$(BIN)/python -m fmfts.cli.demo $(if $(SECONDS),--seconds $(SECONDS)) $(if $(PAD),--pad $(PAD)) $(if $(FINGERS),--fingers $(FINGERS)))
 endif
+
+help:
+	@sed -n '/^#/!q; s/^# \{0,1\}//p' $(firstword $(MAKEFILE_LIST))
 
 first-minute: $(VENV)/.installed
 	$(BIN)/python tests/drills/first_minute.py $(DEMO)

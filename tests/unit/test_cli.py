@@ -14,7 +14,7 @@ import pytest
 
 from fmfts.bus.messages import Health
 from fmfts.cli.elsewhere import OF_OPTION
-from fmfts.cli.main import main
+from fmfts.cli.main import EPILOG, main
 from fmfts.common import exit_codes
 from fmfts.common.extras import LABORATORY, how_to_install
 from fmfts.common.toml import parse
@@ -69,7 +69,7 @@ import sys, time, types
 import fmfts.service.log
 fmfts.service.log.select = types.SimpleNamespace(select=lambda *_: time.sleep(0.3))
 from fmfts.cli.elsewhere import OF_OPTION
-from fmfts.cli.main import main
+from fmfts.cli.main import EPILOG, main
 sys.exit(main(["run", "--config", sys.argv[1]]))
 """
 
@@ -166,6 +166,14 @@ def test_every_exit_code_is_explained(place: str, capsys: pytest.CaptureFixture[
     else:
         text = (ROOT / place).read_text()
     assert [code for code in CODES if not re.search(rf"\b{code}\b", text)] == []
+
+
+@pytest.mark.parametrize("step", ["init", "probe", "selftest", "--bare", "--rest", "--turn", "weigh", "run"])
+def test_help_and_readme_name_each_step_of_a_first_use(step: str) -> None:
+    steps = EPILOG.partition(". If a daemon")[0]
+    assert re.search(rf"(?<!\w){step}\b", steps)
+    listed = (ROOT / "README.md").read_text().partition("## Use your own pad")[2].partition("## As a service")[0]
+    assert re.search(rf"^    fmfts-daemon (baseline )?{step}\b", listed, flags=re.MULTILINE)
 
 
 def test_every_word_of_health_comes_with_what_to_do() -> None:

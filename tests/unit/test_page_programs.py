@@ -71,6 +71,17 @@ def parse(program: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
         run(named if is_module else str(ROOT / named), run_name="__main__")
 
 
+def test_make_help_prints_the_list_of_targets() -> None:
+    shown = subprocess.run(
+        ["make", "--no-print-directory", "help"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    assert shown[0] == "make help    print these lines"
+    listed = [line for line in (ROOT / "Makefile").read_text().splitlines() if line.startswith(("# make ", "#   "))]
+    assert len(listed) > 50
+    assert [f"# {line}" for line in shown] == listed[: len(shown)]
+    assert shown[-1].startswith("make bench ")
+
+
 @pytest.mark.parametrize("words", [words for words in WORDS if words.startswith("make ") or words == "make"])
 def test_make_has_every_target_and_variable_of_the_pages(words: str) -> None:
     told = shlex.split(words)[1:]

@@ -27,8 +27,8 @@ from fmfts.common import exit_codes
 DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or the first of /etc/fmfts/config.toml, ./pad.toml or ./config.toml"
 LISTENERS_CONFIG = "the daemon's file, if that sets [bus] endpoint; not needed otherwise"
 EPILOG = """\
-A new pad: init, check-config, probe, selftest, baseline --bare, baseline --rest, run; then listen and status.
-If a daemon runs, probe, selftest, baseline and weigh go through it.
+A new pad: init, check-config, probe, selftest, baseline --bare, --rest, --turn (for a robot that turns), weigh,
+run; then listen and status. If a daemon runs, probe, selftest, baseline and weigh go through it.
 
 exit codes, the same for every verb:
 """ + "\n".join(f"{code:5} {meaning}" for code, meaning in exit_codes.MEANING.items())
