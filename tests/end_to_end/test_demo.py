@@ -6,6 +6,7 @@ import math
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -14,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from end_to_end.processes import PATIENCE_S, ROOT, build_firmware_host
+from fmfts.cli.demo import _sockets
 
 DEMO = (sys.executable, "-m", "fmfts.cli.demo", "--config", ROOT / "config.toml")
 PAPER_DEMO = (sys.executable, ROOT / "tests" / "end_to_end" / "paper_demo.py")
@@ -151,6 +153,30 @@ def test_demo_says_first_how_its_pad_was_set_up() -> None:
         demo.send_signal(signal.SIGTERM)
         demo.communicate(timeout=PATIENCE_S)
     assert said.startswith("pad demo: self-test, bare, rest and turn were simulated in "), said
+
+
+def test_demo_serves_where_fmfts_bus_says_each_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else no client could be seen to connect again."""
+    monkeypatch.setenv("FMFTS_BUS", f"ipc://{tmp_path}/bus-of-mine")
+    (tmp_path / "bus-of-mine").mkdir()
+    with socket.socket(socket.AF_UNIX) as killed:
+        killed.bind(str(tmp_path / "bus-of-mine" / "bus"))  # as a daemon that was killed leaves it
+    with started(DEMO) as demo:
+        lines = read_until(demo, "demo: ok")
+        with started(DEMO) as second:
+            _, refused = second.communicate(timeout=PATIENCE_S)
+        demo.send_signal(signal.SIGTERM)
+        assert demo.communicate(timeout=PATIENCE_S)[1] == ""
+    assert any(line.startswith(f"another terminal: FMFTS_BUS=ipc://{tmp_path}/bus-of-mine ") for line in lines)
+    assert second.returncode == 1
+    assert f"another fmfts-daemon serves ipc://{tmp_path}/bus-of-mine: stop it, or unset FMFTS_BUS" in refused
+
+
+@pytest.mark.parametrize(("bus", "said"), [("tcp://127.0.0.1:5570", "is no folder"), ("nonsense", "is not a base")])
+def test_demo_refuses_another_kind_of_bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bus: str, said: str) -> None:
+    monkeypatch.setenv("FMFTS_BUS", bus)
+    with pytest.raises(SystemExit, match=f"^demo: .*{said}"):
+        _sockets(tmp_path)
 
 
 def test_line_that_demo_prints_listens_to_it_from_another_shell() -> None:

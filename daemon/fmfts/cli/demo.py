@@ -27,15 +27,17 @@ LAST_LINES = 20
 
 @contextmanager
 def running_daemon(config: Path, folder: Path) -> Iterator[str]:
-    """Run `fmfts-daemon run` as a process with sockets, state and log in `folder`; yield the base of its endpoints.
+    """Run `fmfts-daemon run` as a process with state and log in `folder`; yield the base of its endpoints.
 
+    Its sockets are there, too, unless FMFTS_BUS names another folder: a client can reconnect only to the same one.
     The caller handles Ctrl-C; it also gets a KeyboardInterrupt when the daemon ends by itself. If the daemon ends or
     does not start, prints the end of its log and raises SystemExit.
     """
-    base, environment = _base(folder), _environment(folder)
+    sockets = _sockets(folder)
+    base, environment = _base(sockets), _environment(folder, sockets)
     serving, daemon = False, None
     try:
-        with child_daemon(config, folder, environment) as daemon:
+        with child_daemon(config, folder, environment, sockets) as daemon:
             serving = daemon.is_serving()
             if serving:
                 with _interrupted_by_the_end_of(daemon.process):
@@ -46,15 +48,36 @@ def running_daemon(config: Path, folder: Path) -> Iterator[str]:
             _explain(folder / "daemon.log", ended)
 
 
-def _base(folder: Path) -> str:
-    return f"ipc://{folder}"
+def _base(sockets: Path) -> str:
+    return f"ipc://{sockets}"
 
 
-def _environment(folder: Path) -> dict[str, str]:
+def _environment(folder: Path, sockets: Path) -> dict[str, str]:
     """The daemon's."""
     from fmfts_client.endpoints import OVERRIDE
 
-    return os.environ | {OVERRIDE: _base(folder), "XDG_STATE_HOME": str(folder / "state")}
+    return os.environ | {OVERRIDE: _base(sockets), "XDG_STATE_HOME": str(folder / "state")}
+
+
+def _sockets(folder: Path) -> Path:
+    """The folder that FMFTS_BUS names, else `folder`. SystemExit if a demo cannot serve there."""
+    from fmfts.bus.lock import BusError, serving_pid, socket_path
+    from fmfts_client.endpoints import OVERRIDE, EndpointError, for_daemon, named_base
+
+    if (named := named_base()) is None:
+        return folder
+    try:
+        endpoints = for_daemon()
+        bus = socket_path(endpoints.bus)
+        if bus is None:
+            raise SystemExit(f"demo: {OVERRIDE}={named} is no folder: give ipc:///absolute/directory, or unset it")
+        if serving_pid(endpoints.control) is not None:
+            raise SystemExit(f"demo: another fmfts-daemon serves {named}: stop it, or unset {OVERRIDE}")
+    except (BusError, EndpointError) as error:
+        raise SystemExit(f"demo: {error}") from error
+    if bus.is_socket():
+        bus.unlink()  # left by a daemon that was killed; the new one would seem to serve already
+    return bus.parent
 
 
 @contextmanager
@@ -119,7 +142,7 @@ def _demo(options: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory(prefix="fmfts-demo-") as name:
         folder = Path(name)
         config = options.config or _config(options, folder)
-        set_up_pads(config, _environment(folder))
+        set_up_pads(config, _environment(folder, folder))
         return _shown(config, folder, options.seconds)
 
 

@@ -43,17 +43,19 @@ class ChildDaemon:
 
 
 @contextmanager
-def child_daemon(config: Path, folder: Path, environment: Mapping[str, str]) -> Iterator[ChildDaemon]:
-    """Runs `fmfts-daemon run` until the end of the block.
+def child_daemon(
+    config: Path, folder: Path, environment: Mapping[str, str], sockets: Path | None = None
+) -> Iterator[ChildDaemon]:
+    """Runs `fmfts-daemon run` until the end of the block. Its log goes to `daemon.log` in `folder`.
 
-    environment: names `folder` as the place of its sockets. Its log goes to `daemon.log` there.
+    environment: names `sockets`, by default `folder`, as the place of its sockets.
     """
     command = [sys.executable, "-m", "fmfts", "run", "--config", str(config)]
     with (folder / "daemon.log").open("w") as stderr:
         # Block signals: one between fork and `try` would leave the daemon running.
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
         process = subprocess.Popen(command, stderr=stderr, env=environment, preexec_fn=_ignore_ctrl_c)
-        child = ChildDaemon(process, folder / "bus")
+        child = ChildDaemon(process, (sockets or folder) / "bus")
         try:
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
             yield child
