@@ -44,10 +44,18 @@ static void suspect_sensors(const fmfts_attempt *attempt, const fmfts_solved *fo
     }
 }
 
+/* Whether one frame of a foreign field fits by chance without one sensor: a motor's field turns, and no two searches then suspect the
+ * same one. */
+static bool may_be_chance(const fmfts_pose_memory *memory, const suspicion *found)
+{
+    return memory->searched == FMFTS_NOT_ALONE ||
+           (memory->searched == FMFTS_NOT_CONFIRMED && memory->searched_sensors != found->sensors);
+}
+
 /* Whether exactly one sensor is suspected, with enough evidence. */
 static bool is_clear(const fmfts_step *step, const suspicion *found)
 {
-    return found->count == 1 &&
+    return found->count == 1 && !may_be_chance(step->memory, found) &&
            (step->parameters->at_rest == 0.0 || fmfts_confirms(step->parameters, step->memory, found->last));
 }
 
