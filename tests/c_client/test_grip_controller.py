@@ -49,7 +49,14 @@ def drawn(random: np.random.Generator) -> Iterator[tuple[bool, list[ContactMessa
             margin_n=None if friction is None else friction * force_n - random.uniform(0.1, 1.0),
         )
         told: list[ContactMessage | None] = [
-            held(name, force_n + random.normal(0.0, 0.01), x_m=place_m, slip=slip) for name in NAMES
+            held(
+                name,
+                force_n + random.normal(0.0, 0.01),
+                x_m=place_m,
+                slip=slip,
+                force_sd_n=random.choice([0.05, 1.5], p=[0.7, 0.3]),
+            )
+            for name in NAMES
         ]
         for pad, name in enumerate(NAMES):
             kind = random.uniform()
@@ -175,3 +182,48 @@ def test_load_that_grew_stays_known_when_a_pad_joins_or_falls_silent(decide: Cal
         speed, _, is_found = decide(found + [step for each in shears for step in told(force_n, *each)])[-1]
         assert is_found
         assert speed == pytest.approx(0.0, abs=1e-3), growth
+
+
+def slipping(slips: bool) -> SlipMessage:
+    return SlipMessage(slipping=slips, sticking_probability=0.01 if slips else 1.0)
+
+
+def told_of(*forces: tuple[float, float], slips: bool = False, loosen: bool = False) -> Steps:
+    """A step in which each pad tells a force and its deviation."""
+    pads = zip(NAMES, forces, strict=True)
+    return [(loosen, [held(name, force_n, slip=slipping(slips), force_sd_n=sd_n) for name, (force_n, sd_n) in pads])]
+
+
+def test_forces_that_are_hardly_known_do_not_open_the_gripper_and_a_slip_still_closes_it(
+    decide: Callable[[Steps], Decided], python: ModuleType
+) -> None:
+    """At the rim of both pads: then the way that the fingers close tells how much harder they press."""
+    found = told_of((0.8, 0.05), (0.8, 0.05), slips=True, loosen=True)
+    holds = told_of((0.92, 0.05), (0.92, 0.05)) * 100
+    vague = told_of((2.4, 1.6), (2.2, 1.5))
+    answers = decide(found + holds + vague * 50)[-50:]
+    assert all(speed == pytest.approx(0.0, abs=1e-3) and not lift for speed, lift, _ in answers)
+    slips = told_of((2.4, 1.6), (2.2, 1.5), slips=True)
+    closed_m = sum(speed for speed, _, _ in decide(found + holds + slips + vague * 100)[-101:]) * python.PERIOD_S
+    assert 200.0 * closed_m == pytest.approx(python.RESERVE * 0.92, rel=0.05)
+
+
+def test_pad_whose_force_is_known_tells_the_mean_of_both_by_its_share(decide: Callable[[Steps], Decided]) -> None:
+    """The right pad of 0.6 and 1 N reaches its rim: the left one's 0.6 N still are 0.8 N."""
+    found = told_of((0.6, 0.05), (1.0, 0.05), slips=True, loosen=True)
+    holds = told_of((0.69, 0.05), (1.15, 0.05)) * 100
+    for right in ((3.0, 2.0), (0.1, 0.5)):
+        speed, lift, _ = decide(found + holds + told_of((0.69, 0.05), right) * 50)[-1]
+        assert speed == pytest.approx(0.0, abs=1e-3)
+        assert not lift
+        assert decide(found + holds + told_of((0.5, 0.05), right) * 50)[-1][0] > 0.01
+
+
+def test_slips_on_the_table_tighten_no_pad_beyond_its_range(decide: Callable[[Steps], Decided]) -> None:
+    """The arm would not lift. The right pad reads 1.28 of the mean: 2 N of it are 1.5625 N. In the air it loosens."""
+    touches = told_of((0.45, 0.05), (0.8, 0.05)) * 30
+    slips = told_of((0.9, 0.05), (1.6, 0.05), slips=True) * 200
+    at_limit = ((1.125, 0.05), (2.0, 0.05))
+    speed, _, _ = decide(touches + slips + told_of(*at_limit))[-1]
+    assert speed == pytest.approx(0.0, abs=1e-3)
+    assert decide(touches + slips + told_of(*at_limit, loosen=True) * 20)[-1][0] < -1e-3

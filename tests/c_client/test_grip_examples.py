@@ -23,7 +23,7 @@ from fmfts_client import Endpoints
 from unit.bus_messages import contact_message
 
 PERIOD_S, GOES_ON_S, PATIENCE_S, LATE_NS = 0.02, 0.5, 30.0, 250_000_000
-BLIND, ONE_EYED = "hold (no pad knows its force)", "hold (a pad says nothing)"
+BLIND, ONE_EYED = "hold (no pad knows its force)", "hold (a pad does not know its force)"
 PADS = "".join(
     f"""
 [[pad]]

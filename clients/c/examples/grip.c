@@ -23,8 +23,8 @@ static const double first_reserve = 0.5;   /* while the least force is not known
 static const double still_slips_per_s = 0.6; /* if it still slips: this share more force */
 static const double loosens_per_s = 0.15;  /* as a share */
 static const double approach_m_per_s = 0.015, fastest_m_per_s = 0.04;
-/* How fast to close for a newton too little: thirty divided by the gripper's stiffness in N/m. */
-static const double close_m_per_s_per_n = 0.15;
+static const double stiffness_n_per_m = 200.0; /* of a finger of your gripper */
+static const double close_m_per_s_per_n = 30.0 / 200.0; /* how fast to close for a newton too little: 30 / stiffness */
 static const double settled_s = 0.3, smooth_s = 0.15;
 static const double least_shear_n = 0.1; /* of a pad, where its growth is told from */
 static const double same_s = 0.05; /* a slip that begins again within this time is the same one */
@@ -32,6 +32,8 @@ static const double same_s = 0.05; /* a slip that begins again within this time 
  * stuck slips from slips_below on. */
 static const double slips_below = 0.5, sticks_above = 0.8;
 static const double moved_m = 2e-3; /* a contact that moved this far slipped, too: a slow slip comes late or never */
+static const double vague = 0.4; /* a force with a deviation of a larger share is not known: the contact is near the pad's rim */
+static const double least_share = 0.5; /* a pad that reads less of the force, or more than 2 - least_share of it, is wrong */
 static const double late_s = 0.1;   /* an older sample does not describe the present */
 
 enum slips { NOT_KNOWN, STICKS, SLIPS };
@@ -43,10 +45,12 @@ struct memory {
     double x_m, y_m, shear_n, shear_then_n;
 };
 
-/* found: the least force is known, and the arm may hurry. slipped_n: the force at which it slipped last. growth: of the shear since. */
+/* found: the least force is known, and the arm may hurry. hangs: in the air. slipped_n: the force at which it slipped last. growth: of
+ * the shear since. force_n, closing: as of the last step, and how fast it closed then. share: of each pad's reading in the mean of both,
+ * while both were known; 0 before that. */
 struct grip {
-    bool found, touched, slips;
-    double slipped_n, sticks_s, growth;
+    bool found, touched, slips, hangs;
+    double slipped_n, sticks_s, growth, force_n, closing, share[PADS];
     struct memory pad[PADS];
 };
 
@@ -63,6 +67,39 @@ static bool is_usable(const struct fmfts_client *client, const struct fmfts_cont
 {
     return fmfts_alive(client) && fmfts_sample_age_s(contact) <= late_s && contact->health == FMFTS_OK && !contact->over_range &&
            contact->contact != FMFTS_TOUCH_UNKNOWN && contact->force_n.known;
+}
+
+/* Is its force hardly known? */
+static bool is_vague(const struct fmfts_contact *contact)
+{
+    return contact->contact == FMFTS_TOUCHED && contact->force_sd_n.known &&
+           contact->force_sd_n.value > vague * fmax(contact->force_n.value, first_n);
+}
+
+/* The mean of both, as both fingers press equally and each pad errs by a factor of its own. If one falls silent, the other still tells the
+ * mean, by its share. */
+static double pressed_n(struct grip *grip, const struct fmfts_contact *const known[PADS])
+{
+    double sum_n = 0.0, alone_n = 0.0;
+    int count = 0;
+    for (int i = 0; i < PADS; i++) {
+        if (!known[i])
+            continue;
+        sum_n += known[i]->force_n.value;
+        alone_n += known[i]->force_n.value / (grip->share[i] > 0.0 ? grip->share[i] : 1.0);
+        count++;
+    }
+    if (count == 0)
+        return grip->force_n;
+    if (count < PADS)
+        return alone_n / count;
+    double mean_n = sum_n / PADS;
+    for (int i = 0; i < PADS; i++) {
+        double now = mean_n > first_n / 2.0 ? fmin(fmax(known[i]->force_n.value / mean_n, least_share), 2.0 - least_share) : 1.0;
+        double before = grip->share[i] > 0.0 ? grip->share[i] : now;
+        grip->share[i] = before + fmin(period_s / smooth_s, 1.0) * (now - before);
+    }
+    return mean_n;
 }
 
 static enum slips is_slipping(const struct fmfts_contact *contact, struct memory *pad)
@@ -133,30 +170,43 @@ static double wanted_n(struct grip *grip, const struct fmfts_contact *const seen
     }
     grip->sticks_s += period_s;
     double growth = grip->found ? grown(grip, seen) : 1.0;
-    double more = 1.0 + (grip->found ? reserve : first_reserve);
-    return fmin(fmax(more * grip->slipped_n * growth, first_n), largest_n);
+    double more = 1.0 + (grip->found ? reserve : first_reserve), most_n = largest_n;
+    if (!grip->hangs) { /* the arm does not lift while a pad is beyond its range */
+        most_n /= fmax(1.0, fmax(grip->share[0], grip->share[1]));
+        grip->slipped_n = fmin(grip->slipped_n, most_n / more);
+    }
+    return fmin(fmax(more * grip->slipped_n * growth, first_n), most_n);
 }
 
 /* seen: the newest contact of each pad; NULL if it cannot be used. loosen: find the least force; the arm stands still
  * and the object hangs in the air. */
 static struct command step(struct grip *grip, const struct fmfts_contact *const seen[PADS], bool loosen)
 {
-    int count = 0, touched = 0;
-    double force_n = 0.0; /* both fingers press equally; a pad that is touched near its rim reads too little */
+    int count = 0, touched = 0, known_count = 0;
+    const struct fmfts_contact *known[PADS];
+    double closing = grip->closing;
     for (int i = 0; i < PADS; i++) {
+        known[i] = seen[i] && !is_vague(seen[i]) ? seen[i] : NULL;
         count += seen[i] != NULL;
+        known_count += known[i] != NULL;
         touched += seen[i] && seen[i]->contact == FMFTS_TOUCHED;
-        force_n = seen[i] ? fmax(force_n, seen[i]->force_n.value) : force_n;
     }
+    grip->hangs = grip->hangs || loosen;
+    grip->closing = 0.0;
     if (count == 0)
         return (struct command){.why = "no pad knows its force"};
     if (!grip->touched && touched < count)
         return (struct command){.close_m_per_s = count == PADS ? approach_m_per_s : 0.0};
     grip->touched = true;
-    double wanted = wanted_n(grip, seen, force_n, loosen && count == PADS);
+    grip->force_n += stiffness_n_per_m * closing * period_s; /* all that is known if both pads say nothing */
+    double force_n = grip->force_n = pressed_n(grip, known);
+    double wanted = wanted_n(grip, seen, force_n, loosen && known_count == PADS);
     double speed = fmin(fmax(close_m_per_s_per_n * (wanted - force_n), -fastest_m_per_s), fastest_m_per_s);
-    if (count < PADS) /* the other pad alone may tighten, but only while it touches the object */
-        return (struct command){.close_m_per_s = touched > 0 ? fmax(speed, 0.0) : 0.0, .why = "a pad says nothing"};
+    if (known_count < PADS) /* the other pad alone may tighten, but only while it touches the object */
+        speed = touched > 0 ? fmax(speed, 0.0) : 0.0;
+    grip->closing = speed;
+    if (known_count < PADS)
+        return (struct command){.close_m_per_s = speed, .why = "a pad does not know its force"};
     return (struct command){.close_m_per_s = speed, .may_lift = !grip->slips && force_n > 0.9 * wanted};
 }
 

@@ -26,8 +26,8 @@ FIRST_RESERVE = 0.5  # while the least force is not known
 STILL_SLIPS_PER_S = 0.6  # if it still slips: this share more force
 LOOSENS_PER_S = 0.15  # as a share
 APPROACH_M_PER_S, FASTEST_M_PER_S = 0.015, 0.04
-# How fast to close for a newton too little: thirty divided by the gripper's stiffness in N/m.
-CLOSE_M_PER_S_PER_N = 0.15
+STIFFNESS_N_PER_M = 200.0  # of a finger of your gripper
+CLOSE_M_PER_S_PER_N = 30.0 / STIFFNESS_N_PER_M  # how fast to close for a newton too little
 SETTLED_S, SMOOTH_S = 0.3, 0.15
 LEAST_SHEAR_N = 0.1  # of a pad, where its growth is told from
 SAME_S = 0.05  # a slip that begins again within this time is the same one
@@ -35,6 +35,8 @@ SAME_S = 0.05  # a slip that begins again within this time is the same one
 # pad that certainly stuck counts as slipping from SLIPS_BELOW on.
 SLIPS_BELOW, STICKS_ABOVE = 0.5, 0.8
 MOVED_M = 2e-3  # a contact that moved this far slipped, too: slow slips are reported late or never
+VAGUE = 0.4  # a force with a deviation of a larger share is not known: the contact is near the pad's rim
+LEAST_SHARE = 0.5  # a pad that reads less of the force, or more than 2 - LEAST_SHARE of it, is wrong
 LATE_S = 0.1  # an older sample does not describe the present
 PERIOD_S = 0.01
 
@@ -55,37 +57,65 @@ def usable(contact: Optional[Contact], age_s: float) -> bool:
     return contact.contact is not None and contact.force_n is not None
 
 
+def is_vague(contact: Contact) -> bool:
+    """Is its force hardly known?"""
+    if not contact.contact or contact.force_n is None or contact.force_sd_n is None:
+        return False
+    return contact.force_sd_n > VAGUE * max(contact.force_n, FIRST_N)
+
+
 class Grip:
     """found: the least force is known, and the arm may hurry."""
 
     def __init__(self) -> None:
         self.found = False
-        self._touched = self._slips = False
+        self._touched = self._slips = self._hangs = False  # hangs: in the air
         self._slipped_n = FIRST_N / (1.0 + FIRST_RESERVE)  # the force at which it slipped last
         self._sticks_s = 1.0
         self._stuck: set[str] = set()  # pads that certainly stuck since the last slip
         self._shear_n: dict[str, float] = {}  # by pad: the present shear, smoothed
         self._shear_then_n: dict[str, float] = {}  # and just after the last slip
         self._growth = 1.0  # of the shear since then
+        self._force_n = self._closing = 0.0  # as of the last step; how fast it closed then
+        self._share: dict[str, float] = {}  # by pad: its reading over the mean of both, while both were known
         self._place_m: dict[str, tuple[float, float]] = {}  # by pad: the place where it sticks
 
     def step(self, pads: Sequence[Optional[Contact]], loosen: bool, period_s: float = PERIOD_S) -> Command:
         """pads: the newest contact of each; None if it cannot be used. loosen: find the least force; the arm stands
         still and the object hangs in the air."""
         seen = [contact for contact in pads if contact is not None]
+        self._hangs = self._hangs or loosen
+        closing, self._closing = self._closing, 0.0
         if not seen:
             return Command(0.0, False, "no pad knows its force")
         if not self._touched and not all(contact.contact for contact in seen):
             return Command(APPROACH_M_PER_S if len(seen) == len(pads) else 0.0, False)
         self._touched = True
-        # Both fingers press equally. A pad that is touched near its rim reads too little.
-        force_n = max(contact.force_n or 0.0 for contact in seen)
-        wanted_n = self._wanted_n(seen, force_n, loosen and len(seen) == len(pads), period_s)
+        known = [contact for contact in seen if not is_vague(contact)]
+        self._force_n += STIFFNESS_N_PER_M * closing * period_s  # all that is known if both pads say nothing
+        force_n = self._force_n = self._pressed_n(known, len(known) == len(pads), period_s)
+        wanted_n = self._wanted_n(seen, force_n, loosen and len(known) == len(pads), period_s)
         speed = CLOSE_M_PER_S_PER_N * (wanted_n - force_n)
-        speed = min(max(speed, -FASTEST_M_PER_S), FASTEST_M_PER_S)
-        if len(seen) < len(pads):  # the other pad alone may tighten, but only while it touches the object
-            return Command(max(speed, 0.0) if any(c.contact for c in seen) else 0.0, False, "a pad says nothing")
-        return Command(speed, not self._slips and force_n > 0.9 * wanted_n)
+        self._closing = min(max(speed, -FASTEST_M_PER_S), FASTEST_M_PER_S)
+        if len(known) < len(pads):  # the other pad alone may tighten, but only while it touches the object
+            self._closing = max(self._closing, 0.0) if any(contact.contact for contact in seen) else 0.0
+            return Command(self._closing, False, "a pad does not know its force")
+        return Command(self._closing, not self._slips and force_n > 0.9 * wanted_n)
+
+    def _pressed_n(self, known: Sequence[Contact], all_know: bool, period_s: float) -> float:
+        """The mean of both: fingers press equally, and each pad errs by a factor of its own. If one falls silent,
+        the other still tells the mean, by its share."""
+        if not known:
+            return self._force_n
+        read_n = {contact.pad: contact.force_n or 0.0 for contact in known}
+        if not all_know:
+            return sum(each / self._share.get(pad, 1.0) for pad, each in read_n.items()) / len(read_n)
+        mean_n = sum(read_n.values()) / len(read_n)
+        for pad, each in read_n.items():
+            now = min(max(each / mean_n, LEAST_SHARE), 2.0 - LEAST_SHARE) if mean_n > FIRST_N / 2.0 else 1.0
+            before = self._share.get(pad, now)
+            self._share[pad] = before + min(period_s / SMOOTH_S, 1.0) * (now - before)
+        return mean_n
 
     def _wanted_n(self, seen: Sequence[Contact], force_n: float, loosen: bool, period_s: float) -> float:
         slips = [self._is_slipping(contact) for contact in seen]
@@ -104,7 +134,11 @@ class Grip:
         self._sticks_s += period_s
         grown = self._grown(seen, period_s) if self.found else 1.0
         reserve = RESERVE if self.found else FIRST_RESERVE
-        return min(max((1.0 + reserve) * self._slipped_n * grown, FIRST_N), LARGEST_N)
+        largest_n = LARGEST_N
+        if not self._hangs:  # the arm does not lift while a pad is beyond its range
+            largest_n /= max([1.0, *self._share.values()])
+            self._slipped_n = min(self._slipped_n, largest_n / (1.0 + reserve))
+        return min(max((1.0 + reserve) * self._slipped_n * grown, FIRST_N), largest_n)
 
     def _is_slipping(self, contact: Contact) -> Optional[bool]:
         """None: nobody knows."""
