@@ -19,7 +19,8 @@ from fmfts.baseline import Baseline
 from fmfts.config import PadConfig
 from fmfts.config.file import load
 
-from fmfts_mujoco.lifting import Lift, Lifting, pads_here
+from fmfts_mujoco.lifting import PERIOD_S, Lift, Lifting, pads_here
+from fmfts_mujoco.motion import way_m
 from fmfts_mujoco.objects import SHAPES, Object
 from fmfts_mujoco.rivals import KINDS, controller, example
 from fmfts_mujoco.scene import Scene
@@ -32,8 +33,8 @@ GOAL = 1.3
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """How a lift ended. end: "held", "dropped" or "left", on the table. share, most: force over least force while it
-    was lifted and held, mean and largest; first: largest before the least force was known."""
+    """end: "held", "dropped" or "left": not lifted in time. share, most: force over least force while it was lifted and
+    held, mean and largest; first: largest before the least force was known."""
 
     thing: Object
     end: str
@@ -69,16 +70,20 @@ def _pads(pair: int, as_built: bool, tolerance: str) -> tuple[list[PadConfig], d
     return configs, baselines(Scene(model, configs, as_built=as_built), data, turned=True)
 
 
-def lift(number: int, seed: int, kind: str, shape: str | None, as_built: bool, tolerance: str) -> Ended:
-    """One. The same seed and number draw the same object, pads and noise for each controller."""
+def lift(
+    number: int, seed: int, kind: str, shape: str | None, as_built: bool, tolerance: str, motions: tuple[Path, ...] = ()
+) -> Ended:
+    """One. The same seed and number draw the same object, pads and noise for each controller. motions: recorded ones,
+    which the lifts follow in turns."""
     thing = Object.drawn(np.random.default_rng([seed, number]), shape)
     configs, recorded = _pads(100 * seed + number % PADS_OF_A_SEED, as_built, tolerance)
     pads = pads_here(configs, recorded, number, as_built=as_built)
-    return ended(Lifting(thing, pads).run(controller(kind), example().usable))
+    motion_m = way_m(motions[number % len(motions)], PERIOD_S) if motions else None
+    return ended(Lifting(thing, pads, motion_m).run(controller(kind), example().usable))
 
 
 def ended(lifted: Lift) -> Ended:
-    shares, first = lifted.shares("lift", "hold"), lifted.shares("air")
+    shares, first = lifted.shares("lift", "hold", "move"), lifted.shares("air")
     end = "held" if lifted.held else "dropped" if lifted.dropped else "left"
     nothing = float("nan")
     return Ended(
@@ -88,7 +93,7 @@ def ended(lifted: Lift) -> Ended:
         float(shares.max()) if len(shares) else nothing,
         float(first.max()) if len(first) else nothing,
         lifted.slid_m("close", "load", "air"),
-        lifted.slid_m("lift", "hold"),
+        lifted.slid_m("lift", "hold", "move"),
     )
 
 
@@ -96,7 +101,7 @@ def line(name: str, ends: list[Ended]) -> str:
     """A row of the table."""
     kept = [each for each in ends if each.end == "held"]
     dropped, left = (sum(each.end == end for each in ends) for end in ("dropped", "left"))
-    row = f"{name:24} {len(ends)} lifts: {dropped} dropped, {left} left on the table"
+    row = f"{name:24} {len(ends)} lifts: {dropped} dropped, {left} not lifted in time"
     if not kept:
         return row
     share, most, first = (np.array([getattr(each, key) for each in kept]) for key in ("share", "most", "first"))
@@ -130,6 +135,7 @@ def main() -> None:
     options.add_argument("--shape", choices=(*SHAPES, "sharp", "rod", "wall"), help="of all objects")
     options.add_argument("--as-built", action="store_true", help="pads within their tolerances, and other fingertips")
     options.add_argument("--tolerance", choices=("tested", "default"), default="tested", help="of the chips")
+    options.add_argument("--motions", type=Path, nargs="+", metavar="CSV", help="then move up as a recorded arm moved")
     options.add_argument("--processes", type=int, default=2)
     options.add_argument("--each", action="store_true", help="a line for each lift")
     chosen = options.parse_args()
@@ -142,6 +148,7 @@ def main() -> None:
                 shape=chosen.shape,
                 as_built=chosen.as_built,
                 tolerance=chosen.tolerance,
+                motions=tuple(chosen.motions or ()),
             )
             ends: list[Ended] = []
             for each in processes.map(one, range(chosen.lifts)):

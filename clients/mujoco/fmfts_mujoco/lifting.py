@@ -1,4 +1,4 @@
-"""One lift: the gripper closes, lifts an object a little, looks for the least force, lifts on and holds.
+"""One lift: the gripper closes, lifts an object a little, looks for the least force, lifts on, holds and may move.
 
 MuJoCo judges: how hard the fingers press, whether the object is still there, and how far it slid.
 """
@@ -59,13 +59,15 @@ class Lift:
 
     @property
     def held(self) -> bool:
-        """It is still there at the end."""
-        return self.phase[-1] == "end" and self.object_m[-1] - self.object_m[0] > 0.5 * HIGH_M
+        """It is still between the fingers at the end, when the arm is up."""
+        below_m = np.array(self.fingers_m) - np.array(self.object_m)
+        return self.phase[-1] == "end" and bool(below_m[-1] - below_m[0] < 0.5 * HIGH_M)
 
     @property
     def dropped(self) -> bool:
-        """It was in the air, and no longer is."""
-        return not self.held and bool(np.max(self.object_m) - self.object_m[0] > IN_AIR_M)
+        """It was in the air, and no longer is. An arm that waits too long with the object in the air drops nothing."""
+        above_m = np.array(self.object_m) - self.object_m[0]
+        return not self.held and bool(above_m.max() > IN_AIR_M > above_m[-1])
 
     def shares(self, *phases: str) -> Array:
         """Force over least force, which counts the largest acceleration of the last and the next PEAK_S."""
@@ -98,9 +100,17 @@ def pads_here(
 class Lifting:
     """A gripper around one object, with its pads."""
 
-    def __init__(self, thing: Object, pads: Callable[[mujoco.MjModel, mujoco.MjData], Pads | Robot]) -> None:
-        """pads: makes those of a model that stands like this."""
+    def __init__(
+        self,
+        thing: Object,
+        pads: Callable[[mujoco.MjModel, mujoco.MjData], Pads | Robot],
+        motion_m: Array | None = None,
+    ) -> None:
+        """pads: makes those of a model that stands like this. motion_m: how far the arm moves up at last, by period."""
         self.thing, self.model = thing, thing.model()
+        self._motion_m = np.empty(0) if motion_m is None else motion_m
+        for most_m in (self.model.jnt_range[self.model.joint("lift").id], self.model.actuator("lift").ctrlrange):
+            most_m[1] += self._motion_m.max(initial=0.0)
         self.data = mujoco.MjData(self.model)
         self.pads = pads(self.model, self.data)
         self.lift = Lift(thing)
@@ -113,7 +123,7 @@ class Lifting:
     def run(self, controller: Controller, usable: Any) -> Lift:
         """usable: of the controller's program: may it act on a contact of this age?"""
         target = self.data.ctrl.copy()
-        for _ in range(round(PATIENCE_S / PERIOD_S)):
+        for _ in range(round(PATIENCE_S / PERIOD_S) + len(self._motion_m)):
             before = self.data.ctrl.copy()
             for substep in range(self._substeps):  # a motor's force does not jump
                 self.data.ctrl[:] = before + (target - before) * (substep + 1) / self._substeps
@@ -165,7 +175,13 @@ class Lifting:
                 mass_kg = self.thing.mass_kg * (1.0 + (self.thing.full - 1.0) * self._since_s / FILLS_S)
                 filled(self.model, self._body, mass_kg / self._mass_kg)
                 self._mass_kg = mass_kg
-            self._phase = "end" if self._since_s > HOLD_S + FILLS_S * (self.thing.full > 1.0) else "hold"
+            self._phase = "move" if self._since_s > HOLD_S + FILLS_S * (self.thing.full > 1.0) else "hold"
+        if self._phase == "move":
+            number = round(self._since_s / PERIOD_S) if before == "move" else 0
+            if number < len(self._motion_m):
+                self._up_m = HIGH_M + float(self._motion_m[number])
+            else:
+                self._phase = "end"
         if self._phase != before:
             self._since_s = 0.0
 

@@ -12,7 +12,8 @@ from fmfts_client import Contact
 
 from fmfts_mujoco.grip import _pads, lift, line
 from fmfts_mujoco.lift_over_bus import Gripping
-from fmfts_mujoco.lifting import HIGH_M, Lifting, pads_here
+from fmfts_mujoco.lifting import HIGH_M, PERIOD_S, Lift, Lifting, pads_here
+from fmfts_mujoco.motion import COLUMNS, way_m
 from fmfts_mujoco.objects import GRAVITY_M_PER_S2, SHAPES, Object
 from fmfts_mujoco.rivals import controller, example
 
@@ -103,3 +104,56 @@ def test_example_commands_from_a_process_of_its_own(tmp_path: Path) -> None:
 def test_turned_robot_makes_shear_better_known() -> None:
     _, recorded = _pads(1, False, "tested")
     assert all(baseline.turn is not None for baseline in recorded.values())
+
+
+def recorded(path: Path, *columns: np.ndarray) -> Path:
+    rows = [",".join(map(repr, map(float, row))) for row in np.column_stack(columns)]
+    path.write_text("\n".join([",".join(COLUMNS), *rows]))
+    return path
+
+
+def test_recorded_motion_is_followed_with_its_acceleration(tmp_path: Path) -> None:
+    """From rest to rest in 2 s, as a camera at 60 Hz paces the rows: 0.2 m along (3, 0, 4), at most 0.25 m/s²."""
+    time_s = np.arange(0.0, 2.0, 1.0 / 60.0)
+    away_m = 0.1 * (1.0 - np.cos(np.pi * time_s / time_s[-1]))
+    path = recorded(tmp_path / "robot_state.csv", time_s + 7.0, 0.6 * away_m, 0.3 + 0.0 * time_s, 0.8 * away_m)
+    motion_m = way_m(path, PERIOD_S)
+    acceleration = np.diff(motion_m, 2) / PERIOD_S**2
+    assert motion_m[0] == pytest.approx(0.0, abs=1e-4)
+    assert motion_m[-1] == pytest.approx(0.2, abs=1e-4)
+    expected = 0.1 * (np.pi / time_s[-1]) ** 2
+    assert np.abs(acceleration).max() == pytest.approx(expected, rel=0.1)
+
+    configs, baseline = _pads(1, False, "tested")
+    lifting = Lifting(drawn(3), pads_here(configs, baseline, 1, as_built=False), motion_m)
+    lifted = lifting.run(controller("slip"), example().usable)
+    moved = lifted.during("move")
+    assert lifted.held
+    assert moved.sum() == len(motion_m)
+    assert np.ptp(np.array(lifted.fingers_m)[moved]) == pytest.approx(0.2, abs=2e-3)
+    least_n = np.array(lifted.least_n)[moved] / lifting.thing.least_n(lifting.thing.mass_kg, 0.0)
+    assert least_n.max() == pytest.approx(1.0 + expected / GRAVITY_M_PER_S2, abs=0.02)
+
+
+@pytest.mark.parametrize("rows", ["time,ee_T_03\n0,1\n1,2\n", ",".join(COLUMNS) + "\n0,0,0,0\n"])
+def test_file_that_is_no_motion_is_refused_by_name(tmp_path: Path, rows: str) -> None:
+    path = tmp_path / "other.csv"
+    path.write_text(rows)
+    with pytest.raises(ValueError, match=r"other\.csv: needs"):
+        way_m(path, PERIOD_S)
+
+
+@pytest.mark.parametrize(
+    ("phase", "object_m", "ended"),
+    [
+        ("end", (0.0, 0.078, 0.075), (True, False)),
+        ("end", (0.0, 0.078, 0.0), (False, True)),
+        ("hold", (0.0, 0.078, -0.01), (False, True)),
+        ("hold", (0.0, 0.075, 0.075), (False, False)),  # the time was up
+        ("load", (0.0, 0.002, 0.0), (False, False)),
+    ],
+)
+def test_object_is_dropped_only_if_it_fell(phase: str, object_m: tuple[float, ...], ended: tuple[bool, bool]) -> None:
+    fingers_m = [0.0, 0.08, 0.08]
+    lifted = Lift(drawn(1), phase=["close", "lift", phase], object_m=list(object_m), fingers_m=fingers_m)
+    assert (lifted.held, lifted.dropped) == ended
