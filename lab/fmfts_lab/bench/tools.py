@@ -210,4 +210,6 @@ def run(options: Namespace) -> None:
         sums.setdefault(key, Cell(cell.scene, cell.moment_a_m2, "all ways", cell.touch)).add(cell)
     print(*(row.line for row in sums.values()), sep="\n", flush=True)
     if options.out is not None:
-        options.out.write_bytes(msgspec.json.format(msgspec.json.encode([asdict(cell) for cell in cells])) + b"\n")
+        kept = cells if options.verbose else sums.values()
+        facts = [{"seed": options.seed} | asdict(cell) | {"health": dict(cell.health)} for cell in kept]
+        options.out.write_bytes(msgspec.json.format(msgspec.json.encode(facts)) + b"\n")
