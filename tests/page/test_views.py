@@ -185,7 +185,7 @@ def test_good_news_has_no_warning_mark(page: Page, bus: tuple[Bus, str]) -> None
     ):
         bus[0].tell(event_message(kind=kind, detail=detail))
         shown = f"health {detail}" if kind == "health" else detail
-        until(page, f"document.querySelector('#event-list span')?.textContent === '{shown}'")
+        until(page, f"document.querySelector('#event-list span')?.textContent === 'demo: {shown}'")
     good, plain, bad = (page.locator(f"#event-list li:nth-child({number}) i") for number in (1, 2, 3))
     assert (good.inner_text(), plain.inner_text(), bad.inner_text()) == ("●", "·", "▲")
     colours = [each.evaluate("(e) => getComputedStyle(e).color") for each in (good, bad)]
