@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from fmfts.arithmetic.matrix import root_of_squares
@@ -61,7 +62,7 @@ def further_drift_of(t_per_k: float, further_t2_per_k2: float, warmed_k: float) 
     """What the status says of offsets that drift further than the chip's t_per_k: further_drift.c. Else empty."""
     if not further_t2_per_k2:
         return ""
-    times = round(float(root_of_squares(t_per_k, further_t2_per_k2**0.5)) / t_per_k)
+    times = round(float(root_of_squares(t_per_k, math.sqrt(further_t2_per_k2))) / t_per_k)
     hidden_ut = 1e6 * HIDDEN_DEVIATIONS * times * t_per_k * abs(warmed_k)
     warmer = "warmer" if warmed_k > 0.0 else "colder"
     return (
