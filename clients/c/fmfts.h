@@ -26,7 +26,7 @@ enum {
 enum fmfts_result {
     FMFTS_NEW = 1,            /* a contact that was not handed out before */
     FMFTS_NOTHING = 0,        /* nothing new arrived in time: not the same as "no contact" */
-    FMFTS_REFUSED = -1,       /* a message that must not be used */
+    FMFTS_REFUSED = -1,       /* only from fmfts_decode(): a message that must not be used; fmfts_latest() drops it */
     FMFTS_WRONG_VERSION = -2, /* the daemon sends another schema version: waiting does not help */
     FMFTS_FAILED = -3         /* the socket is broken */
 };

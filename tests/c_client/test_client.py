@@ -198,6 +198,13 @@ def test_invalid_message_is_counted_and_explained(
     assert reason in answer["refusal"]
 
 
+def test_latest_drops_a_refused_message_and_returns_nothing(client: Talker, publisher: Publisher) -> None:
+    """As the comments of fmfts.h say: only fmfts_decode() returns FMFTS_REFUSED."""
+    send_raw(publisher, b"contact/demo", b"\xc1")
+    answer = eventually(lambda: client.latest(200), lambda answer: answer["refused"] == 1)
+    assert answer["result"] == NOTHING
+
+
 def test_contact_of_another_pad_under_this_topic_is_refused(client: Talker, publisher: Publisher) -> None:
     publisher.send_contact("demo", contact_message(pad="other"))
     assert "another pad" in after(client, publisher, 5)["refusal"]
