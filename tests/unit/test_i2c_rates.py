@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fmfts.config import GeometryConfig, I2cSource, PadConfig
-from fmfts.config.i2c_checks import of_pad, rates_carried
+from fmfts.config.i2c_checks import of_buses, of_pad, rates_carried
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.rates import BusLoad, i2c_rate_hz
 from fmfts.sensor.i2c.adapter import USB_S, Adapter
@@ -52,6 +52,30 @@ def test_check_config_says_what_all_pads_of_a_bus_can_have() -> None:
     # 8 sensors of 93 and 20 bits, and 2 times 20 to read the mux back: 944 bits.
     assert carried(one, other) == "I2C bus 1 carries 8 sensors at up to 105 Hz (100 kHz), 423 Hz (400 kHz)"
     assert carried(one, made("right", bus=2)) == carried(one)
+
+
+def two_pads(**source: object) -> list[PadConfig]:
+    """On one bus, behind one mux."""
+    wired = {"left": (0, 1, 2, 3), "right": (4, 5, 6, 7)}
+    return [made(name, 4, chip="mmc5983ma", channels=channels, **source) for name, channels in wired.items()]
+
+
+def test_two_pads_on_a_bus_are_both_named_with_the_rates_that_it_carries() -> None:
+    pads = two_pads(trigger="simultaneous", rate_hz=None)
+    assert list(of_buses(pads[:1])) == []
+    ((path, text),) = of_buses(pads)
+    assert path == ("pad", 1, "source", "rate_hz")
+    assert text == (
+        'at most 185: more than bus 1 can carry, 8 sensors with trigger = "simultaneous" and clock_hz = 400000: 220 Hz '
+        "is too much for all its pads; set rate_hz = 185 in pads 'left' and 'right', "
+        'or trigger = "free" (at most 282 Hz)'
+    )
+    assert list(of_buses(two_pads(trigger="simultaneous", rate_hz=185))) == []
+    assert list(of_buses(two_pads(rate_hz=282))) == []
+    three = [*pads, made("thumb", chip="mmc5983ma", trigger="simultaneous", rate_hz=None, mux_address=0x71)]
+    ((path, text),) = of_buses(three)
+    assert path[1] == 2
+    assert "in pads 'left' and 'right' and 'thumb'" in text
 
 
 def test_fastest_clock_is_said_only_without_a_mux() -> None:

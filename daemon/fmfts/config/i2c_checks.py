@@ -97,6 +97,8 @@ def of_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:
     """The total load of the pads on a bus."""
     on: dict[int, list[tuple[int, Sequence[int]]]] = {}  # bus → sensors of each pad, and the mux of each sensor
     clock_hz: dict[int, int] = {}
+    too_fast: dict[int, Problem] = {}  # of a bus, for the last pad: its sentence has all pads
+    names: dict[int, list[str]] = {}
     for number, pad in enumerate(pads):
         source = pad.source
         if not isinstance(source, I2cSource):
@@ -105,6 +107,7 @@ def of_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:
             yield ("pad", number, "source", "clock_hz"), f"bus {source.bus} has one clock: {clock_hz[source.bus]}"
         there = on.setdefault(source.bus, [])
         there.append((len(pad.geometry.sensors_mm), source.sensor_muxes))
+        names.setdefault(source.bus, []).append(pad.name)
         load = BusLoad.of(there)
         if load.sensors > MOST_DESCRIBED:
             yield (
@@ -113,8 +116,20 @@ def of_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:
             )
         most_hz = i2c_rate_hz(CHIPS[source.chip], source.trigger, source.clock_hz, load)
         if source.rate_hz > most_hz:
-            mode = f'trigger = "{source.trigger}" and clock_hz = {source.clock_hz}'
-            yield (
+            too_fast[source.bus] = (
                 ("pad", number, "source", "rate_hz"),
-                f"at most {most_hz}: more than bus {source.bus} can carry, {load.sensors} sensors with {mode}",
+                _more_than_carried(source, most_hz, load, names[source.bus]),
             )
+    yield from too_fast.values()
+
+
+def _more_than_carried(source: I2cSource, most_hz: int, load: BusLoad, names: Sequence[str]) -> str:
+    mode = f'trigger = "{source.trigger}" and clock_hz = {source.clock_hz}'
+    sentence = f"at most {most_hz}: more than bus {source.bus} can carry, {load.sensors} sensors with {mode}"
+    if len(names) == 1:
+        return sentence
+    all_pads = " and ".join(f"'{name}'" for name in names)
+    free_hz = i2c_rate_hz(CHIPS[source.chip], "free", source.clock_hz, load)
+    free = f', or trigger = "free" (at most {free_hz} Hz)' if source.trigger != "free" and free_hz > most_hz else ""
+    too_much = f"{source.rate_hz} Hz is too much for all its pads"
+    return f"{sentence}: {too_much}; set rate_hz = {most_hz} in pads {all_pads}{free}"
