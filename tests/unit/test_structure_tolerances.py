@@ -156,12 +156,13 @@ def test_tilt_error_of_a_movement_equals_a_turn_by_that_tilt() -> None:
         (
             0.23,
             None,
-            "± 23% of every force: the stiffness of its silicone is not known",
+            "± 23% of every force from the silicone: its stiffness is not known",
         ),
         (
             0.06,
             1.5,
-            "1.50 times as stiff as the model's, as a weight showed; contact.finger_mm or `calibrate",
+            "6% of every force from the silicone, which is 1.50 times as stiff as the model's, as a weight showed; "
+            "the finger's width adds to it: contact.finger_mm",
         ),
         (0.0, None, "as calibrated"),
         (None, None, "–"),

@@ -89,10 +89,10 @@ def _scale(stiffness: float | None, share: float | None) -> str:
         return "–"
     if share == 0.0:
         return "as calibrated"
-    open_still = f"± {share:.0%} of every force"
+    open_still = f"± {share:.0%} of every force from the silicone"
     if stiffness is None:
-        return f"{open_still}: the stiffness of its silicone is not known; `weigh` or `calibrate` measures it"
+        return f"{open_still}: its stiffness is not known; `weigh` or `calibrate` measures it"
     return (
-        f"{open_still}; the silicone is {stiffness:.2f} times as stiff as the model's, as a weight showed; "
-        "contact.finger_mm or `calibrate --correct` lowers it"
+        f"{open_still}, which is {stiffness:.2f} times as stiff as the model's, as a weight showed; "
+        "the finger's width adds to it: contact.finger_mm"
     )
