@@ -42,8 +42,9 @@ def typed_by_readme() -> list[list[str]]:
 def test_stranger_weighs_a_pad_and_its_forces_are_right(tmp_path: Path) -> None:
     """README's commands in its order. Only `init` is told a port: no list of devices has a pty. This robot does not
     turn, and nothing is refined."""
-    init, probe, selftest, bare, rest, turn, refine, run, _ = typed_by_readme()
+    init, probe, selftest, bare, rest, turn, refine, weigh, run, _ = typed_by_readme()
     assert (turn, refine, run) == (["baseline", "--turn"], ["baseline", "--refine"], ["run"])
+    assert weigh[:2] == ["weigh", "100g"]
     with FirmwareHost(tmp_path) as board:
         said(tmp_path, *init, "--port", board.port)
         early = said(tmp_path, "weigh", "100g", code=65)
