@@ -17,7 +17,7 @@ from fmfts.pad import Array
 from fmfts.simulation.mounted import MountedPad
 from fmfts_lab.bench.recorded import pressed_field
 
-STIFFNESS, WEIGHT_N, FORCE_N = 1.4, 0.980665, 1.2
+STIFFNESS, WEIGHT_N, FORCE_N, PRESSED_N = 1.4, 0.980665, 1.2, 0.45
 EARTH_T = np.array([2e-5, 0.0, 4e-5])
 README = Path(__file__).parents[2] / "README.md"
 
@@ -83,3 +83,11 @@ def test_stranger_weighs_a_pad_and_its_forces_are_right(tmp_path: Path) -> None:
             daemon.wait_for(lambda contact: contact.contact is False)
             replaced = daemon.command("baseline", "--rest", "--replaced", "--pad", "left")
             assert "the new silicone is assumed to be as stiff as the old one, which was weighed" in replaced.stdout
+            assert "press on this pad" not in replaced.stdout
+            board.field(pressed(0.0, 0.0, PRESSED_N))
+            replaced = daemon.command("baseline", "--rest", "--replaced", "--pad", "left")
+            assert "N press on this pad: if it is the same pad and something lies on it" in replaced.stdout
+            board.field(pressed(0.0, 0.0, 0.0))
+            assert daemon.command("baseline", "--rest", "--replaced", "--pad", "left").returncode == 0
+        board.field(pressed(0.0, 0.0, PRESSED_N))
+        assert "N press on this pad" in said(tmp_path, "baseline", "--rest", "--replaced")

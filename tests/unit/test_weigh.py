@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import msgspec
 import numpy as np
 import pytest
 
 from fmfts.baseline import Baseline, BaselineError
-from fmfts.baseline.request import CAST_ALIKE, BaselineRequest
+from fmfts.baseline.baseline import load
+from fmfts.baseline.files import path_of
+from fmfts.baseline.request import BaselineRequest
+from fmfts.baseline.silicone import UNWEIGHED, StoredSilicone
 from fmfts.config import ContactConfig, PadConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactEstimate, ContactModel
 from fmfts.contact.silicone import InOtherNewtons, inference_of
 from fmfts.contact.tolerances import StructureTolerance
 from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
+from fmfts.pipeline.last_pad import ConfiguredPad
 from fmfts.pipeline.weighing import Weighing
 from fmfts.sensor import Frame
 from fmfts.simulation.finger import Finger, no_finger, steady_finger
+from fmfts.view.facts import fact_lines
 from fmfts_lab.bench.structure import Cell, Found
+from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.weigh import ASIDE_M, MIDDLE_M, Bench, facts_of, shaken
 
 STIFF = Cell("stiff", modulus=1.5)
@@ -150,7 +159,69 @@ def test_stiffness_survives_new_rest_and_widens_for_replaced_pad(bench: Bench, w
     assert weighed.silicone is not None
     assert another.silicone.stiffness == weighed.silicone.stiffness
     assert 0.1 < another.silicone.deviation < StructureTolerance(0.2, 0.2e-3).force_share
-    assert "`fmfts-daemon weigh`" in CAST_ALIKE
+    third = BaselineRequest(pad, tolerance, False, True).make(frames, another)[0]
+    assert third.silicone == another.silicone, "each further pad is a cast of the weighed one, not of the last"
+
+
+def test_replaced_pad_is_never_known_worse_than_an_unweighed_one() -> None:
+    rough = StoredSilicone.of("0" * 12, WEIGHT_N, 1.2, 0.2)
+    assert rough.of_another_pad().deviation == pytest.approx(UNWEIGHED)
+    assert pytest.approx(CONFIG.structure_tolerance().scale_deviation) == UNWEIGHED
+    known = msgspec.structs.replace(CONFIG, tolerance=ToleranceConfig(modulus=0.02))
+    unweighed = ConfiguredPad(known).unweighed
+    precise = StoredSilicone.of("0" * 12, WEIGHT_N, 1.2, 0.03)
+    assert precise.of_another_pad(unweighed).deviation == pytest.approx(unweighed)
+    assert unweighed < precise.of_another_pad().deviation
+    assert rough.of_another_pad(unweighed).deviation == rough.deviation, "nor better than the weighed pad"
+
+
+def recorded_again(bench: Bench, before: Baseline, finger: Finger, cell: Cell = STIFF) -> list[str]:
+    """What `baseline --rest --replaced` warns of."""
+    source = bench.pad(cell)
+    source.finger = finger
+    pad, tolerance = bench.config.pad(), bench.config.tolerance.si()
+    request = BaselineRequest(pad, tolerance, False, True, last=ConfiguredPad(bench.config))
+    warnings: list[str] = request.record(source.recorded(3.0), before).facts(pad)["warnings"]
+    return warnings
+
+
+def test_replaced_pad_is_said_to_be_known_as_well_as_status_shows(
+    bench: Bench, weighed: Baseline, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    (said,) = recorded_again(bench, weighed, no_finger)
+    stored = load(path_of("cast"), bench.config.pad())
+    assert stored is not None
+    shares = []
+    for one in (stored, weighed):
+        pipeline = without_baseline(bench.config, load_contact_model(bench.config))
+        pipeline.use(one)
+        shares.append(f"± {pipeline.force_scale_sd:.0%}")
+    assert shares[0] == "± 18%"
+    known = f"{shares[0]} ({shares[1]} on the pad that was weighed)"
+    assert f"forces are now known to {known}: `fmfts-daemon weigh`" in said
+    assert recorded_again(bench, stored, no_finger) == [said]
+
+
+def test_replaced_pad_that_is_the_pressed_old_one_is_named(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    (said,) = recorded_again(bench, bench.baseline, steady_finger(*MIDDLE_M, 0.45))
+    assert re.match(r"by the last baseline, 0\.\d\d N press on this pad: if it is the same pad and", said)
+    assert recorded_again(bench, bench.baseline, no_finger) == []
+
+
+@pytest.mark.parametrize(("lies_n", "is_rare"), [(WEIGHT_N / 2.0, True), (WEIGHT_N, False)])
+def test_rare_stiffness_is_doubted(lies_n: float, is_rare: bool) -> None:
+    """Nothing is known of the cure, so that half of the weight is not refused."""
+    plain = Bench(Cell("as the model's"), 6.0, 2, ToleranceConfig(gain=0.005))
+    source = plain.pad(Cell("as the model's"))
+    source.finger = steady_finger(*MIDDLE_M, lies_n)
+    facts = Weighing(plain.config, WEIGHT_N, 6e-3).make(plain.config.pad(), source.recorded(3.0), plain.baseline)[2]
+    rare = f"{facts['stiffness']:.2f} times as stiff as the model's, which is rare: is the weight right?"
+    assert [rare in one for one in facts["warnings"]] == [True] * is_rare
+    assert "stiffness, times the model's: " in "\n".join(fact_lines(facts))
 
 
 def test_model_on_other_silicone_reads_other_newtons_at_same_place() -> None:

@@ -197,8 +197,6 @@ def make_rest(
     baseline = _baseline(pad, tolerance, bare, StoredRecording.of(recording), before).tested(gains)
     if before is not None and before.rest is not None and not replaced:
         baseline = msgspec.structs.replace(baseline, refine=before.refine, learned=before.learned).sealed()
-    if replaced and baseline.silicone is not None:
-        baseline = msgspec.structs.replace(baseline, silicone=baseline.silicone.of_another_pad()).sealed()
     mounting = baseline.any_mounting(pad)
     if before is not None and before.rest is not None and not replaced:
         require_unmoved(pad, tolerance, before, recording)

@@ -29,6 +29,7 @@ from fmfts.baseline.facts import report, whose
 from fmfts.baseline.file_format import StoredGains
 from fmfts.baseline.files import path_of, previous, store, stored_gains
 from fmfts.baseline.joint_track import JointTrack
+from fmfts.baseline.last_pad import LastPad
 from fmfts.baseline.learner import Learner
 from fmfts.baseline.origin import Origin, foreign
 from fmfts.baseline.posture import PostureLearner
@@ -42,8 +43,12 @@ DURATION_S = 3.0
 # The time that a person needs for turning about two axes, and for thirty presses.
 TURN_S, REFINE_S, LEARN_S = 20.0, 40.0, 60.0
 CAST_ALIKE = (
-    "the new silicone is assumed to be as stiff as the old one, which was weighed, with a larger deviation: "
+    "the new silicone is assumed to be as stiff as the old one, which was weighed: forces are now known to {}: "
     "`fmfts-daemon weigh` measures the new one"
+)
+PRESSED = (
+    "by the last baseline, {:.2f} N press on this pad: if it is the same pad and something lies on it, take that off "
+    "and record `fmfts-daemon baseline --rest --replaced` again"
 )
 POSTURE_DROPPED = (
     "the recorded posture of the hand is dropped with the old rest: record `fmfts-daemon baseline --rest`, then "
@@ -85,8 +90,8 @@ class BaselineRequest:
 
     turn, refine: improve the last baseline by turning the robot, or by presses anywhere. learn: by presses that replace
     a rough drawing. duration_s None: the usual time for this kind of recording. origin: the sensors that it is recorded
-    with. gains: of a self-test, None: those of the last baseline. BaselineError if the options exclude each other or
-    the duration is out of range.
+    with. gains: of a self-test, None: those of the last baseline. last: what is known of the pad that was replaced.
+    BaselineError if the options exclude each other or the duration is out of range.
     """
 
     pad: Pad
@@ -100,6 +105,7 @@ class BaselineRequest:
     gains: StoredGains | None = None
     learn: Learner | None = None
     track: JointTrack = field(default_factory=JointTrack)
+    last: LastPad | None = None
 
     def __post_init__(self) -> None:
         if self.bare + self.turn + self.refine + (self.learn is not None) > 1:
@@ -190,6 +196,10 @@ class BaselineRequest:
                 baseline = make_bare(self.pad, self.tolerance, recording, before, self.gains)
                 return baseline, None if _needs_rest(self.pad) else baseline.mounting(self.pad), {}
             baseline, mounting = make_rest(self.pad, self.tolerance, recording, before, self.replaced, self.gains)
+            if self.replaced and baseline.silicone is not None:
+                known = () if self.last is None else (self.last.unweighed,)
+                silicone = baseline.silicone.of_another_pad(*known)
+                baseline = msgspec.structs.replace(baseline, silicone=silicone).sealed()
             if before is not None and before.posture is not None and before.rest is not None:
                 posture = before.posture.after_rest(self.track, frames)
                 baseline = msgspec.structs.replace(baseline, posture=posture).sealed()
@@ -208,17 +218,26 @@ class BaselineRequest:
         """
         tested = replace(self, gains=stored_gains(self.pad, self.origin))
         baseline, mounting, gained = tested._made(frames, before)
+        warnings: list[str] = gained.pop("warnings", [])
         if before is not None and self.only_adds and isinstance(mounting, Mounting):
             was, now = (accuracy(known, self.pad) for known in (before.mounting(self.pad), mounting))
             if was != now:
                 gained |= {f"{when}_{key}": facts[key] for key in now for when, facts in (("was", was), ("now", now))}
-        warnings = [] if self.only_adds else warnings_of(frames)
+        warnings += [] if self.only_adds else warnings_of(frames)
         warnings += foreign_file(path_of(self.pad.name), "baseline", "adds to" if self.only_adds else "replaces")
-        if self.replaced and baseline.silicone is not None:
-            warnings.append(CAST_ALIKE)
+        if self.replaced and not (self.bare or self.only_adds):
+            warnings += self._of_replaced(frames, before)
+            warnings += [] if baseline.silicone is None else [CAST_ALIKE.format(baseline.silicone.known_to)]
         if before is not None and before.posture is not None and baseline.posture is None:
             warnings.append(POSTURE_DROPPED)
         return Recorded(baseline, mounting, store(baseline, self.pad), gained, warnings)
+
+    def _of_replaced(self, frames: Sequence[Frame], before: Baseline | None) -> list[str]:
+        """Another pad's magnet may stand anywhere, so a load cannot be refused as `require_unmoved` does."""
+        if self.last is None or before is None or before.rest is None or before.is_foreign_to(self.origin):
+            return []
+        pressed_n = self.last.pressed_n(frames, before)
+        return [] if pressed_n is None else [PRESSED.format(pressed_n)]
 
 
 def restore(pad: Pad, origin: Origin | None = None) -> Recorded:

@@ -18,6 +18,7 @@ from fmfts.bus.lock import BusError, serving_pid
 from fmfts.cli import elsewhere
 from fmfts.config import Config, I2cSource, PadConfig
 from fmfts.pipeline.configured import posture_learner
+from fmfts.pipeline.last_pad import ConfiguredPad
 from fmfts.recording.baseline import require_device
 from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.missing import missing_sensors
@@ -105,7 +106,16 @@ def record_baseline(
     with ThreadPoolExecutor(max_workers=1) as executor:
         require_device(pad)
         work = BaselineRequest(
-            pad.pad(), pad.tolerance.si(), bare, replaced, duration_s, turn, refine, origin_of(pad), learn=learn
+            pad.pad(),
+            pad.tolerance.si(),
+            bare,
+            replaced,
+            duration_s,
+            turn,
+            refine,
+            origin_of(pad),
+            learn=learn,
+            last=ConfiguredPad(pad),
         )
         try:
             before = stored(work.pad, work.origin)

@@ -36,6 +36,7 @@ UNBELIEVABLE = 3.5  # deviations
 # This share of weights is entered as half or twice its mass. `weigh` refuses a weight that is UNLIKELY deviations off,
 # where the probability of this mistake exceeds DOUBT.
 MISTAKEN, DOUBT, UNLIKELY = 0.01, 0.05, 2.5
+RARELY = 2.0  # deviations
 # `weigh` refuses a weight that stands further from the middle than MIDDLE_M and SURELY deviations of its place. Without
 # --turn and --refine the place may be off by a millimetre.
 MIDDLE_M, SURELY = 2e-3, 2.0
@@ -94,6 +95,7 @@ class Weighing:
             "weight_place_m": [read.x_m, read.y_m],
             "stiffness": stored.stiffness,
             "stiffness_sd": stored.stiffness * stored.deviation,
+            "warnings": self._doubts(stored.stiffness),
         }
         return baseline, baseline.mounting(pad), facts
 
@@ -141,6 +143,15 @@ class Weighing:
                 )
         shrunk = square(prior) / (square(prior) + square(deviation))
         return StoredSilicone.of(model.hash, self.weight_n, exp(shrunk * found), float(np.sqrt(shrunk)) * deviation)
+
+    def _doubts(self, stiffness: float) -> list[str]:
+        """Without `tolerance.modulus` any cure is accepted, and a wrong weight with it."""
+        if abs(log(stiffness)) <= RARELY * self.config.structure_tolerance().scale_deviation:
+            return []
+        return [
+            f"{stiffness:.2f} times as stiff as the model's, which is rare: is the weight right? "
+            "`fmfts-daemon weigh WEIGHT --anew` measures again"
+        ]
 
     @property
     def _prior(self) -> float:

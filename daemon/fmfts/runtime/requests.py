@@ -18,6 +18,7 @@ from fmfts.bus.control import AbsentError, BadRequestError, NoSuchPadError, Requ
 from fmfts.common.names import no_such_pad
 from fmfts.config import PadConfig
 from fmfts.pipeline.configured import posture_learner
+from fmfts.pipeline.last_pad import ConfiguredPad
 from fmfts.pipeline.press_of_one_newton import gained, press_of_one_newton
 from fmfts.pipeline.weighing import Weighing
 from fmfts.recording.baseline import require_device
@@ -168,6 +169,7 @@ class Verbs:
             arguments.refine,
             _origin(channel),
             learn=posture_learner(self._configs[channel.name], arguments.no_joints) if arguments.posture else None,
+            last=ConfiguredPad(self._configs[channel.name]),
         )
         self._record(request, channel, work)
 

@@ -41,6 +41,8 @@ LABELS = {
     "middle_1n_force_sd_n": "press of 1 N in the middle: force",
     "with_bare": "with a bare recording",
     "chi2": "χ² of the fit",
+    "stiffness": "stiffness, times the model's",
+    "stiffness_sd": "its deviation",
     "missed_contacts": "missed contacts (this computer was too slow)",
     "unreplayed": "contacts not replayed",
     "without_their_other": "contacts at the ends, in the recording or the replay alone",
