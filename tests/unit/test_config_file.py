@@ -396,6 +396,14 @@ def test_two_names_of_one_configuration_are_not_reported(
     assert not caplog.messages
 
 
+def test_second_place_where_nobody_may_look_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a folder of another user, so for root, too: the kernel refuses to look for such a long name."""
+    used = tmp_path / "etc.toml"
+    used.write_text(PAD)
+    monkeypatch.setattr(config_file, "DEFAULT_PATHS", [used, tmp_path / ("x" * 300)])
+    assert load(None, {})[1] == used
+
+
 def test_path_of_a_model_is_taken_from_the_folder_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine.onnx").touch()
     (tmp_path / "elsewhere").mkdir()

@@ -101,11 +101,15 @@ def samples_of(frame: Frame) -> list[EarlySample]:
 def test_samples_before_their_frame_bring_a_newer_now() -> None:
     made, before, brought = ready(EARLY_S), ready(), list[ContactMessage]()
     alone = [before.process(frame) for frame in frames(220, tapping)]
+    numbers = list[int]()
     for frame in frames(220, tapping):
-        brought += [answer.message for sample in samples_of(frame) if (answer := made.early(sample)) is not None]
+        told = [answer.message for sample in samples_of(frame) if (answer := made.early(sample)) is not None]
         last = made.process(frame)
+        brought += told
+        numbers += [message.seq for message in (*told, last)]
         assert last.now is None or last.now.t_ns > frame.host_time_ns - 10_000_000
     assert len(brought) > 600
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), "whoever loses one sees the gap"
     assert off_n(brought)[0] < 0.8 * off_n(alone)[0] < 0.1
 
 

@@ -38,6 +38,8 @@ def test_baseline_names_the_other_file_whose_baseline_it_replaces(
     kept = place / "fmfts" / "baseline" / "left.json"
     assert warnings(capsys, *bare, place / "one.toml") == []
     assert warnings(capsys, *bare, place / "one.toml") == []
+    (place / "link.toml").symlink_to("one.toml")
+    assert warnings(capsys, *bare, place / "link.toml") == [], "another name of the same file"
     utc = json.loads(kept.read_text())["bare"]["utc"]
     assert warnings(capsys, *bare, place / "two.toml") == [
         f"replaces the baseline of {utc} that {place / 'one.toml'} recorded: rename one of the two pads, or set "

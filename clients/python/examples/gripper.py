@@ -17,7 +17,7 @@ LARGEST_FORCE_SD_N = 0.5  # a force with a larger deviation does not close the g
 
 
 def why_open(client: Client) -> str:
-    contact = client.latest(timeout_s=ALIVE_S)
+    contact = client.latest(timeout_s=ALIVE_S) or client.contact
     if contact is not None and contact.valid and contact.force_n is not None and contact.force_n > LIMIT_N:
         return f"pressed with {contact.force_n:.2f} N"
     return client.why_invalid

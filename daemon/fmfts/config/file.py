@@ -102,9 +102,9 @@ def find(path: Path | None, environ: Mapping[str, str] = os.environ) -> Path:
         return path
     if environ.get(ENVIRONMENT):
         return Path(environ[ENVIRONMENT])
-    found = [candidate for candidate in DEFAULT_PATHS if candidate.exists()]
+    found = [candidate for candidate in DEFAULT_PATHS if os.path.exists(candidate)]  # False where nobody may look
     if found:
-        others = [other for other in found[1:] if other.resolve() != found[0].resolve()]
+        others = [other for other in found[1:] if not os.path.samefile(other, found[0])]
         if others:
             unread = " and ".join(map(str, others))
             log.warning("%s is used, not %s: to use another file, add --config %s", found[0], unread, others[0])

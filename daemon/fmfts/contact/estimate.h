@@ -11,6 +11,7 @@ typedef struct {
     double contact[FMFTS_CONTACT];
     double variance[FMFTS_CONTACT], touch_variance;
     double *by_pose;
+    bool solved; /* an earlier round found a press */
 } fmfts_found;
 
 /* estimate.c: from 0 to 1, how well noise of this variance alone explains the force: g of Fieller's theorem. A place is

@@ -87,7 +87,7 @@ bool fmfts_solve_answer(const fmfts_contact_parameters *parameters, const fmfts_
 {
     double moved[FMFTS_MOVED], covariance[FMFTS_MOVED * FMFTS_MOVED];
     fmfts_search search = {moved, covariance, SHEAR_STEPS, SETTLED_DEVIATIONS, parameters->shear_share, false};
-    bool may_be_noise = !(fmfts_doubt(found->contact[2], found->variance[2]) < 1.0);
+    bool may_be_noise = !found->solved && !(fmfts_doubt(found->contact[2], found->variance[2]) < 1.0);
     double begun_n = found->contact[2];
     fmfts_sheared solved;
     movement_of(parameters, question, moved, covariance);
@@ -99,7 +99,8 @@ bool fmfts_solve_answer(const fmfts_contact_parameters *parameters, const fmfts_
     if (!fmfts_solve_shear(response, &search, bend != NULL, &solved)) {
         return false;
     }
-    double share = solved.press[2] / begun_n;
+    double share = begun_n > 0.0 ? solved.press[2] / begun_n : 0.0; /* a later round may begin without force */
+    found->solved = true;
     found->touch_variance *= share * share; /* as certain a touch as without shear */
     memcpy(found->contact, solved.press, sizeof solved.press);
     memcpy(found->variance, solved.variance, sizeof solved.variance);

@@ -271,6 +271,5 @@ PyObject *fmfts_pad_follow_early(PyObject *object, PyObject *args)
     if (!followed || !self->reading.several || !now->known) {
         return followed ? Py_NewRef(Py_None) : NULL;
     }
-    self->memory->message.number--; /* it has the frame's number */
     return fmfts_written(self);
 }

@@ -270,10 +270,10 @@ class SeveralPipeline:
         """
         require_alike(memory, self.memory)
         require_possible(memory.fields, len(self.pad.sensors))
+        if self._followed is not None and memory.followed is not None:
+            self._followed.recall(memory.followed)  # it may refuse, so that it is first
         self._frames.memory.recall(memory.fields)
         self._has_now = False
-        if self._followed is not None and memory.followed is not None:
-            self._followed.recall(memory.followed)
         if isinstance(self._estimator, FingersEstimator) and memory.fingers is not None:
             self._estimator.recall(memory.fingers)
         if isinstance(self._estimator, PosesEstimator) and memory.poses is not None:

@@ -27,7 +27,7 @@ _in_use: list[Path] = []  # at most one: this process's configuration
 
 def use(configuration: Path) -> None:
     """Name the configuration file of this process."""
-    _in_use[:] = [configuration.absolute()]
+    _in_use[:] = [configuration.resolve()]
 
 
 def sign(state: Path) -> None:
@@ -46,7 +46,7 @@ def foreign(state: Path, kind: str, verb: str = "replaces") -> list[str]:
         return []
     try:
         kept = msgspec.json.decode(_content_of(state), type=_Kept)
-    except ValueError:  # there is none, or it is damaged
+    except (ValueError, RecursionError):  # there is none, or it is damaged
         return []
     dated = kept.rest or kept.bare or kept.gains
     if dated is None:

@@ -7,9 +7,10 @@ enum { FINGER = FMFTS_OF_FINGER };
 
 static const double LEAST_FORCE_N = 1e-9;
 
+/* What is not a number stays so. */
 static double above(double value, double least)
 {
-    return value > least ? value : least;
+    return value < least ? least : value;
 }
 
 void fmfts_resultant(size_t count, const double *finger, double whole[FINGER])
