@@ -111,7 +111,7 @@ def test_init_writes_a_pad_for_each_kind_of_chip_behind_a_mux(monkeypatch: pytes
 
 def test_every_verb_finds_the_file_that_init_wrote_here(tmp_path: Path) -> None:
     said(tmp_path, "init", "--simulated")
-    assert said(tmp_path, "check-config").endswith("good: 1 pad")
+    assert said(tmp_path, "check-config").startswith("good: 1 pad in pad.toml")
 
 
 def test_configuration_in_use_is_named_where_two_are_found(tmp_path: Path) -> None:

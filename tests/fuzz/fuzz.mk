@@ -13,7 +13,7 @@ FUZZ_MAX_frame := 400
 FUZZ_ALSO_frame := -len_control=0
 FUZZ_SOURCES_wire := sample newest
 FUZZ_SOURCES_clock := clock
-FUZZ_SOURCES_tables := contact/network contact/refine arithmetic/descent arithmetic/matrix
+FUZZ_SOURCES_tables := contact/network contact/refine contact/response arithmetic/descent arithmetic/matrix
 # What pyproject.toml compiles into the pad, without what needs Python.
 FUZZ_SOURCES_frame := $(shell sed -n '/"fmfts.pipeline._pad"/,/^\]/s|.*"daemon/fmfts/\(.*\)\.c".*|\1|p' pyproject.toml | grep -v /_)
 FUZZ_FOLDER_wire := sensor/wire

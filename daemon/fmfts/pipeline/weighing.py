@@ -82,7 +82,7 @@ class Weighing:
         read = _read(self.config, model, frames, msgspec.structs.replace(before, silicone=None))
         x_m, y_m = read.x_m - pad.rest_position_m[0], read.y_m - pad.rest_position_m[1]
         away_m = hypot(x_m, y_m)
-        if away_m > MIDDLE_M + SURELY * hypot(x_m * read.x_sd_m, y_m * read.y_sd_m) / away_m:
+        if away_m > MIDDLE_M and away_m > MIDDLE_M + SURELY * hypot(x_m * read.x_sd_m, y_m * read.y_sd_m) / away_m:
             raise BaselineError(
                 f"the weight stands {away_m * 1e3:.1f} mm from the middle, at ({read.x_m * 1e3:.1f}, "
                 f"{read.y_m * 1e3:.1f}) mm: put it within 1 mm, and weigh again"
