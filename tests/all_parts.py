@@ -1,7 +1,6 @@
-"""Parts of the tests, even if one fails; then one summary, with what to report.
+"""Parts of the tests, one after the other, even if one fails; then one summary, with what to report.
 
 Without a name: all that `make test` consists of. The parts `long`, `mutations` and `slow` are run by their own targets.
-Processes mostly wait, so that the parts that compute run beside them; any other part runs alone.
 
 Each part's output is shown and kept in build/test-logs/, with pytest's report as XML.
 """
@@ -15,10 +14,8 @@ import select
 import signal
 import subprocess
 import sys
-import threading
 import time
 import xml.etree.ElementTree as ET
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -37,8 +34,8 @@ OF_FUNCTIONS = ["tests/unit", "tests/skin", "tests/oracle", "tests/golden"]
 BY_FILES = ["--dist", "loadfile", "--no-loadscope-reorder"]  # in tests/conftest.py's order, not by their counts
 WHOLE = ["--dist", "worksteal", *(word for folder in OF_FUNCTIONS for word in ("--ignore", folder))]
 # Tests of whole processes mostly wait, so that four share two cores. Tests that are judged by the clock come last, and
-# three of them take half a processor; if this user may set priorities, other programs have to wait for them. Browsers
-# and drills need a processor.
+# compute little; if this user may set priorities, other programs have to wait for them. Browsers and drills need a
+# processor.
 PARTS = {
     "lint": [["-m", "ruff", "check", "."], ["-m", "ruff", "format", "--check", "."],
              ["-m", "mypy", "--num-workers", "2", "daemon", "lab", "extras", "clients/python",
@@ -51,8 +48,6 @@ PARTS = {
     "mutations": [[*BOUNDED, "-n", "3", "tests/unit", "tests/firmware", "-m", "mutation"]],
 }  # fmt: skip
 BY_ITSELF = {"long", "mutations", "slow"}
-# These take what processes leave of the computer. With a higher niceness they would starve on a busy one.
-WAITING, COMPUTING, GIVING_WAY = "processes", ("lint", "unit"), 5
 FAVOURED = {"clock": -5, "slow": -5}  # niceness; with more, the kernel's own workers wait, which carry what a pty gets
 
 
@@ -77,27 +72,27 @@ class Part:
         return LOGS / f"{self.name}.xml"
 
 
-def run(part: Part, niceness: int, shown: bool, ending: threading.Event) -> None:
-    """Run all of its commands; their output is written into its log. ending: ends it too soon."""
+def run(part: Part, commands: list[list[str]]) -> None:
+    """Run all of its commands; their output is shown, and written into its log."""
     part.report.unlink(missing_ok=True)
     start = time.monotonic()
     limit_s = math.inf if part.name in BY_ITSELF else PART_LIMIT_S
     until = start + limit_s
     with part.log.open("wb") as log:
-        for words in PARTS[part.name]:
+        for words in commands:
             tests, failed_before = "pytest" in words, len(part.failed)
             command = [sys.executable, *words, *([f"--junit-xml={part.report}"] if tests else [])]
             with subprocess.Popen(
                 command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
             ) as process:
-                if niceness:
-                    part.favoured = favour(process.pid, niceness)
+                if part.name in FAVOURED:
+                    part.favoured = favour(process.pid, FAVOURED[part.name])
                 assert process.stdout is not None
                 os.set_blocking(process.stdout.fileno(), False)
                 try:
-                    while process.poll() is None and time.monotonic() < until and not ending.is_set():
+                    while process.poll() is None and time.monotonic() < until:
                         select.select([process.stdout], [], [], TURN_S)
-                        pass_on(process.stdout.fileno(), log, shown)
+                        pass_on(process.stdout.fileno(), log)
                 except KeyboardInterrupt:  # which a session of its own does not hear
                     os.killpg(process.pid, signal.SIGINT)
                     raise
@@ -106,7 +101,7 @@ def run(part: Part, niceness: int, shown: bool, ending: threading.Event) -> None
                         with suppress(ProcessLookupError):
                             os.kill(one, signal.SIGKILL)
                 process.wait()
-                pass_on(process.stdout.fileno(), log, shown)  # a process that it left behind may hold the pipe open
+                pass_on(process.stdout.fileno(), log)  # a process that it left behind may hold the pipe open
             if overdue:
                 part.failed.append(f"{' '.join(words)}: did not end within {limit_s} s")
             if tests and part.report.exists():
@@ -118,68 +113,27 @@ def run(part: Part, niceness: int, shown: bool, ending: threading.Event) -> None
     part.seconds = time.monotonic() - start
 
 
-def run_beside(part: Part, others: list[Part]) -> None:
-    """Run a part that mostly waits, and the others meanwhile, one after the other; their output is shown after its
-    own."""
-    ending = threading.Event()
-
-    def run_others() -> None:
-        for other in others:
-            run(other, GIVING_WAY, shown=False, ending=ending)
-
-    with ThreadPoolExecutor(1) as pool:
-        running = pool.submit(run_others)
-        try:
-            run(part, 0, shown=True, ending=ending)
-            for other in others:
-                follow(other, running)
-            running.result()
-        except BaseException:  # Ctrl-C among them
-            ending.set()
-            raise
-
-
-def follow(part: Part, running: Future[None]) -> None:
-    """Show its log from the beginning until it ends."""
-    print(f"\n{part.name} …", flush=True)
-    shown = 0
-    while True:
-        over = part.seconds > 0.0 or running.done()
-        with suppress(FileNotFoundError):  # it has not begun
-            text = part.log.read_bytes()[shown:]
-            sys.stdout.buffer.write(text)
-            sys.stdout.buffer.flush()
-            shown += len(text)
-        if over:
-            return
-        time.sleep(TURN_S)
-
-
-def pass_on(output: int, log: BinaryIO, shown: bool) -> None:
-    """What can be read at once goes into the log, and on, if it is shown."""
+def pass_on(output: int, log: BinaryIO) -> None:
+    """What can be read at once goes on, and into the log."""
     with suppress(BlockingIOError):
         while data := os.read(output, 65536):
             log.write(data)
-            log.flush()
-            if shown:
-                sys.stdout.buffer.write(data)
-                sys.stdout.buffer.flush()
+            sys.stdout.buffer.write(data)
+            sys.stdout.buffer.flush()
 
 
 def favour(session: int, niceness: int) -> str:
-    """Give all processes of this session priority, or less of it. The kernel weighs sessions, then what is in each
-    (sched(7), autogroup).
+    """Give all processes of this session priority. The kernel weighs sessions, then what is in each (sched(7),
+    autogroup).
 
-    Returns a phrase for the summary. An ordinary user may not give priority: late tests are then repeated.
+    Returns a phrase for the summary. An ordinary user may not do this: late tests are then repeated.
     """
     try:
         os.setpriority(os.PRIO_PROCESS, session, niceness)
-        with suppress(FileNotFoundError, BlockingIOError):  # an ordinary user may do this ten times a second
+        with suppress(FileNotFoundError):
             Path(f"/proc/{session}/autogroup").write_text(str(niceness))
     except PermissionError:
         return "without priority over other programs, which only root may give"
-    if niceness > 0:
-        return f"beside the part {WAITING} (niceness {niceness})"
     return f"other programs had to wait for it (niceness {niceness})"
 
 
@@ -244,15 +198,9 @@ def main() -> int:
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # containers set it: each worker would compile all tests anew
     LOGS.mkdir(parents=True, exist_ok=True)
     parts = [Part(name) for name in names]
-    beside = [part for part in parts if part.name in COMPUTING] if WAITING in names else []
     for part in parts:
-        if part in beside:
-            continue
         print(f"\n{part.name} …", flush=True)
-        if part.name == WAITING:
-            run_beside(part, beside)
-        else:
-            run(part, FAVOURED.get(part.name, 0), shown=True, ending=threading.Event())
+        run(part, PARTS[part.name])
     print(summary(parts), flush=True)
     return int(any(part.failed for part in parts))
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import signal
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -146,76 +144,6 @@ def test_test_without_end_fails_by_its_name(
     assert "crashed while running 'test_of_one.py::test_waits'" in "\n".join(lines)
     assert "line 7 in test_waits" in (tmp_path / "logs/third.log").read_text()
     wait_for_end(int((tmp_path / "child").read_text()))  # a child that the worker could not end
-
-
-TOGETHER = """
-import pathlib, sys, time
-mine, its = (pathlib.Path(sys.argv[1]) / name for name in sys.argv[2:])
-mine.touch()
-until = time.monotonic() + 20.0
-while not its.exists():
-    assert time.monotonic() < until, "the other part does not run"
-    time.sleep(0.01)
-print(mine.name, "met", its.name)
-"""
-
-
-@pytest.fixture
-def together(tmp_path: Path, parts: dict[str, list[list[str]]], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two parts that need each other, and a third one."""
-    parts["first"] = [["-c", TOGETHER, str(tmp_path), "computing", "waiting"]]
-    parts["second"] = [["-c", TOGETHER, str(tmp_path), "waiting", "computing"]]
-    monkeypatch.setattr(all_parts, "COMPUTING", ("first",))
-    monkeypatch.setattr(all_parts, "WAITING", "second")
-
-
-@pytest.mark.usefixtures("together")
-def test_part_that_computes_runs_beside_processes_and_is_shown_after_them(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(sys, "argv", ["all_parts.py"])
-    assert all_parts.main() == 0
-    said = capfd.readouterr().out
-    places = [said.index(text) for text in ("waiting met computing", "computing met waiting", "test session starts")]
-    assert places == sorted(places)
-    assert "beside the part second (niceness 5)" in said
-
-
-@pytest.mark.usefixtures("together")
-def test_part_beside_processes_fails_by_itself(
-    parts: dict[str, list[list[str]]], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    parts["first"] += [["-c", "import sys; print('too late'); sys.exit(3)"]]
-    code, lines = outcome(monkeypatch, capfd)
-    assert code == 1
-    assert [line.split()[:2] for line in lines[:3]] == [["first", "FAILED"], ["second", "passed"], ["third", "passed"]]
-    assert "ended with 3" in "\n".join(lines)
-
-
-def test_ctrl_c_ends_the_part_beside_processes(
-    tmp_path: Path, parts: dict[str, list[list[str]]], together: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    parts["first"] += [["-c", LEAVES_A_CHILD, "60"]]
-    parts["second"] += [["-c", "import time; time.sleep(60)"]]
-    beside = tmp_path / "logs/first.log"
-
-    def interrupt() -> None:
-        until = time.monotonic() + 30.0
-        while time.monotonic() < until:
-            if beside.exists() and beside.read_text().count("\n") > 1:
-                signal.raise_signal(signal.SIGINT)
-                return
-            time.sleep(0.01)
-
-    monkeypatch.setattr(sys, "argv", ["all_parts.py", "first", "second"])
-    user = threading.Thread(target=interrupt)
-    user.start()
-    start_s = time.monotonic()
-    with pytest.raises(KeyboardInterrupt):
-        all_parts.main()
-    assert time.monotonic() - start_s < 50.0
-    user.join()
-    wait_for_end(int(beside.read_text().split()[-1]))
 
 
 @pytest.mark.usefixtures("parts")

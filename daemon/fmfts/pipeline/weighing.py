@@ -150,7 +150,7 @@ class Weighing:
             return []
         return [
             f"{stiffness:.2f} times as stiff as the model's, which is rare: is the weight right? "
-            "`fmfts-daemon weigh WEIGHT --anew` measures again"
+            "`fmfts-daemon weigh 100g --anew` weighs again"
         ]
 
     @property
