@@ -133,14 +133,13 @@ def test_frames_pass_without_python_and_all_are_published(
     assert all(later > earlier for earlier, later in pairwise(times))
 
 
+@pytest.mark.real_time  # a gap within frames that a busy computer left out cannot be counted
 def test_gaps_are_counted_wherever_frames_pass(daemon: Daemon, board: Board) -> None:
     (channel,) = daemon._channels.values()
     with Streaming(board, left_out=lambda number: number % 50 in (30, 31)) as streaming:
         run(daemon, lambda: streaming.is_over)
         run(daemon, lambda: channel._statistics.frames == streaming.sent)
-    missing = sum(1 for number in range(round(SECONDS * 220)) if number % 50 in (30, 31))
-    hidden = 2 * channel._statistics.dropped  # by frames that a busy computer left out: none otherwise
-    assert missing - hidden <= channel._statistics.gaps <= missing
+    assert channel._statistics.gaps == sum(1 for number in range(round(SECONDS * 220)) if number % 50 in (30, 31))
 
 
 def test_garbage_without_end_does_not_keep_port_from_being_read(daemon: Daemon, board: Board) -> None:

@@ -26,6 +26,7 @@ from fmfts.pad import Array, Pad, Placement
 from fmfts.pipeline import _pad
 from fmfts.pipeline.encoded import EncodedMessage
 from fmfts.pipeline.finger import FollowedFinger, FollowedMemory
+from fmfts.pipeline.first_memory import with_later
 from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.possible_memory import require_possible
 from fmfts.pipeline.several_frames import SeveralFrames
@@ -272,7 +273,7 @@ class SeveralPipeline:
         require_possible(memory.fields, len(self.pad.sensors))
         if self._followed is not None and memory.followed is not None:
             self._followed.recall(memory.followed)  # it may refuse, so that it is first
-        self._frames.memory.recall(memory.fields)
+        self._frames.memory.recall(with_later(memory.fields))
         self._has_now = False
         if isinstance(self._estimator, FingersEstimator) and memory.fingers is not None:
             self._estimator.recall(memory.fingers)
