@@ -54,13 +54,17 @@ def child_daemon(
     with (folder / "daemon.log").open("w") as stderr:
         # Block signals: one between fork and `try` would leave the daemon running.
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
-        process = subprocess.Popen(command, stderr=stderr, env=environment, preexec_fn=_ignore_ctrl_c)
-        child = ChildDaemon(process, (sockets or folder) / "bus")
+        child = None
         try:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+            try:
+                process = subprocess.Popen(command, stderr=stderr, env=environment, preexec_fn=_ignore_ctrl_c)
+                child = ChildDaemon(process, (sockets or folder) / "bus")
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, mask)
             yield child
         finally:
-            child.stop()
+            if child is not None:
+                child.stop()
 
 
 def _ignore_ctrl_c() -> None:
