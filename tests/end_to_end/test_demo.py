@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from end_to_end.processes import PATIENCE_S, ROOT, build_firmware_host
+from fmfts.cli import page_beside
 from fmfts.cli.demo import _sockets
 
 DEMO = (sys.executable, "-m", "fmfts.cli.demo", "--config", ROOT / "config.toml")
@@ -198,3 +199,17 @@ def test_line_that_demo_prints_listens_to_it_from_another_shell() -> None:
         demo.send_signal(signal.SIGINT)
         demo.communicate(timeout=PATIENCE_S)
     assert "pad demo: " in heard.stdout, heard
+
+
+def test_page_is_served_elsewhere_if_its_port_is_taken_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        monkeypatch.setattr(page_beside, "_free_port", lambda: other.getsockname()[1])  # as it found before
+        with page_beside.page_beside(tmp_path, f"ipc://{tmp_path}") as line:
+            assert re.fullmatch(r"the page: http://127\.0\.0\.1:\d+/#\w+", line())
+
+
+def test_page_that_cannot_be_served_says_why(tmp_path: Path) -> None:
+    with page_beside.page_beside(tmp_path, f"ipc://{tmp_path}", "--host", "192.0.2.1") as line:
+        assert line().startswith("no page: "), line()

@@ -22,35 +22,52 @@ def page_beside(folder: Path, base: str, *options: str) -> Iterator[Callable[[],
 
     Yields a function that waits until the page is served, and returns a line with its address, or with what is wrong.
     """
+    log = folder / "view.log"
+    view = _started(_free_port(), base, log, options)
+
+    def line() -> str:
+        nonlocal view
+        said = _said_by(view)
+        if not said:  # another demo may have taken the port since
+            _stop(view)
+            view = _started(0, base, log, options)
+            said = _said_by(view)
+        return said or f"no page: {log.read_text().strip()}"
+
+    try:
+        yield line
+    finally:
+        _stop(view)
+
+
+def _started(port: int, base: str, log: Path, options: tuple[str, ...]) -> subprocess.Popen[str]:
     from fmfts_client.endpoints import OVERRIDE
 
-    command = [sys.executable, "-m", "fmfts", "view", "--port", str(_free_port()), *options]
-    log = folder / "view.log"
     with log.open("w") as stderr:
-        view = subprocess.Popen(
-            command,
+        return subprocess.Popen(
+            [sys.executable, "-m", "fmfts", "view", "--port", str(port), *options],
             stdout=subprocess.PIPE,
             stderr=stderr,
             text=True,
             env=os.environ | {OVERRIDE: base},
             preexec_fn=_ignore_ctrl_c,
         )
+
+
+def _said_by(view: subprocess.Popen[str]) -> str:
     assert view.stdout is not None
-    stdout = view.stdout
+    return view.stdout.readline().strip()
 
-    def line() -> str:
-        return stdout.readline().strip() or f"no page: {log.read_text().strip()}"
 
+def _stop(view: subprocess.Popen[str]) -> None:
+    view.terminate()
     try:
-        yield line
-    finally:
-        view.terminate()
-        try:
-            view.wait(STOP_S)
-        except subprocess.TimeoutExpired:
-            view.kill()
-            view.wait()
-        stdout.close()
+        view.wait(STOP_S)
+    except subprocess.TimeoutExpired:
+        view.kill()
+        view.wait()
+    if view.stdout is not None:
+        view.stdout.close()
 
 
 def _free_port() -> int:
