@@ -75,3 +75,34 @@ def test_process_without_a_configuration_file_signs_nothing(place: Path) -> None
     recorded_by._in_use.clear()
     recorded_by.sign(state)
     assert not (place / "left.config").exists()
+
+
+def kept_of(place: Path, words: str, configuration: str) -> tuple[str, str]:
+    """The id of the baseline in use after `fmfts-daemon baseline …`, and the name of the file that recorded it."""
+    assert main(["baseline", *words.split(), "--config", str(place / configuration)]) == 0
+    kept = place / "fmfts" / "baseline" / "left.json"
+    return json.loads(kept.read_text())["id"], Path(kept.with_suffix(".config").read_text().strip()).name
+
+
+def test_restored_baseline_keeps_the_name_of_the_file_that_recorded_it(place: Path) -> None:
+    (place / "copy.toml").write_text(CONFIG)
+    bare = "--bare --duration-s 0.5"
+    first, second = kept_of(place, bare, "one.toml"), kept_of(place, bare, "copy.toml")
+    assert (first[1], second[1]) == ("one.toml", "copy.toml")
+    assert kept_of(place, "--restore", "copy.toml") == first
+    assert kept_of(place, "--restore", "one.toml") == second
+
+
+def test_baseline_of_another_geometry_is_kept_and_comes_back(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bare = "--bare --duration-s 0.5"
+    older, first = kept_of(place, bare, "one.toml"), kept_of(place, bare, "one.toml")
+    other = kept_of(place, bare, "two.toml")
+    assert main(["baseline", "--turn", "--config", str(place / "one.toml")]) == 65
+    said = capsys.readouterr().err
+    assert "was recorded with another geometry" in said
+    assert "left.other.json: `fmfts-daemon baseline --restore --pad left`" in said
+    assert kept_of(place, "--restore", "one.toml") == first, "the newest of this geometry, not the one before it"
+    assert kept_of(place, "--restore", "two.toml") == other
+    newest = kept_of(place, bare, "one.toml")
+    assert newest[0] not in (older[0], first[0])
+    assert kept_of(place, "--restore", "one.toml") == first, "a new recording loses none of its own geometry"

@@ -17,7 +17,7 @@ from fmfts.baseline.file_format import StoredGains, StoredGeometry, StoredPresse
 from fmfts.baseline.mounting import Mounting, nominal_mounting
 from fmfts.baseline.origin import Origin, foreign
 from fmfts.baseline.posture import StoredPosture
-from fmfts.baseline.recording import BaselineError, ForeignError, Recording, solvable
+from fmfts.baseline.recording import BaselineError, ForeignError, GeometryError, Recording, solvable
 from fmfts.baseline.refine import AtRest, pick, refined
 from fmfts.baseline.rest_field import RestField
 from fmfts.baseline.sensitivity import Sensitivity
@@ -249,8 +249,8 @@ def require_rest(before: Baseline | None, option: str) -> StoredRecording:
 def load(path: Path, pad: Pad, origin: Origin | None = None) -> Baseline | None:
     """The stored baseline, None if there is none.
 
-    BaselineError if the file is damaged or belongs to another pad, ForeignError if it was recorded with other sensors
-    than `origin`.
+    BaselineError if the file is damaged or belongs to another pad, GeometryError if to another drawing of this one,
+    ForeignError if it was recorded with other sensors than `origin`.
     """
     again = f"record it again: `fmfts-daemon baseline --bare --pad {pad.name}`, then `--rest`"
     try:
@@ -275,7 +275,7 @@ def load(path: Path, pad: Pad, origin: Origin | None = None) -> Baseline | None:
     if baseline.pad != pad.name:
         raise BaselineError(f"pad '{pad.name}': baseline {path} belongs to pad '{baseline.pad}': {again}")
     if baseline.geometry_hash != pad.geometry_hash:
-        raise BaselineError(f"pad '{pad.name}': baseline {path} was recorded with another geometry: {again}")
+        raise GeometryError(f"pad '{pad.name}': baseline {path} was recorded with another geometry: {again}")
     baseline.require_sensors(len(pad.sensors))
     if baseline.origin is not None and origin is not None and baseline.is_foreign_to(origin):
         raise ForeignError(foreign(pad.name, baseline.origin, origin))

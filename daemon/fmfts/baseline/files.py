@@ -1,4 +1,4 @@
-"""The folder of baselines: the one in use, and the previous good one."""
+"""The folder of baselines: the one in use, the previous good one, and the last one of another geometry."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ import msgspec
 from fmfts.baseline import Baseline, BaselineError, encode, load
 from fmfts.baseline.file_format import StoredGains
 from fmfts.baseline.origin import Origin
+from fmfts.baseline.recording import GeometryError
 from fmfts.common.reading import damage_told, read_regular
 from fmfts.common.writing import why_not_written
 from fmfts.pad import Pad
-from fmfts.service.recorded_by import sign
+from fmfts.service.recorded_by import sign, signature_of
 from fmfts.service.state import state_directory, write_atomically
 
 FORMAT = 1
@@ -44,6 +45,11 @@ def previous_of(path: Path) -> Path:
     return path.with_suffix(".previous.json")
 
 
+def other_of(path: Path) -> Path:
+    """Where the last baseline of another geometry is kept."""
+    return path.with_suffix(".other.json")
+
+
 def stored(pad: Pad, origin: Origin | None = None) -> Baseline | None:
     """The baseline in use, None if none was recorded. BaselineError if it is damaged or belongs to another pad.
 
@@ -53,25 +59,32 @@ def stored(pad: Pad, origin: Origin | None = None) -> Baseline | None:
     try:
         return load(path, pad, origin)
     except BaselineError as error:
-        previous = previous_of(path)
+        previous = _before(path, pad)
         if not _is_good(previous, pad, origin):
             raise
         restore = f"`fmfts-daemon baseline --restore --pad {pad.name}`"
         raise BaselineError(f"{error}; or bring the one before back, from {previous}: {restore}") from error
 
 
-def store(baseline: Baseline, pad: Pad, environ: Mapping[str, str] = os.environ) -> Path:
+def store(
+    baseline: Baseline, pad: Pad, environ: Mapping[str, str] = os.environ, signature: bytes | None = None
+) -> Path:
     """Write a baseline to the file that the daemon reads at its start. StateError if that fails. environ: the daemon's.
 
-    The one before is kept as `….previous.json`, unless it is damaged: then the older file of that name stays.
+    The one before is kept as `….previous.json`, or as `….other.json` if it is of another geometry. If it is damaged,
+    the older file of that name stays. signature: of the file that the baseline comes from; None: it is a new one.
     """
     path = path_of(pad.name, environ=environ)
     try:
         path.parent.mkdir(exist_ok=True)
         if _is_good(path, pad):
-            write_atomically(previous_of(path), path.read_bytes())
+            _copy(path, previous_of(path))
+        elif _is_of_another_geometry(path, pad):
+            if _is_good(other_of(path), pad):
+                _copy(other_of(path), previous_of(path))
+            _copy(path, other_of(path))
         write_atomically(path, encode(baseline))
-        sign(path)
+        sign(path, signature)
     except OSError as error:
         raise StateError(
             f"pad '{pad.name}': the baseline cannot be written to {path}: {why_not_written(error, ELSEWHERE)}"
@@ -79,13 +92,16 @@ def store(baseline: Baseline, pad: Pad, environ: Mapping[str, str] = os.environ)
     return path
 
 
-def previous(pad: Pad, origin: Origin | None = None) -> Baseline:
-    """The good baseline before the one in use. BaselineError if there is none, or as from `stored`."""
-    path = previous_of(path_of(pad.name))
+def previous(pad: Pad, origin: Origin | None = None) -> tuple[Baseline, bytes]:
+    """The good baseline before the one in use, and its signature.
+
+    BaselineError if there is none, or as from `stored`.
+    """
+    path = _before(path_of(pad.name), pad)
     baseline = load(path, pad, origin)
     if baseline is None:
         raise BaselineError(f"pad '{pad.name}': there is no {path}: `fmfts-daemon baseline --rest` records a new one")
-    return baseline
+    return baseline, signature_of(path)
 
 
 class _TestedSensors(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -133,6 +149,27 @@ def stored_gains(pad: Pad, origin: Origin | None) -> StoredGains | None:
     if tested.origin is not None and origin is not None and not tested.origin.agrees_with(origin):
         return None
     return tested.gains
+
+
+def _before(path: Path, pad: Pad) -> Path:
+    """The file of the baseline that this geometry had before the one in `path`."""
+    other = other_of(path)
+    return other if _is_of_another_geometry(path, pad) and _is_good(other, pad) else previous_of(path)
+
+
+def _copy(path: Path, target: Path) -> None:
+    write_atomically(target, path.read_bytes())
+    sign(target, signature_of(path))
+
+
+def _is_of_another_geometry(path: Path, pad: Pad) -> bool:
+    try:
+        load(path, pad)
+    except GeometryError:
+        return True
+    except BaselineError:
+        pass
+    return False
 
 
 def _is_good(path: Path, pad: Pad, origin: Origin | None = None) -> bool:

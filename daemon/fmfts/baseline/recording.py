@@ -36,6 +36,10 @@ class ForeignError(BaselineError):
     """A baseline was recorded with other sensors: on another board, or in a simulation."""
 
 
+class GeometryError(BaselineError):
+    """A whole baseline of this pad was recorded with another drawing of it."""
+
+
 @contextmanager
 def solvable(otherwise: str) -> Iterator[None]:
     """Turns SingularError and ValueError into BaselineError: numbers far from any pad's may have no solution.

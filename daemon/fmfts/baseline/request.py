@@ -246,9 +246,10 @@ def restore(pad: Pad, origin: Origin | None = None) -> Recorded:
     BaselineError if there is no previous one, ForeignError if it is of other sensors than `origin`, StateError if it
     cannot be stored.
     """
-    baseline = previous(pad, origin)
+    baseline, signature = previous(pad, origin)
     unmounted = _needs_rest(pad) and baseline.rest is None
-    return Recorded(baseline, None if unmounted else baseline.any_mounting(pad), store(baseline, pad), {})
+    mounting = None if unmounted else baseline.any_mounting(pad)
+    return Recorded(baseline, mounting, store(baseline, pad, signature=signature), {})
 
 
 def _needs_rest(pad: Pad) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from fmfts.baseline.files import previous_of
+from fmfts.baseline.files import other_of, previous_of
 from fmfts.common.reading import read_regular
 from fmfts.service.state import state_directory
 
@@ -29,7 +29,7 @@ def copy_to(folder: Path) -> None:
 def files_of(pad: str) -> dict[str, str]:
     """The texts of this pad's files, by their places."""
     baseline = baseline_file(pad)
-    paths = baseline, previous_of(baseline), state_folder() / "selftest" / baseline.name
+    paths = baseline, previous_of(baseline), other_of(baseline), state_folder() / "selftest" / baseline.name
     return {str(path): read_regular(path, LARGEST_BYTES).decode(errors="replace") for path in paths if path.exists()}
 
 

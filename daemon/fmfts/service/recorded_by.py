@@ -30,18 +30,28 @@ def use(configuration: Path) -> None:
     _in_use[:] = [configuration.resolve()]
 
 
-def sign(state: Path) -> None:
-    """Keep beside a file of state which configuration recorded it. A failure only makes a later warning shorter."""
+def sign(state: Path, signature: bytes | None = None) -> None:
+    """Keep beside a file of state which configuration recorded it. A failure only makes a later warning shorter.
+
+    signature: of the file that `state` is a copy of; None: this process recorded it.
+    """
+    if signature is None:
+        signature = f"{_in_use[0]}\n".encode(errors="surrogateescape") if _in_use else b""
     with suppress(OSError):
-        if _in_use:
-            write_atomically(_signature_of(state), f"{_in_use[0]}\n".encode(errors="surrogateescape"))
+        if signature:
+            write_atomically(_signature_file_of(state), signature)
         else:
-            _signature_of(state).unlink(missing_ok=True)
+            _signature_file_of(state).unlink(missing_ok=True)
+
+
+def signature_of(state: Path) -> bytes:
+    """Empty if nothing says which configuration recorded it."""
+    return _content_of(_signature_file_of(state))
 
 
 def foreign(state: Path, kind: str, verb: str = "replaces") -> list[str]:
     """A warning before `state` is written, if another configuration recorded what is there. kind: a word for it."""
-    signer = _signer_of(state)
+    signer = signature_of(state).decode(errors="surrogateescape").rstrip("\n")
     if not _in_use or signer == str(_in_use[0]):
         return []
     try:
@@ -57,12 +67,8 @@ def foreign(state: Path, kind: str, verb: str = "replaces") -> list[str]:
     return [f"{what} that {signer} recorded: rename one of the two pads, or set XDG_STATE_HOME to keep both"]
 
 
-def _signature_of(state: Path) -> Path:
+def _signature_file_of(state: Path) -> Path:
     return state.with_suffix(".config")
-
-
-def _signer_of(state: Path) -> str:
-    return _content_of(_signature_of(state)).decode(errors="surrogateescape").rstrip("\n")
 
 
 def _content_of(path: Path) -> bytes:
