@@ -124,6 +124,30 @@ def test_baseline_recording_reports_alternating_field(
     assert re.match(r"sensor 3 has 0\.8\d µT of noise, where an HMC5983 has 0\.20 µT: look for", loud)
 
 
+@pytest.mark.parametrize(
+    ("share", "seen"),
+    [(0.0, "exactly 0"), (0.05, "at most 2.6"), (0.15, None), (1.0, None)],
+)
+def test_bare_field_far_below_earths_is_reported(
+    pad: Pad, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, share: float, seen: str | None
+) -> None:
+    """The recorded field has 52 µT. Chips with zeros of their own hide a missing field, so all must be weak."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    frames = _recorded(50.0, 0.0)
+    still = [replace(frame, counts=np.rint(share * frame.counts).astype(np.int16)) for frame in frames]
+    warnings = _warned(still, pad)
+    if seen is None:
+        assert warnings == []
+    else:
+        (weak,) = warnings
+        assert weak.startswith(f"each sensor sees {seen}")
+        assert "In a magnetic shield" in weak
+        assert "`fmfts-daemon probe`" in weak
+    for frame in still:
+        frame.counts[3] = 300
+    assert _warned(still, pad) == [], "one sensor sees a field"
+
+
 @pytest.mark.parametrize("hz", [7.3, 50.0])
 def test_alternating_field_counts_as_noise(hz: float) -> None:
     """Differences of samples 4.5 ms apart show a tenth of 7 Hz. All axes err together: each includes the others'

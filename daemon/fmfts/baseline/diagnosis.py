@@ -27,6 +27,8 @@ FALSE_REFUSAL = 1e-5
 LARGEST_STRAIN = 5.0
 # The Earth's field plus that of a robot's own steel; more means a magnet or iron close by.
 LARGEST_AMBIENT_T = 2e-4
+# Steel about a pad weakens the Earth's field, but not to a fifth of where it is weakest.
+SMALLEST_AMBIENT_T = 5e-6
 # A chip's typical zero counts as one deviation of each axis. Together with the Earth's field, the zeros of fewer than
 # one chip in a thousand exceed LARGEST_AMBIENT_T by more than this.
 LARGEST_ZERO = 3.0
@@ -77,6 +79,19 @@ def check_bare(pad: Pad, bare: Recording) -> None:
             "move the sensors away from other magnets, and record --bare again. Where that does not help, the chips' "
             "own zeros happen to look like the magnet: exchange two of them."
         )
+
+
+def weak_field(bare: Recording) -> list[str]:
+    """A warning if no sensor sees the Earth's field. A shield or a simulation may have none, so it is no error."""
+    largest_t = float(lengths(bare.mean_t).max())
+    if largest_t >= SMALLEST_AMBIENT_T:
+        return []
+    seen = f"at most {largest_t * 1e6:.2f} µT" if largest_t else "exactly 0"
+    return [
+        f"each sensor sees {seen} without the pad, and the Earth's field has 25–65 µT. In a magnetic shield, or a "
+        "simulation without an ambient field, this is right. Otherwise the chips do not measure, or are not of the "
+        "configured kind (`fmfts-daemon probe` says which), or the source does not give teslas."
+    ]
 
 
 def _magnet_share(pad: Pad, bare: Recording) -> float:

@@ -25,6 +25,7 @@ from fmfts.baseline import (
 from fmfts.baseline.alternating import warnings_of
 from fmfts.baseline.baseline import AnyMounting, require_rest
 from fmfts.baseline.coverage import Coverage, PressCoverage, TurnCoverage
+from fmfts.baseline.diagnosis import weak_field
 from fmfts.baseline.facts import report, whose
 from fmfts.baseline.file_format import StoredGains
 from fmfts.baseline.files import path_of, previous, store, stored_gains
@@ -224,6 +225,8 @@ class BaselineRequest:
             if was != now:
                 gained |= {f"{when}_{key}": facts[key] for key in now for when, facts in (("was", was), ("now", now))}
         warnings += [] if self.only_adds else warnings_of(frames)
+        if self.bare and baseline.bare is not None:
+            warnings += weak_field(baseline.bare.recording())
         warnings += foreign_file(path_of(self.pad.name), "baseline", "adds to" if self.only_adds else "replaces")
         if self.replaced and not (self.bare or self.only_adds):
             warnings += self._of_replaced(frames, before)
