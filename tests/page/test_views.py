@@ -182,12 +182,13 @@ def test_good_news_has_no_warning_mark(page: Page, bus: tuple[Bus, str]) -> None
         ("health", "lost: no pose fits"),
         ("overload", "this computer keeps up again"),
         ("health", "ok"),
+        ("rejected", "a frame is rejected: its fields are not finite"),
     ):
         bus[0].tell(event_message(kind=kind, detail=detail))
         shown = f"health {detail}" if kind == "health" else detail
         until(page, f"document.querySelector('#event-list span')?.textContent === 'demo: {shown}'")
-    good, plain, bad = (page.locator(f"#event-list li:nth-child({number}) i") for number in (1, 2, 3))
-    assert (good.inner_text(), plain.inner_text(), bad.inner_text()) == ("●", "·", "▲")
+    rejected, good, plain, bad = (page.locator(f"#event-list li:nth-child({number}) i") for number in (1, 2, 3, 4))
+    assert [each.inner_text() for each in (rejected, good, plain, bad)] == ["▲", "●", "·", "▲"]
     colours = [each.evaluate("(e) => getComputedStyle(e).color") for each in (good, bad)]
     assert colours == ["rgb(0, 112, 79)", "rgb(180, 35, 24)"]
 

@@ -77,6 +77,7 @@ def test_lines_once_a_second_where_there_is_no_terminal(base: str) -> None:
     [
         ("health", "lost: no pose fits", "demo: health lost: no pose fits"),
         ("overload", "this computer is overloaded: 5 %", "demo: this computer is overloaded: 5 %"),
+        ("rejected", "a frame is rejected: it is older", "demo: a frame is rejected: it is older"),
         ("of_a_later_daemon", "", "demo: of_a_later_daemon"),
     ],
 )

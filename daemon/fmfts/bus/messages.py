@@ -12,7 +12,7 @@ import msgspec
 from fmfts_client.fields import SCHEMA_VERSION
 
 Health = Literal["ok", "degraded", "disturbed", "lost", "stale", "disconnected", "no_baseline"]
-EventKind = Literal["onset", "release", "over_range", "health", "overload", "baseline", "slip", "stick"]
+EventKind = Literal["onset", "release", "over_range", "health", "overload", "rejected", "baseline", "slip", "stick"]
 Vector = tuple[float, float, float]
 
 

@@ -26,8 +26,9 @@ class ImpossibleFrames:
         self.last, self.last_ns = flaw, now_ns
         if now_ns - self._logged_ns >= NAMED_NS:
             self._logged_ns = now_ns
-            self._log.tell(logging.WARNING, f"a frame is left out: {flaw}", now_ns)
-            self._announcer.event("health", f"{self._announcer.health}: a frame is left out: {flaw}")
+            text = f"a frame is rejected: {flaw}"
+            self._log.tell(logging.WARNING, text, now_ns)
+            self._announcer.event("rejected", text)
 
     def recent(self, now_ns: int) -> list[str]:
         """The last one, for as long as the status names it."""

@@ -16,8 +16,9 @@ MOST = 3  # a short stall causes this many changes, each worth a line
 class SparingLog:
     """Logs lines of one kind about a pad: reports of an overload must not keep changes of health out of the log.
 
-    While frames are dropped, at most MOST lines in PERIOD_NS; the next one has the number of the omitted ones, and
-    quotes the last one of each other state. A line's state is its text before ":".
+    While frames are dropped, at most MOST changes in PERIOD_NS; the next one has the number of the omitted ones, and
+    quotes the last one of each other state. A line's state is its text before ":". A change is logged at its own level:
+    if an omitted one is worse, the omitted ones have a line before it.
     """
 
     def __init__(self, pad: str, lateness: Lateness) -> None:
@@ -45,10 +46,13 @@ class SparingLog:
         return len(self._told_ns) == MOST and now_ns - self._told_ns[0] < PERIOD_NS
 
     def _write(self, now_ns: int) -> None:
-        *others, (_, text) = self._held.values()
-        level = max(level for level, _ in self._held.values())
+        *others, (level, text) = self._held.values()
+        worst = max((other for other, _ in others), default=level)
         unlogged = _unlogged(self._untold - 1, [other for _, other in others])
-        log.log(level, "pad '%s': %s%s", self._pad, text, unlogged)
+        if worst > level:
+            log.log(worst, "pad '%s': %s", self._pad, unlogged)
+            unlogged = ""
+        log.log(level, "pad '%s': %s%s", self._pad, text, f" ({unlogged})" if unlogged else "")
         self._told_ns.append(now_ns)
         self._held.clear()
         self._untold = 0
@@ -57,6 +61,6 @@ class SparingLog:
 def _unlogged(changes: int, others: list[str]) -> str:
     if changes == 0:
         return ""
-    which = "1 change before this one is" if changes == 1 else f"{changes} changes before this one are"
+    which = "1 change is" if changes == 1 else f"{changes} changes are"
     quoted = f": among them {'; '.join(others)}" if others else ""
-    return f" ({which} not in the log, because the computer was overloaded{quoted})"
+    return f"{which} not in the log, because the computer was overloaded{quoted}"

@@ -159,7 +159,7 @@ def _stopped_by_signals() -> Iterator[None]:
 
 def _event_line(message: Message) -> str:
     event = Event.from_message(message.body)
-    kind = "" if event.kind == "overload" else f"{event.kind} "  # of the computer, and its text says so
+    kind = "" if event.kind in ("overload", "rejected") else f"{event.kind} "  # their texts say what happened
     return f"{event.pad}: {kind}{event.detail}".rstrip()
 
 

@@ -4,7 +4,7 @@ const MARKS = { onset: "▼", release: "△", baseline: "■" }, TONES = { bad: 
 
 // "bad", "good" or "plain": "health ok" is the end of what was wrong, and "health ok: …" news of a pad that is well.
 export function toneOf({ kind, detail }) {
-  if (kind === "over_range") return "bad";
+  if (kind === "over_range" || kind === "rejected") return "bad";
   if (kind !== "health" || detail.startsWith("ok:")) return "plain";
   return detail === "ok" ? "good" : "bad";
 }
@@ -15,7 +15,7 @@ export function listEvent(list, event, named) {
   line.dataset.kind = event.kind;
   line.dataset.tone = toneOf(event);
   mark.textContent = TONES[line.dataset.tone] ?? MARKS[event.kind] ?? "·";
-  const kind = event.kind === "overload" ? "" : event.kind.replace("_", " "); // of the computer, and its text says so
+  const kind = ["overload", "rejected"].includes(event.kind) ? "" : event.kind.replace("_", " "); // their texts say what happened
   text.textContent = [named ? `${event.pad}:` : "", kind, event.detail].filter(Boolean).join(" ");
   when.textContent = new Date().toLocaleTimeString("en-GB");
   line.append(mark, text, when);
