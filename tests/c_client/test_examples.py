@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,6 +28,7 @@ turning_deg_per_s = 0.0
 """
 PATIENCE_S = 30.0
 TRIES = 5
+PYTHON = {".py": [sys.executable], "": []}
 LONG_AFTER_S = 0.5  # a gripper notices that the daemon stopped
 
 
@@ -75,7 +77,7 @@ class Gripper:
         self.lines: list[str] = []
         self._said = b""
         self._process = subprocess.Popen(
-            [program, "left"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment
+            [*PYTHON[program.suffix], program, "left"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment
         )
         assert self._process.stdout is not None
         os.set_blocking(self._process.stdout.fileno(), False)
@@ -153,6 +155,36 @@ def test_gripper_says_why_it_stays_open_without_a_baseline(with_cmake: Path, tmp
                 assert time.monotonic() < until, gripper.lines
                 time.sleep(0.02)
                 gripper.listen()
+    finally:
+        publisher.close()
+
+
+@pytest.mark.parametrize("name", ["gripper", "gripper-cpp", "gripper.py"])
+def test_gripper_prints_each_reason_once_whatever_its_numbers(with_cmake: Path, tmp_path: Path, name: str) -> None:
+    program = CLIENT.parent / "python/examples" / name if name.endswith(".py") else with_cmake / name
+    publisher = Publisher(Endpoints.from_base(f"ipc://{tmp_path}"), BOOT)
+    reasons: dict[str, list[dict[str, object]]] = {
+        "the pad is pressed harder": [{"over_range": True}],
+        "the force is not known": [{"force_n": None}],
+        "pressed with ": [{"force_n": 2.0}, {"force_n": 12.34}],
+    }
+    try:
+        with Gripper(program, os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}"}) as gripper:
+            gripper.says("OPEN (nothing arrives)")
+            for reason, contacts in reasons.items():
+                until = time.monotonic() + PATIENCE_S
+                while f"OPEN ({reason}" not in gripper.lines[-1]:
+                    publisher.send_contact("left", contact_message(pad="left", **contacts[0]))
+                    assert time.monotonic() < until, gripper.lines
+                    time.sleep(0.02)
+                    gripper.listen()
+                lines = len(gripper.lines)
+                for number in range(10):
+                    publisher.send_contact("left", contact_message(pad="left", **contacts[number % len(contacts)]))
+                    time.sleep(0.02)
+                gripper.listen()
+                repeated = [line for line in gripper.lines[lines:] if reason in line]
+                assert len(repeated) <= 1, "once more at most, if this computer stood still for so long"
     finally:
         publisher.close()
 

@@ -22,11 +22,16 @@ static bool must_open(const struct fmfts_client *client, const struct fmfts_cont
     return pressed;
 }
 
-/* Numbers in a reason change with each contact, its first word does not. */
+/* Do they differ in more than their numbers, which change with each contact? */
 static bool is_news(const char *why, const char *printed)
 {
-    size_t word = strcspn(why, " ");
-    return word != strcspn(printed, " ") || strncmp(why, printed, word) != 0;
+    static const char numbers[] = "0123456789.";
+    for (;; why++, printed++) {
+        why += strspn(why, numbers);
+        printed += strspn(printed, numbers);
+        if (*why != *printed || !*why)
+            return *why != *printed;
+    }
 }
 
 static void wait_for_next_period(struct timespec *at)

@@ -27,6 +27,16 @@ std::string why_open(const Client &client, const fmfts_contact &contact)
     return contact.force_n.value > limit_n ? "pressed with " + std::to_string(contact.force_n.value) + " N" : "";
 }
 
+// The kind of a reason, without its numbers, which change with each contact.
+std::string kind_of(const std::string &reason)
+{
+    std::string kind;
+    for (const char letter : reason)
+        if (letter != '.' && (letter < '0' || letter > '9'))
+            kind += letter;
+    return kind;
+}
+
 } // namespace
 
 int main(int count, char **words)
@@ -39,20 +49,20 @@ int main(int count, char **words)
     }
     fmfts_set_largest_force_sd(client.get(), largest_force_sd_n);
     fmfts_contact contact{};
-    std::string hand;
+    std::string printed = "-";
     steady_clock::time_point opened = steady_clock::now();
     fmfts_result result;
     while ((result = fmfts_latest(client.get(), &contact, FMFTS_ALIVE_MS)) >= 0) {
         const std::string reason = why_open(client, contact);
-        const std::string wanted = reason.empty() ? "CLOSE" : "OPEN";
         if (!reason.empty())
             opened = steady_clock::now();
         else if (steady_clock::now() - opened < calm)
             continue;
-        if (hand != wanted)
-            // Your gripper's command goes here.
-            std::cout << wanted << (reason.empty() ? "" : " (" + reason + ")") << std::endl;
-        hand = wanted;
+        if (printed == kind_of(reason))
+            continue;
+        printed = kind_of(reason);
+        // Your gripper's command goes here.
+        std::cout << (reason.empty() ? "CLOSE" : "OPEN (" + reason + ")") << std::endl;
     }
     std::cout << "OPEN (" << fmfts_refusal(client.get()) << ")" << std::endl;
     return 69;

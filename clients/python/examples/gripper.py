@@ -6,6 +6,7 @@ chatter.
 """
 
 import os
+import re
 import sys
 import time
 
@@ -34,7 +35,7 @@ def main(pad: str) -> None:
                 opened_s = time.monotonic()
             elif time.monotonic() - opened_s < CALM_S:
                 continue
-            kind = reason.partition(" ")[0]  # numbers in a reason change with each contact, its first word does not
+            kind = re.sub(r"[\d.]", "", reason)  # the numbers in a reason change with each contact
             if kind != printed:
                 printed = kind
                 # Your gripper's command goes here.
