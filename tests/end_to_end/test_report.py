@@ -149,7 +149,7 @@ def test_report_of_a_board_has_its_hello_and_its_frames(tmp_path: Path) -> None:
 
 def test_report_of_a_board_that_is_not_plugged_in_says_so(tmp_path: Path) -> None:
     made = Made(tmp_path, BRIDGE_CONFIG.format(port=tmp_path / "none"), "--seconds", "1", "--no-selftest")
-    assert "does not exist: is the board plugged in?" in made.missing("frames of pad 'left'")
+    assert "does not exist (is the board plugged in?)" in made.missing("frames of pad 'left'")
     assert made.missing("self-test") == "self-test: left out with --no-selftest"
 
 

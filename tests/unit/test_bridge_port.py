@@ -29,7 +29,7 @@ def test_absent_port_is_named_and_found_when_it_appears(tmp_path: Path) -> None:
     bridge.poll(time.monotonic_ns())
     assert not bridge.state.connected
     assert bridge.state.description == f"bridge on {tmp_path / 'port'}"
-    assert bridge.state.reason == "the port does not exist: is the board plugged in?"
+    assert bridge.state.reason == "the port does not exist (is the board plugged in?)"
     assert bridge.fileno() is None
     with plugged(tmp_path / "port") as board:
         run(bridge, board, until=lambda: bridge.state.connected)
@@ -46,6 +46,7 @@ def test_unplugging_closes_the_descriptor_says_why_and_reopens(board: Board) -> 
         board.unplug()
         run(bridge, until=lambda: not bridge.state.connected)
         assert bridge.state.reason.startswith("the port ")
+        assert ": " not in bridge.state.reason, "log and page put pad and health before it, with a colon each"
         assert str(board.link) not in bridge.state.reason  # the description has it already
         assert bridge.fileno() is None
         with pytest.raises(OSError, match="Bad file descriptor"):
@@ -148,10 +149,10 @@ def test_bound_board_is_found_on_another_port(board: Board, tmp_path: Path) -> N
 def test_absent_board_gives_no_frame_and_lists_what_was_found(board: Board, tmp_path: Path) -> None:
     wanted = b"W" * 12
     bridge = Bridge({0: pad(board.link, uid=wanted.hex())}, tmp_path / "by-id")
-    stream = iter(lambda: board.stream() or "nowhere" in bridge.state.reason, None)
+    stream = iter(lambda: board.stream() or "not found" in bridge.state.reason, None)
     frames = run(bridge, board, until=lambda: next(stream))
     assert frames == []
-    assert bridge.state.reason == f"board {wanted.hex()} is nowhere: {board.link} holds board {UID.hex()}"
+    assert bridge.state.reason == f"board {wanted.hex()} was not found, because {board.link} holds board {UID.hex()}"
     bridge.close()
 
 
@@ -160,7 +161,7 @@ def test_nothing_is_written_to_a_port_without_our_protocol(tmp_path: Path) -> No
     by_id.mkdir()
     with plugged(by_id / "somebody-elses-robot") as stranger:
         bridge = Bridge({0: pad(tmp_path / "port", uid="00" * 12)}, by_id)
-        run(bridge, until=lambda: "nowhere" in bridge.state.reason)
+        run(bridge, until=lambda: "not found" in bridge.state.reason)
         with pytest.raises(OSError):  # noqa: PT011 — EAGAIN or EIO, both mean that no byte ever came
             os.read(stranger.master, 100)
         assert "somebody-elses-robot holds no board that answers" in bridge.state.reason

@@ -170,7 +170,7 @@ class Bridge(PacketSource):
                 more = os.read(self._descriptor, READ_BYTES)
                 self._read_ns = read_ns
                 if not more:
-                    return "the port hung up: plug the board in again"
+                    return "the port hung up, so plug the board in again"
                 size = len(more)
                 self._is_drained &= size <= READ_BYTES // 2
                 self._unread += more
@@ -178,14 +178,16 @@ class Bridge(PacketSource):
         except BlockingIOError:
             pass
         except OSError as error:  # EIO: hung up. ENXIO, ENODEV: unplugged
-            return f"the port is gone ({error.strerror}): plug the board in again"
+            return f"the port is gone ({error.strerror}), so plug the board in again"
         return ""
 
     def _judge(self, now_ns: int) -> None:
         """Decide whether the port is connected, silent, has the wrong board, or is no board at all."""
         link = self._link
         if not self.state.connected and self._has_lost_its_name(now_ns):
-            self._disconnect(f"{self._port} is no longer the device that was opened: plug the board in again", now_ns)
+            self._disconnect(
+                f"{self._port} is no longer the device that was opened, so plug the board in again", now_ns
+            )
         elif not link.is_right_board:
             if link.hello is not None:
                 self._found[self._port] = f"holds board {link.hello.uid.hex()}"
@@ -241,7 +243,7 @@ class Bridge(PacketSource):
         except BlockingIOError:
             return  # the next poll sends the rest; it comes after 250 ms at the latest, when the request is repeated
         except OSError as error:
-            self._disconnect(f"the port takes no requests ({error.strerror}): plug the board in again", now_ns)
+            self._disconnect(f"the port takes no requests ({error.strerror}), so plug the board in again", now_ns)
 
     def _give_port_up(self, now_ns: int) -> None:
         self._release()
@@ -257,8 +259,8 @@ class Bridge(PacketSource):
         if self._uid is None:
             reason = f"the port {self._found[self._port]}"
         else:
-            found = "; ".join(f"{port} {what}" for port, what in self._found.items())
-            reason = f"board {self._uid.hex()} is nowhere: {found}"
+            found = ", and ".join(f"{port} {what}" for port, what in self._found.items())
+            reason = f"board {self._uid.hex()} was not found, because {found}"
         self.state.disconnect(reason, now_ns)
 
     def _disconnect(self, reason: str, now_ns: int) -> None:

@@ -81,7 +81,7 @@ def why_not_open(port: str, error: OSError) -> str:
         case errno.ENOTTY | errno.EISDIR:
             return "is not a serial port: see /dev/serial/by-id for those that are"
         case errno.ENOENT | errno.ENXIO | errno.ENODEV:
-            return "does not exist: is the board plugged in?"
+            return "does not exist (is the board plugged in?)"
         case errno.EACCES | errno.EPERM:
             return not_permitted(error, group="dialout")
         case errno.EAGAIN | errno.EBUSY:

@@ -116,10 +116,10 @@ class Anyskin:
                 self._clock.found_empty(begun_ns)
                 break
             except OSError as error:
-                self._disconnect(f"the port is gone ({error.strerror}): plug the board in again", now_ns)
+                self._disconnect(f"the port is gone ({error.strerror}), so plug the board in again", now_ns)
                 break
             if not data:
-                self._disconnect("the port hung up: plug the board in again", now_ns)
+                self._disconnect("the port hung up, so plug the board in again", now_ns)
                 break
             frames += self._frames(data, time.monotonic_ns())  # not `now_ns`: bytes may have arrived since
         return frames
