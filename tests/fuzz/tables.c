@@ -84,7 +84,7 @@ static void response(const uint8_t *sizes, int longer, const uint8_t *data, size
         memset(covariance, 0, sizeof covariance);
         for (int i = 0; i < 5; i++)
             covariance[6 * i] = size % 2 ? 1e-6 : change[i];
-        const fmfts_search search = {.change = change, .covariance = covariance, .steps = STEPS, .shear_share = size % 3 ? 0.0 : 0.3};
+        const fmfts_press_search search = {.change = change, .covariance = covariance, .steps = STEPS, .shear_share = size % 3 ? 0.0 : 0.3};
         bool refined = fmfts_refine(&view, &search, press, spread, &chi2);
         bool is_finite = isfinite(table[4] + 8.0 * table[6]) && isfinite(table[5] + 8.0 * table[7]);
         if (refined && is_finite)

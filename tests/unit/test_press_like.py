@@ -44,7 +44,7 @@ class Table(ctypes.Structure):
 
 
 class Search(ctypes.Structure):
-    """fmfts_search of contact/refine.h."""
+    """fmfts_press_search of contact/refine.h."""
 
     _fields_ = (
         ("change", ctypes.c_void_p),

@@ -77,7 +77,7 @@ FMFTS_FUNCTION(basis)
 FMFTS_FUNCTION(refine)
 {
     enum { RESPONSE, CHANGE, COVARIANCE, PRESS, SPREAD };
-    fmfts_search search = {.steps = 0};
+    fmfts_press_search search = {.steps = 0};
     double chi2;
     fmfts_response response;
     if (!PyArg_ParseTuple(args, "y*y*y*idw*w*", &b[RESPONSE], &b[CHANGE], &b[COVARIANCE], &search.steps, &search.shear_share, &b[PRESS],

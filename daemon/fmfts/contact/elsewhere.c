@@ -93,7 +93,7 @@ static bool go(const look *look, const minimum *from, const double axis[2], doub
 
 static bool descend(const look *look, minimum *found)
 {
-    fmfts_search search = {.change = look->change, .covariance = look->covariance, .steps = STEPS};
+    fmfts_press_search search = {.change = look->change, .covariance = look->covariance, .steps = STEPS};
     return fmfts_refine(look->response, &search, found->press, found->spread, &found->chi2);
 }
 

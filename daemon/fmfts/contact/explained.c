@@ -22,10 +22,10 @@ static double left_chi2(const fmfts_response *table, const double change[FMFTS_M
     return fmfts_chi2_from_rest(FMFTS_MOVED, left, covariance, &chi2) ? chi2 : INFINITY;
 }
 
-double fmfts_explained_share(const fmfts_response *table, const fmfts_search *search, const double *answer, double enough)
+double fmfts_explained_share(const fmfts_response *table, const fmfts_press_search *search, const double *answer, double enough)
 {
     const double *change = search->change, *covariance = search->covariance;
-    fmfts_search longer = *search;
+    fmfts_press_search longer = *search;
     double press[FMFTS_MAX_PRESS], spread[FMFTS_MAX_PRESS * FMFTS_MAX_PRESS], whole, chi2;
     if (!fmfts_chi2_from_rest(FMFTS_MOVED, change, covariance, &whole) || !(whole > 0.0)) {
         return 1.0;

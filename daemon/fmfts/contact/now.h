@@ -1,4 +1,4 @@
-/* The contact at the time of publishing: drive.py and now.py. */
+/* The contact at the time of publishing: drive.py has the model, pipeline/now.c the filter. */
 #ifndef FMFTS_NOW_H
 #define FMFTS_NOW_H
 

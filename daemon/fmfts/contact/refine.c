@@ -17,7 +17,7 @@ static const double LEAST_FORCE_N = 0.01; /* least force for the prior of shear,
  * shears. */
 typedef struct {
     const fmfts_response *response;
-    const fmfts_search *search;
+    const fmfts_press_search *search;
     double information[FMFTS_MOVED][FMFTS_MOVED];
     double residual[FMFTS_MOVED], slope[FMFTS_MOVED][FMFTS_MAX_PRESS], chi2, of_shear;
     const double *lowest, *highest;
@@ -25,7 +25,7 @@ typedef struct {
 } cause;
 
 /* The prior's information (1/N²) on each shear of a press with this force. */
-static double shear_information(const fmfts_search *search, double force_n)
+static double shear_information(const fmfts_press_search *search, double force_n)
 {
     double deviation = search->shear_share * (force_n > LEAST_FORCE_N ? force_n : LEAST_FORCE_N);
     return deviation > 0.0 ? 1.0 / (deviation * deviation) : 0.0;
@@ -143,7 +143,7 @@ bool fmfts_information(const double *covariance, double information[FMFTS_MOVED]
     return true;
 }
 
-bool fmfts_refine(const fmfts_response *response, const fmfts_search *wanted, double *press, double *spread, double *chi2)
+bool fmfts_refine(const fmfts_response *response, const fmfts_press_search *wanted, double *press, double *spread, double *chi2)
 {
     double lowest[FMFTS_MAX_PRESS], highest[FMFTS_MAX_PRESS], best[FMFTS_MAX_PRESS];
     double room[FMFTS_DESCENT_ROOM(FMFTS_MAX_PRESS)], inverse[FMFTS_MAX_PRESS * FMFTS_MAX_PRESS], right[FMFTS_MAX_PRESS];

@@ -53,12 +53,12 @@ typedef struct {
     int steps;
     double settled, shear_share;
     bool holds_force;
-} fmfts_search;
+} fmfts_press_search;
 
 /* Moves `press` to the most likely one. spread: receives its covariance, (2 + loads)², of the others if the force is
  * held. chi2: of the residual of the change, and of the shear against the prior. False, and nothing is written, if
  * `covariance` is not positive definite. */
-bool fmfts_refine(const fmfts_response *response, const fmfts_search *search, double *press, double *spread, double *chi2);
+bool fmfts_refine(const fmfts_response *response, const fmfts_press_search *search, double *press, double *spread, double *chi2);
 
 /* The inverse of the covariance of a change, 5 × 5. False if that is not positive definite. */
 bool fmfts_information(const double *covariance, double information[FMFTS_MOVED][FMFTS_MOVED]);
@@ -71,7 +71,7 @@ typedef struct {
 
 /* sheared.c: finds it. looks: for other presses that are about as likely; else each bend is 1. False if the covariance
  * is not positive definite, or the response is to normal forces alone. */
-bool fmfts_solve_shear(const fmfts_response *response, const fmfts_search *search, bool looks, fmfts_sheared *found);
+bool fmfts_solve_shear(const fmfts_response *response, const fmfts_press_search *search, bool looks, fmfts_sheared *found);
 
 /* elsewhere.c: continues from a press without shear that fmfts_refine found. wider [3]: the factor of each variance
  * because other presses explain the change about as well; not written without a press. */

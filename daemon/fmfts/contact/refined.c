@@ -33,7 +33,7 @@ double fmfts_explained_part(const fmfts_contact_parameters *parameters, const fm
         return 1.0;
     }
     movement_of(parameters, question, moved, covariance);
-    fmfts_search search = {.change = moved, .covariance = covariance, .shear_share = parameters->shear_share};
+    fmfts_press_search search = {.change = moved, .covariance = covariance, .shear_share = parameters->shear_share};
     return fmfts_explained_share(response, &search, found->contact, FMFTS_EXPLAINED_SHARE);
 }
 
@@ -46,7 +46,7 @@ bool fmfts_refine_answer(const fmfts_contact_parameters *parameters, const fmfts
         return false;
     }
     movement_of(parameters, question, moved, covariance);
-    fmfts_search search = {.change = moved, .covariance = covariance, .steps = (int)parameters->refine_steps};
+    fmfts_press_search search = {.change = moved, .covariance = covariance, .steps = (int)parameters->refine_steps};
     if (!fmfts_refine(response, &search, found->contact, spread, &chi2)) {
         return false;
     }
@@ -86,7 +86,7 @@ bool fmfts_solve_answer(const fmfts_contact_parameters *parameters, const fmfts_
                         const fmfts_response *response, fmfts_found *found, double bend[CONTACT])
 {
     double moved[FMFTS_MOVED], covariance[FMFTS_MOVED * FMFTS_MOVED];
-    fmfts_search search = {moved, covariance, SHEAR_STEPS, SETTLED_DEVIATIONS, parameters->shear_share, false};
+    fmfts_press_search search = {moved, covariance, SHEAR_STEPS, SETTLED_DEVIATIONS, parameters->shear_share, false};
     bool may_be_noise = !found->solved && !(fmfts_doubt(found->contact[2], found->variance[2]) < 1.0);
     double begun_n = found->contact[2];
     fmfts_sheared solved;

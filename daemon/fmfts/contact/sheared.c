@@ -54,13 +54,13 @@ static void gain_of(const double spread[N * N], double slope[FMFTS_MOVED][N], do
 }
 
 /* The factor of each variance because of presses with more force. chi2: of the press. */
-static void count_others(const fmfts_response *response, const fmfts_search *search, const double spread[N * N], double chi2,
+static void count_others(const fmfts_response *response, const fmfts_press_search *search, const double spread[N * N], double chi2,
                          fmfts_sheared *found)
 {
     const double *press = found->press;
     double deviation_n = sqrt(spread[(N + 1) * FORCE]), away_n = REACH * deviation_n;
     double top_n = fmax(LARGEST_FORCE * response->scale_n, press[FORCE] + deviation_n), other[N], there[N * N], chi2_there;
-    fmfts_search held = *search;
+    fmfts_press_search held = *search;
     if (!(deviation_n > STRAIGHT_SHARE * press[FORCE])) {
         return;
     }
@@ -90,7 +90,7 @@ static void count_others(const fmfts_response *response, const fmfts_search *sea
     }
 }
 
-bool fmfts_solve_shear(const fmfts_response *response, const fmfts_search *search, bool looks, fmfts_sheared *found)
+bool fmfts_solve_shear(const fmfts_response *response, const fmfts_press_search *search, bool looks, fmfts_sheared *found)
 {
     double information[FMFTS_MOVED][FMFTS_MOVED], spread[N * N], slope[FMFTS_MOVED][N], unused[FMFTS_MOVED], chi2;
     if (response->loads != FMFTS_MAX_LOADS || !fmfts_information(search->covariance, information) ||

@@ -115,7 +115,7 @@ void fmfts_forget_touch(fmfts_contact_memory *memory);
 
 /* explained.c: the share of a change of pose that the press of `answer` (mm, N) explains or, if that is not enough, the most likely one near
  * it. search: its change and covariance, in the table's units, and the prior of shear. */
-double fmfts_explained_share(const fmfts_response *table, const fmfts_search *search, const double *answer, double enough);
+double fmfts_explained_share(const fmfts_response *table, const fmfts_press_search *search, const double *answer, double enough);
 
 /* smooth.c: smooths the pose of the question, if that is configured. */
 void fmfts_smooth(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double elapsed_s,

@@ -209,11 +209,8 @@ void fmfts_find_now(const fmfts_pad *pad, const fmfts_frame *frame, fmfts_frame_
 
 void fmfts_read_early(const fmfts_pose_parameters *parameters, unsigned gain_code, const int16_t counts[3], double field_t[3])
 {
-    int saturated = (int)parameters->saturated_count, largest = (int)parameters->largest_count;
     for (int axis = 0; axis < 3; axis++) {
-        int count = counts[axis];
-        bool measured = gain_code < FMFTS_GAIN_CODES && count != saturated && count <= largest && count >= -largest - 1;
-        field_t[axis] = measured ? count * parameters->step_t[3 * gain_code + (unsigned)axis] : NAN;
+        field_t[axis] = gain_code < FMFTS_GAIN_CODES ? fmfts_field_of_count(parameters, gain_code, axis, counts[axis]) : NAN;
     }
 }
 

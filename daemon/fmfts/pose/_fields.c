@@ -123,7 +123,7 @@ FMFTS_FUNCTION(read)
 FMFTS_FUNCTION(deviations)
 {
     enum { ROWS, ARE_MAGNETS, AT, RATES, SPREADS, DEVIATIONS, ARRAYS };
-    fmfts_search search;
+    fmfts_pose_search search;
     if (!PyArg_ParseTuple(args, "y*y*y*z*z*w*", &b[ROWS], &b[ARE_MAGNETS], &b[AT], &b[RATES], &b[SPREADS], &b[DEVIATIONS])) {
         return NULL;
     }

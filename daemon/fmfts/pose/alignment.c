@@ -23,6 +23,21 @@ static unsigned age_us(const fmfts_frame *frame, int sensor)
     return little_endian(frame->readings + FMFTS_READING_BYTES * sensor + 6);
 }
 
+fmfts_counted fmfts_judge_count(const fmfts_pose_parameters *parameters, int count)
+{
+    int largest = (int)parameters->largest_count;
+    if (count == (int)parameters->saturated_count) {
+        return FMFTS_SATURATED;
+    }
+    return count > largest || count < -largest - 1 ? FMFTS_NO_COUNT : FMFTS_A_FIELD;
+}
+
+double fmfts_field_of_count(const fmfts_pose_parameters *parameters, unsigned gain_code, int axis, int count)
+{
+    bool is_field = fmfts_judge_count(parameters, count) == FMFTS_A_FIELD;
+    return is_field ? count * parameters->step_t[3 * gain_code + (unsigned)axis] : NAN;
+}
+
 /* The frame as push.c takes it. */
 typedef struct {
     double field_t[FMFTS_AXES];
@@ -32,7 +47,6 @@ typedef struct {
 
 static void read_samples(const fmfts_pose_parameters *parameters, const fmfts_frame *frame, fmfts_missing *missing, samples *taken)
 {
-    int saturated = (int)parameters->saturated_count, largest = (int)parameters->largest_count;
     for (int i = 0; i < (int)parameters->sensors; i++) {
         bool valid = frame->valid >> i & 1;
         missing->silent[i] = !valid;
@@ -42,11 +56,10 @@ static void read_samples(const fmfts_pose_parameters *parameters, const fmfts_fr
         taken->timed[i] = valid && age_us(frame, i) < AGE_UNKNOWN_US;
         for (int k = 0; k < 3; k++) {
             int axis = 3 * i + k, count = count_of(frame, axis);
-            bool is_saturated = count == saturated, cannot_be = !is_saturated && (count > largest || count < -largest - 1);
-            missing->saturated[i] |= (unsigned char)(is_saturated << k);
-            missing->untellable[i] |= (unsigned char)(cannot_be << k);
-            taken->field_t[axis] =
-                valid && !is_saturated && !cannot_be ? count * parameters->step_t[3 * frame->gain_code + k] : NAN;
+            fmfts_counted is = fmfts_judge_count(parameters, count);
+            missing->saturated[i] |= (unsigned char)((is == FMFTS_SATURATED) << k);
+            missing->untellable[i] |= (unsigned char)((is == FMFTS_NO_COUNT) << k);
+            taken->field_t[axis] = valid ? fmfts_field_of_count(parameters, frame->gain_code, k, count) : NAN;
         }
     }
 }

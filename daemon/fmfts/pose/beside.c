@@ -129,9 +129,7 @@ void fmfts_field_of_placed(const double magnet[FMFTS_MAGNET], const double place
     fmfts_sight sight;
     fmfts_source source = source_of(magnet, placed);
     look(&source, place_m, &sight);
-    for (int i = 0; i < 3; i++) {
-        in_pad_axes_t[i] = sight.alpha * source.axis[i] + sight.beta * sight.r[i];
-    }
+    dipole_field(&source, &sight, in_pad_axes_t);
     turn3(direction, in_pad_axes_t, field_t);
 }
 

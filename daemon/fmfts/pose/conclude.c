@@ -6,7 +6,7 @@
 #define UNCERTAIN 0.25
 
 /* Whether a position or an axis is so uncertain that its covariance is meaningless. */
-static bool uncertain(const fmfts_search *search, const double *state, fmfts_matrix inverse)
+static bool uncertain(const fmfts_pose_search *search, const double *state, fmfts_matrix inverse)
 {
     double variance[FMFTS_MAX_COLUMNS] = {0};
     for (size_t i = 0; i < search->active; i++) {
@@ -33,7 +33,7 @@ static bool uncertain(const fmfts_search *search, const double *state, fmfts_mat
 
 /* Replaces the inverse of the active columns by the covariance over `order`, and χ² by that at the most probable value of
  * the considered parts. False if there is no such value. */
-static bool add_considered(const fmfts_search *search, fmfts_descent *d, fmfts_matrix inverse)
+static bool add_considered(const fmfts_pose_search *search, fmfts_pose_descent *d, fmfts_matrix inverse)
 {
     size_t n = search->active, all = search->ordered, rest = all - n;
     fmfts_linear *here = d->here;
@@ -90,7 +90,7 @@ static bool add_considered(const fmfts_search *search, fmfts_descent *d, fmfts_m
     return true;
 }
 
-static bool invert(size_t n, const fmfts_descent *d, fmfts_matrix inverse)
+static bool invert(size_t n, const fmfts_pose_descent *d, fmfts_matrix inverse)
 {
     double(*work)[FMFTS_STRIDE] = *d->work;
     bool regular = d->factored || factor(n, d->here->a, 0.0, work);
@@ -112,7 +112,7 @@ static bool invert(size_t n, const fmfts_descent *d, fmfts_matrix inverse)
     return regular;
 }
 
-fmfts_status fmfts_conclude(fmfts_search *search, fmfts_descent *d, const double *state, double *covariance,
+fmfts_status fmfts_conclude(fmfts_pose_search *search, fmfts_pose_descent *d, const double *state, double *covariance,
                              double *direction)
 {
     size_t n = search->active;

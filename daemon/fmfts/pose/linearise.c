@@ -10,7 +10,7 @@ typedef struct {
 } fmfts_view;
 
 /* own: one row of J, then its residual. Returns the residual in tesla. n: search->ordered. */
-FMFTS_INLINE double sense_row(size_t n, const fmfts_search *search, const double *state, const fmfts_row *row,
+FMFTS_INLINE double sense_row(size_t n, const fmfts_pose_search *search, const double *state, const fmfts_row *row,
                               fmfts_view *view, double *own)
 {
     if (row->shares_place == 0.0) {
@@ -24,7 +24,7 @@ FMFTS_INLINE double sense_row(size_t n, const fmfts_search *search, const double
 }
 
 /* Sums JᵀJ, Jᵀρ and ρᵀρ as outer products of rows of J that end with their residual. n: search->ordered. */
-FMFTS_INLINE void add_rows(size_t n, const fmfts_search *search, const double *state, fmfts_linear *out)
+FMFTS_INLINE void add_rows(size_t n, const fmfts_pose_search *search, const double *state, fmfts_linear *out)
 {
     double own[TOGETHER][FMFTS_STRIDE];
     fmfts_view view;
@@ -54,7 +54,7 @@ FMFTS_INLINE void add_rows(size_t n, const fmfts_search *search, const double *s
 
 /* away: the step from the prior's mean; of an axis a, with the mean's axis m and its tangent basis T, d = Tᵀa/(a·m).
  * turn: the derivative of each magnet's two tilts. False if an axis is 90° or more from the mean's. */
-static bool step_from_mean(const fmfts_search *search, const double *state, double *away, double turn[][2][2])
+static bool step_from_mean(const fmfts_pose_search *search, const double *state, double *away, double turn[][2][2])
 {
     const double *mean = search->problem->prior_mean;
     for (int i = 0; i < GRADIENT_COLUMN + 5 - AMBIENT_COLUMN; i++) {
@@ -92,7 +92,7 @@ static bool step_from_mean(const fmfts_search *search, const double *state, doub
 }
 
 /* Adds DᵀΩD, −DᵀΩd and dᵀΩd. False if an axis is 90° or more from the mean's. */
-static bool add_prior(const fmfts_search *search, const double *state, fmfts_linear *out)
+static bool add_prior(const fmfts_pose_search *search, const double *state, fmfts_linear *out)
 {
     size_t n = search->ordered;
     double away[FMFTS_MAX_COLUMNS], turn[FMFTS_MAX_MAGNETS][2][2], pull[FMFTS_STRIDE];
@@ -137,7 +137,7 @@ static bool add_prior(const fmfts_search *search, const double *state, fmfts_lin
     return true;
 }
 
-double fmfts_linearise(fmfts_search *search, const double *state, fmfts_linear *out)
+double fmfts_linearise(fmfts_pose_search *search, const double *state, fmfts_linear *out)
 {
     size_t n = search->ordered;
     place_sources(search->problem->magnets, state, &search->sources);

@@ -77,14 +77,32 @@ FMFTS_INLINE void look(const fmfts_source *source, const double *place, fmfts_si
     }
 }
 
+FMFTS_INLINE void dipole_field(const fmfts_source *source, const fmfts_sight *sight, double field[3])
+{
+    for (int i = 0; i < 3; i++) {
+        field[i] = sight->alpha * source->axis[i] + sight->beta * sight->r[i];
+    }
+}
+
+/* The field along `direction` of a dipole of `strength` at its place, by each component of its moment's direction: without the octupole the
+ * field is linear in these. */
+FMFTS_INLINE void by_moment(double strength, const double *r, const double *direction, double by_component[3])
+{
+    double inverse = 1.0 / dot3(r, r), third = strength * inverse * sqrt(inverse);
+    double across = 3.0 * dot3(r, direction) * inverse;
+    for (int i = 0; i < 3; i++) {
+        by_component[i] = third * (across * r[i] - direction[i]);
+    }
+}
+
 /* The field, and its derivatives by the magnet's position and by the direction of its moment. */
 FMFTS_INLINE void differentiate(const fmfts_source *source, const fmfts_sight *sight, double field[3], double by_position[3][3],
                                 double by_axis[3][3])
 {
+    dipole_field(source, sight, field);
     for (int i = 0; i < 3; i++) {
         double by_u = sight->alpha_u * source->axis[i] + sight->beta_u * sight->r[i];
         double by_2q = sight->alpha_2q * source->axis[i] + sight->beta_2q * sight->r[i];
-        field[i] = sight->alpha * source->axis[i] + sight->beta * sight->r[i];
         for (int j = 0; j < 3; j++) {
             by_position[i][j] = -(by_u * source->axis[j] + by_2q * sight->r[j] + (i == j ? sight->beta : 0.0));
             by_axis[i][j] = by_u * sight->r[j] + (i == j ? sight->alpha : 0.0);

@@ -107,7 +107,7 @@ typedef enum {
     ONE(int64_t, stood_ns) /* host's time and number of the first frame with that time on the board's clock, which may stand */\
     ONE(int64_t, stood_sequence)                                                                                       \
     ONE(double, last_us) /* the last frame's instant; NaN before the first */                                          \
-    ONE(double, lifted_s) /* pipeline/frame.c: how long the magnet has been above its rest */                          \
+    ONE(double, lifted_s) /* contact_of_pose.c: how long the magnet has been above its rest */                          \
     ONE(double, rested_s) /* how long it has been at rest since */                                                     \
     ONE(double, unread_s) /* how long the last temperature has been held */                                            \
     ONE(double, warmed_k) /* since rest, by the last temperature */                                                    \

@@ -68,7 +68,7 @@ bool fmfts_valid(const fmfts_problem *problem)
 
 /* Extrapolates a sample that is `age` seconds old to the state's time, linear about the start: the known rate moves the
  * value, and diffusion adds to the variance. */
-static void bring_to_now(const fmfts_search *search, const double *place, const double *direction, double age,
+static void bring_to_now(const fmfts_pose_search *search, const double *place, const double *direction, double age,
                          double *value, double *variance)
 {
     const fmfts_problem *problem = search->problem;
@@ -82,7 +82,7 @@ static void bring_to_now(const fmfts_search *search, const double *place, const 
     }
 }
 
-bool fmfts_prepare_rows(fmfts_search *search, fmfts_row *rows)
+bool fmfts_prepare_rows(fmfts_pose_search *search, fmfts_row *rows)
 {
     const fmfts_problem *problem = search->problem;
     size_t count = 0;
@@ -122,7 +122,7 @@ bool fmfts_prepare_rows(fmfts_search *search, fmfts_row *rows)
     return true;
 }
 
-bool fmfts_prepare_columns(fmfts_search *search, fmfts_matrix work)
+bool fmfts_prepare_columns(fmfts_pose_search *search, fmfts_matrix work)
 {
     const fmfts_problem *problem = search->problem;
     const uint8_t *parts = problem->parts;

@@ -85,11 +85,9 @@ typedef struct {
 } linear_parts;
 
 /* Sums the normal equations of the moment and the change of the ambient field, at the state's position. */
-static void collect(fmfts_search *search, const double *state, linear_parts *parts)
+static void collect(fmfts_pose_search *search, const double *state, linear_parts *parts)
 {
     const fmfts_problem *problem = search->problem;
-    fmfts_source unit = search->sources.source[0];
-    unit.strength = problem->magnets[0];
     size_t last = parts->size;
     for (size_t i = 0; i < last; i++) {
         for (size_t j = i; j <= last; j++) {
@@ -102,12 +100,7 @@ static void collect(fmfts_search *search, const double *state, linear_parts *par
         fmfts_sight sight[FMFTS_MAX_MAGNETS];
         look_all(&search->sources, row->place, sight);
         double others = sense_all(&search->sources, sight, state, row->place, row->direction, column) - column[LOG_COLUMN];
-        const double *away = sight[0].r;
-        double inverse = 1.0 / dot3(away, away), third = unit.strength * inverse * sqrt(inverse);
-        double across = 3.0 * dot3(away, row->direction) * inverse;
-        for (int i = 0; i < 3; i++) {
-            own[i] = third * (across * away[i] - row->direction[i]);
-        }
+        by_moment(problem->magnets[0], sight[0].r, row->direction, own);
         for (size_t i = 3; i < last; i++) {
             own[i] = row->direction[parts->uniform[i - 3]];
         }
@@ -162,7 +155,7 @@ static bool eliminate(linear_parts *parts, fmfts_matrix ambient, fmfts_matrix wo
     return true;
 }
 
-bool fmfts_best_linear_parts(fmfts_search *search, double *state)
+bool fmfts_best_linear_parts(fmfts_pose_search *search, double *state)
 {
     const fmfts_problem *problem = search->problem;
     linear_parts parts;

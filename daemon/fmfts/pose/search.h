@@ -15,7 +15,7 @@ typedef struct {
     bool has_prior;
     fmfts_matrix information; /* the prior's, over `order` */
     fmfts_sources sources;
-} fmfts_search;
+} fmfts_pose_search;
 
 /* The problem linearised at one state: A over `order` in the upper triangle, g in the next column, χ² in the corner. */
 typedef struct {
@@ -32,7 +32,7 @@ typedef struct {
     int iterations;
     bool converged;
     bool factored; /* `work` holds the undamped factors of `here` */
-} fmfts_descent;
+} fmfts_pose_descent;
 
 FMFTS_INLINE void fmfts_fill(double *values, size_t count, double value)
 {
@@ -50,20 +50,20 @@ FMFTS_INLINE bool fmfts_estimated(uint8_t part)
 bool fmfts_valid(const fmfts_problem *problem);
 
 /* prepare.c: the measurements that have a value, in units of their deviations. False if one is invalid. */
-bool fmfts_prepare_rows(fmfts_search *search, fmfts_row *rows);
+bool fmfts_prepare_rows(fmfts_pose_search *search, fmfts_row *rows);
 
 /* prepare.c: the order of columns, and Ω over it. False if the prior is missing or its covariance has no inverse. */
-bool fmfts_prepare_columns(fmfts_search *search, fmfts_matrix work);
+bool fmfts_prepare_columns(fmfts_pose_search *search, fmfts_matrix work);
 
 /* linearise.c: χ² at `state`; infinite if a magnet is in a sensor, or an axis 90° or more from the prior's. */
-double fmfts_linearise(fmfts_search *search, const double *state, fmfts_linear *out);
+double fmfts_linearise(fmfts_pose_search *search, const double *state, fmfts_linear *out);
 
 /* conclude.c: covariance and χ², or, if the state is unobservable, the direction. */
-fmfts_status fmfts_conclude(fmfts_search *search, fmfts_descent *d, const double *state, double *covariance,
+fmfts_status fmfts_conclude(fmfts_pose_search *search, fmfts_pose_descent *d, const double *state, double *covariance,
                             double *direction);
 
 /* projection.c: gives `state` the axis that fits best at its position and, if they are estimated, the best moment and
  * ambient field. False, and `state` is unchanged, if the measurements do not determine the moment. */
-bool fmfts_best_linear_parts(fmfts_search *search, double *state);
+bool fmfts_best_linear_parts(fmfts_pose_search *search, double *state);
 
 #endif

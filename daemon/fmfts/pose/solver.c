@@ -37,7 +37,7 @@ FMFTS_INLINE double damped_step_of(size_t n, size_t last, fmfts_linear *here, do
     return sum;
 }
 
-static double damped_step(const fmfts_search *search, fmfts_linear *here, double damping, fmfts_matrix work, double *step)
+static double damped_step(const fmfts_pose_search *search, fmfts_linear *here, double damping, fmfts_matrix work, double *step)
 {
     size_t last = search->ordered;
     switch (search->active) {
@@ -57,7 +57,7 @@ static double damped_step(const fmfts_search *search, fmfts_linear *here, double
 }
 
 /* tried = state moved by a step over the active columns; axes stay unit vectors. */
-static void take_step(const fmfts_search *search, const double *state, const double *step, double *tried)
+static void take_step(const fmfts_pose_search *search, const double *state, const double *step, double *tried)
 {
     const fmfts_problem *problem = search->problem;
     double move[FMFTS_MAX_COLUMNS];
@@ -86,7 +86,7 @@ static void take_step(const fmfts_search *search, const double *state, const dou
 
 /* Whether to give up: after many steps χ² is still above the wanted one, or the magnet is too far away. Such searches
  * hardly ever succeed. */
-static bool is_vain(const fmfts_problem *problem, const fmfts_descent *d, const double *state)
+static bool is_vain(const fmfts_problem *problem, const fmfts_pose_descent *d, const double *state)
 {
     double away[3];
     for (int i = 0; i < 3; i++) {
@@ -97,7 +97,7 @@ static bool is_vain(const fmfts_problem *problem, const fmfts_descent *d, const 
 }
 
 /* Moves `state` to the minimum, or until the limit of iterations. */
-static void descend(fmfts_search *search, fmfts_descent *d, double *state)
+static void descend(fmfts_pose_search *search, fmfts_pose_descent *d, double *state)
 {
     const fmfts_problem *problem = search->problem;
     size_t values = FMFTS_VALUES(problem->magnet_count);
@@ -140,10 +140,10 @@ static void descend(fmfts_search *search, fmfts_descent *d, double *state)
 static fmfts_summary solve(const fmfts_problem *problem, double *work, double *state, double *covariance,
                            double *direction)
 {
-    fmfts_search search;
+    fmfts_pose_search search;
     fmfts_linear first, second;
     fmfts_matrix factored;
-    fmfts_descent d = {.here = &first, .there = &second, .work = &factored};
+    fmfts_pose_descent d = {.here = &first, .there = &second, .work = &factored};
     fmfts_summary summary = {.status = FMFTS_INVALID, .chi2 = NAN, .residual_t = NAN};
     size_t values = FMFTS_VALUES(problem->magnet_count), columns = FMFTS_COLUMNS(problem->magnet_count);
     if (direction) {

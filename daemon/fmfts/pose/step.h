@@ -123,11 +123,18 @@ typedef struct {
     double slopes[FMFTS_AXES][FMFTS_STEP]; /* derivatives of the prediction by a step from `nearest` */
 } fmfts_step;
 
+/* alignment.c: what a count of an axis is. */
+typedef enum { FMFTS_A_FIELD, FMFTS_SATURATED, FMFTS_NO_COUNT } fmfts_counted;
+fmfts_counted fmfts_judge_count(const fmfts_pose_parameters *parameters, int count);
+
+/* alignment.c: the field in tesla of a count of this axis (0 to 2), NaN if it is none. */
+double fmfts_field_of_count(const fmfts_pose_parameters *parameters, unsigned gain_code, int axis, int count);
+
 /* alignment.c: takes the frame's samples into the memory, and interpolates them to one instant; notes what is
  * missing. */
 void fmfts_align(fmfts_step *step, const fmfts_frame *frame);
 
-/* alignment.c: excludes stuck sensors, subtracts the baseline, and adds up the deviations. */
+/* alignment.c: leaves out stuck axes, subtracts the baseline, and adds up the deviations. */
 void fmfts_subtract(fmfts_step *step);
 
 /* alignment.c: whether the time of the last change of field is unknown for a sample of any axis. */
