@@ -176,7 +176,8 @@ def fleet(browser: Browser, folder: Path) -> None:
         page.wait_for_timeout(3_000)
         robots.daemons["leg"].process.kill()
         page.wait_for_timeout(12_000)
-        keep(page.screenshot(clip={"x": 0, "y": 0, "width": 1440, "height": 470}), "fleet.png")
+        bottom = page.evaluate("document.querySelector('#robots').getBoundingClientRect().bottom")
+        keep(page.screenshot(clip={"x": 0, "y": 0, "width": 1440, "height": bottom + 12}), "fleet.png")
         page.context.close()
 
 

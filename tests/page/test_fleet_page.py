@@ -98,7 +98,7 @@ def test_worst_pad_is_named_with_its_reason_and_what_to_do(page: Page) -> None:
     said = card(page, "head")
     assert "1 disconnected, 1 ok" in said
     assert "0 of 220 Hz: too slow" in said
-    assert "right: disconnected: " in said
+    assert "right (disconnected): " in said
     assert "/dev/no-such-board" in said
     assert "What to do: plug it in" in said
     assert "none: all are well" in card(page, "arm")

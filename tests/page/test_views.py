@@ -193,6 +193,30 @@ def test_good_news_has_no_warning_mark(page: Page, bus: tuple[Bus, str]) -> None
     assert colours == ["rgb(0, 112, 79)", "rgb(180, 35, 24)"]
 
 
+SEVERAL = "(several) => { stage.classList.toggle('several', several); hand.hidden = !several; fmfts.dirty = true; }"
+
+
+@pytest.fixture
+def alone(shows: Callable[..., Page]) -> Iterator[Page]:
+    """The page as with one pad, at the width of half a screen."""
+    page = shows()
+    page.set_viewport_size({"width": 1000, "height": 900})
+    page.evaluate(SEVERAL, False)
+    page.evaluate(TWO_PICTURES)
+    yield page
+    page.evaluate(SEVERAL, True)
+
+
+def test_two_columns_leave_no_empty_quarter(alone: Page) -> None:
+    page = alone
+    pad, side, readings = (page.eval_on_selector(name, BOX) for name in ("#pad", "#side", "#readings"))
+    assert (pad[1], pad[3]) == pytest.approx((readings[1], readings[3]), abs=1.0)
+    assert (side[0], side[2]) == pytest.approx((pad[0], readings[2]), abs=1.0)
+    section, lens = (page.eval_on_selector(name, BOX) for name in ("#section", "#lens"))
+    assert section[2] < lens[0], "side by side"
+    assert section[1] == pytest.approx(lens[1], abs=1.0)
+
+
 @pytest.mark.parametrize("width", [390, 1024, 1440])
 def test_guide_covers_nothing_that_is_shown_now(page: Page, width: int) -> None:
     page.set_viewport_size({"width": width, "height": 900})

@@ -85,7 +85,7 @@ function showCard(robot) {
 
 function showWorst(place, advice, worst, isThere) {
   const words = worst ? wordsOf(worst, worst, "open") : null;
-  setText(place, words ? `${worst.pad}: ${[words.word, words.reason].filter(Boolean).join(": ")}` : isThere ? "none: all are well" : UNKNOWN);
+  setText(place, words ? [`${worst.pad} (${words.word})`, words.reason].filter(Boolean).join(": ") : isThere ? "none: all are well" : UNKNOWN);
   place.dataset.sound = String(!words);
   const help = words?.advice ? `What to do: ${words.advice}` : "";
   if (advice.dataset.text !== help) withCode(advice, (advice.dataset.text = help));
