@@ -129,8 +129,8 @@ SOLVER, FIELD, TABLE = "pose, then a network", "straight from field", "pose, the
 
 
 def contact_methods() -> Iterator[ContactMethod]:
-    yield ContactMethod(DAEMON, TABLE, partial(Whole, True))
-    yield ContactMethod("the daemon, refine = false", SOLVER, partial(Whole, False))
+    yield ContactMethod(DAEMON, SOLVER, partial(Whole, False))  # as it is configured by default
+    yield ContactMethod("the daemon, refine = true", TABLE, partial(Whole, True))
     yield ContactMethod("shipped ONNX", SOLVER, partial(_shipped, False))
     yield ContactMethod("shipped ONNX, refined", TABLE, partial(_shipped, True))
     yield ContactMethod("spline inversion", TABLE, _inversion)

@@ -27,7 +27,7 @@ MAPS_ACROSS = 4
 def figures(rows: Sequence[Row], default: str) -> Iterator[tuple[str, Figure]]:
     """Suffixes and figures: every method by dimension, by condition, and maps of the dimensions with two axes."""
     yield "", _overview(rows, default)
-    yield "-conditions", _conditions([row for row in rows if row["dimension"] not in PLANES], default)
+    yield "-conditions", _conditions(rows, default)
     for dimension in PLANES:
         own = [row for row in rows if row["dimension"] == dimension]
         if own:
@@ -105,7 +105,9 @@ def _told(rows: Sequence[Row], default: str) -> str:
 
 
 def _conditions(rows: Sequence[Row], default: str) -> Figure:
-    """Two columns, each with all methods, so that it is no taller than a screen."""
+    """Two columns, each with all methods, so that it is no taller than a screen. Dimensions with two axes have maps."""
+    mapped = len({(row["dimension"], row["condition"], row["second"]) for row in rows if row["dimension"] in PLANES})
+    rows = [row for row in rows if row["dimension"] not in PLANES]
     counted: dict[str, int] = {}
     for dimension, _ in dict.fromkeys((row["dimension"], row["condition"]) for row in rows):
         counted[str(dimension)] = counted.get(str(dimension), 0) + 1
@@ -120,7 +122,8 @@ def _conditions(rows: Sequence[Row], default: str) -> Figure:
         wrong[str(row["method"])] = wrong.get(str(row["method"]), 0) + bool(_counted([row], "wrong"))
     own, others = wrong.pop(default), sorted(wrong.values())
     title = f"Of {sum(counted.values())} conditions the daemon is wrong in {own}, others in {others[0]} to {others[-1]}"
-    figure = sheet(LINE_INCH * max(lines, sum(counted.values()) - lines) + HEAD_INCH, title, FOOT)
+    foot = f"{FOOT} {mapped} more conditions have maps of their own: {' and '.join(PLANES)}." if mapped else FOOT
+    figure = sheet(LINE_INCH * max(lines, sum(counted.values()) - lines) + HEAD_INCH, title, foot)
     for axes, first in zip(figure.subplots(1, 2), (True, False), strict=True):
         _condition_lines(axes, [row for row in rows if (row["dimension"] in left) == first])
     return figure

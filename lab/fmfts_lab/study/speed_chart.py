@@ -30,7 +30,7 @@ POSES = {
 }
 CONTACTS = {
     DAEMON: "the daemon",
-    "the daemon, refine = false": "the daemon, refine = false",
+    "the daemon, refine = true": "the daemon, refine = true",
     "shipped ONNX, refined": "the daemon's model from Python",
     "spline inversion": "spline through the table",
     "BP 20 of pose": "network of the pose, 20 neurons",
