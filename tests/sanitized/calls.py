@@ -345,7 +345,7 @@ def _fingers(random: np.random.Generator) -> None:
     from fmfts.several.fit import Fitter
     from fmfts.several.free_poses import free_poses
     from fmfts.several.poses import poses_of
-    from fmfts.several.valley import fitted_across
+    from fmfts.several.valley import valley_variance
 
     none = np.zeros(3)
     for sizes in ((4, 8, 48, 15, 1), (1, 2, 1, 4, 3), (9, 16, 96, 12, 8)):
@@ -362,9 +362,8 @@ def _fingers(random: np.random.Generator) -> None:
             fitter.best_single(root, measured)
             fitter.best_pairs(root, measured, 3)
             fitter.another(root, fit, measured)
-            directions = np.zeros((2, 3 * count))
-            directions[:, 0] = 1.0
-            fitted_across(fitter, fit, directions, directions, measured, np.full(3, 1e-5))
+            unsure = replace(fit, covariance=np.eye(3 * count))
+            valley_variance(fitter, unsure, measured, np.full(3, 1e-5))
             poses_of(fitter, fit, measured, none)
             free_poses(fitter.model, np.zeros(5 * sizes[0]), measured, none)
             fitter.model.covariance(fingers, fitter.model.predict(fingers), measured.variance_t2, none)

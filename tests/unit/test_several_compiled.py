@@ -288,3 +288,36 @@ def test_arrays_of_another_pad_are_refused() -> None:
     ):
         with pytest.raises(ValueError, match=r"array \d has \d+ bytes|another size"):
             refused()
+
+
+def test_root_is_computed_anew_where_anything_in_it_has_changed() -> None:
+    """A frame's fit, valley and poses share one root."""
+    fitter, random = Fitter(models_of(1, *USUAL)), np.random.default_rng(21)
+    fingers, ambient_t = fingers_of(random, 2), np.full(3, 3e-6)
+    measured = measured_of(random, fitter.model, fingers)
+    used = measured.used.copy()
+    used[3:6] = False
+    others = [
+        (fingers[::-1], measured, ambient_t),
+        (fingers[:1], measured, ambient_t),
+        (fingers, replace(measured, variance_t2=2.0 * measured.variance_t2), ambient_t),
+        (fingers, measured, -ambient_t),
+        (fingers, measured.only(used), ambient_t),
+        (fingers, measured.only(used[::-1]), ambient_t),
+        (fingers, replace(measured, foreign_t2=1e-13 * np.eye(len(used))), ambient_t),
+    ]
+    for other in others:
+        for case in ((fingers, measured, ambient_t), other, (fingers, measured, ambient_t)):
+            anew = Fitter(models_of(1, *USUAL)).whitener(*case)
+            np.testing.assert_array_equal(fitter.whitener(*case), anew)
+            np.testing.assert_array_equal(fitter.whitener(*case), anew)
+
+
+def test_root_after_a_fit_is_that_of_its_fingers() -> None:
+    fitter, random = Fitter(models_of(1, *USUAL)), np.random.default_rng(22)
+    for count in (0, 1, 2):
+        fingers = fingers_of(random, count)
+        measured = measured_of(random, fitter.model, fingers)
+        found = fitter.fit(fingers, measured, NONE)
+        anew = Fitter(models_of(1, *USUAL)).whitener(found.fingers, measured, NONE)
+        np.testing.assert_array_equal(fitter.whitener(found.fingers, measured, NONE), anew)

@@ -7,7 +7,6 @@ import numpy as np
 from fmfts.pipeline.several_frames import SeveralFrames
 from fmfts.several.count import resultant
 from fmfts.several.resultant import deviation_of, deviation_of_each, resultant_deviation
-from fmfts.several.valley import weakest
 from fmfts_lab.bench.several_world import BUILT, EXACT, Press, estimator_of, read_once, world
 
 # On the 49th of the pads that `bench several --above` builds: wrong by more than five deviations of the parabola.
@@ -63,20 +62,6 @@ def test_message_has_the_wider_deviations_of_each_finger() -> None:
     np.testing.assert_allclose(told, deviation_of_each(reading, reading.fit)[:, :2])
     assert (told > 1.2 * reading.fit.deviation[:, :2]).any()
     assert (told >= reading.fit.deviation[:, :2] * (1.0 - 1e-12)).all()
-
-
-def test_least_certain_direction_has_the_largest_variance() -> None:
-    random = np.random.default_rng(3)
-    for trial in range(50):
-        root = random.normal(0.0, 1.0, (6, 6)) if trial else np.eye(6)
-        covariance = root @ root.T
-        for first in (0, 3):
-            own = covariance[first : first + 2, first : first + 2]
-            variance, direction = weakest(covariance, first)
-            np.testing.assert_allclose(variance, np.linalg.eigvalsh(own)[-1])
-            np.testing.assert_allclose(direction @ covariance @ direction, variance)
-            np.testing.assert_allclose(direction @ direction, 1.0)
-            assert not np.delete(direction, [first, first + 1]).any()
 
 
 def test_two_fingers_that_are_well_known_keep_their_deviations() -> None:

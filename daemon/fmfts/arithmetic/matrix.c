@@ -1,23 +1,31 @@
 #include "matrix.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "wide.h"
 
 enum { MOST_SWEEPS = 60 };
 static const double ORTHOGONAL = 1e-15, ROUNDING = 0x1p-52;
 
-void fmfts_product(size_t m, size_t k, size_t n, const double *a, const double *b, double *out)
+FMFTS_WIDE void fmfts_product(size_t m, size_t k, size_t n, const double *a, const double *b, double *out)
 {
-    for (size_t i = 0; i < m; i++) {
-        double *row = out + i * n;
-        for (size_t j = 0; j < n; j++) {
-            row[j] = 0.0;
-        }
-        for (size_t l = 0; l < k; l++) {
-            for (size_t j = 0; j < n; j++) {
-                row[j] += a[i * k + l] * b[l * n + j];
+    for (size_t i = 0; i < m; i++, a += k, out += n) {
+        size_t j = 0;
+        for (; j + FMFTS_LANES <= n; j += FMFTS_LANES) {
+            fmfts_four sum = {0.0}, four;
+            for (size_t l = 0; l < k; l++) {
+                memcpy(&four, b + l * n + j, sizeof four);
+                sum += a[l] * four;
             }
+            memcpy(out + j, &sum, sizeof sum);
+        }
+        for (; j < n; j++) {
+            double sum = 0.0;
+            for (size_t l = 0; l < k; l++) {
+                sum += a[l] * b[l * n + j];
+            }
+            out[j] = sum;
         }
     }
 }
@@ -49,17 +57,40 @@ FMFTS_WIDE bool fmfts_cholesky(size_t n, double *a)
     return true;
 }
 
-FMFTS_WIDE void fmfts_solve_lower(size_t n, size_t columns, const double *l, double *x)
+/* As fmfts_solve_lower, of `few` columns from x on; inlined for each number that is asked for. */
+static inline void solve_few(size_t n, size_t columns, size_t few, const double *l, double *x)
 {
     for (size_t k = 0; k < n; k++) {
-        for (size_t c = 0; c < columns; c++) {
-            x[k * columns + c] /= l[k * n + k];
+        double own[FMFTS_LANES];
+        for (size_t c = 0; c < few; c++) {
+            own[c] = x[k * columns + c] /= l[k * n + k];
         }
         for (size_t i = k + 1; i < n; i++) {
-            for (size_t c = 0; c < columns; c++) {
-                x[i * columns + c] -= l[i * n + k] * x[k * columns + c];
+            for (size_t c = 0; c < few; c++) {
+                x[i * columns + c] -= l[i * n + k] * own[c];
             }
         }
+    }
+}
+
+FMFTS_WIDE void fmfts_solve_lower(size_t n, size_t columns, const double *l, double *x)
+{
+    size_t c = 0;
+    for (; c + FMFTS_LANES <= columns; c += FMFTS_LANES) {
+        solve_few(n, columns, FMFTS_LANES, l, x + c);
+    }
+    switch (columns - c) {
+    case 3:
+        solve_few(n, columns, 3, l, x + c);
+        break;
+    case 2:
+        solve_few(n, columns, 2, l, x + c);
+        break;
+    case 1:
+        solve_few(n, columns, 1, l, x + c);
+        break;
+    default:
+        break;
     }
 }
 

@@ -21,7 +21,7 @@ FMFTS_FUNCTION(poses)
         !have_doubles(&c, CHANGE, found, ALL - CHANGE)) {
         return NULL;
     }
-    const fmfts_fitted fitted = {fingers(&c, FINGERS), array(&c, COVARIANCE), array(&c, MISFIT)};
+    const fmfts_fitted fitted = {fingers(&c, FINGERS), array(&c, COVARIANCE), array(&c, MISFIT), 0.0};
     fmfts_poses poses = {
         .change = array(&c, CHANGE),
         .position = array(&c, POSITION),

@@ -86,26 +86,28 @@ FMFTS_FUNCTION(chi2_with)
     return told(refusal, chi2);
 }
 
-/* valley(model, work, search, fingers, away, direction, limits, field, variance, foreign, used, ambient, there, chi2) */
+/* valley(model, work, search, fingers, fingers_covariance, chi2, limits, field, variance, foreign, used, ambient, least): the number is
+ * how many fingers are uncertain. */
 FMFTS_FUNCTION(valley)
 {
-    enum { SEARCH = FIRST, FINGERS, AWAY, DIRECTION, LIMITS, FIELD, THERE = FIELD + 5, CHI2, ALL };
-    _Static_assert((int)ALL <= (int)FMFTS_MOST_ARRAYS, "more arrays than one call takes");
+    enum { SEARCH = FIRST, FINGERS, COVARIANCE, CHI2, LIMITS, FIELD, LEAST = FIELD + 5, ALL };
     call c = {.buffer = b};
     fmfts_search search;
     fmfts_measured measured;
-    if (!take(&c, args, THERE, ALL) || !understood(&c, FINGERS)) {
+    if (!take(&c, args, LEAST, ALL) || !understood(&c, FINGERS)) {
         return NULL;
     }
-    const size_t ways = (size_t)c.buffer[CHI2].len / (2 * sizeof(double)), all = ways * FMFTS_FINGER * c.fingers;
+    const size_t unknowns = FMFTS_FINGER * c.fingers, limits = sizeof(fmfts_valley_limits) / sizeof(double);
     if (!searches(&c, SEARCH, c.model.values, &search) || !measures_field(&c, FIELD, &measured) ||
-        !have_doubles(&c, AWAY, (size_t[]){all, all, sizeof(fmfts_valley_limits) / sizeof(double)}, FIELD - AWAY) ||
-        !have_doubles(&c, THERE, (size_t[]){2 * all, 2 * ways}, ALL - THERE)) {
+        !have_doubles(&c, COVARIANCE, (size_t[]){unknowns * unknowns, 1, limits}, FIELD - COVARIANCE) ||
+        !has_doubles(&c, LEAST, FMFTS_FINGER + unknowns)) {
         return NULL;
     }
-    fmfts_ways where = {ways,           array(&c, AWAY), array(&c, DIRECTION), array(&c, THERE), array(&c, CHI2),
-                        c.buffer[LIMITS].buf};
-    return told(fmfts_valley(&c.model, &search, fingers(&c, FINGERS), &measured, c.work, &where), 0.0);
+    const fmfts_fitter fitter = {&c.model, &search, c.work};
+    const fmfts_fitted fitted = {fingers(&c, FINGERS), array(&c, COVARIANCE), NULL, *array(&c, CHI2)};
+    fmfts_valley_found found = {0, array(&c, LEAST)};
+    fmfts_refusal refusal = fmfts_valley(&fitter, &fitted, &measured, c.buffer[LIMITS].buf, &found);
+    return told(refusal, (double)found.ways);
 }
 
 enum { SCANNED = 0, SCAN_ROOM = FIRST, SCAN_ROOT, SCAN_FIELD, SCAN_USED, SCAN_FOUND, SCAN_ALL };

@@ -13,7 +13,7 @@ static PyMethodDef methods[] = {
     FMFTS_METHOD(fit, "The most likely fingers; see fit.py."),
     FMFTS_METHOD(whitener, "The root of a covariance; see fit.py."),
     FMFTS_METHOD(chi2_with, "Chi-square under another covariance; see fit.py."),
-    FMFTS_METHOD(valley, "Fingers of which one is put elsewhere; see valley.py."),
+    FMFTS_METHOD(valley, "What a valley of chi-square leaves of deviations; see valley.py."),
     FMFTS_METHOD(best_single, "The best finger of the grid; see scan.py."),
     FMFTS_METHOD(best_pairs, "The best pairs of the grid; see scan.py."),
     FMFTS_METHOD(another, "One more finger at each place of the grid; see scan.py."),

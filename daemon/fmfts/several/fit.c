@@ -133,6 +133,7 @@ fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *
     if (!at) {
         return valued.refusal;
     }
+    fmfts_note_root(model, (fmfts_fingers){start.count, found->fingers}, measured, work, &work->rooted);
     fmfts_spread(search, unknowns, work, unused, found->covariance);
     fmfts_ambient_of(model, work, found->ambient_t);
     fmfts_shear_of(model, (fmfts_fingers){start.count, found->fingers}, found->covariance, work, found->shear_n,

@@ -74,6 +74,10 @@ bool fmfts_factored(size_t n, double *a, fmfts_refusal *refusal);
 bool fmfts_root_of(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted,
                    const fmfts_measured *measured, fmfts_several_work *work, fmfts_refusal *refusal);
 
+/* whitener.c: what the root at these fingers is of; not known if other pads' magnets are in it, too. */
+void fmfts_note_root(const fmfts_several *model, fmfts_fingers fingers, const fmfts_measured *measured, const fmfts_several_work *work,
+                     fmfts_rooted *rooted);
+
 /* whitener.c: white [used] = L⁻¹ · (measured − predicted). Returns its square, χ². */
 double fmfts_whiten(const fmfts_several_work *work, const double *root, const fmfts_measured *measured,
                     const double *predicted_t, double *white);
@@ -123,36 +127,41 @@ void fmfts_shear_of(const fmfts_several *model, fmfts_fingers fingers, const dou
 fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *search, fmfts_fingers start,
                                 const fmfts_measured *measured, fmfts_several_work *work, fmfts_found *found);
 
-/* whitener.c: as fmfts_root_of, with the prediction for these fingers. */
+/* whitener.c: as fmfts_root_of, with the prediction for these fingers; does nothing where the root already is of them. */
 fmfts_refusal fmfts_whitener(const fmfts_several *model, fmfts_fingers fingers, const fmfts_measured *measured,
                              fmfts_several_work *work);
 
 fmfts_refusal fmfts_chi2_with(const fmfts_several *model, const double *root, fmfts_fingers fingers,
                               const fmfts_measured *measured, fmfts_several_work *work, double *chi2);
 
-/* valley.py's STEPS and LEAST_FORCE_N. */
-typedef struct {
-    double steps, least_force_n;
-} fmfts_valley_limits;
-
-/* away, direction [count][3·fingers]. there [count][2][3·fingers], chi2 [count][2]: what is found. */
-typedef struct {
-    size_t count;
-    const double *away, *direction;
-    double *there, *chi2;
-    const fmfts_valley_limits *limits;
-} fmfts_ways;
-
-/* valley.c: the most likely fingers that are `away` from `fingers` along `direction`, to either side, under the covariance at
- * `fingers`, and their χ², infinite where there are none. */
-fmfts_refusal fmfts_valley(const fmfts_several *model, const fmfts_search *search, fmfts_fingers fingers,
-                           const fmfts_measured *measured, fmfts_several_work *work, const fmfts_ways *ways);
-
 /* Of Fit: covariance [3·fingers][3·fingers], misfit_t [values]. */
 typedef struct {
     fmfts_fingers fingers;
     const double *covariance, *misfit_t;
+    double chi2;
 } fmfts_fitted;
+
+/* As Fitter. */
+typedef struct {
+    const fmfts_several *model;
+    const fmfts_search *search;
+    fmfts_several_work *work;
+} fmfts_fitter;
+
+/* valley.py's LIMITS. */
+typedef struct {
+    double steps, least_force_n, away, least_rise, unsure_mm;
+} fmfts_valley_limits;
+
+/* ways: fingers that are uncertain. least [1 + fingers][3]: variances. */
+typedef struct {
+    size_t ways;
+    double *least;
+} fmfts_valley_found;
+
+/* valley.c: misfit_t is not needed. */
+fmfts_refusal fmfts_valley(const fmfts_fitter *fitter, const fmfts_fitted *fitted, const fmfts_measured *measured,
+                           const fmfts_valley_limits *limits, fmfts_valley_found *found);
 
 /* As Poses, and position and axis [magnets][3] after the change; the caller provides the arrays. used: number of
  * present values. */

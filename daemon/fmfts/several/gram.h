@@ -5,10 +5,7 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "several.h"
-
-/* Four doubles: one register or two. The compiler does not vectorise this by itself. */
-typedef double fmfts_four __attribute__((vector_size(FMFTS_LANES * sizeof(double))));
+#include "../arithmetic/wide.h"
 
 /* sum[i][j] = Σ_k a[k · a_stride + i] · b[k · b_stride + j], added up from k = 0. */
 static inline void fmfts_gram(size_t count, const double *a, size_t a_stride, const double *b, size_t b_stride,

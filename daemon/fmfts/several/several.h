@@ -10,6 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "../arithmetic/wide.h" /* FMFTS_LANES: rows of factors are padded to a multiple of it */
 #include "../common/fields.h"
 #include "../contact/press_table.h"
 
@@ -21,8 +22,6 @@ enum {
     FMFTS_SEVERAL_TERMS = FMFTS_TABLE_TERMS,
     FMFTS_SEVERAL_PLACES = 31 * 31,
     FMFTS_SEVERAL_STARTS = 8,
-
-    FMFTS_LANES = 4, /* rows of factors are padded to a multiple of this */
 
     FMFTS_SEVERAL_VALUES = 3 * FMFTS_SEVERAL_SENSORS,
     FMFTS_SEVERAL_POSES = FMFTS_POSE_CHANGE * FMFTS_SEVERAL_MAGNETS,
@@ -101,6 +100,13 @@ typedef struct {
     double by_ambient[6][FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_VALUES];
 } fmfts_at_rest;
 
+/* What the root in a work space is of; a frame's fit, valley and poses are of the same fingers. known: 0 where it is of
+ * something else. */
+typedef struct {
+    size_t known, fingers, used, index[FMFTS_SEVERAL_VALUES];
+    double of[FMFTS_SEVERAL_UNKNOWNS], ambient_t[3], variance_t2[FMFTS_SEVERAL_VALUES];
+} fmfts_rooted;
+
 /* What one Fitter computes in, for one model. */
 typedef struct {
     fmfts_predicted predicted[2];
@@ -111,6 +117,7 @@ typedef struct {
     double slope[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_UNKNOWNS];  /* [used][3·fingers], white */
     double white[FMFTS_SEVERAL_VALUES];                           /* [used] */
     size_t used, index[FMFTS_SEVERAL_VALUES];                     /* the values that there are */
+    fmfts_rooted rooted;
     fmfts_at_rest at_rest;
 } fmfts_several_work;
 

@@ -1,9 +1,11 @@
-/* The fingers when one of them is held elsewhere: valley.py explains it. */
+/* What a valley of χ² leaves of the fingers' deviations: valley.py explains it. */
 #include "fit.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "../arithmetic/matrix.h"
+#include "resultant.h"
 
 /* Keeps number `i` of the fingers on the table, and a force at least as large as what still presses. */
 static double on_the_table(const fmfts_search *search, double least_force_n, size_t i, double value)
@@ -69,26 +71,65 @@ static double fitted_across(const course *c, size_t fingers, const double *direc
     return fmfts_whiten(work, work->root, c->measured, predicted->field, work->white);
 }
 
-fmfts_refusal fmfts_valley(const fmfts_several *model, const fmfts_search *search, fmfts_fingers fingers,
-                           const fmfts_measured *measured, fmfts_several_work *work, const fmfts_ways *ways)
+/* The largest variance (mm²) in any direction of the place whose x is number `first`, and this direction [n]. */
+static double weakest(size_t n, const double *covariance, size_t first, double *direction)
 {
-    const course c = {model, search, measured, ways->limits, work};
-    size_t unknowns = FMFTS_FINGER * fingers.count;
-    fmfts_refusal refusal = fmfts_whitener(model, fingers, measured, work);
-    if (refusal.kind != FMFTS_FINE) {
-        return refusal;
+    double along_x = covariance[(n + 1) * first], along_y = covariance[(n + 1) * (first + 1)];
+    double both = covariance[n * first + first + 1], half = 0.5 * (along_x - along_y), root = sqrt(half * half + both * both);
+    double x = half >= 0.0 ? half + root : both, y = half >= 0.0 ? both : root - half, size = sqrt(x * x + y * y);
+    memset(direction, 0, n * sizeof(double));
+    direction[first] = size > 0.0 ? x / size : 1.0;
+    direction[first + 1] = size > 0.0 ? y / size : 0.0;
+    return 0.5 * (along_x + along_y) + root;
+}
+
+/* Raises `least` to what the fingers at `moved`, whose χ² is `rise` higher, tell of the resultant and of each finger. */
+static void widen(fmfts_fingers fingers, const double *moved, double rise, double *least)
+{
+    double before[FMFTS_FINGER], after[FMFTS_FINGER];
+    fmfts_resultant(fingers.count, fingers.at, before);
+    fmfts_resultant(fingers.count, moved, after);
+    for (size_t i = 0; i < FMFTS_FINGER * (1 + fingers.count); i++) {
+        double off = i < FMFTS_FINGER ? after[i] - before[i] : moved[i - FMFTS_FINGER] - fingers.at[i - FMFTS_FINGER];
+        least[i] = fmax(least[i], off * off / rise);
     }
-    if (!fmfts_finite(ways->count * unknowns, ways->away) || !fmfts_finite(ways->count * unknowns, ways->direction)) {
+}
+
+fmfts_refusal fmfts_valley(const fmfts_fitter *fitter, const fmfts_fitted *fitted, const fmfts_measured *measured,
+                           const fmfts_valley_limits *limits, fmfts_valley_found *found)
+{
+    const course c = {fitter->model, fitter->search, measured, limits, fitter->work};
+    const fmfts_fingers fingers = fitted->fingers;
+    const size_t unknowns = FMFTS_FINGER * fingers.count;
+    double direction[FMFTS_SEVERAL_UNKNOWNS], away[FMFTS_SEVERAL_UNKNOWNS], moved[FMFTS_SEVERAL_UNKNOWNS];
+    fmfts_refusal refusal = {FMFTS_FINE, 0};
+    if (!fmfts_finite(unknowns * unknowns, fitted->covariance)) {
         return (fmfts_refusal){FMFTS_NOT_FINITE, 0};
     }
-    for (size_t side = 0; side < 2 * ways->count; side++) {
-        const double *step = ways->away + side / 2 * unknowns;
-        double *moved = ways->there + side * unknowns;
-        for (size_t i = 0; i < unknowns; i++) {
-            double to = side % 2 ? fingers.at[i] - step[i] : fingers.at[i] + step[i];
-            moved[i] = on_the_table(search, ways->limits->least_force_n, i, to);
+    found->ways = 0;
+    memset(found->least, 0, (FMFTS_FINGER + unknowns) * sizeof(double));
+    for (size_t first = 0; first < unknowns; first += FMFTS_FINGER) {
+        double variance = weakest(unknowns, fitted->covariance, first, direction);
+        if (variance <= limits->unsure_mm * limits->unsure_mm) {
+            continue;
         }
-        ways->chi2[side] = fitted_across(&c, fingers.count, ways->direction + side / 2 * unknowns, moved);
+        if (!found->ways++) {
+            refusal = fmfts_whitener(c.model, fingers, measured, c.work);
+        }
+        if (refusal.kind != FMFTS_FINE) {
+            return refusal;
+        }
+        fmfts_product(unknowns, unknowns, 1, fitted->covariance, direction, away);
+        for (int side = 1; side >= -1; side -= 2) {
+            for (size_t i = 0; i < unknowns; i++) {
+                double to = fingers.at[i] + side * (away[i] * (limits->away / sqrt(variance)));
+                moved[i] = on_the_table(c.search, limits->least_force_n, i, to);
+            }
+            double chi2 = fitted_across(&c, fingers.count, direction, moved);
+            if (isfinite(chi2)) {
+                widen(fingers, moved, fmax(chi2 - fitted->chi2, limits->least_rise), found->least);
+            }
+        }
     }
     return refusal;
 }

@@ -34,6 +34,7 @@ bool fmfts_factored(size_t n, double *a, fmfts_refusal *refusal)
 bool fmfts_root_of(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted,
                    const fmfts_measured *measured, fmfts_several_work *work, fmfts_refusal *refusal)
 {
+    work->rooted.known = 0;
     fmfts_several_covariance(model, fingers, predicted, measured->variance_t2, measured->ambient_t, work);
     for (size_t i = 0; i < work->used; i++) {
         for (size_t j = 0; j < work->used; j++) {
@@ -72,14 +73,36 @@ static bool are_finite(fmfts_fingers fingers)
     return fmfts_finite(FMFTS_FINGER * fingers.count, fingers.at);
 }
 
+void fmfts_note_root(const fmfts_several *model, fmfts_fingers fingers, const fmfts_measured *measured, const fmfts_several_work *work,
+                     fmfts_rooted *rooted)
+{
+    memset(rooted, 0, sizeof *rooted);
+    rooted->known = !measured->foreign_t2;
+    rooted->fingers = fingers.count;
+    rooted->used = work->used;
+    memcpy(rooted->index, work->index, work->used * sizeof(size_t));
+    for (size_t i = 0; i < FMFTS_FINGER * fingers.count; i++) {
+        rooted->of[i] = fingers.at[i];
+    }
+    memcpy(rooted->ambient_t, measured->ambient_t, sizeof rooted->ambient_t);
+    memcpy(rooted->variance_t2, measured->variance_t2, model->values * sizeof(double));
+}
+
 fmfts_refusal fmfts_whitener(const fmfts_several *model, fmfts_fingers fingers, const fmfts_measured *measured,
                              fmfts_several_work *work)
 {
     fmfts_refusal refusal = {FMFTS_NOT_FINITE, 0};
+    fmfts_rooted wanted;
     if (fmfts_list_used(model->values, measured, work) && are_finite(fingers) && fmfts_finite(3, measured->ambient_t)) {
         refusal.kind = FMFTS_FINE;
+        fmfts_note_root(model, fingers, measured, work, &wanted);
+        if (wanted.known && !memcmp(&wanted, &work->rooted, sizeof wanted)) {
+            return refusal;
+        }
         const fmfts_predicted *predicted = &work->predicted[fmfts_predict_in(model, fingers, work)];
-        fmfts_root_of(model, fingers, predicted, measured, work, &refusal);
+        if (fmfts_root_of(model, fingers, predicted, measured, work, &refusal)) {
+            memcpy(&work->rooted, &wanted, sizeof wanted);
+        }
     }
     return refusal;
 }
