@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from fmfts.pad import Array
 from fmfts.several import _several
-from fmfts.several.since_rest import present
 
 
 @pytest.mark.parametrize("with_others", [False, True])
@@ -15,28 +16,44 @@ def test_change_and_variance_follow_their_equation(with_others: bool) -> None:
     field, bend, gain, offset, noise, rest = random.uniform(0.5, 2.0, (6, 8, 3))
     share = random.uniform(0.5, 2.0, (8, 1))
     recent, now, foreign = random.uniform(0.0, 1.0, (3, 24))
-    there = random.uniform(size=(8, 3)) < 0.8
-    field[~there], bend[2, 1] = np.nan, np.nan
-    change, variance = np.empty(24), np.empty(24)
+    now *= random.choice([-1.0, 1.0], 24)
+    there, wanted = np.empty(24, dtype=np.bool_), random.uniform(size=(8, 3)) < 0.8
+    field[~wanted], bend[2, 1] = np.nan, np.nan
+    change, variance, left = np.empty(24), np.empty(24), recent.copy()
     others = (foreign, now) if with_others else (None, None)
-    _several.since_rest(
-        field, bend, gain, offset, noise, rest, recent, change, variance, share, there, *others, 0.98, 0.1
-    )
-    own = np.where(there, field, 0.0) / gain - offset - (foreign.reshape(8, 3) if with_others else 0.0)
-    left = 0.1 * np.maximum(recent - (now if with_others else 0.0), 0.0)
+    at_rest = gain, offset, noise, rest, np.full((8, 3), np.inf)
+    repeats = np.zeros((8, 3), dtype=np.int64)
+    out = left, change, variance, share, repeats, there
+    _several.since_rest(field, bend, *at_rest, *out, *others, 0.98, 0.1, 1.25)
+    own = np.where(wanted, field, 0.0) / gain - offset - (foreign.reshape(8, 3) if with_others else 0.0)
+    crept = 0.1 * np.maximum(recent / 1.25 - (np.abs(now) if with_others else 0.0), 0.0)
     expected = np.square(noise * share / gain) + np.square(np.nan_to_num(bend))
     np.testing.assert_allclose(change, (own / 0.98 - rest).ravel(), rtol=1e-14, atol=1e-15)
-    np.testing.assert_allclose(variance, expected.ravel() + np.square(left), rtol=1e-14)
+    np.testing.assert_allclose(variance, expected.ravel() + np.square(crept), rtol=1e-14)
+    np.testing.assert_allclose(left, recent / 1.25, rtol=1e-15)
+    np.testing.assert_array_equal(there, wanted.ravel())
+
+
+def rested(field: Array, repeats: NDArray[np.int64], bend: Array) -> tuple[NDArray[np.bool_], bool]:
+    """Which values there are, and whether the field jumped. An axis may repeat a value five times."""
+    one, there, room = np.ones((2, 3)), np.empty(6, dtype=np.bool_), np.empty((3, 6))
+    others = one, one, one, one, np.full((2, 3), 5.0), *room, np.ones((2, 1)), repeats, there
+    jumped = _several.since_rest(field, bend, *others, None, None, 1.0, 0.1, 1.0)
+    return there.reshape(2, 3), jumped
 
 
 def test_value_is_there_if_finite_and_not_stuck() -> None:
-    field, repeats, allowed = np.ones((2, 3)), np.zeros((2, 3), dtype=np.int64), np.array([[5, 5, 5]] * 2)
-    assert present(field, repeats, allowed)[1]
+    field, repeats, straight = np.ones((2, 3)), np.zeros((2, 3), dtype=np.int64), np.zeros((2, 3))
+    assert rested(field, repeats, straight)[0].all()
     field[0, 1], repeats[1, 2], repeats[1, 0] = np.nan, 6, 5
-    there, is_whole = present(field, repeats, allowed)
-    assert there.tolist() == [[True, False, True], [True, True, False]]
-    assert not is_whole
-    with pytest.raises(ValueError, match="array 0 has 48 bytes"):
-        _several.list_present(
-            field, np.ones((3, 3)), np.zeros((3, 3), dtype=np.int64), np.empty((3, 3), dtype=np.bool_)
-        )
+    assert rested(field, repeats, straight)[0].tolist() == [[True, False, True], [True, True, False]]
+    with pytest.raises(ValueError, match="array 1 has 72 bytes, 6 doubles"):
+        rested(field, repeats, np.zeros((3, 3)))
+
+
+def test_field_jumps_between_samples_that_are_far_off_their_line() -> None:
+    field, repeats = np.ones((2, 3)), np.zeros((2, 3), dtype=np.int64)
+    for bend_t, jumps in ((2.4e-5, False), (2.6e-5, True), (np.nan, False)):
+        bend = np.zeros((2, 3))
+        bend[1, 1] = bend_t
+        assert rested(field, repeats, bend)[1] is jumps

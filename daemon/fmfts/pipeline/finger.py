@@ -76,6 +76,10 @@ class FollowedFinger:
 
         self._buffer = self._memory.buffer
         self._linear = self._memory["ahead_t"][:values], self._memory["by_finger"][: 3 * values]
+        head = "pressing", "places", "instant_us", "motion_us"
+        self._pressing, self._places, self._instant_us, self._motion_us = (self._memory[name] for name in head)
+        self._finger, self._covariance = self._memory["finger"], self._memory["finger_covariance"]
+        self._deviation, self._motion = self._memory["finger_deviation"], self._memory["motion_state"]
         self._numbers = np.array([1.0, LIGHT_N])
         self._rest_t = mounting.rest_field_t.ravel()
         self._quiet = np.array([0.0, 0.0, estimator.quiet_force_sd_n])
@@ -99,16 +103,16 @@ class FollowedFinger:
     ) -> bool:
         """Whether `compiled` knows the contact when the message of a frame is published. newest_t (N, 3): its
         samples."""
-        memory, fit = self._memory, reading.fit
+        fit = reading.fit
         if fit is None or reading.health != "ok" or reading.over_range or len(fit.fingers) > 1 or aligned.leap_us:
             self.forget()
             return False
-        pressed = len(fit.fingers) > 0
-        memory.fill({"pressing": float(pressed), "places": float(pressed), "instant_us": float(aligned.time_us)})
+        self._pressing[()] = self._places[()] = pressed = len(fit.fingers)
+        self._instant_us[()] = aligned.time_us
         if pressed:
             self._put(reading.measured, fit, deviation_of_each(reading, fit)[0], frame)
         else:
-            memory["finger_deviation"][:] = self._quiet
+            self._deviation[:] = self._quiet
             newer_t = newest_t - aligned.field_t
             if (np.abs(newer_t) > self._sure_t).any():
                 self._look_ahead(reading.measured, newer_t, frame)
@@ -123,24 +127,20 @@ class FollowedFinger:
         newest = replace(measured, field_t=change_t, variance_t2=square(mounting.noise_t / mounting.gain).ravel())
         found = self._estimator.appears(newest)
         if found is not None:
-            self._memory.put("pressing", PRESSING)
+            self._pressing[()] = PRESSING
             self._put(newest, found, found.deviation[0], frame)
 
     def _put(self, measured: Measured | None, fit: Fit, deviation: Array, frame: Frame) -> None:
         """The field is linear at the finger where the newest samples should find it: at a tap it has moved on since the
         frame's instant."""
         assert measured is not None
-        memory, model = self._memory, self._estimator.fitter.model
-        there, began_us = fit.fingers, memory.number("motion_us")
+        there, model, began_us = fit.fingers, self._estimator.fitter.model, self._motion_us.item()
         if began_us > 0.0:
-            moved = memory["motion_state"]
             ahead_s = min(max((frame.device_time_us - began_us) * 1e-6, 0.0), LONGEST_AHEAD_S)
-            there = moved[:3].copy()  # the rates of its place are poorly known
-            there[2] = max(there[2] + ahead_s * moved[7], 0.0)
+            there = self._motion[:3].copy()  # the rates of its place are poorly known
+            there[2] = max(there[2] + ahead_s * self._motion[7], 0.0)
         self._numbers[0] = self._estimator.moment
-        memory["finger"][:] = there.ravel()
-        memory["finger_covariance"][:] = fit.covariance.ravel()
-        memory["finger_deviation"][:] = deviation
+        self._finger[:], self._covariance[:], self._deviation[:] = there.ravel(), fit.covariance.ravel(), deviation
         found = fit.fingers, measured.field_t, fit.noise_t, fit.misfit_t, fit.slope_t, fit.ambient_t
         _several.ahead(model.packed, model.work, *found, self._rest_t, there, self._numbers, *self._linear)
 

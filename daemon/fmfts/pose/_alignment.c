@@ -179,7 +179,6 @@ static const struct {
     const char *name;
     double value;
 } LIMITS[] = {
-    {"JUMP_T", FMFTS_JUMP_T},
     {"LONGEST_GAP_US", FMFTS_LONGEST_GAP_US},
     {"VAGUE_M", FMFTS_VAGUE_M},
     {"REACH_M", FMFTS_REACH_M},

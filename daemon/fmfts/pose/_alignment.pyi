@@ -29,7 +29,6 @@ def leap_us(
 ) -> int: ...
 def posture(newest: float, later_s: float, /) -> tuple[float, float, float, str]: ...
 
-JUMP_T: float
 LONGEST_GAP_US: float
 VAGUE_M: float
 REACH_M: float

@@ -124,11 +124,6 @@ class Alignment:
         return Aligned(field, share, bend, instant_us, repeats, is_old, began_anew)
 
 
-def has_jumped(aligned: Aligned) -> bool:
-    """Whether the time of the last change of field is unknown for a sample of any axis."""
-    return bool((aligned.bend_t > _alignment.JUMP_T / 2.0).any())
-
-
 def repeats_allowed(noise_t: Array, step_t: Array | float) -> Array:
     """How often in a row (N, 3) a healthy axis may repeat one value; an axis that repeats it more often is stuck.
 

@@ -157,7 +157,6 @@ PyObject *fmfts_py_free_poses(PyObject *module, PyObject *args);
 
 /* _since_rest.c */
 PyObject *fmfts_py_since_rest(PyObject *module, PyObject *args);
-PyObject *fmfts_py_list_present(PyObject *module, PyObject *args);
 
 /* _search.c */
 PyObject *fmfts_py_fit(PyObject *module, PyObject *args);

@@ -19,7 +19,6 @@ static PyMethodDef methods[] = {
     FMFTS_METHOD(another, "One more finger at each place of the grid; see scan.py."),
     FMFTS_METHOD(resultant, "What several fingers press with together; see resultant.py."),
     FMFTS_METHOD(since_rest, "How the magnets' field has changed; see since_rest.py."),
-    FMFTS_METHOD(list_present, "Which values can be used; see since_rest.py."),
     {NULL, NULL, 0, NULL},
 };
 

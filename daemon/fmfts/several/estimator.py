@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import SingularError
 from fmfts.pose import Aligned
-from fmfts.pose.alignment import has_jumped
 from fmfts.pose.magnets import CHANGE, Magnets
 from fmfts.pose.neighbour import NeighbourEstimate
 from fmfts.pose.observable import needed_values
@@ -30,7 +29,7 @@ from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.scan import Another
 from fmfts.several.sighted import sighted
-from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth
+from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth, begun
 from fmfts.several.trust import trusted
 from fmfts.several.valley import valley_variance
 
@@ -130,10 +129,11 @@ class FingersEstimator:
         """Judge one aligned frame. missing: what is wrong with sensors that cannot be used. neighbours: the magnets of
         other pads at the time of this frame. may_search: it may search for fingers, which takes long."""
         memory = self.memory
-        elapsed_s, there = self._since_rest.begun(aligned, memory, self._longest_gap_s, self._counter.forget)
+        elapsed_s = begun(aligned, memory, self._longest_gap_s, self._counter.forget)
         memory.recovery.pass_time(elapsed_s, pressed=memory.counter.count > 0)
-        now_t = np.abs(self.fitter.model.field_of(memory.counter.fingers)) if memory.counter.count else None
-        measured = self._since_rest.measured(aligned, temperature_c, there, neighbours, memory, now_t)
+        now_t = self.fitter.model.field_of(memory.counter.fingers) if memory.counter.count else None
+        measured, jumped = self._since_rest.measured(aligned, temperature_c, neighbours, memory, elapsed_s, now_t)
+        there = measured.used.reshape(-1, 3)
         left_out, used = memory.left_out, there.copy()
         if left_out >= 0:
             used[left_out] = False
@@ -145,7 +145,7 @@ class FingersEstimator:
         except SingularError:
             self._counter.forget()
             return FingersReading("lost", reasons.UNDETERMINED, used)
-        return trusted(reading, memory, has_jumped(aligned))
+        return trusted(reading, memory, jumped)
 
     def _judged(
         self, measured: Measured, used: Mask, there: Mask, missing: Mapping[int, str], may_search: bool

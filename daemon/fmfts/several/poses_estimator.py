@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.matrix import SingularError
 from fmfts.contact.touch import TouchDetector
 from fmfts.pose import Aligned
-from fmfts.pose.alignment import has_jumped
 from fmfts.pose.magnets import CHANGE
 from fmfts.pose.neighbour import NeighbourEstimate
 from fmfts.pose.observable import FEWEST_SPARE, taken_values
 from fmfts.pose.state import Neighbour
 from fmfts.several import reasons, searches
+from fmfts.several.arrays import doubles
 from fmfts.several.count import Search
 from fmfts.several.field_model import FieldModel
 from fmfts.several.free_poses import FreePoses, free_poses, is_explained
@@ -29,7 +29,7 @@ from fmfts.several.odd_sensor import note_agreement
 from fmfts.several.reading import PosesMemory, PosesReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.sighted import sighted
-from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth
+from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth, begun
 from fmfts.several.trust import trusted
 
 Array = NDArray[np.float64]
@@ -74,9 +74,11 @@ class PosesEstimator:
     ) -> PosesReading:
         """Judge one aligned frame; parameters as of FingersEstimator.read."""
         memory = self.memory
-        elapsed_s, there = self._since_rest.begun(aligned, memory, self._touch.longest_gap_s, self._touch.forget)
+        elapsed_s = begun(aligned, memory, self._touch.longest_gap_s, self._touch.forget)
         memory.recovery.pass_time(elapsed_s, pressed=memory.touch.touched)
-        measured = self._since_rest.measured(aligned, temperature_c, there, neighbours, memory, memory.now_t)
+        now_t = doubles(memory.now_t)
+        measured, jumped = self._since_rest.measured(aligned, temperature_c, neighbours, memory, elapsed_s, now_t)
+        there = measured.used.reshape(-1, 3)
         used = there.copy()
         if memory.left_out >= 0:
             used[memory.left_out] = False
@@ -90,7 +92,7 @@ class PosesEstimator:
         except SingularError:
             self._touch.unseen()
             return PosesReading("lost", reasons.POSES_UNDETERMINED, used)
-        return trusted(reading, memory, has_jumped(aligned))
+        return trusted(reading, memory, jumped)
 
     def _judged(
         self, measured: Measured, used: Mask, there: Mask, missing: Mapping[int, str], may_search: bool

@@ -24,7 +24,10 @@ class Recovery:
 
     def pass_time(self, elapsed_s: float, pressed: bool) -> None:
         self.held_s = max(self.held_s + (elapsed_s if pressed else -elapsed_s), 0.0)
-        self.recent_t = self.recent_t / (1.0 + elapsed_s / (RECOVERY_S + self.held_s))
+
+    def decay(self, elapsed_s: float) -> float:
+        """What divides `recent_t` after this time."""
+        return 1.0 + elapsed_s / (RECOVERY_S + self.held_s)
 
     def remember(self, change_t: Array) -> None:
         """change_t (3N,): the present change of the field by fingers."""

@@ -3,28 +3,24 @@
 
 #include <math.h>
 
-void fmfts_since_rest(size_t values, const fmfts_rest_samples *s, double moment, double creep, double *change_t,
-                      double *variance_t2)
+#include "../pose/push.h"
+
+bool fmfts_since_rest(size_t values, const fmfts_rest_samples *s, const fmfts_rest_change *found)
 {
+    bool has_jumped = false;
     for (size_t v = 0; v < values; v++) {
-        double own = (s->there[v] ? s->field_t[v] : 0.0) / s->gain[v] - s->offset_t[v];
-        double before = s->recent_t[v] - (s->now_t ? s->now_t[v] : 0.0);
+        found->there[v] = isfinite(s->field_t[v]) && (double)s->repeats[v] <= s->allowed[v];
+        found->recent_t[v] /= s->decay;
+        double own = (found->there[v] ? s->field_t[v] : 0.0) / s->gain[v] - s->offset_t[v];
+        double before = found->recent_t[v] - (s->now_t ? fabs(s->now_t[v]) : 0.0);
         double noise = s->noise_t[v] * s->noise_share[v / 3] / s->gain[v];
-        double bend = isfinite(s->bend_t[v]) ? s->bend_t[v] : 0.0, left = creep * (before > 0.0 ? before : 0.0);
+        double bend = isfinite(s->bend_t[v]) ? s->bend_t[v] : 0.0, left = s->creep * (before > 0.0 ? before : 0.0);
         if (s->foreign_t) {
             own -= s->foreign_t[v];
         }
-        change_t[v] = own / moment - s->rest_t[v];
-        variance_t2[v] = (noise * noise + bend * bend) + left * left;
+        has_jumped = has_jumped || s->bend_t[v] > FMFTS_JUMP_T / 2.0;
+        found->change_t[v] = own / s->moment - s->rest_t[v];
+        found->variance_t2[v] = (noise * noise + bend * bend) + left * left;
     }
-}
-
-bool fmfts_list_present(size_t values, const double *field_t, const int64_t *repeats, const double *allowed, uint8_t *there)
-{
-    bool all = true;
-    for (size_t v = 0; v < values; v++) {
-        there[v] = isfinite(field_t[v]) && (double)repeats[v] <= allowed[v];
-        all = all && there[v];
-    }
-    return all;
+    return has_jumped;
 }

@@ -19,7 +19,6 @@ from fmfts.several.measured import Measured
 from fmfts.several.recovery import Recovery
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class RestMemory(Protocol):
@@ -46,36 +45,26 @@ class SinceRest:
     """Subtracts the baseline, at its temperature, and what neighbouring pads do to the field."""
 
     def __init__(self, pad: Pad, mounting: ArrayMounting, repeats_allowed: Array, warmth: Warmth) -> None:
-        self._mounting, self._allowed, self._warmth = mounting, repeats_allowed, warmth
-        at_rest = mounting.gain, mounting.offset_t, mounting.noise_t, mounting.rest_field_t
+        self._mounting, self._warmth = mounting, warmth
+        at_rest = mounting.gain, mounting.offset_t, mounting.noise_t, mounting.rest_field_t, repeats_allowed
         self._rest = [doubles(each) for each in at_rest]
         # By which share of its force the silicone may have crept.
         self.silicone = float(root_of_squares(pad.silicone.creep_per_decade, pad.silicone.hysteresis))
         # Of the last frame: the change of the field around, and the factor on the magnets' moments.
         self.around_t, self.moment = np.zeros(3), 1.0
 
-    def begun(
-        self, aligned: Aligned, memory: RestMemory, longest_gap_s: float, forget: Callable[[], None]
-    ) -> tuple[float, Mask]:
-        """The time since the last frame, and which values (N, 3) are there. After a longer gap, or where the board's
-        clock began anew, `forget` ends the touch."""
-        elapsed_s = aligned.elapsed_s(memory.last_us)
-        memory.last_us = aligned.time_us
-        if elapsed_s > longest_gap_s or aligned.began_anew:
-            forget()
-        return elapsed_s, present(aligned.field_t, aligned.repeats, self._allowed)[0]
-
     def measured(
         self,
         aligned: Aligned,
         temperature_c: float | None,
-        there: Mask,
         neighbours: Sequence[NeighbourEstimate],
         memory: RestMemory,
+        elapsed_s: float,
         now_t: Array | None,
-    ) -> Measured:
+    ) -> tuple[Measured, bool]:
         """The change is (field / gain − offset − neighbours) / moment − rest. Its variance is that of noise, of what a
-        sample is older or younger than the frame (bend), and of what earlier presses left in the silicone.
+        sample is older or younger than the frame (bend), and of what earlier presses left in the silicone. The second:
+        whether some samples are from before a jump of the field, some from after it.
 
         now_t (3N,): by how much presses change the field now; None: nothing presses, or it is not known."""
         mounting, first_c = self._mounting, self._warmth.rest_c
@@ -88,25 +77,33 @@ class SinceRest:
             foreign_t2 = of_neighbours_t2 if foreign_t2 is None else foreign_t2 + of_neighbours_t2
             # Rotated chips also misread the neighbours' field, which is about uniform over the pad.
             self.around_t = memory.ambient_t + mounting.sensors.to_pad(foreign_t).mean(axis=0)
-        change_t, variance_t2 = np.empty(there.size), np.empty(there.size)
-        _several.since_rest(
+        values, recovery = aligned.field_t.size, memory.recovery
+        recovery.recent_t = recent_t = recovery.recent_t.copy()
+        change_t, variance_t2, there = np.empty(values), np.empty(values), np.empty(values, dtype=np.bool_)
+        has_jumped = _several.since_rest(
             doubles(aligned.field_t),
             doubles(aligned.bend_t),
             *self._rest,
-            doubles(memory.recovery.recent_t),
+            recent_t,
             change_t,
             variance_t2,
             doubles(aligned.noise_share),
+            np.ascontiguousarray(aligned.repeats),
             there,
             None if foreign_t is None else doubles(foreign_t),
-            None if now_t is None else doubles(now_t),
+            now_t,
             self.moment,
             self.silicone,
+            recovery.decay(elapsed_s),
         )
-        return Measured(change_t, variance_t2, there.ravel(), foreign_t2)
+        return Measured(change_t, variance_t2, there, foreign_t2), has_jumped
 
 
-def present(field_t: Array, repeats: NDArray[np.int64], allowed: Array) -> tuple[Mask, bool]:
-    """Which values (N, 3) are there, and repeated no more often than `allowed`; and whether all are."""
-    there = np.empty(field_t.shape, dtype=np.bool_)
-    return there, _several.list_present(doubles(field_t), doubles(allowed), np.ascontiguousarray(repeats), there)
+def begun(aligned: Aligned, memory: RestMemory, longest_gap_s: float, forget: Callable[[], None]) -> float:
+    """The time since the last frame. After a longer gap, or where the board's clock began anew, `forget` ends the
+    touch."""
+    elapsed_s = aligned.elapsed_s(memory.last_us)
+    memory.last_us = aligned.time_us
+    if elapsed_s > longest_gap_s or aligned.began_anew:
+        forget()
+    return elapsed_s
