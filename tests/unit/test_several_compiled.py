@@ -313,6 +313,27 @@ def test_root_is_computed_anew_where_anything_in_it_has_changed() -> None:
             np.testing.assert_array_equal(fitter.whitener(*case), anew)
 
 
+def test_flags_say_whether_fingers_are_doubtful_or_beyond_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fields of weak and strong fingers, inside and beside the table, near each other and apart."""
+    monkeypatch.setattr(fit, "TOGETHER_MM", 12.0)  # nearer ones than 6.5 mm are also weak on this pad
+    fitter, random, met = Fitter(models_of(1, *USUAL)), np.random.default_rng(23), set()
+    response = fitter.model.response
+    for trial in range(300):
+        true = fingers_of(random, trial % 3, beyond=trial % 4 == 0)
+        true[:, 2] *= random.choice([0.01, 0.1, 1.0])
+        found = fitter.fit(true, measured_of(random, fitter.model, true), NONE)
+        places, forces = found.fingers[:, :2], found.fingers[:, 2]
+        weak = bool((forces < 3.0 * found.deviation[:, 2]).any())
+        near = len(true) > 1 and bool(np.linalg.norm(places[0] - places[1]) < 12.0)
+        inside = ((places > response.first_mm + 0.5) & (places < response.last_mm - 0.5)).all(axis=1)
+        beyond = (forces > response.scale_n) | (forces > 6.0 * found.deviation[:, 2]) & ~inside
+        wanted = fit.DOUBTFUL * (weak or near) + fit.BEYOND * bool(beyond.any())
+        assert found.flags == wanted
+        met.add((weak, near, bool((beyond & inside).any()), bool((beyond & ~inside).any())))
+    assert all(any(each[which] for each in met) for which in range(4))
+    assert (False, True, False, False) in met
+
+
 def test_root_after_a_fit_is_that_of_its_fingers() -> None:
     fitter, random = Fitter(models_of(1, *USUAL)), np.random.default_rng(22)
     for count in (0, 1, 2):

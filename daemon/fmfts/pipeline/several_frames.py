@@ -50,6 +50,14 @@ class SeveralFrames:
         self.parameters, self.memory = Record(_pad.PARAMETERS), Record(_pad.MEMORY)
         self.parameters.fill({"sensors": len(pad.sensors), "period_us": 1e6 / rate_hz, **chip_fields(pad.chip)})
         self._hand, self._posture_unknown = hand, ""  # why, in the last frame
+        each = len(pad.sensors), 3
+        self._room = (
+            np.empty(each),
+            np.empty((each[0], 1)),
+            np.empty(each),
+            np.empty(each, dtype=np.int64),
+            np.empty(each),
+        )
         self._pad, self._named = pad, (SCHEMA_VERSION, pad.name, boot, model_hash)
         self._unseen = Sighting.unseen(replace(pad, other_magnets=())).table.buffer  # no other pad feels it through C
         self.forget()
@@ -69,14 +77,12 @@ class SeveralFrames:
 
     def aligned(self, frame: Frame) -> tuple[Aligned, Array, bool]:
         """The samples at one instant, without the posture's field; the newest (N, 3), NaN where there are none; and
-        whether every axis has a field."""
-        count = len(self._pad.sensors)
-        field_t, bend_t, newest_t = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
-        share, repeats = np.empty((count, 1)), np.empty((count, 3), dtype=np.int64)
+        whether every axis has a field. The next frame's are in the same arrays."""
         temperature_c = math.nan if frame.temperature_c is None else frame.temperature_c
         times = frame.sequence, frame.device_time_us, frame.host_time_ns
+        field_t, share, bend_t, repeats, newest_t = self._room
         time_us, is_old, began_anew, leap_us, is_whole = self.compiled.align(
-            *frame.packed, *times, temperature_c, field_t, share, bend_t, repeats, newest_t
+            *frame.packed, *times, temperature_c, *self._room
         )
         aligned = Aligned(field_t, share, bend_t, time_us, repeats, is_old, began_anew, leap_us)
         return self._without_posture(aligned, frame), newest_t, is_whole

@@ -18,7 +18,7 @@ static bool searches(const call *c, int which, size_t values, fmfts_search *sear
 }
 
 /* fit(model, work, search, start, field, variance, foreign, used, ambient, fingers, covariance, misfit, ambient, shear,
- * shear_deviation, noise, slope) */
+ * shear_deviation, noise, slope): with Fit's flags. */
 FMFTS_FUNCTION(fit)
 {
     enum { SEARCH = FIRST, START, FIELD, FINGERS = FIELD + 5, COVARIANCE, MISFIT, AMBIENT, SHEAR, SHEAR_DEVIATION, NOISE, SLOPE, ALL };
@@ -46,7 +46,7 @@ FMFTS_FUNCTION(fit)
         .slope_t = array(&c, SLOPE),
     };
     fmfts_refusal refusal = fmfts_several_fit(&c.model, &search, fingers(&c, START), &measured, c.work, &found);
-    return told(refusal, found.chi2);
+    return Py_BuildValue("Ni", told(refusal, found.chi2), found.flags);
 }
 
 /* whitener(model, work, fingers, variance, foreign, used, ambient, root) */

@@ -20,7 +20,7 @@ from fmfts.common.chi2 import quantile
 from fmfts.several import _several
 from fmfts.several.arrays import doubles
 from fmfts.several.field_model import FINGER
-from fmfts.several.fit import APART_MM, GRID_FORCE_N, Fit, Fitter, Measured
+from fmfts.several.fit import APART_MM, DOUBTFUL, GRID_FORCE_N, Fit, Fitter, Measured
 
 Array = NDArray[np.float64]
 
@@ -31,12 +31,10 @@ SECOND_GAIN = 45.0
 # The first finger may be anywhere: as many places as can be distinguished.
 PLACES = 50
 SMALLEST_SHARE = 0.05  # a second finger has at least this share of the force
-# If a finger's force is less than this many deviations, or it is too near to the other one, the frame is fitted without
-# it. It stays if χ² then rises by more than half of the threshold, is removed at once if by less than a quarter, else
-# after this many frames in a row.
-RELEASE_DEVIATIONS, KEEPS, RELEASES, RELEASE_FRAMES = 3.0, 0.5, 0.25, 5
-TOGETHER_MM = 6.5  # two fingers nearer than this become one; two are reported from APART_MM on
-
+# Without a doubtful finger (too weak, or too near to the other one: fit.py) the frame is fitted again. It stays if χ²
+# then rises by more than half of the threshold, is removed at once if by less than a quarter, else after this many
+# frames in a row.
+KEEPS, RELEASES, RELEASE_FRAMES = 0.5, 0.25, 5
 
 # The state of a frame's search, which is needed if the previous frame's fingers do not explain it: none needed, made,
 # or due.
@@ -156,7 +154,7 @@ class FingerCounter:
         The deviation of a force alone does not decide: near the table's edge it comes mostly from the place.
         """
         memory = self.memory
-        while ids and self._is_doubtful(fit):
+        while ids and fit.flags & DOUBTFUL:
             left = resultant(fit.fingers)[None] if len(ids) > 1 else np.zeros((0, FINGER))
             fewer = self._fitter.fit(left, measured, ambient_t)
             lost = (fewer.chi2 - fit.chi2) / (SECOND_GAIN if len(ids) > 1 else self._first_gain)
@@ -167,11 +165,6 @@ class FingerCounter:
             fit, ids = fewer, [ids[int(np.argmax(fit.fingers[:, 2]))]] if len(ids) > 1 else []
         memory.doubtful_frames = 0
         return fit, ids
-
-    def _is_doubtful(self, fit: Fit) -> bool:
-        near = len(fit.fingers) > 1 and length((fit.fingers[0] - fit.fingers[1])[:2]) < TOGETHER_MM
-        forces = zip(fit.fingers[:, 2].tolist(), fit.force_deviations_n, strict=True)
-        return near or any(force < RELEASE_DEVIATIONS * deviation for force, deviation in forces)
 
 
 def are_two(fingers: Array) -> bool:

@@ -19,11 +19,10 @@ from fmfts.pose.state import Neighbour
 from fmfts.several import reasons, searches
 from fmfts.several.count import MOST_FINGERS, RELEASE_FRAMES, CounterMemory, FingerCounter, Search
 from fmfts.several.field_model import FINGER, FieldModel
-from fmfts.several.fit import Fit, Fitter, Measured
+from fmfts.several.fit import BEYOND, UNDETERMINED, Fit, Fitter, Measured
 from fmfts.several.free_poses import FreePoses, free_poses, is_explained
 from fmfts.several.hidden import hidden_variance
 from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, is_odd, limit, note_agreement, odd_sensor
-from fmfts.several.over_range import is_over_range
 from fmfts.several.poses import UNFELT, Poses, poses_of
 from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
@@ -160,7 +159,8 @@ class FingersEstimator:
                 return reading if reading.free is None else reading._replace(reason=reasons.NOT_SEARCHED_PRESS)
         before = memory.counter.copy()
         for_finger = may_search and (number % 2 == 0 or not is_searched)
-        counted = self._counter.update(measured.only(used), self._since_rest.around_t, for_finger)
+        seen = measured.only(used)
+        counted = self._counter.update(seen, self._since_rest.around_t, for_finger)
         fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
         odd, search = None, counted.search
         if is_searched and not explained:
@@ -185,20 +185,21 @@ class FingersEstimator:
             used[odd.sensor] = False
             memory.left_out, memory.agrees_frames = odd.sensor, 0
             self._remember(odd.memory)
-            counted = self._counter.update(measured.only(used), self._since_rest.around_t, may_search=False)
+            seen = measured.only(used)
+            counted = self._counter.update(seen, self._since_rest.around_t, may_search=False)
             fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
         left_out = memory.left_out
         if odd is None and explained and left_out >= 0:
             self._try_again(measured, there, fit)
         if not explained:
             return self._unexplained(fit, free, used, search)
-        if not np.isfinite(fit.covariance).all():
+        if fit.flags & UNDETERMINED:
             raise SingularError("the fingers are not determined")
         memory.unexplained = 0
         memory.ambient_t = fit.ambient_t
         memory.recovery.remember(measured.field_t - fit.misfit_t)
         health, reason = reasons.health_of_axes(used, missing, left_out)
-        over_range, doubt = is_over_range(self.response, fit), reasons.SEARCH_IS_DUE if counted.search == "due" else ""
+        over_range, doubt = bool(fit.flags & BEYOND), reasons.SEARCH_IS_DUE if counted.search == "due" else ""
         if len(fit.fingers) == 1 and (another := self._another(fit, used, measured, EXPLAINED_WELL)) is not None:
             if fit.chi2 > limit(DOUBTED, used, fit) and float(another.gain.max()) > DOUBTED_GAIN:
                 doubt = reasons.MAYBE_TWO
@@ -206,7 +207,6 @@ class FingersEstimator:
             fit = replace(fit, covariance=fit.covariance + hidden)
         if doubt:
             health, reason = "degraded", "; ".join(filter(None, (reason, doubt)))
-        seen = measured.only(used)
         least = valley_variance(self.fitter, fit, seen, self._since_rest.around_t) if len(fit.fingers) > 1 else None
         return FingersReading(health, reason, used, fit, counted.ids, False, over_range, seen, least, search)
 

@@ -104,6 +104,22 @@ void fmfts_noise_of(size_t values, const fmfts_measured *measured, const fmfts_s
     }
 }
 
+/* Whether a finger is too weak, or two are too near to each other; and whether one is beyond the table. */
+static int flags_of(const fmfts_several *model, const fmfts_search_head *head, size_t fingers, const fmfts_found *found)
+{
+    const double *at = found->fingers;
+    double across = fingers > 1 ? at[0] - at[FMFTS_FINGER] : 0.0, along = fingers > 1 ? at[1] - at[FMFTS_FINGER + 1] : 0.0;
+    int flags = fingers > 1 && sqrt(across * across + along * along) < head->together_mm ? FMFTS_DOUBTFUL : 0;
+    for (size_t f = 0; f < fingers; f++, at += FMFTS_FINGER) {
+        double variance_n2 = found->covariance[(FMFTS_FINGER * fingers + 1) * (FMFTS_FINGER * f + 2)];
+        double deviation_n = sqrt(variance_n2 > 0.0 ? variance_n2 : 0.0);
+        bool inside = fmin(at[0], at[1]) > head->lowest[0] + head->edge_mm && fmax(at[0], at[1]) < head->highest[0] - head->edge_mm;
+        bool beyond = at[2] > model->head->scale_n || (at[2] > head->certain_deviations * deviation_n && !inside);
+        flags |= (at[2] < head->release_deviations * deviation_n ? FMFTS_DOUBTFUL : 0) | (beyond ? FMFTS_BEYOND : 0);
+    }
+    return flags;
+}
+
 fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *search, fmfts_fingers start,
                                 const fmfts_measured *measured, fmfts_several_work *work, fmfts_found *found)
 {
@@ -134,7 +150,8 @@ fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *
         return valued.refusal;
     }
     fmfts_note_root(model, (fmfts_fingers){start.count, found->fingers}, measured, work, &work->rooted);
-    fmfts_spread(search, unknowns, work, unused, found->covariance);
+    found->flags = fmfts_spread(search, unknowns, work, unused, found->covariance) ? 0 : FMFTS_UNDETERMINED;
+    found->flags |= flags_of(model, search->head, start.count, found);
     fmfts_ambient_of(model, work, found->ambient_t);
     fmfts_shear_of(model, (fmfts_fingers){start.count, found->fingers}, found->covariance, work, found->shear_n,
                    found->shear_deviation_n);

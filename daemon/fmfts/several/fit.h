@@ -25,7 +25,11 @@ enum { FMFTS_PANEL = 16 }; /* number of grid places in a panel: with all values,
     ONE(double, force_n)                                                                                               \
     ONE(double, apart_mm)                                                                                              \
     ONE(double, near_mm)                                                                                               \
-    ONE(double, least)
+    ONE(double, least)                                                                                                 \
+    ONE(double, together_mm)                                                                                           \
+    ONE(double, release_deviations)                                                                                    \
+    ONE(double, edge_mm)                                                                                               \
+    ONE(double, certain_deviations)
 
 FMFTS_STRUCT(fmfts_search_head, FMFTS_SEARCH_HEAD)
 
@@ -45,8 +49,12 @@ typedef struct {
     const double *foreign_t2, *ambient_t;
 } fmfts_measured;
 
-/* As Fit; the caller provides the arrays. */
+/* Of Fit. */
+enum { FMFTS_UNDETERMINED = 1, FMFTS_DOUBTFUL = 2, FMFTS_BEYOND = 4 };
+
+/* As Fit; the caller provides the arrays. flags: of those above. */
 typedef struct {
+    int flags;
     double *fingers, *covariance, *misfit_t, *ambient_t, *shear_n, *shear_deviation_n, *noise_t, *slope_t;
     double chi2;
 } fmfts_found;

@@ -7,7 +7,6 @@ fifth of all cases, so a new finger is searched from the best of all pairs of pl
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +37,12 @@ LONGEST_STEP_MM, LEAST_STEP_MM = 4.0, 1e-12
 # Added to the normal matrix, so that undetermined fingers stay where they are.
 FLOOR = np.array([1e-9, 1e-9, 1e-6])
 FARTHEST_LOAD = 3.0  # limit of the search, as a multiple of the table's largest force
+# A finger whose force is less than this many deviations, or two nearer than this, are doubtful (count.py).
+RELEASE_DEVIATIONS, TOGETHER_MM = 3.0, 6.5
+# Beyond the table, place and force are not known. A search beyond its edge ends this near to it; so may that for a weak
+# finger, whose place is uncertain: only one whose force is so many deviations is certainly there.
+EDGE_MM, CERTAIN_DEVIATIONS = 0.5, 6.0
+UNDETERMINED, DOUBTFUL, BEYOND = 1, 2, 4  # flags, as fit.h has them
 
 
 @dataclass(slots=True)
@@ -45,7 +50,8 @@ class Fit:
     """K fingers (K, 3): x, y in mm and force in N, with covariance (3K, 3K). chi2: of the residual; misfit_t (3N,).
 
     ambient_t (3,): the change of the ambient field that goes with it. shear_n, shear_deviation_n (K, 2): of each one.
-    noise_t (3N,): what misfit_t most likely has of noise alone. slope_t (3N, 3K): of the predicted field.
+    noise_t (3N,): what misfit_t most likely has of noise alone. slope_t (3N, 3K): of the predicted field. flags:
+    of UNDETERMINED …
     """
 
     fingers: Array
@@ -57,16 +63,12 @@ class Fit:
     shear_deviation_n: Array
     noise_t: Array
     slope_t: Array
+    flags: int
 
     @property
     def deviation(self) -> Array:
         """(K, 3)."""
         return np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0)).reshape(-1, FINGER)
-
-    @property
-    def force_deviations_n(self) -> list[float]:
-        """Of each finger; faster than `deviation`, of which they are the last column."""
-        return [sqrt(max(variance, 0.0)) for variance in self.covariance.diagonal()[2::FINGER].tolist()]
 
 
 class Fitter:
@@ -132,7 +134,7 @@ class Fitter:
         fingers, covariance = np.empty((len(start), FINGER)), np.empty((unknowns, unknowns))
         misfit, ambient, noise, slope = np.empty(values), np.empty(3), np.empty(values), np.empty((values, unknowns))
         shear, shear_deviation = np.empty((len(start), 2)), np.empty((len(start), 2))
-        wrong, size, chi2 = _several.fit(
+        (wrong, size, chi2), flags = _several.fit(
             self.model.packed,
             self.model.work,
             self._short_search if few_iterations else self.search,
@@ -152,7 +154,7 @@ class Fitter:
             slope,
         )
         refuse(wrong, size, measured, start=start, ambient_t=ambient_t)
-        return Fit(fingers, covariance, chi2, misfit, ambient, shear, shear_deviation, noise, slope)
+        return Fit(fingers, covariance, chi2, misfit, ambient, shear, shear_deviation, noise, slope, flags)
 
     def best_single(self, root: Array, measured: Measured) -> tuple[Array, float]:
         """The best finger (1, 3) of the grid, and by how much it lowers χ². root: of C without it."""
@@ -198,6 +200,10 @@ class Fitter:
                 "apart_mm": APART_MM,
                 "near_mm": NEAR_MM,
                 "least": LEAST,
+                "together_mm": TOGETHER_MM,
+                "release_deviations": RELEASE_DEVIATIONS,
+                "edge_mm": EDGE_MM,
+                "certain_deviations": CERTAIN_DEVIATIONS,
             }
         )
         return head
