@@ -86,6 +86,7 @@ class FieldModel:
         self._rest_slope = field_and_slope(mounting.magnets, mounting.frames, mounting.sensors)[1]
         # The model as several.h reads it, and the work space of C.
         self.packed, self.work = self._packed(), np.zeros(_several.WORK_BYTES // 8)
+        self.parts = self.packed, self.work
 
     def predict(self, fingers: Array) -> Predicted:
         """The change of the field by `fingers` (K, 3)."""
@@ -117,19 +118,8 @@ class FieldModel:
         covariance = np.empty((len(self.at_rest), len(self.at_rest)))
         each = [np.concatenate([part.ravel() for part in one]) for one in predicted.pressed]
         pressed = np.concatenate(each) if each else np.empty(0)
-        _several.covariance(
-            self.packed,
-            self.work,
-            doubles(fingers),
-            doubles(predicted.field_t),
-            doubles(predicted.slope),
-            doubles(predicted.by_pose),
-            doubles(predicted.change),
-            pressed,
-            doubles(variance_t2),
-            doubles(ambient_t),
-            covariance,
-        )
+        given = doubles(fingers), *map(doubles, predicted[:4]), pressed, doubles(variance_t2), doubles(ambient_t)
+        _several.covariance(*self.parts, *given, covariance)
         return covariance
 
     def _packed(self) -> Array:

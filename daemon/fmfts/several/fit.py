@@ -94,33 +94,18 @@ class Fitter:
     def whitener(self, fingers: Array, measured: Measured, ambient_t: Array) -> Array:
         """The lower triangle of C at `fingers`, for the present values."""
         require_room(fingers=len(fingers))
-        there = measured.there
-        used = int(there.sum())
+        used = np.count_nonzero(measured.used)
         root = np.empty((used, used))
-        wrong, size, _ = _several.whitener(
-            self.model.packed,
-            self.model.work,
-            doubles(fingers),
-            doubles(measured.variance_t2),
-            measured.foreign,
-            there,
-            doubles(ambient_t),
-            root,
-        )
+        given = doubles(fingers), *measured.arrays[1:], doubles(ambient_t)
+        wrong, size, _ = _several.whitener(*self.model.parts, *given, root)
         refuse(wrong, size, measured, fingers=fingers, ambient_t=ambient_t)
         return root
 
     def chi2_with(self, root: Array, fingers: Array, measured: Measured) -> float:
         """χ² of `fingers` under another covariance, whose lower triangle is `root`."""
         require_room(fingers=len(fingers))
-        wrong, size, chi2 = _several.chi2_with(
-            self.model.packed,
-            self.model.work,
-            doubles(root),
-            doubles(fingers),
-            doubles(measured.field_t),
-            measured.there,
-        )
+        given = doubles(root), doubles(fingers), doubles(measured.field_t), measured.there
+        wrong, size, chi2 = _several.chi2_with(*self.model.parts, *given)
         refuse(wrong, size, measured, root=root, fingers=fingers)
         return chi2
 
@@ -130,30 +115,14 @@ class Fitter:
         few_iterations: a short trial, FEW_ITERATIONS in place of ITERATIONS.
         """
         require_room(fingers=len(start))
-        unknowns, values = FINGER * len(start), len(measured.field_t)
-        fingers, covariance = np.empty((len(start), FINGER)), np.empty((unknowns, unknowns))
-        misfit, ambient, noise, slope = np.empty(values), np.empty(3), np.empty(values), np.empty((values, unknowns))
-        shear, shear_deviation = np.empty((len(start), 2)), np.empty((len(start), 2))
-        (wrong, size, chi2), flags = _several.fit(
-            self.model.packed,
-            self.model.work,
-            self._short_search if few_iterations else self.search,
-            doubles(start),
-            doubles(measured.field_t),
-            doubles(measured.variance_t2),
-            measured.foreign,
-            measured.there,
-            doubles(ambient_t),
-            fingers,
-            covariance,
-            misfit,
-            ambient,
-            shear,
-            shear_deviation,
-            noise,
-            slope,
-        )
+        count, values, search = len(start), len(measured.field_t), self._short_search if few_iterations else self.search
+        unknowns, each = FINGER * count, (count, 2)
+        shapes = (count, FINGER), (unknowns, unknowns), values, 3, each, each, values, (values, unknowns)
+        found = [np.empty(shape) for shape in shapes]
+        given = doubles(start), *measured.arrays, doubles(ambient_t)
+        (wrong, size, chi2), flags = _several.fit(*self.model.parts, search, *given, *found)
         refuse(wrong, size, measured, start=start, ambient_t=ambient_t)
+        fingers, covariance, misfit, ambient, shear, shear_deviation, noise, slope = found
         return Fit(fingers, covariance, chi2, misfit, ambient, shear, shear_deviation, noise, slope, flags)
 
     def best_single(self, root: Array, measured: Measured) -> tuple[Array, float]:

@@ -74,29 +74,13 @@ def free_poses(model: FieldModel, start: Array, measured: Measured, around_t: Ar
     around_t (3,): the change of the field around, as `Fitter.fit` has it.
     """
     rest, poses, values = model.mounting.magnets, len(start), len(measured.field_t)
-    change, covariance, misfit, ambient = np.empty(poses), np.empty((poses, poses)), np.empty(values), np.empty(3)
-    by_pose, counted = np.empty((values, poses)), np.empty(poses)
-    position, axis = np.empty((len(rest), 3)), np.empty((len(rest), 3))
-    wrong, size, chi2 = _several.free_poses(
-        model.packed,
-        model.work,
-        LIMITS,
-        doubles(start),
-        doubles(measured.field_t),
-        doubles(measured.variance_t2),
-        measured.foreign,
-        measured.there,
-        doubles(around_t),
-        change,
-        covariance,
-        misfit,
-        ambient,
-        by_pose,
-        counted,
-        position,
-        axis,
-    )
+    places = len(rest), 3
+    shapes = poses, (poses, poses), values, 3, (values, poses), poses, places, places
+    found = [np.empty(shape) for shape in shapes]
+    given = LIMITS, doubles(start), *measured.arrays, doubles(around_t)
+    wrong, size, chi2 = _several.free_poses(*model.parts, *given, *found)
     refuse(wrong, size, measured, start=start, ambient_t=around_t)
+    change, covariance, misfit, ambient, by_pose, counted, position, axis = found
     magnets = Magnets(position, axis, rest.strength_t_m3, rest.octupole_m2)
     predicted = Predicted(measured.field_t - misfit, np.empty((values, 0)), by_pose, counted, ())
     return FreePoses(magnets, change, covariance, chi2, misfit, ambient, predicted)

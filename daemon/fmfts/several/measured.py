@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError
-from fmfts.several.arrays import finite
+from fmfts.several.arrays import doubles, finite
 
 Array = NDArray[np.float64]
 
@@ -24,6 +24,11 @@ class Measured:
     variance_t2: Array
     used: NDArray[np.bool_]
     foreign_t2: Array | None = None
+
+    @property
+    def arrays(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """All as C reads them."""
+        return doubles(self.field_t), doubles(self.variance_t2), self.foreign, self.there
 
     @property
     def there(self) -> NDArray[np.bool_]:

@@ -61,32 +61,16 @@ def poses_of(fitter: Fitter, fit: Fit, measured: Measured, around_t: Array) -> P
     if not fingers:
         return _untouched(model.mounting.magnets, fit)
     require_room(fingers=fingers)
-    rest, there, unknowns = model.mounting.magnets, measured.there, FINGER * fingers
+    rest, unknowns, used = model.mounting.magnets, FINGER * fingers, np.count_nonzero(measured.used)
     count = len(rest)
-    poses, causes = CHANGE * count, unknowns + 2 * count
-    change, variance, position, axis = np.empty(poses), np.empty(poses), np.empty((count, 3)), np.empty((count, 3))
-    moves, told = np.empty((poses, poses + causes + poses)), np.empty((poses, int(there.sum())))
-    by_finger = np.empty((poses, unknowns))
-    wrong, size, _ = _several.poses(
-        model.packed,
-        model.work,
-        UNFELT,
-        doubles(fit.fingers),
-        doubles(fit.covariance),
-        doubles(fit.misfit_t),
-        doubles(measured.variance_t2),
-        measured.foreign,
-        there,
-        doubles(around_t),
-        change,
-        position,
-        axis,
-        variance,
-        moves,
-        told,
-        by_finger,
-    )
+    poses, causes, places = CHANGE * count, unknowns + 2 * count, (count, 3)
+    shapes = poses, places, places, poses, (poses, poses + causes + poses), (poses, used), (poses, unknowns)
+    found = [np.empty(shape) for shape in shapes]
+    of_fit = doubles(fit.fingers), doubles(fit.covariance), doubles(fit.misfit_t)
+    given = *of_fit, *measured.arrays[1:], doubles(around_t)
+    wrong, size, _ = _several.poses(*model.parts, UNFELT, *given, *found)
     refuse(wrong, size, measured, fingers=fit.fingers, ambient_t=around_t)
+    change, position, axis, variance, moves, told, by_finger = found
     magnets = Magnets(position, axis, rest.strength_t_m3, rest.octupole_m2)
     return Poses(magnets, change, variance, moves, told, by_finger, fit.covariance)
 

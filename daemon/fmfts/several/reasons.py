@@ -68,7 +68,7 @@ def too_few_for_poses(missing: Mapping[int, str], used: NDArray[np.bool_], neede
 def health_of_axes(used: NDArray[np.bool_], missing: Mapping[int, str], left_out: int) -> tuple[Health, str]:
     """Of a frame that fingers explain. missing: sensor (from 0) → why it cannot be used. left_out: a sensor that
     contradicts all others, −1: none."""
-    if used.all():
+    if np.count_nonzero(used) == used.size:
         return "ok", ""
     told = _missing(missing)
     if left_out >= 0:

@@ -127,17 +127,9 @@ class Scan:
         """One more finger at each place of the grid beside `fingers` (K, 3), which may move a little for it."""
         require_room(fingers=len(fingers))
         found = np.empty((2 + predicted.slope.shape[1], len(self._grid.places)))
-        wrong, size, _ = _several.another(
-            self._search,
-            self._work,
-            self._room,
-            doubles(root),
-            doubles(measured.field_t),
-            measured.there,
-            doubles(predicted.field_t),
-            doubles(predicted.slope),
-            found,
-        )
+        seen = doubles(root), doubles(measured.field_t), measured.there
+        known = doubles(predicted.field_t), doubles(predicted.slope)
+        wrong, size, _ = _several.another(self._search, self._work, self._room, *seen, *known, found)
         refuse(wrong, size, measured, root=root)
         gain = np.where(self._grid.apart_from(fingers), found[0], 0.0)
         return Another(self._grid.places, gain, found[1], found[2:])

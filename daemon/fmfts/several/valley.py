@@ -32,20 +32,8 @@ def valley_variance(fitter: Fitter, fit: Fit, measured: Measured, around_t: Arra
     None where all fingers are well known.
     """
     least = np.empty((1 + len(fit.fingers), 3))
-    wrong, size, ways = _several.valley(
-        fitter.model.packed,
-        fitter.model.work,
-        fitter.search,
-        doubles(fit.fingers),
-        doubles(fit.covariance),
-        np.array(fit.chi2),
-        LIMITS,
-        doubles(measured.field_t),
-        doubles(measured.variance_t2),
-        measured.foreign,
-        measured.there,
-        doubles(around_t),
-        least,
-    )
+    of_fit = doubles(fit.fingers), doubles(fit.covariance), np.array(fit.chi2)
+    given = *of_fit, LIMITS, *measured.arrays, doubles(around_t)
+    wrong, size, ways = _several.valley(*fitter.model.parts, fitter.search, *given, least)
     refuse(wrong, size, measured, fingers=fit.fingers, covariance=fit.covariance, ambient_t=around_t)
     return least if ways else None
