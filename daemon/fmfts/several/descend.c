@@ -3,18 +3,21 @@
 
 #include "fit.h"
 
-void fmfts_normal_equations(const fmfts_several_work *work, size_t n, const double *slope, double *normal, double *right)
+FMFTS_WIDE void fmfts_normal_equations(const fmfts_several_work *work, size_t n, const double *slope, double *normal, double *right)
 {
     memset(normal, 0, n * n * sizeof(double));
     memset(right, 0, n * sizeof(double));
     for (size_t v = 0; v < work->used; v++) {
         const double *row = slope + v * n;
         for (size_t i = 0; i < n; i++) {
-            for (size_t j = 0; j < n; j++) {
+            for (size_t j = 0; j <= i; j++) {
                 normal[i * n + j] += row[i] * row[j];
             }
             right[i] += row[i] * work->white[v];
         }
+    }
+    for (size_t i = 0; i < n * n; i++) {
+        normal[i] = normal[i / n >= i % n ? i : i % n * n + i / n];
     }
 }
 
