@@ -75,22 +75,16 @@ static inline void solve_few(size_t n, size_t columns, size_t few, const double 
 
 FMFTS_WIDE void fmfts_solve_lower(size_t n, size_t columns, const double *l, double *x)
 {
-    size_t c = 0;
-    for (; c + FMFTS_LANES <= columns; c += FMFTS_LANES) {
-        solve_few(n, columns, FMFTS_LANES, l, x + c);
-    }
-    switch (columns - c) {
-    case 3:
-        solve_few(n, columns, 3, l, x + c);
-        break;
-    case 2:
-        solve_few(n, columns, 2, l, x + c);
-        break;
-    case 1:
-        solve_few(n, columns, 1, l, x + c);
-        break;
-    default:
-        break;
+    for (size_t c = 0; c < columns; c += FMFTS_LANES) {
+        if (columns - c >= FMFTS_LANES) {
+            solve_few(n, columns, FMFTS_LANES, l, x + c);
+        } else if (columns - c == 3) {
+            solve_few(n, columns, 3, l, x + c);
+        } else if (columns - c == 2) {
+            solve_few(n, columns, 2, l, x + c);
+        } else {
+            solve_few(n, columns, 1, l, x + c);
+        }
     }
 }
 

@@ -60,6 +60,7 @@ class FingersEstimator:
         self.pad, self.mounting, self.response, self.scene = pad, mounting, model.response, model.scene
         self.repeats_allowed = repeats_allowed
         self._since_rest = SinceRest(pad, mounting, repeats_allowed, warmth)
+        self.silicone = self._since_rest.silicone
         self._longest_gap_s = max(LONGEST_GAP_S, (RELEASE_FRAMES + 0.5) / rate_hz)
         self.fitter = Fitter(model)
         self._counter = FingerCounter(self.fitter, rate_hz)
@@ -68,22 +69,13 @@ class FingersEstimator:
         self._unfelt_variance = np.tile(square(UNFELT), (len(mounting.magnets), 1))
         self._poses: tuple[FingersReading, Poses] | None = None  # of the last requested reading
         self._values_for_poses = needed_values(len(pad.magnets))
-        self._quiet_force_sd_n = self._counter.detection_limit_n(mounting.noise_t / mounting.gain) / sqrt(3.0)
-
-    @property
-    def silicone(self) -> float:
-        """By which share of its force the silicone may have crept."""
-        return self._since_rest.silicone
+        # Of a force of zero: the largest force that goes undetected at the least sensitive place.
+        self.quiet_force_sd_n = self._counter.detection_limit_n(mounting.noise_t / mounting.gain) / sqrt(3.0)
 
     @property
     def moment(self) -> float:
         """Factor on all moments since the baseline, in the last frame."""
         return self._since_rest.moment
-
-    @property
-    def quiet_force_sd_n(self) -> float:
-        """Deviation (N) of a force of zero: the largest force that goes undetected at the least sensitive place."""
-        return self._quiet_force_sd_n
 
     def poses(self, reading: FingersReading) -> tuple[Magnets, Array]:
         """The magnets of the last frame, and the variances (M, 5) of their changes since rest: from the fingers'

@@ -94,22 +94,16 @@ class Scan:
 
     def best_single(self, root: Array, measured: Measured) -> tuple[Array, float]:
         """The best finger (1, 3), and by how much it lowers χ²."""
-        found = np.empty((1, 3))
-        field, there = doubles(measured.field_t), measured.there
-        wrong, size, gain = _several.best_single(
-            self._search, self._work, self._room, doubles(root), field, there, found
-        )
+        found, seen = np.empty((1, 3)), (doubles(root), doubles(measured.field_t), measured.there)
+        wrong, size, gain = _several.best_single(self._search, self._work, self._room, *seen, found)
         refuse(wrong, size, measured, root=root)
         return found, gain
 
     def best_pairs(self, root: Array, measured: Measured, most: int) -> list[Array]:
         """The best pairs of fingers (2, 3), at different places, the best first."""
         require_room(starts=most)
-        found = np.empty((most, 2, 3))
-        field, there = doubles(measured.field_t), measured.there
-        wrong, size, count = _several.best_pairs(
-            self._search, self._work, self._room, doubles(root), field, there, found
-        )
+        found, seen = np.empty((most, 2, 3)), (doubles(root), doubles(measured.field_t), measured.there)
+        wrong, size, count = _several.best_pairs(self._search, self._work, self._room, *seen, found)
         refuse(wrong, size, measured, root=root)
         return list(found[: int(count)])
 
