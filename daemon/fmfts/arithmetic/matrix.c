@@ -111,6 +111,19 @@ static double along(size_t count, size_t stride, const double *a, const double *
     return sum;
 }
 
+/* What `along` says of two columns, in turns: three sums do not wait for each other. */
+static void along_both(size_t count, size_t stride, const double *a, const double *b, double *aa, double *bb, double *ab)
+{
+    double first = 0.0, second = 0.0, common = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        double one = a[i * stride], other = b[i * stride];
+        first += one * one;
+        second += other * other;
+        common += one * other;
+    }
+    *aa = first, *bb = second, *ab = common;
+}
+
 static void rotate(size_t count, size_t stride, double *left, double *right, double cosine, double sine)
 {
     for (size_t i = 0; i < count; i++) {
@@ -131,8 +144,8 @@ bool fmfts_rotate_columns(size_t m, size_t n, double *a, double *v)
         bool rotated = false;
         for (size_t p = 0; p + 1 < n; p++) {
             for (size_t q = p + 1; q < n; q++) {
-                double common = along(m, n, a + p, a + q);
-                double first = along(m, n, a + p, a + p), second = along(m, n, a + q, a + q);
+                double first, second, common;
+                along_both(m, n, a + p, a + q, &first, &second, &common);
                 bool rounding = first <= floor || second <= floor;
                 if (rounding || !(fabs(common) > ORTHOGONAL * sqrt(first) * sqrt(second))) {
                     continue;
