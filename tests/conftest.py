@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import signal
@@ -44,6 +45,10 @@ settings.load_profile("deterministic")
 
 # Long files of few tests come first, so that no worker runs one alone at the end.
 LONGEST = {
+    "test_posture_pipeline.py",
+    "test_reciprocity.py",
+    "test_charts.py",
+    "test_golden.py",
     "test_solver.py",
     "test_field_response.py",
     "test_moving_hand.py",
@@ -65,6 +70,12 @@ LONGEST = {
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
+def pytest_collection_finish() -> None:
+    """What is collected stays until the end: the garbage collector need not look through it again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.hookimpl(tryfirst=True)  # before the fixtures that call them

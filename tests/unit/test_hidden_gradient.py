@@ -37,7 +37,6 @@ from fmfts_lab.bench.tools import BesideTool, Scene, baseline_of, drilled, pad_c
 
 EARTH_T = np.array([2e-5, -1e-5, -4.5e-5])
 NOISE_T = np.full((4, 3), 2e-7)
-TURNED = baseline_of(pad_config("turned", 1, "drawn"), "turned")
 MEASURED = Reference(EARTH_T, 0.0)
 
 
@@ -219,7 +218,7 @@ def test_tool_beside_a_turned_pad_is_no_contact(way: int, seed: int) -> None:
     config, passing = pad_config("turned", 1, "drawn"), WAYS[way]
     config = msgspec.structs.replace(config, scene=SceneConfig(steel_nearby=True))
     pipeline = without_baseline(config, load_contact_model(config))
-    pipeline.use(TURNED)
+    pipeline.use(baseline_of(pad_config("turned", 1, "drawn"), "turned"))
     source = BesideTool(config, Tool(passing, 0.02, np.random.default_rng(seed)))
     answers = [pipeline.answer(frame) for batch in source.batches(round(passing.seconds * 220)) for frame in batch]
     messages = [message_of(answer) for answer in answers]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 import tracemalloc
 from collections.abc import Callable
@@ -53,29 +54,35 @@ READERS: dict[str, Callable[[Path], object]] = {
     "source": lambda path: Replayed({0: pad(path)}),
     "repair": lambda path: repair(path, path.with_suffix(".new")),
 }
-LYING = {
-    "lz4 that holds more than it claims": [chunk(ON_CONTACT, "lz4", stored=lz4.frame.compress(bytes(HUGE)))],
-    "zstd that holds more than it claims": [
+# Made when they are wanted, as two take 256 MiB.
+LYING: dict[str, Callable[[], list[bytes]]] = {
+    "lz4 that holds more than it claims": lambda: [chunk(ON_CONTACT, "lz4", stored=lz4.frame.compress(bytes(HUGE)))],
+    "zstd that holds more than it claims": lambda: [
         chunk(ON_CONTACT, "zstd", stored=zstandard.ZstdCompressor().compress(bytes(HUGE)))
     ],
-    "chunk that claims too much": [chunk(bytes(HUGE), "zstd")],
-    "chunk that claims more than it holds": [chunk(ON_CONTACT, "lz4", claimed=LARGEST_CHUNK)],
-    "unknown compression": [chunk(ON_CONTACT, "brotli")],
-    "long topics": [chunk(channel(number, "x" * (1 << 19)), "") for number in range(40)],
-    "long topic": [chunk(channel(1, "x" * (1 << 22)))],
-    "many channels": [chunk(b"".join(channel(number, "x") for number in range(5000)))],
-    "long schemas": [chunk(schema(number, "x", bytes(1 << 19)), "") for number in range(40)],
-    "record that claims more than its chunk": [chunk(ON_CONTACT + record(5, bytes(30), claimed=1 << 40))],
-    "metadata that claims too much": [chunk(record(4, b"\1\0" + bytes(10) + b"\xff" * 4))],
-    "chunk that claims more than the file": [record(6, bytes(100), claimed=1 << 60)],
-    "large record": [record(6, bytes(LARGEST_CHUNK + 2000))],
-    "many empty records": [record(0x7F, b"") * (MOST_UNREAD + 1)],
-    "many metadata entries": [chunk(channel(1, "contact/left", {str(number): "" for number in range(70_000)}))],
-    "repeated bomb": [chunk(record(0x7F, bytes(LARGEST_CHUNK - 9)))] * 100,
-    "nested message": [chunk(ON_CONTACT + message(1, NESTED))],
-    "message of another type": [chunk(ON_CONTACT + message(1, b"[1]"))],
-    "message that is no text": [chunk(ON_CONTACT + message(1, b"\xff\xfe"))],
+    "chunk that claims too much": lambda: [chunk(bytes(HUGE), "zstd")],
+    "chunk that claims more than it holds": lambda: [chunk(ON_CONTACT, "lz4", claimed=LARGEST_CHUNK)],
+    "unknown compression": lambda: [chunk(ON_CONTACT, "brotli")],
+    "long topics": lambda: [chunk(channel(number, "x" * (1 << 19)), "") for number in range(40)],
+    "long topic": lambda: [chunk(channel(1, "x" * (1 << 22)))],
+    "many channels": lambda: [chunk(b"".join(channel(number, "x") for number in range(5000)))],
+    "long schemas": lambda: [chunk(schema(number, "x", bytes(1 << 19)), "") for number in range(40)],
+    "record that claims more than its chunk": lambda: [chunk(ON_CONTACT + record(5, bytes(30), claimed=1 << 40))],
+    "metadata that claims too much": lambda: [chunk(record(4, b"\1\0" + bytes(10) + b"\xff" * 4))],
+    "chunk that claims more than the file": lambda: [record(6, bytes(100), claimed=1 << 60)],
+    "large record": lambda: [record(6, bytes(LARGEST_CHUNK + 2000))],
+    "many empty records": lambda: [record(0x7F, b"") * (MOST_UNREAD + 1)],
+    "many metadata entries": lambda: [chunk(channel(1, "contact/left", {str(number): "" for number in range(70_000)}))],
+    "repeated bomb": lambda: [chunk(record(0x7F, bytes(LARGEST_CHUNK - 9)))] * 100,
+    "nested message": lambda: [chunk(ON_CONTACT + message(1, NESTED))],
+    "message of another type": lambda: [chunk(ON_CONTACT + message(1, b"[1]"))],
+    "message that is no text": lambda: [chunk(ON_CONTACT + message(1, b"\xff\xfe"))],
 }
+
+
+@functools.cache  # some are read by each reader
+def lying(lie: str) -> bytes:
+    return mcap(LYING[lie]())[:-8]  # cut off: only such a file can be repaired
 
 
 @pytest.mark.parametrize(
@@ -88,7 +95,7 @@ LYING = {
 )
 def test_recording_with_false_sizes_is_refused_cheaply(lie: str, reader: str, tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    path.write_bytes(mcap(LYING[lie])[:-8])  # cut off: only such a file can be repaired
+    path.write_bytes(lying(lie))
     tracemalloc.start()
     try:
         with pytest.raises((RecordingError, SourceError), match=re.escape(str(path))) as refusal:
