@@ -14,10 +14,10 @@ import pytest
 from onnx import NodeProto, TensorProto, numpy_helper
 from onnx.helper import make_graph, make_model, make_node, make_opsetid, make_tensor_value_info
 
-from fmfts.contact import ContactModel, ModelError
+from fmfts.contact import ContactModel, ModelError, operators
 from fmfts.contact.contract import IR_VERSION, OPSET, WEIGHTS_KEY
 from fmfts.contact.inference import POSE
-from fmfts.contact.operators import PLAIN, SIZED_FROM, require_even
+from fmfts.contact.operators import DOCUMENT, require_even
 from fmfts.contact.seal import unsealed
 from fmfts.contact.session import session_of
 from fmfts.contact.shipped import DEFAULT_PATH
@@ -199,7 +199,11 @@ def test_model_in_another_format_is_not_loaded() -> None:
         session_of(b"\x20\x00\x00\x00ORTM" + bytes(100))
 
 
-def test_operators_in_the_manual_are_those_that_may_be_used() -> None:
-    manual = (Path(__file__).parents[2] / "docs" / "calibration.md").read_text()
-    listed = manual.split("these operators only:")[1].split(", if their")[0]
-    assert set(re.findall(r"[A-Z]\w+", listed)) == PLAIN | SIZED_FROM.keys()
+def test_manual_and_refusal_name_the_file_that_lists_the_operators() -> None:
+    root = Path(__file__).parents[2]
+    manual = (root / "docs" / "calibration.md").read_text()
+    (file, *lists) = re.findall(r"`([^`]*)`", manual.split("only the operators that")[1].split("if their")[0])
+    assert (root / file).read_text().count("one of {DOCUMENT}") == 1
+    assert f"those in {file.removeprefix('daemon/')}" == DOCUMENT
+    assert lists == ["PLAIN", "SIZED_FROM"]
+    assert all(hasattr(operators, name) for name in lists)

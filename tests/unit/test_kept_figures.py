@@ -86,3 +86,24 @@ def test_page_of_the_paper_has_the_papers_own_figures() -> None:
             theirs = paper_table3._paper()[name, remanence_t]
             printed = [float(number) for number in re.findall(r"[\d.]+", cell)]
             assert printed == pytest.approx([theirs[f"mae_{one}"] for one in paper_table3.OUTPUTS], rel=0.03)
+
+
+def cells_of(page: Path, first: str) -> list[str]:
+    """The cells of the page's only row that begins with this one, the others behind it."""
+    rows = [line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith(f"| {first} |")]
+    (row,) = rows
+    return [cell.strip() for cell in row.split("|")[2:-1]]
+
+
+def test_manual_says_how_well_a_newton_is_known_as_the_results_do() -> None:
+    """A share of a force is a force for 1 N."""
+    manual, weigh = RESULTS.parents[1] / "docs/calibration.md", RESULTS / "weigh.md"
+    states = ("before weighing", "after one weight", "after one weight, `finger_mm` names the finger")
+    measured = [cells_of(weigh, state)[3:5] for state in (*states, "after five presses")]
+    own = cells_of(RESULTS / "transfer.md", "own calibration")[0]
+    for row, shares in (
+        ("off by, median", [off for off, _ in measured] + [own]),
+        ("its deviation", [deviation for _, deviation in measured]),
+    ):
+        printed = [float(cell.removesuffix(" N")) for cell in cells_of(manual, row) if cell]
+        assert printed == pytest.approx([float(share.removesuffix(" %")) / 100.0 for share in shares]), row

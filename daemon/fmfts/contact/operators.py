@@ -16,7 +16,7 @@ Part = Any  # part of a model, as the onnx package reads it
 BEGINNING = bytes([1 << 3])  # protobuf's key of field 1, a number: ir_version, which every writer puts first
 GIVE = "give one that `calibrate` wrote, or a shipped name"
 DEFAULT_DOMAIN = ("", "ai.onnx")
-DOCUMENT = "those that docs/calibration.md lists"
+DOCUMENT = "those in fmfts/contact/operators.py"
 # Operators whose outputs' sizes follow from the sizes of their inputs.
 PLAIN = frozenset({
     "Abs", "Acos", "Add", "And", "Asin", "Atan", "BatchNormalization", "Cast", "Ceil", "Celu", "Clip", "Concat",
