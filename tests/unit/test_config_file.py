@@ -247,7 +247,7 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (I2C + "rate_hz = 75\nmux_addresses = [0x70, 0x70, 0x71, 0x71]\n" + I2C.replace('"i"', '"j"') + "rate_hz = 75\nmux_address = 0x71\nchannels = [3, 4, 5, 6]", "pad 'j' (second [[pad]]): source.channels = [3, 4, 5, 6]: pad 'i' reads the same sensors"),
         (PAD + "[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [8, 8, 0.5]]", "geometry.sensors_mm, sensor 3 = [8, 8, 0.5]: is within 1 mm of sensor 1 (these are millimetres)"),
         (PAD + "[pad.geometry]\nsensor_rotations_deg = [[0, 0, 90]]", "either empty or one rotation vector for each of the 4 sensors, not 1"),
-        (PAD + "[pad.magnet]\nrest_axis = [0, 0, 0]", "magnet.rest_axis = [0, 0, 0]: a direction is needed, and this has none"),
+        (PAD + "[pad.magnet]\nrest_axis = [0, 0, 0]", "magnet.rest_axis = [0, 0, 0]: the length of this vector is 0: give a direction"),
         (PAD + "[pad.magnet]\nrest_mm = [0, 0, -12]", "magnet.rest_mm = [0, 0, -12]: the magnet rests above the sensors"),
         (PAD + "[pad.magnet]\nrest_mm = [0, 0, 0.012]", "its z must be greater than theirs by 1 mm, half its size"),
         (PAD + "[pad.magnet]\nrest_mm = [8, 8, 1.5]", "magnet.rest_mm = [8, 8, 1.5]: at least 2.0 mm from every sensor, not 1.5 mm"),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from bus_messages import status_message
 from mounted_world import World
+from msgspec import structs
 from rich.console import Console
 
 from fmfts.arithmetic.matrix import product
@@ -34,7 +35,7 @@ def config(model: str = "default", finger_mm: tuple[float, float] = (3.0, 12.0),
 def test_calibrated_pad_has_known_silicone_but_unknown_finger() -> None:
     shipped, own = (config(name).structure_tolerance() for name in ("shear", "mine.onnx"))
     assert shipped == StructureTolerance(0.2, 0.2e-3, (3e-3, 12e-3))
-    assert own == StructureTolerance(0.0, 0.0, (3e-3, 12e-3), is_of_probe=False)
+    assert own == StructureTolerance(0.0, 0.0, (3e-3, 12e-3), probe_m=None)
     assert config("default").structure_tolerance("mine.onnx") == own
 
 
@@ -66,6 +67,26 @@ def test_users_own_model_is_not_corrected_for_the_probe() -> None:
     own = config("mine.onnx", finger_mm=(12.0, 12.0)).structure_tolerance()
     assert own.known_finger_mm2 == 0.0
     assert own.finger_mm2 == pytest.approx((144.0 - 36.0) / 16.0 / 2.0), "the width counts in the deviations"
+
+
+@pytest.mark.parametrize("probe_mm", [6.0, 12.0])
+def test_own_model_is_corrected_for_a_finger_if_its_probe_is_known(probe_mm: float) -> None:
+    def told(finger_mm: float) -> StructureTolerance:
+        pad = config("mine.onnx", finger_mm=(finger_mm, finger_mm))
+        contact = structs.replace(pad.contact, probe_mm=probe_mm)
+        return structs.replace(pad, contact=contact).structure_tolerance()
+
+    as_pressed, wide, narrow = (told(width_mm) for width_mm in (probe_mm, 15.0, 3.0))
+    assert (as_pressed.known_finger_mm2, as_pressed.finger_mm2) == (0.0, 0.0)
+    assert wide.known_finger_mm2 == pytest.approx((15.0**2 - probe_mm**2) / 16.0)
+    assert narrow.known_finger_mm2 == pytest.approx((3.0**2 - probe_mm**2) / 16.0)
+    assert wide.finger_mm2 == pytest.approx(wide.known_finger_mm2 / 3.0)
+
+
+def test_probe_of_a_shipped_model_is_not_to_be_set() -> None:
+    pad = config()
+    (problem,) = problems_in(Config(pad=(structs.replace(pad, contact=structs.replace(pad.contact, probe_mm=5.0)),)))
+    assert problem[-1] == "the shipped models' probe is 6 mm wide: leave it out"
 
 
 def test_modulus_off_by_a_factor_is_wider_above_than_below() -> None:

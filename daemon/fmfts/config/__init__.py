@@ -29,7 +29,7 @@ from fmfts.config.sources import (
     SourceConfig,
 )
 from fmfts.contact.shipped import SHIPPED_PATHS
-from fmfts.contact.tolerances import FINGER_M, MODULUS, THICKNESS_M, StructureTolerance
+from fmfts.contact.tolerances import FINGER_M, MODULUS, PROBE_M, THICKNESS_M, StructureTolerance
 from fmfts.pad import (
     Array,
     DriftLimits,
@@ -198,6 +198,7 @@ class ContactConfig(_Section, frozen=True):
     refine: bool = False
     friction: Friction = 0.3
     finger_mm: tuple[FingerSize, FingerSize] = (FINGER_M[0] * 1e3, FINGER_M[1] * 1e3)
+    probe_mm: FingerSize | None = None  # of the presses of a model of the user's own; None: not known
     smoothing_ms: Annotated[float, Meta(ge=0, le=1000)] = 0.0
     slip: bool = False
     slip_friction: tuple[Friction, Friction] = (0.2, 1.2)
@@ -249,8 +250,11 @@ class PadConfig(_Section, frozen=True, kw_only=True):
         said = (self.tolerance.modulus, self.tolerance.thickness_mm)
         modulus, thickness_mm = (one if one is not None else other for one, other in zip(said, usual, strict=True))
         smallest_mm, largest_mm = self.contact.finger_mm
-        finger_m = (smallest_mm * 1e-3, largest_mm * 1e-3)
-        return StructureTolerance(modulus, thickness_mm * 1e-3, finger_m, is_of_probe=is_shipped)
+        finger_m, probe_mm = (smallest_mm * 1e-3, largest_mm * 1e-3), self.contact.probe_mm
+        own_probe_m = None if probe_mm is None else probe_mm * 1e-3
+        return StructureTolerance(
+            modulus, thickness_mm * 1e-3, finger_m, probe_m=PROBE_M if is_shipped else own_probe_m
+        )
 
     def pad(self) -> Pad:
         """The nominal pad, in SI."""

@@ -27,6 +27,7 @@ from fmfts.config.several_checks import several_problems
 from fmfts.config.wording import IN_METRES
 from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
+from fmfts.contact.tolerances import PROBE_M
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.rates import highest_rate_hz, no_trigger
 from fmfts.sensor.wire.packets import MAX_SENSORS
@@ -143,6 +144,8 @@ def _finger(pad: PadConfig) -> Iterator[Problem]:
     smallest_mm, largest_mm = pad.contact.finger_mm
     if not smallest_mm <= largest_mm:
         yield ("contact", "finger_mm"), f"the smallest width comes first: [{largest_mm:g}, {smallest_mm:g}]"
+    if pad.contact.probe_mm not in (None, PROBE_M * 1e3) and pad.contact.model in SHIPPED_PATHS:
+        yield ("contact", "probe_mm"), f"the shipped models' probe is {PROBE_M * 1e3:g} mm wide: leave it out"
 
 
 def _sensors(pad: PadConfig) -> Iterator[Problem]:
@@ -192,7 +195,7 @@ def _rest(pad: PadConfig) -> Iterator[Problem]:
 def _rest_of(pad: PadConfig, magnet: MagnetConfig, where: tuple[Key, ...]) -> Iterator[Problem]:
     rest, axis = magnet.rest_mm, magnet.rest_axis
     if max(map(abs, axis)) < 1e-6:
-        yield (*where, "rest_axis"), "a direction is needed, and this has none"
+        yield (*where, "rest_axis"), "the length of this vector is 0: give a direction"
     half_mm = min(magnet.diameter_mm, magnet.length_mm) / 2.0
     if rest[2] - max((place[2] for place in pad.geometry.sensors_mm), default=0.0) < half_mm:
         yield (

@@ -16,6 +16,7 @@ MAGNETS_APART_MM = 5.0  # nearer ones would overlap
 UNREAD = {
     ("contact", "refine"): "fingers are already the most likely ones: leave it out",
     ("contact", "smoothing_ms"): "a pad with several magnets smooths nothing: leave it out, and smooth in your program",
+    ("contact", "probe_mm"): "a pad with several magnets allows for fingers of 4 to 8 mm, always: leave it out",
     ("contact", "finger_mm"): "a pad with several magnets allows for fingers of 4 to 8 mm, always: leave it out",
 }
 

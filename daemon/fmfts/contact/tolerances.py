@@ -38,15 +38,15 @@ class StructureTolerance:
     width of what presses. The first value of each: it is as calibrated.
 
     is_weighed: a weight measured the scale of forces in the middle; `modulus` is the remaining deviation.
-    is_of_probe: a probe of PROBE_M made the model, so that a known finger corrects it; the user's own presses may
-    contain that finger already.
+    probe_m: width of the probe that made the model, so that a known finger corrects it; None: not known, and the user's
+    own presses may contain that finger already.
     """
 
     modulus: float = 0.0
     thickness_m: float = 0.0
     finger_m: tuple[float, float] = (PROBE_M, PROBE_M)
     is_weighed: bool = False
-    is_of_probe: bool = True
+    probe_m: float | None = PROBE_M
 
     @property
     def for_c(self) -> dict[str, Numbers]:
@@ -64,17 +64,20 @@ class StructureTolerance:
     @property
     def known_finger_mm2(self) -> float:
         """The excess of the second moment over the probe's, of the width nearest to the probe's; 0 where the widths
-        include the probe's, or no probe made the model. Every finger has at least this."""
-        if not self.is_of_probe:
+        include the probe's, or the model's probe is not known. Every finger has at least this."""
+        if self.probe_m is None:
             return 0.0
-        smallest_mm2, largest_mm2 = (wider_than_probe_mm2(width_m) for width_m in self.finger_m)
+        smallest_mm2, largest_mm2 = (wider_than_probe_mm2(width_m, self.probe_m) for width_m in self.finger_m)
         return max(smallest_mm2, 0.0) + min(largest_mm2, 0.0)
 
     @property
     def finger_mm2(self) -> float:
         """One deviation of a second moment: half the largest difference of a disc (w²/16) from the known one, and the
         unknown shape of a known width."""
-        farthest_mm2 = max(abs(wider_than_probe_mm2(width_m) - self.known_finger_mm2) for width_m in self.finger_m)
+        probe_m = PROBE_M if self.probe_m is None else self.probe_m
+        farthest_mm2 = max(
+            abs(wider_than_probe_mm2(width_m, probe_m) - self.known_finger_mm2) for width_m in self.finger_m
+        )
         return float(root_of_squares(farthest_mm2 / 2.0, SHAPE_SHARE * self.known_finger_mm2))
 
     @property
@@ -108,6 +111,6 @@ class StructureTolerance:
         return replace(self, modulus=deviation, is_weighed=True)
 
 
-def wider_than_probe_mm2(width_m: float) -> float:
+def wider_than_probe_mm2(width_m: float, probe_m: float = PROBE_M) -> float:
     """The second moment of a disc, minus the probe's."""
-    return float(1e6 * (square(width_m) - square(PROBE_M)) / 16.0)
+    return float(1e6 * (square(width_m) - square(probe_m)) / 16.0)

@@ -13,6 +13,7 @@ UNREAD = {
     ("contact", "refine"): "a table of fields has nothing to refine: leave it out",
     ("contact", "smoothing_ms"): "a pad whose magnets are unknown smooths nothing: leave it out",
     ("contact", "friction"): "how wrong a table of fields may be is in its file: leave it out",
+    ("contact", "probe_mm"): "how wrong a table of fields may be is in its file: leave it out",
     ("contact", "finger_mm"): "how wrong a table of fields may be is in its file: leave it out",
     ("silicone", "creep_per_decade"): "how wrong a table of fields may be is in its file: leave it out",
     ("silicone", "hysteresis"): "how wrong a table of fields may be is in its file: leave it out",
