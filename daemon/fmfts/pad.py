@@ -258,8 +258,10 @@ class Tolerance:
         return float(root_of_squares(self.magnet_tilt_rad, self.pad_tilt_rad))
 
     def tilts_given(self, found_rad: Array, told: Array) -> SharedTilt:
-        """Whose a tilt (2,) is that was found at rest. A magnet's own is bounded by its mould; a pad is glued by hand.
-        So a tilt that both deviations together do not explain widens the pad's deviation to its most likely value.
+        """Shares of magnet and pad in a tilt (2,) that was found at rest.
+
+        A magnet's own tilt is bounded by its mould; a pad is glued by hand. So a tilt that both deviations together do
+        not explain widens the pad's deviation to its most likely value.
 
         told (2,): the share of a tilt's variance that the recording determines. The rest is noise in what was found, of
         the variance 1/told − 1 times the tilt's: it is no tilt of the pad.

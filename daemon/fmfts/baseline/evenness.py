@@ -1,10 +1,10 @@
 """The variation of the ambient field's strength while the robot turned, without noise: by attitude and by place.
 
-The field's strength at orientation k is |f_k| with f_k = (HᵀWH)⁻¹HᵀW(y_k − o), where H are the chips' sensitivities. Of
-its logarithm's variance the noise makes uᵀ(HᵀWH)⁻¹u/|f|² with u = f/|f|. Steel that turns with the pad makes the rest
-depend on the attitude: by a quadratic form of u, as it multiplies the field by a matrix, and by a linear one, as the
-offsets o take a part of it in. The rest depends on the pad's place: a workshop's field differs from place to place, and
-determines the gains less well.
+The field's strength at orientation k is |f_k| with f_k = (HᵀWH)⁻¹HᵀW(y_k − o), where H are the chips' sensitivities.
+Noise contributes uᵀ(HᵀWH)⁻¹u/|f|² to the variance of its logarithm, with u = f/|f|. Steel that turns with the pad adds
+a variation with the attitude: a quadratic form of u, because it multiplies the field by a matrix, and a linear one,
+because the offsets o absorb a part of it. What remains varies with the pad's place: a workshop's field differs from
+place to place, and determines the gains less well.
 """
 
 from __future__ import annotations

@@ -161,7 +161,7 @@ class StoredGeometry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         possible.ROTATION_RAD.require(chain(*self.rotation_rad))
         possible.UNIT.require(chain(*(one[3:] for one in self.pose)))
         if len(self.place_m) != len(self.rotation_rad) or len(self.pose) > MOST_FIELDS:
-            raise ValueError("no presses give such a geometry")
+            raise ValueError("such a geometry cannot come from presses")
 
     @property
     def sensors(self) -> int:

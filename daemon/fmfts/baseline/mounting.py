@@ -163,7 +163,7 @@ def estimate_mounting(
     chi2 = float(np.sum(square(weight * misfit.ravel())) + product(scaled, unknowns.precision, scaled))
     told = np.maximum(1.0 - np.diagonal(scaled_covariance)[:5], TELLS_LITTLE)
     shared = tolerance.tilts_given((unknowns.deviation[:5] * scaled[:5] / told)[TILT], told[TILT])
-    # A misfit above what tolerances explain makes the pose as uncertain as it is large (Birge's ratio: tracker.c).
+    # A misfit that tolerances do not explain widens the pose's deviations in proportion (Birge's ratio: tracker.c).
     birge = max(chi2 / float(believed.sum()), 1.0)
     leftover = Leftover(
         unknowns,

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 # 50 ms at 220 Hz: a third of the noise of one sample, and a hand moves little in that time.
 MEAN_OF = 11
-# The mean over this arc is a quarter of a percent too short, half of the differences of a workshop's field.
+# The mean of a vector that turns by this arc (rad) is 0.25 % too short: half as much as a workshop's field varies.
 LARGEST_ARC = 0.25
 STILLEST = 0.1  # share of a fast turn's samples that determine the noise
 

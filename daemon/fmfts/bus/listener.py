@@ -1,4 +1,4 @@
-"""Stops and allows new connections to a tcp endpoint that ZeroMQ serves. Those that exist go on meanwhile.
+"""Stops and allows new connections to a tcp endpoint that ZeroMQ serves. Existing ones stay open.
 
 libzmq has no such option. So the kernel drops the first packet of each new connection: a socket filter on libzmq's own
 listening socket, which any thread of this process may set at any time. The other side sends that packet again after a

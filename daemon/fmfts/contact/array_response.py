@@ -144,7 +144,7 @@ class ArrayResponse:
     @classmethod
     def of(cls, content: bytes, whose: str) -> ArrayResponse:
         """From a file's content. ResponseError if it is no such response. whose: the file's name, for the error."""
-        with damage_told(ResponseError, f"{whose}: is no response of several magnets"):
+        with damage_told(ResponseError, f"{whose}: this is no response of several magnets"):
             stored = msgspec.msgpack.decode(content, type=_Stored)
             if stored.format != FORMAT:
                 raise ValueError(f"its format is {stored.format!r}, not {FORMAT!r}")

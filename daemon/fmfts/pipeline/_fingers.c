@@ -174,7 +174,7 @@ PyObject *fmfts_pad_tell(PyObject *object, PyObject *args)
     return taken ? fmfts_written(self) : NULL;
 }
 
-/* The newest samples of the frame; NaN of sensors that it has none of. */
+/* The newest samples of the frame; NaN for a sensor without one. */
 static void list_newest(const fmfts_pad_object *self, unsigned valid, double *newest_t)
 {
     for (size_t axis = 0; axis < 3 * (size_t)self->pad.parameters->pose.sensors; axis++) {

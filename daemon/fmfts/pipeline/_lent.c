@@ -9,7 +9,7 @@
 
 enum { MOST_MISSING = 1000 }; /* frames; after more, or a repeated one, Python decides (statistics.py) */
 
-/* Whether the sample is this pad's next one, and there is room to account for it. Python says what is wrong with others. */
+/* Whether the sample is this pad's next one, and there is room to account for it. Python handles all other samples. */
 static bool is_expected(const fmfts_pad_object *self, const fmfts_sample *sample)
 {
     const fmfts_pose_parameters *pose = &self->pad.parameters->pose;

@@ -19,7 +19,7 @@ typedef struct {
 /* reading.c: an empty verdict. */
 void fmfts_begin_step(const fmfts_parameters *parameters, fmfts_memory *memory, double temperature_c, fmfts_frame_work *work);
 
-/* reading.c: the same, and an empty reading. */
+/* reading.c: an empty verdict and an empty reading. */
 void fmfts_begin(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *frame, fmfts_frame_work *work,
                  fmfts_reading *reading);
 

@@ -31,7 +31,7 @@ static bool is_whole(const fmfts_step *step)
     return true;
 }
 
-/* Solves for pose and ambient field, from rest, with the moment as it was there. deviation_t: that of the ambient field. False
+/* Solves for pose and ambient field, from rest, with the moment of the rest pose. deviation_t: that of the ambient field. False
  * if these do not explain the frame. */
 static bool is_explained(const fmfts_step *step, double ambient_t[3], double *deviation_t)
 {

@@ -29,7 +29,7 @@ typedef struct {
 #define FMFTS_LONGEST_GAP_US 300000.0
 /* A chip that is this many periods behind the others has stopped: the others do not wait for it. */
 #define FMFTS_STOPPED_PERIODS 2.5
-/* A sample jumps if it is half a gauss off the line through the two before; a tap of 1 N in 50 ms is off by a tenth. */
+/* A sample jumps if it is half a gauss off the line through the two before. A tap of 1 N in 50 ms is 0.05 gauss off. */
 #define FMFTS_JUMP_T 5e-5
 
 /* stopped_us: a chip that is this far behind the others has stopped. old_us: the largest age of the newest sample of

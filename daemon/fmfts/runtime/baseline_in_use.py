@@ -58,7 +58,7 @@ class BaselineInUse:
         self._recorders.state_changed()
 
     def board_is_known(self) -> bool:
-        """Compare the baseline with the board whenever the board identifies itself. False: it has not done so yet."""
+        """Compare the baseline with the board whenever the board identifies itself. False until it has done so."""
         baseline, uid = self._last, self._source.state.board.get("uid")
         if baseline is None or baseline.origin is None or baseline.origin.uid is None or self.origin is None:
             return True

@@ -45,7 +45,7 @@ def text_of(error: BaseException) -> str:
     """The text of an error in one line that a message can carry, whatever it is."""
     try:
         text = " ".join(str(error).split())
-    except Exception as again:  # noqa: BLE001 - the text of an error may fail itself
+    except Exception as again:  # noqa: BLE001 - making the text of an error may raise another one
         text = f"its text cannot be shown, {type(again).__name__}"
     return _encodable(text)
 

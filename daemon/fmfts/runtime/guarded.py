@@ -182,7 +182,7 @@ class GuardedSource:
 
     def contained(self, where: str, *passes: type[BaseException]) -> Contained:
         """A context in which an error closes the device, unless `passes` names its type."""
-        # Each is made once: a frame enters several.
+        # Contexts are kept, because each frame enters several.
         key = where, passes
         if key not in self._contexts:
             self._contexts[key] = Contained(partial(self.fail, where), *passes)

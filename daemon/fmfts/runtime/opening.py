@@ -126,7 +126,7 @@ def channel_of(
 
 
 def use_baseline(channel: Channel, config: PadConfig, pads: Sequence[PadConfig]) -> None:
-    """Use the pad's stored, recorded or simulated baseline. Where there is none that fits, the pad says why."""
+    """Use the pad's stored, recorded or simulated baseline. Without one that fits, the pad publishes why."""
     pipeline, pad = channel.pipeline, channel.pipeline.pad
     try:
         if isinstance(config.source, ReplaySource):

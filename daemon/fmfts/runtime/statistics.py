@@ -96,7 +96,7 @@ class PadStatistics:
         self.gaps += max(count, 0) - explained
 
     def published(self, sampled_ns: int, published_ns: int) -> None:
-        """Count a message. One without a new sample has no latency: `t_sample_ns` says how old its sample is."""
+        """Count a message. A message without a new sample has no latency: `t_sample_ns` says how old its sample is."""
         self._published += 1
         if sampled_ns != self._sampled_ns:
             self._latencies_s.append((published_ns - sampled_ns) * 1e-9)

@@ -80,7 +80,7 @@ def tracking_model_for(scene: SceneConfig, magnet: MagnetConfig, chip: Chip = DE
     why = f"8 unknowns (pose, ambient field): {cause}, so the moment is the baseline's and follows the temperature"
     if scene.remanence == "drifting":
         initial[LOG_MOMENT] += square(per_k * HOTTER_K)
-        why += f"; it drifts, which a drifting field hides: {abs(per_k) * HOTTER_K:.1%} of it count as unknown"
+        why += f"; {abs(per_k) * HOTTER_K:.1%} of it count as unknown, because the ambient field hides its drift"
     unread_k = 0.0 if chip.thermometer is None else UNREAD_WARMING_K
     turns = scene.ambient != "constant"
     tracking = TrackingModel(

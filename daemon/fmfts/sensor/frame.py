@@ -185,7 +185,8 @@ class WireFrame(Frame):
         return np.frombuffer(self._packed[3], "<i2").reshape(-1, 4)
 
 
-# A frame is frozen, so that only its slots take values. Found once: to look each up by its name takes twice as long.
+# A frame is frozen, so that only its slots take values. Their setters are kept: to look them up for each frame takes
+# twice as long.
 _put_pad_index = Frame.__dict__["pad_index"].__set__
 _put_sequence = Frame.__dict__["sequence"].__set__
 _put_device_time_us = Frame.__dict__["device_time_us"].__set__

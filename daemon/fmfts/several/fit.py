@@ -39,8 +39,8 @@ FLOOR = np.array([1e-9, 1e-9, 1e-6])
 FARTHEST_LOAD = 3.0  # limit of the search, as a multiple of the table's largest force
 # A finger whose force is less than this many deviations, or two nearer than this, are doubtful (count.py).
 RELEASE_DEVIATIONS, TOGETHER_MM = 3.0, 6.5
-# Beyond the table, place and force are not known. A search beyond its edge ends this near to it; so may that for a weak
-# finger, whose place is uncertain: only one whose force is so many deviations is certainly there.
+# Beyond the table's edge, place and force are not known. If a search ends nearer than EDGE_MM to it, the finger may lie
+# beyond. A weak finger may end there by noise, so its force must exceed CERTAIN_DEVIATIONS.
 EDGE_MM, CERTAIN_DEVIATIONS = 0.5, 6.0
 UNDETERMINED, DOUBTFUL, BEYOND = 1, 2, 4  # flags, as fit.h has them
 

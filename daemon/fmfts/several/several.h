@@ -130,7 +130,7 @@ void fmfts_moved_magnets(const fmfts_several *model, const double *change, doubl
 /* field_model.c: by how much such a change changes the field [V], and its slope [V][P] there. */
 void fmfts_changed_field(const fmfts_several *model, const double *change, double *field, double *slope);
 
-/* field_model.c: fills `predicted`, unless it already is of these fingers. */
+/* field_model.c: fills `predicted`, unless it holds these fingers already. */
 void fmfts_predict(const fmfts_several *model, fmfts_fingers fingers, fmfts_predicted *predicted);
 
 /* field_model.c: the number of the prediction in `work` that is of these fingers, which the last frame may have left; the first

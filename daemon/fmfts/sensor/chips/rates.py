@@ -48,8 +48,9 @@ def fastest_on_board_hz(chip: Chip, rate_hz: int) -> float:
 
 
 class BusLoad(NamedTuple):
-    """What is read on one I2C bus. groups: of chips that one write reaches, those of each pad behind one mux; without a
-    mux, the pads. changes: how often a reading of all goes from one mux of a pad to another; each closes a mux."""
+    """The load of one I2C bus. groups: of chips that one write reaches: a pad's chips behind one mux, or a whole pad
+    without a mux. changes: how often reading all chips once switches from one mux of a pad to another, which closes
+    the first."""
 
     sensors: int
     groups: int
@@ -58,7 +59,7 @@ class BusLoad(NamedTuple):
 
     @classmethod
     def of(cls, pads: Iterable[tuple[int, Sequence[int]]]) -> BusLoad:
-        """pads: of each its number of sensors, and the mux of each sensor (none without a mux)."""
+        """pads: for each pad the number of its sensors, and the mux address of each (empty if it has no mux)."""
         each = list(pads)
         return cls(
             sum(sensors for sensors, _ in each),

@@ -48,12 +48,12 @@ def no_selftest(chip: Chip) -> str:
 
 
 def own_field_counts(chip: Chip, without: Sequence[Axes], with_field: Sequence[Axes]) -> Axes:
-    """The effect of the chip's own field, from samples without and with it; saturated where one of them was."""
+    """The effect of the chip's own field, from samples without and with it; saturated axes are marked."""
     return _of_both(chip, without, with_field, (-1.0, 1.0))
 
 
 def bridge_zero_counts(chip: Chip, after_set: Sequence[Axes], after_reset: Sequence[Axes]) -> Axes:
-    """The bridges' readings without a field, from samples after either pulse; saturated where one of them was."""
+    """The bridges' readings without a field, from samples after either pulse; saturated axes are marked."""
     return _of_both(chip, after_set, after_reset, (0.5, 0.5))
 
 
