@@ -59,7 +59,7 @@ def turning_means(frames: Sequence[Frame]) -> Means:
 def turning_window(fields: Array) -> int:
     """The largest number of frames, up to MEAN_OF, within which fields (K, N, 3) that turn go at most LARGEST_ARC.
 
-    Judged by nine in ten windows, and by the middle one of the sensors, since a chip may jump.
+    Nine in ten windows must keep that limit, at the median of the sensors, because a chip may jump.
     """
     allowed = LARGEST_ARC * np.ptp(fields, axis=0).max(axis=1) / 2.0
     for window in range(MEAN_OF, 1, -1):

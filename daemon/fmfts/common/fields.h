@@ -13,7 +13,7 @@
         FIELDS(FMFTS_ONE, FMFTS_MANY)                                                                                  \
     } name;
 
-/* A field of a struct: its type as NumPy names it, and how many there are; 0: one, which is no array. */
+/* A field of a struct: its type as NumPy names it, and the length of its array; 0: a single value. */
 typedef struct {
     const char *name, *type;
     size_t count;

@@ -71,7 +71,8 @@ void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memor
     memory->in_contact = memory->touched != 0.0 && is_certain && estimate->explained > share ? 1.0 : 0.0;
 }
 
-/* Otherwise a false contact would follow one gap in a hundred: as often as an unloaded frame is not close to rest. */
+/* Without this a false contact would follow one gap in a hundred, because one unloaded frame in a hundred is not close to
+ * rest. */
 void fmfts_unseen(fmfts_contact_memory *memory)
 {
     memory->quiet_frames = fmin(memory->quiet_frames + 1.0, FMFTS_RELEASE_FRAMES);

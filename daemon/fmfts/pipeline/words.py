@@ -18,7 +18,7 @@ NO_BASELINE = (
 )
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
 
-# Of the drift on one axis: tests/unit/test_warming_offsets.py. The pose explains most of one axis that is off.
+# Deviations of the drift of one axis (tests/unit/test_warming_offsets.py): the pose explains most of such a drift.
 HIDDEN_DEVIATIONS = 8.0
 
 

@@ -14,7 +14,7 @@ MOVED_MISFIT = 1e-4
 # The share of spectra of white noise that show a line, at any of 64 frequencies.
 FALSE_LINE = 1e-6 / 64
 # Probability that the innovations of a healthy frame, or of a sample that came before its frame, exceed the threshold.
-# Here a sensor that begins to fail shows first.
+# This threshold notices a sensor that begins to fail before the others do.
 FALSE_INNOVATION = 1e-6
 # The share of poses that jump from those before by noise alone: [pad.contact] smoothing_ms.
 JUMP_PROBABILITY = 1e-3

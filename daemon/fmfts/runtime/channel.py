@@ -157,7 +157,7 @@ class Channel:
     def early(self, early: EarlySample) -> None:
         """Process a sample that came before its frame: publish the last message with another `now`.
 
-        A sample without news is not published: its frame comes soon.
+        A sample that changes nothing is not published, because its frame follows soon.
         """
         with self._contained:
             self._take_early(early)

@@ -138,7 +138,7 @@ def use_baseline(channel: Channel, config: PadConfig, pads: Sequence[PadConfig])
             baseline = _stored(config, pad)
         if baseline is None and isinstance(config.source, SimulatedSource):
             baseline = simulated_baseline(config, neighbours_of(config, pads))
-            log.info("pad '%s': simulated, so its baseline was recorded in no time", pad.name)
+            log.info("pad '%s': simulated, so its baseline is computed at once", pad.name)
         if baseline is None:
             log.warning("pad '%s': no baseline yet: `fmfts-daemon baseline --bare`, then `--rest`", pad.name)
         elif baseline != pipeline.baseline:  # a recording that is played again mostly has the same baseline

@@ -33,7 +33,7 @@ GOOD = Tolerance(
 
 
 def with_chips_turned(sensor_rotation_rad: float, cross_axis: float) -> Tolerance:
-    """For a good pad whose chips are this good."""
+    """The tolerance of a good pad, with these deviations of its chips."""
     return replace(GOOD, sensor_rotation_rad=sensor_rotation_rad, cross_axis=cross_axis)
 
 
