@@ -272,7 +272,7 @@ def test_key_on_two_lines_is_refused(keys: Path) -> None:
     """Two lines could grant it two rights."""
     listed = (keys / "clients").read_text()
     (keys / "clients").write_text(listed + listed.splitlines()[1].replace(" arm read-only", " foe may-change") + "\n")
-    with pytest.raises(KeysError, match="line 4: a name or a key that stands above"):
+    with pytest.raises(KeysError, match="line 4: this name or key is on a line above"):
         KeyFolder(keys).clients()
 
 

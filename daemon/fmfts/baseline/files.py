@@ -63,7 +63,7 @@ def stored(pad: Pad, origin: Origin | None = None) -> Baseline | None:
         if not _is_good(previous, pad, origin):
             raise
         restore = f"`fmfts-daemon baseline --restore --pad {pad.name}`"
-        raise BaselineError(f"{error}; or bring the one before back, from {previous}: {restore}") from error
+        raise BaselineError(f"{error}; or restore the previous one, {previous}: {restore}") from error
 
 
 def store(

@@ -69,7 +69,7 @@ class ClientList:
         seen: set[bytes] = set()
         for number, client in self._parsed(content.decode(errors="replace")):
             if client.name in clients or client.public in seen:
-                raise KeysError(f"{self._line(number)}: a name or a key that stands above, too; remove one of them")
+                raise KeysError(f"{self._line(number)}: this name or key is on a line above, too; remove one of them")
             clients[client.name] = client
             seen.add(client.public)
         return clients

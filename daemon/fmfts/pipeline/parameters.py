@@ -154,7 +154,7 @@ def _tracking(baselined: BaselinedPad) -> Values:
         "at_rest": baselined.at_rest,
         "rest_temperature_c": np.nan if rest_c is None else rest_c,
         "rest": baselined.mounting.rest.vector(),
-        # One more: the moment of earlier frames.
+        # The moment of earlier frames counts as one more value.
         "gate_chi2": _quantiles(FALSE_ALARM, values - free + 1),
         "surprising_chi2": _quantiles(SOUND, values - free + 1),
         "line_chi2": quantile(FALSE_LINE, 6),

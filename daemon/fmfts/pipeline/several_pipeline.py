@@ -159,7 +159,7 @@ class SeveralPipeline:
             self._use(fingers, baseline)
             if self.hand is None:
                 self._followed = FollowedFinger(fingers, self._lead, self._frames.parameters)
-            if isinstance(before, FingersEstimator):  # a finger of before is another one
+            if isinstance(before, FingersEstimator):  # earlier fingers keep their ids
                 fingers.memory.counter.next_id = before.memory.counter.next_id
             self._at_first = deepcopy(fingers.memory)
         self._sighting.rests(*rest_of(mounting))
@@ -184,7 +184,7 @@ class SeveralPipeline:
         self._forget_now()
         memory = deepcopy(self._at_first)
         if isinstance(self._estimator, FingersEstimator) and isinstance(memory, FingersMemory):
-            memory.counter.next_id = self._estimator.memory.counter.next_id  # a finger of before is another one
+            memory.counter.next_id = self._estimator.memory.counter.next_id  # earlier fingers keep their ids
             self._estimator.recall(memory)
         if isinstance(self._estimator, PosesEstimator) and isinstance(memory, PosesMemory):
             self._estimator.recall(memory)

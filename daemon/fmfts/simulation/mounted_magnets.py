@@ -97,7 +97,7 @@ class MountedMagnets:
         return changes
 
     def fields_of(self, moved: Sequence[Magnets], place_m: Array, warmer: float) -> list[Array]:
-        """As `field_at`, of each magnet alone. moved: all magnets as they are for each place, or for all of them."""
+        """As `field_at`, for each magnet alone. moved: the magnets at each place, or once for all places."""
         position_m, axis = np.array([one.position_m for one in moved]), np.array([one.axis for one in moved])
         remanences_t = (self.remanence_t * warmer).tolist()
         magnets = [one.magnet.with_remanence(own) for one, own in zip(self.drawing.magnets, remanences_t, strict=True)]
