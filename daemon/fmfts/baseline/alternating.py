@@ -17,6 +17,7 @@ from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import product
 from fmfts.common.chi2 import quantile
 from fmfts.sensor import Frame
+from fmfts.sensor.frame import fields_of
 
 Array = NDArray[np.float64]
 
@@ -133,7 +134,7 @@ def _samples(frames: Sequence[Frame]) -> list[tuple[Array, Array]]:
     """For each sensor the times (K,) in s and fields (K, 3) of its samples, without mean and slope; none if too few."""
     chosen = np.array([frame.fresh & frame.timed for frame in frames])
     times = np.array([frame.sampled_us for frame in frames], dtype=np.float64) * 1e-6
-    fields = np.array([frame.field_t for frame in frames])
+    fields = fields_of(frames)
     return [
         _without_slope(times[of_sensor, sensor], fields[of_sensor, sensor]) for sensor, of_sensor in enumerate(chosen.T)
     ]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError, root_of_squares
 from fmfts.baseline.alternating import alternation
-from fmfts.sensor.frame import Frame
+from fmfts.sensor.frame import Frame, fields_of
 from fmfts.sensor.missing import saturated, untellable
 
 Array = NDArray[np.float64]
@@ -96,7 +96,7 @@ def summarise(frames: Sequence[Frame]) -> Recording:
         lambda sensor: f"sensor {sensor + 1} is {untellable(chip, impossible[sensor])}",
     )
     fresh = np.array([frame.fresh & frame.valid for frame in frames])
-    fields = np.array([frame.field_t for frame in frames])
+    fields = fields_of(frames)
     mean, noise, wander = np.empty(fields.shape[1:]), np.empty(fields.shape[1:]), np.empty(fields.shape[1:])
     step_t = frames[0].chip.coarseness_t(frames[0].gain_code)
     for sensor in range(fields.shape[1]):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,10 +78,7 @@ class Frame:
     @property
     def usable(self) -> NDArray[np.bool_]:
         """(N, 3) axes that hold a measurement."""
-        counts, largest = self.counts, self.chip.largest_count
-        told = (counts != self.chip.saturated_count) & (counts <= largest) & (counts >= -largest - 1)
-        usable: NDArray[np.bool_] = told & self.valid[:, None]
-        return usable
+        return _usable(self.chip, self.counts, self.valid)
 
     @property
     def impossible(self) -> NDArray[np.bool_]:
@@ -102,9 +101,27 @@ class Frame:
     @property
     def field_t(self) -> NDArray[np.float64]:
         """(N, 3) field in tesla, in each sensor's own axes, NaN where an axis holds no measurement."""
-        field: NDArray[np.float64] = self.counts.astype(np.float64) * self.chip.step_t[self.gain_code]
-        field[~self.usable] = np.nan
-        return field
+        return _field_t(self.chip, self.chip.step_t[self.gain_code], self.counts, self.valid)
+
+
+def fields_of(frames: Sequence[Frame]) -> NDArray[np.float64]:
+    """(F, N, 3) `field_t` of frames of one chip."""
+    chip, counts = frames[0].chip, np.array([frame.counts for frame in frames])
+    step_t = np.array([chip.step_t[frame.gain_code] for frame in frames]).reshape(len(frames), 1, -1)
+    return _field_t(chip, step_t, counts, np.array([frame.valid for frame in frames]))
+
+
+def _usable(chip: Chip, counts: NDArray[np.int16], valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    largest = chip.largest_count
+    told = (counts != chip.saturated_count) & (counts <= largest) & (counts >= -largest - 1)
+    usable: NDArray[np.bool_] = told & valid[..., None]
+    return usable
+
+
+def _field_t(chip: Chip, step_t: Any, counts: NDArray[np.int16], valid: NDArray[np.bool_]) -> NDArray[np.float64]:
+    field: NDArray[np.float64] = counts.astype(np.float64) * step_t
+    field[~_usable(chip, counts, valid)] = np.nan
+    return field
 
 
 class WireFrame(Frame):

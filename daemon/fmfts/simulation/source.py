@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.pad import Array, Magnet, rotation_from_vector
+from fmfts.pad import Array, Magnet
 from fmfts.sensor.chips import TESLA_PER_GAUSS, Axes
 from fmfts.sensor.chips.selftest import no_selftest, selftest_facts
 from fmfts.sensor.frame import AGE_UNKNOWN_US, Frame
@@ -239,8 +239,7 @@ class Simulated:
             return tumbled(self._built.ambient_t, sampled_s)
         if self.turning_rad_per_s == 0.0:
             return np.tile(self._built.ambient_t, (len(sampled_s), 1))
-        angles = self.turning_rad_per_s * (sampled_s - self.turning_since_s)
-        return np.array([rotation_from_vector(TURNING_AXIS * angle) @ self._built.ambient_t for angle in angles])
+        return turned(self._built.ambient_t, self.turning_rad_per_s * (sampled_s - self.turning_since_s))
 
     def _warming_k(self, now_s: float) -> float:
         return WARMEST_K * (1.0 - exp(-self._warming_k_per_s * now_s / WARMEST_K))
@@ -258,6 +257,14 @@ class Simulated:
     def _due_ns(self, sequence: int) -> int:
         # Rounded up, so that the frame is due for a caller who wakes at the deadline.
         return (self._start_ns or 0) - (-sequence * SECOND_NS // self._rate_hz)
+
+
+def turned(ambient_t: Array, angles_rad: Array) -> Array:
+    """(N, 3) a field, turned about TURNING_AXIS by each angle (N,); all at once, as each frame of a simulation asks."""
+    along = TURNING_AXIS * (TURNING_AXIS @ ambient_t)
+    across, beside = ambient_t - along, np.cross(TURNING_AXIS, ambient_t)
+    field_t: Array = along + np.cos(angles_rad)[:, None] * across + np.sin(angles_rad)[:, None] * beside
+    return field_t
 
 
 def tumbled(ambient_t: Array, moments_s: Array) -> Array:
