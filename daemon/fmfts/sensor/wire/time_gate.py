@@ -19,9 +19,9 @@ from fmfts.sensor.wire.clock import DeviceClock
 
 # This many consistent packets in a row show a running clock: a reset board, whose hello was lost.
 CONVINCING = 3
-# Packets that are repeated from the last RECENT_US are consistent with each other, too. The clock of a reset board begins
-# at zero, so it shows at most REPEATED_NS more than the time since the newest packet. Packets that may be a reset
-# board's must come for REPEATED_NS, all others for RECENT_US.
+# Packets that are repeated from the last RECENT_US are consistent with each other, too. A reset board's clock begins at
+# zero, so it shows at most REPEATED_NS more than the time since the newest packet. Packets that may be a reset board's
+# must come for REPEATED_NS, all others for RECENT_US.
 RECENT_US = 10_000_000
 REPEATED_NS = 100_000_000
 # How far the steps of time and arrival may differ besides JUMP_NS: an RC oscillator's tolerance, twice.
