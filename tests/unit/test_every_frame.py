@@ -25,7 +25,7 @@ from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import restore, snapshot
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
-from fmfts.sensor.frame import WireFrame
+from fmfts.sensor.frame import WireFrame, fields_of
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Touch, no_finger
 from fmfts.simulation.source import Simulated
@@ -287,3 +287,14 @@ def test_force_past_the_calibrated_one_has_a_bound_that_holds() -> None:
         assert message.force_n is None
         assert message.force_min_n is not None
         assert message.force_min_n < 1.4 * message.t_sample_ns * 1e-9
+
+
+def test_fields_of_frames_are_those_of_each_and_missing_where_nothing_was_measured() -> None:
+    frames = frames_of(config_of(), 0.2)
+    valid, counts = frames[1].valid.copy(), frames[2].counts.copy()
+    valid[3], counts[0, 1] = False, frames[2].chip.saturated_count
+    frames[1:3] = replace(frames[1], valid=valid), replace(frames[2], counts=counts)
+    together_t = fields_of(frames)
+    assert np.array_equal(together_t, [frame.field_t for frame in frames], equal_nan=True)
+    assert [tuple(at) for at in np.argwhere(np.isnan(together_t))] == [(1, 3, 0), (1, 3, 1), (1, 3, 2), (2, 0, 1)]
+    assert np.array_equal(together_t[0], frames[0].counts * frames[0].chip.step_t[frames[0].gain_code])
