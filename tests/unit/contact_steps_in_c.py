@@ -30,7 +30,10 @@ class Estimate(ctypes.Structure):
         ("by_pose", ctypes.c_double * 30),
         *(
             (name, ctypes.c_double)
-            for name in ("force_min_n", "central_force_sd_n", "pose_force_sd_n", "own_force_sd_n", "doubt", "explained")
+            for name in (
+                *("force_min_n", "central_force_sd_n", "pose_force_sd_n", "own_force_sd_n", "doubt", "explained"),
+                "lowered_chi2",
+            )
         ),
         *((name, ctypes.c_bool) for name in ("over_range", "refused", "is_beyond")),
     )

@@ -65,10 +65,11 @@ def explained(model: ContactModel, change: Array, answer: Array) -> float:
     packed, table = np.frombuffer(model.packed_response, np.uint8).copy(), Table()
     content, size = ctypes.c_void_p(packed.ctypes.data), ctypes.c_size_t(packed.size)
     assert COMPILED.fmfts_view_response(content, size, ctypes.byref(table))
+    lowered = ctypes.c_double()
     given = [np.ascontiguousarray(each, dtype=float) for each in (change, np.diag(DEVIATION**2), answer)]
     search = Search(given[0].ctypes.data, given[1].ctypes.data)
     share = COMPILED.fmfts_explained_share(
-        ctypes.byref(table), ctypes.byref(search), pointer(given[2]), ctypes.c_double(BEGINS)
+        ctypes.byref(table), ctypes.byref(search), pointer(given[2]), ctypes.c_double(BEGINS), ctypes.byref(lowered)
     )
     return float(share)
 

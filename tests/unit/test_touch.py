@@ -119,6 +119,36 @@ def test_moved_magnet_without_certain_force_has_a_wide_deviation() -> None:
     assert detector.force_sd_n(contact, 0.02) == pytest.approx(np.hypot(2.60, 0.02 / np.sqrt(3.0)))
 
 
+def test_press_is_certain_before_its_force_is() -> None:
+    """A firm press on the rim or a light one nearer the middle: the force is 0.9 ± 0.6 N, but not 0."""
+    detector = TouchInC()
+    assert detector.update(np.full(5, 1e-3), np.eye(5) * 1e-9)
+    estimate = Estimate.of(0.9, 0.6, 0.6)
+    said = []
+    for lowered in (0.0, 0.9, 1.1):
+        estimate.lowered_chi2 = lowered * detector.onset_chi2
+        said.append(detector.presses(estimate))
+    assert said == [False, False, True]
+    others = TouchInC()
+    others.update(np.full(5, 1e-3), np.eye(5) * 1e-9)
+    estimate.explained = 0.9  # as beside a magnet
+    assert not others.presses(estimate)
+    estimate.explained = 1.0
+    assert detector.force_sd_n(estimate, 0.0) == pytest.approx(np.hypot(0.9, 0.6))  # the force may still be 0
+    estimate.lowered_chi2 = 1.1 * detector.release_chi2
+    assert detector.presses(estimate)
+    estimate.lowered_chi2 = 0.9 * detector.release_chi2
+    assert not detector.presses(estimate)
+
+
+def test_where_steel_passes_only_a_certain_force_is_a_contact() -> None:
+    detector = TouchInC(hidden_n=0.1)
+    assert detector.update(np.full(5, 1e-3), np.eye(5) * 1e-9)
+    estimate = Estimate.of(0.9, 0.6, 0.6)
+    estimate.lowered_chi2 = 10.0 * detector.onset_chi2
+    assert not detector.presses(estimate)
+
+
 def test_force_near_its_noise_may_be_up_to_detection_limit_off() -> None:
     detector = touched()
     for force_n, deviation_n, doubt in ((0.3, 0.1, 4.0 / 9.0), (0.21, 0.2, 1.0), (2.0, 0.1, 0.01)):

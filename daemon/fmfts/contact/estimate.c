@@ -249,7 +249,8 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
         (solves && !(has_table && solve_by_probe(parameters, asked, &table, question, &found, bend)))) {
         return false;
     }
-    estimate->explained = has_table ? fmfts_explained_part(parameters, question, &table, &found) : 1.0;
+    estimate->lowered_chi2 = 0.0;
+    estimate->explained = has_table ? fmfts_explained_part(parameters, question, &table, &found, &estimate->lowered_chi2) : 1.0;
     estimate->is_beyond = question->share < 1.0 || found.contact[2] > limit;
     fmfts_answer answer = {found.outputs, found.contact, found.by_pose};
     fmfts_count_tolerances(parameters, has_table ? &table : NULL, question, &answer, structure);

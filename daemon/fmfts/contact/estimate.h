@@ -19,10 +19,10 @@ typedef struct {
  * - g). */
 double fmfts_doubt(double force_n, double variance);
 
-/* refined.c: the share of the movement that a press explains. Computed only if the force is large enough for a
- * contact. */
+/* refined.c: the share of the movement that a press explains, and by how much that lowers χ² (0 with shear, which would explain any
+ * movement). Computed only if the magnet has moved, or the force is large enough for a contact. */
 double fmfts_explained_part(const fmfts_contact_parameters *parameters, const fmfts_question *question, const fmfts_response *response,
-                            const fmfts_found *found);
+                            const fmfts_found *found, double *lowered_chi2);
 
 /* refined.c: replaces the answer by the most likely press of the pad's response, and widens its bend. False if there is none. */
 bool fmfts_refine_answer(const fmfts_contact_parameters *parameters, const fmfts_question *question, const fmfts_response *response,

@@ -22,11 +22,13 @@ static double left_chi2(const fmfts_response *table, const double change[FMFTS_M
     return fmfts_chi2_from_rest(FMFTS_MOVED, left, covariance, &chi2) ? chi2 : INFINITY;
 }
 
-double fmfts_explained_share(const fmfts_response *table, const fmfts_press_search *search, const double *answer, double enough)
+double fmfts_explained_share(const fmfts_response *table, const fmfts_press_search *search, const double *answer, double enough,
+                             double *lowered_chi2)
 {
     const double *change = search->change, *covariance = search->covariance;
     fmfts_press_search longer = *search;
     double press[FMFTS_MAX_PRESS], spread[FMFTS_MAX_PRESS * FMFTS_MAX_PRESS], whole, chi2;
+    *lowered_chi2 = 0.0;
     if (!fmfts_chi2_from_rest(FMFTS_MOVED, change, covariance, &whole) || !(whole > 0.0)) {
         return 1.0;
     }
@@ -38,5 +40,6 @@ double fmfts_explained_share(const fmfts_response *table, const fmfts_press_sear
     if (left > (1.0 - enough) * whole && fmfts_refine(table, &longer, press, spread, &chi2)) {
         left = fmin(left, chi2);
     }
+    *lowered_chi2 = whole - left;
     return 1.0 - left / whole;
 }

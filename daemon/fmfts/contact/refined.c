@@ -25,16 +25,31 @@ static void movement_of(const fmfts_contact_parameters *parameters, const fmfts_
     }
 }
 
+/* Whether the magnet moved further than noise moves it. Shear outwards on the rim hides force, but not this. */
+static bool has_moved(const fmfts_contact_parameters *parameters, const double moved[FMFTS_MOVED], const double *covariance)
+{
+    double chi2, onset = parameters->onset_chi2; /* 0: outside of a pipeline */
+    return onset > 0.0 && fmfts_chi2_from_rest(FMFTS_MOVED, moved, covariance, &chi2) && chi2 > onset;
+}
+
 double fmfts_explained_part(const fmfts_contact_parameters *parameters, const fmfts_question *question, const fmfts_response *response,
-                              const fmfts_found *found)
+                            const fmfts_found *found, double *lowered_chi2)
 {
     double moved[FMFTS_MOVED], covariance[FMFTS_MOVED * FMFTS_MOVED], force_n = found->contact[2];
-    if ((int)response->loads != found->outputs - 2 || !(force_n > 0.0 && force_n * force_n > found->variance[2])) {
+    *lowered_chi2 = 0.0;
+    if ((int)response->loads != found->outputs - 2 || !(force_n > 0.0)) {
         return 1.0;
     }
     movement_of(parameters, question, moved, covariance);
+    if (!(force_n * force_n > found->variance[2]) && !has_moved(parameters, moved, covariance)) {
+        return 1.0;
+    }
     fmfts_press_search search = {.change = moved, .covariance = covariance, .shear_share = parameters->shear_share};
-    return fmfts_explained_share(response, &search, found->contact, FMFTS_EXPLAINED_SHARE);
+    double share = fmfts_explained_share(response, &search, found->contact, FMFTS_EXPLAINED_SHARE, lowered_chi2);
+    if (found->outputs == CONTACT) {
+        *lowered_chi2 = 0.0;
+    }
+    return share;
 }
 
 bool fmfts_refine_answer(const fmfts_contact_parameters *parameters, const fmfts_question *question,
@@ -73,13 +88,6 @@ static void suppose_shear(const fmfts_contact_parameters *parameters, fmfts_foun
         memset(found->by_pose + POSE * i, 0, sizeof(double[POSE]));
     }
     found->outputs = CONTACT;
-}
-
-/* Whether the magnet moved further than noise moves it. Shear outwards on the rim hides force, but not this. */
-static bool has_moved(const fmfts_contact_parameters *parameters, const double moved[FMFTS_MOVED], const double *covariance)
-{
-    double chi2, onset = parameters->onset_chi2; /* 0: outside of a pipeline */
-    return onset > 0.0 && fmfts_chi2_from_rest(FMFTS_MOVED, moved, covariance, &chi2) && chi2 > onset;
 }
 
 bool fmfts_solve_answer(const fmfts_contact_parameters *parameters, const fmfts_question *question,

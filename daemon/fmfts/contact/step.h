@@ -15,6 +15,10 @@ enum { FMFTS_BINS = 16, FMFTS_RINGS = 8, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_
 /* A force is certain, and a contact begins, if it is so many deviations above zero. */
 #define FMFTS_CERTAIN_FORCE_DEVIATIONS 2.0
 
+/* in_contact of the memory, if not 0: the force is certain, or only that something presses. */
+#define FMFTS_SURE_FORCE 1.0
+#define FMFTS_SURE_PRESS 2.0
+
 /* A contact begins where a press explains this share of the movement. */
 #define FMFTS_EXPLAINED_SHARE 0.75
 
@@ -85,14 +89,14 @@ typedef struct {
 /* place: x, y (m), force and, with a shear model, two shears (N), with deviations. central_force_sd_n: the deviation
  * of the same force in the middle of the pad; pose_force_sd_n: the part of it that the pose causes; own_force_sd_n:
  * that of the force without the uncertainty of the pad's structure, which decides contacts; refused: shear and place
- * cannot be separated here, so no number is valid. explained: the share of the magnet's movement that a press explains;
- * is_beyond: it is beyond the range of the training. doubt: see estimate.c. */
+ * cannot be separated here, so no number is valid. explained: the share of the magnet's movement that a press explains, and lowered_chi2:
+ * by how much it lowers χ², 0 if not computed; is_beyond: it is beyond the range of the training. doubt: see estimate.c. */
 typedef struct {
     int outputs; /* 3 or 5 */
     double place[FMFTS_CONTACT];
     double deviation[FMFTS_CONTACT];
     double by_pose[FMFTS_CONTACT * FMFTS_POSE]; /* the network's Jacobian, in the model's units */
-    double force_min_n, central_force_sd_n, pose_force_sd_n, own_force_sd_n, doubt, explained;
+    double force_min_n, central_force_sd_n, pose_force_sd_n, own_force_sd_n, doubt, explained, lowered_chi2;
     bool over_range, refused, is_beyond;
 } fmfts_estimate;
 
@@ -114,8 +118,10 @@ void fmfts_unseen(fmfts_contact_memory *memory);
 void fmfts_forget_touch(fmfts_contact_memory *memory);
 
 /* explained.c: the share of a change of pose that the press of `answer` (mm, N) explains or, if that is not enough, the most likely one near
- * it. search: its change and covariance, in the table's units, and the prior of shear. */
-double fmfts_explained_share(const fmfts_response *table, const fmfts_press_search *search, const double *answer, double enough);
+ * it. search: its change and covariance, in the table's units, and the prior of shear. lowered_chi2: by how much that press lowers
+ * χ² of the change. */
+double fmfts_explained_share(const fmfts_response *table, const fmfts_press_search *search, const double *answer, double enough,
+                             double *lowered_chi2);
 
 /* smooth.c: smooths the pose of the question, if that is configured. */
 void fmfts_smooth(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double elapsed_s,

@@ -20,6 +20,8 @@
  * silicone. */
 #define BEYOND_SHARE 0.5
 #define KEPT_SHARE 0.25
+/* Where the force is not certain: so much of nearly every press, and of few frames beside a magnet. */
+#define PRESS_SHARE 0.95
 
 bool fmfts_chi2_from_rest(size_t numbers, const double *change, const double *covariance, double *chi2)
 {
@@ -55,20 +57,27 @@ bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memor
     return true;
 }
 
-/* A refused estimate counts as certain. hidden_force_sd_n: of a force with a hidden cause, which the pose's covariance
+/* Where the pose is uncertain, a firm press on the rim and a light one nearer the middle look alike: the force has a wide
+ * deviation, and yet no force explains the pose far worse. So a press that lowers χ² by enough is certain, too, but not where
+ * steel passes. A refused estimate counts as certain. hidden_force_sd_n: of a force with a hidden cause, which the pose's covariance
  * does not include. Such a cause also shifts the place, so the model's error there is doubtful. */
 void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const fmfts_estimate *estimate)
 {
-    double needed = memory->in_contact != 0.0 ? KEPT_FORCE_DEVIATIONS : FMFTS_CERTAIN_FORCE_DEVIATIONS;
+    bool was_contact = memory->in_contact != 0.0;
+    double needed = memory->in_contact == FMFTS_SURE_FORCE ? KEPT_FORCE_DEVIATIONS : FMFTS_CERTAIN_FORCE_DEVIATIONS;
     double hidden_n = parameters->hidden_force_sd_n;
     double deviation_n = estimate->pose_force_sd_n;
     if (hidden_n > 0.0) {
         deviation_n = estimate->own_force_sd_n > hidden_n ? estimate->own_force_sd_n : hidden_n;
     }
     bool is_certain = estimate->refused || estimate->place[2] > needed * deviation_n;
+    double lowered = was_contact ? parameters->release_chi2 : parameters->onset_chi2;
+    double of_press = memory->in_contact == FMFTS_SURE_PRESS ? FMFTS_EXPLAINED_SHARE : PRESS_SHARE;
+    bool is_press = hidden_n == 0.0 && estimate->lowered_chi2 > lowered && estimate->explained > of_press;
     double beginning = estimate->is_beyond ? BEYOND_SHARE : FMFTS_EXPLAINED_SHARE;
-    double share = memory->in_contact != 0.0 ? KEPT_SHARE : beginning;
-    memory->in_contact = memory->touched != 0.0 && is_certain && estimate->explained > share ? 1.0 : 0.0;
+    double share = was_contact ? KEPT_SHARE : beginning;
+    bool contact = memory->touched != 0.0 && (is_certain || is_press) && estimate->explained > share;
+    memory->in_contact = !contact ? 0.0 : is_certain ? FMFTS_SURE_FORCE : FMFTS_SURE_PRESS;
 }
 
 /* Without this a false contact would follow one gap in a hundred, because one unloaded frame in a hundred is not close to

@@ -154,5 +154,5 @@ double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_
         return quiet_force_sd_n(estimate->central_force_sd_n, limit_n);
     }
     double deviation_n = quiet_force_sd_n(estimate->deviation[2], estimate->doubt * limit_n);
-    return touch->in_contact != 0.0 ? deviation_n : sqrt(deviation_n * deviation_n + force_n * force_n);
+    return touch->in_contact == FMFTS_SURE_FORCE ? deviation_n : sqrt(deviation_n * deviation_n + force_n * force_n);
 }
