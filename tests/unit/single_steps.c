@@ -1,4 +1,5 @@
 /* For pose_steps_in_c.py: steps that need a complete frame, which is made here from plain numbers. */
+#include "../../daemon/fmfts/pose/model.h"
 #include "../../daemon/fmfts/pose/step.h"
 
 #include <string.h>
@@ -16,7 +17,7 @@ void count_overlap(const fmfts_pose_parameters *parameters, fmfts_pose_memory *m
     memcpy(step.field.unknown_t2, unknown_t2, size);
     memcpy(step.field.variance_t2, variance_t2, size);
     memcpy(step.slopes, slopes, FMFTS_STEP * size);
-    fmfts_overlap(&step, overlap);
+    fmfts_overlap(&step, parameters->part[LOG_COLUMN] == FMFTS_CONSIDERED, overlap);
 }
 
 /* tables: the doubles of each pad's Sighting (sighting.py). added_t, added_t2: to the field and its variance. rest, now: of all

@@ -9,6 +9,10 @@
  *
  *     slips = moves · Φ((t − µ_least·force)/σ_t),  t: shear along d
  *
+ * The baseline's error of the shear, of variance L², is the same in all frames. A finger that has just come pulls little, so
+ * the shear of its first moments is mostly this error: with the variance F² of that little pull and of the noise, the share
+ * L²/(L² + F²) of it is subtracted, and L²·F²/(L² + F²) is left. A finger that has rolled away by |d| has another error there.
+ *
  * Once it slips, STUCK is put where the finger is, again and again: a finger of speed v would be ahead of it by D = v·dt, one that has
  * stopped by 0. With d along the motion and its variance s², the log odds of going on grow by (d·D − D²/2)/s² (A. Wald, "Sequential
  * analysis", 1947). While it slips, |shear|/force is its friction, even outside slip_friction. The smallest
@@ -22,11 +26,11 @@
 enum { N = FMFTS_SLIP_STATES, FILTERS = FMFTS_SLIP_FILTERS, STUCK = FMFTS_STUCK, FORCE = 2, SHEAR = 3, VELOCITY = 5 };
 
 /* Odds that a frame of a finger that sticks is the first of a slip: at most one false alarm a minute (lab/results/slip.md). */
-#define FALSE_ODDS 1e-4
+#define FALSE_ODDS 2e-4
 #define BEGINS 0.9
 #define ENDS 0.2
 #define GOES_ON 3.0       /* log odds with which it goes on */
-#define CONFIRMED 3.0     /* log odds at which STUCK is put where the finger is */
+#define CONFIRMED 0.99752737684336534 /* probability, 1/(1 + exp(−6)), at which STUCK is put where the finger is */
 /* Share of its speed with which the finger should continue: with too large a velocity, a moving finger looks as if it
  * stopped. */
 #define SLOWER 0.6
@@ -39,8 +43,21 @@ enum { N = FMFTS_SLIP_STATES, FILTERS = FMFTS_SLIP_FILTERS, STUCK = FMFTS_STUCK,
 /* Frames of a slip are not independent measurements of the shear: the filters' memory in frames. */
 #define REMEMBERS_S 0.03
 #define LARGEST_ANGLE_SD 1.8137993642342178 /* deviation of an unknown direction: pi/sqrt(3) */
+/* First moments of a touch, and the deviation of the pull in them, over the force. */
+#define FIRST_S 0.2
+#define FIRST_PULL_SHARE 0.05
+/* Where the baseline's error of the shear is another one, and how much larger it may get. */
+#define ELSEWHERE_MM 1.0
+#define OTHER_ERROR 2.0
+/* A slip does not change the force by so much. At the rim, a larger force and shear farther out explain a light press, too. */
+#define OTHER_FORCE 1.7
 /* The finger's shape differs from the probe's: share of the shear, one deviation (lab/results/slip.md). */
 #define SHAPE_SHARE 0.2
+
+/* A shear without its most likely lasting error; the variance of what is left of that error, and of all of it. */
+typedef struct {
+    double n[2], left, lasting;
+} pull;
 
 /* The finger's motion by the filters. which: the moving filter that explains it best. */
 typedef struct {
@@ -132,11 +149,11 @@ static double going_on(const fmfts_slip_memory *memory, const motion *found)
     return GOES_ON + (along * ahead - 0.5 * ahead * ahead) / variance;
 }
 
-static void learn(const fmfts_slip_frame *frame, const double *x, double variance, fmfts_slip_memory *memory)
+static void learn(double elapsed_s, double force, const double *shear, double variance, fmfts_slip_memory *memory)
 {
-    double squared = square(x[SHEAR]) + square(x[SHEAR + 1]) - 2.0 * variance;
-    double ratio = sqrt(fmax(squared, 0.0)) / x[FORCE], share = fmin(frame->elapsed_s / REMEMBERS_S, 1.0);
-    double weight = share * square(x[FORCE]) / variance;
+    double squared = square(shear[0]) + square(shear[1]) - 2.0 * variance;
+    double ratio = sqrt(fmax(squared, 0.0)) / force, share = fmin(elapsed_s / REMEMBERS_S, 1.0);
+    double weight = share * square(force) / variance;
     if (!(weight > 0.0)) { /* no time has passed */
         return;
     }
@@ -144,19 +161,54 @@ static void learn(const fmfts_slip_frame *frame, const double *x, double varianc
     memory->learnt_weight += weight;
 }
 
+/* The mean shear of the first moments of a touch. */
+static void take_first_shear(double elapsed_s, fmfts_slip_memory *memory)
+{
+    const double *x = memory->slip_state, *p = memory->slip_covariance;
+    double variance = 0.5 * (p[(N + 1) * SHEAR] + p[(N + 1) * (SHEAR + 1)]);
+    double weight = fmin(elapsed_s / REMEMBERS_S, 1.0) / variance;
+    if (memory->first_s >= FIRST_S || !(weight > 0.0)) {
+        return;
+    }
+    memory->first_weight += weight;
+    memory->first_s += elapsed_s;
+    for (int i = 0; i < 2; i++) {
+        memory->first_shear[i] = memory->first_weight == weight ? 0.0 : memory->first_shear[i];
+        memory->first_shear[i] += (x[SHEAR + i] - memory->first_shear[i]) * weight / memory->first_weight;
+    }
+}
+
+static pull pull_of(double lasting_sd_n, const double *x, const fmfts_slip_memory *memory)
+{
+    pull found = {.lasting = square(lasting_sd_n)};
+    double share = 0.0;
+    if (memory->first_weight > 0.0) {
+        share = found.lasting / (found.lasting + square(FIRST_PULL_SHARE * x[FORCE]) + 1.0 / memory->first_weight);
+    }
+    for (int i = 0; i < 2; i++) {
+        found.n[i] = x[SHEAR + i] - share * memory->first_shear[i];
+    }
+    found.left = (1.0 - share) * found.lasting;
+    return found;
+}
+
 /* The probability that it slips; updates whether it does. */
-static double follow(const fmfts_slip_parameters *parameters, double lasting_variance, const motion *found,
-                     fmfts_slip_memory *memory)
+static double follow(const fmfts_slip_parameters *parameters, const pull *shear, const motion *found, fmfts_slip_memory *memory)
 {
     const double *x = memory->slip_state + N * found->which, *p = memory->slip_covariance + N * N * found->which;
     bool was_slipping = memory->slipping != 0.0;
-    double log_odds = was_slipping ? going_on(memory, found) : found->evidence + fmfts_log(FALSE_ODDS);
+    double moves = probability(was_slipping ? going_on(memory, found) : found->evidence + fmfts_log(FALSE_ODDS));
     const double *way = was_slipping ? x + VELOCITY : found->away;
-    double along = (x[SHEAR] * way[0] + x[SHEAR + 1] * way[1]) / fmax(length(way), 1e-9);
-    double variance = 0.5 * (p[(N + 1) * SHEAR] + p[(N + 1) * (SHEAR + 1)]) + lasting_variance;
-    double slips = probability(log_odds) * above((along - parameters->slip_friction[0] * x[FORCE]) / sqrt(variance));
+    double along = (shear->n[0] * way[0] + shear->n[1] * way[1]) / fmax(length(way), 1e-9);
+    double other = shear->lasting * square(fmin(length(found->away) / ELSEWHERE_MM, OTHER_ERROR));
+    double variance = 0.5 * (p[(N + 1) * SHEAR] + p[(N + 1) * (SHEAR + 1)]) + shear->left + other;
+    double slips = moves * above((along - parameters->slip_friction[0] * x[FORCE]) / sqrt(variance));
+    double force = memory->slip_state[FORCE]; /* by STUCK */
+    if (!was_slipping && fmax(force, x[FORCE]) > OTHER_FORCE * fmin(force, x[FORCE])) {
+        slips = fmin(slips, 1.0 - BEGINS);
+    }
     memory->slipping = slips > (was_slipping ? ENDS : BEGINS);
-    bool begins = memory->slipping != 0.0 && !was_slipping, goes_on = was_slipping && log_odds > GOES_ON + CONFIRMED;
+    bool begins = memory->slipping != 0.0 && !was_slipping, goes_on = was_slipping && moves > CONFIRMED;
     if (begins || goes_on || (was_slipping && memory->slipping == 0.0)) {
         memory->slip_speed = fmax(SLOWER * length(x + VELOCITY), LEAST_SPEED_MM_PER_S);
         fmfts_stick_here(found->which, memory->slipping != 0.0, memory);
@@ -169,19 +221,25 @@ void fmfts_judge_slip(const fmfts_slip_parameters *parameters, const fmfts_slip_
 {
     motion found = find_motion(memory);
     const double *x = memory->slip_state + N * found.which, *p = memory->slip_covariance + N * N * found.which;
-    double lasting = square(frame->shear_sd_n), force = x[FORCE];
+    double force = x[FORCE];
     slip->known = memory->slip_frames >= SETTLED_FRAMES && force > LEAST_FORCE_N &&
+                  memory->slip_state[FORCE] > LEAST_FORCE_N &&
                   fmax(memory->slip_covariance[0], memory->slip_covariance[N + 1]) < square(PLACED_MM);
     if (!slip->known) {
         memory->slipping = 0.0;
+        if (!(memory->slip_state[FORCE] > LEAST_FORCE_N)) {
+            memory->slip_frames = 0.0; /* filters that began with a lighter press may have the wrong place */
+        }
         return;
     }
+    take_first_shear(frame->elapsed_s, memory);
+    pull shear = pull_of(frame->shear_sd_n, x, memory);
     double shear_variance = 0.5 * (p[(N + 1) * SHEAR] + p[(N + 1) * (SHEAR + 1)]), speed = length(x + VELOCITY);
     double speed_sd = sqrt(0.5 * (p[(N + 1) * VELOCITY] + p[(N + 1) * (VELOCITY + 1)]));
-    slip->sticking = 1.0 - follow(parameters, lasting, &found, memory);
+    slip->sticking = 1.0 - follow(parameters, &shear, &found, memory);
     slip->slipping = memory->slipping != 0.0;
     if (slip->slipping) {
-        learn(frame, x, shear_variance, memory);
+        learn(frame->elapsed_s, force, shear.n, shear_variance, memory);
     }
     slip->speed_m_per_s = speed * M_PER_MM;
     slip->speed_sd_m_per_s = speed_sd * M_PER_MM;
@@ -189,11 +247,11 @@ void fmfts_judge_slip(const fmfts_slip_parameters *parameters, const fmfts_slip_
     slip->direction_sd_rad = fmin(speed_sd / fmax(speed, 1e-9), LARGEST_ANGLE_SD);
     slip->knows_friction = memory->learnt_weight > 0.0;
     if (slip->knows_friction) {
-        double variance = 1.0 / memory->learnt_weight + lasting / square(force) + square(SHAPE_SHARE * memory->learnt_friction);
+        double variance = 1.0 / memory->learnt_weight + shear.left / square(force) + square(SHAPE_SHARE * memory->learnt_friction);
         slip->friction = fmin(memory->learnt_friction, parameters->slip_friction[1]);
         variance += square(memory->learnt_friction - slip->friction);
         slip->friction_sd = sqrt(variance);
-        slip->margin_n = slip->friction * force - length(x + SHEAR);
+        slip->margin_n = slip->friction * force - length(shear.n);
         slip->margin_sd_n = sqrt(variance * square(force) + shear_variance);
     }
 }

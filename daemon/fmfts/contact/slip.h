@@ -4,7 +4,7 @@
 
 #include "step.h"
 
-enum { FMFTS_SLIP_STATES = 7, FMFTS_SLIP_FILTERS = 3, FMFTS_STUCK = 0 };
+enum { FMFTS_SLIP_STATES = 9, FMFTS_SLIP_FILTERS = 3, FMFTS_STUCK = 0 };
 
 /* tells_slip: 0: slip is not configured, and nothing of this file runs. slip_friction: smallest and largest friction
  * that the finger may have. */
@@ -14,7 +14,9 @@ enum { FMFTS_SLIP_STATES = 7, FMFTS_SLIP_FILTERS = 3, FMFTS_STUCK = 0 };
 
 /* slip_frames: since the filters began; 0: they do not run. slip_score: of each filter, its recent log likelihood.
  * slip_since_s: since STUCK was put where the finger is; slip_speed: its expected speed, mm/s. slip_spread: variance of
- * STUCK's place along an axis when it was put there, mm². learnt_…: of this touch's slips; weight: 1/deviation², 0
+ * STUCK's place along an axis when it was put there, mm².
+ * first_…: shear (N) of the touch's first moments, with weight (1/variance) and duration.
+ * learnt_…: of this touch's slips; weight: 1/deviation², 0
  * before the first one. */
 #define FMFTS_SLIP_MEMORY(ONE, MANY)                                                                                           \
     ONE(double, slip_frames)                                                                                           \
@@ -25,6 +27,9 @@ enum { FMFTS_SLIP_STATES = 7, FMFTS_SLIP_FILTERS = 3, FMFTS_STUCK = 0 };
     ONE(double, slip_since_s)                                                                                          \
     ONE(double, slip_speed)                                                                                            \
     ONE(double, slip_spread)                                                                                           \
+    MANY(double, first_shear, 2)                                                                                       \
+    ONE(double, first_weight)                                                                                          \
+    ONE(double, first_s)                                                                                               \
     ONE(double, learnt_friction)                                                                                       \
     ONE(double, learnt_weight)
 

@@ -1,6 +1,7 @@
 /* From a trusted pose to touch, place and force: the gaps, the lift and the deviations around contact/step.h. */
 #include <math.h>
 
+#include "../pose/model.h"
 #include "steps.h"
 
 #define MM_PER_M 1e3
@@ -68,7 +69,7 @@ void fmfts_find_change(const fmfts_pad *pad, fmfts_frame_work *work)
     }
     fmfts_follow_creep(step->parameters, step->memory, elapsed_s);
     if (overlaps) {
-        fmfts_overlap(step, overlap);
+        fmfts_overlap(step, step->parameters->part[LOG_COLUMN] == FMFTS_CONSIDERED, overlap);
     }
     fmfts_displace(step->parameters, step->memory, step->memory->state, &step->pose,
                    overlaps ? (const double(*)[5])overlap : NULL, &work->displacement);

@@ -22,6 +22,7 @@ OF_SAMPLES = (
 OF_SLIP = (
     *("slip_frames", "slip_state", "slip_covariance", "slip_score", "slipping"),
     *("slip_since_s", "slip_speed", "slip_spread", "learnt_friction", "learnt_weight"),
+    *("first_shear", "first_weight", "first_s"),
 )
 
 # And these, from before a mean residual told how far offsets drift.
@@ -60,8 +61,10 @@ def first_memory(pad: Pad, baselined: BaselinedPad | None) -> dict[str, Numbers]
 
 
 def with_later(fields: Values) -> Values:
-    """The same, if an older version wrote it."""
-    return {name: np.zeros(count or (), kind) for name, kind, count in MEMORY if name in LATER} | fields
+    """The same, if an older version wrote it. Filters of slip with fewer numbers than now begin anew."""
+    first = {name: np.zeros(count or (), kind) for name, kind, count in MEMORY if name in LATER}
+    whole = "slip_state" in fields and fields["slip_state"].shape == first["slip_state"].shape
+    return first | {name: value for name, value in fields.items() if whole or name not in OF_SLIP}
 
 
 def without_samples(memory: dict[str, Numbers]) -> dict[str, Numbers]:

@@ -7,13 +7,16 @@
 
 #define MM_PER_M 1e3
 
-/* The pose's covariance by noise alone: the uncertainty through the moment is the same in all frames. */
-static void noise_of(const fmfts_pose *pose, double noise[5][5])
+/* The pose's covariance by noise alone: what the moment and the baseline leave uncertain is the same in all frames. */
+static void noise_of(const fmfts_step *step, double noise[5][5])
 {
+    const fmfts_pose *pose = &step->pose;
+    double lasting[5][5];
+    fmfts_overlap(step, true, lasting);
     double moment_variance = pose->covariance[(FMFTS_STEP + 1) * LOG_COLUMN];
     for (int i = 0; i < 5; i++) {
         for (int k = 0; k < 5; k++) {
-            noise[i][k] = pose->covariance[FMFTS_STEP * i + k];
+            noise[i][k] = pose->covariance[FMFTS_STEP * i + k] - lasting[i][k];
             if (moment_variance > 0.0) {
                 noise[i][k] -= pose->covariance[FMFTS_STEP * i + LOG_COLUMN] *
                                pose->covariance[FMFTS_STEP * k + LOG_COLUMN] / moment_variance;
@@ -63,7 +66,7 @@ void fmfts_find_slip(const fmfts_pad *pad, fmfts_frame_work *work, fmfts_reading
     double pose[FMFTS_POSE], whole[FMFTS_POSE * FMFTS_POSE], noise[FMFTS_POSE * FMFTS_POSE];
     fmfts_displacement drawn = work->displacement;
     fmfts_draw(work->step.parameters, work->step.memory->state, &drawn, MM_PER_M, pose, whole);
-    noise_of(&work->step.pose, drawn.covariance);
+    noise_of(&work->step, drawn.covariance);
     fmfts_draw(work->step.parameters, work->step.memory->state, &drawn, MM_PER_M, pose, noise);
     for (int i = 0; i < FMFTS_MOVED; i++) {
         frame.change[i] = pose[i] - parameters->contact.model_rest[i];

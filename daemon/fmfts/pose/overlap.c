@@ -20,11 +20,11 @@ static const double NEGLIGIBLE = 1e-3;
 
 enum { SOLVED = GRADIENT_COLUMN }; /* the columns that a frame may estimate come first: pose, moment, ambient field */
 
-/* The rows of the pose in the covariance of the estimated columns, without what a considered moment adds. Zero elsewhere:
+/* The rows of the pose in the covariance of the estimated columns, without what the moment adds, if that is given. Zero elsewhere:
  * loops of constant length are fast. */
-static void rows_of_pose(const fmfts_pose_parameters *parameters, const double *covariance, double own[5][SOLVED])
+static void rows_of_pose(const fmfts_pose_parameters *parameters, const double *covariance, bool given, double own[5][SOLVED])
 {
-    double moment = parameters->part[LOG_COLUMN] == FMFTS_CONSIDERED ? covariance[(FMFTS_STEP + 1) * LOG_COLUMN] : 0.0;
+    double moment = given ? covariance[(FMFTS_STEP + 1) * LOG_COLUMN] : 0.0;
     for (int c = 0; c < SOLVED; c++) {
         bool estimated = parameters->part[c] == FMFTS_FREE || parameters->part[c] == FMFTS_PRIOR;
         for (int i = 0; i < 5; i++) {
@@ -48,7 +48,7 @@ static bool is_negligible(const fmfts_pose_parameters *parameters, const fmfts_f
     return true;
 }
 
-void fmfts_overlap(const fmfts_step *step, double overlap[5][5])
+void fmfts_overlap(const fmfts_step *step, bool moment_is_given, double overlap[5][5])
 {
     const fmfts_pose_parameters *parameters = step->parameters;
     const fmfts_field *field = &step->field;
@@ -57,7 +57,7 @@ void fmfts_overlap(const fmfts_step *step, double overlap[5][5])
         memset(overlap, 0, sizeof sum);
         return;
     }
-    rows_of_pose(parameters, step->memory->covariance, own);
+    rows_of_pose(parameters, step->memory->covariance, moment_is_given, own);
     for (int axis = 0; axis < 3 * (int)parameters->sensors; axis++) {
         double moved[5], variance = field->variance_t2[axis], weight = field->unknown_t2[axis] / (variance * variance);
         for (int i = 0; i < 5; i++) {

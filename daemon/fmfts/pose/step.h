@@ -191,7 +191,7 @@ void fmfts_watch_ambient(fmfts_step *step);
 void fmfts_watch_alternation(fmfts_step *step);
 
 /* overlap.c: the part of the memory's covariance of the pose that the baseline's leftovers count, too. */
-void fmfts_overlap(const fmfts_step *step, double overlap[5][5]);
+void fmfts_overlap(const fmfts_step *step, bool moment_is_given, double overlap[5][5]);
 
 /* change.c: the change [5] of pose since rest. */
 void fmfts_change(const fmfts_pose_parameters *parameters, const double *state, double change[5]);

@@ -17,7 +17,7 @@ from fmfts_lab.bench.slip_world import Slide
 from fmfts_lab.bench.workspace import standard_pad
 from fmfts_lab.calibration.simulated import rest_field_of
 
-NEEDED = np.log(9.0 / 1e-4)  # log odds: BEGINS against FALSE_ODDS of contact/friction.c
+NEEDED = np.log(9.0 / 2e-4)  # log odds: BEGINS against FALSE_ODDS of contact/friction.c
 FIRM_N, OUTER_MM, WANTED_S = 1.2, 4.0, 0.025
 
 
