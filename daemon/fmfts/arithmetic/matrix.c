@@ -111,8 +111,13 @@ static double along(size_t count, size_t stride, const double *a, const double *
     return sum;
 }
 
+/* The squares of two columns, and their product. */
+typedef struct {
+    double first, second, common;
+} squares;
+
 /* What `along` says of two columns, in turns: three sums do not wait for each other. */
-static void along_both(size_t count, size_t stride, const double *a, const double *b, double *aa, double *bb, double *ab)
+static squares along_both(size_t count, size_t stride, const double *a, const double *b)
 {
     double first = 0.0, second = 0.0, common = 0.0;
     for (size_t i = 0; i < count; i++) {
@@ -121,7 +126,7 @@ static void along_both(size_t count, size_t stride, const double *a, const doubl
         second += other * other;
         common += one * other;
     }
-    *aa = first, *bb = second, *ab = common;
+    return (squares){first, second, common};
 }
 
 static void rotate(size_t count, size_t stride, double *left, double *right, double cosine, double sine)
@@ -144,13 +149,12 @@ bool fmfts_rotate_columns(size_t m, size_t n, double *a, double *v)
         bool rotated = false;
         for (size_t p = 0; p + 1 < n; p++) {
             for (size_t q = p + 1; q < n; q++) {
-                double first, second, common;
-                along_both(m, n, a + p, a + q, &first, &second, &common);
-                bool rounding = first <= floor || second <= floor;
-                if (rounding || !(fabs(common) > ORTHOGONAL * sqrt(first) * sqrt(second))) {
+                squares of = along_both(m, n, a + p, a + q);
+                bool rounding = of.first <= floor || of.second <= floor;
+                if (rounding || !(fabs(of.common) > ORTHOGONAL * sqrt(of.first) * sqrt(of.second))) {
                     continue;
                 }
-                double zeta = (second - first) / (2.0 * common);
+                double zeta = (of.second - of.first) / (2.0 * of.common);
                 double tangent = (zeta >= 0.0 ? 1.0 : -1.0) / (fabs(zeta) + sqrt(1.0 + zeta * zeta));
                 double cosine = 1.0 / sqrt(1.0 + tangent * tangent), sine = cosine * tangent;
                 rotate(m, n, a + p, a + q, cosine, sine);

@@ -30,7 +30,7 @@ enum { N = FMFTS_SLIP_STATES, FILTERS = FMFTS_SLIP_FILTERS, STUCK = FMFTS_STUCK,
 #define BEGINS 0.9
 #define ENDS 0.2
 #define GOES_ON 3.0       /* log odds with which it goes on */
-#define CONFIRMED 0.99752737684336534 /* probability, 1/(1 + exp(−6)), at which STUCK is put where the finger is */
+#define CONFIRMED 0.99752737684336534 /* probability, 1/(1 + e⁻⁶), at which STUCK is put where the finger is */
 /* Share of its speed with which the finger should continue: with too large a velocity, a moving finger looks as if it
  * stopped. */
 #define SLOWER 0.6
