@@ -153,7 +153,9 @@ def test_press_on_a_pad_of_other_chips_becomes_a_contact(chip: str, rate_hz: int
         assert abs(felt.force_n - FORCE_N) < 5 * felt.force_sd_n
         assert abs(felt.x_m - PRESSED_MM[0] * 1e-3) < 5 * felt.x_sd_m
         assert abs(felt.y_m - PRESSED_MM[1] * 1e-3) < 5 * felt.y_sd_m
-        assert felt.force_sd_n < 0.2 * FORCE_N
+        # A frame's own noise widens its deviation; of one in twenty it is above this.
+        pressed = [daemon.wait_for(lambda contact: contact.health == "ok") for _ in range(50)]
+        assert np.median([contact.force_sd_n for contact in pressed]) < 0.2 * FORCE_N
 
 
 def test_probe_names_devices_on_bus_when_pad_has_faults(tmp_path: Path) -> None:
