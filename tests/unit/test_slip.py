@@ -146,14 +146,17 @@ def test_friction_is_forgotten_when_the_touch_ends() -> None:
 
 
 def learnt_under(allowed: tuple[float, float], friction: float) -> SlipMessage:
-    """A pad's result with these bounds for the frame after the onset of a slip, from which nothing is learned yet."""
+    """A pad's result with these bounds for the frame after the onset of a slip, from which nothing is learned yet.
+
+    contact.friction is above all of them, so that the prior of a frame's shear is the same.
+    """
     source, pipeline = ManyFrames(pad().config), pad().pipeline()
     source.finger = slide(0.4, friction)
     frames = [frame for frames in source.batches(600) for frame in frames]
     onset = next(number for number, frame in enumerate(frames) if pipeline.process(frame).slipping)
     memory = pipeline.memory
     fields = memory.fields | {name: np.zeros(()) for name in ("learnt_weight", "learnt_friction")}
-    other = pad(msgspec.structs.replace(ASKED, slip_friction=allowed)).pipeline()
+    other = pad(msgspec.structs.replace(ASKED, slip_friction=allowed, friction=4.0)).pipeline()
     other.recall(replace(memory, fields=fields))
     slip = slip_of(other.process(frames[onset + 1]))
     assert slip is not None
@@ -169,9 +172,8 @@ def test_friction_beyond_slip_friction_is_published(allowed: tuple[float, float]
     assert found.friction_sd is not None
     assert free.friction is not None
     assert free.friction_sd is not None
-    # The upper one also is the prior of a frame's shear, by which the baseline's error of it is known: 0.6 %.
-    assert found.friction == pytest.approx(min(free.friction, allowed[1]), rel=0.01)
-    assert found.friction_sd == pytest.approx(np.hypot(free.friction_sd, free.friction - found.friction), rel=0.01)
+    assert found.friction == pytest.approx(min(free.friction, allowed[1]), rel=1e-9)
+    assert found.friction_sd == pytest.approx(np.hypot(free.friction_sd, free.friction - found.friction), rel=1e-9)
     assert not allowed[0] < free.friction < allowed[1]
 
 
