@@ -28,9 +28,6 @@ static const double close_m_per_s_per_n = 30.0 / 200.0; /* how fast to close for
 static const double settled_s = 0.3, smooth_s = 0.15;
 static const double least_shear_n = 0.1; /* of a pad, where its growth is told from */
 static const double same_s = 0.05; /* a slip that begins again within this time is the same one */
-/* `slipping` waits until sticking_probability is below 0.1: a finger may roll. An object in a gripper hardly does. So a pad that surely
- * stuck slips from slips_below on. */
-static const double slips_below = 0.5, sticks_above = 0.8;
 static const double moved_m = 2e-3; /* a contact that moved this far slipped, too: a slow slip comes late or never */
 static const double vague = 0.4; /* a force with a deviation of a larger share is not known: the contact is near the pad's rim */
 static const double least_share = 0.5; /* a pad that reads less of the force, or more than 2 - least_share of it, is wrong */
@@ -41,7 +38,7 @@ enum slips { NOT_KNOWN, STICKS, SLIPS };
 /* What is remembered of a pad since its last slip. shear_n: the present shear, smoothed; shear_then_n: just after the
  * slip. */
 struct memory {
-    bool stuck, placed, sheared, sheared_then;
+    bool placed, sheared, sheared_then;
     double x_m, y_m, shear_n, shear_then_n;
 };
 
@@ -104,15 +101,13 @@ static double pressed_n(struct grip *grip, const struct fmfts_contact *const kno
 
 static enum slips is_slipping(const struct fmfts_contact *contact, struct memory *pad)
 {
-    if (!contact->slip.known || !contact->slip.sticking_probability.known || !contact->x_m.known || !contact->y_m.known)
+    if (!contact->slip.known || !contact->slip.slipping.known || !contact->x_m.known || !contact->y_m.known)
         return NOT_KNOWN;
-    double sticks = contact->slip.sticking_probability.value, x_m = contact->x_m.value, y_m = contact->y_m.value;
-    pad->stuck = pad->stuck || sticks > sticks_above;
+    double x_m = contact->x_m.value, y_m = contact->y_m.value;
     if (!pad->placed)
         pad->placed = true, pad->x_m = x_m, pad->y_m = y_m;
-    bool slipping = contact->slip.slipping.known && contact->slip.slipping.value;
     bool has_moved = hypot(x_m - pad->x_m, y_m - pad->y_m) > moved_m;
-    return slipping || has_moved || (pad->stuck && sticks < slips_below) ? SLIPS : STICKS;
+    return contact->slip.slipping.value || has_moved ? SLIPS : STICKS;
 }
 
 /* By what factor the shear of both pads grew since the last slip: they carry the object together, and what one reads too much the other

@@ -31,9 +31,6 @@ CLOSE_M_PER_S_PER_N = 30.0 / STIFFNESS_N_PER_M  # how fast to close for a newton
 SETTLED_S, SMOOTH_S = 0.3, 0.15
 LEAST_SHEAR_N = 0.1  # of a pad, where its growth is told from
 SAME_S = 0.05  # a slip that begins again within this time is the same one
-# `slipping` waits until sticking_probability is below 0.1: a finger may roll. An object in a gripper hardly does. So a
-# pad that certainly stuck counts as slipping from SLIPS_BELOW on.
-SLIPS_BELOW, STICKS_ABOVE = 0.5, 0.8
 MOVED_M = 2e-3  # a contact that moved this far slipped, too: slow slips are reported late or never
 VAGUE = 0.4  # a force with a deviation of a larger share is not known: the contact is near the pad's rim
 LEAST_SHARE = 0.5  # a pad that reads less of the force, or more than 2 - LEAST_SHARE of it, is wrong
@@ -72,7 +69,6 @@ class Grip:
         self._touched = self._slips = self._hangs = False  # hangs: in the air
         self._slipped_n = FIRST_N / (1.0 + FIRST_RESERVE)  # the force at which it slipped last
         self._sticks_s = 1.0
-        self._stuck: set[str] = set()  # pads that certainly stuck since the last slip
         self._shear_n: dict[str, float] = {}  # by pad: the present shear, smoothed
         self._shear_then_n: dict[str, float] = {}  # and just after the last slip
         self._growth = 1.0  # of the shear since then
@@ -125,7 +121,7 @@ class Grip:
                 self.found, begins = True, True
             self._slipped_n = force_n if begins else self._slipped_n * (1.0 + STILL_SLIPS_PER_S * period_s)
             self._sticks_s = 0.0
-            self._stuck, self._place_m, self._shear_n, self._shear_then_n = set(), {}, {}, {}
+            self._place_m, self._shear_n, self._shear_then_n = {}, {}, {}
             self._growth = 1.0
         elif loosen and not self.found and None not in slips:
             self._slipped_n *= 1.0 - LOOSENS_PER_S * period_s
@@ -143,14 +139,11 @@ class Grip:
     def _is_slipping(self, contact: Contact) -> Optional[bool]:
         """None: nobody knows."""
         slip = contact.slip
-        if slip is None or slip.sticking_probability is None or contact.x_m is None or contact.y_m is None:
+        if slip is None or slip.slipping is None or contact.x_m is None or contact.y_m is None:
             return None
-        sticks = slip.sticking_probability
-        if sticks > STICKS_ABOVE:
-            self._stuck.add(contact.pad)
         x_m, y_m = self._place_m.setdefault(contact.pad, (contact.x_m, contact.y_m))
         has_moved = math.hypot(contact.x_m - x_m, contact.y_m - y_m) > MOVED_M
-        return bool(slip.slipping) or has_moved or (contact.pad in self._stuck and sticks < SLIPS_BELOW)
+        return slip.slipping or has_moved
 
     def _grown(self, seen: Sequence[Contact], period_s: float) -> float:
         """By what factor the shear of both pads grew since the last slip: they carry the object together, and what one
