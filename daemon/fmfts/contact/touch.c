@@ -1,5 +1,5 @@
-/* Decides whether the pad is in contact: a χ² test of the magnet's displacement from rest, a force that is certain, and a press that
- * explains the displacement.
+/* Decides whether the pad is in contact: a χ² test of the magnet's displacement from rest, a press that explains the displacement,
+ * and a force that is certain, or else a press that is.
  *
  * All have hysteresis. Steel near a pad moves the estimate sideways by many deviations, without a force: no controller
  * should act on that.
