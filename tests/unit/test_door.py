@@ -143,6 +143,21 @@ def test_socket_that_cannot_be_closed_leaves_the_others_open(
             control.close()
 
 
+def test_next_look_comes_before_a_flood_can_open_too_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(open_files, "count", lambda: 10)
+    door = Door([], ENOUGH)
+    try:
+        waits_s = {}
+        for opened in (10, 100, 521, 522, 647, 2000):
+            monkeypatch.setattr(open_files, "count", lambda opened=opened: opened)
+            waits_s[opened] = door.look()
+            assert opened + waits_s[opened] * MEASURED_PER_S <= max(opened, 522) + MEASURED_PER_S * LONGEST_LOOK_S
+        assert waits_s[522] == waits_s[2000] == LONGEST_LOOK_S, "whoever leaves a full daemon lets the next one in soon"
+        assert waits_s[10] > 3 * LONGEST_LOOK_S - 1e-3
+    finally:
+        door.close()
+
+
 def test_look_that_fails_does_not_end_the_thread(
     server: ControlServer, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -32,7 +32,7 @@ SHARE_OF_LIMIT = 2
 # A program that does nothing else connects 25,000 times a second (measured; libzmq's thread is then as busy).
 MEASURED_PER_S = 25_000.0
 FASTEST_PER_S = 2 * MEASURED_PER_S
-LONGEST_LOOK_S = 0.005
+LONGEST_LOOK_S = 0.005  # while the door is nearly full or closed
 # Below this limit a flood of connections might exceed it between two looks. Linux' own hard limit is at least 4096.
 SAFE_LIMIT = 4096
 
@@ -79,13 +79,15 @@ class Door:
         for _, full in self._paths:
             full.unlink(missing_ok=True)
 
-    def look(self) -> None:
-        """Close the door if too many are connected, open it when a tenth of them has left."""
+    def look(self) -> float:
+        """Close the door if too many are connected, open it when a tenth of them has left. Returns the seconds to the
+        next look, before which no flood can open more than after the longest look at a door that is nearly full."""
         opened = open_files.count()
         if opened >= self._most:
             self._set_open(False, opened)
         elif opened < 0.9 * self._most:
             self._set_open(True, opened)
+        return self._look_s + max(self._most - opened, 0) / FASTEST_PER_S
 
     def _set_open(self, is_open: bool, opened: int) -> None:
         if is_open == self.is_open and not self._stuck:
@@ -116,11 +118,12 @@ class Door:
         if self._priority:
             with suppress(RealtimeError):  # the daemon requests the same, and reports why it is refused
                 take_thread_priority(self._priority)
-        failure = ""
-        while not self._ended.wait(self._look_s):
+        failure, wait_s = "", self._look_s
+        while not self._ended.wait(wait_s):
             try:
-                self.look()
+                wait_s = self.look()
             except Exception as error:  # nobody else would close the door
+                wait_s = self._look_s
                 if str(error) != failure:
                     failure = str(error)
                     log.exception("the connections cannot be bounded now (%s); this is tried again", error)
