@@ -12,6 +12,7 @@ from bus_messages import frame_message
 
 from fmfts.bus.messages import FrameMessage, StateMessage
 from fmfts.config import GeometryConfig, PadConfig, ReplaySource, SimulatedSource
+from fmfts.recording import source as played_recording
 from fmfts.recording.file import RecordingWriter
 from fmfts.recording.source import Replayed
 from fmfts.sensor.source import SourceError
@@ -19,6 +20,12 @@ from fmfts.sources import open_sources
 
 COUNT, PERIOD_NS, RATE_HZ, BOOT = 40, 10_000_000, 100, "cafe"
 RECORDED = PadConfig(name="left", source=SimulatedSource(rate_hz=RATE_HZ))
+
+
+@pytest.fixture(autouse=True)
+def reading_never_waits_for_the_next_poll(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A busy computer may take longer than a poll's millisecond for one frame; the frame would come a poll later."""
+    monkeypatch.setattr(played_recording, "LONGEST_READING_NS", 60_000_000_000)
 
 
 def state(pad: str, config: PadConfig = RECORDED, baseline: dict[str, Any] | None = None) -> StateMessage:
