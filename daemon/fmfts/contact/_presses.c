@@ -143,7 +143,7 @@ FMFTS_FUNCTION(pressed)
         if (!isfinite(finger[0]) || !isfinite(finger[1])) {
             return PyErr_Format(PyExc_ValueError, "finger %zu has no place", k);
         }
-        fmfts_press_by_table(&table, finger, (double *)b[PRESSED].buf + FMFTS_PRESSED * table.poses * k);
+        fmfts_press_by_table(&table, finger, true, (double *)b[PRESSED].buf + FMFTS_PRESSED * table.poses * k);
     }
     return Py_NewRef(Py_None);
 }

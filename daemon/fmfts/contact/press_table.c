@@ -51,7 +51,7 @@ static void weighted(const fmfts_press_table *table, const double *weight, const
     }
 }
 
-FMFTS_WIDE void fmfts_press_by_table(const fmfts_press_table *table, const double finger[FMFTS_FINGER], double *pressed)
+FMFTS_WIDE void fmfts_press_by_table(const fmfts_press_table *table, const double finger[FMFTS_FINGER], bool wanted, double *pressed)
 {
     const fmfts_knots knots = {table->first_mm, table->spacing_mm, table->width - 3};
     double value[FMFTS_TABLE_TERMS], slope[FMFTS_TABLE_TERMS];
@@ -70,16 +70,22 @@ FMFTS_WIDE void fmfts_press_by_table(const fmfts_press_table *table, const doubl
         c.weight[k][BY_Y] = x.value[i] * y.slope[j];
         c.weight[k][LAPLACIAN] = x.value[i] * y.second[j] + x.second[i] * y.value[j];
     }
-    add_up(&c, KINDS, 0, of_force, sum);
-    add_up(&c, VALUE + 1, of_force, all, sum);
+    if (wanted) {
+        add_up(&c, KINDS, 0, of_force, sum);
+        add_up(&c, VALUE + 1, of_force, all, sum);
+    } else {
+        add_up(&c, LAPLACIAN, 0, of_force, sum);
+    }
     double *by_finger = pressed + poses, *by_shear = by_finger + 3 * poses;
     weighted(table, value, sum[VALUE], 1, pressed);
     weighted(table, value, sum[BY_X], 3, by_finger);
     weighted(table, value, sum[BY_Y], 3, by_finger + 1);
     weighted(table, slope, sum[VALUE], 3, by_finger + 2);
-    for (size_t i = 0; i < poses; i++) {
+    for (size_t i = 0; wanted && i < poses; i++) {
         by_shear[2 * i] = sum[VALUE][of_force + i];
         by_shear[2 * i + 1] = sum[VALUE][of_force + poses + i];
     }
-    weighted(table, value, sum[LAPLACIAN], 1, by_shear + 2 * poses);
+    if (wanted) {
+        weighted(table, value, sum[LAPLACIAN], 1, by_shear + 2 * poses);
+    }
 }

@@ -3,6 +3,8 @@
 #ifndef FMFTS_PRESS_TABLE_H
 #define FMFTS_PRESS_TABLE_H
 
+#include <stdbool.h>
+
 #include "../pose/magnets.h"
 
 enum {
@@ -18,7 +20,8 @@ typedef struct {
     const double *table;
 } fmfts_press_table;
 
-/* pressed: change [poses], slope [poses][3], by_shear [poses][2] and laplacian [poses], one after the other. */
-void fmfts_press_by_table(const fmfts_press_table *table, const double finger[FMFTS_FINGER], double *pressed);
+/* pressed: change [poses], slope [poses][3], by_shear [poses][2] and laplacian [poses], one after the other; the last two only if they are
+ * `wanted`. */
+void fmfts_press_by_table(const fmfts_press_table *table, const double finger[FMFTS_FINGER], bool wanted, double *pressed);
 
 #endif

@@ -33,13 +33,18 @@ static void turn_by(const double frame[9], const double axis[3], double by_tilt[
     }
 }
 
-/* Field [3] of one magnet at `place`, and its slope by the five numbers of its change: slope[i · stride + 0 … 4]. */
+/* Field [3] of one magnet at `place`, and its slope by the five numbers of its change: slope[i · stride + 0 … 4].
+ * NULL: not wanted. */
 static void look_at(const fmfts_source *magnet, const double by_tilt[3][2], const double *place, double field[3], double *slope,
                     size_t stride)
 {
     double by_position[3][3], by_axis[3][3];
     fmfts_sight sight;
     look(magnet, place, &sight);
+    if (!slope) {
+        dipole_field(magnet, &sight, field);
+        return;
+    }
     differentiate(magnet, &sight, field, by_position, by_axis);
     for (int i = 0; i < 3; i++) {
         memcpy(slope + (size_t)i * stride, by_position[i], sizeof by_position[i]);
@@ -68,20 +73,20 @@ void fmfts_fields(const fmfts_together *together, double *field, double *slope)
         for (size_t magnet = 0; magnet < together->magnets; magnet++) {
             double own[3];
             look_at(&source[magnet], (const double(*)[2])by_tilt[magnet], together->place + 3 * sensor, own,
-                    in_pad[0] + FMFTS_POSE_CHANGE * magnet, FMFTS_MOST_CHANGE);
+                    slope ? in_pad[0] + FMFTS_POSE_CHANGE * magnet : NULL, FMFTS_MOST_CHANGE);
             for (int i = 0; i < 3; i++) {
                 total[i] = magnet ? total[i] + own[i] : own[i];
             }
         }
         for (int i = 0; i < 3; i++) {
-            double along[3] = {axes[i], axes[3 + i], axes[6 + i]}, *row = slope + (3 * sensor + (size_t)i) * poses;
+            double along[3] = {axes[i], axes[3 + i], axes[6 + i]};
             field[3 * sensor + (size_t)i] = dot3(along, total);
-            for (size_t p = 0; p < poses; p++) {
+            for (size_t p = 0; slope && p < poses; p++) {
                 double sum = 0.0;
                 for (int k = 0; k < 3; k++) {
                     sum += along[k] * in_pad[k][p];
                 }
-                row[p] = sum;
+                slope[(3 * sensor + (size_t)i) * poses + p] = sum;
             }
         }
     }

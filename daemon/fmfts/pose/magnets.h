@@ -20,7 +20,7 @@ typedef struct {
 void fmfts_move_magnet(const double frame[9], const double rest[3], const double change[FMFTS_POSE_CHANGE], double position[3],
                        double axis[3]);
 
-/* field [sensors][3], along each sensor's axes; slope [3·sensors][5·magnets]: by the changes of pose. */
+/* field [sensors][3], along each sensor's axes; slope [3·sensors][5·magnets]: by the changes of pose; NULL: not wanted. */
 void fmfts_fields(const fmfts_together *together, double *field, double *slope);
 
 #endif

@@ -104,7 +104,7 @@ FMFTS_FUNCTION(covariance)
     if (!have_doubles(&c, VARIANCE, (size_t[]){values, 3, values * values}, ALL - VARIANCE)) {
         return NULL;
     }
-    c.work->predicted[0].known = false;
+    c.work->predicted[0].known = FMFTS_NOTHING;
     exchange(&c, &c.work->predicted[0], PREDICTED, false);
     fmfts_several_covariance(&c.model, fingers(&c, FINGERS), &c.work->predicted[0], array(&c, VARIANCE), array(&c, AMBIENT), c.work);
     memcpy(array(&c, COVARIANCE), c.work->covariance, values * values * sizeof(double));

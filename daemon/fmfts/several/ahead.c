@@ -8,9 +8,9 @@ void fmfts_look_ahead(const fmfts_several *model, const fmfts_ahead *from, fmfts
                       double *by_finger)
 {
     const double force_n = from->finger[2], per_n = force_n / (force_n * force_n + from->light_n * from->light_n);
-    const fmfts_predicted *there = NULL;
-    if (from->there) {
-        there = &work->predicted[fmfts_predict_in(model, (fmfts_fingers){1, from->there}, work)];
+    const fmfts_predicted *there = from->there ? &work->aside : NULL;
+    if (there) {
+        fmfts_predict(model, (fmfts_fingers){1, from->there}, FMFTS_SLOPED, &work->aside);
     }
     for (size_t v = 0; v < model->values; v++) {
         double even_t = 0.0;

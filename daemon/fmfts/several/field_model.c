@@ -24,9 +24,9 @@ void fmfts_changed_field(const fmfts_several *model, const double *change, doubl
     }
 }
 
-static bool is_of(const fmfts_predicted *predicted, fmfts_fingers fingers)
+static bool is_of(const fmfts_predicted *predicted, fmfts_fingers fingers, fmfts_known wanted)
 {
-    bool same = predicted->known && predicted->fingers == fingers.count;
+    bool same = predicted->known >= wanted && predicted->fingers == fingers.count;
     for (size_t i = 0; same && i < FMFTS_FINGER * fingers.count; i++) {
         same = predicted->of[i] == fingers.at[i];
     }
@@ -35,17 +35,17 @@ static bool is_of(const fmfts_predicted *predicted, fmfts_fingers fingers)
 
 int fmfts_predict_in(const fmfts_several *model, fmfts_fingers fingers, fmfts_several_work *work)
 {
-    int own = is_of(&work->predicted[1], fingers);
-    fmfts_predict(model, fingers, &work->predicted[own]);
+    int own = is_of(&work->predicted[1], fingers, FMFTS_ALL_OF_IT);
+    fmfts_predict(model, fingers, FMFTS_ALL_OF_IT, &work->predicted[own]);
     return own;
 }
 
-void fmfts_predict(const fmfts_several *model, fmfts_fingers fingers, fmfts_predicted *predicted)
+void fmfts_predict(const fmfts_several *model, fmfts_fingers fingers, fmfts_known wanted, fmfts_predicted *predicted)
 {
-    if (is_of(predicted, fingers)) {
+    if (is_of(predicted, fingers, wanted)) {
         return;
     }
-    predicted->known = true;
+    predicted->known = fingers.count ? wanted : FMFTS_ALL_OF_IT;
     predicted->fingers = fingers.count;
     for (size_t i = 0; i < FMFTS_FINGER * fingers.count; i++) {
         predicted->of[i] = fingers.at[i];
@@ -60,7 +60,7 @@ void fmfts_predict(const fmfts_several *model, fmfts_fingers fingers, fmfts_pred
     }
     for (size_t f = 0; f < fingers.count; f++) {
         double *pressed = predicted->pressed[f], *slope = pressed + poses;
-        fmfts_press_by_table(&model->table, fingers.at + FMFTS_FINGER * f, pressed);
+        fmfts_press_by_table(&model->table, fingers.at + FMFTS_FINGER * f, wanted == FMFTS_ALL_OF_IT, pressed);
         for (size_t p = 0; p < poses; p++) {
             const double *off = model->off_mm + 2 * (p / FMFTS_POSE_CHANGE);
             double shifted = slope[3 * p] * off[0] + slope[3 * p + 1] * off[1];
@@ -74,6 +74,9 @@ void fmfts_predict(const fmfts_several *model, fmfts_fingers fingers, fmfts_pred
     for (size_t p = 0; p < poses; p++) {
         change[p] *= model->head->unit[p % FMFTS_POSE_CHANGE];
     }
-    fmfts_changed_field(model, change, predicted->field, predicted->by_pose);
+    fmfts_changed_field(model, change, predicted->field, wanted == FMFTS_FIELD_ALONE ? NULL : predicted->by_pose);
+    if (wanted == FMFTS_FIELD_ALONE) {
+        return;
+    }
     fmfts_product(model->values, poses, unknowns, predicted->by_pose, by_finger, predicted->slope);
 }

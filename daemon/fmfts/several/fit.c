@@ -14,7 +14,7 @@ static double within(const fmfts_search *search, size_t i, double value)
 
 static void predict(const fmfts_valued *valued, const double *finger, fmfts_predicted *predicted)
 {
-    fmfts_predict(valued->model, (fmfts_fingers){valued->fingers, finger}, predicted);
+    fmfts_predict(valued->model, (fmfts_fingers){valued->fingers, finger}, FMFTS_ALL_OF_IT, predicted);
 }
 
 /* No finger moves farther than longest_step_mm at once. */

@@ -32,7 +32,7 @@ static void count_change(const fmfts_several *model, double half_a_press_m, cons
 static void predict(const fmfts_valued *valued, const double *change, fmfts_predicted *predicted)
 {
     const fmfts_several *model = valued->model;
-    predicted->known = false;
+    predicted->known = FMFTS_NOTHING;
     count_change(model, valued->limits->half_a_press_m, change, predicted->change);
     fmfts_changed_field(model, change, predicted->field, predicted->by_pose);
 }

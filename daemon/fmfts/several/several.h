@@ -73,10 +73,13 @@ typedef struct {
     fmfts_press_table table;
 } fmfts_several;
 
+/* The field alone; with its slope by the fingers; with what shear and a wide patch do. */
+typedef enum { FMFTS_NOTHING, FMFTS_FIELD_ALONE, FMFTS_SLOPED, FMFTS_ALL_OF_IT } fmfts_known;
+
 /* Predicted: field [V], slope [V][3·fingers], by_pose [V][P], change [P]; for each finger the array of press_table.h. of: the
- * fingers; known: false where something else is in the arrays. */
+ * fingers; known: how much of it is in the arrays. */
 typedef struct {
-    bool known;
+    fmfts_known known;
     size_t fingers;
     double of[FMFTS_SEVERAL_UNKNOWNS];
     double field[FMFTS_SEVERAL_VALUES];
@@ -109,7 +112,7 @@ typedef struct {
 
 /* What one Fitter computes in, for one model. */
 typedef struct {
-    fmfts_predicted predicted[2];
+    fmfts_predicted predicted[2], aside; /* of a fit; of what else is asked meanwhile */
     double factor[FMFTS_SEVERAL_COLUMNS * FMFTS_SEVERAL_VALUES]; /* by columns: [columns][stride] */
     double by_pose[FMFTS_SEVERAL_POSES * FMFTS_SEVERAL_VALUES];  /* [P][stride], by the response's units */
     double covariance[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_VALUES];
@@ -127,11 +130,11 @@ bool fmfts_view_several(const double *packed, size_t count, fmfts_several *model
 /* field_model.c: where the magnets are, [magnets][3], after a change of pose [P], in SI. */
 void fmfts_moved_magnets(const fmfts_several *model, const double *change, double *position, double *axis);
 
-/* field_model.c: by how much such a change changes the field [V], and its slope [V][P] there. */
+/* field_model.c: by how much such a change changes the field [V], and its slope [V][P] there; NULL: not wanted. */
 void fmfts_changed_field(const fmfts_several *model, const double *change, double *field, double *slope);
 
-/* field_model.c: fills `predicted`, unless it holds these fingers already. */
-void fmfts_predict(const fmfts_several *model, fmfts_fingers fingers, fmfts_predicted *predicted);
+/* field_model.c: fills `predicted`, unless it already holds as much as is `wanted` of these fingers. */
+void fmfts_predict(const fmfts_several *model, fmfts_fingers fingers, fmfts_known wanted, fmfts_predicted *predicted);
 
 /* field_model.c: the number of the prediction in `work` that is of these fingers, which the last frame may have left; the first
  * is computed where none is. */

@@ -58,16 +58,16 @@ static double fitted_across(const course *c, size_t fingers, const double *direc
 {
     size_t unknowns = FMFTS_FINGER * fingers;
     fmfts_several_work *work = c->work;
-    fmfts_predicted *predicted = &work->predicted[0];
+    fmfts_predicted *predicted = &work->aside; /* the fit's stay, for the poses */
     for (double step = 0.0; step < c->limits->steps; step += 1.0) {
-        fmfts_predict(c->model, (fmfts_fingers){fingers, finger}, predicted);
+        fmfts_predict(c->model, (fmfts_fingers){fingers, finger}, FMFTS_SLOPED, predicted);
         fmfts_whiten(work, work->root, c->measured, predicted->field, work->white);
         fmfts_whiten_slope(predicted->slope, unknowns, work, work->slope);
         if (!step_across(c->search, c->limits->least_force_n, unknowns, direction, work, finger)) {
             return INFINITY;
         }
     }
-    fmfts_predict(c->model, (fmfts_fingers){fingers, finger}, predicted);
+    fmfts_predict(c->model, (fmfts_fingers){fingers, finger}, FMFTS_FIELD_ALONE, predicted);
     return fmfts_whiten(work, work->root, c->measured, predicted->field, work->white);
 }
 
