@@ -63,12 +63,26 @@ def after(client: Talker, publisher: Publisher, seq: int) -> dict[str, Any]:
     return eventually(taken, lambda answer: answer.get("seq") == seq)
 
 
+def of_an_old_sample(client: Talker, publisher: Publisher) -> dict[str, Any]:
+    """Its answer, alive, after a contact whose sample is 0.4 s old; sent again if it came late."""
+
+    def given() -> dict[str, Any]:
+        publisher.send_contact("demo", contact_message(seq=7, t_sample_ns=time.monotonic_ns() - 400_000_000))
+        return client.latest(100)
+
+    return eventually(given, lambda answer: answer.get("seq") == 7 and answer["alive"])
+
+
 def test_latest_drains_to_the_newest_contact_and_gives_it_once(client: Talker, publisher: Publisher) -> None:
-    for seq in range(1, 51):
-        publisher.send_contact("demo", contact_message(seq=seq))
-    seen = [eventually(lambda: client.latest(0), lambda answer: answer["result"] == NEW)["seq"]]
-    while seen[-1] != 50:
-        seen.append(eventually(lambda: client.latest(100), lambda answer: answer["result"] == NEW)["seq"])
+    seen: list[int] = []
+    for last in range(50, 1050, 50):
+        for seq in range(last - 49, last + 1):
+            publisher.send_contact("demo", contact_message(seq=seq))
+        while (not seen or seen[-1] != last) and (answer := client.latest(1000))["result"] == NEW:
+            seen.append(answer["seq"])
+        if seen and seen[-1] == last:
+            break  # else a busy computer made the last one late, which is not returned
+    assert seen[-1] == last
     assert seen == sorted(set(seen))
 
     def given_once() -> dict[str, Any]:
@@ -90,7 +104,8 @@ def test_client_is_valid_up_to_the_named_force_deviation(
         publisher.send_contact("demo", contact_message(seq=60, force_sd_n=sd_n))
         return client.latest(100)
 
-    assert eventually(given, lambda answer: answer.get("seq") == 60 and answer["fresh"])["valid"] is valid
+    answer = eventually(given, lambda answer: answer.get("seq") == 60 and answer["fresh"] and answer["alive"])
+    assert answer["valid"] is valid
 
 
 @pytest.mark.parametrize(
@@ -118,14 +133,15 @@ def test_c_client_says_why_a_contact_is_invalid_as_the_python_client_does(
 
         def given() -> dict[str, Any]:
             publisher.send_contact("demo", contact_message(seq=61, **changes))
-            contact = other.latest(0.1)
+            contact, why = other.latest(0.1), other.why_invalid
             answer = client.latest(100)
-            return answer if contact is not None and contact.seq == 61 else {}
+            return answer | {"python": why} if contact is not None and contact.seq == 61 else {}
 
-        answer = eventually(given, lambda answer: answer.get("seq") == 61 and answer["fresh"])
-        publisher.send_contact("demo", contact_message(seq=61, **changes))
-        assert other.latest(1.0) is not None
-        assert answer["why_invalid"] == other.why_invalid.encode()[:255].decode(errors="ignore")
+        def is_of_now(answer: dict[str, Any]) -> bool:  # neither program stood still
+            return answer.get("seq") == 61 and "nothing arrives" not in (answer["why_invalid"], answer["python"])
+
+        answer = eventually(given, is_of_now)
+        assert answer["why_invalid"] == answer["python"].encode()[:255].decode(errors="ignore")
         assert answer["says_valid"] is answer["valid"] is (answer["why_invalid"] == "")
 
 
@@ -135,8 +151,7 @@ def test_c_client_tells_silence_old_samples_and_refused_messages_apart(client: T
     send_raw(publisher, b"contact/demo", b"\x91\x01")
     refused = eventually(lambda: client.latest(100), lambda answer: answer["refused"] == 1)
     assert refused["why_invalid"].startswith("nothing usable arrives (messages refused: 1): ")
-    publisher.send_contact("demo", contact_message(seq=7, t_sample_ns=time.monotonic_ns() - 400_000_000))
-    answer = eventually(lambda: client.latest(100), lambda answer: answer.get("seq") == 7)
+    answer = of_an_old_sample(client, publisher)
     assert answer["why_invalid"] == "the pad was not sampled for 0.3 s or more"
 
 
@@ -160,9 +175,8 @@ def test_delayed_message_is_not_returned_as_new(client: Talker, publisher: Publi
 
 
 def test_daemon_that_repeats_old_samples_is_alive_but_not_fresh(client: Talker, publisher: Publisher) -> None:
-    publisher.send_contact("demo", contact_message(seq=7, t_sample_ns=time.monotonic_ns() - 400_000_000))
-    answer = eventually(lambda: client.latest(100), lambda answer: answer.get("seq") == 7)
-    assert (answer["alive"], answer["fresh"], answer["valid"]) == (True, False, False)
+    answer = of_an_old_sample(client, publisher)
+    assert (answer["fresh"], answer["valid"]) == (False, False)
     assert 0.4 <= answer["sample_age_s"] < LIVENESS_S
 
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -26,7 +27,7 @@ name = "left"
 type = "simulated"
 turning_deg_per_s = 0.0
 """
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 TRIES = 5
 PYTHON = {".py": [sys.executable], "": []}
 LONG_AFTER_S = 0.5  # a gripper notices that the daemon stopped
@@ -178,13 +179,14 @@ def test_gripper_prints_each_reason_once_whatever_its_numbers(with_cmake: Path, 
                     assert time.monotonic() < until, gripper.lines
                     time.sleep(0.02)
                     gripper.listen()
-                lines = len(gripper.lines)
+                lines = len(gripper.lines) - 1  # the last of which says it
                 for number in range(10):
                     publisher.send_contact("left", contact_message(pad="left", **contacts[number % len(contacts)]))
                     time.sleep(0.02)
                 gripper.listen()
-                repeated = [line for line in gripper.lines[lines:] if reason in line]
-                assert len(repeated) <= 1, "once more at most, if this computer stood still for so long"
+                # Again only after another line, which it prints if this computer stood still.
+                said = [reason in line for line in gripper.lines[lines:]]
+                assert not any(map(all, pairwise(said)))
     finally:
         publisher.close()
 

@@ -21,7 +21,7 @@ from fmfts.bus.encoding import encode
 from fmfts.bus.messages import ContactMessage, SlipMessage
 from fmfts_client import Contact
 
-PATIENCE_S, STEPS = 30.0, 2400
+PATIENCE_S, STEPS = 60.0, 2400
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from fmfts.bus.publisher import Publisher
 from fmfts_client import Endpoints
 from unit.bus_messages import contact_message
 
-PERIOD_S, GOES_ON_S, PATIENCE_S, LATE_NS = 0.02, 0.5, 30.0, 250_000_000
+PERIOD_S, GOES_ON_S, PATIENCE_S, LATE_NS = 0.02, 0.5, 60.0, 250_000_000
 BLIND, ONE_EYED = "hold (no pad knows its force)", "hold (a pad does not know its force)"
 PADS = "".join(
     f"""

@@ -20,7 +20,7 @@ from fmfts_client import Contact, Subscription, UnreachableError, request
 
 ROOT = Path(__file__).parents[2]
 HOST = ROOT / "firmware" / "build" / "fmfts-host"
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0  # for what must come at all, on a busy computer
 LONG_PATIENCE_S = 300.0  # a replay takes 3 ms of a processor for each frame that Python judges
 START_PATIENCE_S = 60.0  # three pads take 3 s of processor time, of which a busy computer gives a seventh
 
@@ -158,9 +158,18 @@ class RunningDaemon:
     def subscribe(self, *kinds: str) -> Subscription:
         return Subscription(kinds or ("contact",), None, self.base)
 
-    def wait_for(self, wanted: Callable[[Contact], bool], patience_s: float = PATIENCE_S) -> Contact:
-        """The next contact message for which `wanted` holds."""
+    def wait_for(
+        self,
+        wanted: Callable[[Contact], bool],
+        patience_s: float = PATIENCE_S,
+        act: Callable[[], object] | None = None,
+    ) -> Contact:
+        """The next contact message for which `wanted` holds. act: called once messages arrive, so that none is missed
+        that it causes."""
         with self.subscribe() as messages:
+            if act is not None:
+                assert messages.receive(patience_s) is not None, self.log.read_text()
+                act()
             last = None
             until = time.monotonic() + patience_s
             while (left := until - time.monotonic()) > 0:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import msgpack
+import numpy as np
 import pytest
 import zmq
 
-from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon, resting_field, run_command
+from end_to_end.processes import BRIDGE_CONFIG, PATIENCE_S, FirmwareHost, RunningDaemon, resting_field, run_command
 from fmfts.pad import Pad
+from fmfts_client import Contact
 
 SIMULATED_CONFIG = """
 [[pad]]
@@ -53,7 +54,6 @@ class TestNoDevice:
         assert ended.returncode == 69, ended
         assert "nothing" in ended.stderr + ended.stdout
 
-    @pytest.mark.real_time
     def test_run_waits_and_starts_when_the_device_appears(self, tmp_path: Path, pad: Pad) -> None:
         port = tmp_path / "board"
         with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=port)) as daemon:
@@ -63,21 +63,27 @@ class TestNoDevice:
             assert absent.contact is None
             with FirmwareHost(tmp_path) as host:
                 host.field(resting_field(pad))
-                appeared = time.monotonic()
-                daemon.wait_for(lambda contact: contact.health == "no_baseline")
-                # Reopened at least once a second; the rest is two processes on a loaded machine.
-                assert time.monotonic() - appeared < 4.0
+                absences = 0
 
-    @pytest.mark.real_time
+                def came(contact: Contact) -> bool:
+                    nonlocal absences
+                    absences += "does not exist" in contact.reason
+                    return contact.health == "no_baseline"
+
+                daemon.wait_for(came)
+                # It says so ten times a second, and tries to open the port at least once a second.
+                assert absences < 15
+
     def test_silence_is_reported_ten_times_a_second(self, tmp_path: Path) -> None:
         with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=tmp_path / "nothing")) as daemon:
             daemon.wait_for(lambda contact: contact.health == "disconnected")
+            told_ns: list[int] = []
             with daemon.subscribe() as messages:
-                messages.receive(5.0)
-                start, count = time.monotonic(), 0
-                while time.monotonic() - start < 2.0:
-                    count += messages.receive(1.0) is not None
-        assert count >= 20
+                while len(told_ns) < 21:
+                    message = messages.receive(PATIENCE_S)
+                    assert message is not None
+                    told_ns.append(message.body["t_publish_ns"])
+        assert np.median(np.diff(told_ns)) <= 0.105e9  # by its own clock; a busy computer delays single ones
 
 
 def test_second_daemon_on_endpoint_is_refused_with_firsts_pid(daemon: RunningDaemon) -> None:
@@ -109,7 +115,7 @@ def test_malformed_request_gets_an_error_and_changes_nothing(daemon: RunningDaem
         socket.setsockopt(zmq.LINGER, 0)
         socket.connect(f"{daemon.base}/control")
         socket.send(request_body)
-        assert socket.poll(5000)
+        assert socket.poll(PATIENCE_S * 1e3)
         answer = msgpack.unpackb(socket.recv())
     assert answer["error"]
     assert "ok" not in answer

@@ -38,17 +38,20 @@ def reading(folder: Path, host: FirmwareHost) -> Iterator[RunningDaemon]:
         yield daemon
 
 
-def status_of(daemon: RunningDaemon) -> Status:
-    """The next status after the board sent its own: once connected it does so every second."""
+def statuses_of(daemon: RunningDaemon) -> Iterator[Status]:
+    """The next statuses, for a while."""
     with daemon.subscribe("status") as messages:
         until = time.monotonic() + PATIENCE_S
         while time.monotonic() < until:
             message = messages.receive(PATIENCE_S)
             assert message is not None
-            status = Status.from_message(message.body)
-            if "transmit_dropped" in status.board:
-                return status
-    raise AssertionError(f"the board never told its status:\n{daemon.log.read_text()}")
+            yield Status.from_message(message.body)
+    raise AssertionError(f"no such status:\n{daemon.log.read_text()}")
+
+
+def status_of(daemon: RunningDaemon) -> Status:
+    """The next status after the board sent its own: once connected it does so every second."""
+    return next(status for status in statuses_of(daemon) if "transmit_dropped" in status.board)
 
 
 def frames_lost_to(daemon: RunningDaemon, act: Callable[[], None]) -> tuple[int, Status]:
@@ -162,9 +165,7 @@ class TestSensors(OnOneBoard):
         assert f"sensor {sensor + 1}" in degraded.reason
         assert degraded.pose is not None
         assert degraded.contact is False
-        deadline = time.monotonic() + PATIENCE_S
-        while not (faults := status_of(daemon).sensor_faults):
-            assert time.monotonic() < deadline
+        faults = next(status.sensor_faults for status in statuses_of(daemon) if status.sensor_faults)
         assert f"sensor {sensor + 1}" in faults[0]
         host.tell(f"fault 0 {sensor} none")
         daemon.wait_for(lambda contact: contact.health == "ok" and contact.sensors_ok == 0b1111)
@@ -178,14 +179,14 @@ class TestSensors(OnOneBoard):
         assert degraded.reason == f"sensor 2 is saturated on {axis} at ±2.5 G (set range_gauss = 4): left out"
         assert degraded.sensors_ok == 0b1101
         probed = daemon.request("probe")["pads"][0]
-        # A busy computer may lose a packet as well, and reports that.
-        assert [told for told in probed["faults"] if "packets left out" not in told] == [
-            degraded.reason.removesuffix(": left out")
-        ]
+        # A busy computer may lose packets as well, and reports how many.
+        faults = [told for told in probed["faults"] if "packets left out" not in told]
+        assert faults == [degraded.reason.removesuffix(": left out")]
         assert not probed["sound"]
-        deadline = time.monotonic() + PATIENCE_S
-        while list(status_of(daemon).sensor_faults) != probed["faults"]:
-            assert time.monotonic() < deadline
+        assert any(
+            [told for told in status.sensor_faults if "packets left out" not in told] == faults
+            for status in statuses_of(daemon)
+        )
         assert degraded.pose is not None
         # Eleven values instead of twelve: the pose stays within five of its own deviations.
         deviation = np.array(degraded.pose.position_sd_m)
@@ -210,13 +211,13 @@ class TestSensors(OnOneBoard):
     ) -> None:
         host.tell("mux 0 unplugged")
         before = daemon.wait_for(lambda contact: contact.sensors_ok == 0)
-        time.sleep(2.5)  # two whole statuses
-        after = daemon.wait_for(lambda contact: contact.sensors_ok == 0)
-        assert after.seq > before.seq + 100  # the board goes on sending
+        after = daemon.wait_for(  # the board goes on sending
+            lambda contact: contact.seq > before.seq + 100 and contact.t_publish_ns > before.t_publish_ns + 2e9
+        )
+        assert after.sensors_ok == 0
         assert after.t_sample_ns == before.t_sample_ns
-        assert 2.0e9 < after.t_publish_ns - after.t_sample_ns < 20e9
-        status = status_of(daemon)
-        assert status.latency_max_s is None
+        # A status is of the second before it, which a busy computer makes longer: the next one has no sample.
+        status = next(each for each in statuses_of(daemon) if each.latency_max_s is None)
         assert status.rate_hz > 1.0  # the rate counts frames, whatever they hold; a busy computer drops many
         host.tell("mux 0 none")
         daemon.wait_for(lambda contact: contact.health == "ok")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from end_to_end.array_bench import ArrayBench
-from end_to_end.processes import RunningDaemon
+from end_to_end.processes import PATIENCE_S, RunningDaemon
 from end_to_end.test_collect import plan, rows
 from fmfts.cli.main import main
 from fmfts_client import Subscription
@@ -91,7 +91,7 @@ def test_daemon_runs_on_the_table(at_home: Path) -> None:
     loaded = [(float(row["force_n"])) for row in rows(at_home / "collected.csv")]
     with RunningDaemon(at_home, text) as daemon:
         told: list[float] = []
-        until = time.monotonic() + 20.0
+        until = time.monotonic() + PATIENCE_S
         with Subscription(("contact",), "left", for_client(daemon.base)) as contacts:
             while len(told) < 100 and time.monotonic() < until:
                 message = contacts.receive(1.0)

@@ -32,7 +32,7 @@ port = {gauge}
 pattern = '([-+]\\d+\\.\\d+) N'
 """
 pytestmark = pytest.mark.real_time  # a person presses steadily, or sways, with time
-PATIENCE_S = 40.0
+PATIENCE_S = 120.0
 WANTED = re.compile(r"press (?P<force>[\d.]+) N at x (?P<x>\S+), y (?P<y>\S+) mm")
 
 

@@ -21,7 +21,7 @@ from fmfts_collect.guard import HANG_S
 
 pytestmark = pytest.mark.real_time  # a machine whose move ends two seconds late counts as stalled
 
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 # A collector without its measurements: homed, guarded, the rod pressed down.
 COLLECTOR = """
 import sys, time

@@ -79,7 +79,14 @@ class Listener:
 
 
 def test_three_robots_are_there_with_address_pads_rate_and_health(robots: Robots, fleet: OpenPage) -> None:
-    told = fleet.until(lambda told: told["head"]["pads"] == 2 and told["arm"]["health"] == {"ok": 1})
+    told = fleet.until(  # a robot that a busy computer stops for half a second counts as lost until it goes on
+        lambda told: (
+            are("there", *NAMES)(told)
+            and told["head"]["pads"] == 2
+            and told["arm"]["health"] == {"ok": 1}
+            and told["arm"]["rate_hz"]
+        )
+    )
     assert list(told) == list(NAMES)
     for name, robot in told.items():
         assert robot["address"] == robots.daemons[name].base
@@ -90,8 +97,8 @@ def test_three_robots_are_there_with_address_pads_rate_and_health(robots: Robots
 
 
 def test_worst_pad_is_named_with_its_reason(fleet: OpenPage) -> None:
-    head = fleet.until(lambda told: told["head"]["pads"] == 2)["head"]
-    assert head["health"] == {"disconnected": 1, "ok": 1}
+    head = fleet.until(lambda told: told["head"]["health"] == {"disconnected": 1, "ok": 1})["head"]
+    assert head["pads"] == 2
     assert head["rate_hz"] == 0.0
     assert head["worst"]["pad"] == "right"
     assert "/dev/no-such-board" in head["worst"]["reason"]

@@ -20,7 +20,7 @@ from end_to_end.processes import RunningDaemon
 
 CONFIG = '[[pad]]\nname = "left"\n[pad.source]\ntype = "simulated"\n'
 WANTED = {"contact/left", "scene/left", "magnet/left", "transform/left", "wrench/left", "status/left"}
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 MESSAGE = struct.Struct("<BIQ")  # opcode 1, subscription, time: the protocol's "message data"
 
 

@@ -46,7 +46,7 @@ def test_plotjuggler_gets_the_curves_of_its_layout(tmp_path: Path) -> None:
     ):
         subscriber.connect(base)
         subscriber.subscribe(TOPIC)
-        subscriber.rcvtimeo = 5000
+        subscriber.rcvtimeo = round(PATIENCE_S * 1e3)
         until = time.monotonic() + PATIENCE_S  # some have values only while the pad is touched
         while (not curves <= received or skipped < 220) and time.monotonic() < until:
             part = subscriber.recv()

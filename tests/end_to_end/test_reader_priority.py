@@ -70,8 +70,7 @@ def test_reader_and_its_successor_have_the_loops_priority(kernel: KernelBus, tmp
         reader = reader_of(daemon)
         assert scheduling(daemon.process.pid) == FIRST
         assert scheduling(reader) == FIRST
-        os.kill(reader, 9)
-        daemon.wait_for(lambda contact: contact.health == "disconnected")
+        daemon.wait_for(lambda contact: contact.health == "disconnected", act=lambda: os.kill(reader, 9))
         assert scheduling(reader_of(daemon, other_than=reader)) == FIRST
 
 

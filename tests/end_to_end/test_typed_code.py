@@ -15,7 +15,7 @@ from end_to_end.processes import RunningDaemon
 ROOT = Path(__file__).parents[2]
 SIMULATED = '[[pad]]\nname = "{}"\n[pad.source]\ntype = "simulated"\nturning_deg_per_s = 0.0\n'
 PADS = SIMULATED.format("demo") + SIMULATED.format("left")
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 def first_python(page: Path) -> str:

@@ -11,9 +11,12 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 ROOT = Path(__file__).parents[2]
 SAMPLE, HELLO, STATUS, REPLY, SELFTEST = 1, 2, 3, 4, 5
+ATTEMPTS = 10
+T = TypeVar("T")
 
 
 def crc(data: bytes) -> int:
@@ -103,13 +106,14 @@ class HostBoard:
 
     def packets(self, seconds: float) -> Iterator[bytes]:
         """Whole packets without their CRC, as they come within this time."""
-        end = time.monotonic() + seconds
+        end, is_over = time.monotonic() + seconds, False
         while True:
             while self._whole:
                 yield self._whole.popleft()
             left = end - time.monotonic()
-            if left <= 0 or not select.select([self.port], [], [], left)[0]:
+            if is_over or not select.select([self.port], [], [], max(left, 0.0))[0]:
                 return
+            is_over = left <= 0  # what came in time is read, even if a busy computer stopped this process meanwhile
             *lines, self._rest = (self._rest + os.read(self.port, 65536)).split(b"\0")
             for line in filter(None, lines):
                 packet = unstuff(line)
@@ -121,14 +125,35 @@ class HostBoard:
     def samples(self, seconds: float) -> Iterator[Sample]:
         return (Sample.parse(packet) for packet in self.packets(seconds) if packet[0] & 15 == SAMPLE)
 
-    def wait_for(self, kind: int, seconds: float = 10.0) -> bytes:
+    def quiet(self) -> list[Sample]:
+        """All samples until nothing comes for a while, as from a board that is stepped or held."""
+        samples: list[Sample] = []
+        while more := list(self.samples(0.3)):
+            samples += more
+        return samples
+
+    def dropped(self) -> int:
+        """The packets that found no room on the line, because this process stood still."""
+        self.request(15, 1)
+        return int.from_bytes(self.wait_for(STATUS)[7:11], "little")
+
+    def undisturbed(self, look: Callable[[], T]) -> T:
+        """What `look` returns, once no packet was dropped meanwhile."""
+        for _ in range(ATTEMPTS):
+            before = self.dropped()
+            found = look()
+            if self.dropped() == before:
+                return found
+        raise AssertionError(f"packets were dropped {ATTEMPTS} times: this computer is too busy")
+
+    def wait_for(self, kind: int, seconds: float = 60.0) -> bytes:
         """The next packet of a type; waits long, because it only has to come."""
         for packet in self.packets(seconds):
             if packet[0] & 15 == kind:
                 return packet
         raise AssertionError(f"no packet of type {kind} within {seconds} s")
 
-    def wait_for_sample(self, seconds: float, wanted: Callable[[Sample], bool]) -> Sample:
+    def wait_for_sample(self, wanted: Callable[[Sample], bool], seconds: float = 60.0) -> Sample:
         """The next sample for which `wanted` holds."""
         for sample in self.samples(seconds):
             if wanted(sample):
