@@ -7,6 +7,7 @@ import os
 import shutil
 import signal
 import sys
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -38,6 +39,18 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 pytest_plugins = ["left_behind", "repeating"]
 
+
+def without_chance_of_imports() -> None:
+    """Hypothesis also draws numbers and texts that stand in the sources of whatever was imported before: other ones in
+    each worker, and after any change. Its versions before 6.131 do not."""
+    with suppress(ImportError, AttributeError):
+        from hypothesis.internal.conjecture import providers
+
+        none = providers.Constants()
+        providers._get_local_constants = lambda: none
+
+
+without_chance_of_imports()
 settings.register_profile("deterministic", derandomize=True, deadline=None)
 settings.register_profile("few", settings.get_profile("deterministic"), max_examples=10)  # for emulated machines
 settings.load_profile("deterministic")

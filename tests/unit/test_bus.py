@@ -9,6 +9,7 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,8 @@ from drills.strangers import introduce
 from fmfts.bus.publisher import BUS_HIGH_MARK, LARGEST_BATCH, LARGEST_SUBSCRIPTION, SUBSCRIPTIONS_OF_A_PEER, Publisher
 from fmfts_client import Client, Contact, Endpoints, SchemaError, Subscription
 
-LIVENESS_S = 10.0  # a generous limit for any event that must come
+LIVENESS_S = 60.0  # a generous limit for any event that must come
+ATTEMPTS = 20
 
 
 @pytest.fixture
@@ -50,21 +52,45 @@ def hears(client: Client, number: int) -> bool:
 
 
 def connect(publisher: Publisher, client: Client) -> None:
-    """Send until the client receives: a subscription takes a moment to arrive."""
+    """Send until the client receives the newest: a subscription takes a moment to arrive. Then nothing is on the
+    way."""
+    sent = 0
 
     def heard() -> bool:
-        publisher.send_contact("demo", contact_message(seq=0))
-        return client.latest(timeout_s=0.02) is not None
+        nonlocal sent
+        sent += 1
+        publisher.send_contact("demo", contact_message(seq=0, force_n=float(sent)))
+        newest = client.latest(timeout_s=0.1)
+        return newest is not None and newest.force_n == sent
 
     eventually(heard)
+
+
+def handed_out(publisher: Publisher, client: Client, **changes: Any) -> Contact:
+    """The contact that the client hands out; sent again if a busy computer made it late."""
+    newest: list[Contact] = []
+
+    def heard() -> bool:
+        publisher.send_contact("demo", contact_message(**changes))
+        newest.extend(filter(None, [client.latest(timeout_s=1.0)]))
+        return bool(newest)
+
+    eventually(heard)
+    return newest[0]
 
 
 def test_latest_drains_to_the_newest_contact(publisher: Publisher, endpoints: Endpoints) -> None:
     with Client("demo", endpoints) as client:
         connect(publisher, client)
-        for seq in range(1, 51):
-            publisher.send_contact("demo", contact_message(seq=seq))
-        eventually(lambda: client.latest() is not None and client.contact is not None and client.contact.seq == 50)
+
+        def drained() -> bool:
+            for seq in range(1, 51):
+                publisher.send_contact("demo", contact_message(seq=seq))
+            while (newest := client.latest(timeout_s=1.0)) is not None and newest.seq != 50:
+                pass
+            return newest is not None  # else a busy computer made the last one late
+
+        eventually(drained)
         assert client.latest() is None, "the same contact is not handed out twice"
 
 
@@ -73,8 +99,9 @@ def test_iteration_gives_every_contact_in_order_and_ends_on_silence(publisher: P
         connect(publisher, client)
         for seq in range(1, 101):
             publisher.send_contact("demo", contact_message(seq=seq))
-        received = [contact.seq for contact in client.contacts(timeout_s=0.3) if contact.seq]
+        received = [contact.seq for contact in islice(client.contacts(timeout_s=LIVENESS_S), 100)]
         assert received == list(range(1, 101))
+        assert list(client.contacts(timeout_s=0.3)) == []
 
 
 def test_pad_whose_name_begins_alike_is_not_mixed_in(publisher: Publisher, endpoints: Endpoints) -> None:
@@ -82,10 +109,8 @@ def test_pad_whose_name_begins_alike_is_not_mixed_in(publisher: Publisher, endpo
         connect(publisher, client)
         publisher.send_contact("demo2", contact_message(pad="demo2", force_n=9.0))
         publisher.send_contact("demo", contact_message(seq=5))
-        # A message of `connect` may still be on its way.
-        heard = list(client.contacts(timeout_s=0.2))
-        assert {contact.pad for contact in heard} == {"demo"}
-        assert heard[-1].seq == 5
+        (heard,) = islice(client.contacts(timeout_s=LIVENESS_S), 1)
+        assert (heard.pad, heard.seq) == ("demo", 5)
         assert client.refused == 0
 
 
@@ -93,8 +118,7 @@ def test_alive_ends_when_nothing_arrives(publisher: Publisher, endpoints: Endpoi
     with Client("demo", endpoints) as client:
         assert not client.alive
         connect(publisher, client)
-        publisher.send_contact("demo", contact_message())
-        assert client.latest(timeout_s=1.0) is not None
+        handed_out(publisher, client)
         assert client.alive
         assert client.valid
         time.sleep(0.35)
@@ -106,8 +130,7 @@ def test_alive_ends_when_nothing_arrives(publisher: Publisher, endpoints: Endpoi
 def test_daemon_with_old_sample_is_alive_but_not_valid(publisher: Publisher, endpoints: Endpoints) -> None:
     with Client("demo", endpoints) as client:
         connect(publisher, client)
-        publisher.send_contact("demo", contact_message(t_sample_ns=time.monotonic_ns() - 400_000_000))
-        assert client.latest(timeout_s=1.0) is not None
+        handed_out(publisher, client, t_sample_ns=time.monotonic_ns() - 400_000_000)
         assert client.alive
         assert not client.fresh
         assert not client.valid
@@ -136,10 +159,7 @@ def test_client_is_valid_up_to_named_force_deviation_or_says_why_not(
 ) -> None:
     with Client("demo", endpoints, **named) as client:
         connect(publisher, client)
-        publisher.send_contact("demo", contact_message(force_n=force_n, force_sd_n=sd_n))
-        contact = client.latest(timeout_s=1.0)
-        assert contact is not None
-        assert contact.valid
+        assert handed_out(publisher, client, force_n=force_n, force_sd_n=sd_n).valid
         assert client.why_invalid == why
         assert client.valid is (why == "")
 
@@ -171,12 +191,10 @@ def test_client_explains_silence_and_old_samples(publisher: Publisher, endpoints
         assert client.why_invalid == "nothing arrives"
         connect(publisher, client)
         old_ns = time.monotonic_ns() - 400_000_000
-        publisher.send_contact("demo", contact_message(t_sample_ns=old_ns))
-        assert client.latest(timeout_s=1.0) is not None
+        handed_out(publisher, client, t_sample_ns=old_ns)
         assert client.why_invalid == "the pad was not sampled for 0.3 s or more"
         unplugged = {"health": "disconnected", "reason": "is the board plugged in?"}
-        publisher.send_contact("demo", contact_message(t_sample_ns=old_ns, **unplugged))
-        assert client.latest(timeout_s=1.0) is not None
+        eventually(lambda: handed_out(publisher, client, t_sample_ns=old_ns, **unplugged).health == "disconnected")
         assert client.why_invalid == "disconnected: is the board plugged in?"
 
 
@@ -190,25 +208,24 @@ def test_client_counts_refused_messages_apart_from_silence(
         connect(publisher, client)
         for _ in range(3):
             publisher._bus.zmq.send_multipart([b"contact/demo", body])
-        assert client.latest(timeout_s=0.5) is None
+        eventually(lambda: client.latest(timeout_s=0.5) is not None or client.refused == 3)
         assert client.why_invalid.startswith("nothing usable arrives (messages refused: 3): ")
         assert client.why_invalid.endswith(why)
-        publisher.send_contact("demo", contact_message())
-        assert client.latest(timeout_s=1.0) is not None
+        handed_out(publisher, client)
         assert client.valid
 
 
 def test_contact_that_waited_in_a_queue_is_not_the_latest(publisher: Publisher, endpoints: Endpoints) -> None:
     with Client("demo", endpoints) as client:
         connect(publisher, client)
-        publisher.send_contact("demo", contact_message(seq=1, t_publish_ns=time.monotonic_ns() - 400_000_000))
-        assert client.latest(timeout_s=0.1) is None
-        assert client.contact is not None
-        assert client.contact.seq == 1
-        publisher.send_contact("demo", contact_message(seq=2))
-        newest = client.latest(timeout_s=1.0)
-        assert newest is not None
-        assert newest.seq == 2
+
+        def waited() -> bool:
+            publisher.send_contact("demo", contact_message(seq=1, t_publish_ns=time.monotonic_ns() - 400_000_000))
+            assert client.latest(timeout_s=0.1) is None
+            return client.contact is not None and client.contact.seq == 1
+
+        eventually(waited)
+        assert handed_out(publisher, client, seq=2).seq == 2
 
 
 @pytest.mark.parametrize(("rate_hz", "freq_ok"), [(100.0, True), (100.0 * 1.05, True), (85.0, False), (120.0, False)])
@@ -219,17 +236,22 @@ def test_rate_is_compared_with_the_configured_one(
     with Client("demo", endpoints) as client:
         connect(publisher, client)
         assert not client.freq_ok, "without a status the configured rate is unknown"
-        # A restarted daemon has no history, so the messages of `connect` do not count.
-        now_ns = time.monotonic_ns() + 200_000_000
-        for number in range(int(1.5 * rate_hz)):
-            published_ns = now_ns - round((1.5 * rate_hz - 1 - number) / rate_hz * 1e9)
-            times = {"t_sample_ns": published_ns - 5_000_000, "t_publish_ns": published_ns}
-            publisher.send_contact("demo", contact_message(boot="two", seq=number, **times))
-        publisher.send_status("demo", status_message(rate_nominal_hz=100.0))
-        while time.monotonic_ns() < now_ns:
-            client.latest(timeout_s=0.01)
-        assert client.rate_hz == pytest.approx(rate_hz, abs=0.02 * rate_hz), "20 ms of the window may have passed"
-        assert client.freq_ok is freq_ok
+        for attempt in range(ATTEMPTS):
+            # A restarted daemon has no history, so the messages before do not count.
+            now_ns = time.monotonic_ns() + 200_000_000
+            for number in range(int(1.5 * rate_hz)):
+                published_ns = now_ns - round((1.5 * rate_hz - 1 - number) / rate_hz * 1e9)
+                times = {"t_sample_ns": published_ns - 5_000_000, "t_publish_ns": published_ns}
+                publisher.send_contact("demo", contact_message(boot=f"again {attempt}", seq=number, **times))
+            publisher.send_status("demo", status_message(rate_nominal_hz=100.0))
+            while time.monotonic_ns() < now_ns:
+                client.latest(timeout_s=0.01)
+            told_hz, is_ok = client.rate_hz, client.freq_ok
+            all_came = client.contact is not None and client.contact.seq == number
+            if all_came and time.monotonic_ns() < now_ns + 20_000_000:  # else this computer stood still
+                break
+        assert told_hz == pytest.approx(rate_hz, abs=0.02 * rate_hz), "20 ms of the window may have passed"
+        assert is_ok is freq_ok
 
 
 def test_contacts_of_samples_between_frames_are_not_a_wrong_rate(publisher: Publisher, endpoints: Endpoints) -> None:
@@ -292,10 +314,7 @@ def test_message_that_makes_no_sense_is_counted_and_skipped(
         connect(publisher, client)
         publisher._bus.zmq.send_multipart([b"contact/demo", payload])
         publisher._bus.zmq.send_multipart([b"contact/demo"])
-        publisher.send_contact("demo", contact_message(seq=9))
-        contact = client.latest(timeout_s=1.0)
-        assert contact is not None
-        assert contact.seq == 9
+        assert handed_out(publisher, client, seq=9).seq == 9
         assert client.refused == 2
         assert client.refusal
 
@@ -305,7 +324,7 @@ def test_another_schema_version_is_an_error_at_once(publisher: Publisher, endpoi
         connect(publisher, client)
         publisher.send_contact("demo", contact_message(v=2))
         with pytest.raises(SchemaError, match="sends schema version 2, this client reads 1"):
-            client.latest(timeout_s=1.0)
+            client.latest(timeout_s=LIVENESS_S)
 
 
 def test_non_finite_number_is_published_as_lost(
@@ -314,8 +333,7 @@ def test_non_finite_number_is_published_as_lost(
     with Client("demo", endpoints) as client, caplog.at_level(logging.ERROR):
         connect(publisher, client)
         sent = publisher.send_contact("demo", contact_message(force_n=math.nan, temperature_c=math.inf))
-        contact = client.latest(timeout_s=1.0)
-        assert contact is not None
+        contact = next(client.contacts(timeout_s=LIVENESS_S))
         assert (sent.health, sent.force_n, sent.reason) == ("lost", None, contact.reason)
         assert (contact.health, contact.contact, contact.force_n, contact.x_m) == ("lost", None, None, None)
         assert "force_n" in contact.reason or "temperature_c" in contact.reason
@@ -335,10 +353,11 @@ def test_events_and_status_arrive_by_topic(publisher: Publisher, endpoints: Endp
         eventually(heard)
         publisher.send_contact("demo", contact_message())
         publisher.send_status("demo", status_message())
-        kinds = []
-        while (message := subscription.receive(0.2)) is not None:
+        kinds: list[str] = []
+        while not kinds or kinds[-1] != "status":
+            message = subscription.receive(LIVENESS_S)
+            assert message is not None
             kinds.append(message.kind)
-        assert kinds[-1] == "status"
         assert "contact" not in kinds
 
 
@@ -370,8 +389,8 @@ def test_frames_are_wanted_while_somebody_subscribes(publisher: Publisher, endpo
         assert not publisher.frames_wanted("other", time.monotonic_ns())
         for sequence in range(3000):
             publisher.send_frame("demo", frame_message(sequence))
-        received = []
-        while (message := subscription.receive(0.3)) is not None:
+        received: list[int] = []
+        while len(received) < 3000 and (message := subscription.receive(LIVENESS_S)) is not None:
             received.append(message.body["sequence"])
         assert received == list(range(3000)), "a recording loses nothing"
     eventually(lambda: not publisher.frames_wanted("demo", time.monotonic_ns()))
