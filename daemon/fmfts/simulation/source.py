@@ -238,7 +238,7 @@ class Simulated:
         if self.tumbling:
             return tumbled(self._built.ambient_t, sampled_s)
         if self.turning_rad_per_s == 0.0:
-            return np.tile(self._built.ambient_t, (len(sampled_s), 1))
+            return self._built.ambient_t[None].repeat(len(sampled_s), axis=0)
         return turned(self._built.ambient_t, self.turning_rad_per_s * (sampled_s - self.turning_since_s))
 
     def _warming_k(self, now_s: float) -> float:
@@ -262,7 +262,8 @@ class Simulated:
 def turned(ambient_t: Array, angles_rad: Array) -> Array:
     """(N, 3) a field, turned about TURNING_AXIS by each angle (N,); all at once, as each frame of a simulation asks."""
     along = TURNING_AXIS * (TURNING_AXIS @ ambient_t)
-    across, beside = ambient_t - along, np.cross(TURNING_AXIS, ambient_t)
+    (a, b, c), (x, y, z) = TURNING_AXIS.tolist(), ambient_t.tolist()  # np.cross takes 25 µs
+    across, beside = ambient_t - along, np.array([b * z - c * y, c * x - a * z, a * y - b * x])
     field_t: Array = along + np.cos(angles_rad)[:, None] * across + np.sin(angles_rad)[:, None] * beside
     return field_t
 
