@@ -66,17 +66,15 @@ def matrices(values: Array) -> Array:
     return found
 
 
+# (3, 3, 9) derivatives of a sensor's K by its values.
+_BY_VALUE = matrices(np.eye(9))[0]
+
+
 def columns(field: Array) -> Array:
     """(N, 3, 9N) derivatives of the reported field K·field by the 9N values. field (N, 3): in sensor axes."""
-    count = len(field)
+    each, count = np.arange(len(field)), len(field)
     found = np.zeros((count, 3, 3, count, 3))
-    for sensor in range(count):
-        for axis in range(3):
-            after, last = (axis + 1) % 3, (axis + 2) % 3
-            found[sensor, axis, 0, sensor, axis] = field[sensor, axis]
-            found[sensor, after, 1:, sensor, axis] = field[sensor, last]
-            found[sensor, last, 1, sensor, axis] = -field[sensor, after]
-            found[sensor, last, 2, sensor, axis] = field[sensor, after]
+    found[each, :, :, each] = (_BY_VALUE * field[:, None, :, None]).sum(axis=2).reshape(count, 3, 3, 3)
     return found.reshape(count, 3, 9 * count)
 
 
