@@ -120,9 +120,9 @@ def test_flood_is_handled_at_twice_its_nominal_rate_at_most(each_poll: int) -> N
     source = GuardedSource(lambda: Scripted(lambda: [FRAME] * each_poll), (0,), "scripted", rate_hz=200.0)
     source.open()
     source.patience = IN_TIME
-    handled = [len(source.poll(10**9 + ms * 1_000_000)) for ms in range(10_000)]
-    assert sum(handled[1_000:]) == pytest.approx(2 * 200 * 9, abs=1)
-    assert sum(handled) + source.state.left_out[0] == each_poll * 10_000
+    handled = [len(source.poll(10**9 + ms * 1_000_000)) for ms in range(4_000)]
+    assert sum(handled[1_000:]) == pytest.approx(2 * 200 * 3, abs=1)
+    assert sum(handled) + source.state.left_out[0] == each_poll * 4_000
     assert "rate_hz" in source.state.warnings["flood"]
 
 

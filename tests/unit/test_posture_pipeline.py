@@ -52,7 +52,13 @@ class World:
         return world
 
     def move(self) -> None:
-        self.hand = replace(self.hand, since_s=self.source.time_s)
+        self._since(self.source.time_s)
+
+    def rest(self) -> None:
+        self._since(1e9)
+
+    def _since(self, time_s: float) -> None:
+        self.hand = replace(self.hand, since_s=time_s)
         self.source.neighbours[-1] = self.hand  # type: ignore[assignment]
 
     def frames(self, seconds: float) -> Iterator[Frame]:
@@ -160,9 +166,8 @@ def test_pad_without_a_recorded_posture_says_what_to_do() -> None:
 
 
 def test_rest_recorded_again_keeps_the_posture_with_its_joints() -> None:
-    world, _, baseline, _ = taught(6, 0.005)
-    world.hand = replace(world.hand, since_s=1e9)
-    world.source.neighbours[-1] = world.hand  # type: ignore[assignment]
+    world, _, baseline, _ = taught(5, 0.005)
+    world.rest()
     pad, tolerance = config().pad(), config().tolerance.si()
     frames = list(world.frames(3.0))
     request = BaselineRequest(pad, tolerance, bare=False, replaced=False)
@@ -179,16 +184,19 @@ def test_rest_recorded_again_keeps_the_posture_with_its_joints() -> None:
     assert all(message.health == "ok" for message, _ in told(world, pipeline_with(known), 1.0)[20:])
     message = told(world, pipeline_with(unknown), 0.2)[-1][0]
     assert "the joints of the rest recording are not known" in message.reason
+    world.move()
 
 
 def test_bare_baseline_says_that_it_drops_the_posture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The posture is relative to the rest, which a bare recording drops, too."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    world, before, baseline, _ = taught(6, 0.005)
+    world, before, baseline, _ = taught(5, 0.005)
     pad, tolerance = config().pad(), config().tolerance.si()
+    world.rest()
     world.source.mounted = False
     frames = list(world.frames(3.0))
     world.source.mounted = True
+    world.move()
     request = BaselineRequest(pad, tolerance, bare=True, replaced=False)
     assert POSTURE_DROPPED not in request.record(frames, before).facts(pad)["warnings"]
     recorded = request.record(frames, baseline)

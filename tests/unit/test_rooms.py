@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
-
-import pytest
 
 import fmfts
 
@@ -42,7 +41,12 @@ def room_of(module: str) -> str:
     return "/".join(folders) or (parts[0] if parts else "")
 
 
-def imported(path: Path) -> Iterator[str]:
+@cache
+def imported(path: Path) -> list[str]:
+    return list(_imported(path))
+
+
+def _imported(path: Path) -> Iterator[str]:
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -66,14 +70,18 @@ def extra_modules() -> list[Path]:
     return sorted(path for folder in EXTRAS for path in folder.glob("fmfts_*/**/*.py"))
 
 
-@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_room_imports_only_from_the_floors_below(path: Path) -> None:
-    own = room_of("fmfts." + ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"))
-    others = {room_of(name) for name in imported(path) if name == "fmfts" or name.startswith("fmfts.")} - {own, ""}
-    wrong = {other for other in others if FLOOR_OF[other] >= FLOOR_OF[own]}
-    assert not wrong, f"{own} imports from {', '.join(sorted(wrong))}, which stands no lower: turn the arrow, or move"
-    if own.partition("/")[0] in STAGES:
-        assert "config" not in others, f"{own} is part of a stage: give it plain values, not the configuration"
+def test_rooms_import_only_from_the_floors_below() -> None:
+    wrong = []
+    for path in modules():
+        module = path.relative_to(PACKAGE)
+        own = room_of("fmfts." + ".".join(module.with_suffix("").parts).removesuffix(".__init__"))
+        others = {room_of(name) for name in imported(path) if name == "fmfts" or name.startswith("fmfts.")} - {own, ""}
+        if above := {other for other in others if FLOOR_OF[other] >= FLOOR_OF[own]}:
+            told = ", ".join(sorted(above))
+            wrong.append(f"{module}: {own} imports from {told}, which stands no lower: turn the arrow, or move")
+        if own.partition("/")[0] in STAGES and "config" in others:
+            wrong.append(f"{module}: {own} is part of a stage: give it plain values, not the configuration")
+    assert not wrong, "\n".join(wrong)
 
 
 def test_robot_knows_nothing_of_the_packages_beside_it() -> None:
@@ -84,14 +92,19 @@ def test_robot_knows_nothing_of_the_packages_beside_it() -> None:
     assert found == []
 
 
-@pytest.mark.parametrize("path", extra_modules(), ids=lambda path: path.name)
-def test_extra_imports_only_what_is_open_to_it(path: Path) -> None:
-    names = {name for name in imported(path) if name == "fmfts" or name.startswith("fmfts.")}
-    closed = {name for name in names if room_of(name) in CLOSED or (room_of(name) == "cli" and name not in OPEN_VERBS)}
-    assert not closed, f"{path.name} imports {', '.join(sorted(closed))}: move what it needs to where both may use it"
-    own = path.relative_to(ROOT / "extras").parts[1]
-    of_others = {name.partition(".")[0] for name in imported(path)} - {own}
-    assert not [name for name in of_others if name.startswith("fmfts_") and name not in OPEN_PACKAGES.get(own, OF_ALL)]
+def test_extras_import_only_what_is_open_to_them() -> None:
+    wrong = []
+    for path in extra_modules():
+        names = {name for name in imported(path) if name == "fmfts" or name.startswith("fmfts.")}
+        closed = {name for name in names if room_of(name) in CLOSED}
+        closed |= {name for name in names if room_of(name) == "cli" and name not in OPEN_VERBS}
+        module = path.relative_to(ROOT / "extras")
+        own = module.parts[1]
+        if closed:
+            wrong.append(f"{module} imports {', '.join(sorted(closed))}: move what it needs to where both may use it")
+        others = {name.partition(".")[0] for name in imported(path)} - {own} - OPEN_PACKAGES.get(own, OF_ALL)
+        wrong += [f"{module} imports {name}, another package" for name in others if name.startswith("fmfts_")]
+    assert not wrong, "\n".join(wrong)
 
 
 def test_few_modules_are_outside_of_rooms() -> None:
