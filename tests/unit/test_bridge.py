@@ -24,7 +24,7 @@ from fmfts.sensor.wire.packets import SensorState, Verb
 from fmfts.sensor.wired_pad import PadOnBoard
 from fmfts.sources import on_board
 
-PATIENCE_S = 10.0  # a limit for a busy machine; nothing here takes a second unless it says so
+PATIENCE_S = 60.0  # a limit for a busy machine; nothing here takes a second unless it says so
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ from fmfts.sensor.wire.framing import encode
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts_client import Message, Subscription
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 SECONDS = 2.0
 PERIOD_S = 1 / 220
 

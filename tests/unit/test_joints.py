@@ -18,7 +18,7 @@ from fmfts_client import Endpoints, JointPublisher
 from fmfts_client.joints import read_table
 from ports import tcp_base
 
-PATIENCE_S = 5.0
+PATIENCE_S = 60.0
 
 
 @pytest.fixture

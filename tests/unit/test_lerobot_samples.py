@@ -42,7 +42,7 @@ class Bus:
         base = f"ipc://{folder}"
         self._socket = zmq.Context.instance().socket(zmq.PUB)
         self._socket.bind(for_client(base).bus)
-        self.samples = module.Samples([PAD], base, most=MOST, patience_s=PATIENCE_S)
+        self.samples = module.Samples([PAD], base, most=MOST, patience_s=60.0)
         self.samples._clients = {PAD: Client(PAD, base)}  # `connect` asks a daemon for the magnet's place
         self.samples._heights_m = {PAD: 0.012}
         self._connected()
@@ -63,7 +63,7 @@ class Bus:
     def frame(self) -> dict[str, np.ndarray]:
         """The next step, once what was sent before has arrived."""
         self.samples._clients[PAD]._subscription.wait(1.0)
-        time.sleep(0.05)
+        time.sleep(0.2)
         return {key.removeprefix(NAME): value for key, value in self.samples.frame().items()}
 
     def close(self) -> None:
@@ -123,19 +123,21 @@ def test_restarted_daemon_counts_anew(bus: Bus) -> None:
 
 
 def test_pause_is_a_mask_and_an_age(bus: Bus) -> None:
+    began_s = time.monotonic()
     bus.send(1, force_n=0.7)
     bus.frame()
     time.sleep(0.2)
     step = {key.removeprefix(NAME): value for key, value in bus.samples.frame().items()}
     assert not step[".mask"].any()
     assert not step[".samples"].any()
-    assert step[".age_s"][0, 0] == pytest.approx(0.25, abs=0.15)
+    assert 0.4 < step[".age_s"][0, 0] < time.monotonic() - began_s + 0.1
     assert step[""][0, 2] == pytest.approx(-0.7)
 
 
 def test_pad_that_stays_silent_is_lost(bus: Bus, module: Any) -> None:
     bus.send(1)
     bus.frame()
+    bus.samples.patience_s = PATIENCE_S
     time.sleep(PATIENCE_S + 0.1)
     with pytest.raises(module.TouchLostError, match="left"):
         bus.samples.frame()
@@ -148,6 +150,7 @@ def test_pad_that_knows_nothing_is_lost(bus: Bus, module: Any) -> None:
     unknown = dict.fromkeys(("x_m", "x_sd_m", "y_m", "y_sd_m", "force_n", "force_sd_n"))
     bus.send(2, health="disturbed", reason="steel is near", contact=None, now=None, **unknown)
     assert bus.frame()[".mask"].sum() == 1
+    bus.samples.patience_s = PATIENCE_S
     time.sleep(PATIENCE_S)
     bus.send(3, health="disturbed", reason="steel is near", contact=None, now=None, **unknown)
     with pytest.raises(module.TouchLostError, match="steel is near"):

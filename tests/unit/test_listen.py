@@ -126,7 +126,7 @@ def in_terminal(
     )
     os.close(slave)
     shown, started = b"", time.monotonic()
-    while time.monotonic() - started < 20:
+    while time.monotonic() - started < 60:
         if signal_after_s is not None and b"pad demo" in shown and time.monotonic() - started > signal_after_s:
             process.send_signal(number)
             signal_after_s = None
@@ -136,7 +136,7 @@ def in_terminal(
             except OSError:  # Linux: the other end is closed
                 break
     os.close(master)
-    return shown.decode(), process.wait(10)
+    return shown.decode(), process.wait(60)
 
 
 def test_terminal_shows_the_picture_and_then_a_summary(base: str) -> None:
@@ -176,7 +176,7 @@ def test_closed_pipe_is_no_error(base: str) -> None:
             assert process.stderr is not None
             process.stdout.readline()
             process.stdout.close()
-            assert (process.wait(10), process.stderr.read()) == (0, b"")
+            assert (process.wait(60), process.stderr.read()) == (0, b"")
 
 
 @contextmanager

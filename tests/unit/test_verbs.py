@@ -89,13 +89,13 @@ class Daemon:
     def ask(self, verb: str, **arguments: Any) -> None:
         self.verbs.forget_kept()
         self._peer.send(msgpack.packb({"id": 1, "verb": verb, **arguments}))
-        until = time.monotonic() + 5.0
+        until = time.monotonic() + 60.0
         while not self._control.serve_one(self.verbs.handle):
             assert time.monotonic() < until
 
     def answer(self) -> dict[str, Any]:
         """The next message that the peer gets; jobs are finished until there is one."""
-        until = time.monotonic() + 10.0
+        until = time.monotonic() + 60.0
         while not self._peer.poll(10):
             self.verbs.finish_jobs()
             assert time.monotonic() < until
