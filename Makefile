@@ -294,7 +294,7 @@ wheel: $(VENV)/.installed-test
 	@for part in $(COMPILED_PARTS); do \
 	  $(BIN)/python -m zipfile -l build/wheel/fmfts-*.whl | grep "fmfts/$$part.*so" >/dev/null || \
 	    { echo "the wheel has no fmfts/$$part: is there a C compiler?" >&2; rm -rf build/wheel; exit 1; }; done
-	@$(BIN)/python -m zipfile -l build/wheel/fmfts-*.whl | grep "fmfts/page/static/vendor/uPlot.esm.js" >/dev/null || \
+	@$(BIN)/python -m zipfile -l build/wheel/fmfts_page-*.whl | grep "fmfts_page/static/vendor/uPlot.esm.js" >/dev/null || \
 	    { echo "the wheel has no page" >&2; exit 1; }
 	@size=$$(cat build/wheel/fmfts-[0-9]*.whl | wc -c); test $$size -le 2500000 || \
 	  { echo "the wheel has $$size bytes, and 2,500,000 are allowed: what came into it?" >&2; exit 1; }

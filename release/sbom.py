@@ -32,6 +32,7 @@ def bill(dist: Path, time_s: int) -> dict[str, Any]:
     whole = component("application", "fmfts", version, "MIT", "fmfts")
     needed = [pinned(*each, licences) for each in requirements(HERE / "constraints.txt")]
     of_extras = needs_of_extras(licences, needed)
+    several = {part["bom-ref"]: part for own in of_extras.values() for part in own}  # of which some need the same
     debian = [on_debian(name, least, licences) for name, least in debian_dependencies()]
     vendored = [of_npm(part) for part in parts["vendored"]]
     carried = [pinned(*each, licences) for each in requirements(DEBIAN / "vendored.txt")]
@@ -53,7 +54,7 @@ def bill(dist: Path, time_s: int) -> dict[str, Any]:
             "timestamp": datetime.fromtimestamp(time_s, timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
             "component": whole,
         },
-        "components": [*files, *firmware, *needed, *(part for own in of_extras.values() for part in own), *debian],
+        "components": [*files, *firmware, *needed, *several.values(), *debian],
         "dependencies": depends,
     }
     # The same document always has the same number, and different documents have different ones.
@@ -78,7 +79,7 @@ def is_part(path: Path) -> bool:
 def file_component(path: Path, version: str, vendored: list[Component], carried: list[Component]) -> Component:
     """A file of dist/, with the parts of others inside of it."""
     inside = carried if path.name.endswith(".deb") else []
-    inside = [*(vendored if inside or path.name.startswith("fmfts-") else []), *inside]
+    inside = [*(vendored if inside or path.name.startswith("fmfts_page-") else []), *inside]
     own = [part | {"bom-ref": f"{path.name}/{part['bom-ref']}"} for part in inside]
     found = component("file", path.name, version, "MIT", path.name, hashes=sha256(path))
     return found | ({"components": own} if own else {})
@@ -110,14 +111,14 @@ def pinned(name: str, version: str, hashes: list[str], licences: dict[str, str])
 
 def needs_of_extras(licences: dict[str, str], needed: list[Component]) -> dict[str, list[Component]]:
     """The requirements of each package of extras/ besides the daemon's, by the beginning of its files' names."""
-    tested = {name: (name, *rest) for name, *rest in requirements(HERE / "constraints-extras.txt")}
+    tested = requirements(HERE / "constraints-extras.txt")
     known = {part["name"] for part in needed}
     found = {}
     for path in sorted(ROOT.glob("extras/*/pyproject.toml")):
         project = tomllib.loads(path.read_text())["project"]
         names = [re.split(r"[^\w.-]", word)[0] for word in project["dependencies"]]
-        own = [name for name in names if name not in known and not name.startswith("fmfts")]
-        found[project["name"].replace("-", "_")] = [pinned(*tested[name], licences) for name in own]
+        own = [each for each in tested if each[0] in names and each[0] not in known]
+        found[project["name"].replace("-", "_")] = [pinned(*each, licences) for each in own]
     return found
 
 

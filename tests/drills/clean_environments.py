@@ -38,6 +38,8 @@ MISUSED = {
     "collect": (["collect", "--weigh-g", "100"], "expected 2 arguments"),
     "fleet": (["view", "--robot", "arm"], "give NAME=ENDPOINT"),
     "foxglove": (["view", "--foxglove", "--host", "0.0.0.0"], "serves this machine alone"),
+    "page": (["view", "--port", "99999"], "give 0 to 65535"),
+    "report": (["report", "x.mcap", "--show", "y.mcap"], "writes nothing: leave x.mcap out"),
     "skin": (["check-config", "--config", "skin.toml"], "a streamed chip belongs to an AnySkin board"),
 }
 # For a verb without its package, or a wrong call; and for a package's file, which is an error either way.

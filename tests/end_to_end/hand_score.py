@@ -53,7 +53,7 @@ class Said:
 
     @classmethod
     def of(cls, body: Mapping[str, Any]) -> Said:
-        """body: a contact message, or one of `fmfts.page.ghost`."""
+        """body: a contact message, or one of `fmfts_page.ghost`."""
         force_n = body["force_n"]
         contact = body.get("contact", force_n is not None and force_n > USUAL_LIMIT_N)
         is_known = body.get("health", "ok") == "ok" and force_n is not None and not body.get("over_range")
@@ -80,7 +80,7 @@ class Score:
         self._forces.append((time_s, forces_n))
 
     def take(self, way: str, pad: str, body: Mapping[str, Any]) -> None:
-        """A message of `way` about `pad`: a contact message, or one of `fmfts.page.ghost`."""
+        """A message of `way` about `pad`: a contact message, or one of `fmfts_page.ghost`."""
         said = self._newest[way][pad] = Said.of(body)
         true_n = self._steady_n(pad, body["t_sample_ns"] * 1e-9)
         if true_n is None:

@@ -205,7 +205,7 @@ def test_page_is_served_elsewhere_if_its_port_is_taken_meanwhile(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
-        monkeypatch.setattr(page_beside, "_free_port", lambda: other.getsockname()[1])  # as it found before
+        monkeypatch.setattr(page_beside, "USUAL_PORT", ("--port", str(other.getsockname()[1])))
         with page_beside.page_beside(tmp_path, f"ipc://{tmp_path}") as line:
             assert re.fullmatch(r"the page: http://127\.0\.0\.1:\d+/#\w+", line())
 

@@ -21,7 +21,7 @@ from end_to_end.processes import BRIDGE_CONFIG, UNTOUCHED_CONFIG, FirmwareHost, 
 from fmfts.common import exit_codes
 from fmfts.offline.replay import Replay
 from fmfts.recording.file import attachment, read
-from fmfts.report.file import NAME, facts_of
+from fmfts_report.file import NAME, facts_of
 
 CONTACT = Path(fmfts.contact.__file__).parent
 SOME = 30  # frames of a second or two, on a busy computer

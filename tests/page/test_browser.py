@@ -16,7 +16,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from end_to_end.processes import PATIENCE_S, UNTOUCHED_CONFIG, RunningDaemon
-from fmfts.page.browser import folder_for_browsers
+from fmfts_page.browser import folder_for_browsers
 from page.rig import CHROMIUM, View, opened, until
 
 

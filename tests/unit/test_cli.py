@@ -249,14 +249,14 @@ def helped(verb: str, option: str, capsys: pytest.CaptureFixture[str]) -> str:
     return " ".join(said.split())
 
 
-def without(monkeypatch: pytest.MonkeyPatch, group: str) -> None:
+def without(monkeypatch: pytest.MonkeyPatch, *groups: str) -> None:
     """Hide these entry points, as if no package had them."""
     monkeypatch.setattr(
-        "importlib.metadata.entry_points", lambda **of: () if of["group"] == group else entry_points(**of)
+        "importlib.metadata.entry_points", lambda **of: () if of["group"] in groups else entry_points(**of)
     )
 
 
-@pytest.mark.parametrize("package", ["calibrate", "skin", LABORATORY])
+@pytest.mark.parametrize("package", ["calibrate", "fleet", "foxglove", "skin", LABORATORY])
 def test_line_that_installs_a_package_names_all_folders_that_pip_needs(package: str) -> None:
     """pip finds them nowhere else: no index has them."""
     editable, plain = how_to_install(package), how_to_install(package, ROOT / "no-checkout")

@@ -9,7 +9,7 @@ import pytest
 
 from data.make_report import replayed
 from fmfts.offline.replay import Replay
-from fmfts.report.file import facts_of, lines_of
+from fmfts_report.file import facts_of, lines_of
 
 FOLDER = Path(__file__).parents[1] / "data" / "reports"
 REPORTS = sorted(FOLDER.glob("*.mcap"))

@@ -22,10 +22,10 @@ from fmfts.bus.lock import BusError
 from fmfts.bus.publisher import Publisher
 from fmfts.cli.main import main
 from fmfts.common.exit_codes import USAGE
-from fmfts.page.commands import Commands, RecordBaseline
-from fmfts.page.recordings import Recordings
 from fmfts_client import KEY_VARIABLE, BadKeyError, Endpoints, RefusedError, Subscription, UnreachableError, request
 from fmfts_client.keys import show_key
+from fmfts_page.commands import Commands, RecordBaseline
+from fmfts_page.recordings import Recordings
 from ports import tcp_base
 
 # A handshake on one machine takes milliseconds; a peer that is shut out stays silent.

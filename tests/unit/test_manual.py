@@ -9,6 +9,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
+from test_cli import without
 
 from fmfts.cli import manual
 from fmfts.cli.main import command_line, main
@@ -97,7 +98,7 @@ def test_verb_installs_pages_and_completion(tmp_path: Path, capsys: pytest.Captu
 def test_layout_of_package_not_installed_says_how_to_install_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
+    without(monkeypatch, "fmfts.layouts", "fmfts.views")
     for words in (["layout", "foxglove", "--pad", "left"], ["view", "--foxglove"]):
         assert main(words) == exit_codes.UNAVAILABLE
         assert "pip install 'fmfts[foxglove]' -e " in capsys.readouterr().err

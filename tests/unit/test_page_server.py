@@ -32,17 +32,17 @@ from websockets.typing import Origin
 
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.config.pad_facts import pad_facts
-from fmfts.page.browser import may_open
-from fmfts.page.commands import Commands
-from fmfts.page.feed import KEPT_FOR_A_PAGE, Feed, Viewer
-from fmfts.page.files import FOLDER, Files
-from fmfts.page.guard import Guard, RefusedAddressError
-from fmfts.page.recordings import Recordings
-from fmfts.page.server import FRONT, HANDSHAKE_S, OPEN_PAGES, PageServer, RobotView
-from fmfts.page.strangers import WAITING
 from fmfts.recording.file import RecordingWriter
 from fmfts_client import Endpoints
 from fmfts_fleet.front import FOLDER as FLEETS
+from fmfts_page.browser import may_open
+from fmfts_page.commands import Commands
+from fmfts_page.feed import KEPT_FOR_A_PAGE, Feed, Viewer
+from fmfts_page.files import FOLDER, Files
+from fmfts_page.guard import Guard, RefusedAddressError
+from fmfts_page.recordings import Recordings
+from fmfts_page.server import FRONT, HANDSHAKE_S, OPEN_PAGES, PageServer, RobotView
+from fmfts_page.strangers import WAITING
 
 PATIENCE_S = 60.0
 

@@ -30,7 +30,7 @@ COMMITTED_S = 1_700_000_000
 NOTES = "first\n\n# As a heading\n"
 FILES = ["constraints.txt", "constraints-extras.txt", "constraints-build.txt"]
 WHEEL, DEB, CLIENT = "fmfts-0.1.0-cp311-abi3-linux_x86_64.whl", "fmfts_0.1.0_amd64.deb", "fmfts_client-0.1.0.tar.gz"
-EXTRA = "fmfts_foxglove-0.1.0-py3-none-any.whl"
+EXTRA, PAGE = "fmfts_foxglove-0.1.0-py3-none-any.whl", "fmfts_page-0.1.0-py3-none-any.whl"
 
 
 @pytest.mark.parametrize("file", FILES)
@@ -62,7 +62,7 @@ def test_tested_versions_hold_no_gpl() -> None:
 def dist(tmp_path: Path) -> Path:
     folder = tmp_path / "dist"
     folder.mkdir()
-    for name in (WHEEL, DEB, CLIENT, EXTRA):
+    for name in (WHEEL, DEB, CLIENT, EXTRA, PAGE):
         (folder / name).write_text(name)
     return folder
 
@@ -79,11 +79,12 @@ def test_bill_of_materials_keeps_to_cyclonedx(dist: Path) -> None:
 def test_bill_of_materials_names_what_each_file_carries(dist: Path) -> None:
     found = {part["name"]: part for part in bill(dist, COMMITTED_S)["components"]}
     inside = {
-        name: {each["name"] for each in found[name].get("components", [])} for name in (WHEEL, DEB, CLIENT, EXTRA)
+        name: {each["name"] for each in found[name].get("components", [])} for name in (WHEEL, DEB, CLIENT, EXTRA, PAGE)
     }
     page = {"uplot", "@msgpack/msgpack"}
     assert inside == {
-        WHEEL: page,
+        WHEEL: set(),
+        PAGE: page,
         DEB: page | {"onnxruntime", "msgspec", "websockets", "mcap"},
         CLIENT: set(),
         EXTRA: set(),
@@ -99,11 +100,12 @@ def test_bill_of_materials_says_what_each_file_needs(dist: Path) -> None:
     of_index = {f"pkg:pypi/{name}@{version}": hashes for name, version, hashes in requirements(RELEASE / FILES[0])}
     assert needs[WHEEL] == of_index.keys()
     assert {ref[9:].partition("@")[0] for ref in needs[EXTRA] - needs[WHEEL]} == {"foxglove-sdk"}
+    assert {ref[9:].partition("@")[0] for ref in needs[PAGE] - needs[WHEEL]} == {"websockets"}
     # pyzmq has cffi, and that pycparser, on PyPy.
     assert {ref[9:].partition("@")[0] for ref in needs[CLIENT]} == {"pyzmq", "msgpack", "cffi", "pycparser"}
     assert "pkg:deb/debian/python3-zmq" in needs[DEB]
     assert all(ref.startswith("pkg:deb/debian/python3") for ref in needs[DEB])
-    assert needs["fmfts"] == {WHEEL, DEB, CLIENT, EXTRA, "firmware/stm32f103", "firmware/rp2040"}
+    assert needs["fmfts"] == {WHEEL, DEB, CLIENT, EXTRA, PAGE, "firmware/stm32f103", "firmware/rp2040"}
     found = {part["bom-ref"]: part for part in document["components"]}
     assert {ref: [each["content"] for each in found[ref]["hashes"]] for ref in of_index} == of_index
     assert found["pkg:deb/debian/python3-zmq"]["properties"][0]["value"] == "24"
@@ -119,9 +121,9 @@ def test_faulty_bill_of_materials_is_not_written(dist: Path, monkeypatch: pytest
 
 
 def test_bill_of_materials_has_every_vendored_file(dist: Path) -> None:
-    (wheel,) = [part for part in bill(dist, COMMITTED_S)["components"] if part["name"] == WHEEL]
+    (wheel,) = [part for part in bill(dist, COMMITTED_S)["components"] if part["name"] == PAGE]
     named = {file["name"]: file["hashes"][0]["content"] for part in wheel["components"] for file in part["components"]}
-    folder = ROOT / "daemon/fmfts/page/static/vendor"
+    folder = ROOT / "extras/page/fmfts_page/static/vendor"
     there = {f"{path.relative_to(ROOT)}": path for path in folder.iterdir() if path.suffix != ".LICENSE"}
     assert named == {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in there.items()}
     manual = (ROOT / "docs/dependencies.md").read_text()

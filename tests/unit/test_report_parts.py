@@ -12,10 +12,10 @@ import msgspec
 import pytest
 
 from fmfts.recording.file import CopyWriter, RecordingError, RecordingWriter, read
-from fmfts.report import machine
-from fmfts.report.file import LARGEST_FACTS, NAME, facts_of, lines_of, write
-from fmfts.report.log import NoLogError, journal
-from fmfts.report.scrub import Scrubber, of_this_computer
+from fmfts_report import machine
+from fmfts_report.file import LARGEST_FACTS, NAME, facts_of, lines_of, write
+from fmfts_report.log import NoLogError, journal
+from fmfts_report.scrub import Scrubber, of_this_computer
 
 SCRUBBER = Scrubber({"zaphod", "pi"}, {"heartofgold", "heartofgold.example"}, {"/srv/people/zaphod", "/root"})
 

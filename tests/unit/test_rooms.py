@@ -13,10 +13,11 @@ PACKAGE = Path(fmfts.__file__).parent
 ROOT = Path(__file__).parents[2]
 EXTRAS = sorted(path.parent for path in ROOT.glob("extras/*/pyproject.toml"))
 # Rooms that a package of extras/ may use: all but those of the running daemon, and the shared part of the verbs.
-CLOSED = {"runtime", "offline", "report"}
-OPEN_VERBS = {"fmfts.cli.verb", "fmfts.cli.feed"}
+CLOSED = {"runtime", "offline"}
+OPEN_VERBS = {"fmfts.cli.verb", "fmfts.cli.feed", "fmfts.cli.elsewhere"}
 OF_ALL = {"fmfts_client"}
-OPEN_PACKAGES = {"fmfts_skin": OF_ALL | {"fmfts_calibrate"}}  # the package reads its sets, and judges as it does
+# Whose sets the package reads, and whose server it fills.
+OPEN_PACKAGES = {"fmfts_skin": OF_ALL | {"fmfts_calibrate"}, "fmfts_fleet": OF_ALL | {"fmfts_page"}}
 # The lowest first: each may import those before it, and none of its own floor.
 FLOORS = [
     {"arithmetic", "service", "sensor/chips"},
@@ -25,7 +26,7 @@ FLOORS = [
     {"baseline", "sensor/bridge", "sensor/i2c", "config"},
     {"scene", "several", "simulation", "recording"},
     {"sources", "pipeline"},
-    {"runtime", "offline", "page", "report"},
+    {"runtime", "offline"},
     {"cli"},
 ]
 FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}

@@ -11,6 +11,7 @@ import msgpack
 import msgspec
 import pytest
 import zmq
+from test_cli import without
 
 from fmfts.bus.messages import Health
 from fmfts.bus.publisher import Publisher
@@ -232,7 +233,7 @@ class TestCommandLine:
     def test_package_not_installed_is_named_with_how_to_install_it(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
+        without(monkeypatch, "fmfts.views")
         assert main(["view", "--port", "0", "--robot", "arm=tcp://127.0.0.1:5570"]) == exit_codes.UNAVAILABLE
         said = capsys.readouterr().err
         assert "view --robot belongs to a package of its own" in said

@@ -25,6 +25,8 @@ OF_VERB = {
     "calibrate": ("make a contact model from a CSV file of labelled fields", "calibrate"),
     "evaluate": ("compare a contact model's answers with a CSV file of labelled fields", "calibrate"),
     "pose": ("solve the magnet's pose for every row of a CSV file of fields", "calibrate"),
+    "view": ("show a running daemon on a page in a browser", "page"),
+    "report": ("write one file to send when something is wrong: facts, frames, registers, log", "report"),
 }
 # The group of entry points and the package's extra that an option needs.
 OF_OPTION = {

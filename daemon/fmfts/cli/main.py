@@ -18,14 +18,20 @@ from fmfts.cli import demo as demo_verb
 from fmfts.cli import init_config as init_verb
 from fmfts.cli import keys as keys_verb
 from fmfts.cli import record as record_verbs
-from fmfts.cli import report as report_verb
-from fmfts.cli import view as view_verb
 from fmfts.cli import weigh as weigh_verb
-from fmfts.cli.verb import VerbError, configuration, ended_by, lacking, seconds, serving_base, with_json
+from fmfts.cli.verb import (
+    LISTENERS_CONFIG,
+    VerbError,
+    configuration,
+    ended_by,
+    lacking,
+    seconds,
+    serving_base,
+    with_json,
+)
 from fmfts.common import exit_codes
 
 DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or the first of /etc/fmfts/config.toml, ./pad.toml or ./config.toml"
-LISTENERS_CONFIG = "the daemon's file, if that sets [bus] endpoint; not needed otherwise"
 EPILOG = """\
 A new pad: init, check-config, probe, selftest, baseline --bare, --rest, --turn (for a robot that turns), weigh,
 run; then listen and status. If a daemon runs, probe, selftest, baseline and weigh go through it.
@@ -112,12 +118,10 @@ def _parser(requested: str | None, only_installed: bool = False) -> argparse.Arg
     listen.add_argument("--pad", metavar="NAME", help="only this pad")
     listen.add_argument("--seconds", type=seconds, help="end after this time, with a summary")
     with_json(listen)
-    view_verb.add_to(verb, LISTENERS_CONFIG)
     demo_verb.add_to(verb)
     init_verb.add_to(verb)
     keys_verb.add_to(verb)
     record_verbs.add_to(verb, LISTENERS_CONFIG)
-    report_verb.add_to(verb)
     companion_verbs.add_to(verb)
     if requested not in verbs.choices:
         elsewhere.add_to(verb, only_installed)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from fmfts.cli.view import PORT
-
 STOP_S = 5.0
+USUAL_PORT: tuple[str, ...] = ()  # an open tab finds the next demo there
+ANY_PORT = "--port", "0"
 
 
 @contextmanager
@@ -23,14 +22,14 @@ def page_beside(folder: Path, base: str, *options: str) -> Iterator[Callable[[],
     Yields a function that waits until the page is served, and returns a line with its address, or with what is wrong.
     """
     log = folder / "view.log"
-    view = _started(_free_port(), base, log, options)
+    view = _started(base, log, *USUAL_PORT, *options)
 
     def line() -> str:
         nonlocal view
         said = _said_by(view)
-        if not said:  # another demo may have taken the port since
+        if not said:  # another demo has taken the port
             _stop(view)
-            view = _started(0, base, log, options)
+            view = _started(base, log, *ANY_PORT, *options)
             said = _said_by(view)
         return said or f"no page: {log.read_text().strip()}"
 
@@ -40,12 +39,12 @@ def page_beside(folder: Path, base: str, *options: str) -> Iterator[Callable[[],
         _stop(view)
 
 
-def _started(port: int, base: str, log: Path, options: tuple[str, ...]) -> subprocess.Popen[str]:
+def _started(base: str, log: Path, *options: str) -> subprocess.Popen[str]:
     from fmfts_client.endpoints import OVERRIDE
 
     with log.open("w") as stderr:
         return subprocess.Popen(
-            [sys.executable, "-m", "fmfts", "view", "--port", str(port), *options],
+            [sys.executable, "-m", "fmfts", "view", *options],
             stdout=subprocess.PIPE,
             stderr=stderr,
             text=True,
@@ -68,17 +67,6 @@ def _stop(view: subprocess.Popen[str]) -> None:
         view.wait()
     if view.stdout is not None:
         view.stdout.close()
-
-
-def _free_port() -> int:
-    """The usual port, so that an open tab finds the next demo; another one if it is taken."""
-    with socket.socket() as attempt:
-        attempt.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            attempt.bind(("127.0.0.1", PORT))
-        except OSError:
-            return 0
-    return PORT
 
 
 def _ignore_ctrl_c() -> None:

@@ -28,6 +28,8 @@ Kind = TypeVar("Kind", bound="Config")
 
 log = logging.getLogger("fmfts")
 
+# The help of --config, where a verb needs a file only to find the daemon.
+LISTENERS_CONFIG = "the daemon's file, if that sets [bus] endpoint; not needed otherwise"
 WEIGH_FIRST = "weigh that pad (`fmfts-daemon weigh`), and record and collect again"
 
 

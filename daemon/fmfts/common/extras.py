@@ -10,7 +10,8 @@ from typing import Any
 import fmfts
 
 LABORATORY = "lab"
-NEEDS = {"skin": "extras/calibrate ", LABORATORY: "extras/calibrate "}  # other folders that pip needs beside it
+# Other folders that pip needs beside it.
+NEEDS = dict.fromkeys(("skin", LABORATORY), "extras/calibrate ") | dict.fromkeys(("fleet", "foxglove"), "extras/page ")
 CHECKOUT = Path(fmfts.__file__).parents[2]  # of an editable installation
 
 

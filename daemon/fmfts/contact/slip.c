@@ -10,7 +10,8 @@
  *     SLOW, FAST: the place has a velocity that comes and goes: v ← e·v, var v ← e²·var v + (1 − e²)·SPEED², ln e = −dt/LASTS_S
  *
  * State x (9): place (2), force, shear (2), and velocity (2, mm/s) or the lever, and the offset (2). Between frames
- * P += diag(walk²)·dt. The change of pose z, whitened by the noise's factor L (R = L·Lᵀ), is five scalar measurements with h, its derivative by x:
+ * P += diag(walk²)·dt. The change of pose z, whitened by the noise's factor L (R = L·Lᵀ), is five scalar measurements
+ * with h, its derivative by x:
  *
  *     s = hPhᵀ + 1,  ν = z − ẑ,  x += Phᵀν/s,  P −= Phᵀ(Phᵀ)ᵀ/s,  log likelihood −= (ν²/s + ln s)/2
  *

@@ -148,8 +148,8 @@ void fmfts_wider_disc(const fmfts_response *response, const double press[FMFTS_C
 void fmfts_take_known_finger(const fmfts_contact_parameters *parameters, const fmfts_response *response,
                              const double press[FMFTS_CONTACT], double pose[FMFTS_POSE]);
 
-/* estimate.c: the network's answer, and of a model that refines or solves shear, the most likely press near it. response: NULL if it is not known; then
- * nothing is refined. False if the answer is not finite. */
+/* estimate.c: the network's answer, and of a model that refines or solves shear, the most likely press near it.
+ * response: NULL if it is not known; then nothing is refined. False if the answer is not finite. */
 bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fmfts_question *asked,
                             const fmfts_network *network, const void *response, size_t response_bytes,
                             fmfts_estimate *estimate);

@@ -61,8 +61,8 @@ static bool is_tuple(PyObject *object)
 static bool take_fingers(arrays *given, PyObject *fingers, fmfts_fingers_found *found, int *over_range)
 {
     PyObject *ids, *finger, *covariance, *shear, *shear_deviation, *least;
-    if (!is_tuple(fingers) || !PyArg_ParseTuple(fingers, "pO!OOOOO", over_range, &PyTuple_Type, &ids, &finger, &covariance, &shear, &shear_deviation,
-                          &least)) {
+    if (!is_tuple(fingers) || !PyArg_ParseTuple(fingers, "pO!OOOOO", over_range, &PyTuple_Type, &ids, &finger, &covariance,
+                                                &shear, &shear_deviation, &least)) {
         return false;
     }
     size_t count = found->count = (size_t)PyTuple_Size(ids), unknowns = FMFTS_FINGER_NUMBERS * count;

@@ -1,4 +1,5 @@
-/* Encodes a reading as msgpack: ContactMessage of bus/messages.py. Integers and texts take as few bytes as msgpack allows, as msgspec writes them. */
+/* Encodes a reading as msgpack: ContactMessage of bus/messages.py. Integers and texts take as few bytes as msgpack allows,
+ * as msgspec writes them. */
 #include <math.h>
 #include <string.h>
 

@@ -9,8 +9,8 @@ import msgspec
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
-from fmfts.page.commands import Ping, Watch, decode
-from fmfts.page.connection import sending
+from fmfts_page.commands import Ping, Watch, decode
+from fmfts_page.connection import sending
 
 
 class FleetConnection:

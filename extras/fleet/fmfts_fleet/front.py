@@ -17,7 +17,7 @@ LOOK_S, TELL_S = 0.05, 0.5  # longest wait at the fleet, and between two reports
 
 
 class FleetFront:
-    """A `FrontPage` of fmfts.page.server."""
+    """A `FrontPage` of fmfts_page.server."""
 
     folder, page = FOLDER, "fleet.html"
 

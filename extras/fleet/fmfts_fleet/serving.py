@@ -7,11 +7,11 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from fmfts.page.guard import Guard
-from fmfts.page.server import PageServer
-from fmfts.page.serving import Where, view_of
 from fmfts_fleet.front import FleetFront
 from fmfts_fleet.robots import Fleet
+from fmfts_page.guard import Guard
+from fmfts_page.server import PageServer
+from fmfts_page.serving import Where, view_of
 
 
 def place_of(robot: str) -> str:

@@ -13,8 +13,8 @@ from fmfts.cli.verb import VerbError
 from fmfts.common import exit_codes
 
 if TYPE_CHECKING:
-    from fmfts.page.guard import Guard
-    from fmfts.page.serving import Where
+    from fmfts_page.guard import Guard
+    from fmfts_page.serving import Where
 
 ROBOT_NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 OF_ONE_ROBOT = ("config", "fixed_baseline", "ghost_endpoint", "beside", "foxglove")
@@ -38,9 +38,9 @@ def view_fleet(options: argparse.Namespace, guard: Guard, port: int, serving: Ca
 
 def _robot(word: str, keys: Path | None) -> tuple[str, Where]:
     """The robot that NAME=ENDPOINT names. Raises VerbError, or EndpointError."""
-    from fmfts.page.serving import Where
     from fmfts_client import BadKeyError, EndpointError
     from fmfts_client.endpoints import for_client
+    from fmfts_page.serving import Where
 
     name, _, base = word.partition("=")
     if not ROBOT_NAME.fullmatch(name) or not base:

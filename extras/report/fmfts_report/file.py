@@ -13,8 +13,8 @@ from mcap.records import Channel, Message, Schema
 
 from fmfts.common.reading import damage_told
 from fmfts.recording.file import KINDS, LARGEST_MESSAGE, CopyWriter, RecordingError, attachment, records
-from fmfts.report.scrub import BINARY, Scrubber
 from fmfts.view.facts import fact_lines
+from fmfts_report.scrub import BINARY, Scrubber
 
 NAME = "report.json"
 LARGEST_FACTS = 1 << 22

@@ -20,8 +20,6 @@ from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.recording.file import read
 from fmfts.recording.recorder import Recorder
-from fmfts.report import machine, state
-from fmfts.report.log import journal
 from fmfts.sensor import SourceError
 from fmfts.sensor.bridge.serial_port import candidates
 from fmfts.sensor.i2c.scan import Found, scanned
@@ -29,6 +27,8 @@ from fmfts.service.child import child_daemon
 from fmfts.view.progress import Show
 from fmfts_client import request
 from fmfts_client.endpoints import OVERRIDE, for_client, named_base
+from fmfts_report import machine, state
+from fmfts_report.log import journal
 
 FORMAT = 1
 LARGEST_TEXT = 200_000  # bytes of the configuration, and of a log

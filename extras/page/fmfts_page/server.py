@@ -15,12 +15,12 @@ from typing import Any, Protocol
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.http11 import Request, Response
 
-from fmfts.page.commands import Commands
-from fmfts.page.connection import BATCH_S, TOO_MANY, PageConnection, let_in
-from fmfts.page.feed import Feed
-from fmfts.page.files import FOLDER, SOCKET, Files
-from fmfts.page.guard import Guard, RefusedAddressError
-from fmfts.page.strangers import ACCEPTED_IN_A_TURN, QUEUE, Door, Strangers, doors_of
+from fmfts_page.commands import Commands
+from fmfts_page.connection import BATCH_S, TOO_MANY, PageConnection, let_in
+from fmfts_page.feed import Feed
+from fmfts_page.files import FOLDER, SOCKET, Files
+from fmfts_page.guard import Guard, RefusedAddressError
+from fmfts_page.strangers import ACCEPTED_IN_A_TURN, QUEUE, Door, Strangers, doors_of
 
 FRONT = "/"
 OPEN_PAGES = 32  # that have shown the token

@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fmfts.page.commands import Commands
-from fmfts.page.feed import Feed
-from fmfts.page.guard import Guard
-from fmfts.page.recordings import Recordings
-from fmfts.page.server import FRONT, PageServer, RobotView
 from fmfts_client import Endpoints
+from fmfts_page.commands import Commands
+from fmfts_page.feed import Feed
+from fmfts_page.guard import Guard
+from fmfts_page.recordings import Recordings
+from fmfts_page.server import FRONT, PageServer, RobotView
 
 
 @dataclass(frozen=True)

@@ -11,15 +11,15 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from fmfts.cli import elsewhere
-from fmfts.cli.verb import AddVerb, VerbError, ended_by, serving_base
+from fmfts.cli.verb import LISTENERS_CONFIG, AddVerb, VerbError, ended_by, serving_base
 from fmfts.common import exit_codes
 
 PORT = 8710
 
 
-def add_to(verb: AddVerb, listeners_config: str) -> None:
+def add_to(verb: AddVerb) -> None:
     """Add the verb. verb: makes a parser from a name, a handler and a line of help."""
-    parser = verb("view", _view, "show a running daemon on a page in a browser", listeners_config)
+    parser = verb("view", _view, "show a running daemon on a page in a browser", LISTENERS_CONFIG)
     parser.add_argument("--port", type=int, help=f"of the page, default {PORT}; 0: any that is free")
     parser.add_argument("--host", default="127.0.0.1", help="where to serve; off this machine only with --certificate")
     parser.add_argument("--certificate", type=Path, metavar="PEM", help="of TLS, with --key")
@@ -49,10 +49,10 @@ def _view(options: argparse.Namespace) -> int:
     if options.foxglove and not options.robot:
         code: int = elsewhere.option("view --foxglove")(options)
         return code
-    from fmfts.page.browser import shown_in_browser
-    from fmfts.page.guard import Guard, RefusedAddressError
-    from fmfts.page.serving import Where, serve_page
     from fmfts_client.endpoints import EndpointError, for_client
+    from fmfts_page.browser import shown_in_browser
+    from fmfts_page.guard import Guard, RefusedAddressError
+    from fmfts_page.serving import Where, serve_page
 
     port: int = PORT if options.port is None else options.port
     if not 0 <= port <= 65535:
@@ -81,11 +81,11 @@ def _view(options: argparse.Namespace) -> int:
 
 @contextmanager
 def _fixed_baseline(base: str | None, endpoint: str | None) -> Iterator[str]:
-    """Runs fmfts.page.ghost, and yields its endpoint. endpoint: None for one in a folder of its own."""
+    """Runs fmfts_page.ghost, and yields its endpoint. endpoint: None for one in a folder of its own."""
     with tempfile.TemporaryDirectory(prefix="fmfts-ghost-") as folder:
         endpoint = endpoint or f"ipc://{folder}/ghost"
         where = [] if base is None else ["--endpoint", base]
-        command = [sys.executable, "-m", "fmfts.page.ghost", "--bind", endpoint, *where]
+        command = [sys.executable, "-m", "fmfts_page.ghost", "--bind", endpoint, *where]
         ghost = subprocess.Popen(command, stdin=subprocess.DEVNULL)
         try:
             yield endpoint

@@ -33,10 +33,10 @@ def add_to(verb: AddVerb) -> None:
 
 def _report(options: argparse.Namespace) -> int:
     from fmfts.recording.file import CopyWriter, RecordingError
-    from fmfts.report.file import write
-    from fmfts.report.gather import Gathering, new_name
-    from fmfts.report.scrub import of_this_computer
     from fmfts.view.progress import progress_bar
+    from fmfts_report.file import write
+    from fmfts_report.gather import Gathering, new_name
+    from fmfts_report.scrub import of_this_computer
 
     if options.show is not None:
         return _show(options)
@@ -60,8 +60,8 @@ def _report(options: argparse.Namespace) -> int:
 
 def _show(options: argparse.Namespace) -> int:
     from fmfts.recording.file import RecordingError
-    from fmfts.report.file import facts_of, lines_of
     from fmfts.view.facts import print_facts
+    from fmfts_report.file import facts_of, lines_of
 
     if options.output is not None:
         raise VerbError(exit_codes.USAGE, f"--show {options.show} writes nothing: leave {options.output} out")

@@ -61,7 +61,7 @@ class Viewer:
 class Feed:
     """One subscription for all viewers. Without a viewer it is subscribed to nothing, and costs nothing.
 
-    beside: endpoints of other programs, with `ghost/<pad>` (fmfts.page.ghost), or `caption/` {text} of a demo.
+    beside: endpoints of other programs, with `ghost/<pad>` (fmfts_page.ghost), or `caption/` {text} of a demo.
     Raises EndpointError.
     """
 

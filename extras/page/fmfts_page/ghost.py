@@ -4,7 +4,7 @@ This is the paper's method (Eq. 9 and 10): the ambient field is that of the base
 solved for. It never checks whether the field has changed, and accepts every answer. It has the same gains, sensor
 places and contact model as the daemon, so that only the method differs.
 
-A process of its own, `python -m fmfts.page.ghost --bind ENDPOINT`, publishes `ghost/<pad>`: {pad, t_sample_ns,
+A process of its own, `python -m fmfts_page.ghost --bind ENDPOINT`, publishes `ghost/<pad>`: {pad, t_sample_ns,
 magnet_m, x_m, y_m, force_n, force_sd_n}; null where the solver finds no pose. force_sd_n: from noise and model alone,
 because the method has no other cause.
 """
@@ -119,7 +119,7 @@ def publish(endpoint: str | None, bind: str) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m fmfts.page.ghost", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m fmfts_page.ghost", description=__doc__)
     parser.add_argument("--bind", required=True, metavar="ENDPOINT", help="where to publish")
     parser.add_argument("--endpoint", help="base of the daemon's endpoints; default: as for every client")
     options = parser.parse_args()
