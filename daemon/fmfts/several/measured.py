@@ -12,6 +12,8 @@ from fmfts.several.arrays import doubles, finite
 
 Array = NDArray[np.float64]
 
+NOTHING = np.empty(0)
+
 
 @dataclass(slots=True)  # a frozen one takes three times as long, and a frame makes four
 class Measured:
@@ -38,7 +40,7 @@ class Measured:
     @property
     def foreign(self) -> Array:
         """`foreign_t2` as C reads it: empty if there is none."""
-        return np.empty(0) if self.foreign_t2 is None else np.ascontiguousarray(self.foreign_t2, dtype=np.float64)
+        return NOTHING if self.foreign_t2 is None else np.ascontiguousarray(self.foreign_t2, dtype=np.float64)
 
     def only(self, used: NDArray[np.bool_]) -> Measured:
         """The same for these axes (N, 3)."""

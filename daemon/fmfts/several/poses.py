@@ -19,7 +19,7 @@ from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import product
 from fmfts.pose.magnets import CHANGE, Magnets
 from fmfts.several import _several
-from fmfts.several.arrays import doubles, require_room
+from fmfts.several.arrays import require_room
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Fit, Fitter
 from fmfts.several.measured import Measured, refuse
@@ -66,8 +66,7 @@ def poses_of(fitter: Fitter, fit: Fit, measured: Measured, around_t: Array) -> P
     poses, causes, places = CHANGE * count, unknowns + 2 * count, (count, 3)
     shapes = poses, places, places, poses, (poses, poses + causes + poses), (poses, used), (poses, unknowns)
     found = [np.empty(shape) for shape in shapes]
-    of_fit = doubles(fit.fingers), doubles(fit.covariance), doubles(fit.misfit_t)
-    given = *of_fit, *measured.arrays[1:], doubles(around_t)
+    given = fit.fingers, fit.covariance, fit.misfit_t, *measured.arrays[1:], around_t
     wrong, size, _ = _several.poses(*model.parts, UNFELT, *given, *found)
     refuse(wrong, size, measured, fingers=fit.fingers, ambient_t=around_t)
     change, position, axis, variance, moves, told, by_finger = found

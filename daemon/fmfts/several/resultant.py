@@ -6,7 +6,6 @@ import numpy as np
 
 from fmfts.pad import Array
 from fmfts.several import _several
-from fmfts.several.arrays import doubles
 from fmfts.several.fit import Fit
 from fmfts.several.reading import FingersReading
 
@@ -32,6 +31,5 @@ def resultant_deviation(fit: Fit) -> Array:
 def _deviations(fit: Fit, least: Array | None) -> Array:
     """(1 + K, 3) of the resultant, and of each finger."""
     deviation = np.empty((1 + len(fit.fingers), 3))
-    covariance, least = doubles(fit.covariance), None if least is None else doubles(least)
-    _several.resultant(doubles(fit.fingers), np.empty(3), covariance, least, deviation)
+    _several.resultant(fit.fingers, np.empty(3), fit.covariance, least, deviation)
     return deviation

@@ -81,14 +81,14 @@ class SinceRest:
         recovery.recent_t = recent_t = recovery.recent_t.copy()
         change_t, variance_t2, there = np.empty(values), np.empty(values), np.empty(values, dtype=np.bool_)
         has_jumped = _several.since_rest(
-            doubles(aligned.field_t),
-            doubles(aligned.bend_t),
+            aligned.field_t,
+            aligned.bend_t,
             *self._rest,
             recent_t,
             change_t,
             variance_t2,
-            doubles(aligned.noise_share),
-            np.ascontiguousarray(aligned.repeats),
+            aligned.noise_share,
+            aligned.repeats,
             there,
             None if foreign_t is None else doubles(foreign_t),
             now_t,

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.several import _several
-from fmfts.several.arrays import doubles
 from fmfts.several.fit import Fit, Fitter
 from fmfts.several.measured import Measured, refuse
 
@@ -32,8 +31,7 @@ def valley_variance(fitter: Fitter, fit: Fit, measured: Measured, around_t: Arra
     None where all fingers are well known.
     """
     least = np.empty((1 + len(fit.fingers), 3))
-    of_fit = doubles(fit.fingers), doubles(fit.covariance), np.array(fit.chi2)
-    given = *of_fit, LIMITS, *measured.arrays, doubles(around_t)
+    given = fit.fingers, fit.covariance, np.array(fit.chi2), LIMITS, *measured.arrays, around_t
     wrong, size, ways = _several.valley(*fitter.model.parts, fitter.search, *given, least)
     refuse(wrong, size, measured, fingers=fit.fingers, covariance=fit.covariance, ambient_t=around_t)
     return least if ways else None
