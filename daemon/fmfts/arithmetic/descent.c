@@ -70,14 +70,14 @@ fmfts_descent_end fmfts_descend(const fmfts_descent *search, double *at, double 
         for (size_t k = 0; k < n; k++) {
             trial[k] = fmfts_within(at[k] + step[k], search->lowest[k], search->highest[k]);
         }
+        double length = fmfts_step_length(n, at, trial, normal);
         if (!(search->judge(search->problem, trial) <= *chi2 * (1.0 + search->rounding))) {
             damping *= search->damping_factor;
-            if (damping > search->most_damping) {
+            if (damping > search->most_damping || length < search->settled) {
                 break;
             }
             continue;
         }
-        double length = fmfts_step_length(n, at, trial, normal);
         memcpy(at, trial, n * sizeof(double));
         damping /= search->damping_factor;
         if (!search->take(search->problem, at, chi2, normal, right)) {
