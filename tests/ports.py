@@ -22,16 +22,18 @@ def tcp_base() -> str:
 
 
 def free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """Not one that the kernel would give to another program meanwhile."""
+    for _ in range(TRIPLES_OF_A_PROCESS):
+        port = int(tcp_base().rpartition(":")[2])
+        if _is_free(port, socket.SOCK_DGRAM):
+            return port
+    raise AssertionError("no ports are free")
 
 
-def _is_free(port: int) -> bool:
-    with socket.socket() as attempt:
-        attempt.setsockopt(
-            socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
-        )  # like ZeroMQ: a port that was just closed will do
+def _is_free(port: int, kind: int = socket.SOCK_STREAM) -> bool:
+    with socket.socket(socket.AF_INET, kind) as attempt:
+        if kind == socket.SOCK_STREAM:  # like ZeroMQ: a port that was just closed will do
+            attempt.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             attempt.bind(("127.0.0.1", port))
         except OSError:

@@ -10,6 +10,7 @@ real process, it runs by the real clock. `speed`: how much faster than its feeds
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -337,10 +338,25 @@ def mm_per_n(x_mm: float, y_mm: float) -> float:
     return EDGE_MM_PER_N + (CENTRE_MM_PER_N - EDGE_MM_PER_N) * bend**2
 
 
+class KilledBench(PressedBench):
+    """Ends this process with the rod down, as soon as the table has a number of presses."""
+
+    def __init__(self, folder: Path, table: Path, presses: int, **options: Any) -> None:
+        super().__init__(folder, **options)
+        self._table, self._presses = table, presses
+
+    def _pass(self, seconds: float) -> None:
+        super()._pass(seconds)
+        if self.force_n > 0.0 and self._table.exists():
+            _, *rows = self._table.read_text().splitlines() or [""]
+            if sum(not row.startswith("0,") for row in rows) >= self._presses:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+
 def main() -> None:
-    """FOLDER PLAN TABLE: collect on a bench in FOLDER, in a process that may be killed."""
-    folder, plan, table = map(Path, sys.argv[1:])
-    with PressedBench(folder, speed=1.0) as bench:
+    """FOLDER PLAN TABLE PRESSES: collect on a bench in FOLDER until the table has these presses, and be killed."""
+    folder, plan, table = map(Path, sys.argv[1:4])
+    with KilledBench(folder, table, int(sys.argv[4]), speed=1.0) as bench:
         bench.collect(plan, table)
 
 

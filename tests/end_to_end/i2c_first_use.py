@@ -52,6 +52,7 @@ class FirstUse(NamedTuple):
     selftest: str
     before: Contact
     pressed: Contact
+    usual_sd_n: float  # of a press's force: a frame's own noise widens the deviation of one in twenty
     after: Contact
 
     def __str__(self) -> str:
@@ -100,10 +101,11 @@ def first_use(folder: Path, chip: str, adapter: str, most_hz: int = MOST_HZ) -> 
             measured_hz = _rate_hz(daemon)
             feel(pressed_field(built, *PRESS, ambient_t=EARTH_T))
             pressed = _settled(daemon)
+            held = [daemon.wait_for(lambda contact: contact.health == "ok").force_sd_n for _ in range(20)]
             feel(pressed_field(built, 0.0, 0.0, 0.0, ambient_t=EARTH_T))
             after = _settled(daemon)
     result = "self-test passed" if has_selftest else selftest.strip().removeprefix("fmfts-daemon selftest: ")
-    return FirstUse(init_hz, config.source.rate_hz, measured_hz, result, before, pressed, after)
+    return FirstUse(init_hz, config.source.rate_hz, measured_hz, result, before, pressed, float(np.median(held)), after)
 
 
 def _settle(file: Path, chip: str, most_hz: int) -> int:

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import fcntl
 import shutil
+import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from end_to_end.collecting_bench import PressedBench
-from end_to_end.processes import run_command
+from end_to_end.processes import LONG_PATIENCE_S, run_command
 from end_to_end.test_collect import frames_behind, plan, rows
 from fmfts.common import exit_codes
 from fmfts_collect.errors import CollectError, RefusedError, StoppedError
@@ -216,16 +216,11 @@ def test_killed_work_continues_without_lost_or_doubled_rows(bench: PressedBench)
     grid = plan(bench.folder, TWO_PLACES_FOUR_FORCES)
     killed_bench = bench.folder / "killed"
     shutil.copytree(bench.folder / "state", killed_bench / "state")
-    words = [sys.executable, "-m", "end_to_end.collecting_bench", killed_bench, grid, table]
-    with subprocess.Popen(words, cwd=TESTS, start_new_session=True) as process:
-        end_s = time.monotonic() + 60.0
-        while not (table.exists() and len(rows(table)) >= 2):
-            assert process.poll() is None
-            assert time.monotonic() < end_s
-            time.sleep(0.001)
-        process.kill()
+    words = [sys.executable, "-m", "end_to_end.collecting_bench", killed_bench, grid, table, "2"]
+    killed = subprocess.run(words, cwd=TESTS, start_new_session=True, timeout=LONG_PATIENCE_S, check=False)
+    assert killed.returncode == -signal.SIGKILL
     before = rows(table)
-    assert 2 <= len(before) < 8
+    assert len(before) == 2
     with table.open("a") as file:
         file.write("8,0.0000,0.0000,0.9")  # like a row that was being written
     assert bench.collect(grid, table)["collected"] == 8

@@ -81,10 +81,18 @@ def test_absent_hardware_is_reported_and_watchdog_is_fed(tmp_path: Path, systemd
     assert "does not exist (is the board plugged in?)" in told
 
 
+def states_of(process: int) -> str:
+    """Of all its threads, as in proc_pid_stat(5): T if it is stopped."""
+    stats = [path.read_text() for path in Path(f"/proc/{process}/task").glob("*/stat")]
+    return "".join(stat.rpartition(") ")[2][0] for stat in stats)
+
+
 def test_daemon_that_hangs_feeds_no_watchdog(tmp_path: Path, systemd: socket.socket) -> None:
     with RunningDaemon(tmp_path, SIMULATED) as daemon:
         daemon.process.send_signal(signal.SIGSTOP)
-        time.sleep(0.2)
+        until = time.monotonic() + PATIENCE_S
+        while set(states_of(daemon.process.pid)) != {"T"}:
+            assert time.monotonic() < until
         while select.select([systemd], [], [], 0.0)[0]:
             systemd.recv(4096)
         assert not select.select([systemd], [], [], 1.0)[0]

@@ -1,9 +1,8 @@
-// Reads a pad as ros2_control's manager would, and prints its interfaces as lines of JSON. host PAD ENDPOINT SECONDS
+// Reads a pad as ros2_control's manager would, and prints its interfaces as lines of JSON until its input ends. host PAD ENDPOINT
 #include "../../../clients/ros2/fmfts_hardware/src/pad_sensor.cpp"
 
-#include <chrono>
 #include <cmath>
-#include <thread>
+#include <poll.h>
 
 int main(int, char **words)
 {
@@ -14,8 +13,8 @@ int main(int, char **words)
         sensor.on_configure({}) != hardware_interface::CallbackReturn::SUCCESS)
         return 1;
     const auto interfaces = sensor.export_state_interfaces();
-    const auto until = std::chrono::steady_clock::now() + std::chrono::duration<double>(std::stod(words[3]));
-    while (std::chrono::steady_clock::now() < until) {
+    pollfd input{0, POLLIN, 0};
+    while (poll(&input, 1, 2) == 0) {
         if (sensor.read({}, {}) != hardware_interface::return_type::OK)
             return 2;
         const char *between = "{";
@@ -26,7 +25,6 @@ int main(int, char **words)
         }
         std::printf("}\n");
         std::fflush(stdout);
-        std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
     sensor.on_cleanup({});
 }
