@@ -11,6 +11,7 @@
 
 enum { HIDDEN = 6, OUTPUTS = 3, WEIGHTS = (10 + HIDDEN + OUTPUTS) * HIDDEN };
 enum { NETWORK = 3 + 6 + 30 + WEIGHTS + 2 * HIDDEN + OUTPUTS };
+enum { CAUSES = 3 };
 enum { KNOTS = 3, TABLE = 9 + (KNOTS + 2) * (KNOTS + 2) * FMFTS_MOVED, SIGHTING = 7 + 36 + 1 + 7 + 2 };
 
 // Differences between pads: bits of an input's first byte.
@@ -20,7 +21,7 @@ enum { SMOOTHED = 16, FELT = 32, WITHOUT_BASELINE = 64, EIGHT = 128 };
 typedef struct {
     fmfts_parameters parameters;
     float network[NETWORK];
-    double response[TABLE + 1], own[SIGHTING], other[SIGHTING];
+    double errors[CAUSES * FMFTS_CHANGE * FMFTS_AXES], response[TABLE + 1], own[SIGHTING], other[SIGHTING];
     fmfts_memory memory;
     fmfts_pad pad;
 } made_pad;
@@ -98,9 +99,7 @@ static void make_gates(fmfts_pose_parameters *p, uint8_t kind)
     }
     p->at_rest = kind & BARE_ALONE ? 0.0 : 1.0;
     p->steel_nearby = kind & BESIDE_STEEL ? 1.0 : 0.0;
-    p->field_errors = p->leftovers = p->ambient_errors = 3.0;
-    fill(p->by_pose, 15 * FMFTS_AXES, 1e-5);
-    fill(p->by_field, 9 * FMFTS_AXES, 1e-3);
+    p->leftovers = p->ambient_errors = 3.0;
     fill(p->change_error, 5 * FMFTS_CHANGE * 3, 1e-3);
     fill(p->ambient_error, 3 * FMFTS_CHANGE * 3, 1e-3);
     p->silicone_share = p->creep_share = 0.05;
@@ -236,6 +235,8 @@ static void make_pad(uint8_t kind, made_pad *made)
     p->neighbour_placement_m[0] = 1e-4;
     p->neighbour_magnet[0] = p->strength_t_m3;
     made->pad = (fmfts_pad){.parameters = &made->parameters, .response = made->response};
+    made->pad.errors = (fmfts_field_errors){3 * (size_t)p->sensors, CAUSES, made->errors};
+    fill(made->errors, sizeof made->errors / sizeof *made->errors, 1e-4);
     made->pad.response_bytes = make_response(made->response);
     require(fmfts_view_network(made->network, NETWORK, &made->pad.network), "the network is one");
     made->pad.words = (fmfts_words){1, "pad", "boot", "model", "baseline", words, words, words, {.untellable = words}};

@@ -38,6 +38,8 @@ class Judged:
 
     def __init__(self, pipeline: PadPipeline) -> None:
         self.parameters, self.memory = pipeline._parameters, pipeline.memory.fields
+        assert pipeline.mounting is not None
+        self.lasting = pipeline.mounting.field_errors()
         self.axes = 3 * self.parameters.integer("sensors")
 
     def slopes(self) -> Array:
@@ -59,10 +61,8 @@ class Judged:
         return differences(read, np.zeros(COLUMNS), STEPS)
 
     def common(self, slopes: Array) -> Array:
-        causes, change = self.parameters.integer("field_errors"), self.memory["change"]
-        by_pose = self.parameters["by_pose"][: 5 * self.axes * causes].reshape(5, self.axes, causes)
-        by_field = self.parameters["by_field"][: 3 * self.axes * causes].reshape(self.axes, 3, causes)
-        errors = np.einsum("p,pac->ac", change[:5], by_pose) + np.einsum("f,afc->ac", change[5:], by_field)
+        assert self.lasting is not None
+        errors = self.lasting.at(self.memory["change"][:5], self.memory["change"][5:])
         moment = slopes[:, LOG] * np.sqrt(self.memory["covariance"].reshape(COLUMNS, COLUMNS)[LOG, LOG])
         return np.asarray(errors @ errors.T + np.outer(moment, moment))
 

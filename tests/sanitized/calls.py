@@ -22,7 +22,7 @@ from fmfts.pad import Placement, Silicone
 from fmfts.pipeline import _pad
 from fmfts.pipeline.creep import Creep
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.pipeline.parameters import packed_response
+from fmfts.pipeline.parameters import packed_errors, packed_response
 from fmfts.pipeline.words import Words, words_of
 from fmfts.pose import _alignment, _kernel
 from fmfts.pose.alignment import Alignment
@@ -309,6 +309,7 @@ def parts_of(pipeline: PadPipeline) -> tuple[Any, ...]:
             for each in pipeline._neighbours
         ),
         None if pipeline.hand is None else bytearray(pipeline.hand.table.buffer.tobytes()),
+        packed_errors(pipeline.baselined),
     )
 
 
@@ -333,9 +334,9 @@ def _of_one_frame(pipeline: PadPipeline, before: Frame, frame: Frame) -> str:
     PADS.lent(parts_of(pipeline), loan, b"", line, arrival_ns + 1000 * (other.time_us - one.time_us), 3)
     if pipeline.baselined is not None:
         none = np.zeros(3 * len(pipeline.pad.sensors))
-        parameters, memory, *_ = parts_of(pipeline)
+        parameters, memory, *_, errors = parts_of(pipeline)
         covariance = bytearray(8 * 14 * 14)
-        _pad.track_field(parameters, memory, none.data, (none + 2e-7).data, none.data, covariance, 4.5e-3, 25.0)
+        _pad.track_field(parameters, memory, none.data, (none + 2e-7).data, none.data, covariance, 4.5e-3, 25.0, errors)
     return pipeline.answer(frame).health
 
 

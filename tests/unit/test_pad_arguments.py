@@ -44,7 +44,7 @@ def record(fields: list[tuple[str, str, int]], **values: Any) -> Record:
 
 def parts(**changes: Any) -> list[Any]:
     """The arguments of a pad without a baseline. Other changes than of a whole part are of the parameters."""
-    names = ("memory", "network", "response", "words", "own", "neighbours", "hand")
+    names = ("memory", "network", "response", "words", "own", "neighbours", "hand", "errors")
     chip = PAD.chip
     parameters = {
         "sensors": len(PAD.sensors),
@@ -61,6 +61,7 @@ def parts(**changes: Any) -> list[Any]:
         "own": Sighting.unseen(PAD).table.buffer,
         "neighbours": (),
         "hand": None,
+        "errors": None,
     } | {name: value for name, value in changes.items() if name in names}
     return [record(_pad.PARAMETERS, **parameters).buffer, *whole.values()]
 
@@ -87,6 +88,8 @@ UNFIT: dict[str, tuple[Callable[[], list[Any]], str]] = {
     "neighbours that the parameters lack": (lambda: parts(neighbours=((SIGHTING, 1),)), "other neighbours"),
     "a hand of another pad": (lambda: parts(hand=Hand(9).table.buffer), "hand: 448 bytes"),
     "a hand at an odd address": (lambda: parts(hand=misaligned(8 * 74)), "odd address"),
+    "errors of another pad": (lambda: parts(errors=np.zeros(8 * 9 * 5)), "errors: 2880 bytes"),
+    "errors at an odd address": (lambda: parts(errors=misaligned(8 * 8 * 12)), "odd address"),
     "a long name": (lambda: parts(words=words(pad="x" * 3000)), "more than 2048 bytes"),
     "a name with a zero": (lambda: parts(words=words(pad="x\0y")), "null character"),
 }
@@ -140,6 +143,14 @@ def test_parameters_that_no_longer_fit_are_refused_with_the_next_frame() -> None
     pad = _pad.Pad(parameters.buffer, *parts()[1:])
     parameters.put("neighbours", 1.0)
     with pytest.raises(ValueError, match="other neighbours"):
+        pad.judge(5, 15, 15, NO_READINGS, 1, 1, 1, 0.0)
+
+
+def test_errors_of_a_pad_that_has_other_sensors_now_are_refused() -> None:
+    parameters = record(_pad.PARAMETERS, sensors=len(PAD.sensors))
+    pad = _pad.Pad(parameters.buffer, *parts(errors=np.zeros(8 * 3 * len(PAD.sensors)))[1:])
+    parameters.put("sensors", len(PAD.sensors) + 1.0)
+    with pytest.raises(ValueError, match="other sensors"):
         pad.judge(5, 15, 15, NO_READINGS, 1, 1, 1, 0.0)
 
 

@@ -6,7 +6,7 @@
 #include "_pad.h"
 #include "steps.h"
 
-enum { PARAMETERS, MEMORY, FIELD, DEVIATION, LASTING, COVARIANCE };
+enum { PARAMETERS, MEMORY, FIELD, DEVIATION, LASTING, COVARIANCE, ERRORS };
 
 static int sizes_agree(const Py_buffer *b)
 {
@@ -42,14 +42,17 @@ FMFTS_FUNCTION(track_field)
 {
     double elapsed_s, temperature_c;
     fmfts_frame_work work;
-    if (!PyArg_ParseTuple(args, "y*w*y*y*y*w*dd", &b[PARAMETERS], &b[MEMORY], &b[FIELD], &b[DEVIATION], &b[LASTING], &b[COVARIANCE],
-                          &elapsed_s, &temperature_c) ||
-        !sizes_agree(b)) {
+    fmfts_field_errors errors;
+    if (!PyArg_ParseTuple(args, "y*w*y*y*y*w*ddz*", &b[PARAMETERS], &b[MEMORY], &b[FIELD], &b[DEVIATION], &b[LASTING], &b[COVARIANCE],
+                          &elapsed_s, &temperature_c, &b[ERRORS]) ||
+        !sizes_agree(b) ||
+        !fmfts_view_errors(&b[ERRORS], ((const fmfts_parameters *)b[PARAMETERS].buf)->pose.sensors, &errors)) {
         return NULL;
     }
     fmfts_step *step = &work.step;
     fmfts_begin_step(b[PARAMETERS].buf, b[MEMORY].buf, temperature_c, &work);
     take_field(step, b);
+    step->errors = errors;
     step->field.elapsed_s = elapsed_s;
     fmfts_track(step);
     fmfts_watch_residuals(step);

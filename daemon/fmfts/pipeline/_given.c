@@ -36,6 +36,14 @@ static int view_hand(fmfts_pad_object *self)
     return 1;
 }
 
+bool fmfts_view_errors(const Py_buffer *buffer, double sensors, fmfts_field_errors *errors)
+{
+    size_t axes = sensors >= 1.0 && sensors <= FMFTS_SENSORS ? 3 * (size_t)sensors : 1;
+    size_t of_a_cause = FMFTS_CHANGE * axes * sizeof(double), causes = (size_t)buffer->len / of_a_cause;
+    *errors = (fmfts_field_errors){axes, causes, buffer->buf};
+    return fmfts_has_size(buffer, causes * of_a_cause, "errors");
+}
+
 /* neighbour: a tuple of its sighting's buffer and its number of magnets. felt: number of neighbouring magnets so far.
  * */
 static int take_neighbour(fmfts_pad_object *self, PyObject *neighbour, size_t *felt)
@@ -132,6 +140,8 @@ int fmfts_still_fits(const fmfts_pad_object *self)
         PyErr_Format(PyExc_ValueError, "parameters: a pad has 1 to %d sensors", FMFTS_SENSORS);
     } else if (!has_neighbours(self)) {
         PyErr_SetString(PyExc_ValueError, "parameters: of other neighbours than those given");
+    } else if (self->pad.errors.causes && self->pad.errors.axes != 3 * (size_t)parameters->pose.sensors) {
+        PyErr_SetString(PyExc_ValueError, "parameters: of other sensors than the errors given");
     } else if (parameters->message.has_model != 0.0 && self->pad.network.outputs == 0) {
         PyErr_SetString(PyExc_ValueError, "parameters: of a pad with a contact model, and none is given");
     } else {
@@ -144,8 +154,9 @@ int fmfts_take(fmfts_pad_object *self, PyObject *args)
 {
     fmfts_given *given = &self->given;
     PyObject *model, *words, *neighbours;
-    if (!PyArg_ParseTuple(args, "w*w*Oz*O!w*O!|z*", &given->parameters, &given->memory, &model, &given->response, &PyTuple_Type,
-                          &words, &given->own, &PyTuple_Type, &neighbours, &given->hand)) {
+    if (!PyArg_ParseTuple(args, "w*w*Oz*O!w*O!|z*z*", &given->parameters, &given->memory, &model, &given->response, &PyTuple_Type,
+                          &words, &given->own, &PyTuple_Type, &neighbours, &given->hand,
+                          &given->errors)) {
         return 0;
     }
     given->words = Py_NewRef(words);
@@ -155,7 +166,8 @@ int fmfts_take(fmfts_pad_object *self, PyObject *args)
     if (!fmfts_has_size(&given->parameters, sizeof(fmfts_parameters), "parameters") ||
         !fmfts_has_size(&given->memory, sizeof(fmfts_memory), "memory") ||
         !fmfts_is_aligned(&given->response, sizeof(double)) || !view_sighting(&given->own, 1, &self->pad.own) ||
-        !view_hand(self) || !take_neighbours(self, neighbours) || !take_words(&self->pad.words, words) ||
+        !view_hand(self) || !fmfts_view_errors(&given->errors, self->pad.parameters->pose.sensors, &self->pad.errors) ||
+         !take_neighbours(self, neighbours) || !take_words(&self->pad.words, words) ||
         (model != Py_None && !fmfts_take_model(model, &given->model, &self->pad.network))) {
         return 0;
     }
@@ -174,6 +186,7 @@ void fmfts_release(fmfts_given *given)
     PyBuffer_Release(&given->response);
     PyBuffer_Release(&given->own);
     PyBuffer_Release(&given->hand);
+    PyBuffer_Release(&given->errors);
     for (int i = 0; i < FMFTS_FELT; i++) {
         PyBuffer_Release(&given->neighbour[i]);
     }

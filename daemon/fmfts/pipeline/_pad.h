@@ -14,7 +14,7 @@ enum {
 
 /* Python's objects, held as long as the pad. */
 typedef struct {
-    Py_buffer parameters, memory, response, own, neighbour[FMFTS_FELT], hand;
+    Py_buffer parameters, memory, response, own, neighbour[FMFTS_FELT], hand, errors;
     fmfts_model_given model;
     PyObject *words;
     int neighbours;
@@ -72,6 +72,9 @@ int fmfts_take(fmfts_pad_object *self, PyObject *args);
 
 /* _given.c: whether objects that Python may have changed since then still fit. 0 and ValueError if not. */
 int fmfts_still_fits(const fmfts_pad_object *self);
+
+/* _given.c: the table as that of a pad with so many axes; without a buffer no cause is known. False and ValueError if it is none. */
+bool fmfts_view_errors(const Py_buffer *buffer, double sensors, fmfts_field_errors *errors);
 
 /* _given.c: releases all of it. */
 void fmfts_release(fmfts_given *given);

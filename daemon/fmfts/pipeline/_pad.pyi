@@ -53,6 +53,7 @@ def track_field(
     covariance: Buffer,
     elapsed_s: float,
     temperature_c: float,
+    errors: Buffer | None,
     /,
 ) -> tuple[str, str, int, bool, float, float]:
     """The tracker alone, on the magnet's field (3N) in sensor axes. lasting_t (3N): the part of the deviations that
@@ -67,7 +68,7 @@ class Pad:
 
     network: of a contact model, as in network.h; None without a model. response: as in refine.h. own: the doubles of
     the pad's own Sighting; neighbours: the same of those that it feels, each with its number of magnets.
-    hand: the doubles of its Hand; None: it is on no hand that moves.
+    hand: the doubles of its Hand; None: it is on no hand that moves. errors: FieldErrors.table of its baseline.
     """
 
     def __init__(
@@ -80,6 +81,7 @@ class Pad:
         own: Buffer,
         neighbours: tuple[tuple[Buffer, int], ...],
         hand: Buffer | None = None,
+        errors: Buffer | None = None,
         /,
     ) -> None: ...
     @property

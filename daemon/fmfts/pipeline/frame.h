@@ -75,6 +75,7 @@ typedef struct {
     fmfts_words words;
     fmfts_sighting own, neighbour[FMFTS_FELT];
     fmfts_hand hand;
+    fmfts_field_errors errors;
 } fmfts_pad;
 
 /* A message's `now`. places: x and y, too; else force alone. */

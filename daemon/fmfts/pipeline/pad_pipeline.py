@@ -17,7 +17,7 @@ from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.encoded import EncodedMessage, Passed
 from fmfts.pipeline.first_memory import first_memory, with_later, without_samples
 from fmfts.pipeline.lead import Lead
-from fmfts.pipeline.parameters import packed_response, parameters_of, put_neighbours
+from fmfts.pipeline.parameters import packed_errors, packed_response, parameters_of, put_neighbours
 from fmfts.pipeline.possible_memory import require_alike, require_possible
 from fmfts.pipeline.weighed import on_weighed_silicone
 from fmfts.pipeline.words import NO_BASELINE, further_drift_of, words_of
@@ -91,6 +91,7 @@ class PadPipeline:
             self._sighting.table.buffer,
             seen,
             None if self.hand is None else self.hand.table.buffer,
+            packed_errors(self._baselined),
         )
 
     @property

@@ -163,15 +163,18 @@ def _tracking(baselined: BaselinedPad) -> Values:
 
 
 def _residuals(baselined: BaselinedPad) -> Values:
-    tracking, values, errors = baselined.tracking, baselined.mounting.gain.size, baselined.mounting.field_errors()
+    tracking, values = baselined.tracking, baselined.mounting.gain.size
     estimated = int(np.isin(tracking.parts, (Part.FREE, Part.PRIOR)).sum())
-    found: Values = {
+    return {
         "alarm_chi2": _quantiles(FALSE_MEAN_ALARM, values - estimated),
         "sound_chi2": _quantiles(SOUND, values - estimated),
     }
-    if baselined.at_rest and errors is not None:
-        found |= {"field_errors": errors.by_field.shape[-1], "by_pose": errors.by_pose, "by_field": errors.by_field}
-    return found
+
+
+def packed_errors(baselined: BaselinedPad | None) -> memoryview | None:
+    """The errors of the field that the baseline leaves, as C takes them; None where it leaves none."""
+    errors = baselined.mounting.field_errors() if baselined is not None and baselined.at_rest else None
+    return None if errors is None else np.ascontiguousarray(errors.table).reshape(-1).data
 
 
 def _quantiles(probability: float, most: int) -> Array:

@@ -14,6 +14,7 @@ void fmfts_begin_step(const fmfts_parameters *parameters, fmfts_memory *memory, 
     work->lifted_m = 0.0;
     step->parameters = &parameters->pose;
     step->memory = &memory->pose;
+    step->errors.causes = 0;
     step->temperature_c = temperature_c;
     step->felt.count = 0;
     step->posture = FMFTS_POSTURE_NONE;
@@ -27,6 +28,7 @@ void fmfts_begin(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *
                  fmfts_reading *reading)
 {
     fmfts_begin_step(pad->parameters, memory, frame->temperature_c, work);
+    work->step.errors = pad->errors;
     work->step.missing.words = &pad->words.chip;
     reading->now.known = reading->judged.known = reading->slip.known = false;
     reading->tells_slip = pad->parameters->slip.tells_slip != 0.0;

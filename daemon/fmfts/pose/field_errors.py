@@ -23,6 +23,11 @@ class FieldErrors:
     by_pose: Array
     by_field: Array
 
+    @property
+    def table(self) -> Array:
+        """(K, 8, 3N): what the C code takes."""
+        return np.concatenate([self.by_pose.transpose(2, 0, 1), self.by_field.transpose(2, 1, 0)], axis=1)
+
     def at(self, change: Array, ambient_t: Array) -> Array:
         """Errors (3N, K) T in sensor axes, after a change of pose (5,) and of ambient field (3,) since the baseline."""
         by_pose = product(change, self.by_pose.reshape(len(change), -1)).reshape(self.by_pose.shape[1:])

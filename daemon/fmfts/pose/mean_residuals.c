@@ -53,18 +53,30 @@ bool fmfts_push_means(fmfts_step *step, const double *residual_t)
     return fmod(memory->since, JUDGED_EVERY) == 0.0;
 }
 
-/* The error of an axis from one deviation of a cause: FieldErrors.at. */
-static double error_of(const fmfts_pose_parameters *parameters, const double *change, int axis, int cause)
+/* The errors of all axes from one deviation of a cause: FieldErrors.at. */
+static void find_errors(const fmfts_field_errors *errors, size_t cause, const double change[FMFTS_CHANGE], double error[FMFTS_AXES])
 {
-    int causes = (int)parameters->field_errors, axes = 3 * (int)parameters->sensors;
-    double by_pose = 0.0, by_field = 0.0;
-    for (int by = 0; by < 5; by++) {
-        by_pose += change[by] * parameters->by_pose[(by * axes + axis) * causes + cause];
+    const size_t axes = errors->axes;
+    const double *table = errors->table + cause * FMFTS_CHANGE * axes;
+    for (size_t axis = 0; axis < axes; axis++) {
+        double by_pose = 0.0, by_field = 0.0;
+        for (size_t by = 0; by < 5; by++) {
+            by_pose += change[by] * table[by * axes + axis];
+        }
+        for (size_t by = 5; by < FMFTS_CHANGE; by++) {
+            by_field += change[by] * table[by * axes + axis];
+        }
+        error[axis] = by_pose + by_field;
     }
-    for (int along = 0; along < 3; along++) {
-        by_field += change[5 + along] * parameters->by_field[(axis * 3 + along) * causes + cause];
+}
+
+static void add_square(size_t axes, const double error[FMFTS_AXES], double common[][FMFTS_AXES])
+{
+    for (size_t i = 0; i < axes; i++) {
+        for (size_t j = i; j < axes; j++) {
+            common[i][j] += error[i] * error[j];
+        }
     }
-    return by_pose + by_field;
 }
 
 /* The covariance of the errors that all axes of healthy sensors have in common: that of the moment, and of what the baseline
@@ -72,19 +84,16 @@ static double error_of(const fmfts_pose_parameters *parameters, const double *ch
 static void find_common(const fmfts_step *step, double common[][FMFTS_AXES])
 {
     const fmfts_pose_memory *memory = step->memory;
-    int axes = 3 * (int)step->parameters->sensors, causes = (int)step->parameters->field_errors;
+    const size_t axes = 3 * (size_t)step->parameters->sensors;
     double moment_deviation = sqrt(memory->covariance[(FMFTS_STEP + 1) * LOG_COLUMN]), error[FMFTS_AXES];
-    memset(common, 0, FMFTS_AXES * sizeof common[0]);
-    for (int cause = -1; cause < causes; cause++) {
-        for (int axis = 0; axis < axes; axis++) {
-            error[axis] = cause < 0 ? step->slopes[axis][LOG_COLUMN] * moment_deviation
-                                    : error_of(step->parameters, memory->change, axis, cause);
-        }
-        for (int i = 0; i < axes; i++) {
-            for (int j = i; j < axes; j++) {
-                common[i][j] += error[i] * error[j];
-            }
-        }
+    memset(common, 0, axes * sizeof common[0]);
+    for (size_t axis = 0; axis < axes; axis++) {
+        error[axis] = step->slopes[axis][LOG_COLUMN] * moment_deviation;
+    }
+    add_square(axes, error, common);
+    for (size_t cause = 0; cause < step->errors.causes; cause++) {
+        find_errors(&step->errors, cause, memory->change, error);
+        add_square(axes, error, common);
     }
 }
 

@@ -11,7 +11,6 @@ enum {
     FMFTS_STATE = FMFTS_VALUES(1),
     FMFTS_STEP = FMFTS_COLUMNS(1),
     FMFTS_LEFTOVERS = 25,                           /* causes of errors of a change of pose: baseline/unknowns.py */
-    FMFTS_FIELD_ERRORS = 9 + 12 * FMFTS_SENSORS + 1, /* unknowns that a baseline may leave, and the cylinder: the same */
     FMFTS_DECADES = 4, /* of time, in which silicone creeps: silicone.py */
     FMFTS_CHANGE = 8, /* pose 5 and ambient field 3, since the baseline */
     FMFTS_FELT = FMFTS_MAX_MAGNETS - 1, /* magnets of neighbouring pads that are felt */
@@ -58,9 +57,6 @@ enum {
     ONE(double, unread_warming_k)                                                                                      \
     MANY(double, alarm_chi2, FMFTS_AXES + 1) /* mean_residuals.c: by degrees of freedom */                             \
     MANY(double, sound_chi2, FMFTS_AXES + 1)                                                                           \
-    ONE(double, field_errors) /* field_errors.py: how many */                                                          \
-    MANY(double, by_pose, 5 * FMFTS_AXES * FMFTS_FIELD_ERRORS)                                                         \
-    MANY(double, by_field, 3 * FMFTS_AXES * FMFTS_FIELD_ERRORS)                                                        \
     ONE(double, leftovers)                                                                                             \
     MANY(double, change_error, 5 * FMFTS_CHANGE * FMFTS_LEFTOVERS)                                                     \
     ONE(double, silicone_share) /* silicone.py */                                                                      \

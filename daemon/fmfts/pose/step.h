@@ -30,6 +30,12 @@ typedef struct {
     double *state, *time_ns, *field_t, *rate_t_per_s, *variance_t2, *rate_variance, *wide_field_t, *wide_variance_t2;
 } fmfts_hand;
 
+/* The errors that the baseline leaves: FieldErrors.table [causes][FMFTS_CHANGE][axes], of one deviation of a cause. */
+typedef struct {
+    size_t axes, causes;
+    const double *table;
+} fmfts_field_errors;
+
 /* The Earth's field at the baseline, and its strength: Reference of hidden_gradient.py. */
 typedef struct {
     double field_t[3], strength_t;
@@ -109,6 +115,7 @@ typedef struct {
 typedef struct {
     const fmfts_pose_parameters *parameters;
     fmfts_pose_memory *memory;
+    fmfts_field_errors errors;
     double temperature_c; /* NaN: unknown */
     fmfts_missing missing;
     fmfts_field field;

@@ -46,6 +46,7 @@ class FieldTracker:
         estimated = int(np.isin(model.parts, (Part.FREE, Part.PRIOR)).sum())
         self._unknowns, self._remanence_t = free, pad.magnet.remanence_t
         self.parameters, self.memory = Record(_pad.PARAMETERS), Record(_pad.MEMORY)
+        self._errors: memoryview | None = None
         self.parameters.fill(
             {
                 "sensors": len(pad.sensors),
@@ -73,9 +74,7 @@ class FieldTracker:
         if errors is not None:
             self.parameters.put("noise_t", errors.noise_t)
             if errors.lasting is not None:
-                self.parameters.put("field_errors", errors.lasting.by_field.shape[-1])
-                self.parameters.put("by_pose", errors.lasting.by_pose)
-                self.parameters.put("by_field", errors.lasting.by_field)
+                self._errors = np.ascontiguousarray(errors.lasting.table).reshape(-1).data
         self.parameters.fill({"strongest_foreign_t": np.inf, "reference_t": np.full(3, np.nan)})
         if hidden is not None:
             self.parameters.fill(hidden_gradient_fields(hidden))
@@ -107,6 +106,7 @@ class FieldTracker:
             covariance.ravel().data,
             elapsed_s,
             temperature_c,
+            self._errors,
         )
         if not has_estimate:
             return Tracked(health, reason, used, None)
