@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded_files import FOLDER, needs
 
 from fmfts_lab.bench.__main__ import main
 from fmfts_lab.real.figures import RECORDINGS, allan_deviation
@@ -31,6 +32,16 @@ def test_absent_recordings_are_named(
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(":")[0] for line in lines] == list(RECORDINGS)
     assert all("is absent" in line for line in lines)
+
+
+@pytest.mark.parametrize(("name", "page"), [("waved-boards", "real.md")])
+def test_page_has_the_table_that_the_command_prints(name: str, page: str) -> None:
+    shows, file = RECORDINGS[name]
+    needs(file)
+    text = (Path(__file__).parents[2] / "lab/results" / page).read_text(encoding="utf-8").splitlines()
+    lines = shows(FOLDER).lines
+    assert lines
+    assert [line for line in lines if line not in text] == [], f"bench real --only {name}"
 
 
 def test_every_recording_has_its_chart_and_its_source() -> None:

@@ -6,14 +6,13 @@ not here; FMFTS_RECORDED names a folder with a folder magnetic_skin that has the
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from recorded_files import needs
 
-from fmfts.baseline.sensitivity import Sensitivity, matrices, relative_deviation
+from fmfts.baseline.sensitivity import Sensitivity, relative_deviation
 from fmfts.baseline.turn import Turn
 from fmfts.pad import Pad
-from fmfts_lab.real.waved_boards import BOARDS, SENSORS, file_of, turned
+from fmfts_lab.real.waved_boards import BOARDS, apart, chi_square_per_value, file_of, turned
 
 
 def _found(board: str) -> tuple[Pad, Turn, Sensitivity]:
@@ -22,22 +21,12 @@ def _found(board: str) -> tuple[Pad, Turn, Sensitivity]:
 
 @pytest.mark.parametrize("board", BOARDS)
 def test_real_board_that_was_waved_is_accepted(board: str) -> None:
-    """χ² per value: what is left of the six chips' readings after one field each time, by the noise of frames."""
     pad, turn, found = _found(board)
-    by_field = matrices(found.mean) @ pad.sensors.axes.transpose(0, 2, 1)
-    whitened = (turn.field_t - turn.field_t.mean(axis=0)) / turn.deviation_t
-    basis, _, _ = np.linalg.svd((by_field / turn.deviation_t[..., None]).reshape(-1, 3), full_matrices=False)
-    rows = whitened.reshape(len(whitened), -1)
-    left = rows - rows @ basis @ basis.T
-    # Offsets and sensitivities are 12 numbers a sensor.
-    assert 0.8 < np.sum(left**2) / (left.size - 3 * len(left) - 12 * SENSORS) < 1.3
+    assert 0.8 < chi_square_per_value(pad, turn, found) < 1.3
     assert relative_deviation(found.covariance).max() < 0.02
 
 
 def test_one_board_under_two_elastomers_has_the_same_chips() -> None:
-    foam, ecoflex = (matrices(_found(board)[2].mean) for board in BOARDS[:2])
-    apart = foam - ecoflex
-    gains, turned = np.einsum("iaa->ia", apart), (apart - apart.transpose(0, 2, 1)) / 2.0
-    # A factor and a rotation shared by all chips stay unknown.
-    assert np.std(gains) < 0.014
-    assert np.degrees(np.sqrt(np.mean((turned - turned.mean(axis=0)) ** 2) * 1.5)) < 0.6
+    gains, rotations_deg = apart(*(_found(board)[2] for board in BOARDS[:2]))
+    assert gains < 0.014
+    assert rotations_deg < 0.6

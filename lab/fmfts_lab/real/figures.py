@@ -15,7 +15,7 @@ from fmfts_calibrate.evaluation import printed
 from fmfts_lab.real.other_day import field_presses, read, rows_of
 from fmfts_lab.real.sold_sensor import SESSIONS
 from fmfts_lab.real.untouched_hand import HandRows, judged, line_of
-from fmfts_lab.real.waved_boards import BOARDS, file_of, turned
+from fmfts_lab.real.waved_boards import BOARDS, apart, chi_square_per_value, file_of, turned
 from fmfts_skin.calibrate.force_judge import make_route
 
 GAUSS_UT = 100.0
@@ -93,12 +93,20 @@ def waved_boards(folder: Path) -> Shown:
         "chip",
         "gain, % off the mean",
     )
+    shown.lines += ["| board | accepted | attitudes | gains known to | χ² per value |", "|-" * 5 + "|"]
+    sensitivities = []
     for board in BOARDS:
-        _, turn, found = turned(folder / file_of(board))
+        pad, turn, found = turned(folder / file_of(board))
+        sensitivities.append(found)
         gain = np.einsum("iaa->i", matrices(found.mean)) / 3.0
         shown.curves[board] = np.arange(1.0, len(gain) + 1.0), 100.0 * (gain / gain.mean() - 1.0)
         worst = 100.0 * float(relative_deviation(found.covariance).max())
-        shown.lines.append(f"{board}: accepted, {len(turn.field_t)} attitudes, deviations up to {worst:.2f} %")
+        shown.lines.append(
+            f"| {board} | yes | {len(turn.field_t)} | {worst:.1f} % | {chi_square_per_value(pad, turn, found):.2f} |"
+        )
+    gains, rotations_deg = apart(*sensitivities[:2])
+    shown.lines += ["| one board | gains apart | rotations apart |", "|-" * 3 + "|"]
+    shown.lines.append(f"| {BOARDS[0]} and {BOARDS[1]} | {100.0 * gains:.1f} % | {rotations_deg:.1f}° |")
     return shown
 
 

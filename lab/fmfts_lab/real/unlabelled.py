@@ -14,16 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.pad import Array, Magnet, Pad, SensorArray, Tolerance
+from fmfts.pad import Array, Magnet, Pad, SensorArray, Tolerance, rotation_from_vector
 from fmfts_calibrate.learn.drawing import Drawing
-from fmfts_calibrate.learn.fit import Fields, solved_poses
+from fmfts_calibrate.learn.fit import Fields, misfits, solved_poses
 from fmfts_calibrate.learn.make import spread_out
-from fmfts_calibrate.learn.search import Learned, learn, with_octupole
+from fmfts_calibrate.learn.search import Learned, LearnError, learn, with_octupole
 from fmfts_lab.real.sold_sensor import PIXELS, SESSIONS
 
 # Where a value saturates depends on the other axis; up to here it never does.
 CLIPPED_T = 32e-3
 NOISE_T = 3e-5
+# How far a rough sketch is off it, at most: much of the 2 mm between pixels.
+ROUGH_M, ROUGH_DEG = 4e-4, 8.0
 FIRST_SHARE = 0.7  # of the session that the geometry is learned from
 UNTOUCHED = 60  # this many of the weakest fields of a session belong to the untouched pad
 # A first look shows: signs tell which pixel is where, and fields of 12 mT, with their ratios, of a magnet
@@ -82,3 +84,39 @@ def poses_of(learned: Learned, session: Array) -> Array:
     geometry = learned.drawing.geometry(learned.fit.vector)
     poses = solved_poses(geometry, learned.drawing, Fields(session[0], session, deviation, deviation))
     return np.asarray(poses[:, :6])
+
+
+def left_t(learned: Learned, session: Array) -> float:
+    """The rms of what is left of each value after the magnet's pose was solved from its row."""
+    deviation = np.full(session.shape[1:], NOISE_T)
+    left, _ = misfits(learned.drawing, learned.fit.vector, Fields(session[0], session, deviation, deviation))
+    return float(NOISE_T * np.sqrt(np.mean(left[np.isfinite(session).reshape(left.shape)] ** 2)))
+
+
+def first_session(folder: Path) -> tuple[Array, Array]:
+    """Its beginning, from which the geometry is learned, and its end."""
+    session = session_t("first", folder)
+    taught = round(FIRST_SHARE * len(session))
+    return session[:taught], session[taught:]
+
+
+def refined(learned: Learned, session: Array) -> Learned:
+    """The geometry after unlabelled rows of another day."""
+    known = replace(sketch(), sensors=learned.drawing.geometry(learned.fit.vector).sensors)
+    return learn(replace(learned.drawing, pad=known), fields_of(session), starts=2)
+
+
+def learned_from_rough(seed: int, session: Array) -> Learned | None:
+    """From a sketch that is off by up to ROUGH_M and ROUGH_DEG. None: it says that the geometry is not determined."""
+    random, drawn = np.random.default_rng(seed), sketch()
+    turns = [rotation_from_vector(one) for one in np.radians(random.uniform(-ROUGH_DEG, ROUGH_DEG, (4, 3)))]
+    rough = replace(
+        drawn,
+        sensors=SensorArray(drawn.sensors.position_m + random.uniform(-ROUGH_M, ROUGH_M, (4, 3)), np.array(turns)),
+        rest_position_m=drawn.rest_position_m + random.uniform(-ROUGH_M, ROUGH_M, 3),
+    )
+    try:
+        learned = learn(Drawing(rough, SKETCH), fields_of(session), starts=4, seed=seed)
+    except LearnError:
+        return None
+    return None if learned.open else learned

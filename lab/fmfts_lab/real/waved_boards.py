@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.baseline.sensitivity import Sensitivity
+from fmfts.baseline.sensitivity import Sensitivity, matrices
 from fmfts.baseline.turn import Turn, sensitivity_from_turn
 from fmfts.baseline.window_means import turning_means
 from fmfts.config import PadConfig, SimulatedSource
@@ -73,3 +73,23 @@ def turned(recorded: Path) -> tuple[Pad, Turn, Sensitivity]:
     fields = _waved(recorded)
     pad, turn = _drawn(fields), _turn(fields)
     return pad, turn, sensitivity_from_turn(pad, Sensitivity.untested(SENSORS, TOLERANCE), turn)
+
+
+def chi_square_per_value(pad: Pad, turn: Turn, found: Sensitivity) -> float:
+    """What is left of the chips' readings after one field for each attitude, by the noise of frames."""
+    by_field = matrices(found.mean) @ pad.sensors.axes.transpose(0, 2, 1)
+    whitened = (turn.field_t - turn.field_t.mean(axis=0)) / turn.deviation_t
+    basis, _, _ = np.linalg.svd((by_field / turn.deviation_t[..., None]).reshape(-1, 3), full_matrices=False)
+    rows = whitened.reshape(len(whitened), -1)
+    left = rows - rows @ basis @ basis.T
+    # Offsets and sensitivities are 12 numbers a sensor.
+    return float(np.sum(left**2) / (left.size - 3 * len(left) - 12 * SENSORS))
+
+
+def apart(one: Sensitivity, other: Sensitivity) -> tuple[float, float]:
+    """By how much two turns of the same chips differ: gains, and rotations (degrees). A factor and a rotation that all
+    chips share stay unknown."""
+    difference = matrices(one.mean) - matrices(other.mean)
+    gains, turned = np.einsum("iaa->ia", difference), (difference - difference.transpose(0, 2, 1)) / 2.0
+    rotations_rad = np.sqrt(np.mean((turned - turned.mean(axis=0)) ** 2) * 1.5)
+    return float(np.std(gains)), float(np.degrees(rotations_rad))
