@@ -1,4 +1,4 @@
-"""Finds the K fingers that best explain a field: Gauss–Newton in the space of fingers, from a start or from a scan.
+"""Finds the K fingers that best explain a field: damped least squares (arithmetic/descent.h), from a start or a scan.
 
 χ² has several minima as soon as there are two fingers. A search from the largest residual misses the best minimum in a
 fifth of all cases, so a new finger is searched from the best of all pairs of places on a grid.

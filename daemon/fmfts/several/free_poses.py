@@ -1,4 +1,4 @@
-"""The poses of all magnets by the field alone, without a table of presses: Gauss–Newton in the space of poses.
+"""The poses of all magnets by the field alone, without a table of presses: damped least squares (arithmetic/descent.h).
 
 The unknowns are the changes of pose since rest, five of each magnet. The ambient field, all moments together and the
 baseline's uncertainty are considered, as field_model.py explains, for poses instead of fingers:
