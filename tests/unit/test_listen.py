@@ -27,8 +27,10 @@ from bus_messages import contact_message, event_message, status_message
 
 from background import repeating
 from fmfts.bus.control import ControlServer
+from fmfts.bus.lock import EndpointLock
 from fmfts.bus.messages import ContactMessage
 from fmfts.bus.publisher import Publisher
+from fmfts.cli.main import main
 from fmfts.common import exit_codes
 from fmfts.view.listen import _event_line, listen
 from fmfts.view.status import status
@@ -224,6 +226,18 @@ def test_status_for_programs_is_the_message_itself(base: str) -> None:
     with serving_status(base, status_message()):
         assert status(as_json=True, out=out, endpoint=base) == 0
     assert json.loads(out.getvalue())["pads"][0]["latency_p99_s"] == 0.001
+
+
+def test_status_waits_for_long_only_where_a_daemon_holds_the_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FMFTS_BUS", f"ipc://{tmp_path}")
+    monkeypatch.setattr("fmfts.view.status.TIMEOUT_S", 0.5)
+    assert main(["status"]) == exit_codes.UNAVAILABLE
+    lock = EndpointLock(f"ipc://{tmp_path}/control")
+    assert main(["status"]) == exit_codes.UNAVAILABLE
+    lock.release()
+    assert re.findall(r"for ([\d.]+ s)", capsys.readouterr().err) == ["0.3 s", "0.5 s"]
 
 
 def test_status_without_a_daemon_says_so(

@@ -9,7 +9,7 @@ import pytest
 from fmfts.common.toml import parse
 from fmfts.config.example import EXAMPLE_PATH
 from fmfts.config.file import load
-from fmfts.config.rewriting import RewritingError, rewrite, with_geometry
+from fmfts_magnet.rewriting import RewritingError, rewrite, with_geometry
 
 VALUES = {"sensors_mm": "[[1, 2, 0], [3, 4, 0]]", "sensors_mirrored": "true"}
 

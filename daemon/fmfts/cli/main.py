@@ -7,6 +7,7 @@ import logging
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -196,9 +197,16 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _status(options: argparse.Namespace) -> int:
-    from fmfts.view.status import status
+    from fmfts.bus.lock import BusError, serving_pid, socket_path
+    from fmfts.view.status import TIMEOUT_S, UNSERVED_S, status
+    from fmfts_client.endpoints import EndpointError, for_client
 
-    return status(options.pad, as_json=options.json, endpoint=serving_base(options))
+    base, timeout_s = serving_base(options), TIMEOUT_S
+    with suppress(BusError, EndpointError):  # `status` reports the second
+        control = for_client(base).control
+        if socket_path(control) is not None and serving_pid(control) is None:
+            timeout_s = UNSERVED_S
+    return status(options.pad, as_json=options.json, endpoint=base, timeout_s=timeout_s)
 
 
 def _listen(options: argparse.Namespace) -> int:

@@ -17,11 +17,17 @@ from fmfts_client import ControlError, EndpointError, MessageError, Status, requ
 from fmfts_client.endpoints import for_client
 
 TIMEOUT_S = 3.0
+UNSERVED_S = 0.3  # where nothing holds the lock
 log = logging.getLogger(__name__)
 
 
 def status(
-    pad: str | None = None, *, as_json: bool = False, out: TextIO | None = None, endpoint: str | None = None
+    pad: str | None = None,
+    *,
+    as_json: bool = False,
+    out: TextIO | None = None,
+    endpoint: str | None = None,
+    timeout_s: float = TIMEOUT_S,
 ) -> int:
     """Print the last status of `pad` (None: of every pad).
 
@@ -29,7 +35,7 @@ def status(
     """
     out = sys.stdout if out is None else out
     try:
-        pads = request("status", endpoint=endpoint, timeout_s=TIMEOUT_S).get("pads", [])
+        pads = request("status", endpoint=endpoint, timeout_s=timeout_s).get("pads", [])
         if pad is not None:
             require_pad(for_client(endpoint), pad)
             pads = [one for one in pads if one["pad"] == pad]

@@ -72,9 +72,9 @@ def mounted_pad(pad: PadConfig, baseline: Baseline, start: StartingModel, noise_
 
     from fmfts.contact.model import POSE_UNIT
     from fmfts.pipeline.baselined_pad import BaselinedPad
-    from fmfts.pipeline.single_frames import SingleFrames
     from fmfts.scene.tracking import scene_model_of
     from fmfts_calibrate.pad_set import MountedPad
+    from fmfts_calibrate.single_frames import SingleFrames
 
     drawing = pad.pad()
     baselined = BaselinedPad.of(drawing, baseline, scene_model_of(pad).tracking)

@@ -186,8 +186,8 @@ def _tell(verdict: Verdict, pad: PadConfig, options: argparse.Namespace) -> None
 
 def offer(verdict: Verdict, pad: PadConfig, path: Path, options: argparse.Namespace) -> None:
     """Writes the geometry into the file with --write; else says what to write, or why it cannot."""
-    from fmfts.config.rewriting import RewritingError, rewrite, with_geometry
     from fmfts_magnet.geometry import NotWritableError, keys_of
+    from fmfts_magnet.rewriting import RewritingError, rewrite, with_geometry
 
     if verdict.is_as_drawn:
         return
