@@ -225,17 +225,22 @@ def test_answer_is_finite_for_any_finite_pose_and_refused_for_others(pad: Pad, m
 def test_unknown_place_has_the_deviation_of_the_pads_width(model: ContactModel) -> None:
     """Light and noisy poses are moved there; the Jacobian of a network beyond its training is too small."""
     random = np.random.default_rng(5)
-    beyond = 0
+    beyond = in_corner = 0
     for _ in range(300):
         position_m = np.array([0.0, 0.0, 12e-3]) + random.normal(0.0, [15e-6, 15e-6, 6e-6])
         tilt = random.normal(0.0, 3e-3, 2)
         axis = np.array([*tilt, np.sqrt(1.0 - tilt @ tilt)])
-        estimate = model.estimate(position_m, axis, np.diag([15e-6, 15e-6, 6e-6, 3e-3, 3e-3, 0.0]) ** 2)
-        for place_m, deviation_m in ((estimate.x_m, estimate.x_sd_m), (estimate.y_m, estimate.y_sd_m)):
-            if abs(place_m) > 14e-3:
-                beyond += 1
-                assert deviation_m == pytest.approx(28e-3 / np.sqrt(12.0))
+        for covariance in (np.diag([15e-6, 15e-6, 6e-6, 3e-3, 3e-3, 0.0]) ** 2, CERTAIN):
+            estimate = model.estimate(position_m, axis, covariance)
+            # No calibrated place is as far from the middle, whichever axis that is along.
+            is_far = np.hypot(estimate.x_m, estimate.y_m) > 14e-3 * np.sqrt(2.0)
+            for place_m, deviation_m in ((estimate.x_m, estimate.x_sd_m), (estimate.y_m, estimate.y_sd_m)):
+                if is_far or abs(place_m) > 14e-3:
+                    beyond += 1
+                    in_corner += abs(place_m) <= 14e-3
+                    assert deviation_m == pytest.approx(28e-3 / np.sqrt(12.0))
     assert beyond > 10
+    assert in_corner
 
 
 def test_light_touch_at_rim_may_be_lighter_one_in_middle(pad: Pad, model: ContactModel) -> None:

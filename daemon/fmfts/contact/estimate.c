@@ -206,6 +206,14 @@ static bool is_beyond_edge(const fmfts_contact_parameters *parameters, const dou
     return contact[axis] < parameters->edges_m[2 * axis] || contact[axis] > parameters->edges_m[2 * axis + 1];
 }
 
+/* Whether every calibrated place is nearer to the middle: the model's slopes are then small, and its deviations, too. */
+static bool is_beyond_corner(const fmfts_contact_parameters *parameters, const double *contact)
+{
+    const double *edge = parameters->edges_m;
+    double corner_m = root_of_squares(fmax(-edge[0], edge[1]), fmax(-edge[2], edge[3]));
+    return root_of_squares(contact[0], contact[1]) > corner_m;
+}
+
 /* The variance in SI: the pose's, the model's own error, and the structure's. That of a place is at most that of a place on the pad. */
 static void spread_of(const fmfts_contact_parameters *parameters, const double *contact, const fmfts_found *answer,
                       const double *bend, const double *structure, double variance[CONTACT])
@@ -223,7 +231,8 @@ static void spread_of(const fmfts_contact_parameters *parameters, const double *
     for (int i = 0; i < 2; i++) {
         double even = parameters->spread_m[i] * parameters->spread_m[i];
         double ratio = variance[i] + astray * even;
-        variance[i] = is_beyond_edge(parameters, contact, i) ? even : ratio * even / fmax(ratio, certain * even);
+        bool is_beyond = is_beyond_edge(parameters, contact, i) || is_beyond_corner(parameters, contact);
+        variance[i] = is_beyond ? even : ratio * even / fmax(ratio, certain * even);
     }
 }
 

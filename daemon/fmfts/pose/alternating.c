@@ -88,6 +88,16 @@ static double turned(fmfts_step *step)
     return other_way && ratio > 1.0 ? ratio * ratio : 0.0;
 }
 
+void fmfts_surprise_by_blame(fmfts_step *step, int sensor)
+{
+    fmfts_pose_memory *memory = step->memory;
+    int64_t mask = (int64_t)1 << sensor;
+    /* A field that turns where the scene holds it fixed blames several sensors, too. */
+    bool may_turn = step->parameters->part[AMBIENT_COLUMN] != FMFTS_FIXED;
+    memory->surprises += may_turn && memory->last_blamed && memory->last_blamed != mask ? MOST_SURPRISE * MOST_SURPRISE : 0.0;
+    memory->last_blamed = mask;
+}
+
 static void begin(fmfts_pose_memory *memory)
 {
     memory->alternates = 1;

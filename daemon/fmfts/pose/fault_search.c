@@ -68,6 +68,7 @@ static void blame(const fmfts_attempt *attempt, const fmfts_solved *whole, const
         step->verdict.used[axis] = false;
     }
     step->verdict.health = FMFTS_DEGRADED;
+    fmfts_surprise_by_blame(step, sensor);
     fmfts_say(&step->verdict.reason, "sensor %d contradicts the others (χ² %.0f with it): left out", sensor + 1, whole->chi2);
     step->misfit = (fmfts_misfit){true, found->without_last.freedom, found->without_last.chi2, 0.0};
     fmfts_accept(step, attempt->prior, &found->without_last);

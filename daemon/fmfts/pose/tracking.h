@@ -54,6 +54,9 @@ bool fmfts_fits_steadily(const fmfts_pose_parameters *parameters, const fmfts_so
 /* gate.c: whether few healthy frames fit as badly as this one. */
 bool fmfts_surprises(const fmfts_step *step);
 
+/* alternating.c: notes that a single frame blames this sensor. Several in turn are not faulty: the field alternates. */
+void fmfts_surprise_by_blame(fmfts_step *step, int sensor);
+
 /* steady_moment.c: whether each frame estimates the moment, and that of recent frames is known. */
 bool fmfts_knows_moment(const fmfts_step *step);
 
