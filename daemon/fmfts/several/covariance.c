@@ -36,19 +36,20 @@ static bool has_moved(size_t poses, const double *change)
     return false;
 }
 
-/* FieldErrors.at, by causes: [causes][stride]. Where no pose has changed, that part is zero. */
-static void lasting(const fmfts_several *model, const double *change, const double ambient_t[3], double *out)
+/* FieldErrors.at, by causes: [causes][stride]. The part of the poses is kept with them; NULL: they have not changed, and it is zero. */
+static void lasting(const fmfts_several *model, fmfts_predicted *predicted, const double ambient_t[3], double *out)
 {
     double by_field[FMFTS_SEVERAL_CAUSES * FMFTS_SEVERAL_VALUES];
     size_t count = model->causes * model->stride;
-    memset(out, 0, count * sizeof(double));
     memset(by_field, 0, count * sizeof(double));
-    if (has_moved(model->poses, change)) {
-        add_rows(model->poses, count, change, model->by_pose, out);
+    if (predicted && predicted->known < FMFTS_WITH_LASTING) {
+        memset(predicted->lasting, 0, count * sizeof(double));
+        add_rows(model->poses, count, predicted->change, model->by_pose, predicted->lasting);
+        predicted->known = predicted->known == FMFTS_ALL_OF_IT ? FMFTS_WITH_LASTING : predicted->known;
     }
     add_rows(3, count, ambient_t, model->by_field, by_field);
     for (size_t i = 0; i < count; i++) {
-        out[i] += by_field[i];
+        out[i] = (predicted ? predicted->lasting[i] : 0.0) + by_field[i];
     }
 }
 
@@ -162,14 +163,13 @@ static void learn_rest(const fmfts_several *model, fmfts_several_work *work)
 {
     static const size_t both[3][2] = {{0, 1}, {0, 2}, {1, 2}};
     fmfts_at_rest *rest = &work->at_rest;
-    double nowhere[FMFTS_SEVERAL_POSES] = {0.0};
     size_t squares = model->values * model->values;
     around_and_moment(model, NULL, work->factor);
     square(model, 4, work->factor, rest->constant);
     for (size_t k = 0; k < 6; k++) {
         double unit[3] = {0.0, 0.0, 0.0};
         unit[k < 3 ? k : both[k - 3][0]] = unit[k < 3 ? k : both[k - 3][1]] = 1.0;
-        lasting(model, nowhere, unit, work->factor);
+        lasting(model, NULL, unit, work->factor);
         square(model, model->causes, work->factor, rest->by_ambient[k]);
         for (size_t i = 0; k >= 3 && i < squares; i++) {
             rest->by_ambient[k][i] -= rest->by_ambient[both[k - 3][0]][i] + rest->by_ambient[both[k - 3][1]][i];
@@ -192,13 +192,13 @@ static void covariance_at_rest(const fmfts_several *model, const double ambient_
     }
 }
 
-void fmfts_several_covariance(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted,
+void fmfts_several_covariance(const fmfts_several *model, fmfts_fingers fingers, fmfts_predicted *predicted,
                               const double *variance_t2, const double ambient_t[3], fmfts_several_work *work)
 {
     size_t values = model->values, columns = 3 + 1 + model->causes;
     if (fingers.count || has_moved(model->poses, predicted->change)) {
         around_and_moment(model, predicted->field, work->factor);
-        lasting(model, predicted->change, ambient_t, work->factor + 4 * model->stride);
+        lasting(model, predicted, ambient_t, work->factor + 4 * model->stride);
         if (fingers.count) {
             columns += through_poses(model, fingers, predicted, work, work->factor + columns * model->stride);
         }

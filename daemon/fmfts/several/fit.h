@@ -79,7 +79,7 @@ bool fmfts_list_used(size_t values, const fmfts_measured *measured, fmfts_severa
 bool fmfts_factored(size_t n, double *a, fmfts_refusal *refusal);
 
 /* whitener.c: work->root [used][used], the lower triangle of C at these fingers. False as above. */
-bool fmfts_root_of(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted,
+bool fmfts_root_of(const fmfts_several *model, fmfts_fingers fingers, fmfts_predicted *predicted,
                    const fmfts_measured *measured, fmfts_several_work *work, fmfts_refusal *refusal);
 
 /* whitener.c: what the root at these fingers is of; not known if other pads' magnets are in it, too. */

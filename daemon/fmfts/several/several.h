@@ -73,8 +73,8 @@ typedef struct {
     fmfts_press_table table;
 } fmfts_several;
 
-/* The field alone; with its slope by the fingers; with what shear and a wide patch do. */
-typedef enum { FMFTS_NOTHING, FMFTS_FIELD_ALONE, FMFTS_SLOPED, FMFTS_ALL_OF_IT } fmfts_known;
+/* The field alone; with its slope by the fingers; with what shear and a wide patch do; with the baseline's errors there. */
+typedef enum { FMFTS_NOTHING, FMFTS_FIELD_ALONE, FMFTS_SLOPED, FMFTS_ALL_OF_IT, FMFTS_WITH_LASTING } fmfts_known;
 
 /* Predicted: field [V], slope [V][3·fingers], by_pose [V][P], change [P]; for each finger the array of press_table.h. of: the
  * fingers; known: how much of it is in the arrays. */
@@ -87,6 +87,7 @@ typedef struct {
     double by_pose[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_POSES];
     double change[FMFTS_SEVERAL_POSES];
     double pressed[FMFTS_SEVERAL_FINGERS][FMFTS_PRESSED * FMFTS_SEVERAL_POSES];
+    double lasting[FMFTS_SEVERAL_CAUSES * FMFTS_SEVERAL_VALUES]; /* [causes][stride] */
 } fmfts_predicted;
 
 /* at [count][3]: x, y in mm, force in N. */
@@ -149,7 +150,7 @@ size_t fmfts_considered_moves(const fmfts_several *model, fmfts_fingers fingers,
 void fmfts_response_error(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted, double *deviation);
 
 /* covariance.c: fills work->covariance [V][V]. */
-void fmfts_several_covariance(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted,
+void fmfts_several_covariance(const fmfts_several *model, fmfts_fingers fingers, fmfts_predicted *predicted,
                               const double *variance_t2, const double ambient_t[3], fmfts_several_work *work);
 
 #endif

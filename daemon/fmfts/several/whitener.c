@@ -31,7 +31,7 @@ bool fmfts_factored(size_t n, double *a, fmfts_refusal *refusal)
     return false;
 }
 
-bool fmfts_root_of(const fmfts_several *model, fmfts_fingers fingers, const fmfts_predicted *predicted,
+bool fmfts_root_of(const fmfts_several *model, fmfts_fingers fingers, fmfts_predicted *predicted,
                    const fmfts_measured *measured, fmfts_several_work *work, fmfts_refusal *refusal)
 {
     work->rooted.known = 0;
@@ -99,7 +99,7 @@ fmfts_refusal fmfts_whitener(const fmfts_several *model, fmfts_fingers fingers, 
         if (wanted.known && !memcmp(&wanted, &work->rooted, sizeof wanted)) {
             return refusal;
         }
-        const fmfts_predicted *predicted = &work->predicted[fmfts_predict_in(model, fingers, work)];
+        fmfts_predicted *predicted = &work->predicted[fmfts_predict_in(model, fingers, work)];
         if (fmfts_root_of(model, fingers, predicted, measured, work, &refusal)) {
             memcpy(&work->rooted, &wanted, sizeof wanted);
         }
