@@ -115,11 +115,8 @@ def _noisy(frames: Sequence[Frame]) -> list[str]:
     """The sensor whose noise is largest, if it is much more than its chip's."""
     chip = frames[0].chip
     usual_t = max(chip.noise_t, chip.single_noise_t or 0.0, *chip.noises_t)
-    fields = (
-        np.array([frame.field_t[sensor] for frame in frames if frame.fresh[sensor] and frame.valid[sensor]])
-        for sensor in range(len(frames[0].valid))
-    )
-    noise_t = [float(of_sensor.std(axis=0).max()) for of_sensor in fields]
+    fields, used = fields_of(frames), np.array([frame.fresh & frame.valid for frame in frames])
+    noise_t = [float(fields[of_sensor, number].std(axis=0).max()) for number, of_sensor in enumerate(used.T)]
     sensor = int(np.argmax(noise_t))
     if noise_t[sensor] < MUCH_NOISE * usual_t:
         return []
@@ -151,13 +148,13 @@ def _without_slope(times: Array, fields: Array) -> tuple[Array, Array]:
 def _power(times: Array, values: Array, frequencies: Array) -> Array:
     """(F, 3) |Σ x·e^{−2πift}|². The frequencies are evenly spaced: each is a coarse one plus a fine one."""
     fine = int(np.ceil(np.sqrt(len(frequencies))))
-    coarse_cosine, coarse_sine = _circle(frequencies[::fine, None, None] * times)
+    by_coarse = _circle(frequencies[::fine, None] * times)
+    cosine, sine = ((part.T[:, :, None] * values[:, None]).reshape(len(times), -1) for part in by_coarse)
     fine_cosine, fine_sine = _circle((frequencies[:fine] - frequencies[0])[:, None] * times)
-    cosine = coarse_cosine * fine_cosine - coarse_sine * fine_sine
-    sine = coarse_sine * fine_cosine + coarse_cosine * fine_sine
-    cosine, sine = (part.reshape(-1, len(times))[: len(frequencies)] for part in (cosine, sine))
-    power: Array = square(product(cosine, values)) + square(product(sine, values))
-    return power
+    real = product(fine_cosine, cosine) - product(fine_sine, sine)
+    imaginary = product(fine_sine, cosine) + product(fine_cosine, sine)
+    power: Array = (square(real) + square(imaginary)).reshape(fine, -1, 3)
+    return power.swapaxes(0, 1).reshape(-1, 3)[: len(frequencies)]
 
 
 def _circle(turns: Array) -> tuple[Array, Array]:
