@@ -16,36 +16,33 @@ def of_hand(hand: Hand, position: Array, moment: Array) -> tuple[Array, Array]:
     rows: list[Array] = []
     slopes: list[Array] = []
 
-    def add(value: Array, *terms: tuple[int, Array]) -> None:
-        slope = np.zeros((count, 6 * steps))
-        for column, derivative in terms:
-            slope[:, column] += derivative
+    def add(value: Array, *terms: tuple[int, int, Array]) -> None:
+        """value (H, n). terms: a step, its first unknown of six, and derivatives (…, n, unknowns)."""
+        slope = np.zeros((*value.shape, steps, 6))
+        for step, first, derivative in terms:
+            slope[:, :, step, first : first + derivative.shape[-1]] += derivative
         rows.append(value)
-        slopes.append(slope)
+        slopes.append(slope.reshape(*value.shape, -1))
 
-    one = np.ones(count)
-    for axis in range(2):
-        add(position[:, 0, axis] / hand.middle_sd_m, (axis, one / hand.middle_sd_m))
-    height = position[:, 0, 2]
-    add(np.log(height / hand.height_m) / hand.log_height_sd, (2, 1.0 / (height * hand.log_height_sd)))
+    add(position[:, 0, :2] / hand.middle_sd_m, (0, 0, np.eye(2) / hand.middle_sd_m))
+    height = position[:, 0, 2, None]
+    per_height = 1.0 / (height[:, :, None] * hand.log_height_sd)
+    add(np.log(height / hand.height_m) / hand.log_height_sd, (0, 2, per_height))
     for step in range(1, steps):
-        for axis in range(3):
-            offset = position[:, step, axis] - position[:, 0, axis] - hand.offset_m[step, axis]
-            per = one / hand.offset_sd_m[step, axis]
-            add(offset * per, (6 * step + axis, per), (axis, -per))
+        per = 1.0 / hand.offset_sd_m[step]
+        offset = position[:, step] - position[:, 0] - hand.offset_m[step]
+        add(offset * per, (step, 0, np.diag(per)), (0, 0, -np.diag(per)))
     size = np.sqrt((moment**2).sum(axis=2))
     pole = np.full(count, float(hand.pole)) if hand.pole else np.where(moment[:, 0, 2] < 0.0, -1.0, 1.0)
+    upright = pole[:, None] * np.array([0.0, 0.0, 1.0])
     for step in range(steps):
         unit = moment[:, step] / size[:, step, None]
-        for axis in range(3):
-            by = (np.eye(3)[axis] - unit * unit[:, axis, None]) / (size[:, step, None] * hand.direction_sd)
-            columns = [(6 * step + 3 + other, by[:, other]) for other in range(3)]
-            add((unit[:, axis] - pole * (axis == 2)) / hand.direction_sd, *columns)
+        by = (np.eye(3) - unit[:, :, None] * unit[:, None]) / (size[:, step, None, None] * hand.direction_sd)
+        add((unit - upright) / hand.direction_sd, (step, 3, by))
         if step:
-            per_first, per_this = (
-                moment[:, each] / size[:, each, None] ** 2 / hand.log_moment_sd for each in (0, step)
+            first, this = (
+                (moment[:, each] / size[:, each, None] ** 2 / hand.log_moment_sd)[:, None] for each in (0, step)
             )
-            columns = [(3 + other, -per_first[:, other]) for other in range(3)]
-            columns += [(6 * step + 3 + other, per_this[:, other]) for other in range(3)]
-            add(np.log(size[:, step] / size[:, 0]) / hand.log_moment_sd, *columns)
-    return np.stack(rows, axis=1), np.stack(slopes, axis=1)
+            change = np.log(size[:, step] / size[:, 0]) / hand.log_moment_sd
+            add(change[:, None], (0, 3, -first), (step, 3, this))
+    return np.concatenate(rows, axis=1), np.concatenate(slopes, axis=1)
