@@ -186,7 +186,7 @@ processes clock slow mutations: firmware-for-tests
 
 # Builds the firmware before the tests, so that several tests do not build it at once; the tests report what failed.
 firmware-for-tests: | test-packages
-	-@$(MAKE) --no-print-directory -s -k -C firmware host stm32 stm32-clang rp2040 >/dev/null
+	-@$(MAKE) --no-print-directory -j2 -s -k -C firmware host stm32 stm32-clang rp2040 >/dev/null
 	-@$(MAKE) --no-print-directory -s -C firmware rp2040 RP2040_BOARD=qtpy >/dev/null
 
 test-firmware-long: test-packages $(VENV)/.installed-test

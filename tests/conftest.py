@@ -56,8 +56,15 @@ settings.register_profile("few", settings.get_profile("deterministic"), max_exam
 settings.load_profile("deterministic")
 
 
-# Long files of few tests come first, so that no worker runs one alone at the end.
+# Files that take long come first, so that no worker runs one alone at the end.
 LONGEST = {
+    "test_magnet_check.py",
+    "test_baseline_turn.py",
+    "test_weigh.py",
+    "test_stated_world.py",
+    "test_slip.py",
+    "test_wire.py",
+    "test_warming_offsets.py",
     "test_posture_pipeline.py",
     "test_reciprocity.py",
     "test_charts.py",
