@@ -26,7 +26,6 @@ from fmfts.several import _several
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.fit import Fit, Measured
 from fmfts.several.reading import FingersReading
-from fmfts.several.resultant import deviation_of_each
 
 NOT_KNOWN, PRESSING = -1.0, 1.0
 # A finger is looked for in the newest samples where one of them has changed by so much since the frame's instant.
@@ -110,7 +109,7 @@ class FollowedFinger:
         self._pressing[()] = self._places[()] = pressed = len(fit.fingers)
         self._instant_us[()] = aligned.time_us
         if pressed:
-            self._put(reading.measured, fit, deviation_of_each(reading, fit)[0], frame)
+            self._put(reading.measured, fit, frame)
         else:
             self._deviation[:] = self._quiet
             newer_t = newest_t - aligned.field_t
@@ -128,9 +127,9 @@ class FollowedFinger:
         found = self._estimator.appears(newest)
         if found is not None:
             self._pressing[()] = PRESSING
-            self._put(newest, found, found.deviation[0], frame)
+            self._put(newest, found, frame)
 
-    def _put(self, measured: Measured | None, fit: Fit, deviation: Array, frame: Frame) -> None:
+    def _put(self, measured: Measured | None, fit: Fit, frame: Frame) -> None:
         """The field is linear at the finger where the newest samples should find it: at a tap it has moved on since the
         frame's instant."""
         assert measured is not None
@@ -140,7 +139,8 @@ class FollowedFinger:
             there = self._motion[:3].copy()  # the rates of its place are poorly known
             there[2] = max(there[2] + ahead_s * self._motion[7], 0.0)
         self._numbers[0] = self._estimator.moment
-        self._finger[:], self._covariance[:], self._deviation[:] = there.ravel(), fit.covariance.ravel(), deviation
+        self._finger[:], self._covariance[:] = there.ravel(), fit.covariance.ravel()
+        np.sqrt(fit.covariance.diagonal(), out=self._deviation)
         found = fit.fingers, measured.field_t, fit.noise_t, fit.misfit_t, fit.slope_t, fit.ambient_t
         _several.ahead(model.packed, model.work, *found, self._rest_t, there, self._numbers, *self._linear)
 

@@ -96,7 +96,7 @@ class FieldModel:
     def field_of(self, fingers: Array) -> Array:
         """(3N,) as in `predict`, which is all that most frames need."""
         require_room(fingers=len(fingers))
-        field, fingers = np.empty(len(self.at_rest)), doubles(fingers)
+        field = np.empty(len(self.at_rest))
         if not _several.field(self.packed, self.work, fingers, field):
             finite(fingers=fingers)
         return field

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError
-from fmfts.several.arrays import doubles, finite
+from fmfts.several.arrays import finite
 
 Array = NDArray[np.float64]
 
@@ -29,8 +29,8 @@ class Measured:
 
     @property
     def arrays(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-        """All as C reads them."""
-        return doubles(self.field_t), doubles(self.variance_t2), self.foreign, self.there
+        """All as C reads them, which refuses what is not contiguous."""
+        return self.field_t, self.variance_t2, self.foreign, self.used
 
     @property
     def there(self) -> NDArray[np.bool_]:
