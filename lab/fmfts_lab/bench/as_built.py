@@ -53,7 +53,8 @@ class Cell:
     worst: float = 0.0
     false_contacts: int = 0
     rest_frames: int = 0
-    errors: list[list[float]] = field(default_factory=list)
+    errors: list[list[float]] = field(default_factory=list)  # of x, y and the force
+    within: list[float] = field(default_factory=list)  # the share of them within two deviations, of each pad
     off_m: list[float] = field(default_factory=list)
     off_n: list[float] = field(default_factory=list)
     light: Counter[int] = field(default_factory=Counter)  # frames of a touch, by its index in LIGHT_N
@@ -95,6 +96,9 @@ class Cell:
             "wrong": self.wrong,
             "worst_sd": self.worst,
             "within_2_sd": float(np.mean(errors <= WITHIN_DEVIATIONS)),
+            "place_within_2_sd": float(np.mean(errors[:, :2] <= WITHIN_DEVIATIONS)),
+            "force_within_2_sd": float(np.mean(errors[:, 2] <= WITHIN_DEVIATIONS)),
+            "pads_within_2_sd": self.within,
             "place_error_m": float(np.mean(self.off_m)) if self.off_m else None,
             "force_error_n": float(np.mean(self.off_n)) if self.off_n else None,
             "false_contact_frames": self.false_contacts,
@@ -111,6 +115,7 @@ class Cell:
         self.health.update(message.health for message in messages)
         self.wrong += int((deviations > WRONG_DEVIATIONS).sum())
         self.worst = max(self.worst, float(deviations.max()))
+        earlier = len(self.errors)
         felt: bool | None = None  # None: no press
         for message in messages:
             time_s = message.t_sample_ns * 1e-9
@@ -137,6 +142,8 @@ class Cell:
                 self.errors.append(truth.contact_errors(message))
                 self.off_m += [abs(message.x_m - touch.x_m), abs(message.y_m - touch.y_m)]
                 self.off_n.append(abs(message.force_n - touch.force_n))
+        if len(self.errors) > earlier:
+            self.within.append(float(np.mean(np.array(self.errors[earlier:]) <= WITHIN_DEVIATIONS)))
 
 
 def pad_config(defects: Defects, refine: bool, counted: Counted) -> PadConfig:
