@@ -2,19 +2,18 @@
  * fmfts_memory is what the next frame needs; fmfts_reading is the result. */
 #include "steps.h"
 
-bool fmfts_judge(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *frame, fmfts_reading *reading)
+static bool judge(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *frame, fmfts_reading *reading)
 {
     const fmfts_parameters *parameters = pad->parameters;
-    fmfts_memory next = *memory; /* a frame that fails leaves the memory as it was */
     fmfts_frame_work work;
     fmfts_step *step = &work.step;
-    fmfts_begin(pad, &next, frame, &work, reading);          /* reading.c */
+    fmfts_begin(pad, memory, frame, &work, reading);         /* reading.c */
     fmfts_align(step, frame);                                /* pose/alignment.c: samples to one instant; what is missing, stuck */
     fmfts_date(frame, &work);                                /* reading.c: when the sample was taken */
     if (parameters->message.has_baseline != 0.0) {
         fmfts_subtract(step);                                /* pose/alignment.c: baseline, deviations */
-        fmfts_feel(step, pad->neighbour, (double)next.message.sampled_ns); /* pose/neighbour.c: magnets of other pads */
-        fmfts_take_posture(step, &pad->hand, (double)next.message.sampled_ns); /* pose/posture.c: the hand's own steel and motors */
+        fmfts_feel(step, pad->neighbour, (double)memory->message.sampled_ns); /* pose/neighbour.c: magnets of other pads */
+        fmfts_take_posture(step, &pad->hand, (double)memory->message.sampled_ns); /* pose/posture.c: the hand's own steel and motors */
         fmfts_track(step);                                   /* pose/tracker.c: pose; pose/fault_search.c: a faulty sensor */
         fmfts_watch_residuals(step);                         /* pose/residual_monitor.c: small faults that last */
         fmfts_doubt_beside_steel(step);                      /* pose/tracker.c */
@@ -38,6 +37,15 @@ bool fmfts_judge(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *
         return false;
     }
     fmfts_show_others(pad, &work);                           /* reading.c: for pads that measure this one's magnet */
-    *memory = next;
     return true;
+}
+
+bool fmfts_judge(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame *frame, fmfts_reading *reading)
+{
+    const fmfts_memory before = *memory;
+    bool judged = judge(pad, memory, frame, reading);
+    if (!judged) {
+        *memory = before; /* a frame that fails changes nothing */
+    }
+    return judged;
 }

@@ -70,7 +70,9 @@ static void put_text(fmfts_packer *p, const char *text, size_t size)
 
 static void put_name(fmfts_packer *p, const char *name)
 {
-    put_text(p, name, strlen(name));
+    if (p->room > 0) {
+        put_text(p, name, strlen(name));
+    }
 }
 
 /* NULL: unknown, here and below. */
