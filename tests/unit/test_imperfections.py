@@ -30,7 +30,7 @@ MILD = [one.name for one in EFFECTS if one.name not in ("casting, unnamed", "dis
 def row(name: str, ambient: Ambient, seed: int = 2) -> Row:
     (effect,) = [one for one in EFFECTS if one.name == name]
     seconds = 12.0 if name == "disturbed chip" else SECONDS
-    result = Row(name, ambient)
+    result = Row(name, ambient, seed)
     trial(effect, ambient, seed, seconds, False, result, load_contact_model(effect.config(ambient, seed)))
     return result
 

@@ -208,6 +208,7 @@ def warming(rows: Rows) -> str:
 
 TABLES = (
     Table("as-built.md", "as-built", as_built),
+    Table("silicone.md", "silicone", imperfect),
     Table("silicone.md", "warming", warming),
     Table("structure.md", "structure", structured),
     Table("structure.md", "tilt", tilted),

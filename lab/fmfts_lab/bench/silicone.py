@@ -133,6 +133,7 @@ class Row:
 
     effect: str
     ambient: str
+    seed: int
     pads: int = 0
     refused: Counter[str] = field(default_factory=Counter)
     frames: int = 0
@@ -193,6 +194,27 @@ class Row:
             f"longest {self.longest_false_s:.2f} s, refused {self.refused.total()}"
         )
 
+    @property
+    def facts(self) -> dict[str, object]:
+        return {
+            "seed": self.seed,
+            "effect": self.effect,
+            "ambient": self.ambient,
+            "pads": self.pads,
+            "refused": dict(self.refused),
+            "frames": self.frames,
+            "health": dict(self.health),
+            "reasons": dict(self.reasons),
+            "wrong": self.wrong,
+            "worst_sd": self.worst,
+            "within_2_sd": float(np.mean(np.array(self.errors) <= 2.0)) if self.errors else None,
+            "place_error_m": float(np.mean(self.off_m)) if self.off_m else None,
+            "force_error_n": float(np.mean(self.off_n)) if self.off_n else None,
+            "rest_frames": self.rest_frames,
+            "false_contact_frames": self.false_contacts,
+            "longest_false_s": self.longest_false_s,
+        }
+
 
 def baseline_of(config: PadConfig, source: RealPad, turn: bool) -> Baseline:
     """Bare, rest and, if `turn`, the robot turned; BaselineError if one of them is refused."""
@@ -246,7 +268,7 @@ def run(options: Namespace) -> None:
         if options.only and not effect.name.startswith(tuple(options.only)):
             continue
         for ambient in ambients:
-            row, model = Row(effect.name, ambient), load_contact_model(effect.config(ambient, 1))
+            row, model = Row(effect.name, ambient, options.seed), load_contact_model(effect.config(ambient, 1))
             for seed in range(options.seed, options.seed + options.pads):
                 trial(effect, ambient, seed, options.seconds, options.turn, row, model)
             print(row.line, flush=True)
@@ -254,4 +276,4 @@ def run(options: Namespace) -> None:
                 print(f"    {count} × {reason}")
             rows.append(row)
     if options.out:
-        Path(options.out).write_bytes(msgspec.json.format(msgspec.json.encode(rows)) + b"\n")
+        Path(options.out).write_bytes(msgspec.json.format(msgspec.json.encode([row.facts for row in rows])) + b"\n")
