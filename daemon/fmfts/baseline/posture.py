@@ -31,10 +31,7 @@ Numbers = tuple[float, ...]
 
 
 class StoredPosture(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """A `PostureModel` in a baseline's file, with the time of its recording; matrices row by row. even_t: see Taught.
-
-    even_t: see Taught.
-    """
+    """A `PostureModel` in a baseline's file, with its recording's time; matrices row by row. even_t: see Taught."""
 
     utc: str
     names: tuple[str, ...]

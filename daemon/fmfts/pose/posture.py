@@ -24,9 +24,10 @@ from fmfts.pad import Array
 from fmfts.pose import _alignment
 
 # s, σ and d within a day, and between two recordings of a LEAP hand (two recordings, four skins: lab/results/real.md).
-SCALE, OTHER_SCALE = 0.03, 0.5
+SCALE, OTHER_SCALE = 0.03, 0.7
 PLAY_RAD, OTHER_PLAY_RAD = 0.005, 0.035
 UNLIKE, OTHER_UNLIKE = 0.02, 0.07
+OTHER_SPREAD = 1.5  # factor of the deviation over all postures
 # A posture farther than this from all recorded ones, as a share of their half range, is unknown.
 BEYOND = 0.25
 REST_UNKNOWN = _alignment.posture(_alignment.POSTURE_NO_REST, 0.0)[-1]
@@ -123,7 +124,7 @@ class PostureModel:
         elif self.rest_unknown:
             mean_t, more = np.zeros(len(mean_t)), more * float(np.sqrt(2.0))
         if self.of_another_day:
-            more *= 1.0 + OTHER_SCALE
+            more *= OTHER_SPREAD
         return Predicted(mean_t, more * more * spread_t2 + self.left_t2, why)
 
 

@@ -14,7 +14,7 @@ from fmfts.pad import Array
 from fmfts_calibrate.evaluation import printed
 from fmfts_lab.real.other_day import field_presses, read, rows_of
 from fmfts_lab.real.sold_sensor import SESSIONS
-from fmfts_lab.real.untouched_hand import HandRows, judged, line_of
+from fmfts_lab.real.untouched_hand import HandRows, coverage, judged, line_of
 from fmfts_lab.real.waved_boards import BOARDS, apart, chi_square_per_value, file_of, turned
 from fmfts_skin.calibrate.force_judge import make_route
 
@@ -133,6 +133,11 @@ def moving_hand(folder: Path) -> Shown:
                 shown.curves[f"skin {skin + 1}"] = np.arange(0.0, len(rms), step), rms[::step, skin]
     recordings = [HandRows.of(path) for path in sorted(folder.glob("leaphand_nocontact_*.txt"))]
     shown.lines += [f"{rows}, {scene}: {line_of(each)}" for scene, rows, each in judged(recordings)]
+    for rows, errors in coverage(recordings):
+        for name, off in zip(("left-out parts alone", "the whole covariance"), np.abs(errors), strict=True):
+            shown.lines.append(
+                f"{rows}, {name}: {(off < 2.0).mean():.1%} within two, {(off > 5.0).mean():.2%} beyond five"
+            )
     return shown
 
 

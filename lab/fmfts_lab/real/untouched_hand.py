@@ -272,6 +272,29 @@ def judged(recordings: list[HandRows]) -> Iterator[tuple[str, str, list[Reported
             yield name, rows.name, each
 
 
+def posture_errors(pad: HandPad, rows: HandRows, skin: int, posture: StoredPosture) -> Array:
+    """(2, K, 15): errors of the uneven field that another recording taught, in deviations: of what left-out parts of
+    that recording showed alone, and of the whole covariance."""
+    rest, by = rows.rest(skin), pad.by_ambient
+    uneven = np.eye(len(by)) - by @ np.linalg.solve(by.T @ by, by.T)
+    rest_rad = tuple(rows.joints_rad[rest].mean(axis=0).tolist())
+    model = msgspec.structs.replace(posture, rest_rad=rest_rad).model()
+    change_t = (rows.field_ut[:, skin] - rows.field_ut[rest, skin].mean(axis=0)) * 1e-6
+    told = [model.predicted(one) for one in rows.joints_rad]
+    error_t = (change_t - np.array([one.field_t for one in told])) @ uneven
+    variances = [np.diagonal(uneven @ of @ uneven) for of in (model.left_t2, *(one.covariance_t2 for one in told))]
+    return np.stack([error_t / np.sqrt(variances[0]), error_t / np.sqrt(variances[1:])])
+
+
+def coverage(recordings: list[HandRows]) -> Iterator[tuple[str, Array]]:
+    """Recording, and (2, skins, K, 15) `posture_errors` by what the next one taught."""
+    pad = HandPad(SceneConfig(ambient="posture"))
+    for number, rows in enumerate(recordings):
+        other = recordings[(number + 1) % len(recordings)]
+        errors = [posture_errors(pad, rows, skin, pad.taught(other, skin)) for skin in range(SKINS)]
+        yield rows.name, np.stack(errors, axis=1)
+
+
 def line_of(reports: list[Reported]) -> str:
     """The figures of several skins in one line."""
     total = reports[0]
