@@ -145,7 +145,7 @@ class RunningDaemon:
                 assert time.monotonic() < until, self.log.read_text()
 
     def request(self, verb: str, **arguments: Any) -> dict[str, Any]:
-        return request(verb, endpoint=self.base, **arguments)
+        return request(verb, endpoint=self.base, **({"timeout_s": PATIENCE_S} | arguments))
 
     def command(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
         """A verb of fmfts-daemon in this daemon's surroundings."""

@@ -59,7 +59,7 @@ def test_press_on_a_pad_above_their_board_becomes_a_touch(
             mounted = mounted_of(daemon)
             board.field_t = pressed_field(mounted, 0.0)
             daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b11111)
-            assert daemon.request("baseline", pad="skin", rest=True, timeout_s=30.0)["kind"] == "rest"
+            assert daemon.request("baseline", pad="skin", rest=True, timeout_s=60.0)["kind"] == "rest"
             quiet = daemon.wait_for(lambda contact: contact.health == "ok")
             assert quiet.contact is False
             assert quiet.temperature_c == pytest.approx(25.0)
@@ -152,7 +152,7 @@ def test_strong_fields_of_an_eflesh_pad_use_all_its_sensors(name: str, tmp_path:
             until, seen = board.sent + len(packets), []
             with daemon.subscribe("contact") as told:
                 while board.sent < until:
-                    message = told.receive(5.0)
+                    message = told.receive(PATIENCE_S)
                     assert message is not None
                     seen.append(Contact.from_message(message.body))
             used = [message.sensors_ok for message in seen if message.health != "stale"]  # on a busy computer

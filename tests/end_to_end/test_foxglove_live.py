@@ -94,4 +94,4 @@ def test_only_this_machine_can_connect(address: str) -> None:
     host, port = address.removeprefix("ws://").split(":")
     assert host == "127.0.0.1"
     with pytest.raises(OSError, match="refused"):  # as for any other address of this machine
-        socket.create_connection(("127.0.0.2", int(port)), timeout=2.0).close()
+        socket.create_connection(("127.0.0.2", int(port)), timeout=PATIENCE_S).close()

@@ -144,7 +144,7 @@ def test_press_on_a_pad_of_other_chips_becomes_a_contact(chip: str, rate_hz: int
 
         press(0.0)
         daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b1111)
-        assert daemon.request("baseline", pad="left", rest=True, timeout_s=30.0)["kind"] == "rest"
+        assert daemon.request("baseline", pad="left", rest=True, timeout_s=60.0)["kind"] == "rest"
         quiet = daemon.wait_for(lambda contact: contact.health == "ok")
         assert quiet.contact is False
         press(FORCE_N)

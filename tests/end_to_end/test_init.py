@@ -24,7 +24,7 @@ UID = "0123456789abcdef01234567"
 
 def said(folder: Path, *words: str | Path, code: int = 0) -> str:
     ended = subprocess.run(
-        [sys.executable, "-m", "fmfts", *words], cwd=folder, capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-m", "fmfts", *words], cwd=folder, capture_output=True, text=True, timeout=300, check=False
     )
     assert ended.returncode == code, ended
     assert "Traceback" not in ended.stderr

@@ -110,7 +110,7 @@ def test_posture_of_a_moving_hand_is_recorded_and_a_touch_found(tmp_path: Path, 
             assert sum(contact.contact is True for contact in known) > 0.95 * len(known)
             file = tmp_path / "hand.mcap"
             words = [sys.executable, "-m", "fmfts", "record", file, "--seconds", "3"]
-            subprocess.run(words, env=daemon.environment, check=True, capture_output=True, timeout=60)
+            subprocess.run(words, env=daemon.environment, check=True, capture_output=True, timeout=300)
             hand.publishes = False
             silent = daemon.wait_for(lambda contact: "stopped arriving" in contact.reason)
             assert silent.health in ("degraded", "lost", "disturbed")

@@ -75,7 +75,7 @@ def test_log_status_listen_and_check_config_say_that_there_is_no_force(daemon: R
 def test_recording_of_such_a_pad_replays_bit_for_bit(daemon: RunningDaemon, tmp_path: Path) -> None:
     file = tmp_path / "odd.mcap"
     words = [sys.executable, "-m", "fmfts", "record", file, "--seconds", "3"]
-    subprocess.run(words, env=daemon.environment, check=True, capture_output=True, timeout=60)
+    subprocess.run(words, env=daemon.environment, check=True, capture_output=True, timeout=300)
     replayed = run_command("replay", file, "--json")
     assert replayed.returncode == 0, replayed.stderr
     facts = json.loads(replayed.stdout)

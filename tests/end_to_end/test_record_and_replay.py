@@ -207,7 +207,7 @@ sys.exit(cli.main(["record", sys.argv[1]]))
 def test_interrupt_during_chunk_write_duplicates_no_message(daemon: RunningDaemon, tmp_path: Path) -> None:
     output = tmp_path / "a.mcap"
     words = [sys.executable, "-c", INTERRUPTED, output]
-    ended = subprocess.run(words, env=daemon.environment, capture_output=True, text=True, timeout=60, check=False)
+    ended = subprocess.run(words, env=daemon.environment, capture_output=True, text=True, timeout=300, check=False)
     assert ended.returncode == 0, ended
     assert is_whole(output)
     recorded = contacts(output)
@@ -218,7 +218,7 @@ def test_full_disk_ends_the_recorder_with_a_sentence(daemon: RunningDaemon, tmp_
     """The daemon and its other listeners do not notice. The limit must hold a first chunk, even a slow machine's."""
     limited = f"ulimit -f 400; trap '' XFSZ; exec {sys.executable} -m fmfts record {tmp_path / 'a.mcap'}"
     ended = subprocess.run(
-        ["bash", "-c", limited], env=daemon.environment, capture_output=True, text=True, timeout=60, check=False
+        ["bash", "-c", limited], env=daemon.environment, capture_output=True, text=True, timeout=300, check=False
     )
     assert ended.returncode == 73, ended
     assert "File too large" in ended.stderr

@@ -105,7 +105,7 @@ def test_early_samples_are_replayed_identically(tapped: RunningDaemon, tmp_path:
 
 def test_healthy_minute_reports_no_fault(tapped: RunningDaemon) -> None:
     with tapped.subscribe("status") as messages:
-        message = messages.receive(5.0)
+        message = messages.receive(PATIENCE_S)
     assert message is not None
     status = Status.from_message(message.body)
     assert (status.sensor_faults, status.crc_errors, status.garbage_bytes) == ((), 0, 0)
@@ -147,6 +147,6 @@ def test_three_pads_of_one_board_publish_every_sample(tmp_path: Path) -> None:
                 if message is not None:
                     heard[message.pad] = heard.get(message.pad, 0) + 1
         with daemon.subscribe("status") as messages:
-            message = messages.receive(5.0)
+            message = messages.receive(PATIENCE_S)
         assert message is not None
         assert Status.from_message(message.body).sensor_faults == ()

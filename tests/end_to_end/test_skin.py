@@ -78,7 +78,7 @@ def test_press_on_a_skin_is_published_and_replayed_identically(tmp_path: Path) -
             assert (felt.x_sd_m or 1.0) < 1e-3
             file = tmp_path / "skin.mcap"
             words = [sys.executable, "-m", "fmfts", "record", file, "--pad", "skin", "--seconds", "3"]
-            subprocess.run(words, env=daemon.environment, check=True, capture_output=True, timeout=60)
+            subprocess.run(words, env=daemon.environment, check=True, capture_output=True, timeout=300)
             listened = daemon.command("listen", "--pad", "skin", "--seconds", "1")
             assert listened.returncode == 0, listened.stderr
     replayed = run_command("replay", file, "--model", model, "--json")

@@ -49,7 +49,7 @@ def test_thousands_of_idle_connections_leave_contacts_going_on(tmp_path: Path, l
             wait_for_the_door(tmp_path / socket)
             with strangers(tmp_path / socket, MANY, says) as let_in:
                 for _ in range(50):
-                    assert messages.receive(timeout_s=10.0) is not None, daemon.log.read_text()
+                    assert messages.receive(PATIENCE_S) is not None, daemon.log.read_text()
                 assert daemon.process.poll() is None, daemon.log.read_text()
                 assert 0.9 * MOST_CONNECTIONS < let_in < MANY, (socket, daemon.log.read_text())
         assert daemon.wait_for(lambda contact: contact.health == "ok")  # new connections are accepted again

@@ -95,7 +95,7 @@ def test_host_build_takes_every_command_of_the_page(tmp_path: Path) -> None:
             [sys.executable, "-m", "fmfts", "init", "--port", board.port, "--config", tmp_path / "pad.toml"],
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=300,
             check=False,
         )
         assert ended.returncode == 0, ended

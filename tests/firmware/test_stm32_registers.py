@@ -108,8 +108,8 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, int]:
     ]
     lines += [f'printf("{name} %lu\\n", (unsigned long){name});' for name in macros]
     (folder / "registers.c").write_text("\n".join([*lines, "}"]))
-    subprocess.run(["cc", "registers.c", "-o", "registers"], cwd=folder, check=True, timeout=60)
-    output = subprocess.run([folder / "registers"], capture_output=True, text=True, check=True, timeout=60).stdout
+    subprocess.run(["cc", "registers.c", "-o", "registers"], cwd=folder, check=True, timeout=300)
+    output = subprocess.run([folder / "registers"], capture_output=True, text=True, check=True, timeout=300).stdout
     return {name: int(value) for name, value in (line.split() for line in output.splitlines())}
 
 

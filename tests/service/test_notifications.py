@@ -56,7 +56,7 @@ def longest_pause_s(systemd: socket.socket, seconds: float) -> float:
 def test_systemd_gets_ready_when_sockets_are_bound(tmp_path: Path, systemd: socket.socket) -> None:
     with RunningDaemon(tmp_path, SIMULATED, wait=False) as daemon:
         next_with(systemd, "READY=1")
-        assert daemon.request("pads", timeout_s=5.0)["pads"]
+        assert daemon.request("pads")["pads"]
 
 
 @pytest.mark.real_time
