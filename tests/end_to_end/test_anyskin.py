@@ -149,8 +149,10 @@ def test_strong_fields_of_an_eflesh_pad_use_all_its_sensors(name: str, tmp_path:
         config = CONFIG.format(port=board.link, form="binary", rate_hz=200, model="none")
         with RunningDaemon(tmp_path, config) as daemon:
             daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b11111)
-            until, seen = board.sent + len(packets), []
+            seen: list[Contact] = []
             with daemon.subscribe("contact") as told:
+                assert told.receive(PATIENCE_S) is not None  # subscribed
+                until = board.sent + len(packets)
                 while board.sent < until:
                     message = told.receive(PATIENCE_S)
                     assert message is not None

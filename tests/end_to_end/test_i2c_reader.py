@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import time
 from collections.abc import Iterator
 
@@ -44,7 +45,7 @@ def test_wedged_bus_blocks_no_pad_names_call_and_recovers(kernel: KernelBus) -> 
         time.sleep(0.002)
     assert longest_s < 0.5  # a poll on a busy machine, against sixty seconds of the call
     assert not source.state.connected
-    assert "/dev/i2c-7 is wedged for 0." in source.state.reason
+    assert re.search(r"/dev/i2c-7 is wedged for [0-3]\.", source.state.reason)  # of sixty; a busy poll may come late
     assert "(mux 0x70, channels 0b" in source.state.reason
     kernel.order(block_s=0)
     run(source, all_valid)
