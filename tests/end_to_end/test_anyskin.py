@@ -149,16 +149,14 @@ def test_strong_fields_of_an_eflesh_pad_use_all_its_sensors(name: str, tmp_path:
         config = CONFIG.format(port=board.link, form="binary", rate_hz=200, model="none")
         with RunningDaemon(tmp_path, config) as daemon:
             daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b11111)
-            seen: list[Contact] = []
+            begun, used = board.sent, list[int]()
             with daemon.subscribe("contact") as told:
-                assert told.receive(PATIENCE_S) is not None  # subscribed
-                until = board.sent + len(packets)
-                while board.sent < until:
+                while board.sent < begun + len(packets) or len(used) < len(packets):
                     message = told.receive(PATIENCE_S)
                     assert message is not None
-                    seen.append(Contact.from_message(message.body))
-            used = [message.sensors_ok for message in seen if message.health != "stale"]  # on a busy computer
-            assert len(used) > 0.8 * len(packets)
+                    contact = Contact.from_message(message.body)
+                    if contact.health != "stale":  # as on a busy computer
+                        used.append(contact.sensors_ok)
             assert set(used) == {0b11111}
             (pad,) = daemon.request("probe")["pads"]
             assert pad["faults"] == []
