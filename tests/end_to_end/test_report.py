@@ -52,6 +52,16 @@ class Made:
         return sum(one.kind == "frame" and one.pad == pad for one in read(self.path))
 
 
+def made_of_an_emulated_bus(folder: Path, config: str, *words: str) -> Made:
+    """A busy computer may stop the emulator for longer than a real bus may take: then another report is made."""
+    for attempt in range(5):
+        (folder / str(attempt)).mkdir()
+        made = Made(folder / str(attempt), config, *words)
+        if made.frames() > SOME and not any("is wedged" in each for each in made.facts["missing"]):
+            break
+    return made
+
+
 def shape(facts: Any) -> Any:
     """The keys of facts, whatever their values are."""
     if isinstance(facts, dict):
@@ -61,7 +71,7 @@ def shape(facts: Any) -> Any:
 
 def test_report_of_chips_on_a_bus_has_the_kept_reports_facts(tmp_path: Path) -> None:
     with kernel_bus("qmc5883l"):
-        made = Made(tmp_path, QMC_CONFIG, "--seconds", "2")
+        made = made_of_an_emulated_bus(tmp_path, QMC_CONFIG, "--seconds", "2")
     kept = facts_of(KEPT)
     for facts in (made.facts, kept):
         facts["versions"].pop("packages")
@@ -82,13 +92,13 @@ def test_report_of_chips_on_a_bus_has_the_kept_reports_facts(tmp_path: Path) -> 
 def test_report_holds_selftest_and_registers_of_the_daemon(tmp_path: Path) -> None:
     """Honeywell 900425: 0x9c in register A means compensation and 220 Hz; the chips of mux 0x71 were never set up."""
     with kernel_bus():
-        made = Made(tmp_path, HMC_CONFIG, "--seconds", "1")
+        made = made_of_an_emulated_bus(tmp_path, HMC_CONFIG, "--seconds", "1")
     assert [test["passed"] for test in made.facts["selftests"]] == [True]
     first_bytes: dict[int, set[str]] = {}
     for chip in made.facts["buses"][0]["chips"]:
         first_bytes.setdefault(chip["mux_address"], set()).add(chip["registers"][0].split()[1])
     assert first_bytes == {0x70: {"9c"}, 0x71: {"10"}}
-    assert not (tmp_path / "state/fmfts/selftest").exists(), "a report changes no state"
+    assert not (made.path.parent / "state/fmfts/selftest").exists(), "a report changes no state"
 
 
 def test_report_of_a_bus_that_hangs_says_in_which_call(tmp_path: Path) -> None:
