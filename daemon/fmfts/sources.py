@@ -7,12 +7,18 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import msgspec
+
+from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.origin import Origin
+from fmfts.common.extras import added, how_to_install
+from fmfts.common.reading import damage_told
 from fmfts.config import BridgeSource, I2cSource, PadConfig, PluggedSource, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.source import Source, SourceError
 from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c
 
+RECORDINGS = "fmfts.recordings"  # entry point: the source that plays a recording
 # Settings that may differ between pads of one device; all others belong to the device and must be equal.
 _SETTINGS_OF_A_PAD = {
     BridgeSource: {"pad_index", "publish"},
@@ -89,9 +95,11 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
 
             return I2c({index: on_i2c(pad) for index, pad in by_index.items()})
         case ReplaySource():
-            from fmfts.recording.source import Replayed
-
-            return Replayed(by_index)
+            replayed = added(RECORDINGS, "replay")
+            if replayed is None:
+                raise SourceError(f"the source 'replay' {how_to_install('recording')}")
+            source: Source = replayed(by_index)
+            return source
         case SimulatedSource(frames_from=str()):
             from fmfts.simulation.fed import Fed
 
@@ -156,6 +164,21 @@ def origin_of(pad: PadConfig) -> Origin | None:
             return Origin(plugged.type, plugged.chip, port=plugged.device)
         case ReplaySource():
             return None
+
+
+def recorded_baseline(source: Any, pad_index: int) -> Baseline | None:
+    """The baseline in a recording; None where the pad had none. Raises BaselineError where it is of another version."""
+    state = source.states[pad_index]
+    if state.baseline is None:
+        return None
+    with damage_told(BaselineError, f"pad '{state.pad}': the baseline in {source.state.description} is damaged"):
+        return msgspec.convert(state.baseline, Baseline)
+
+
+def require_device(pad: PadConfig) -> None:
+    """Raise BaselineError where the pad is a recording: a baseline made of old frames must not be stored for it."""
+    if isinstance(pad.source, ReplaySource):
+        raise BaselineError(f"pad '{pad.name}' is a recording, and its baseline is in it: there is nothing to record")
 
 
 def chips_of(pad: PadConfig) -> dict[str, Any]:

@@ -26,10 +26,10 @@ from fmfts.bus.frame_message import frame_message
 from fmfts.config import BridgeSource, PadConfig
 from fmfts.pipeline.configured import load_contact_model, pipeline_of
 from fmfts.pipeline.snapshot import state_message
-from fmfts.recording.file import RecordingWriter
 from fmfts.sensor import Frame
 from fmfts.sensor.bridge.bridge import Bridge
 from fmfts.sources import on_board
+from fmfts_recording.file import RecordingWriter
 
 FOLDER = Path(__file__).parent / "recordings"
 PAD, BOOT, RATE_HZ = "paper", "recorded", 220

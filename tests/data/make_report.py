@@ -21,8 +21,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from end_to_end.kernel_bus import kernel_bus
 from end_to_end.processes import run_command
-from fmfts.offline.replay import Replay
-from fmfts.recording.file import read
+from fmfts_recording.file import read
+from fmfts_recording.replay import Replay
 
 FOLDER = Path(__file__).parent / "reports"
 KEPT = FOLDER / "qmc5883l-emulated.mcap"

@@ -39,6 +39,7 @@ MISUSED = {
     "fleet": (["view", "--robot", "arm"], "give NAME=ENDPOINT"),
     "foxglove": (["view", "--foxglove", "--host", "0.0.0.0"], "serves this machine alone"),
     "page": (["view", "--port", "99999"], "give 0 to 65535"),
+    "recording": (["record", "--seconds", "0", "x.mcap"], "must be more than 0 seconds"),
     "report": (["report", "x.mcap", "--show", "y.mcap"], "writes nothing: leave x.mcap out"),
     "skin": (["check-config", "--config", "skin.toml"], "a streamed chip belongs to an AnySkin board"),
 }

@@ -14,7 +14,7 @@ from typing import Any
 from mcap.records import Channel, Message, Schema
 
 from drills.lying_mcap import chunk, mcap, packed, record
-from fmfts.recording.file import records
+from fmfts_recording.file import records
 
 WEIRD: tuple[Any, ...] = (
     None, True, -1, 0, 1, 2**31, 2**63, 10**400, -(2**63), 0.0, -0.5, 1e-300, 1e300, 1.5, "", "left", "é\x00",

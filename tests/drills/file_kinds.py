@@ -29,11 +29,6 @@ from fmfts.contact.array_response import ArrayResponse, ResponseError
 from fmfts.contact.inference import NetworkInference
 from fmfts.contact.seal import unsealed, with_seal
 from fmfts.contact.shipped import DEFAULT_PATH
-from fmfts.offline.replay import Replay
-from fmfts.recording.file import RecordingError, RecordingWriter
-from fmfts.recording.file import read as read_recording
-from fmfts.recording.repair import repair
-from fmfts.recording.source import Replayed
 from fmfts.sensor.source import SourceError
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.pad_file import PadFileError, read_pad_file
@@ -47,6 +42,11 @@ from fmfts_collect.plan import PRESETS, PlanError, read_plan
 from fmfts_lab.finite_elements.pad_file import write_pad_file
 from fmfts_lab.finite_elements.slab import Slab
 from fmfts_page.recordings import messages_of, pads_of
+from fmfts_recording.file import RecordingError, RecordingWriter
+from fmfts_recording.file import read as read_recording
+from fmfts_recording.repair import repair
+from fmfts_recording.replay import Replay
+from fmfts_recording.source import Replayed
 from fmfts_report.file import lines_of
 
 ROOT = Path(__file__).parents[2]

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from aarch64 import debian, emulated, install, wheel
 
-from fmfts.offline.replay import Replay
+from fmfts_recording.replay import Replay
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted((ROOT / "tests/data/recordings").glob("*.mcap"))
@@ -42,7 +42,7 @@ REPLAY = """
 import hashlib, math, sys
 from pathlib import Path
 import numpy as np
-from fmfts.offline.replay import Replay
+from fmfts_recording.replay import Replay
 # What those libraries make of the same numbers: where that is another than here, the setting did something.
 random = np.random.default_rng(0)
 a, x = random.normal(size=(50, 50)), random.normal(size=1000)

@@ -10,8 +10,8 @@ import pytest
 
 from end_to_end.collecting_bench import PressedBench
 from fmfts.bus.messages import FrameMessage
-from fmfts.offline.replay import Replay
-from fmfts.recording.file import read
+from fmfts_recording.file import read
+from fmfts_recording.replay import Replay
 
 TWO_PLACES = "[lattice]\nfirst_mm = [-4, 2]\nspacing_mm = 6\ncount = [2, 1]\nforces_n = [0.6, 1.2]\n"
 

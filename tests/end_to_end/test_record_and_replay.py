@@ -22,8 +22,8 @@ from mcap.stream_reader import StreamReader
 from end_to_end.processes import RunningDaemon, run_command
 from fmfts.bus.messages import ContactMessage
 from fmfts.config.example import ARRAY_PATH
-from fmfts.recording.file import HEADER_BYTES, is_whole, read
 from fmfts_client import Subscription
+from fmfts_recording.file import HEADER_BYTES, is_whole, read
 
 TAPPED = """
 [[pad]]
@@ -188,7 +188,7 @@ def test_recorder_that_is_killed_leaves_a_recording(daemon: RunningDaemon, tmp_p
 INTERRUPTED = """
 import os, signal, sys
 from fmfts.cli import main as cli
-from fmfts.recording.file import RecordingWriter
+from fmfts_recording.file import RecordingWriter
 add, write, contacts = RecordingWriter.add, os.write, 0
 def counted(self, kind, *what):
     global contacts

@@ -19,8 +19,8 @@ from data.make_report import KEPT
 from end_to_end.kernel_bus import kernel_bus
 from end_to_end.processes import BRIDGE_CONFIG, UNTOUCHED_CONFIG, FirmwareHost, RunningDaemon, run_command
 from fmfts.common import exit_codes
-from fmfts.offline.replay import Replay
-from fmfts.recording.file import attachment, read
+from fmfts_recording.file import attachment, read
+from fmfts_recording.replay import Replay
 from fmfts_report.file import NAME, facts_of
 
 CONTACT = Path(fmfts.contact.__file__).parent

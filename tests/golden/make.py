@@ -430,7 +430,7 @@ def recorded() -> World:
     from drills.same_numbers import made_on_the_spot
     from fmfts.bus.frame_message import frame_of
     from fmfts.bus.messages import FrameMessage, StateMessage
-    from fmfts.recording.file import read
+    from fmfts_recording.file import read
 
     with tempfile.TemporaryDirectory() as folder:
         path = made_on_the_spot(Path(folder) / "world.mcap", 12.0)

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fmfts.offline.replay import essence
 from fmfts.pipeline.encoded import EncodedMessage
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import restore, snapshot
+from fmfts_recording.replay import essence
 from golden.__main__ import frozen_file, judged
 from golden.noise import noise
 from golden.replayed import AS_ALWAYS, Way, answers, pipelines_of, replay

@@ -107,13 +107,13 @@ def test_finite_elements_without_felupe_name_its_extra(
 def test_package_missing_after_no_deps_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in [name for name in sys.modules if name.startswith(("fmfts.recording", "mcap"))]:
+    for name in [name for name in sys.modules if name.startswith(("fmfts_recording.", "mcap"))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "mcap", None)
     assert main(["replay", "touch.mcap"]) == exit_codes.UNAVAILABLE
     said = capsys.readouterr().err
     assert "mcap" in said
-    assert f"{sys.executable} -m pip install fmfts\n" in said
+    assert f"{sys.executable} -m pip install 'fmfts[recording]'\n" in said
 
 
 @pytest.mark.parametrize(
@@ -199,7 +199,9 @@ def test_verb_of_an_extra_says_how_to_install_it(
 ) -> None:
     monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
     assert main(["collect", "simulation", "-o", "data.csv", "--by-hand"]) == 69
-    assert f"pip install 'fmfts[collect]' -e {ROOT}/extras/collect\n" in capsys.readouterr().err
+    assert (
+        f"pip install 'fmfts[collect]' -e {ROOT}/extras/recording -e {ROOT}/extras/collect\n" in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize(
@@ -256,7 +258,7 @@ def without(monkeypatch: pytest.MonkeyPatch, *groups: str) -> None:
     )
 
 
-@pytest.mark.parametrize("package", ["calibrate", "fleet", "foxglove", "skin", LABORATORY])
+@pytest.mark.parametrize("package", ["calibrate", "collect", "fleet", "foxglove", "page", "report", "skin", LABORATORY])
 def test_line_that_installs_a_package_names_all_folders_that_pip_needs(package: str) -> None:
     """pip finds them nowhere else: no index has them."""
     editable, plain = how_to_install(package), how_to_install(package, ROOT / "no-checkout")
@@ -268,6 +270,17 @@ def test_line_that_installs_a_package_names_all_folders_that_pip_needs(package: 
         assert f"./extras/{name} " in plain
     assert f"-e {folder}" in editable
     assert plain.endswith(f" ./{folder.relative_to(ROOT)}")
+
+
+def test_replayed_source_says_how_to_install_its_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    without(monkeypatch, "fmfts.recordings")
+    played, config = tmp_path / "a.mcap", tmp_path / "a.toml"
+    played.touch()
+    config.write_text(f'[[pad]]\nname = "a"\nsource = {{ type = "replay", file = "{played}" }}\n')
+    assert main(["check-config", "--config", str(config)]) != 0
+    assert f"pip install 'fmfts[recording]' -e {ROOT}/extras/recording\n" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("column", ["force_z_n", "depth_mm", "shear_n"])

@@ -15,7 +15,6 @@ from test_link import hello
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import ContactConfig
 from fmfts.contact import ContactModel
-from fmfts.offline.replay import essence
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.encoded import message_of
 from fmfts.pipeline.lead import Lead
@@ -31,6 +30,7 @@ from fmfts_lab.bench import now as bench
 from fmfts_lab.bench.drills import RATE_HZ, pad_config
 from fmfts_lab.bench.motions import hold, tap
 from fmfts_lab.bench.now_early import EarlyToo, Sent
+from fmfts_recording.replay import essence
 
 CONFIG = pad_config("drifting", 5)
 BASELINE = simulated_baseline(CONFIG)

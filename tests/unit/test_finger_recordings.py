@@ -14,12 +14,12 @@ from json_schemas import fits
 from fmfts.bus.encoding import encode
 from fmfts.bus.messages import ContactMessage, without_estimate
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.offline.replay import Comparison
-from fmfts.recording.file import RecordingWriter, read
-from fmfts.recording.finger_columns import Fingers
-from fmfts.recording.foxglove import Entity, SceneUpdate
-from fmfts.recording.plain_schema import plain_schema, with_nulls, without_nulls
-from fmfts.recording.scene import Drawn, PadScene
+from fmfts_recording.file import RecordingWriter, read
+from fmfts_recording.finger_columns import Fingers
+from fmfts_recording.foxglove import Entity, SceneUpdate
+from fmfts_recording.plain_schema import plain_schema, with_nulls, without_nulls
+from fmfts_recording.replay import Comparison
+from fmfts_recording.scene import Drawn, PadScene
 
 UNKNOWN = without_estimate(fingers_message(*two_fingers()), health="lost")
 MESSAGES = {

@@ -17,11 +17,11 @@ from mcap.reader import make_reader
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig, PlacementConfig, SimulatedSource
 from fmfts.pad import rotation_from_vector
-from fmfts.recording.file import KINDS, RecordingError, RecordingWriter, is_whole, read
-from fmfts.recording.foxglove import Quaternion, rotation_of, turning
-from fmfts.recording.plain_schema import plain_schema, with_nulls, without_nulls
-from fmfts.recording.repair import repair
-from fmfts.recording.scene import SHOWN_HZ, PadScene
+from fmfts_recording.file import KINDS, RecordingError, RecordingWriter, is_whole, read
+from fmfts_recording.foxglove import Quaternion, rotation_of, turning
+from fmfts_recording.plain_schema import plain_schema, with_nulls, without_nulls
+from fmfts_recording.repair import repair
+from fmfts_recording.scene import SHOWN_HZ, PadScene
 
 CONFIG = PadConfig(
     name="left",

@@ -14,8 +14,8 @@ import pytest
 
 from end_to_end.paper import readings
 from fmfts.bus.messages import ContactMessage
-from fmfts.offline.replay import Replay, essence
-from fmfts.recording.file import read
+from fmfts_recording.file import read
+from fmfts_recording.replay import Replay, essence
 
 FOLDER = Path(__file__).parents[1] / "data" / "recordings"
 RECORDINGS = sorted(FOLDER.glob("*.mcap"))

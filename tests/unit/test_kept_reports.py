@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from data.make_report import replayed
-from fmfts.offline.replay import Replay
+from fmfts_recording.replay import Replay
 from fmfts_report.file import facts_of, lines_of
 
 FOLDER = Path(__file__).parents[1] / "data" / "reports"

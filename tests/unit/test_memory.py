@@ -12,7 +12,6 @@ import pytest
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import GeometryConfig, PadConfig, SceneConfig, SimulatedSource
 from fmfts.contact import ContactModel
-from fmfts.offline.replay import essence
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
 from fmfts.scene.tracking import tracking_model_for
@@ -20,6 +19,7 @@ from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import UNLOADED_AT_START_S
 from fmfts.simulation.source import Simulated
+from fmfts_recording.replay import essence
 
 DRIFTING = PadConfig(name="left", source=SimulatedSource(seed=3, warming_k_per_minute=30.0))
 CONSTANT = PadConfig(name="left", source=SimulatedSource(turning_deg_per_s=0.0), scene=SceneConfig(ambient="constant"))

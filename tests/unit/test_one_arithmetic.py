@@ -15,7 +15,7 @@ import pytest
 
 import fmfts
 import fmfts_skin
-from fmfts.offline.replay import Replay
+from fmfts_recording.replay import Replay
 
 PACKAGE = Path(fmfts.__file__).parent
 RECORDINGS = sorted((Path(__file__).parents[1] / "data" / "recordings").glob("*.mcap"))
@@ -114,7 +114,7 @@ OF_ANOTHER = {
 
 @pytest.mark.parametrize("processor", OF_ANOTHER)
 def test_recording_replays_identically_on_another_processor(processor: str) -> None:
-    script = "import sys; from pathlib import Path; from fmfts.offline.replay import Replay\n"
+    script = "import sys; from pathlib import Path; from fmfts_recording.replay import Replay\n"
     script += "for path in sys.argv[1:]:\n replay = Replay(Path(path)); list(replay.contacts())\n"
     script += " print(replay.comparison.is_the_same, replay.facts()['sha256'])"
     said = subprocess.run(

@@ -8,8 +8,8 @@ import msgspec
 import pytest
 from bus_messages import contact_message, event_message, status_message
 
-from fmfts.recording.file import RecordingWriter
 from fmfts_page.recordings import Recordings, RecordingsError, messages_of
+from fmfts_recording.file import RecordingWriter
 
 
 def test_only_files_of_the_folder_can_be_shown(tmp_path: Path) -> None:

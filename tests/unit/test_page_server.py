@@ -32,7 +32,6 @@ from websockets.typing import Origin
 
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.config.pad_facts import pad_facts
-from fmfts.recording.file import RecordingWriter
 from fmfts_client import Endpoints
 from fmfts_fleet.front import FOLDER as FLEETS
 from fmfts_page.browser import may_open
@@ -43,6 +42,7 @@ from fmfts_page.guard import Guard, RefusedAddressError
 from fmfts_page.recordings import Recordings
 from fmfts_page.server import FRONT, HANDSHAKE_S, OPEN_PAGES, PageServer, RobotView
 from fmfts_page.strangers import WAITING
+from fmfts_recording.file import RecordingWriter
 
 PATIENCE_S = 60.0
 

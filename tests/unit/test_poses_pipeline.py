@@ -17,19 +17,19 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import ContactConfig, PadConfig
 from fmfts.contact import ModelError, NoContactModel
 from fmfts.contact.array_model import ArrayModel
-from fmfts.offline.replay import Replay, essence
 from fmfts.pad import Placement
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot, state_message
 from fmfts.pipeline.words import BARE_ONLY
-from fmfts.recording.file import RecordingWriter
 from fmfts.runtime.announcer import _place
 from fmfts.sensor import Frame
 from fmfts.simulation.array import SimulatedArray
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
 from fmfts_lab.bench.several_layouts import LAYOUTS
+from fmfts_recording.file import RecordingWriter
+from fmfts_recording.replay import Replay, essence
 
 PERIOD_NS = round(1e9 / 220)
 PRESS = steady_finger(-4e-3, -1e-3, 0.8)

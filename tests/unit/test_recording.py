@@ -20,10 +20,10 @@ from mcap.reader import make_reader
 
 from fmfts.bus.messages import ContactMessage
 from fmfts.cli import main as cli
-from fmfts.offline.replay import Comparison, Replay
-from fmfts.recording import recorder
-from fmfts.recording.file import Recorded, RecordingError, RecordingWriter, is_whole, read
-from fmfts.recording.source import frame_of
+from fmfts_recording import recorder
+from fmfts_recording.file import Recorded, RecordingError, RecordingWriter, is_whole, read
+from fmfts_recording.replay import Comparison, Replay
+from fmfts_recording.source import frame_of
 
 COUNT = 300
 

@@ -19,14 +19,14 @@ from test_replayed import COUNT, PERIOD_NS, frame, pad, played, recording, state
 from drills.lying_mcap import attached, channel, chunk, indexed, mcap, message, record, schema
 from fmfts.bus.messages import FrameMessage
 from fmfts.cli import main as cli
-from fmfts.offline.replay import Replay
-from fmfts.recording import source as played_recording
-from fmfts.recording.container import LARGEST_CHUNK, MOST_METADATA, MOST_UNREAD
-from fmfts.recording.file import RecordingError, RecordingWriter, read
-from fmfts.recording.repair import repair
-from fmfts.recording.source import LARGEST_PLAYED, MOST_FRAMES_OF_A_PAD, Replayed
 from fmfts.sensor.source import SourceError
 from fmfts_page.recordings import messages_of, pads_of
+from fmfts_recording import source as played_recording
+from fmfts_recording.container import LARGEST_CHUNK, MOST_METADATA, MOST_UNREAD
+from fmfts_recording.file import RecordingError, RecordingWriter, read
+from fmfts_recording.repair import repair
+from fmfts_recording.replay import Replay
+from fmfts_recording.source import LARGEST_PLAYED, MOST_FRAMES_OF_A_PAD, Replayed
 from fmfts_report.file import NAME, facts_of, lines_of
 
 MOST_MEMORY = 8 * LARGEST_CHUNK

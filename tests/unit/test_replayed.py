@@ -12,11 +12,11 @@ from bus_messages import frame_message
 
 from fmfts.bus.messages import FrameMessage, StateMessage
 from fmfts.config import GeometryConfig, PadConfig, ReplaySource, SimulatedSource
-from fmfts.recording import source as played_recording
-from fmfts.recording.file import RecordingWriter
-from fmfts.recording.source import Replayed
 from fmfts.sensor.source import SourceError
 from fmfts.sources import open_sources
+from fmfts_recording import source as played_recording
+from fmfts_recording.file import RecordingWriter
+from fmfts_recording.source import Replayed
 
 COUNT, PERIOD_NS, RATE_HZ, BOOT = 40, 10_000_000, 100, "cafe"
 RECORDED = PadConfig(name="left", source=SimulatedSource(rate_hz=RATE_HZ))

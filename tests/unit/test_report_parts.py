@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from fmfts.recording.file import CopyWriter, RecordingError, RecordingWriter, read
+from fmfts_recording.file import CopyWriter, RecordingError, RecordingWriter, read
 from fmfts_report import machine
 from fmfts_report.file import LARGEST_FACTS, NAME, facts_of, lines_of, write
 from fmfts_report.log import NoLogError, journal

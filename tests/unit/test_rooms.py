@@ -13,20 +13,21 @@ PACKAGE = Path(fmfts.__file__).parent
 ROOT = Path(__file__).parents[2]
 EXTRAS = sorted(path.parent for path in ROOT.glob("extras/*/pyproject.toml"))
 # Rooms that a package of extras/ may use: all but those of the running daemon, and the shared part of the verbs.
-CLOSED = {"runtime", "offline"}
+CLOSED = {"runtime"}
 OPEN_VERBS = {"fmfts.cli.verb", "fmfts.cli.feed", "fmfts.cli.elsewhere"}
 OF_ALL = {"fmfts_client"}
 # Whose sets the package reads, and whose server it fills.
-OPEN_PACKAGES = {"fmfts_skin": OF_ALL | {"fmfts_calibrate"}, "fmfts_fleet": OF_ALL | {"fmfts_page"}}
+READERS = {f"fmfts_{name}": OF_ALL | {"fmfts_recording"} for name in ("collect", "foxglove", "page", "report")}
+OPEN_PACKAGES = READERS | {"fmfts_skin": OF_ALL | {"fmfts_calibrate"}, "fmfts_fleet": OF_ALL | {"fmfts_page"}}
 # The lowest first: each may import those before it, and none of its own floor.
 FLOORS = [
     {"arithmetic", "service", "sensor/chips"},
     {"common", "pad", "sensor"},
     {"pose", "contact", "sensor/wire", "bus", "view"},
     {"baseline", "sensor/bridge", "sensor/i2c", "config"},
-    {"scene", "several", "simulation", "recording"},
+    {"scene", "several", "simulation"},
     {"sources", "pipeline"},
-    {"runtime", "offline"},
+    {"runtime"},
     {"cli"},
 ]
 FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}

@@ -12,10 +12,10 @@ import msgspec
 from mcap.reader import make_reader
 
 from fmfts.config.pad_facts import pad_facts
-from fmfts.recording.file import RecordingWriter, read
-from fmfts.recording.recorder import Recorder
-from fmfts.recording.ros2 import CONTACT, RosMessage, RosPad
 from fmfts_client import Message
+from fmfts_recording.file import RecordingWriter, read
+from fmfts_recording.recorder import Recorder
+from fmfts_recording.ros2 import CONTACT, RosMessage, RosPad
 from unit.test_foxglove import CONFIG, contact
 
 ROS = Path(__file__).parents[2] / "clients" / "ros2"

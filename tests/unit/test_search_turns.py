@@ -13,7 +13,6 @@ import pytest
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.bus.frame_message import frame_message, frame_of
 from fmfts.bus.messages import ContactMessage
-from fmfts.offline.replay import essence
 from fmfts.pad import Array
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.several_pipeline import SeveralPipeline
@@ -26,6 +25,7 @@ from fmfts.simulation.array import SimulatedArray
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
 from fmfts_lab.finite_elements.array_pad import array_config
+from fmfts_recording.replay import essence
 
 CONFIG = array_config(seed=6)
 BASELINE = simulated_baseline(CONFIG)

@@ -16,11 +16,9 @@ from fmfts.bus.encoding import encode
 from fmfts.bus.frame_message import frame_message
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig
-from fmfts.offline.replay import Replay, essence
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.pipeline.snapshot import restore, snapshot, state_message
-from fmfts.recording.file import RecordingWriter
 from fmfts.sensor import Frame
 from fmfts.sensor.frame import WireFrame
 from fmfts.sensor.wire.codec import MalformedError, pack, unpack
@@ -32,6 +30,8 @@ from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import steady_finger
 from fmfts.simulation.source import Simulated
 from fmfts_lab.finite_elements.array_pad import array_config
+from fmfts_recording.file import RecordingWriter
+from fmfts_recording.replay import Replay, essence
 
 EIGHT = array_config(seed=3)
 SIXTEEN = with_sensors(EIGHT, 16)

@@ -19,14 +19,13 @@ from fmfts.cli import elsewhere
 from fmfts.config import Config, I2cSource, PadConfig
 from fmfts.pipeline.configured import posture_learner
 from fmfts.pipeline.last_pad import ConfiguredPad
-from fmfts.recording.baseline import require_device
 from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.missing import missing_sensors
 from fmfts.sensor.probing import is_sound, probe_facts
 from fmfts.sensor.tasks import PATIENCE_S, Task
 from fmfts.simulation.hands import Hands
 from fmfts.simulation.source import Simulated
-from fmfts.sources import open_sources, origin_of
+from fmfts.sources import open_sources, origin_of, require_device
 from fmfts.view.progress import Show, progress_bar
 from fmfts_client import BadKeyError, ControlError, EndpointError, RefusedError, request
 from fmfts_client.endpoints import for_client, named_base

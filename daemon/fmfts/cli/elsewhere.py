@@ -26,6 +26,8 @@ OF_VERB = {
     "evaluate": ("compare a contact model's answers with a CSV file of labelled fields", "calibrate"),
     "pose": ("solve the magnet's pose for every row of a CSV file of fields", "calibrate"),
     "view": ("show a running daemon on a page in a browser", "page"),
+    "record": ("write all messages of a running daemon to a file, with raw frames", "recording"),
+    "replay": ("process a recording's frames again, and compare the contacts", "recording"),
     "report": ("write one file to send when something is wrong: facts, frames, registers, log", "report"),
 }
 # The group of entry points and the package's extra that an option needs.
@@ -36,6 +38,7 @@ OF_OPTION = {
     "view --foxglove": (VIEWS, "foxglove"),
     "view --robot": (VIEWS, "fleet"),
 }
+EXTRAS = {package for _, package in OF_VERB.values()} - {LABORATORY}
 ABSENT = " (not installed)"  # at the end of a line of help
 
 

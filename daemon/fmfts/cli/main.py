@@ -18,7 +18,6 @@ from fmfts.cli import companions as companion_verbs
 from fmfts.cli import demo as demo_verb
 from fmfts.cli import init_config as init_verb
 from fmfts.cli import keys as keys_verb
-from fmfts.cli import record as record_verbs
 from fmfts.cli import weigh as weigh_verb
 from fmfts.cli.verb import (
     LISTENERS_CONFIG,
@@ -76,7 +75,8 @@ def _handled(options: argparse.Namespace) -> int:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("fmfts"):
             raise
-        raise lacking(error) from error  # installed with --no-deps
+        package = options.handler.__module__.partition(".")[0].removeprefix("fmfts_")
+        raise lacking(error, package if package in elsewhere.EXTRAS else "") from error  # installed with --no-deps
 
 
 def _unexpected(words: Sequence[str], takes_pad: bool) -> str:
@@ -122,7 +122,6 @@ def _parser(requested: str | None, only_installed: bool = False) -> argparse.Arg
     demo_verb.add_to(verb)
     init_verb.add_to(verb)
     keys_verb.add_to(verb)
-    record_verbs.add_to(verb, LISTENERS_CONFIG)
     companion_verbs.add_to(verb)
     if requested not in verbs.choices:
         elsewhere.add_to(verb, only_installed)

@@ -11,7 +11,11 @@ import fmfts
 
 LABORATORY = "lab"
 # Other folders that pip needs beside it.
-NEEDS = dict.fromkeys(("skin", LABORATORY), "extras/calibrate ") | dict.fromkeys(("fleet", "foxglove"), "extras/page ")
+NEEDS = {
+    **dict.fromkeys(("skin", LABORATORY), "extras/calibrate "),
+    **dict.fromkeys(("collect", "page", "report"), "extras/recording "),
+    **dict.fromkeys(("fleet", "foxglove"), "extras/recording extras/page "),
+}
 CHECKOUT = Path(fmfts.__file__).parents[2]  # of an editable installation
 
 

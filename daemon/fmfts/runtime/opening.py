@@ -17,7 +17,6 @@ from fmfts.contact.unknown_finger import unknown_finger
 from fmfts.pad import Pad
 from fmfts.pipeline.configured import AnyModel, Pipeline, contact_model_of, feel_neighbours, pipeline_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.recording.baseline import recorded_baseline
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.failure import sentence_of
 from fmfts.runtime.guarded import LONGEST_PAUSE_S, GuardedSource, device_of
@@ -25,7 +24,7 @@ from fmfts.scene import advice
 from fmfts.scene.tracking import observability_warnings, scene_model_of
 from fmfts.sensor import Source, SourceError
 from fmfts.simulation.baseline import simulated_baseline
-from fmfts.sources import Device, origin_of
+from fmfts.sources import Device, origin_of, recorded_baseline
 
 log = logging.getLogger(__name__)
 

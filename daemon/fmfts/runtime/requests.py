@@ -21,7 +21,6 @@ from fmfts.pipeline.configured import posture_learner
 from fmfts.pipeline.last_pad import ConfiguredPad
 from fmfts.pipeline.press_of_one_newton import gained, press_of_one_newton
 from fmfts.pipeline.weighing import Weighing
-from fmfts.recording.baseline import require_device
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.guarded import device_of
 from fmfts.runtime.overview import Overview
@@ -30,6 +29,7 @@ from fmfts.sensor import Source, SourceError
 from fmfts.sensor.tasks import Task
 from fmfts.simulation.hands import UNSETTLED_FRAMES, Hands
 from fmfts.simulation.source import Simulated
+from fmfts.sources import require_device
 
 log = logging.getLogger(__name__)
 

@@ -22,10 +22,10 @@ from fmfts.contact.no_model import NO_MODEL, no_model_for
 from fmfts.pipeline.configured import load_array_model, load_contact_model, pipeline_of
 from fmfts.pipeline.snapshot import state_message
 from fmfts.pose.observable import are_observable
-from fmfts.recording.file import RecordingError, RecordingWriter
 from fmfts.sensor import Frame
 from fmfts_collect.clock import Clock
 from fmfts_collect.errors import RefusedError
+from fmfts_recording.file import RecordingError, RecordingWriter
 
 
 class Frames:

@@ -19,7 +19,6 @@ from fmfts.cli.verb import WEIGH_FIRST
 from fmfts.common.reading import damage_told, digest_of
 from fmfts.config import PadConfig
 from fmfts.contact.tolerances import MODULUS
-from fmfts.recording.file import RecordingError, read
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import CHIPS
 from fmfts_collect.alignment import Alignment, align
@@ -32,6 +31,7 @@ from fmfts_collect.session import Identity, row_of
 from fmfts_collect.settings import CollectingConfig
 from fmfts_collect.table import FORMAT, UNTOUCHED, Header, Row, Table
 from fmfts_collect.work import averaging_s, unmoved_since_baseline
+from fmfts_recording.file import RecordingError, read
 
 SAME_CLOCK = Alignment(lag_s=0.0, rate=0.0, middle_s=0.0, correlation=1.0, even=1.0)
 FEWEST_READINGS = 10

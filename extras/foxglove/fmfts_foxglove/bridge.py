@@ -14,10 +14,10 @@ from typing import Any
 import foxglove
 import msgspec
 
-from fmfts.recording.file import KINDS
-from fmfts.recording.plain_schema import plain_schema, without_nulls
-from fmfts.recording.scene import PadScene
 from fmfts_client import ControlError, Endpoints, Message, Subscription, request
+from fmfts_recording.file import KINDS
+from fmfts_recording.plain_schema import plain_schema, without_nulls
+from fmfts_recording.scene import PadScene
 
 LOOPBACK = "127.0.0.1"
 SHOWN = ("contact", "event", "status")

@@ -12,10 +12,10 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
-from fmfts.recording.file import RecordingError
 from fmfts.view.facts import fact_lines
 from fmfts_client import ControlError, EndpointError, Endpoints, request
 from fmfts_page.recordings import Recordings, RecordingsError
+from fmfts_recording.file import RecordingError
 
 Name = Annotated[str, Meta(max_length=64)]
 PadName = Annotated[str, Meta(pattern=r"^[\w-]{1,32}\Z")]

@@ -17,11 +17,11 @@ import msgspec
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
-from fmfts.recording.file import time_span_ns
 from fmfts_page.commands import ERRORS, Commands, Ping, Replay, Watch, decode
 from fmfts_page.feed import Feed, Viewer
 from fmfts_page.guard import Guard
 from fmfts_page.recordings import messages_of, pads_of
+from fmfts_recording.file import time_span_ns
 
 HELLO_S = 5.0
 REQUESTS_AT_ONCE = 4

@@ -12,8 +12,8 @@ import msgspec
 from mcap.records import Channel, Message, Schema
 
 from fmfts.common.reading import damage_told
-from fmfts.recording.file import KINDS, LARGEST_MESSAGE, CopyWriter, RecordingError, attachment, records
 from fmfts.view.facts import fact_lines
+from fmfts_recording.file import KINDS, LARGEST_MESSAGE, CopyWriter, RecordingError, attachment, records
 from fmfts_report.scrub import BINARY, Scrubber
 
 NAME = "report.json"

@@ -18,8 +18,6 @@ from fmfts.config import BridgeSource, Config, I2cSource
 from fmfts.config.file import ConfigError, find, load
 from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
-from fmfts.recording.file import read
-from fmfts.recording.recorder import Recorder
 from fmfts.sensor import SourceError
 from fmfts.sensor.bridge.serial_port import candidates
 from fmfts.sensor.i2c.scan import Found, scanned
@@ -27,6 +25,8 @@ from fmfts.service.child import child_daemon
 from fmfts.view.progress import Show
 from fmfts_client import request
 from fmfts_client.endpoints import OVERRIDE, for_client, named_base
+from fmfts_recording.file import read
+from fmfts_recording.recorder import Recorder
 from fmfts_report import machine, state
 from fmfts_report.log import journal
 

@@ -32,8 +32,8 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _report(options: argparse.Namespace) -> int:
-    from fmfts.recording.file import CopyWriter, RecordingError
     from fmfts.view.progress import progress_bar
+    from fmfts_recording.file import CopyWriter, RecordingError
     from fmfts_report.file import write
     from fmfts_report.gather import Gathering, new_name
     from fmfts_report.scrub import of_this_computer
@@ -59,8 +59,8 @@ def _report(options: argparse.Namespace) -> int:
 
 
 def _show(options: argparse.Namespace) -> int:
-    from fmfts.recording.file import RecordingError
     from fmfts.view.facts import print_facts
+    from fmfts_recording.file import RecordingError
     from fmfts_report.file import facts_of, lines_of
 
     if options.output is not None:

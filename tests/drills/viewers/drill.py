@@ -26,7 +26,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from drills.versions import uv  # noqa: E402
 from end_to_end.processes import RunningDaemon  # noqa: E402
-from fmfts.recording.ros2 import NUMBERS  # noqa: E402
+from fmfts_recording.ros2 import NUMBERS  # noqa: E402
 
 PAD = """[[pad]]
 name = "left"

@@ -4,7 +4,7 @@ import { toast } from "./words.js";
 
 const SPEEDS = { 0.25: "at a quarter of its speed", 1: "at its own speed", 4: "at four times its speed" };
 
-// The file that the daemon plays in place of a board, from a pad's status (recording/source.py); null where there is a board.
+// The file that the daemon plays in place of a board, from a pad's status (extras/recording); null where there is a board.
 export const playedByDaemon = (status) => (status?.source.startsWith("recording ") ? status.source.split("/").at(-1) : null);
 
 export class Replays {

@@ -23,11 +23,11 @@ from fmfts.bus.messages import (
     StatusMessage,
 )
 from fmfts.common.reading import damage_told
-from fmfts.recording.container import Record, attachments, chunk_records, is_whole, time_span_ns
-from fmfts.recording.output import McapFile, NotWrittenError, RecordingError
-from fmfts.recording.plain_schema import plain_schema, with_nulls, without_nulls
-from fmfts.recording.ros2 import SCHEMAS, RosMessage
-from fmfts.recording.scene import Drawn
+from fmfts_recording.container import Record, attachments, chunk_records, is_whole, time_span_ns
+from fmfts_recording.output import McapFile, NotWrittenError, RecordingError
+from fmfts_recording.plain_schema import plain_schema, with_nulls, without_nulls
+from fmfts_recording.ros2 import SCHEMAS, RosMessage
+from fmfts_recording.scene import Drawn
 
 KINDS: dict[str, type[AnyMessage]] = {
     "contact": ContactMessage,

@@ -14,10 +14,10 @@ from fmfts.bus.messages import FrameMessage, StateMessage
 from fmfts.common.reading import damage_told, shortened
 from fmfts.config import PadConfig, ReplaySource
 from fmfts.config.recorded import recorded_pad
-from fmfts.recording.file import RecordingError, read_in_parts
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.source import CannotError, SourceError, SourceState
+from fmfts_recording.file import RecordingError, read_in_parts
 
 # After a longer stall of this computer, playing continues at the same frame, later.
 LONGEST_STALL_NS = 100_000_000

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from fmfts.bus.messages import FingerMessage
-from fmfts.recording.foxglove import Time
+from fmfts_recording.foxglove import Time
 
 COLUMNS = ("first", "second")
 

@@ -6,14 +6,13 @@ import argparse
 from contextlib import closing
 from pathlib import Path
 
-from fmfts.cli.verb import AddVerb, ended_by, seconds, serving_base
+from fmfts.cli.verb import LISTENERS_CONFIG, AddVerb, ended_by, seconds, serving_base
 from fmfts.common import exit_codes
 
 
-def add_to(verb: AddVerb, listeners_config: str) -> None:
-    """Add both verbs. verb: makes a parser from a name, a handler and a line of help."""
+def add_record(verb: AddVerb) -> None:
     record = verb(
-        "record", _record, "write all messages of a running daemon to a file, with raw frames", listeners_config
+        "record", _record, "write all messages of a running daemon to a file, with raw frames", LISTENERS_CONFIG
     )
     record.add_argument("output", type=Path, metavar="FILE.mcap", help="a new file")
     record.add_argument("--pad", metavar="NAME", help="only this pad and its neighbours")
@@ -27,6 +26,9 @@ def add_to(verb: AddVerb, listeners_config: str) -> None:
         help="record nothing: give FILE.mcap, which was cut off, an index in a new file",
     )
     record.add_argument("--json", action="store_true", help="print facts as JSON")
+
+
+def add_replay(verb: AddVerb) -> None:
     replay = verb("replay", _replay, "process a recording's frames again, and compare the contacts")
     replay.add_argument("recording", type=Path, metavar="FILE.mcap")
     replay.add_argument("--model", action="append", default=[], metavar="FILE", help="contact model of the recording")
@@ -35,11 +37,11 @@ def add_to(verb: AddVerb, listeners_config: str) -> None:
 
 
 def _record(options: argparse.Namespace) -> int:
-    from fmfts.recording.file import RecordingError
-    from fmfts.recording.recorder import Recorder
     from fmfts.view.facts import print_facts
     from fmfts.view.silence import NoSuchPadError
     from fmfts_client import EndpointError, SchemaError
+    from fmfts_recording.file import RecordingError
+    from fmfts_recording.recorder import Recorder
 
     if options.repair:
         return _repair(options)
@@ -52,9 +54,9 @@ def _record(options: argparse.Namespace) -> int:
 
 
 def _repair(options: argparse.Namespace) -> int:
-    from fmfts.recording.file import RecordingError
-    from fmfts.recording.repair import repair
     from fmfts.view.facts import print_facts
+    from fmfts_recording.file import RecordingError
+    from fmfts_recording.repair import repair
 
     path: Path = options.output
     with ended_by(RecordingError):
@@ -66,9 +68,9 @@ def _repair(options: argparse.Namespace) -> int:
 def _replay(options: argparse.Namespace) -> int:
     import msgspec
 
-    from fmfts.offline.replay import Replay
-    from fmfts.recording.file import RecordingError
     from fmfts.view.facts import print_facts
+    from fmfts_recording.file import RecordingError
+    from fmfts_recording.replay import Replay
 
     with ended_by(RecordingError):
         replay = Replay(options.recording, options.model)

@@ -12,9 +12,9 @@ import msgspec
 import numpy as np
 
 from fmfts.pad import Array
-from fmfts.recording.foxglove import rotation_of
-from fmfts.recording.scene import PLACED_S, WORLD
 from fmfts_client.wrench import wrench_of
+from fmfts_recording.foxglove import rotation_of
+from fmfts_recording.scene import PLACED_S, WORLD
 
 NAN = math.nan
 NS_PER_S = 1_000_000_000

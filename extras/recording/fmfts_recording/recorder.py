@@ -16,12 +16,12 @@ import zmq
 
 from fmfts.config import PadConfig
 from fmfts.config.pad_facts import pad_facts
-from fmfts.recording.file import RecordingError, RecordingWriter
-from fmfts.recording.ros2 import RosPad
-from fmfts.recording.scene import PadScene
 from fmfts.view.silence import require_pad, why_nothing_came
 from fmfts_client import Endpoints, Message, Subscription
 from fmfts_client.endpoints import for_client
+from fmfts_recording.file import RecordingError, RecordingWriter
+from fmfts_recording.ros2 import RosPad
+from fmfts_recording.scene import PadScene
 
 log = logging.getLogger("fmfts")
 

@@ -24,7 +24,7 @@ from mcap.records import Attachment, Channel, Chunk, Message, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from fmfts.common.reading import damage_told, open_regular
-from fmfts.recording.output import RecordingError
+from fmfts_recording.output import RecordingError
 
 # A recorder writes chunks of 1 MB, other programs chunks of 1 to 4 MB.
 LARGEST_CHUNK, LARGEST_ATTACHMENT = 1 << 23, 1 << 24

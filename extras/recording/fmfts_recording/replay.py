@@ -29,7 +29,7 @@ from fmfts.pipeline.configured import (
 )
 from fmfts.pipeline.encoded import message_of
 from fmfts.pipeline.snapshot import restore
-from fmfts.recording.file import RecordingError, is_whole, read
+from fmfts_recording.file import RecordingError, is_whole, read
 
 Key = tuple[str, str, int]  # boot, pad, number
 # Health of contacts that the source's silence causes, not a frame: a replay repeats them as recorded.

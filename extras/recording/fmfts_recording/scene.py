@@ -10,8 +10,8 @@ import msgspec
 
 from fmfts.config.pad_facts import pad_facts
 from fmfts.config.recorded import recorded_pad
-from fmfts.recording.finger_columns import FingerColumns
-from fmfts.recording.foxglove import (
+from fmfts_recording.finger_columns import FingerColumns
+from fmfts_recording.foxglove import (
     Arrow,
     Box,
     Color,

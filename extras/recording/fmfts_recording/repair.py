@@ -7,7 +7,7 @@ from typing import Any
 
 from mcap.records import Channel, Message, Schema
 
-from fmfts.recording.file import CopyWriter, RecordingError, is_whole, records
+from fmfts_recording.file import CopyWriter, RecordingError, is_whole, records
 
 
 def repair(path: Path, output: Path) -> dict[str, Any]:
