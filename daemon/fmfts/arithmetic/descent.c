@@ -68,16 +68,19 @@ fmfts_descent_end fmfts_descend(const fmfts_descent *search, double *at, double 
             search->shorten(search->problem, step);
         }
         for (size_t k = 0; k < n; k++) {
-            trial[k] = fmfts_within(at[k] + step[k], search->lowest[k], search->highest[k]);
+            step[k] += at[k];
+            trial[k] = fmfts_within(step[k], search->lowest[k], search->highest[k]);
         }
-        double length = fmfts_step_length(n, at, trial, normal);
         if (!(search->judge(search->problem, trial) <= *chi2 * (1.0 + search->rounding))) {
+            /* A step that the limits cut short says nothing about how near the minimum is. */
+            bool is_settled = fmfts_step_length(n, at, step, normal) < search->settled;
             damping *= search->damping_factor;
-            if (damping > search->most_damping || length < search->settled) {
+            if (damping > search->most_damping || is_settled) {
                 break;
             }
             continue;
         }
+        double length = fmfts_step_length(n, at, trial, normal);
         memcpy(at, trial, n * sizeof(double));
         damping /= search->damping_factor;
         if (!search->take(search->problem, at, chi2, normal, right)) {

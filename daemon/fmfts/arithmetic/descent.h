@@ -8,7 +8,7 @@
 /* What is searched. All arrays are [unknowns].
  *
  * iterations: number of trials at most. rounding: a relative increase of χ² up to this is ignored. settled: the last
- * step, good or not, is shorter than this, in the deviation of each unknown alone. damping: the first; a step that raises χ²
+ * step is shorter than this, in the deviation of each unknown alone: a good one within the limits, another one before them. damping: the first; a step that raises χ²
  * multiplies it by damping_factor, a good one divides it; beyond most_damping the search ends. floor: is added to the
  * diagonal of the normal matrix, so that an unknown that no measurement determines stays where it is; NULL: nothing is
  * added. */
