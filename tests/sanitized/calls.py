@@ -346,6 +346,7 @@ def _fingers(random: np.random.Generator) -> None:
     from fmfts.several.fit import Fitter
     from fmfts.several.free_poses import free_poses
     from fmfts.several.poses import poses_of
+    from fmfts.several.resultant import resultant_deviation
     from fmfts.several.valley import valley_variance
 
     none = np.zeros(3)
@@ -358,6 +359,7 @@ def _fingers(random: np.random.Generator) -> None:
             measured = measured_of(random, fitter.model, fingers)
             fit = replace(fitter.fit(fingers, measured, none), fingers=fingers)
             root = fitter.whitener(fingers, measured, none)
+            resultant_deviation(fit)
             fitter.chi2_with(root, fingers, measured)
             response.pressed_alone(*fingers.T)
             fitter.best_single(root, measured)
