@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import grp
 import os
 import pwd
@@ -17,7 +18,7 @@ from bus_messages import BOOT
 from test_bus import connect
 
 from fmfts.bus.control import ControlServer
-from fmfts.bus.lock import BusError, serving_pid
+from fmfts.bus.lock import BusError, EndpointLock, serving_pid, socket_path
 from fmfts.bus.publisher import Publisher
 from fmfts_client import Client, EndpointError, Endpoints
 from fmfts_client.endpoints import for_client, for_daemon, trusted_owners
@@ -42,6 +43,18 @@ def test_second_daemon_on_an_endpoint_is_refused_by_name(publisher: Publisher, e
     assert serving_pid(endpoints.bus) == os.getpid()
     with Client("demo", endpoints) as client:
         connect(publisher, client)  # the first daemon still serves
+
+
+def test_daemon_that_starts_while_another_program_looks_is_not_refused(
+    endpoints: Endpoints, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`status` holds the lock for a moment. The moment ends when the new daemon waits."""
+    path = socket_path(endpoints.control)
+    assert path is not None
+    with path.with_name(f"{path.name}.lock").open("w") as looking:
+        fcntl.flock(looking, fcntl.LOCK_SH)
+        monkeypatch.setattr("time.sleep", lambda _: fcntl.flock(looking, fcntl.LOCK_UN))
+        EndpointLock(endpoints.control).release()
 
 
 def test_second_daemon_on_a_tcp_port_is_refused_too() -> None:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import fcntl
 import os
 import socket
+import time
 from pathlib import Path
 
 CONNECT_S = 1.0
+LOOK_S = 0.05  # `serving_pid` holds a lock for a moment
 ANOTHER_PLACE = "name another place with FMFTS_BUS (ipc:///directory or tcp://127.0.0.1:port) or [bus] endpoint"
 
 
@@ -81,15 +83,25 @@ def _take(path: Path, endpoint: str) -> int:
         descriptor = os.open(_lock_file(path), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o660)
     except OSError as error:
         raise BusError(f"cannot serve {endpoint}: {_lock_file(path)}: {error.strerror}; {ANOTHER_PLACE}") from error
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+    if not _locked(descriptor):
         pid = os.read(descriptor, 32).decode(errors="replace").strip() or "unknown"
         os.close(descriptor)
         raise BusError(
             f"another fmfts-daemon (pid {pid}) serves {endpoint}: stop it, "
             "or give this one a place of its own with FMFTS_BUS=ipc:///another/directory"
-        ) from None
+        )
     os.ftruncate(descriptor, 0)
     os.write(descriptor, f"{os.getpid()}\n".encode())
     return descriptor
+
+
+def _locked(descriptor: int) -> bool:
+    until = time.monotonic() + LOOK_S
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        except BlockingIOError:
+            if time.monotonic() >= until:
+                return False
+            time.sleep(LOOK_S / 10)
