@@ -146,12 +146,13 @@ def test_now_is_null_with_a_silent_sensor(sensor: int) -> None:
     assert (last.health, last.now) == ("degraded", None)
 
 
-def test_state_of_a_version_without_a_later_field_is_taken() -> None:
+@pytest.mark.parametrize("later", ["calm_drift", "last_blamed"])
+def test_state_of_a_version_without_a_later_field_is_taken(later: str) -> None:
     some, made, again = frames(60, tapping), ready(), ready()
     for frame in some[:40]:
         made.process(frame)
     memory = made.memory
-    again.recall(replace(memory, fields={name: value for name, value in memory.fields.items() if name != "calm_drift"}))
+    again.recall(replace(memory, fields={name: value for name, value in memory.fields.items() if name != later}))
     for frame in some[40:]:
         assert made.process(frame).now == again.process(frame).now
 

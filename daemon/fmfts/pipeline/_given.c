@@ -167,7 +167,7 @@ int fmfts_take(fmfts_pad_object *self, PyObject *args)
         !fmfts_has_size(&given->memory, sizeof(fmfts_memory), "memory") ||
         !fmfts_is_aligned(&given->response, sizeof(double)) || !view_sighting(&given->own, 1, &self->pad.own) ||
         !view_hand(self) || !fmfts_view_errors(&given->errors, self->pad.parameters->pose.sensors, &self->pad.errors) ||
-         !take_neighbours(self, neighbours) || !take_words(&self->pad.words, words) ||
+        !take_neighbours(self, neighbours) || !take_words(&self->pad.words, words) ||
         (model != Py_None && !fmfts_take_model(model, &given->model, &self->pad.network))) {
         return 0;
     }

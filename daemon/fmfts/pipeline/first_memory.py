@@ -25,8 +25,8 @@ OF_SLIP = (
     *("first_shear", "first_weight", "first_s"),
 )
 
-# And these, from before a mean residual told how far offsets drift.
-LATER = (*OF_SLIP, "further_drift", "calm_drift")
+# And these, from before a mean residual told how far offsets drift, and blamed sensors told of a motor.
+LATER = (*OF_SLIP, "further_drift", "calm_drift", "last_blamed")
 
 # The fields that are not 0, and equal for every pad.
 FIRST: dict[str, Numbers] = {
