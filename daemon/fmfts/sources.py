@@ -95,9 +95,13 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
 
             return I2c({index: on_i2c(pad) for index, pad in by_index.items()})
         case ReplaySource():
-            replayed = added(RECORDINGS, "replay")
+            lacking = f"the source 'replay' {how_to_install('recording')}"
+            try:
+                replayed = added(RECORDINGS, "replay")
+            except ModuleNotFoundError as error:  # installed with --no-deps
+                raise SourceError(f"no module {error.name}: {lacking}") from error
             if replayed is None:
-                raise SourceError(f"the source 'replay' {how_to_install('recording')}")
+                raise SourceError(lacking)
             source: Source = replayed(by_index)
             return source
         case SimulatedSource(frames_from=str()):

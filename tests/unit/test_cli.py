@@ -272,10 +272,17 @@ def test_line_that_installs_a_package_names_all_folders_that_pip_needs(package: 
     assert plain.endswith(f" ./{folder.relative_to(ROOT)}")
 
 
+@pytest.mark.parametrize("lacks", ["the package", "mcap"])
 def test_replayed_source_says_how_to_install_its_package(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    lacks: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    without(monkeypatch, "fmfts.recordings")
+    if lacks == "mcap":
+        monkeypatch.delitem(sys.modules, "fmfts_recording.source", raising=False)
+        monkeypatch.setitem(sys.modules, "mcap", None)
+        for name in [name for name in sys.modules if name.startswith(("mcap.", "fmfts_recording"))]:
+            monkeypatch.delitem(sys.modules, name)
+    else:
+        without(monkeypatch, "fmfts.recordings")
     played, config = tmp_path / "a.mcap", tmp_path / "a.toml"
     played.touch()
     config.write_text(f'[[pad]]\nname = "a"\nsource = {{ type = "replay", file = "{played}" }}\n')
