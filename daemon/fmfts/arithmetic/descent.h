@@ -7,11 +7,11 @@
 
 /* What is searched. All arrays are [unknowns].
  *
- * iterations: number of trials at most. rounding: a relative increase of χ² up to this is ignored. settled: the last
- * step is shorter than this, in the deviation of each unknown alone: a good one within the limits, another one before them. damping: the first; a step that raises χ²
- * multiplies it by damping_factor, a good one divides it; beyond most_damping the search ends. floor: is added to the
- * diagonal of the normal matrix, so that an unknown that no measurement determines stays where it is; NULL: nothing is
- * added. */
+ * iterations: number of trials at most. rounding: a relative increase of χ² up to this is ignored. settled: a search ends at a
+ * step that is shorter than this, in the deviation of each unknown alone; a step that raises χ² is measured before the limits
+ * cut it. damping: the first; a step that raises χ² multiplies it by damping_factor, a good one divides it; beyond most_damping
+ * the search ends. floor: is added to the diagonal of the normal matrix, so that an unknown that no measurement determines
+ * stays where it is; NULL: nothing is added. */
 typedef struct {
     size_t unknowns, iterations;
     double settled, rounding, damping, damping_factor, most_damping;

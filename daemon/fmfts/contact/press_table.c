@@ -51,7 +51,7 @@ static void weighted(const fmfts_press_table *table, const double *weight, const
     }
 }
 
-FMFTS_WIDE void fmfts_press_by_table(const fmfts_press_table *table, const double finger[FMFTS_FINGER], bool wanted, double *pressed)
+FMFTS_WIDE void fmfts_press_by_table(const fmfts_press_table *table, const double finger[FMFTS_FINGER], bool with_shear, double *pressed)
 {
     const fmfts_knots knots = {table->first_mm, table->spacing_mm, table->width - 3};
     double value[FMFTS_TABLE_TERMS], slope[FMFTS_TABLE_TERMS];
@@ -70,7 +70,7 @@ FMFTS_WIDE void fmfts_press_by_table(const fmfts_press_table *table, const doubl
         c.weight[k][BY_Y] = x.value[i] * y.slope[j];
         c.weight[k][LAPLACIAN] = x.value[i] * y.second[j] + x.second[i] * y.value[j];
     }
-    if (wanted) {
+    if (with_shear) {
         add_up(&c, KINDS, 0, of_force, sum);
         add_up(&c, VALUE + 1, of_force, all, sum);
     } else {
@@ -81,11 +81,11 @@ FMFTS_WIDE void fmfts_press_by_table(const fmfts_press_table *table, const doubl
     weighted(table, value, sum[BY_X], 3, by_finger);
     weighted(table, value, sum[BY_Y], 3, by_finger + 1);
     weighted(table, slope, sum[VALUE], 3, by_finger + 2);
-    for (size_t i = 0; wanted && i < poses; i++) {
+    for (size_t i = 0; with_shear && i < poses; i++) {
         by_shear[2 * i] = sum[VALUE][of_force + i];
         by_shear[2 * i + 1] = sum[VALUE][of_force + poses + i];
     }
-    if (wanted) {
+    if (with_shear) {
         weighted(table, value, sum[LAPLACIAN], 1, by_shear + 2 * poses);
     }
 }

@@ -20,8 +20,8 @@ typedef struct {
     const double *table;
 } fmfts_press_table;
 
-/* pressed: change [poses], slope [poses][3], by_shear [poses][2] and laplacian [poses], one after the other; the last two only if they are
- * `wanted`. */
-void fmfts_press_by_table(const fmfts_press_table *table, const double finger[FMFTS_FINGER], bool wanted, double *pressed);
+/* pressed: change [poses], slope [poses][3], by_shear [poses][2] and laplacian [poses], one after the other; the last
+ * two only with_shear. */
+void fmfts_press_by_table(const fmfts_press_table *table, const double finger[FMFTS_FINGER], bool with_shear, double *pressed);
 
 #endif
