@@ -34,7 +34,14 @@ def test_absent_recordings_are_named(
     assert all("is absent" in line for line in lines)
 
 
-@pytest.mark.parametrize(("name", "page"), [("waved-boards", "real.md")])
+@pytest.mark.parametrize(
+    ("name", "page"),
+    [
+        ("waved-boards", "real.md"),
+        ("unlabelled", "learned.md"),
+        pytest.param("rough-sketches", "learned.md", marks=pytest.mark.long),
+    ],
+)
 def test_page_has_the_table_that_the_command_prints(name: str, page: str) -> None:
     shows, file = RECORDINGS[name]
     needs(file)
@@ -46,7 +53,7 @@ def test_page_has_the_table_that_the_command_prints(name: str, page: str) -> Non
 
 def test_every_recording_has_its_chart_and_its_source() -> None:
     folder = Path(__file__).parents[2] / "lab/results"
-    text = (folder / "real.md").read_text()
+    text = (folder / "real.md").read_text() + (folder / "learned.md").read_text()
     for name, (_, file) in RECORDINGS.items():
         assert f"](real-{name}.svg)" in text
         assert (folder / f"real-{name}.svg").stat().st_size < 40_000

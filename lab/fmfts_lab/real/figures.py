@@ -14,6 +14,14 @@ from fmfts.pad import Array
 from fmfts_calibrate.evaluation import printed
 from fmfts_lab.real.other_day import field_presses, read, rows_of
 from fmfts_lab.real.sold_sensor import SESSIONS
+from fmfts_lab.real.unlabelled import (
+    first_session,
+    learned_from_rough,
+    left_of_sessions,
+    left_t,
+    rms_of,
+    sketches_line,
+)
 from fmfts_lab.real.untouched_hand import HandRows, coverage, judged, line_of
 from fmfts_lab.real.waved_boards import BOARDS, apart, chi_square_per_value, file_of, turned
 from fmfts_skin.calibrate.force_judge import make_route
@@ -21,6 +29,7 @@ from fmfts_skin.calibrate.force_judge import make_route
 GAUSS_UT = 100.0
 FORCE_BINS, TIMES = 8, 24
 HMC_SAMPLES_HZ = 74.5
+ROUGH_STARTS, ROWS_DRAWN = 20, 100
 ALLOWED_UNEVEN_UT = 5.0  # drift of the rest that the model of a skin allows
 
 
@@ -107,6 +116,41 @@ def waved_boards(folder: Path) -> Shown:
     gains, rotations_deg = apart(*sensitivities[:2])
     shown.lines += ["| one board | gains apart | rotations apart |", "|-" * 3 + "|"]
     shown.lines.append(f"| {BOARDS[0]} and {BOARDS[1]} | {100.0 * gains:.1f} % | {rotations_deg:.1f}° |")
+    return shown
+
+
+def unlabelled(folder: Path) -> Shown:
+    """The fields that a geometry explains which was learned from unlabelled rows."""
+    shown = Shown(
+        "A geometry learned without labels explains fields of 5 to 33 mT to 0.05 mT",
+        "rows with less left, %",
+        "left of a value, µT rms of a row",
+    )
+    shown.lines += ["| what is left of a value, rms | µT | asked | |", "|-" * 4 + "|"]
+    for one in left_of_sessions(folder):
+        shown.lines.append(f"| {' | '.join(one.cells)} |")
+        rows = np.sort(one.row_ut)[:: max(len(one.row_ut) // ROWS_DRAWN, 1)]
+        shown.curves[one.session.split(",")[0]] = np.linspace(0.0, 100.0, len(rows)), rows
+    return shown
+
+
+def rough_sketches(folder: Path) -> Shown:
+    """The same from sketches that are further off."""
+    shown = Shown(
+        f"From {ROUGH_STARTS} rough sketches: what the learned geometry leaves of the other 30 %",
+        "sketch",
+        "left of a value, µT rms",
+        points=True,
+    )
+    beginning, later = first_session(folder)
+    rough = [learned_from_rough(seed, beginning) for seed in range(ROUGH_STARTS)]
+    left_ut = np.array([np.nan if one is None else 1e6 * rms_of(left_t(one, later)) for one in rough])
+    shown.curves["sketches"] = np.arange(1.0, ROUGH_STARTS + 1.0), left_ut
+    shown.lines += [
+        "| rough sketches | right | at most, µT | called ambiguous |",
+        "|-" * 4 + "|",
+        sketches_line(left_ut),
+    ]
     return shown
 
 
@@ -198,6 +242,8 @@ def four_sensors(folder: Path) -> Shown:
 RECORDINGS: dict[str, tuple[Callable[[Path], Shown], str]] = {
     "sold-sensor": (sold_sensor, SESSIONS["first"][0]),
     "another-day": (another_day, SESSIONS["second"][0]),
+    "unlabelled": (unlabelled, SESSIONS["second"][0]),
+    "rough-sketches": (rough_sketches, SESSIONS["first"][0]),
     "waved-boards": (waved_boards, file_of(BOARDS[0])),
     "moving-hand": (moving_hand, "leaphand_nocontact_1.txt"),
     "resting-chip": (resting_chip, "sensor_fusion/hmc5883l_compass.mat"),

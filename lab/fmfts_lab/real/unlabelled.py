@@ -7,7 +7,7 @@ are.
 from __future__ import annotations
 
 import csv
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,7 @@ CLIPPED_T = 32e-3
 NOISE_T = 3e-5
 # How far a rough sketch is off it, at most: much of the 2 mm between pixels.
 ROUGH_M, ROUGH_DEG = 4e-4, 8.0
+LATER_UT, SECOND_UT = 60.0, 50.0  # asked: at most this is left of a value, rms
 FIRST_SHARE = 0.7  # of the session that the geometry is learned from
 UNTOUCHED = 60  # this many of the weakest fields of a session belong to the untouched pad
 # A first look shows: signs tell which pixel is where, and fields of 12 mT, with their ratios, of a magnet
@@ -86,11 +87,16 @@ def poses_of(learned: Learned, session: Array) -> Array:
     return np.asarray(poses[:, :6])
 
 
-def left_t(learned: Learned, session: Array) -> float:
-    """The rms of what is left of each value after the magnet's pose was solved from its row."""
+def left_t(learned: Learned, session: Array) -> Array:
+    """(K, 4, 3) what is left of each value after the magnet's pose was solved from its row; NaN where there is none."""
     deviation = np.full(session.shape[1:], NOISE_T)
     left, _ = misfits(learned.drawing, learned.fit.vector, Fields(session[0], session, deviation, deviation))
-    return float(NOISE_T * np.sqrt(np.mean(left[np.isfinite(session).reshape(left.shape)] ** 2)))
+    return np.where(np.isfinite(session), NOISE_T * left.reshape(session.shape), np.nan)
+
+
+def rms_of(left: Array) -> float:
+    """Over all values that are there."""
+    return float(np.sqrt(np.nanmean(left**2)))
 
 
 def first_session(folder: Path) -> tuple[Array, Array]:
@@ -104,6 +110,51 @@ def refined(learned: Learned, session: Array) -> Learned:
     """The geometry after unlabelled rows of another day."""
     known = replace(sketch(), sensors=learned.drawing.geometry(learned.fit.vector).sensors)
     return learn(replace(learned.drawing, pad=known), fields_of(session), starts=2)
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """What a learned geometry leaves of a session's values. row_ut (K,): of each row; empty if no geometry explains
+    them. most_ut: what was asked."""
+
+    session: str
+    rms_ut: float
+    row_ut: Array
+    most_ut: float | None
+
+    @classmethod
+    def of(cls, session: str, left: Array, most_ut: float | None) -> Left:
+        return cls(session, 1e6 * rms_of(left), 1e6 * np.sqrt(np.nanmean(left**2, axis=(1, 2))), most_ut)
+
+    @property
+    def cells(self) -> tuple[str, str, str, str]:
+        """A row of a table."""
+        asked = "–" if self.most_ut is None else f"{self.most_ut:.0f}"
+        if not len(self.row_ut):
+            return self.session, "–", asked, "refused"
+        verdict = "" if self.most_ut is None else "reached" if self.rms_ut <= self.most_ut else "missed"
+        return self.session, f"{self.rms_ut:.0f}", asked, verdict
+
+
+def left_of_sessions(folder: Path) -> list[Left]:
+    (beginning, later), second = first_session(folder), session_t("second", folder)
+    learned = learned_from(beginning)
+    own = "second day refined, by 100 of its own unlabelled rows"
+    left = [
+        Left.of("first day, the 30 % that did not teach", left_t(learned, later), LATER_UT),
+        Left.of("second day, with the first one's geometry", left_t(learned, second), None),
+    ]
+    try:
+        return [*left, Left.of(own, left_t(refined(learned, second), second), SECOND_UT)]
+    except LearnError:
+        return [*left, Left(own, np.nan, np.empty(0), SECOND_UT)]
+
+
+def sketches_line(left_ut: Array) -> str:
+    """A row of a table. left_ut (K,): of each sketch, NaN where it says that the geometry is not determined."""
+    told = left_ut[np.isfinite(left_ut)]
+    most = f"{told.max():.0f}" if len(told) else "–"
+    return f"| {len(left_ut)} | {np.sum(told <= LATER_UT)} | {most} | {len(left_ut) - len(told)} |"
 
 
 def learned_from_rough(seed: int, session: Array) -> Learned | None:
