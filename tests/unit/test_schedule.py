@@ -118,6 +118,21 @@ def test_reopened_source_is_heard_on_its_new_descriptor(two: tuple[Schedule, Pip
     assert {id(schedule.wait(soon())) for _ in range(2)} == {id(gone), id(other)}
 
 
+def test_sources_that_are_due_together_are_not_all_asked_in_each_turn(two: tuple[Schedule, Piped, Piped]) -> None:
+    """64 silent boards are due all the time: to ask each before each poll would take half of a core."""
+    schedule, *sources = two
+    for source in sources:
+        source.deadline = time.monotonic_ns()
+    schedule.review()
+    asked = [source.asked for source in sources]
+    polled = schedule.wait(soon())
+    assert polled in sources
+    assert [source.asked - before for source, before in zip(sources, asked, strict=True)] == [
+        int(source is polled) for source in sources
+    ]
+    assert {id(polled), id(schedule.wait(soon()))} == {id(source) for source in sources}
+
+
 def test_own_descriptor_is_noticed_beside_a_busy_source(two: tuple[Schedule, Piped, Piped]) -> None:
     schedule, awake, _ = two
     ours, theirs = os.pipe()

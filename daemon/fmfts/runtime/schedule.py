@@ -17,8 +17,8 @@ NEVER_NS = 1 << 62
 class Schedule:
     """Waits in `fast_loop` for everything that the daemon must react to. Sources with nothing to do cost nothing.
 
-    It asks a source for its deadline after a poll without a frame, and in each `review`; a frame only moves deadlines
-    later. So between reviews the earliest known deadline may be too early, but never too late.
+    It asks a source for its deadline after a poll without a frame, when the known deadline has come, and in each
+    `review`; a frame only moves deadlines later. So a known deadline may be too early, but never too late.
 
     called: in the last `wait`, a descriptor of `wake_for` had something to read.
     """
@@ -28,7 +28,7 @@ class Schedule:
         self._fast_loop = fast_loop
         self._source_of: dict[int, Source] = {}
         self._descriptor_of: dict[int, int] = {}  # id of a source → what is registered for it
-        self._deadline_ns = 0
+        self._due_ns = {id(source): 0 for source in sources}  # the deadline that each source told last
         self._turn = 0
         self._served_in: dict[int, int] = {}  # id of a source → the turn in which it was last returned
         self.called = False
@@ -47,40 +47,39 @@ class Schedule:
         Only one, that which has waited for the most turns: a frame that Python judges takes as long as twenty in C, and
         C goes on between two turns. The others are still readable or due in the next turn.
         """
-        ready = self._ready(until_ns)
-        if not ready:
-            return None
-        self._turn += 1
-        chosen = min(ready, key=lambda source: self._served_in.get(id(source), 0))
-        self._served_in[id(chosen)] = self._turn
-        self._fast_loop.left_waiting(source.fileno() for source in ready if source is not chosen)
-        return chosen
-
-    def _ready(self, until_ns: int) -> list[Source]:
-        readable = self._fast_loop.wait(min(until_ns, self._deadline_ns))
-        ready = [source for descriptor in readable if (source := self._source_of.get(descriptor)) is not None]
-        self.called = len(ready) < len(readable)
+        readable = self._readable(until_ns)
         now_ns = time.monotonic_ns()
-        if now_ns < self._deadline_ns:
-            return ready
-        for source in self._sources:
-            deadline_ns = source.deadline_ns()
-            if deadline_ns is not None and deadline_ns <= now_ns and source not in ready:
-                ready.append(source)
-        if len(ready) <= 1:
-            self.review()
-        return ready
+        due = [source for source in self._sources if self._due_ns[id(source)] <= now_ns and source not in readable]
+        for source in sorted(readable + due, key=lambda source: self._served_in.get(id(source), 0)):
+            if source in readable or self._asked_ns(source) <= now_ns:
+                self._turn += 1
+                self._served_in[id(source)] = self._turn
+                self._fast_loop.left_waiting(other.fileno() for other in readable if other is not source)
+                return source
+        return None
+
+    def _readable(self, until_ns: int) -> list[Source]:
+        """Sleep. Returns the sources with something to read."""
+        readable = self._fast_loop.wait(min([until_ns, *self._due_ns.values()]))
+        sources = [source for descriptor in readable if (source := self._source_of.get(descriptor)) is not None]
+        self.called = len(sources) < len(readable)
+        return sources
+
+    def _asked_ns(self, source: Source) -> int:
+        """Ask the source for its deadline."""
+        deadline_ns = source.deadline_ns()
+        self._due_ns[id(source)] = due_ns = NEVER_NS if deadline_ns is None else deadline_ns
+        return due_ns
 
     def review(self) -> None:
         """Ask all sources for their deadlines again: a request to a source may have moved its deadline."""
-        self._deadline_ns = min(
-            (d for source in self._sources if (d := source.deadline_ns()) is not None), default=NEVER_NS
-        )
+        for source in self._sources:
+            self._asked_ns(source)
 
     def served(self, source: Source, had_frames: bool = False) -> None:
         """Call it after polling a source. Its descriptor may have changed: a reopened device has another one."""
-        if not had_frames and (deadline_ns := source.deadline_ns()) is not None:
-            self._deadline_ns = min(self._deadline_ns, deadline_ns)
+        if not had_frames:
+            self._asked_ns(source)
         before, descriptor = self._descriptor_of.get(id(source)), source.fileno()
         if before == descriptor:
             return
