@@ -146,7 +146,7 @@ def test_now_is_null_with_a_silent_sensor(sensor: int) -> None:
     assert (last.health, last.now) == ("degraded", None)
 
 
-@pytest.mark.parametrize("later", ["calm_drift", "last_blamed"])
+@pytest.mark.parametrize("later", ["calm_drift", "blamed"])
 def test_state_of_a_version_without_a_later_field_is_taken(later: str) -> None:
     some, made, again = frames(60, tapping), ready(), ready()
     for frame in some[:40]:

@@ -26,7 +26,7 @@ OF_SLIP = (
 )
 
 # And these, from before a mean residual told how far offsets drift, and blamed sensors told of a motor.
-LATER = (*OF_SLIP, "further_drift", "calm_drift", "last_blamed")
+LATER = (*OF_SLIP, "further_drift", "calm_drift", "blamed")
 
 # The fields that are not 0, and equal for every pad.
 FIRST: dict[str, Numbers] = {

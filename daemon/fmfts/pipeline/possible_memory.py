@@ -21,7 +21,7 @@ def require_possible(fields: Values, sensors: int) -> None:
     mask = Range(0, 2**sensors - 1, f"set of {sensors} sensors")
     of_name = {
         "found_sensor": Range(-1, sensors - 1, f"sensor of {sensors}"),
-        **dict.fromkeys(("heard", "suspects", "searched_sensors", "last_blamed"), mask),
+        **dict.fromkeys(("heard", "suspects", "searched_sensors"), mask),
         "explained": LOOKS,
         "searched": CAUSES,
     }

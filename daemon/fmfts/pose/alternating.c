@@ -21,6 +21,8 @@
 #define OTHER_WAY 0.5
 /* After detection: frames from one spectrum to the next, and how many spectra without a line, or much noise, end it. */
 enum { LOOK_EVERY = 16, QUIET_LOOKS = 12 };
+/* Two sensors may be loose. Of a field that turns, single frames blame more within this many frames. */
+enum { MOST_LOOSE = 2, BLAMED_FRAMES = 40 };
 /* The variance follows χ², at most by a factor of MOST_RATIO in each frame, up to LARGEST_T: upwards over RISE_FRAMES,
  * and downwards over FALL_FRAMES once CALM_FRAMES passed without a rise. The phases that chips see beat with the
  * differences of their clocks: while the alternating field lasts, no calm is as long. */
@@ -88,16 +90,6 @@ static double turned(fmfts_step *step)
     return other_way && ratio > 1.0 ? ratio * ratio : 0.0;
 }
 
-void fmfts_surprise_by_blame(fmfts_step *step, int sensor)
-{
-    fmfts_pose_memory *memory = step->memory;
-    int64_t mask = (int64_t)1 << sensor;
-    /* A field that turns where the scene holds it fixed blames several sensors, too. */
-    bool may_turn = step->parameters->part[AMBIENT_COLUMN] != FMFTS_FIXED;
-    memory->surprises += may_turn && memory->last_blamed && memory->last_blamed != mask ? MOST_SURPRISE * MOST_SURPRISE : 0.0;
-    memory->last_blamed = mask;
-}
-
 static void begin(fmfts_pose_memory *memory)
 {
     memory->alternates = 1;
@@ -129,12 +121,33 @@ static bool has_line(fmfts_step *step)
     return fmfts_strongest_line(step->parameters, memory->ring_t).amplitude_t > TOLD_T;
 }
 
+void fmfts_note_blame(fmfts_pose_memory *memory, int sensor)
+{
+    memory->blamed[sensor] = BLAMED_FRAMES;
+}
+
+unsigned fmfts_blamed_within(const fmfts_pose_memory *memory, int frames)
+{
+    unsigned mask = 0;
+    for (int sensor = 0; sensor < FMFTS_SENSORS; sensor++) {
+        mask |= (unsigned)(memory->blamed[sensor] + frames >= BLAMED_FRAMES) << sensor;
+    }
+    return mask;
+}
+
+/* Where the scene holds the field fixed, a turned robot is blamed on several sensors, too. */
+static bool blames_too_many(const fmfts_step *step)
+{
+    return step->parameters->part[AMBIENT_COLUMN] != FMFTS_FIXED &&
+           fmfts_count(fmfts_blamed_within(step->memory, BLAMED_FRAMES - 1)) > MOST_LOOSE;
+}
+
 static void look_for_beginning(fmfts_step *step)
 {
     fmfts_pose_memory *memory = step->memory;
     memory->surprises += turned(step) - memory->surprises / KEPT_FRAMES;
     bool is_settled = step->parameters->part[LOG_COLUMN] != FMFTS_FREE || fmfts_knows_moment(step);
-    if (has_line(step) || (memory->surprises >= ENOUGH && is_settled)) {
+    if (has_line(step) || (memory->surprises >= ENOUGH && is_settled) || blames_too_many(step)) {
         begin(memory);
     }
 }
@@ -215,6 +228,9 @@ void fmfts_watch_alternation(fmfts_step *step)
     fmfts_pose_memory *memory = step->memory;
     if (step->parameters->at_rest == 0.0 || memory->without_news) {
         return;
+    }
+    for (int sensor = 0; sensor < FMFTS_SENSORS; sensor++) {
+        memory->blamed[sensor] -= memory->blamed[sensor] > 0;
     }
     if (memory->alternates) {
         follow(step);

@@ -44,11 +44,11 @@ static void suspect_sensors(const fmfts_attempt *attempt, const fmfts_solved *fo
     }
 }
 
-/* Whether one frame of a foreign field fits by chance without one sensor: a motor's field turns, and no two searches then suspect the
- * same one. */
+/* Whether one frame of a foreign field fits by chance without one sensor: a motor's field turns, and no two searches, or frames, in turn
+ * then suspect the same one. */
 static bool may_be_chance(const fmfts_pose_memory *memory, const suspicion *found)
 {
-    return memory->searched == FMFTS_NOT_ALONE ||
+    return memory->searched == FMFTS_NOT_ALONE || (fmfts_blamed_within(memory, 1) & ~found->sensors) ||
            (memory->searched == FMFTS_NOT_CONFIRMED && memory->searched_sensors != found->sensors);
 }
 
@@ -68,7 +68,7 @@ static void blame(const fmfts_attempt *attempt, const fmfts_solved *whole, const
         step->verdict.used[axis] = false;
     }
     step->verdict.health = FMFTS_DEGRADED;
-    fmfts_surprise_by_blame(step, sensor);
+    fmfts_note_blame(step->memory, sensor);
     fmfts_say(&step->verdict.reason, "sensor %d contradicts the others (χ² %.0f with it): left out", sensor + 1, whole->chi2);
     step->misfit = (fmfts_misfit){true, found->without_last.freedom, found->without_last.chi2, 0.0};
     fmfts_accept(step, attempt->prior, &found->without_last);

@@ -151,7 +151,7 @@ typedef enum {
     ONE(int64_t, calm_frames) /* since that variance rose */                                                           \
     MANY(double, last_surprise, FMFTS_AXES + 1)                                                                        \
     ONE(double, surprises) /* sum of recent outliers that alternate in direction */                                    \
-    ONE(int64_t, last_blamed) /* mask: the sensor that a single frame blamed last */                                   \
+    MANY(int64_t, blamed, FMFTS_SENSORS) /* frames until it is forgotten that a single frame blamed the sensor */      \
     MANY(double, last_ambient_t, 3)                                                                                    \
     MANY(double, ring_t, 3 * FMFTS_RING) /* spectrum.c: the ambient field of recent frames */                          \
     ONE(int64_t, ring_frames)                                                                                          \

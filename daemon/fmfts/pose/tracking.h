@@ -54,8 +54,11 @@ bool fmfts_fits_steadily(const fmfts_pose_parameters *parameters, const fmfts_so
 /* gate.c: whether few healthy frames fit as badly as this one. */
 bool fmfts_surprises(const fmfts_step *step);
 
-/* alternating.c: notes that a single frame blames this sensor. Several in turn are not faulty: the field alternates. */
-void fmfts_surprise_by_blame(fmfts_step *step, int sensor);
+/* alternating.c: notes that a single frame blames this sensor. */
+void fmfts_note_blame(fmfts_pose_memory *memory, int sensor);
+
+/* alternating.c: the sensors [mask] that one of the last `frames` blamed, at most 39. */
+unsigned fmfts_blamed_within(const fmfts_pose_memory *memory, int frames);
 
 /* steady_moment.c: whether each frame estimates the moment, and that of recent frames is known. */
 bool fmfts_knows_moment(const fmfts_step *step);
