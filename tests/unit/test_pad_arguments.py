@@ -168,18 +168,20 @@ def test_message_without_an_estimate_is_as_msgspec_writes_it() -> None:
 
 
 class InPython(Inference):
-    """The same network, which C does not know. failing: what the next run raises."""
+    """The same network, which C does not know. failing: what a run raises, after `whole` others."""
 
     by = "Python"
 
     def __init__(self, network: bytes, outputs: int) -> None:
         super().__init__(outputs)
         self.failing: BaseException | None = None
+        self.whole = 0
         self.answers = True
         self._network = network
 
     def run(self) -> None:
-        if self.failing is not None:
+        self.whole -= 1
+        if self.failing is not None and self.whole < 0:
             raise self.failing
         _contact.infer(self._network, self.pose, self.contact, self.jacobian)
         if not self.answers:
@@ -226,3 +228,20 @@ def test_error_of_a_model_is_raised_and_its_frame_changes_nothing() -> None:
                 in_python.answer(frame)
             model.answers = True
         assert essence(in_c.answer(frame)) == essence(in_python.answer(frame))
+
+
+def test_error_of_any_run_of_a_model_changes_nothing() -> None:
+    """The last run of a frame is that of `now`: an error there kept the frame in the memory, and no message told it."""
+    in_c, in_python, model = pipelines()
+    for number, frame in enumerate(frames(120)):
+        raised = 0
+        model.failing = KeyError("the model is odd") if number >= 100 else None
+        answer: EncodedMessage | None = None
+        while answer is None:
+            model.whole = raised
+            try:
+                answer = in_python.answer(frame)
+            except KeyError:
+                raised += 1
+        assert essence(in_c.answer(frame)) == essence(answer)
+        assert raised > 1 or number < 100

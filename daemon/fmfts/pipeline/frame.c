@@ -30,7 +30,9 @@ static bool judge(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame 
             fmfts_doubt_contact(pad, &work);                 /* something pulls, or the field jumped; contact/touch.c: is it certain */
         }
         fmfts_find_slip(pad, &work, reading);                /* slip.c; contact/slip.c, friction.c: only where asked for */
-        fmfts_find_now(pad, frame, &work, reading);          /* now.c: the contact at the time of publishing */
+        if (!fmfts_find_now(pad, frame, &work, reading)) {   /* now.c: the contact at the time of publishing */
+            return false;
+        }
     }
     fmfts_read(pad, &work, reading);                         /* reading.c: the fields of the message */
     if (!fmfts_is_finite(reading)) {

@@ -132,8 +132,9 @@ static bool is_pressed(const fmfts_pad *pad, const fmfts_memory *memory, const f
            chi2 > pad->parameters->contact.release_chi2;
 }
 
-/* The contact at time_us, into `now`; not known if the filter or the model does not give it. */
-static void tell(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_judged *judged, double time_us, fmfts_now *now)
+/* The contact at time_us, into `now`; not known if the filter or the model does not give it. False if a model that is an
+ * object answers no number: it has raised. */
+static bool tell(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_judged *judged, double time_us, fmfts_now *now)
 {
     const fmfts_parameters *parameters = pad->parameters;
     fmfts_contact_now *contact = &now->contact;
@@ -143,12 +144,15 @@ static void tell(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_judged 
     fmfts_estimate estimate;
     now->known = false;
     if (judged->over_range || memory->motion.followed < SETTLED_FRAMES || !(lead_s >= 0.0 && lead_s <= FMFTS_LONGEST_LEAD_S)) {
-        return;
+        return true;
     }
     memory->now.told_us = time_us;
-    if (!has_covariance(&memory->motion) || !ask(pad, memory, judged, &displacement, &estimate) ||
-        (touching && (estimate.over_range || estimate.refused))) {
-        return;
+    if (!has_covariance(&memory->motion)) {
+        return true;
+    }
+    bool is_answered = ask(pad, memory, judged, &displacement, &estimate) && !isnan(estimate.place[2]);
+    if (!is_answered || (touching && (estimate.over_range || estimate.refused))) {
+        return is_answered || !pad->network.evaluate;
     }
     contact->outputs = estimate.outputs;
     memcpy(contact->value, estimate.place, sizeof contact->value);
@@ -160,6 +164,7 @@ static void tell(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_judged 
     now->known = is_finite(contact);
     now->places = touching;
     now->time_us = time_us;
+    return true;
 }
 
 /* Gives the frame's samples to the filter. False if they contradict the prediction. */
@@ -187,24 +192,22 @@ static bool follow(const fmfts_pad *pad, fmfts_frame_work *work, unsigned fresh,
     return true;
 }
 
-void fmfts_find_now(const fmfts_pad *pad, const fmfts_frame *frame, fmfts_frame_work *work, fmfts_reading *reading)
+bool fmfts_find_now(const fmfts_pad *pad, const fmfts_frame *frame, fmfts_frame_work *work, fmfts_reading *reading)
 {
     const fmfts_parameters *parameters = pad->parameters;
     fmfts_memory *memory = work->memory;
     bool is_healthy = work->step.verdict.health == FMFTS_OK && parameters->pose.neighbours == 0.0 &&
                       !pad->hand.state;
     if (parameters->now.tells_now == 0.0) {
-        return;
+        return true;
     }
     if (!is_healthy || !work->has_estimate || !work->touch_is_known) {
         fmfts_forget_motion(&memory->motion);
-        return;
+        return true;
     }
     double time_us = fmfts_publish_us(parameters, frame->sequence, frame->time_us, &memory->now);
     reading->judged.known = follow(pad, work, frame->fresh, &reading->judged);
-    if (reading->judged.known) {
-        tell(pad, memory, &reading->judged, time_us, &reading->now);
-    }
+    return !reading->judged.known || tell(pad, memory, &reading->judged, time_us, &reading->now);
 }
 
 void fmfts_read_early(const fmfts_pose_parameters *parameters, unsigned gain_code, const int16_t counts[3], double field_t[3])

@@ -62,8 +62,8 @@ double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_
 void fmfts_find_slip(const fmfts_pad *pad, fmfts_frame_work *work, fmfts_reading *reading);
 
 /* now.c: the contact at the time of publishing; only for healthy frames without neighbours and without a hand that
- * moves. */
-void fmfts_find_now(const fmfts_pad *pad, const fmfts_frame *frame, fmfts_frame_work *work, fmfts_reading *reading);
+ * moves. False if the contact model raised. */
+bool fmfts_find_now(const fmfts_pad *pad, const fmfts_frame *frame, fmfts_frame_work *work, fmfts_reading *reading);
 
 /* Beyond it (a board that stalls, a chip that stopped) the newest sample is too old for the time of publishing. */
 #define FMFTS_LONGEST_LEAD_S 0.02
