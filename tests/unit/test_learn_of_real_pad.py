@@ -87,8 +87,9 @@ def made_up(folder: Path) -> None:
 def test_command_judges_a_made_up_recording(tmp_path: Path) -> None:
     made_up(tmp_path)
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in unlabelled(tmp_path).lines[2:]]
-    assert [row[3] for row in rows] == ["reached", "", "refused"]
-    assert 15.0 < float(rows[0][1]) < 45.0 < 500.0 < float(rows[1][1])
+    assert [row[3] for row in rows] == ["reached", "", "missed"]
+    first, by_first, own = (float(row[1]) for row in rows)
+    assert 15.0 < first < 45.0 < 50.0 < own < by_first
 
 
 def test_geometry_that_leaves_too_much_is_a_miss() -> None:
@@ -96,6 +97,10 @@ def test_geometry_that_leaves_too_much_is_a_miss() -> None:
     left[0, 0, 0] = np.nan
     assert Left.of("any", left, 60.0).cells == ("any", "61", "60", "missed")
     assert Left.of("any", 0.9 * left, 60.0).cells == ("any", "55", "60", "reached")
+
+
+def test_session_that_no_geometry_explains_is_refused() -> None:
+    assert Left("any", np.nan, np.empty(0), 50.0).cells == ("any", "–", "50", "refused")
 
 
 def test_line_of_sketches_counts_right_wrong_and_ambiguous_ones() -> None:

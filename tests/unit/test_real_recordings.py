@@ -39,6 +39,7 @@ def test_absent_recordings_are_named(
     [
         ("waved-boards", "real.md"),
         ("unlabelled", "learned.md"),
+        pytest.param("another-day", "real.md", marks=pytest.mark.long),
         pytest.param("rough-sketches", "learned.md", marks=pytest.mark.long),
     ],
 )

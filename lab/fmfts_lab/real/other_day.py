@@ -17,7 +17,7 @@ import numpy as np
 from fmfts.pad import Array
 from fmfts_lab.calibration.regressors import BackPropagation
 from fmfts_lab.real.sold_sensor import CLIPPED_MT, SESSIONS, written_session
-from fmfts_lab.real.unlabelled import FIRST_SHARE, learned_from, poses_of, session_t, untouched
+from fmfts_lab.real.unlabelled import FIRST_SHARE, learned_from, poses_of, refined, session_t, untouched
 from fmfts_skin.calibrate.field_fit import LOAD_SHARE
 from fmfts_skin.calibrate.force_fit import RIDGE, Presses
 from fmfts_skin.calibrate.force_judge import coverage_of, make_route
@@ -29,6 +29,8 @@ CORRECTION = LOAD_SHARE["force_n"]
 DRAWS = 40  # draws of known presses; a row states their mean
 FIRM = 0.5  # known presses are among the harder half
 KNOWN = (0, 1, 5)
+BOTH = "both of them"
+UNCLIPPED = "each by the other, no value clipped"
 NEURONS = (10,)  # the paper's network
 # Of some rows, by others: forces (K, 3) and their variance (K, 3).
 Answer = tuple[Array, Array]
@@ -47,6 +49,11 @@ class Row:
     beyond_5: float
 
     @property
+    def states_deviations(self) -> bool:
+        """The others are judged by their error on left-out eighths of the day that they learnt."""
+        return "calibrate" in self.method or self.method == BOTH
+
+    @property
     def size_n(self) -> float:
         """The rms error of the whole force."""
         return float(np.linalg.norm(self.rms_n))
@@ -63,16 +70,29 @@ def field_presses(data: ForceSet) -> Presses:
 
 
 def pose_presses(data: ForceSet, folder: Path) -> Presses:
-    """By the geometry that the unlabelled beginning of the first day determines, and by each day's own rest."""
-    days = [session_t(name, folder) for name in SESSIONS]
-    learned = learned_from(days[0][: round(FIRST_SHARE * len(days[0]))])
+    """By the geometry that unlabelled rows determine: the beginning of the first day, and for the second day its own.
+
+    Each day has its own rest.
+    """
+    first, second = (session_t(name, folder) for name in SESSIONS)
+    learned = learned_from(first[: round(FIRST_SHARE * len(first))])
     height_m = float(learned.drawing.geometry(learned.fit.vector).rest.position_m[2])
     unit = np.array([height_m / FIELD_BY_HEIGHT] * 3 + [1.0, 1.0])
     values = []
-    for day in days:
-        poses = poses_of(learned, day)[:, : len(NAMES)]
+    for own, day in ((learned, first), refined(learned, second)):
+        poses = poses_of(own, day)[:, : len(NAMES)]
         values.append((poses - np.median(poses[untouched(day)], axis=0)) / unit)
     return Presses("pose", NAMES, np.concatenate(values), PART, AXIS, data.force_n, data.session)
+
+
+def both(one: Answer, other: Answer) -> Answer:
+    """The mean of two answers by their variances. Its variance is right whatever the errors have in common: covariance
+    intersection (S. Julier, J. Uhlmann, Proc. American Control Conference 1997, 2369) with equal weights.
+    """
+    (force, variance), (other_force, other_variance) = one, other
+    weight, other_weight = 0.5 / variance, 0.5 / other_variance
+    total = weight + other_weight
+    return (weight * force + other_weight * other_force) / total, 1.0 / total
 
 
 def by_calibrate(presses: Presses, data: ForceSet) -> tuple[Answer, Answer]:
@@ -151,9 +171,11 @@ def rms(error: Array) -> Array:
 def rows_of(folder: Path) -> Iterator[Row]:
     data = read(folder)
     field = field_presses(data)
+    by_field, by_pose = by_calibrate(field, data), by_calibrate(pose_presses(data, folder), data)
     methods: dict[str, Callable[[], tuple[Answer, Answer]]] = {
-        "`calibrate`, field": lambda: by_calibrate(field, data),
-        "`calibrate`, pose": lambda: by_calibrate(pose_presses(data, folder), data),
+        "`calibrate`, field": lambda: by_field,
+        "`calibrate`, pose": lambda: by_pose,
+        BOTH: lambda: (both(by_field[0], by_pose[0]), both(by_field[1], by_pose[1])),
         "network, field": lambda: by_fit(by_network(data), field, data),
         "polynomial, field": lambda: by_fit(by_polynomial(data), field, data),
     }
@@ -164,6 +186,7 @@ def rows_of(folder: Path) -> Iterator[Row]:
             yield _row(name, f"{day} alone", None, [_of(own, rows, data)])
             for known in KNOWN:
                 yield _row(name, f"{day} by the other", known, list(_drawn(*_of(across, rows, data), known)))
+        yield _row(name, UNCLIPPED, 0, [_of(across, ~data.clipped, data)])
 
 
 def _of(answer: Answer, rows: Mask, data: ForceSet) -> tuple[Array, Array, Array]:

@@ -20,6 +20,7 @@ from fmfts_calibrate.learn.fit import Fields, misfits, solved_poses
 from fmfts_calibrate.learn.make import spread_out
 from fmfts_calibrate.learn.search import Learned, LearnError, learn, with_octupole
 from fmfts_lab.real.sold_sensor import PIXELS, SESSIONS
+from fmfts_skin.calibrate.force_fit import GAIN, ROTATION_RAD
 
 # Where a value saturates depends on the other axis; up to here it never does.
 CLIPPED_T = 32e-3
@@ -32,6 +33,16 @@ UNTOUCHED = 60  # this many of the weakest fields of a session belong to the unt
 # A first look shows: signs tell which pixel is where, and fields of 12 mT, with their ratios, of a magnet
 # some 3 mm above pixels some 2 mm apart. Nobody has measured it.
 SKETCH = Tolerance(3e-4, 3e-4, np.radians(5.0), gain=0.05, remanence=0.15, sensor_rotation_rad=0.09, cross_axis=0.01)
+
+ANOTHER_DAY = Tolerance(
+    magnet_position_m=1e-4,
+    magnet_tilt_rad=np.radians(2.0),
+    sensor_position_m=0.0,
+    gain=GAIN,
+    remanence=0.01,
+    sensor_rotation_rad=ROTATION_RAD,
+    cross_axis=SKETCH.cross_axis,
+)
 
 
 def sketch() -> Pad:
@@ -106,10 +117,22 @@ def first_session(folder: Path) -> tuple[Array, Array]:
     return session[:taught], session[taught:]
 
 
-def refined(learned: Learned, session: Array) -> Learned:
-    """The geometry after unlabelled rows of another day."""
-    known = replace(sketch(), sensors=learned.drawing.geometry(learned.fit.vector).sensors)
-    return learn(replace(learned.drawing, pad=known), fields_of(session), starts=2)
+def refined(learned: Learned, session: Array) -> tuple[Learned, Array]:
+    """The geometry after unlabelled rows of another day, and the session by the gains of the first day.
+
+    The chips stay where they are. Their gains and rotations may be others by what `calibrate` states of another day.
+    """
+    geometry = learned.drawing.geometry(learned.fit.vector)
+    magnet, rest = learned.drawing.pad.magnet, geometry.rest
+    known = replace(
+        sketch(),
+        sensors=geometry.sensors,
+        magnet=replace(magnet, remanence_t=magnet.remanence_t * float(np.exp(rest.log_moment))),
+        rest_position_m=rest.position_m,
+        rest_axis=rest.axis,
+    )
+    own = session / np.einsum("naa->na", geometry.matrix)
+    return learn(replace(learned.drawing, pad=known, tolerance=ANOTHER_DAY), fields_of(own), starts=2), own
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +168,7 @@ def left_of_sessions(folder: Path) -> list[Left]:
         Left.of("second day, with the first one's geometry", left_t(learned, second), None),
     ]
     try:
-        return [*left, Left.of(own, left_t(refined(learned, second), second), SECOND_UT)]
+        return [*left, Left.of(own, left_t(*refined(learned, second)), SECOND_UT)]
     except LearnError:
         return [*left, Left(own, np.nan, np.empty(0), SECOND_UT)]
 
