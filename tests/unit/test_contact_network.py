@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -165,15 +167,70 @@ def test_network_that_answers_otherwise_is_not_used(
     assert "is not used" in caplog.text
 
 
-def test_dead_process_gives_no_answer(monkeypatch: pytest.MonkeyPatch, pad: Pad) -> None:
-    monkeypatch.setattr(beside, "PROCESS", "import os; os.abort()  # {}")
-    with pytest.raises(ModelError, match="onnxruntime, in a process of its own, ended with -6"):
+@pytest.fixture
+def look(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[], object]], None]:
+    """Sets what the process in which onnxruntime looks at a model does instead."""
+    from fmfts.contact import session
+
+    return lambda done: monkeypatch.setattr(session, "tell", lambda content: done())
+
+
+def test_dead_process_gives_no_answer(look: Callable[[Callable[[], object]], None], pad: Pad) -> None:
+    look(lambda: os.kill(os.getpid(), signal.SIGKILL))
+    with pytest.raises(ModelError, match="onnxruntime, in a process of its own, ended with -9"):
         ContactModel.load("default", pad)
 
 
-def test_model_is_read_once_for_all_pads(monkeypatch: pytest.MonkeyPatch, pad: Pad) -> None:
+def test_process_that_hangs_is_ended(
+    look: Callable[[Callable[[], object]], None], monkeypatch: pytest.MonkeyPatch, pad: Pad
+) -> None:
+    read, write = os.pipe()
+    look(signal.pause)
+    monkeypatch.setattr(beside, "LONGEST_S", 0.1)
+    with pytest.raises(ModelError, match="onnxruntime looks at it did not end: TimeoutError"):
+        ContactModel.load("default", pad)
+    os.close(write)
+    with os.fdopen(read, "rb") as file:
+        assert file.read() == b""  # no process is left that holds it
+
+
+def test_handlers_of_the_daemon_do_not_run_in_the_other_process(
+    look: Callable[[Callable[[], object]], None], monkeypatch: pytest.MonkeyPatch, pad: Pad
+) -> None:
+    def end_both() -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+        raise ValueError("it goes on")
+
+    handled: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda *_: handled.append(os.write(write, b"!")))
+    read, write = os.pipe()
+    os.set_blocking(read, False)
+    try:
+        look(end_both)
+        with pytest.raises(ModelError, match="it goes on"):
+            ContactModel.load("default", pad)
+        with pytest.raises(BlockingIOError):
+            os.read(read, 1)
+        os.kill(os.getpid(), signal.SIGTERM)  # here they still do
+        assert handled == [1]
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        os.close(read)
+        os.close(write)
+
+
+def test_answer_does_not_need_the_exit_code(pad: Pad) -> None:
+    """Whoever starts the daemon may have SIGCHLD ignored; nobody keeps exit codes then."""
+    before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    try:
+        assert ContactModel.load("default", pad).inference.by == "compiled"
+    finally:
+        signal.signal(signal.SIGCHLD, before)
+
+
+def test_model_is_read_once_for_all_pads(look: Callable[[Callable[[], object]], None], pad: Pad) -> None:
     ContactModel.load("default", pad)
-    monkeypatch.setattr(beside, "PROCESS", "raise SystemExit(1)  # {}")
+    look(lambda: os._exit(1))
     ContactModel.load("default", pad)
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import os
+import select
+import signal
+import warnings
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, NoReturn
 
 import msgspec
 import numpy as np
@@ -14,9 +16,8 @@ from fmfts.common.reading import shortened
 from fmfts.contact.comparison import Answers
 from fmfts.contact.inference import POSE
 
-# Nothing is imported from the working directory, which `-c` puts first. Python 3.10 has no -P.
-PROCESS = "import sys; sys.path = [*filter(None, sys.path)]; from fmfts.contact import session; session.{}()"
 LONGEST_S = 30.0
+HANDLED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # must not run the daemon's handlers in the other process
 MODELS = 8  # number of models whose result is kept: each is read only once, for all pads
 
 
@@ -48,15 +49,62 @@ def tried(content: bytes) -> bytes:
 
 
 def _asked(what: Literal["tell", "try_out"], content: bytes) -> bytes:
-    command = [sys.executable, "-c", PROCESS.format(what)]
+    """Forks, as a new Python would import for 0.2 s what this one has. What is forked needs no lock of another thread:
+    it imports onnxruntime, computes, and ends."""
+    answer, (ends, held) = os.memfd_create("answer"), os.pipe()
     try:
-        ended = subprocess.run(command, input=content, capture_output=True, timeout=LONGEST_S, check=False)
-    except (OSError, subprocess.TimeoutExpired) as error:
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, HANDLED)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12: other threads may hold locks
+                child = os.fork()
+            if child == 0:
+                _look(what, content, answer)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        os.close(held)
+        ended = _ended(child, ends)
+        said = os.pread(answer, os.fstat(answer).st_size, 0)
+    except OSError as error:
         raise ValueError(f"the process in which onnxruntime looks at it did not end: {type(error).__name__}") from error
-    if ended.returncode != 0:
-        words = ended.stderr.decode(errors="replace").strip().splitlines()
-        raise ValueError(
-            shortened(words[-1]) if words else f"onnxruntime, in a process of its own, ended with {ended.returncode}"
-        )
-    answer: bytes = ended.stdout
-    return answer
+    finally:
+        os.close(answer)
+        os.close(ends)
+    if ended != 0:
+        words = said.decode(errors="replace").strip().splitlines()
+        raise ValueError(shortened(words[-1]) if words else f"onnxruntime, in a process of its own, ended with {ended}")
+    return said
+
+
+def _ended(child: int, ends: int) -> int:
+    """Its exit code, or minus its signal. `ends` is closed when it ends; TimeoutError, which is an OSError."""
+    in_time = None
+    try:
+        in_time = select.select([ends], [], [], LONGEST_S)[0]
+        if not in_time:
+            raise TimeoutError
+    finally:
+        if not in_time:
+            os.kill(child, signal.SIGKILL)
+        try:
+            _, status = os.waitpid(child, 0)
+        except ChildProcessError:  # SIGCHLD is ignored
+            status = 0
+    return os.waitstatus_to_exitcode(status)
+
+
+def _look(what: Literal["tell", "try_out"], content: bytes, answer: int) -> NoReturn:
+    """Writes the answer, or as its last line what is wrong, and ends this process. Signals wait for that."""
+    ended = 1
+    try:
+        os.dup2(answer, 2)  # what onnxruntime says when it aborts
+        from fmfts.contact import session
+
+        said = session.tell(content) if what == "tell" else session.try_out(content)
+        os.ftruncate(answer, 0)
+        os.pwrite(answer, said, 0)
+        ended = 0
+    except BaseException as error:  # noqa: BLE001  # of onnxruntime, which says so where memory is short
+        os.write(2, f"\n{(str(error).splitlines() or [type(error).__name__])[0]}".encode())
+    finally:
+        os._exit(ended)

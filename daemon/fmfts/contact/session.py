@@ -6,10 +6,7 @@ Import it only if needed: it takes 30 MB and a tenth of a second.
 from __future__ import annotations
 
 import resource
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
@@ -90,26 +87,23 @@ def _width_of(session: onnxruntime.InferenceSession) -> int:
     return int(width)
 
 
-def tell() -> None:
-    """Read a model from standard input, and write a `Told`."""
-    with _said_in_a_line():
-        _limit()
-        session = session_of(sys.stdin.buffer.read())
-        _width_of(session)
-        metadata, answers = dict(session.get_modelmeta().custom_metadata_map), b""
-        if WEIGHTS_KEY in metadata:
-            answers = _answers(session, poses_of(parse_facts(metadata)))
-        sys.stdout.buffer.write(msgspec.msgpack.encode(Told(metadata, answers)))
+def tell(content: bytes) -> bytes:
+    """A `Told` of this model."""
+    _limit()
+    session = session_of(content)
+    _width_of(session)
+    metadata, answers = dict(session.get_modelmeta().custom_metadata_map), b""
+    if WEIGHTS_KEY in metadata:
+        answers = _answers(session, poses_of(parse_facts(metadata)))
+    return msgspec.msgpack.encode(Told(metadata, answers))
 
 
-def try_out() -> None:
-    """Read a model from standard input, check its operators, evaluate a few poses, and write it: a few bytes of ONNX
-    may need any time and memory."""
-    with _said_in_a_line():
-        from fmfts.contact.operators import require_even
+def try_out(content: bytes) -> bytes:
+    """The model, after a look at its operators and a few poses: a few bytes of ONNX may need any time and memory."""
+    from fmfts.contact.operators import require_even
 
-        content = require_even(sys.stdin.buffer.read())
-    with _said_in_a_line("onnxruntime cannot evaluate it within a pad's means: "):
+    content = require_even(content)
+    try:
         _limit()
         session = session_of(content)
         _width_of(session)
@@ -120,24 +114,16 @@ def try_out() -> None:
         took_s = (time.process_time() - begun_s) / len(poses)
         if took_s > SLOWEST_S:
             raise ValueError(f"a pose takes {1e3 * took_s:.0f} ms, and may take {1e3 * SLOWEST_S:.0f} ms")
-    sys.stdout.buffer.write(content)
+    except Exception as error:  # of onnxruntime, which says so where memory is short
+        said = (str(error).splitlines() or [type(error).__name__])[0]
+        raise ValueError(f"onnxruntime cannot evaluate it within a pad's means: {said}") from error
+    return content
 
 
 def _answers(session: onnxruntime.InferenceSession, poses: Poses) -> bytes:
     """One at a time, as in the daemon: a model's cost may depend on the number of poses."""
     answers = [session.run(list(OUTPUTS), {INPUT: pose[None]}) for pose in poses]
     return b"".join(np.concatenate([contact[:, :, None], slope], axis=2).tobytes() for contact, slope in answers)
-
-
-@contextmanager
-def _said_in_a_line(before: str = "") -> Iterator[None]:
-    """Ends the process with the error as the last line of its standard error."""
-    try:
-        yield
-    except ValueError as error:
-        raise SystemExit(f"{before}{error}") from None
-    except Exception as error:  # noqa: BLE001  # of onnxruntime, which says so where memory is short
-        raise SystemExit(f"{before}{(str(error).splitlines() or [type(error).__name__])[0]}") from None
 
 
 def _limit() -> None:
