@@ -24,7 +24,7 @@ from fmfts.pipeline.creep import Creep
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.parameters import packed_errors, packed_response
 from fmfts.pipeline.words import Words, words_of
-from fmfts.pose import _alignment, _kernel
+from fmfts.pose import Aligned, _alignment, _kernel
 from fmfts.pose.alignment import Alignment
 from fmfts.pose.kernel import deviations, predict, solve_problem
 from fmfts.pose.neighbour import NeighbourView
@@ -343,17 +343,27 @@ def _of_one_frame(pipeline: PadPipeline, before: Frame, frame: Frame) -> str:
 def _fingers(random: np.random.Generator) -> None:
     from several_world import fingers_of, measured_of, models_of
 
+    from fmfts.several.count import CounterMemory
     from fmfts.several.fit import Fitter
     from fmfts.several.free_poses import free_poses
     from fmfts.several.poses import poses_of
-    from fmfts.several.resultant import resultant_deviation
+    from fmfts.several.reading import FingersMemory
+    from fmfts.several.recovery import Recovery
+    from fmfts.several.since_rest import CONSTANT, SinceRest
     from fmfts.several.valley import valley_variance
+    from fmfts_calibrate.resultant import resultant_deviation
 
     none = np.zeros(3)
     for sizes in ((4, 8, 48, 15, 1), (1, 2, 1, 4, 3), (9, 16, 96, 12, 8)):
         fitter = Fitter(models_of(1, *sizes))
         mounting, response = fitter.model.mounting, fitter.model.response
         mounting.magnets.changed(np.zeros(5 * sizes[0]), mounting.frames)
+        each = np.ones((sizes[1], 3))
+        since = SinceRest(fitter.model.pad, mounting, np.inf * each, CONSTANT)
+        memory = FingersMemory(CounterMemory(), Recovery(np.zeros(each.size)))
+        since.begin(None, memory, 0.01)
+        aligned = Aligned(each, np.ones((sizes[1], 1)), 0.0 * each, 0, np.zeros(each.shape, dtype=np.int64))
+        since.measured(aligned, (), memory, np.zeros(each.size))
         for count in (1, 2):
             fingers = fingers_of(random, count)
             measured = measured_of(random, fitter.model, fingers)
@@ -364,7 +374,7 @@ def _fingers(random: np.random.Generator) -> None:
             response.pressed_alone(*fingers.T)
             fitter.best_single(root, measured)
             fitter.best_pairs(root, measured, 3)
-            fitter.another(root, fit, measured)
+            fitter.another(root, fingers, measured)
             unsure = replace(fit, covariance=np.eye(3 * count))
             valley_variance(fitter, unsure, measured, np.full(3, 1e-5))
             poses_of(fitter, fit, measured, none)

@@ -9,8 +9,8 @@ from fmfts.pad import Array
 from fmfts.several.count import resultant
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.hidden import HALF_GAIN, MOST, hidden_variance
-from fmfts.several.resultant import resultant_deviation
 from fmfts.several.scan import Another
+from fmfts_calibrate.resultant import resultant_deviation
 from fmfts_lab.bench.several_world import BUILT, WITHIN_MM, Press, World, estimator_of, read_once, two_places, worlds
 
 FINGER = np.array([2.0, 1.0, 1.5])

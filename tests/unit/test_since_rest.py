@@ -21,24 +21,25 @@ def test_change_and_variance_follow_their_equation(with_others: bool) -> None:
     field[~wanted], bend[2, 1] = np.nan, np.nan
     change, variance, left = np.empty(24), np.empty(24), recent.copy()
     others = (foreign, now) if with_others else (None, None)
-    at_rest = gain, offset, noise, rest, np.full((8, 3), np.inf)
-    repeats = np.zeros((8, 3), dtype=np.int64)
-    out = left, change, variance, share, repeats, there
-    _several.since_rest(field, bend, *at_rest, *out, *others, 0.98, 0.1, 1.25)
+    at_rest = np.array([gain, offset, noise, rest, np.full((8, 3), np.inf)])
+    samples, factors = (field, bend, share, np.zeros((8, 3), dtype=np.int64)), np.array([0.98, 0.1, 1.25])
+    _several.since_rest(at_rest, factors, *samples, left, change, variance, there, *others)
     own = np.where(wanted, field, 0.0) / gain - offset - (foreign.reshape(8, 3) if with_others else 0.0)
-    crept = 0.1 * np.maximum(recent / 1.25 - (np.abs(now) if with_others else 0.0), 0.0)
+    presses = np.abs(now) if with_others else np.zeros(24)
+    most = np.maximum(recent, presses) / 1.25
+    crept = 0.1 * np.maximum(most - presses, 0.0)
     expected = np.square(noise * share / gain) + np.square(np.nan_to_num(bend))
     np.testing.assert_allclose(change, (own / 0.98 - rest).ravel(), rtol=1e-14, atol=1e-15)
     np.testing.assert_allclose(variance, expected.ravel() + np.square(crept), rtol=1e-14)
-    np.testing.assert_allclose(left, recent / 1.25, rtol=1e-15)
+    np.testing.assert_allclose(left, most, rtol=1e-15)
     np.testing.assert_array_equal(there, wanted.ravel())
 
 
 def rested(field: Array, repeats: NDArray[np.int64], bend: Array) -> tuple[NDArray[np.bool_], bool]:
     """Which values there are, and whether the field jumped. An axis may repeat a value five times."""
     one, there, room = np.ones((2, 3)), np.empty(6, dtype=np.bool_), np.empty((3, 6))
-    others = one, one, one, one, np.full((2, 3), 5.0), *room, np.ones((2, 1)), repeats, there
-    jumped = _several.since_rest(field, bend, *others, None, None, 1.0, 0.1, 1.0)
+    at_rest, samples = np.array([one, one, one, one, 5.0 * one]), (field, bend, np.ones((2, 1)), repeats)
+    jumped = _several.since_rest(at_rest, np.array([1.0, 0.1, 1.0]), *samples, *room, there, None, None)
     return there.reshape(2, 3), jumped
 
 
@@ -47,7 +48,7 @@ def test_value_is_there_if_finite_and_not_stuck() -> None:
     assert rested(field, repeats, straight)[0].all()
     field[0, 1], repeats[1, 2], repeats[1, 0] = np.nan, 6, 5
     assert rested(field, repeats, straight)[0].tolist() == [[True, False, True], [True, True, False]]
-    with pytest.raises(ValueError, match="array 1 has 72 bytes, 6 doubles"):
+    with pytest.raises(ValueError, match="array 3 has 72 bytes, 6 doubles"):
         rested(field, repeats, np.zeros((3, 3)))
 
 

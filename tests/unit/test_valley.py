@@ -6,7 +6,7 @@ import numpy as np
 
 from fmfts.pipeline.several_frames import SeveralFrames
 from fmfts.several.count import resultant
-from fmfts.several.resultant import deviation_of, deviation_of_each, resultant_deviation
+from fmfts_calibrate.resultant import deviation_of, deviation_of_each, resultant_deviation
 from fmfts_lab.bench.several_world import BUILT, EXACT, Press, estimator_of, read_once, world
 
 # On the 49th of the pads that `bench several --above` builds: wrong by more than five deviations of the parabola.

@@ -6,7 +6,7 @@
 
 #include "aligned.h"
 
-enum { FMFTS_MOST_ARRAYS = 17 };
+enum { FMFTS_MOST_ARRAYS = 32 };
 
 /* Defines fmfts_py_NAME for a table of methods. Its body takes `args` into the arrays b, which are released after it. */
 #define FMFTS_FUNCTION(name)                                                                                           \

@@ -150,7 +150,7 @@ PyObject *fmfts_pad_tell(PyObject *object, PyObject *args)
     int more, has_now;
     judged j;
     arrays given = {.fits = true};
-    if (!PyArg_ParseTuple(args, "ssdppOOi(dd)OO", &health, &reason, &temperature_c, &more, &has_now, &j.mounted, &j.used, &j.contact,
+    if (!PyArg_ParseTuple(args, "ssdpOOpi(dd)OO", &health, &reason, &temperature_c, &has_now, &j.mounted, &j.used, &more, &j.contact,
                           &j.displacement_m, &j.displacement_sd_m, &j.fingers, &j.magnets) ||
         !fmfts_still_fits(self)) {
         return NULL;

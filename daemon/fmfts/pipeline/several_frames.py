@@ -108,19 +108,15 @@ class SeveralFrames:
         if self._posture_unknown and health in ("ok", "degraded", "disturbed", "lost"):
             health = "degraded" if health == "ok" else health
             reason = "; ".join(filter(None, (reason, self._posture_unknown)))
-        told = several_told(reading, self._estimator)
+        told = several_told(reading, self._estimator)  # in the order of Pad.tell
         payload = self.compiled.tell(
             health,
             reason,
             math.nan if temperature_c is None else temperature_c,
-            told.more,
             has_now,
             self._mounted,
             reading.used,
-            told.contact,
-            told.displacement,
-            told.fingers,
-            told.magnets,
+            *told,
         )
         return EncodedMessage.of(payload, self.compiled)
 

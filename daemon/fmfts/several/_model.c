@@ -43,22 +43,6 @@ FMFTS_FUNCTION(predict)
     return PyBool_FromLong(finite);
 }
 
-/* field(model, work, fingers, field): the field of predict() alone. */
-FMFTS_FUNCTION(field)
-{
-    enum { FINGERS = FIRST, FIELD, ALL };
-    call c = {.buffer = b};
-    if (!take(&c, args, FIELD, ALL) || !understood(&c, FINGERS) || !has_doubles(&c, FIELD, c.model.values)) {
-        return NULL;
-    }
-    bool finite = fmfts_finite(FMFTS_FINGER * c.fingers, array(&c, FINGERS));
-    if (finite) {
-        int own = fmfts_predict_in(&c.model, fingers(&c, FINGERS), c.work);
-        memcpy(array(&c, FIELD), c.work->predicted[own].field, c.model.values * sizeof(double));
-    }
-    return PyBool_FromLong(finite);
-}
-
 /* ahead(model, work, finger, change, noise, misfit, slope, ambient, rest, there, numbers, ahead, by_finger): there: the same array as
  * finger where it has not moved; numbers: moment and light_n. */
 FMFTS_FUNCTION(ahead)

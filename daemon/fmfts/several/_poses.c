@@ -2,20 +2,18 @@
 #include "_arrays.h"
 
 /* poses(model, work, unfelt, fingers, fingers_covariance, misfit, variance, foreign, used, ambient, change, position, axis,
- * pose_variance, moves, told, by_finger) */
+ * pose_variance, pose_covariance): the last is empty where it is not asked for. */
 FMFTS_FUNCTION(poses)
 {
-    enum { UNFELT = FIRST, FINGERS, COVARIANCE, MISFIT, OF_FIELD, FOREIGN, USED, AMBIENT, CHANGE, POSITION, AXIS, VARIANCE, MOVES,
-           TOLD, BY_FINGER, ALL };
-    _Static_assert((int)ALL <= (int)FMFTS_MOST_ARRAYS, "more arrays than one call takes");
+    enum { UNFELT = FIRST, FINGERS, COVARIANCE, MISFIT, OF_FIELD, CHANGE = OF_FIELD + 4, POSITION, AXIS, VARIANCE, OF_POSES, ALL };
     call c = {.buffer = b};
     fmfts_measured measured;
     if (!take(&c, args, CHANGE, ALL) || !understood(&c, FINGERS)) {
         return NULL;
     }
     const size_t unknowns = FMFTS_FINGER * c.fingers, numbers = c.model.poses, places = 3 * c.model.magnets;
-    const size_t moves = 2 * numbers + unknowns + 2 * c.model.magnets, told_doubles = numbers * used(&c, USED);
-    const size_t found[] = {numbers, places, places, numbers, numbers * moves, told_doubles, numbers * unknowns};
+    const size_t covariances = c.buffer[OF_POSES].len ? numbers * numbers : 0;
+    const size_t found[] = {numbers, places, places, numbers, covariances};
     if (!has_doubles(&c, UNFELT, FMFTS_POSE_CHANGE) || !has_doubles(&c, COVARIANCE, unknowns * unknowns) ||
         !has_doubles(&c, MISFIT, c.model.values) || !measures(&c, OF_FIELD, &measured) ||
         !have_doubles(&c, CHANGE, found, ALL - CHANGE)) {
@@ -27,9 +25,7 @@ FMFTS_FUNCTION(poses)
         .position = array(&c, POSITION),
         .axis = array(&c, AXIS),
         .variance = array(&c, VARIANCE),
-        .moves = array(&c, MOVES),
-        .told = array(&c, TOLD),
-        .by_finger = array(&c, BY_FINGER),
+        .covariance = covariances ? array(&c, OF_POSES) : NULL,
     };
     return told(fmfts_poses_of(&c.model, array(&c, UNFELT), &fitted, &measured, c.work, &poses), 0.0);
 }

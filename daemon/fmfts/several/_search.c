@@ -1,6 +1,8 @@
 /* The search for fingers for Python: fit.py and scan.py call it, and make the arrays. */
 #include "_arrays.h"
 
+#include "ordinary.h"
+
 #include <string.h>
 
 static bool searches(const call *c, int which, size_t values, fmfts_search *search)
@@ -17,36 +19,71 @@ static bool searches(const call *c, int which, size_t values, fmfts_search *sear
     return false;
 }
 
+enum { FIT_ARRAYS = 8 };
+
+/* The arrays of a Fit, from `first` on. False with an exception if they have another size than so many fingers need. */
+static bool has_fit(const call *c, int first, fmfts_found *found)
+{
+    const size_t values = c->model.values, unknowns = FMFTS_FINGER * c->fingers, shears = 2 * c->fingers;
+    const size_t doubles[FIT_ARRAYS] = {unknowns, unknowns * unknowns, values, 3, shears, shears, values, values * unknowns};
+    double **const part[FIT_ARRAYS] = {&found->fingers, &found->covariance,        &found->misfit_t, &found->ambient_t,
+                                       &found->shear_n, &found->shear_deviation_n, &found->noise_t,  &found->slope_t};
+    for (int i = 0; i < FIT_ARRAYS; i++) {
+        *part[i] = array(c, first + i);
+    }
+    return have_doubles(c, first, doubles, FIT_ARRAYS);
+}
+
 /* fit(model, work, search, start, field, variance, foreign, used, ambient, fingers, covariance, misfit, ambient, shear,
- * shear_deviation, noise, slope): with Fit's flags. */
+ * shear_deviation, noise, slope): with Fit's flags, and how many values there are. */
 FMFTS_FUNCTION(fit)
 {
-    enum { SEARCH = FIRST, START, FIELD, FINGERS = FIELD + 5, COVARIANCE, MISFIT, AMBIENT, SHEAR, SHEAR_DEVIATION, NOISE, SLOPE, ALL };
+    enum { SEARCH = FIRST, START, FIELD, FOUND = FIELD + 5, ALL = FOUND + FIT_ARRAYS };
     _Static_assert((int)ALL <= (int)FMFTS_MOST_ARRAYS, "more arrays than one call takes");
     call c = {.buffer = b};
     fmfts_search search;
     fmfts_measured measured;
-    if (!take(&c, args, FINGERS, ALL) || !understood(&c, START)) {
+    fmfts_found found;
+    if (!take(&c, args, FOUND, ALL) || !understood(&c, START) || !searches(&c, SEARCH, c.model.values, &search) ||
+        !measures_field(&c, FIELD, &measured) || !has_fit(&c, FOUND, &found)) {
         return NULL;
     }
-    const size_t values = c.model.values, unknowns = FMFTS_FINGER * c.fingers, shears = 2 * c.fingers;
-    const size_t found_doubles[] = {unknowns, unknowns * unknowns, values, 3, shears, shears, values, values * unknowns};
-    if (!searches(&c, SEARCH, values, &search) || !measures_field(&c, FIELD, &measured) ||
-        !have_doubles(&c, FINGERS, found_doubles, ALL - FINGERS)) {
-        return NULL;
-    }
-    fmfts_found found = {
-        .fingers = array(&c, FINGERS),
-        .covariance = array(&c, COVARIANCE),
-        .misfit_t = array(&c, MISFIT),
-        .ambient_t = array(&c, AMBIENT),
-        .shear_n = array(&c, SHEAR),
-        .shear_deviation_n = array(&c, SHEAR_DEVIATION),
-        .noise_t = array(&c, NOISE),
-        .slope_t = array(&c, SLOPE),
-    };
     fmfts_refusal refusal = fmfts_several_fit(&c.model, &search, fingers(&c, START), &measured, c.work, &found);
-    return Py_BuildValue("Ni", told(refusal, found.chi2), found.flags);
+    return Py_BuildValue("Nin", told(refusal, found.chi2), found.flags, (Py_ssize_t)c.work->used);
+}
+
+/* ordinary(model, work, search, limits, rest, factors, field, bend, share, repeats, start, around, recent, change, variance, there,
+ * the eight arrays of a fit, pose_change, position, axis, pose_variance, least): χ², Fit's flags, how many fingers a valley makes
+ * uncertain, and what fmfts_ordinary has. */
+FMFTS_FUNCTION(ordinary)
+{
+    enum { SEARCH = FIRST, LIMITS, REST, FACTORS, FIELD, BEND, SHARE, REPEATS, START, AROUND, RECENT, CHANGE, VARIANCE, THERE, FIT,
+           POSE_CHANGE = FIT + FIT_ARRAYS, POSITION, AXIS, POSE_VARIANCE, LEAST, ALL };
+    _Static_assert((int)ALL <= (int)FMFTS_MOST_ARRAYS, "more arrays than one call takes");
+    call c = {.buffer = b};
+    fmfts_search search;
+    fmfts_ordinary found;
+    if (!take(&c, args, RECENT, ALL) || !understood(&c, START)) {
+        return NULL;
+    }
+    if (c.fingers > FMFTS_ORDINARY_FINGERS) {
+        return PyErr_Format(PyExc_ValueError, "%zu fingers, at most %d", c.fingers, FMFTS_ORDINARY_FINGERS);
+    }
+    const size_t values = c.model.values, poses = c.model.poses, places = 3 * c.model.magnets, least = FMFTS_FINGER * (1 + c.fingers);
+    if (!searches(&c, SEARCH, values, &search) || !has(&c, LIMITS, sizeof(fmfts_ordinary_limits)) ||
+        !have_doubles(&c, REST, (size_t[]){5 * values, 3, values, values, values / 3, values}, START - REST) || !has_doubles(&c, AROUND, 3) ||
+        !have_doubles(&c, RECENT, (size_t[]){values, values, values}, THERE - RECENT) || !has(&c, THERE, values) ||
+        !has_fit(&c, FIT, &found.fit) || !have_doubles(&c, POSE_CHANGE, (size_t[]){poses, places, places, poses, least}, ALL - POSE_CHANGE)) {
+        return NULL;
+    }
+    fmfts_rest_samples samples = rest_samples(values, &c.buffer[REST]);
+    const fmfts_rest_change change = {array(&c, RECENT), array(&c, CHANGE), array(&c, VARIANCE), c.buffer[THERE].buf};
+    const fmfts_fitter fitter = {&c.model, &search, c.work};
+    found.valley = (fmfts_valley_found){0, array(&c, LEAST)};
+    found.poses = (fmfts_poses){array(&c, POSE_CHANGE), array(&c, POSITION), array(&c, AXIS), array(&c, POSE_VARIANCE), NULL};
+    fmfts_read_ordinary(&fitter, c.buffer[LIMITS].buf, fingers(&c, START), &samples, &change, array(&c, AROUND), &found);
+    return Py_BuildValue("dinNNN", found.fit.chi2, found.fit.flags, (Py_ssize_t)found.valley.ways,
+                         PyBool_FromLong(found.has_jumped), PyBool_FromLong(found.has_fit), PyBool_FromLong(found.is_ordinary));
 }
 
 /* whitener(model, work, fingers, variance, foreign, used, ambient, root) */

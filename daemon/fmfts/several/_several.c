@@ -5,19 +5,19 @@
 
 static PyMethodDef methods[] = {
     FMFTS_METHOD(predict, "What fingers do to the field; see field_model.py."),
-    FMFTS_METHOD(field, "The field alone; see field_model.py."),
     FMFTS_METHOD(ahead, "The linear field of a finger that is followed; see ahead.c."),
     FMFTS_METHOD(covariance, "How wrong that may be; see field_model.py."),
     FMFTS_METHOD(poses, "Where the magnets of a frame are; see poses.py."),
     FMFTS_METHOD(free_poses, "The same by the field alone; see free_poses.py."),
     FMFTS_METHOD(fit, "The most likely fingers; see fit.py."),
+    FMFTS_METHOD(ordinary, "A frame that the fingers of the last one explain; see ordinary.py."),
     FMFTS_METHOD(whitener, "The root of a covariance; see fit.py."),
     FMFTS_METHOD(chi2_with, "Chi-square under another covariance; see fit.py."),
     FMFTS_METHOD(valley, "What a valley of chi-square leaves of deviations; see valley.py."),
     FMFTS_METHOD(best_single, "The best finger of the grid; see scan.py."),
     FMFTS_METHOD(best_pairs, "The best pairs of the grid; see scan.py."),
     FMFTS_METHOD(another, "One more finger at each place of the grid; see scan.py."),
-    FMFTS_METHOD(resultant, "What several fingers press with together; see resultant.py."),
+    FMFTS_METHOD(resultant, "What several fingers press with together; see resultant.c."),
     FMFTS_METHOD(since_rest, "How the magnets' field has changed; see since_rest.py."),
     {NULL, NULL, 0, NULL},
 };

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import inf
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -59,12 +60,21 @@ class CounterMemory:
         """(count, 3)."""
         return self.places[: self.count]
 
-    def put(self, fingers: Array, ids: Sequence[int]) -> None:
-        """In other arrays, so that copies keep theirs."""
+    @property
+    def known(self) -> list[int]:
+        """The ids of its fingers."""
+        ids: list[int] = self.ids[: self.count].tolist()
+        return ids
+
+    def put(self, fingers: Array, ids: Sequence[int], before: Sequence[int]) -> None:
+        """In other arrays, so that copies keep theirs. before: the ids that it has."""
         self.count = len(fingers)
         if self.count:
-            self.places, self.ids = self.places.copy(), self.ids.copy()
-            self.places[: self.count], self.ids[: self.count] = fingers, ids
+            self.places = self.places.copy()
+            self.places[: self.count] = fingers
+        if self.count and ids != before:
+            self.ids = self.ids.copy()
+            self.ids[: self.count] = ids
 
     def copy(self) -> CounterMemory:
         return CounterMemory(self.count, self.places, self.ids, self.next_id, self.doubtful_frames)
@@ -85,6 +95,8 @@ class FingerCounter:
         self._fitter = fitter
         per_frame = false_contacts_per_hour / (3600.0 * rate_hz)
         self._first_gain = quantile(min(per_frame / PLACES, 0.01), FINGER)
+        # With so many fingers, it looks for no other one in a frame of a smaller χ².
+        self.searched_from = self._first_gain, SECOND_GAIN, inf
         self.memory = CounterMemory()
 
     def forget(self) -> None:
@@ -98,13 +110,15 @@ class FingerCounter:
         size = fitter.sizes(fitter.whitener(nobody, quiet, np.zeros(3)), quiet)
         return float(GRID_FORCE_N * np.sqrt(self._first_gain / size.min()))
 
-    def update(self, measured: Measured, ambient_t: Array, may_search: bool = True) -> Counted:
+    def update(self, measured: Measured, ambient_t: Array, may_search: bool = True, fit: Fit | None = None) -> Counted:
         """The fingers of the next frame. SingularError where the values determine nothing.
 
-        may_search: it may search for a second finger, which takes ten times as long as the rest.
+        may_search: it may search for a second finger, which takes ten times as long as the rest. fit: of the fingers of
+        before, where it is known.
         """
         memory = self.memory
-        fit, ids = self._fitter.fit(memory.fingers, measured, ambient_t), memory.ids[: memory.count].tolist()
+        fit = self._fitter.fit(memory.fingers, measured, ambient_t) if fit is None else fit
+        before = ids = memory.known
         # Another finger lowers χ² by at most all of it.
         nobody, one = not ids, len(ids) == 1
         if nobody and fit.chi2 > self._first_gain and (found := self._first(fit, measured, ambient_t)) is not None:
@@ -115,7 +129,7 @@ class FingerCounter:
             if may_search and (pair := self._second(fit, measured, ambient_t)) is not None:
                 fit, ids, memory.doubtful_frames = pair, self._split(fit, pair, ids[0]), 0
         fit, ids = self._fewer(fit, ids, measured, ambient_t)
-        memory.put(fit.fingers, ids)
+        memory.put(fit.fingers, ids, before)
         return Counted(fit, tuple(ids), search)
 
     def appears(self, measured: Measured, ambient_t: Array) -> Fit | None:
@@ -130,7 +144,7 @@ class FingerCounter:
 
     def _second(self, before: Fit, measured: Measured, ambient_t: Array) -> Fit | None:
         root = self._fitter.whitener(before.fingers, measured, ambient_t)
-        starts = self._fitter.best_seconds(root, before, measured) + self._fitter.best_pairs(root, measured)
+        starts = self._fitter.best_seconds(root, before.fingers, measured) + self._fitter.best_pairs(root, measured)
         found = [self._fitter.fit(pair, measured, ambient_t) for pair in starts]
         found = [one for one in found if are_two(one.fingers)]
         if not found:

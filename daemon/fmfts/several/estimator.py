@@ -19,10 +19,11 @@ from fmfts.pose.state import Neighbour
 from fmfts.several import reasons, searches
 from fmfts.several.count import MOST_FINGERS, RELEASE_FRAMES, CounterMemory, FingerCounter, Search
 from fmfts.several.field_model import FINGER, FieldModel
-from fmfts.several.fit import BEYOND, UNDETERMINED, Fit, Fitter, Measured
+from fmfts.several.fit import BEYOND, UNDETERMINED, Fit, Fitter, Measured, limit
 from fmfts.several.free_poses import FreePoses, free_poses, is_explained
 from fmfts.several.hidden import hidden_variance
-from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, is_odd, limit, note_agreement, odd_sensor
+from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, is_odd, note_agreement, odd_sensor
+from fmfts.several.ordinary import Ordinary, OrdinaryReader
 from fmfts.several.poses import UNFELT, Poses, poses_of
 from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
@@ -64,6 +65,10 @@ class FingersEstimator:
         self._longest_gap_s = max(LONGEST_GAP_S, (RELEASE_FRAMES + 0.5) / rate_hz)
         self.fitter = Fitter(model)
         self._counter = FingerCounter(self.fitter, rate_hz)
+        healthy = enumerate((UNEXPLAINED, EXPLAINED_WELL, SUSPICIOUS))  # with no finger, one, or two
+        limits = [limit(share, mounting.gain.size, fingers) for fingers, share in healthy]
+        most_chi2 = np.minimum(limits, self._counter.searched_from)
+        self._ordinary = OrdinaryReader(self.fitter, self._since_rest, most_chi2)
         self._cold = FingerCounter(self.fitter, rate_hz)
         self.memory = FingersMemory(self._counter.memory, Recovery(np.zeros(mounting.gain.size)), last_c=warmth.rest_c)
         self._unfelt_variance = np.tile(square(UNFELT), (len(mounting.magnets), 1))
@@ -83,8 +88,8 @@ class FingersEstimator:
         fit = reading.fit
         if fit is None or reading.measured is None or not len(fit.fingers):
             return self.mounting.magnets, self._unfelt_variance
-        poses = self._poses_of(reading, fit, reading.measured)
-        return poses.magnets, poses.variance.reshape(-1, CHANGE)
+        poses = reading.poses or self._poses_of(reading, fit, reading.measured, False)
+        return poses.magnets, poses.variance
 
     def recall(self, memory: FingersMemory) -> None:
         """Go on from the memory of another estimator of the same pad, baseline and scene."""
@@ -98,15 +103,15 @@ class FingersEstimator:
         """The magnets in the last frame, and the covariance (6M, 6M) of a step from there; None if not known."""
         poses: Poses | FreePoses | None = reading.free
         if reading.fit is not None and reading.measured is not None and not reading.over_range:
-            poses = self._poses_of(reading, reading.fit, reading.measured)
+            poses = self._poses_of(reading, reading.fit, reading.measured, True)
         if poses is None:
             return None
         return sighted(self.mounting, poses, self._since_rest.moment, self.scene.moment)
 
-    def _poses_of(self, reading: FingersReading, fit: Fit, measured: Measured) -> Poses:
-        """Computed once a frame, for its message and for neighbouring pads."""
+    def _poses_of(self, reading: FingersReading, fit: Fit, measured: Measured, for_neighbours: bool) -> Poses:
+        """Computed once a frame: for neighbouring pads, which need its covariance, before its message."""
         if self._poses is None or self._poses[0] is not reading:
-            self._poses = reading, poses_of(self.fitter, fit, measured, self._since_rest.around_t)
+            self._poses = reading, poses_of(self.fitter, fit, measured, self._since_rest.around_t, for_neighbours)
         return self._poses[1]
 
     def read(
@@ -122,43 +127,66 @@ class FingersEstimator:
         memory = self.memory
         elapsed_s = begun(aligned, memory, self._longest_gap_s, self._counter.forget)
         memory.recovery.pass_time(elapsed_s, pressed=memory.counter.count > 0)
-        now_t = self.fitter.model.field_of(memory.counter.fingers) if memory.counter.count else None
-        measured, jumped = self._since_rest.measured(aligned, temperature_c, neighbours, memory, elapsed_s, now_t)
-        there = measured.used.reshape(-1, 3)
-        left_out, used = memory.left_out, there.copy()
-        if left_out >= 0:
-            used[left_out] = False
+        self._since_rest.begin(temperature_c, memory, elapsed_s)
+        fingers, fit = memory.counter.fingers, None
+        if memory.is_calm and aligned.foreign_t2 is None and not neighbours:
+            ordinary = self._ordinary.read(aligned, fingers, memory.recovery.recent_t)
+            measured, jumped, fit = ordinary.measured, ordinary.has_jumped, ordinary.fit
+            if ordinary.is_ordinary and fit is not None:
+                return trusted(self._as_before(ordinary, fit), memory, jumped)
+        else:
+            now_t = self.fitter.model.predict(fingers).field_t if len(fingers) else None
+            measured, jumped = self._since_rest.measured(aligned, neighbours, memory, now_t)
+        used = there = measured.used.reshape(-1, 3)
+        if memory.left_out >= 0:
+            used = there.copy()
+            used[memory.left_out] = False
         if np.count_nonzero(used) < FEWEST_VALUES:
             self._counter.forget()
             return FingersReading("lost", reasons.too_few(missing, used), used)
         try:
-            reading = self._judged(measured, used, there, missing, may_search)
+            reading = self._judged(measured, used, there, missing, may_search, fit)
         except SingularError:
             self._counter.forget()
             return FingersReading("lost", reasons.UNDETERMINED, used)
         return trusted(reading, memory, jumped)
 
+    def _as_before(self, ordinary: Ordinary, fit: Fit) -> FingersReading:
+        """The same fingers press as in the last frame."""
+        memory, measured, ids = self.memory, ordinary.measured, self.memory.counter.known
+        memory.counter.put(fit.fingers, ids, ids)
+        memory.counter.doubtful_frames, memory.ambient_t = 0, fit.ambient_t
+        used, least, poses = measured.used.reshape(-1, 3), ordinary.least, ordinary.poses
+        return FingersReading("ok", "", used, fit, tuple(ids), False, False, measured, least, "none", None, poses)
+
     def _judged(
-        self, measured: Measured, used: Mask, there: Mask, missing: Mapping[int, str], may_search: bool
+        self,
+        measured: Measured,
+        used: Mask,
+        there: Mask,
+        missing: Mapping[int, str],
+        may_search: bool,
+        before_fit: Fit | None,
     ) -> FingersReading:
+        """before_fit: of the fingers of the last frame, where it is known."""
         memory = self.memory
         # A search takes long, and steel that lies beside the pad would make it each frame.
         is_searched, number = searches.is_searched(memory.unexplained), searches.number_of(memory.unexplained)
         if not (is_searched or memory.more):
             nobody = self.fitter.fit(np.zeros((0, FINGER)), measured.only(used), self._since_rest.around_t)
-            if nobody.chi2 > limit(UNEXPLAINED, used, nobody):
+            if nobody.chi2 > nobody.limit(UNEXPLAINED):
                 reading = self._unexplained(nobody, self._free_poses(measured, used), used)
                 return reading if reading.free is None else reading._replace(reason=reasons.NOT_SEARCHED_PRESS)
         before = memory.counter.copy()
         for_finger = may_search and (number % 2 == 0 or not is_searched)
         seen = measured.only(used)
-        counted = self._counter.update(seen, self._since_rest.around_t, for_finger)
-        fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
+        counted = self._counter.update(seen, self._since_rest.around_t, for_finger, before_fit)
+        fit, explained = counted.fit, counted.fit.chi2 <= counted.fit.limit(UNEXPLAINED)
         odd, search = None, counted.search
         if is_searched and not explained:
             search = "made" if may_search else "due"
             odd = self._odd_sensor(measured, there, before, number) if may_search else None
-        if (search != "due" or memory.more) and self._is_third(fit, used, measured, odd):
+        if (search != "due" or memory.more) and self._is_third(fit, seen, odd):
             memory.more = GONE_FRAMES
         elif memory.more:
             memory.more = memory.more - 1 if explained else 0
@@ -179,7 +207,7 @@ class FingersEstimator:
             self._remember(odd.memory)
             seen = measured.only(used)
             counted = self._counter.update(seen, self._since_rest.around_t, may_search=False)
-            fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
+            fit, explained = counted.fit, counted.fit.chi2 <= counted.fit.limit(UNEXPLAINED)
         left_out = memory.left_out
         if odd is None and explained and left_out >= 0:
             self._try_again(measured, there, fit)
@@ -189,11 +217,10 @@ class FingersEstimator:
             raise SingularError("the fingers are not determined")
         memory.unexplained = 0
         memory.ambient_t = fit.ambient_t
-        memory.recovery.remember(measured.field_t - fit.misfit_t)
         health, reason = reasons.health_of_axes(used, missing, left_out)
         over_range, doubt = bool(fit.flags & BEYOND), reasons.SEARCH_IS_DUE if counted.search == "due" else ""
-        if len(fit.fingers) == 1 and (another := self._another(fit, used, measured, EXPLAINED_WELL)) is not None:
-            if fit.chi2 > limit(DOUBTED, used, fit) and float(another.gain.max()) > DOUBTED_GAIN:
+        if len(fit.fingers) == 1 and (another := self._another(fit, seen, EXPLAINED_WELL)) is not None:
+            if fit.chi2 > fit.limit(DOUBTED) and float(another.gain.max()) > DOUBTED_GAIN:
                 doubt = reasons.MAYBE_TWO
             hidden = np.diag(hidden_variance(fit.fingers[0], another))
             fit = replace(fit, covariance=fit.covariance + hidden)
@@ -218,18 +245,18 @@ class FingersEstimator:
     def _remember(self, counter: CounterMemory) -> None:
         self.memory.counter = self._counter.memory = counter
 
-    def _is_third(self, fit: Fit, used: Mask, measured: Measured, odd: Odd | None) -> bool:
+    def _is_third(self, fit: Fit, seen: Measured, odd: Odd | None) -> bool:
         """Whether one more finger explains the residual of two, and better than a faulty sensor does."""
-        another = self._another(fit, used, measured, SUSPICIOUS) if len(fit.fingers) == MOST_FINGERS else None
+        another = self._another(fit, seen, SUSPICIOUS) if len(fit.fingers) == MOST_FINGERS else None
         gain = 0.0 if another is None else float(another.gain.max())
         return gain > THIRD_GAIN and (odd is None or fit.chi2 - gain < odd.chi2)
 
-    def _another(self, fit: Fit, used: Mask, measured: Measured, suspicious: float) -> Another | None:
+    def _another(self, fit: Fit, seen: Measured, suspicious: float) -> Another | None:
         """The gain of one more finger; None if more than `suspicious` of healthy frames have such a χ²."""
-        if fit.chi2 <= limit(suspicious, used, fit):
+        if fit.chi2 <= fit.limit(suspicious):
             return None
-        seen = measured.only(used)
-        return self.fitter.another(self.fitter.whitener(fit.fingers, seen, self._since_rest.around_t), fit, seen)
+        root = self.fitter.whitener(fit.fingers, seen, self._since_rest.around_t)
+        return self.fitter.another(root, fit.fingers, seen)
 
     def _try_again(self, measured: Measured, there: Mask, fit: Fit) -> None:
         """Use a sensor that was left out again, when it has agreed for long enough."""

@@ -90,19 +90,6 @@ class FieldModel:
 
     def predict(self, fingers: Array) -> Predicted:
         """The change of the field by `fingers` (K, 3)."""
-        field, slope, by_pose, change, pressed = self._predicted(fingers)
-        return Predicted(field, slope, by_pose, change, tuple(map(Pressed.of, pressed)))
-
-    def field_of(self, fingers: Array) -> Array:
-        """(3N,) as in `predict`, which is all that most frames need."""
-        require_room(fingers=len(fingers))
-        field = np.empty(len(self.at_rest))
-        if not _several.field(self.packed, self.work, fingers, field):
-            finite(fingers=fingers)
-        return field
-
-    def _predicted(self, fingers: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """As Predicted; the effect of each finger alone, (K, …), is still packed."""
         values, poses, unknowns = len(self.at_rest), len(self._si), FINGER * len(fingers)
         field, slope, by_pose = np.empty(values), np.empty((values, unknowns)), np.empty((values, poses))
         change, pressed = np.empty(poses), np.empty((len(fingers), PRESSED * poses))
@@ -110,7 +97,7 @@ class FieldModel:
         fingers = doubles(fingers)
         if not _several.predict(self.packed, self.work, fingers, field, slope, by_pose, change, pressed):
             finite(fingers=fingers)
-        return field, slope, by_pose, change, pressed
+        return Predicted(field, slope, by_pose, change, tuple(map(Pressed.of, pressed)))
 
     def covariance(self, fingers: Array, predicted: Predicted, variance_t2: Array, ambient_t: Array) -> Array:
         """C (3N, 3N) of the module's docstring. variance_t2 (3N,): of noise. ambient_t (3,): the known change of the

@@ -171,11 +171,9 @@ typedef struct {
 fmfts_refusal fmfts_valley(const fmfts_fitter *fitter, const fmfts_fitted *fitted, const fmfts_measured *measured,
                            const fmfts_valley_limits *limits, fmfts_valley_found *found);
 
-/* As Poses, and position and axis [magnets][3] after the change; the caller provides the arrays. used: number of
- * present values. */
+/* As Poses, and position and axis [magnets][3] after the change; the caller provides the arrays. covariance: NULL: not asked for. */
 typedef struct {
-    double *change, *position, *axis, *variance; /* [P], [magnets][3], [magnets][3], [P] */
-    double *moves, *told, *by_finger;            /* [P][2·P + 3·fingers + 2·magnets], [P][used], [P][3·fingers] */
+    double *change, *position, *axis, *variance, *covariance; /* [P], [magnets][3], [magnets][3], [P], [P][P] */
 } fmfts_poses;
 
 /* poses.c: of one finger and more. unfelt [5]: as UNFELT. */

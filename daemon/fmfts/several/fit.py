@@ -11,12 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.common.chi2 import quantile
 from fmfts.common.record import Record
+from fmfts.pose.observable import FREE_FIELD
 from fmfts.several import _several
 from fmfts.several.arrays import doubles, require_room
 from fmfts.several.field_model import FINGER, FieldModel
 from fmfts.several.measured import Measured, refuse
-from fmfts.several.scan import APART_MM, GRID_FORCE_N, GRID_MM, LEAST, NEAR_MM, STARTS, Another, Grid, Scan
+from fmfts.several.scan import APART_MM, GRID_FORCE_N, GRID_MM, LEAST, NEAR_MM, STARTS, Grid, Scan
 
 __all__ = ["APART_MM", "GRID_FORCE_N", "GRID_MM", "STARTS", "Fit", "Fitter", "Measured"]
 
@@ -51,7 +53,7 @@ class Fit:
 
     ambient_t (3,): the change of the ambient field that goes with it. shear_n, shear_deviation_n (K, 2): of each one.
     noise_t (3N,): what misfit_t most likely has of noise alone. slope_t (3N, 3K): of the predicted field. flags:
-    of UNDETERMINED …
+    of UNDETERMINED … values: how many it was made from.
     """
 
     fingers: Array
@@ -64,6 +66,25 @@ class Fit:
     noise_t: Array
     slope_t: Array
     flags: int
+    values: int
+
+    @classmethod
+    def room(cls, count: int, values: int) -> Fit:
+        """For C to fill."""
+        unknowns, each = FINGER * count, (count, 2)
+        shapes = (count, FINGER), (unknowns, unknowns), values, 3, each, each, values, (values, unknowns)
+        fingers, covariance, misfit, ambient, shear, shear_deviation, noise, slope = (np.empty(each) for each in shapes)
+        return cls(fingers, covariance, 0.0, misfit, ambient, shear, shear_deviation, noise, slope, 0, values)
+
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        """All as C writes them."""
+        shear = self.shear_n, self.shear_deviation_n
+        return self.fingers, self.covariance, self.misfit_t, self.ambient_t, *shear, self.noise_t, self.slope_t
+
+    def limit(self, probability: float) -> float:
+        """The χ² that a healthy frame exceeds with this probability."""
+        return limit(probability, self.values, len(self.fingers))
 
     @property
     def deviation(self) -> Array:
@@ -71,25 +92,29 @@ class Fit:
         return np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0)).reshape(-1, FINGER)
 
 
-class Fitter:
+def limit(probability: float, values: int, fingers: int) -> float:
+    """The χ² that a healthy frame of so many values exceeds with this probability."""
+    return quantile(probability, max(values - FREE_FIELD - FINGER * fingers, 1))
+
+
+class Fitter(Scan):
     """Fits fingers to the fields of one mounted pad.
 
     A present value that is not finite raises a ValueError that names it. One Fitter is for one thread.
     """
 
     def __init__(self, model: FieldModel) -> None:
-        self.model = model
         response = model.response
         farthest = FARTHEST_LOAD * response.scale_n
         self._lowest = np.array([response.first_mm, response.first_mm, 0.0])
         self._highest = np.array([response.last_mm, response.last_mm, farthest])
-        self.grid = Grid(model)
-        self.places = self.grid.places
-        packed, scan_room = self.grid.packed()
-        self.search, self._short_search = (
+        grid = Grid(model)
+        self.places = grid.places
+        packed, scan_room = grid.packed()
+        search, self._short_search = (
             np.concatenate([self._head(iterations).flat, packed]) for iterations in (ITERATIONS, FEW_ITERATIONS)
         )
-        self._scan = Scan(self.grid, self.search, model.work, scan_room)
+        super().__init__(model, search, grid, scan_room)
 
     def whitener(self, fingers: Array, measured: Measured, ambient_t: Array) -> Array:
         """The lower triangle of C at `fingers`, for the present values."""
@@ -115,31 +140,15 @@ class Fitter:
         few_iterations: a short trial, FEW_ITERATIONS in place of ITERATIONS.
         """
         require_room(fingers=len(start))
-        count, values, search = len(start), len(measured.field_t), self._short_search if few_iterations else self.search
-        unknowns, each = FINGER * count, (count, 2)
-        shapes = (count, FINGER), (unknowns, unknowns), values, 3, each, each, values, (values, unknowns)
-        found = [np.empty(shape) for shape in shapes]
+        found = Fit.room(len(start), len(measured.field_t))
+        search = self._short_search if few_iterations else self.search
         given = doubles(start), *measured.arrays, doubles(ambient_t)
-        (wrong, size, chi2), flags = _several.fit(*self.model.parts, search, *given, *found)
-        refuse(wrong, size, measured, start=start, ambient_t=ambient_t)
-        fingers, covariance, misfit, ambient, shear, shear_deviation, noise, slope = found
-        return Fit(fingers, covariance, chi2, misfit, ambient, shear, shear_deviation, noise, slope, flags)
-
-    def best_single(self, root: Array, measured: Measured) -> tuple[Array, float]:
-        """The best finger (1, 3) of the grid, and by how much it lowers χ². root: of C without it."""
-        return self._scan.best_single(root, measured)
-
-    def best_pairs(self, root: Array, measured: Measured, most: int = STARTS) -> list[Array]:
-        """The best pairs of fingers (2, 3) of the grid, at different places, the best first."""
-        return self._scan.best_pairs(root, measured, most)
-
-    def best_seconds(self, root: Array, one: Fit, measured: Measured, most: int = STARTS) -> list[Array]:
-        """The best fingers of the grid beside `one`, as pairs (2, 3), the best first. root: of C at `one`."""
-        return self._scan.best_seconds(root, one.fingers, self.model.predict(one.fingers), measured, most)
-
-    def another(self, root: Array, fit: Fit, measured: Measured) -> Another:
-        """One more finger, anywhere beside those of `fit`. root: of C at `fit`."""
-        return self._scan.another(root, fit.fingers, self.model.predict(fit.fingers), measured)
+        (wrong, size, found.chi2), found.flags, found.values = _several.fit(
+            *self.model.parts, search, *given, *found.arrays
+        )
+        if wrong is not None:
+            refuse(wrong, size, measured, start=start, ambient_t=ambient_t)
+        return found
 
     def sizes(self, root: Array, measured: Measured) -> Array:
         """(places,) by how much a finger of 1 N at each place of the grid would raise χ²."""

@@ -27,6 +27,11 @@ class Measured:
     used: NDArray[np.bool_]
     foreign_t2: Array | None = None
 
+    @classmethod
+    def room(cls, values: int, foreign_t2: Array | None = None) -> Measured:
+        """For C to fill."""
+        return cls(np.empty(values), np.empty(values), np.empty(values, np.bool_), foreign_t2)
+
     @property
     def arrays(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
         """All as C reads them, which refuses what is not contiguous."""

@@ -12,7 +12,7 @@ from fmfts.common.chi2 import quantile
 from fmfts.pose.observable import FREE_FIELD
 from fmfts.several.count import CounterMemory, FingerCounter
 from fmfts.several.field_model import FINGER
-from fmfts.several.fit import Fit, Fitter, Measured
+from fmfts.several.fit import Fitter, Measured
 
 Array = NDArray[np.float64]
 
@@ -51,12 +51,6 @@ def note_agreement(memory: LeftOutMemory, there: NDArray[np.bool_], rise: float)
         memory.left_out, memory.agrees_frames = -1, 0
 
 
-def limit(probability: float, used: NDArray[np.bool_], fit: Fit) -> float:
-    """The χ² that a healthy frame exceeds with this probability. used (N, 3): the values that it was made from."""
-    freedom = int(np.count_nonzero(used)) - FREE_FIELD - FINGER * len(fit.fingers)
-    return quantile(probability, max(freedom, 1))
-
-
 def odd_sensor(
     fitter: Fitter,
     measured: Measured,
@@ -79,7 +73,7 @@ def odd_sensor(
             fit = fitter.fit(before.fingers, without, ambient_t, few_iterations=True)
         except SingularError:
             continue  # without this sensor the others do not determine the fingers
-        if fit.chi2 <= limit(UNEXPLAINED, used, fit):
+        if fit.chi2 <= fit.limit(UNEXPLAINED):
             found.append(Odd(sensor, fit.chi2, before))
     return min(found, key=lambda one: one.chi2, default=None)
 
@@ -97,4 +91,4 @@ def is_odd(
         fit = cold.update(measured.only(used), ambient_t).fit
     except SingularError:
         return None
-    return Odd(sensor, fit.chi2, cold.memory.copy()) if fit.chi2 <= limit(UNEXPLAINED, used, fit) else None
+    return Odd(sensor, fit.chi2, cold.memory.copy()) if fit.chi2 <= fit.limit(UNEXPLAINED) else None

@@ -30,17 +30,12 @@ static double sum_of_products(size_t n, const double *a, const double *b)
     return all;
 }
 
-/* What the errors of the fingers add to Poses.variance of a row. */
-static double by_fingers(size_t unknowns, const double *by_finger, const double *covariance)
+/* What the errors of the fingers add to the covariance of two numbers. */
+static double by_fingers(size_t unknowns, const double *one, const double *covariance, const double *other)
 {
     double of_fingers[FMFTS_SEVERAL_UNKNOWNS];
-    fmfts_product(1, unknowns, unknowns, by_finger, covariance, of_fingers);
-    return sum_of_products(unknowns, of_fingers, by_finger);
-}
-
-static double square_of(size_t n, const double *a)
-{
-    return sum_of_products(n, a, a);
+    fmfts_product(1, unknowns, unknowns, one, covariance, of_fingers);
+    return sum_of_products(unknowns, of_fingers, other);
 }
 
 /* What may move the magnets, in SI: move [count][P], and by_table [P]: the table's errors. */
@@ -49,7 +44,7 @@ typedef struct {
     double move[FMFTS_SEVERAL_MOVES * FMFTS_SEVERAL_POSES], by_table[FMFTS_SEVERAL_POSES];
 } moves;
 
-/* Brings the moves from the response's units to SI, and lists them in `all` as Poses has it. Returns its columns. */
+/* Brings the moves from the response's units to SI, and lists B of poses.py in `all`. Returns its columns. */
 static size_t list_moves(const fmfts_several *model, const double *unfelt, moves *m, double *all)
 {
     size_t poses = model->poses, columns = poses + m->count + poses;
@@ -91,6 +86,8 @@ fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, c
     const fmfts_fingers fingers = fitted->fingers;
     moves m;
     double rest[FMFTS_SEVERAL_VALUES * REST], explained[FMFTS_SEVERAL_POSES * REST];
+    double all[FMFTS_SEVERAL_POSES * MOST_CAUSES], told[FMFTS_SEVERAL_POSES * FMFTS_SEVERAL_VALUES];
+    double by_finger[FMFTS_SEVERAL_POSES * FMFTS_SEVERAL_UNKNOWNS];
     fmfts_refusal refusal = fmfts_whitener(model, fingers, measured, work);
     if (refusal.kind != FMFTS_FINE) {
         return refusal;
@@ -109,18 +106,26 @@ fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, c
     fmfts_solve_lower(used, columns, work->root, rest);
     m.count = fmfts_considered_moves(model, fingers, predicted, m.move);
     fmfts_response_error(model, fingers, predicted, m.by_table);
-    size_t all = list_moves(model, unfelt, &m, poses->moves);
-    tell(numbers, used, &m, white, room, poses->told);
-    fmfts_product(numbers, used, columns, poses->told, rest, explained);
+    size_t causes = list_moves(model, unfelt, &m, all);
+    tell(numbers, used, &m, white, room, told);
+    fmfts_product(numbers, used, columns, told, rest, explained);
     for (size_t p = 0; p < numbers; p++) {
-        double unit = model->head->unit[p % FMFTS_POSE_CHANGE], *by_finger = poses->by_finger + p * unknowns;
+        double unit = model->head->unit[p % FMFTS_POSE_CHANGE];
         for (size_t u = 0; u < unknowns; u++) {
             const double *slope = predicted->pressed[u / FMFTS_FINGER] + numbers + FMFTS_FINGER * p;
-            by_finger[u] = slope[u % FMFTS_FINGER] * unit - explained[p * columns + u];
+            by_finger[p * unknowns + u] = slope[u % FMFTS_FINGER] * unit - explained[p * columns + u];
         }
         poses->change[p] = predicted->change[p] + explained[p * columns + unknowns];
-        double own = square_of(all, poses->moves + p * all) - square_of(used, poses->told + p * used);
-        poses->variance[p] = fmax(0.0, own + by_fingers(unknowns, by_finger, fitted->covariance));
+        for (size_t q = poses->covariance ? 0 : p; q <= p; q++) {
+            const double *one = by_finger + p * unknowns, *other = by_finger + q * unknowns;
+            double own = sum_of_products(causes, all + p * causes, all + q * causes) -
+                         sum_of_products(used, told + p * used, told + q * used) +
+                         by_fingers(unknowns, one, fitted->covariance, other);
+            if (poses->covariance) {
+                poses->covariance[p * numbers + q] = poses->covariance[q * numbers + p] = own;
+            }
+            poses->variance[p] = fmax(0.0, own); /* the last one is the diagonal */
+        }
     }
     fmfts_moved_magnets(model, poses->change, poses->position, poses->axis);
     return refusal;

@@ -76,8 +76,8 @@ class PosesEstimator:
         memory = self.memory
         elapsed_s = begun(aligned, memory, self._touch.longest_gap_s, self._touch.forget)
         memory.recovery.pass_time(elapsed_s, pressed=memory.touch.touched)
-        now_t = doubles(memory.now_t)
-        measured, jumped = self._since_rest.measured(aligned, temperature_c, neighbours, memory, elapsed_s, now_t)
+        self._since_rest.begin(temperature_c, memory, elapsed_s)
+        measured, jumped = self._since_rest.measured(aligned, neighbours, memory, doubles(memory.now_t))
         there = measured.used.reshape(-1, 3)
         used = there.copy()
         if memory.left_out >= 0:
@@ -122,7 +122,6 @@ class PosesEstimator:
             self._try_again(measured, there, poses)
         memory.unexplained, memory.change, memory.ambient_t = 0, poses.change, poses.ambient_t
         memory.now_t = np.abs(measured.field_t - poses.misfit_t)
-        memory.recovery.remember(memory.now_t)
         touched = self._touch.update(poses.change, poses.covariance)
         health, reason = reasons.health_of_axes(used, missing, left_out)
         return PosesReading(health, reason, used, poses, touched, search)

@@ -14,6 +14,7 @@ from fmfts.several.count import CounterMemory, Search
 from fmfts.several.fit import Fit
 from fmfts.several.free_poses import FreePoses
 from fmfts.several.measured import Measured
+from fmfts.several.poses import Poses
 from fmfts.several.recovery import Recovery
 
 Array = NDArray[np.float64]
@@ -41,13 +42,19 @@ class FingersMemory:
     last_c: float | None = None
     unsettled: int = 0
 
+    @property
+    def is_calm(self) -> bool:
+        """Whether the last frame was explained by all sensors."""
+        return not (self.unexplained or self.more) and self.left_out < 0
+
 
 class FingersReading(NamedTuple):
     """The result of a frame. used (N, 3): the axes that it was made from. fit: None without a trustworthy one.
 
     more: two fingers do not explain the frame. measured: what `fit` was made from. least_variance (1 + K, 3): of the
     place (mm²) and force (N²) of the resultant and of each finger, where that is more than `fit` says. search: the
-    state of the search for fingers. free: poses that explain the frame if no fingers do.
+    state of the search for fingers. free: poses that explain the frame if no fingers do. poses: of the fingers, where
+    they are known already.
     """
 
     health: Health
@@ -61,6 +68,7 @@ class FingersReading(NamedTuple):
     least_variance: Array | None = None
     search: Search = "none"
     free: FreePoses | None = None
+    poses: Poses | None = None
 
     @property
     def tells(self) -> bool:

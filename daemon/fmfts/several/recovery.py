@@ -28,7 +28,3 @@ class Recovery:
     def decay(self, elapsed_s: float) -> float:
         """What divides `recent_t` after this time."""
         return 1.0 + elapsed_s / (RECOVERY_S + self.held_s)
-
-    def remember(self, change_t: Array) -> None:
-        """change_t (3N,): the present change of the field by fingers."""
-        self.recent_t = np.maximum(self.recent_t, np.abs(change_t))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.matrix import solve_lower
 from fmfts.several import _several
 from fmfts.several.arrays import doubles, require_room
-from fmfts.several.field_model import FieldModel, Predicted
+from fmfts.several.field_model import FieldModel
 from fmfts.several.measured import Measured, refuse
 
 Array = NDArray[np.float64]
@@ -87,43 +87,42 @@ def best_beside(finger: Array, another: Another, most: int) -> list[Array]:
 
 
 class Scan:
-    """search, work, room: as several.h and fit.h have them."""
+    """Tries fingers on the grid of one model."""
 
-    def __init__(self, grid: Grid, search: Array, work: Array, room: Array) -> None:
-        self._grid, self._search, self._work, self._room = grid, search, work, room
+    def __init__(self, model: FieldModel, search: Array, grid: Grid, room: Array) -> None:
+        """search, room: as fit.h has them."""
+        self.model, self.search, self.grid = model, search, grid
+        self._room = search, model.work, room
 
     def best_single(self, root: Array, measured: Measured) -> tuple[Array, float]:
-        """The best finger (1, 3), and by how much it lowers χ²."""
+        """The best finger (1, 3), and by how much it lowers χ². root: of C without it."""
         found, seen = np.empty((1, 3)), (doubles(root), doubles(measured.field_t), measured.there)
-        wrong, size, gain = _several.best_single(self._search, self._work, self._room, *seen, found)
+        wrong, size, gain = _several.best_single(*self._room, *seen, found)
         refuse(wrong, size, measured, root=root)
         return found, gain
 
-    def best_pairs(self, root: Array, measured: Measured, most: int) -> list[Array]:
+    def best_pairs(self, root: Array, measured: Measured, most: int = STARTS) -> list[Array]:
         """The best pairs of fingers (2, 3), at different places, the best first."""
         require_room(starts=most)
         found, seen = np.empty((most, 2, 3)), (doubles(root), doubles(measured.field_t), measured.there)
-        wrong, size, count = _several.best_pairs(self._search, self._work, self._room, *seen, found)
+        wrong, size, count = _several.best_pairs(*self._room, *seen, found)
         refuse(wrong, size, measured, root=root)
         return list(found[: int(count)])
 
-    def best_seconds(
-        self, root: Array, finger: Array, predicted: Predicted, measured: Measured, most: int
-    ) -> list[Array]:
+    def best_seconds(self, root: Array, finger: Array, measured: Measured, most: int = STARTS) -> list[Array]:
         """The best fingers beside a first one, `finger` (1, 3), which may move a little for each: pairs (2, 3).
 
         `best_pairs` misses a second finger that is much weaker than the first one, because its template of the first is
-        only proportional to force. predicted: of the first finger.
+        only proportional to force. root: of C at `finger`.
         """
-        return best_beside(finger, self.another(root, finger, predicted, measured), most)
+        return best_beside(finger, self.another(root, finger, measured), most)
 
-    def another(self, root: Array, fingers: Array, predicted: Predicted, measured: Measured) -> Another:
-        """One more finger at each place of the grid beside `fingers` (K, 3), which may move a little for it."""
-        require_room(fingers=len(fingers))
-        found = np.empty((2 + predicted.slope.shape[1], len(self._grid.places)))
+    def another(self, root: Array, fingers: Array, measured: Measured) -> Another:
+        """One more finger at each place beside `fingers` (K, 3), which may move a little for it."""
+        predicted = self.model.predict(fingers)
+        found = np.empty((2 + predicted.slope.shape[1], len(self.grid.places)))
         seen = doubles(root), doubles(measured.field_t), measured.there
-        known = doubles(predicted.field_t), doubles(predicted.slope)
-        wrong, size, _ = _several.another(self._search, self._work, self._room, *seen, *known, found)
+        wrong, size, _ = _several.another(*self._room, *seen, predicted.field_t, predicted.slope, found)
         refuse(wrong, size, measured, root=root)
-        gain = np.where(self._grid.apart_from(fingers), found[0], 0.0)
-        return Another(self._grid.places, gain, found[1], found[2:])
+        gain = np.where(self.grid.apart_from(fingers), found[0], 0.0)
+        return Another(self.grid.places, gain, found[1], found[2:])

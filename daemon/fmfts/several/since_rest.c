@@ -10,9 +10,9 @@ bool fmfts_since_rest(size_t values, const fmfts_rest_samples *s, const fmfts_re
     bool has_jumped = false;
     for (size_t v = 0; v < values; v++) {
         found->there[v] = isfinite(s->field_t[v]) && (double)s->repeats[v] <= s->allowed[v];
-        found->recent_t[v] /= s->decay;
-        double own = (found->there[v] ? s->field_t[v] : 0.0) / s->gain[v] - s->offset_t[v];
-        double before = found->recent_t[v] - (s->now_t ? fabs(s->now_t[v]) : 0.0);
+        double now = s->now_t ? fabs(s->now_t[v]) : 0.0, own = (found->there[v] ? s->field_t[v] : 0.0) / s->gain[v] - s->offset_t[v];
+        found->recent_t[v] = (found->recent_t[v] > now ? found->recent_t[v] : now) / s->decay;
+        double before = found->recent_t[v] - now;
         double noise = s->noise_t[v] * s->noise_share[v / 3] / s->gain[v];
         double bend = isfinite(s->bend_t[v]) ? s->bend_t[v] : 0.0, left = s->creep * (before > 0.0 ? before : 0.0);
         if (s->foreign_t) {

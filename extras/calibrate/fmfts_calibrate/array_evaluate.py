@@ -18,9 +18,9 @@ from fmfts.several.estimator import FingersEstimator
 from fmfts.several.field_model import FieldModel, Scene
 from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
-from fmfts.several.resultant import deviation_of
 from fmfts_calibrate.array_set import ArraySet
 from fmfts_calibrate.evaluation import HONEST, UNITS, WRONG, Row, regions, rounded, rows
+from fmfts_calibrate.resultant import deviation_of
 
 Told = Literal["one finger", "two fingers", "no finger", "over range", "more", "disturbed", "lost"]
 

@@ -17,7 +17,7 @@ from fmfts.several.count import SECOND_GAIN, Counted, are_two, resultant
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
 from fmfts.several.odd_sensor import UNEXPLAINED
-from fmfts.several.resultant import deviation_of
+from fmfts_calibrate.resultant import deviation_of
 from fmfts_lab.bench import (
     several_beside,
     several_calibrated,
@@ -204,7 +204,7 @@ def gain_of_second(one: World, measured: Measured) -> float:
     nobody = np.zeros((0, FINGER))
     first = fitter.fit(fitter.best_single(fitter.whitener(nobody, measured, NOTHING), measured)[0], measured, NOTHING)
     root = fitter.whitener(first.fingers, measured, NOTHING)
-    starts = fitter.best_seconds(root, first, measured) + fitter.best_pairs(root, measured)
+    starts = fitter.best_seconds(root, first.fingers, measured) + fitter.best_pairs(root, measured)
     pairs = [one for one in (fitter.fit(pair, measured, NOTHING) for pair in starts) if are_two(one.fingers)]
     if not pairs:
         return 0.0

@@ -10,7 +10,7 @@ import numpy as np
 
 from fmfts.pad import Array, Tolerance
 from fmfts.several.hidden import hidden_variance
-from fmfts.several.resultant import resultant_deviation
+from fmfts_calibrate.resultant import resultant_deviation
 from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, any_press, estimator_of, read_once, worlds
 
 FRAMES_OF_A_PAD = 100

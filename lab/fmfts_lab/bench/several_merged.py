@@ -13,7 +13,7 @@ import numpy as np
 from fmfts.pad import Array
 from fmfts.several.count import resultant
 from fmfts.several.reading import FingersReading
-from fmfts.several.resultant import deviation_of, deviation_of_each, resultant_deviation
+from fmfts_calibrate.resultant import deviation_of, deviation_of_each, resultant_deviation
 from fmfts_lab.bench.several_world import BUILT, Press, estimator_of, read_once, two_places, worlds
 
 if TYPE_CHECKING:

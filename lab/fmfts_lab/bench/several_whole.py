@@ -15,7 +15,7 @@ from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
 from fmfts.pad import Array, Tolerance
 from fmfts.several.count import resultant
 from fmfts.several.reading import FingersReading
-from fmfts.several.resultant import deviation_of, deviation_of_each
+from fmfts_calibrate.resultant import deviation_of, deviation_of_each
 from fmfts_lab.bench.several_world import (
     BUILT,
     BY_HAND,

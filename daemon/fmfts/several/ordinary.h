@@ -1,0 +1,31 @@
+/* A frame that the fingers of the last one explain. */
+#ifndef FMFTS_ORDINARY_H
+#define FMFTS_ORDINARY_H
+
+#include "fit.h"
+#include "since_rest.h"
+
+enum { FMFTS_ORDINARY_FINGERS = 2 };
+
+/* most_chi2: of a frame with so many fingers. unfelt: as UNFELT of poses.py. */
+typedef struct {
+    double most_chi2[FMFTS_ORDINARY_FINGERS + 1];
+    fmfts_valley_limits valley;
+    double unfelt[FMFTS_POSE_CHANGE];
+} fmfts_ordinary_limits;
+
+/* has_jumped: as fmfts_since_rest says. has_fit: `fit` is of the fingers of before. is_ordinary: it needs no closer look; of
+ * fingers, poses are then filled, and of two, valley. */
+typedef struct {
+    bool has_jumped, has_fit, is_ordinary;
+    fmfts_found fit;
+    fmfts_valley_found valley;
+    fmfts_poses poses;
+} fmfts_ordinary;
+
+/* ordinary.c: the steps of a frame with the fingers `before`. samples->now_t is set. ambient_t [3]: the field around. */
+void fmfts_read_ordinary(const fmfts_fitter *fitter, const fmfts_ordinary_limits *limits, fmfts_fingers before,
+                         fmfts_rest_samples *samples, const fmfts_rest_change *change, const double *ambient_t,
+                         fmfts_ordinary *found);
+
+#endif

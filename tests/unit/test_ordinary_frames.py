@@ -1,0 +1,63 @@
+"""A frame that the last one's fingers explain: one call of C says of it what the closer look of estimator.py says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fmfts.bus.messages import ContactMessage
+from fmfts.pipeline.configured import contact_model_of, pipeline_of
+from fmfts.pipeline.several_pipeline import SeveralPipeline
+from fmfts.sensor import Frame
+from fmfts.several.estimator import FingersEstimator
+from fmfts.simulation.array import SimulatedArray
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.finger import Finger, no_finger, steady_finger
+from fmfts_lab.finite_elements.array_pad import array_config
+from fmfts_recording.replay import essence
+
+CONFIG = array_config(seed=8)
+BASELINE = simulated_baseline(CONFIG)
+COUNT, WHOLE = 150, 100  # frames; of the later ones, sensor 5 is silent
+LEFT, RIGHT = steady_finger(-6e-3, -1e-3, 0.8), steady_finger(7e-3, 3e-3, 0.7)
+
+
+def frames(finger: Finger, second: Finger | None) -> list[Frame]:
+    source = SimulatedArray(CONFIG)
+    source.finger, source.second_finger = finger, second
+    made = [frame for step in range(COUNT + 10) for frame in source.poll(round(step * 1e9 / 220))][:COUNT]
+    return [*made[:WHOLE], *(replace(one, valid=one.valid & (np.arange(8) != 4)) for one in made[WHOLE:])]
+
+
+def told(some: list[Frame], monkeypatch: pytest.MonkeyPatch, is_closer: bool) -> tuple[list[ContactMessage], int]:
+    """The messages, and how many of the frames were ordinary."""
+    made, ordinary = pipeline_of(CONFIG, contact_model_of(CONFIG), "boot"), 0
+    assert isinstance(made, SeveralPipeline)
+    made.use(BASELINE)
+    estimator = made._estimator
+    assert isinstance(estimator, FingersEstimator)
+    as_before = estimator._as_before
+
+    def counted(*given):  # type: ignore[no-untyped-def]
+        nonlocal ordinary
+        ordinary += 1
+        return as_before(*given)
+
+    monkeypatch.setattr(estimator, "_as_before", counted)
+    if is_closer:
+        estimator._ordinary._limits[:3] = -1.0  # no frame has so small a χ²
+    return [made.process(one) for one in some], ordinary
+
+
+@pytest.mark.parametrize(("finger", "second"), [(no_finger, None), (LEFT, None), (LEFT, RIGHT)])
+def test_closer_look_says_the_same(monkeypatch: pytest.MonkeyPatch, finger: Finger, second: Finger | None) -> None:
+    some = frames(finger, second)
+    said, ordinary = told(some, monkeypatch, is_closer=False)
+    closer, none = told(some, monkeypatch, is_closer=True)
+    assert ordinary > WHOLE / 4
+    assert none == 0
+    assert [essence(message) for message in said] == [essence(message) for message in closer]
+    assert {message.health for message in said[10:WHOLE]} == {"ok"}
+    assert said[-1].reason == "sensor 5 is silent"
