@@ -35,6 +35,8 @@ UNITS = {
     "k": "kelvin",
     "minute": "minutes",
 }
+# How alike a wrong key and a right one must be: in its own table, which is preferred by OWN, and in another one.
+LEAST_ALIKE, MUCH_ALIKE, OWN, ALMOST = 0.5, 0.75, 0.1, 0.95
 
 PATTERNS = {
     inspect.type_info(PadName).pattern: "1 to 32 letters, digits, - or _, and no spaces",  # type: ignore[attr-defined]
@@ -63,7 +65,7 @@ def explain(data: dict[str, Any], error: str, mended: dict[str, Any], whole: typ
             return (
                 f"{place(data, [*keys, unknown[1]])}: there is no such key any more: {whole.removed[dotted]}. Remove it"
             )
-        nearest = _nearest(type_at(mended, keys, whole), unknown[1])
+        nearest = _nearest(type_at(mended, keys, whole), unknown[1], whole)
         return f"{place(data, [*keys, unknown[1]])}: there is no such key{nearest}"
     if keys[-1:] == ["type"] and (how := lacking_source(value_at(data, keys))) is not None:
         return f"{place(data, keys)}{value_shown(data, keys)}: {how}"
@@ -85,23 +87,51 @@ def _meant(kind: inspect.Type, keys: Sequence[Key], value: Any) -> str:
     return f'; did you mean "{near[0]}"?' if near else ""
 
 
-def _nearest(table: inspect.Type, unknown: str) -> str:
-    fields = _fields(table)
-    within = next((field.name for field in fields if _has(field.type, unknown)), None)
-    if within:
-        return f"; did you mean {within}.{unknown}?"
-    known = [field.name for field in fields]
-    near = difflib.get_close_matches(unknown, known, n=1, cutoff=0.5)
-    if not near:
+def _nearest(table: inspect.Type, unknown: str, whole: type[Config]) -> str:
+    """The key that was probably meant: of this table, or of another one, with the table's name."""
+    known = [field.name for field in _fields(table)]
+    found = [(_alike(unknown, name) + OWN, -len(name), name, name) for name in known]
+    found = [each for each in found if each[0] >= LEAST_ALIKE + OWN]
+    for path, other in _tables(inspect.type_info(whole)):
+        for name, kind in () if other is table else _keys(other):
+            if (alike := _alike(unknown, name)) >= MUCH_ALIKE:
+                of_type = f' of type "{other.tag}"' if other.tag and getattr(table, "tag", None) else ""
+                found.append((alike, -len(name), name, _within(path, name, kind) + of_type))
+    if not found:
         return f" (there are {', '.join(known)})"
-    unit = UNITS.get(near[0].rpartition("_")[2])
-    return f"; did you mean {near[0]}{f', in {unit}' if unit else ''}?"
+    *_, name, words = max(found, key=lambda each: each[:2])  # the first of the likeliest
+    unit = UNITS.get(name.rpartition("_")[2])
+    return f"; did you mean {words}{f', in {unit}' if unit else ''}?"
 
 
-def _has(kind: inspect.Type, name: str) -> bool:
-    """Has a table of this kind, or one of those that it may be, a key of this name?"""
-    tables = kind.types if isinstance(kind, inspect.UnionType) else (kind,)
-    return any(field.name == name for table in tables for field in _fields(table))
+def _within(path: str, name: str, kind: inspect.Type) -> str:
+    """A key as the file has it, with the table at `path`."""
+    if any(_tables(kind, path)):
+        return f"[{path}.{name}]"
+    return f"[[{path}]] {name}" if path == "pad" else f"[{path}] {name}"
+
+
+def _alike(unknown: str, name: str) -> float:
+    """1 if they are the same, or the same but for words at the end: units are forgotten most often."""
+    if f"{name}_".startswith(f"{unknown}_"):
+        return 1.0 if name == unknown else ALMOST
+    return difflib.SequenceMatcher(None, unknown, name).ratio() * ALMOST
+
+
+def _tables(kind: inspect.Type, path: str = "") -> Iterator[tuple[str, inspect.StructType]]:
+    """Every table within the others, and its dotted name."""
+    kinds = kind.types if isinstance(kind, inspect.UnionType) else (getattr(kind, "item_type", kind),)
+    for table in kinds:
+        if isinstance(table, inspect.StructType):
+            if path:
+                yield path, table
+            for field in table.fields:
+                yield from _tables(field.type, f"{path}.{field.name}".lstrip("."))
+
+
+def _keys(table: inspect.StructType) -> Iterator[tuple[str, inspect.Type]]:
+    yield from ((field.name, field.type) for field in table.fields)
+    yield from [("type", inspect.StrType())] if table.tag else []
 
 
 def place(data: dict[str, Any], keys: Sequence[Key]) -> str:
