@@ -197,15 +197,14 @@ def _run(options: argparse.Namespace) -> int:
 
 def _status(options: argparse.Namespace) -> int:
     from fmfts.bus.lock import BusError, serving_pid, socket_path
-    from fmfts.view.status import TIMEOUT_S, UNSERVED_S, status
+    from fmfts.view.status import status
     from fmfts_client.endpoints import EndpointError, for_client
 
-    base, timeout_s = serving_base(options), TIMEOUT_S
+    base, is_served = serving_base(options), True
     with suppress(BusError, EndpointError):  # `status` reports the second
         control = for_client(base).control
-        if socket_path(control) is not None and serving_pid(control) is None:
-            timeout_s = UNSERVED_S
-    return status(options.pad, as_json=options.json, endpoint=base, timeout_s=timeout_s)
+        is_served = socket_path(control) is None or serving_pid(control) is not None
+    return status(options.pad, as_json=options.json, endpoint=base, is_served=is_served)
 
 
 def _listen(options: argparse.Namespace) -> int:

@@ -13,11 +13,15 @@ from rich.text import Text
 
 from fmfts.common import exit_codes
 from fmfts.view.silence import NoSuchPadError, require_pad
-from fmfts_client import ControlError, EndpointError, MessageError, Status, request
+from fmfts_client import ControlError, EndpointError, MessageError, Status, UnreachableError, request
 from fmfts_client.endpoints import for_client
 
 TIMEOUT_S = 3.0
-UNSERVED_S = 0.3  # where nothing holds the lock
+STARTING_S = 0.3  # where no daemon holds the lock: one may be starting
+HOW_TO_START = (
+    "start it with `fmfts-daemon run --config FILE` (as a service: sudo systemctl start fmfts); "
+    "if it serves elsewhere, set FMFTS_BUS"
+)
 log = logging.getLogger(__name__)
 
 
@@ -27,19 +31,23 @@ def status(
     as_json: bool = False,
     out: TextIO | None = None,
     endpoint: str | None = None,
-    timeout_s: float = TIMEOUT_S,
+    is_served: bool = True,
 ) -> int:
-    """Print the last status of `pad` (None: of every pad).
+    """Print the last status of `pad` (None: of every pad). is_served: nothing shows that no daemon holds the endpoint.
 
     Returns the exit code: UNAVAILABLE where no daemon answers, USAGE where it has no such pad.
     """
     out = sys.stdout if out is None else out
     try:
-        pads = request("status", endpoint=endpoint, timeout_s=timeout_s).get("pads", [])
+        pads = request("status", endpoint=endpoint, timeout_s=TIMEOUT_S if is_served else STARTING_S).get("pads", [])
         if pad is not None:
             require_pad(for_client(endpoint), pad)
             pads = [one for one in pads if one["pad"] == pad]
         reports = [Status.from_message(one) for one in pads]
+    except UnreachableError as error:
+        unserved = f"no fmfts-daemon runs on {for_client(endpoint).control}: {HOW_TO_START}"
+        log.error("%s", str(error).removeprefix("status: ") if is_served else unserved)
+        return exit_codes.UNAVAILABLE
     except (ControlError, EndpointError, MessageError, NoSuchPadError) as error:
         log.error("%s", str(error).removeprefix("status: "))
         return (
