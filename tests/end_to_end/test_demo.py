@@ -201,6 +201,21 @@ def test_line_that_demo_prints_listens_to_it_from_another_shell() -> None:
     assert "pad demo: " in heard.stdout, heard
 
 
+def test_killed_demo_leaves_no_process() -> None:
+    """Each of them holds the end of its pipe."""
+    with started(DEMO) as demo:
+        assert "the page: " in "".join(first_line(demo) for _ in range(2))
+        demo.kill()
+        demo.communicate(timeout=PATIENCE_S)
+
+
+def test_missing_package_of_the_page_is_told_without_a_try(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page_beside, "entry_points_of", lambda group: ())
+    monkeypatch.setattr(page_beside, "_started", lambda *words: pytest.fail("`view` was started"))
+    with page_beside.page_beside(tmp_path, f"ipc://{tmp_path}") as line:
+        assert line().startswith("no page: view belongs to a package of its own; install it with")
+
+
 def test_page_is_served_elsewhere_if_its_port_is_taken_meanwhile(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

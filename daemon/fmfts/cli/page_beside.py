@@ -10,6 +10,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from fmfts.cli import elsewhere
+from fmfts.cli.verb import not_installed
+from fmfts.common.extras import entry_points_of
+from fmfts.service.child import end_with_this_process
+
 STOP_S = 5.0
 USUAL_PORT: tuple[str, ...] = ()  # an open tab finds the next demo there
 ANY_PORT = "--port", "0"
@@ -21,6 +26,10 @@ def page_beside(folder: Path, base: str, *options: str) -> Iterator[Callable[[],
 
     Yields a function that waits until the page is served, and returns a line with its address, or with what is wrong.
     """
+    if all(point.name != "view" for point in entry_points_of(elsewhere.VERBS)):
+        absent = f"no page: {not_installed('view', elsewhere.OF_VERB['view'][1])}"
+        yield lambda: absent
+        return
     log = folder / "view.log"
     view = _started(base, log, *USUAL_PORT, *options)
 
@@ -49,7 +58,7 @@ def _started(base: str, log: Path, *options: str) -> subprocess.Popen[str]:
             stderr=stderr,
             text=True,
             env=os.environ | {OVERRIDE: base},
-            preexec_fn=_ignore_ctrl_c,
+            preexec_fn=end_with_this_process(_ignore_ctrl_c),
         )
 
 

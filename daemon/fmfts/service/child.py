@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 START_S = 60.0  # on an overloaded computer it has not begun to serve after twenty
 STOP_S = 5.0
+PR_SET_PDEATHSIG = 1  # linux/prctl.h
 ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 
 
@@ -57,7 +60,9 @@ def child_daemon(
         child = None
         try:
             try:
-                process = subprocess.Popen(command, stderr=stderr, env=environment, preexec_fn=_ignore_ctrl_c)
+                process = subprocess.Popen(
+                    command, stderr=stderr, env=environment, preexec_fn=end_with_this_process(_ignore_ctrl_c)
+                )
                 child = ChildDaemon(process, (sockets or folder) / "bus")
             finally:
                 signal.pthread_sigmask(signal.SIG_SETMASK, mask)
@@ -65,6 +70,19 @@ def child_daemon(
         finally:
             if child is not None:
                 child.stop()
+
+
+def end_with_this_process(also: Callable[[], None]) -> Callable[[], None]:
+    """For `preexec_fn`: the child gets SIGTERM when the thread that starts it ends, even by SIGKILL; see prctl(2)."""
+    prctl, parent = ctypes.CDLL(None).prctl, os.getpid()
+
+    def prepare() -> None:
+        also()
+        prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != parent:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    return prepare
 
 
 def _ignore_ctrl_c() -> None:
