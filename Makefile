@@ -95,7 +95,7 @@ else ifneq ($(FIRMWARE),)
 else ifneq ($(HAND),)
 	@$(call until_interrupted,$(BIN)/python tests/end_to_end/hand_demo.py $(if $(SECONDS),--seconds $(SECONDS)) $(if $(RUNS),--runs $(RUNS)))
 else
-	@$(call until_interrupted,$(BIN)/python -m fmfts.cli.demo $(if $(SECONDS),--seconds $(SECONDS)) $(if $(PAD),--pad $(PAD)) $(if $(FINGERS),--fingers $(FINGERS)))
+	@$(call until_interrupted,$(BIN)/python -m fmfts_simulation.demo $(if $(SECONDS),--seconds $(SECONDS)) $(if $(PAD),--pad $(PAD)) $(if $(FINGERS),--fingers $(FINGERS)))
 endif
 
 help:
@@ -276,7 +276,7 @@ collect-drills: $(VENV)/.installed-test firmware
 	$(BIN)/python -m pytest -s tests/end_to_end/collect_drills.py
 
 # Makes the shipped contact models again, from the calibration set and from presses with shear.
-SOLVED := $(addprefix daemon/fmfts/simulation/,pressed.csv pressed_centre.csv sheared.csv)
+SOLVED := $(addprefix extras/simulation/fmfts_simulation/,pressed.csv pressed_centre.csv sheared.csv)
 model: $(VENV)/.installed-test
 	mkdir -p build
 	$(BIN)/python -m fmfts_lab.calibration.solved_set $(SOLVED) --mirrored --largest-force-n 2 -o build/sheared.csv

@@ -7,7 +7,7 @@ SYSTEM_PYTHON ?= /usr/bin/python3
 WITHOUT_DEPENDENCIES ?=
 
 # Extras that every installation on a system has.
-INSTALL_EXTRAS := extras/calibrate extras/collect extras/fleet extras/magnet extras/page extras/recording extras/report extras/skin
+INSTALL_EXTRAS := extras/calibrate extras/collect extras/fleet extras/magnet extras/page extras/recording extras/report extras/simulation extras/skin
 
 INSTALL_LIB := $(PREFIX)/lib/fmfts
 # systemd and udev search for these files below /usr/local/lib as well as /usr/lib.

@@ -21,7 +21,7 @@ from fmfts.sensor import Frame, SourceError, SourceState
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.patience import Patience
 from fmfts.sensor.wire.clock import DeviceClock
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.source import Simulated
 
 
 class UnprintableError(Exception):

@@ -19,6 +19,7 @@ from fmfts.sensor.source import Source, SourceError
 from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c
 
 RECORDINGS = "fmfts.recordings"  # entry point: the source that plays a recording
+SIMULATIONS = "fmfts.simulations"  # entry points: what makes the source of a simulated pad, and its baseline
 # Settings that may differ between pads of one device; all others belong to the device and must be equal.
 _SETTINGS_OF_A_PAD = {
     BridgeSource: {"pad_index", "publish"},
@@ -95,25 +96,29 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
 
             return I2c({index: on_i2c(pad) for index, pad in by_index.items()})
         case ReplaySource():
-            lacking = f"the source 'replay' {how_to_install('recording')}"
-            try:
-                replayed = added(RECORDINGS, "replay")
-            except ModuleNotFoundError as error:  # installed with --no-deps
-                raise SourceError(f"no module {error.name}: {lacking}") from error
-            if replayed is None:
-                raise SourceError(lacking)
-            source: Source = replayed(by_index)
-            return source
-        case SimulatedSource(frames_from=str()):
-            from fmfts.simulation.fed import Fed
-
-            return Fed(first)
+            driver: Callable[..., Source] = _of_another(RECORDINGS, "replay", "replay", "recording")
+            return driver(by_index)
         case SimulatedSource():
-            from fmfts.simulation.array import simulated_pad
-
-            return simulated_pad(first, neighbours_of(first, pads))
+            driver = simulation("source")
+            return driver(first, neighbours_of(first, pads))
         case PluggedSource() as plugged:
             return plugged.driver(by_index)
+
+
+def simulation(part: str) -> Any:
+    """A part of SIMULATIONS. Raises SourceError where their package is not installed."""
+    return _of_another(SIMULATIONS, part, "simulated", "simulation")
+
+
+def _of_another(group: str, name: str, source: str, package: str) -> Any:
+    lacking = f"the source '{source}' {how_to_install(package)}"
+    try:
+        part = added(group, name)
+    except ModuleNotFoundError as error:  # installed with --no-deps
+        raise SourceError(f"no module {error.name}: {lacking}") from error
+    if part is None:
+        raise SourceError(lacking)
+    return part
 
 
 def on_board(pad: PadConfig, pads: Sequence[PadConfig] = ()) -> PadOnBoard:

@@ -23,10 +23,10 @@ from fmfts.config.file import load
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.snapshot import state_message
 from fmfts.sensor import Frame
-from fmfts.simulation.array import simulated_pad
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, Touch
 from fmfts_recording.file import RecordingWriter
+from fmfts_simulation.array import simulated_pad
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, Touch
 
 FOLDER = Path(__file__).parent / "recordings"
 RATE_HZ, SECONDS, BOOT, WHEN = 220, 3.0, "recorded", "1970-01-01T00:00:00+00:00"

@@ -41,6 +41,7 @@ MISUSED = {
     "page": (["view", "--port", "99999"], "give 0 to 65535"),
     "recording": (["record", "--seconds", "0", "x.mcap"], "must be more than 0 seconds"),
     "report": (["report", "x.mcap", "--show", "y.mcap"], "writes nothing: leave x.mcap out"),
+    "simulation": (["demo", "--seconds", "0"], "must be more than 0 seconds"),
     "skin": (["check-config", "--config", "skin.toml"], "a streamed chip belongs to an AnySkin board"),
 }
 # For a verb without its package, or a wrong call; and for a package's file, which is an error either way.
@@ -121,13 +122,14 @@ def print_sizes(label: str, folder: Path) -> None:
 
 def tried_with(python: str) -> None:
     client, wheel = built("fmfts_client-*.whl"), built(f"fmfts-*_{os.uname().machine}.whl")
-    with environment(python, client, wheel) as folder:
+    with environment(python, client, wheel, built("fmfts_simulation-*.whl")) as folder:
         require(is_compiled(folder), f"Python {python}: the wheel's compiled parts do not load")
         print(f"Python {python}: wheel, demo, {demos_run(folder)}", flush=True)
 
 
 def tried_from_source(python: str) -> None:
-    with environment(python, built("fmfts_client-*.tar.gz"), built("fmfts-*.tar.gz")) as folder:
+    archives = (built(f"{package}-*.tar.gz") for package in ("fmfts_client", "fmfts", "fmfts_simulation"))
+    with environment(python, *archives) as folder:
         require(is_compiled(folder), f"Python {python}: the source archive gave no compiled parts")
         print(f"Python {python}: source archive, demo, {demos_run(folder)}", flush=True)
 

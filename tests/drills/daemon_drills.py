@@ -49,7 +49,7 @@ import hashlib
 from fmfts import baseline as baselines
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.baseline.files import store
-from fmfts.simulation.baseline import simulated_baseline
+from fmfts_simulation.baseline import simulated_baseline
 config = PadConfig(name="left", source=SimulatedSource(rate_hz=75))
 pad, baseline = config.pad(), simulated_baseline(config)
 store(baseline, pad)

@@ -28,7 +28,7 @@ import permitted
 from faulty_source import HARMLESS, KINDS, Faulty
 from fmfts.config import BusConfig, Config, PadConfig, ServiceConfig, SimulatedSource
 from fmfts.service.realtime import take_thread_priority
-from fmfts.simulation.source import CATCH_UP_FRAMES
+from fmfts_simulation.source import CATCH_UP_FRAMES
 
 HEALTHY, RATE_HZ, NONE = ("a", "b", "c"), 220, -1
 PATIENCE_S = 30.0

@@ -30,9 +30,6 @@ from fmfts.contact.inference import NetworkInference
 from fmfts.contact.seal import unsealed, with_seal
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.sensor.source import SourceError
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.pad_file import PadFileError, read_pad_file
-from fmfts.simulation.solved_table import standard_mechanics
 from fmfts_calibrate.dataset import read_calibration_set
 from fmfts_calibrate.field_table import DataError
 from fmfts_client.keys import BadKeyError, client_key
@@ -48,6 +45,9 @@ from fmfts_recording.repair import repair
 from fmfts_recording.replay import Replay
 from fmfts_recording.source import Replayed
 from fmfts_report.file import lines_of
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.pad_file import PadFileError, read_pad_file
+from fmfts_simulation.solved_table import standard_mechanics
 
 ROOT = Path(__file__).parents[2]
 CONFIG = PadConfig(name="left", source=SimulatedSource())

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.simulation.finger import Stroke, Touch, no_finger
-from fmfts.simulation.mounted import MountedPad
 from fmfts_client import Contact
 from fmfts_lab.bench.recorded import pressed_field
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
+from fmfts_simulation.finger import Stroke, Touch, no_finger
+from fmfts_simulation.mounted import MountedPad
 
 STANDARD_PAD = PadConfig(name="standard", source=SimulatedSource()).pad()
 REACH_M, FORCES_N = 6e-3, (0.4, 1.2)

@@ -14,8 +14,8 @@ import numpy as np
 from end_to_end.collecting_bench import ORIGIN_MM, PressedBench
 from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Array
-from fmfts.simulation.array import SimulatedArray
-from fmfts.simulation.finger import Touch
+from fmfts_simulation.array import SimulatedArray
+from fmfts_simulation.finger import Touch
 
 SOURCE = """type = "simulated"
 seed = 3

@@ -25,7 +25,7 @@ from end_to_end.firmware_in_the_loop import PACE, EmulatedBoard
 from end_to_end.kernel_bus import KernelBus, kernel_bus
 from fmfts.config.file import load
 from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS
-from fmfts.simulation.mounted import MountedPad
+from fmfts_simulation.mounted import MountedPad
 
 PAGE = Path(__file__).parents[2] / "docs" / "build-a-pad.md"
 EARTH_T = np.array([2e-5, 0.0, 4e-5])

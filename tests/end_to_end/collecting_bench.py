@@ -36,11 +36,11 @@ from fmfts.config import PadConfig, SimulatedSource
 from fmfts.config.file import load_as
 from fmfts.pad import Array
 from fmfts.sensor.bridge.bridge import Bridge
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.mounted import MountedPad
 from fmfts_collect.clock import Clock, Monotonic
 from fmfts_collect.settings import CollectingConfig
 from fmfts_collect.work import collect
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.mounted import MountedPad
 
 ORIGIN_MM, SURFACE_MM, CLEAR_MM = (100.0, 100.0), 10.0, 12.0
 HALF_SPAN_MM = 17.0

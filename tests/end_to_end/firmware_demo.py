@@ -8,7 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from fmfts.cli.demo import end_on_signals
+from fmfts_simulation.demo import end_on_signals
 
 SEED = 1
 
@@ -18,7 +18,7 @@ def main() -> int:
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from end_to_end.firmware_in_the_loop import EMULATED_CONFIG, PACE, EmulatedBoard, PressedPad, SlowedDaemon
     from fmfts.config.file import load
-    from fmfts.simulation.finger import ScriptedFinger
+    from fmfts_simulation.finger import ScriptedFinger
 
     end_on_signals()
     parser = argparse.ArgumentParser(description=__doc__)

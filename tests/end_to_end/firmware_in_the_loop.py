@@ -14,9 +14,9 @@ import numpy as np
 from emulator.pace import slowed
 from end_to_end.processes import BRIDGE_CONFIG, ROOT, FirmwareHost, RunningDaemon
 from fmfts.pad import Pad
-from fmfts.simulation.finger import Finger
-from fmfts.simulation.mounted import MountedPad
 from fmfts_client import Contact
+from fmfts_simulation.finger import Finger
+from fmfts_simulation.mounted import MountedPad
 
 ELF = ROOT / "firmware" / "build" / "fmfts.elf"
 RUNNER = ROOT / "tests" / "emulator" / "board_on_pty.py"

@@ -29,10 +29,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from end_to_end.hand_score import GHOST, SETTLED_S, TITLES, TURNED, UNTURNED, Score, Verdict, is_better, table
 from end_to_end.hand_world import CYCLE_S, NAMES, ROOM_C, SEED, UNPLUGGED_S, HandWorld, act_at, config_of
 from end_to_end.processes import FirmwareHost, RunningDaemon
-from fmfts.cli.demo import end_on_signals
-from fmfts.cli.page_beside import page_beside
 from fmfts.config.file import load
 from fmfts_client import RefusedError
+from fmfts_simulation.demo import end_on_signals
+from fmfts_simulation.page_beside import page_beside
 
 MOVES_A_SECOND = 30
 LONGEST_STEP_S = 2.0 / MOVES_A_SECOND

@@ -10,9 +10,9 @@ import numpy as np
 from fmfts.config import Config, PadConfig
 from fmfts.pad import Array, Placement, rotation_from_vector
 from fmfts.pose import dipole_field
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.mounted import MountedPad, with_chips_turned
-from fmfts.simulation.source import tumbled
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.mounted import MountedPad, with_chips_turned
+from fmfts_simulation.source import tumbled
 
 NAMES = ("thumb", "index", "middle", "ring", "little")
 # Where the pads sit on an open hand, in mm and degrees about z.

@@ -19,9 +19,9 @@ from end_to_end.processes import RunningDaemon, run_command
 from fmfts.common import exit_codes
 from fmfts.config.file import load
 from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS
-from fmfts.simulation.mounted import MountedPad
 from fmfts_client import Contact
 from fmfts_lab.bench.recorded import pressed_field
+from fmfts_simulation.mounted import MountedPad
 
 # The chips that Linux reads: with their addresses without a mux if four fit on a bus; the others are behind one.
 ADDRESSES: dict[str, tuple[int, ...]] = {

@@ -6,7 +6,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from fmfts.cli.demo import end_on_signals
+from fmfts_simulation.demo import end_on_signals
 
 
 def main() -> int:

@@ -15,8 +15,8 @@ import numpy as np
 
 from emulator.priority import put_ahead
 from fmfts.pad import Pad
-from fmfts.simulation.cylinder import cylinder_field
 from fmfts_client import Contact, Subscription, UnreachableError, request
+from fmfts_simulation.cylinder import cylinder_field
 
 ROOT = Path(__file__).parents[2]
 HOST = ROOT / "firmware" / "build" / "fmfts-host"

@@ -16,8 +16,8 @@ from emulator.anyskin_board import Settings, binary, text
 from emulator.anyskin_on_pty import Board
 from end_to_end.processes import PATIENCE_S, RunningDaemon
 from fmfts.config.file import load
-from fmfts.simulation.mounted import MountedPad
 from fmfts_client import Contact
+from fmfts_simulation.mounted import MountedPad
 from unit.recorded_files import eflesh_fields_ut
 
 # Their stream has no numbers, so a late computer measures a wrong rate.

@@ -13,9 +13,9 @@ from end_to_end.processes import FirmwareHost, RunningDaemon
 from fmfts.config import PadConfig
 from fmfts.config.example import ARRAY_PATH
 from fmfts.config.file import load
-from fmfts.simulation.finger import Touch
-from fmfts.simulation.mounted_magnets import MountedMagnets
 from fmfts_client import Contact, Status
+from fmfts_simulation.finger import Touch
+from fmfts_simulation.mounted_magnets import MountedMagnets
 
 pytestmark = pytest.mark.slow
 

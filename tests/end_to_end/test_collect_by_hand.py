@@ -20,7 +20,7 @@ from end_to_end.firmware_in_the_loop import PressedPad
 from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon
 from end_to_end.test_collect import frames_behind, plan, rows
 from fmfts.config.file import load
-from fmfts.simulation.mounted import MountedPad
+from fmfts_simulation.mounted import MountedPad
 from ports import free_udp_port
 
 HAND_CONFIG = """

@@ -16,10 +16,10 @@ from pathlib import Path
 import pytest
 
 from end_to_end.processes import PATIENCE_S, ROOT, build_firmware_host
-from fmfts.cli import page_beside
-from fmfts.cli.demo import _sockets
+from fmfts_simulation import page_beside
+from fmfts_simulation.demo import _sockets
 
-DEMO = (sys.executable, "-m", "fmfts.cli.demo", "--config", ROOT / "config.toml")
+DEMO = (sys.executable, "-m", "fmfts_simulation.demo", "--config", ROOT / "config.toml")
 LINE_S = 60.0  # on a busy computer
 PAPER_DEMO = (sys.executable, ROOT / "tests" / "end_to_end" / "paper_demo.py")
 
@@ -111,7 +111,7 @@ def test_interrupted_paper_demo_ends_without_a_traceback() -> None:
 
 def test_two_fingers_of_the_demo_meet_and_part() -> None:
     """As `make demo PAD=array FINGERS=2` does; a line a second. They are 15 mm apart, then 4 mm, and 15 mm again."""
-    command = (sys.executable, "-m", "fmfts.cli.demo", "--pad", "array", "--fingers", "2", "--seconds", "60")
+    command = (sys.executable, "-m", "fmfts_simulation.demo", "--pad", "array", "--fingers", "2", "--seconds", "60")
     apart_mm: list[float] = []
     with started(command) as demo:
         for is_next in (lambda mm: mm > 12.0, lambda mm: mm < 9.0, lambda mm: mm > 12.0):

@@ -18,7 +18,7 @@ from fmfts.config import I2cSource
 from fmfts.config.file import load
 from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS
 from fmfts.sensor.i2c.source import I2c
-from fmfts.simulation.mounted import MountedPad
+from fmfts_simulation.mounted import MountedPad
 
 # Rate, range, and addresses without a mux; if there are none, the chips are behind a mux.
 WIRED: dict[str, dict[str, Any]] = {

@@ -19,9 +19,9 @@ from end_to_end.processes import FirmwareHost, RunningDaemon
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.config.file import load
 from fmfts.pad import SensorArray, rotation_from_vector
-from fmfts.simulation.mounted import MountedPad
 from fmfts_client import Client, Contact
 from fmfts_lab.bench.recorded import pressed_field
+from fmfts_simulation.mounted import MountedPad
 
 EARTH_T = np.array([2e-5, 0.0, 4e-5])
 PLACE_M, ROTATION_RAD = 2e-3, np.radians(10.0)

@@ -20,9 +20,9 @@ from fmfts.baseline.request import BaselineRequest
 from fmfts.bus.frame_message import frame_message
 from fmfts.common import exit_codes
 from fmfts.config.file import load
-from fmfts.simulation.finger import Touch, no_finger
-from fmfts.simulation.source import Simulated
 from fmfts_recording.file import RecordingWriter
+from fmfts_simulation.finger import Touch, no_finger
+from fmfts_simulation.source import Simulated
 
 RATE_HZ = 75
 CONFIG = f"""

@@ -20,9 +20,9 @@ from fmfts.common import exit_codes
 from fmfts.config import PadConfig
 from fmfts.config.file import load
 from fmfts.pipeline.configured import load_contact_model, pipeline_of
-from fmfts.simulation.finger import Finger, Touch, no_finger
-from fmfts.simulation.source import Simulated
 from fmfts_recording.file import RecordingWriter
+from fmfts_simulation.finger import Finger, Touch, no_finger
+from fmfts_simulation.source import Simulated
 
 RATE_HZ = 75
 CONFIG = "".join(

@@ -18,9 +18,9 @@ from end_to_end.processes import BRIDGE_CONFIG, PATIENCE_S, FirmwareHost, Runnin
 from fmfts.bus.messages import ContactMessage, EarlyMessage
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Pad
-from fmfts.simulation.finger import Touch
 from fmfts_client import Contact, Status, Subscription
 from fmfts_recording.file import HEADER_BYTES, read
+from fmfts_simulation.finger import Touch
 
 pytestmark = pytest.mark.real_time
 

@@ -14,8 +14,8 @@ from end_to_end.processes import FirmwareHost, RunningDaemon
 from end_to_end.test_learn import said, settled
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array
-from fmfts.simulation.mounted import MountedPad
 from fmfts_lab.bench.recorded import pressed_field
+from fmfts_simulation.mounted import MountedPad
 
 STIFFNESS, WEIGHT_N, FORCE_N, PRESSED_N = 1.4, 0.980665, 1.2, 0.45
 EARTH_T = np.array([2e-5, 0.0, 4e-5])

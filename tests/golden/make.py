@@ -29,12 +29,12 @@ from fmfts.config import (
 from fmfts.pad import Array
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import CHIPS
-from fmfts.simulation.array import SimulatedArray
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, MeetingFingers, ScriptedFinger, Touch, no_finger
-from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.several_layouts import LAYOUTS
 from fmfts_lab.bench.tool_ways import Tool, Way
+from fmfts_simulation.array import SimulatedArray
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, MeetingFingers, ScriptedFinger, Touch, no_finger
+from fmfts_simulation.source import Simulated
 from golden.faults import Stream
 from golden.world import FOLDER, World, WorldPad
 

@@ -19,8 +19,8 @@ from fmfts.contact.tolerances import RING_MM, THICKER_MM, THICKER_SHARE, Structu
 from fmfts.pad import Pad
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.encoded import message_of
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.source import Simulated
 
 Array = NDArray[np.float64]
 # Places all over the pad, in mm, and forces up to the calibrated one.

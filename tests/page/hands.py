@@ -12,8 +12,8 @@ import numpy as np
 from end_to_end.first_use import EARTH_T
 from end_to_end.processes import FirmwareHost
 from fmfts.pad import Pad, rotation_from_vector
-from fmfts.simulation.finger import Touch, no_finger
-from fmfts.simulation.mounted import MountedPad
+from fmfts_simulation.finger import Touch, no_finger
+from fmfts_simulation.mounted import MountedPad
 
 STEP_S, LONGEST_STEP_S = 0.005, 0.05
 SWAY_RAD, SWAY_RAD_PER_S = np.array([1.5, 1.5, 2.4]), np.array([0.5, 0.37, 0.31])

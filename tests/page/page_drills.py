@@ -26,7 +26,7 @@ from websockets.typing import Origin
 
 from end_to_end.processes import BRIDGE_CONFIG, ROOT, UNTOUCHED_CONFIG, RunningDaemon
 from fmfts.config.file import load
-from fmfts.simulation.hands import PressesAllOver
+from fmfts_simulation.hands import PressesAllOver
 from page.hands import HandledBoard, swaying
 from page.rig import CHROMIUM, View, opened, run_card, until
 

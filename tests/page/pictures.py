@@ -25,7 +25,7 @@ from end_to_end.hand_demo import Hand, served_hand
 from end_to_end.processes import BRIDGE_CONFIG, ROOT, FirmwareHost, RunningDaemon, resting_field
 from end_to_end.robots import Robots
 from fmfts.config.file import load
-from fmfts.simulation.finger import Touch
+from fmfts_simulation.finger import Touch
 from page.fit_to_show import UnfitError, photographed, why_unfit
 from page.rig import View, chromium, opened, until
 

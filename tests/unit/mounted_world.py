@@ -15,8 +15,8 @@ from fmfts.baseline.unknowns import STANDING_AMBIENT_T
 from fmfts.pad import Pad, Tolerance, rotation_from_vector
 from fmfts.pose import State
 from fmfts.sensor.frame import Frame
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.solved_table import standard_mechanics
 
 NOISE_T = 2e-7
 FRAMES = 660

@@ -10,7 +10,7 @@ from test_pipeline import PERIOD_NS
 
 from fmfts.config import PadConfig
 from fmfts.sensor import Frame
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.source import Simulated
 
 
 def frames_of(config: PadConfig, seconds: float) -> list[Frame]:

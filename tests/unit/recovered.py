@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmfts.pad import Array, Pad
-from fmfts.simulation.cylinder import cylinder_field
+from fmfts_simulation.cylinder import cylinder_field
 
 STEP = np.array([1e-7, 1e-7, 1e-7, 1e-5, 1e-5])  # m and rad: central differences of the field, exact to 1e-9
 

@@ -24,8 +24,8 @@ from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FREE_FIELD, solve
 from fmfts.pose.change import change_since
 from fmfts.sensor.chips import NOISE_T
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.source import Simulated
 
 UNTESTED = replace(TOLERANCE, gain=0.05)
 GAINS_KNOWN = replace(TOLERANCE, sensor_rotation_rad=math.radians(1.5), cross_axis=0.002)

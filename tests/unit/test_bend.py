@@ -9,8 +9,8 @@ from fmfts.contact import ContactModel
 from fmfts.contact.inference import CompiledInference, Inference
 from fmfts.contact.model import POSE_UNIT
 from fmfts.pad import Pad
-from fmfts.simulation.solved_table import standard_mechanics
 from fmfts_calibrate.dataset import standard_pad
+from fmfts_simulation.solved_table import standard_mechanics
 
 BEND_DEVIATIONS, STRAIGHT_SHARE = 3.0, 0.02  # estimate.c
 # What bare and rest leave of the pose of a firm press, with gains of 5 % and chips turned by 1.5°.

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from fmfts.contact import ContactModel
 from fmfts.pad import Pad
-from fmfts.simulation.solved_table import standard_mechanics
 from fmfts_calibrate.dataset import CalibrationSet
 from fmfts_calibrate.evaluate import evaluate
 from fmfts_calibrate.field_table import DataError
 from fmfts_calibrate.training import Options, calibrate
 from fmfts_lab.calibration.simulated import magnet_fields, rest_field_of
+from fmfts_simulation.solved_table import standard_mechanics
 
 Array = NDArray[np.float64]
 # A pad that answers shear evenly: the magnet's movement and tilt per newton. (The real one: lab/results/pad-model.md.)

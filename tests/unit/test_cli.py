@@ -191,7 +191,10 @@ def test_verb_of_the_laboratory_says_how_to_install_it(
         ["pad-model", "--to", "x"],
     ):
         assert main(words) == 69
-        assert f"pip install -e {ROOT}/extras/calibrate -e {ROOT}/lab\n" in capsys.readouterr().err
+        assert (
+            f"pip install -e {ROOT}/extras/simulation -e {ROOT}/extras/calibrate -e {ROOT}/lab\n"
+            in capsys.readouterr().err
+        )
 
 
 def test_verb_of_an_extra_says_how_to_install_it(
@@ -212,7 +215,8 @@ def test_each_verb_about_models_says_how_to_install_it(
 ) -> None:
     without(monkeypatch, "fmfts.verbs")
     assert main(words) == 69
-    assert f"pip install 'fmfts[calibrate]' -e {ROOT}/extras/calibrate\n" in capsys.readouterr().err
+    line = f"pip install 'fmfts[calibrate]' -e {ROOT}/extras/simulation -e {ROOT}/extras/calibrate\n"
+    assert line in capsys.readouterr().err
 
 
 OPTIONS_OF_EXTRAS = [("init --learn", "calibrate"), ("baseline --learn", "calibrate"), ("probe --magnet", "magnet")]
@@ -228,7 +232,8 @@ def test_option_of_an_extra_says_how_to_install_it(
     assert not (tmp_path / "absent.toml").exists()
     said = capsys.readouterr().err
     assert said.startswith(f"fmfts-daemon {words.split()[0]}: {words} belongs to a package of its own")
-    assert f"pip install 'fmfts[{extra}]' -e {ROOT}/extras/{extra}\n" in said
+    beside = f"-e {ROOT}/extras/simulation " if extra == "calibrate" else ""
+    assert f"pip install 'fmfts[{extra}]' {beside}-e {ROOT}/extras/{extra}\n" in said
 
 
 @pytest.mark.parametrize("words", OF_OPTION)
@@ -288,6 +293,17 @@ def test_replayed_source_says_how_to_install_its_package(
     config.write_text(f'[[pad]]\nname = "a"\nsource = {{ type = "replay", file = "{played}" }}\n')
     assert main(["check-config", "--config", str(config)]) != 0
     assert f"pip install 'fmfts[recording]' -e {ROOT}/extras/recording\n" in capsys.readouterr().err
+
+
+def test_simulated_source_and_the_demo_say_how_to_install_their_package(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    without(monkeypatch, "fmfts.simulations", "fmfts.verbs")
+    assert main(["check-config", "--config", str(SHIPPED)]) != 0
+    check = capsys.readouterr().err
+    assert main(["demo"]) == 69
+    for said in (check, capsys.readouterr().err):
+        assert f"pip install 'fmfts[simulation]' -e {ROOT}/extras/simulation\n" in said
 
 
 @pytest.mark.parametrize("column", ["force_z_n", "depth_mm", "shear_n"])

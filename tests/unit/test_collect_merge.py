@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import DEFAULT_CHIP
-from fmfts.simulation.mounted import MountedPad
 from fmfts_collect import machine_log
 from fmfts_collect.alignment import align
 from fmfts_collect.errors import RefusedError
 from fmfts_collect.machine_log import Log, plateaus, read_log
 from fmfts_collect.plan import read_plan
+from fmfts_simulation.mounted import MountedPad
 
 STEP_T = DEFAULT_CHIP.step_t[3]
 REST_T = np.full((4, 3), 300 * STEP_T)

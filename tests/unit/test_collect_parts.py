@@ -18,7 +18,6 @@ from fmfts.baseline.files import store
 from fmfts.baseline.origin import Origin
 from fmfts.config import BridgeSource, PadConfig, SimulatedSource
 from fmfts.sensor import Frame
-from fmfts.simulation.baseline import simulated_baseline
 from fmfts_calibrate.fitting import empty_response
 from fmfts_collect.errors import AbsentError, RefusedError, StoppedError
 from fmfts_collect.gauge import Reading, open_gauge
@@ -30,6 +29,7 @@ from fmfts_collect.stage import machine_place, require_within_reach
 from fmfts_collect.watch import Limits, Watch
 from fmfts_collect.weigh import GRAVITY_M_S2, weigh
 from fmfts_collect.work import require_own_baseline
+from fmfts_simulation.baseline import simulated_baseline
 
 
 @pytest.mark.parametrize(

@@ -15,10 +15,10 @@ from fmfts.baseline.request import BaselineRequest
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.sensor import Frame
 from fmfts.sensor.tasks import PATIENCE_S
-from fmfts.simulation.baseline import hold_still
-from fmfts.simulation.finger import no_finger
-from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.drills import record
+from fmfts_simulation.baseline import hold_still
+from fmfts_simulation.finger import no_finger
+from fmfts_simulation.source import Simulated
 
 
 def collected(every: int, duration_s: float, fewest: int) -> tuple[int, float]:

@@ -10,9 +10,9 @@ import pytest
 from fmfts.bus.messages import ContactMessage
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.sensor import Frame
-from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.drills import FRAME_NS, live_finger, pad_config
 from fmfts_lab.bench.tapped import pipeline_of
+from fmfts_simulation.source import Simulated
 
 
 def published(turning_deg_per_s: float, seconds: float, offset_counts: int = 0) -> list[ContactMessage]:

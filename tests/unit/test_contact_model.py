@@ -16,10 +16,10 @@ from fmfts.contact.response import bound_of
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.sensor.chips import NOISE_T
-from fmfts.simulation.solved_table import standard_mechanics
 from fmfts_calibrate.dataset import read_calibration_set, standard_pad
 from fmfts_calibrate.tracked import FrameSolver, Tracked
 from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
+from fmfts_simulation.solved_table import standard_mechanics
 
 CALIBRATION = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"
 

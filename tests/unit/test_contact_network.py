@@ -25,10 +25,10 @@ from fmfts.contact.inference import NetworkInference, _contact
 from fmfts.contact.seal import unsealed, with_seal
 from fmfts.contact.shipped import DEFAULT_PATH, SHIPPED_PATHS
 from fmfts.pad import Pad
-from fmfts.simulation.baseline import simulated_baseline
 from fmfts_calibrate.export import packed_weights
 from fmfts_calibrate.levenberg import Layers
 from fmfts_calibrate.network import ContactNetwork
+from fmfts_simulation.baseline import simulated_baseline
 
 CONTENT = unsealed(DEFAULT_PATH.read_bytes())
 Edit = Callable[[onnx.ModelProto], None]

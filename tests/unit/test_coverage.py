@@ -13,9 +13,9 @@ from fmfts.baseline.coverage import Coverage, PressCoverage, TurnCoverage
 from fmfts.baseline.job import BaselineJob
 from fmfts.baseline.request import BaselineRequest
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.simulation.baseline import hold_still, simulated_baseline
-from fmfts.simulation.finger import Finger, Touch, no_finger
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.baseline import hold_still, simulated_baseline
+from fmfts_simulation.finger import Finger, Touch, no_finger
+from fmfts_simulation.source import Simulated
 
 CONFIG = PadConfig(name="left", source=SimulatedSource())
 PERIOD_NS = round(1e9 / 220)

@@ -10,7 +10,7 @@ from scipy.special import elliprf, elliprj
 
 from fmfts.pad import Magnet, Pad
 from fmfts.pose import dipole_field
-from fmfts.simulation.cylinder import cylinder_field, generalized_elliptic_integral
+from fmfts_simulation.cylinder import cylinder_field, generalized_elliptic_integral
 
 
 def poses_of_the_workspace(count: int) -> tuple[np.ndarray, np.ndarray]:

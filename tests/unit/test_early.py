@@ -24,13 +24,13 @@ from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.packets import Early, Sample
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, Touch
 from fmfts_lab.bench import now as bench
 from fmfts_lab.bench.drills import RATE_HZ, pad_config
 from fmfts_lab.bench.motions import hold, tap
 from fmfts_lab.bench.now_early import EarlyToo, Sent
 from fmfts_recording.replay import essence
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, Touch
 
 CONFIG = pad_config("drifting", 5)
 BASELINE = simulated_baseline(CONFIG)

@@ -24,8 +24,8 @@ from fmfts.sensor.chips.rates import fastest_on_board_hz
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.wire.framing import encode
-from fmfts.simulation.finger import Touch
 from fmfts_lab.bench.now_early import Sent
+from fmfts_simulation.finger import Touch
 
 ON_THE_LINE_NS = 900_000
 

@@ -26,9 +26,9 @@ from fmfts.pipeline.snapshot import restore, snapshot
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
 from fmfts.sensor.frame import WireFrame, fields_of
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Touch, no_finger
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Touch, no_finger
+from fmfts_simulation.source import Simulated
 
 BEGINS = 110
 

@@ -24,8 +24,8 @@ from fmfts.runtime.daemon import Daemon
 from fmfts.runtime.opening import open_guarded
 from fmfts.sensor import SourceError
 from fmfts.sensor.flaw import flaw_of
-from fmfts.simulation.source import Simulated
 from fmfts.sources import Device, devices
+from fmfts_simulation.source import Simulated
 
 HEALTHY = ("a", "b", "c")
 PATIENCE_S = 60.0

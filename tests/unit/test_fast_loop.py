@@ -29,7 +29,7 @@ from fmfts.sensor import Frame
 from fmfts.sensor.bridge.bridge import Bridge
 from fmfts.sensor.patience import BEHIND, IN_TIME
 from fmfts.sensor.wire.framing import encode
-from fmfts.simulation.baseline import simulated_baseline
+from fmfts_simulation.baseline import simulated_baseline
 
 Read = tuple[bytes, int]
 

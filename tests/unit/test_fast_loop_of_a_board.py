@@ -24,8 +24,8 @@ from fmfts.config import BridgeSource, BusConfig, Config
 from fmfts.runtime.daemon import Daemon
 from fmfts.sensor import Frame
 from fmfts.sensor.wire.framing import encode
-from fmfts.simulation.baseline import simulated_baseline
 from fmfts_client import Message, Subscription
+from fmfts_simulation.baseline import simulated_baseline
 
 PATIENCE_S = 60.0
 SECONDS = 2.0

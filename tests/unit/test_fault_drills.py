@@ -9,12 +9,12 @@ import pytest
 from bus_messages import contact_message
 
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.drills import RATE_HZ, Ambient, pad_config, record
 from fmfts_lab.bench.fault_kinds import field_faults, sensor_faults
 from fmfts_lab.bench.faults import Healthy, Outcome, as_json, drilled
 from fmfts_lab.bench.tapped import ManyFrames, Well, tapped, tapping
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS
+from fmfts_simulation.source import Simulated
 
 
 @pytest.mark.parametrize("ambient", [pytest.param("constant", marks=pytest.mark.long), "drifting"])

@@ -15,9 +15,9 @@ from fmfts.bus.frame_message import frame_message
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.config.file import load
 from fmfts.sensor import Frame, SourceError
-from fmfts.simulation.array import simulated_pad
-from fmfts.simulation.fed import SILENT_NS, Fed
 from fmfts.sources import open_sources
+from fmfts_simulation.array import simulated_pad
+from fmfts_simulation.fed import SILENT_NS, Fed
 
 FRAMES: list[Frame] = []
 

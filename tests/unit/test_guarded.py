@@ -17,7 +17,7 @@ from fmfts.runtime.guarded import GuardedSource
 from fmfts.sensor import Frame, Source, SourceError, SourceState
 from fmfts.sensor.patience import IN_TIME, RECORDED, Patience
 from fmfts.sensor.source import CannotError
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.source import Simulated
 
 (FRAME,) = Simulated(PadConfig(name="left", source=SimulatedSource())).poll(10**9)
 

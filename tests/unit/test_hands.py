@@ -10,9 +10,10 @@ from fmfts.baseline.coverage import PressCoverage, TurnCoverage
 from fmfts.baseline.request import DURATION_S, REFINE_S, TURN_S, BaselineRequest
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.sensor import Frame
-from fmfts.simulation.finger import no_finger, steady_finger
-from fmfts.simulation.hands import UNSETTLED_FRAMES, Hands
-from fmfts.simulation.source import Simulated
+from fmfts.sensor.source import UNSETTLED_FRAMES
+from fmfts_simulation.finger import no_finger, steady_finger
+from fmfts_simulation.hands import Hands
+from fmfts_simulation.source import Simulated
 
 CONFIG = PadConfig(name="left", source=SimulatedSource())  # pressed by the script on a robot that turns
 PERIOD_NS = round(1e9 / 220)

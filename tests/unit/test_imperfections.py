@@ -12,14 +12,14 @@ import pytest
 
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.simulation.finger import Touch, no_finger, steady_finger
-from fmfts.simulation.finger_shape import PATCH_MM2, SHAPES, FingerShape
-from fmfts.simulation.imperfect_chips import STEP_T
-from fmfts.simulation.mounted import MountedPad
-from fmfts.simulation.solved_table import standard_mechanics
-from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.drills import Ambient
 from fmfts_lab.bench.silicone import EFFECTS, Row, trial
+from fmfts_simulation.finger import Touch, no_finger, steady_finger
+from fmfts_simulation.finger_shape import PATCH_MM2, SHAPES, FingerShape
+from fmfts_simulation.imperfect_chips import STEP_T
+from fmfts_simulation.mounted import MountedPad
+from fmfts_simulation.solved_table import standard_mechanics
+from fmfts_simulation.source import Simulated
 
 SECONDS = 6.0
 # Effects that baselines accept, and after which most frames are published.

@@ -14,7 +14,6 @@ import pytest
 from recorded_files import FOLDER, needs
 
 from fmfts.pad import rotation_from_vector
-from fmfts.simulation.cylinder import cylinder_field
 from fmfts_lab.real.figures import unlabelled
 from fmfts_lab.real.sold_sensor import PIXELS, SESSIONS
 from fmfts_lab.real.unlabelled import (
@@ -29,6 +28,7 @@ from fmfts_lab.real.unlabelled import (
     sketch,
     sketches_line,
 )
+from fmfts_simulation.cylinder import cylinder_field
 
 
 @pytest.fixture

@@ -12,13 +12,13 @@ from rough_world import SKETCH, bare_and_rest, fields, presses, rough_world
 
 from fmfts.baseline import Baseline, BaselineError, Mounting, encode, load, make_refined
 from fmfts.pad import Magnet, Pad, SensorArray
-from fmfts.simulation.cylinder import cylinder_field
 from fmfts_calibrate.learn.drawing import FIRST_PLACE, Drawing
 from fmfts_calibrate.learn.fit import Bundle, Fields
 from fmfts_calibrate.learn.make import make_learned, spread_out
 from fmfts_calibrate.learn.next_press import TIMES, next_press
 from fmfts_calibrate.learn.search import Learned, LearnError, learn, octupole_factor, with_octupole
 from fmfts_calibrate.learn.uniqueness import mirrored, relative_place_deviation_m
+from fmfts_simulation.cylinder import cylinder_field
 
 
 def _places(pad: Pad) -> slice:

@@ -9,9 +9,9 @@ import pytest
 from recovered import recover_poses
 
 from fmfts.cli.main import main
-from fmfts.simulation.solved_table import standard_mechanics
 from fmfts_calibrate.dataset import read_calibration_set
 from fmfts_lab.calibration.standard_set import rows
+from fmfts_simulation.solved_table import standard_mechanics
 
 DATA = Path(__file__).parents[1] / "data"
 # Of another finite-element model, labelled with a pressure of 10, 40 or 70 kPa times the patch's area at rest.

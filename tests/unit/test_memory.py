@@ -16,10 +16,10 @@ from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import UNLOADED_AT_START_S
-from fmfts.simulation.source import Simulated
 from fmfts_recording.replay import essence
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import UNLOADED_AT_START_S
+from fmfts_simulation.source import Simulated
 
 DRIFTING = PadConfig(name="left", source=SimulatedSource(seed=3, warming_k_per_minute=30.0))
 CONSTANT = PadConfig(name="left", source=SimulatedSource(turning_deg_per_s=0.0), scene=SceneConfig(ambient="constant"))

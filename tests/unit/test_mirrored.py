@@ -8,9 +8,9 @@ from msgspec.structs import replace as changed
 from test_pipeline import config_of, pipeline_of
 
 from fmfts.config import PadConfig
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import steady_finger
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import steady_finger
+from fmfts_simulation.source import Simulated
 
 FORCE_N, PLACE_M = 1.0, (2e-3, -1e-3)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmfts.simulation.finger import Touch
-from fmfts.simulation.mounted_magnets import MM, MountedMagnets
 from fmfts_lab.finite_elements.array_pad import array_config
+from fmfts_simulation.finger import Touch
+from fmfts_simulation.mounted_magnets import MM, MountedMagnets
 
 ONE, OTHER, NOTHING = Touch(3e-3, -4e-3, 0.8, 0.1, -0.2), Touch(-7e-3, 2e-3, 1.3), Touch(5e-3, 5e-3, 0.0)
 

@@ -11,7 +11,7 @@ from fmfts.baseline import Recording, make_bare, make_rest
 from fmfts.config import MagnetConfig, PadConfig, SceneConfig, SimulatedSource
 from fmfts.pad import Magnet
 from fmfts.pose import FREE_PAPER, solve
-from fmfts.simulation.cylinder import cylinder_field
+from fmfts_simulation.cylinder import cylinder_field
 
 # Of weak ferrite: neodymium of this size would saturate the chips' widest range tenfold.
 FERRITE = MagnetConfig(diameter_mm=6.0, length_mm=6.0, remanence_t=0.1, rest_mm=(0, 0, 6))

@@ -21,9 +21,9 @@ from fmfts.pose.neighbour import NeighbourView
 from fmfts.pose.sighting import Sighting, values_of
 from fmfts.scene.neighbours import neighbours_around
 from fmfts.sensor import Frame
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.neighbours import pair, pressed_pair
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.source import Simulated
 from oracle import neighbours as oracle
 
 NOISE_T = 2e-7

@@ -15,10 +15,10 @@ from fmfts.pipeline.configured import contact_model_of, feel_neighbours, pipelin
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.sensor import Frame
 from fmfts.sensor.wire.framing import encode
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, Touch
 from fmfts_lab.bench.drills import FRAME_NS, RATE_HZ
 from fmfts_lab.bench.neighbours import pair, source_of
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, Touch
 
 
 def taps(later_s: float) -> Finger:

@@ -19,13 +19,13 @@ from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView, change_of
 from fmfts.pose.sighting import Sighting
 from fmfts.scene.neighbours import neighbours_around
 from fmfts.sensor import Frame
-from fmfts.simulation.array import SimulatedArray, simulated_pad
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
-from fmfts.simulation.neighbour import SeveralMagnets
 from fmfts_lab.bench.neighbours import pair
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS
 from fmfts_lab.finite_elements.array_pad import array_config
+from fmfts_simulation.array import SimulatedArray, simulated_pad
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, Touch, no_finger, steady_finger
+from fmfts_simulation.neighbour import SeveralMagnets
 from oracle import neighbours as oracle
 
 PERIOD_NS = round(1e9 / 220)

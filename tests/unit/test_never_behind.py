@@ -32,8 +32,8 @@ from fmfts.sensor.patience import BEHIND, IN_TIME, Patience
 from fmfts.sensor.wire.framing import Decoder, encode
 from fmfts.sensor.wire.newest import _wire, keep_newest
 from fmfts.sensor.wire.packets import Sample
-from fmfts.simulation.baseline import simulated_baseline
 from fmfts_client import Subscription
+from fmfts_simulation.baseline import simulated_baseline
 from twins.newest import keep_newest as one_by_one
 
 STALL_S = 0.5

@@ -13,9 +13,9 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.sensor import Frame
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import no_finger, steady_finger
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import no_finger, steady_finger
+from fmfts_simulation.source import Simulated
 
 RATE_HZ = 220
 # contact_of_pose.c: how long a temperature is held, and how far a magnet may be above its rest before that counts.

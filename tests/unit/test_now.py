@@ -18,12 +18,12 @@ from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
 from fmfts.sensor.frame import WireFrame
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, Touch
 from fmfts_lab.bench import now as bench
 from fmfts_lab.bench.drills import RATE_HZ, pad_config
 from fmfts_lab.bench.motions import hold, ramp, slide, tap, untouched
 from fmfts_lab.bench.tapped import ManyFrames
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, Touch
 
 LEAD_S = 2e-3
 CONFIG = pad_config("drifting", 5)

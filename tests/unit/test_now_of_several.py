@@ -16,10 +16,10 @@ from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
-from fmfts.simulation.array import SimulatedArray
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
 from fmfts_lab.finite_elements.array_pad import array_config
+from fmfts_simulation.array import SimulatedArray
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, Touch, no_finger, steady_finger
 
 CONFIG = array_config(seed=3)
 BASELINE = simulated_baseline(CONFIG)

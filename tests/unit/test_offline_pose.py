@@ -15,7 +15,7 @@ from fmfts.pad import Pad
 from fmfts.pose import State, dipole_field
 from fmfts.pose.kernel import predict
 from fmfts.pose.problem import magnet_rows, measurement_rows
-from fmfts.simulation.cylinder import cylinder_field
+from fmfts_simulation.cylinder import cylinder_field
 
 CONFIG = """
 [[pad]]

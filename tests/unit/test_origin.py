@@ -14,9 +14,9 @@ from fmfts.baseline.origin import Origin
 from fmfts.baseline.recording import ForeignError
 from fmfts.baseline.request import BaselineRequest
 from fmfts.config import BridgeSource, I2cSource, PadConfig, ReplaySource, SimulatedSource
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.source import Simulated
 from fmfts.sources import origin_of
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.source import Simulated
 
 UID = "0123456789abcdef01234567"
 

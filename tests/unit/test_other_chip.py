@@ -17,9 +17,9 @@ from fmfts.sensor.chips.chip import Thermometer
 from fmfts.sensor.chips.rates import highest_rate_hz
 from fmfts.sensor.frame import Frame, WireFrame
 from fmfts.sensor.wire.framing import encode
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import steady_finger
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import steady_finger
+from fmfts_simulation.source import Simulated
 
 OTHER = replace(
     HMC5983,

@@ -22,7 +22,7 @@ from fmfts.pipeline.words import Words, words_of
 from fmfts.pose.hand import Hand
 from fmfts.pose.sighting import Sighting
 from fmfts.sensor import Frame
-from fmfts.simulation.baseline import simulated_baseline
+from fmfts_simulation.baseline import simulated_baseline
 
 CONFIG = config_of(5)
 BASELINE = simulated_baseline(CONFIG)

@@ -10,13 +10,13 @@ import pytest
 
 from fmfts.cli.main import main
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.simulation.solved_table import standard_mechanics
 from fmfts_calibrate.dataset import read_calibration_set, standard_pad
 from fmfts_lab.calibration.standard_set import standard_set
 from fmfts_lab.study import experiment, paper_inputs
 from fmfts_lab.study.harness import Facts, Request, Row
 from fmfts_lab.study.paper_inputs import Readings
 from fmfts_lab.study.paper_table3 import printed, run, table
+from fmfts_simulation.solved_table import standard_mechanics
 
 PAD = PadConfig(name="standard", source=SimulatedSource())
 COLUMNS = ("x_mm", "y_mm", "force_n", "dx_um", "dy_um", "dz_um", "axis_x", "axis_y")

@@ -14,7 +14,7 @@ from fmfts.pipeline.first_memory import KEPT, first_memory
 from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.parameters import parameters_of, put_neighbours
 from fmfts.scene.tracking import tracking_model_for
-from fmfts.simulation.baseline import simulated_baseline
+from fmfts_simulation.baseline import simulated_baseline
 
 CONFIG = config_of(5, ambient="drifting")
 SCENE = tracking_model_for(CONFIG.scene, CONFIG.magnet)

@@ -26,10 +26,10 @@ from fmfts.runtime.sparing_log import SparingLog
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
 from fmfts.sensor.source import SourceState
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
-from fmfts.simulation.source import Simulated
 from fmfts_client import Endpoints
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, Touch, no_finger, steady_finger
+from fmfts_simulation.source import Simulated
 
 PERIOD_NS = round(1e9 / 220)
 

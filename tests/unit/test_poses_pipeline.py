@@ -24,12 +24,12 @@ from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot, state_mes
 from fmfts.pipeline.words import BARE_ONLY
 from fmfts.runtime.announcer import _place
 from fmfts.sensor import Frame
-from fmfts.simulation.array import SimulatedArray
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
 from fmfts_lab.bench.several_layouts import LAYOUTS
 from fmfts_recording.file import RecordingWriter
 from fmfts_recording.replay import Replay, essence
+from fmfts_simulation.array import SimulatedArray
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, Touch, no_finger, steady_finger
 
 PERIOD_NS = round(1e9 / 220)
 PRESS = steady_finger(-4e-3, -1e-3, 0.8)

@@ -22,9 +22,9 @@ from fmfts.config.checks import problems_in
 from fmfts.pipeline.configured import contact_model_of, pipeline_of, posture_learner
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.sensor import Frame
-from fmfts.simulation.finger import Finger, no_finger
-from fmfts.simulation.hands import PressesAllOver
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.finger import Finger, no_finger
+from fmfts_simulation.hands import PressesAllOver
+from fmfts_simulation.source import Simulated
 
 PERIOD_NS = 1_000_000_000 // 220
 JOINTS_EVERY = 4  # frames

@@ -13,9 +13,9 @@ from fmfts.contact import ContactModel
 from fmfts.contact.touch import TouchDetector
 from fmfts.pad import Pad
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.simulation.finger import no_finger
 from fmfts_lab.bench import tools
 from fmfts_lab.bench.tool_ways import WAYS, Tool
+from fmfts_simulation.finger import no_finger
 from oracle.compiled import pointer
 
 Array = NDArray[np.float64]

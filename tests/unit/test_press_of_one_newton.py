@@ -7,8 +7,8 @@ import pytest
 from test_pipeline import config_of, frames_of, pipeline_of
 
 from fmfts.pipeline.press_of_one_newton import press_of_one_newton
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import steady_finger
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import steady_finger
 
 
 @pytest.mark.parametrize("scene", [{"ambient": "constant"}, {"ambient": "drifting"}])

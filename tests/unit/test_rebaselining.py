@@ -14,10 +14,10 @@ from fmfts.pipeline.encoded import message_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.rebaselining import Rebaselining
 from fmfts.scene.tracking import tracking_model_for
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, Touch, no_finger
-from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.drills import AS_DRAWN
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, Touch, no_finger
+from fmfts_simulation.source import Simulated
 
 # Slow enough to run through ten minutes of a pad's life in seconds.
 RATE_HZ = 20

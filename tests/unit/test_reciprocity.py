@@ -12,15 +12,15 @@ from fmfts.cli.main import main
 from fmfts.common.exit_codes import DATA, USAGE
 from fmfts.config.file import ConfigError, load
 from fmfts.sensor.source import SourceError
-from fmfts.simulation.pad_file import read_pad_file
-from fmfts.simulation.solved_table import PRESSED_PATH, RESPONSE, SI, read_solved
-from fmfts.simulation.source import Simulated
 from fmfts_calibrate.sweep import Workers
 from fmfts_lab.finite_elements.finite_element import PressedSlab
 from fmfts_lab.finite_elements.pad_file import write_pad_file
 from fmfts_lab.finite_elements.reciprocity import Influence
 from fmfts_lab.finite_elements.slab import Press, Slab
 from fmfts_lab.finite_elements.solved_presses import solve_into
+from fmfts_simulation.pad_file import read_pad_file
+from fmfts_simulation.solved_table import PRESSED_PATH, RESPONSE, SI, read_solved
+from fmfts_simulation.source import Simulated
 
 pytestmark = pytest.mark.needs(felupe="fem")
 ELEMENT_M = 2e-3

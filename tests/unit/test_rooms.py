@@ -16,16 +16,20 @@ EXTRAS = sorted(path.parent for path in ROOT.glob("extras/*/pyproject.toml"))
 CLOSED = {"runtime"}
 OPEN_VERBS = {"fmfts.cli.verb", "fmfts.cli.feed", "fmfts.cli.elsewhere"}
 OF_ALL = {"fmfts_client"}
-# Whose sets the package reads, and whose server it fills.
+# Whose recordings or sets the package reads, whose field it takes, and whose server it fills.
 READERS = {f"fmfts_{name}": OF_ALL | {"fmfts_recording"} for name in ("collect", "foxglove", "page", "report")}
-OPEN_PACKAGES = READERS | {"fmfts_skin": OF_ALL | {"fmfts_calibrate"}, "fmfts_fleet": OF_ALL | {"fmfts_page"}}
+OPEN_PACKAGES = READERS | {
+    "fmfts_calibrate": OF_ALL | {"fmfts_simulation"},
+    "fmfts_skin": OF_ALL | {"fmfts_calibrate"},
+    "fmfts_fleet": OF_ALL | {"fmfts_page"},
+}
 # The lowest first: each may import those before it, and none of its own floor.
 FLOORS = [
     {"arithmetic", "service", "sensor/chips"},
     {"common", "pad", "sensor"},
     {"pose", "contact", "sensor/wire", "bus", "view"},
     {"baseline", "sensor/bridge", "sensor/i2c", "config"},
-    {"scene", "several", "simulation"},
+    {"scene", "several"},
     {"sources", "pipeline"},
     {"runtime"},
     {"cli"},

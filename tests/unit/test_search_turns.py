@@ -21,11 +21,11 @@ from fmfts.sensor import Frame
 from fmfts.sensor.frame import WireFrame
 from fmfts.several import fit
 from fmfts.several.searches import SEARCHED_FRAMES, number_of
-from fmfts.simulation.array import SimulatedArray
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
 from fmfts_lab.finite_elements.array_pad import array_config
 from fmfts_recording.replay import essence
+from fmfts_simulation.array import SimulatedArray
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, Touch, no_finger, steady_finger
 
 CONFIG = array_config(seed=6)
 BASELINE = simulated_baseline(CONFIG)

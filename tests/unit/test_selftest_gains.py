@@ -18,8 +18,8 @@ from fmfts.baseline.request import BaselineRequest, Recorded
 from fmfts.config import PadConfig, SimulatedSource, ToleranceConfig
 from fmfts.pad import Pad
 from fmfts.sensor import Frame
-from fmfts.simulation.baseline import hold_still
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.baseline import hold_still
+from fmfts_simulation.source import Simulated
 
 MINE, ANOTHER = (Origin("bridge", "HMC5983", uid=uid, pad_index=0) for uid in ("0a", "0b"))
 STRAPS = 0.005  # difference of the straps' fields between axes

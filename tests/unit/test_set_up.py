@@ -10,18 +10,18 @@ import pytest
 
 from fmfts.baseline import Baseline
 from fmfts.baseline.files import path_of
-from fmfts.cli.demo import set_up_pads
 from fmfts.config import ContactConfig, PadConfig, SimulatedSource, ToleranceConfig
 from fmfts.config.example import ARRAY_PATH, EXAMPLE_PATH
 from fmfts.config.file import load
 from fmfts.pad import rotation_from_vector
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.simulation.array import simulated_pad
-from fmfts.simulation.finger import no_finger, steady_finger
-from fmfts.simulation.set_up import set_up
-from fmfts.simulation.source import TUMBLE_S, tumbled
 from fmfts_lab.bench.tapped import without_baseline
+from fmfts_simulation.array import simulated_pad
+from fmfts_simulation.demo import set_up_pads
+from fmfts_simulation.finger import no_finger, steady_finger
+from fmfts_simulation.set_up import set_up
+from fmfts_simulation.source import TUMBLE_S, tumbled
 
 PERIOD_NS = 4_545_455
 

@@ -22,11 +22,11 @@ from fmfts.pipeline.words import BARE_ONLY
 from fmfts.sensor import Frame
 from fmfts.several import estimator
 from fmfts.several.poses import Poses, poses_of
-from fmfts.simulation.array import SimulatedArray
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
-from fmfts.simulation.source import TURNING_AXIS
 from fmfts_lab.finite_elements.array_pad import array_config
+from fmfts_simulation.array import SimulatedArray
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, Touch, no_finger, steady_finger
+from fmfts_simulation.source import TURNING_AXIS
 
 CONFIG = array_config(seed=3)
 BASELINE = simulated_baseline(CONFIG)

@@ -15,11 +15,11 @@ from fmfts.pad import Pad
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.tracking import tracking_model_for
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import CYCLE_S, UNLOADED_AT_START_S, Finger, ScriptedFinger, Touch
-from fmfts.simulation.solved_table import standard_mechanics
-from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.contact_shear import friction, solved
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import CYCLE_S, UNLOADED_AT_START_S, Finger, ScriptedFinger, Touch
+from fmfts_simulation.solved_table import standard_mechanics
+from fmfts_simulation.source import Simulated
 
 PERIOD_NS = round(1e9 / 220)
 CONFIG = PadConfig(

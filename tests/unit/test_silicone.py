@@ -13,10 +13,10 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.pad import Silicone
 from fmfts.pipeline.creep import Creep
 from fmfts.pose.silicone import TIMES_S
-from fmfts.simulation.finger import Touch
-from fmfts.simulation.silicone import CREEP_PER_DECADE, MEASURED_S
-from fmfts.simulation.silicone import Silicone as CreepingSilicone
 from fmfts_lab.bench.long_squeeze import BEGIN_S, RAMP_S, Squeeze, force_deviations, longest_contact_s, squeezed
+from fmfts_simulation.finger import Touch
+from fmfts_simulation.silicone import CREEP_PER_DECADE, MEASURED_S
+from fmfts_simulation.silicone import Silicone as CreepingSilicone
 
 SQUEEZE = Squeeze(Touch(2e-3, -1.5e-3, 4.0), 30.0)
 HOLD = Squeeze(Touch(-3e-3, 2e-3, 1.0), 60.0)

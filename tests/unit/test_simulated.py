@@ -10,8 +10,8 @@ import pytest
 
 from fmfts.config import BridgeSource, PadConfig, SimulatedSource
 from fmfts.sensor.frame import Frame
-from fmfts.simulation.finger import CYCLE_S, SQUEEZE_N, UNLOADED_AT_START_S, ScriptedFinger, no_finger, steady_finger
-from fmfts.simulation.source import CATCH_UP_FRAMES, Simulated
+from fmfts_simulation.finger import CYCLE_S, SQUEEZE_N, UNLOADED_AT_START_S, ScriptedFinger, no_finger, steady_finger
+from fmfts_simulation.source import CATCH_UP_FRAMES, Simulated
 
 START_NS = 5_000_000_000_000
 PERIOD_NS = 1e9 / 220

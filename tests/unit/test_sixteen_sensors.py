@@ -25,13 +25,13 @@ from fmfts.sensor.wire.codec import MalformedError, pack, unpack
 from fmfts.sensor.wire.framing import Decoder
 from fmfts.sensor.wire.framing import encode as encode_packet
 from fmfts.sensor.wire.packets import HelloPad, HelloSensor, Sample, Selftest, SelftestSensor, channel_byte
-from fmfts.simulation.array import SimulatedArray
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import steady_finger
-from fmfts.simulation.source import Simulated
 from fmfts_lab.finite_elements.array_pad import array_config
 from fmfts_recording.file import RecordingWriter
 from fmfts_recording.replay import Replay, essence
+from fmfts_simulation.array import SimulatedArray
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import steady_finger
+from fmfts_simulation.source import Simulated
 
 EIGHT = array_config(seed=3)
 SIXTEEN = with_sensors(EIGHT, 16)

@@ -24,12 +24,12 @@ from fmfts.pipeline.pad_pipeline import PipelineMemory
 from fmfts.runtime.announcer import Announcer
 from fmfts.sensor import Frame
 from fmfts.sensor.source import SourceState
-from fmfts.simulation.finger import Finger, Touch
 from fmfts_client import Contact
 from fmfts_lab.bench.now_pads import BuiltPad
 from fmfts_lab.bench.slip import messages
 from fmfts_lab.bench.slip_world import Drag, DragMechanics, Healthy, Slide
 from fmfts_lab.bench.tapped import ManyFrames
+from fmfts_simulation.finger import Finger, Touch
 
 PLOUGHS = "pressed in by a third of its radius, others by a fifth: 38 % more than friction holds it"
 ASKED = ContactConfig(model="shear", slip=True)

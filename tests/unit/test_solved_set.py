@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.simulation.solved_table import COLUMNS, mirrored
 from fmfts_calibrate.dataset import read_labelled, standard_pad
 from fmfts_calibrate.tracked import FrameSolver
 from fmfts_lab.calibration.simulated import rest_field_of
 from fmfts_lab.calibration.solved_set import main
+from fmfts_simulation.solved_table import COLUMNS, mirrored
 
 # x, y, force, shear x, shear y, dx, dy, dz, axis x, axis y: off the diagonal, on it, and the centre.
 SOLVED = np.array(

@@ -5,15 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmfts.simulation.solved_table import (
-    CENTRE_PATH,
-    PRESSED_PATH,
-    RESPONSE,
-    SI,
-    normal_mechanics,
-    read_solved,
-    standard_mechanics,
-)
 from fmfts_lab.finite_elements.check_table import errors
 from fmfts_lab.finite_elements.solved_presses import (
     SETS,
@@ -23,6 +14,15 @@ from fmfts_lab.finite_elements.solved_presses import (
     press_columns,
     shear_grid,
     shear_test,
+)
+from fmfts_simulation.solved_table import (
+    CENTRE_PATH,
+    PRESSED_PATH,
+    RESPONSE,
+    SI,
+    normal_mechanics,
+    read_solved,
+    standard_mechanics,
 )
 
 SIMULATE = PRESSED_PATH.parent

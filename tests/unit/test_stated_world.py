@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from fmfts.contact.tolerances import MODULUS
-from fmfts.simulation.finger_shape import FingerShape
 from fmfts_lab.bench.stated_world import StatedMechanics
 from fmfts_lab.finite_elements.reciprocity import Influence
 from fmfts_lab.finite_elements.slab import Slab
+from fmfts_simulation.finger_shape import FingerShape
 
 pytestmark = pytest.mark.needs(felupe="fem")
 LIGHT_N = 0.2

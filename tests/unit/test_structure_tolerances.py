@@ -18,9 +18,9 @@ from fmfts.config.checks import problems_in
 from fmfts.contact.tolerances import StructureTolerance
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import State
-from fmfts.simulation.baseline import simulated_baseline
 from fmfts.view.status import render_status
 from fmfts_client import Status
+from fmfts_simulation.baseline import simulated_baseline
 
 
 def config(model: str = "default", finger_mm: tuple[float, float] = (3.0, 12.0), **tolerance: float) -> PadConfig:

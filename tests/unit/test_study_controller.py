@@ -15,7 +15,6 @@ from fmfts.cli.main import main
 from fmfts.common import exit_codes
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array
-from fmfts.simulation.finger import Touch
 from fmfts_lab.bench import now as bench
 from fmfts_lab.bench.drills import RATE_HZ
 from fmfts_lab.bench.motions import Motion, hold, ramp, tap
@@ -23,6 +22,7 @@ from fmfts_lab.bench.now_pads import BEFORE_S, TRANSPORT_S, drawn, published_s
 from fmfts_lab.study import controller, controller_chart, pareto
 from fmfts_lab.study.controller_methods import NOTHING, NOW, TODAY, UNKNOWN, Line, Told
 from fmfts_lab.study.harness import Request, Row
+from fmfts_simulation.finger import Touch
 
 SECONDS = 1.2
 FRAMES = round((BEFORE_S + SECONDS) * RATE_HZ)

@@ -28,11 +28,11 @@ from fmfts.runtime.pending import PROGRESS_S
 from fmfts.runtime.requests import Verbs
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame, Source
+from fmfts.sensor.source import UNSETTLED_FRAMES
 from fmfts.sensor.tasks import PATIENCE_S, SELFTEST_S
-from fmfts.simulation.finger import steady_finger
-from fmfts.simulation.hands import UNSETTLED_FRAMES
-from fmfts.simulation.source import Simulated
 from fmfts_client import Endpoints
+from fmfts_simulation.finger import steady_finger
+from fmfts_simulation.source import Simulated
 
 CONFIG = PadConfig(
     name="left", source=SimulatedSource(finger="none", turning_deg_per_s=0.0), scene=SceneConfig(ambient="constant")

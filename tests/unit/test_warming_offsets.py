@@ -14,11 +14,11 @@ from test_pipeline import Bench, config_of, frames_of
 from fmfts.bus.messages import ContactMessage
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.sensor.frame import Frame, WireFrame
-from fmfts.simulation.finger import no_finger
 from fmfts_lab.bench.silicone import Effect, RealPad, RealTruth, baseline_of, messages_of
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS
 from fmfts_lab.bench.warming import WarmingPad, batches
+from fmfts_simulation.finger import no_finger
 
 FAULT_COUNTS = 300  # of one axis: 20 µT and more
 COUNT_UT = 100.0 / 660.0  # of these chips at ±2.5 G: 660 counts a gauss

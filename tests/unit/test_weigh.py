@@ -23,11 +23,11 @@ from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.last_pad import ConfiguredPad
 from fmfts.pipeline.weighing import Weighing
 from fmfts.sensor import Frame
-from fmfts.simulation.finger import Finger, no_finger, steady_finger
 from fmfts.view.facts import fact_lines
 from fmfts_lab.bench.structure import Cell, Found
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.weigh import ASIDE_M, MIDDLE_M, Bench, facts_of, shaken
+from fmfts_simulation.finger import Finger, no_finger, steady_finger
 
 STIFF = Cell("stiff", modulus=1.5)
 CONFIG = PadConfig(name="pad", source=SimulatedSource())

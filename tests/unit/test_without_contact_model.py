@@ -15,9 +15,9 @@ from fmfts.contact import ModelError, NoContactModel
 from fmfts.pipeline._pad import distance
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, no_finger, steady_finger
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, no_finger, steady_finger
+from fmfts_simulation.source import Simulated
 
 PERIOD_NS = round(1e9 / 220)
 SETTLED = 20  # frames

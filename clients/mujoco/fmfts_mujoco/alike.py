@@ -9,9 +9,9 @@ from fmfts.config import PadConfig
 from fmfts.pad import Array
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.sensor.frame import Frame
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import steady_finger
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import steady_finger
+from fmfts_simulation.source import Simulated
 
 from fmfts_mujoco.boards import NS, Boards, built_of
 from fmfts_mujoco.history import History

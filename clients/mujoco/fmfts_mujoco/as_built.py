@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from fmfts.config import PadConfig
 from fmfts.pad import Array
-from fmfts.simulation.finger_shape import FingerShape
-from fmfts.simulation.mechanics import Mechanics
+from fmfts_simulation.finger_shape import FingerShape
+from fmfts_simulation.mechanics import Mechanics
 
 # The magnet's movement (dx, dy, dz, axis x, y) grows with this power of the slab's thickness, under a normal force and
 # under shear. From the presses that CalculiX solved on slabs of 3.6, 4 and 4.4 mm with a finger of 6 mm

@@ -9,11 +9,11 @@ import numpy as np
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array
 from fmfts.sensor.frame import AGE_UNKNOWN_US, READING_BYTES, Frame, WireFrame
-from fmfts.simulation.chip import ChipArray
-from fmfts.simulation.imperfections import cast
-from fmfts.simulation.mounted import MountedPad
-from fmfts.simulation.neighbour import seeded
-from fmfts.simulation.source import ROOM_C, Simulated
+from fmfts_simulation.chip import ChipArray
+from fmfts_simulation.imperfections import cast
+from fmfts_simulation.mounted import MountedPad
+from fmfts_simulation.neighbour import seeded
+from fmfts_simulation.source import ROOM_C, Simulated
 
 from fmfts_mujoco.history import History
 from fmfts_mujoco.places import ModelError

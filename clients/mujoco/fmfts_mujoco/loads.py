@@ -86,7 +86,7 @@ def responses(steps: list[Step], stacked: Stacked) -> Array:
     """(S, K, 5) how the magnet of each pad moves at each step: as `MountedPad.response`.
 
     A press by an area moves a magnet like the mean of presses at its points, each with the whole load
-    (fmfts/simulation/finger_shape.py), so contacts count by their shares of the pad's force.
+    (fmfts_simulation/finger_shape.py), so contacts count by their shares of the pad's force.
     """
     response = np.zeros((len(steps), stacked.pads, 5))
     presses = Presses.of(steps)

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from fmfts.config import PadConfig
 from fmfts.pad import Array
-from fmfts.simulation.imperfections import TOP_M
+from fmfts_simulation.imperfections import TOP_M
 
 STEEL = "steel"  # the material of geoms that an ambient field and magnets magnetise
 

@@ -10,7 +10,7 @@ import numpy as np
 from fmfts.config import PadConfig
 from fmfts.pad import Array, rotation_from_vector
 from fmfts.sensor.frame import Frame
-from fmfts.simulation.silicone import Silicone
+from fmfts_simulation.silicone import Silicone
 
 from fmfts_mujoco.as_built import Structures
 from fmfts_mujoco.boards import SILICONE, Boards, Faults, built_of

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from fmfts.pad import Array
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.mounted import MountedPad
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.mounted import MountedPad
 
 from fmfts_mujoco.as_built import Structures
 

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 from fmfts.config import ContactConfig, PadConfig, SimulatedSource, ToleranceConfig
-from fmfts.simulation.finger_shape import PATCH_MM2
-from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_simulation.finger_shape import PATCH_MM2
+from fmfts_simulation.solved_table import standard_mechanics
 from worlds import WEIGHT_N, pad, world
 
 from fmfts_mujoco import Pads

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 import pytest
-from fmfts.simulation.imperfections import TOP_M
+from fmfts_simulation.imperfections import TOP_M
 from worlds import pad
 
 import fmfts_mujoco

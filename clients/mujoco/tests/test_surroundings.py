@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 from fmfts.config import PadConfig, PlacementConfig, SimulatedSource
-from fmfts.simulation.finger import no_finger
-from fmfts.simulation.neighbour import OneMagnet
+from fmfts_simulation.finger import no_finger
+from fmfts_simulation.neighbour import OneMagnet
 from worlds import pad, world
 
 from fmfts_mujoco import Pads

@@ -33,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
     closed_keys = _why_keys_are_closed(config)
     try:
         models = load_models(config)
-        _require_recordings(config)
+        _require_sources(config)
     except (ModelError, SourceError) as error:
         raise VerbError(exit_codes.CONFIG, str(error)) from error
     if options.json:
@@ -83,10 +83,12 @@ def _why_keys_are_closed(config: Config) -> str:
     return ""
 
 
-def _require_recordings(config: Config) -> None:
-    """Raise SourceError where a pad replays a recording that is damaged, or of another kind of pad."""
-    from fmfts.config import ReplaySource
-    from fmfts.sources import open_sources
+def _require_sources(config: Config) -> None:
+    """Raise SourceError where a recording is damaged or of another kind of pad, or a package is missing."""
+    from fmfts.config import ReplaySource, SimulatedSource
+    from fmfts.sources import open_sources, simulation
 
+    if any(isinstance(pad.source, SimulatedSource) for pad in config.pad):
+        simulation("source")
     for source, _ in open_sources([pad for pad in config.pad if isinstance(pad.source, ReplaySource)]):
         source.close()

@@ -22,9 +22,8 @@ from fmfts.pipeline.last_pad import ConfiguredPad
 from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.missing import missing_sensors
 from fmfts.sensor.probing import is_sound, probe_facts
+from fmfts.sensor.source import HandledSource
 from fmfts.sensor.tasks import PATIENCE_S, Task
-from fmfts.simulation.hands import Hands
-from fmfts.simulation.source import Simulated
 from fmfts.sources import open_sources, origin_of, require_device
 from fmfts.view.progress import Show, progress_bar
 from fmfts_client import BadKeyError, ControlError, EndpointError, RefusedError, request
@@ -124,10 +123,10 @@ def record_baseline(
             # The file is damaged, or another board's, and will be replaced; its bare recording cannot be trusted.
             before = None
         with _opened(pad, pads) as (source, pad_index), progress_bar("baseline") as show:
-            if isinstance(source, Simulated):
+            if isinstance(source, HandledSource):
                 weight_n = 0.0 if learn is None else learn.weight_n
                 presses = refine or (learn is not None and learn.presses > 0)
-                Hands(source, bare=bare, turn=turn, refine=presses, weight_n=weight_n)
+                source.hands(bare=bare, turn=turn, refine=presses, weight_n=weight_n)
             job = BaselineJob(work, before, source, executor, pad_index=pad_index)
             return _finished(pad.name, job, _turns(source, pad_index, job.take), show)
 

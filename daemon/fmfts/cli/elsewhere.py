@@ -25,6 +25,7 @@ OF_VERB = {
     "calibrate": ("make a contact model from a CSV file of labelled fields", "calibrate"),
     "evaluate": ("compare a contact model's answers with a CSV file of labelled fields", "calibrate"),
     "pose": ("solve the magnet's pose for every row of a CSV file of fields", "calibrate"),
+    "demo": ("show a simulated pad in this terminal", "simulation"),
     "view": ("show a running daemon on a page in a browser", "page"),
     "record": ("write all messages of a running daemon to a file, with raw frames", "recording"),
     "replay": ("process a recording's frames again, and compare the contacts", "recording"),

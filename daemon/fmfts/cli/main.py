@@ -15,7 +15,6 @@ from typing import Any
 from fmfts import __version__
 from fmfts.cli import check_config, elsewhere, on_device
 from fmfts.cli import companions as companion_verbs
-from fmfts.cli import demo as demo_verb
 from fmfts.cli import init_config as init_verb
 from fmfts.cli import keys as keys_verb
 from fmfts.cli import weigh as weigh_verb
@@ -119,7 +118,6 @@ def _parser(requested: str | None, only_installed: bool = False) -> argparse.Arg
     listen.add_argument("--pad", metavar="NAME", help="only this pad")
     listen.add_argument("--seconds", type=seconds, help="end after this time, with a summary")
     with_json(listen)
-    demo_verb.add_to(verb)
     init_verb.add_to(verb)
     keys_verb.add_to(verb)
     companion_verbs.add_to(verb)

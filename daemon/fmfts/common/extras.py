@@ -12,7 +12,8 @@ import fmfts
 LABORATORY = "lab"
 # Other folders that pip needs beside it.
 NEEDS = {
-    **dict.fromkeys(("skin", LABORATORY), "extras/calibrate "),
+    "calibrate": "extras/simulation ",
+    **dict.fromkeys(("skin", LABORATORY), "extras/simulation extras/calibrate "),
     **dict.fromkeys(("collect", "page", "report"), "extras/recording "),
     **dict.fromkeys(("fleet", "foxglove"), "extras/recording extras/page "),
 }

@@ -23,8 +23,7 @@ from fmfts.runtime.guarded import LONGEST_PAUSE_S, GuardedSource, device_of
 from fmfts.scene import advice
 from fmfts.scene.tracking import observability_warnings, scene_model_of
 from fmfts.sensor import Source, SourceError
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.sources import Device, origin_of, recorded_baseline
+from fmfts.sources import Device, origin_of, recorded_baseline, simulation
 
 log = logging.getLogger(__name__)
 
@@ -136,7 +135,7 @@ def use_baseline(channel: Channel, config: PadConfig, pads: Sequence[PadConfig])
         else:
             baseline = _stored(config, pad)
         if baseline is None and isinstance(config.source, SimulatedSource):
-            baseline = simulated_baseline(config, neighbours_of(config, pads))
+            baseline = simulation("baseline")(config, neighbours_of(config, pads))
             log.info("pad '%s': simulated, so its baseline is computed at once", pad.name)
         if baseline is None:
             log.warning("pad '%s': no baseline yet: `fmfts-daemon baseline --bare`, then `--rest`", pad.name)

@@ -26,9 +26,8 @@ from fmfts.runtime.guarded import device_of
 from fmfts.runtime.overview import Overview
 from fmfts.runtime.pending import Pending, fail_internally
 from fmfts.sensor import Source, SourceError
+from fmfts.sensor.source import UNSETTLED_FRAMES, HandledSource, Hands
 from fmfts.sensor.tasks import Task
-from fmfts.simulation.hands import UNSETTLED_FRAMES, Hands
-from fmfts.simulation.source import Simulated
 from fmfts.sources import require_device
 
 log = logging.getLogger(__name__)
@@ -190,14 +189,14 @@ class Verbs:
             state = channel.source.state
             raise AbsentError(f"pad '{channel.name}': no baseline was recorded: {state.description}: {state.reason}")
         device = device_of(channel.source)
-        unsettled = UNSETTLED_FRAMES if isinstance(device, Simulated) else 0
+        unsettled = UNSETTLED_FRAMES if isinstance(device, HandledSource) else 0
         channel.job = BaselineJob(
             work, _recorded(channel), channel.source, self._executor, unsettled, channel.pad_index
         )
-        if isinstance(device, Simulated):  # a simulated pad must be taken off, turned or pressed here
+        if isinstance(device, HandledSource):
             weight_n = 0.0 if work.learn is None else work.learn.weight_n
-            self._hands[channel.name] = Hands(
-                device, bare=work.bare, turn=work.turn, refine=work.refine, weight_n=weight_n
+            self._hands[channel.name] = device.hands(
+                bare=work.bare, turn=work.turn, refine=work.refine, weight_n=weight_n
             )
         self._await_baseline(request, channel, channel.job)
 

@@ -95,6 +95,24 @@ class Source(Protocol):
         """Release the device. Idempotent."""
 
 
+UNSETTLED_FRAMES = 4  # the first after hands took hold of a pad, in which a chip may still have older samples
+
+
+class Hands(Protocol):
+    """Hold a pad as a recording needs it."""
+
+    def let_go(self) -> None:
+        """Restores the pad, and its motion."""
+
+
+@runtime_checkable
+class HandledSource(Protocol):
+    """A source whose pad nobody can touch, such as a simulated one: it does a person's part in a baseline itself."""
+
+    def hands(self, *, bare: bool, turn: bool, refine: bool, weight_n: float = 0.0) -> Hands:
+        """bare: take the pad off. turn, refine: as for `baseline`. weight_n: stands in its middle, if not 0."""
+
+
 @runtime_checkable
 class ByteSource(Source, Protocol):
     """A source whose bytes another reader may take over."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from fmfts.common.names import field_columns
 from fmfts.pad import Array, Pad
-from fmfts.simulation.cylinder import cylinder_field
 from fmfts_calibrate.field_table import DataError, FieldTable
+from fmfts_simulation.cylinder import cylinder_field
 
 UNITS = {1e-2: "gauss", 1e1: "milligauss", 1e-3: "millitesla", 1e-6: "tesla", 1e3: "nanotesla"}
 

@@ -22,12 +22,12 @@ from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pose import dipole_field
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.frame import WireFrame
-from fmfts.simulation.finger import no_finger
 from fmfts_lab.bench.as_built import RELEASE_S
 from fmfts_lab.bench.built_world import Presses
 from fmfts_lab.bench.drills import Ambient, pad_config
 from fmfts_lab.bench.tapped import ManyFrames
 from fmfts_lab.bench.truth import PUBLISHED, WRONG_DEVIATIONS, Truth
+from fmfts_simulation.finger import no_finger
 
 When = Literal["before", "after"]
 WHENS: tuple[When, ...] = ("before", "after")

@@ -23,10 +23,10 @@ from fmfts.contact import ContactModel
 from fmfts.contact.tolerances import PROBE_M
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.encoded import message_of
-from fmfts.simulation.finger import Finger, no_finger
 from fmfts_lab.bench.built_world import CROSS_AXIS, BuiltSource, Defects, Presses
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import PUBLISHED, WRONG_DEVIATIONS, Truth
+from fmfts_simulation.finger import Finger, no_finger
 
 Counted = Literal["stated", "shipped", "drawn", "unnamed"]
 Kind = Literal["bare + rest", "+ refine", "+ turn", "+ turn + refine"]

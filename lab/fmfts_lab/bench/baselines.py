@@ -12,9 +12,9 @@ from fmfts.contact import ContactEstimate, ContactModel
 from fmfts.pad import Pad, Tolerance
 from fmfts.pipeline.drawn import in_nominal_frame
 from fmfts.pose import FREE_FIELD, solve
-from fmfts.simulation.mounted import CROSS_AXIS, MountedPad, with_chips_turned
 from fmfts_lab.bench.recorded import KINDS, bare_and_rest, mountings, pressed_field, selftested
 from fmfts_lab.bench.workspace import standard_pad
+from fmfts_simulation.mounted import CROSS_AXIS, MountedPad, with_chips_turned
 
 GRID_MM, FORCES_N = np.linspace(-12.0, 12.0, 7), (0.5, 1.0, 1.7)
 # Where the pad measures shear, it is tested with a quarter of the force, in four directions.

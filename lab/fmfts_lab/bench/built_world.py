@@ -15,11 +15,11 @@ from fmfts.baseline.request import TURN_S
 from fmfts.config import PadConfig, ToleranceConfig
 from fmfts.pad import Array, Pad, SensorArray
 from fmfts.sensor.frame import WireFrame
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.finger import Touch, columns
-from fmfts.simulation.mounted import MountedPad
 from fmfts_lab.bench.stated_world import StatedMechanics
 from fmfts_lab.bench.tapped import ManyFrames
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.finger import Touch, columns
+from fmfts_simulation.mounted import MountedPad
 
 RATE_HZ = 220
 EARTH_T, UNEVEN, GRADIENT_T = 0.5e-4, 0.005, 5e-8

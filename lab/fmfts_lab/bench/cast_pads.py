@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmfts.pad import Array
-from fmfts.simulation.finger import Touch
+from fmfts_simulation.finger import Touch
 
 PRESSES_PATH = Path(__file__).with_name("cast_presses.csv")
 POISSON, SOFTER_POISSON = 0.49, 0.47  # solved; the first is the shipped model's

@@ -15,11 +15,11 @@ import numpy as np
 
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.sensor import Frame
-from fmfts.simulation.finger_shape import thimble_field
-from fmfts.simulation.imperfections import TOP_M
 from fmfts_lab.bench.drills import RATE_HZ, Ambient, pad_config, record, spoiled
 from fmfts_lab.bench.fault_kinds import Fault, FieldFault, PadThen, field_faults, sensor_faults, weaker
 from fmfts_lab.bench.faults import FAULT_S, GRACE_S, WARM_S, Healthy
+from fmfts_simulation.finger_shape import thimble_field
+from fmfts_simulation.imperfections import TOP_M
 
 RIGHT_SHARE = 0.9
 # A sentence that blames one sensor, and the parts of one that blames one of several: "sensor 1 or 2".

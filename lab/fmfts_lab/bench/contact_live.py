@@ -13,13 +13,13 @@ from fmfts.pipeline.drawn import in_nominal_frame
 from fmfts.pose import STOP_CONVERGED, solve
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.chips import NOISE_T
-from fmfts.simulation.source import ROOM_C
 from fmfts_calibrate.evaluation import rounded
 from fmfts_calibrate.tracked import FrameSolver
 from fmfts_lab.bench.contact_answers import estimates
 from fmfts_lab.bench.field_tracker import FieldTracker
 from fmfts_lab.bench.workspace import Array, standard_pad
 from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
+from fmfts_simulation.source import ROOM_C
 
 RATE_HZ = 220.0
 MEMORY_S = 0.04

@@ -10,7 +10,6 @@ import numpy as np
 from fmfts.contact import ContactModel
 from fmfts.contact.response import Response
 from fmfts.sensor.chips import NOISE_T
-from fmfts.simulation.solved_table import SHEARED_PATH, read_solved
 from fmfts_calibrate.dataset import CalibrationSet
 from fmfts_calibrate.evaluate import judge
 from fmfts_calibrate.evaluation import rms, rounded
@@ -20,6 +19,7 @@ from fmfts_lab.bench.contact_answers import answers, estimates
 from fmfts_lab.bench.workspace import Array, standard_pad
 from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
 from fmfts_lab.calibration.solved_set import labelled
+from fmfts_simulation.solved_table import SHEARED_PATH, read_solved
 
 FORCE_N = 2.0
 STEP_MM = 2.0

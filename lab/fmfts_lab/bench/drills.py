@@ -12,10 +12,10 @@ import numpy as np
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.pad import Array
 from fmfts.sensor import Frame
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.finger import Finger, Touch, columns, no_finger
-from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.fault_kinds import Fault, FieldFault, PadThen
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.finger import Finger, Touch, columns, no_finger
+from fmfts_simulation.source import Simulated
 
 Ambient = Literal["constant", "drifting"]
 

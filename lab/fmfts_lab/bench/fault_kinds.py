@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from fmfts.pad import Array, rotation_from_vector
 from fmfts.pose import dipole_field
 from fmfts.sensor.chips import DEFAULT_CHIP, TESLA_PER_GAUSS
-from fmfts.simulation.finger import Touch
-from fmfts.simulation.mounted import MountedPad
-from fmfts.simulation.source import TURNING_AXIS
+from fmfts_simulation.finger import Touch
+from fmfts_simulation.mounted import MountedPad
+from fmfts_simulation.source import TURNING_AXIS
 
 Counts = NDArray[np.int16]
 # Counts (N, 3) as the chips have them → as they arrive; called for each frame with the counts before the fault.

@@ -17,12 +17,12 @@ from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import restore, snapshot
 from fmfts.sensor import Frame
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger
 from fmfts_lab.bench.drills import FINGERS, RATE_HZ, Ambient, DrillSource, pad_config, record, spoiled
 from fmfts_lab.bench.fault_kinds import Fault, FieldFault, field_faults, sensor_faults
 from fmfts_lab.bench.tapped import Well, tapped, without_baseline
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger
 
 # AFTER_S: mean residuals forget a fault in half a second; a moved field is reported for a second more.
 WARM_S, FAULT_S, AFTER_S = 0.7, 1.2, 2.0

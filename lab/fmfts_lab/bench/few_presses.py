@@ -24,9 +24,6 @@ from fmfts.config import PadConfig, ToleranceConfig
 from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.sensor.chips import DEFAULT_CHIP
-from fmfts.simulation.finger import no_finger, steady_finger
-from fmfts.simulation.finger_shape import FingerShape
-from fmfts.simulation.mounted import MountedPad
 from fmfts_calibrate.command import CorrectionJob, make_corrected_model
 from fmfts_calibrate.correct_verb import mounted_pad, starting_model
 from fmfts_calibrate.field_table import DataError, write
@@ -36,6 +33,9 @@ from fmfts_lab.bench.structure import Cell, Found
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import Truth
 from fmfts_lab.bench.weigh import Bench, facts_of, line
+from fmfts_simulation.finger import no_finger, steady_finger
+from fmfts_simulation.finger_shape import FingerShape
+from fmfts_simulation.mounted import MountedPad
 
 PRESSES = (5, 9, 18)
 PROBE_MM = 6.0  # of the peg

@@ -33,8 +33,8 @@ import msgspec
 from fmfts.bus.encoding import encode
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.source import Simulated
 config = PadConfig(name="bench", source=SimulatedSource(seed=1))
 pipeline = pipeline_of(config, contact_model_of(config), "bench")
 pipeline.use(simulated_baseline(config))
@@ -160,7 +160,11 @@ def _built(commit: str, folder: Path) -> Path:
         _do("git", "-C", str(REPOSITORY), "archive", "--output", str(archive), commit)
         (folder / "source").mkdir()
         _do("tar", "-x", "-f", str(archive), "-C", str(folder / "source"))
-        sources = [str(folder / "source"), str(folder / "source" / "clients" / "python")]
+        sources = [
+            str(folder / "source"),
+            str(folder / "source" / "clients" / "python"),
+            str(folder / "source" / "extras" / "simulation"),
+        ]
         parts = [part for part in sources if (Path(part) / "pyproject.toml").is_file()]
         _do(sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(packages), *parts)
     except subprocess.CalledProcessError as error:

@@ -27,15 +27,15 @@ from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.link import Link
 from fmfts.sensor.wire.packets import Sample
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, no_finger, steady_finger
-from fmfts.simulation.source import Simulated
 from fmfts.sources import on_board
 from fmfts_client.endpoints import for_daemon
 from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.frame_whole import PERIOD_NS, Whole
 from fmfts_lab.bench.latency import pad_of
 from fmfts_lab.bench.overload_rig import random_finger
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, no_finger, steady_finger
+from fmfts_simulation.source import Simulated
 
 SETTLED, FRAMES = 440, 880  # not measured, and measured
 OFFSET_COUNTS = 150  # 23 µT

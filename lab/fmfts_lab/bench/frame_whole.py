@@ -13,10 +13,10 @@ from fmfts.sensor.patience import BEHIND, IN_TIME
 from fmfts.sensor.source import SourceState
 from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.link import Link
-from fmfts.simulation.baseline import simulated_baseline
 from fmfts.sources import on_board
 from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.latency import pad_of
+from fmfts_simulation.baseline import simulated_baseline
 
 NEVER_NS = 1 << 62  # the frames' times are not this computer's, so that none counts as overdue
 PERIOD_NS = round(1e9 / rig.RATE_HZ)

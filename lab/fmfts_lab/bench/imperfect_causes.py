@@ -15,17 +15,17 @@ from fmfts.baseline import BaselineError
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact import ContactModel
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.simulation.finger_shape import SHAPES
-from fmfts.simulation.imperfect_chips import DISTURBED_AT_S
-from fmfts.simulation.imperfections import Imperfections, PadNow
-from fmfts.simulation.neighbour import seeded
-from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.causes import OR_DRIFTED, RIGHT_SHARE, UNCLEAR, Defect, Said, defects, frames_with
 from fmfts_lab.bench.drills import RATE_HZ, Ambient
 from fmfts_lab.bench.fault_kinds import SATURATED, CountFault, Counts, Fault
 from fmfts_lab.bench.faults import GRACE_S, WARM_S, Healthy
 from fmfts_lab.bench.silicone import EFFECTS, Effect, RealPad, RealTruth, baseline_of
 from fmfts_lab.bench.truth import PUBLISHED, WRONG_DEVIATIONS
+from fmfts_simulation.finger_shape import SHAPES
+from fmfts_simulation.imperfect_chips import DISTURBED_AT_S
+from fmfts_simulation.imperfections import Imperfections, PadNow
+from fmfts_simulation.neighbour import seeded
+from fmfts_simulation.source import Simulated
 
 # A chip is disturbed at that moment: then the fault begins.
 START_S = DISTURBED_AT_S - WARM_S

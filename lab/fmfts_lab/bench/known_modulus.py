@@ -13,9 +13,9 @@ import numpy as np
 from fmfts.baseline import BaselineError
 from fmfts.baseline.silicone import StoredSilicone
 from fmfts.config import ToleranceConfig
-from fmfts.simulation.finger import Finger, steady_finger
 from fmfts_lab.bench.structure import Cell
 from fmfts_lab.bench.weigh import ASIDE_M, MIDDLE_M, PADS_MM, WEIGHTS_N, Bench, shaken
+from fmfts_simulation.finger import Finger, steady_finger
 
 MODULUS = 0.05
 HONEST_DEVIATIONS = 2.0

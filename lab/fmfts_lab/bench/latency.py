@@ -25,9 +25,9 @@ import numpy as np
 from fmfts import baseline as baselines
 from fmfts.config import MagnetConfig, PadConfig, SimulatedSource
 from fmfts.sensor.wire.framing import encode
-from fmfts.simulation.baseline import simulated_baseline
 from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.latency_run import WARM_UP_S, Run, lateness, matched, measured_from
+from fmfts_simulation.baseline import simulated_baseline
 
 LATEST_S = 1.0  # a message that comes later than this after the last frame counts as lost
 COLUMNS = (

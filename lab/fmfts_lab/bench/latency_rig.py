@@ -18,7 +18,7 @@ from fmfts.config import PadConfig
 from fmfts.sensor.chips import DEFAULT_CHIP
 from fmfts.sensor.wire.framing import Decoder, encode
 from fmfts.sensor.wire.packets import Hello, HelloPad, HelloSensor, Reply, Request, Sample
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.source import Simulated
 
 RATE_HZ = 220
 # The frame's temperature carries its number, so that each message shows its frame. The numbers last 37 s and span 64 K.

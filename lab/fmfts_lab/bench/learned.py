@@ -19,12 +19,12 @@ from fmfts.contact import ContactModel
 from fmfts.pad import rotation_from_vector
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.encoded import message_of
-from fmfts.simulation.finger import no_finger
 from fmfts_calibrate.learn.make import FromPresses
 from fmfts_lab.bench.as_built import Cell, Made
 from fmfts_lab.bench.built_world import BuiltSource, Defects, Presses
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import Truth
+from fmfts_simulation.finger import no_finger
 
 PLACES_MM, ROTATIONS_DEG = 2.0, 10.0  # each within ± this of the drawing, anywhere
 # Remaining errors of a known geometry: as_built's chips, turned by half a degree.

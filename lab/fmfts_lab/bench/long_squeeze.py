@@ -12,11 +12,11 @@ import numpy as np
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import SiliconeConfig
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.simulation.finger import Finger, Touch
 from fmfts_lab.bench.drills import Ambient
 from fmfts_lab.bench.silicone import Effect, RealPad, baseline_of, frames_of, messages_of
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import PUBLISHED
+from fmfts_simulation.finger import Finger, Touch
 
 BEGIN_S, RAMP_S = 1.0, 0.2
 HOLD_S = 60.0

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.pad import Array
-from fmfts.simulation.finger import Finger, Touch, no_finger
+from fmfts_simulation.finger import Finger, Touch, no_finger
 
 REACH_M = 6e-3
 PERIOD_S = 0.35  # period of taps, releases and ramps, each at another place

@@ -13,13 +13,13 @@ import numpy as np
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig, PlacementConfig, SceneConfig, SimulatedSource, neighbours_of
 from fmfts.pipeline.configured import Pipeline, contact_model_of, feel_neighbours, pipeline_of
-from fmfts.simulation.array import simulated_pad
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import UNLOADED_AT_START_S, Finger, ScriptedFinger, Touch
-from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.drills import AS_DRAWN, FRAME_NS, RATE_HZ, Ambient
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
 from fmfts_lab.finite_elements.array_pad import array_config
+from fmfts_simulation.array import simulated_pad
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import UNLOADED_AT_START_S, Finger, ScriptedFinger, Touch
+from fmfts_simulation.source import Simulated
 
 # The distances that are tried, by the magnets in the pads of a pair. Pads of four magnets are 40 mm wide.
 DISTANCES_MM = {

@@ -18,11 +18,11 @@ from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.frame import WireFrame
 from fmfts.sensor.wire.packets import EARLY_BYTES, LINE_BITS_PER_BYTE, frame_bytes
-from fmfts.simulation.baseline import simulated_baseline
 from fmfts_lab.bench.drills import RATE_HZ, pad_config
 from fmfts_lab.bench.motions import DRAWN, Draw, Motion
 from fmfts_lab.bench.now_early import EarlyToo, Sent
 from fmfts_lab.bench.tapped import ManyFrames
+from fmfts_simulation.baseline import simulated_baseline
 
 BAUD = 460800
 # From making a frame to publishing its message: on the line, and in the daemon.

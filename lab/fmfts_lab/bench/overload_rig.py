@@ -17,10 +17,10 @@ import zmq
 from numpy.typing import NDArray
 
 from fmfts.sensor.wire.framing import encode
-from fmfts.simulation.finger import Finger, Touch
-from fmfts.simulation.source import Simulated
 from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.latency import pad_of
+from fmfts_simulation.finger import Finger, Touch
+from fmfts_simulation.source import Simulated
 
 Times = NDArray[np.int64]
 

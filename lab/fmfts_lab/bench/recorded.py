@@ -9,8 +9,8 @@ from fmfts.baseline.file_format import StoredGains
 from fmfts.pad import Pad, Tolerance, rotation_from_vector
 from fmfts.sensor.chips import HMC5983, NOISE_T
 from fmfts.sensor.chips.selftest import strap_of
-from fmfts.simulation.mounted import MountedPad
 from fmfts_lab.bench.workspace import Array
+from fmfts_simulation.mounted import MountedPad
 
 FRAMES, MEAN_OF = 660, 11
 ORIENTATIONS, PRESSES = 100, 30

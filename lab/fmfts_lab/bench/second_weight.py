@@ -11,13 +11,13 @@ from argparse import Namespace
 import numpy as np
 
 from fmfts.pipeline.configured import load_contact_model
-from fmfts.simulation.finger import steady_finger
 from fmfts_lab.bench.cast_pads import CastPad, ramps
 from fmfts_lab.bench.few_presses import PROBE_MM
 from fmfts_lab.bench.silicone import messages_of
 from fmfts_lab.bench.structure import Cell
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.weigh import Bench
+from fmfts_simulation.finger import steady_finger
 
 THICKNESSES_MM = (3.6, 4.0, 4.4)
 WEIGHT_N, SETTLED_S, SECONDS = 0.981, 0.5, 1.5

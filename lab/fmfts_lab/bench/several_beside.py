@@ -11,10 +11,10 @@ from fmfts.contact import ContactModel
 from fmfts.pad import Array, Tolerance
 from fmfts.pipeline.drawn import in_nominal_frame
 from fmfts.pose import FREE_FIELD, solve
-from fmfts.simulation.mounted import MountedPad, with_chips_turned
 from fmfts_lab.bench.recorded import bare_and_rest, pressed_field
 from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, NOISE_T, WITHIN_MM, Press, worlds
 from fmfts_lab.bench.workspace import standard_pad
+from fmfts_simulation.mounted import MountedPad, with_chips_turned
 
 FORCES_N, PRESSES_OF_A_PAD = (0.1, 2.0), 50
 NOTHING = np.zeros(3)

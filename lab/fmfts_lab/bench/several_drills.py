@@ -13,13 +13,13 @@ from functools import cache
 from fmfts.bus.messages import ContactMessage
 from fmfts.pipeline.configured import Pipeline, contact_model_of, pipeline_of
 from fmfts.pipeline.snapshot import restore, snapshot
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Touch
 from fmfts_lab.bench.causes import BLAMED
 from fmfts_lab.bench.fault_kinds import Fault
 from fmfts_lab.bench.faults import named_right
 from fmfts_lab.bench.several_faults import FINGERS, RATE_HZ, Drill, drill_config, drills, frames_of
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Touch
 
 STANDING = Drill("")
 HEAD = (

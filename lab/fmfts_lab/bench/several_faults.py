@@ -16,12 +16,12 @@ from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array
 from fmfts.pose.magnets import Magnets
 from fmfts.sensor import Frame
-from fmfts.simulation.array import SimulatedArray
-from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
 from fmfts_lab.bench.drills import TURNING_DEG_PER_S, DrillSource, record, spoiled
 from fmfts_lab.bench.fault_kinds import Fault, FieldFault, field_faults, sensor_faults, weaker
 from fmfts_lab.bench.tool_ways import Tool, Way
 from fmfts_lab.finite_elements.array_pad import array_config
+from fmfts_simulation.array import SimulatedArray
+from fmfts_simulation.finger import Finger, Touch, no_finger, steady_finger
 
 RATE_HZ = 220
 WARM_S, FAULT_S, AFTER_S = 0.3, 1.0, 0.4

@@ -19,13 +19,13 @@ from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
 from fmfts.pipeline.configured import Pipeline, contact_model_of, pipeline_of
 from fmfts.pipeline.encoded import EncodedMessage
 from fmfts.sensor import Frame
-from fmfts.simulation.array import simulated_pad
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, no_finger, steady_finger
 from fmfts_lab.bench.drills import pad_config
 from fmfts_lab.bench.several_growth_chart import draw
 from fmfts_lab.bench.several_layouts import LAYOUTS, STANDARD
 from fmfts_lab.bench.several_world import response_of
+from fmfts_simulation.array import simulated_pad
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, no_finger, steady_finger
 
 RATE_HZ, WARM_FRAMES, PADS = 220, 40, 16
 TURN_FRAMES, COLD_FRAMES = 25, 3

@@ -21,13 +21,13 @@ from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.wire.packets import EARLY_BYTES, LINE_BITS_PER_BYTE, frame_bytes
-from fmfts.simulation.array import simulated_pad
-from fmfts.simulation.baseline import simulated_baseline
 from fmfts_lab.bench.drills import RATE_HZ, TURNING_DEG_PER_S
 from fmfts_lab.bench.motions import Motion
 from fmfts_lab.bench.now import HEADER, Errors, Run, told_line
 from fmfts_lab.bench.now_pads import BAUD, BEFORE_S, drawn
 from fmfts_lab.finite_elements.array_pad import array_config
+from fmfts_simulation.array import simulated_pad
+from fmfts_simulation.baseline import simulated_baseline
 
 LEAD = Lead(
     HOST_S + LINE_BITS_PER_BYTE * frame_bytes(8) / BAUD, HOST_S + READ_S + LINE_BITS_PER_BYTE * EARLY_BYTES / BAUD

@@ -26,10 +26,10 @@ import zmq
 from fmfts.config import BusConfig, Config, PadConfig, SimulatedSource
 from fmfts.sensor import Frame
 from fmfts.sensor.source import CannotError, SourceState
-from fmfts.simulation.array import SimulatedArray
 from fmfts.sources import Device
 from fmfts_lab.bench.latency import cpu_by_thread, spawn
 from fmfts_lab.finite_elements.array_pad import array_config
+from fmfts_simulation.array import SimulatedArray
 
 RATE_HZ, SEEDS, WARM_UP_S = 220, 2, 2.0
 LONGEST_LAP_S = 10.0  # after that the same frames repeat

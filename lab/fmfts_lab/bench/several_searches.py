@@ -19,11 +19,11 @@ from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.runtime.search_turns import turns_of
 from fmfts.sensor import Frame
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, no_finger, steady_finger
 from fmfts_lab.bench.several_faults import BesideTool
 from fmfts_lab.bench.tool_ways import Tool, Way
 from fmfts_lab.finite_elements.array_pad import array_config
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, no_finger, steady_finger
 
 RATE_HZ, RUNS, SEEDS = 220, 3, 3
 FRAMES = 330  # meanwhile a magnet is put down beside the pad

@@ -18,13 +18,13 @@ from fmfts.pipeline.configured import Pipeline, contact_model_of, pipeline_of
 from fmfts.pipeline.encoded import EncodedMessage
 from fmfts.sensor import Frame
 from fmfts.several.poses import poses_of
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, no_finger, steady_finger
 from fmfts_lab.bench import several_searches
 from fmfts_lab.bench.several_faults import BesideTool
 from fmfts_lab.bench.several_world import BUILT, Press, world
 from fmfts_lab.bench.tool_ways import Tool, Way
 from fmfts_lab.finite_elements.array_pad import array_config
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, no_finger, steady_finger
 
 NOTHING = np.zeros(3)
 PADS = 16

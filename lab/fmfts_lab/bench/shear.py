@@ -20,14 +20,14 @@ from fmfts.contact.response import bound_of
 from fmfts.contact.tolerances import FINGER_M, PROBE_M, StructureTolerance
 from fmfts.pad import Array
 from fmfts.sensor.chips import NOISE_T
-from fmfts.simulation.finger_shape import FingerShape
-from fmfts.simulation.mechanics import Mechanics
-from fmfts.simulation.solved_table import SHEARED_PATH, read_solved, standard_mechanics
 from fmfts_calibrate.tracked import FrameSolver, Tracked, upright
 from fmfts_lab.bench.contact_answers import estimates
 from fmfts_lab.bench.workspace import standard_pad
 from fmfts_lab.calibration.simulated import magnet_fields, rest_field_of
 from fmfts_lab.calibration.solved_set import labelled
+from fmfts_simulation.finger_shape import FingerShape
+from fmfts_simulation.mechanics import Mechanics
+from fmfts_simulation.solved_table import SHEARED_PATH, read_solved, standard_mechanics
 
 LARGEST_FRICTION, EDGE_MM = 0.8, 14.0
 FORCES_N = (0.28, 1.98)

@@ -22,16 +22,16 @@ from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.encoded import message_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.sensor.frame import Frame, WireFrame
-from fmfts.simulation.finger import Finger, Touch, no_finger
-from fmfts.simulation.finger_shape import SHAPES
-from fmfts.simulation.imperfections import Imperfections
-from fmfts.simulation.mounted import MountedPad
-from fmfts.simulation.silicone import CREEP_PER_DECADE, Silicone
-from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.built_world import Presses
 from fmfts_lab.bench.drills import RATE_HZ, Ambient
 from fmfts_lab.bench.tapped import ManyFrames, without_baseline
 from fmfts_lab.bench.truth import PUBLISHED, WRONG_DEVIATIONS, Truth
+from fmfts_simulation.finger import Finger, Touch, no_finger
+from fmfts_simulation.finger_shape import SHAPES
+from fmfts_simulation.imperfections import Imperfections
+from fmfts_simulation.mounted import MountedPad
+from fmfts_simulation.silicone import CREEP_PER_DECADE, Silicone
+from fmfts_simulation.source import Simulated
 
 Shape = Literal["round", "ball", "edge", "flat", "angled", "thimble"]
 RELEASED_S = 0.2  # see as_built.RELEASE_S

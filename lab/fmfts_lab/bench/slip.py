@@ -16,7 +16,6 @@ from fmfts.contact import ContactModel
 from fmfts.contact.refinement import Refiner
 from fmfts.contact.response import bound_of
 from fmfts.sensor.chips import NOISE_T
-from fmfts.simulation.mechanics import Mechanics
 from fmfts_calibrate.samples import Samples
 from fmfts_calibrate.tracked import FrameSolver, upright
 from fmfts_lab.bench.drills import RATE_HZ, Ambient, pad_config
@@ -26,6 +25,7 @@ from fmfts_lab.bench.slip_world import HEALTHY, Drag, Dragged, DragMechanics, He
 from fmfts_lab.bench.tapped import ManyFrames
 from fmfts_lab.bench.workspace import standard_pad
 from fmfts_lab.calibration.simulated import rest_field_of
+from fmfts_simulation.mechanics import Mechanics
 
 SPEEDS_MM_PER_S = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
 AMBIENTS: tuple[Ambient, Ambient] = ("constant", "drifting")

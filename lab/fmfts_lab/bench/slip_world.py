@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from fmfts.pad import Array, Magnet
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.finger import Touch
 from fmfts_lab.bench.tapped import ManyFrames
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.finger import Touch
 
 DRAGS_PATH = Path(__file__).parents[1] / "finite_elements" / "drags.csv"
 REACH_M = 7e-3  # place of the table's slips: shear is reported within 8 mm

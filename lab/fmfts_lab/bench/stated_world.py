@@ -12,8 +12,8 @@ import numpy as np
 
 from fmfts.contact.tolerances import FINGER_M, MODULUS, RING_MM, THICKER_MM, THICKER_SHARE, THICKNESS_M
 from fmfts.pad import Array
-from fmfts.simulation.finger_shape import PATCH_MM2, FingerShape
-from fmfts.simulation.mechanics import Mechanics
+from fmfts_simulation.finger_shape import PATCH_MM2, FingerShape
+from fmfts_simulation.mechanics import Mechanics
 
 # Half the difference of a finger's moments along and across, as a share of their common error: tolerances.c.
 UNEVEN = 0.5

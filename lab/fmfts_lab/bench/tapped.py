@@ -18,12 +18,12 @@ from fmfts.pipeline.encoded import message_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.frame import READING_BYTES, WireFrame
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.finger import Touch, columns
-from fmfts.simulation.source import ROOM_C, TURNING_AXIS, Simulated
 from fmfts_lab.bench.drills import RATE_HZ, Ambient, pad_config
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.finger import Touch, columns
+from fmfts_simulation.source import ROOM_C, TURNING_AXIS, Simulated
 
 TAP_S = 50e-3
 BATCH_FRAMES = 5 * RATE_HZ

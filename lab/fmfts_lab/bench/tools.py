@@ -20,12 +20,12 @@ from fmfts.contact import ContactModel
 from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.encoded import message_of
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, no_finger
 from fmfts_lab.bench.drills import AS_DRAWN, RATE_HZ, live_finger
 from fmfts_lab.bench.tapped import ManyFrames, tapping, without_baseline
 from fmfts_lab.bench.tool_ways import BEGIN_S, WAYS, Tool, Way
 from fmfts_lab.bench.truth import PUBLISHED, WRONG_DEVIATIONS, Truth
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, no_finger
 
 Scene = Literal["still", "turning", "turned", "constant", "steel"]
 SCENES: tuple[Scene, ...] = ("still", "turning", "turned", "constant", "steel")

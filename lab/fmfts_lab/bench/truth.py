@@ -8,8 +8,8 @@ import numpy as np
 
 from fmfts.bus.messages import ContactMessage, PoseMessage
 from fmfts.pad import Array
-from fmfts.simulation.finger import Finger, Touch, columns
-from fmfts.simulation.mounted import MountedPad
+from fmfts_simulation.finger import Finger, Touch, columns
+from fmfts_simulation.mounted import MountedPad
 
 # An error of more than this many published deviations is a wrong answer.
 WRONG_DEVIATIONS = 5.0

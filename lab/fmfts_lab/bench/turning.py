@@ -20,13 +20,13 @@ from fmfts.pipeline.configured import load_contact_model
 from fmfts.pose import FREE_FIELD, State, dipole_field, solve
 from fmfts.scene.tracking import COEFFICIENT_SHARE, tracking_model_for
 from fmfts.sensor.chips import NOISE_T
-from fmfts.simulation.finger import Touch
-from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.drills import AS_DRAWN, Ambient
 from fmfts_lab.bench.field_tracker import FieldTracker
 from fmfts_lab.bench.tapped import pipeline_of
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
 from fmfts_lab.bench.workspace import Array, standard_pad
+from fmfts_simulation.finger import Touch
+from fmfts_simulation.source import Simulated
 
 EARTH_AT_FIRST_T = 0.5e-4 * np.array([0.6, -0.64, 0.48])
 SELFTESTED, UNTESTED = 0.005, 0.05

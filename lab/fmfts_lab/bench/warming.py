@@ -20,13 +20,13 @@ from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact import ContactModel
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.sensor.frame import WireFrame
-from fmfts.simulation.finger import Finger, no_finger
 from fmfts_lab.bench.as_built import MISSED_N, RELEASE_S
 from fmfts_lab.bench.built_world import Presses
 from fmfts_lab.bench.drills import Ambient
 from fmfts_lab.bench.silicone import Effect, RealPad, RealTruth, baseline_of, messages_of
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import PUBLISHED, WRONG_DEVIATIONS
+from fmfts_simulation.finger import Finger, no_finger
 
 AMBIENTS: tuple[Ambient, ...] = ("constant", "drifting")
 FINGERS = ("untouched", "pressed")

@@ -16,11 +16,11 @@ from fmfts.baseline.request import BaselineRequest
 from fmfts.config import PadConfig, ToleranceConfig
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.weighing import Weighing
-from fmfts.simulation.finger import Finger, Touch, steady_finger
 from fmfts_lab.bench.silicone import RealPad, baseline_of, messages_of
 from fmfts_lab.bench.structure import Cell, Found, cast_pad, config_of
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import Truth
+from fmfts_simulation.finger import Finger, Touch, steady_finger
 
 # Thickness, what stands on the silicone under the weight, and what presses afterwards: Solved with CalculiX.
 PADS_MM = (

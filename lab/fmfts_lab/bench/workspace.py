@@ -12,7 +12,7 @@ from fmfts.pad import Pad
 from fmfts.pose import FREE_FIELD, FREE_PAPER, FREE_POSE, Batch, State, parts_of
 from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
 from fmfts.sensor.chips import NOISE_T
-from fmfts.simulation.cylinder import cylinder_field
+from fmfts_simulation.cylinder import cylinder_field
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from fmfts.pad import Array, Magnet, Pad
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.solved_table import standard_mechanics
 
 
 def pressed_fields(pad: Pad, press: Array, magnet: Magnet | None = None) -> Array:

@@ -19,9 +19,9 @@ import numpy as np
 from fmfts.common.names import field_columns
 from fmfts.contact.contract import SHEAR_OUTPUT_ORDER
 from fmfts.pad import Array, Pad
-from fmfts.simulation.solved_table import mirrored, read_solved
 from fmfts_calibrate.dataset import standard_pad
 from fmfts_lab.calibration.simulated import magnet_fields
+from fmfts_simulation.solved_table import mirrored, read_solved
 
 
 def labelled(rows: Array, pad: Pad) -> Array:

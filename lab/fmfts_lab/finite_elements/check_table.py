@@ -10,10 +10,10 @@ import sys
 import numpy as np
 
 from fmfts.pad import Array
-from fmfts.simulation.mechanics import Mechanics
-from fmfts.simulation.solved_table import PRESSED_PATH, RESPONSE, SI, normal_mechanics, read_solved, standard_mechanics
 from fmfts_lab.finite_elements.reciprocity import Influence
 from fmfts_lab.finite_elements.slab import Slab
+from fmfts_simulation.mechanics import Mechanics
+from fmfts_simulation.solved_table import PRESSED_PATH, RESPONSE, SI, normal_mechanics, read_solved, standard_mechanics
 
 FORCES_N = (0.3, 0.8, 2.0)
 CENTRAL_MM = 1.0  # nearer to the centre the tilt is almost zero, so its relative error means nothing

@@ -1,4 +1,4 @@
-"""Writes the table of a simulated pad, which simulation/pad_file.py of the daemon reads."""
+"""Writes the table of a simulated pad, which fmfts_simulation/pad_file.py reads."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.simulation.mechanics import Mechanics
-from fmfts.simulation.pad_file import FORMAT
 from fmfts_lab.finite_elements.slab import Slab
+from fmfts_simulation.mechanics import Mechanics
+from fmfts_simulation.pad_file import FORMAT
 
 
 def write_pad_file(path: Path, mechanics: Mechanics, slab: Slab) -> None:

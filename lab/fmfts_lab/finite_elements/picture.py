@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from fmfts.simulation.mechanics import Mechanics
+from fmfts_simulation.mechanics import Mechanics
 
 POINTS, ARROWS = 61, 15
 FORCE_N = 1.0

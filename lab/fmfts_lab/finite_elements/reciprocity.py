@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmfts.pad import Array
-from fmfts.simulation.mechanics import Mechanics
 from fmfts_lab.finite_elements.finite_element import PressedSlab
 from fmfts_lab.finite_elements.slab import ELEMENT_M, Slab
 from fmfts_lab.finite_elements.slab_mesh import MM, SlabMesh
+from fmfts_simulation.mechanics import Mechanics
 
 TABLE_SPACING_M = 1e-3
 LINEAR = np.eye(3, dtype=np.intp)  # powers of (F, Ft_x, Ft_y)

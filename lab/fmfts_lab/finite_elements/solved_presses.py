@@ -22,11 +22,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.pad import Array
-from fmfts.simulation.solved_table import COLUMNS
 from fmfts.view.progress import progress_bar
 from fmfts_calibrate.sweep import Workers
 from fmfts_lab.finite_elements.finite_element import PressedSlab
 from fmfts_lab.finite_elements.slab import ELEMENT_M, Press, Slab
+from fmfts_simulation.solved_table import COLUMNS
 
 GRID_MM = range(0, 16, 2)
 FORCE_N = (0.3, 0.8, 1.4, 2.0, 2.8, 4.0)

@@ -14,8 +14,8 @@ from fmfts_calibrate.workers import add_workers, workers_of
 
 if TYPE_CHECKING:
     from fmfts.config import PadConfig
-    from fmfts.simulation.mechanics import Mechanics
     from fmfts_lab.finite_elements.slab import Slab
+    from fmfts_simulation.mechanics import Mechanics
 
 
 def add_to(verb: AddVerb) -> None:
@@ -101,8 +101,8 @@ def _mechanics(options: argparse.Namespace, slab: Slab) -> Mechanics:
     with progress_bar("pad-model") as show:
         if options.solved is None:
             return Influence.of(slab, options.element_mm * 1e-3, show).mechanics()
-        from fmfts.simulation.solved_table import normal_mechanics, read_solved
         from fmfts_lab.finite_elements.solved_presses import normal_grid, solve_into
+        from fmfts_simulation.solved_table import normal_mechanics, read_solved
 
         workers = workers_of(options)
         with ended_by(ClusterError):

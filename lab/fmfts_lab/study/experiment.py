@@ -17,7 +17,15 @@ from fmfts.pad import Array, Pad, SensorArray, Tolerance
 from fmfts.pipeline.drawn import in_nominal_frame
 from fmfts.pose import FREE_FIELD, solve
 from fmfts.sensor.chips import NOISE_T
-from fmfts.simulation.mounted import (
+from fmfts_calibrate.dataset import CalibrationSet, standard_pad
+from fmfts_calibrate.training import Options, calibrate
+from fmfts_lab.bench import recorded
+from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
+from fmfts_lab.study import paper_chart
+from fmfts_lab.study.harness import Facts, Request, Row, Study
+from fmfts_lab.study.paper_inputs import INPUTS, Readings
+from fmfts_lab.study.paper_networks import training_curve
+from fmfts_simulation.mounted import (
     CROSS_AXIS,
     EARTH_T,
     GAIN,
@@ -27,14 +35,6 @@ from fmfts.simulation.mounted import (
     SENSOR_ROTATION_RAD,
     MountedPad,
 )
-from fmfts_calibrate.dataset import CalibrationSet, standard_pad
-from fmfts_calibrate.training import Options, calibrate
-from fmfts_lab.bench import recorded
-from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
-from fmfts_lab.study import paper_chart
-from fmfts_lab.study.harness import Facts, Request, Row, Study
-from fmfts_lab.study.paper_inputs import INPUTS, Readings
-from fmfts_lab.study.paper_networks import training_curve
 
 PAPER_PATH = Path(__file__).with_name("paper_table4.csv")
 REMANENCES_T = (1.046, 1.068)

@@ -9,10 +9,10 @@ import numpy as np
 
 from fmfts.config import PadConfig
 from fmfts.pad import Array
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.mounted import MountedPad
 from fmfts_lab.study.hazards import BEGIN_S, Cell, cell_of, pressing
 from fmfts_lab.study.world import Path, drawn_world
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.mounted import MountedPad
 
 
 def steel(config: PadConfig, random: np.random.Generator, seconds: float) -> Iterator[Cell]:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from fmfts.config import PadConfig
 from fmfts.pad import Array
-from fmfts.simulation.mounted import MountedPad
 from fmfts_lab.bench.fault_kinds import LAST_COUNT, SATURATED
 from fmfts_lab.study.world import Counts, Path, World, drawn_world, frame_times, pressed, presses
+from fmfts_simulation.mounted import MountedPad
 
 Mask = NDArray[np.bool_]
 

@@ -16,10 +16,10 @@ from scipy.spatial import cKDTree
 
 from fmfts.contact.contract import IR_VERSION, OPSET
 from fmfts.pad import Array
-from fmfts.simulation.solved_table import standard_mechanics
 from fmfts_lab.calibration.regressors import BackPropagation, RadialBasis
 from fmfts_lab.calibration.simulated import pressed_fields
 from fmfts_lab.study.world import World
+from fmfts_simulation.solved_table import standard_mechanics
 
 EXAMPLES, LARGEST_N, EDGE_MM = 6000, 2.4, 14.0
 SEED = 3

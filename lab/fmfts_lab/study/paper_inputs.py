@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts import simulation as simulate
+import fmfts_simulation
 from fmfts.pad import Array, Pad
 from fmfts.sensor.chips import NOISE_T
 from fmfts_calibrate.dataset import rest_field
@@ -18,7 +18,7 @@ from fmfts_lab.calibration.simulated import magnet_fields, rest_field_of
 from fmfts_lab.calibration.standard_set import standard_set
 
 # The solved presses with which the shipped model is tested.
-SOLVED_TEST = Path(simulate.__path__[0]) / "test_normal.csv"
+SOLVED_TEST = Path(fmfts_simulation.__path__[0]) / "test_normal.csv"
 PAPER_REMANENCE_T = 1.23  # Eq. 5: the paper scales its moment vector so that a magnet of 1.23 T has length one
 
 

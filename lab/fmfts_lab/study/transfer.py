@@ -22,7 +22,6 @@ from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import NOISE_T
-from fmfts.simulation.finger import Finger
 from fmfts_calibrate.dataset import CalibrationSet, standard_pad
 from fmfts_calibrate.training import Options, calibrate
 from fmfts_lab.bench.cast_pads import CastFinger, CastPad, ramps
@@ -35,6 +34,7 @@ from fmfts_lab.calibration.regressors import BackPropagation
 from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
 from fmfts_lab.study import transfer_chart
 from fmfts_lab.study.harness import Facts, Request, Row, Study
+from fmfts_simulation.finger import Finger
 
 TOLERANCE = ToleranceConfig(gain=0.005, modulus=0.5, remanence=0.2)
 SECONDS, QUICK_SECONDS = 14.0, 7.0

@@ -18,10 +18,10 @@ from fmfts.pose import State
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import NOISE_T, TESLA_PER_GAUSS
 from fmfts.sensor.frame import WireFrame
-from fmfts.simulation.chip import as_counts
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.mounted import EARTH_T, MountedPad, with_chips_turned
-from fmfts.simulation.source import TURNING_AXIS
+from fmfts_simulation.chip import as_counts
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.mounted import EARTH_T, MountedPad, with_chips_turned
+from fmfts_simulation.source import TURNING_AXIS
 
 Counts = NDArray[np.int16]
 

@@ -18,8 +18,8 @@ from fmfts.baseline.origin import Origin
 from fmfts.baseline.recording import Recording
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array, Pad
-from fmfts.simulation.mounted import MountedPad
 from fmfts_lab.bench.recorded import pressed_field
+from fmfts_simulation.mounted import MountedPad
 
 RATE_HZ = 220
 CONFIG = PadConfig(name="p", source=SimulatedSource())

@@ -9,10 +9,9 @@ from fmfts.baseline.file_format import StoredGains
 from fmfts.baseline.request import BaselineRequest
 from fmfts.config import PadConfig
 from fmfts.sensor.frame import Frame
-from fmfts.sensor.source import CannotError
-from fmfts.simulation.array import simulated_pad
-from fmfts.simulation.hands import UNSETTLED_FRAMES, Hands
-from fmfts.simulation.source import Simulated
+from fmfts.sensor.source import UNSETTLED_FRAMES, CannotError
+from fmfts_simulation.array import simulated_pad
+from fmfts_simulation.source import Simulated
 
 
 def set_up(config: PadConfig, beside: Sequence[PadConfig] = ()) -> tuple[Baseline, list[str]]:
@@ -54,7 +53,7 @@ def _tested(source: Simulated) -> StoredGains | None:
 
 def _recorded(source: Simulated, request: BaselineRequest, rate_hz: int) -> list[Frame]:
     """The frames of a recording, which ends when the pad was turned enough."""
-    hands = Hands(source, bare=request.bare, turn=request.turn, refine=request.refine)
+    hands = source.hands(bare=request.bare, turn=request.turn, refine=request.refine)
     frames: list[Frame] = []
     coverage = request.coverage
     first = round(source.time_s * rate_hz)

@@ -8,9 +8,9 @@ import numpy as np
 
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array, Pad, SensorArray, rotation_from_vector
-from fmfts.simulation.mounted import EARTH_T, GAIN, SENSOR_PLACE_M, MountedPad
-from fmfts.simulation.mounted_magnets import FieldOfFingers, MountedMagnets
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.mounted import EARTH_T, GAIN, SENSOR_PLACE_M, MountedPad
+from fmfts_simulation.mounted_magnets import FieldOfFingers, MountedMagnets
+from fmfts_simulation.source import Simulated
 
 
 class SimulatedArray(Simulated):

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fmfts.pad import Array, Magnet, Pad, Tolerance, rotation_from_vector
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.mechanics import Mechanics
-from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.mechanics import Mechanics
+from fmfts_simulation.solved_table import standard_mechanics
 
 SENSOR_PLACE_M = 0.1e-3  # one standard deviation of each error, as in the config's [pad.tolerance]
 MAGNET_PLACE_M = 0.1e-3

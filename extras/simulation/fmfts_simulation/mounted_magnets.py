@@ -16,9 +16,9 @@ from fmfts.contact.array_model import ARRAY_PATH, standard_magnets_of
 from fmfts.contact.array_response import CHANGE, ArrayResponse
 from fmfts.pad import Array, Pad
 from fmfts.pose.magnets import Magnets, rest_frames
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.finger import Finger, Touch
-from fmfts.simulation.mounted import MAGNET_PLACE_M, MAGNET_TILT_RAD, REMANENCE
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.finger import Finger, Touch
+from fmfts_simulation.mounted import MAGNET_PLACE_M, MAGNET_TILT_RAD, REMANENCE
 
 MM = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])
 

@@ -18,7 +18,8 @@ from fmfts.bus.messages import FrameMessage
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.frame import Frame
-from fmfts.sensor.source import CannotError, SourceError, SourceState
+from fmfts.sensor.source import CannotError, Source, SourceError, SourceState
+from fmfts_simulation.array import simulated_pad
 
 SILENT_NS = 1_000_000_000
 LARGEST_BYTES = 1 << 14  # bytes of a frame: one of 64 sensors has 6 kB
@@ -89,6 +90,13 @@ class Fed:
             with suppress(OSError):
                 self._path.unlink()
         self.state.disconnect("closed", time.monotonic_ns())
+
+
+def source_of(config: PadConfig, beside: Sequence[PadConfig]) -> Source:
+    """What the daemon polls for a simulated pad, as the entry point names it. beside: as for `simulated_pad`."""
+    source = config.source
+    assert isinstance(source, SimulatedSource)
+    return simulated_pad(config, beside) if source.frames_from is None else Fed(config)
 
 
 def _bound(path: Path) -> socket.socket:

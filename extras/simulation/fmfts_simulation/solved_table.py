@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fmfts.pad import Array
-from fmfts.simulation.mechanics import Mechanics
+from fmfts_simulation.mechanics import Mechanics
 
 COLUMNS = ("x_mm", "y_mm", "force_n", "shear_x_n", "shear_y_n", "dx_um", "dy_um", "dz_um", "axis_x", "axis_y")
 PRESS, RESPONSE = slice(0, 5), slice(5, 10)

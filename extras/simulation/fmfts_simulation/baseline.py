@@ -9,10 +9,10 @@ from fmfts.baseline import Baseline
 from fmfts.baseline.request import DURATION_S, BaselineRequest
 from fmfts.config import PadConfig
 from fmfts.sensor.frame import Frame
-from fmfts.simulation.array import simulated_pad
-from fmfts.simulation.finger import no_finger
-from fmfts.simulation.neighbour import NeighbourMagnets
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.array import simulated_pad
+from fmfts_simulation.finger import no_finger
+from fmfts_simulation.neighbour import NeighbourMagnets
+from fmfts_simulation.source import Simulated
 
 
 def simulated_baseline(config: PadConfig, beside: Sequence[PadConfig] = ()) -> Baseline:

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.pad import Array, Magnet
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.finger import Touch, columns
-from fmfts.simulation.finger_shape import FingerShape, thimble_field
-from fmfts.simulation.imperfect_chips import ImperfectChips
-from fmfts.simulation.mounted import MountedPad
-from fmfts.simulation.silicone import Silicone
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.finger import Touch, columns
+from fmfts_simulation.finger_shape import FingerShape, thimble_field
+from fmfts_simulation.imperfect_chips import ImperfectChips
+from fmfts_simulation.mounted import MountedPad
+from fmfts_simulation.silicone import Silicone
 
 # A magnet that was cast into the silicone by hand, without a jig.
 CAST_OFF_M, CAST_TILT_RAD = 1e-3, float(np.deg2rad(5.0))

@@ -10,8 +10,8 @@ import numpy as np
 
 from fmfts.common.reading import damage_told, open_regular, unreadable_told
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.simulation.mechanics import Mechanics
-from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_simulation.mechanics import Mechanics
+from fmfts_simulation.solved_table import standard_mechanics
 
 FORMAT = "fmfts pad model 1"
 MADE_FOR = ("magnet_diameter_m", "magnet_length_m")

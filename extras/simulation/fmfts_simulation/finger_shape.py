@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 
 from fmfts.pad import Array, Magnet
-from fmfts.simulation.mechanics import Mechanics
+from fmfts_simulation.mechanics import Mechanics
 
 PATCH_MM2 = 6.0**2 / 16.0  # second moment of a disc of 6 mm, along any axis
 SLIDING_FRICTION = 0.3

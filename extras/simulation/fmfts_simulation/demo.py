@@ -131,7 +131,7 @@ def _quietly(options: argparse.Namespace) -> int:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m fmfts.cli.demo", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m fmfts_simulation.demo", description=__doc__)
     parser.add_argument("--config", type=Path, metavar="FILE", help="another than the simulated pad's")
     _add_seconds(parser)
     return _demo(parser.parse_args())
@@ -147,8 +147,8 @@ def _demo(options: argparse.Namespace) -> int:
 
 
 def _shown(config: Path, folder: Path, seconds: float | None) -> int:
-    from fmfts.cli.page_beside import page_beside
     from fmfts.view.listen import listen
+    from fmfts_simulation.page_beside import page_beside
 
     with running_daemon(config, folder) as base, page_beside(folder, base) as page_line:
         print(page_line(), flush=True)
@@ -164,7 +164,7 @@ def set_up_pads(config: Path, environ: Mapping[str, str]) -> None:
     from fmfts.baseline.files import store
     from fmfts.config import SimulatedSource, neighbours_of
     from fmfts.config.file import ConfigError, load
-    from fmfts.simulation.set_up import set_up
+    from fmfts_simulation.set_up import set_up
 
     try:
         pads = load(config)[0].pad

@@ -8,11 +8,11 @@ import numpy as np
 
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array, Placement
-from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.finger import Finger, columns, fingers_of
-from fmfts.simulation.mounted import MountedPad, with_chips_turned
-from fmfts.simulation.mounted_magnets import FieldOfFingers, MountedMagnets
-from fmfts.simulation.pad_file import mechanics_of
+from fmfts_simulation.cylinder import cylinder_field
+from fmfts_simulation.finger import Finger, columns, fingers_of
+from fmfts_simulation.mounted import MountedPad, with_chips_turned
+from fmfts_simulation.mounted_magnets import FieldOfFingers, MountedMagnets
+from fmfts_simulation.pad_file import mechanics_of
 
 
 @dataclass(slots=True)

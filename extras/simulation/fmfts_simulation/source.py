@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from math import exp
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +16,16 @@ from fmfts.sensor.chips import TESLA_PER_GAUSS, Axes
 from fmfts.sensor.chips.selftest import no_selftest, selftest_facts
 from fmfts.sensor.frame import AGE_UNKNOWN_US, Frame
 from fmfts.sensor.source import CannotError, SourceError, SourceState
-from fmfts.simulation.chip import ChipArray
-from fmfts.simulation.finger import Finger, Touch, columns, fingers_of
-from fmfts.simulation.finger_shape import SHAPES
-from fmfts.simulation.imperfections import Imperfections, PadNow, cast
-from fmfts.simulation.mounted import MountedPad, with_chips_turned
-from fmfts.simulation.neighbour import NeighbourMagnets, neighbour_of, seeded
-from fmfts.simulation.pad_file import mechanics_of
+from fmfts_simulation.chip import ChipArray
+from fmfts_simulation.finger import Finger, Touch, columns, fingers_of
+from fmfts_simulation.finger_shape import SHAPES
+from fmfts_simulation.imperfections import Imperfections, PadNow, cast
+from fmfts_simulation.mounted import MountedPad, with_chips_turned
+from fmfts_simulation.neighbour import NeighbourMagnets, neighbour_of, seeded
+from fmfts_simulation.pad_file import mechanics_of
+
+if TYPE_CHECKING:
+    from fmfts.sensor.source import Hands
 
 CATCH_UP_FRAMES = 4  # as many as a board's transmit queue holds; after a longer stall the older frames are lost
 SECOND_NS = 1_000_000_000
@@ -126,6 +130,11 @@ class Simulated:
     def time_s(self) -> float:
         """The time of the next frame, as `finger` counts it."""
         return self._sequence / self._rate_hz
+
+    def hands(self, *, bare: bool, turn: bool, refine: bool, weight_n: float = 0.0) -> Hands:
+        from fmfts_simulation.hands import Hands as HandsOn  # which imports this module
+
+        return HandsOn(self, bare=bare, turn=turn, refine=refine, weight_n=weight_n)
 
     def fileno(self) -> None:
         return None

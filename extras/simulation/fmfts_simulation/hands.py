@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fmfts.simulation.baseline import hold_still, pressed_pads
-from fmfts.simulation.finger import REACH_M, Stroke, Touch, steady_finger
-from fmfts.simulation.source import Simulated
+from fmfts_simulation.baseline import hold_still, pressed_pads
+from fmfts_simulation.finger import REACH_M, Stroke, Touch, steady_finger
+from fmfts_simulation.source import Simulated
 
-# In the first frames a chip may still have older samples.
-UNSETTLED_FRAMES = 4
 ALONE_S = 0.5  # before the first press: measures the field at rest
 PRESS_EVERY_S = 0.6
 WEAKEST_N, STRONGEST_N = 0.3, 1.7
@@ -33,8 +31,7 @@ class PressesAllOver:
 
 
 class Hands:
-    """Holds the pad as a recording needs it, until `let_go`. bare: off the sensors. turn, refine: as for `baseline`.
-    weight_n: stands in its middle, if not 0."""
+    """Holds the pad as HandledSource says, until `let_go`."""
 
     def __init__(self, source: Simulated, *, bare: bool, turn: bool, refine: bool, weight_n: float = 0.0) -> None:
         self._source = source
