@@ -12,11 +12,11 @@ from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.sensor import Frame
 from fmfts.several.estimator import FingersEstimator
-from fmfts.simulation.array import SimulatedArray
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, no_finger, steady_finger
 from fmfts_lab.finite_elements.array_pad import array_config
 from fmfts_recording.replay import essence
+from fmfts_simulation.array import SimulatedArray
+from fmfts_simulation.baseline import simulated_baseline
+from fmfts_simulation.finger import Finger, no_finger, steady_finger
 
 CONFIG = array_config(seed=8)
 BASELINE = simulated_baseline(CONFIG)
