@@ -14,7 +14,7 @@ from pathlib import Path
 
 START_S = 60.0  # on an overloaded computer it has not begun to serve after twenty
 STOP_S = 5.0
-PR_SET_PDEATHSIG = 1  # linux/prctl.h
+PR_SET_PDEATHSIG = 1  # of prctl(2)
 ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 
 
