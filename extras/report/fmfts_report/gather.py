@@ -21,6 +21,7 @@ from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.sensor import SourceError
 from fmfts.sensor.bridge.serial_port import candidates
 from fmfts.sensor.i2c.scan import Found, scanned
+from fmfts.sensor.tasks import PATIENCE_S, SELFTEST_S
 from fmfts.service.child import child_daemon
 from fmfts.view.progress import Show
 from fmfts_client import request
@@ -33,8 +34,7 @@ from fmfts_report.log import journal
 FORMAT = 1
 LARGEST_TEXT = 200_000  # bytes of the configuration, and of a log
 LARGEST_LOG = 10 * LARGEST_TEXT  # of which the end is taken
-SELFTEST_S = 30.0  # longest silence of the daemon while it tests; a bus of I2C takes up to twenty seconds
-PATIENCE_S, TURN_S = 5.0, 0.1  # until each pad of a daemon that was just started is connected
+TURN_S = 0.1  # between two looks whether each pad of a daemon that was just started is connected
 BUS_IN_TEXT = re.compile(r"^[ \t]*bus[ \t]*=[ \t]*(\d{1,3})\b", re.MULTILINE)
 
 
@@ -170,7 +170,7 @@ class Gathering:
             name = pad["pad"]
             self.show(0.7, f"self-test of pad '{name}'")
             with self._missing_on_error(f"self-test of pad '{name}'"):
-                found.append(request("selftest", endpoint=base, pad=name, timeout_s=SELFTEST_S))
+                found.append(request("selftest", endpoint=base, pad=name, timeout_s=SELFTEST_S + PATIENCE_S))
         if not self.with_selftest:
             self.missing.append("self-test: left out with --no-selftest")
         return found
