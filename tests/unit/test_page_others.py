@@ -66,7 +66,14 @@ def faults_of_pip(words: list[str]) -> list[str]:
     found = [one for one in options.requirements if not (ROOT / one).is_file()]
     places = [after for option, after in pairwise(words) if option == "--find-links"]  # not those of pip's own settings
     found += [one for one in places if one != MADE]
-    return found + [one for one in [*requirements, *options.editables] if not is_ours(one)]
+    named = [one for word in [*requirements, *options.editables] for one in in_full(word)]
+    return found + [one for one in named if not is_ours(one)]
+
+
+def in_full(word: str) -> list[str]:
+    """As a shell writes braces out: a/{b,c} is a/b and a/c."""
+    braces = re.search(r"\{([^{}]*,[^{}]*)\}", word)
+    return [word] if braces is None else [word.replace(braces[0], one, 1) for one in braces[1].split(",")]
 
 
 def is_ours(requirement: str) -> bool:
@@ -198,6 +205,7 @@ def test_variable_in_front_of_a_command_is_read_somewhere(variable: str) -> None
     [
         "pip install --no-such-option .",
         "pip install ./extras/nowhere",
+        "pip install ./extras/{page,nowhere}",
         "pip install '.[nothing]'",
         "pip install --find-links elsewhere fmfts",
         "pip install -r release/nowhere.txt",
